@@ -1,0 +1,201 @@
+//! What a performance is asked to be: emotion and intensity over time, speaking style.
+
+use crate::{Error, Result};
+use ndarray::Array2;
+
+/// The fifteen emotion categories, in the order of the weights.
+pub const EMOTIONS: [&str; 15] = [
+    "neutral",
+    "happy",
+    "pleased",
+    "calm",
+    "surprised",
+    "sad",
+    "upset",
+    "ashamed",
+    "afraid",
+    "angry",
+    "disgusted",
+    "contempt",
+    "suspicious",
+    "ill",
+    "drunk",
+];
+
+/// Largest intensity that a caller may ask for; 1 is a full expression.
+pub const MAX_INTENSITY: f32 = 1.5;
+
+/// A mixture of emotions with one intensity, at one moment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Emotion {
+    /// Share of each category of [`EMOTIONS`]; not negative, sums to 1.
+    pub mixture: [f32; 15],
+    /// 0 to [`MAX_INTENSITY`].
+    pub intensity: f32,
+}
+
+impl Default for Emotion {
+    fn default() -> Self {
+        let mut mixture = [0.0; 15];
+        mixture[0] = 1.0;
+        Emotion {
+            mixture,
+            intensity: 0.0,
+        }
+    }
+}
+
+impl Emotion {
+    /// Reads `happy:0.7` or a blend `happy:0.4,surprised:0.3`.
+    ///
+    /// Each number is that emotion's strength; the intensity is their sum.
+    ///
+    /// # Errors
+    /// `InvalidInput` for an unknown name or a strength outside 0 to [`MAX_INTENSITY`].
+    pub fn parse(text: &str) -> Result<Self> {
+        let mut strength = [0.0f32; 15];
+        for item in text
+            .split(',')
+            .map(str::trim)
+            .filter(|item| !item.is_empty())
+        {
+            let (name, value) = item.split_once(':').unwrap_or((item, "1"));
+            let index = EMOTIONS
+                .iter()
+                .position(|known| *known == name)
+                .ok_or_else(|| {
+                    Error::InvalidInput(format!(
+                        "emotion: expected one of {}, got {name:?}",
+                        EMOTIONS.join(", ")
+                    ))
+                })?;
+            let value: f32 = value.parse().map_err(|_| {
+                Error::InvalidInput(format!("emotion {name}: expected a number, got {value:?}"))
+            })?;
+            strength[index] += value;
+        }
+        Self::from_strengths(strength)
+    }
+
+    /// From the strength of each category.
+    ///
+    /// # Errors
+    /// `InvalidInput` if a strength is negative or not finite, or their sum is above
+    /// [`MAX_INTENSITY`].
+    pub fn from_strengths(strength: [f32; 15]) -> Result<Self> {
+        let sum: f32 = strength.iter().sum();
+        if strength.iter().any(|s| !s.is_finite() || *s < 0.0) || sum > MAX_INTENSITY + 1e-6 {
+            return Err(Error::InvalidInput(format!(
+                "emotion: expected strengths of at least 0 with a sum of at most {MAX_INTENSITY}, got {strength:?}"
+            )));
+        }
+        if sum == 0.0 {
+            return Ok(Self::default());
+        }
+        Ok(Emotion {
+            mixture: strength.map(|s| s / sum),
+            intensity: sum,
+        })
+    }
+}
+
+/// Emotion over time.
+#[derive(Debug, Clone, PartialEq)]
+pub enum EmotionCurve {
+    /// The same throughout.
+    Constant(Emotion),
+    /// `(time_s, emotion)` in rising order; linear in between, held outside.
+    Keys(Vec<(f64, Emotion)>),
+}
+
+impl Default for EmotionCurve {
+    fn default() -> Self {
+        Self::Constant(Emotion::default())
+    }
+}
+
+impl EmotionCurve {
+    /// The emotion at `time_s`: strengths are interpolated, then split into mixture and intensity.
+    pub fn at(&self, time_s: f64) -> Emotion {
+        let keys = match self {
+            Self::Constant(emotion) => return *emotion,
+            Self::Keys(keys) if keys.is_empty() => return Emotion::default(),
+            Self::Keys(keys) => keys,
+        };
+        let after = keys.partition_point(|(key_s, _)| *key_s <= time_s);
+        let (before_s, before) = keys[after.saturating_sub(1)];
+        let (after_s, after) = keys[after.min(keys.len() - 1)];
+        let share = match after_s > before_s {
+            true => ((time_s - before_s) / (after_s - before_s)).clamp(0.0, 1.0) as f32,
+            false => 0.0,
+        };
+        let strength = std::array::from_fn(|e| {
+            let a = before.mixture[e] * before.intensity;
+            let b = after.mixture[e] * after.intensity;
+            a + (b - a) * share
+        });
+        let intensity: f32 = strength.iter().sum();
+        match intensity > 0.0 {
+            true => Emotion {
+                mixture: strength.map(|s: f32| s / intensity),
+                intensity,
+            },
+            false => Emotion::default(),
+        }
+    }
+
+    /// Per-frame conditions: mixture `[T, 15]` and intensity `[T, 1]` side by side, `[T, 16]`.
+    pub fn sample(&self, frames: usize, fps: f64) -> Array2<f32> {
+        let mut out = Array2::zeros((frames, EMOTIONS.len() + 1));
+        for (t, mut row) in out.outer_iter_mut().enumerate() {
+            let emotion = self.at(t as f64 / fps);
+            for (e, share) in emotion.mixture.iter().enumerate() {
+                row[e] = *share;
+            }
+            row[EMOTIONS.len()] = emotion.intensity;
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blend_is_split_into_mixture_and_intensity() {
+        let emotion = Emotion::parse("happy:0.6,surprised:0.2").unwrap();
+        assert!((emotion.intensity - 0.8).abs() < 1e-6);
+        assert!((emotion.mixture[1] - 0.75).abs() < 1e-6);
+        assert!((emotion.mixture.iter().sum::<f32>() - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn unknown_emotion_names_the_known_ones() {
+        let message = Emotion::parse("joyful:1").unwrap_err().to_string();
+        assert!(
+            message.contains("joyful") && message.contains("happy"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn strengths_out_of_range_are_refused() {
+        assert!(Emotion::parse("happy:-0.1").is_err());
+        assert!(Emotion::parse("happy:1.6").is_err());
+        assert!(Emotion::parse("happy:nan").is_err());
+    }
+
+    #[test]
+    fn curve_is_linear_between_keys_and_held_outside() {
+        let keys = vec![
+            (1.0, Emotion::default()),
+            (2.0, Emotion::parse("sad:1").unwrap()),
+        ];
+        let curve = EmotionCurve::Keys(keys);
+        assert_eq!(curve.at(0.0).intensity, 0.0);
+        assert!((curve.at(1.5).intensity - 0.5).abs() < 1e-6);
+        assert_eq!(curve.at(9.0).intensity, 1.0);
+        assert_eq!(curve.sample(3, 1.0).shape(), [3, 16]);
+    }
+}

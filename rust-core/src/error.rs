@@ -1,0 +1,75 @@
+//! What can go wrong, by kind: the kind decides the exit code and the C status.
+
+use std::path::PathBuf;
+
+/// Every fallible function of the library returns this.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// An error says what was expected and what arrived.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A value outside its stated range, NaN, or an unknown name.
+    #[error("{0}")]
+    InvalidInput(String),
+    /// An array of the wrong shape: "positions: expected [5023, 3], got [5023, 4]".
+    #[error("{what}: expected {expected}, got {got}")]
+    ShapeMismatch {
+        /// Name of the array.
+        what: &'static str,
+        /// Expected shape, as text.
+        expected: String,
+        /// Shape that arrived, as text.
+        got: String,
+    },
+    /// A sound that cannot be decoded or used.
+    #[error("audio: {0}")]
+    Audio(String),
+    /// A mesh that cannot be read or used.
+    #[error("mesh: {0}")]
+    Mesh(String),
+    /// No face was found on the mesh; says why and what would help.
+    #[error("no face found: {0}")]
+    FaceNotFound(String),
+    /// Weights that are missing, truncated or do not fit their config.
+    #[error("weights: {0}")]
+    Weights(String),
+    /// A numerical method that did not converge.
+    #[error("numerics: {0}")]
+    Numerics(String),
+    /// A file that could not be read or written.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The caller's progress callback asked to stop.
+    #[error("cancelled")]
+    Cancelled,
+    /// A tensor operation failed: a defect in the library, not in the input.
+    #[error("internal: {0}")]
+    Internal(#[from] candle_core::Error),
+}
+
+impl Error {
+    /// Attaches the path to an I/O error.
+    pub fn io(path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Error {
+        let path = path.into();
+        move |source| Error::Io { path, source }
+    }
+
+    /// Exit code of the command for this kind of error (2 is clap's own, for usage).
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Error::InvalidInput(_) | Error::ShapeMismatch { .. } => 3,
+            Error::Audio(_) => 4,
+            Error::Mesh(_) => 5,
+            Error::FaceNotFound(_) => 6,
+            Error::Weights(_) => 7,
+            Error::Io { .. } => 8,
+            Error::Cancelled => 9,
+            Error::Numerics(_) | Error::Internal(_) => 10,
+        }
+    }
+}

@@ -1,0 +1,2 @@
+//! The `anyface` command.
+fn main() {}

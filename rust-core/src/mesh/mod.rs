@@ -1,0 +1,70 @@
+//! Triangle meshes as artists have them: read, check, split into parts, find the face, align.
+
+mod align;
+
+pub use align::Similarity;
+
+/// A triangle mesh in the user's own units, axes and vertex order.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Mesh {
+    /// `[V]`, positions in the user's units; all finite.
+    pub positions: Vec<[f32; 3]>,
+    /// `[F]`, vertex numbers, each below `V`; polygons arrive triangulated.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// The 68 iBUG landmarks of a mesh, on its surface.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Landmarks {
+    /// `[68]`, in the mesh's own units and axes.
+    pub positions: [[f32; 3]; 68],
+    /// Nearest vertex of each landmark.
+    pub vertices: [u32; 68],
+    /// Confidence of each, 0 to 1; 1 where the caller gave it.
+    pub confidence: [f32; 68],
+}
+
+/// Landmarks as a caller gives them.
+#[derive(Debug, Clone, PartialEq)]
+pub enum LandmarkSource {
+    /// 68 points in the mesh's own units; each is put on the nearest fitting place of the surface.
+    Positions(Vec<[f32; 3]>),
+    /// 68 vertex numbers.
+    Vertices(Vec<u32>),
+}
+
+/// An axis of the mesh's own frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub enum Axis {
+    PosX,
+    NegX,
+    PosY,
+    NegY,
+    PosZ,
+    NegZ,
+}
+
+/// What is known of a face before it is prepared.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FaceOptions {
+    /// Landmarks from the caller; `None` lets the library find them.
+    pub landmarks: Option<LandmarkSource>,
+    /// The axis out of the face: +z in OBJ and glTF, −y in Blender.
+    pub forward: Axis,
+    /// The axis to the top of the head.
+    pub up: Axis,
+    /// Strength of the learned correction, 0 (training-free) to 1.
+    pub learned: f32,
+}
+
+impl Default for FaceOptions {
+    fn default() -> Self {
+        FaceOptions {
+            landmarks: None,
+            forward: Axis::PosZ,
+            up: Axis::PosY,
+            learned: 1.0,
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! Progress and cancellation: one callback, called from the thread that does the work.
+
+use crate::{Error, Result};
+
+/// A step of a job and how much of that step is done.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Progress {
+    /// Name of the stage: "speech", "motion", "operators", "weights", "deform", "write".
+    pub stage: &'static str,
+    /// Share of the stage that is done, 0 to 1.
+    pub fraction: f32,
+}
+
+/// Receives progress; returning `false` asks the job to stop with [`Error::Cancelled`].
+pub type ProgressFn<'a> = &'a (dyn Fn(Progress) -> bool + Sync);
+
+/// A callback that ignores progress and never cancels.
+pub const SILENT: ProgressFn<'static> = &|_| true;
+
+/// Reports `fraction` of `stage`.
+///
+/// # Errors
+/// [`Error::Cancelled`] if the callback returns `false`.
+pub fn report(progress: ProgressFn<'_>, stage: &'static str, fraction: f32) -> Result<()> {
+    match progress(Progress { stage, fraction }) {
+        true => Ok(()),
+        false => Err(Error::Cancelled),
+    }
+}

@@ -1,0 +1,1 @@
+//! FreeTalk (Nocentini et al. 2026): Audio-To-Sparse, then Sparse-To-Mesh.

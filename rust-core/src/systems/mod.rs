@@ -1,0 +1,3 @@
+//! One folder per paper; systems never import each other.
+
+pub mod freetalk;
