@@ -1,1 +1,34 @@
-fn main() {}
+//! Everything a developer or a release does with the repository: `cargo xtask --help`.
+
+mod demo;
+mod machine;
+mod steps;
+mod test;
+
+use anyhow::Result;
+use clap::{Parser, Subcommand};
+
+#[derive(Parser)]
+#[command(
+    name = "cargo xtask",
+    about = "Demo, tests, header and packages of Anyface"
+)]
+struct Cli {
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Subcommand)]
+enum Task {
+    /// A talking head in a .blend, a contact sheet and a film, from nothing.
+    Demo(demo::Demo),
+    /// Lints and all tests; installs what they need.
+    Test(test::Test),
+}
+
+fn main() -> Result<()> {
+    match Cli::parse().task {
+        Task::Demo(demo) => demo.run(),
+        Task::Test(test) => test.run(),
+    }
+}

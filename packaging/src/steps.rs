@@ -1,0 +1,208 @@
+//! A list of commands with one line each: name, result, time; the output goes to a log, and to
+//! the terminal when the command fails.
+
+use std::{
+    fs::File,
+    io::{Read, Seek, SeekFrom, Write},
+    path::PathBuf,
+    process::{Command, Stdio},
+    time::{Duration, Instant},
+};
+
+use anyhow::{Context, Result, bail};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::machine::target;
+
+/// Runs commands one after the other and remembers what the test runners counted.
+pub struct Steps {
+    started: Instant,
+    log: File,
+    log_path: PathBuf,
+    /// Sums over all runners so far.
+    pub counts: Counts,
+    failures: Vec<String>,
+}
+
+/// What test runners report.
+#[derive(Default, Clone, Copy, Debug, PartialEq)]
+pub struct Counts {
+    /// Tests that passed.
+    pub passed: u64,
+    /// Tests that failed.
+    pub failed: u64,
+    /// Tests that could not run here.
+    pub ignored: u64,
+}
+
+impl Steps {
+    /// Starts a list; its log is `target/xtask-<task>.log`.
+    pub fn new(task: &str) -> Result<Self> {
+        let log_path = target().join(format!("xtask-{task}.log"));
+        std::fs::create_dir_all(target())?;
+        let log = File::options()
+            .create(true)
+            .truncate(true)
+            .read(true)
+            .write(true)
+            .open(&log_path)
+            .with_context(|| format!("creating {}", log_path.display()))?;
+        println!("log: {}", log_path.display());
+        Ok(Steps {
+            started: Instant::now(),
+            log,
+            log_path,
+            counts: Counts::default(),
+            failures: Vec::new(),
+        })
+    }
+
+    /// Runs a command that must succeed.
+    pub fn run(&mut self, name: &str, command: &mut Command) -> Result<String> {
+        let (ok, output) = self.execute(name, command)?;
+        if !ok {
+            print_tail(&output);
+            bail!(
+                "{name} failed; the whole output is in {}",
+                self.log_path.display()
+            );
+        }
+        Ok(output)
+    }
+
+    /// Runs a check: a failure is remembered, and the other checks still run.
+    pub fn check(&mut self, name: &str, command: &mut Command) -> Result<()> {
+        let (ok, output) = self.execute(name, command)?;
+        let counts = Counts::read(&output);
+        self.counts.add(counts);
+        if !ok {
+            print_tail(&output);
+            self.failures.push(name.to_owned());
+        }
+        Ok(())
+    }
+
+    /// Says that something could not run here.
+    pub fn ignore(&mut self, name: &str, why: &str) {
+        self.counts.ignored += 1;
+        println!("ignored  {name}: {why}");
+    }
+
+    /// The closing lines; an error if a check failed.
+    pub fn finish(self) -> Result<()> {
+        let Counts {
+            passed,
+            failed,
+            ignored,
+        } = self.counts;
+        println!("took {}", clock(self.started.elapsed()));
+        println!("{passed} passed, {failed} failed, {ignored} skipped");
+        if !self.failures.is_empty() {
+            bail!("failed: {}", self.failures.join(", "));
+        }
+        Ok(())
+    }
+
+    fn execute(&mut self, name: &str, command: &mut Command) -> Result<(bool, String)> {
+        let began = Instant::now();
+        let from = self.log.seek(SeekFrom::End(0))?;
+        writeln!(self.log, "\n==== {name}\n{command:?}")?;
+        let spinner = ProgressBar::new_spinner().with_message(name.to_owned());
+        spinner.set_style(ProgressStyle::with_template("{spinner} {msg} {elapsed}")?);
+        spinner.enable_steady_tick(Duration::from_millis(200));
+        let status = command
+            .stdin(Stdio::null())
+            .stdout(self.log.try_clone()?)
+            .stderr(self.log.try_clone()?)
+            .status()
+            .with_context(|| format!("starting {name}: {command:?}"))?;
+        spinner.finish_and_clear();
+        let mut output = Vec::new();
+        self.log.seek(SeekFrom::Start(from))?;
+        self.log.read_to_end(&mut output)?;
+        let word = if status.success() { "ok" } else { "FAILED" };
+        println!("{word:8} {name} ({})", clock(began.elapsed()));
+        Ok((
+            status.success(),
+            String::from_utf8_lossy(&output).into_owned(),
+        ))
+    }
+}
+
+impl Counts {
+    /// Adds up the closing lines of `cargo test` and of pytest.
+    pub fn read(output: &str) -> Self {
+        let mut counts = Counts::default();
+        for line in output.lines().filter(|line| is_closing_line(line)) {
+            let words: Vec<&str> = line
+                .split([' ', ',', ';', '='])
+                .filter(|word| !word.is_empty())
+                .collect();
+            for pair in words.windows(2) {
+                let Ok(number) = pair[0].parse::<u64>() else {
+                    continue;
+                };
+                match pair[1] {
+                    "passed" => counts.passed += number,
+                    "failed" | "error" | "errors" => counts.failed += number,
+                    "ignored" | "skipped" => counts.ignored += number,
+                    _ => {}
+                }
+            }
+        }
+        counts
+    }
+
+    fn add(&mut self, other: Counts) {
+        self.passed += other.passed;
+        self.failed += other.failed;
+        self.ignored += other.ignored;
+    }
+}
+
+fn is_closing_line(line: &str) -> bool {
+    let pytest = line.contains(" in ")
+        && line.ends_with(['s', '=', ')'])
+        && ["passed", "failed", "skipped", "error"]
+            .iter()
+            .any(|word| line.contains(word))
+        && line
+            .trim_start_matches(['=', ' '])
+            .starts_with(|c: char| c.is_ascii_digit());
+    line.starts_with("test result:") || pytest
+}
+
+fn print_tail(output: &str) {
+    let lines: Vec<&str> = output.lines().collect();
+    for line in &lines[lines.len().saturating_sub(80)..] {
+        println!("    {line}");
+    }
+}
+
+fn clock(time: Duration) -> String {
+    match time.as_secs() {
+        seconds @ 0..60 => format!("{seconds} s"),
+        seconds => format!("{} min {:02} s", seconds / 60, seconds % 60),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn closing_lines_of_both_runners_are_added_up() {
+        let output = "test result: ok. 12 passed; 1 failed; 2 ignored; 0 measured; 0 filtered out\n\
+                      test tests::passed ... ok\n\
+                      ======= 3 passed, 1 skipped, 2 warnings in 4.20s =======\n\
+                      1 failed, 2 passed in 0.1s\n";
+        assert_eq!(
+            Counts::read(output),
+            Counts {
+                passed: 17,
+                failed: 2,
+                ignored: 3
+            }
+        );
+    }
+}

@@ -1,0 +1,126 @@
+//! `cargo xtask test`: lints, Rust tests, C hosts, the installed extension, training.
+
+use std::process::Command;
+
+use anyhow::Result;
+use clap::Args;
+
+use crate::{
+    machine::{self, Venv},
+    steps::Steps,
+};
+
+/// Debian packages that the tests call: C hosts, a memory checker, voices, film.
+const TOOLS: &[&str] = &[
+    "gcc",
+    "g++",
+    "cmake",
+    "pkg-config",
+    "valgrind",
+    "espeak-ng",
+    "flite",
+    "ffmpeg",
+];
+
+/// Runs all tests; about 25 minutes from a clean checkout on two cores, 8 when built.
+#[derive(Args)]
+pub struct Test {
+    /// Leave out the parts that install PyTorch and Blender.
+    #[arg(long)]
+    rust_only: bool,
+}
+
+impl Test {
+    /// Runs every check, prints the counts, fails if one failed.
+    pub fn run(&self) -> Result<()> {
+        let mut steps = Steps::new("test")?;
+        machine::ensure_apt(&mut steps, TOOLS)?;
+        lints(&mut steps)?;
+        rust(&mut steps)?;
+        if self.rust_only {
+            steps.ignore("extension in headless Blender", "--rust-only");
+            steps.ignore("training", "--rust-only");
+        } else {
+            machine::ensure_apt(&mut steps, machine::BLENDER_LIBRARIES)?;
+            addon(&mut steps)?;
+            training(&mut steps)?;
+        }
+        steps.finish()
+    }
+}
+
+fn cargo() -> Command {
+    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()));
+    command.current_dir(machine::root());
+    command
+}
+
+fn lints(steps: &mut Steps) -> Result<()> {
+    steps.check("rustfmt", cargo().args(["fmt", "--all", "--check"]))?;
+    steps.check(
+        "clippy",
+        cargo().args([
+            "clippy",
+            "--workspace",
+            "--all-targets",
+            "--",
+            "-D",
+            "warnings",
+        ]),
+    )
+}
+
+fn rust(steps: &mut Steps) -> Result<()> {
+    let mut test = cargo();
+    test.args(["test", "--workspace", "--no-fail-fast", "--"]);
+    match machine::shared() {
+        Some(folder) => {
+            test.arg("--include-ignored").env("ANYFACE_SHARED", folder);
+        }
+        None => println!("note     no ../shared here: the tests that need it are ignored"),
+    }
+    steps.check("Rust tests and C hosts", &mut test)
+}
+
+fn addon(steps: &mut Steps) -> Result<()> {
+    if !machine::root().join("tests/addon").is_dir() {
+        return Ok(());
+    }
+    let python = Venv::Blender.ensure(steps)?;
+    steps.check(
+        "ruff",
+        Command::new(&python)
+            .args([
+                "-m",
+                "ruff",
+                "check",
+                "blender-addon",
+                "training",
+                "tests",
+                "packaging",
+            ])
+            .current_dir(machine::root()),
+    )?;
+    steps.check(
+        "extension in headless Blender",
+        &mut pytest(&python, "tests/addon"),
+    )
+}
+
+fn training(steps: &mut Steps) -> Result<()> {
+    if !machine::root().join("training/tests").is_dir() {
+        return Ok(());
+    }
+    let python = Venv::Training.ensure(steps)?;
+    steps.check("training", &mut pytest(&python, "training/tests"))
+}
+
+fn pytest(python: &std::path::Path, folder: &str) -> Command {
+    let mut command = Command::new(python);
+    command.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", folder]);
+    command.current_dir(machine::root());
+    if let Some(shared) = machine::shared() {
+        command.env("ANYFACE_SHARED", shared);
+    }
+    command
+}
