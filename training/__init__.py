@@ -1,0 +1,1 @@
+"""Training of Anyface: the same model files as `rust-core/src`, in PyTorch."""

@@ -1,0 +1,34 @@
+"""Writes the golden files that hold Python and Rust together.
+
+    python -m training.goldens NAME [--shared ../shared] [--out tests/goldens]
+
+A golden is a tiny model with seeded random weights, one input and its output; the Rust tests load
+the same file and must agree within 1e-4. Metadata says where it came from.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+from pathlib import Path
+
+GOLDENS = {
+    "stm_paper": "training.systems.freetalk.stm.golden_paper",
+}
+"""Model name -> module with `write(out: Path, shared: Path) -> Path`."""
+
+
+def main() -> None:
+    """Entry of the command."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", choices=[*GOLDENS, []], help="default: all")
+    parser.add_argument("--shared", type=Path, default=Path("../shared"))
+    parser.add_argument("--out", type=Path, default=Path("tests/goldens"))
+    args = parser.parse_args()
+    args.out.mkdir(parents=True, exist_ok=True)
+    for name in args.names or GOLDENS:
+        print(importlib.import_module(GOLDENS[name]).write(args.out, args.shared))
+
+
+if __name__ == "__main__":
+    main()
