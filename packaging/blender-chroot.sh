@@ -1,0 +1,19 @@
+#!/usr/bin/env bash
+# Debian 12 has no Blender that knows extensions: installs Debian 13's, with its own libraries,
+# into a folder. Needs root. Usage: blender-chroot.sh FOLDER
+set -euo pipefail
+folder=$1
+if [ -f "$folder/ready" ]; then exit 0; fi
+rm -rf "$folder"
+mkdir -p "$folder"
+mirror=$(sed -n 's/^URIs: *//p; s/^deb \(\[[^]]*\] \)\?\([^ ]*\) .*/\2/p' \
+  /etc/apt/sources.list.d/*.sources /etc/apt/sources.list 2>/dev/null \
+  | grep -v security | head -n 1)
+debootstrap --variant=minbase --no-check-gpg trixie "$folder" "${mirror:-http://deb.debian.org/debian}"
+cp /etc/resolv.conf "$folder/etc/resolv.conf"
+cp -a /etc/apt/apt.conf.d/. "$folder/etc/apt/apt.conf.d/" 2>/dev/null || true
+chroot "$folder" env DEBIAN_FRONTEND=noninteractive sh -c '
+  apt-get update -qq
+  apt-get install -y -qq --no-install-recommends blender python3-numpy
+  apt-get clean'
+touch "$folder/ready"

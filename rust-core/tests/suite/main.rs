@@ -1,0 +1,3 @@
+//! Tests of the whole library and its command, in one binary so that it is linked once.
+
+mod imports;
