@@ -1,8 +1,15 @@
 //! Triangle meshes as artists have them: read, check, split into parts, find the face, align.
 
 mod align;
+mod canonical;
+mod closest;
+mod landmark_file;
+mod landmarks;
+mod lips;
 
-pub use align::Similarity;
+pub use align::{Fit, Similarity};
+pub use canonical::{align_to_canonical, canonical_landmarks};
+pub use landmarks::locate_landmarks;
 
 /// A triangle mesh in the user's own units, axes and vertex order.
 #[derive(Debug, Clone, PartialEq, Default)]

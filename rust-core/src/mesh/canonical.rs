@@ -1,0 +1,150 @@
+//! The mean landmarks of the canonical face and the way to it.
+
+use std::sync::LazyLock;
+
+use serde::Deserialize;
+
+use super::{Fit, Landmarks, Similarity};
+use crate::{Error, Result, motion::LANDMARKS};
+
+/// `[68]`, metres: mean ICT identity in the canonical frame (+x subject's left, +y up, +z out of
+/// the face, origin between the jaw hinges). Written by `python -m training.landmarks.canonical`.
+static MEAN: LazyLock<[[f32; 3]; LANDMARKS]> = LazyLock::new(|| {
+    #[derive(Deserialize)]
+    struct File {
+        landmarks: Vec<[f32; 3]>,
+    }
+    let file: File = serde_json::from_str(include_str!("canonical_landmarks.json"))
+        .expect("the embedded file is checked by a test");
+    file.landmarks
+        .try_into()
+        .expect("the embedded file is checked by a test")
+});
+
+/// Above this the landmarks are not those of a face, or not in iBUG order. Wild caricatures
+/// (a goat, big-eyed toys) stay under 15 mm on a face of human size, shuffled ones are above 30.
+const WORST_RMS_M: f64 = 0.022;
+
+/// Mean landmarks of the canonical face, metres.
+pub fn canonical_landmarks() -> &'static [[f32; 3]; LANDMARKS] {
+    &MEAN
+}
+
+/// How much each landmark says about where the head is: eye corners and nose move little from
+/// person to person and under expression, the jaw contour is ill-defined along the jaw.
+fn stability(index: usize) -> f64 {
+    match index {
+        0..=16 => 0.15,
+        17..=26 => 0.4,
+        27..=35 => 1.5,
+        36 | 39 | 42 | 45 => 2.0,
+        37..=47 => 1.0,
+        _ => 0.7,
+    }
+}
+
+/// The similarity from the mesh's frame to the canonical one, by the landmarks that move least.
+///
+/// Returns a map to metres: displacements come back through its inverse.
+/// # Errors
+/// `FaceNotFound` if the landmarks are mirrored, in another order, or not those of a face.
+pub fn align_to_canonical(landmarks: &Landmarks) -> Result<Similarity> {
+    let fit = fit_to_canonical(&landmarks.positions, Some(&landmarks.confidence))?;
+    check(&fit)?;
+    Ok(fit.similarity)
+}
+
+/// Fits `[68]` positions to the mean landmarks without judging the result.
+pub(crate) fn fit_to_canonical(
+    positions: &[[f32; 3]; LANDMARKS],
+    confidence: Option<&[f32; LANDMARKS]>,
+) -> Result<Fit> {
+    let weights: Vec<f64> = (0..LANDMARKS)
+        .map(|i| stability(i) * confidence.map_or(1.0, |c| f64::from(c[i]).max(0.05)))
+        .collect();
+    Similarity::fit(positions, canonical_landmarks(), Some(&weights))
+}
+
+/// Says what is wrong with landmarks that do not fit.
+pub(crate) fn check(fit: &Fit) -> Result<()> {
+    let mirrored = fit.mirrored_rms < 0.6 * fit.rms && fit.mirrored_rms < WORST_RMS_M;
+    if mirrored && fit.rms > 0.006 {
+        return Err(Error::FaceNotFound(
+            "the landmarks are mirrored: number 0 must lie at the subject's right ear and 16 at \
+             the left one; if the mesh itself was scaled by a negative number, apply that scale \
+             first or swap left and right landmarks"
+                .into(),
+        ));
+    }
+    if fit.rms > WORST_RMS_M {
+        return Err(Error::FaceNotFound(format!(
+            "the landmarks do not have the shape of a face: {:.0} mm from it on a head of human \
+             size, expected at most {:.0}; check that all 68 are in iBUG order (0-16 jaw, 17-26 \
+             brows, 27-35 nose, 36-47 eyes, 48-67 mouth)",
+            fit.rms * 1e3,
+            WORST_RMS_M * 1e3
+        )));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn landmarks(positions: [[f32; 3]; LANDMARKS]) -> Landmarks {
+        Landmarks {
+            positions,
+            vertices: [0; LANDMARKS],
+            confidence: [1.0; LANDMARKS],
+        }
+    }
+
+    /// Ten times as large, on its head, looking along −x.
+    fn elsewhere(p: [f32; 3]) -> [f32; 3] {
+        [-10.0 * p[2] + 3.0, -10.0 * p[1] - 40.0, -10.0 * p[0] + 0.5]
+    }
+
+    #[test]
+    fn the_mean_face_is_symmetric_and_of_human_size() {
+        let mean = canonical_landmarks();
+        assert!((mean[16][0] - mean[0][0] - 0.147).abs() < 0.01);
+        assert!(mean[30][2] > mean[0][2] && mean[27][1] > mean[8][1]);
+        for (left, right) in [(0, 16), (36, 45), (48, 54)] {
+            assert!((mean[left][0] + mean[right][0]).abs() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn a_face_in_other_units_and_upside_down_comes_back() {
+        let mean = canonical_landmarks();
+        let similarity = align_to_canonical(&landmarks(mean.map(elsewhere))).unwrap();
+        assert!((similarity.scale - 0.1).abs() < 1e-6);
+        for p in mean {
+            let back = similarity.apply(elsewhere(*p));
+            for i in 0..3 {
+                assert!((back[i] - p[i]).abs() < 1e-5);
+            }
+        }
+    }
+
+    #[test]
+    fn a_mirrored_face_is_refused() {
+        let mirrored = canonical_landmarks().map(|p| [-p[0], p[1], p[2]]);
+        let error = align_to_canonical(&landmarks(mirrored)).unwrap_err();
+        assert!(error.to_string().contains("mirrored"), "{error}");
+    }
+
+    #[test]
+    fn another_order_is_refused() {
+        let mut positions = *canonical_landmarks();
+        positions.rotate_left(17);
+        let error = align_to_canonical(&landmarks(positions)).unwrap_err();
+        assert!(error.to_string().contains("iBUG order"), "{error}");
+    }
+
+    #[test]
+    fn landmarks_in_one_point_are_refused() {
+        assert!(align_to_canonical(&landmarks([[1.0; 3]; LANDMARKS])).is_err());
+    }
+}

@@ -1,0 +1,236 @@
+//! Landmarks as JSON: a stable format of our own out, three formats in.
+//!
+//! Written: `{"version": 1, "landmarks": [{"index": 0, "position": [x, y, z], "vertex": n,
+//! "confidence": c}, …]}`, positions in the mesh's own units and axes. Read: the same (`vertex` and
+//! `confidence` optional, `position` optional where `vertex` is given), or a plain list of 68
+//! points `[[x, y, z], …]`, or a plain list of 68 vertex numbers.
+
+use std::{io::Write, path::Path};
+
+use serde::{Deserialize, Serialize};
+
+use super::{LandmarkSource, Landmarks};
+use crate::{Error, Result, motion::LANDMARKS};
+
+/// The format's version, raised when a reader of the old one would misread the new one.
+const VERSION: u32 = 1;
+
+#[derive(Serialize, Deserialize)]
+struct Document {
+    version: u32,
+    landmarks: Vec<Entry>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Entry {
+    index: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    position: Option<[f32; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    vertex: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    confidence: Option<f32>,
+}
+
+impl Landmarks {
+    /// The JSON document, one landmark a line.
+    pub fn to_json(&self) -> String {
+        let lines: Vec<String> = (0..LANDMARKS)
+            .map(|index| {
+                let entry = Entry {
+                    index,
+                    position: Some(self.positions[index]),
+                    vertex: Some(self.vertices[index]),
+                    confidence: Some(self.confidence[index]),
+                };
+                serde_json::to_string(&entry).expect("numbers and strings serialise")
+            })
+            .collect();
+        let body = lines.join(",\n  ");
+        format!("{{\n \"version\": {VERSION},\n \"landmarks\": [\n  {body}\n ]\n}}\n")
+    }
+
+    /// Writes the JSON document; a failure leaves no partial file behind.
+    ///
+    /// # Errors
+    /// `Io` if the folder cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let folder = match path.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder,
+            _ => Path::new("."),
+        };
+        let mut file = tempfile::NamedTempFile::new_in(folder).map_err(Error::io(path))?;
+        file.write_all(self.to_json().as_bytes())
+            .map_err(Error::io(path))?;
+        file.persist(path)
+            .map_err(|error| Error::io(path)(error.error))?;
+        Ok(())
+    }
+}
+
+impl LandmarkSource {
+    /// Reads any of the three formats from a file.
+    ///
+    /// # Errors
+    /// `Io` if it cannot be read, otherwise as [`LandmarkSource::from_json`].
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+        Self::from_json(&text).map_err(|error| match error {
+            Error::InvalidInput(message) => {
+                Error::InvalidInput(format!("{}: {message}", path.display()))
+            }
+            other => other,
+        })
+    }
+
+    /// Reads any of the three formats.
+    ///
+    /// # Errors
+    /// `InvalidInput` if the text is in none of them, has another version, or misses a landmark;
+    /// `ShapeMismatch` for a plain list of another length than 68.
+    pub fn from_json(text: &str) -> Result<Self> {
+        let invalid = |e: serde_json::Error| Error::InvalidInput(format!("landmarks: {e}"));
+        let value: serde_json::Value = serde_json::from_str(text).map_err(invalid)?;
+        if value.is_object() {
+            let document: Document = serde_json::from_value(value).map_err(invalid)?;
+            return from_document(document);
+        }
+        let numbers = value
+            .as_array()
+            .and_then(|a| a.first())
+            .is_some_and(serde_json::Value::is_number);
+        if numbers {
+            let vertices: Vec<u32> = serde_json::from_value(value).map_err(invalid)?;
+            expect_all(vertices.len(), "[68]")?;
+            return Ok(LandmarkSource::Vertices(vertices));
+        }
+        let positions: Vec<[f32; 3]> = serde_json::from_value(value).map_err(invalid)?;
+        expect_all(positions.len(), "[68, 3]")?;
+        Ok(LandmarkSource::Positions(positions))
+    }
+}
+
+fn expect_all(count: usize, expected: &str) -> Result<()> {
+    if count == LANDMARKS {
+        return Ok(());
+    }
+    Err(Error::ShapeMismatch {
+        what: "landmarks",
+        expected: expected.into(),
+        got: expected.replace("68", &count.to_string()),
+    })
+}
+
+fn from_document(document: Document) -> Result<LandmarkSource> {
+    if document.version != VERSION {
+        return Err(Error::InvalidInput(format!(
+            "landmarks: expected version {VERSION}, got {}",
+            document.version
+        )));
+    }
+    let mut entries: Vec<Option<Entry>> = (0..LANDMARKS).map(|_| None).collect();
+    for entry in document.landmarks {
+        let index = entry.index;
+        let slot = entries.get_mut(index).ok_or_else(|| {
+            Error::InvalidInput(format!("landmarks: expected index below 68, got {index}"))
+        })?;
+        if slot.replace(entry).is_some() {
+            let message = format!("landmarks: index {index} appears twice");
+            return Err(Error::InvalidInput(message));
+        }
+    }
+    collect(&entries, |e| e.position)
+        .map(LandmarkSource::Positions)
+        .or_else(|_| collect(&entries, |e| e.vertex).map(LandmarkSource::Vertices))
+}
+
+fn collect<T>(entries: &[Option<Entry>], field: impl Fn(&Entry) -> Option<T>) -> Result<Vec<T>> {
+    let value = |(index, entry): (usize, &Option<Entry>)| {
+        entry.as_ref().and_then(&field).ok_or_else(|| {
+            Error::InvalidInput(format!(
+                "landmarks: expected all 68 with a position, or all 68 with a vertex; {index} has \
+                 neither or is missing"
+            ))
+        })
+    };
+    entries.iter().enumerate().map(value).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn landmarks() -> Landmarks {
+        Landmarks {
+            positions: std::array::from_fn(|i| [i as f32 * 0.1, -1.5, 1e-7]),
+            vertices: std::array::from_fn(|i| 3 * i as u32),
+            confidence: std::array::from_fn(|i| 1.0 / (1.0 + i as f32)),
+        }
+    }
+
+    #[test]
+    fn a_written_file_reads_back_bit_for_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("l.json");
+        landmarks().write(&path).unwrap();
+        let expected = LandmarkSource::Positions(landmarks().positions.into());
+        assert_eq!(LandmarkSource::read(&path).unwrap(), expected);
+    }
+
+    #[test]
+    fn a_failed_write_leaves_nothing_behind() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("missing/l.json");
+        assert!(matches!(landmarks().write(&path), Err(Error::Io { .. })));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn plain_lists_are_read() {
+        let points: Vec<[f32; 3]> = landmarks().positions.into();
+        let text = serde_json::to_string(&points).unwrap();
+        let source = LandmarkSource::from_json(&text).unwrap();
+        assert_eq!(source, LandmarkSource::Positions(points));
+        let numbers: Vec<u32> = landmarks().vertices.into();
+        let text = serde_json::to_string(&numbers).unwrap();
+        let source = LandmarkSource::from_json(&text).unwrap();
+        assert_eq!(source, LandmarkSource::Vertices(numbers));
+    }
+
+    #[test]
+    fn vertices_alone_are_enough() {
+        let entries: Vec<String> = (0..68)
+            .map(|i| format!("{{\"index\":{i},\"vertex\":{}}}", 67 - i))
+            .collect();
+        let text = format!("{{\"version\":1,\"landmarks\":[{}]}}", entries.join(","));
+        let source = LandmarkSource::from_json(&text).unwrap();
+        assert_eq!(source, LandmarkSource::Vertices((0..68).rev().collect()));
+    }
+
+    #[test]
+    fn defects_are_named() {
+        let full = landmarks().to_json();
+        for (text, expected) in [
+            (
+                full.replace("\"version\": 1", "\"version\": 2"),
+                "version 1, got 2",
+            ),
+            (
+                full.replace("\"index\":5,", "\"index\":6,"),
+                "index 6 appears twice",
+            ),
+            (
+                full.replace("\"index\":5,", "\"index\":68,"),
+                "below 68, got 68",
+            ),
+            ("[[0,0,0]]".into(), "expected [68, 3], got [1, 3]"),
+            ("[1,2,3]".into(), "expected [68], got [3]"),
+            ("[1,-2,3]".into(), "invalid value"),
+            ("{\"version\":1,\"landmarks\":[]}".into(), "0 has neither"),
+            ("not json".into(), "landmarks: "),
+        ] {
+            let error = LandmarkSource::from_json(&text).unwrap_err().to_string();
+            assert!(error.contains(expected), "{error} does not say {expected}");
+        }
+    }
+}

@@ -1,0 +1,237 @@
+//! Landmarks that a caller gives, checked and put on the surface; or found by the library.
+
+use rayon::prelude::*;
+
+use super::{
+    FaceOptions, LandmarkSource, Landmarks, Mesh,
+    closest::{SurfacePoint, closest_point, norm, sub},
+    lips::{Lip, lip_of_landmark, lip_of_vertices},
+};
+use crate::{Error, Result, motion::LANDMARKS};
+
+/// A landmark may lie this far from the surface, as a part of the distance between the outer eye
+/// corners (9 cm on a human head): hand-placed points float by a centimetre or so.
+const FAR_IN_EYE_DISTANCES: f32 = 0.25;
+
+/// How much further than the nearest surface its own lip may be, in the same unit, before the
+/// mesh is taken to have no lips of its own there.
+const LIP_DETOUR_IN_EYE_DISTANCES: f32 = 0.08;
+
+/// The 68 landmarks of a mesh: the caller's, put on the surface, or found by the library.
+///
+/// The stated axes only help finding; the caller's landmarks say by themselves where the face is.
+/// # Errors
+/// `ShapeMismatch` or `InvalidInput` for unusable landmarks, `FaceNotFound` if none are given and
+/// none are found, `Mesh` for a mesh without triangles.
+pub fn locate_landmarks(mesh: &Mesh, options: &FaceOptions) -> Result<Landmarks> {
+    if mesh.triangles.is_empty() {
+        let got = mesh.positions.len();
+        let message = format!("expected triangles, got none ({got} vertices)");
+        return Err(Error::Mesh(message));
+    }
+    match &options.landmarks {
+        Some(LandmarkSource::Positions(positions)) => from_positions(mesh, positions),
+        Some(LandmarkSource::Vertices(vertices)) => from_vertices(mesh, vertices),
+        None => Err(Error::FaceNotFound("no landmarks were given".into())),
+    }
+}
+
+/// Puts 68 points on the nearest fitting surface: inner-lip points on their own lip.
+///
+/// # Errors
+/// As [`locate_landmarks`].
+fn from_positions(mesh: &Mesh, positions: &[[f32; 3]]) -> Result<Landmarks> {
+    let positions: [[f32; 3]; LANDMARKS] = sixty_eight(positions, "[68, 3]")?;
+    if let Some(i) = positions.iter().flatten().position(|x| !x.is_finite()) {
+        let message = format!("landmark {}: position is not finite", i / 3);
+        return Err(Error::InvalidInput(message));
+    }
+    let landmarks = snap_to_surface(mesh, &positions);
+    let eyes = eye_distance(&positions);
+    for (i, (p, q)) in positions.iter().zip(&landmarks.positions).enumerate() {
+        let distance = norm(sub(*p, *q));
+        if distance > FAR_IN_EYE_DISTANCES * eyes {
+            return Err(Error::InvalidInput(format!(
+                "landmark {i}: {distance:.3} from the surface, expected at most {:.3} (a quarter \
+                 of the distance between landmarks 36 and 45); are the landmarks in the mesh's \
+                 own units and axes?",
+                FAR_IN_EYE_DISTANCES * eyes
+            )));
+        }
+    }
+    Ok(landmarks)
+}
+
+fn from_vertices(mesh: &Mesh, vertices: &[u32]) -> Result<Landmarks> {
+    let vertices: [u32; LANDMARKS] = sixty_eight(vertices, "[68]")?;
+    let mut used = vec![false; mesh.positions.len()];
+    for &v in mesh.triangles.iter().flatten() {
+        used[v as usize] = true;
+    }
+    for (i, &v) in vertices.iter().enumerate() {
+        let count = mesh.positions.len();
+        match used.get(v as usize) {
+            None => {
+                let message = format!("landmark {i}: vertex {v}, expected below {count}");
+                return Err(Error::InvalidInput(message));
+            }
+            Some(false) => {
+                let message = format!("landmark {i}: vertex {v} belongs to no triangle");
+                return Err(Error::InvalidInput(message));
+            }
+            Some(true) => {}
+        }
+    }
+    Ok(Landmarks {
+        positions: vertices.map(|v| mesh.positions[v as usize]),
+        vertices,
+        confidence: [1.0; LANDMARKS],
+    })
+}
+
+fn sixty_eight<T: Copy>(given: &[T], expected: &str) -> Result<[T; LANDMARKS]> {
+    given.try_into().map_err(|_| Error::ShapeMismatch {
+        what: "landmarks",
+        expected: expected.into(),
+        got: expected.replace("68", &given.len().to_string()),
+    })
+}
+
+/// Between the outer eye corners.
+pub(crate) fn eye_distance(positions: &[[f32; 3]; LANDMARKS]) -> f32 {
+    norm(sub(positions[36], positions[45]))
+}
+
+/// Nearest surface of every point; inner-lip points stay on their own lip where the mesh has a
+/// mouth that opens. Confidence 1 throughout.
+pub(crate) fn snap_to_surface(mesh: &Mesh, positions: &[[f32; 3]; LANDMARKS]) -> Landmarks {
+    let mut snapped: Vec<SurfacePoint> = positions
+        .par_iter()
+        .map(|p| closest_point(mesh, *p, |_| true).expect("the mesh has triangles"))
+        .collect();
+    let nearest = |s: &SurfacePoint| nearest_corner(mesh, s);
+    let upper: Vec<u32> = snapped[49..54].iter().map(nearest).collect();
+    let lower: Vec<u32> = snapped[55..60].iter().map(nearest).collect();
+    let eyes = eye_distance(positions);
+    let lips = lip_of_vertices(mesh, &upper, &lower, eyes);
+    let on_lip: Vec<(usize, SurfacePoint)> = (61..LANDMARKS)
+        .into_par_iter()
+        .filter_map(|i| {
+            let found = closest_on_lip(mesh, &lips, lip_of_landmark(i)?, positions[i])?;
+            let detour = found.distance - snapped[i].distance;
+            (detour < LIP_DETOUR_IN_EYE_DISTANCES * eyes).then_some((i, found))
+        })
+        .collect();
+    for (i, found) in on_lip {
+        snapped[i] = found;
+    }
+    Landmarks {
+        positions: std::array::from_fn(|i| snapped[i].position),
+        vertices: std::array::from_fn(|i| nearest_corner(mesh, &snapped[i])),
+        confidence: [1.0; LANDMARKS],
+    }
+}
+
+/// Only triangles with all corners on that lip: one that spans both belongs to neither.
+fn closest_on_lip(
+    mesh: &Mesh,
+    lips: &[Option<Lip>],
+    lip: Lip,
+    point: [f32; 3],
+) -> Option<SurfacePoint> {
+    closest_point(mesh, point, |triangle| {
+        mesh.triangles[triangle]
+            .iter()
+            .all(|&v| lips[v as usize] == Some(lip))
+    })
+}
+
+fn nearest_corner(mesh: &Mesh, place: &SurfacePoint) -> u32 {
+    let distance = |v: &u32| norm(sub(mesh.positions[*v as usize], place.position));
+    let corners = mesh.triangles[place.triangle];
+    corners
+        .into_iter()
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        .unwrap_or(corners[0])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::canonical_landmarks;
+
+    /// A mesh with one tiny triangle around each mean landmark: enough surface to land on.
+    pub(crate) fn confetti() -> Mesh {
+        let mut mesh = Mesh::default();
+        for p in canonical_landmarks() {
+            let first = mesh.positions.len() as u32;
+            for d in [[0.0, 0.0], [1e-4, 0.0], [0.0, 1e-4]] {
+                mesh.positions.push([p[0] + d[0], p[1] + d[1], p[2]]);
+            }
+            mesh.triangles.push([first, first + 1, first + 2]);
+        }
+        mesh
+    }
+
+    fn locate(mesh: &Mesh, source: LandmarkSource) -> Result<Landmarks> {
+        let options = FaceOptions {
+            landmarks: Some(source),
+            ..FaceOptions::default()
+        };
+        locate_landmarks(mesh, &options)
+    }
+
+    #[test]
+    fn positions_land_on_the_surface() {
+        let floating = canonical_landmarks().map(|p| [p[0], p[1], p[2] + 0.0002]);
+        let found = locate(&confetti(), LandmarkSource::Positions(floating.into())).unwrap();
+        for (i, p) in canonical_landmarks().iter().enumerate() {
+            assert!(norm(sub(found.positions[i], *p)) < 2e-4);
+            assert_eq!(found.vertices[i] as usize / 3, i);
+        }
+    }
+
+    #[test]
+    fn wrong_counts_say_what_was_expected() {
+        let points = LandmarkSource::Positions(vec![[0.0; 3]; 51]);
+        let error = locate(&confetti(), points).unwrap_err().to_string();
+        assert_eq!(error, "landmarks: expected [68, 3], got [51, 3]");
+        let numbers = LandmarkSource::Vertices(vec![0; 69]);
+        let error = locate(&confetti(), numbers).unwrap_err().to_string();
+        assert_eq!(error, "landmarks: expected [68], got [69]");
+    }
+
+    #[test]
+    fn vertices_out_of_range_or_unused_are_named() {
+        let mut mesh = confetti();
+        mesh.positions.push([0.0; 3]);
+        let mut vertices: Vec<u32> = (0..68).map(|i| 3 * i).collect();
+        assert!(locate(&mesh, LandmarkSource::Vertices(vertices.clone())).is_ok());
+        vertices[7] = 204;
+        let error = locate(&mesh, LandmarkSource::Vertices(vertices.clone())).unwrap_err();
+        assert!(error.to_string().contains("landmark 7"), "{error}");
+        vertices[7] = 900;
+        let error = locate(&mesh, LandmarkSource::Vertices(vertices)).unwrap_err();
+        assert!(error.to_string().contains("below 205"), "{error}");
+    }
+
+    #[test]
+    fn far_or_broken_points_are_named() {
+        let mut points = canonical_landmarks().to_vec();
+        points[30][2] += 0.1;
+        let error = locate(&confetti(), LandmarkSource::Positions(points.clone())).unwrap_err();
+        assert!(error.to_string().contains("landmark 30"), "{error}");
+        points[30][2] = f32::NAN;
+        let error = locate(&confetti(), LandmarkSource::Positions(points)).unwrap_err();
+        assert!(error.to_string().contains("not finite"), "{error}");
+    }
+
+    #[test]
+    fn a_mesh_without_triangles_is_refused() {
+        let source = LandmarkSource::Vertices(vec![0; 68]);
+        assert!(matches!(
+            locate(&Mesh::default(), source),
+            Err(Error::Mesh(_))
+        ));
+    }
+}

@@ -1,0 +1,56 @@
+"""The canonical face frame and its mean landmarks, taken from the mean ICT identity.
+
+Canonical frame: metres, +x to the subject's left, +y up, +z out of the face, origin between the
+jaw hinges. ICT FaceKit has no bones, so the hinges are placed by its own contour landmarks: the
+mean of landmarks 0, 1, 15 and 16, which lie in front of the ears at the height of the joint.
+
+    python -m training.landmarks.canonical --data ../shared/data
+
+writes `rust-core/src/mesh/canonical_landmarks.json`, read by both sides.
+"""
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+from safetensors.numpy import load_file
+
+HINGES = [0, 1, 15, 16]
+REPO = Path(__file__).resolve().parents[2]
+FILE = REPO / "rust-core/src/mesh/canonical_landmarks.json"
+
+
+def mean_landmarks() -> np.ndarray:
+    """Mean canonical landmarks, `[68, 3]`, metres."""
+    return np.array(json.loads(FILE.read_text())["landmarks"])
+
+
+def from_ict(points_cm: np.ndarray) -> np.ndarray:
+    """Points of the ICT model, `[..., 3]` in its own centimetres, to canonical metres."""
+    origin = np.array(json.loads(FILE.read_text())["ict_origin_cm"])
+    return (points_cm - origin) * 0.01
+
+
+def main() -> None:
+    """Writes the json file."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    args = parser.parse_args()
+    ict = load_file(args.data / "faces/ict_facekit.safetensors")
+    landmarks_cm = ict["neutral"][ict["landmarks68"]].astype(np.float64)
+    origin_cm = landmarks_cm[HINGES].mean(axis=0)
+    origin_cm[0] = 0.0
+    document = {
+        "source": "USC ICT FaceKit (MIT), mean identity, neutral; iBUG-68 order",
+        "frame": "metres, +x subject's left, +y up, +z out of the face, origin between the jaw hinges",
+        "ict_origin_cm": [round(float(x), 6) for x in origin_cm],
+        "landmarks": [[round(float(x), 6) for x in p] for p in (landmarks_cm - origin_cm) * 0.01],
+    }
+    lines = [f"  {json.dumps(p)}" for p in document.pop("landmarks")]
+    head = json.dumps(document, indent=2).rstrip("}\n")
+    FILE.write_text(head + ',\n  "landmarks": [\n' + ",\n".join(lines) + "\n  ]\n}\n")
+
+
+if __name__ == "__main__":
+    main()
