@@ -1,0 +1,92 @@
+//! Where decoders deliver: mixes to mono, checks every sample, resamples.
+
+use super::{ACCEPTED_RATES_HZ, Waveform, resample::ToSpeechRate};
+use crate::{Error, Result};
+
+/// Takes interleaved samples in any number of pieces and gives one [`Waveform`].
+pub(super) struct Intake {
+    channels: usize,
+    resampler: ToSpeechRate,
+    /// Reused mono buffer.
+    mono: Vec<f32>,
+    frames: u64,
+    not_finite: u64,
+    first_not_finite: Option<u64>,
+    /// Frames that are still to be dropped before the sound starts.
+    to_drop: usize,
+    /// Frames that are still wanted.
+    wanted: usize,
+}
+
+impl Intake {
+    pub(super) fn new(channels: usize, rate_hz: u32) -> Result<Self> {
+        if channels == 0 {
+            return Err(Error::Audio("expected at least 1 channel, got 0".into()));
+        }
+        if !ACCEPTED_RATES_HZ.contains(&rate_hz) {
+            return Err(Error::Audio(format!(
+                "expected a sample rate of {} to {} Hz, got {rate_hz}",
+                ACCEPTED_RATES_HZ.start(),
+                ACCEPTED_RATES_HZ.end()
+            )));
+        }
+        Ok(Intake {
+            channels,
+            resampler: ToSpeechRate::new(rate_hz)?,
+            mono: Vec::new(),
+            frames: 0,
+            not_finite: 0,
+            first_not_finite: None,
+            to_drop: 0,
+            wanted: usize::MAX,
+        })
+    }
+
+    /// Keeps only `wanted` frames after the first `to_drop`; call before the first [`Intake::push`].
+    pub(super) fn keep(&mut self, to_drop: usize, wanted: usize) {
+        self.to_drop = to_drop;
+        self.wanted = wanted;
+    }
+
+    /// `interleaved`: `[S, C]`, whole frames.
+    pub(super) fn push(&mut self, interleaved: &[f32]) -> Result<()> {
+        let frames = interleaved.len() / self.channels;
+        let dropped = self.to_drop.min(frames);
+        let kept = self.wanted.min(frames - dropped);
+        self.to_drop -= dropped;
+        self.wanted -= kept;
+        let interleaved = &interleaved[dropped * self.channels..][..kept * self.channels];
+        self.mono.clear();
+        let share = 1.0 / self.channels as f32;
+        for frame in interleaved.chunks_exact(self.channels) {
+            let mean = frame.iter().map(|x| x * share).sum::<f32>();
+            if !mean.is_finite() {
+                self.not_finite += 1;
+                let here = self.frames + self.mono.len() as u64;
+                self.first_not_finite.get_or_insert(here);
+            }
+            self.mono.push(mean);
+        }
+        self.frames += self.mono.len() as u64;
+        // Once broken, the sound is refused in the end; only the count goes on.
+        match self.first_not_finite {
+            None => self.resampler.push(&self.mono),
+            Some(_) => Ok(()),
+        }
+    }
+
+    pub(super) fn finish(self) -> Result<Waveform> {
+        if let Some(first) = self.first_not_finite {
+            return Err(Error::Audio(format!(
+                "expected finite samples, got {} of {} that are NaN or infinite, the first at {first}",
+                self.not_finite, self.frames
+            )));
+        }
+        if self.frames == 0 {
+            return Err(Error::Audio("expected sound, got no samples".into()));
+        }
+        Ok(Waveform {
+            samples: self.resampler.finish()?,
+        })
+    }
+}

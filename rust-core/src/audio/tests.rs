@@ -1,0 +1,298 @@
+use std::{f64::consts::TAU, path::PathBuf};
+
+use super::*;
+
+const TONE_HZ: f64 = 440.0;
+
+fn tone(hz: f64, amplitude: f64, rate_hz: u32, seconds: f64) -> Vec<f32> {
+    let frames = (seconds * f64::from(rate_hz)).round() as usize;
+    let step = TAU * hz / f64::from(rate_hz);
+    (0..frames)
+        .map(|i| (amplitude * (step * i as f64).sin()) as f32)
+        .collect()
+}
+
+/// Amplitude and phase of a sine at `hz` in the middle half of 16 kHz samples, and the root mean
+/// square of what is left without it.
+fn fit(samples: &[f32], hz: f64) -> (f64, f64, f64) {
+    let (from, to) = (samples.len() / 4, samples.len() * 3 / 4);
+    let step = TAU * hz / f64::from(SAMPLE_RATE_HZ);
+    let (mut ss, mut cc, mut sc, mut xs, mut xc) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for i in from..to {
+        let (s, c) = (step * i as f64).sin_cos();
+        let x = f64::from(samples[i]);
+        ss += s * s;
+        cc += c * c;
+        sc += s * c;
+        xs += x * s;
+        xc += x * c;
+    }
+    let det = ss * cc - sc * sc;
+    let (a, b) = ((xs * cc - xc * sc) / det, (xc * ss - xs * sc) / det);
+    let left: f64 = (from..to)
+        .map(|i| {
+            let (s, c) = (step * i as f64).sin_cos();
+            (f64::from(samples[i]) - a * s - b * c).powi(2)
+        })
+        .sum();
+    let rest = (left / (to - from) as f64).sqrt();
+    (a.hypot(b), b.atan2(a), rest)
+}
+
+fn fixture(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/fixtures")
+        .join(name)
+}
+
+fn message(result: Result<Waveform>) -> String {
+    match result {
+        Err(Error::Audio(message)) => message,
+        other => panic!("expected an audio error, got {other:?}"),
+    }
+}
+
+#[test]
+fn a_tone_keeps_amplitude_phase_and_length_from_any_rate() {
+    for rate in [
+        4_000, 8_000, 11_025, 16_000, 22_050, 44_056, 44_100, 48_000, 96_000, 192_000, 384_000,
+        15_999,
+    ] {
+        let samples = tone(TONE_HZ, 0.8, rate, 0.5);
+        let waveform = Waveform::from_interleaved(&samples, 1, rate).unwrap();
+        let wanted = (samples.len() as f64 * 16_000.0 / f64::from(rate)).round() as usize;
+        assert_eq!(waveform.samples.len(), wanted, "at {rate} Hz");
+        let (amplitude, phase, rest) = fit(&waveform.samples, TONE_HZ);
+        assert!(
+            (amplitude - 0.8).abs() < 1e-3,
+            "at {rate} Hz: amplitude {amplitude}"
+        );
+        assert!(phase.abs() < 1e-3, "at {rate} Hz: phase {phase}");
+        assert!(rest < 1e-3, "at {rate} Hz: distortion {rest}");
+    }
+}
+
+#[test]
+fn sound_above_the_new_limit_is_stopped_by_more_than_60_db() {
+    for (rate, hz) in [
+        (48_000, 8_400.0),
+        (48_000, 15_000.0),
+        (44_100, 12_000.0),
+        (44_100, 20_000.0),
+        (192_000, 80_000.0),
+    ] {
+        let samples = tone(hz, 1.0, rate, 0.5);
+        let waveform = Waveform::from_interleaved(&samples, 1, rate).unwrap();
+        let middle = &waveform.samples[2000..6000];
+        let peak = middle.iter().fold(0.0f32, |p, x| p.max(x.abs()));
+        assert!(peak < 1e-3, "{hz} Hz at {rate} Hz leaves {peak}");
+    }
+}
+
+#[test]
+fn speech_up_to_7600_hz_passes() {
+    for rate in [16_001, 44_100, 48_000] {
+        let samples = tone(7_600.0, 0.5, rate, 0.5);
+        let waveform = Waveform::from_interleaved(&samples, 1, rate).unwrap();
+        let (amplitude, _, _) = fit(&waveform.samples, 7_600.0);
+        assert!((amplitude - 0.5).abs() < 5e-3, "at {rate} Hz: {amplitude}");
+    }
+}
+
+#[test]
+fn pieces_give_the_same_as_the_whole() {
+    let samples = tone(TONE_HZ, 0.5, 44_100, 0.3);
+    let whole = Waveform::from_interleaved(&samples, 1, 44_100).unwrap();
+    let mut intake = Intake::new(1, 44_100).unwrap();
+    for piece in samples.chunks(777) {
+        intake.push(piece).unwrap();
+    }
+    assert_eq!(intake.finish().unwrap(), whole);
+}
+
+#[test]
+fn channels_are_averaged_not_summed() {
+    let waveform = Waveform::from_interleaved(&[1.0, 0.5, -1.0, 0.0], 2, 16_000).unwrap();
+    assert_eq!(waveform.samples, [0.75, -0.5]);
+}
+
+#[test]
+fn clipping_passes_as_it_is() {
+    let samples: Vec<f32> = tone(TONE_HZ, 4.0, 16_000, 0.1)
+        .iter()
+        .map(|x| x.clamp(-1.0, 1.0))
+        .collect();
+    let waveform = Waveform::from_interleaved(&samples, 1, 16_000).unwrap();
+    assert_eq!(waveform.peak(), 1.0);
+}
+
+#[test]
+fn samples_that_are_not_finite_are_counted() {
+    let mut samples = vec![0.1f32; 1000];
+    samples[123] = f32::NAN;
+    samples[777] = f32::INFINITY;
+    let text = message(Waveform::from_interleaved(&samples, 1, 44_100));
+    assert!(
+        text.contains("2 of 1000") && text.contains("first at 123"),
+        "{text}"
+    );
+}
+
+#[test]
+fn bad_layouts_say_what_was_expected() {
+    assert!(message(Waveform::from_interleaved(&[], 1, 16_000)).contains("no samples"));
+    assert!(message(Waveform::from_interleaved(&[0.0; 3], 2, 16_000)).contains("2 channels"));
+    assert!(message(Waveform::from_interleaved(&[0.0; 3], 0, 16_000)).contains("0 channels"));
+    assert!(message(Waveform::from_interleaved(&[0.0; 4], 1, 3_999)).contains("got 3999"));
+    assert!(message(Waveform::from_interleaved(&[0.0; 4], 1, 400_000)).contains("got 400000"));
+}
+
+#[test]
+fn one_sample_and_silence_are_sound() {
+    let one = Waveform::from_interleaved(&[0.5], 1, 384_000).unwrap();
+    assert_eq!(one.samples.len(), 1);
+    let silence = Waveform::from_interleaved(&[0.0; 4410], 1, 44_100).unwrap();
+    assert_eq!(silence.samples.len(), 1600);
+    assert!(silence.is_silent());
+}
+
+fn write_wav(path: &Path, format: hound::SampleFormat, bits: u16, channels: u16) {
+    let spec = hound::WavSpec {
+        channels,
+        sample_rate: 48_000,
+        bits_per_sample: bits,
+        sample_format: format,
+    };
+    let mut writer = hound::WavWriter::create(path, spec).unwrap();
+    let full = (1u64 << (bits - 1)) as f64 - 1.0;
+    for x in tone(TONE_HZ, 0.5, 48_000, 0.2) {
+        for _ in 0..channels {
+            match format {
+                hound::SampleFormat::Float => writer.write_sample(x).unwrap(),
+                hound::SampleFormat::Int => writer
+                    .write_sample((f64::from(x) * full).round() as i32)
+                    .unwrap(),
+            }
+        }
+    }
+    writer.finalize().unwrap();
+}
+
+#[test]
+fn every_common_wav_is_read() {
+    use hound::SampleFormat::{Float, Int};
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tone.wav");
+    // 24 bits and 3 channels make hound write the extensible header.
+    for (format, bits, channels, tolerance) in [
+        (Int, 8, 1, 5e-3),
+        (Int, 16, 1, 1e-3),
+        (Int, 16, 2, 1e-3),
+        (Int, 16, 3, 1e-3),
+        (Int, 24, 2, 1e-3),
+        (Int, 32, 1, 1e-3),
+        (Float, 32, 2, 1e-3),
+    ] {
+        write_wav(&path, format, bits, channels);
+        let waveform = Waveform::from_file(&path).unwrap();
+        assert_eq!(waveform.samples.len(), 3200);
+        let (amplitude, phase, rest) = fit(&waveform.samples, TONE_HZ);
+        let what = format!("{format:?} {bits} bits, {channels} channels");
+        assert!((amplitude - 0.5).abs() < tolerance, "{what}: {amplitude}");
+        assert!(phase.abs() < 1e-2, "{what}: phase {phase}");
+        assert!(rest < 5e-3, "{what}: distortion {rest}");
+    }
+}
+
+#[test]
+fn every_other_format_keeps_the_tone_in_place() {
+    // (file, tolerance of the amplitude, of the phase in radians, of the length in samples)
+    for (name, amplitude_tol, phase_tol, length_tol) in [
+        ("tone.flac", 1e-3, 1e-3, 0),
+        ("tone.aiff", 1e-3, 1e-3, 0),
+        ("tone_alac.m4a", 1e-3, 1e-3, 0),
+        ("tone_alaw.wav", 5e-3, 5e-3, 0),
+        ("tone_mulaw.wav", 5e-3, 5e-3, 0),
+        ("tone_f64.wav", 1e-3, 1e-3, 0),
+        ("tone_adpcm.wav", 2e-2, 2e-2, 1000),
+        ("tone.ogg", 2e-2, 2e-2, 0),
+        ("tone.mp3", 2e-2, 2e-2, 0),
+        // The edit list, in milliseconds, rounds.
+        ("tone_aac.m4a", 2e-2, 2e-2, 16),
+    ] {
+        let waveform = Waveform::from_file(&fixture(name)).unwrap();
+        let (amplitude, phase, rest) = fit(&waveform.samples, TONE_HZ);
+        let off = waveform.samples.len().abs_diff(6400);
+        assert!(off <= length_tol, "{name}: {off} samples off");
+        assert!(
+            (amplitude - 0.375).abs() < amplitude_tol,
+            "{name}: {amplitude}"
+        );
+        assert!(phase.abs() < phase_tol, "{name}: phase {phase}");
+        assert!(rest < 0.03, "{name}: distortion {rest}");
+    }
+}
+
+#[test]
+fn a_wav_that_was_cut_off_gives_what_it_holds() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cut.wav");
+    write_wav(&path, hound::SampleFormat::Int, 16, 2);
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() / 2 + 1]).unwrap();
+    let waveform = Waveform::from_file(&path).unwrap();
+    assert!(waveform.samples.len().abs_diff(1600) < 20);
+}
+
+#[test]
+fn files_that_are_no_sound_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("empty.wav");
+    std::fs::write(&path, b"").unwrap();
+    assert!(message(Waveform::from_file(&path)).contains("empty"));
+    std::fs::write(&path, b"RI").unwrap();
+    assert!(message(Waveform::from_file(&path)).contains("expected WAV"));
+    std::fs::write(&path, vec![7u8; 5000]).unwrap();
+    assert!(message(Waveform::from_file(&path)).contains("expected WAV"));
+    std::fs::write(&path, b"RIFF\x24\0\0\0WAVEfmt ").unwrap();
+    message(Waveform::from_file(&path));
+    let spec = hound::WavSpec {
+        channels: 1,
+        sample_rate: 16_000,
+        bits_per_sample: 16,
+        sample_format: hound::SampleFormat::Int,
+    };
+    hound::WavWriter::create(&path, spec)
+        .unwrap()
+        .finalize()
+        .unwrap();
+    assert!(message(Waveform::from_file(&path)).contains("no samples"));
+    assert!(message(Waveform::from_file(&fixture("tone_opus.ogg"))).contains("not supported"));
+}
+
+#[test]
+fn a_missing_file_is_an_io_error_with_its_path() {
+    let error = Waveform::from_file(Path::new("/no/such/sound.wav")).unwrap_err();
+    assert!(matches!(error, Error::Io { .. }));
+    assert!(error.to_string().contains("/no/such/sound.wav"));
+}
+
+#[test]
+fn nan_in_a_float_wav_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("nan.wav");
+    let spec = hound::WavSpec {
+        channels: 1,
+        sample_rate: 44_100,
+        bits_per_sample: 32,
+        sample_format: hound::SampleFormat::Float,
+    };
+    let mut writer = hound::WavWriter::create(&path, spec).unwrap();
+    for i in 0..20_000 {
+        writer
+            .write_sample(if i == 15_000 { f32::NAN } else { 0.1 })
+            .unwrap();
+    }
+    writer.finalize().unwrap();
+    assert!(message(Waveform::from_file(&path)).contains("first at 15000"));
+}

@@ -1,0 +1,97 @@
+//! WAV through hound: integers of 8, 16, 24 and 32 bits and 32-bit floats, plain or extensible.
+//!
+//! What hound does not read (A-law, µ-law, ADPCM, 64-bit floats) is left to symphonia.
+
+use std::{
+    fs::File,
+    io::{BufReader, ErrorKind, Read, Seek, SeekFrom},
+    path::Path,
+};
+
+use hound::{SampleFormat, WavReader};
+
+use super::{Waveform, intake::Intake};
+use crate::{Error, Result};
+
+/// Frames that are decoded at a time.
+const CHUNK_FRAMES: usize = 8192;
+
+pub(super) enum Decoded {
+    Sound(Waveform),
+    /// Not a WAV, or a kind that hound does not read.
+    NotForUs,
+}
+
+/// Decodes the file if it is a WAV of a kind that hound reads.
+pub(super) fn decode(path: &Path) -> Result<Decoded> {
+    let mut file = File::open(path).map_err(Error::io(path))?;
+    if file.metadata().map_err(Error::io(path))?.len() == 0 {
+        return Err(Error::Audio(format!(
+            "{}: the file is empty",
+            path.display()
+        )));
+    }
+    let mut magic = [0; 4];
+    match file.read_exact(&mut magic) {
+        Ok(()) if &magic == b"RIFF" => (),
+        Ok(()) => return Ok(Decoded::NotForUs),
+        Err(e) if e.kind() == ErrorKind::UnexpectedEof => return Ok(Decoded::NotForUs),
+        Err(e) => return Err(Error::io(path)(e)),
+    }
+    file.seek(SeekFrom::Start(0)).map_err(Error::io(path))?;
+    let reader = match WavReader::new(BufReader::new(file)) {
+        Ok(reader) => reader,
+        Err(_) => return Ok(Decoded::NotForUs),
+    };
+    let spec = reader.spec();
+    match (spec.sample_format, spec.bits_per_sample) {
+        (SampleFormat::Float, 32) => read_all(path, reader, |x: f32| x),
+        (SampleFormat::Int, bits @ (8 | 16 | 24 | 32)) => {
+            let scale = 1.0 / (1u64 << (bits - 1)) as f32;
+            read_all(path, reader, move |x: i32| x as f32 * scale)
+        }
+        _ => Ok(Decoded::NotForUs),
+    }
+}
+
+fn read_all<S: hound::Sample>(
+    path: &Path,
+    mut reader: WavReader<BufReader<File>>,
+    to_float: impl Fn(S) -> f32,
+) -> Result<Decoded> {
+    let spec = reader.spec();
+    let channels = usize::from(spec.channels);
+    let mut intake = Intake::new(channels, spec.sample_rate)?;
+    let mut chunk = Vec::with_capacity(CHUNK_FRAMES * channels);
+    for sample in reader.samples::<S>() {
+        match sample {
+            Ok(sample) => chunk.push(to_float(sample)),
+            Err(e) if cut_short(&e) => {
+                tracing::warn!(path = %path.display(), "the file ends before its header says");
+                break;
+            }
+            Err(hound::Error::Unsupported) => return Ok(Decoded::NotForUs),
+            Err(hound::Error::IoError(e)) => return Err(Error::io(path)(e)),
+            Err(e) => return Err(Error::Audio(format!("{}: {e}", path.display()))),
+        }
+        if chunk.len() == CHUNK_FRAMES * channels {
+            intake.push(&chunk)?;
+            chunk.clear();
+        }
+    }
+    intake.push(&chunk)?;
+    intake.finish().map(Decoded::Sound)
+}
+
+/// Recorders that were stopped hard and programs that write to a pipe leave a length in the header
+/// that is too large; what is there is good.
+fn cut_short(e: &hound::Error) -> bool {
+    match e {
+        hound::Error::IoError(e) => {
+            // hound reports a short read as "Failed to read enough bytes." of kind Other.
+            e.kind() == ErrorKind::UnexpectedEof || e.raw_os_error().is_none()
+        }
+        hound::Error::FormatError(_) => true,
+        _ => false,
+    }
+}
