@@ -13,6 +13,9 @@ import importlib
 from pathlib import Path
 
 GOLDENS = {
+    "log_mel": "training.speech.golden_log_mel",
+    "compact_speech": "training.speech.golden_compact",
+    "ats_compact": "training.systems.freetalk.golden_ats",
     "stm_paper": "training.systems.freetalk.stm.golden_paper",
 }
 """Model name -> module with `write(out: Path, shared: Path) -> Path`."""

@@ -1,0 +1,1 @@
+"""Shared layers, the twins of `rust-core/src/nn`."""

@@ -1,0 +1,1 @@
+"""FreeTalk (Nocentini et al. 2026, arXiv:2603.15512)."""

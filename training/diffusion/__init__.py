@@ -1,0 +1,1 @@
+"""Schedules and samplers; knows no network. Twin of `rust-core/src/diffusion`."""

@@ -1,0 +1,1 @@
+"""Speech front end and encoders. Twin of `rust-core/src/speech`."""

@@ -1,0 +1,95 @@
+"""The compact speech encoder: log-mel → features at 25 Hz, about 1.4 million parameters.
+
+A strided stem to 50 Hz, residual dilated convolutions there, a strided step to 25 Hz, more of
+them, and a final norm. Output frame i is centred on mel frame 4 i, i.e. on second i / 25.
+"""
+
+from dataclasses import asdict, dataclass, field
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from training.speech.log_mel import BANDS
+
+ACTIVE_QUANTILE = 0.95
+ACTIVE_RANGE = 4.0
+QUIETEST_LEVEL = -9.0
+DEEPEST = -12.0
+SCALE = 4.0
+
+
+@dataclass
+class CompactConfig:
+    """Sizes of the encoder; `rate_hz` is what they amount to."""
+
+    model: str = "compact_speech"
+    bands: int = BANDS
+    channels: int = 192
+    fine_dilations: list[int] = field(default_factory=lambda: [1, 2])
+    coarse_dilations: list[int] = field(default_factory=lambda: [1, 2, 4, 8, 1, 2])
+    rate_hz: float = 25.0
+
+    def to_json(self) -> dict:
+        """As written to config.json."""
+        return asdict(self)
+
+
+def debug_config() -> CompactConfig:
+    """A tiny encoder for tests."""
+    return CompactConfig(channels=16, fine_dilations=[1], coarse_dilations=[1, 2])
+
+
+def normalise(mel: Tensor) -> Tensor:
+    """Removes loudness, microphone and voice colour from one clip, [T, 64] → [T, 64].
+
+    The level of a frame is its mean over bands. Frames within 4 nepers (of power) of the 95 %
+    quantile of levels are active (quantile with linear interpolation). Each band's mean over the
+    active frames is subtracted; if the mean of these means is under −9, all are raised together
+    so that it is −9: near-silence stays silent instead of being blown up. Then the result is
+    bounded below by −12 and divided by 4.
+    """
+    level = mel.mean(dim=1)
+    active = level >= torch.quantile(level, ACTIVE_QUANTILE) - ACTIVE_RANGE
+    colour = mel[active].mean(dim=0)
+    colour = colour + (QUIETEST_LEVEL - colour.mean()).clamp_min(0.0)
+    return (mel - colour).clamp_min(DEEPEST) / SCALE
+
+
+class ResidualBlock(nn.Module):
+    """x + mix(GELU(conv(norm(x)))) on [B, T, C]; `conv` has 3 taps `dilation` apart."""
+
+    def __init__(self, channels: int, dilation: int):
+        super().__init__()
+        self.norm = nn.LayerNorm(channels)
+        self.conv = nn.Conv1d(channels, channels, 3, padding=dilation, dilation=dilation)
+        self.mix = nn.Linear(channels, channels)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """[B, T, C] → [B, T, C]; zeros stand beyond both ends."""
+        y = self.conv(self.norm(x).transpose(1, 2)).transpose(1, 2)
+        return x + self.mix(F.gelu(y))
+
+
+class CompactEncoder(nn.Module):
+    """Normalised log-mel [B, T, 64] at 100 Hz → features [B, ⌈⌈T/2⌉/2⌉, C] at 25 Hz."""
+
+    def __init__(self, config: CompactConfig):
+        super().__init__()
+        self.config = config
+        channels = config.channels
+        self.stem = nn.Conv1d(config.bands, channels, 5, stride=2, padding=2)
+        self.fine = nn.ModuleList(ResidualBlock(channels, d) for d in config.fine_dilations)
+        self.down = nn.Conv1d(channels, channels, 3, stride=2, padding=1)
+        self.coarse = nn.ModuleList(ResidualBlock(channels, d) for d in config.coarse_dilations)
+        self.norm = nn.LayerNorm(channels)
+
+    def forward(self, mel: Tensor) -> Tensor:
+        """`mel` [B, T, 64], each clip through `normalise` first. Returns [B, T', C]."""
+        x = F.gelu(self.stem(mel.transpose(1, 2))).transpose(1, 2)
+        for block in self.fine:
+            x = block(x)
+        x = F.gelu(self.down(x.transpose(1, 2))).transpose(1, 2)
+        for block in self.coarse:
+            x = block(x)
+        return self.norm(x)

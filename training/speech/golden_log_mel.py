@@ -1,0 +1,33 @@
+"""Golden of the log-mel front end and of the clip normalisation behind it."""
+
+import math
+from pathlib import Path
+
+import torch
+from safetensors.torch import save_file
+from torch import Tensor
+
+from training.speech.compact import normalise
+from training.speech.log_mel import SAMPLE_RATE_HZ, log_mel
+
+COMMAND = "python -m training.goldens log_mel"
+
+
+def write(out: Path, shared: Path) -> Path:
+    """`input` [S], `output` [T, 64] log-mel, `normalised` [T, 64]. `shared` is not used."""
+    samples = chirp_signal()
+    mel = log_mel(samples)
+    tensors = {"input": samples, "output": mel, "normalised": normalise(mel)}
+    path = out / "log_mel_debug.safetensors"
+    save_file(tensors, path, {"command": COMMAND, "tolerance": "1e-3"})
+    return path
+
+
+def chirp_signal(samples: int = 12345) -> Tensor:
+    """A rising chirp, silence in the middle, a little noise; [S] in −1 … 1."""
+    time = torch.arange(samples, dtype=torch.float64) / SAMPLE_RATE_HZ
+    chirp = 0.5 * torch.sin(2 * math.pi * (100.0 * time + 2000.0 * time**2))
+    generator = torch.Generator().manual_seed(7)
+    noise = 0.01 * torch.randn(samples, generator=generator, dtype=torch.float64)
+    silent = (time > 0.3) & (time < 0.4)
+    return torch.where(silent, torch.zeros_like(chirp), chirp + noise).float()

@@ -1,0 +1,214 @@
+"""Audio-to-sparse: a diffusion denoiser from speech features to 68 landmark displacements.
+
+FreeTalk (Nocentini et al. 2026) §3.1. Differs from the paper: a speaking-style embedding is added
+to the tokens; emotion enters per frame, as strengths of a mixture; dimensions are standardised by
+a mean and a deviation stored with the weights. With `norm = "pre"` a final LayerNorm follows the
+layers, as pre-norm needs.
+"""
+
+from dataclasses import asdict, dataclass, field
+
+import torch
+from torch import Tensor, nn
+
+from training.nn.attention import band_mask
+from training.nn.embedding import Mlp, timestep_embedding
+from training.nn.transformer import TransformerDecoderLayer
+
+EMOTIONS = [
+    "neutral",
+    "happy",
+    "pleased",
+    "calm",
+    "surprised",
+    "sad",
+    "upset",
+    "ashamed",
+    "afraid",
+    "angry",
+    "disgusted",
+    "contempt",
+    "suspicious",
+    "ill",
+    "drunk",
+]
+LANDMARKS = 68
+
+
+@dataclass
+class SpeechInput:
+    """Which encoder feeds the model."""
+
+    encoder: str = "compact_speech"
+    channels: int = 192
+
+
+@dataclass
+class Diffusion:
+    """The forward process."""
+
+    schedule: str = "cosine"
+    train_steps: int = 1000
+
+
+@dataclass
+class Sampling:
+    """Defaults of the reverse process. `temperature` scales the starting noise."""
+
+    steps: int = 4
+    spacing: str = "trailing"
+    temperature: float = 0.0
+
+
+@dataclass
+class AtsConfig:
+    """Everything that inference has to know; saved as config.json."""
+
+    system: str = "freetalk"
+    model: str = "ats"
+    name: str = "compact"
+    landmarks: int = LANDMARKS
+    fps: float = 25.0
+    window_frames: int = 256
+    overlap_frames: int = 64
+    width: int = 256
+    layers: int = 4
+    heads: int = 4
+    feedforward: int = 512
+    norm: str = "pre"
+    radius: int = 8
+    speech: SpeechInput = field(default_factory=SpeechInput)
+    diffusion: Diffusion = field(default_factory=Diffusion)
+    sampling: Sampling = field(default_factory=Sampling)
+    emotions: list[str] = field(default_factory=lambda: list(EMOTIONS))
+    styles: list[str] = field(default_factory=lambda: ["grid_s1", "facegood_zh"])
+    default_style: str = "grid_s1"
+
+    def to_json(self) -> dict:
+        """As written to config.json."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, data: dict) -> "AtsConfig":
+        """Reads what `to_json` wrote."""
+        data = dict(data)
+        data["speech"] = SpeechInput(**data["speech"])
+        data["diffusion"] = Diffusion(**data["diffusion"])
+        data["sampling"] = Sampling(**data["sampling"])
+        return cls(**data)
+
+
+def compact_config() -> AtsConfig:
+    """The default model."""
+    return AtsConfig()
+
+
+def paper_config() -> AtsConfig:
+    """Sizes of the paper: HuBERT, d 512, 6 layers, 8 heads, linear schedule, DDIM 100."""
+    return AtsConfig(
+        name="paper",
+        width=512,
+        layers=6,
+        heads=8,
+        feedforward=2048,
+        norm="post",
+        speech=SpeechInput("hubert", 768),
+        diffusion=Diffusion("linear", 1000),
+        sampling=Sampling(100, "leading", 1.0),
+    )
+
+
+def debug_config() -> AtsConfig:
+    """A tiny model for tests."""
+    return AtsConfig(
+        name="debug",
+        window_frames=32,
+        overlap_frames=8,
+        width=32,
+        layers=2,
+        heads=4,
+        feedforward=48,
+        radius=4,
+        speech=SpeechInput("compact_speech", 16),
+    )
+
+
+CONFIGS = {"compact": compact_config, "paper": paper_config, "debug": debug_config}
+
+
+class AtsDenoiser(nn.Module):
+    """Predicts the clean motion in a noisy one: f_θ(x_ℓ, ℓ, A, e, i)."""
+
+    def __init__(self, config: AtsConfig, dropout: float = 0.0):
+        super().__init__()
+        self.config = config
+        width, dims = config.width, 3 * config.landmarks
+        self.x_proj = nn.Linear(dims, width)
+        self.mem_proj = nn.Linear(config.speech.channels, width)
+        self.pos_tgt = nn.Parameter(torch.randn(config.window_frames, width) * 0.02)
+        self.pos_mem = nn.Parameter(torch.randn(config.window_frames, width) * 0.02)
+        self.time_mlp = Mlp(width, width, width)
+        self.affect_mlp = Mlp(len(config.emotions) - 1, width, width)
+        self.style = nn.Embedding(len(config.styles), width)
+        self.layers = nn.ModuleList(
+            TransformerDecoderLayer(width, config.heads, config.feedforward, config.norm, dropout)
+            for _ in range(config.layers)
+        )
+        self.norm = nn.LayerNorm(width) if config.norm == "pre" else None
+        self.head = nn.Linear(width, dims)
+        self.register_buffer("mean", torch.zeros(dims))
+        self.register_buffer("std", torch.ones(dims))
+
+    def forward(
+        self,
+        noisy: Tensor,
+        timestep: Tensor,
+        speech: Tensor,
+        affect: Tensor,
+        style: Tensor,
+        offset: int = 0,
+        valid: Tensor | None = None,
+    ) -> Tensor:
+        """One denoising pass in standardised space.
+
+        `noisy` [B, T, 3N], `timestep` [B] int, `speech` [B, T, C] at the motion's frame rate,
+        `affect` [B, T, 16] = mixture of 15 and intensity, `style` [B] int, `offset` the first
+        position used (training only; 0 otherwise), `valid` [B, T] bool marks real frames of a
+        padded batch. T + offset at most `window_frames`. Returns x̂₀ [B, T, 3N].
+        """
+        frames = noisy.shape[1]
+        if speech.shape[1] != frames:
+            raise ValueError(f"speech frames: expected {frames}, got {speech.shape[1]}")
+        span = slice(offset, offset + frames)
+        memory = self.mem_proj(speech) + self.pos_mem[span]
+        tokens = self.x_proj(noisy) + self.pos_tgt[span]
+        tokens = tokens + self._conditions(timestep, affect, style)
+        band = band_mask(frames, frames, self.config.radius, noisy.device)
+        seen = None if valid is None else valid[:, None, None, :]
+        for layer in self.layers:
+            tokens = layer(tokens, memory, seen, band)
+        if self.norm is not None:
+            tokens = self.norm(tokens)
+        return self.head(tokens)
+
+    def _conditions(self, timestep: Tensor, affect: Tensor, style: Tensor) -> Tensor:
+        time = self.time_mlp(timestep_embedding(timestep, self.config.width))
+        feeling = self.affect_mlp(strengths(affect))
+        return feeling + (time + self.style(style))[:, None, :]
+
+    def standardise(self, motion: Tensor) -> Tensor:
+        """Displacements [..., 3N] in metres → the model's space."""
+        return (motion - self.mean) / self.std
+
+    def to_metres(self, x: Tensor) -> Tensor:
+        """The model's space [..., 3N] → displacements in metres."""
+        return x * self.std + self.mean
+
+
+def strengths(affect: Tensor) -> Tensor:
+    """[..., 16] → [..., 14]: share × intensity of every category but neutral.
+
+    Neutral at any intensity and any mixture at intensity 0 are thus the same input, exactly.
+    """
+    count = affect.shape[-1] - 1
+    return affect[..., 1:count] * affect[..., count:]
