@@ -8,7 +8,7 @@ rm -rf "$folder"
 mkdir -p "$folder"
 mirror=$(sed -n 's/^URIs: *//p; s/^deb \(\[[^]]*\] \)\?\([^ ]*\) .*/\2/p' \
   /etc/apt/sources.list.d/*.sources /etc/apt/sources.list 2>/dev/null \
-  | grep -v security | head -n 1)
+  | grep -v security | head -n 1 || true)
 debootstrap --variant=minbase --no-check-gpg trixie "$folder" "${mirror:-http://deb.debian.org/debian}"
 cp /etc/resolv.conf "$folder/etc/resolv.conf"
 cp -a /etc/apt/apt.conf.d/. "$folder/etc/apt/apt.conf.d/" 2>/dev/null || true
