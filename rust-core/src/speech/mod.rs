@@ -1,5 +1,13 @@
 //! Speech features: one trait, three encoders (compact, HuBERT, wav2vec2).
 
+mod compact;
+mod log_mel;
+mod resample;
+
+pub use compact::{CompactConfig, CompactEncoder, normalise};
+pub use log_mel::{BANDS, HOP, log_mel};
+pub use resample::at_motion_frames;
+
 use crate::{Result, audio::Waveform};
 use ndarray::Array2;
 

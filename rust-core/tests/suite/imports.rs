@@ -2,8 +2,15 @@
 
 use std::{fs, path::Path};
 
-const BELOW_SYSTEMS: [&str; 7] =
-    ["nn", "diffusion", "operators", "mesh", "motion", "audio", "deform"];
+const BELOW_SYSTEMS: [&str; 7] = [
+    "nn",
+    "diffusion",
+    "operators",
+    "mesh",
+    "motion",
+    "audio",
+    "deform",
+];
 
 fn sources(folder: &Path) -> Vec<(String, String)> {
     let mut found = Vec::new();
@@ -12,7 +19,10 @@ fn sources(folder: &Path) -> Vec<(String, String)> {
         if path.is_dir() {
             found.extend(sources(&path));
         } else if path.extension().is_some_and(|ending| ending == "rs") {
-            found.push((path.display().to_string(), fs::read_to_string(&path).unwrap()));
+            found.push((
+                path.display().to_string(),
+                fs::read_to_string(&path).unwrap(),
+            ));
         }
     }
     found
@@ -45,7 +55,10 @@ fn systems_do_not_import_each_other() {
     for own in &names {
         for (file, text) in sources(&src().join("systems").join(own)) {
             for other in names.iter().filter(|other| *other != own) {
-                assert!(!text.contains(&format!("systems::{other}")), "{file} imports {other}");
+                assert!(
+                    !text.contains(&format!("systems::{other}")),
+                    "{file} imports {other}"
+                );
             }
         }
     }

@@ -1,0 +1,401 @@
+//! The compact speech encoder: log-mel → features at 25 Hz, about 1.4 million parameters.
+//!
+//! Twin of `training/speech/compact.py`; the golden holds both together. Output frame `i` is
+//! centred on mel frame `4 i`, that is on second `i / 25`. Long sounds are encoded in spans with
+//! enough context on both sides that the result is the same as that of the whole.
+
+use candle_core::{DType, Device, Tensor};
+use candle_nn::{LayerNorm, Linear, Module, VarBuilder};
+use ndarray::{Array1, Array2, ArrayView2, Axis, Slice};
+
+use super::{
+    FeatureTrack, SpeechEncoder,
+    log_mel::{BANDS, log_mel},
+};
+use crate::{Error, Result, audio::Waveform};
+
+const ACTIVE_QUANTILE: f64 = 0.95;
+const ACTIVE_RANGE: f32 = 4.0;
+const QUIETEST_LEVEL: f32 = -9.0;
+const DEEPEST: f32 = -12.0;
+const SCALE: f32 = 4.0;
+/// Mel frames to an output frame.
+const STRIDE: usize = 4;
+/// Output frames of a span, without its context.
+const SPAN: usize = 1024;
+
+/// Sizes of the encoder, as `config.json` states them.
+#[derive(Debug, Clone, PartialEq, serde::Deserialize)]
+pub struct CompactConfig {
+    /// The word that names the encoder.
+    pub model: String,
+    /// Mel bands; always [`BANDS`].
+    pub bands: usize,
+    /// Channels `C` of the features.
+    pub channels: usize,
+    /// Dilations of the blocks at 50 Hz.
+    pub fine_dilations: Vec<usize>,
+    /// Dilations of the blocks at 25 Hz.
+    pub coarse_dilations: Vec<usize>,
+    /// What the strides amount to; always 25.
+    pub rate_hz: f64,
+}
+
+/// The default speech encoder.
+pub struct CompactEncoder {
+    config: CompactConfig,
+    stem: Conv,
+    fine: Vec<ResidualBlock>,
+    down: Conv,
+    coarse: Vec<ResidualBlock>,
+    norm: LayerNorm,
+}
+
+impl CompactEncoder {
+    /// From the bytes of `model.safetensors` and the text of `config.json`.
+    ///
+    /// # Errors
+    /// `Weights` if either is damaged or they do not fit each other.
+    pub fn load(weights: &[u8], config: &str) -> Result<Self> {
+        let bad = |e: &dyn std::fmt::Display| Error::Weights(format!("compact_speech: {e}"));
+        let config: CompactConfig = serde_json::from_str(config).map_err(|e| bad(&e))?;
+        if config.bands != BANDS || config.rate_hz != 25.0 {
+            return Err(bad(&format!(
+                "expected {BANDS} bands and 25 Hz, got {} and {} Hz",
+                config.bands, config.rate_hz
+            )));
+        }
+        let vb = VarBuilder::from_slice_safetensors(weights, DType::F32, &Device::Cpu)
+            .map_err(|e| bad(&e))?;
+        Self::new(config, vb).map_err(|e| bad(&e))
+    }
+
+    fn new(config: CompactConfig, vb: VarBuilder<'_>) -> candle_core::Result<Self> {
+        let channels = config.channels;
+        let blocks = |name: &str, dilations: &[usize]| {
+            let vb = vb.pp(name);
+            let block = |(i, d): (usize, &usize)| ResidualBlock::new(channels, *d, vb.pp(i));
+            dilations.iter().enumerate().map(block).collect()
+        };
+        let fine: candle_core::Result<Vec<_>> = blocks("fine", &config.fine_dilations);
+        let coarse: candle_core::Result<Vec<_>> = blocks("coarse", &config.coarse_dilations);
+        Ok(CompactEncoder {
+            stem: Conv::new(config.bands, channels, 5, 2, 1, vb.pp("stem"))?,
+            fine: fine?,
+            down: Conv::new(channels, channels, 3, 2, 1, vb.pp("down"))?,
+            coarse: coarse?,
+            norm: candle_nn::layer_norm(channels, 1e-5, vb.pp("norm"))?,
+            config,
+        })
+    }
+
+    /// Features of a normalised log-mel.
+    ///
+    /// `mel`: `[T, 64]` from [`normalise`]. Returns `[⌈⌈T/2⌉/2⌉, C]`.
+    ///
+    /// # Errors
+    /// `Internal` only.
+    pub fn forward(&self, mel: ArrayView2<'_, f32>) -> Result<Array2<f32>> {
+        let frames = mel.nrows().div_ceil(STRIDE);
+        let context = self.context();
+        let mut out = Array2::zeros((frames, self.config.channels));
+        for start in (0..frames).step_by(SPAN) {
+            let end = (start + SPAN).min(frames);
+            let first = start.saturating_sub(context);
+            let last = ((end + context) * STRIDE).min(mel.nrows());
+            let rows = |from: usize, to: usize| Slice::from(from..to);
+            let features =
+                self.forward_span(mel.slice_axis(Axis(0), rows(first * STRIDE, last)))?;
+            out.slice_axis_mut(Axis(0), rows(start, end))
+                .assign(&features.slice_axis(Axis(0), rows(start - first, end - first)));
+        }
+        Ok(out)
+    }
+
+    /// Output frames on either side that one output frame depends on.
+    fn context(&self) -> usize {
+        let coarse: usize = self.config.coarse_dilations.iter().sum();
+        let fine: usize = self.config.fine_dilations.iter().sum();
+        // The fine blocks and the strided step at 50 Hz, the stem's 2 mel frames rounded up.
+        coarse + (fine + 1).div_ceil(2) + 1
+    }
+
+    fn forward_span(&self, mel: ArrayView2<'_, f32>) -> Result<Array2<f32>> {
+        let values: Vec<f32> = mel.iter().copied().collect();
+        let mut x = Tensor::from_vec(values, mel.dim(), &Device::Cpu)?;
+        x = self.stem.forward(&x)?.gelu_erf()?;
+        for block in &self.fine {
+            x = block.forward(&x)?;
+        }
+        x = self.down.forward(&x)?.gelu_erf()?;
+        for block in &self.coarse {
+            x = block.forward(&x)?;
+        }
+        x = self.norm.forward(&x)?;
+        let (frames, channels) = x.dims2()?;
+        let values = x.flatten_all()?.to_vec1()?;
+        Ok(Array2::from_shape_vec((frames, channels), values).expect("the tensor's own shape"))
+    }
+}
+
+impl SpeechEncoder for CompactEncoder {
+    fn channels(&self) -> usize {
+        self.config.channels
+    }
+
+    fn encode(&self, waveform: &Waveform) -> Result<FeatureTrack> {
+        if waveform.samples.is_empty() {
+            return Err(Error::Audio("expected sound, got no samples".into()));
+        }
+        let mel = normalise(log_mel(&waveform.samples));
+        Ok(FeatureTrack {
+            features: self.forward(mel.view())?,
+            rate_hz: self.config.rate_hz,
+        })
+    }
+}
+
+/// Removes loudness, microphone and voice colour from one clip.
+///
+/// The level of a frame is its mean over bands. Frames within 4 nepers (of power) of the 95 %
+/// quantile of levels are active (quantile with linear interpolation). Each band's mean over the
+/// active frames is subtracted; if the mean of these means is under −9, all are raised together
+/// so that it is −9: near-silence stays silent instead of being blown up. Then the result is
+/// bounded below by −12 and divided by 4.
+///
+/// `mel`: `[T, 64]` from [`log_mel`], at least one frame. Returns the same shape, unitless.
+pub fn normalise(mut mel: Array2<f32>) -> Array2<f32> {
+    let bands = mel.ncols() as f32;
+    let levels: Vec<f32> = mel
+        .rows()
+        .into_iter()
+        .map(|row| row.sum() / bands)
+        .collect();
+    let threshold = quantile(&levels, ACTIVE_QUANTILE) - ACTIVE_RANGE;
+    // Sums in double precision: an hour has 360,000 frames.
+    let mut colour = Array1::<f64>::zeros(mel.ncols());
+    let mut active = 0.0;
+    for (row, level) in mel.rows().into_iter().zip(&levels) {
+        if *level >= threshold {
+            colour.zip_mut_with(&row, |sum, x| *sum += f64::from(*x));
+            active += 1.0;
+        }
+    }
+    let colour = colour.mapv(|sum| (sum / active) as f32);
+    let raise = (QUIETEST_LEVEL - colour.sum() / bands).max(0.0);
+    for mut row in mel.axis_iter_mut(Axis(0)) {
+        row.zip_mut_with(&colour, |x, c| *x = (*x - c - raise).max(DEEPEST) / SCALE);
+    }
+    mel
+}
+
+/// Linear interpolation between order statistics, as torch and numpy do by default.
+fn quantile(values: &[f32], q: f64) -> f32 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f32::total_cmp);
+    let position = q * (sorted.len() - 1) as f64;
+    let below = position.floor() as usize;
+    let above = (below + 1).min(sorted.len() - 1);
+    let share = (position - below as f64) as f32;
+    sorted[below] + (sorted[above] - sorted[below]) * share
+}
+
+/// x + mix(GELU(conv(norm(x)))) on `[T, C]`; `conv` has 3 taps `dilation` apart.
+struct ResidualBlock {
+    norm: LayerNorm,
+    conv: Conv,
+    mix: Linear,
+}
+
+impl ResidualBlock {
+    fn new(channels: usize, dilation: usize, vb: VarBuilder<'_>) -> candle_core::Result<Self> {
+        Ok(ResidualBlock {
+            norm: candle_nn::layer_norm(channels, 1e-5, vb.pp("norm"))?,
+            conv: Conv::new(channels, channels, 3, 1, dilation, vb.pp("conv"))?,
+            mix: candle_nn::linear(channels, channels, vb.pp("mix"))?,
+        })
+    }
+
+    fn forward(&self, x: &Tensor) -> candle_core::Result<Tensor> {
+        let y = self.conv.forward(&self.norm.forward(x)?)?.gelu_erf()?;
+        x + self.mix.forward(&y)?
+    }
+}
+
+/// A convolution over time with "same" padding of zeros, as one matrix product over its taps.
+struct Conv {
+    /// `[taps · in, out]`.
+    weight: Tensor,
+    bias: Tensor,
+    taps: usize,
+    stride: usize,
+    dilation: usize,
+}
+
+impl Conv {
+    fn new(
+        channels_in: usize,
+        channels_out: usize,
+        taps: usize,
+        stride: usize,
+        dilation: usize,
+        vb: VarBuilder<'_>,
+    ) -> candle_core::Result<Self> {
+        let weight = vb
+            .get((channels_out, channels_in, taps), "weight")?
+            .permute((2, 1, 0))?
+            .contiguous()?
+            .reshape((taps * channels_in, channels_out))?;
+        Ok(Conv {
+            weight,
+            bias: vb.get(channels_out, "bias")?,
+            taps,
+            stride,
+            dilation,
+        })
+    }
+
+    /// `x`: `[T, in]`. Returns `[⌈T / stride⌉, out]`.
+    fn forward(&self, x: &Tensor) -> candle_core::Result<Tensor> {
+        let frames = x.dim(0)?.div_ceil(self.stride);
+        let pad = self.dilation * (self.taps / 2);
+        // The extra rows on the right let every tap be cut into whole strides.
+        let padded = x.pad_with_zeros(0, pad, pad + self.stride)?;
+        let tap = |k: usize| -> candle_core::Result<Tensor> {
+            let rows = padded.narrow(0, k * self.dilation, frames * self.stride)?;
+            match self.stride {
+                1 => Ok(rows),
+                stride => rows
+                    .reshape((frames, stride, ()))?
+                    .narrow(1, 0, 1)?
+                    .squeeze(1),
+            }
+        };
+        let taps = (0..self.taps)
+            .map(tap)
+            .collect::<candle_core::Result<Vec<_>>>()?;
+        Tensor::cat(&taps, 1)?
+            .matmul(&self.weight)?
+            .broadcast_add(&self.bias)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::audio::SAMPLE_RATE_HZ;
+    use safetensors::{SafeTensors, tensor::TensorView};
+    use std::collections::HashMap;
+
+    fn golden(name: &str) -> Vec<u8> {
+        let path = format!("{}/../tests/goldens/{name}", env!("CARGO_MANIFEST_DIR"));
+        std::fs::read(path).unwrap()
+    }
+
+    fn array(file: &SafeTensors<'_>, name: &str) -> Array2<f32> {
+        let view = file.tensor(name).unwrap();
+        let shape = (view.shape()[0], view.shape().get(1).copied().unwrap_or(1));
+        Array2::from_shape_vec(shape, floats(&view)).unwrap()
+    }
+
+    fn floats(view: &TensorView<'_>) -> Vec<f32> {
+        view.data()
+            .chunks_exact(4)
+            .map(|b| f32::from_le_bytes(b.try_into().unwrap()))
+            .collect()
+    }
+
+    fn largest_difference(a: &Array2<f32>, b: &Array2<f32>) -> f32 {
+        assert_eq!(a.dim(), b.dim());
+        let pairs = a.iter().zip(b);
+        pairs.fold(0.0, |most, (x, y)| most.max((x - y).abs()))
+    }
+
+    fn debug_encoder() -> (CompactEncoder, Vec<u8>) {
+        let bytes = golden("compact_speech_debug.safetensors");
+        let (_, metadata) = SafeTensors::read_metadata(&bytes).unwrap();
+        let config = metadata.metadata().as_ref().unwrap()["config"].clone();
+        let weights = weights_alone(&bytes);
+        (CompactEncoder::load(&weights, &config).unwrap(), bytes)
+    }
+
+    fn weights_alone(bytes: &[u8]) -> Vec<u8> {
+        let file = SafeTensors::deserialize(bytes).unwrap();
+        let weights: HashMap<String, TensorView<'_>> = file
+            .tensors()
+            .into_iter()
+            .filter_map(|(name, view)| Some((name.strip_prefix("weights.")?.to_string(), view)))
+            .collect();
+        safetensors::serialize(&weights, None).unwrap()
+    }
+
+    #[test]
+    fn log_mel_matches_the_training_code() {
+        let bytes = golden("log_mel_debug.safetensors");
+        let file = SafeTensors::deserialize(&bytes).unwrap();
+        let samples = floats(&file.tensor("input").unwrap());
+        let mel = log_mel(&samples);
+        // The chirp leaves bands 100 dB down, where single precision differs between FFTs.
+        assert!(largest_difference(&mel, &array(&file, "output")) < 1e-3);
+        assert!(largest_difference(&normalise(mel), &array(&file, "normalised")) < 1e-3);
+    }
+
+    #[test]
+    fn features_match_the_training_code() {
+        let (encoder, bytes) = debug_encoder();
+        let file = SafeTensors::deserialize(&bytes).unwrap();
+        let mel = normalise(array(&file, "input"));
+        let features = encoder.forward(mel.view()).unwrap();
+        assert!(largest_difference(&features, &array(&file, "output")) < 1e-4);
+    }
+
+    #[test]
+    fn spans_give_the_same_as_the_whole() {
+        let (encoder, _) = debug_encoder();
+        let frames = 2 * SPAN * STRIDE + 77;
+        let mel = Array2::from_shape_fn((frames, BANDS), |(t, b)| {
+            ((t * 7 + b * 13) % 101) as f32 / 50.0 - 1.0
+        });
+        let whole = encoder.forward_span(mel.view()).unwrap();
+        let spans = encoder.forward(mel.view()).unwrap();
+        assert!(largest_difference(&whole, &spans) < 1e-5);
+    }
+
+    #[test]
+    fn one_sample_and_silence_give_finite_features() {
+        let (encoder, _) = debug_encoder();
+        for samples in [vec![0.3; 1], vec![0.0; SAMPLE_RATE_HZ as usize / 50]] {
+            let track = encoder.encode(&Waveform { samples }).unwrap();
+            assert_eq!(track.features.dim(), (1, encoder.channels()));
+            assert!(track.features.iter().all(|x| x.is_finite()));
+        }
+    }
+
+    #[test]
+    fn a_clip_far_too_quiet_stays_quiet() {
+        let mel = Array2::from_elem((50, BANDS), -13.0);
+        assert!(normalise(mel).iter().all(|x| *x == -1.0));
+    }
+
+    #[test]
+    fn damaged_weights_are_refused() {
+        let (encoder, bytes) = debug_encoder();
+        let weights = weights_alone(&bytes);
+        let config = |channels: usize| {
+            format!(
+                r#"{{"model":"compact_speech","bands":64,"channels":{channels},"fine_dilations":[1],"coarse_dilations":[1,2],"rate_hz":25.0}}"#
+            )
+        };
+        assert_eq!(encoder.channels(), 16);
+        assert!(CompactEncoder::load(&weights, &config(16)).is_ok());
+        let refused = [
+            CompactEncoder::load(&weights[..weights.len() / 2], &config(16)),
+            CompactEncoder::load(&weights, &config(32)),
+            CompactEncoder::load(&weights, "{"),
+            CompactEncoder::load(&[], &config(16)),
+        ];
+        for result in refused {
+            assert!(matches!(result, Err(Error::Weights(_))));
+        }
+    }
+}

@@ -1,0 +1,186 @@
+//! Log-mel spectrogram of 16 kHz mono speech: the input of the compact encoder.
+//!
+//! Twin of `training/speech/log_mel.py`; the golden holds both together.
+
+use std::f64::consts::TAU;
+
+use ndarray::Array2;
+use realfft::RealFftPlanner;
+
+use crate::audio::SAMPLE_RATE_HZ;
+
+/// Number of mel bands.
+pub const BANDS: usize = 64;
+/// Samples from one frame to the next: 100 frames a second.
+pub const HOP: usize = 160;
+const FRAME: usize = 400;
+const FFT: usize = 512;
+const LOW_HZ: f64 = 50.0;
+const HIGH_HZ: f64 = 7600.0;
+/// Smallest power that enters the logarithm.
+const FLOOR: f32 = 1e-6;
+
+/// Natural logarithm of the mel power, at 100 frames a second.
+///
+/// Frame `i` is centred on sample `160 i`: it starts at `160 i − 200`, zeros stand beyond both
+/// ends. Periodic Hann window of 400 samples, zero-padded on the right to 512; `|X|²`; triangular
+/// filters with peak 1, evenly spaced on the HTK mel scale from 50 to 7600 Hz; `ln(max(·, 1e-6))`.
+///
+/// # Shapes and units
+/// `samples`: `[S]` at 16 kHz, nominally in [−1, 1]. Returns `[1 + S / 160, 64]`.
+pub fn log_mel(samples: &[f32]) -> Array2<f32> {
+    let transform = RealFftPlanner::<f32>::new().plan_fft_forward(FFT);
+    let mut framed = transform.make_input_vec();
+    let mut spectrum = transform.make_output_vec();
+    let mut scratch = transform.make_scratch_vec();
+    let (window, filters) = (hann(), mel_filters());
+    let mut out = Array2::zeros((1 + samples.len() / HOP, BANDS));
+    for (i, mut row) in out.outer_iter_mut().enumerate() {
+        window_frame(samples, i, &window, &mut framed);
+        transform
+            .process_with_scratch(&mut framed, &mut spectrum, &mut scratch)
+            .expect("buffers come from the transform itself");
+        for (band, filter) in row.iter_mut().zip(&filters) {
+            let bins = &spectrum[filter.first_bin..];
+            let power: f32 = filter
+                .weights
+                .iter()
+                .zip(bins)
+                .map(|(w, x)| w * x.norm_sqr())
+                .sum();
+            *band = power.max(FLOOR).ln();
+        }
+    }
+    out
+}
+
+fn window_frame(samples: &[f32], frame: usize, window: &[f32; FRAME], framed: &mut [f32]) {
+    framed.fill(0.0);
+    let start = (frame * HOP) as isize - (FRAME / 2) as isize;
+    for (k, w) in window.iter().enumerate() {
+        let at = start + k as isize;
+        if let Some(sample) = usize::try_from(at).ok().and_then(|at| samples.get(at)) {
+            framed[k] = w * sample;
+        }
+    }
+}
+
+fn hann() -> [f32; FRAME] {
+    std::array::from_fn(|k| (0.5 - 0.5 * (TAU * k as f64 / FRAME as f64).cos()) as f32)
+}
+
+/// One triangle: its weights from its first non-zero bin on.
+struct Filter {
+    first_bin: usize,
+    weights: Vec<f32>,
+}
+
+fn mel_filters() -> Vec<Filter> {
+    let (low, high) = (hertz_to_mel(LOW_HZ), hertz_to_mel(HIGH_HZ));
+    let edge = |i: usize| mel_to_hertz(low + (high - low) * i as f64 / (BANDS + 1) as f64);
+    (0..BANDS)
+        .map(|band| {
+            let (from, peak, to) = (edge(band), edge(band + 1), edge(band + 2));
+            let weight = |bin: usize| {
+                let hertz = bin as f64 * f64::from(SAMPLE_RATE_HZ) / FFT as f64;
+                let rise = (hertz - from) / (peak - from);
+                let fall = (to - hertz) / (to - peak);
+                rise.min(fall).max(0.0) as f32
+            };
+            let inside: Vec<usize> = (0..=FFT / 2).filter(|bin| weight(*bin) > 0.0).collect();
+            Filter {
+                first_bin: inside.first().copied().unwrap_or(0),
+                weights: inside.iter().map(|bin| weight(*bin)).collect(),
+            }
+        })
+        .collect()
+}
+
+/// HTK scale: 2595 log₁₀(1 + f / 700).
+fn hertz_to_mel(hertz: f64) -> f64 {
+    2595.0 * (1.0 + hertz / 700.0).log10()
+}
+
+fn mel_to_hertz(mel: f64) -> f64 {
+    700.0 * (10f64.powf(mel / 2595.0) - 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The definition, bin by bin, in double precision.
+    fn slow_twin(samples: &[f32], frame: usize, band: usize) -> f64 {
+        let (low, high) = (hertz_to_mel(LOW_HZ), hertz_to_mel(HIGH_HZ));
+        let edges: Vec<f64> = (0..BANDS + 2)
+            .map(|i| mel_to_hertz(low + (high - low) * i as f64 / 65.0))
+            .collect();
+        let mut sum = 0.0;
+        for bin in 0..=FFT / 2 {
+            let hertz = bin as f64 * 16_000.0 / FFT as f64;
+            let rise = (hertz - edges[band]) / (edges[band + 1] - edges[band]);
+            let fall = (edges[band + 2] - hertz) / (edges[band + 2] - edges[band + 1]);
+            let weight = rise.min(fall).max(0.0);
+            if weight == 0.0 {
+                continue;
+            }
+            let (mut re, mut im) = (0.0, 0.0);
+            for k in 0..FRAME {
+                let at = (frame * HOP + k) as isize - 200;
+                if at < 0 || at >= samples.len() as isize {
+                    continue;
+                }
+                let w = 0.5 - 0.5 * (TAU * k as f64 / 400.0).cos();
+                let x = w * f64::from(samples[at as usize]);
+                let (s, c) = (TAU * (bin * k) as f64 / 512.0).sin_cos();
+                re += x * c;
+                im -= x * s;
+            }
+            sum += weight * (re * re + im * im);
+        }
+        sum.max(1e-6).ln()
+    }
+
+    fn noise(samples: usize) -> Vec<f32> {
+        let mut state = 1u64;
+        (0..samples)
+            .map(|_| {
+                state = state.wrapping_mul(6364136223846793005).wrapping_add(1);
+                ((state >> 40) as f32 / (1u64 << 23) as f32 - 1.0) * 0.3
+            })
+            .collect()
+    }
+
+    #[test]
+    fn equals_the_definition() {
+        let samples = noise(1000);
+        let mel = log_mel(&samples);
+        assert_eq!(mel.dim(), (7, 64));
+        for frame in [0, 3, 6] {
+            for band in [0, 1, 20, 40, 63] {
+                let wanted = slow_twin(&samples, frame, band);
+                let got = f64::from(mel[[frame, band]]);
+                assert!(
+                    (got - wanted).abs() < 1e-4,
+                    "[{frame}, {band}]: {got} {wanted}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn silence_is_the_floor_and_nothing_gives_one_frame() {
+        assert!(log_mel(&[0.0; 480]).iter().all(|x| *x == FLOOR.ln()));
+        assert_eq!(log_mel(&[]).dim(), (1, 64));
+        assert_eq!(log_mel(&[0.1; 159]).dim(), (1, 64));
+    }
+
+    #[test]
+    fn every_band_sees_at_least_one_bin() {
+        assert!(
+            mel_filters()
+                .iter()
+                .all(|filter| !filter.weights.is_empty())
+        );
+    }
+}
