@@ -6,10 +6,14 @@ mod closest;
 mod landmark_file;
 mod landmarks;
 mod lips;
+mod normals;
+pub mod parts;
+pub(crate) mod vec3;
 
 pub use align::{Fit, Similarity};
 pub use canonical::{align_to_canonical, canonical_landmarks};
 pub use landmarks::locate_landmarks;
+pub use parts::Parts;
 
 /// A triangle mesh in the user's own units, axes and vertex order.
 #[derive(Debug, Clone, PartialEq, Default)]
