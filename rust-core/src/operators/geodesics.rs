@@ -79,12 +79,12 @@ impl<'a> HeatGeodesics<'a> {
         self.poisson.solve_in_place(&mut field, sets.len());
         let columns = field.chunks(rows).zip(sets);
         columns
-            .map(|(c, set)| self.from_sources(c, set.as_ref()))
+            .map(|(c, set)| self.shifted_to(c, set.as_ref()))
             .collect()
     }
 
     /// Shifts each part so that its nearest source is at zero.
-    fn from_sources(&self, potential: &[f64], sources: &[u32]) -> Vec<f64> {
+    fn shifted_to(&self, potential: &[f64], sources: &[u32]) -> Vec<f64> {
         let parts = &self.operators.parts;
         let mut zero = vec![f64::INFINITY; parts.count];
         for &source in sources {
@@ -112,7 +112,7 @@ fn divergence_of_flow(operators: &Operators, heat: &[f64]) -> Vec<f64> {
         let corners = cover.corners(f);
         let [ab, bc, ca] = cover.lengths(f);
         let twice_area = 2.0 * area([ab, bc, ca]);
-        if !(twice_area > 0.0) {
+        if twice_area <= 0.0 {
             continue;
         }
         // Corners at (0, 0), (ab, 0) and `top`; gradient of each hat function, times twice the area.
@@ -127,7 +127,7 @@ fn divergence_of_flow(operators: &Operators, heat: &[f64]) -> Vec<f64> {
         let along = |axis: usize| -> f64 { (0..3).map(|i| u[i] / scale * hats[i][axis]).sum() };
         let (gx, gy) = (along(0), along(1));
         let norm = gx.hypot(gy);
-        if !(norm > 0.0) {
+        if norm == 0.0 {
             continue;
         }
         for i in 0..3 {
