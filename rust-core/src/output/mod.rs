@@ -1,1 +1,99 @@
-//! output
+//! Results as files: npz for numpy, pc2 and mdd point caches, JSON reports.
+//!
+//! Every file is written beside its place under another name and renamed when complete, so that a
+//! full disk or a crash leaves what was there before. Large arrays are streamed, never copied.
+
+mod atomic;
+mod mdd;
+mod npz;
+mod pc2;
+
+use std::path::Path;
+
+pub use atomic::write_atomically;
+pub use npz::{LandmarkMotion, read_landmark_motion};
+
+use crate::{Animation, Error, Result, mesh::Mesh, motion::MotionClip};
+
+/// A kind of file that holds an animation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// Arrays for numpy: displacements, landmarks, frame rate.
+    Npz,
+    /// Point cache 2: positions at every frame; Blender, 3ds Max, Maya.
+    Pc2,
+    /// Lightwave point cache: times and positions, big-endian; Blender, Cinema 4D, Houdini.
+    Mdd,
+}
+
+impl Format {
+    /// From the extension of a file name.
+    ///
+    /// # Errors
+    /// `InvalidInput` for any other extension.
+    pub fn from_path(path: &Path) -> Result<Self> {
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
+        match extension.to_ascii_lowercase().as_str() {
+            "npz" => Ok(Format::Npz),
+            "pc2" => Ok(Format::Pc2),
+            "mdd" => Ok(Format::Mdd),
+            _ => Err(Error::InvalidInput(format!(
+                "{}: expected a name that ends in .npz, .pc2 or .mdd, got {extension:?}",
+                path.display()
+            ))),
+        }
+    }
+}
+
+/// Writes an animation in the format that the extension of `path` names.
+///
+/// npz: `displacements` `[T, V, 3]`, `landmarks_neutral` `[68, 3]`, `landmark_displacements`
+/// `[T, 68, 3]` as f32 in mesh units, and `fps`. pc2 and mdd: positions, mesh units and axes.
+///
+/// # Errors
+/// `InvalidInput` for an unknown extension, `ShapeMismatch` if the mesh is not the animation's,
+/// `Io` if the file cannot be written; then nothing is left of it.
+pub fn write_animation(path: &Path, animation: &Animation, mesh: &Mesh) -> Result<()> {
+    let format = Format::from_path(path)?;
+    let (frames, vertices, _) = animation.vertices.displacements.dim();
+    if vertices != mesh.positions.len() {
+        return Err(Error::ShapeMismatch {
+            what: "displacements",
+            expected: format!("[{frames}, {}, 3]", mesh.positions.len()),
+            got: format!("[{frames}, {vertices}, 3]"),
+        });
+    }
+    write_atomically(path, |file| match format {
+        Format::Npz => npz::write_animation(file, animation),
+        Format::Pc2 => pc2::write(file, &animation.vertices, mesh),
+        Format::Mdd => mdd::write(file, &animation.vertices, mesh),
+    })
+}
+
+/// Writes landmark motion as npz: `landmark_displacements` `[T, 68, 3]` in canonical metres, `fps`.
+///
+/// # Errors
+/// `InvalidInput` for an extension other than npz, `Io` if the file cannot be written.
+pub fn write_motion(path: &Path, motion: &MotionClip) -> Result<()> {
+    match Format::from_path(path)? {
+        Format::Npz => write_atomically(path, |file| npz::write_motion(file, motion)),
+        _ => Err(Error::InvalidInput(format!(
+            "{}: expected a name that ends in .npz for landmark motion",
+            path.display()
+        ))),
+    }
+}
+
+/// Writes any value as indented JSON.
+///
+/// # Errors
+/// `Io` if the file cannot be written.
+pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
+    write_atomically(path, |file| {
+        serde_json::to_writer_pretty(&mut *file, value)?;
+        std::io::Write::write_all(file, b"\n")
+    })
+}
+
+#[cfg(test)]
+mod tests;

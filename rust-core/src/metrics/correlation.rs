@@ -1,0 +1,77 @@
+//! Correlation of two curves, and the delay at which it is best.
+
+/// Pearson's r of two curves of the same length, −1 to 1; 0 where either is constant.
+///
+/// The shorter length counts where they differ.
+pub fn pearson(a: &[f64], b: &[f64]) -> f64 {
+    let count = a.len().min(b.len());
+    if count == 0 {
+        return 0.0;
+    }
+    let (a, b) = (&a[..count], &b[..count]);
+    let mean = |x: &[f64]| x.iter().sum::<f64>() / count as f64;
+    let (mean_a, mean_b) = (mean(a), mean(b));
+    let (mut aa, mut bb, mut ab) = (0.0, 0.0, 0.0);
+    for (x, y) in a.iter().zip(b) {
+        let (x, y) = (x - mean_a, y - mean_b);
+        aa += x * x;
+        bb += y * y;
+        ab += x * y;
+    }
+    match aa > 0.0 && bb > 0.0 {
+        true => ab / (aa * bb).sqrt(),
+        false => 0.0,
+    }
+}
+
+/// The delay in frames, within ±`most`, at which `prediction` correlates best with `truth`, and
+/// that correlation. Positive: the prediction is late.
+pub fn best_lag(prediction: &[f64], truth: &[f64], most: usize) -> (isize, f64) {
+    let count = prediction.len().min(truth.len());
+    let most = most.min(count.saturating_sub(2)) as isize;
+    let at = |lag: isize| {
+        let late = lag.max(0) as usize;
+        let early = (-lag).max(0) as usize;
+        pearson(
+            &prediction[late..count - early],
+            &truth[early..count - late],
+        )
+    };
+    // No delay wins a tie.
+    (-most..=most)
+        .map(|lag| (lag, at(lag)))
+        .fold((0, at(0)), |best, found| match found.1 > best.1 {
+            true => found,
+            false => best,
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wave(shift: usize) -> Vec<f64> {
+        (0..100)
+            .map(|t| ((t + 50 - shift) as f64 * 0.37).sin() + (t as f64 * 0.0011))
+            .collect()
+    }
+
+    #[test]
+    fn scale_and_offset_do_not_matter_and_constants_give_zero() {
+        let a = wave(0);
+        let b: Vec<f64> = a.iter().map(|x| 3.0 * x - 7.0).collect();
+        assert!((pearson(&a, &b) - 1.0).abs() < 1e-12);
+        let b: Vec<f64> = a.iter().map(|x| -x).collect();
+        assert!((pearson(&a, &b) + 1.0).abs() < 1e-12);
+        assert_eq!(pearson(&a, &[2.0; 100]), 0.0);
+        assert_eq!(pearson(&[], &[]), 0.0);
+    }
+
+    #[test]
+    fn a_delay_is_found_with_its_sign() {
+        assert_eq!(best_lag(&wave(3), &wave(0), 8).0, 3);
+        assert_eq!(best_lag(&wave(0), &wave(2), 8).0, -2);
+        assert_eq!(best_lag(&wave(0), &wave(0), 8).0, 0);
+        assert_eq!(best_lag(&[1.0], &[1.0], 8), (0, 0.0));
+    }
+}

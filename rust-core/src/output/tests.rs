@@ -1,0 +1,171 @@
+use std::io::{self, Cursor, Seek, SeekFrom, Write};
+
+use ndarray::Array3;
+use ndarray_npy::NpzReader;
+
+use super::*;
+use crate::{deform::VertexClip, motion::LANDMARKS};
+
+fn sample() -> (Animation, Mesh) {
+    let displacements = Array3::from_shape_fn((4, 5, 3), |(t, v, i)| (t * 100 + v * 10 + i) as f32);
+    let animation = Animation {
+        vertices: VertexClip {
+            displacements,
+            fps: 24.0,
+        },
+        landmarks_neutral: std::array::from_fn(|n| [n as f32, 0.5, -1.0]),
+        landmark_displacements: Array3::from_shape_fn((4, LANDMARKS, 3), |(t, n, i)| {
+            (t + n + i) as f32 * 0.25
+        }),
+    };
+    let mesh = Mesh {
+        positions: (0..5).map(|v| [v as f32, 1.0, 2.0]).collect(),
+        triangles: vec![[0, 1, 2]],
+    };
+    (animation, mesh)
+}
+
+#[test]
+fn npz_gives_back_what_was_written() {
+    let (animation, mesh) = sample();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("clip.npz");
+    write_animation(&path, &animation, &mesh).unwrap();
+    let mut npz = NpzReader::new(std::fs::File::open(&path).unwrap()).unwrap();
+    let displacements: Array3<f32> = npz.by_name("displacements").unwrap();
+    assert_eq!(displacements, animation.vertices.displacements);
+    let read = read_landmark_motion(&path).unwrap();
+    assert_eq!(read.neutral, Some(animation.landmarks_neutral));
+    assert_eq!(read.displacements, animation.landmark_displacements);
+    assert_eq!(read.fps, Some(24.0));
+}
+
+#[test]
+fn motion_files_hold_no_neutral_landmarks() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("motion.npz");
+    let motion = MotionClip {
+        displacements: Array3::from_elem((2, LANDMARKS, 3), 0.01),
+        fps: 30.0,
+    };
+    write_motion(&path, &motion).unwrap();
+    let read = read_landmark_motion(&path).unwrap();
+    assert_eq!(read.neutral, None);
+    assert_eq!(read.displacements, motion.displacements);
+    assert!(write_motion(&folder.path().join("motion.pc2"), &motion).is_err());
+}
+
+#[test]
+fn pc2_holds_positions_little_endian() {
+    let (animation, mesh) = sample();
+    let mut bytes = Vec::new();
+    pc2::write(&mut bytes, &animation.vertices, &mesh).unwrap();
+    assert_eq!(bytes.len(), 32 + 4 * 5 * 3 * 4);
+    assert_eq!(&bytes[..12], b"POINTCACHE2\0");
+    let int = |at: usize| i32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+    let float = |at: usize| f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+    assert_eq!((int(12), int(16), int(28)), (1, 5, 4));
+    assert_eq!((float(20), float(24)), (0.0, 1.0));
+    // Frame 2, vertex 3, y: 1 + (200 + 30 + 1).
+    assert_eq!(float(32 + ((2 * 5 + 3) * 3 + 1) * 4), 232.0);
+}
+
+#[test]
+fn mdd_holds_times_and_positions_big_endian() {
+    let (animation, mesh) = sample();
+    let mut bytes = Vec::new();
+    mdd::write(&mut bytes, &animation.vertices, &mesh).unwrap();
+    assert_eq!(bytes.len(), 8 + 4 * 4 + 4 * 5 * 3 * 4);
+    let int = |at: usize| i32::from_be_bytes(bytes[at..at + 4].try_into().unwrap());
+    let float = |at: usize| f32::from_be_bytes(bytes[at..at + 4].try_into().unwrap());
+    assert_eq!((int(0), int(4)), (4, 5));
+    assert_eq!(float(8 + 3 * 4), 0.125);
+    assert_eq!(float(24 + ((2 * 5 + 3) * 3 + 1) * 4), 232.0);
+}
+
+#[test]
+fn unknown_extensions_and_foreign_meshes_are_refused() {
+    let (animation, mut mesh) = sample();
+    let folder = tempfile::tempdir().unwrap();
+    let error = write_animation(&folder.path().join("clip.abc"), &animation, &mesh).unwrap_err();
+    assert!(error.to_string().contains(".npz, .pc2 or .mdd"), "{error}");
+    mesh.positions.pop();
+    let error = write_animation(&folder.path().join("clip.pc2"), &animation, &mesh).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "displacements: expected [4, 4, 3], got [4, 5, 3]"
+    );
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+/// A disk with room for so many bytes.
+struct SmallDisk {
+    inner: Cursor<Vec<u8>>,
+    room: usize,
+}
+
+impl Write for SmallDisk {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if self.inner.position() as usize + bytes.len() > self.room {
+            return Err(io::ErrorKind::StorageFull.into());
+        }
+        self.inner.write(bytes)
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Seek for SmallDisk {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.inner.seek(to)
+    }
+}
+
+#[test]
+fn a_full_disk_is_reported_wherever_it_strikes() {
+    let (animation, mesh) = sample();
+    let mut whole = Cursor::new(Vec::new());
+    npz::write_animation(&mut whole, &animation).unwrap();
+    let length = whole.into_inner().len();
+    for room in (0..length).step_by(97) {
+        let inner = Cursor::new(Vec::new());
+        let result = npz::write_animation(SmallDisk { inner, room }, &animation);
+        let kind = result.expect_err("the disk is too small").kind();
+        assert_eq!(kind, io::ErrorKind::StorageFull, "with room for {room}");
+    }
+    for room in [0, 20, 31, 100] {
+        let disk = || SmallDisk {
+            inner: Cursor::new(Vec::new()),
+            room,
+        };
+        assert!(pc2::write(&mut disk(), &animation.vertices, &mesh).is_err());
+        assert!(mdd::write(&mut disk(), &animation.vertices, &mesh).is_err());
+    }
+}
+
+#[test]
+fn motion_files_are_checked() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("motion.npz");
+    let message = || read_landmark_motion(&path).unwrap_err().to_string();
+    assert!(message().contains("motion.npz"));
+    std::fs::write(&path, b"no archive").unwrap();
+    assert!(message().contains("expected an npz"));
+    let write = |name: &str, array: Array3<f64>| {
+        let mut npz = ndarray_npy::NpzWriter::new(std::fs::File::create(&path).unwrap());
+        npz.add_array(name, &array).unwrap();
+        npz.finish().unwrap();
+    };
+    write("something", Array3::zeros((2, LANDMARKS, 3)));
+    assert!(message().contains("expected an array landmark_displacements, got something"));
+    write("landmark_displacements", Array3::zeros((2, 67, 3)));
+    assert!(message().contains("expected [2, 68, 3], got [2, 67, 3]"));
+    write(
+        "landmark_displacements",
+        Array3::from_elem((2, LANDMARKS, 3), f64::NAN),
+    );
+    assert!(message().contains("NaN or infinity in frame 0"));
+    write("landmark_displacements", Array3::ones((2, LANDMARKS, 3)));
+    assert_eq!(read_landmark_motion(&path).unwrap().fps, None);
+}
