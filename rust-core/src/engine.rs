@@ -25,6 +25,16 @@ pub enum CachePolicy {
     Folder(PathBuf),
 }
 
+/// Which decoder spreads landmark motion over a mesh.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum DecoderKind {
+    /// Weights over the landmarks, computed once per mesh; fast and the most accurate.
+    #[default]
+    Static,
+    /// The paper's per-frame decoder.
+    Paper,
+}
+
 /// How an [`Engine`] is set up.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EngineOptions {
@@ -34,6 +44,11 @@ pub struct EngineOptions {
     pub cache: CachePolicy,
     /// Number of worker threads; `None` takes one per core.
     pub threads: Option<usize>,
+    /// A folder of Hugging Face `config.json` and `model.safetensors` (HuBERT or wav2vec2) that
+    /// replaces the compact speech encoder; the denoiser's weights must have been trained with it.
+    pub speech: Option<PathBuf>,
+    /// Which decoder [`Engine::prepare`] builds.
+    pub decoder: DecoderKind,
 }
 
 impl Default for EngineOptions {
@@ -42,6 +57,8 @@ impl Default for EngineOptions {
             weights: None,
             cache: CachePolicy::UserFolder,
             threads: None,
+            speech: None,
+            decoder: DecoderKind::Static,
         }
     }
 }

@@ -26,5 +26,7 @@ pub mod progress;
 pub mod speech;
 pub mod systems;
 
-pub use engine::{Animation, CachePolicy, Engine, EngineOptions, MotionRequest, PreparedFace};
+pub use engine::{
+    Animation, CachePolicy, DecoderKind, Engine, EngineOptions, MotionRequest, PreparedFace,
+};
 pub use error::{Error, Result};
