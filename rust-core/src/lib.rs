@@ -8,7 +8,8 @@
 //! [`Engine`] runs the whole way. Shapes in the documentation use fixed letters: `B` batch,
 //! `T` motion frames, `S` samples, `C` channels, `V` vertices, `F` faces, `K` eigenpairs,
 //! `N` landmarks.
-#![forbid(unsafe_code)]
+// `deny`, not `forbid`: the slicing macro of ndarray expands to an `allow` of its own.
+#![deny(unsafe_code)]
 
 pub mod audio;
 pub mod conditions;
