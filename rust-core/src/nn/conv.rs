@@ -1,0 +1,157 @@
+//! One-dimensional convolution over time as a sum of matrix products, one per tap.
+
+use faer::MatRef;
+use ndarray::{Array1, Array2, ArrayRef2};
+
+use super::{Weights, elementwise::add_to_rows, matrix};
+use crate::Result;
+
+/// A strided convolution without padding over `[T, C]`; PyTorch's `nn.Conv1d`, channels last.
+#[derive(Debug, Clone)]
+pub struct Conv1d {
+    /// `[taps · in, out]`: the taps one below the other.
+    weight: Array2<f32>,
+    bias: Array1<f32>,
+    inputs: usize,
+    stride: usize,
+}
+
+impl Conv1d {
+    /// Reads `weight` `[out, in, taps]` and, where the file has it, `bias` `[out]`.
+    ///
+    /// # Errors
+    /// `Weights` if one is missing or has another shape.
+    pub fn load(weights: &Weights, shape: [usize; 3], stride: usize, bias: bool) -> Result<Self> {
+        let values = weights.values("weight", &shape)?;
+        let bias = match bias {
+            true => weights.vector("bias", shape[0])?,
+            false => Array1::zeros(shape[0]),
+        };
+        Ok(Self::from_parts(&values, shape, bias, stride))
+    }
+
+    /// From a weight `[out, in, taps]` in row-major order and a bias `[out]`.
+    ///
+    /// # Panics
+    /// If the sizes disagree.
+    pub fn from_parts(weight: &[f32], shape: [usize; 3], bias: Array1<f32>, stride: usize) -> Self {
+        let [outputs, inputs, taps] = shape;
+        assert_eq!(
+            (weight.len(), bias.len()),
+            (outputs * inputs * taps, outputs)
+        );
+        let weight = Array2::from_shape_fn((taps * inputs, outputs), |(row, out)| {
+            weight[(out * inputs + row % inputs) * taps + row / inputs]
+        });
+        Conv1d {
+            weight,
+            bias,
+            inputs,
+            stride,
+        }
+    }
+
+    /// Number of output channels.
+    pub fn outputs(&self) -> usize {
+        self.weight.ncols()
+    }
+
+    /// Number of taps.
+    pub fn taps(&self) -> usize {
+        self.weight.nrows() / self.inputs
+    }
+
+    /// Rows of the output for `rows` rows of input.
+    pub fn output_rows(&self, rows: usize) -> usize {
+        match rows >= self.taps() {
+            true => (rows - self.taps()) / self.stride + 1,
+            false => 0,
+        }
+    }
+
+    /// `x`: `[T, in]`. Returns `[T', out]` with `T' = (T − taps) / stride + 1`, each block of rows
+    /// passed through `finish` while it is in the cache.
+    pub fn forward_then(
+        &self,
+        x: &ArrayRef2<f32>,
+        finish: impl Fn(&mut [f32]) + Sync,
+    ) -> Array2<f32> {
+        assert_eq!(x.ncols(), self.inputs, "input channels");
+        let values = matrix::values(x);
+        let outputs = self.outputs();
+        matrix::by_row_blocks(self.output_rows(x.nrows()), outputs, |rows, out| {
+            let from = rows.start * self.stride * self.inputs;
+            match self.inputs {
+                1 => self.one_channel(&values[from..], rows.len(), out),
+                _ => self.sum_of_taps(&values[from..], rows.len(), out),
+            }
+            add_to_rows(out, self.bias.as_slice().expect("contiguous"));
+            finish(out);
+        })
+    }
+
+    /// A product of the gathered windows: with one channel a tap alone is too thin a matrix.
+    fn one_channel(&self, x: &[f32], rows: usize, out: &mut [f32]) {
+        let taps = self.taps();
+        let windows: Vec<f32> = (0..rows)
+            .flat_map(|row| &x[row * self.stride..row * self.stride + taps])
+            .copied()
+            .collect();
+        let windows = matrix::rows_of(&windows, taps);
+        let target = matrix::view_mut(out, self.outputs());
+        matrix::product(target, windows, matrix::view(&self.weight));
+    }
+
+    /// `Σ_tap x[tap :: stride] W_tap`: no copy of the input.
+    fn sum_of_taps(&self, x: &[f32], rows: usize, out: &mut [f32]) {
+        let step = self.stride * self.inputs;
+        for tap in 0..self.taps() {
+            let from = tap * self.inputs;
+            let to = from + (rows - 1) * step + self.inputs;
+            let x = MatRef::from_row_major_slice_with_stride(&x[from..to], rows, self.inputs, step);
+            let weight = matrix::view(&self.weight).subrows(from, self.inputs);
+            let target = matrix::view_mut(out, self.outputs());
+            match tap {
+                0 => matrix::product(target, x, weight),
+                _ => matrix::product_add(target, x, weight),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The definition, written as the sum it is.
+    fn plain(x: &Array2<f32>, weight: &[f32], shape: [usize; 3], stride: usize) -> Array2<f32> {
+        let [outputs, inputs, taps] = shape;
+        let rows = (x.nrows() - taps) / stride + 1;
+        Array2::from_shape_fn((rows, outputs), |(t, o)| {
+            let mut sum = 0.0;
+            for i in 0..inputs {
+                for k in 0..taps {
+                    sum += x[[t * stride + k, i]] * weight[(o * inputs + i) * taps + k];
+                }
+            }
+            sum
+        })
+    }
+
+    #[test]
+    fn convolution_equals_its_definition() {
+        for (inputs, taps, stride) in [(1, 10, 5), (6, 3, 2), (4, 2, 2), (5, 4, 1)] {
+            let shape = [7, inputs, taps];
+            let weight: Vec<f32> = (0..7 * inputs * taps)
+                .map(|i| (i as f32 * 0.37).sin())
+                .collect();
+            let x = Array2::from_shape_fn((203, inputs), |(t, c)| {
+                ((t * inputs + c) as f32 * 0.11).cos()
+            });
+            let conv = Conv1d::from_parts(&weight, shape, Array1::zeros(7), stride);
+            let got = conv.forward_then(&x, |_| ());
+            let difference = &got - &plain(&x, &weight, shape, stride);
+            assert!(difference.iter().all(|d| d.abs() < 1e-4));
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! Reads golden files for the tests of the networks.
+
+use std::path::PathBuf;
+
+use ndarray::{Array2, Array3};
+use safetensors::{Dtype, SafeTensors};
+
+use super::{Weights, surface::Surface};
+
+/// A file of inputs, weights and reference outputs.
+pub(crate) struct Golden {
+    bytes: Vec<u8>,
+    arrays: Weights,
+}
+
+impl Golden {
+    /// From `tests/goldens` of the workspace.
+    pub fn open(name: &str) -> Self {
+        Self::read(
+            PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/goldens"),
+            name,
+        )
+    }
+
+    /// From the parity files, where they are.
+    pub fn open_shared(name: &str) -> Self {
+        let shared = match std::env::var_os("ANYFACE_SHARED") {
+            Some(folder) => PathBuf::from(folder),
+            None => PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared"),
+        };
+        Self::read(shared.join("parity"), name)
+    }
+
+    fn read(folder: PathBuf, name: &str) -> Self {
+        let path = folder.join(format!("{name}.safetensors"));
+        let bytes = std::fs::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        let arrays = Weights::from_bytes(&bytes).unwrap();
+        Golden { bytes, arrays }
+    }
+
+    /// The arrays whose names start with `weights.`.
+    pub fn weights(&self) -> Weights {
+        self.arrays.pp("weights")
+    }
+
+    #[allow(dead_code)]
+    pub fn metadata(&self, key: &str) -> String {
+        let (_, metadata) = SafeTensors::read_metadata(&self.bytes).unwrap();
+        metadata.metadata().as_ref().unwrap()[key].clone()
+    }
+
+    pub fn shape(&self, name: &str) -> Vec<usize> {
+        let file = SafeTensors::deserialize(&self.bytes).unwrap();
+        file.tensor(name).unwrap().shape().to_vec()
+    }
+
+    pub fn values(&self, name: &str) -> Vec<f32> {
+        self.arrays.values(name, &self.shape(name)).unwrap()
+    }
+
+    pub fn matrix(&self, name: &str) -> Array2<f32> {
+        let shape = self.shape(name);
+        Array2::from_shape_vec((shape[0], shape[1]), self.values(name)).unwrap()
+    }
+
+    pub fn cube(&self, name: &str) -> Array3<f32> {
+        let shape = self.shape(name);
+        Array3::from_shape_vec((shape[0], shape[1], shape[2]), self.values(name)).unwrap()
+    }
+
+    pub fn integers(&self, name: &str) -> Vec<usize> {
+        let file = SafeTensors::deserialize(&self.bytes).unwrap();
+        let view = file.tensor(name).unwrap();
+        let size = match view.dtype() {
+            Dtype::I32 => 4,
+            Dtype::I64 => 8,
+            other => panic!("{name}: {other:?}"),
+        };
+        let low = |bytes: &[u8]| u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize;
+        view.data().chunks_exact(size).map(low).collect()
+    }
+
+    /// The operators of a DiffusionNet golden.
+    pub fn surface(&self) -> Surface {
+        let gradient = |name: &str| {
+            let indices = self.integers(&format!("{name}.indices"));
+            let values = self.values(&format!("{name}.values"));
+            let (rows, columns) = indices.split_at(values.len());
+            let pairs = rows.iter().zip(columns).zip(&values);
+            let entries: Vec<_> = pairs.map(|((r, c), v)| (*r, *c, *v)).collect();
+            entries
+        };
+        Surface::new(
+            self.values("mass").into(),
+            self.values("evals").into(),
+            self.matrix("evecs"),
+            gradient("gradX"),
+            gradient("gradY"),
+        )
+        .unwrap()
+    }
+}
+
+/// Largest absolute difference.
+pub(crate) fn distance<'a>(
+    got: impl IntoIterator<Item = &'a f32>,
+    expected: impl IntoIterator<Item = &'a f32>,
+) -> f32 {
+    let (mut got, mut expected) = (got.into_iter(), expected.into_iter());
+    let mut largest = 0.0f32;
+    loop {
+        match (got.next(), expected.next()) {
+            (Some(a), Some(b)) => {
+                let difference = (a - b).abs();
+                assert!(difference.is_finite(), "{a} and {b}");
+                largest = largest.max(difference);
+            }
+            (None, None) => return largest,
+            _ => panic!("lengths differ"),
+        }
+    }
+}

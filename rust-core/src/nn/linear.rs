@@ -1,0 +1,104 @@
+//! `y = x W + b`.
+
+use faer::MatRef;
+use ndarray::{Array1, Array2, ArrayRef2};
+
+use super::{Weights, elementwise::add_to_rows, matrix};
+use crate::Result;
+
+/// A linear layer; PyTorch's `nn.Linear`.
+#[derive(Debug, Clone)]
+pub struct Linear {
+    /// `[in, out]`: transposed once at loading, because the product reads it along `out`.
+    weight: Array2<f32>,
+    /// `[out]`.
+    bias: Array1<f32>,
+}
+
+impl Linear {
+    /// Reads `weight` `[out, in]` and `bias` `[out]`.
+    ///
+    /// # Errors
+    /// `Weights` if one is missing or has another shape.
+    pub fn load(weights: &Weights, inputs: usize, outputs: usize) -> Result<Self> {
+        let weight = weights.matrix("weight", outputs, inputs)?;
+        let bias = weights.vector("bias", outputs)?;
+        Ok(Self::from_parts(&weight, bias))
+    }
+
+    /// Reads `weight` `[out, in]` of a layer without a bias.
+    ///
+    /// # Errors
+    /// `Weights` if it is missing or has another shape.
+    pub fn load_no_bias(weights: &Weights, inputs: usize, outputs: usize) -> Result<Self> {
+        let weight = weights.matrix("weight", outputs, inputs)?;
+        Ok(Self::from_parts(&weight, Array1::zeros(outputs)))
+    }
+
+    /// From a weight `[out, in]` and a bias `[out]`.
+    ///
+    /// # Panics
+    /// If their `out` differs.
+    pub fn from_parts(weight: &ArrayRef2<f32>, bias: Array1<f32>) -> Self {
+        assert_eq!(weight.nrows(), bias.len());
+        let weight = weight.t().as_standard_layout().into_owned();
+        Linear { weight, bias }
+    }
+
+    /// Number of input channels.
+    pub fn inputs(&self) -> usize {
+        self.weight.nrows()
+    }
+
+    /// Number of output channels.
+    pub fn outputs(&self) -> usize {
+        self.weight.ncols()
+    }
+
+    /// The weight as `[in, out]`.
+    pub fn weight(&self) -> MatRef<'_, f32> {
+        matrix::view(&self.weight)
+    }
+
+    /// The bias, `[out]`.
+    pub fn bias(&self) -> &[f32] {
+        self.bias.as_slice().expect("a vector is contiguous")
+    }
+
+    /// The layer that yields the output channels `start..start + count` alone.
+    pub fn columns(&self, start: usize, count: usize) -> Self {
+        let range = ndarray::s![.., start..start + count];
+        Linear {
+            weight: self.weight.slice(range).as_standard_layout().into_owned(),
+            bias: self
+                .bias
+                .slice(ndarray::s![start..start + count])
+                .to_owned(),
+        }
+    }
+
+    /// `x`: `[T, in]`. Returns `[T, out]`.
+    pub fn forward(&self, x: &ArrayRef2<f32>) -> Array2<f32> {
+        self.forward_then(x, |_| ())
+    }
+
+    /// [`Linear::forward`] and then `finish` on each block of rows while it is in the cache.
+    pub fn forward_then(
+        &self,
+        x: &ArrayRef2<f32>,
+        finish: impl Fn(&mut [f32]) + Sync,
+    ) -> Array2<f32> {
+        assert_eq!(x.ncols(), self.inputs(), "input channels");
+        let x = matrix::view(x);
+        matrix::by_row_blocks(x.nrows(), self.outputs(), |rows, out| {
+            self.forward_rows(x.subrows(rows.start, rows.len()), out);
+            finish(out);
+        })
+    }
+
+    /// `x`: `[T, in]`; writes `[T, out]` on the calling thread.
+    pub fn forward_rows(&self, x: MatRef<'_, f32>, out: &mut [f32]) {
+        matrix::product(matrix::view_mut(out, self.outputs()), x, self.weight());
+        add_to_rows(out, self.bias());
+    }
+}
