@@ -49,11 +49,15 @@ def normalise(mel: Tensor) -> Tensor:
     so that it is −9: near-silence stays silent instead of being blown up. Then the result is
     bounded below by −12 and divided by 4.
     """
+    return (mel - clip_colour(mel)).clamp_min(DEEPEST) / SCALE
+
+
+def clip_colour(mel: Tensor) -> Tensor:
+    """What `normalise` subtracts from a clip's raw log-mel [T, 64]; [64]."""
     level = mel.mean(dim=1)
     active = level >= torch.quantile(level, ACTIVE_QUANTILE) - ACTIVE_RANGE
     colour = mel[active].mean(dim=0)
-    colour = colour + (QUIETEST_LEVEL - colour.mean()).clamp_min(0.0)
-    return (mel - colour).clamp_min(DEEPEST) / SCALE
+    return colour + (QUIETEST_LEVEL - colour.mean()).clamp_min(0.0)
 
 
 class ResidualBlock(nn.Module):

@@ -1,0 +1,84 @@
+"""The training bank: log-mels in several voices and motion, computed once and kept on disk."""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from training.corpus.clip import MEL_PER_FRAME, Clip, fit_frames
+from training.corpus.facegood import read_facegood
+from training.corpus.grid import read_grid
+from training.corpus.mirror import symmetrise
+from training.corpus.revoice import revoice
+from training.speech.log_mel import log_mel
+
+READERS = {"grid_s1": read_grid, "facegood_zh": read_facegood}
+VERSION = 5
+
+
+@dataclass
+class Entry:
+    """One clip, ready for training.
+
+    `mels` [voices, 4 T, 64] f16 raw log-mel, voice 0 is the recording itself; `motion`
+    [T, 204] f32 metres (left-right symmetrised); `weight` [T, 204] f32.
+    """
+
+    name: str
+    source: str
+    held_out: bool
+    mels: torch.Tensor
+    motion: torch.Tensor
+    weight: torch.Tensor
+
+
+def build(data: Path, voices: int, seed: int, sources: list[str], limit: int | None) -> list[Entry]:
+    """Entries of all clips; held-out clips get only their own voice."""
+    random = np.random.default_rng(seed)
+    entries = []
+    for source in sources:
+        clips = READERS[source](data)
+        entries += [_entry(clip, voices, random) for clip in few(clips, limit)]
+    return entries
+
+
+def few(clips: list[Clip], limit: int | None) -> list[Clip]:
+    """The first `limit` clips for training and as many held-out ones; all if `limit` is none."""
+    groups = [[c for c in clips if c.held_out == held_out] for held_out in (False, True)]
+    return clips if limit is None else groups[0][:limit] + groups[1][:limit]
+
+
+def load(
+    data: Path,
+    cache: Path,
+    voices: int = 8,
+    seed: int = 0,
+    sources: tuple[str, ...] = ("grid_s1", "facegood_zh"),
+    limit: int | None = None,
+) -> list[Entry]:
+    """As `build`, from the cache folder where it was built before with the same arguments."""
+    key = json.dumps([VERSION, voices, seed, sorted(sources), limit])
+    path = cache / f"bank-{hashlib.sha256(key.encode()).hexdigest()[:12]}.pt"
+    if path.exists():
+        return [Entry(**fields) for fields in torch.load(path)]
+    entries = build(data, voices, seed, list(sources), limit)
+    cache.mkdir(parents=True, exist_ok=True)
+    partial = path.with_suffix(".partial")
+    torch.save([vars(entry) for entry in entries], partial)
+    partial.rename(path)
+    return entries
+
+
+def _entry(clip: Clip, voices: int, random: np.random.Generator) -> Entry:
+    frames = len(clip.motion)
+    mels = [log_mel(torch.from_numpy(clip.samples))]
+    if not clip.held_out:
+        extra = [torch.from_numpy(revoice(clip.samples, random)) for _ in range(voices - 1)]
+        mels += extra
+    fitted = torch.stack([fit_frames(mel, MEL_PER_FRAME * frames) for mel in mels])
+    motion = torch.from_numpy(symmetrise(clip.motion)).flatten(1)
+    weight = torch.from_numpy(clip.weight).repeat_interleave(3, dim=1)
+    return Entry(clip.name, clip.source, clip.held_out, fitted.half(), motion, weight)

@@ -1,0 +1,40 @@
+"""The ICT face at its 68 landmarks: neutral and expression modes by ARKit name."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+from safetensors import safe_open
+
+
+class IctLandmarks:
+    """`neutral` [68, 3] and `modes[name]` [68, 3], metres, canonical axes, ICT's own origin."""
+
+    def __init__(self, data: Path):
+        with safe_open(data / "faces/ict_facekit.safetensors", "np") as file:
+            rows = file.get_tensor("landmarks68")
+            names = json.loads(file.metadata()["expression_names"])
+            expression = file.get_tensor("expression")[:, rows].astype(np.float32) * 0.01
+            self.neutral = file.get_tensor("neutral")[rows].astype(np.float32) * 0.01
+        self.modes = dict(zip(names, expression, strict=True))
+
+    def displace(self, weights: dict[str, np.ndarray]) -> np.ndarray:
+        """ARKit weights by name (`jawOpen`, `mouthSmileLeft` or `mouthSmile_L`), each [T].
+
+        Returns [T, 68, 3] metres: the sum of weight × mode.
+        """
+        total = 0.0
+        for name, weight in weights.items():
+            total = total + np.asarray(weight, np.float32)[:, None, None] * self.mode(name)
+        return total
+
+    def mode(self, name: str) -> np.ndarray:
+        """One mode [68, 3]. ARKit's `browInnerUp` and `cheekPuff` are both sides together."""
+        key = name.replace("Left", "_L").replace("Right", "_R") if len(name) > 9 else name
+        if name in self.modes:
+            return self.modes[name]
+        if key in self.modes:
+            return self.modes[key]
+        if f"{name}_L" in self.modes:
+            return self.modes[f"{name}_L"] + self.modes[f"{name}_R"]
+        raise KeyError(f"ICT has no expression mode for {name!r}")

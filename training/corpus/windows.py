@@ -1,0 +1,168 @@
+"""Training windows: stretches of speech and motion, re-timed, in random voices and rooms."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from training.corpus.bank import Entry
+from training.corpus.clip import MEL_PER_FRAME
+from training.speech.compact import DEEPEST, SCALE, clip_colour
+
+BANDS = 64
+
+
+@dataclass
+class AugmentOptions:
+    """How far training input may stray from the recordings."""
+
+    tempo_octaves: float = 0.3
+    band_shift: float = 2.5
+    band_stretch: float = 0.06
+    noise_share: float = 0.5
+    noise_nepers: tuple[float, float] = (1.5, 9.0)
+    reverb_share: float = 0.25
+    colour_jitter: float = 0.3
+    masked_share: float = 0.3
+    silent_share: float = 0.04
+    own_voice_share: float = 0.25
+
+
+PLAIN = AugmentOptions(0.0, 0.0, 0.0, 0.0, (9.0, 9.0), 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+@dataclass
+class Batch:
+    """`mel` [B, 4 T, 64] normalised; `motion`, `weight` [B, T, 204]; `source` [B] index."""
+
+    mel: Tensor
+    motion: Tensor
+    weight: Tensor
+    source: Tensor
+
+
+class WindowSampler:
+    """Draws batches of T-frame windows from the training entries of one or more sources."""
+
+    def __init__(
+        self,
+        entries: list[Entry],
+        sources: list[str],
+        shares: list[float],
+        seed: int,
+        augment: AugmentOptions,
+    ):
+        self.sources = sources
+        self.shares = np.array(shares) / np.sum(shares)
+        self.random = np.random.default_rng(seed)
+        self.augment = augment
+        self.entries = {s: [e for e in entries if e.source == s and not e.held_out] for s in sources}
+        for source, found in self.entries.items():
+            if not found:
+                raise ValueError(f"{source}: expected training clips, got none")
+        self.colours = {
+            (e.source, e.name): torch.stack([clip_colour(m.float()) for m in e.mels])
+            for group in self.entries.values()
+            for e in group
+        }
+
+    def batch(self, count: int, frames: int) -> Batch:
+        """`count` windows of `frames` motion frames."""
+        rows = [self._window(frames) for _ in range(count)]
+        mel, motion, weight, source = zip(*rows, strict=True)
+        return Batch(
+            torch.stack(mel), torch.stack(motion), torch.stack(weight), torch.tensor(source)
+        )
+
+    def _window(self, frames: int):
+        index = int(self.random.choice(len(self.sources), p=self.shares))
+        if self.random.random() < self.augment.silent_share:
+            return (*self._silence(frames), index)
+        parts, total = [], 0
+        while total < frames:
+            parts.append(self._part(self.sources[index], frames - total))
+            total += len(parts[-1][1])
+        mel, motion, weight = (torch.cat(part) for part in zip(*parts, strict=True))
+        return mel[: MEL_PER_FRAME * frames], motion[:frames], weight[:frames], index
+
+    def _part(self, source: str, wanted: int):
+        """One clip, or a stretch of a long one: normalised mel, motion, weight."""
+        group = self.entries[source]
+        lengths = np.array([len(e.motion) for e in group], dtype=float)
+        entry = group[self.random.choice(len(group), p=lengths / lengths.sum())]
+        own = self.random.random() < self.augment.own_voice_share or len(entry.mels) == 1
+        voice = 0 if own else int(self.random.integers(1, len(entry.mels)))
+        octaves = self.augment.tempo_octaves
+        tempo = 2.0 ** self.random.uniform(-octaves, octaves)
+        available = int(len(entry.motion) / tempo)
+        taken = min(available, wanted) if available > 150 else available
+        start = self.random.uniform(0, max(len(entry.motion) - taken * tempo - 1, 0))
+        first, last = int(start), min(int(start + taken * tempo) + 2, len(entry.motion))
+        position = start - first + torch.arange(taken) * tempo
+        motion = interpolate(entry.motion[first:last], position)
+        weight = interpolate(entry.weight[first:last], position)
+        mel = entry.mels[voice, MEL_PER_FRAME * first : MEL_PER_FRAME * last].float()
+        fine = MEL_PER_FRAME * (start - first) + torch.arange(MEL_PER_FRAME * taken) * tempo
+        mel = interpolate(mel, fine)
+        return self._normalised(mel, self.colours[source, entry.name][voice]), motion, weight
+
+    def _normalised(self, mel: Tensor, colour: Tensor) -> Tensor:
+        """Adds a room and noise to raw log-mel, then normalises it as `compact.normalise` would."""
+        options = self.augment
+        if self.random.random() < options.reverb_share:
+            mel = reverberate(mel, self.random.uniform(3.0, 12.0), self.random.uniform(0.03, 0.25))
+        if self.random.random() < options.noise_share:
+            noise = colour.mean() - self.random.uniform(*options.noise_nepers) + self._smooth(1.5)
+            wobble = torch.from_numpy(self.random.gamma(4.0, 0.25, mel.shape)).float()
+            mel = torch.logaddexp(mel, noise + wobble.clamp_min(1e-3).log())
+            colour = torch.logaddexp(colour, noise)
+        mel = mel - colour
+        mel = self._warp_bands(mel)
+        mel = mel + self._smooth(options.colour_jitter) if options.colour_jitter else mel
+        mel = mel.clamp_min(DEEPEST) / SCALE
+        if self.random.random() < options.masked_share:
+            width = int(self.random.integers(2, 9))
+            low = int(self.random.integers(0, BANDS - width))
+            mel[:, low : low + width] = mel[:, low : low + width].mean()
+        return mel
+
+    def _warp_bands(self, mel: Tensor) -> Tensor:
+        options = self.augment
+        if options.band_shift == 0.0 and options.band_stretch == 0.0:
+            return mel
+        shift = self.random.uniform(-options.band_shift, options.band_shift)
+        stretch = 1.0 + self.random.uniform(-options.band_stretch, options.band_stretch)
+        return interpolate(mel.T, torch.arange(BANDS) * stretch + shift).T
+
+    def _smooth(self, size: float) -> Tensor:
+        """A smooth random curve over the bands, [64]."""
+        knots = torch.from_numpy(self.random.standard_normal((1, 1, 6))).float() * size
+        return F.interpolate(knots, BANDS, mode="linear", align_corners=True)[0, 0]
+
+    def _silence(self, frames: int):
+        """Digital silence or steady noise: the mouth stays at rest. [4 T, 64], [T, 204] × 2."""
+        mel = torch.full((MEL_PER_FRAME * frames, BANDS), DEEPEST / SCALE)
+        if self.random.random() < 0.75:
+            wobble = self.random.gamma(self.random.uniform(1.0, 6.0), 1.0, mel.shape)
+            mel = torch.from_numpy(np.log(np.maximum(wobble, 1e-4))).float()
+            mel = (mel - clip_colour(mel)) / SCALE + self._smooth(0.1)
+        return mel, torch.zeros(frames, 204), torch.ones(frames, 204)
+
+
+def interpolate(x: Tensor, position: Tensor) -> Tensor:
+    """Rows of `x` [T, …] at fractional positions [P], linear, held at the ends."""
+    position = position.clamp(0, len(x) - 1)
+    below = position.floor().long().clamp_max(max(len(x) - 2, 0))
+    share = (position - below).to(x.dtype).unsqueeze(1)
+    above = (below + 1).clamp_max(len(x) - 1)
+    return x[below] * (1 - share) + x[above] * share
+
+
+def reverberate(mel: Tensor, decay_frames: float, gain: float) -> Tensor:
+    """Adds an exponential tail to the power of log-mel [T, 64]."""
+    tail = torch.exp(-torch.arange(1, 40) / decay_frames) * gain / decay_frames * 4.0
+    kernel = torch.cat([torch.ones(1), tail]).flip(0)[None, None]
+    power = F.pad(mel.exp().T[:, None], (kernel.shape[-1] - 1, 0))
+    return F.conv1d(power, kernel)[:, 0].T.clamp_min(1e-8).log()

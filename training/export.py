@@ -1,0 +1,77 @@
+"""Writes a finished ATS run as the two model folders that Rust reads.
+
+    python -m training.export --run runs/ats/ats.pt --models rust-core/models
+
+`compact_speech/` and `ats_<name>/` each get model.safetensors and config.json. Weights are stored
+as f16, which changes the lip opening by less than 0.01 mm; the motion's mean and deviation stay
+f32. The model card, README.md, is written by hand.
+"""
+
+import argparse
+import json
+from pathlib import Path
+
+import torch
+from safetensors.torch import load_file, save_file
+from torch import Tensor
+
+from training.speech.compact import CompactConfig, CompactEncoder
+from training.systems.freetalk.ats import AtsConfig, AtsDenoiser, Sampling
+
+EXACT = ("mean", "std")
+
+
+def export(run: Path, models: Path, sampling: Sampling | None, style: str | None) -> list[Path]:
+    """Writes both folders and returns them."""
+    saved = torch.load(run, map_location="cpu")
+    config = AtsConfig.from_json(saved["config"])
+    config.sampling = sampling or config.sampling
+    config.default_style = style or config.default_style
+    folders = [write_model(models / f"ats_{config.name}", saved["state"], config.to_json())]
+    if saved["encoder_config"] is not None:
+        encoder = models / "compact_speech"
+        folders.append(write_model(encoder, saved["encoder"], saved["encoder_config"]))
+    return folders
+
+
+def write_model(folder: Path, state: dict[str, Tensor], config: dict) -> Path:
+    """`model.safetensors` and `config.json` of one model."""
+    folder.mkdir(parents=True, exist_ok=True)
+    stored = {k: v.contiguous() if k in EXACT else v.half().contiguous() for k, v in state.items()}
+    save_file(stored, folder / "model.safetensors")
+    (folder / "model.safetensors").chmod(0o644)
+    (folder / "config.json").write_text(json.dumps(config, indent=2) + "\n")
+    return folder
+
+
+def load_models(models: Path, name: str = "compact") -> tuple[CompactEncoder, AtsDenoiser]:
+    """The shipped encoder and denoiser, ready for inference."""
+    encoder_json = json.loads((models / "compact_speech/config.json").read_text())
+    encoder = CompactEncoder(CompactConfig(**encoder_json))
+    ats_json = json.loads((models / f"ats_{name}/config.json").read_text())
+    denoiser = AtsDenoiser(AtsConfig.from_json(ats_json))
+    for folder, model in ((f"ats_{name}", denoiser), ("compact_speech", encoder)):
+        state = load_file(models / folder / "model.safetensors")
+        model.load_state_dict({key: value.float() for key, value in state.items()})
+    return encoder.eval(), denoiser.eval()
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--run", type=Path, required=True, help="ats.pt of training.train_ats")
+    parser.add_argument("--models", type=Path, default=Path("rust-core/models"))
+    parser.add_argument("--steps", type=int, help="default number of denoising steps")
+    parser.add_argument("--spacing", choices=["leading", "trailing"], default="trailing")
+    parser.add_argument("--temperature", type=float, default=0.0)
+    parser.add_argument("--style", help="default speaking style")
+    arguments = parser.parse_args()
+    sampling = None
+    if arguments.steps:
+        sampling = Sampling(arguments.steps, arguments.spacing, arguments.temperature)
+    for folder in export(arguments.run, arguments.models, sampling, arguments.style):
+        print(folder)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,65 @@
+"""Losses on landmark motion."""
+
+import torch
+from torch import Tensor
+
+LIPS = list(range(48, 68))
+JAW = list(range(4, 13))
+VELOCITY = 0.3
+ACCELERATION = 0.1
+SCALE_M = {"grid_s1": 1.6e-3, "facegood_zh": 4.0e-3}
+
+
+def landmark_weights() -> Tensor:
+    """Weight of each landmark, [204]: the mouth counts most, then the jaw."""
+    weight = torch.full((68,), 0.3)
+    weight[JAW] = 1.0
+    weight[LIPS] = 2.0
+    return weight.repeat_interleave(3)
+
+
+def motion_loss(error: Tensor, weight: Tensor) -> Tensor:
+    """FreeTalk eq. 15: position + 0.3 velocity + 0.1 acceleration, weighted means of squares.
+
+    `error` [B, T, D] is prediction − truth in any unit; `weight` [B, T, D].
+    """
+    total = weighted_mean(error, weight)
+    for order, share in ((1, VELOCITY), (2, ACCELERATION)):
+        total = total + share * weighted_mean(error.diff(n=order, dim=1), weight[:, order:])
+    return total
+
+
+def weighted_mean(error: Tensor, weight: Tensor) -> Tensor:
+    """Mean of squares under a weight."""
+    return (weight * error.square()).sum() / weight.sum().clamp_min(1e-6)
+
+
+def lip_gap(motion: Tensor) -> Tensor:
+    """Vertical opening of the inner lips, landmark 62 over 66, [..., 204] → [...]."""
+    return motion[..., 3 * 62 + 1] - motion[..., 3 * 66 + 1]
+
+
+def chin_drop(motion: Tensor) -> Tensor:
+    """Downward motion of the chin, landmark 8, [..., 204] → [...]."""
+    return -motion[..., 3 * 8 + 1]
+
+
+def concordance_loss(prediction: Tensor, truth: Tensor) -> Tensor:
+    """1 − Lin's concordance (1989) along the last axis, mean over rows that move.
+
+    Its best answer has the truth's own deviation; that of a squared error is too small.
+    """
+    p, t = prediction - prediction.mean(-1, True), truth - truth.mean(-1, True)
+    moving = t.square().mean(-1) > 1e-8
+    if not moving.any():
+        return prediction.sum() * 0.0
+    p, t = p[moving], t[moving]
+    bias = (prediction.mean(-1) - truth.mean(-1))[moving].square()
+    covariance = (p * t).mean(-1)
+    scale = p.square().mean(-1) + t.square().mean(-1) + bias
+    return (1.0 - 2.0 * covariance / scale.clamp_min(1e-9)).mean()
+
+
+def source_scale(sources: list[str], index: Tensor) -> Tensor:
+    """Typical lip motion of each row's source in metres, [B, 1, 1]."""
+    return torch.tensor([SCALE_M[s] for s in sources])[index][:, None, None]

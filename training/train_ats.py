@@ -1,0 +1,242 @@
+"""Trains the ATS denoiser on top of a speech encoder.
+
+    python -m training.train_ats --data ../shared/data --speech runs/speech/speech.pt --out runs/ats
+
+`--config compact` (default), `paper` (HuBERT features from `--hubert FOLDER`) or `debug` (with a
+random encoder: trains and exports in under a minute). Seeded; resumes from `--out/last.pt`; uses
+a GPU where there is one.
+"""
+
+import argparse
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from torch import nn
+
+from training.corpus import bank
+from training.corpus.emotions import EmotionSynthesiser
+from training.corpus.windows import AugmentOptions, WindowSampler
+from training.diffusion.schedule import add_noise, alphas_cumprod
+from training.losses import concordance_loss, landmark_weights, lip_gap, motion_loss, source_scale
+from training.speech.compact import CompactEncoder
+from training.speech.compact import debug_config as debug_encoder
+from training.speech.compact import normalise
+from training.systems.freetalk.ats import CONFIGS, AtsConfig, AtsDenoiser, Sampling
+from training.systems.freetalk.sampling import sample_motion
+from training.train_speech import SHARES, load_encoder, log, resume
+
+CONCORDANCE = 0.2
+PURE_NOISE_SHARE = 0.3
+UNSEEN_WEIGHT = 0.1
+
+
+@dataclass
+class Step:
+    """One training batch, ready for the denoiser; shapes as in `AtsDenoiser.forward`."""
+
+    speech: torch.Tensor
+    motion: torch.Tensor
+    weight: torch.Tensor
+    affect: torch.Tensor
+    source: torch.Tensor
+
+
+class AtsTrainer:
+    """Data, model and one optimisation step."""
+
+    def __init__(self, arguments, config: AtsConfig, entries, encoder: CompactEncoder):
+        self.config, self.encoder = config, encoder
+        self.device = "cuda" if torch.cuda.is_available() else "cpu"
+        self.random = torch.Generator().manual_seed(arguments.seed)
+        self.sources = [s for s in config.styles if s != arguments.leave_out]
+        shares = [SHARES[s] for s in self.sources]
+        self.sampler = WindowSampler(
+            entries, self.sources, shares, arguments.seed, AugmentOptions()
+        )
+        self.emotions = EmotionSynthesiser(arguments.data, arguments.seed)
+        self.alphas = alphas_cumprod(config.diffusion.schedule, config.diffusion.train_steps)
+        self.model = AtsDenoiser(config, dropout=arguments.dropout)
+        self.landmark_weight = landmark_weights()
+        self._measure_scale()
+        self.model.to(self.device)
+        self.encoder.to(self.device)
+
+    @torch.no_grad()
+    def draw(self, count: int, frames: int) -> Step:
+        """A batch of motion with emotion, and its speech features."""
+        batch = self.sampler.batch(count, frames)
+        affect = self.emotions.draw(count, frames)
+        motion = self.emotions.apply(batch.motion, affect)
+        felt = (affect[..., 15:] > 0).float()
+        weight = torch.maximum(batch.weight, (UNSEEN_WEIGHT + felt).clamp_max(1.0))
+        with torch.autocast(self.device, torch.bfloat16):
+            speech = self.encoder(batch.mel.to(self.device)).float()
+        label = torch.tensor([self.config.styles.index(s) for s in self.sources])[batch.source]
+        scaled = weight * self.landmark_weight / source_scale(self.sources, batch.source).square()
+        tensors = [speech, motion, scaled, affect, label]
+        return Step(*[t.to(self.device) for t in tensors])
+
+    def loss(self, step: Step) -> tuple[torch.Tensor, dict[str, float]]:
+        """x₀ loss in metres at random noise levels, and the concordance of the lip gap."""
+        count, frames = step.motion.shape[:2]
+        t = torch.randint(0, len(self.alphas), (count,), generator=self.random)
+        pure = torch.rand(count, generator=self.random) < PURE_NOISE_SHARE
+        t = torch.where(pure, len(self.alphas) - 1, t)
+        noise = torch.randn(step.motion.shape, generator=self.random)
+        cool = torch.rand(count, 1, 1, generator=self.random)
+        noise = torch.where(pure[:, None, None], noise * cool, noise).to(self.device)
+        clean = self.model.standardise(step.motion)
+        noisy = add_noise(clean, noise, self.alphas[t][:, None, None].to(self.device))
+        room = self.config.window_frames - frames
+        offset = int(torch.randint(0, room + 1, (1,), generator=self.random))
+        t = t.to(self.device)
+        with torch.autocast(self.device, torch.bfloat16):
+            found = self.model(noisy, t, step.speech, step.affect, step.source, offset).float()
+        error = (found - clean) * self.model.std
+        motion = motion_loss(error, step.weight) * step.weight.mean() / self.landmark_weight.mean()
+        metres = self.model.to_metres(found)
+        gap = concordance_loss(lip_gap(metres) * 1e3, lip_gap(step.motion) * 1e3)
+        return motion + CONCORDANCE * gap, {"motion": motion.item(), "gap": gap.item()}
+
+    def _measure_scale(self) -> None:
+        """Mean and deviation of the training motion, emotion included, into the model."""
+        frames = min(self.config.window_frames, 96)
+        batches = [self.sampler.batch(16, frames).motion for _ in range(12)]
+        felt = [self.emotions.apply(m, self.emotions.draw(16, frames)) for m in batches]
+        motion = torch.cat(felt).flatten(0, 1)
+        self.model.mean.copy_(motion.mean(dim=0))
+        self.model.std.copy_(motion.std(dim=0).clamp_min(2e-4))
+
+
+@torch.no_grad()
+def validate(trainer: AtsTrainer, model, entries, sampling: Sampling, limit: int = 40) -> dict:
+    """Sampled lip-gap r (pooled, mean over clips) and ratio of deviations on unseen clips."""
+    report = {}
+    model.eval()
+    for source in sorted({e.source for e in entries}):
+        known = source in trainer.sources
+        chosen = [e for e in entries if e.source == source and (e.held_out or not known)][:limit]
+        style = trainer.config.styles.index(source if known else trainer.sources[0])
+        pairs = [clip_gaps(trainer.encoder, model, e, style, sampling) for e in chosen]
+        report |= {f"{source} {k}": v for k, v in gap_report(pairs).items()}
+    model.train()
+    return report
+
+
+@torch.no_grad()
+def clip_gaps(encoder, model, entry, style: int, sampling: Sampling, seed: int = 0):
+    """Predicted and true lip opening of one clip, [T] metres each."""
+    device = model.mean.device
+    speech = encoder(normalise(entry.mels[0].float())[None].to(device))[0].cpu()
+    affect = torch.zeros(len(entry.motion), 16)
+    affect[:, 0] = 1.0
+    motion = sample_motion(model.cpu(), speech, affect, style, seed, sampling)
+    model.to(device)
+    return lip_gap(motion), lip_gap(entry.motion)
+
+
+def gap_report(pairs) -> dict[str, float]:
+    """r over all frames, mean r of clips, and predicted over true deviation."""
+    pooled = [torch.cat(x) for x in zip(*pairs, strict=True)]
+    each = torch.stack([torch.corrcoef(torch.stack(pair))[0, 1] for pair in pairs])
+    r = torch.corrcoef(torch.stack(pooled))[0, 1]
+    ratio = pooled[0].std() / pooled[1].std()
+    return {"r": float(r), "r_clip": float(each.nanmean()), "std": float(ratio)}
+
+
+def train(arguments) -> Path:
+    """Runs the training; writes `ats.pt` with the averaged weights and returns its path."""
+    torch.manual_seed(arguments.seed)
+    torch.set_num_threads(arguments.threads)
+    debug = arguments.config == "debug"
+    config = CONFIGS[arguments.config]()
+    out: Path = arguments.out
+    out.mkdir(parents=True, exist_ok=True)
+    voices, limit = (2, 4) if debug else (arguments.voices, None)
+    entries = bank.load(arguments.data, arguments.cache, voices, limit=limit)
+    encoder = speech_encoder(arguments, config)
+    trainer = AtsTrainer(arguments, config, entries, encoder)
+    model = trainer.model
+    steps = 20 if debug else arguments.steps
+    optimiser = torch.optim.AdamW(model.parameters(), lr=arguments.rate, weight_decay=0.02)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, arguments.rate, steps + 1, pct_start=0.1
+    )
+    first = resume(out / "last.pt", model, optimiser, schedule)
+    average = torch.optim.swa_utils.AveragedModel(
+        model, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.995)
+    )
+    lengths = [n for n in (64, 96, 128, 192, 256) if n <= config.window_frames] or [24]
+    started = time.time()
+    for step in range(first, steps):
+        frames = lengths[int(torch.randint(0, len(lengths), (1,), generator=trainer.random))]
+        count = max(1, (arguments.tokens if not debug else 192) // frames)
+        loss, parts = trainer.loss(trainer.draw(count, frames))
+        optimiser.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(model.parameters(), 1.0)
+        optimiser.step()
+        schedule.step()
+        average.update_parameters(model)
+        if step % arguments.log_every == arguments.log_every - 1 or step == steps - 1:
+            scores = validate(trainer, average.module, entries, config.sampling)
+            record = {"step": step + 1, "s": round(time.time() - started), **parts, **scores}
+            log(out, record)
+            state = {"model": model.state_dict(), "optimiser": optimiser.state_dict()}
+            state |= {"schedule": schedule.state_dict(), "step": step + 1}
+            torch.save(state, out / "last.pt")
+            save(out / "ats.pt", average.module, encoder)
+    return out / "ats.pt"
+
+
+def save(path: Path, model: AtsDenoiser, encoder: CompactEncoder) -> None:
+    """One file with the denoiser, its encoder and both configurations."""
+    torch.save(
+        {
+            "state": model.state_dict(),
+            "config": model.config.to_json(),
+            "encoder": encoder.state_dict(),
+            "encoder_config": encoder.config.to_json(),
+        },
+        path,
+    )
+
+
+def speech_encoder(arguments, config: AtsConfig) -> CompactEncoder:
+    """The frozen encoder that the configuration asks for."""
+    if arguments.config == "debug":
+        return CompactEncoder(debug_encoder()).eval()
+    if config.speech.encoder == "hubert":
+        from training.speech.hubert import HubertFromMel
+
+        return HubertFromMel(arguments.hubert)
+    if arguments.speech is None:
+        raise ValueError("--speech: expected the speech.pt of training.train_speech, got nothing")
+    return load_encoder(arguments.speech)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser.add_argument("--out", type=Path, default=Path("runs/ats"))
+    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    parser.add_argument("--config", choices=list(CONFIGS), default="compact")
+    parser.add_argument("--speech", type=Path, help="speech.pt of training.train_speech")
+    parser.add_argument("--hubert", type=Path, help="folder of a HuBERT checkpoint (paper)")
+    parser.add_argument("--leave-out", choices=[*SHARES], help="train without this source")
+    parser.add_argument("--voices", type=int, default=7)
+    parser.add_argument("--steps", type=int, default=1500)
+    parser.add_argument("--tokens", type=int, default=2048, help="frames in a batch")
+    parser.add_argument("--rate", type=float, default=8e-4)
+    parser.add_argument("--dropout", type=float, default=0.05)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--log-every", type=int, default=150)
+    return parser
+
+
+if __name__ == "__main__":
+    train(parser().parse_args())

@@ -1,0 +1,196 @@
+"""Pretrains the compact speech encoder: log-mel → landmark motion of whoever spoke.
+
+    python -m training.train_speech --data ../shared/data --out runs/speech
+
+Each source has its own linear read-out, so that two people do not average into one; only the
+encoder is kept. Seeded; resumes from `--out/last.pt`.
+"""
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+import torch
+from torch import nn
+
+from training.corpus import bank
+from training.corpus.windows import AugmentOptions, Batch, WindowSampler
+from training.losses import (
+    chin_drop,
+    concordance_loss,
+    landmark_weights,
+    lip_gap,
+    motion_loss,
+    source_scale,
+)
+from training.speech.compact import CompactConfig, CompactEncoder, debug_config, normalise
+
+SHARES = {"grid_s1": 0.7, "facegood_zh": 0.3}
+CONCORDANCE = 0.3
+
+
+class SpeechToMotion(nn.Module):
+    """The encoder and one linear read-out to 204 displacements (in units of the source)."""
+
+    def __init__(self, config: CompactConfig, sources: list[str], dropout: float = 0.1):
+        super().__init__()
+        self.encoder = CompactEncoder(config)
+        self.dropout = nn.Dropout(dropout)
+        self.readouts = nn.ModuleList(nn.Linear(config.channels, 204) for _ in sources)
+
+    def forward(self, mel: torch.Tensor, source: torch.Tensor) -> torch.Tensor:
+        """`mel` [B, 4 T, 64], `source` [B] → [B, T, 204] in units of the source's scale."""
+        features = self.dropout(self.encoder(mel))
+        every = torch.stack([readout(features) for readout in self.readouts])
+        return every[source, torch.arange(len(source))]
+
+
+def loss_of(model: SpeechToMotion, batch: Batch, sources: list[str], weight: torch.Tensor):
+    """Motion loss and gap concordance of one batch."""
+    scale = source_scale(sources, batch.source)
+    with torch.autocast("cpu", torch.bfloat16):
+        prediction = model(batch.mel, batch.source).float()
+    truth = batch.motion / scale
+    motion = motion_loss(prediction - truth, batch.weight * weight)
+    gap = concordance_loss(lip_gap(prediction), lip_gap(truth))
+    return motion + CONCORDANCE * gap, {"motion": motion.item(), "gap": gap.item()}
+
+
+@torch.no_grad()
+def gap_scores(model: SpeechToMotion, entries, source: int) -> dict[str, float]:
+    """Lip-gap r, pooled and mean over clips, and chin r, of one read-out."""
+    model.eval()
+    pairs, jaws = [], []
+    for entry in entries:
+        mel = normalise(entry.mels[0].float())[None]
+        prediction = model(mel, torch.tensor([source]))[0]
+        pairs.append((lip_gap(prediction), lip_gap(entry.motion)))
+        jaws.append((chin_drop(prediction), chin_drop(entry.motion)))
+    model.train()
+    each = [torch.corrcoef(torch.stack(pair))[0, 1] for pair in pairs]
+    mean = float(torch.stack(each).nanmean())
+    return {"r": pooled_r(pairs), "r_clip": mean, "r_jaw": pooled_r(jaws)}
+
+
+def pooled_r(pairs) -> float:
+    """Pearson r over the frames of all pairs of tracks."""
+    pooled = [torch.cat(x) for x in zip(*pairs, strict=True)]
+    return float(torch.corrcoef(torch.stack(pooled))[0, 1])
+
+
+def validate(model, entries, sources: list[str]) -> dict[str, float]:
+    """Held-out clips of trained sources; every clip of a source left out (best read-out)."""
+    report = {}
+    for name in sorted({e.source for e in entries}):
+        known = name in sources
+        chosen = [e for e in entries if e.source == name and (e.held_out or not known)]
+        for index, source in enumerate(sources):
+            if known and source != name:
+                continue
+            scores = gap_scores(model, chosen[:120], index)
+            label = name if known else f"{name}<-{source}"
+            report |= {f"{label} {key}": round(value, 3) for key, value in scores.items()}
+    return report
+
+
+def train(arguments) -> Path:
+    """Runs the training and returns the checkpoint's path."""
+    torch.manual_seed(arguments.seed)
+    torch.set_num_threads(arguments.threads)
+    debug = arguments.config == "debug"
+    out: Path = arguments.out
+    out.mkdir(parents=True, exist_ok=True)
+    config = debug_config() if debug else CompactConfig()
+    entries = bank.load(
+        arguments.data, arguments.cache, 2 if debug else arguments.voices, limit=4 if debug else None
+    )
+    sources = [s for s in SHARES if s != arguments.leave_out]
+    options = AugmentOptions() if arguments.augment else PLAIN_OPTIONS
+    sampler = WindowSampler(entries, sources, [SHARES[s] for s in sources], arguments.seed, options)
+    model = SpeechToMotion(config, sources)
+    steps = 20 if debug else arguments.steps
+    optimiser = torch.optim.AdamW(model.parameters(), lr=arguments.rate, weight_decay=0.02)
+    warmup = max(steps // 20, 1)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, arguments.rate, steps + 1, pct_start=warmup / steps
+    )
+    first = resume(out / "last.pt", model, optimiser, schedule)
+    average = torch.optim.swa_utils.AveragedModel(
+        model, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.995)
+    )
+    weight, started = landmark_weights(), time.time()
+    for step in range(first, steps):
+        batch = sampler.batch(arguments.batch, arguments.frames)
+        loss, parts = loss_of(model, batch, sources, weight)
+        optimiser.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(model.parameters(), 1.0)
+        optimiser.step()
+        schedule.step()
+        average.update_parameters(model)
+        if step % arguments.log_every == arguments.log_every - 1 or step == steps - 1:
+            scores = validate(average.module, entries, sources)
+            record = {"step": step + 1, "s": round(time.time() - started), **parts, **scores}
+            log(out, record)
+            state = {"model": model.state_dict(), "optimiser": optimiser.state_dict()}
+            state |= {"schedule": schedule.state_dict(), "step": step + 1}
+            torch.save(state, out / "last.pt")
+    final = {"state": average.module.state_dict(), "config": config.to_json(), "sources": sources}
+    torch.save(final, out / "speech.pt")
+    return out / "speech.pt"
+
+
+PLAIN_OPTIONS = AugmentOptions(0.0, 0.0, 0.0, 0.0, (9.0, 9.0), 0.0, 0.0, 0.0, 0.04, 1.0)
+
+
+def resume(path: Path, model, optimiser, schedule) -> int:
+    """Restores an interrupted run; returns the step to go on from."""
+    if not path.exists():
+        return 0
+    state = torch.load(path)
+    model.load_state_dict(state["model"])
+    optimiser.load_state_dict(state["optimiser"])
+    schedule.load_state_dict(state["schedule"])
+    return state["step"]
+
+
+def log(out: Path, record: dict) -> None:
+    """Appends one line of json to log.jsonl and shows it."""
+    line = json.dumps({k: round(v, 4) if isinstance(v, float) else v for k, v in record.items()})
+    with open(out / "log.jsonl", "a") as file:
+        file.write(line + "\n")
+    print(line, flush=True)
+
+
+def load_encoder(path: Path) -> CompactEncoder:
+    """The encoder of a finished run, ready for inference."""
+    saved = torch.load(path)
+    encoder = CompactEncoder(CompactConfig(**saved["config"]))
+    state = {k.removeprefix("encoder."): v for k, v in saved["state"].items() if "encoder." in k}
+    encoder.load_state_dict(state)
+    return encoder.eval()
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser.add_argument("--out", type=Path, default=Path("runs/speech"))
+    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    parser.add_argument("--config", choices=["compact", "debug"], default="compact")
+    parser.add_argument("--leave-out", choices=[*SHARES], help="train without this source")
+    parser.add_argument("--augment", action=argparse.BooleanOptionalAction, default=True)
+    parser.add_argument("--voices", type=int, default=7)
+    parser.add_argument("--steps", type=int, default=1500)
+    parser.add_argument("--batch", type=int, default=24)
+    parser.add_argument("--frames", type=int, default=96)
+    parser.add_argument("--rate", type=float, default=2e-3)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--log-every", type=int, default=150)
+    return parser
+
+
+if __name__ == "__main__":
+    train(parser().parse_args())
