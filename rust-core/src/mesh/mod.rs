@@ -2,16 +2,22 @@
 
 mod align;
 mod canonical;
+mod check;
 mod closest;
 mod landmark_file;
 mod landmarks;
 mod lips;
 mod normals;
+mod obj;
 pub mod parts;
+mod ply;
+mod polygons;
+mod read;
 pub(crate) mod vec3;
 
 pub use align::{Fit, Similarity};
 pub use canonical::{align_to_canonical, canonical_landmarks};
+pub use check::MeshReport;
 pub use landmarks::locate_landmarks;
 pub use parts::Parts;
 

@@ -1,0 +1,197 @@
+//! What makes a mesh unusable, and what is merely odd.
+
+use std::collections::HashMap;
+
+use serde::Serialize;
+
+use super::{
+    Mesh, Parts,
+    parts::{DisjointSets, NO_PART, boundary_edges},
+};
+use crate::{Error, Result};
+
+/// Fewest triangles that can make a face: those of a tetrahedron.
+const MIN_TRIANGLES: usize = 4;
+
+/// Oddities of a mesh, none of which stops the work.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct MeshReport {
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Number of triangles.
+    pub triangles: usize,
+    /// Parts connected by edges.
+    pub parts: usize,
+    /// Vertices in no face.
+    pub loose_vertices: usize,
+    /// Faces with the same three corners as an earlier one.
+    pub duplicate_faces: usize,
+    /// Faces with a repeated corner or without area.
+    pub degenerate_faces: usize,
+    /// Edges with three faces or more.
+    pub nonmanifold_edges: usize,
+    /// Edges with one face.
+    pub boundary_edges: usize,
+    /// Connected groups of boundary edges: holes, where they do not touch.
+    pub holes: usize,
+}
+
+impl Mesh {
+    /// Whether the mesh can be worked with at all.
+    ///
+    /// # Errors
+    /// `Mesh` if there is no vertex, no face or fewer than 4, a vertex is not finite (says how
+    /// many and the first), or a face names a vertex that does not exist.
+    pub fn check(&self) -> Result<()> {
+        let vertices = self.positions.len();
+        if vertices == 0 {
+            return Err(Error::Mesh("expected vertices, got none".into()));
+        }
+        let is_bad = |p: &[f32; 3]| !p.iter().all(|x| x.is_finite());
+        if let Some(first) = self.positions.iter().position(is_bad) {
+            let bad = self.positions.iter().filter(|p| is_bad(p)).count();
+            return Err(Error::Mesh(format!(
+                "expected finite positions, got {bad} of {vertices} that are not, first vertex {first} at {:?}",
+                self.positions[first]
+            )));
+        }
+        if self.triangles.len() < MIN_TRIANGLES {
+            return Err(Error::Mesh(format!(
+                "expected at least {MIN_TRIANGLES} triangles, got {}",
+                self.triangles.len()
+            )));
+        }
+        let outside = |t: &[u32; 3]| t.iter().any(|&v| v as usize >= vertices);
+        if let Some(face) = self.triangles.iter().position(outside) {
+            return Err(Error::Mesh(format!(
+                "face {face}: expected vertex numbers below {vertices}, got {:?}",
+                self.triangles[face]
+            )));
+        }
+        Ok(())
+    }
+
+    /// Counts the oddities of a mesh that passes [`Mesh::check`].
+    ///
+    /// # Panics
+    /// If a face names a vertex that does not exist.
+    pub fn report(&self) -> MeshReport {
+        let parts = Parts::of(self.positions.len(), &self.triangles);
+        let boundary = boundary_edges(&self.triangles);
+        MeshReport {
+            vertices: self.positions.len(),
+            triangles: self.triangles.len(),
+            parts: parts.count,
+            loose_vertices: parts.of_vertex.iter().filter(|&&p| p == NO_PART).count(),
+            duplicate_faces: self.duplicate_faces(),
+            degenerate_faces: self.degenerate_faces(),
+            nonmanifold_edges: self.nonmanifold_edges(),
+            boundary_edges: boundary.len(),
+            holes: groups(&boundary, self.positions.len()),
+        }
+    }
+
+    fn duplicate_faces(&self) -> usize {
+        let mut sorted: Vec<[u32; 3]> = self.triangles.clone();
+        sorted.iter_mut().for_each(|t| t.sort_unstable());
+        sorted.sort_unstable();
+        sorted.windows(2).filter(|w| w[0] == w[1]).count()
+    }
+
+    fn degenerate_faces(&self) -> usize {
+        let areas = self.face_areas();
+        let repeated = |t: &[u32; 3]| t[0] == t[1] || t[1] == t[2] || t[2] == t[0];
+        let faces = self.triangles.iter().zip(areas);
+        faces
+            .filter(|(t, area)| repeated(t) || *area == 0.0)
+            .count()
+    }
+
+    fn nonmanifold_edges(&self) -> usize {
+        let mut faces: HashMap<(u32, u32), u32> = HashMap::new();
+        for t in &self.triangles {
+            for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+                *faces.entry((a.min(b), a.max(b))).or_default() += u32::from(a != b);
+            }
+        }
+        faces.values().filter(|&&n| n > 2).count()
+    }
+}
+
+fn groups(edges: &[(u32, u32)], vertices: usize) -> usize {
+    let mut sets = DisjointSets::new(vertices);
+    edges.iter().for_each(|&(a, b)| sets.join(a, b));
+    let mut roots: Vec<u32> = edges.iter().map(|&(a, _)| sets.find(a)).collect();
+    roots.sort_unstable();
+    roots.dedup();
+    roots.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tetrahedron() -> Mesh {
+        let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let triangles = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+        Mesh::from_arrays(positions, triangles).unwrap()
+    }
+
+    #[test]
+    fn a_sound_mesh_has_no_oddities() {
+        let report = tetrahedron().report();
+        assert_eq!((report.vertices, report.triangles, report.parts), (4, 4, 1));
+        assert_eq!(
+            report.loose_vertices + report.duplicate_faces + report.degenerate_faces,
+            0
+        );
+        assert_eq!(
+            report.nonmanifold_edges + report.boundary_edges + report.holes,
+            0
+        );
+    }
+
+    #[test]
+    fn every_oddity_is_counted() {
+        let mut mesh = tetrahedron();
+        mesh.positions
+            .extend([[2.0; 3], [3.0; 3], [4.0; 3], [5.0, 1.0, 0.0], [9.0; 3]]);
+        // A line of three points, a duplicate turned about, a flap on an edge, a repeated corner.
+        mesh.triangles
+            .extend([[4, 5, 6], [2, 3, 1], [0, 1, 7], [3, 3, 2]]);
+        let report = mesh.report();
+        assert_eq!(report.parts, 2);
+        assert_eq!(report.loose_vertices, 1);
+        assert_eq!(report.duplicate_faces, 1);
+        assert_eq!(report.degenerate_faces, 2);
+        assert_eq!(report.nonmanifold_edges, 4);
+        assert_eq!(report.boundary_edges, 5);
+        assert_eq!(report.holes, 2);
+    }
+
+    #[test]
+    fn unusable_meshes_say_why() {
+        let good = tetrahedron();
+        let mut nan = good.clone();
+        (nan.positions[1][2], nan.positions[3][0]) = (f32::NAN, f32::INFINITY);
+        let mut beyond = good.clone();
+        beyond.triangles[2] = [0, 1, 4];
+        let mut small = good.clone();
+        small.triangles.pop();
+        let mut faceless = good.clone();
+        faceless.triangles.clear();
+        for (mesh, expected) in [
+            (Mesh::default(), "expected vertices, got none"),
+            (nan, "got 2 of 4 that are not, first vertex 1"),
+            (
+                beyond,
+                "face 2: expected vertex numbers below 4, got [0, 1, 4]",
+            ),
+            (small, "expected at least 4 triangles, got 3"),
+            (faceless, "expected at least 4 triangles, got 0"),
+        ] {
+            let error = mesh.check().unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+        }
+    }
+}

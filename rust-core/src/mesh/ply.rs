@@ -1,0 +1,136 @@
+//! PLY, ascii and binary, through ply-rs-bw.
+
+use ply_rs_bw::{
+    parser::Parser,
+    ply::{Property, PropertyAccess, PropertyAccessResult},
+};
+
+use super::Mesh;
+use crate::{Error, Result};
+
+/// A vertex or a face, whichever the file's element is.
+#[derive(Debug, Default)]
+struct Record {
+    position: [f32; 3],
+    corners: Vec<u32>,
+}
+
+impl PropertyAccess for Record {
+    fn new() -> Self {
+        Record::default()
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        let axis = match name {
+            "x" => 0,
+            "y" => 1,
+            "z" => 2,
+            "vertex_indices" | "vertex_index" => {
+                return match property.to_u32_list() {
+                    Some(corners) => {
+                        self.corners = corners;
+                        PropertyAccessResult::Set
+                    }
+                    None => PropertyAccessResult::UnsupportedType,
+                };
+            }
+            _ => return PropertyAccessResult::Ignored,
+        };
+        match property.to_f32_lossy() {
+            Some(value) => {
+                self.position[axis] = value;
+                PropertyAccessResult::Set
+            }
+            None => PropertyAccessResult::UnsupportedType,
+        }
+    }
+}
+
+/// Parses a PLY file; elements other than `vertex` and `face` are passed over.
+pub(super) fn parse_ply(bytes: &[u8]) -> Result<Mesh> {
+    let mut source = bytes;
+    let file = Parser::<Record>::new()
+        .read_ply(&mut source)
+        .map_err(|e| Error::Mesh(format!("damaged PLY: {e}")))?;
+    let vertices = file.header.elements.get("vertex");
+    let axes = ["x", "y", "z"];
+    if !vertices.is_some_and(|v| axes.iter().all(|a| v.properties.contains_key(*a))) {
+        return Err(Error::Mesh(
+            "PLY: expected vertices with x, y and z, got none".into(),
+        ));
+    }
+    let records = |name: &str| file.payload.get(name).map_or(&[][..], Vec::as_slice);
+    let mut mesh = Mesh {
+        positions: records("vertex").iter().map(|r| r.position).collect(),
+        triangles: Vec::with_capacity(2 * records("face").len()),
+    };
+    for face in records("face") {
+        mesh.add_polygon(&face.corners)?;
+    }
+    Ok(mesh)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEADER: &str = "element vertex 4
+property float x
+property double y
+property uchar red
+property short z
+element face 2
+property list uchar int vertex_indices
+property uchar flags
+end_header
+";
+
+    #[test]
+    fn ascii_and_binary_say_the_same() {
+        let ascii = format!(
+            "ply\nformat ascii 1.0\ncomment by hand\n{HEADER}0 0 255 0\n1 0 0 0\n1 1.5 0 0\n0 1 0 7\n3 0 1 2 0\n4 0 1 2 3 9\n"
+        );
+        let mut binary = format!("ply\nformat binary_little_endian 1.0\n{HEADER}").into_bytes();
+        let vertices = [
+            (0f32, 0f64, 0i16),
+            (1.0, 0.0, 0),
+            (1.0, 1.5, 0),
+            (0.0, 1.0, 7),
+        ];
+        for (x, y, z) in vertices {
+            binary.extend(x.to_le_bytes());
+            binary.extend(y.to_le_bytes());
+            binary.push(3);
+            binary.extend(z.to_le_bytes());
+        }
+        for face in [&[0i32, 1, 2][..], &[0, 1, 2, 3]] {
+            binary.push(face.len() as u8);
+            face.iter().for_each(|v| binary.extend(v.to_le_bytes()));
+            binary.push(0);
+        }
+        let a = parse_ply(ascii.as_bytes()).unwrap();
+        assert_eq!(a.positions[3], [0.0, 1.0, 7.0]);
+        assert_eq!(a.triangles.len(), 3);
+        assert_eq!(a, parse_ply(&binary).unwrap());
+        assert!(parse_ply(&binary[..binary.len() - 3]).is_err());
+    }
+
+    #[test]
+    fn vertices_without_places_and_negative_corners_are_errors() {
+        let flat = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n";
+        assert!(
+            parse_ply(flat.as_bytes())
+                .unwrap_err()
+                .to_string()
+                .contains("x, y and z")
+        );
+        let negative = format!(
+            "ply\nformat ascii 1.0\n{HEADER}{}3 0 1 -2 0\n3 0 1 2 0\n",
+            "0 0 0 0\n".repeat(4)
+        );
+        assert!(matches!(
+            parse_ply(negative.as_bytes()),
+            Err(Error::Mesh(_))
+        ));
+    }
+}
