@@ -43,7 +43,6 @@ impl Golden {
         self.arrays.pp("weights")
     }
 
-    #[allow(dead_code)]
     pub fn metadata(&self, key: &str) -> String {
         let (_, metadata) = SafeTensors::read_metadata(&self.bytes).unwrap();
         metadata.metadata().as_ref().unwrap()[key].clone()

@@ -1,1 +1,6 @@
 //! FreeTalk (Nocentini et al. 2026): Audio-To-Sparse, then Sparse-To-Mesh.
+
+pub mod ats;
+mod sampling;
+
+pub use sampling::AtsRequest;

@@ -1,0 +1,171 @@
+//! Whole clips from the denoiser: DDIM on overlapping windows, cross-faded.
+//!
+//! Twin of `training/systems/freetalk/sampling.py`. Time is linear in the length of the clip and
+//! working memory is that of one window.
+
+use std::ops::Range;
+
+use ndarray::{Array2, Array3, ArrayRef2, ArrayView2, Axis, Slice};
+
+use super::ats::{Ats, Sampling};
+use crate::{
+    Error, Result,
+    conditions::EMOTIONS,
+    diffusion::{Ddim, frame_noise},
+    progress::{self, ProgressFn},
+};
+
+/// What the denoiser is asked to perform.
+#[derive(Debug, Clone, Copy)]
+pub struct AtsRequest<'a> {
+    /// `[T, C]`, speech features at the model's frame rate.
+    pub speech: ArrayView2<'a, f32>,
+    /// `[T, 16]`, a mixture of 15 emotions and an intensity for each frame.
+    pub affect: ArrayView2<'a, f32>,
+    /// Speaking style by name; `None` takes the model's default.
+    pub style: Option<&'a str>,
+    /// Same seed, same motion; without effect where the temperature is 0.
+    pub seed: u64,
+    /// Denoising steps; `None` takes the model's default.
+    pub steps: Option<usize>,
+    /// Scale of the starting noise; `None` takes the model's default.
+    pub temperature: Option<f32>,
+}
+
+impl Ats {
+    /// Landmark displacements of a clip of any length, `[T, 68, 3]`, canonical metres.
+    ///
+    /// # Errors
+    /// `ShapeMismatch` if speech or affect have other channels or lengths; `InvalidInput` for an
+    /// unknown style, steps out of range or a temperature that is negative or not finite;
+    /// `Cancelled`.
+    pub fn sample(
+        &self,
+        request: &AtsRequest<'_>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array3<f32>> {
+        let channels = self.config().motion_channels();
+        let noise =
+            |rows: Range<usize>| frame_noise(request.seed, rows.start, rows.len(), channels);
+        let motion = self.sample_from(request, noise, progress)?;
+        let shape = (motion.nrows(), self.config().landmarks, 3);
+        Ok(motion
+            .into_shape_with_order(shape)
+            .expect("three channels a landmark"))
+    }
+
+    /// The same from given unit noise: `noise` gets a range of frames and returns `[T, 204]`.
+    ///
+    /// The noise belongs to the frame, not to the window, so that overlapping windows start from
+    /// the same noise; where they overlap, their results are averaged with the weights of a ramp.
+    fn sample_from(
+        &self,
+        request: &AtsRequest<'_>,
+        noise: impl Fn(Range<usize>) -> Array2<f32>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array2<f32>> {
+        let (config, style) = (self.config(), self.check(request)?);
+        let Sampling {
+            steps,
+            spacing,
+            temperature,
+        } = config.sampling;
+        let (schedule, train_steps) = (config.diffusion.schedule, config.diffusion.train_steps);
+        let ddim = Ddim::new(
+            schedule,
+            train_steps,
+            spacing,
+            request.steps.unwrap_or(steps),
+        )?;
+        let temperature = request.temperature.unwrap_or(temperature);
+
+        let frames = request.speech.nrows();
+        let mut total = Array2::zeros((frames, config.motion_channels()));
+        let mut weight = vec![0.0f32; frames];
+        let windows = windows(frames, config.window_frames, config.overlap_frames);
+        for (index, rows) in windows.iter().enumerate() {
+            let part = |index: usize| index as f32 / windows.len() as f32;
+            let take = |x: ArrayView2<'_, f32>| x.slice_axis(Axis(0), slice(rows)).to_owned();
+            let (speech, affect) = (take(request.speech), take(request.affect));
+            let context = self.window(speech.view(), affect.view(), style);
+            let predict = |x: &ArrayRef2<f32>, t| Ok(self.denoise(x, t, &context));
+            let start = noise(rows.clone()) * temperature;
+            let clean = ddim.sample(start, predict, progress, (part(index), part(index + 1)))?;
+            for (t, clean) in rows.clone().zip(clean.rows()) {
+                let share = ramp(t, rows, frames, config.overlap_frames);
+                total.row_mut(t).scaled_add(share, &clean);
+                weight[t] += share;
+            }
+        }
+        for (mut row, weight) in total.rows_mut().into_iter().zip(weight) {
+            row /= weight;
+        }
+        self.to_metres(&mut total);
+        progress::report(progress, "motion", 1.0)?;
+        Ok(total)
+    }
+
+    /// Checks a request and returns the number of its style.
+    fn check(&self, request: &AtsRequest<'_>) -> Result<usize> {
+        let config = self.config();
+        let frames = request.speech.nrows();
+        let arrays = [
+            ("speech features", request.speech, config.speech.channels),
+            ("emotion conditions", request.affect, EMOTIONS.len() + 1),
+        ];
+        for (what, array, channels) in arrays {
+            if array.dim() != (frames, channels) {
+                return Err(Error::ShapeMismatch {
+                    what,
+                    expected: format!("[{frames}, {channels}]"),
+                    got: format!("{:?}", array.shape()),
+                });
+            }
+        }
+        let temperature = request.temperature.unwrap_or(0.0);
+        if !(temperature.is_finite() && temperature >= 0.0) {
+            return Err(Error::InvalidInput(format!(
+                "temperature: expected a number of at least 0, got {temperature}"
+            )));
+        }
+        let style = request.style.unwrap_or(&config.default_style);
+        let found = config.styles.iter().position(|known| known == style);
+        found.ok_or_else(|| {
+            let known = config.styles.join(", ");
+            Error::InvalidInput(format!("style: expected one of {known}, got {style:?}"))
+        })
+    }
+}
+
+fn slice(rows: &Range<usize>) -> Slice {
+    Slice::from(rows.clone())
+}
+
+/// Windows of a clip: one every `window − overlap` frames, the last one flush with the end.
+fn windows(frames: usize, window: usize, overlap: usize) -> Vec<Range<usize>> {
+    match frames {
+        0 => Vec::new(),
+        _ if frames <= window => vec![Range {
+            start: 0,
+            end: frames,
+        }],
+        _ => (0..frames - window)
+            .step_by(window - overlap)
+            .chain([frames - window])
+            .map(|start| start..start + window)
+            .collect(),
+    }
+}
+
+/// Weight of frame `t` in a window: rises and falls over the overlap, 1 at the clip's own ends.
+fn ramp(t: usize, rows: &Range<usize>, frames: usize, overlap: usize) -> f32 {
+    let side = |inner: usize, at_end: bool| match at_end {
+        true => 1.0,
+        false => ((inner + 1) as f32 / (overlap + 1) as f32).min(1.0),
+    };
+    let left = side(t - rows.start, rows.start == 0);
+    left.min(side(rows.end - 1 - t, rows.end == frames))
+}
+
+#[cfg(test)]
+mod tests;
