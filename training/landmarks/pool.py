@@ -1,0 +1,124 @@
+"""Renders random heads once, so that training reads pictures instead of drawing them.
+
+    python -m training.landmarks.pool --data ../shared/data --runs runs/landmarks --count 8000
+
+writes `pictures.npy` `[n, 4, 128, 128]` f16, `targets.npy` `[n, 68, 2]` f32 (column, row from 0 to 1
+over the window), and `kind.npy` `[n]`: 0 no face, 1 ICT, 2 MakeHuman.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from training.landmarks import render, samples
+from training.landmarks.canonical import mean_landmarks
+
+NOMINAL_HALF_SIZE_M = 0.105
+IDENTITIES = 400
+
+
+def identities(held_out: bool) -> np.ndarray:
+    """`[n, 100]` coefficients; the held-out ones come from another stream and never train."""
+    rng = np.random.default_rng(9001 if held_out else 1)
+    return rng.normal(0, 1.15, (IDENTITIES, 100)).astype(np.float32)
+
+
+def rotation(rng: np.random.Generator, wide: bool) -> np.ndarray:
+    """Slight roll and pitch; yaw around one of the three views, or free."""
+    if wide:
+        turn = rng.choice([-40.0, 0.0, 40.0]) + rng.normal(0, 8)
+    else:
+        turn = rng.normal(0, 12)
+    roll, pitch = rng.normal(0, 8, 2)
+    roll, pitch, turn = np.radians([roll, pitch, turn])
+    c, s = np.cos(roll), np.sin(roll)
+    about_z = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    c, s = np.cos(pitch), np.sin(pitch)
+    about_x = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    return about_z @ about_x @ render.yaw(turn)
+
+
+def window(rng: np.random.Generator, landmarks: np.ndarray, tight: bool) -> tuple[np.ndarray, float]:
+    """Centre and half-size: tight as after a first guess, or loose as in the search."""
+    spread = np.sqrt(((landmarks - landmarks.mean(0)) ** 2).sum(1).mean())
+    mean = mean_landmarks()
+    scale = spread / np.sqrt(((mean - mean.mean(0)) ** 2).sum(1).mean())
+    middle = landmarks[:, :2].mean(0)
+    if tight:
+        half = NOMINAL_HALF_SIZE_M * scale * np.exp(rng.normal(0, 0.08))
+        return middle + rng.normal(0, 0.05, 2) * half, half
+    half = NOMINAL_HALF_SIZE_M * scale * np.exp(rng.uniform(0, np.log(3.2)))
+    room = max(half - 0.09 * scale, 0.1 * half)
+    return middle + rng.uniform(-room, room, 2), half
+
+
+def draw_face(rng, faces, chosen, share) -> tuple[np.ndarray, np.ndarray, int]:
+    """One picture with a face and its targets."""
+    head = samples.random_head(rng, faces, chosen, share)
+    tight = rng.random() < 0.6
+    turn = rotation(rng, wide=tight).T
+    points, landmarks = head.points @ turn, head.landmarks @ turn
+    centre, half = window(rng, landmarks, tight)
+    return (render.picture(points, head.triangles, centre, half),
+            render.to_window(landmarks, centre, half), 1)
+
+
+def draw_nothing(rng, faces, chosen) -> tuple[np.ndarray, np.ndarray, int]:
+    """One picture without a face: another side of a head, a window beside the face, plain shapes."""
+    head = samples.random_head(rng, faces, chosen, 0.2)
+    points, triangles = head.points, head.triangles
+    kind = rng.random()
+    if kind < 0.45:
+        turn = render.yaw(np.radians(180 + rng.normal(0, 30)))
+        if rng.random() < 0.3:
+            tilt = rng.choice([90.0, 180.0, -90.0]) + rng.normal(0, 10)
+            c, s = np.cos(np.radians(tilt)), np.sin(np.radians(tilt))
+            turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        points = points @ turn.T
+    elif kind < 0.75:
+        shapes = [samples.ellipsoid(rng.normal(0, 0.05, 3), rng.uniform(0.01, 0.12, 3),
+                                    int(rng.integers(3, 20))) for _ in range(rng.integers(1, 6))]
+        triangles = np.concatenate(
+            [t + sum(len(p) for p, _ in shapes[:i]) for i, (_, t) in enumerate(shapes)])
+        points = np.concatenate([p for p, _ in shapes])
+    if kind < 0.75:
+        centre, half = rng.normal(0, 0.02, 2), NOMINAL_HALF_SIZE_M * np.exp(rng.uniform(-0.3, 1.2))
+    else:
+        side = rng.choice([-1, 1], 2) * rng.uniform(0.09, 0.25, 2)
+        centre, half = head.landmarks[:, :2].mean(0) + side, rng.uniform(0.04, 0.10)
+    return render.picture(points, triangles, centre, half), np.full((68, 2), 0.5), 0
+
+
+def main() -> None:
+    """Draws the pool; MakeHuman's pictures are marked, so training can leave them out."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser.add_argument("--runs", type=Path, default=Path("runs/landmarks"))
+    parser.add_argument("--count", type=int, default=8000)
+    parser.add_argument("--seed", type=int, default=0)
+    args = parser.parse_args()
+    args.runs.mkdir(parents=True, exist_ok=True)
+    faces, chosen = samples.Faces(args.data), identities(held_out=False)
+    pictures = np.lib.format.open_memmap(args.runs / "pictures.npy", "w+", np.float16,
+                                         (args.count, 4, render.RESOLUTION, render.RESOLUTION))
+    targets, kinds = np.zeros((args.count, 68, 2), np.float32), np.zeros(args.count, np.int8)
+    for i in range(args.count):
+        rng = np.random.default_rng([args.seed, i])
+        draw = rng.random()
+        if draw < 0.15:
+            picture, target, kind = draw_nothing(rng, faces, chosen)
+        else:
+            share = 1.0 if draw > 0.82 else 0.0
+            picture, target, kind = draw_face(rng, faces, chosen, share)
+            kind = 2 if share else 1
+        pictures[i], targets[i], kinds[i] = picture, target, kind
+        if i % 500 == 499:
+            print(i + 1, flush=True)
+    pictures.flush()
+    np.save(args.runs / "targets.npy", targets)
+    np.save(args.runs / "kind.npy", kinds)
+
+
+if __name__ == "__main__":
+    main()
