@@ -1,0 +1,101 @@
+"""One long call in a worker thread, with progress and a way to stop it."""
+
+import threading
+from collections.abc import Callable
+
+from .errors import AnyfaceError, Cancelled
+
+
+class Progress:
+    """How far a job is, and whether it is to stop; safe to share between threads.
+
+    Stages are reported with `check`, or read from a running native call that was attached.
+    """
+
+    def __init__(self):
+        self._at = "", 0.0
+        self._stop = threading.Event()
+        self._lock = threading.Lock()
+        self._read: Callable[[], tuple[str, float]] | None = None
+        self._cancel: Callable[[], None] | None = None
+
+    @property
+    def at(self) -> tuple[str, float]:
+        """The name of the stage ("" before the first) and its done share, 0 to 1."""
+        with self._lock:
+            if self._read is not None:
+                self._at = self._read()
+            return self._at
+
+    @property
+    def cancelled(self) -> bool:
+        """True once the job was asked to stop."""
+        return self._stop.is_set()
+
+    def check(self, stage: str, fraction: float = 0.0) -> None:
+        """Reports, and raises `Cancelled` once the job is to stop."""
+        self._at = stage, fraction
+        if self.cancelled:
+            raise Cancelled
+
+    def cancel(self) -> None:
+        """Asks the job to stop."""
+        self._stop.set()
+        with self._lock:
+            if self._cancel is not None:
+                self._cancel()
+
+    def attach(self, read: Callable[[], tuple[str, float]], cancel: Callable[[], None]) -> None:
+        """Hands over to a native call: `read` tells how far it is, `cancel` stops it."""
+        with self._lock:
+            self._read, self._cancel = read, cancel
+            if self.cancelled:
+                cancel()
+
+    def detach(self) -> None:
+        """The native call has ended; its `read` and `cancel` are not called any more."""
+        with self._lock:
+            self._read = self._cancel = None
+
+
+class Job:
+    """Runs `work(progress)` in a thread; the result or the error is fetched with `result`."""
+
+    def __init__(self, work: Callable[[Progress], object]):
+        self.progress = Progress()
+        self._work = work
+        self._outcome: object = None
+        self._error: AnyfaceError | None = None
+        self._thread = threading.Thread(target=self._run, name="anyface", daemon=True)
+
+    def start(self) -> "Job":
+        """Starts the thread."""
+        self._thread.start()
+        return self
+
+    @property
+    def done(self) -> bool:
+        """True once the thread has ended."""
+        return not self._thread.is_alive()
+
+    def cancel(self, wait_s: float | None = 0.0) -> None:
+        """Asks the work to stop and waits up to `wait_s` seconds (None: until it has)."""
+        self.progress.cancel()
+        self._thread.join(wait_s)
+
+    def result(self):
+        """What the work returned; raises the `AnyfaceError` that it raised."""
+        self._thread.join()
+        if self._error is not None:
+            raise self._error
+        return self._outcome
+
+    def _run(self) -> None:
+        try:
+            self._outcome = self._work(self.progress)
+        except AnyfaceError as error:
+            self._error = error
+        except Exception as error:
+            # A defect must reach the artist as a message; a thread would swallow it.
+            self._error = AnyfaceError("internal", f"{type(error).__name__}: {error}")
+            self._error.__cause__ = error

@@ -1,0 +1,98 @@
+"""Plain data between the stages: what is asked, what is read, what comes back."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass
+class Performance:
+    """How the character is asked to speak.
+
+    `emotion` holds `(time_s, strengths[15])` in rising order, times from the first sample.
+    """
+
+    fps: float
+    emotion: list[tuple[float, list[float]]] = field(default_factory=list)
+    seed: int = 0
+    steps: int | None = None
+    style: str = ""
+    learned: float = 1.0
+
+
+@dataclass
+class Sound:
+    """Mono samples `[S]`, float32 in -1..1, at `rate_hz`; `name` is for messages."""
+
+    samples: np.ndarray
+    rate_hz: float
+    name: str
+
+    @property
+    def duration_s(self) -> float:
+        """Length in seconds."""
+        return len(self.samples) / self.rate_hz
+
+
+@dataclass
+class FaceMesh:
+    """A mesh as Blender holds it.
+
+    `positions` `[V, 3]` float32 of the Basis in object space, `triangles` `[F, 3]` uint32,
+    `matrix_world` `[4, 4]` from object space to the world. Landmarks, where the artist gave
+    them, are `[68, 3]` positions in object space or `[68]` vertex numbers. `hints` are remarks
+    that make an error easier to understand ("the Mirror modifier is not applied").
+    """
+
+    name: str
+    positions: np.ndarray
+    triangles: np.ndarray
+    matrix_world: np.ndarray
+    landmarks: np.ndarray | None = None
+    landmark_vertices: np.ndarray | None = None
+    axes: str = "AUTO"
+    hints: list[str] = field(default_factory=list)
+
+
+@dataclass
+class Animation:
+    """What the library returns for one mesh, in the frame in which it was given.
+
+    `displacements` `[T, V, 3]` float32; `metres_per_unit` brings that frame to a head of
+    human size.
+    """
+
+    displacements: np.ndarray
+    metres_per_unit: float
+
+
+@dataclass
+class Basis:
+    """Displacements as few vectors and their weights.
+
+    `vectors` `[K, V, 3]`, `weights` `[T, K]` within -1..1; `error_mm` is the largest distance
+    of any vertex in any frame from where it should be.
+    """
+
+    vectors: np.ndarray
+    weights: np.ndarray
+    error_mm: float
+
+
+@dataclass
+class Take:
+    """A finished performance in object space, ready to be written.
+
+    Either `basis` or `frames` (`[T, V, 3]`, object units) is set. `largest_mm` is the largest
+    displacement of any vertex.
+    """
+
+    fps: float
+    largest_mm: float
+    basis: Basis | None = None
+    frames: np.ndarray | None = None
+
+    @property
+    def frame_count(self) -> int:
+        """The number of frames `T`."""
+        return len(self.basis.weights) if self.basis is not None else len(self.frames)

@@ -1,0 +1,117 @@
+"""One character from settings to keys, in three steps: read, work, write.
+
+`read` and `write` touch Blender's data and belong to the main thread; the `work` of a snapshot
+does not and may run anywhere.
+"""
+
+from dataclasses import dataclass, field
+
+from ..core import emotion as emotions
+from ..core import perform
+from ..core.errors import AnyfaceError
+from ..core.job import Progress
+from ..core.take import FaceMesh, Performance, Take
+from . import decode, emotion, guard, keys, mesh, sound
+
+MODES = ("basis", "frames")
+
+
+@dataclass
+class Settings:
+    """What is asked; the fields of `ui.properties.AnyfaceCharacter` without Blender.
+
+    `strip` or `sound_file` is set. `fps` 0 takes the scene's, `steps` 0 the model's. `blend` are
+    strengths `[15]` that override emotion and intensity and their keyframes.
+    """
+
+    strip: str = ""
+    sound_file: str = ""
+    start_frame: int = 1
+    emotion: str = "neutral"
+    intensity: float = 1.0
+    blend: list[float] | None = None
+    style: str = ""
+    seed: int = 0
+    fps: float = 0.0
+    steps: int = 0
+    learned: float = 1.0
+    mode: str = "basis"
+    error_mm: float = 0.1
+    axes: str = "AUTO"
+
+
+@dataclass
+class Snapshot:
+    """Everything that was read for one character; `work` needs nothing else."""
+
+    object_name: str
+    face: FaceMesh
+    placed: sound.PlacedSound
+    performance: Performance
+    settings: Settings
+    scene_fps: float
+    engine: object = field(repr=False)
+
+    def work(self, progress: Progress) -> Take:
+        """The take; raises `AnyfaceError`."""
+        return perform.perform(
+            self.face,
+            self.placed.sound,
+            self.performance,
+            self.settings.mode,
+            self.settings.error_mm,
+            self.engine.animate,
+            progress,
+        )
+
+
+def read(ob, scene, settings: Settings, engine) -> Snapshot:
+    """Reads mesh, sound and emotion; raises `AnyfaceError` in words for the artist."""
+    if settings.mode not in MODES:
+        raise AnyfaceError("input", f"mode: expected {' or '.join(MODES)}, got {settings.mode!r}")
+    guard.check_editable(ob, settings.mode)
+    face = mesh.read_face(ob)
+    face.axes = settings.axes
+    placed = _read_sound(scene, settings, decode.decoder(engine))
+    scene_fps = scene.render.fps / scene.render.fps_base
+    performance = Performance(
+        fps=settings.fps or scene_fps,
+        emotion=_emotion(ob, settings, placed, scene_fps),
+        seed=settings.seed,
+        steps=settings.steps or None,
+        style=settings.style,
+        learned=settings.learned,
+    )
+    return Snapshot(ob.name, face, placed, performance, settings, scene_fps, engine)
+
+
+def write(ob, snapshot: Snapshot, take: Take) -> str:
+    """Writes the take and says in one line what was written."""
+    keys.write(ob, take, snapshot.placed.start_frame, snapshot.scene_fps)
+    return describe(take)
+
+
+def describe(take: Take) -> str:
+    """One line: "150 frames, largest motion 9.1 mm, 31 basis keys, largest error 0.098 mm"."""
+    text = f"{take.frame_count} frames, largest motion {take.largest_mm:.1f} mm"
+    if take.basis is None:
+        return f"{text}, one key per frame"
+    return (
+        f"{text}, {len(take.basis.vectors)} basis keys, largest error {take.basis.error_mm:.3f} mm"
+    )
+
+
+def _read_sound(scene, settings: Settings, decoder) -> sound.PlacedSound:
+    if settings.strip:
+        return sound.read_strip(scene, settings.strip, decoder)
+    if settings.sound_file:
+        return sound.read_file(settings.sound_file, settings.start_frame, decoder)
+    raise AnyfaceError("audio", "no sound: choose a sound strip or a file")
+
+
+def _emotion(ob, settings: Settings, placed, scene_fps: float):
+    if settings.blend is not None:
+        return [(0.0, list(settings.blend))]
+    emotions.strengths(settings.emotion, settings.intensity)
+    duration_s = placed.sound.duration_s
+    return emotion.emotion_keys(ob, settings, placed.start_frame, duration_s, scene_fps)

@@ -1,0 +1,111 @@
+"""F-curves of an ID's action across Blender's versions.
+
+Up to 4.3 an action holds its curves itself; from 4.4 on they lie in the channelbag of a slot,
+and 5.0 has no other way.
+"""
+
+import bpy
+import numpy as np
+
+LAYERED = hasattr(bpy.types, "ActionSlots")
+# Values of the interpolation enum of a keyframe.
+_CONSTANT, _LINEAR = 0, 1
+_GROUP = "Anyface"
+
+
+def channels(animation_data, create: bool = False):
+    """What holds the curves (`.fcurves`, `.groups`) of this ID in its action, or None.
+
+    With `create` a missing layer, strip or channelbag of the assigned slot is made.
+    """
+    action = animation_data.action if animation_data is not None else None
+    if action is None:
+        return None
+    if not LAYERED:
+        return action
+    slot = animation_data.action_slot
+    if slot is None:
+        return None
+    strip = _keyframe_strip(action, create)
+    return strip.channelbag(slot, ensure=create) if strip is not None else None
+
+
+def _keyframe_strip(action, create: bool):
+    for layer in action.layers:
+        for strip in layer.strips:
+            if strip.type == "KEYFRAME":
+                return strip
+    if not create:
+        return None
+    layer = action.layers[0] if len(action.layers) else action.layers.new("Layer")
+    return layer.strips.new(type="KEYFRAME")
+
+
+def find(animation_data, data_path: str):
+    """The curve of `data_path`, or None."""
+    bag = channels(animation_data)
+    return bag.fcurves.find(data_path) if bag is not None else None
+
+
+def write(bag, data_path: str, frames: np.ndarray, values: np.ndarray, constant=False) -> None:
+    """A new curve with keys at `frames` `[T]`, linear in between (or held)."""
+    stale = bag.fcurves.find(data_path)
+    if stale is not None:
+        bag.fcurves.remove(stale)
+    curve = bag.fcurves.new(data_path)
+    curve.group = bag.groups.get(_GROUP) or bag.groups.new(_GROUP)
+    points = curve.keyframe_points
+    points.add(len(frames))
+    pairs = np.column_stack([frames, values]).astype(np.float32)
+    points.foreach_set("co", pairs.ravel())
+    kind = _CONSTANT if constant else _LINEAR
+    points.foreach_set("interpolation", np.full(len(frames), kind, dtype=np.int32))
+    curve.update()
+
+
+def remove(animation_data, data_paths: set[str]) -> None:
+    """Removes the curves of `data_paths`, and our group once it is empty."""
+    bag = channels(animation_data)
+    if bag is None:
+        return
+    for curve in [curve for curve in bag.fcurves if curve.data_path in data_paths]:
+        bag.fcurves.remove(curve)
+    group = bag.groups.get(_GROUP)
+    if group is not None and len(group.channels) == 0:
+        bag.groups.remove(group)
+
+
+def is_empty(action) -> bool:
+    """True where no slot of the action holds a curve."""
+    return all(len(bag.fcurves) == 0 for bag in bags(action))
+
+
+def bags(action) -> list:
+    """All holders of curves of an action."""
+    if not LAYERED:
+        return [action]
+    strips = [strip for layer in action.layers for strip in layer.strips]
+    return [bag for strip in strips for bag in strip.channelbags]
+
+
+def own_channels(animation_data, name: str, id_type: str, taken):
+    """Where new curves go: the assigned action, or a new one called `name`.
+
+    What had to be made (action, slot) is written down in the record `taken`. An action that the
+    artist assigned keeps its slot and its curves.
+    """
+    if animation_data.action is None:
+        action = bpy.data.actions.new(name)
+        animation_data.action = action
+        taken.made_action = True
+    if LAYERED and animation_data.action_slot is None:
+        slot = animation_data.action.slots.new(id_type=id_type, name=name)
+        animation_data.action_slot = slot
+        taken.made_slot = True
+    return channels(animation_data, create=True)
+
+
+def channels_empty(animation_data) -> bool:
+    """True where the assigned slot (or action) holds no curve."""
+    bag = channels(animation_data)
+    return bag is None or len(bag.fcurves) == 0

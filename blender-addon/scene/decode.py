@@ -1,0 +1,34 @@
+"""Decodes sound files: the library's own decoder first, Blender's for what that cannot read."""
+
+import numpy as np
+
+from ..core.errors import AnyfaceError
+
+
+def decoder(engine):
+    """A function from a path to mono samples `[S]` and their rate in Hz."""
+
+    def decode(path: str) -> tuple[np.ndarray, float]:
+        try:
+            return engine.decode(path)
+        except AnyfaceError as error:
+            try:
+                return decode_with_aud(path)
+            except (ImportError, RuntimeError, OSError):
+                raise error from None
+
+    return decode
+
+
+def decode_with_aud(path: str) -> tuple[np.ndarray, float]:
+    """Blender's decoder (FFmpeg), which also reads the sound of films.
+
+    The channels are averaged; `rechannel(1)` would sum them and clip. Some builds of Blender as
+    a Python module have no `aud`: `ImportError`.
+    """
+    import aud
+
+    sound = aud.Sound(path)
+    rate_hz = float(sound.specs[0])
+    samples = np.asarray(sound.data(), dtype=np.float32)
+    return samples.reshape(len(samples), -1).mean(axis=1, dtype=np.float32), rate_hz

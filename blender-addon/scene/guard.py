@@ -1,0 +1,105 @@
+"""What must hold before shape keys are written, and what is set aside while they are."""
+
+from contextlib import contextmanager
+
+import bpy
+
+from ..core.errors import AnyfaceError
+from . import digest, record
+
+
+def check_editable(ob, mode: str) -> None:
+    """Raises `AnyfaceError("mesh")` with the remedy where keys cannot be written or kept."""
+    if ob is None or ob.type != "MESH" or ob.data is None:
+        what = "nothing" if ob is None else f"{ob.name} ({ob.type.lower()})"
+        raise AnyfaceError("mesh", f"expected a mesh object, got {what}: pick the face mesh")
+    for block in (ob, ob.data):
+        if block.library is not None:
+            raise AnyfaceError(
+                "mesh",
+                f"{block.name} is linked from {block.library.filepath}, and keys added to linked "
+                "data are lost on save: make object and mesh local (Object > Relations > Make "
+                "Local) or open that file",
+            )
+        if block.override_library is not None and block is ob.data:
+            raise AnyfaceError("mesh", f"{block.name} is a library override: make it local first")
+    _check_animation(ob)
+    own = [] if ob.data.shape_keys is None else own_keys(ob.data.shape_keys)
+    if mode == "frames" and own:
+        raise AnyfaceError(
+            "mesh",
+            f"{ob.name} has {len(own)} shape keys of its own ({own[0]} …), and one key per frame "
+            "would take them over: choose basis keys, which leave them alone",
+        )
+
+
+def own_keys(shape_keys) -> list[str]:
+    """Names of the keys that are not ours; empty where all keys were made by us."""
+    taken = record.read(shape_keys)
+    ours = set(taken.keys) if taken is not None else set()
+    names = [block.name for block in shape_keys.key_blocks if block.name not in ours]
+    # A Basis that we made counts as ours as long as it is alone.
+    return [] if taken is not None and taken.made_keys and len(names) == 1 else names
+
+
+def _check_animation(ob) -> None:
+    shape_keys = ob.data.shape_keys
+    animation = shape_keys.animation_data if shape_keys is not None else None
+    if animation is None:
+        return
+    if animation.use_tweak_mode:
+        raise AnyfaceError("mesh", f"{ob.name}: leave the NLA strip's tweak mode (Tab) first")
+    action = animation.action
+    if action is not None and action.library is not None:
+        raise AnyfaceError(
+            "mesh",
+            f"{ob.name}: its shape keys use the linked action {action.name}: make it local first",
+        )
+
+
+def make_single_user(ob, taken: record.Record) -> None:
+    """Gives `ob` its own mesh and its keys their own action, and writes down where from."""
+    mesh = ob.data
+    if mesh.users - mesh.use_fake_user > 1:
+        taken.shared_mesh = mesh.name
+        ob.data = mesh.copy()
+        taken.shared_mesh_print = digest.mesh_digest(ob.data)
+    shape_keys = ob.data.shape_keys
+    animation = shape_keys.animation_data if shape_keys is not None else None
+    action = animation.action if animation is not None else None
+    if action is not None and action.users - action.use_fake_user > 1:
+        taken.shared_action = action.name
+        animation.action = action.copy()
+        taken.shared_action_print = digest.action_digest(animation.action)
+
+
+@contextmanager
+def object_mode(ob):
+    """Leaves edit or sculpt mode while keys are written, and comes back to it.
+
+    Edit mode holds a second copy of the mesh, which would overwrite keys added meanwhile.
+    """
+    before = ob.mode
+    if before in ("OBJECT", "POSE"):
+        yield
+        return
+    with bpy.context.temp_override(active_object=ob, object=ob):
+        bpy.ops.object.mode_set(mode="OBJECT")
+    try:
+        yield
+    finally:
+        with bpy.context.temp_override(active_object=ob, object=ob):
+            bpy.ops.object.mode_set(mode=before)
+
+
+@contextmanager
+def selection_kept(ob):
+    """Keeps the active shape key of `ob`, which adding and removing keys would move."""
+    name = ob.active_shape_key.name if ob.active_shape_key is not None else ""
+    index = ob.active_shape_key_index
+    try:
+        yield
+    finally:
+        blocks = ob.data.shape_keys.key_blocks if ob.data.shape_keys is not None else ()
+        found = blocks.find(name) if name and blocks else -1
+        ob.active_shape_key_index = found if found >= 0 else min(index, max(len(blocks) - 1, 0))

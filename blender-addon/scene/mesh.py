@@ -1,0 +1,112 @@
+"""Reads the face: the Basis of a mesh object, its triangles, its landmarks."""
+
+import json
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..core.errors import AnyfaceError
+from ..core.take import FaceMesh
+
+LANDMARKS_PROPERTY = "anyface_landmarks"
+
+
+def read_face(ob) -> FaceMesh:
+    """The snapshot of `ob`: Basis positions, triangles, world matrix, landmarks.
+
+    The evaluated mesh is not used: modifiers change vertex numbers, and shape keys live before
+    them. In edit mode the edits of this moment count.
+    """
+    if ob.mode == "EDIT":
+        ob.update_from_editmode()
+    mesh = ob.data
+    if len(mesh.vertices) == 0:
+        raise AnyfaceError("mesh", f"{ob.name}: the mesh has no vertices")
+    if len(mesh.polygons) == 0:
+        raise AnyfaceError("mesh", f"{ob.name}: the mesh has no faces, only loose points")
+    points, vertices = read_landmarks(ob)
+    return FaceMesh(
+        name=ob.name,
+        positions=read_basis(mesh),
+        triangles=read_triangles(mesh),
+        matrix_world=np.array(ob.matrix_world, dtype=np.float64),
+        landmarks=points,
+        landmark_vertices=vertices,
+        hints=_hints(ob),
+    )
+
+
+def read_basis(mesh) -> np.ndarray:
+    """Positions `[V, 3]` float32 of the Basis key, or of the mesh where it has no keys."""
+    flat = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
+    if mesh.shape_keys is not None:
+        mesh.shape_keys.reference_key.points.foreach_get("co", flat)
+    elif "position" in mesh.attributes:
+        mesh.attributes["position"].data.foreach_get("vector", flat)
+    else:
+        # Attributes are hidden in edit mode.
+        mesh.vertices.foreach_get("co", flat)
+    return flat.reshape(-1, 3)
+
+
+def read_triangles(mesh) -> np.ndarray:
+    """Triangles `[F, 3]` uint32 of all polygons."""
+    mesh.calc_loop_triangles()
+    flat = np.empty(len(mesh.loop_triangles) * 3, dtype=np.int32)
+    mesh.loop_triangles.foreach_get("vertices", flat)
+    return flat.reshape(-1, 3).astype(np.uint32)
+
+
+def read_landmarks(ob) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Landmarks that the artist gave: positions `[68, 3]` in object space, or vertices `[68]`.
+
+    The custom property `anyface_landmarks` of the object or its mesh holds JSON, or the path of
+    a JSON file: 68 positions, 68 vertex numbers, or `{"positions": …}` / `{"vertices": …}`.
+    """
+    value = ob.get(LANDMARKS_PROPERTY, ob.data.get(LANDMARKS_PROPERTY))
+    if value is None or value == "":
+        return None, None
+    if isinstance(value, str):
+        value = _load(value, ob)
+    elif hasattr(value, "to_list"):
+        value = value.to_list()
+    return _as_landmarks(value)
+
+
+def _load(text: str, ob):
+    try:
+        if text.lstrip()[:1] in ("[", "{"):
+            return json.loads(text)
+        path = Path(bpy.path.abspath(text, library=ob.library))
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise AnyfaceError("file", f"{LANDMARKS_PROPERTY}: {error}") from error
+    except ValueError as error:
+        raise AnyfaceError("input", f"{LANDMARKS_PROPERTY}: not JSON: {error}") from error
+
+
+def _as_landmarks(value) -> tuple[np.ndarray | None, np.ndarray | None]:
+    if isinstance(value, dict):
+        value = value.get("vertices", value.get("positions"))
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if array.shape == (204,):
+        array = array.reshape(68, 3)
+    if array.shape == (68, 3) and np.isfinite(array).all():
+        return array, None
+    if array.shape == (68,) and (array >= 0).all():
+        return None, array.astype(np.uint32)
+    raise AnyfaceError(
+        "input",
+        f"{LANDMARKS_PROPERTY}: expected 68 positions [68, 3] or 68 vertex numbers, "
+        f"got an array of shape {list(array.shape)}",
+    )
+
+
+def _hints(ob) -> list[str]:
+    if any(modifier.type == "MIRROR" for modifier in ob.modifiers):
+        return ["Half of the face comes from a Mirror modifier: apply it"]
+    return []

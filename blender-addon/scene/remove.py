@@ -1,0 +1,96 @@
+"""Removes exactly what a take has put on a mesh."""
+
+import bpy
+
+from ..core.errors import AnyfaceError
+from . import curves, digest, guard, keys, record
+
+
+def remove(ob) -> bool:
+    """Takes the generated keys, curves, action and copies away; False where there were none.
+
+    A generated key that was renamed belongs to the artist and stays, as do keys, curves and
+    drivers that were added since. A mesh or action that had been shared is shared again, unless
+    somebody has changed the copy.
+    """
+    if not record.is_generated(ob):
+        return False
+    if ob.library is not None or ob.data.library is not None:
+        raise AnyfaceError("mesh", f"{ob.name} is linked: remove the take in its own file")
+    taken = record.read(ob.data.shape_keys)
+    with guard.object_mode(ob), guard.selection_kept(ob):
+        record.clear(ob.data.shape_keys)
+        _remove_curves(ob.data.shape_keys, taken)
+        _remove_keys(ob, taken)
+        _share_mesh_again(ob, taken)
+    ob.data.update()
+    return True
+
+
+def _remove_curves(shape_keys, taken: record.Record) -> None:
+    animation = shape_keys.animation_data
+    if animation is None:
+        return
+    paths = {keys.value_path(name) for name in taken.keys}
+    if taken.mode == "frames":
+        paths.add("eval_time")
+    curves.remove(animation, paths)
+    _remove_action(animation, taken)
+    untouched = animation.action is None and not animation.drivers and not animation.nla_tracks
+    if taken.made_animation_data and untouched:
+        shape_keys.animation_data_clear()
+
+
+def _remove_action(animation, taken: record.Record) -> None:
+    action = animation.action
+    if action is None:
+        return
+    original = bpy.data.actions.get(taken.shared_action) if taken.shared_action else None
+    if original is not None and digest.action_digest(action) == taken.shared_action_print:
+        animation.action = original
+        if taken.made_slot:
+            animation.action_slot = None
+        bpy.data.actions.remove(action)
+        return
+    if taken.made_action and curves.is_empty(action):
+        animation.action = None
+        if action.users - action.use_fake_user == 0:
+            bpy.data.actions.remove(action)
+    elif taken.made_slot and curves.channels_empty(animation):
+        slot = animation.action_slot
+        animation.action_slot = None
+        action.slots.remove(slot)
+
+
+def _remove_keys(ob, taken: record.Record) -> None:
+    shape_keys = ob.data.shape_keys
+    if taken.mode == "frames":
+        shape_keys.eval_time = 0.0
+        shape_keys.use_relative = True
+    ours = set(taken.keys)
+    basis = shape_keys.reference_key
+    others = [b for b in shape_keys.key_blocks if b.name not in ours and b != basis]
+    if taken.made_keys and not others:
+        ob.shape_key_clear()
+        return
+    for block in [b for b in shape_keys.key_blocks if b.name in ours]:
+        ob.shape_key_remove(block)
+
+
+def _share_mesh_again(ob, taken: record.Record) -> None:
+    original = bpy.data.meshes.get(taken.shared_mesh) if taken.shared_mesh else None
+    if original is None or digest.mesh_digest(ob.data) != taken.shared_mesh_print:
+        return
+    copy = ob.data
+    ob.data = original
+    if copy.users == 0:
+        keys_copy = copy.shape_keys
+        action = _own_action(keys_copy)
+        bpy.data.meshes.remove(copy)
+        if action is not None and action.users == 0:
+            bpy.data.actions.remove(action)
+
+
+def _own_action(shape_keys):
+    animation = shape_keys.animation_data if shape_keys is not None else None
+    return animation.action if animation is not None else None

@@ -1,0 +1,47 @@
+"""The sequencer across Blender's versions (4.2 has `sequences`, 5.0 only `strips`)."""
+
+import bpy
+
+from ..core.errors import AnyfaceError
+
+
+def all_strips(scene) -> list:
+    """Every strip of a scene, also those inside meta strips."""
+    editor = scene.sequence_editor
+    if editor is None:
+        return []
+    return list(editor.strips_all if hasattr(editor, "strips_all") else editor.sequences_all)
+
+
+def sound_strips(scene) -> list:
+    """The sound strips of a scene, first to last."""
+    found = [strip for strip in all_strips(scene) if strip.type == "SOUND"]
+    return sorted(found, key=lambda strip: (strip.frame_final_start, strip.channel))
+
+
+def sound_strip(scene, name: str):
+    """The sound strip called `name`.
+
+    Raises `AnyfaceError("audio")`, with the names that there are.
+    """
+    strips = sound_strips(scene)
+    for strip in strips:
+        if strip.name == name:
+            return strip
+    known = ", ".join(strip.name for strip in strips) or "none"
+    raise AnyfaceError("audio", f"expected a sound strip of {scene.name} ({known}), got {name!r}")
+
+
+def is_retimed(strip, sound_frames: float) -> bool:
+    """True where the strip plays faster or slower than its sound of `sound_frames` frames."""
+    if hasattr(strip, "retiming_keys"):
+        return len(strip.retiming_keys) > 0
+    # 4.2 hides the keys, but a retimed strip has another length.
+    return abs(strip.frame_duration - sound_frames) > 2.0
+
+
+def override(scene) -> dict:
+    """What `temp_override` needs for operators of the sequencer to work on `scene`."""
+    if bpy.app.version >= (5, 0, 0):
+        return {"scene": scene, "sequencer_scene": scene}
+    return {"scene": scene}

@@ -1,0 +1,98 @@
+"""The N-panel "Anyface" of the 3D view."""
+
+import textwrap
+
+from bpy.types import Panel
+
+from ..scene import record, sequencer
+from . import running
+from .settings import sequencer_scene, target
+
+
+class ANYFACE_PT_main(Panel):
+    """Mesh, sound, performance, output, and the buttons."""
+
+    bl_idname = "ANYFACE_PT_main"
+    bl_label = "Anyface"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Anyface"
+
+    def draw(self, context):
+        """Draws the panel."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        ob = target(context)
+        placeholder = ob.name if ob is not None else "Active Object"
+        layout.prop(context.scene.anyface, "character", placeholder=placeholder)
+        if ob is None:
+            layout.label(text="Pick a face mesh", icon="INFO")
+            return
+        _draw_sound(layout, ob.anyface, sequencer_scene(context))
+        _draw_performance(layout, ob.anyface)
+        _draw_output(layout, ob.anyface)
+        _draw_buttons(layout, ob)
+        _draw_report(layout, ob.anyface, context.region.width)
+
+
+def _draw_sound(layout, settings, scene) -> None:
+    column = layout.column()
+    column.row().prop(settings, "source", expand=True)
+    if settings.source == "FILE":
+        column.prop(settings, "sound_file")
+        column.prop(settings, "start_frame")
+        return
+    editor = scene.sequence_editor
+    if editor is None or not sequencer.sound_strips(scene):
+        column.label(text="No sound strip in the video sequencer", icon="INFO")
+        return
+    collection = "strips_all" if hasattr(editor, "strips_all") else "sequences_all"
+    column.prop_search(settings, "strip", editor, collection, icon="SOUND")
+
+
+def _draw_performance(layout, settings) -> None:
+    column = layout.column(align=True)
+    column.use_property_decorate = True
+    column.prop(settings, "emotion")
+    column.prop(settings, "intensity", slider=True)
+    header, body = layout.panel("anyface_more", default_closed=True)
+    header.label(text="More")
+    if body is not None:
+        for name in ("seed", "style", "fps", "steps", "learned", "axes"):
+            body.prop(settings, name)
+
+
+def _draw_output(layout, settings) -> None:
+    column = layout.column()
+    column.prop(settings, "mode")
+    if settings.mode == "basis":
+        column.prop(settings, "error_mm", text="Largest Error (mm)")
+
+
+def _draw_buttons(layout, ob) -> None:
+    if running.is_running():
+        stage, fraction = running.current.progress.at
+        row = layout.row()
+        row.progress(factor=fraction, text=f"{running.current_name}: {stage or 'starting'}")
+        row.operator("anyface.cancel", text="", icon="X")
+        return
+    row = layout.row()
+    row.scale_y = 1.4
+    again = record.is_generated(ob)
+    row.operator("anyface.generate", text="Generate Again" if again else "Generate")
+    layout.operator("anyface.remove", icon="TRASH")
+
+
+def _draw_report(layout, settings, width: int) -> None:
+    if not settings.report:
+        return
+    box = layout.box()
+    box.alert = settings.report_is_error
+    icon = "ERROR" if settings.report_is_error else "CHECKMARK"
+    for line in textwrap.wrap(settings.report, max(20, width // 8)):
+        box.label(text=line, icon=icon)
+        icon = "BLANK1"
+
+
+CLASSES = (ANYFACE_PT_main,)

@@ -1,0 +1,38 @@
+"""The add-on's preferences: what is built in and how many threads it may use."""
+
+import bpy
+from bpy.props import IntProperty
+from bpy.types import AddonPreferences
+
+from ..core import native
+
+# The name under which Blender knows the add-on: the package of this one.
+PACKAGE = __package__.rpartition(".")[0]
+
+
+class AnyfacePreferences(AddonPreferences):
+    """Preferences > Add-ons > Anyface."""
+
+    bl_idname = PACKAGE
+
+    threads: IntProperty(
+        name="Threads",
+        description="Worker threads; 0 takes one per core. Used from the next start on",
+        default=0,
+        min=0,
+        max=256,
+    )
+
+    def draw(self, context):
+        """Draws the preferences."""
+        self.layout.prop(self, "threads")
+        self.layout.label(text=f"Library: {native.library_path()}")
+
+
+def threads() -> int:
+    """The number of threads that the artist set; 0 where there are no preferences."""
+    addon = bpy.context.preferences.addons.get(PACKAGE)
+    return addon.preferences.threads if addon is not None and addon.preferences else 0
+
+
+CLASSES = (AnyfacePreferences,)

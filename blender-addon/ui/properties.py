@@ -1,0 +1,144 @@
+"""The settings of a character, stored on its object and animatable where that makes sense."""
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+from bpy.types import PropertyGroup
+
+from ..core.emotion import EMOTIONS, MAX_INTENSITY
+
+_EMOTION_ITEMS = [(name, name.capitalize(), "", number) for number, name in enumerate(EMOTIONS)]
+_SOURCES = [
+    ("STRIP", "Strip", "A sound strip of the video sequencer, with its trim and place", 0),
+    ("FILE", "File", "A sound file", 1),
+]
+_MODES = [
+    ("basis", "Basis Keys", "A few shape keys with animated weights; small and fast", 0),
+    (
+        "frames",
+        "Every Frame",
+        "One absolute shape key per frame; exact and large, needs a mesh without own keys",
+        1,
+    ),
+]
+_AXES = [
+    ("AUTO", "Automatic", "Try the directions below one after the other", 0),
+    ("WORLD", "World", "The head faces -Y in the world", 1),
+    ("LOCAL", "Local", "The head faces -Y in its own space", 2),
+    ("LOCAL_Y_UP", "Local, Y Up", "The head faces +Z with +Y up in its own space", 3),
+]
+
+
+class AnyfaceCharacter(PropertyGroup):
+    """Settings of one character; `Object.anyface`."""
+
+    source: EnumProperty(name="Sound", items=_SOURCES, default="STRIP", options=set())
+    strip: StringProperty(
+        name="Strip", description="Sound strip of the video sequencer", options=set()
+    )
+    sound_file: StringProperty(
+        name="File", description="WAV, MP3, FLAC, OGG, M4A …", subtype="FILE_PATH", options=set()
+    )
+    start_frame: IntProperty(
+        name="Start", description="Frame at which the sound file begins", default=1, options=set()
+    )
+    emotion: EnumProperty(
+        name="Emotion", description="Can be animated", items=_EMOTION_ITEMS, default="neutral"
+    )
+    intensity: FloatProperty(
+        name="Intensity",
+        description="How strongly the emotion shows; 1 is a full expression. Can be animated",
+        default=1.0,
+        min=0.0,
+        max=MAX_INTENSITY,
+        subtype="FACTOR",
+    )
+    style: StringProperty(
+        name="Style", description="Speaking style by name; empty takes the default", options=set()
+    )
+    seed: IntProperty(
+        name="Seed", description="Another seed, another take", default=0, min=0, options=set()
+    )
+    fps: FloatProperty(
+        name="Frame Rate",
+        description="Frames per second of the keys; 0 takes that of the scene",
+        default=0.0,
+        min=0.0,
+        max=240.0,
+        options=set(),
+    )
+    steps: IntProperty(
+        name="Steps",
+        description="Denoising steps; 0 takes the model's default",
+        default=0,
+        min=0,
+        max=1000,
+        options=set(),
+    )
+    learned: FloatProperty(
+        name="Learned Detail",
+        description="Strength of the learned correction; 0 spreads motion by geometry alone",
+        default=1.0,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+        options=set(),
+    )
+    mode: EnumProperty(name="Output", items=_MODES, default="basis", options=set())
+    error_mm: FloatProperty(
+        name="Largest Error",
+        description="Basis keys: largest error of any vertex in any frame, in mm on a head of "
+        "human size; the number of keys follows from it",
+        default=0.1,
+        min=0.005,
+        max=5.0,
+        precision=3,
+        options=set(),
+    )
+    axes: EnumProperty(
+        name="Face Direction",
+        description="How the head looks when the face is searched",
+        items=_AXES,
+        default="AUTO",
+        options=set(),
+    )
+    report: StringProperty(name="Last Take", options={"HIDDEN"})
+    report_is_error: BoolProperty(options={"HIDDEN"})
+
+
+class AnyfaceScene(PropertyGroup):
+    """`Scene.anyface`: which character the panel shows."""
+
+    character: PointerProperty(
+        name="Face",
+        description="The face mesh; empty takes the active object",
+        type=bpy.types.Object,
+        poll=lambda _self, ob: ob.type == "MESH",
+    )
+
+
+def register_character() -> None:
+    """Adds the settings of a character to objects."""
+    bpy.utils.register_class(AnyfaceCharacter)
+    bpy.types.Object.anyface = PointerProperty(type=AnyfaceCharacter)
+
+
+def register() -> None:
+    """Adds the settings to objects and scenes."""
+    register_character()
+    bpy.utils.register_class(AnyfaceScene)
+    bpy.types.Scene.anyface = PointerProperty(type=AnyfaceScene)
+
+
+def unregister() -> None:
+    """Takes them away; values stay in the file."""
+    del bpy.types.Scene.anyface
+    del bpy.types.Object.anyface
+    bpy.utils.unregister_class(AnyfaceScene)
+    bpy.utils.unregister_class(AnyfaceCharacter)

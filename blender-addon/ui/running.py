@@ -1,0 +1,47 @@
+"""The one job that may run, and the engine that all jobs share."""
+
+from ..core import native
+from ..core.job import Job
+from . import preferences
+
+current: Job | None = None
+# The object that the current job animates.
+current_name = ""
+_engine: native.Engine | None = None
+
+
+def engine() -> native.Engine:
+    """The engine; weights are loaded once, on first use."""
+    global _engine
+    if _engine is None:
+        _engine = native.Engine(preferences.threads())
+    return _engine
+
+
+def start(job: Job, object_name: str) -> Job:
+    """Makes `job` the current one and starts it."""
+    global current, current_name
+    current, current_name = job, object_name
+    return job.start()
+
+
+def is_running() -> bool:
+    """True while a job runs or its result waits to be written."""
+    return current is not None
+
+
+def finish() -> None:
+    """Forgets the current job."""
+    global current, current_name
+    current, current_name = None, ""
+
+
+def stop() -> None:
+    """Ends the current job and frees the engine; for the moment the add-on is disabled."""
+    global _engine
+    if current is not None:
+        current.cancel(wait_s=None)
+    finish()
+    if _engine is not None:
+        _engine.close()
+        _engine = None
