@@ -1,6 +1,7 @@
 //! Everything a developer or a release does with the repository: `cargo xtask --help`.
 
 mod demo;
+mod extension;
 mod machine;
 mod steps;
 mod test;
@@ -22,6 +23,8 @@ struct Cli {
 enum Task {
     /// A talking head in a .blend, a contact sheet and a film, from nothing.
     Demo(demo::Demo),
+    /// The Blender extension as a zip.
+    Extension(extension::Extension),
     /// Lints and all tests; installs what they need.
     Test(test::Test),
 }
@@ -29,6 +32,7 @@ enum Task {
 fn main() -> Result<()> {
     match Cli::parse().task {
         Task::Demo(demo) => demo.run(),
+        Task::Extension(extension) => extension.run(),
         Task::Test(test) => test.run(),
     }
 }

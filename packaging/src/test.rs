@@ -6,6 +6,7 @@ use anyhow::Result;
 use clap::Args;
 
 use crate::{
+    extension,
     machine::{self, Venv},
     steps::Steps,
 };
@@ -101,9 +102,12 @@ fn addon(steps: &mut Steps) -> Result<()> {
             ])
             .current_dir(machine::root()),
     )?;
+    let library = extension::build_library(steps, false)?;
+    let zip = extension::default_zip();
+    extension::build_zip(steps, &library, &zip)?;
     steps.check(
         "extension in headless Blender",
-        &mut pytest(&python, "tests/addon"),
+        pytest(&python, "tests/addon").env("ANYFACE_EXTENSION", zip),
     )
 }
 

@@ -1,0 +1,170 @@
+//! `cargo xtask extension`: the Blender extension as one zip, with the native library (its default
+//! weights are inside) and the licences, checked by Blender's own tool.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use anyhow::{Context, Result, ensure};
+use clap::Args;
+
+use crate::{
+    machine::{self, Venv},
+    steps::Steps,
+};
+
+/// Files of the repository that the zip carries beside the extension's own.
+const LICENCES: &[&str] = &["LICENSE-MIT", "LICENSE-APACHE", "NOTICE"];
+
+/// Builds the extension's zip.
+#[derive(Args)]
+pub struct Extension {
+    /// Take this library instead of building one.
+    #[arg(long)]
+    library: Option<PathBuf>,
+    /// Optimised for shipping; takes minutes.
+    #[arg(long)]
+    release: bool,
+    /// Where the zip goes; default `target/anyface-<version>-linux-x64.zip`.
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+impl Extension {
+    /// Runs it.
+    pub fn run(&self) -> Result<()> {
+        let mut steps = Steps::new("extension")?;
+        let library = match &self.library {
+            Some(path) => path.clone(),
+            None => build_library(&mut steps, self.release)?,
+        };
+        let zip = self.out.clone().unwrap_or_else(default_zip);
+        build_zip(&mut steps, &library, &zip)?;
+        println!("{}", zip.display());
+        Ok(())
+    }
+}
+
+/// The zip's usual place.
+pub fn default_zip() -> PathBuf {
+    let version = env!("CARGO_PKG_VERSION");
+    machine::target().join(format!("anyface-{version}-linux-x64.zip"))
+}
+
+/// Builds `libanyface.so` and returns its path.
+pub fn build_library(steps: &mut Steps, release: bool) -> Result<PathBuf> {
+    let mut build = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()));
+    build.args(["build", "-p", "anyface-capi"]);
+    if release {
+        build.arg("--release");
+    }
+    steps.run(
+        "build the native library",
+        build.current_dir(machine::root()),
+    )?;
+    let profile = if release { "release" } else { "debug" };
+    Ok(machine::target().join(profile).join("libanyface.so"))
+}
+
+/// Puts the extension, `library` and the licences into `zip`, and has Blender's tool check it
+/// where Blender's Python module is installed.
+pub fn build_zip(steps: &mut Steps, library: &Path, zip: &Path) -> Result<()> {
+    ensure!(library.is_file(), "no library at {}", library.display());
+    let stage = machine::target().join("extension");
+    if stage.exists() {
+        fs::remove_dir_all(&stage)?;
+    }
+    copy_folder(&machine::root().join("blender-addon"), &stage)?;
+    fs::create_dir_all(stage.join("lib"))?;
+    fs::copy(library, stage.join("lib/libanyface.so"))?;
+    fs::create_dir_all(stage.join("licences"))?;
+    for name in LICENCES {
+        fs::copy(
+            machine::root().join(name),
+            stage.join("licences").join(name),
+        )
+        .with_context(|| format!("copying {name}"))?;
+    }
+    strip(steps, &stage.join("lib/libanyface.so"))?;
+    pack(steps, &stage, zip)?;
+    validate(steps, zip)
+}
+
+/// Leaves debug information out: it is most of an unoptimised library.
+fn strip(steps: &mut Steps, library: &Path) -> Result<()> {
+    if !machine::has("strip") {
+        return Ok(());
+    }
+    let mut command = Command::new("strip");
+    command.arg("--strip-unneeded").arg(library);
+    steps.run("strip the native library", &mut command)?;
+    Ok(())
+}
+
+fn pack(steps: &mut Steps, stage: &Path, zip: &Path) -> Result<()> {
+    if zip.exists() {
+        fs::remove_file(zip)?;
+    }
+    let mut names = fs::read_dir(stage)?
+        .map(|entry| Ok(entry?.file_name()))
+        .collect::<Result<Vec<_>>>()?;
+    names.sort();
+    let mut command = Command::new("python3");
+    command.args(["-m", "zipfile", "-c"]).arg(absolute(zip)?);
+    command.args(names).current_dir(stage);
+    steps.run("zip the extension", &mut command)?;
+    Ok(())
+}
+
+fn validate(steps: &mut Steps, zip: &Path) -> Result<()> {
+    let Some(tool) = extension_tool() else {
+        steps.ignore("validate the extension", "no bpy here");
+        return Ok(());
+    };
+    let mut command = Command::new(Venv::Blender.python());
+    command.arg(tool).arg("validate").arg(zip);
+    steps.run("validate the extension", &mut command)?;
+    Ok(())
+}
+
+/// `blender_ext.py` of the newest Blender in the Python environment.
+fn extension_tool() -> Option<PathBuf> {
+    let folder = Venv::Blender.python().ancestors().nth(2)?.join("lib");
+    let inside = |folder: &Path| -> Vec<PathBuf> {
+        let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+        entries.map(|entry| entry.path()).collect()
+    };
+    let pythons = inside(&folder);
+    let versions = pythons
+        .iter()
+        .flat_map(|python| inside(&python.join("site-packages/bpy")));
+    let mut tools: Vec<PathBuf> = versions
+        .map(|version| version.join("scripts/addons_core/bl_pkg/cli/blender_ext.py"))
+        .filter(|tool| tool.is_file())
+        .collect();
+    tools.sort();
+    tools.pop()
+}
+
+fn copy_folder(from: &Path, to: &Path) -> Result<()> {
+    fs::create_dir_all(to)?;
+    for entry in fs::read_dir(from).with_context(|| format!("reading {}", from.display()))? {
+        let entry = entry?;
+        let name = entry.file_name();
+        if name == "__pycache__" || name == "ruff.toml" || name == ".ruff_cache" || name == "lib" {
+            continue;
+        }
+        if entry.file_type()?.is_dir() {
+            copy_folder(&entry.path(), &to.join(name))?;
+        } else {
+            fs::copy(entry.path(), to.join(name))?;
+        }
+    }
+    Ok(())
+}
+
+fn absolute(path: &Path) -> Result<PathBuf> {
+    Ok(std::path::absolute(path)?)
+}
