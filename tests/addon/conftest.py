@@ -1,0 +1,68 @@
+"""Installs the extension's zip into an empty Blender of its own and hands it to the tests.
+
+`ANYFACE_EXTENSION` names the zip; without it `cargo xtask extension` builds one.
+"""
+
+import atexit
+import importlib
+import os
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+# Blender reads this once, at import: nothing of the user's own Blender is touched.
+_RESOURCES = tempfile.mkdtemp(prefix="anyface-blender-")
+atexit.register(shutil.rmtree, _RESOURCES, ignore_errors=True)
+os.environ["BLENDER_USER_RESOURCES"] = _RESOURCES
+os.environ.setdefault("XDG_CACHE_HOME", os.path.join(_RESOURCES, "cache"))
+
+import bpy  # noqa: E402
+
+PACKAGE = "bl_ext.user_default.anyface"
+
+
+def zip_path() -> Path:
+    """The zip under test."""
+    given = os.environ.get("ANYFACE_EXTENSION")
+    if given:
+        return Path(given)
+    path = Path(_RESOURCES) / "anyface.zip"
+    command = ["cargo", "xtask", "extension", "--out", str(path)]
+    subprocess.run(command, cwd=ROOT, check=True)
+    return path
+
+
+@pytest.fixture(scope="session", autouse=True)
+def installed():
+    """The folder of the installed extension."""
+    result = bpy.ops.extensions.package_install_files(
+        filepath=str(zip_path()), repo="user_default", enable_on_install=True
+    )
+    assert result == {"FINISHED"}
+    # A zip for another platform is skipped with the same result.
+    assert PACKAGE in bpy.context.preferences.addons
+    module = importlib.import_module(PACKAGE)
+    folder = Path(module.__file__).parent
+    assert _RESOURCES in str(folder)
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def empty_file(installed):
+    """A new file for every test; the extension stays enabled."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert hasattr(bpy.types.Object, "anyface")
+    running = importlib.import_module(f"{PACKAGE}.ui.running")
+    yield
+    running._engine = None
+
+
+@pytest.fixture
+def addon():
+    """`addon("scene.keys")` is that module of the installed extension."""
+    return lambda name: importlib.import_module(f"{PACKAGE}.{name}")

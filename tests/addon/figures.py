@@ -1,0 +1,165 @@
+"""Meshes, sounds and a stand-in for the library, for tests of what is around it."""
+
+import wave
+
+import bpy
+import numpy as np
+
+FPS = 24
+
+
+def grid(name="Head", side=12, scale=0.2):
+    """A square mesh of `side` by `side` vertices in the scene, about as large as a head."""
+    steps = np.linspace(-scale / 2, scale / 2, side)
+    x, z = np.meshgrid(steps, steps)
+    vertices = np.column_stack([x.ravel(), np.zeros(side * side), z.ravel()])
+    number = np.arange(side * side).reshape(side, side)
+    corners = [number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]]
+    faces = np.stack([corner.ravel() for corner in corners], axis=1)
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(vertices.tolist(), [], faces.tolist())
+    ob = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(ob)
+    bpy.context.view_layer.objects.active = ob
+    return ob
+
+
+def own_keys(ob, *names):
+    """Shape keys of an artist: a Basis and one key per name, each moved and set differently."""
+    ob.shape_key_add(name="Basis", from_mix=False)
+    for number, name in enumerate(names):
+        block = ob.shape_key_add(name=name, from_mix=False)
+        block.points[number].co.x += 0.01
+        block.value = 0.25 + 0.1 * number
+    return ob.data.shape_keys
+
+
+def tone(path, seconds=2.0, rate=16000, silent_until=0.0, hertz=220.0):
+    """A WAV file with a tone."""
+    time = np.arange(int(seconds * rate)) / rate
+    samples = np.sin(2 * np.pi * hertz * time) * 0.5 * (time >= silent_until)
+    write_wav(path, samples, rate)
+    return str(path)
+
+
+def write_wav(path, samples, rate):
+    """Mono 16-bit samples in -1..1."""
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(rate)
+        file.writeframes((np.clip(samples, -1, 1) * 32767).astype("<i2").tobytes())
+
+
+def strip(path, name="Voice", frame=11, channel=1):
+    """A sound strip in the scene's sequencer."""
+    scene = bpy.context.scene
+    scene.render.fps = FPS
+    editor = scene.sequence_editor_create()
+    strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+    return strips.new_sound(name, str(path), channel, frame)
+
+
+def motion(frames, vertices, rank=6, size=0.005, seed=0):
+    """Smooth displacements `[T, V, 3]` of a known rank, `size` at most."""
+    random = np.random.default_rng(seed)
+    time = np.linspace(0.0, 2 * np.pi, frames)
+    phases = random.uniform(0, 2 * np.pi, rank)
+    weights = np.stack([np.sin((k + 1) * time + phases[k]) / (k + 1) for k in range(rank)], axis=1)
+    shapes = random.normal(size=(rank, vertices * 3))
+    moved = (weights @ shapes).reshape(frames, vertices, 3).astype(np.float32)
+    return moved * (size / np.linalg.norm(moved, axis=2).max())
+
+
+class Stage:
+    """Stands in for the native engine where only reading and writing are tested.
+
+    Moves every vertex by `motion`, and remembers what it was given.
+    """
+
+    def __init__(self, take_module, decode=None, size=0.005, rank=6):
+        self.take_module, self._decode = take_module, decode
+        self.size, self.rank = size, rank
+        self.calls = []
+
+    def animate(self, positions, triangles, points, numbers, sound, performance, progress):
+        """The displacements of `motion` in the frame that was given."""
+        self.calls.append((positions, triangles, points, numbers, sound, performance))
+        progress.check("deform", 0.5)
+        frames = int(np.ceil(sound.duration_s * performance.fps))
+        moved = motion(frames, len(positions), self.rank, self.size)
+        return self.take_module.Animation(moved, 1.0)
+
+    def decode(self, path):
+        """Reads 16-bit mono WAV."""
+        with wave.open(path, "rb") as file:
+            rate = file.getframerate()
+            data = np.frombuffer(file.readframes(file.getnframes()), dtype="<i2")
+        return (data / 32768.0).astype(np.float32), float(rate)
+
+    def close(self):
+        """Nothing is held."""
+
+
+def everything():
+    """All data-blocks, shape keys, values, curves, drivers and custom properties, as text rows."""
+    rows = []
+    for kind in ("objects", "meshes", "shape_keys", "actions", "sounds", "scenes", "texts"):
+        for block in getattr(bpy.data, kind):
+            # Up to 4.5 the panel's settings are custom properties too; they are no generated data.
+            settings = {"anyface"} if kind in ("objects", "scenes") else set()
+            names = sorted(set(block.keys()) - settings)
+            rows.append(f"{kind} {block.name} users={block.users} props={names}")
+    for shape_keys in bpy.data.shape_keys:
+        rows.append(f"{shape_keys.name} relative={shape_keys.use_relative}")
+        for block in shape_keys.key_blocks:
+            points = np.empty(len(block.points) * 3, dtype=np.float32)
+            block.points.foreach_get("co", points)
+            rows.append(
+                f"  {block.name} {block.value:.5f} {block.slider_min} {block.slider_max} "
+                f"{block.mute} {block.relative_key.name} {hash(points.tobytes())}"
+            )
+        rows += animation_rows(shape_keys.animation_data)
+    for mesh in bpy.data.meshes:
+        points = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
+        mesh.vertices.foreach_get("co", points)
+        rows.append(f"{mesh.name} {hash(points.tobytes())}")
+    for ob in bpy.data.objects:
+        rows.append(f"{ob.name} data={ob.data.name} key={ob.active_shape_key_index} {ob.mode}")
+    return rows
+
+
+def animation_rows(animation):
+    """Action, slot, curves, drivers and tracks of animation data as text rows."""
+    if animation is None:
+        return ["  no animation data"]
+    action = animation.action
+    rows = [f"  action {action.name if action else None}"]
+    rows.append(f"  slot {getattr(getattr(animation, 'action_slot', None), 'identifier', None)}")
+    rows += [f"  driver {driver.data_path}" for driver in animation.drivers]
+    rows += [f"  track {track.name}" for track in animation.nla_tracks]
+    for curve in curves(action):
+        keys = [tuple(round(value, 5) for value in point.co) for point in curve.keyframe_points]
+        rows.append(f"  curve {curve.data_path} {keys}")
+    return rows
+
+
+def curves(action):
+    """Every curve of an action, in every version of Blender."""
+    if action is None:
+        return []
+    if hasattr(action, "fcurves"):
+        return list(action.fcurves)
+    strips = [strip for layer in action.layers for strip in layer.strips]
+    return [curve for strip in strips for bag in strip.channelbags for curve in bag.fcurves]
+
+
+def shape(ob, frame):
+    """Positions `[V, 3]` of the evaluated mesh of `ob` at a scene frame, object space."""
+    scene = bpy.context.scene
+    whole = int(np.floor(frame))
+    scene.frame_set(whole, subframe=float(frame - whole))
+    mesh = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    points = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
+    mesh.vertices.foreach_get("co", points)
+    return points.reshape(-1, 3)

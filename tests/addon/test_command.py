@@ -1,0 +1,94 @@
+"""The command, called in this process; the library is replaced by a stage."""
+
+import json
+
+import bpy
+import pytest
+
+from figures import Stage, grid, tone
+
+
+@pytest.fixture
+def run(addon):
+    """`run("bake", …)` returns the exit code; `run.stage` is what stands in for the library."""
+    stage = Stage(addon("core.take"))
+    addon("ui.running")._engine = stage
+
+    def call(*words):
+        return addon("ui.command").main([str(word) for word in words])
+
+    call.stage = stage
+    return call
+
+
+def test_bake_writes_the_file_and_the_report(run, tmp_path):
+    grid()
+    bpy.context.scene.frame_start = 3
+    sound, out, report = tone(tmp_path / "a.wav"), tmp_path / "o.blend", tmp_path / "r.json"
+    code = run(
+        "bake",
+        "--object",
+        "Head",
+        "--audio",
+        sound,
+        "--emotion",
+        "happy:0.7,calm:0.2",
+        "--fps",
+        12,
+        "--seed",
+        9,
+        "--steps",
+        3,
+        "--save",
+        out,
+        "--report",
+        report,
+    )
+    assert code == 0
+    performance = run.stage.calls[0][5]
+    assert (performance.fps, performance.seed, performance.steps) == (12.0, 9, 3)
+    row = performance.emotion[0][1]
+    assert row[1] == 0.7 and row[3] == 0.2
+    told = json.loads(report.read_text())
+    assert told["ok"] and told["exit_code"] == 0 and "24 frames" in told["message"]
+    bpy.ops.wm.open_mainfile(filepath=str(out))
+    blocks = bpy.data.objects["Head"].data.shape_keys.key_blocks
+    assert blocks[1].name == "Anyface.001"
+
+
+def test_options_that_are_left_out_come_from_the_object(run, tmp_path):
+    ob = grid()
+    ob.anyface.seed, ob.anyface.mode = 5, "frames"
+    sound = tone(tmp_path / "a.wav")
+    save = ("--save", tmp_path / "o.blend")
+    assert run("bake", "--object", "Head", "--audio", sound, *save) == 0
+    assert run.stage.calls[0][5].seed == 5
+    assert not ob.data.shape_keys.use_relative
+    assert run("bake", "--object", "Head", "--audio", sound, "--mode", "basis", *save) == 0
+    assert ob.data.shape_keys.use_relative
+
+
+def test_exit_codes_differ_by_kind(run, tmp_path, capfd):
+    grid()
+    sound, out = tone(tmp_path / "a.wav"), tmp_path / "o.blend"
+    save = ("--save", out)
+    assert run("bake", "--object", "Hed", "--audio", sound, *save) == 3
+    assert "'Hed'" in capfd.readouterr().err
+    assert run("bake", "--object", "Head", "--audio", tmp_path / "no.wav", *save) == 4
+    assert run("bake", "--object", "Head", "--strip", "Voice", *save) == 4
+    assert run("bake", "--object", "Head", "--audio", sound, "--emotion", "merry:1", *save) == 3
+    run.stage.size = 1e-7
+    assert run("bake", "--object", "Head", "--audio", sound, *save) == 11
+    assert "nothing moved" in capfd.readouterr().err
+    assert run("bake", "--object", "Head") == 2
+    assert run("bake", "--nonsense") == 2
+    assert run() == 2
+    assert run("bake", "--help") == 0
+    assert not out.exists()
+
+
+def test_a_file_that_cannot_be_written_is_an_error(run, tmp_path):
+    grid()
+    sound = tone(tmp_path / "a.wav")
+    out = tmp_path / "no" / "such" / "folder" / "o.blend"
+    assert run("bake", "--object", "Head", "--audio", sound, "--save", out) == 8

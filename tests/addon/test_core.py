@@ -1,0 +1,162 @@
+"""Parts without Blender, as they lie in the installed zip."""
+
+import ast
+import time
+
+import numpy as np
+import pytest
+
+from figures import motion
+
+
+def test_core_never_imports_bpy(installed):
+    for path in sorted((installed / "core").glob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            names = []
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                names = [node.module or ""]
+            assert not any(name.split(".")[0] in ("bpy", "aud") for name in names), path
+
+
+@pytest.mark.parametrize("limit", [1.0, 0.1, 0.01])
+def test_basis_keeps_its_error_and_its_weights_in_range(addon, limit):
+    moved = motion(60, 500, rank=20)
+    basis = addon("core.basis").compress(moved, 1000.0, limit)
+    rebuilt = np.einsum("tk,kvc->tvc", basis.weights, basis.vectors)
+    error = np.linalg.norm(rebuilt - moved, axis=2).max() * 1000.0
+    assert error <= limit * 1.001
+    assert basis.error_mm == pytest.approx(error, rel=1e-2, abs=1e-5)
+    assert np.abs(basis.weights).max() <= 1.0 + 1e-6
+    assert len(basis.vectors) <= 20
+
+
+def test_basis_takes_no_vector_more_than_needed(addon):
+    moved = motion(60, 500, rank=20)
+    compress = addon("core.basis").compress
+    few, many = compress(moved, 1000.0, 1.0), compress(moved, 1000.0, 0.01)
+    assert len(few.vectors) < len(many.vectors) <= 20
+    one_less = addon("core.basis")
+    flat = moved.reshape(60, -1)
+    weights, vectors = one_less._components(flat)
+    count = len(few.vectors)
+    assert one_less._largest_error(flat, weights, vectors, count - 1) * 1000.0 > 1.0
+
+
+def test_basis_of_one_frame(addon):
+    moved = motion(2, 50)[:1]
+    basis = addon("core.basis").compress(moved, 1000.0, 0.01)
+    assert basis.vectors.shape == (1, 50, 3)
+    assert np.abs(basis.vectors[0] * basis.weights[0, 0] - moved[0]).max() < 1e-6
+
+
+def _matrix(rotation, scale):
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation @ np.diag(scale)
+    matrix[:3, 3] = (1.0, -2.0, 3.0)
+    return matrix
+
+
+def _about_z(degrees):
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize("scale", [(2.0, 0.5, 1.5), (0.01, 0.01, 0.01), (-1.0, 1.0, 1.0)])
+@pytest.mark.parametrize("axes", ["WORLD", "LOCAL", "LOCAL_Y_UP"])
+def test_displacements_come_back_to_object_space(addon, scale, axes):
+    space = addon("core.space").face_space(_matrix(_about_z(35), scale), axes)
+    points = np.random.default_rng(1).normal(size=(20, 3))
+    moved = points + 0.1
+    there = space.points(moved) - space.points(points)
+    assert np.allclose(space.to_object(there), 0.1, atol=1e-3)
+
+
+@pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0), (1.0, 2.0, 3.0), (-1.0, 1.0, 1.0)])
+def test_local_axes_undo_the_turn_of_the_object(addon, scale):
+    space = addon("core.space").face_space(_matrix(_about_z(120), scale), "LOCAL")
+    assert np.allclose(space.matrix, np.diag(scale), atol=1e-6)
+    assert space.mirrored == (scale[0] < 0)
+
+
+def test_flat_objects_are_refused(addon):
+    with pytest.raises(Exception, match="scaled to zero"):
+        addon("core.space").face_space(_matrix(np.eye(3), (1.0, 0.0, 1.0)), "WORLD")
+
+
+def test_equal_directions_are_tried_once(addon):
+    space = addon("core.space")
+    assert len(space.candidates(np.eye(4), "AUTO")) == 2
+    assert len(space.candidates(_matrix(_about_z(90), (1, 1, 1)), "AUTO")) == 3
+    assert len(space.candidates(np.eye(4), "WORLD")) == 1
+
+
+def test_emotions_are_read_and_checked(addon):
+    emotion = addon("core.emotion")
+    row = emotion.parse("happy:0.4, surprised:0.3")
+    assert row[1] == 0.4 and row[4] == 0.3 and sum(row) == pytest.approx(0.7)
+    for text in ("joyful:1", "happy:x", "happy:-1", "happy:1,sad:1", "happy:nan"):
+        with pytest.raises(addon("core.errors").AnyfaceError) as caught:
+            emotion.parse(text)
+        assert caught.value.exit_code == 3
+
+
+def test_silence_is_named_as_the_reason(addon):
+    verdict, take = addon("core.verdict"), addon("core.take")
+    silent = take.Sound(np.zeros(16000, dtype=np.float32), 16000, "Voice")
+    with pytest.raises(addon("core.errors").AnyfaceError, match=r"Voice is silent.*1\.00 s"):
+        verdict.check_sound(silent)
+    quiet = take.Sound(np.full(16000, 0.003, dtype=np.float32), 16000, "Voice")
+    with pytest.raises(addon("core.errors").AnyfaceError, match="very quiet"):
+        verdict.check_moved(0.01, quiet, 0.0)
+    verdict.check_moved(1.0, quiet, 0.0)
+
+
+def test_job_reports_cancels_and_fails_in_words(addon):
+    job = addon("core.job")
+    assert job.Job(lambda progress: 7).start().result() == 7
+
+    def endless(progress):
+        while True:
+            progress.check("motion", 0.25)
+            time.sleep(0.001)
+
+    running = job.Job(endless).start()
+    running.cancel(wait_s=5.0)
+    assert running.done and running.progress.at == ("motion", 0.25)
+    with pytest.raises(addon("core.errors").Cancelled):
+        running.result()
+    failing = job.Job(lambda progress: [][1]).start()
+    with pytest.raises(addon("core.errors").AnyfaceError, match="IndexError"):
+        failing.result()
+
+
+def test_the_second_direction_is_tried_when_the_first_has_no_face(addon):
+    perform, take, errors = addon("core.perform"), addon("core.take"), addon("core.errors")
+    tried = []
+
+    def animate(positions, triangles, points, numbers, sound, performance, progress):
+        tried.append(positions)
+        if len(tried) == 1:
+            raise errors.AnyfaceError("face", "no face found: looked from -Y")
+        return take.Animation(motion(5, len(positions)), 1.0)
+
+    face = take.FaceMesh(
+        "Head",
+        np.eye(3, dtype=np.float32),
+        np.array([[0, 1, 2]], np.uint32),
+        _matrix(_about_z(90), (1, 1, 1)),
+    )
+    sound = take.Sound(np.ones(1600, dtype=np.float32), 16000, "Voice")
+    ask = (face, sound, take.Performance(24.0), "basis", 0.1)
+    result = perform.perform(*ask, animate, addon("core.job").Progress())
+    assert len(tried) == 2 and result.frame_count == 5
+    assert not np.allclose(tried[0], tried[1])
+
+    def nowhere(*_):
+        raise errors.AnyfaceError("face", "no face found: nothing like a nose")
+
+    face.hints = ["Half of the face comes from a Mirror modifier: apply it"]
+    with pytest.raises(errors.AnyfaceError, match=r"nose.*Mirror modifier.*anyface_landmarks"):
+        perform.perform(*ask, nowhere, addon("core.job").Progress())

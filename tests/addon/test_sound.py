@@ -1,0 +1,112 @@
+"""Reading strips and files: trim, place, packing, retiming, errors."""
+
+import bpy
+import numpy as np
+import pytest
+
+from figures import Stage, strip, tone, write_wav
+
+RATE = 16000
+
+
+def ramp(path, seconds=4.0):
+    """A sound whose value tells its time: `value = time / 10`."""
+    write_wav(path, np.arange(int(seconds * RATE)) / RATE / 10.0, RATE)
+    return str(path)
+
+
+def with_length(path, frame=11):
+    """A strip, or a skipped test: 4.2 as a Python module has no sound."""
+    try:
+        return strip(path, frame=frame)
+    except RuntimeError as error:
+        pytest.skip(str(error).strip())
+
+
+def read(addon, name="Voice"):
+    stage = Stage(addon("core.take"))
+    return addon("scene.sound").read_strip(bpy.context.scene, name, stage.decode)
+
+
+def test_a_whole_strip(addon, tmp_path):
+    with_length(ramp(tmp_path / "a.wav"))
+    placed = read(addon)
+    assert placed.start_frame == 11
+    assert placed.sound.rate_hz == RATE and len(placed.sound.samples) == 4 * RATE
+
+
+def test_trim_moves_start_and_content_together(addon, tmp_path):
+    voice = with_length(ramp(tmp_path / "a.wav"))
+    voice.frame_offset_start, voice.frame_offset_end = 24, 12
+    placed = read(addon)
+    assert placed.start_frame == 35
+    assert placed.sound.samples[0] == pytest.approx(0.1, abs=1e-3)
+    assert placed.sound.duration_s == pytest.approx(2.5, abs=1e-3)
+
+
+def test_a_strip_made_longer_than_its_sound_begins_with_silence(addon, tmp_path):
+    voice = with_length(ramp(tmp_path / "a.wav"))
+    voice.frame_offset_start = -24
+    placed = read(addon)
+    assert placed.start_frame == -13
+    assert np.abs(placed.sound.samples[: RATE - 2]).max() == 0.0
+    assert placed.sound.samples[2 * RATE] == pytest.approx(0.1, abs=1e-3)
+
+
+def test_muted_and_packed_strips_are_read(addon, tmp_path):
+    path = tmp_path / "a.wav"
+    voice = with_length(ramp(path))
+    voice.mute = True
+    voice.sound.pack()
+    path.unlink()
+    assert len(read(addon).sound.samples) == 4 * RATE
+
+
+def test_a_retimed_strip_plays_as_blender_plays_it(addon, tmp_path):
+    voice = with_length(tone(tmp_path / "a.wav", seconds=4.0, silent_until=2.0))
+    other = strip(tone(tmp_path / "b.wav", seconds=4.0), name="Noise", channel=2)
+    scene = bpy.context.scene
+    scene.sequence_editor.active_strip = voice
+    voice.select, other.select = True, False
+    with bpy.context.temp_override(**addon("scene.sequencer").override(scene)):
+        bpy.ops.sequencer.retiming_segment_speed_set(speed=200, keep_retiming=False)
+    assert voice.frame_final_duration == pytest.approx(48, abs=1)
+    kept = (other.mute, scene.frame_start, scene.frame_end)
+    placed = read(addon)
+    assert placed.sound.duration_s == pytest.approx(2.0, abs=0.1)
+    loud = np.abs(placed.sound.samples) > 0.05
+    assert np.flatnonzero(loud)[0] / placed.sound.rate_hz == pytest.approx(1.0, abs=0.1)
+    assert (other.mute, scene.frame_start, scene.frame_end) == kept
+
+
+def test_a_missing_strip_names_those_that_are_there(addon, tmp_path):
+    with_length(ramp(tmp_path / "a.wav"))
+    with pytest.raises(addon("core.errors").AnyfaceError, match=r"\(Voice\), got 'Vioce'"):
+        read(addon, "Vioce")
+
+
+def test_a_missing_file_is_named(addon, tmp_path):
+    path = tmp_path / "a.wav"
+    with_length(ramp(path))
+    path.unlink()
+    with pytest.raises(addon("core.errors").AnyfaceError, match=r"no sound file at .*a\.wav"):
+        read(addon)
+    with pytest.raises(addon("core.errors").AnyfaceError, match="empty path"):
+        addon("scene.sound").read_file("", 1, None)
+
+
+def test_aud_averages_channels(addon, tmp_path):
+    pytest.importorskip("aud")
+    import wave
+
+    path = str(tmp_path / "stereo.wav")
+    left = np.full(RATE, 0.8)
+    with wave.open(path, "wb") as file:
+        file.setnchannels(2)
+        file.setsampwidth(2)
+        file.setframerate(RATE)
+        pairs = np.column_stack([left, left * 0.5])
+        file.writeframes((pairs * 32767).astype("<i2").tobytes())
+    samples, rate = addon("scene.decode").decode_with_aud(path)
+    assert rate == RATE and samples.shape == (RATE,)
+    assert samples.mean() == pytest.approx(0.6, abs=1e-3)
