@@ -17,7 +17,9 @@
 //! # Ok::<(), anyface::Error>(())
 //! ```
 
+mod arrays;
 mod build;
+pub mod cache;
 pub mod cholesky;
 #[cfg(test)]
 mod fixtures;
@@ -27,7 +29,9 @@ mod laplacian;
 pub mod sparse;
 mod tufted;
 
+pub use arrays::{Arrays, Values};
 pub use build::{NO_ROW, OperatorOptions, Operators};
+pub use cache::{Cache, CacheKey};
 pub use cholesky::SparseCholesky;
 pub use geodesics::{HeatGeodesics, edge_distance};
 pub use sparse::Csr;

@@ -1,0 +1,410 @@
+//! Results of per-mesh work, kept on disk between runs.
+//!
+//! An entry's name is the blake3 hash of everything its content depends on, so entries are never
+//! out of date. A file holds the hash of its payload, which is checked on reading; a damaged file
+//! counts as absent. Files appear whole by renaming. Nothing about the cache is ever an error: a
+//! folder that cannot be read or written costs time and one warning.
+
+use std::{
+    collections::BTreeMap,
+    fs, io,
+    io::Write,
+    path::{Path, PathBuf},
+    time::{Duration, SystemTime},
+};
+
+use super::arrays::Arrays;
+use crate::{CachePolicy, Result};
+
+/// First bytes of every entry; the digit is the version of the layout.
+const MAGIC: &[u8; 8] = b"anyface1";
+const EXTENSION: &str = "anyface-cache";
+const UNFINISHED: &str = "part";
+
+/// Size beyond which the least recently used entries go.
+pub const DEFAULT_MAX_BYTES: u64 = 2 << 30;
+
+/// Names an entry by all that its content depends on.
+///
+/// Pieces are hashed with their lengths, so that moving a border between two changes the name.
+#[derive(Debug, Clone)]
+pub struct CacheKey(blake3::Hasher);
+
+impl CacheKey {
+    /// `kind`: what is stored; `version`: raised when the computation changes its results.
+    pub fn new(kind: &str, version: u32) -> CacheKey {
+        CacheKey(blake3::Hasher::new())
+            .text(kind)
+            .bytes(&version.to_le_bytes())
+    }
+
+    /// Adds raw bytes.
+    #[must_use]
+    pub fn bytes(mut self, bytes: &[u8]) -> CacheKey {
+        self.0.update(&(bytes.len() as u64).to_le_bytes());
+        self.0.update(bytes);
+        self
+    }
+
+    /// Adds text.
+    #[must_use]
+    pub fn text(self, text: &str) -> CacheKey {
+        self.bytes(text.as_bytes())
+    }
+
+    /// Adds single-precision numbers, bit by bit.
+    #[must_use]
+    pub fn f32s<'a>(self, values: impl IntoIterator<Item = &'a f32>) -> CacheKey {
+        let bytes: Vec<u8> = values.into_iter().flat_map(|v| v.to_le_bytes()).collect();
+        self.bytes(&bytes)
+    }
+
+    /// Adds double-precision numbers, bit by bit.
+    #[must_use]
+    pub fn f64s<'a>(self, values: impl IntoIterator<Item = &'a f64>) -> CacheKey {
+        let bytes: Vec<u8> = values.into_iter().flat_map(|v| v.to_le_bytes()).collect();
+        self.bytes(&bytes)
+    }
+
+    /// Adds whole numbers.
+    #[must_use]
+    pub fn u32s<'a>(self, values: impl IntoIterator<Item = &'a u32>) -> CacheKey {
+        let bytes: Vec<u8> = values.into_iter().flat_map(|v| v.to_le_bytes()).collect();
+        self.bytes(&bytes)
+    }
+
+    fn file_name(&self) -> String {
+        format!("{}.{EXTENSION}", self.0.finalize().to_hex())
+    }
+}
+
+/// The cache, or its absence.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Cache {
+    folder: Option<PathBuf>,
+    max_bytes: u64,
+}
+
+impl Cache {
+    /// The cache that `policy` asks for, bounded by [`DEFAULT_MAX_BYTES`].
+    pub fn new(policy: &CachePolicy) -> Cache {
+        let folder = match policy {
+            CachePolicy::Off => None,
+            CachePolicy::Folder(folder) => Some(folder.clone()),
+            CachePolicy::UserFolder => user_folder(),
+        };
+        Cache {
+            folder,
+            max_bytes: DEFAULT_MAX_BYTES,
+        }
+    }
+
+    /// The same with another bound. `max_bytes`: total size of all entries.
+    #[must_use]
+    pub fn with_max_bytes(self, max_bytes: u64) -> Cache {
+        Cache { max_bytes, ..self }
+    }
+
+    /// The entry of `key`, or the result of `compute`, which is kept.
+    ///
+    /// # Errors
+    /// Those of `compute`.
+    pub fn get_or_compute(
+        &self,
+        key: &CacheKey,
+        compute: impl FnOnce() -> Result<Arrays>,
+    ) -> Result<Arrays> {
+        let Some(folder) = &self.folder else {
+            return compute();
+        };
+        let path = folder.join(key.file_name());
+        if let Some(found) = read(&path) {
+            return Ok(found);
+        }
+        let arrays = compute()?;
+        if let Err(error) = self.store(folder, &path, &arrays) {
+            tracing::warn!(path = %path.display(), %error, "cache not written");
+        }
+        Ok(arrays)
+    }
+
+    fn store(&self, folder: &Path, path: &Path, arrays: &Arrays) -> io::Result<()> {
+        let payload = arrays.to_bytes()?;
+        fs::create_dir_all(folder)?;
+        write_whole(folder, path, |file| {
+            file.write_all(MAGIC)?;
+            file.write_all(blake3::hash(&payload).as_bytes())?;
+            file.write_all(&payload)
+        })?;
+        self.evict(folder, path)
+    }
+
+    /// Deletes the least recently used entries until the rest fits, never the newest, `keep`.
+    fn evict(&self, folder: &Path, keep: &Path) -> io::Result<()> {
+        let mut entries = BTreeMap::new();
+        let mut total = 0;
+        for file in fs::read_dir(folder)?.flatten() {
+            let (path, Ok(meta)) = (file.path(), file.metadata()) else {
+                continue;
+            };
+            let age = meta.modified().unwrap_or(SystemTime::UNIX_EPOCH);
+            match path.extension().and_then(|e| e.to_str()) {
+                Some(EXTENSION) => {
+                    total += meta.len();
+                    entries.insert((age, path), meta.len());
+                }
+                Some(UNFINISHED) if is_abandoned(age) => remove(&path),
+                _ => {}
+            }
+        }
+        for ((_, path), size) in entries {
+            if total <= self.max_bytes {
+                break;
+            }
+            if path != keep {
+                remove(&path);
+                total -= size;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The user's cache folder for this program, where the system has one.
+fn user_folder() -> Option<PathBuf> {
+    let folder = directories::ProjectDirs::from("", "", "anyface");
+    if folder.is_none() {
+        tracing::warn!("no home folder: nothing is cached");
+    }
+    folder.map(|dirs| dirs.cache_dir().to_path_buf())
+}
+
+/// An unfinished file of a process that was killed; running writers take seconds.
+fn is_abandoned(age: SystemTime) -> bool {
+    let an_hour = Duration::from_secs(3600);
+    SystemTime::now()
+        .duration_since(age)
+        .is_ok_and(|age| age > an_hour)
+}
+
+fn remove(path: &Path) {
+    if let Err(error) = fs::remove_file(path) {
+        tracing::debug!(path = %path.display(), %error, "cache entry not removed");
+    }
+}
+
+fn write_whole(
+    folder: &Path,
+    path: &Path,
+    write: impl FnOnce(&mut fs::File) -> io::Result<()>,
+) -> io::Result<()> {
+    let suffix = format!(".{UNFINISHED}");
+    let mut file = tempfile::Builder::new()
+        .suffix(&suffix)
+        .tempfile_in(folder)?;
+    write(file.as_file_mut())?;
+    file.persist(path).map_err(|e| e.error)?;
+    Ok(())
+}
+
+/// A sound entry, or `None`. Marks it as used.
+fn read(path: &Path) -> Option<Arrays> {
+    let bytes = match fs::read(path) {
+        Ok(bytes) => bytes,
+        Err(error) => {
+            if error.kind() != io::ErrorKind::NotFound {
+                tracing::warn!(path = %path.display(), %error, "cache not read");
+            }
+            return None;
+        }
+    };
+    let (head, payload) = bytes.split_at_checked(MAGIC.len() + blake3::OUT_LEN)?;
+    let (magic, hash) = head.split_at(MAGIC.len());
+    if magic != MAGIC || blake3::hash(payload).as_bytes() != hash {
+        tracing::warn!(path = %path.display(), "cache entry is damaged, computing again");
+        return None;
+    }
+    if let Ok(file) = fs::File::options().append(true).open(path) {
+        // Only the order of eviction depends on this.
+        let _ = file.set_modified(SystemTime::now());
+    }
+    Arrays::from_bytes(payload)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Error;
+
+    fn arrays(value: f64) -> Arrays {
+        let mut arrays = Arrays::default();
+        arrays.insert_f64("x", &[2, 1], vec![value, -value]);
+        arrays
+    }
+
+    fn key(name: &str) -> CacheKey {
+        CacheKey::new("test", 1).text(name)
+    }
+
+    fn cache() -> (tempfile::TempDir, Cache) {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::new(&CachePolicy::Folder(folder.path().join("a/b")));
+        (folder, cache)
+    }
+
+    fn must_not_run() -> Result<Arrays> {
+        Err(Error::Numerics("computed although kept".into()))
+    }
+
+    fn files(cache: &Cache) -> Vec<PathBuf> {
+        let folder = cache.folder.as_ref().unwrap();
+        fs::read_dir(folder)
+            .unwrap()
+            .map(|f| f.unwrap().path())
+            .collect()
+    }
+
+    #[test]
+    fn the_second_question_is_answered_from_disk() {
+        let (_folder, cache) = cache();
+        let first = cache.get_or_compute(&key("a"), || Ok(arrays(1.5))).unwrap();
+        assert_eq!(
+            first,
+            cache.get_or_compute(&key("a"), must_not_run).unwrap()
+        );
+        assert!(cache.get_or_compute(&key("b"), must_not_run).is_err());
+        assert_eq!(files(&cache).len(), 1);
+    }
+
+    #[test]
+    fn keys_differ_with_kind_version_content_and_borders() {
+        let names: std::collections::BTreeSet<_> = [
+            CacheKey::new("a", 1),
+            CacheKey::new("b", 1),
+            CacheKey::new("a", 2),
+            CacheKey::new("a", 1).text("x").text(""),
+            CacheKey::new("a", 1).text("").text("x"),
+            CacheKey::new("a", 1).f32s(&[0.0]),
+            CacheKey::new("a", 1).f32s(&[-0.0]),
+            CacheKey::new("a", 1).u32s(&[1, 2]),
+            CacheKey::new("a", 1).f64s(&[1.0]),
+        ]
+        .iter()
+        .map(CacheKey::file_name)
+        .collect();
+        assert_eq!(names.len(), 9);
+    }
+
+    #[test]
+    fn damaged_entries_are_computed_again() {
+        for damage in ["cut", "bit", "empty", "magic"] {
+            let (_folder, cache) = cache();
+            cache.get_or_compute(&key("a"), || Ok(arrays(1.0))).unwrap();
+            let path = files(&cache).remove(0);
+            let mut bytes = fs::read(&path).unwrap();
+            match damage {
+                "cut" => bytes.truncate(bytes.len() - 1),
+                "bit" => *bytes.last_mut().unwrap() ^= 1,
+                "empty" => bytes.clear(),
+                _ => bytes[7] = b'0',
+            }
+            fs::write(&path, bytes).unwrap();
+            let again = cache.get_or_compute(&key("a"), || Ok(arrays(2.0))).unwrap();
+            assert_eq!(again, arrays(2.0), "{damage}");
+            assert_eq!(
+                cache.get_or_compute(&key("a"), must_not_run).unwrap(),
+                arrays(2.0)
+            );
+        }
+    }
+
+    #[test]
+    fn an_unusable_folder_costs_only_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("file");
+        fs::write(&file, "in the way").unwrap();
+        for policy in [
+            CachePolicy::Folder(file.join("inside")),
+            CachePolicy::Folder(file.clone()),
+            CachePolicy::Off,
+        ] {
+            let cache = Cache::new(&policy);
+            for value in [1.0, 2.0] {
+                assert_eq!(
+                    cache
+                        .get_or_compute(&key("a"), || Ok(arrays(value)))
+                        .unwrap(),
+                    arrays(value)
+                );
+            }
+        }
+        assert_eq!(fs::read(&file).unwrap(), b"in the way");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_read_only_folder_still_answers() {
+        use std::os::unix::fs::PermissionsExt;
+        let (_folder, cache) = cache();
+        cache.get_or_compute(&key("a"), || Ok(arrays(1.0))).unwrap();
+        let folder = cache.folder.clone().unwrap();
+        fs::set_permissions(&folder, fs::Permissions::from_mode(0o555)).unwrap();
+        assert_eq!(
+            cache.get_or_compute(&key("a"), must_not_run).unwrap(),
+            arrays(1.0)
+        );
+        assert_eq!(
+            cache.get_or_compute(&key("b"), || Ok(arrays(2.0))).unwrap(),
+            arrays(2.0)
+        );
+        fs::set_permissions(&folder, fs::Permissions::from_mode(0o755)).unwrap();
+    }
+
+    #[test]
+    fn a_disk_that_fills_up_leaves_no_part_behind() {
+        let (folder, _) = cache();
+        let path = folder.path().join("entry");
+        let error = write_whole(folder.path(), &path, |file| {
+            file.write_all(&[0; 1000])?;
+            Err(io::ErrorKind::StorageFull.into())
+        });
+        assert_eq!(error.unwrap_err().kind(), io::ErrorKind::StorageFull);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn the_least_recently_used_entries_go_first() {
+        let (_folder, cache) = cache();
+        for name in ["a", "b", "c"] {
+            cache
+                .get_or_compute(&key(name), || Ok(arrays(1.0)))
+                .unwrap();
+        }
+        let size = fs::metadata(&files(&cache)[0]).unwrap().len();
+        let folder = cache.folder.clone().unwrap();
+        for (name, age_s) in [("a", 30), ("b", 20), ("c", 10)] {
+            let file = fs::File::options()
+                .append(true)
+                .open(folder.join(key(name).file_name()))
+                .unwrap();
+            file.set_modified(SystemTime::now() - Duration::from_secs(age_s))
+                .unwrap();
+        }
+        // Reading "a" makes it the youngest, so "b" goes for "d".
+        cache.get_or_compute(&key("a"), must_not_run).unwrap();
+        let bounded = cache.clone().with_max_bytes(3 * size);
+        bounded
+            .get_or_compute(&key("d"), || Ok(arrays(1.0)))
+            .unwrap();
+        for name in ["a", "c", "d"] {
+            cache.get_or_compute(&key(name), must_not_run).unwrap();
+        }
+        assert!(cache.get_or_compute(&key("b"), must_not_run).is_err());
+        // The newest entry stays even if it alone is too large.
+        cache
+            .with_max_bytes(0)
+            .get_or_compute(&key("e"), || Ok(arrays(1.0)))
+            .unwrap();
+        assert_eq!(files(&bounded).len(), 1);
+    }
+}
