@@ -12,6 +12,8 @@
 #![deny(unsafe_code)]
 
 pub mod audio;
+#[cfg(feature = "cli")]
+pub mod cli;
 pub mod conditions;
 pub mod deform;
 pub mod diffusion;

@@ -1,2 +1,5 @@
 //! The `anyface` command.
-fn main() {}
+
+fn main() -> std::process::ExitCode {
+    anyface::cli::run()
+}

@@ -22,21 +22,27 @@ pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
 ) -> Result<()> {
+    atomically(path, |file| write(file).map_err(Error::io(path)))
+}
+
+/// The same for a closure that can fail in other ways too.
+pub(super) fn atomically(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> Result<()>,
+) -> Result<()> {
     refuse_special(path).map_err(Error::io(path))?;
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     };
-    let attempt = || -> io::Result<()> {
-        let temporary = temporary_in(folder)?;
-        let mut file = BufWriter::with_capacity(BUFFER_BYTES, temporary.reopen()?);
-        write(&mut file)?;
-        file.flush()?;
-        drop(file);
-        temporary.persist(path).map_err(|e| e.error)?;
-        Ok(())
-    };
-    attempt().map_err(Error::io(path))
+    let temporary = temporary_in(folder).map_err(Error::io(path))?;
+    let file = temporary.reopen().map_err(Error::io(path))?;
+    let mut file = BufWriter::with_capacity(BUFFER_BYTES, file);
+    write(&mut file)?;
+    file.flush().map_err(Error::io(path))?;
+    drop(file);
+    let persisted = temporary.persist(path).map_err(|e| e.error);
+    persisted.map(drop).map_err(Error::io(path))
 }
 
 /// Renaming onto a device or a folder would replace the device or fail late.

@@ -1,17 +1,25 @@
 //! Results as files: npz for numpy, pc2 and mdd point caches, JSON reports.
 //!
 //! Every file is written beside its place under another name and renamed when complete, so that a
-//! full disk or a crash leaves what was there before. Large arrays are streamed, never copied.
+//! full disk or a failure leaves what was there before. Frames are streamed: an hour of animation
+//! needs no more memory than the block that is being written.
 
 mod atomic;
+mod cache;
+mod landmark_motion;
 mod mdd;
 mod npz;
 mod pc2;
+mod report;
+mod stream;
 
 use std::path::Path;
 
 pub use atomic::write_atomically;
-pub use npz::{LandmarkMotion, read_landmark_motion};
+pub use landmark_motion::{LandmarkMotion, read_landmark_motion};
+pub(crate) use report::largest;
+pub use report::{Report, warnings_of_motion, warnings_of_sound};
+pub use stream::{ClipShape, FrameSink, LandmarkTrack, write_frames};
 
 use crate::{Animation, Error, Result, mesh::Mesh, motion::MotionClip};
 
@@ -45,28 +53,23 @@ impl Format {
     }
 }
 
-/// Writes an animation in the format that the extension of `path` names.
-///
-/// npz: `displacements` `[T, V, 3]`, `landmarks_neutral` `[68, 3]`, `landmark_displacements`
-/// `[T, 68, 3]` as f32 in mesh units, and `fps`. pc2 and mdd: positions, mesh units and axes.
+/// Writes an animation in the format that the extension of `path` names; see [`write_frames`].
 ///
 /// # Errors
-/// `InvalidInput` for an unknown extension, `ShapeMismatch` if the mesh is not the animation's,
-/// `Io` if the file cannot be written; then nothing is left of it.
+/// Those of [`write_frames`].
 pub fn write_animation(path: &Path, animation: &Animation, mesh: &Mesh) -> Result<()> {
-    let format = Format::from_path(path)?;
     let (frames, vertices, _) = animation.vertices.displacements.dim();
-    if vertices != mesh.positions.len() {
-        return Err(Error::ShapeMismatch {
-            what: "displacements",
-            expected: format!("[{frames}, {}, 3]", mesh.positions.len()),
-            got: format!("[{frames}, {vertices}, 3]"),
-        });
-    }
-    write_atomically(path, |file| match format {
-        Format::Npz => npz::write_animation(file, animation),
-        Format::Pc2 => pc2::write(file, &animation.vertices, mesh),
-        Format::Mdd => mdd::write(file, &animation.vertices, mesh),
+    let shape = ClipShape {
+        frames,
+        vertices,
+        fps: animation.vertices.fps,
+    };
+    let landmarks = LandmarkTrack {
+        neutral: &animation.landmarks_neutral,
+        displacements: animation.landmark_displacements.view(),
+    };
+    write_frames(path, &shape, mesh, &landmarks, |sink| {
+        sink(animation.vertices.displacements.view())
     })
 }
 

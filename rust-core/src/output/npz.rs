@@ -1,206 +1,119 @@
-//! numpy archives: what the command writes and `deform` reads.
+//! numpy archives, written as a stream: arrays uncompressed, 64-bit sizes where they need them.
 
-use std::{
-    fs::File,
-    io::{self, BufReader, Seek, Write},
-    path::Path,
-};
+use std::io::{self, Seek, Write};
 
-use ndarray::{Array2, Array3, ArrayBase, ArrayView2, ArrayViewD, Dimension, IxDyn, RawData, arr0};
-use ndarray_npy::{NpzReader, NpzWriter, ReadNpzError, WriteNpyExt, WriteNpzError};
-use zip::{CompressionMethod, write::SimpleFileOptions};
+use ndarray::ArrayView3;
+use zip::{CompressionMethod, ZipWriter, result::ZipError, write::SimpleFileOptions};
 
-use crate::{
-    Animation, Error, Result,
-    motion::{LANDMARKS, MotionClip},
-};
+use crate::motion::{LANDMARKS, MotionClip};
 
 /// Bytes of one array from which its entry needs 64-bit sizes.
-const LARGE_BYTES: usize = (u32::MAX - 4096) as usize;
-
-/// Landmark motion as a file holds it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct LandmarkMotion {
-    /// `[68][3]`, mesh units; `None` in files that hold canonical metres.
-    pub neutral: Option<[[f32; 3]; LANDMARKS]>,
-    /// `[T, 68, 3]`, mesh units where `neutral` is given, canonical metres where it is not.
-    pub displacements: Array3<f32>,
-    /// Frames per second, where the file says so.
-    pub fps: Option<f64>,
-}
-
-pub(super) fn write_animation(file: impl Write + Seek, animation: &Animation) -> io::Result<()> {
-    let neutral = animation.landmarks_neutral.as_flattened();
-    let neutral = ArrayView2::from_shape((LANDMARKS, 3), neutral).map_err(io::Error::other)?;
-    let mut npz = Writer::new(file);
-    npz.add("displacements", &animation.vertices.displacements)?;
-    npz.add("landmarks_neutral", &neutral)?;
-    npz.add("landmark_displacements", &animation.landmark_displacements)?;
-    npz.add("fps", &arr0(animation.vertices.fps))?;
-    npz.finish()
-}
+const LARGE_BYTES: u64 = u32::MAX as u64 - 4096;
+/// Values that are turned into bytes at a time.
+const BATCH: usize = 4096;
 
 pub(super) fn write_motion(file: impl Write + Seek, motion: &MotionClip) -> io::Result<()> {
-    let mut npz = Writer::new(file);
-    npz.add("landmark_displacements", &motion.displacements)?;
-    npz.add("fps", &arr0(motion.fps))?;
-    npz.finish()
+    let mut archive = Archive::new(file);
+    archive.landmarks(motion.displacements.view())?;
+    archive.number("fps", motion.fps)?;
+    archive.finish()
 }
 
 /// An archive in the making; empty after a failure.
-struct Writer<W: Write + Seek>(Option<NpzWriter<W>>);
+pub(super) struct Archive<W: Write + Seek> {
+    zip: Option<ZipWriter<W>>,
+}
 
-impl<W: Write + Seek> Writer<W> {
-    fn new(file: W) -> Self {
-        Writer(Some(NpzWriter::new(file)))
+impl<W: Write + Seek> Archive<W> {
+    pub(super) fn new(file: W) -> Self {
+        Archive {
+            zip: Some(ZipWriter::new(file)),
+        }
     }
 
-    fn add<S, D>(&mut self, name: &str, array: &ArrayBase<S, D>) -> io::Result<()>
-    where
-        ArrayBase<S, D>: WriteNpyExt,
-        S: RawData,
-        D: Dimension,
-    {
+    /// `landmark_displacements`, `[T, 68, 3]`.
+    pub(super) fn landmarks(&mut self, displacements: ArrayView3<'_, f32>) -> io::Result<()> {
+        self.start("landmark_displacements", "<f4", displacements.shape())?;
+        self.values(displacements)
+    }
+
+    /// `landmarks_neutral`, `[68, 3]`.
+    pub(super) fn neutral(&mut self, landmarks: &[[f32; 3]; LANDMARKS]) -> io::Result<()> {
+        self.start("landmarks_neutral", "<f4", &[LANDMARKS, 3])?;
+        let landmarks = ArrayView3::from_shape((1, LANDMARKS, 3), landmarks.as_flattened());
+        self.values(landmarks.map_err(io::Error::other)?)
+    }
+
+    /// A scalar of double precision.
+    pub(super) fn number(&mut self, name: &str, value: f64) -> io::Result<()> {
+        self.start(name, "<f8", &[])?;
+        self.bytes(&value.to_le_bytes())
+    }
+
+    /// Opens an array; its values follow, the last axis fastest.
+    pub(super) fn start(&mut self, name: &str, kind: &str, shape: &[usize]) -> io::Result<()> {
+        let bytes = shape.iter().map(|n| *n as u64).product::<u64>() * 8;
         let options = SimpleFileOptions::default()
             .compression_method(CompressionMethod::Stored)
-            .large_file(array.len() * size_of::<S::Elem>() > LARGE_BYTES);
-        let Some(npz) = &mut self.0 else {
-            return Err(io::Error::other("an earlier array could not be written"));
-        };
-        npz.add_array_with_options(name, array, options)
-            .map_err(|e| {
-                // Dropped, it would try to finish the archive and print why it cannot.
-                std::mem::forget(self.0.take());
-                write_error(e)
-            })
+            .large_file(bytes > LARGE_BYTES);
+        self.attempt(|zip| {
+            zip.start_file(format!("{name}.npy"), options)
+                .map_err(zip_error)
+        })?;
+        self.bytes(&npy_header(kind, shape))
     }
 
-    fn finish(self) -> io::Result<()> {
-        match self.0 {
-            Some(npz) => npz.finish().map(drop).map_err(write_error),
+    /// Appends values to the array that was started last.
+    pub(super) fn values(&mut self, values: ArrayView3<'_, f32>) -> io::Result<()> {
+        let mut batch = Vec::with_capacity(BATCH * 4);
+        for value in values {
+            batch.extend_from_slice(&value.to_le_bytes());
+            if batch.len() == BATCH * 4 {
+                self.bytes(&batch)?;
+                batch.clear();
+            }
+        }
+        self.bytes(&batch)
+    }
+
+    fn bytes(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.attempt(|zip| zip.write_all(bytes))
+    }
+
+    fn attempt(
+        &mut self,
+        write: impl FnOnce(&mut ZipWriter<W>) -> io::Result<()>,
+    ) -> io::Result<()> {
+        let Some(zip) = &mut self.zip else {
+            return Err(io::Error::other("an earlier array could not be written"));
+        };
+        // Dropped after a failure, the writer would try to finish the archive and print why not.
+        write(zip).inspect_err(|_| std::mem::forget(self.zip.take()))
+    }
+
+    pub(super) fn finish(self) -> io::Result<()> {
+        match self.zip {
+            Some(zip) => zip.finish().map_err(zip_error)?.flush(),
             None => Err(io::Error::other("an earlier array could not be written")),
         }
     }
 }
 
+/// Header of version 1.0, padded so that the values start at a multiple of 64 bytes.
+fn npy_header(kind: &str, shape: &[usize]) -> Vec<u8> {
+    let sizes: String = shape.iter().map(|n| format!("{n}, ")).collect();
+    let dict = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({sizes}), }}");
+    let length = (10 + dict.len() + 1).next_multiple_of(64) - 10;
+    let mut header = b"\x93NUMPY\x01\x00".to_vec();
+    header.extend_from_slice(&(length as u16).to_le_bytes());
+    header.extend_from_slice(format!("{dict:<width$}\n", width = length - 1).as_bytes());
+    header
+}
+
 /// Keeps what the system said, so that a full disk is reported as such.
-fn write_error(e: WriteNpzError) -> io::Error {
+fn zip_error(e: ZipError) -> io::Error {
     match e {
-        WriteNpzError::Zip(zip::result::ZipError::Io(e)) => e,
-        WriteNpzError::Npy(ndarray_npy::WriteNpyError::Io(e)) => e,
+        ZipError::Io(e) => e,
         e => io::Error::other(e.to_string()),
     }
-}
-
-/// Reads `landmark_displacements`, and `landmarks_neutral` and `fps` where they are there.
-///
-/// Arrays may be f32 or f64; `fps` may be any number, alone or in an array of one.
-///
-/// # Errors
-/// `Io` if the file cannot be read, `InvalidInput` if it is no npz, lacks the displacements or
-/// holds numbers that are not finite, `ShapeMismatch` for wrong shapes.
-pub fn read_landmark_motion(path: &Path) -> Result<LandmarkMotion> {
-    let file = File::open(path).map_err(Error::io(path))?;
-    let bad = |e: &dyn std::fmt::Display| Error::InvalidInput(format!("{}: {e}", path.display()));
-    let mut npz = NpzReader::new(BufReader::new(file))
-        .map_err(|e| bad(&format!("expected an npz archive ({e})")))?;
-    let names = npz.names().map_err(|e| bad(&e))?;
-    let has = |name: &str| names.iter().any(|n| n == name);
-    if !has("landmark_displacements") {
-        return Err(bad(&format!(
-            "expected an array landmark_displacements, got {}",
-            names.join(", ")
-        )));
-    }
-    let displacements: Array3<f32> =
-        read(&mut npz, "landmark_displacements").map_err(|e| bad(&e))?;
-    let (frames, landmarks, axes) = displacements.dim();
-    if (landmarks, axes) != (LANDMARKS, 3) {
-        return Err(Error::ShapeMismatch {
-            what: "landmark_displacements",
-            expected: format!("[{frames}, {LANDMARKS}, 3]"),
-            got: format!("[{frames}, {landmarks}, {axes}]"),
-        });
-    }
-    let neutral = match has("landmarks_neutral") {
-        true => Some(neutral_of(
-            &read(&mut npz, "landmarks_neutral").map_err(|e| bad(&e))?,
-        )?),
-        false => None,
-    };
-    let fps = match has("fps") {
-        true => Some(read_number(&mut npz, "fps").map_err(|e| bad(&e))?),
-        false => None,
-    };
-    check_finite(displacements.view().into_dyn(), fps).map_err(|e| bad(&e))?;
-    Ok(LandmarkMotion {
-        neutral,
-        displacements,
-        fps,
-    })
-}
-
-fn neutral_of(array: &Array2<f32>) -> Result<[[f32; 3]; LANDMARKS]> {
-    if array.dim() != (LANDMARKS, 3) {
-        return Err(Error::ShapeMismatch {
-            what: "landmarks_neutral",
-            expected: format!("[{LANDMARKS}, 3]"),
-            got: format!("{:?}", array.shape()),
-        });
-    }
-    if array.iter().any(|x| !x.is_finite()) {
-        return Err(Error::InvalidInput(
-            "landmarks_neutral: expected finite numbers, got NaN or infinity".into(),
-        ));
-    }
-    Ok(std::array::from_fn(|n| {
-        std::array::from_fn(|i| array[[n, i]])
-    }))
-}
-
-fn check_finite(displacements: ArrayViewD<'_, f32>, fps: Option<f64>) -> Result<(), String> {
-    if let Some(at) = displacements.iter().position(|x| !x.is_finite()) {
-        let frame = at / (LANDMARKS * 3);
-        return Err(format!(
-            "landmark_displacements: expected finite numbers, got NaN or infinity in frame {frame}"
-        ));
-    }
-    match fps {
-        Some(fps) if !(1.0..=240.0).contains(&fps) => {
-            Err(format!("fps: expected 1 to 240, got {fps}"))
-        }
-        _ => Ok(()),
-    }
-}
-
-type Archive = NpzReader<BufReader<File>>;
-
-/// An f32 array, or an f64 one rounded to f32.
-fn read<D: ndarray::Dimension>(
-    npz: &mut Archive,
-    name: &str,
-) -> Result<ndarray::Array<f32, D>, ReadNpzError> {
-    match npz.by_name::<ndarray::OwnedRepr<f32>, D>(name) {
-        Ok(array) => Ok(array),
-        Err(first) => npz
-            .by_name::<ndarray::OwnedRepr<f64>, D>(name)
-            .map(|array| array.mapv(|x| x as f32))
-            .map_err(|_| first),
-    }
-}
-
-fn read_number(npz: &mut Archive, name: &str) -> Result<f64, String> {
-    macro_rules! attempt {
-        ($($kind:ty),*) => {$(
-            if let Ok(array) = npz.by_name::<ndarray::OwnedRepr<$kind>, IxDyn>(name) {
-                let values: Vec<f64> = array.iter().map(|x| *x as f64).collect();
-                return match values[..] {
-                    [value] => Ok(value),
-                    _ => Err(format!("{name}: expected one number, got {}", values.len())),
-                };
-            }
-        )*};
-    }
-    attempt!(f64, f32, i64, i32);
-    Err(format!("{name}: expected a number"))
 }

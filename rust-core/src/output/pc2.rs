@@ -2,25 +2,15 @@
 
 use std::io::{self, Write};
 
-use super::mdd::count;
-use crate::{deform::VertexClip, mesh::Mesh};
+use super::{ClipShape, cache::count};
 
-/// Writes positions, mesh units and axes; one sample a frame from frame 0 on.
-pub(super) fn write(file: &mut impl Write, clip: &VertexClip, mesh: &Mesh) -> io::Result<()> {
-    let (frames, vertices, _) = clip.displacements.dim();
+/// One sample a frame from frame 0 on.
+pub(super) fn write_header(file: &mut impl Write, shape: &ClipShape) -> io::Result<()> {
     file.write_all(b"POINTCACHE2\0")?;
     file.write_all(&1i32.to_le_bytes())?;
-    file.write_all(&count(vertices)?.to_le_bytes())?;
+    file.write_all(&count(shape.vertices)?.to_le_bytes())?;
     // First frame and frames to a sample.
     file.write_all(&0f32.to_le_bytes())?;
     file.write_all(&1f32.to_le_bytes())?;
-    file.write_all(&count(frames)?.to_le_bytes())?;
-    for frame in clip.displacements.outer_iter() {
-        for (moved, rest) in frame.outer_iter().zip(&mesh.positions) {
-            for i in 0..3 {
-                file.write_all(&(rest[i] + moved[i]).to_le_bytes())?;
-            }
-        }
-    }
-    Ok(())
+    file.write_all(&count(shape.frames)?.to_le_bytes())
 }

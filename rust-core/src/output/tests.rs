@@ -3,8 +3,35 @@ use std::io::{self, Cursor, Seek, SeekFrom, Write};
 use ndarray::Array3;
 use ndarray_npy::NpzReader;
 
+use super::stream::write_to;
 use super::*;
 use crate::{deform::VertexClip, motion::LANDMARKS};
+
+/// Writes the sample clip into any file.
+fn write_sample(file: impl Write + Seek, format: Format) -> Result<()> {
+    let (animation, mesh) = sample();
+    let shape = ClipShape {
+        frames: 4,
+        vertices: 5,
+        fps: 24.0,
+    };
+    let landmarks = LandmarkTrack {
+        neutral: &animation.landmarks_neutral,
+        displacements: animation.landmark_displacements.view(),
+    };
+    let path = Path::new("clip");
+    write_to(path, file, format, &shape, &mesh, &landmarks, |sink| {
+        let all = animation.vertices.displacements.view();
+        sink(all.slice_axis(ndarray::Axis(0), (..1).into()))?;
+        sink(all.slice_axis(ndarray::Axis(0), (1..).into()))
+    })
+}
+
+fn bytes_of(format: Format) -> Vec<u8> {
+    let mut file = Cursor::new(Vec::new());
+    write_sample(&mut file, format).unwrap();
+    file.into_inner()
+}
 
 fn sample() -> (Animation, Mesh) {
     let displacements = Array3::from_shape_fn((4, 5, 3), |(t, v, i)| (t * 100 + v * 10 + i) as f32);
@@ -57,9 +84,7 @@ fn motion_files_hold_no_neutral_landmarks() {
 
 #[test]
 fn pc2_holds_positions_little_endian() {
-    let (animation, mesh) = sample();
-    let mut bytes = Vec::new();
-    pc2::write(&mut bytes, &animation.vertices, &mesh).unwrap();
+    let bytes = bytes_of(Format::Pc2);
     assert_eq!(bytes.len(), 32 + 4 * 5 * 3 * 4);
     assert_eq!(&bytes[..12], b"POINTCACHE2\0");
     let int = |at: usize| i32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
@@ -72,9 +97,7 @@ fn pc2_holds_positions_little_endian() {
 
 #[test]
 fn mdd_holds_times_and_positions_big_endian() {
-    let (animation, mesh) = sample();
-    let mut bytes = Vec::new();
-    mdd::write(&mut bytes, &animation.vertices, &mesh).unwrap();
+    let bytes = bytes_of(Format::Mdd);
     assert_eq!(bytes.len(), 8 + 4 * 4 + 4 * 5 * 3 * 4);
     let int = |at: usize| i32::from_be_bytes(bytes[at..at + 4].try_into().unwrap());
     let float = |at: usize| f32::from_be_bytes(bytes[at..at + 4].try_into().unwrap());
@@ -124,24 +147,49 @@ impl Seek for SmallDisk {
 
 #[test]
 fn a_full_disk_is_reported_wherever_it_strikes() {
+    for format in [Format::Npz, Format::Pc2, Format::Mdd] {
+        let length = bytes_of(format).len();
+        for room in (0..length).step_by(61) {
+            let inner = Cursor::new(Vec::new());
+            match write_sample(SmallDisk { inner, room }, format) {
+                Err(Error::Io { source, .. }) => {
+                    assert_eq!(
+                        source.kind(),
+                        io::ErrorKind::StorageFull,
+                        "{format:?} {room}"
+                    );
+                }
+                other => panic!("{format:?} with room for {room}: {other:?}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn frames_are_held_to_the_announced_shape_and_failures_leave_nothing() {
     let (animation, mesh) = sample();
-    let mut whole = Cursor::new(Vec::new());
-    npz::write_animation(&mut whole, &animation).unwrap();
-    let length = whole.into_inner().len();
-    for room in (0..length).step_by(97) {
-        let inner = Cursor::new(Vec::new());
-        let result = npz::write_animation(SmallDisk { inner, room }, &animation);
-        let kind = result.expect_err("the disk is too small").kind();
-        assert_eq!(kind, io::ErrorKind::StorageFull, "with room for {room}");
-    }
-    for room in [0, 20, 31, 100] {
-        let disk = || SmallDisk {
-            inner: Cursor::new(Vec::new()),
-            room,
-        };
-        assert!(pc2::write(&mut disk(), &animation.vertices, &mesh).is_err());
-        assert!(mdd::write(&mut disk(), &animation.vertices, &mesh).is_err());
-    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("clip.npz");
+    let shape = ClipShape {
+        frames: 4,
+        vertices: 5,
+        fps: 24.0,
+    };
+    let landmarks = LandmarkTrack {
+        neutral: &animation.landmarks_neutral,
+        displacements: animation.landmark_displacements.view(),
+    };
+    let all = animation.vertices.displacements.view();
+    let short = write_frames(&path, &shape, &mesh, &landmarks, |sink| {
+        sink(all.slice_axis(ndarray::Axis(0), (..3).into()))
+    });
+    assert!(matches!(short, Err(Error::ShapeMismatch { .. })));
+    let cancelled = write_frames(&path, &shape, &mesh, &landmarks, |sink| {
+        sink(all)?;
+        Err(Error::Cancelled)
+    });
+    assert!(matches!(cancelled, Err(Error::Cancelled)));
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
 #[test]

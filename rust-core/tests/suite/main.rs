@@ -1,3 +1,4 @@
 //! Tests of the whole library and its command, in one binary so that it is linked once.
 
+mod command;
 mod imports;

@@ -1,0 +1,168 @@
+//! Options that several subcommands share.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+
+use crate::{
+    CachePolicy, DecoderKind, Engine, EngineOptions, Error, MotionRequest, Result,
+    conditions::{Emotion, EmotionCurve},
+    mesh::{Axis, FaceOptions, LandmarkSource},
+};
+
+/// Options of every subcommand.
+#[derive(Args)]
+pub(super) struct SharedArgs {
+    /// Folder of model files that override the embedded ones
+    #[arg(long, global = true, value_name = "DIR")]
+    weights: Option<PathBuf>,
+    /// Folder with a HuBERT or wav2vec2 config.json and model.safetensors, instead of the
+    /// embedded speech encoder
+    #[arg(long, global = true, value_name = "DIR")]
+    speech: Option<PathBuf>,
+    /// Folder that keeps per-mesh work between runs [default: the user's cache folder]
+    #[arg(long, global = true, value_name = "DIR", conflicts_with = "no_cache")]
+    cache: Option<PathBuf>,
+    /// Keep no per-mesh work between runs
+    #[arg(long, global = true)]
+    no_cache: bool,
+    /// Worker threads [default: one per core]
+    #[arg(long, global = true, value_name = "N")]
+    threads: Option<usize>,
+    /// Decoder from landmarks to the mesh
+    #[arg(long, global = true, default_value = "static")]
+    decoder: DecoderName,
+    /// Print results and errors as JSON
+    #[arg(long, global = true)]
+    pub json: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum DecoderName {
+    /// Weights over the landmarks, computed once per mesh
+    Static,
+    /// The paper's per-frame decoder
+    Paper,
+}
+
+impl SharedArgs {
+    /// Sizes the thread pool that all parallel work shares.
+    pub(super) fn set_threads(&self) -> Result<()> {
+        match self.threads {
+            None => Ok(()),
+            Some(0) => Err(Error::InvalidInput(
+                "threads: expected 1 or more, got 0".into(),
+            )),
+            Some(threads) => rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build_global()
+                .map_err(|e| Error::InvalidInput(format!("threads: {e}"))),
+        }
+    }
+
+    pub(super) fn engine(&self) -> Result<Engine> {
+        Engine::new(EngineOptions {
+            weights: self.weights.clone(),
+            cache: match (&self.cache, self.no_cache) {
+                (Some(folder), _) => CachePolicy::Folder(folder.clone()),
+                (None, true) => CachePolicy::Off,
+                (None, false) => CachePolicy::UserFolder,
+            },
+            threads: self.threads,
+            speech: self.speech.clone(),
+            decoder: match self.decoder {
+                DecoderName::Static => DecoderKind::Static,
+                DecoderName::Paper => DecoderKind::Paper,
+            },
+        })
+    }
+}
+
+/// How the face is found and moved.
+#[derive(Args)]
+pub(super) struct FaceArgs {
+    /// Landmarks as JSON: 68 positions or 68 vertex numbers [default: found on the mesh]
+    #[arg(long, value_name = "L.json")]
+    landmarks: Option<PathBuf>,
+    /// Axis out of the face: x, -x, y, -y, z or -z
+    #[arg(long, default_value = "z", value_parser = axis, allow_hyphen_values = true)]
+    forward: Axis,
+    /// Axis to the top of the head
+    #[arg(long, default_value = "y", value_parser = axis, allow_hyphen_values = true)]
+    up: Axis,
+    /// Strength of the learned correction, 0 (training-free) to 1
+    #[arg(long, default_value_t = 1.0)]
+    learned: f32,
+}
+
+impl FaceArgs {
+    /// `known`: landmarks that the caller has from elsewhere, used unless the user gave others.
+    pub(super) fn options(&self, known: Option<LandmarkSource>) -> Result<FaceOptions> {
+        let landmarks = match &self.landmarks {
+            Some(path) => Some(LandmarkSource::read(path)?),
+            None => known,
+        };
+        Ok(FaceOptions {
+            landmarks,
+            forward: self.forward,
+            up: self.up,
+            learned: self.learned,
+        })
+    }
+}
+
+/// What the performance is asked to be.
+#[derive(Args)]
+pub(super) struct MotionArgs {
+    /// Emotion and intensity: happy:0.7, or a blend happy:0.4,surprised:0.3
+    #[arg(long, default_value = "neutral:0")]
+    emotion: String,
+    /// Frames per second
+    #[arg(long, default_value_t = 30.0)]
+    fps: f64,
+    /// Same seed, same motion
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Denoising steps [default: the model's own]
+    #[arg(long, value_name = "N")]
+    steps: Option<usize>,
+    /// Speaking style by name [default: the model's own]
+    #[arg(long, value_name = "NAME")]
+    style: Option<String>,
+}
+
+impl MotionArgs {
+    pub(super) fn request(&self) -> Result<MotionRequest> {
+        if !(1.0..=240.0).contains(&self.fps) {
+            return Err(Error::InvalidInput(format!(
+                "fps: expected 1 to 240, got {}",
+                self.fps
+            )));
+        }
+        Ok(MotionRequest {
+            emotion: EmotionCurve::Constant(Emotion::parse(&self.emotion)?),
+            fps: self.fps,
+            seed: self.seed,
+            steps: self.steps,
+            style: self.style.clone(),
+        })
+    }
+}
+
+/// Reads `x`, `+x` or `-x`, and the same for the others.
+fn axis(text: &str) -> std::result::Result<Axis, String> {
+    match text.trim_start_matches('+').to_ascii_lowercase().as_str() {
+        "x" => Ok(Axis::PosX),
+        "-x" => Ok(Axis::NegX),
+        "y" => Ok(Axis::PosY),
+        "-y" => Ok(Axis::NegY),
+        "z" => Ok(Axis::PosZ),
+        "-z" => Ok(Axis::NegZ),
+        _ => Err(format!("expected x, -x, y, -y, z or -z, got {text:?}")),
+    }
+}
+
+/// A path as text for reports.
+pub(super) fn shown(path: &Path) -> String {
+    path.display().to_string()
+}

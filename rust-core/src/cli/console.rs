@@ -1,0 +1,112 @@
+//! Talking to the person or the machine at the other end.
+
+use std::{io::IsTerminal, time::Duration};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde::Serialize;
+
+use crate::{Error, output::Report, progress::Progress};
+
+const BAR_STEPS: u64 = 1000;
+
+/// Where results, progress and errors go.
+pub(super) struct Console {
+    json: bool,
+    bar: ProgressBar,
+}
+
+impl Console {
+    /// A progress bar appears on a terminal only, and never beside JSON.
+    pub(super) fn new(json: bool) -> Self {
+        let bar = ProgressBar::new(BAR_STEPS);
+        match std::io::stderr().is_terminal() && !json {
+            true => {
+                let style =
+                    ProgressStyle::with_template("{msg:>10} {bar:40} {percent:>3} % {elapsed}");
+                bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+                bar.enable_steady_tick(Duration::from_millis(200));
+            }
+            false => bar.set_draw_target(ProgressDrawTarget::hidden()),
+        }
+        Console { json, bar }
+    }
+
+    /// Shows the library's own log on standard error, as much as `ANYFACE_LOG` asks for.
+    pub(super) fn listen(&self) {
+        let filter = tracing_subscriber::EnvFilter::try_from_env("ANYFACE_LOG")
+            .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("error"));
+        // A second subscriber in one process is refused; the first then goes on.
+        let _ = tracing_subscriber::fmt()
+            .with_env_filter(filter)
+            .with_writer(std::io::stderr)
+            .try_init();
+    }
+
+    /// A progress callback for the library; it never cancels.
+    pub(super) fn progress(&self, progress: Progress) -> bool {
+        self.bar.set_message(progress.stage);
+        self.bar
+            .set_position((progress.fraction * BAR_STEPS as f32) as u64);
+        true
+    }
+
+    /// Prints a finished run: JSON as it is, or `summary` with the warnings.
+    pub(super) fn report(&self, report: &Report, summary: &str) {
+        self.bar.finish_and_clear();
+        if self.json {
+            return self.json(report);
+        }
+        println!("{summary}");
+        for warning in &report.warnings {
+            eprintln!("warning: {warning}");
+        }
+    }
+
+    /// Prints `value` as JSON, or `text`.
+    pub(super) fn value(&self, value: &impl Serialize, text: &str) {
+        self.bar.finish_and_clear();
+        match self.json {
+            true => self.json(value),
+            false => println!("{}", text.trim_end()),
+        }
+    }
+
+    fn json(&self, value: &impl Serialize) {
+        match serde_json::to_string_pretty(value) {
+            Ok(text) => println!("{text}"),
+            Err(e) => eprintln!("{e}"),
+        }
+    }
+
+    /// Prints an error, as `{"error": {"kind", "code", "message"}}` with `--json`.
+    pub(super) fn error(&self, error: &Error) {
+        self.bar.finish_and_clear();
+        match self.json {
+            true => {
+                let body = serde_json::json!({"error": {
+                    "kind": kind(error),
+                    "code": error.exit_code(),
+                    "message": error.to_string(),
+                }});
+                eprintln!("{body}");
+            }
+            false => eprintln!("error: {error}"),
+        }
+    }
+}
+
+/// The word for an error's kind.
+fn kind(error: &Error) -> &'static str {
+    match error {
+        Error::InvalidInput(_) => "invalid_input",
+        Error::ShapeMismatch { .. } => "shape_mismatch",
+        Error::Audio(_) => "audio",
+        Error::Mesh(_) => "mesh",
+        Error::FaceNotFound(_) => "face_not_found",
+        Error::Weights(_) => "weights",
+        Error::Numerics(_) => "numerics",
+        Error::Io { .. } => "io",
+        Error::Cancelled => "cancelled",
+        Error::Internal(_) => "internal",
+    }
+}

@@ -1,0 +1,95 @@
+//! The `anyface` command, one file per subcommand.
+//!
+//! Exit codes: 0 done, 2 usage, otherwise [`crate::Error::exit_code`]. Results go to standard output,
+//! warnings, progress and errors to standard error; with `--json` both are JSON.
+
+mod animate;
+mod arguments;
+mod console;
+mod deform;
+mod info;
+mod landmarks;
+mod motion;
+mod stages;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::Result;
+use arguments::SharedArgs;
+use console::Console;
+
+/// Makes any face mesh talk: speech in, facial animation with emotion out, on a plain CPU.
+#[derive(Parser)]
+#[command(name = "anyface", version)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+    #[command(flatten)]
+    shared: SharedArgs,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Animate(animate::Animate),
+    Motion(motion::Motion),
+    Deform(deform::Deform),
+    Landmarks(landmarks::FindLandmarks),
+    Info(info::Info),
+}
+
+/// Reads the command line, runs it and says how it went.
+pub fn run() -> ExitCode {
+    let arguments = Arguments::parse();
+    let console = Console::new(arguments.shared.json);
+    console.listen();
+    match arguments.run(&console) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            console.error(&error);
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+impl Arguments {
+    fn run(&self, console: &Console) -> Result<()> {
+        self.shared.set_threads()?;
+        match &self.command {
+            Command::Animate(command) => command.run(&self.shared, console),
+            Command::Motion(command) => command.run(&self.shared, console),
+            Command::Deform(command) => command.run(&self.shared, console),
+            Command::Landmarks(command) => command.run(&self.shared, console),
+            Command::Info(command) => command.run(&self.shared, console),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn the_stable_command_line_is_accepted() {
+        for line in [
+            "anyface animate --mesh M.obj --audio A.wav --out O.npz --landmarks L.json \
+             --emotion happy:0.7 --fps 30 --seed 0 --steps 4 --threads 2 --report R.json",
+            "anyface motion --audio A.wav --out O.npz --emotion sad:1 --fps 25 --seed 3",
+            "anyface deform --mesh M.obj --motion L.npz --out O.npz",
+            "anyface landmarks --mesh M.obj --out L.json --forward -y --up z",
+            "anyface info --json",
+        ] {
+            let words = line.split_whitespace();
+            if let Err(error) = Arguments::try_parse_from(words) {
+                panic!("{line}: {error}");
+            }
+        }
+    }
+}

@@ -1,0 +1,61 @@
+//! `anyface motion`: speech to landmark motion, before any mesh is known.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::{
+    arguments::{MotionArgs, SharedArgs, shown},
+    console::Console,
+    stages::{new_report, read_sound, summary, timed},
+};
+use crate::{
+    Error, Result,
+    output::{Format, largest, warnings_of_motion, write_json, write_motion},
+};
+
+/// Turn speech into the motion of 68 landmarks, in metres on a human head
+#[derive(Args)]
+pub(super) struct Motion {
+    /// The speech: WAV, MP3, FLAC, Ogg Vorbis, M4A or AIFF
+    #[arg(long, value_name = "A")]
+    audio: PathBuf,
+    /// The result, .npz: landmark_displacements [T, 68, 3] and fps
+    #[arg(long, value_name = "O.npz")]
+    out: PathBuf,
+    /// Also write a report of the run
+    #[arg(long, value_name = "R.json")]
+    report: Option<PathBuf>,
+    #[command(flatten)]
+    motion: MotionArgs,
+}
+
+impl Motion {
+    pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
+        if Format::from_path(&self.out)? != Format::Npz {
+            return Err(Error::InvalidInput(format!(
+                "{}: expected a name that ends in .npz for landmark motion",
+                self.out.display()
+            )));
+        }
+        let request = self.motion.request()?;
+        let mut report = new_report();
+        let waveform = read_sound(&mut report, &self.audio)?;
+        let engine = timed(&mut report, "load", || shared.engine())?;
+        let motion = timed(&mut report, "motion", || {
+            engine.motion(&waveform, &request, &|p| console.progress(p))
+        })?;
+        report.warnings.extend(warnings_of_motion(&motion));
+        report.frames = motion.displacements.dim().0;
+        report.fps = motion.fps;
+        report.largest_landmark_displacement_mm =
+            Some(1000.0 * largest(motion.displacements.view()));
+        report.out = Some(shown(&self.out));
+        timed(&mut report, "write", || write_motion(&self.out, &motion))?;
+        if let Some(path) = &self.report {
+            write_json(path, &report)?;
+        }
+        console.report(&report, &summary(&report));
+        Ok(())
+    }
+}

@@ -1,0 +1,32 @@
+//! What point caches share: they hold positions, not displacements.
+
+use std::io::{self, Write};
+
+use ndarray::ArrayView3;
+
+use crate::mesh::Mesh;
+
+/// Appends rest position + displacement of every vertex and frame, in the byte order of `encode`.
+pub(super) fn write_positions(
+    file: &mut impl Write,
+    displacements: ArrayView3<'_, f32>,
+    mesh: &Mesh,
+    encode: fn(f32) -> [u8; 4],
+) -> io::Result<()> {
+    let mut row = Vec::with_capacity(mesh.positions.len() * 12);
+    for frame in displacements.outer_iter() {
+        row.clear();
+        for (moved, rest) in frame.outer_iter().zip(&mesh.positions) {
+            for i in 0..3 {
+                row.extend_from_slice(&encode(rest[i] + moved[i]));
+            }
+        }
+        file.write_all(&row)?;
+    }
+    Ok(())
+}
+
+/// Point caches count in 32 signed bits.
+pub(super) fn count(n: usize) -> io::Result<i32> {
+    i32::try_from(n).map_err(|_| io::Error::other(format!("expected at most 2^31 − 1, got {n}")))
+}

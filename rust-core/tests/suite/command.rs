@@ -1,0 +1,180 @@
+//! The `anyface` command from outside: exit codes, errors, and that failures leave no file.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+use tempfile::TempDir;
+
+/// Exit codes that scripts rely on.
+const USAGE: i32 = 2;
+const INVALID_INPUT: i32 = 3;
+const AUDIO: i32 = 4;
+const MESH: i32 = 5;
+const IO: i32 = 8;
+
+fn anyface(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_anyface"))
+        .current_dir(folder)
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Expects a failure of one kind that says `words` and leaves the folder as it was.
+fn refused(folder: &TempDir, arguments: &[&str], code: i32, words: &str) {
+    let before = names(folder.path());
+    let output = anyface(folder.path(), arguments);
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {message}");
+    assert!(message.contains(words), "{arguments:?}: {message}");
+    assert_eq!(names(folder.path()), before, "{arguments:?} left files");
+}
+
+fn names(folder: &Path) -> Vec<PathBuf> {
+    let mut names: Vec<PathBuf> = fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect();
+    names.sort();
+    names
+}
+
+fn folder_with_sound(samples: &[f32], rate_hz: u32) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let spec = hound::WavSpec {
+        channels: 1,
+        sample_rate: rate_hz,
+        bits_per_sample: 32,
+        sample_format: hound::SampleFormat::Float,
+    };
+    let mut wav = hound::WavWriter::create(folder.path().join("a.wav"), spec).unwrap();
+    for sample in samples {
+        wav.write_sample(*sample).unwrap();
+    }
+    wav.finalize().unwrap();
+    folder
+}
+
+fn hum(seconds: f32) -> Vec<f32> {
+    (0..(seconds * 16_000.0) as usize)
+        .map(|i| (i as f32 * 0.08).sin() * (i as f32 * 0.0015).sin() * 0.5)
+        .collect()
+}
+
+const MOTION: [&str; 5] = ["motion", "--audio", "a.wav", "--out", "o.npz"];
+
+#[test]
+fn usage_mistakes_exit_with_2() {
+    let folder = tempfile::tempdir().unwrap();
+    refused(&folder, &["dance"], USAGE, "dance");
+    refused(&folder, &["motion", "--out", "o.npz"], USAGE, "--audio");
+    refused(
+        &folder,
+        &["landmarks", "--mesh", "m", "--out", "l", "--up", "w"],
+        USAGE,
+        "expected x, -x",
+    );
+}
+
+#[test]
+fn requests_out_of_range_exit_with_3_before_any_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let with = |extra: &[&'static str]| [&MOTION[..], extra].concat();
+    for (extra, words) in [
+        (["--fps", "0"], "fps: expected 1 to 240, got 0"),
+        (["--fps", "nan"], "fps: expected 1 to 240"),
+        (["--emotion", "joyful:1"], "expected one of neutral, happy"),
+        (["--emotion", "happy:9"], "sum of at most"),
+        (["--threads", "0"], "threads: expected 1 or more"),
+    ] {
+        refused(&folder, &with(&extra), INVALID_INPUT, words);
+    }
+    let arguments = ["motion", "--audio", "a.wav", "--out", "o.pc2"];
+    refused(&folder, &arguments, INVALID_INPUT, ".npz");
+    let arguments = [
+        "animate", "--mesh", "m.obj", "--audio", "a.wav", "--out", "o.abc",
+    ];
+    refused(&folder, &arguments, INVALID_INPUT, ".npz, .pc2 or .mdd");
+}
+
+#[test]
+fn sounds_that_cannot_be_used_exit_with_4() {
+    let mut broken = hum(0.5);
+    broken[77] = f32::NAN;
+    broken[99] = f32::INFINITY;
+    let folder = folder_with_sound(&broken, 16_000);
+    refused(
+        &folder,
+        &MOTION,
+        AUDIO,
+        "got 2 of 8000 that are NaN or infinite, the first at 77",
+    );
+    let folder = folder_with_sound(&[], 16_000);
+    refused(&folder, &MOTION, AUDIO, "no samples");
+    let folder = folder_with_sound(&hum(0.1), 2_000);
+    refused(&folder, &MOTION, AUDIO, "got 2000");
+    fs::write(folder.path().join("a.wav"), b"").unwrap();
+    refused(&folder, &MOTION, AUDIO, "empty");
+    fs::write(folder.path().join("a.wav"), [9; 3000]).unwrap();
+    refused(&folder, &MOTION, AUDIO, "expected WAV, MP3");
+}
+
+#[test]
+fn missing_files_exit_with_8_and_their_name() {
+    let folder = tempfile::tempdir().unwrap();
+    refused(&folder, &MOTION, IO, "a.wav");
+    let arguments = ["landmarks", "--mesh", "m.obj", "--out", "l.json"];
+    refused(&folder, &arguments, IO, "m.obj");
+    let arguments = [
+        "deform", "--mesh", "m.obj", "--motion", "l.npz", "--out", "o.npz",
+    ];
+    refused(&folder, &arguments, IO, "l.npz");
+}
+
+#[test]
+fn meshes_that_cannot_be_used_exit_with_5() {
+    let folder = folder_with_sound(&hum(0.5), 16_000);
+    let animate = [
+        "animate", "--mesh", "m.obj", "--audio", "a.wav", "--out", "o.npz",
+    ];
+    let landmarks = ["landmarks", "--mesh", "m.obj", "--out", "l.json"];
+    for body in ["", "v 0 nan 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "f 1 2 3\n"] {
+        fs::write(folder.path().join("m.obj"), body).unwrap();
+        refused(&folder, &animate, MESH, "mesh: ");
+        refused(&folder, &landmarks, MESH, "mesh: ");
+    }
+}
+
+#[test]
+fn errors_are_json_where_results_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = anyface(folder.path(), &[&MOTION[..], &["--json"]].concat());
+    assert!(output.stdout.is_empty());
+    let error: serde_json::Value = serde_json::from_slice(&output.stderr).unwrap();
+    assert_eq!(error["error"]["kind"], "io");
+    assert_eq!(error["error"]["code"], IO);
+    assert!(
+        error["error"]["message"]
+            .as_str()
+            .unwrap()
+            .contains("a.wav")
+    );
+}
+
+#[test]
+fn info_says_the_version() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = anyface(folder.path(), &["info", "--json"]);
+    assert!(output.status.success());
+    let info: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(info["version"], env!("CARGO_PKG_VERSION"));
+    let output = anyface(folder.path(), &["info"]);
+    assert!(text(&output.stdout).starts_with("anyface "));
+}
