@@ -1,17 +1,140 @@
-//! `cargo xtask demo`.
+//! `cargo xtask demo`: speech to a talking head in a .blend, a contact sheet and a film.
 
-use anyhow::Result;
+use std::{
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use anyhow::{Context, Result, ensure};
 use clap::Args;
 
-use crate::steps::Steps;
+use crate::{
+    extension,
+    machine::{self, Venv},
+    steps::Steps,
+};
 
-/// Animates the default head and Suzanne with a sentence.
+const SENTENCE: &str = "Hello. My name is Anyface, and I can make almost any mesh talk.";
+const FPS: u32 = 25;
+
+/// Animates the default head and Suzanne with a sentence; about ten minutes the first time (it
+/// builds the library and installs Blender's Python module), two after that.
 #[derive(Args)]
-pub struct Demo {}
+pub struct Demo {
+    /// The sentence to speak, by flite or espeak-ng.
+    #[arg(long, default_value = SENTENCE, conflicts_with = "audio")]
+    say: String,
+    /// A recording to use instead; any common format.
+    #[arg(long)]
+    audio: Option<PathBuf>,
+    /// Emotion and intensity, such as `happy:0.7`.
+    #[arg(long, default_value = "neutral:0")]
+    emotion: String,
+    /// Render at most this many frames (0: all).
+    #[arg(long, default_value_t = 0)]
+    frames: u32,
+    /// Folder for the results.
+    #[arg(long, default_value = "demo-output")]
+    out: PathBuf,
+}
 
 impl Demo {
-    /// Runs it.
+    /// Installs what is missing, builds, animates, renders.
     pub fn run(&self) -> Result<()> {
-        Steps::new("demo")?.finish()
+        let mut steps = Steps::new("demo")?;
+        machine::ensure_apt(&mut steps, &["ffmpeg", "flite", "espeak-ng"])?;
+        machine::ensure_apt(&mut steps, machine::BLENDER_LIBRARIES)?;
+        let python = Venv::Blender.ensure(&mut steps)?;
+        let library = extension::build_library(&mut steps, true)?;
+        let zip = extension::default_zip();
+        extension::build_zip(&mut steps, &library, &zip)?;
+        std::fs::create_dir_all(&self.out)?;
+        let out = self.out.canonicalize()?;
+        let audio = self.voice(&mut steps, &out)?;
+        self.animate(&mut steps, &python, &zip, &audio, &out)?;
+        film(&mut steps, &audio, &out)?;
+        for name in ["talking_heads.blend", "contact_sheet.png", "talking_heads.mp4"] {
+            println!("{}", out.join(name).display());
+        }
+        steps.finish()
     }
+
+    fn voice(&self, steps: &mut Steps, out: &Path) -> Result<PathBuf> {
+        if let Some(path) = &self.audio {
+            return path.canonicalize().with_context(|| format!("no sound at {}", path.display()));
+        }
+        let path = out.join("voice.wav");
+        let mut command = if machine::has("flite") {
+            let mut command = Command::new("flite");
+            command.args(["-voice", "slt", "-t", &self.say, "-o"]).arg(&path);
+            command
+        } else {
+            let mut command = Command::new("espeak-ng");
+            command.arg("-w").arg(&path).arg(&self.say);
+            command
+        };
+        steps.run("speak the sentence", &mut command)?;
+        ensure!(path.is_file(), "the voice wrote no {}", path.display());
+        Ok(path)
+    }
+
+    fn animate(
+        &self,
+        steps: &mut Steps,
+        python: &Path,
+        zip: &Path,
+        audio: &Path,
+        out: &Path,
+    ) -> Result<()> {
+        let (emotion, intensity) = self.emotion.split_once(':').unwrap_or((&self.emotion, "1"));
+        let mut command = Command::new(python);
+        command
+            .arg(machine::root().join("packaging/demo/make_demo.py"))
+            .arg("--extension")
+            .arg(zip)
+            .arg("--audio")
+            .arg(audio)
+            .arg("--head")
+            .arg(machine::root().join("rust-core/models/default_head/head.obj"))
+            .arg("--suzanne-landmarks")
+            .arg(machine::root().join("packaging/demo/suzanne_landmarks.json"))
+            .args(["--emotion", emotion, "--intensity", intensity])
+            .args(["--fps", &FPS.to_string(), "--frames", &self.frames.to_string()])
+            .arg("--out")
+            .arg(out);
+        let output = steps.run("animate and render in Blender", &mut command)?;
+        for line in output.lines().filter(|line| line.starts_with("demo: ")) {
+            println!("         {}", &line[6..]);
+        }
+        Ok(())
+    }
+}
+
+/// The frames as a film with sound, and twelve of them on one sheet.
+fn film(steps: &mut Steps, audio: &Path, out: &Path) -> Result<()> {
+    let frames = out.join("frames/%04d.png");
+    let count = std::fs::read_dir(out.join("frames"))?.count().max(1);
+    let rate = FPS.to_string();
+    steps.run(
+        "film",
+        Command::new("ffmpeg")
+            .args(["-y", "-loglevel", "error", "-framerate", &rate, "-i"])
+            .arg(&frames)
+            .arg("-i")
+            .arg(audio)
+            .args(["-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "20"])
+            .args(["-c:a", "aac", "-shortest"])
+            .arg(out.join("talking_heads.mp4")),
+    )?;
+    let every = (count / 12).max(1);
+    steps.run(
+        "contact sheet",
+        Command::new("ffmpeg")
+            .args(["-y", "-loglevel", "error", "-framerate", &rate, "-i"])
+            .arg(&frames)
+            .args(["-vf", &format!("select=not(mod(n\\,{every})),scale=320:-1,tile=4x3")])
+            .args(["-frames:v", "1"])
+            .arg(out.join("contact_sheet.png")),
+    )?;
+    Ok(())
 }

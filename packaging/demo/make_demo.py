@@ -1,0 +1,212 @@
+"""A talking head and a talking Suzanne: scene, animation by the extension, .blend and frames.
+
+Run by `cargo xtask demo` in Blender's Python module. Frames go to OUT/frames/####.png.
+"""
+
+import argparse
+import math
+import os
+import tempfile
+import time
+from pathlib import Path
+
+# Blender reads this once, at import: nothing of the user's own Blender is touched.
+os.environ["BLENDER_USER_RESOURCES"] = tempfile.mkdtemp(prefix="anyface-demo-")
+
+import bpy  # noqa: E402
+
+SIZE = (640, 400)
+SAMPLES = 12
+HEAD_HEIGHT = 2.1
+SKIN = (0.80, 0.52, 0.41, 1.0)
+FUR = (0.30, 0.16, 0.09, 1.0)
+EYE = (0.90, 0.90, 0.88, 1.0)
+IRIS = (0.10, 0.22, 0.30, 1.0)
+TOOTH = (0.85, 0.82, 0.74, 1.0)
+MOUTH = (0.35, 0.07, 0.07, 1.0)
+
+
+def main() -> None:
+    """Makes everything below `--out`."""
+    options = arguments()
+    install(options.extension)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scene = bpy.context.scene
+    stage(scene, options.fps)
+    sound(scene, options.audio)
+    heads = [suzanne(options.suzanne_landmarks), default_head(options.head)]
+    for ob in heads:
+        animate(ob, options)
+    if options.frames:
+        scene.frame_end = min(scene.frame_end, scene.frame_start + options.frames - 1)
+    blend = options.out / "talking_heads.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+    print(f"demo: wrote {blend}", flush=True)
+    render(scene, options.out / "frames")
+
+
+def arguments() -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--extension", required=True, type=Path, help="the extension's zip")
+    parser.add_argument("--audio", required=True, type=Path)
+    parser.add_argument("--head", required=True, type=Path, help="OBJ of the default head")
+    parser.add_argument("--suzanne-landmarks", required=True, type=Path)
+    parser.add_argument("--emotion", default="neutral")
+    parser.add_argument("--intensity", type=float, default=0.0)
+    parser.add_argument("--fps", type=int, default=25)
+    parser.add_argument("--frames", type=int, default=0, help="render at most this many")
+    parser.add_argument("--out", required=True, type=Path)
+    return parser.parse_args()
+
+
+def install(zip_path: Path) -> None:
+    """Installs the extension as an artist would."""
+    bpy.ops.extensions.package_install_files(
+        filepath=str(zip_path), repo="user_default", enable_on_install=True
+    )
+    if "bl_ext.user_default.anyface" not in bpy.context.preferences.addons:
+        raise SystemExit(f"{zip_path}: Blender did not install it")
+
+
+def stage(scene, fps: int) -> None:
+    """Camera, three lights, a plain background; Cycles on the CPU."""
+    scene.render.engine = "CYCLES"
+    scene.cycles.device = "CPU"
+    scene.cycles.samples = SAMPLES
+    scene.cycles.use_denoising = True
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    scene.render.fps = fps
+    scene.view_settings.view_transform = "Standard"
+    scene.render.image_settings.file_format = "PNG"
+    world = bpy.data.worlds.new("World")
+    world.use_nodes = True
+    background = next(node for node in world.node_tree.nodes if node.type == "BACKGROUND")
+    background.inputs[0].default_value = (0.045, 0.055, 0.07, 1.0)
+    scene.world = world
+    light("Key", (-2.5, -4.0, 2.5), 320.0, 1.5)
+    light("Fill", (3.5, -3.5, 0.5), 130.0, 2.5)
+    light("Rim", (0.5, 3.0, 3.0), 220.0, 1.5)
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.data.lens = 70
+    camera.location = (0.0, -9.4, 0.05)
+    camera.rotation_euler = (math.radians(90), 0, 0)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+
+
+def light(name: str, place: tuple, watts: float, size: float) -> None:
+    """An area light that looks at the middle of the stage."""
+    data = bpy.data.lights.new(name, "AREA")
+    data.energy, data.size = watts, size
+    ob = bpy.data.objects.new(name, data)
+    ob.location = place
+    direction = -ob.location
+    ob.rotation_euler = direction.to_track_quat("-Z", "Y").to_euler()
+    bpy.context.scene.collection.objects.link(ob)
+
+
+def sound(scene, path: Path) -> None:
+    """The recording as a strip, and the scene as long as it."""
+    editor = scene.sequence_editor_create()
+    strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+    strip = strips.new_sound("Voice", str(path), channel=1, frame_start=1)
+    scene.frame_start, scene.frame_end = 1, max(2, int(strip.frame_final_end))
+    scene.sync_mode = "AUDIO_SYNC"
+
+
+def suzanne(landmarks: Path):
+    """Blender's monkey with landmarks marked by hand, smooth."""
+    bpy.ops.mesh.primitive_monkey_add(location=(-1.3, 0, 0.05))
+    ob = bpy.context.object
+    ob.data.materials.append(material("Fur", FUR, 0.6))
+    for polygon in ob.data.polygons:
+        polygon.use_smooth = True
+    ob.modifiers.new("Smooth", "SUBSURF").levels = 1
+    ob["anyface_landmarks"] = landmarks.read_text()
+    return ob
+
+
+def default_head(path: Path):
+    """The project's own head, scaled to stand beside Suzanne."""
+    bpy.ops.wm.obj_import(filepath=str(path), use_split_objects=False, use_split_groups=False)
+    ob = bpy.context.object
+    bpy.ops.object.transform_apply(location=False, rotation=True, scale=False)
+    paint(ob)
+    low, high = bounds(ob)
+    scale = HEAD_HEIGHT / (high[2] - low[2])
+    ob.scale = (scale,) * 3
+    middle = [scale * (a + b) / 2 for a, b in zip(low, high)]
+    ob.location = (1.25 - middle[0], -middle[1], -middle[2])
+    for polygon in ob.data.polygons:
+        polygon.use_smooth = True
+    return ob
+
+
+def paint(ob) -> None:
+    """Colours by the names of the materials in the file; skin where there are none."""
+    colours = {
+        "skin": (SKIN, 0.45),
+        "eye": (EYE, 0.08),
+        "iris": (IRIS, 0.1),
+        "pupil": ((0.01, 0.01, 0.01, 1.0), 0.1),
+        "teeth": (TOOTH, 0.2),
+        "tongue": (MOUTH, 0.3),
+        "mouth": (MOUTH, 0.4),
+    }
+    if not ob.data.materials:
+        ob.data.materials.append(material("skin", *colours["skin"]))
+        return
+    for slot in ob.material_slots:
+        name = slot.material.name.lower() if slot.material else "skin"
+        kind = next((kind for kind in colours if kind in name), "skin")
+        slot.material = material(kind, *colours[kind])
+
+
+def material(name: str, colour: tuple, roughness: float):
+    """A principled material."""
+    made = bpy.data.materials.new(name)
+    made.use_nodes = True
+    shader = next(node for node in made.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    shader.inputs["Base Color"].default_value = colour
+    shader.inputs["Roughness"].default_value = roughness
+    if name == "skin":
+        shader.inputs["Subsurface Weight"].default_value = 0.15
+        shader.inputs["Subsurface Scale"].default_value = 0.05
+    return made
+
+
+def bounds(ob) -> tuple:
+    """Lowest and highest corner, object space."""
+    corners = list(zip(*ob.bound_box))
+    return [min(axis) for axis in corners], [max(axis) for axis in corners]
+
+
+def animate(ob, options) -> None:
+    """Presses Generate."""
+    began = time.monotonic()
+    bpy.context.view_layer.objects.active = ob
+    ob.anyface.source, ob.anyface.strip = "STRIP", "Voice"
+    ob.anyface.emotion, ob.anyface.intensity = options.emotion, options.intensity
+    bpy.context.scene.anyface.character = ob
+    if bpy.ops.anyface.generate() != {"FINISHED"}:
+        raise SystemExit(f"{ob.name}: {ob.anyface.report}")
+    print(f"demo: {ob.name}: {ob.anyface.report} ({time.monotonic() - began:.1f} s)", flush=True)
+
+
+def render(scene, folder: Path) -> None:
+    """Every frame as PNG."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for old in folder.glob("*.png"):
+        old.unlink()
+    total = scene.frame_end - scene.frame_start + 1
+    for done, frame in enumerate(range(scene.frame_start, scene.frame_end + 1), start=1):
+        scene.frame_set(frame)
+        scene.render.filepath = str(folder / f"{done:04d}.png")
+        bpy.ops.render.render(write_still=True)
+        if done % 10 == 0 or done == total:
+            print(f"demo: rendered {done} of {total}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
