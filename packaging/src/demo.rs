@@ -53,7 +53,11 @@ impl Demo {
         let audio = self.voice(&mut steps, &out)?;
         self.animate(&mut steps, &python, &zip, &audio, &out)?;
         film(&mut steps, &audio, &out)?;
-        for name in ["talking_heads.blend", "contact_sheet.png", "talking_heads.mp4"] {
+        for name in [
+            "talking_heads.blend",
+            "contact_sheet.png",
+            "talking_heads.mp4",
+        ] {
             println!("{}", out.join(name).display());
         }
         steps.finish()
@@ -61,12 +65,16 @@ impl Demo {
 
     fn voice(&self, steps: &mut Steps, out: &Path) -> Result<PathBuf> {
         if let Some(path) = &self.audio {
-            return path.canonicalize().with_context(|| format!("no sound at {}", path.display()));
+            return path
+                .canonicalize()
+                .with_context(|| format!("no sound at {}", path.display()));
         }
         let path = out.join("voice.wav");
         let mut command = if machine::has("flite") {
             let mut command = Command::new("flite");
-            command.args(["-voice", "slt", "-t", &self.say, "-o"]).arg(&path);
+            command
+                .args(["-voice", "slt", "-t", &self.say, "-o"])
+                .arg(&path);
             command
         } else {
             let mut command = Command::new("espeak-ng");
@@ -99,7 +107,12 @@ impl Demo {
             .arg("--suzanne-landmarks")
             .arg(machine::root().join("packaging/demo/suzanne_landmarks.json"))
             .args(["--emotion", emotion, "--intensity", intensity])
-            .args(["--fps", &FPS.to_string(), "--frames", &self.frames.to_string()])
+            .args([
+                "--fps",
+                &FPS.to_string(),
+                "--frames",
+                &self.frames.to_string(),
+            ])
             .arg("--out")
             .arg(out);
         let output = steps.run("animate and render in Blender", &mut command)?;
@@ -132,7 +145,10 @@ fn film(steps: &mut Steps, audio: &Path, out: &Path) -> Result<()> {
         Command::new("ffmpeg")
             .args(["-y", "-loglevel", "error", "-framerate", &rate, "-i"])
             .arg(&frames)
-            .args(["-vf", &format!("select=not(mod(n\\,{every})),scale=320:-1,tile=4x3")])
+            .args([
+                "-vf",
+                &format!("select=not(mod(n\\,{every})),scale=320:-1,tile=4x3"),
+            ])
             .args(["-frames:v", "1"])
             .arg(out.join("contact_sheet.png")),
     )?;

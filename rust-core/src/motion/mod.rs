@@ -1,5 +1,7 @@
 //! Motion of 68 landmarks over time, before any mesh is known.
 
+mod resample;
+
 use ndarray::Array3;
 
 /// Number of iBUG landmarks `N`.
