@@ -145,7 +145,9 @@ def sweep(speaker: Speaker, clips: dict[str, list[Clip]]) -> None:
                 scores = lip_scores(speaker, chosen[:30], source, sampling=sampling)
                 line.append(f"{source} r {scores['r_pooled']:.3f} std {scores['std_ratio']:.2f}")
             seconds = time.time() - started
-            print(f"steps {steps:3d} temperature {temperature:.1f}: {'  '.join(line)}  {seconds:.1f} s")
+            print(
+                f"steps {steps:3d} temperature {temperature:.1f}: {'  '.join(line)}  {seconds:.1f} s"
+            )
 
 
 def plot(speaker: Speaker, clips: dict[str, list[Clip]], folder: Path) -> None:
@@ -187,9 +189,10 @@ def main() -> None:
     torch.set_num_threads(arguments.threads)
     speaker = Speaker(arguments.models, arguments.name)
     clips = {"grid_s1": read_grid(arguments.data), "facegood_zh": read_facegood(arguments.data)}
-    for source in clips:
-        if source not in arguments.unseen:
-            clips[source] = [clip for clip in clips[source] if clip.held_out]
+    clips = {
+        source: [clip for clip in found if clip.held_out or source in arguments.unseen]
+        for source, found in clips.items()
+    }
     if arguments.sweep:
         sweep(speaker, clips)
         return
@@ -200,8 +203,12 @@ def main() -> None:
             numbers = "  ".join(f"{key} {value:.3f}" for key, value in scores.items())
             print(f"{source} with style {style}: {numbers}")
     style = "grid_s1" if "facegood_zh" in arguments.unseen else "facegood_zh"
-    print(f"facegood_zh jawOpen r {jaw_scores(speaker, clips['facegood_zh'], arguments.data, style):.3f}")
-    for key, value in robustness(speaker, clips["grid_s1"][0], speaker.config.default_style).items():
+    print(
+        f"facegood_zh jawOpen r {jaw_scores(speaker, clips['facegood_zh'], arguments.data, style):.3f}"
+    )
+    for key, value in robustness(
+        speaker, clips["grid_s1"][0], speaker.config.default_style
+    ).items():
         print(f"{key}: {value:.3f}")
     if arguments.plots:
         plot(speaker, clips, arguments.plots)

@@ -15,14 +15,12 @@ from pathlib import Path
 import torch
 from torch import nn
 
-from training.corpus import bank
 from training.corpus.emotions import EmotionSynthesiser
-from training.corpus.windows import AugmentOptions, WindowSampler
 from training.diffusion.schedule import add_noise, alphas_cumprod
 from training.losses import concordance_loss, landmark_weights, lip_gap, motion_loss, source_scale
 from training.speech.compact import CompactEncoder
 from training.speech.compact import debug_config as debug_encoder
-from training.speech.compact import normalise
+from training.speech.source import CompactSpeech, HubertSpeech
 from training.systems.freetalk.ats import CONFIGS, AtsConfig, AtsDenoiser, Sampling
 from training.systems.freetalk.sampling import sample_motion
 from training.train_speech import SHARES, load_encoder, log, resume
@@ -46,22 +44,20 @@ class Step:
 class AtsTrainer:
     """Data, model and one optimisation step."""
 
-    def __init__(self, arguments, config: AtsConfig, entries, encoder: CompactEncoder):
-        self.config, self.encoder = config, encoder
+    def __init__(self, arguments, config: AtsConfig, speech: CompactSpeech | HubertSpeech):
+        self.config, self.speech = config, speech
         self.device = "cuda" if torch.cuda.is_available() else "cpu"
         self.random = torch.Generator().manual_seed(arguments.seed)
         self.sources = [s for s in config.styles if s != arguments.leave_out]
         shares = [SHARES[s] for s in self.sources]
-        self.sampler = WindowSampler(
-            entries, self.sources, shares, arguments.seed, AugmentOptions()
-        )
+        self.sampler = speech.sampler(self.sources, shares, arguments.seed)
         self.emotions = EmotionSynthesiser(arguments.data, arguments.seed)
         self.alphas = alphas_cumprod(config.diffusion.schedule, config.diffusion.train_steps)
         self.model = AtsDenoiser(config, dropout=arguments.dropout)
         self.landmark_weight = landmark_weights()
         self._measure_scale()
         self.model.to(self.device)
-        self.encoder.to(self.device)
+        self.speech.to(self.device)
 
     @torch.no_grad()
     def draw(self, count: int, frames: int) -> Step:
@@ -72,7 +68,7 @@ class AtsTrainer:
         felt = (affect[..., 15:] > 0).float()
         weight = torch.maximum(batch.weight, (UNSEEN_WEIGHT + felt).clamp_max(1.0))
         with torch.autocast(self.device, torch.bfloat16):
-            speech = self.encoder(batch.mel.to(self.device)).float()
+            speech = self.speech.windows(batch.mel.to(self.device)).float()
         label = torch.tensor([self.config.styles.index(s) for s in self.sources])[batch.source]
         scaled = weight * self.landmark_weight / source_scale(self.sources, batch.source).square()
         tensors = [speech, motion, scaled, affect, label]
@@ -111,28 +107,28 @@ class AtsTrainer:
 
 
 @torch.no_grad()
-def validate(trainer: AtsTrainer, model, entries, sampling: Sampling, limit: int = 40) -> dict:
+def validate(trainer: AtsTrainer, model, sampling: Sampling, limit: int = 40) -> dict:
     """Sampled lip-gap r (pooled, mean over clips) and ratio of deviations on unseen clips."""
-    report = {}
+    report, entries = {}, trainer.speech.entries
     model.eval()
     for source in sorted({e.source for e in entries}):
         known = source in trainer.sources
         chosen = [e for e in entries if e.source == source and (e.held_out or not known)][:limit]
         style = trainer.config.styles.index(source if known else trainer.sources[0])
-        pairs = [clip_gaps(trainer.encoder, model, e, style, sampling) for e in chosen]
+        pairs = [clip_gaps(trainer.speech, model, e, style, sampling) for e in chosen]
         report |= {f"{source} {k}": v for k, v in gap_report(pairs).items()}
     model.train()
     return report
 
 
 @torch.no_grad()
-def clip_gaps(encoder, model, entry, style: int, sampling: Sampling, seed: int = 0):
+def clip_gaps(speech, model, entry, style: int, sampling: Sampling, seed: int = 0):
     """Predicted and true lip opening of one clip, [T] metres each."""
     device = model.mean.device
-    speech = encoder(normalise(entry.mels[0].float())[None].to(device))[0].cpu()
+    features = speech.clip(entry)
     affect = torch.zeros(len(entry.motion), 16)
     affect[:, 0] = 1.0
-    motion = sample_motion(model.cpu(), speech, affect, style, seed, sampling)
+    motion = sample_motion(model.cpu(), features, affect, style, seed, sampling)
     model.to(device)
     return lip_gap(motion), lip_gap(entry.motion)
 
@@ -154,10 +150,7 @@ def train(arguments) -> Path:
     config = CONFIGS[arguments.config]()
     out: Path = arguments.out
     out.mkdir(parents=True, exist_ok=True)
-    voices, limit = (2, 4) if debug else (arguments.voices, None)
-    entries = bank.load(arguments.data, arguments.cache, voices, limit=limit)
-    encoder = speech_encoder(arguments, config)
-    trainer = AtsTrainer(arguments, config, entries, encoder)
+    trainer = AtsTrainer(arguments, config, speech_source(arguments, config))
     model = trainer.model
     steps = 20 if debug else arguments.steps
     optimiser = torch.optim.AdamW(model.parameters(), lr=arguments.rate, weight_decay=0.02)
@@ -181,40 +174,33 @@ def train(arguments) -> Path:
         schedule.step()
         average.update_parameters(model)
         if step % arguments.log_every == arguments.log_every - 1 or step == steps - 1:
-            scores = validate(trainer, average.module, entries, config.sampling)
+            scores = validate(trainer, average.module, config.sampling)
             record = {"step": step + 1, "s": round(time.time() - started), **parts, **scores}
             log(out, record)
             state = {"model": model.state_dict(), "optimiser": optimiser.state_dict()}
             state |= {"schedule": schedule.state_dict(), "step": step + 1}
             torch.save(state, out / "last.pt")
-            save(out / "ats.pt", average.module, encoder)
+            save(out / "ats.pt", average.module, trainer.speech)
     return out / "ats.pt"
 
 
-def save(path: Path, model: AtsDenoiser, encoder: CompactEncoder) -> None:
+def save(path: Path, model: AtsDenoiser, speech: CompactSpeech | HubertSpeech) -> None:
     """One file with the denoiser, its encoder and both configurations."""
-    torch.save(
-        {
-            "state": model.state_dict(),
-            "config": model.config.to_json(),
-            "encoder": encoder.state_dict(),
-            "encoder_config": encoder.config.to_json(),
-        },
-        path,
-    )
+    state = {key: value.cpu() for key, value in model.state_dict().items()}
+    torch.save({"state": state, "config": model.config.to_json(), **speech.saved()}, path)
 
 
-def speech_encoder(arguments, config: AtsConfig) -> CompactEncoder:
-    """The frozen encoder that the configuration asks for."""
+def speech_source(arguments, config: AtsConfig) -> CompactSpeech | HubertSpeech:
+    """The speech that the configuration asks for."""
+    data, cache = arguments.data, arguments.cache
     if arguments.config == "debug":
-        return CompactEncoder(debug_encoder()).eval()
+        return CompactSpeech(CompactEncoder(debug_encoder()), data, cache, 2, limit=4)
     if config.speech.encoder == "hubert":
-        from training.speech.hubert import HubertFromMel
-
-        return HubertFromMel(arguments.hubert)
+        return HubertSpeech(arguments.hubert, data, config.styles, arguments.limit)
     if arguments.speech is None:
         raise ValueError("--speech: expected the speech.pt of training.train_speech, got nothing")
-    return load_encoder(arguments.speech)
+    encoder = load_encoder(arguments.speech)
+    return CompactSpeech(encoder, data, cache, arguments.voices, arguments.limit)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -228,6 +214,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--hubert", type=Path, help="folder of a HuBERT checkpoint (paper)")
     parser.add_argument("--leave-out", choices=[*SHARES], help="train without this source")
     parser.add_argument("--voices", type=int, default=7)
+    parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
     parser.add_argument("--steps", type=int, default=1500)
     parser.add_argument("--tokens", type=int, default=2048, help="frames in a batch")
     parser.add_argument("--rate", type=float, default=8e-4)

@@ -15,7 +15,7 @@ import torch
 from torch import nn
 
 from training.corpus import bank
-from training.corpus.windows import AugmentOptions, Batch, WindowSampler
+from training.corpus.windows import AugmentOptions, Batch, WindowSampler, plain_options
 from training.losses import (
     chin_drop,
     concordance_loss,
@@ -102,11 +102,10 @@ def train(arguments) -> Path:
     out: Path = arguments.out
     out.mkdir(parents=True, exist_ok=True)
     config = debug_config() if debug else CompactConfig()
-    entries = bank.load(
-        arguments.data, arguments.cache, 2 if debug else arguments.voices, limit=4 if debug else None
-    )
+    voices, limit = (2, 4) if debug else (arguments.voices, None)
+    entries = bank.load(arguments.data, arguments.cache, voices, limit=limit)
     sources = [s for s in SHARES if s != arguments.leave_out]
-    options = AugmentOptions() if arguments.augment else PLAIN_OPTIONS
+    options = AugmentOptions() if arguments.augment else plain_options()
     sampler = WindowSampler(entries, sources, [SHARES[s] for s in sources], arguments.seed, options)
     model = SpeechToMotion(config, sources)
     steps = 20 if debug else arguments.steps
@@ -139,9 +138,6 @@ def train(arguments) -> Path:
     final = {"state": average.module.state_dict(), "config": config.to_json(), "sources": sources}
     torch.save(final, out / "speech.pt")
     return out / "speech.pt"
-
-
-PLAIN_OPTIONS = AugmentOptions(0.0, 0.0, 0.0, 0.0, (9.0, 9.0), 0.0, 0.0, 0.0, 0.04, 1.0)
 
 
 def resume(path: Path, model, optimiser, schedule) -> int:

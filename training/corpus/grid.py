@@ -5,6 +5,7 @@ under-reported; frame 0 of every clip has another crop and is dropped.
 """
 
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +31,7 @@ def read_grid(data: Path) -> list[Clip]:
         landmarks = file.get_tensor("landmarks").astype(np.float32) / 2000.0
         offsets = file.get_tensor("clip_offsets")
         names = json.loads(file.metadata()["clips"])
-    spans = [slice(a + DROPPED, b) for a, b in zip(offsets[:-1], offsets[1:], strict=True)]
+    spans = [slice(a + DROPPED, b) for a, b in pairwise(offsets)]
     tracks, lost = _clean([landmarks[span] for span in spans], np.median(landmarks, axis=0))
     neutral = rest_template(tracks)
     scale, turn = similarity(neutral, IctLandmarks(data).neutral * 100.0)

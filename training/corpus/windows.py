@@ -30,9 +30,6 @@ class AugmentOptions:
     own_voice_share: float = 0.25
 
 
-PLAIN = AugmentOptions(0.0, 0.0, 0.0, 0.0, (9.0, 9.0), 0.0, 0.0, 0.0, 0.0, 1.0)
-
-
 @dataclass
 class Batch:
     """`mel` [B, 4 T, 64] normalised; `motion`, `weight` [B, T, 204]; `source` [B] index."""
@@ -43,8 +40,15 @@ class Batch:
     source: Tensor
 
 
+def plain_options() -> AugmentOptions:
+    """The recordings as they are."""
+    return AugmentOptions(0.0, 0.0, 0.0, 0.0, (9.0, 9.0), 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
 class WindowSampler:
     """Draws batches of T-frame windows from the training entries of one or more sources."""
+
+    per_frame = MEL_PER_FRAME
 
     def __init__(
         self,
@@ -58,7 +62,9 @@ class WindowSampler:
         self.shares = np.array(shares) / np.sum(shares)
         self.random = np.random.default_rng(seed)
         self.augment = augment
-        self.entries = {s: [e for e in entries if e.source == s and not e.held_out] for s in sources}
+        self.entries = {
+            s: [e for e in entries if e.source == s and not e.held_out] for s in sources
+        }
         for source, found in self.entries.items():
             if not found:
                 raise ValueError(f"{source}: expected training clips, got none")
@@ -85,7 +91,7 @@ class WindowSampler:
             parts.append(self._part(self.sources[index], frames - total))
             total += len(parts[-1][1])
         mel, motion, weight = (torch.cat(part) for part in zip(*parts, strict=True))
-        return mel[: MEL_PER_FRAME * frames], motion[:frames], weight[:frames], index
+        return mel[: self.per_frame * frames], motion[:frames], weight[:frames], index
 
     def _part(self, source: str, wanted: int):
         """One clip, or a stretch of a long one: normalised mel, motion, weight."""
@@ -103,10 +109,14 @@ class WindowSampler:
         position = start - first + torch.arange(taken) * tempo
         motion = interpolate(entry.motion[first:last], position)
         weight = interpolate(entry.weight[first:last], position)
-        mel = entry.mels[voice, MEL_PER_FRAME * first : MEL_PER_FRAME * last].float()
-        fine = MEL_PER_FRAME * (start - first) + torch.arange(MEL_PER_FRAME * taken) * tempo
+        mel = entry.mels[voice, self.per_frame * first : self.per_frame * last].float()
+        fine = self.per_frame * (start - first) + torch.arange(self.per_frame * taken) * tempo
         mel = interpolate(mel, fine)
-        return self._normalised(mel, self.colours[source, entry.name][voice]), motion, weight
+        return self._prepare(mel, source, entry.name, voice), motion, weight
+
+    def _prepare(self, mel: Tensor, source: str, name: str, voice: int) -> Tensor:
+        """Raw log-mel of a stretch → what the encoder sees."""
+        return self._normalised(mel, self.colours[source, name][voice])
 
     def _normalised(self, mel: Tensor, colour: Tensor) -> Tensor:
         """Adds a room and noise to raw log-mel, then normalises it as `compact.normalise` would."""
@@ -143,7 +153,7 @@ class WindowSampler:
 
     def _silence(self, frames: int):
         """Digital silence or steady noise: the mouth stays at rest. [4 T, 64], [T, 204] × 2."""
-        mel = torch.full((MEL_PER_FRAME * frames, BANDS), DEEPEST / SCALE)
+        mel = torch.full((self.per_frame * frames, BANDS), DEEPEST / SCALE)
         if self.random.random() < 0.75:
             wobble = self.random.gamma(self.random.uniform(1.0, 6.0), 1.0, mel.shape)
             mel = torch.from_numpy(np.log(np.maximum(wobble, 1e-4))).float()

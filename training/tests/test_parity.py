@@ -19,7 +19,7 @@ needs_shared = pytest.mark.skipif(not SHARED.exists(), reason="needs ../shared")
 def read(name: str):
     """Tensors and metadata of a parity file."""
     with safe_open(SHARED / "parity" / f"{name}.safetensors", "pt") as file:
-        return {key: file.get_tensor(key) for key in file.keys()}, file.metadata()
+        return {key: file.get_tensor(key) for key in list(file.keys())}, file.metadata()
 
 
 @needs_shared

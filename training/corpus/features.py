@@ -1,0 +1,42 @@
+"""Training windows from precomputed speech features instead of log-mels (HuBERT)."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from training.corpus.bank import READERS, Entry, few
+from training.corpus.mirror import symmetrise
+from training.corpus.windows import WindowSampler, plain_options
+
+Encode = Callable[[Tensor, int], Tensor]
+
+
+class FeatureSampler(WindowSampler):
+    """As `WindowSampler`, with `mels` holding one feature row per motion frame.
+
+    Only the tempo is augmented: `AugmentOptions` about voices and rooms has no meaning here.
+    """
+
+    per_frame = 1
+
+    def __init__(self, entries: list[Entry], sources: list[str], shares: list[float], seed: int):
+        super().__init__(entries, sources, shares, seed, plain_options())
+        self.augment.tempo_octaves = 0.2
+
+    def _prepare(self, mel: Tensor, source: str, name: str, voice: int) -> Tensor:
+        return mel
+
+
+def feature_entries(data: Path, sources: list[str], encode: Encode, limit: int | None):
+    """All clips with `encode(samples, frames)` [T, C] as their speech."""
+    entries = []
+    for source in sources:
+        for clip in few(READERS[source](data), limit):
+            features = encode(torch.from_numpy(clip.samples), len(clip.motion))
+            motion = torch.from_numpy(symmetrise(clip.motion)).flatten(1)
+            weight = torch.from_numpy(clip.weight).repeat_interleave(3, dim=1)
+            fields = (clip.name, source, clip.held_out, features[None].half(), motion, weight)
+            entries.append(Entry(*fields))
+    return entries

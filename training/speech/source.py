@@ -1,0 +1,67 @@
+"""Where the denoiser's training gets its speech features from: one class per encoder."""
+
+from pathlib import Path
+
+from torch import Tensor
+
+from training.corpus import bank
+from training.corpus.features import FeatureSampler, feature_entries
+from training.corpus.windows import AugmentOptions, WindowSampler
+from training.speech.compact import CompactEncoder, normalise
+from training.speech.hubert import HubertFeatures
+
+
+class CompactSpeech:
+    """Log-mels in several voices through the frozen compact encoder."""
+
+    def __init__(self, encoder: CompactEncoder, data: Path, cache: Path, voices: int, limit):
+        self.encoder = encoder.eval().requires_grad_(False)
+        self.entries = bank.load(data, cache, voices, limit=limit)
+
+    def sampler(self, sources: list[str], shares: list[float], seed: int) -> WindowSampler:
+        """Windows with augmentation."""
+        return WindowSampler(self.entries, sources, shares, seed, AugmentOptions())
+
+    def windows(self, mel: Tensor) -> Tensor:
+        """`mel` [B, 4 T, 64] of a batch → features [B, T, C]."""
+        return self.encoder(mel)
+
+    def clip(self, entry: bank.Entry) -> Tensor:
+        """Features of a clip in its own voice, [T, C]."""
+        mel = normalise(entry.mels[0].float())[None]
+        return self.encoder(mel.to(self.encoder.norm.weight.device))[0].cpu()
+
+    def to(self, device: str) -> None:
+        """Moves the encoder."""
+        self.encoder.to(device)
+
+    def saved(self) -> dict:
+        """What a checkpoint keeps of the encoder."""
+        state = {k: v.cpu() for k, v in self.encoder.state_dict().items()}
+        return {"encoder": state, "encoder_config": self.encoder.config.to_json()}
+
+
+class HubertSpeech:
+    """Features of a user's HuBERT checkpoint, computed once."""
+
+    def __init__(self, folder: Path | None, data: Path, sources: list[str], limit):
+        self.entries = feature_entries(data, sources, HubertFeatures(folder), limit)
+
+    def sampler(self, sources: list[str], shares: list[float], seed: int) -> FeatureSampler:
+        """Windows without augmentation of the sound."""
+        return FeatureSampler(self.entries, sources, shares, seed)
+
+    def windows(self, features: Tensor) -> Tensor:
+        """[B, T, C] as it is."""
+        return features
+
+    def clip(self, entry: bank.Entry) -> Tensor:
+        """Features of a clip, [T, C]."""
+        return entry.mels[0].float()
+
+    def to(self, device: str) -> None:
+        """Nothing to move."""
+
+    def saved(self) -> dict:
+        """Nothing: the checkpoint is the user's."""
+        return {"encoder": None, "encoder_config": None}

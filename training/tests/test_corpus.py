@@ -1,0 +1,88 @@
+"""Facts about cleaning, splits, emotion and the losses; the slow ones need ../shared."""
+
+import numpy as np
+import pytest
+import torch
+
+from training.corpus.facegood import resample
+from training.corpus.grid import rigid, similarity
+from training.corpus.mirror import mirror, permutation, symmetrise
+from training.corpus.split import facegood_first_held_out, grid_held_out
+from training.losses import concordance_loss, lip_gap, motion_loss
+from training.tests.test_parity import SHARED, needs_shared
+
+
+def test_every_tenth_sorted_clip_is_held_out():
+    names = [f"clip{i:03d}" for i in range(25)]
+    assert grid_held_out(names[::-1]) == {"clip000", "clip010", "clip020"}
+    assert facegood_first_held_out(100) == 85
+
+
+def test_mirror_is_its_own_inverse():
+    motion = np.random.default_rng(0).standard_normal((4, 68, 3))
+    assert sorted(permutation()) == list(range(68))
+    np.testing.assert_allclose(mirror(mirror(motion)), motion)
+    np.testing.assert_allclose(symmetrise(motion), mirror(symmetrise(motion)))
+
+
+def test_rigid_and_similarity_recover_a_known_motion():
+    random = np.random.default_rng(1)
+    points = random.standard_normal((68, 3))
+    turn, _ = np.linalg.qr(random.standard_normal((3, 3)))
+    turn *= np.sign(np.linalg.det(turn))
+    found, shift = rigid(points, points @ turn.T + 2.0)
+    np.testing.assert_allclose(found, turn, atol=1e-9)
+    np.testing.assert_allclose(shift, 2.0, atol=1e-9)
+    scale, found = similarity(points, 1.7 * points @ turn.T)
+    assert abs(scale - 1.7) < 1e-9
+    np.testing.assert_allclose(found, turn, atol=1e-9)
+
+
+def test_resampling_keeps_a_slow_wave():
+    wave = np.sin(2 * np.pi * np.arange(61) / 30.0)[:, None, None] * np.ones((1, 68, 3))
+    out = resample(wave, 30.0, 25.0)
+    assert out.shape == (51, 68, 3)
+    np.testing.assert_allclose(out[:, 0, 0], np.sin(2 * np.pi * np.arange(51) / 25.0), atol=1e-3)
+
+
+def test_losses_are_zero_for_the_truth_only():
+    truth = torch.sin(torch.linspace(0, 9, 40))[None, :, None].repeat(2, 1, 204)
+    weight = torch.ones_like(truth)
+    assert motion_loss(truth - truth, weight) == 0
+    assert motion_loss(truth * 0.5, weight) > 0
+    row = truth[..., 0]
+    assert concordance_loss(row, row) < 1e-6
+    assert concordance_loss(row * 0.5, row) > 0.1
+
+
+@needs_shared
+def test_emotion_leaves_plosives_closed_and_neutral_alone():
+    from training.corpus.emotions import EmotionSynthesiser
+
+    emotions = EmotionSynthesiser(SHARED / "data", 0)
+    motion = torch.zeros(1, 60, 204)
+    motion[..., 3 * 66 + 1] = -8e-3
+    motion[:, 29:31, 3 * 66 + 1] = 0.0
+    affect = torch.zeros(1, 60, 16)
+    affect[..., 4], affect[..., 15] = 1.0, 1.0
+    felt = emotions.apply(motion, affect)
+    opened = lip_gap(felt) - lip_gap(motion)
+    assert opened[0, 10] > 3e-3
+    assert opened[0, 30] < 0.3 * opened[0, 10]
+    affect[..., 15] = 0.0
+    assert torch.equal(emotions.apply(motion, affect), motion)
+
+
+@needs_shared
+@pytest.mark.slow
+def test_debug_config_trains_and_exports(tmp_path):
+    from training.export import export, load_models
+    from training.train_ats import parser, train
+
+    paths = {"--data": SHARED / "data", "--out": tmp_path / "run", "--cache": tmp_path / "cache"}
+    flat = [str(x) for pair in paths.items() for x in pair]
+    run = train(parser().parse_args([*flat, "--config", "debug"]))
+    export(run, tmp_path / "models", None, None)
+    encoder, denoiser = load_models(tmp_path / "models", "debug")
+    assert denoiser.config.speech.channels == encoder.config.channels
+    assert (denoiser.std > 0).all()
