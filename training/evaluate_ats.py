@@ -145,9 +145,8 @@ def sweep(speaker: Speaker, clips: dict[str, list[Clip]]) -> None:
                 scores = lip_scores(speaker, chosen[:30], source, sampling=sampling)
                 line.append(f"{source} r {scores['r_pooled']:.3f} std {scores['std_ratio']:.2f}")
             seconds = time.time() - started
-            print(
-                f"steps {steps:3d} temperature {temperature:.1f}: {'  '.join(line)}  {seconds:.1f} s"
-            )
+            setting = f"steps {steps:3d} temperature {temperature:.1f}"
+            print(f"{setting}: {'  '.join(line)}  {seconds:.1f} s")
 
 
 def plot(speaker: Speaker, clips: dict[str, list[Clip]], folder: Path) -> None:
@@ -202,13 +201,11 @@ def main() -> None:
             scores = lip_scores(speaker, chosen[:200], style)
             numbers = "  ".join(f"{key} {value:.3f}" for key, value in scores.items())
             print(f"{source} with style {style}: {numbers}")
-    style = "grid_s1" if "facegood_zh" in arguments.unseen else "facegood_zh"
-    print(
-        f"facegood_zh jawOpen r {jaw_scores(speaker, clips['facegood_zh'], arguments.data, style):.3f}"
-    )
-    for key, value in robustness(
-        speaker, clips["grid_s1"][0], speaker.config.default_style
-    ).items():
+    for style in speaker.config.styles:
+        jaw = jaw_scores(speaker, clips["facegood_zh"], arguments.data, style)
+        print(f"facegood_zh jawOpen r with style {style}: {jaw:.3f}")
+    default = speaker.config.default_style
+    for key, value in robustness(speaker, clips["grid_s1"][0], default).items():
         print(f"{key}: {value:.3f}")
     if arguments.plots:
         plot(speaker, clips, arguments.plots)

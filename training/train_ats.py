@@ -21,13 +21,14 @@ from training.losses import concordance_loss, landmark_weights, lip_gap, motion_
 from training.speech.compact import CompactEncoder
 from training.speech.compact import debug_config as debug_encoder
 from training.speech.source import CompactSpeech, HubertSpeech
-from training.systems.freetalk.ats import CONFIGS, AtsConfig, AtsDenoiser, Sampling
+from training.systems.freetalk.ats import ANY_STYLE, CONFIGS, AtsConfig, AtsDenoiser, Sampling
 from training.systems.freetalk.sampling import sample_motion
 from training.train_speech import SHARES, load_encoder, log, resume
 
 CONCORDANCE = 0.2
 PURE_NOISE_SHARE = 0.3
 UNSEEN_WEIGHT = 0.1
+UNLABELLED_SHARE = 0.2
 
 
 @dataclass
@@ -48,7 +49,7 @@ class AtsTrainer:
         self.config, self.speech = config, speech
         self.device = "cuda" if torch.cuda.is_available() else "cpu"
         self.random = torch.Generator().manual_seed(arguments.seed)
-        self.sources = [s for s in config.styles if s != arguments.leave_out]
+        self.sources = [s for s in SHARES if s != arguments.leave_out]
         shares = [SHARES[s] for s in self.sources]
         self.sampler = speech.sampler(self.sources, shares, arguments.seed)
         self.emotions = EmotionSynthesiser(arguments.data, arguments.seed)
@@ -70,6 +71,8 @@ class AtsTrainer:
         with torch.autocast(self.device, torch.bfloat16):
             speech = self.speech.windows(batch.mel.to(self.device)).float()
         label = torch.tensor([self.config.styles.index(s) for s in self.sources])[batch.source]
+        withheld = torch.rand(count, generator=self.random) < UNLABELLED_SHARE
+        label = torch.where(withheld, self.config.styles.index(ANY_STYLE), label)
         scaled = weight * self.landmark_weight / source_scale(self.sources, batch.source).square()
         tensors = [speech, motion, scaled, affect, label]
         return Step(*[t.to(self.device) for t in tensors])
@@ -196,7 +199,7 @@ def speech_source(arguments, config: AtsConfig) -> CompactSpeech | HubertSpeech:
     if arguments.config == "debug":
         return CompactSpeech(CompactEncoder(debug_encoder()), data, cache, 2, limit=4)
     if config.speech.encoder == "hubert":
-        return HubertSpeech(arguments.hubert, data, config.styles, arguments.limit)
+        return HubertSpeech(arguments.hubert, data, list(SHARES), arguments.limit)
     if arguments.speech is None:
         raise ValueError("--speech: expected the speech.pt of training.train_speech, got nothing")
     encoder = load_encoder(arguments.speech)

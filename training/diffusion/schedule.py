@@ -34,8 +34,9 @@ def _cosine_bar(share: float) -> float:
 def inference_timesteps(train_steps: int, steps: int, spacing: str) -> list[int]:
     """The timesteps visited when sampling, falling.
 
-    `leading`: i · (train_steps // steps). `trailing`: round(train_steps − i · train_steps/steps) − 1,
-    so that the first step starts at pure noise (Lin et al. 2024, table 2).
+    `leading`: i · (train_steps // steps). `trailing`:
+    round(train_steps − i · train_steps/steps) − 1, so that the first step starts at pure noise
+    (Lin et al. 2024, table 2).
     """
     if not 1 <= steps <= train_steps:
         raise ValueError(f"steps: expected 1 to {train_steps}, got {steps}")

@@ -34,7 +34,7 @@ class TransformerDecoderLayer(nn.Module):
         self_allowed: Tensor | None = None,
         cross_allowed: Tensor | None = None,
     ) -> Tensor:
-        """`x` [B, T, d], `memory` [B, M, d]; masks as in `MultiheadAttention`. Returns [B, T, d]."""
+        """`x` [B, T, d], `memory` [B, M, d]; masks as in `MultiheadAttention`. → [B, T, d]."""
         if self.pre_norm:
             y = self.norm1(x)
             x = x + self.dropout(self.self_attn(y, y, self_allowed))

@@ -33,6 +33,8 @@ EMOTIONS = [
     "drunk",
 ]
 LANDMARKS = 68
+ANY_STYLE = "any"
+"""The style of training windows whose label was withheld: the model goes by the sound alone."""
 
 
 @dataclass
@@ -81,7 +83,7 @@ class AtsConfig:
     diffusion: Diffusion = field(default_factory=Diffusion)
     sampling: Sampling = field(default_factory=Sampling)
     emotions: list[str] = field(default_factory=lambda: list(EMOTIONS))
-    styles: list[str] = field(default_factory=lambda: ["grid_s1", "facegood_zh"])
+    styles: list[str] = field(default_factory=lambda: ["grid_s1", "facegood_zh", ANY_STYLE])
     default_style: str = "grid_s1"
 
     def to_json(self) -> dict:
