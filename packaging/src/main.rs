@@ -2,6 +2,7 @@
 
 mod demo;
 mod extension;
+mod header;
 mod machine;
 mod steps;
 mod test;
@@ -25,6 +26,8 @@ enum Task {
     Demo(demo::Demo),
     /// The Blender extension as a zip.
     Extension(extension::Extension),
+    /// include/anyface.h from the C interface's sources.
+    Header(header::Header),
     /// Lints and all tests; installs what they need.
     Test(test::Test),
 }
@@ -33,6 +36,7 @@ fn main() -> Result<()> {
     match Cli::parse().task {
         Task::Demo(demo) => demo.run(),
         Task::Extension(extension) => extension.run(),
+        Task::Header(header) => header.run(),
         Task::Test(test) => test.run(),
     }
 }

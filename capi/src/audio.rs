@@ -1,0 +1,143 @@
+//! Sound from a file or from the caller's samples.
+
+use std::ffi::c_char;
+
+use anyface::audio::{SAMPLE_RATE_HZ, Waveform};
+
+use crate::{
+    error::{AnyfaceError, Failure},
+    guard, pointer,
+    status::AnyfaceStatus,
+};
+
+/// A sound, kept as mono at 16 kHz. Never changes after it was made: any number of threads may
+/// use it at the same time.
+pub struct AnyfaceAudio(pub(crate) Waveform);
+
+/// A sound from samples in memory, which are copied.
+///
+/// `samples`: `[frame_count, channels]`, interleaved, nominally -1 to 1; channels are averaged.
+/// `sample_rate_hz`: 4000 to 384000. Free with `anyface_audio_free()`.
+/// Fails with `ANYFACE_STATUS_AUDIO` for no samples, samples that are not finite, no channels or a
+/// rate out of range.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_audio_new(
+    samples: *const f32,
+    frame_count: usize,
+    channels: u32,
+    sample_rate_hz: u32,
+    out: *mut *mut AnyfaceAudio,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let channels = channels as usize;
+        let samples = unsafe { pointer::slice("samples", samples, frame_count, channels) }?;
+        let waveform = Waveform::from_interleaved(samples, channels, sample_rate_hz)?;
+        unsafe { pointer::give(out, AnyfaceAudio(waveform)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// A sound from a file: WAV, MP3, FLAC, Ogg Vorbis, M4A or AIFF.
+///
+/// `path`: UTF-8. Free with `anyface_audio_free()`.
+/// Fails with `ANYFACE_STATUS_IO` if the file cannot be read, `ANYFACE_STATUS_AUDIO` if it cannot
+/// be decoded or holds no sound.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_audio_read(
+    path: *const c_char,
+    out: *mut *mut AnyfaceAudio,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let waveform = Waveform::from_file(unsafe { pointer::path("path", path) }?)?;
+        unsafe { pointer::give(out, AnyfaceAudio(waveform)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// A part of a sound, copied.
+///
+/// `start_s`, `duration_s`: seconds, not negative; what lies past the end is left out.
+/// Free with `anyface_audio_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that are negative or not finite,
+/// `ANYFACE_STATUS_AUDIO` if nothing is left.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_audio_trim(
+    audio: *const AnyfaceAudio,
+    start_s: f64,
+    duration_s: f64,
+    out: *mut *mut AnyfaceAudio,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let audio = unsafe { pointer::handle("audio", audio) }?;
+        let part = trim(&audio.0, start_s, duration_s)?;
+        unsafe { pointer::give(out, AnyfaceAudio(part)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+fn trim(waveform: &Waveform, start_s: f64, duration_s: f64) -> Result<Waveform, Failure> {
+    for (name, time_s) in [("start_s", start_s), ("duration_s", duration_s)] {
+        if !time_s.is_finite() || time_s < 0.0 {
+            return Err(Failure::invalid(format!(
+                "{name}: expected 0 or more, got {time_s}"
+            )));
+        }
+    }
+    let length = waveform.samples.len();
+    let sample = |time_s: f64| ((time_s * f64::from(SAMPLE_RATE_HZ)).round() as usize).min(length);
+    let samples = waveform.samples[sample(start_s)..sample(start_s + duration_s)].to_vec();
+    if samples.is_empty() {
+        let total_s = waveform.duration_s();
+        let message = format!("nothing is left from {start_s} s for {duration_s} s of {total_s} s");
+        return Err(anyface::Error::Audio(message).into());
+    }
+    Ok(Waveform { samples })
+}
+
+/// Length in seconds; 0 for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_audio_duration_s(audio: *const AnyfaceAudio) -> f64 {
+    unsafe { audio.as_ref() }.map_or(0.0, |audio| audio.0.duration_s())
+}
+
+/// Largest magnitude of any sample; 0 for silence and for NULL. Below 0.001 counts as silence.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_audio_peak(audio: *const AnyfaceAudio) -> f32 {
+    guard::guard_or(0.0, || {
+        unsafe { audio.as_ref() }.map_or(0.0, |audio| audio.0.peak())
+    })
+}
+
+/// Frees a sound that no running call uses; nothing happens for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_audio_free(audio: *mut AnyfaceAudio) {
+    unsafe { guard::free(audio) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_starts_and_ends_at_its_samples() {
+        let waveform = Waveform {
+            samples: (0..32_000).map(|i| i as f32).collect(),
+        };
+        let part = trim(&waveform, 0.5, 0.25).unwrap();
+        assert_eq!((part.samples[0], part.samples.len()), (8_000.0, 4_000));
+        assert_eq!(trim(&waveform, 1.5, 9.0).unwrap().samples.len(), 8_000);
+        assert!(trim(&waveform, 2.0, 1.0).is_err());
+        for wrong in [-0.1, f64::NAN, f64::INFINITY] {
+            assert!(trim(&waveform, wrong, 1.0).is_err() && trim(&waveform, 0.0, wrong).is_err());
+        }
+    }
+}

@@ -1,0 +1,332 @@
+//! A finished performance on one mesh.
+
+use std::{ffi::c_char, ptr::null};
+
+use anyface::Animation;
+use ndarray::Axis;
+
+use crate::{
+    audio::AnyfaceAudio,
+    engine::AnyfaceEngine,
+    error::{AnyfaceError, Failure},
+    face::AnyfaceFace,
+    growing, guard,
+    mesh::AnyfaceMesh,
+    motion::{AnyfaceMotion, AnyfaceMotionOptions},
+    pointer,
+    progress::{AnyfaceProgress, watched},
+    status::AnyfaceStatus,
+};
+
+/// Displacements of every vertex over time, in the mesh's own units, axes and vertex order. Never
+/// changes after it was made: any number of threads may read it at the same time.
+pub struct AnyfaceClip(pub(crate) Animation);
+
+impl AnyfaceClip {
+    /// Both arrays in one piece, so that pointers into them can be lent.
+    fn new(mut animation: Animation) -> Self {
+        let vertices = &mut animation.vertices.displacements;
+        if !vertices.is_standard_layout() {
+            *vertices = vertices.as_standard_layout().into_owned();
+        }
+        let landmarks = &mut animation.landmark_displacements;
+        if !landmarks.is_standard_layout() {
+            *landmarks = landmarks.as_standard_layout().into_owned();
+        }
+        AnyfaceClip(animation)
+    }
+
+    /// `[T, V, 3]`.
+    fn vertices(&self) -> &[f32] {
+        self.0.vertices.displacements.as_slice().unwrap_or_default()
+    }
+
+    /// `[T, 68, 3]`.
+    fn landmarks(&self) -> &[f32] {
+        self.0.landmark_displacements.as_slice().unwrap_or_default()
+    }
+
+    fn frame_count(&self) -> usize {
+        self.0.vertices.displacements.len_of(Axis(0))
+    }
+
+    fn vertex_count(&self) -> usize {
+        self.0.vertices.displacements.len_of(Axis(1))
+    }
+
+    /// `[V, 3]` of one frame.
+    fn frame(&self, frame: usize) -> Result<&[f32], Failure> {
+        let frames = self.frame_count();
+        let length = self.vertex_count() * 3;
+        match frame < frames {
+            true => Ok(&self.vertices()[frame * length..(frame + 1) * length]),
+            false => Err(Failure::invalid(format!(
+                "frame: expected below {frames}, got {frame}"
+            ))),
+        }
+    }
+}
+
+/// Speech and a face become a clip: `anyface_motion_new()` and `anyface_clip_new()` in one. Long:
+/// accepts a progress handle.
+///
+/// `options` and `progress` may be NULL. Free with `anyface_clip_free()`.
+/// Fails as those two do.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_engine_animate(
+    engine: *const AnyfaceEngine,
+    face: *const AnyfaceFace,
+    audio: *const AnyfaceAudio,
+    options: *const AnyfaceMotionOptions,
+    progress: *const AnyfaceProgress,
+    out: *mut *mut AnyfaceClip,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let engine = unsafe { pointer::handle("engine", engine) }?;
+        let face = unsafe { pointer::handle("face", face) }?;
+        let audio = unsafe { pointer::handle("audio", audio) }?;
+        let request = unsafe { growing::read(options)?.to_library() }?;
+        let animation = unsafe {
+            watched(progress, |watch| {
+                let motion = engine.0.motion(&audio.0, &request, watch)?;
+                engine.0.deform(&face.face, &motion, watch)
+            })
+        }?;
+        unsafe { pointer::give(out, AnyfaceClip::new(animation)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Puts motion on a face. Long: accepts a progress handle.
+///
+/// `progress` may be NULL. Free with `anyface_clip_free()`; face and motion may go before.
+/// Fails with `ANYFACE_STATUS_CANCELLED`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_clip_new(
+    engine: *const AnyfaceEngine,
+    face: *const AnyfaceFace,
+    motion: *const AnyfaceMotion,
+    progress: *const AnyfaceProgress,
+    out: *mut *mut AnyfaceClip,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let engine = unsafe { pointer::handle("engine", engine) }?;
+        let face = unsafe { pointer::handle("face", face) }?;
+        let motion = unsafe { pointer::handle("motion", motion) }?;
+        let deform = |watch: anyface::progress::ProgressFn<'_>| {
+            engine.0.deform(&face.face, &motion.0, watch)
+        };
+        let animation = unsafe { watched(progress, deform) }?;
+        unsafe { pointer::give(out, AnyfaceClip::new(animation)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Number `T` of frames; 0 for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_clip_frame_count(clip: *const AnyfaceClip) -> usize {
+    unsafe { clip.as_ref() }.map_or(0, AnyfaceClip::frame_count)
+}
+
+/// Number `V` of vertices; 0 for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_clip_vertex_count(clip: *const AnyfaceClip) -> usize {
+    unsafe { clip.as_ref() }.map_or(0, AnyfaceClip::vertex_count)
+}
+
+/// Frames per second; 0 for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_clip_fps(clip: *const AnyfaceClip) -> f64 {
+    unsafe { clip.as_ref() }.map_or(0.0, |clip| clip.0.vertices.fps)
+}
+
+/// Length of the largest displacement of any vertex in any frame, mesh units; 0 for NULL.
+///
+/// A value near 0 means that nothing moves: say so to the user.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_clip_largest_displacement(clip: *const AnyfaceClip) -> f32 {
+    let largest = |clip: &AnyfaceClip| {
+        let squares = clip.vertices().as_chunks::<3>().0.iter();
+        squares
+            .map(|[x, y, z]| x * x + y * y + z * z)
+            .fold(0.0, f32::max)
+            .sqrt()
+    };
+    guard::guard_or(0.0, || unsafe { clip.as_ref() }.map_or(0.0, largest))
+}
+
+/// Lends all displacements: `[T, V, 3]`, mesh units, added to the neutral positions.
+///
+/// The pointer is valid until the clip is freed; the values never change. NULL for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_clip_displacements(clip: *const AnyfaceClip) -> *const f32 {
+    unsafe { clip.as_ref() }.map_or(null(), |clip| clip.vertices().as_ptr())
+}
+
+/// Copies all displacements into the caller's buffer.
+///
+/// `buffer`: `[T, V, 3]`, mesh units; `float_count` must be `T * V * 3`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_clip_copy_displacements(
+    clip: *const AnyfaceClip,
+    buffer: *mut f32,
+    float_count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let clip = unsafe { pointer::handle("clip", clip) }?;
+        unsafe { pointer::copy_out("buffer", clip.vertices(), buffer, float_count) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Copies the displacements of one frame into the caller's buffer.
+///
+/// `frame`: below `T`. `buffer`: `[V, 3]`, mesh units; `float_count` must be `V * 3`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count` or a frame out of range.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_clip_copy_frame(
+    clip: *const AnyfaceClip,
+    frame: usize,
+    buffer: *mut f32,
+    float_count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let values = unsafe { pointer::handle("clip", clip) }?.frame(frame)?;
+        unsafe { pointer::copy_out("buffer", values, buffer, float_count) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Copies the 68 landmarks at rest into the caller's buffer.
+///
+/// `buffer`: `[68, 3]`, mesh units; `float_count` must be 204.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_clip_copy_landmarks_neutral(
+    clip: *const AnyfaceClip,
+    buffer: *mut f32,
+    float_count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let clip = unsafe { pointer::handle("clip", clip) }?;
+        let values = clip.0.landmarks_neutral.as_flattened();
+        unsafe { pointer::copy_out("buffer", values, buffer, float_count) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Copies the displacements of the 68 landmarks into the caller's buffer.
+///
+/// `buffer`: `[T, 68, 3]`, mesh units; `float_count` must be `T * 68 * 3`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_clip_copy_landmark_displacements(
+    clip: *const AnyfaceClip,
+    buffer: *mut f32,
+    float_count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let clip = unsafe { pointer::handle("clip", clip) }?;
+        unsafe { pointer::copy_out("buffer", clip.landmarks(), buffer, float_count) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Writes the clip as a file whose kind follows from the end of its name.
+///
+/// .npz for numpy: `displacements` `[T, V, 3]`, `landmarks_neutral` `[68, 3]`,
+/// `landmark_displacements` `[T, 68, 3]`, mesh units, and `fps`. .pc2 and .mdd: point caches of
+/// positions for Blender, Maya, Houdini and others.
+/// `mesh`: the mesh of the clip's face. `path`: UTF-8.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or another mesh,
+/// `ANYFACE_STATUS_IO` if the file cannot be written; then nothing is left of it.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_clip_write(
+    clip: *const AnyfaceClip,
+    mesh: *const AnyfaceMesh,
+    path: *const c_char,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let clip = unsafe { pointer::handle("clip", clip) }?;
+        let mesh = unsafe { pointer::handle("mesh", mesh) }?;
+        let path = unsafe { pointer::path("path", path) }?;
+        anyface::output::write_animation(path, &clip.0, &mesh.0)?;
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Frees a clip that no running call uses, with everything it lent; nothing happens for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_clip_free(clip: *mut AnyfaceClip) {
+    unsafe { guard::free(clip) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use anyface::deform::VertexClip;
+    use ndarray::Array3;
+
+    /// Two frames of three vertices; the arrays arrive transposed in memory.
+    fn clip() -> AnyfaceClip {
+        let values = |(t, v, c): (usize, usize, usize)| (100 * t + 10 * v + c) as f32;
+        let transposed = |rows: usize| {
+            Array3::from_shape_fn((3, rows, 2), |(c, v, t)| values((t, v, c))).reversed_axes()
+        };
+        AnyfaceClip::new(Animation {
+            vertices: VertexClip {
+                displacements: transposed(3),
+                fps: 25.0,
+            },
+            landmarks_neutral: [[0.5; 3]; 68],
+            landmark_displacements: transposed(68),
+        })
+    }
+
+    #[test]
+    fn frames_are_lent_and_copied_in_order() {
+        let clip = clip();
+        let lent = unsafe { anyface_clip_displacements(&clip) };
+        let lent = unsafe { std::slice::from_raw_parts(lent, 18) };
+        assert_eq!(&lent[..6], [0.0, 1.0, 2.0, 10.0, 11.0, 12.0]);
+        let mut frame = [0.0; 9];
+        let error = std::ptr::null_mut();
+        let status = unsafe { anyface_clip_copy_frame(&clip, 1, frame.as_mut_ptr(), 9, error) };
+        assert_eq!((status, frame[4]), (AnyfaceStatus::Ok, 111.0));
+        assert_eq!(&frame, &lent[9..]);
+    }
+
+    #[test]
+    fn wrong_frames_and_sizes_are_refused() {
+        let clip = clip();
+        let mut buffer = [0.0; 18];
+        let pointer = buffer.as_mut_ptr();
+        let error = std::ptr::null_mut();
+        for (frame, count) in [(2, 9), (usize::MAX, 9), (0, 8), (0, 18)] {
+            let status = unsafe { anyface_clip_copy_frame(&clip, frame, pointer, count, error) };
+            assert_eq!(status, AnyfaceStatus::InvalidInput);
+        }
+        let status = unsafe { anyface_clip_copy_displacements(&clip, pointer, 17, error) };
+        assert_eq!(status, AnyfaceStatus::InvalidInput);
+        assert_eq!(buffer, [0.0; 18]);
+    }
+
+    #[test]
+    fn the_largest_displacement_is_a_length() {
+        let largest = unsafe { anyface_clip_largest_displacement(&clip()) };
+        assert!((largest - 120f32.hypot(121.0).hypot(122.0)).abs() < 1e-3);
+    }
+}

@@ -1,0 +1,45 @@
+//! Emotions by name and by number.
+
+use std::{
+    ffi::{CString, c_char},
+    ptr::null,
+    sync::LazyLock,
+};
+
+use anyface::conditions::{EMOTIONS, Emotion};
+
+use crate::{error::AnyfaceError, guard, pointer, status::AnyfaceStatus};
+
+static NAMES: LazyLock<Vec<CString>> = LazyLock::new(|| {
+    EMOTIONS
+        .map(|name| CString::new(name).unwrap_or_default())
+        .into()
+});
+
+/// Name of an emotion: "neutral" (0), "happy" (1), ... "drunk" (14); NULL from
+/// `ANYFACE_EMOTION_COUNT` on. Lives as long as the library is loaded.
+#[unsafe(no_mangle)]
+pub extern "C" fn anyface_emotion_name(index: usize) -> *const c_char {
+    guard::guard_or(null(), || {
+        NAMES.get(index).map_or(null(), |name| name.as_ptr())
+    })
+}
+
+/// Reads emotions as text, such as "happy:0.7" or "happy:0.4,surprised:0.3".
+///
+/// `strengths` receives `ANYFACE_EMOTION_COUNT` values, one for each emotion.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for an unknown name, a strength below 0, or strengths
+/// whose sum is above 1.5.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_emotion_parse(
+    text: *const c_char,
+    strengths: *mut f32,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let emotion = Emotion::parse(unsafe { pointer::text("text", text) }?)?;
+        let values = emotion.mixture.map(|share| share * emotion.intensity);
+        unsafe { pointer::copy_out("strengths", &values, strengths, values.len()) }
+    };
+    unsafe { guard::guard(error, work) }
+}

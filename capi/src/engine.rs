@@ -1,0 +1,201 @@
+//! Loaded weights and settings, shared by any number of jobs.
+
+use std::{ffi::c_char, path::PathBuf, ptr::null};
+
+use anyface::{CachePolicy, DecoderKind, Engine, EngineOptions};
+
+use crate::{
+    error::{AnyfaceError, Failure},
+    growing::{self, Growing},
+    guard, pointer,
+    status::AnyfaceStatus,
+};
+
+/// Loaded weights and settings. Any number of threads may use one engine at the same time.
+pub struct AnyfaceEngine(pub(crate) Engine);
+
+const fn shared_by_threads<T: Send + Sync>() {}
+const _: () = shared_by_threads::<AnyfaceEngine>();
+
+/// Where work that depends only on the mesh is kept between runs; for `AnyfaceEngineOptions`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AnyfaceCache {
+    /// In the user's cache folder, bounded in size. The default.
+    User = 0,
+    /// Nothing is read or written.
+    Off = 1,
+    /// In the folder `cache_dir`.
+    Folder = 2,
+}
+
+/// What spreads landmark motion over a mesh; for `AnyfaceEngineOptions`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AnyfaceDecoder {
+    /// Weights over the landmarks, computed once for each mesh. The default.
+    Static = 0,
+    /// The decoder of the FreeTalk paper, computed for each frame; slow.
+    Paper = 1,
+}
+
+/// How an engine is set up; prepare it with `anyface_engine_options_init()`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct AnyfaceEngineOptions {
+    /// Bytes of this struct in the caller's header; set by `anyface_engine_options_init()`.
+    pub struct_size: usize,
+    /// Folder of model files that replace the built-in ones, UTF-8; NULL for the built-in ones.
+    pub weights_dir: *const c_char,
+    /// Folder of a HuBERT or wav2vec2 model (`config.json` and `model.safetensors`) that replaces
+    /// the built-in speech encoder, UTF-8; `weights_dir` must then hold weights trained with it.
+    /// NULL, the default, for the built-in one.
+    pub speech_dir: *const c_char,
+    /// Folder for `ANYFACE_CACHE_FOLDER`, UTF-8; otherwise NULL.
+    pub cache_dir: *const c_char,
+    /// One of `AnyfaceCache`; default `ANYFACE_CACHE_USER`.
+    pub cache: i32,
+    /// One of `AnyfaceDecoder`; default `ANYFACE_DECODER_STATIC`.
+    pub decoder: i32,
+    /// Worker threads; 0, the default, takes one for each core. The result does not depend on it.
+    pub threads: u32,
+    /// Must be 0.
+    pub reserved: u32,
+}
+
+unsafe impl Growing for AnyfaceEngineOptions {
+    const NAME: &'static str = "anyface_engine_options";
+    const FIRST_SIZE: usize = size_of::<Self>();
+    fn defaults() -> Self {
+        AnyfaceEngineOptions {
+            struct_size: size_of::<Self>(),
+            weights_dir: null(),
+            speech_dir: null(),
+            cache_dir: null(),
+            cache: AnyfaceCache::User as i32,
+            decoder: AnyfaceDecoder::Static as i32,
+            threads: 0,
+            reserved: 0,
+        }
+    }
+}
+
+impl AnyfaceEngineOptions {
+    /// # Safety
+    /// The strings are NULL or NUL-terminated.
+    unsafe fn to_library(self) -> Result<EngineOptions, Failure> {
+        let weights = unsafe { pointer::optional_text("weights_dir", self.weights_dir) }?;
+        let speech = unsafe { pointer::optional_text("speech_dir", self.speech_dir) }?;
+        let decoder = match self.decoder {
+            code if code == AnyfaceDecoder::Static as i32 => DecoderKind::Static,
+            code if code == AnyfaceDecoder::Paper as i32 => DecoderKind::Paper,
+            code => {
+                return Err(Failure::invalid(format!(
+                    "decoder: expected 0 or 1, got {code}"
+                )));
+            }
+        };
+        if self.reserved != 0 {
+            return Err(Failure::invalid(format!(
+                "reserved: expected 0, got {}",
+                self.reserved
+            )));
+        }
+        Ok(EngineOptions {
+            weights: weights.map(PathBuf::from),
+            speech: speech.map(PathBuf::from),
+            decoder,
+            cache: unsafe { self.cache_policy() }?,
+            threads: (self.threads > 0).then_some(self.threads as usize),
+        })
+    }
+
+    unsafe fn cache_policy(&self) -> Result<CachePolicy, Failure> {
+        let user = AnyfaceCache::User as i32;
+        let off = AnyfaceCache::Off as i32;
+        let folder = AnyfaceCache::Folder as i32;
+        match self.cache {
+            code if code == user => Ok(CachePolicy::UserFolder),
+            code if code == off => Ok(CachePolicy::Off),
+            code if code == folder => {
+                let path = unsafe { pointer::path("cache_dir", self.cache_dir) }?;
+                Ok(CachePolicy::Folder(path.to_owned()))
+            }
+            code => Err(Failure::invalid(format!(
+                "cache: expected {user} to {folder}, got {code}"
+            ))),
+        }
+    }
+}
+
+/// Sets every option to its default. `struct_size` is `sizeof *options`.
+///
+/// Fails with `ANYFACE_STATUS_NULL_POINTER`, or `ANYFACE_STATUS_INVALID_INPUT` for a size that no
+/// version had.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_engine_options_init(
+    options: *mut AnyfaceEngineOptions,
+    struct_size: usize,
+) -> AnyfaceStatus {
+    unsafe { growing::init(options, struct_size) }
+}
+
+/// Loads the weights; takes some tenths of a second, so keep the engine.
+///
+/// `options` may be NULL for the defaults. Free with `anyface_engine_free()`.
+/// Fails with `ANYFACE_STATUS_WEIGHTS` if a model file is missing, truncated or does not fit its
+/// config, `ANYFACE_STATUS_INVALID_INPUT` for an option out of range.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_engine_new(
+    options: *const AnyfaceEngineOptions,
+    out: *mut *mut AnyfaceEngine,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let options = unsafe { growing::read(options)?.to_library() }?;
+        let engine = Engine::new(options)?;
+        unsafe { pointer::give(out, AnyfaceEngine(engine)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Frees an engine that no running call uses; nothing happens for NULL.
+///
+/// Faces, motions and clips that were made with it stay valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_engine_free(engine: *mut AnyfaceEngine) {
+    unsafe { guard::free(engine) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::ffi::CStr;
+
+    fn policy(cache: i32, cache_dir: &CStr) -> Result<CachePolicy, Failure> {
+        let cache_dir = cache_dir.as_ptr();
+        let options = AnyfaceEngineOptions {
+            cache,
+            cache_dir,
+            ..Growing::defaults()
+        };
+        unsafe { options.cache_policy() }
+    }
+
+    #[test]
+    fn cache_numbers_outside_the_list_are_refused() {
+        assert_eq!(policy(0, c"x").unwrap(), CachePolicy::UserFolder);
+        assert_eq!(policy(1, c"x").unwrap(), CachePolicy::Off);
+        assert_eq!(policy(2, c"x").unwrap(), CachePolicy::Folder("x".into()));
+        assert!(policy(2, c"").is_err() && policy(3, c"x").is_err() && policy(-1, c"x").is_err());
+    }
+
+    #[test]
+    fn no_threads_means_one_for_each_core() {
+        let options: AnyfaceEngineOptions = Growing::defaults();
+        let library = unsafe { options.to_library() }.unwrap();
+        assert_eq!(library, EngineOptions::default());
+    }
+}

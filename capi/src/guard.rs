@@ -1,0 +1,174 @@
+//! The border itself: no panic crosses it, every failure leaves as a status and an error.
+
+use std::{
+    any::Any,
+    cell::{Cell, RefCell},
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::Once,
+};
+
+use crate::{
+    error::{AnyfaceError, Failure},
+    status::AnyfaceStatus,
+};
+
+thread_local! {
+    /// Calls of this thread that are inside the library.
+    static DEPTH: Cell<u32> = const { Cell::new(0) };
+    /// Place of the last panic of this thread.
+    static PLACE: RefCell<Option<String>> = const { RefCell::new(None) };
+}
+
+/// Runs a fallible call: catches panics, stores the error, returns the status.
+///
+/// # Safety
+/// `error` is NULL or points to writable memory for a pointer.
+pub(crate) unsafe fn guard(
+    error: *mut *mut AnyfaceError,
+    work: impl FnOnce() -> Result<(), Failure>,
+) -> AnyfaceStatus {
+    let failure = match catch(work) {
+        Ok(Ok(())) => return AnyfaceStatus::Ok,
+        Ok(Err(failure)) => failure,
+        Err(message) => Failure::Panic(message),
+    };
+    if !error.is_null() {
+        let owned = Box::into_raw(Box::new(AnyfaceError::new(&failure)));
+        unsafe { error.write(owned) };
+    }
+    failure.status()
+}
+
+/// Runs a call that has no way to report: `fallback` stands for a panic.
+pub(crate) fn guard_or<T>(fallback: T, work: impl FnOnce() -> T) -> T {
+    catch(work).unwrap_or(fallback)
+}
+
+/// Frees a handle.
+///
+/// # Safety
+/// `handle` is NULL or came from `Box::into_raw` and is not used again.
+pub(crate) unsafe fn free<T>(handle: *mut T) {
+    if !handle.is_null() {
+        guard_or((), || drop(unsafe { Box::from_raw(handle) }));
+    }
+}
+
+fn catch<T>(work: impl FnOnce() -> T) -> Result<T, String> {
+    keep_panics_quiet();
+    PLACE.take();
+    DEPTH.set(DEPTH.get() + 1);
+    let result = catch_unwind(AssertUnwindSafe(work));
+    DEPTH.set(DEPTH.get() - 1);
+    result.map_err(|payload| describe(payload.as_ref()))
+}
+
+fn describe(payload: &(dyn Any + Send)) -> String {
+    let text = payload
+        .downcast_ref::<&str>()
+        .map(|text| (*text).to_owned())
+        .or_else(|| payload.downcast_ref::<String>().cloned())
+        .unwrap_or_else(|| "no message".into());
+    // A panic of a worker thread arrives here without its place.
+    match PLACE.take() {
+        Some(place) => format!("{text} ({place})"),
+        None => text,
+    }
+}
+
+/// The library never prints: a panic's place is remembered here instead of written to stderr.
+///
+/// The hook belongs to this library's own copy of Rust's runtime, never to the host's. Threads
+/// outside any call are the library's own workers, whose panics reach the caller by themselves.
+fn keep_panics_quiet() {
+    static HOOK: Once = Once::new();
+    HOOK.call_once(|| {
+        let before = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |info| {
+            if DEPTH.get() > 0 {
+                PLACE.set(info.location().map(ToString::to_string));
+            } else if cfg!(test) {
+                before(info);
+            }
+        }));
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::{anyface_error_free, anyface_error_message, anyface_error_status};
+    use std::{ffi::CStr, ptr::null_mut};
+
+    fn message_of(error: *mut AnyfaceError) -> String {
+        let text = unsafe { CStr::from_ptr(anyface_error_message(error)) };
+        let text = text.to_str().unwrap().to_owned();
+        unsafe { anyface_error_free(error) };
+        text
+    }
+
+    #[test]
+    fn a_panic_becomes_a_status_with_its_place() {
+        let mut error = null_mut();
+        let status = unsafe { guard(&mut error, || panic!("index {} of {}", 5, 3)) };
+        assert_eq!(status, AnyfaceStatus::Panic);
+        assert_eq!(unsafe { anyface_error_status(error) }, AnyfaceStatus::Panic);
+        let text = message_of(error);
+        assert!(
+            text.contains("index 5 of 3") && text.contains("guard.rs:"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn a_panic_of_a_worker_thread_becomes_a_status() {
+        let mut error = null_mut();
+        let work = || {
+            let worker = std::thread::spawn(|| {
+                if std::hint::black_box(true) {
+                    std::panic::resume_unwind(Box::new("worker failed"));
+                }
+            });
+            worker
+                .join()
+                .map_err(|payload| std::panic::resume_unwind(payload))
+        };
+        let status = unsafe { guard(&mut error, work) };
+        assert_eq!(status, AnyfaceStatus::Panic);
+        assert!(message_of(error).contains("worker failed"));
+    }
+
+    #[test]
+    fn a_panic_without_a_place_for_the_error_is_still_caught() {
+        let status = unsafe { guard(null_mut(), || panic!("quiet")) };
+        assert_eq!(status, AnyfaceStatus::Panic);
+        assert_eq!(guard_or(7, || panic!("quiet")), 7);
+    }
+
+    #[test]
+    fn success_leaves_the_error_alone() {
+        let mut error = std::ptr::dangling_mut();
+        let before = error;
+        let status = unsafe { guard(&mut error, || Ok(())) };
+        assert_eq!((status, error), (AnyfaceStatus::Ok, before));
+    }
+
+    #[test]
+    fn a_panic_while_freeing_is_caught() {
+        struct Bomb;
+        impl Drop for Bomb {
+            fn drop(&mut self) {
+                panic!("cannot drop");
+            }
+        }
+        unsafe { free(Box::into_raw(Box::new(Bomb))) };
+    }
+
+    #[test]
+    fn a_message_with_nul_is_kept_whole() {
+        let mut error = null_mut();
+        let status = unsafe { guard(&mut error, || Err(Failure::invalid("a\0b"))) };
+        assert_eq!(status, AnyfaceStatus::InvalidInput);
+        assert_eq!(message_of(error), "a?b");
+    }
+}

@@ -1,0 +1,333 @@
+//! Speech becomes motion of 68 landmarks, before any mesh is known.
+
+use std::{ffi::c_char, ptr::null};
+
+use anyface::{
+    MotionRequest,
+    conditions::{Emotion, EmotionCurve},
+    motion::{LANDMARKS, MotionClip},
+};
+use ndarray::ArrayView3;
+
+use crate::{
+    audio::AnyfaceAudio,
+    engine::AnyfaceEngine,
+    error::{AnyfaceError, Failure},
+    growing::{self, Growing},
+    guard, pointer,
+    progress::{AnyfaceProgress, watched},
+    status::AnyfaceStatus,
+    version::ANYFACE_EMOTION_COUNT,
+};
+
+/// Motion of the 68 landmarks in the canonical frame: metres, +x to the subject's left, +y up,
+/// +z out of the face. Fits every face; never changes after it was made.
+pub struct AnyfaceMotion(pub(crate) MotionClip);
+
+/// What a performance is asked to be; prepare it with `anyface_motion_options_init()`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct AnyfaceMotionOptions {
+    /// Bytes of this struct in the caller's header; set by `anyface_motion_options_init()`.
+    pub struct_size: usize,
+    /// `[emotion_count, ANYFACE_EMOTION_COUNT]`: strength of each emotion, 0 or more, at most 1.5
+    /// in sum for each row. NULL with a count of 0, the default, is neutral throughout.
+    pub emotion_strengths: *const f32,
+    /// `[emotion_count]`: seconds at which the rows hold, rising; linear in between, held outside.
+    /// NULL where there is one row, which then holds throughout.
+    pub emotion_times_s: *const f64,
+    /// Number of rows.
+    pub emotion_count: usize,
+    /// Frames per second of the result, 1 to 240; default 30.
+    pub fps: f64,
+    /// The same seed gives the same motion; default 0.
+    pub seed: u64,
+    /// Speaking style by name, UTF-8; NULL, the default, takes the model's own.
+    pub style: *const c_char,
+    /// Denoising steps; 0, the default, takes the model's own.
+    pub steps: u32,
+    /// Must be 0.
+    pub reserved: u32,
+}
+
+unsafe impl Growing for AnyfaceMotionOptions {
+    const NAME: &'static str = "anyface_motion_options";
+    const FIRST_SIZE: usize = size_of::<Self>();
+    fn defaults() -> Self {
+        let MotionRequest { fps, seed, .. } = MotionRequest::default();
+        AnyfaceMotionOptions {
+            struct_size: size_of::<Self>(),
+            emotion_strengths: null(),
+            emotion_times_s: null(),
+            emotion_count: 0,
+            fps,
+            seed,
+            style: null(),
+            steps: 0,
+            reserved: 0,
+        }
+    }
+}
+
+impl AnyfaceMotionOptions {
+    /// # Safety
+    /// Every pointer is NULL or as its field says.
+    pub(crate) unsafe fn to_library(self) -> Result<MotionRequest, Failure> {
+        if self.reserved != 0 {
+            return Err(Failure::invalid(format!(
+                "reserved: expected 0, got {}",
+                self.reserved
+            )));
+        }
+        let style = unsafe { pointer::optional_text("style", self.style) }?;
+        Ok(MotionRequest {
+            emotion: unsafe { self.emotion() }?,
+            fps: self.fps,
+            seed: self.seed,
+            steps: (self.steps > 0).then_some(self.steps as usize),
+            style: style.map(str::to_owned),
+        })
+    }
+
+    unsafe fn emotion(&self) -> Result<EmotionCurve, Failure> {
+        let (rows, columns) = (self.emotion_count, ANYFACE_EMOTION_COUNT);
+        let values =
+            unsafe { pointer::slice("emotion_strengths", self.emotion_strengths, rows, columns) }?;
+        let emotions = values
+            .as_chunks::<ANYFACE_EMOTION_COUNT>()
+            .0
+            .iter()
+            .map(|row| Emotion::from_strengths(*row))
+            .collect::<Result<Vec<_>, _>>()?;
+        match emotions.as_slice() {
+            [] => Ok(EmotionCurve::default()),
+            [only] if self.emotion_times_s.is_null() => Ok(EmotionCurve::Constant(*only)),
+            _ => {
+                let times =
+                    unsafe { pointer::slice("emotion_times_s", self.emotion_times_s, rows, 1) }?;
+                check_rising(times)?;
+                Ok(EmotionCurve::Keys(
+                    times.iter().copied().zip(emotions).collect(),
+                ))
+            }
+        }
+    }
+}
+
+fn check_rising(times: &[f64]) -> Result<(), Failure> {
+    let finite = times.iter().all(|time| time.is_finite());
+    match finite && times.windows(2).all(|pair| pair[0] < pair[1]) {
+        true => Ok(()),
+        false => Err(Failure::invalid(format!(
+            "emotion_times_s: expected finite times, each above the one before, got {times:?}"
+        ))),
+    }
+}
+
+/// Sets every option to its default. `struct_size` is `sizeof *options`.
+///
+/// Fails with `ANYFACE_STATUS_NULL_POINTER`, or `ANYFACE_STATUS_INVALID_INPUT` for a size that no
+/// version had.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_motion_options_init(
+    options: *mut AnyfaceMotionOptions,
+    struct_size: usize,
+) -> AnyfaceStatus {
+    unsafe { growing::init(options, struct_size) }
+}
+
+/// Speech becomes motion. Long: accepts a progress handle.
+///
+/// `options` and `progress` may be NULL. Free with `anyface_motion_free()`.
+/// Fails with `ANYFACE_STATUS_AUDIO` for a sound too short to use, `ANYFACE_STATUS_INVALID_INPUT`
+/// for an option out of range, `ANYFACE_STATUS_CANCELLED`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_motion_new(
+    engine: *const AnyfaceEngine,
+    audio: *const AnyfaceAudio,
+    options: *const AnyfaceMotionOptions,
+    progress: *const AnyfaceProgress,
+    out: *mut *mut AnyfaceMotion,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let engine = unsafe { pointer::handle("engine", engine) }?;
+        let audio = unsafe { pointer::handle("audio", audio) }?;
+        let request = unsafe { growing::read(options)?.to_library() }?;
+        let motion =
+            unsafe { watched(progress, |watch| engine.0.motion(&audio.0, &request, watch)) }?;
+        unsafe { pointer::give(out, AnyfaceMotion(motion)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Motion that the caller brings: from a tracker, or edited. The array is copied.
+///
+/// `displacements`: `[frame_count, 68, 3]` from the neutral face, canonical metres.
+/// `fps`: frames per second, 1 to 240. Free with `anyface_motion_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for no frames, values that are not finite, or a frame
+/// rate out of range.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_motion_new_displacements(
+    displacements: *const f32,
+    frame_count: usize,
+    fps: f64,
+    out: *mut *mut AnyfaceMotion,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let columns = LANDMARKS * 3;
+        let values =
+            unsafe { pointer::slice("displacements", displacements, frame_count, columns) }?;
+        let motion = motion_from(values, frame_count, fps)?;
+        unsafe { pointer::give(out, AnyfaceMotion(motion)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+fn motion_from(values: &[f32], frames: usize, fps: f64) -> Result<MotionClip, Failure> {
+    if frames == 0 {
+        return Err(Failure::invalid(
+            "displacements: expected at least one frame, got none",
+        ));
+    }
+    if let Some(i) = values.iter().position(|x| !x.is_finite()) {
+        let (frame, landmark) = (i / (LANDMARKS * 3), i / 3 % LANDMARKS);
+        let message = format!("displacements: not finite at frame {frame}, landmark {landmark}");
+        return Err(Failure::invalid(message));
+    }
+    if !(1.0..=240.0).contains(&fps) {
+        return Err(Failure::invalid(format!(
+            "fps: expected 1 to 240, got {fps}"
+        )));
+    }
+    let shape = (frames, LANDMARKS, 3);
+    let displacements = ArrayView3::from_shape(shape, values)
+        .map_err(|error| Failure::invalid(format!("displacements: {error}")))?
+        .to_owned();
+    Ok(MotionClip { displacements, fps })
+}
+
+/// Number `T` of frames; 0 for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_motion_frame_count(motion: *const AnyfaceMotion) -> usize {
+    unsafe { motion.as_ref() }.map_or(0, |motion| motion.0.displacements.len_of(ndarray::Axis(0)))
+}
+
+/// Frames per second; 0 for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_motion_fps(motion: *const AnyfaceMotion) -> f64 {
+    unsafe { motion.as_ref() }.map_or(0.0, |motion| motion.0.fps)
+}
+
+/// Copies the motion into the caller's buffer.
+///
+/// `buffer`: `[T, 68, 3]`, canonical metres; `float_count` must be `T * 68 * 3`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_motion_copy_displacements(
+    motion: *const AnyfaceMotion,
+    buffer: *mut f32,
+    float_count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let motion = unsafe { pointer::handle("motion", motion) }?;
+        let values = motion.0.displacements.as_standard_layout();
+        let values = values.as_slice().unwrap_or_default();
+        unsafe { pointer::copy_out("buffer", values, buffer, float_count) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Writes the motion as npz for numpy: `landmark_displacements` `[T, 68, 3]`, canonical metres, and
+/// `fps`.
+///
+/// `path`: UTF-8, ends in .npz. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending,
+/// `ANYFACE_STATUS_IO` if the file cannot be written; then nothing is left of it.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_motion_write(
+    motion: *const AnyfaceMotion,
+    path: *const c_char,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let motion = unsafe { pointer::handle("motion", motion) }?;
+        let path = unsafe { pointer::path("path", path) }?;
+        anyface::output::write_motion(path, &motion.0)?;
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Frees a motion that no running call uses; nothing happens for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_motion_free(motion: *mut AnyfaceMotion) {
+    unsafe { guard::free(motion) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn with_emotions(strengths: &[f32], times: &[f64]) -> Result<EmotionCurve, Failure> {
+        let options = AnyfaceMotionOptions {
+            emotion_strengths: strengths.as_ptr(),
+            emotion_times_s: if times.is_empty() {
+                null()
+            } else {
+                times.as_ptr()
+            },
+            emotion_count: strengths.len() / ANYFACE_EMOTION_COUNT,
+            ..Growing::defaults()
+        };
+        unsafe { options.emotion() }
+    }
+
+    #[test]
+    fn defaults_are_the_librarys() {
+        let options: AnyfaceMotionOptions = Growing::defaults();
+        assert_eq!(
+            unsafe { options.to_library() }.unwrap(),
+            MotionRequest::default()
+        );
+    }
+
+    #[test]
+    fn one_row_holds_throughout_and_more_are_keys() {
+        let mut rows = [0.0; 2 * ANYFACE_EMOTION_COUNT];
+        rows[1] = 0.5;
+        rows[ANYFACE_EMOTION_COUNT + 5] = 1.0;
+        let constant = with_emotions(&rows[..ANYFACE_EMOTION_COUNT], &[]).unwrap();
+        assert_eq!(constant.at(3.0).intensity, 0.5);
+        let keys = with_emotions(&rows, &[1.0, 2.0]).unwrap();
+        assert!((keys.at(1.5).intensity - 0.75).abs() < 1e-6);
+    }
+
+    #[test]
+    fn keys_need_rising_finite_times() {
+        let rows = [0.0; 2 * ANYFACE_EMOTION_COUNT];
+        for times in [[2.0, 1.0], [1.0, 1.0], [0.0, f64::NAN]] {
+            assert!(with_emotions(&rows, &times).is_err(), "{times:?}");
+        }
+        let failure = with_emotions(&rows, &[]).unwrap_err();
+        assert_eq!(failure.status(), AnyfaceStatus::NullPointer);
+    }
+
+    #[test]
+    fn motion_of_the_caller_is_checked() {
+        let mut values = vec![0.001; 2 * LANDMARKS * 3];
+        assert_eq!(
+            motion_from(&values, 2, 25.0).unwrap().displacements.dim(),
+            (2, 68, 3)
+        );
+        assert!(motion_from(&[], 0, 25.0).is_err() && motion_from(&values, 2, 0.0).is_err());
+        values[LANDMARKS * 3 + 7] = f32::NAN;
+        let message = format!("{:?}", motion_from(&values, 2, 25.0).unwrap_err());
+        assert!(message.contains("frame 1, landmark 2"), "{message}");
+    }
+}

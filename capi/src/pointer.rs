@@ -1,0 +1,199 @@
+//! Raw pointers become checked borrows, results go out through checked pointers.
+
+use std::{
+    ffi::{CStr, c_char},
+    path::Path,
+};
+
+use crate::error::Failure;
+
+/// A handle that must be there.
+///
+/// # Safety
+/// `handle` is NULL or valid for reads for the lifetime that the caller uses.
+pub(crate) unsafe fn handle<'a, T>(name: &'static str, handle: *const T) -> Result<&'a T, Failure> {
+    unsafe { handle.as_ref() }.ok_or(Failure::Null(name))
+}
+
+/// `rows` × `columns` values; NULL is allowed where there are none.
+///
+/// # Safety
+/// `values` is NULL or valid for reads of `rows * columns` values.
+pub(crate) unsafe fn slice<'a, T>(
+    name: &'static str,
+    values: *const T,
+    rows: usize,
+    columns: usize,
+) -> Result<&'a [T], Failure> {
+    let length = checked_length::<T>(name, rows, columns)?;
+    if length == 0 {
+        return Ok(&[]);
+    }
+    check_pointer(name, values)?;
+    Ok(unsafe { std::slice::from_raw_parts(values, length) })
+}
+
+/// Copies `values` into the caller's buffer, whose `capacity` must be the length exactly.
+///
+/// # Safety
+/// `buffer` is NULL or valid for writes of `capacity` values.
+pub(crate) unsafe fn copy_out<T: Copy>(
+    name: &'static str,
+    values: &[T],
+    buffer: *mut T,
+    capacity: usize,
+) -> Result<(), Failure> {
+    if capacity != values.len() {
+        return Err(Failure::invalid(format!(
+            "{name}: expected room for {} values, got {capacity}",
+            values.len()
+        )));
+    }
+    if values.is_empty() {
+        return Ok(());
+    }
+    check_pointer(name, buffer)?;
+    unsafe { buffer.copy_from_nonoverlapping(values.as_ptr(), values.len()) };
+    Ok(())
+}
+
+/// A string that must be there.
+///
+/// # Safety
+/// `text` is NULL or a NUL-terminated string.
+pub(crate) unsafe fn text<'a>(name: &'static str, text: *const c_char) -> Result<&'a str, Failure> {
+    if text.is_null() {
+        return Err(Failure::Null(name));
+    }
+    let bytes = unsafe { CStr::from_ptr(text) };
+    bytes.to_str().map_err(|error| {
+        let place = error.valid_up_to();
+        Failure::invalid(format!(
+            "{name}: expected UTF-8, got other bytes at {place}"
+        ))
+    })
+}
+
+/// A string that may be NULL.
+///
+/// # Safety
+/// As [`text`].
+pub(crate) unsafe fn optional_text<'a>(
+    name: &'static str,
+    value: *const c_char,
+) -> Result<Option<&'a str>, Failure> {
+    match value.is_null() {
+        true => Ok(None),
+        false => unsafe { text(name, value) }.map(Some),
+    }
+}
+
+/// A file name.
+///
+/// # Safety
+/// As [`text`].
+pub(crate) unsafe fn path<'a>(
+    name: &'static str,
+    value: *const c_char,
+) -> Result<&'a Path, Failure> {
+    match unsafe { text(name, value) }? {
+        "" => Err(Failure::invalid(format!(
+            "{name}: expected a file name, got an empty string"
+        ))),
+        path => Ok(Path::new(path)),
+    }
+}
+
+/// Makes sure that a result will have a place, before the work is done.
+pub(crate) fn check_out<T>(name: &'static str, out: *mut T) -> Result<(), Failure> {
+    check_pointer(name, out.cast_const())
+}
+
+/// Hands a new object to the caller.
+///
+/// # Safety
+/// `out` passed [`check_out`] and is valid for writes.
+pub(crate) unsafe fn give<T>(out: *mut *mut T, object: T) {
+    unsafe { out.write(Box::into_raw(Box::new(object))) };
+}
+
+fn check_pointer<T>(name: &'static str, pointer: *const T) -> Result<(), Failure> {
+    if pointer.is_null() {
+        return Err(Failure::Null(name));
+    }
+    match pointer.is_aligned() {
+        true => Ok(()),
+        false => Err(Failure::invalid(format!(
+            "{name}: expected an address that is a multiple of {}, got {pointer:p}",
+            align_of::<T>()
+        ))),
+    }
+}
+
+fn checked_length<T>(name: &'static str, rows: usize, columns: usize) -> Result<usize, Failure> {
+    rows.checked_mul(columns)
+        .filter(|length| {
+            let bytes = length.checked_mul(size_of::<T>());
+            bytes.is_some_and(|bytes| isize::try_from(bytes).is_ok())
+        })
+        .ok_or_else(|| {
+            let message = format!("{name}: [{rows}, {columns}] is larger than memory can be");
+            Failure::invalid(message)
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::status::AnyfaceStatus;
+    use std::ptr::{null, null_mut};
+
+    #[test]
+    fn nothing_may_be_null_but_something_may_not() {
+        assert!(
+            unsafe { slice::<f32>("x", null(), 0, 3) }
+                .unwrap()
+                .is_empty()
+        );
+        let failure = unsafe { slice::<f32>("x", null(), 1, 3) }.unwrap_err();
+        assert_eq!(failure.status(), AnyfaceStatus::NullPointer);
+    }
+
+    #[test]
+    fn impossible_sizes_are_refused_before_reading() {
+        let one = [0.0f32];
+        for (rows, columns) in [(usize::MAX, 3), (usize::MAX / 4, 1)] {
+            let failure = unsafe { slice("x", one.as_ptr(), rows, columns) }.unwrap_err();
+            assert_eq!(failure.status(), AnyfaceStatus::InvalidInput);
+        }
+    }
+
+    #[test]
+    fn a_crooked_address_is_refused() {
+        let bytes = [0u32; 2];
+        let crooked = unsafe { bytes.as_ptr().cast::<u8>().add(1) }.cast::<f32>();
+        let failure = unsafe { slice("x", crooked, 1, 1) }.unwrap_err();
+        assert_eq!(failure.status(), AnyfaceStatus::InvalidInput);
+    }
+
+    #[test]
+    fn buffers_of_another_size_stay_untouched() {
+        let mut buffer = [9.0f32; 2];
+        let pointer = buffer.as_mut_ptr();
+        assert!(unsafe { copy_out("x", &[1.0], pointer, 2) }.is_err());
+        assert!(unsafe { copy_out("x", &[1.0, 2.0], null_mut(), 2) }.is_err());
+        assert_eq!(buffer, [9.0; 2]);
+        unsafe { copy_out("x", &[1.0, 2.0], pointer, 2) }.unwrap();
+        assert_eq!(buffer, [1.0, 2.0]);
+    }
+
+    #[test]
+    fn text_must_be_utf8() {
+        assert_eq!(unsafe { text("x", c"gr\u{fc}n".as_ptr()) }.unwrap(), "grün");
+        let latin1 = c"gr\xfcn";
+        let failure = unsafe { text("x", latin1.as_ptr()) }.unwrap_err();
+        assert_eq!(failure.status(), AnyfaceStatus::InvalidInput);
+        assert!(unsafe { path("x", c"".as_ptr()) }.is_err());
+        assert!(unsafe { optional_text("x", null()) }.unwrap().is_none());
+    }
+}

@@ -1,0 +1,235 @@
+//! Progress and cancellation, by callback or by polling from another thread.
+
+use std::{
+    ffi::{CString, c_char, c_int, c_void},
+    sync::{
+        Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicBool, AtomicU64, Ordering},
+    },
+};
+
+use anyface::progress::Progress;
+
+use crate::{error::Failure, guard, pointer, status::AnyfaceStatus};
+
+/// Receives progress; any result but 0 asks the job to stop.
+///
+/// `stage`: "speech", "motion", "operators", "weights", "deform", "write" or a later addition;
+/// lives as long as the progress handle. `fraction`: share of that stage that is done, 0 to 1.
+/// Called from a thread of the library, which may differ from the one that started the job and
+/// from call to call; never twice at the same time for one handle. It must not throw or longjmp,
+/// and must not start a job with the same handle.
+pub type AnyfaceProgressFn =
+    Option<unsafe extern "C" fn(user: *mut c_void, stage: *const c_char, fraction: f32) -> c_int>;
+
+/// Watches and stops jobs.
+///
+/// Handed to a long call, it can be read and cancelled from any other thread while the call runs.
+/// It may accompany several calls one after the other; one that was cancelled stays so.
+pub struct AnyfaceProgress {
+    callback: AnyfaceProgressFn,
+    user: *mut c_void,
+    /// Stage number in the upper half, bits of the fraction in the lower: read as one.
+    state: AtomicU64,
+    cancelled: AtomicBool,
+    /// Every stage seen so far; number 0 is "" for a job that has not begun.
+    stages: Mutex<Vec<(&'static str, CString)>>,
+    /// Held during the callback, so that calls never overlap.
+    calling: Mutex<()>,
+}
+
+// The caller vouches for `user` and `callback`: the header says that they are used from the
+// library's threads.
+unsafe impl Send for AnyfaceProgress {}
+unsafe impl Sync for AnyfaceProgress {}
+
+impl AnyfaceProgress {
+    fn new(callback: AnyfaceProgressFn, user: *mut c_void) -> Self {
+        AnyfaceProgress {
+            callback,
+            user,
+            state: AtomicU64::new(0),
+            cancelled: AtomicBool::new(false),
+            stages: Mutex::new(vec![("", CString::default())]),
+            calling: Mutex::new(()),
+        }
+    }
+
+    /// Takes a report of the library; `false` asks it to stop.
+    fn report(&self, progress: Progress) -> bool {
+        if self.cancelled.load(Ordering::Relaxed) {
+            return false;
+        }
+        let (number, stage) = self.intern(progress.stage);
+        let state = number << 32 | u64::from(progress.fraction.to_bits());
+        self.state.store(state, Ordering::Relaxed);
+        let Some(callback) = self.callback else {
+            return true;
+        };
+        let alone = lock(&self.calling);
+        let stop = unsafe { callback(self.user, stage, progress.fraction) } != 0;
+        drop(alone);
+        if stop {
+            self.cancelled.store(true, Ordering::Relaxed);
+        }
+        !stop
+    }
+
+    /// Number and C string of a stage; the string stays in place until the handle is freed.
+    fn intern(&self, name: &'static str) -> (u64, *const c_char) {
+        let mut stages = lock(&self.stages);
+        let known = stages.iter().position(|(stage, _)| *stage == name);
+        let number = known.unwrap_or_else(|| {
+            stages.push((name, CString::new(name).unwrap_or_default()));
+            stages.len() - 1
+        });
+        (number as u64, stages[number].1.as_ptr())
+    }
+
+    fn read(&self) -> (*const c_char, f32) {
+        let state = self.state.load(Ordering::Relaxed);
+        let stages = lock(&self.stages);
+        (
+            stages[(state >> 32) as usize].1.as_ptr(),
+            f32::from_bits(state as u32),
+        )
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Runs a job of the library with the caller's progress handle; NULL watches nothing.
+///
+/// # Safety
+/// `progress` is NULL or a live handle.
+pub(crate) unsafe fn watched<T>(
+    progress: *const AnyfaceProgress,
+    job: impl FnOnce(anyface::progress::ProgressFn<'_>) -> anyface::Result<T>,
+) -> Result<T, Failure> {
+    let result = match unsafe { progress.as_ref() } {
+        None => job(anyface::progress::SILENT),
+        Some(progress) => job(&|step| progress.report(step)),
+    };
+    Ok(result?)
+}
+
+/// A handle that watches and stops jobs; never NULL.
+///
+/// `callback` may be NULL for a program that reads with `anyface_progress_read()` instead. `user`
+/// is passed to the callback as it is.
+#[unsafe(no_mangle)]
+pub extern "C" fn anyface_progress_new(
+    callback: AnyfaceProgressFn,
+    user: *mut c_void,
+) -> *mut AnyfaceProgress {
+    Box::into_raw(Box::new(AnyfaceProgress::new(callback, user)))
+}
+
+/// Reads how far the job is; from any thread, at any time.
+///
+/// `stage` receives the name of the stage ("" before the first), which lives until the handle is
+/// freed; `fraction` the share of it that is done, 0 to 1. Either may be NULL.
+/// Fails with `ANYFACE_STATUS_NULL_POINTER` if `progress` is NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_progress_read(
+    progress: *const AnyfaceProgress,
+    stage: *mut *const c_char,
+    fraction: *mut f32,
+) -> AnyfaceStatus {
+    let read = || -> Result<(), Failure> {
+        let (name, share) = unsafe { pointer::handle("progress", progress) }?.read();
+        if !stage.is_null() {
+            unsafe { stage.write(name) };
+        }
+        if !fraction.is_null() {
+            unsafe { fraction.write(share) };
+        }
+        Ok(())
+    };
+    unsafe { guard::guard(std::ptr::null_mut(), read) }
+}
+
+/// Asks the job to stop, from any thread; the running call returns `ANYFACE_STATUS_CANCELLED` as
+/// soon as it can. Nothing happens for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_progress_cancel(progress: *const AnyfaceProgress) {
+    if let Some(progress) = unsafe { progress.as_ref() } {
+        progress.cancelled.store(true, Ordering::Relaxed);
+    }
+}
+
+/// 1 if the job was asked to stop, by callback or by `anyface_progress_cancel()`, otherwise 0.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_progress_is_cancelled(progress: *const AnyfaceProgress) -> c_int {
+    let cancelled = |progress: &AnyfaceProgress| progress.cancelled.load(Ordering::Relaxed);
+    c_int::from(unsafe { progress.as_ref() }.is_some_and(cancelled))
+}
+
+/// Frees a progress handle that no running call uses; nothing happens for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_progress_free(progress: *mut AnyfaceProgress) {
+    unsafe { guard::free(progress) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::{ffi::CStr, ptr::null_mut};
+
+    /// Counts calls in `user`, asks to stop at the third.
+    unsafe extern "C" fn third_time(user: *mut c_void, _: *const c_char, _: f32) -> c_int {
+        let calls = unsafe { &mut *user.cast::<i32>() };
+        *calls += 1;
+        c_int::from(*calls == 3)
+    }
+
+    fn step(stage: &'static str, fraction: f32) -> Progress {
+        Progress { stage, fraction }
+    }
+
+    #[test]
+    fn a_callback_stops_the_job_for_good() {
+        let mut calls = 0;
+        let progress = AnyfaceProgress::new(Some(third_time), (&raw mut calls).cast());
+        assert!(progress.report(step("speech", 0.0)) && progress.report(step("speech", 0.5)));
+        assert!(!progress.report(step("speech", 1.0)));
+        assert!(!progress.report(step("motion", 0.0)));
+        assert_eq!(calls, 3);
+        assert_eq!(unsafe { anyface_progress_is_cancelled(&progress) }, 1);
+    }
+
+    #[test]
+    fn another_thread_reads_stage_and_fraction_as_one() {
+        let progress = AnyfaceProgress::new(None, null_mut());
+        let read = || {
+            let (stage, fraction) = progress.read();
+            (unsafe { CStr::from_ptr(stage) }.to_str().unwrap(), fraction)
+        };
+        assert_eq!(read(), ("", 0.0));
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                for _ in 0..10_000 {
+                    progress.report(step("speech", 0.25));
+                    progress.report(step("motion", 0.75));
+                }
+            });
+            for _ in 0..10_000 {
+                assert!([("", 0.0), ("speech", 0.25), ("motion", 0.75)].contains(&read()));
+            }
+        });
+        assert_eq!(progress.stages.lock().unwrap().len(), 3);
+    }
+
+    #[test]
+    fn a_cancelled_job_ends_with_its_status() {
+        let progress = AnyfaceProgress::new(None, null_mut());
+        unsafe { anyface_progress_cancel(&progress) };
+        let job = |watch: anyface::progress::ProgressFn<'_>| {
+            anyface::progress::report(watch, "speech", 0.0)
+        };
+        let failure = unsafe { watched(&progress, job) }.unwrap_err();
+        assert_eq!(failure.status(), AnyfaceStatus::Cancelled);
+    }
+}

@@ -1,0 +1,37 @@
+//! Which library a program was linked to.
+
+use std::ffi::{CStr, c_char};
+
+/// Version of this interface, for comparison with `anyface_abi_version()`.
+pub const ANYFACE_ABI_VERSION: u32 = 1;
+
+/// Number `N` of face landmarks, in the order of iBUG 300-W.
+pub const ANYFACE_LANDMARK_COUNT: usize = 68;
+
+/// Number of emotion categories; `anyface_emotion_name()` gives their names.
+pub const ANYFACE_EMOTION_COUNT: usize = 15;
+
+const VERSION: &CStr =
+    match CStr::from_bytes_with_nul(concat!(env!("CARGO_PKG_VERSION"), "\0").as_bytes()) {
+        Ok(version) => version,
+        Err(_) => panic!("the version holds a NUL"),
+    };
+
+const _: () = assert!(ANYFACE_LANDMARK_COUNT == anyface::motion::LANDMARKS);
+const _: () = assert!(ANYFACE_EMOTION_COUNT == anyface::conditions::EMOTIONS.len());
+
+/// Version of the interface that the loaded library has.
+///
+/// It is raised when something that existed changes its meaning or goes away. A program that
+/// loads the library at run time stops where this differs from its own `ANYFACE_ABI_VERSION`.
+/// New functions, and new fields at the end of an options struct, do not raise it.
+#[unsafe(no_mangle)]
+pub extern "C" fn anyface_abi_version() -> u32 {
+    ANYFACE_ABI_VERSION
+}
+
+/// Version of the library, such as "0.1.0"; lives as long as the library is loaded.
+#[unsafe(no_mangle)]
+pub extern "C" fn anyface_version() -> *const c_char {
+    VERSION.as_ptr()
+}

@@ -1,0 +1,655 @@
+/*
+ * Anyface makes any face mesh talk: speech in, facial animation with emotion out, on a plain CPU.
+ *
+ * Generated from capi/src by `cargo xtask header`; change it there.
+ *
+ * The way through
+ * ---------------
+ *
+ *     AnyfaceEngine *engine = NULL;    loaded weights and settings; make one, keep it
+ *     AnyfaceMesh *mesh = NULL;        triangles or polygons from memory or a file
+ *     AnyfaceAudio *audio = NULL;      samples from memory or a file
+ *     AnyfaceFace *face = NULL;        the mesh made ready: landmarks found, weights computed
+ *     AnyfaceClip *clip = NULL;        displacements of every vertex in every frame
+ *     AnyfaceError *error = NULL;
+ *
+ *     if (anyface_engine_new(NULL, &engine, &error) != ANYFACE_STATUS_OK ||
+ *         anyface_mesh_read("head.obj", &mesh, &error) != ANYFACE_STATUS_OK ||
+ *         anyface_audio_read("voice.wav", &audio, &error) != ANYFACE_STATUS_OK ||
+ *         anyface_face_new(engine, mesh, NULL, NULL, &face, &error) != ANYFACE_STATUS_OK ||
+ *         anyface_engine_animate(engine, face, audio, NULL, NULL, &clip, &error)
+ *             != ANYFACE_STATUS_OK) {
+ *         fprintf(stderr, "%s\n", anyface_error_message(error));
+ *         anyface_error_free(error);
+ *     }
+ *
+ * Whole programs: capi/examples/talk.c and talk.cpp; docs/c-host.md explains them.
+ *
+ * Shapes and units
+ * ----------------
+ *
+ * T frames, V vertices, F triangles; 68 landmarks in the order of iBUG 300-W, counted from 0.
+ * Arrays are dense and row by row: [T, V, 3] holds frame 0 first, in it vertex 0 as x, y, z.
+ * Displacements are in the mesh's own units, axes and vertex order, added to its own positions.
+ * Motion alone (AnyfaceMotion) is in the canonical frame: metres, +x to the subject's left, +y up,
+ * +z out of the face. Text is UTF-8 and NUL-terminated.
+ *
+ * Errors
+ * ------
+ *
+ * A function that can fail returns AnyfaceStatus. Results go through out-pointers, which are
+ * written only on success: `*out` keeps its old value on failure. The last parameter, `error`, may
+ * be NULL; otherwise `*error` is written only on failure and receives an AnyfaceError that the
+ * caller frees with anyface_error_free(). Set it to NULL first and free it before using it again.
+ * A NULL where something is needed gives ANYFACE_STATUS_NULL_POINTER, never a crash. A defect
+ * inside the library gives ANYFACE_STATUS_PANIC. The library prints nothing.
+ *
+ * Ownership
+ * ---------
+ *
+ * Every object from a function with `out` belongs to the caller, who frees it with the function
+ * of its type (anyface_mesh_free() and so on), in any order: no object keeps a pointer to another.
+ * What the library receives is copied: the caller's arrays and texts may go right after the call.
+ * What it lends says how long it lives. Never free() anything that came from here.
+ *
+ * Options
+ * -------
+ *
+ * Options are plain structs that may grow in later versions. Prepare them with their function,
+ * then set what you need:
+ *
+ *     AnyfaceMotionOptions options;
+ *     anyface_motion_options_init(&options, sizeof options);
+ *     options.fps = 25.0;
+ *
+ * Threads
+ * -------
+ *
+ * Engines, meshes, audio, faces, motions and clips never change after they were made: any number
+ * of threads may use the same object at the same time, for example two jobs on one engine. The
+ * result does not depend on what else runs, nor on the number of threads. An AnyfaceProgress may be
+ * read and cancelled from any thread while one job uses it. Only freeing needs care: an object
+ * must not be freed while another thread uses it. An AnyfaceError belongs to one thread at a time.
+ */
+
+
+#ifndef ANYFACE_H
+#define ANYFACE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+/// Version of this interface, for comparison with `anyface_abi_version()`.
+#define ANYFACE_ABI_VERSION 1
+
+/// Number `N` of face landmarks, in the order of iBUG 300-W.
+#define ANYFACE_LANDMARK_COUNT 68
+
+/// Number of emotion categories; `anyface_emotion_name()` gives their names.
+#define ANYFACE_EMOTION_COUNT 15
+
+/// How a call ended. 3 to 10 are also the exit codes of the `anyface` command.
+typedef enum {
+    /// It did what was asked.
+    ANYFACE_STATUS_OK = 0,
+    /// A pointer that must not be NULL was NULL.
+    ANYFACE_STATUS_NULL_POINTER = 1,
+    /// A defect in the library, caught; the handles of the call stay valid and can be freed.
+    ANYFACE_STATUS_PANIC = 2,
+    /// A value outside its stated range, NaN, an unknown name, text that is not UTF-8, or an array
+    /// of the wrong length.
+    ANYFACE_STATUS_INVALID_INPUT = 3,
+    /// A sound that cannot be decoded or used.
+    ANYFACE_STATUS_AUDIO = 4,
+    /// A mesh that cannot be read or used.
+    ANYFACE_STATUS_MESH = 5,
+    /// No face was found on the mesh; the message says why and what would help.
+    ANYFACE_STATUS_FACE_NOT_FOUND = 6,
+    /// Weights that are missing, truncated or do not fit their config.
+    ANYFACE_STATUS_WEIGHTS = 7,
+    /// A file that could not be read or written.
+    ANYFACE_STATUS_IO = 8,
+    /// The caller asked to stop.
+    ANYFACE_STATUS_CANCELLED = 9,
+    /// A numerical method that did not converge, or a defect in the library.
+    ANYFACE_STATUS_INTERNAL = 10,
+} AnyfaceStatus;
+
+/// Where work that depends only on the mesh is kept between runs; for `AnyfaceEngineOptions`.
+typedef enum {
+    /// In the user's cache folder, bounded in size. The default.
+    ANYFACE_CACHE_USER = 0,
+    /// Nothing is read or written.
+    ANYFACE_CACHE_OFF = 1,
+    /// In the folder `cache_dir`.
+    ANYFACE_CACHE_FOLDER = 2,
+} AnyfaceCache;
+
+/// What spreads landmark motion over a mesh; for `AnyfaceEngineOptions`.
+typedef enum {
+    /// Weights over the landmarks, computed once for each mesh. The default.
+    ANYFACE_DECODER_STATIC = 0,
+    /// The decoder of the FreeTalk paper, computed for each frame; slow.
+    ANYFACE_DECODER_PAPER = 1,
+} AnyfaceDecoder;
+
+/// An axis of the mesh's own frame; for `AnyfaceFaceOptions`.
+typedef enum {
+    /// +x
+    ANYFACE_AXIS_POS_X = 0,
+    /// -x
+    ANYFACE_AXIS_NEG_X = 1,
+    /// +y
+    ANYFACE_AXIS_POS_Y = 2,
+    /// -y
+    ANYFACE_AXIS_NEG_Y = 3,
+    /// +z
+    ANYFACE_AXIS_POS_Z = 4,
+    /// -z
+    ANYFACE_AXIS_NEG_Z = 5,
+} AnyfaceAxis;
+
+/// A sound, kept as mono at 16 kHz. Never changes after it was made: any number of threads may
+/// use it at the same time.
+typedef struct AnyfaceAudio AnyfaceAudio;
+
+/// Displacements of every vertex over time, in the mesh's own units, axes and vertex order. Never
+/// changes after it was made: any number of threads may read it at the same time.
+typedef struct AnyfaceClip AnyfaceClip;
+
+/// Loaded weights and settings. Any number of threads may use one engine at the same time.
+typedef struct AnyfaceEngine AnyfaceEngine;
+
+/// Why a call failed: a status and a message in English. Owned by the caller.
+typedef struct AnyfaceError AnyfaceError;
+
+/// A mesh made ready to be animated. Never changes after it was made: any number of threads may
+/// use it at the same time.
+typedef struct AnyfaceFace AnyfaceFace;
+
+/// A triangle mesh in the caller's own units, axes and vertex order. Never changes after it was
+/// made: any number of threads may use it at the same time.
+typedef struct AnyfaceMesh AnyfaceMesh;
+
+/// Motion of the 68 landmarks in the canonical frame: metres, +x to the subject's left, +y up,
+/// +z out of the face. Fits every face; never changes after it was made.
+typedef struct AnyfaceMotion AnyfaceMotion;
+
+/// Watches and stops jobs.
+///
+/// Handed to a long call, it can be read and cancelled from any other thread while the call runs.
+/// It may accompany several calls one after the other; one that was cancelled stays so.
+typedef struct AnyfaceProgress AnyfaceProgress;
+
+/// Receives progress; any result but 0 asks the job to stop.
+///
+/// `stage`: "speech", "motion", "operators", "weights", "deform", "write" or a later addition;
+/// lives as long as the progress handle. `fraction`: share of that stage that is done, 0 to 1.
+/// Called from a thread of the library, which may differ from the one that started the job and
+/// from call to call; never twice at the same time for one handle. It must not throw or longjmp,
+/// and must not start a job with the same handle.
+typedef int (*AnyfaceProgressFn)(void *user, const char *stage, float fraction);
+
+/// How an engine is set up; prepare it with `anyface_engine_options_init()`.
+typedef struct {
+    /// Bytes of this struct in the caller's header; set by `anyface_engine_options_init()`.
+    size_t struct_size;
+    /// Folder of model files that replace the built-in ones, UTF-8; NULL for the built-in ones.
+    const char *weights_dir;
+    /// Folder of a HuBERT or wav2vec2 model (`config.json` and `model.safetensors`) that replaces
+    /// the built-in speech encoder, UTF-8; `weights_dir` must then hold weights trained with it.
+    /// NULL, the default, for the built-in one.
+    const char *speech_dir;
+    /// Folder for `ANYFACE_CACHE_FOLDER`, UTF-8; otherwise NULL.
+    const char *cache_dir;
+    /// One of `AnyfaceCache`; default `ANYFACE_CACHE_USER`.
+    int32_t cache;
+    /// One of `AnyfaceDecoder`; default `ANYFACE_DECODER_STATIC`.
+    int32_t decoder;
+    /// Worker threads; 0, the default, takes one for each core. The result does not depend on it.
+    uint32_t threads;
+    /// Must be 0.
+    uint32_t reserved;
+} AnyfaceEngineOptions;
+
+/// What is known of a face; prepare it with `anyface_face_options_init()`.
+///
+/// Landmarks may come in one of three ways, or not at all: then the library finds them.
+typedef struct {
+    /// Bytes of this struct in the caller's header; set by `anyface_face_options_init()`.
+    size_t struct_size;
+    /// `[68, 3]`, mesh units and axes, in the order of iBUG 300-W; each is put on the nearest
+    /// fitting place of the surface. NULL otherwise.
+    const float *landmark_positions;
+    /// `[68]` vertex numbers, NULL otherwise.
+    const uint32_t *landmark_vertices;
+    /// The text of a landmark file as `anyface_face_write_landmarks()` writes it, UTF-8. NULL
+    /// otherwise.
+    const char *landmark_json;
+    /// The axis out of the face, one of `AnyfaceAxis`; default +z, as in OBJ and glTF. Blender
+    /// faces -y.
+    int32_t forward;
+    /// The axis to the top of the head, one of `AnyfaceAxis`; default +y. Blender has +z.
+    int32_t up;
+    /// Strength of the learned part, 0 (geometry alone) to 1, the default.
+    float learned;
+    /// Must be 0.
+    uint32_t reserved;
+} AnyfaceFaceOptions;
+
+/// What a performance is asked to be; prepare it with `anyface_motion_options_init()`.
+typedef struct {
+    /// Bytes of this struct in the caller's header; set by `anyface_motion_options_init()`.
+    size_t struct_size;
+    /// `[emotion_count, ANYFACE_EMOTION_COUNT]`: strength of each emotion, 0 or more, at most 1.5
+    /// in sum for each row. NULL with a count of 0, the default, is neutral throughout.
+    const float *emotion_strengths;
+    /// `[emotion_count]`: seconds at which the rows hold, rising; linear in between, held outside.
+    /// NULL where there is one row, which then holds throughout.
+    const double *emotion_times_s;
+    /// Number of rows.
+    size_t emotion_count;
+    /// Frames per second of the result, 1 to 240; default 30.
+    double fps;
+    /// The same seed gives the same motion; default 0.
+    uint64_t seed;
+    /// Speaking style by name, UTF-8; NULL, the default, takes the model's own.
+    const char *style;
+    /// Denoising steps; 0, the default, takes the model's own.
+    uint32_t steps;
+    /// Must be 0.
+    uint32_t reserved;
+} AnyfaceMotionOptions;
+
+#ifdef __cplusplus
+extern "C" {
+#endif // __cplusplus
+
+/// Version of the interface that the loaded library has.
+///
+/// It is raised when something that existed changes its meaning or goes away. A program that
+/// loads the library at run time stops where this differs from its own `ANYFACE_ABI_VERSION`.
+/// New functions, and new fields at the end of an options struct, do not raise it.
+uint32_t anyface_abi_version(void);
+
+/// Version of the library, such as "0.1.0"; lives as long as the library is loaded.
+const char *anyface_version(void);
+
+/// A short name of a status, such as "face not found"; "unknown" for a number that is none.
+///
+/// The text lives as long as the library is loaded.
+const char *anyface_status_name(int32_t status);
+
+/// The message, UTF-8; lives until the error is freed. "" for NULL.
+const char *anyface_error_message(const AnyfaceError *error);
+
+/// The status that the failed call returned; `ANYFACE_STATUS_OK` for NULL.
+AnyfaceStatus anyface_error_status(const AnyfaceError *error);
+
+/// Frees an error; nothing happens for NULL.
+void anyface_error_free(AnyfaceError *error);
+
+/// A handle that watches and stops jobs; never NULL.
+///
+/// `callback` may be NULL for a program that reads with `anyface_progress_read()` instead. `user`
+/// is passed to the callback as it is.
+AnyfaceProgress *anyface_progress_new(AnyfaceProgressFn callback, void *user);
+
+/// Reads how far the job is; from any thread, at any time.
+///
+/// `stage` receives the name of the stage ("" before the first), which lives until the handle is
+/// freed; `fraction` the share of it that is done, 0 to 1. Either may be NULL.
+/// Fails with `ANYFACE_STATUS_NULL_POINTER` if `progress` is NULL.
+AnyfaceStatus anyface_progress_read(const AnyfaceProgress *progress,
+                                    const char **stage,
+                                    float *fraction);
+
+/// Asks the job to stop, from any thread; the running call returns `ANYFACE_STATUS_CANCELLED` as
+/// soon as it can. Nothing happens for NULL.
+void anyface_progress_cancel(const AnyfaceProgress *progress);
+
+/// 1 if the job was asked to stop, by callback or by `anyface_progress_cancel()`, otherwise 0.
+int anyface_progress_is_cancelled(const AnyfaceProgress *progress);
+
+/// Frees a progress handle that no running call uses; nothing happens for NULL.
+void anyface_progress_free(AnyfaceProgress *progress);
+
+/// Sets every option to its default. `struct_size` is `sizeof *options`.
+///
+/// Fails with `ANYFACE_STATUS_NULL_POINTER`, or `ANYFACE_STATUS_INVALID_INPUT` for a size that no
+/// version had.
+AnyfaceStatus anyface_engine_options_init(AnyfaceEngineOptions *options, size_t struct_size);
+
+/// Loads the weights; takes some tenths of a second, so keep the engine.
+///
+/// `options` may be NULL for the defaults. Free with `anyface_engine_free()`.
+/// Fails with `ANYFACE_STATUS_WEIGHTS` if a model file is missing, truncated or does not fit its
+/// config, `ANYFACE_STATUS_INVALID_INPUT` for an option out of range.
+AnyfaceStatus anyface_engine_new(const AnyfaceEngineOptions *options,
+                                 AnyfaceEngine **out,
+                                 AnyfaceError **error);
+
+/// Frees an engine that no running call uses; nothing happens for NULL.
+///
+/// Faces, motions and clips that were made with it stay valid.
+void anyface_engine_free(AnyfaceEngine *engine);
+
+/// A mesh from triangles; the arrays are copied.
+///
+/// `positions`: `[vertex_count, 3]`, any units. `triangles`: `[triangle_count, 3]`, vertex
+/// numbers. Loose vertices, several parts, holes, duplicate and flat triangles are allowed. Free
+/// with `anyface_mesh_free()`.
+/// Fails with `ANYFACE_STATUS_MESH` for too few triangles, positions that are not finite or vertex
+/// numbers out of range.
+AnyfaceStatus anyface_mesh_new(const float *positions,
+                               size_t vertex_count,
+                               const uint32_t *triangles,
+                               size_t triangle_count,
+                               AnyfaceMesh **out,
+                               AnyfaceError **error);
+
+/// A mesh from polygons, which are cut into triangles; the arrays are copied.
+///
+/// `positions`: `[vertex_count, 3]`, any units. `polygon_sizes`: `[polygon_count]`, corners of
+/// each. `corners`: `[corner_count]`, the vertex numbers of all polygons in a row. Free with
+/// `anyface_mesh_free()`.
+/// Fails as `anyface_mesh_new()`, and with `ANYFACE_STATUS_INVALID_INPUT` if the sizes do not add
+/// up to `corner_count`.
+AnyfaceStatus anyface_mesh_new_polygons(const float *positions,
+                                        size_t vertex_count,
+                                        const uint32_t *polygon_sizes,
+                                        size_t polygon_count,
+                                        const uint32_t *corners,
+                                        size_t corner_count,
+                                        AnyfaceMesh **out,
+                                        AnyfaceError **error);
+
+/// A mesh from an OBJ or PLY file; the vertex order is the file's.
+///
+/// `path`: UTF-8. Free with `anyface_mesh_free()`.
+/// Fails with `ANYFACE_STATUS_IO` if the file cannot be read, `ANYFACE_STATUS_MESH` if it is
+/// neither format or the mesh cannot be used.
+AnyfaceStatus anyface_mesh_read(const char *path, AnyfaceMesh **out, AnyfaceError **error);
+
+/// Number `V` of vertices; 0 for NULL.
+size_t anyface_mesh_vertex_count(const AnyfaceMesh *mesh);
+
+/// Number `F` of triangles; 0 for NULL.
+size_t anyface_mesh_triangle_count(const AnyfaceMesh *mesh);
+
+/// Copies the positions into the caller's buffer.
+///
+/// `buffer`: `[V, 3]`, mesh units; `float_count` must be `V * 3`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+AnyfaceStatus anyface_mesh_copy_positions(const AnyfaceMesh *mesh,
+                                          float *buffer,
+                                          size_t float_count,
+                                          AnyfaceError **error);
+
+/// Copies the triangles into the caller's buffer.
+///
+/// `buffer`: `[F, 3]`, vertex numbers; `index_count` must be `F * 3`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `index_count`.
+AnyfaceStatus anyface_mesh_copy_triangles(const AnyfaceMesh *mesh,
+                                          uint32_t *buffer,
+                                          size_t index_count,
+                                          AnyfaceError **error);
+
+/// Frees a mesh that no running call uses; nothing happens for NULL.
+void anyface_mesh_free(AnyfaceMesh *mesh);
+
+/// A sound from samples in memory, which are copied.
+///
+/// `samples`: `[frame_count, channels]`, interleaved, nominally -1 to 1; channels are averaged.
+/// `sample_rate_hz`: 4000 to 384000. Free with `anyface_audio_free()`.
+/// Fails with `ANYFACE_STATUS_AUDIO` for no samples, samples that are not finite, no channels or a
+/// rate out of range.
+AnyfaceStatus anyface_audio_new(const float *samples,
+                                size_t frame_count,
+                                uint32_t channels,
+                                uint32_t sample_rate_hz,
+                                AnyfaceAudio **out,
+                                AnyfaceError **error);
+
+/// A sound from a file: WAV, MP3, FLAC, Ogg Vorbis, M4A or AIFF.
+///
+/// `path`: UTF-8. Free with `anyface_audio_free()`.
+/// Fails with `ANYFACE_STATUS_IO` if the file cannot be read, `ANYFACE_STATUS_AUDIO` if it cannot
+/// be decoded or holds no sound.
+AnyfaceStatus anyface_audio_read(const char *path, AnyfaceAudio **out, AnyfaceError **error);
+
+/// A part of a sound, copied.
+///
+/// `start_s`, `duration_s`: seconds, not negative; what lies past the end is left out.
+/// Free with `anyface_audio_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that are negative or not finite,
+/// `ANYFACE_STATUS_AUDIO` if nothing is left.
+AnyfaceStatus anyface_audio_trim(const AnyfaceAudio *audio,
+                                 double start_s,
+                                 double duration_s,
+                                 AnyfaceAudio **out,
+                                 AnyfaceError **error);
+
+/// Length in seconds; 0 for NULL.
+double anyface_audio_duration_s(const AnyfaceAudio *audio);
+
+/// Largest magnitude of any sample; 0 for silence and for NULL. Below 0.001 counts as silence.
+float anyface_audio_peak(const AnyfaceAudio *audio);
+
+/// Frees a sound that no running call uses; nothing happens for NULL.
+void anyface_audio_free(AnyfaceAudio *audio);
+
+/// Sets every option to its default. `struct_size` is `sizeof *options`.
+///
+/// Fails with `ANYFACE_STATUS_NULL_POINTER`, or `ANYFACE_STATUS_INVALID_INPUT` for a size that no
+/// version had.
+AnyfaceStatus anyface_face_options_init(AnyfaceFaceOptions *options, size_t struct_size);
+
+/// Takes or finds the landmarks of a mesh and computes all that does not depend on time. Long:
+/// accepts a progress handle; kept in the engine's cache.
+///
+/// `options` and `progress` may be NULL. The mesh may be freed afterwards. Free with
+/// `anyface_face_free()`.
+/// Fails with `ANYFACE_STATUS_FACE_NOT_FOUND`, `ANYFACE_STATUS_MESH` for a mesh that cannot be
+/// used, `ANYFACE_STATUS_INVALID_INPUT` for unusable landmarks or options,
+/// `ANYFACE_STATUS_CANCELLED`.
+AnyfaceStatus anyface_face_new(const AnyfaceEngine *engine,
+                               const AnyfaceMesh *mesh,
+                               const AnyfaceFaceOptions *options,
+                               const AnyfaceProgress *progress,
+                               AnyfaceFace **out,
+                               AnyfaceError **error);
+
+/// Number `V` of vertices of its mesh; 0 for NULL.
+size_t anyface_face_vertex_count(const AnyfaceFace *face);
+
+/// Copies the 68 landmarks into the caller's buffers, each of which may be NULL.
+///
+/// `positions`: `[68, 3]`, mesh units and axes, on the surface. `vertices`: `[68]`, the nearest
+/// vertex of each. `confidence`: `[68]`, 0 to 1; 1 for landmarks that the caller gave.
+/// Fails with `ANYFACE_STATUS_NULL_POINTER` if `face` is NULL.
+AnyfaceStatus anyface_face_copy_landmarks(const AnyfaceFace *face,
+                                          float *positions,
+                                          uint32_t *vertices,
+                                          float *confidence,
+                                          AnyfaceError **error);
+
+/// Writes the landmarks as a JSON file that `anyface animate --landmarks` reads too.
+///
+/// `path`: UTF-8. Fails with `ANYFACE_STATUS_IO`; then nothing is left of the file.
+AnyfaceStatus anyface_face_write_landmarks(const AnyfaceFace *face,
+                                           const char *path,
+                                           AnyfaceError **error);
+
+/// Frees a face that no running call uses; nothing happens for NULL.
+void anyface_face_free(AnyfaceFace *face);
+
+/// Name of an emotion: "neutral" (0), "happy" (1), ... "drunk" (14); NULL from
+/// `ANYFACE_EMOTION_COUNT` on. Lives as long as the library is loaded.
+const char *anyface_emotion_name(size_t index);
+
+/// Reads emotions as text, such as "happy:0.7" or "happy:0.4,surprised:0.3".
+///
+/// `strengths` receives `ANYFACE_EMOTION_COUNT` values, one for each emotion.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for an unknown name, a strength below 0, or strengths
+/// whose sum is above 1.5.
+AnyfaceStatus anyface_emotion_parse(const char *text, float *strengths, AnyfaceError **error);
+
+/// Sets every option to its default. `struct_size` is `sizeof *options`.
+///
+/// Fails with `ANYFACE_STATUS_NULL_POINTER`, or `ANYFACE_STATUS_INVALID_INPUT` for a size that no
+/// version had.
+AnyfaceStatus anyface_motion_options_init(AnyfaceMotionOptions *options, size_t struct_size);
+
+/// Speech becomes motion. Long: accepts a progress handle.
+///
+/// `options` and `progress` may be NULL. Free with `anyface_motion_free()`.
+/// Fails with `ANYFACE_STATUS_AUDIO` for a sound too short to use, `ANYFACE_STATUS_INVALID_INPUT`
+/// for an option out of range, `ANYFACE_STATUS_CANCELLED`.
+AnyfaceStatus anyface_motion_new(const AnyfaceEngine *engine,
+                                 const AnyfaceAudio *audio,
+                                 const AnyfaceMotionOptions *options,
+                                 const AnyfaceProgress *progress,
+                                 AnyfaceMotion **out,
+                                 AnyfaceError **error);
+
+/// Motion that the caller brings: from a tracker, or edited. The array is copied.
+///
+/// `displacements`: `[frame_count, 68, 3]` from the neutral face, canonical metres.
+/// `fps`: frames per second, 1 to 240. Free with `anyface_motion_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for no frames, values that are not finite, or a frame
+/// rate out of range.
+AnyfaceStatus anyface_motion_new_displacements(const float *displacements,
+                                               size_t frame_count,
+                                               double fps,
+                                               AnyfaceMotion **out,
+                                               AnyfaceError **error);
+
+/// Number `T` of frames; 0 for NULL.
+size_t anyface_motion_frame_count(const AnyfaceMotion *motion);
+
+/// Frames per second; 0 for NULL.
+double anyface_motion_fps(const AnyfaceMotion *motion);
+
+/// Copies the motion into the caller's buffer.
+///
+/// `buffer`: `[T, 68, 3]`, canonical metres; `float_count` must be `T * 68 * 3`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+AnyfaceStatus anyface_motion_copy_displacements(const AnyfaceMotion *motion,
+                                                float *buffer,
+                                                size_t float_count,
+                                                AnyfaceError **error);
+
+/// Writes the motion as npz for numpy: `landmark_displacements` `[T, 68, 3]`, canonical metres, and
+/// `fps`.
+///
+/// `path`: UTF-8, ends in .npz. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending,
+/// `ANYFACE_STATUS_IO` if the file cannot be written; then nothing is left of it.
+AnyfaceStatus anyface_motion_write(const AnyfaceMotion *motion,
+                                   const char *path,
+                                   AnyfaceError **error);
+
+/// Frees a motion that no running call uses; nothing happens for NULL.
+void anyface_motion_free(AnyfaceMotion *motion);
+
+/// Speech and a face become a clip: `anyface_motion_new()` and `anyface_clip_new()` in one. Long:
+/// accepts a progress handle.
+///
+/// `options` and `progress` may be NULL. Free with `anyface_clip_free()`.
+/// Fails as those two do.
+AnyfaceStatus anyface_engine_animate(const AnyfaceEngine *engine,
+                                     const AnyfaceFace *face,
+                                     const AnyfaceAudio *audio,
+                                     const AnyfaceMotionOptions *options,
+                                     const AnyfaceProgress *progress,
+                                     AnyfaceClip **out,
+                                     AnyfaceError **error);
+
+/// Puts motion on a face. Long: accepts a progress handle.
+///
+/// `progress` may be NULL. Free with `anyface_clip_free()`; face and motion may go before.
+/// Fails with `ANYFACE_STATUS_CANCELLED`.
+AnyfaceStatus anyface_clip_new(const AnyfaceEngine *engine,
+                               const AnyfaceFace *face,
+                               const AnyfaceMotion *motion,
+                               const AnyfaceProgress *progress,
+                               AnyfaceClip **out,
+                               AnyfaceError **error);
+
+/// Number `T` of frames; 0 for NULL.
+size_t anyface_clip_frame_count(const AnyfaceClip *clip);
+
+/// Number `V` of vertices; 0 for NULL.
+size_t anyface_clip_vertex_count(const AnyfaceClip *clip);
+
+/// Frames per second; 0 for NULL.
+double anyface_clip_fps(const AnyfaceClip *clip);
+
+/// Length of the largest displacement of any vertex in any frame, mesh units; 0 for NULL.
+///
+/// A value near 0 means that nothing moves: say so to the user.
+float anyface_clip_largest_displacement(const AnyfaceClip *clip);
+
+/// Lends all displacements: `[T, V, 3]`, mesh units, added to the neutral positions.
+///
+/// The pointer is valid until the clip is freed; the values never change. NULL for NULL.
+const float *anyface_clip_displacements(const AnyfaceClip *clip);
+
+/// Copies all displacements into the caller's buffer.
+///
+/// `buffer`: `[T, V, 3]`, mesh units; `float_count` must be `T * V * 3`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+AnyfaceStatus anyface_clip_copy_displacements(const AnyfaceClip *clip,
+                                              float *buffer,
+                                              size_t float_count,
+                                              AnyfaceError **error);
+
+/// Copies the displacements of one frame into the caller's buffer.
+///
+/// `frame`: below `T`. `buffer`: `[V, 3]`, mesh units; `float_count` must be `V * 3`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count` or a frame out of range.
+AnyfaceStatus anyface_clip_copy_frame(const AnyfaceClip *clip,
+                                      size_t frame,
+                                      float *buffer,
+                                      size_t float_count,
+                                      AnyfaceError **error);
+
+/// Copies the 68 landmarks at rest into the caller's buffer.
+///
+/// `buffer`: `[68, 3]`, mesh units; `float_count` must be 204.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+AnyfaceStatus anyface_clip_copy_landmarks_neutral(const AnyfaceClip *clip,
+                                                  float *buffer,
+                                                  size_t float_count,
+                                                  AnyfaceError **error);
+
+/// Copies the displacements of the 68 landmarks into the caller's buffer.
+///
+/// `buffer`: `[T, 68, 3]`, mesh units; `float_count` must be `T * 68 * 3`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+AnyfaceStatus anyface_clip_copy_landmark_displacements(const AnyfaceClip *clip,
+                                                       float *buffer,
+                                                       size_t float_count,
+                                                       AnyfaceError **error);
+
+/// Writes the clip as a file whose kind follows from the end of its name.
+///
+/// .npz for numpy: `displacements` `[T, V, 3]`, `landmarks_neutral` `[68, 3]`,
+/// `landmark_displacements` `[T, 68, 3]`, mesh units, and `fps`. .pc2 and .mdd: point caches of
+/// positions for Blender, Maya, Houdini and others.
+/// `mesh`: the mesh of the clip's face. `path`: UTF-8.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or another mesh,
+/// `ANYFACE_STATUS_IO` if the file cannot be written; then nothing is left of it.
+AnyfaceStatus anyface_clip_write(const AnyfaceClip *clip,
+                                 const AnyfaceMesh *mesh,
+                                 const char *path,
+                                 AnyfaceError **error);
+
+/// Frees a clip that no running call uses, with everything it lent; nothing happens for NULL.
+void anyface_clip_free(AnyfaceClip *clip);
+
+#ifdef __cplusplus
+}  // extern "C"
+#endif  // __cplusplus
+
+#endif  /* ANYFACE_H */
