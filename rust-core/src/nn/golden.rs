@@ -48,6 +48,11 @@ impl Golden {
         metadata.metadata().as_ref().unwrap()[key].clone()
     }
 
+    pub fn names(&self) -> Vec<String> {
+        let file = SafeTensors::deserialize(&self.bytes).unwrap();
+        file.names().into_iter().map(str::to_owned).collect()
+    }
+
     pub fn shape(&self, name: &str) -> Vec<usize> {
         let file = SafeTensors::deserialize(&self.bytes).unwrap();
         file.tensor(name).unwrap().shape().to_vec()

@@ -1,14 +1,22 @@
 //! Speech features: one trait, three encoders (compact, HuBERT, wav2vec2).
 
 mod compact;
+mod conv_features;
+mod encoder_config;
+pub mod hubert;
 mod log_mel;
 mod resample;
+mod transformer_encoder;
+pub mod wav2vec2;
 
 pub use compact::{CompactConfig, CompactEncoder, normalise};
 pub use log_mel::{BANDS, HOP, log_mel};
 pub use resample::at_motion_frames;
+pub use transformer_encoder::HiddenStates;
 
-use crate::{Result, audio::Waveform};
+use std::path::Path;
+
+use crate::{Error, Result, audio::Waveform};
 use ndarray::Array2;
 
 /// Features of a stretch of speech at a constant rate.
@@ -30,4 +38,29 @@ pub trait SpeechEncoder: Send + Sync {
     /// # Errors
     /// [`crate::Error::Audio`] if the sound is too short to encode.
     fn encode(&self, waveform: &Waveform) -> Result<FeatureTrack>;
+}
+
+/// Reads HuBERT or wav2vec2 from a Hugging Face folder, as its `config.json` says.
+///
+/// `layer` chooses a hidden state: 0 stands before the first layer; `None` is the output.
+///
+/// # Errors
+/// `Io` if a file cannot be read; `Weights` if one is damaged, they do not fit each other, or the
+/// folder holds another model; `InvalidInput` for a layer that is not there.
+pub fn from_folder(folder: &Path, layer: Option<usize>) -> Result<Box<dyn SpeechEncoder>> {
+    #[derive(serde::Deserialize)]
+    struct Kind {
+        model_type: String,
+    }
+    let path = folder.join("config.json");
+    let text = std::fs::read_to_string(&path).map_err(Error::io(&path))?;
+    let kind: Kind =
+        serde_json::from_str(&text).map_err(|e| Error::Weights(format!("config.json: {e}")))?;
+    match kind.model_type.as_str() {
+        "hubert" => Ok(Box::new(hubert::Hubert::load_folder(folder, layer)?)),
+        "wav2vec2" => Ok(Box::new(wav2vec2::Wav2Vec2::load_folder(folder, layer)?)),
+        other => Err(Error::Weights(format!(
+            "config.json: model_type: expected hubert or wav2vec2, got {other}"
+        ))),
+    }
 }

@@ -1,0 +1,43 @@
+//! HuBERT (Hsu et al. 2021) from a user's Hugging Face folder; FreeTalk's own speech encoder.
+
+use std::path::Path;
+
+use super::{FeatureTrack, HiddenStates, SpeechEncoder, transformer_encoder::TransformerEncoder};
+use crate::{Result, audio::Waveform};
+
+/// A HuBERT encoder; base (post-norm) and large (pre-norm).
+pub struct Hubert {
+    encoder: TransformerEncoder,
+}
+
+impl Hubert {
+    /// Reads `config.json`, `model.safetensors` and, where it is there, `preprocessor_config.json`.
+    ///
+    /// `layer` chooses a hidden state: 0 stands before the first layer; `None` is the output.
+    ///
+    /// # Errors
+    /// `Io` if a file cannot be read; `Weights` if one is damaged, they do not fit each other, or
+    /// the folder holds another model; `InvalidInput` for a layer that is not there.
+    pub fn load_folder(folder: &Path, layer: Option<usize>) -> Result<Self> {
+        let encoder = TransformerEncoder::load_folder(folder, "hubert", layer)?;
+        Ok(Hubert { encoder })
+    }
+
+    /// Every hidden state of `samples`, `[S]` at 16 kHz, taken as they are and in one piece.
+    ///
+    /// # Errors
+    /// `Audio` for less than one frame (400 samples).
+    pub fn hidden_states(&self, samples: &[f32]) -> Result<HiddenStates> {
+        self.encoder.hidden_states(samples)
+    }
+}
+
+impl SpeechEncoder for Hubert {
+    fn channels(&self) -> usize {
+        self.encoder.channels()
+    }
+
+    fn encode(&self, waveform: &Waveform) -> Result<FeatureTrack> {
+        self.encoder.encode(waveform)
+    }
+}

@@ -1,0 +1,366 @@
+//! What HuBERT and wav2vec2 have in common: a transformer over convolutional features.
+//!
+//! Reads a Hugging Face folder: `config.json`, `model.safetensors` under the checkpoint's own names
+//! and, where it is there, `preprocessor_config.json`. The two networks compute the same function;
+//! they differ in training and in a few names.
+
+use std::path::Path;
+
+use ndarray::{Array1, Array2, ArrayRef2, Axis, Slice};
+use rayon::prelude::*;
+
+use super::{
+    FeatureTrack,
+    conv_features::ConvFeatures,
+    encoder_config::{EncoderConfig, read_preprocessor},
+};
+use crate::{
+    Error, Result,
+    audio::{SAMPLE_RATE_HZ, Waveform},
+    nn::{
+        Weights,
+        attention::SelfAttention,
+        conv::Conv1d,
+        elementwise::{add_all, gelu_all},
+        linear::Linear,
+        matrix,
+        norm::{LayerNorm, add_and_norm},
+    },
+};
+
+/// Frames that are encoded at once: attention costs their square.
+const SPAN: usize = 1500;
+/// Frames of context on either side of a span.
+const CONTEXT: usize = 100;
+
+/// Convolutions, projection, positions and transformer layers.
+pub(super) struct TransformerEncoder {
+    config: EncoderConfig,
+    normalise: bool,
+    /// Number of the hidden state that [`TransformerEncoder::encode`] returns; `None`: the output.
+    layer: Option<usize>,
+    features: ConvFeatures,
+    projection_norm: Option<LayerNorm>,
+    projection: Linear,
+    positions: PositionalConv,
+    norm: LayerNorm,
+    layers: Vec<EncoderLayer>,
+}
+
+/// Every hidden state `[T, C]` (the first before the first layer) and the output.
+pub struct HiddenStates {
+    /// `num_hidden_layers + 1` states.
+    pub hidden: Vec<Array2<f32>>,
+    /// The encoder's output: the last state, normalised in the stable variant.
+    pub output: Array2<f32>,
+}
+
+impl TransformerEncoder {
+    /// Reads a folder whose `config.json` has this `model_type`.
+    pub fn load_folder(folder: &Path, model_type: &str, layer: Option<usize>) -> Result<Self> {
+        let config = EncoderConfig::from_json(&read_text(&folder.join("config.json"))?)?;
+        if config.model_type != model_type {
+            return Err(Error::Weights(format!(
+                "config.json: model_type: expected {model_type}, got {}",
+                config.model_type
+            )));
+        }
+        let preprocessor = folder.join("preprocessor_config.json");
+        let normalise = match preprocessor.exists() {
+            true => read_preprocessor(&read_text(&preprocessor)?)?,
+            // The default of Hugging Face's feature extractor.
+            false => true,
+        };
+        let weights = Weights::from_file(&folder.join("model.safetensors"))?;
+        Self::new(config, &weights, normalise, layer)
+    }
+
+    pub fn new(
+        config: EncoderConfig,
+        weights: &Weights,
+        normalise: bool,
+        layer: Option<usize>,
+    ) -> Result<Self> {
+        if let Some(layer) = layer.filter(|layer| *layer > config.num_hidden_layers) {
+            return Err(Error::InvalidInput(format!(
+                "layer: expected 0 to {}, got {layer}",
+                config.num_hidden_layers
+            )));
+        }
+        // Checkpoints of models with a head hold the encoder one level down.
+        let weights = match weights.contains("feature_projection.projection.weight") {
+            true => weights.clone(),
+            false => weights.pp(&config.model_type),
+        };
+        let channels = *config.conv_dim.last().expect("checked");
+        let (hidden, epsilon) = (config.hidden_size, config.layer_norm_eps);
+        let projection = weights.pp("feature_projection");
+        let encoder = weights.pp("encoder");
+        Ok(TransformerEncoder {
+            normalise,
+            layer,
+            features: ConvFeatures::load(&weights.pp("feature_extractor"), &config)?,
+            projection_norm: match config.feat_proj_layer_norm {
+                true => Some(LayerNorm::load(
+                    &projection.pp("layer_norm"),
+                    channels,
+                    epsilon,
+                )?),
+                false => None,
+            },
+            projection: Linear::load(&projection.pp("projection"), channels, hidden)?,
+            positions: PositionalConv::load(&encoder.pp("pos_conv_embed.conv"), &config)?,
+            norm: LayerNorm::load(&encoder.pp("layer_norm"), hidden, epsilon)?,
+            layers: (0..config.num_hidden_layers)
+                .map(|i| EncoderLayer::load(&encoder.pp("layers").pp(i), &config))
+                .collect::<Result<_>>()?,
+            config,
+        })
+    }
+
+    /// Channels of the hidden states.
+    pub fn channels(&self) -> usize {
+        self.config.hidden_size
+    }
+
+    /// The chosen hidden state at the encoder's own rate.
+    ///
+    /// Long sounds are encoded in spans of 30 s with 2 s of context on either side, so that cost
+    /// grows with their length and not with its square. Where the first convolution normalises over
+    /// time, it does so over the span.
+    pub fn encode(&self, waveform: &Waveform) -> Result<FeatureTrack> {
+        let samples = match self.normalise {
+            true => unit_variance(&waveform.samples),
+            false => waveform.samples.clone(),
+        };
+        let (hop, field) = (self.features.hop(), self.features.receptive_field());
+        self.check_length(&samples)?;
+        let frames = (samples.len() - field) / hop + 1;
+        let mut features = Array2::zeros((frames, self.channels()));
+        for start in (0..frames).step_by(SPAN) {
+            let end = (start + SPAN).min(frames);
+            let first = start.saturating_sub(CONTEXT);
+            let last = (end + CONTEXT).min(frames);
+            // The first convolution's norm sees the samples after the last whole frame too.
+            let until = match last == frames {
+                true => samples.len(),
+                false => (last - 1) * hop + field,
+            };
+            let state = self.chosen_state(&samples[first * hop..until]);
+            let inner = Slice::from(start - first..end - first);
+            features
+                .slice_axis_mut(Axis(0), Slice::from(start..end))
+                .assign(&state.slice_axis(Axis(0), inner));
+        }
+        let rate_hz = f64::from(SAMPLE_RATE_HZ) / hop as f64;
+        Ok(FeatureTrack { features, rate_hz })
+    }
+
+    fn check_length(&self, samples: &[f32]) -> Result<()> {
+        let (field, got) = (self.features.receptive_field(), samples.len());
+        match got < field {
+            false => Ok(()),
+            true => Err(Error::Audio(format!(
+                "expected at least {field} samples at 16 kHz, got {got}"
+            ))),
+        }
+    }
+
+    fn chosen_state(&self, samples: &[f32]) -> Array2<f32> {
+        match self.layer {
+            None => self.run(samples, self.layers.len(), &mut |_| ()),
+            Some(layer) => {
+                let mut last = Array2::zeros((0, 0));
+                self.run(samples, layer, &mut |state| last = state.to_owned());
+                last
+            }
+        }
+    }
+
+    /// Every hidden state of a sound that is already normalised, in one piece.
+    pub fn hidden_states(&self, samples: &[f32]) -> Result<HiddenStates> {
+        self.check_length(samples)?;
+        let mut hidden = Vec::new();
+        let output = self.run(samples, self.layers.len(), &mut |state| {
+            hidden.push(state.to_owned());
+        });
+        Ok(HiddenStates { hidden, output })
+    }
+
+    /// Runs `layers` layers, shows every hidden state and returns the output.
+    fn run(
+        &self,
+        samples: &[f32],
+        layers: usize,
+        show: &mut dyn FnMut(&ArrayRef2<f32>),
+    ) -> Array2<f32> {
+        let mut x = self.features.forward(samples);
+        if let Some(norm) = &self.projection_norm {
+            norm.forward_in_place(&mut x);
+        }
+        let mut x = self.projection.forward(&x);
+        let positions = self.positions.forward(&x);
+        add_all(
+            x.as_slice_mut().expect("new array"),
+            matrix::values(&positions),
+        );
+        if !self.config.do_stable_layer_norm {
+            self.norm.forward_in_place(&mut x);
+        }
+        show(&x);
+        for layer in &self.layers[..layers] {
+            x = layer.forward(x);
+            show(&x);
+        }
+        if self.config.do_stable_layer_norm {
+            self.norm.forward_in_place(&mut x);
+        }
+        x
+    }
+}
+
+/// A transformer encoder layer, post-norm, or pre-norm in the stable variant.
+struct EncoderLayer {
+    stable: bool,
+    attention: SelfAttention,
+    layer_norm: LayerNorm,
+    intermediate_dense: Linear,
+    output_dense: Linear,
+    final_layer_norm: LayerNorm,
+}
+
+impl EncoderLayer {
+    fn load(weights: &Weights, config: &EncoderConfig) -> Result<Self> {
+        let (hidden, inner) = (config.hidden_size, config.intermediate_size);
+        let (heads, epsilon) = (config.num_attention_heads, config.layer_norm_eps);
+        let feed = weights.pp("feed_forward");
+        Ok(EncoderLayer {
+            stable: config.do_stable_layer_norm,
+            attention: SelfAttention::load_separate(&weights.pp("attention"), hidden, heads)?,
+            layer_norm: LayerNorm::load(&weights.pp("layer_norm"), hidden, epsilon)?,
+            intermediate_dense: Linear::load(&feed.pp("intermediate_dense"), hidden, inner)?,
+            output_dense: Linear::load(&feed.pp("output_dense"), inner, hidden)?,
+            final_layer_norm: LayerNorm::load(&weights.pp("final_layer_norm"), hidden, epsilon)?,
+        })
+    }
+
+    fn forward(&self, mut x: Array2<f32>) -> Array2<f32> {
+        if self.stable {
+            let attended = self.attention.forward(&self.layer_norm.forward(&x));
+            x += &attended;
+            let fed = self.feed_forward(&self.final_layer_norm.forward(&x));
+            x += &fed;
+        } else {
+            let attended = self.attention.forward(&x);
+            add_and_norm(&mut x, &attended, &self.layer_norm);
+            let fed = self.feed_forward(&x);
+            add_and_norm(&mut x, &fed, &self.final_layer_norm);
+        }
+        x
+    }
+
+    fn feed_forward(&self, x: &ArrayRef2<f32>) -> Array2<f32> {
+        let inner = self.intermediate_dense.forward_then(x, gelu_all);
+        self.output_dense.forward(&inner)
+    }
+}
+
+/// Relative positions as a grouped convolution over time with GELU.
+struct PositionalConv {
+    groups: Vec<Conv1d>,
+}
+
+impl PositionalConv {
+    fn load(weights: &Weights, config: &EncoderConfig) -> Result<Self> {
+        let (channels, taps) = (config.hidden_size, config.num_conv_pos_embeddings);
+        let groups = config.num_conv_pos_embedding_groups;
+        let width = channels / groups;
+        let weight = weight_normalised(weights, [channels, width, taps])?;
+        let bias = weights.vector("bias", channels)?;
+        let group = |index: usize| {
+            let size = width * width * taps;
+            let weight = &weight[index * size..(index + 1) * size];
+            let bias = bias.slice_axis(Axis(0), Slice::from(index * width..(index + 1) * width));
+            Conv1d::from_parts(weight, [width, width, taps], bias.to_owned(), 1)
+        };
+        let groups = (0..groups).map(group).collect();
+        Ok(PositionalConv { groups })
+    }
+
+    /// `x`: `[T, C]`. Returns `[T, C]`; zeros beyond the ends, one frame dropped for even taps.
+    fn forward(&self, x: &ArrayRef2<f32>) -> Array2<f32> {
+        let (frames, width) = (x.nrows(), self.groups[0].outputs());
+        let padding = self.groups[0].taps() / 2;
+        let columns = |index: usize| Slice::from(index * width..(index + 1) * width);
+        let parts: Vec<Array2<f32>> = self
+            .groups
+            .par_iter()
+            .enumerate()
+            .map(|(index, conv)| {
+                let mut padded = Array2::zeros((frames + 2 * padding, width));
+                padded
+                    .slice_axis_mut(Axis(0), Slice::from(padding..padding + frames))
+                    .assign(&x.slice_axis(Axis(1), columns(index)));
+                conv.forward_then(&padded, gelu_all)
+            })
+            .collect();
+        let mut out = Array2::zeros(x.dim());
+        for (index, part) in parts.iter().enumerate() {
+            out.slice_axis_mut(Axis(1), columns(index))
+                .assign(&part.slice_axis(Axis(0), Slice::from(0..frames)));
+        }
+        out
+    }
+}
+
+/// `g v / ‖v‖` with the norm over everything but the taps, Salimans & Kingma 2016.
+///
+/// Reads the names of PyTorch 2 (`parametrizations.weight.original0/1`), of PyTorch 1
+/// (`weight_g/v`), or a plain `weight`.
+fn weight_normalised(weights: &Weights, shape: [usize; 3]) -> Result<Vec<f32>> {
+    let old = weights.contains("weight_v");
+    if !old && weights.contains("weight") {
+        return weights.values("weight", &shape);
+    }
+    let [gain, direction] = match old {
+        true => ["weight_g", "weight_v"],
+        false => [
+            "parametrizations.weight.original0",
+            "parametrizations.weight.original1",
+        ],
+    };
+    let taps = shape[2];
+    let gain = weights.values(gain, &[1, 1, taps])?;
+    let mut weight = weights.values(direction, &shape)?;
+    let mut squares = vec![0.0f64; taps];
+    for (index, value) in weight.iter().enumerate() {
+        squares[index % taps] += f64::from(*value).powi(2);
+    }
+    let scale: Vec<f32> = gain
+        .iter()
+        .zip(&squares)
+        .map(|(gain, square)| (f64::from(*gain) / square.sqrt().max(f64::MIN_POSITIVE)) as f32)
+        .collect();
+    for (index, value) in weight.iter_mut().enumerate() {
+        *value *= scale[index % taps];
+    }
+    Ok(weight)
+}
+
+/// `(x − mean) / √(variance + 1e-7)`, as Hugging Face's feature extractor.
+fn unit_variance(samples: &[f32]) -> Vec<f32> {
+    let samples = Array1::from_iter(samples.iter().map(|x| f64::from(*x)));
+    let mean = samples.mean().unwrap_or(0.0);
+    let scale = 1.0 / (samples.var(0.0) + 1e-7).sqrt();
+    samples
+        .iter()
+        .map(|x| ((x - mean) * scale) as f32)
+        .collect()
+}
+
+fn read_text(path: &Path) -> Result<String> {
+    std::fs::read_to_string(path).map_err(Error::io(path))
+}
+
+#[cfg(test)]
+mod tests;

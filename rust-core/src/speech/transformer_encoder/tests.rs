@@ -1,0 +1,190 @@
+//! The encoders against Hugging Face's numbers, and against damaged folders.
+
+use super::*;
+use crate::{
+    nn::golden::{Golden, distance},
+    speech::{SpeechEncoder, from_folder, hubert::Hubert},
+};
+use safetensors::{Dtype, tensor::TensorView};
+
+fn encoder(golden: &Golden, layer: Option<usize>) -> TransformerEncoder {
+    let config = EncoderConfig::from_json(&golden.metadata("config")).unwrap();
+    TransformerEncoder::new(config, &golden.weights(), false, layer).unwrap()
+}
+
+fn check(name: &str) {
+    let golden = Golden::open(name);
+    let states = encoder(&golden, None)
+        .hidden_states(&golden.values("input"))
+        .unwrap();
+    assert_eq!(states.hidden.len(), 3);
+    for (index, state) in states.hidden.iter().enumerate() {
+        let error = distance(state, &golden.values(&format!("hidden.{index}")));
+        assert!(error < 1e-4, "hidden {index}: {error}");
+    }
+    let error = distance(&states.output, &golden.values("output"));
+    assert!(error < 1e-4, "output: {error}");
+}
+
+#[test]
+fn hubert_matches_in_every_hidden_state() {
+    check("hubert_tiny");
+}
+
+#[test]
+fn wav2vec2_matches_in_every_hidden_state() {
+    check("wav2vec2_tiny");
+}
+
+#[test]
+fn stable_wav2vec2_matches_in_every_hidden_state() {
+    check("wav2vec2_stable_tiny");
+}
+
+#[test]
+fn chosen_layer_is_that_hidden_state_at_50_hz() {
+    let golden = Golden::open("wav2vec2_stable_tiny");
+    let waveform = Waveform {
+        samples: golden.values("input"),
+    };
+    for (layer, name) in [
+        (Some(1), "hidden.1"),
+        (Some(2), "hidden.2"),
+        (None, "output"),
+    ] {
+        let track = encoder(&golden, layer).encode(&waveform).unwrap();
+        assert_eq!((track.rate_hz, track.features.dim()), (50.0, (50, 32)));
+        assert!(
+            distance(&track.features, &golden.values(name)) < 1e-4,
+            "{name}"
+        );
+    }
+}
+
+/// Writes a golden as a Hugging Face folder; `edit` may change names, shapes and values.
+fn folder(
+    golden: &Golden,
+    edit: impl Fn(String, Vec<usize>, Vec<f32>) -> (String, Vec<usize>, Vec<f32>),
+) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let arrays: Vec<_> = golden
+        .names()
+        .into_iter()
+        .filter_map(|full| {
+            let name = full.strip_prefix("weights.")?.to_owned();
+            let (name, shape, values) = edit(name, golden.shape(&full), golden.values(&full));
+            let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+            Some((name, shape, bytes))
+        })
+        .collect();
+    let views = arrays.iter().map(|(name, shape, bytes)| {
+        (
+            name,
+            TensorView::new(Dtype::F32, shape.clone(), bytes).unwrap(),
+        )
+    });
+    let file = safetensors::serialize(views, None).unwrap();
+    std::fs::write(folder.path().join("model.safetensors"), file).unwrap();
+    std::fs::write(folder.path().join("config.json"), golden.metadata("config")).unwrap();
+    folder
+}
+
+#[test]
+fn folder_with_a_head_and_old_names_gives_the_same_numbers() {
+    let golden = Golden::open("hubert_tiny");
+    let folder = folder(&golden, |name, shape, values| {
+        let name = name
+            .replace("parametrizations.weight.original0", "weight_g")
+            .replace("parametrizations.weight.original1", "weight_v");
+        (format!("hubert.{name}"), shape, values)
+    });
+    let preprocessor = r#"{"do_normalize": false, "sampling_rate": 16000}"#;
+    std::fs::write(folder.path().join("preprocessor_config.json"), preprocessor).unwrap();
+    let encoder = from_folder(folder.path(), None).unwrap();
+    let waveform = Waveform {
+        samples: golden.values("input"),
+    };
+    let track = encoder.encode(&waveform).unwrap();
+    assert!(distance(&track.features, &golden.values("output")) < 1e-4);
+}
+
+#[test]
+fn input_is_normalised_where_nothing_says_otherwise() {
+    let golden = Golden::open("hubert_tiny");
+    let folder = folder(&golden, |name, shape, values| (name, shape, values));
+    let hubert = Hubert::load_folder(folder.path(), None).unwrap();
+    let quiet: Vec<f32> = golden
+        .values("input")
+        .iter()
+        .map(|x| 0.3 + 0.1 * x)
+        .collect();
+    let track = hubert.encode(&Waveform { samples: quiet }).unwrap();
+    let input = unit_variance(&golden.values("input"));
+    let expected = self::encoder(&golden, None)
+        .hidden_states(&input)
+        .unwrap()
+        .output;
+    assert!(distance(&track.features, &expected) < 1e-3);
+}
+
+#[test]
+fn damaged_folders_are_weights_errors() {
+    let golden = Golden::open("hubert_tiny");
+    let whole = folder(&golden, |name, shape, values| (name, shape, values));
+    let path = whole.path().join("model.safetensors");
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    let message = |folder: &tempfile::TempDir| match from_folder(folder.path(), None).err() {
+        Some(Error::Weights(message)) => message,
+        other => panic!("{other:?}"),
+    };
+    assert!(message(&whole).contains("whole safetensors file"));
+
+    let cut = folder(&golden, |name, mut shape, mut values| {
+        if name == "encoder.layers.1.attention.k_proj.weight" {
+            shape[0] = 31;
+            values.truncate(31 * 32);
+        }
+        (name, shape, values)
+    });
+    let text = message(&cut);
+    assert!(
+        text.contains("k_proj.weight: expected [32, 32], got [31, 32]"),
+        "{text}"
+    );
+
+    std::fs::write(cut.path().join("config.json"), "{\"model_type\": \"bert\"}").unwrap();
+    assert!(message(&cut).contains("bert"));
+}
+
+#[test]
+fn missing_folder_is_an_io_error_and_short_sound_an_audio_error() {
+    let missing = from_folder(Path::new("/nonexistent"), None);
+    assert!(matches!(missing.err(), Some(Error::Io { .. })));
+    let golden = Golden::open("hubert_tiny");
+    let short = Waveform {
+        samples: vec![0.1; 320],
+    };
+    let error = encoder(&golden, None).encode(&short).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "audio: expected at least 400 samples at 16 kHz, got 320"
+    );
+}
+
+#[test]
+fn long_sound_is_encoded_in_spans_of_bounded_length() {
+    let golden = Golden::open("wav2vec2_stable_tiny");
+    let encoder = encoder(&golden, Some(0));
+    let second = golden.values("input");
+    let samples: Vec<f32> = second.iter().cycle().take(16_000 * 40).copied().collect();
+    let whole = encoder
+        .hidden_states(&samples)
+        .unwrap()
+        .hidden
+        .swap_remove(0);
+    let track = encoder.encode(&Waveform { samples }).unwrap();
+    // The state before the first layer depends on near frames alone, so spans change nothing.
+    assert_eq!(track.features.dim(), whole.dim());
+    assert!(distance(&track.features, &whole) < 1e-4);
+}
