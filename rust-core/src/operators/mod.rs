@@ -1,4 +1,5 @@
-//! Differential operators of a mesh: Laplacian, mass, geodesics.
+//! Differential operators of a mesh: Laplacian, mass, gradient, geodesics, eigenbasis; and the cache
+//! that keeps costly results between runs.
 //!
 //! ```
 //! use anyface::{mesh::Mesh, operators::{HeatGeodesics, Operators, OperatorOptions}};
@@ -21,17 +22,23 @@ mod arrays;
 mod build;
 pub mod cache;
 pub mod cholesky;
+mod eigenbasis;
 #[cfg(test)]
 mod fixtures;
 mod geodesics;
+pub mod gradient;
 mod intrinsic;
+mod lanczos;
 mod laplacian;
 pub mod sparse;
+mod spectral;
 mod tufted;
 
 pub use arrays::{Arrays, Values};
 pub use build::{NO_ROW, OperatorOptions, Operators};
 pub use cache::{Cache, CacheKey};
 pub use cholesky::SparseCholesky;
+pub use eigenbasis::Eigenbasis;
 pub use geodesics::{HeatGeodesics, edge_distance};
+pub use gradient::{Frame, TangentGradient};
 pub use sparse::Csr;
