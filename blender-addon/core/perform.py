@@ -31,7 +31,8 @@ def perform(
     found, animation = _animate_any(face, sound, performance, animate, progress)
     mm_per_unit = animation.metres_per_unit * 1000.0
     largest_mm = largest_motion(animation.displacements) * mm_per_unit
-    intensity = max((sum(row) for _, row in performance.emotion), default=0.0)
+    # Category 0 is neutral.
+    intensity = max((sum(row[1:]) for _, row in performance.emotion), default=0.0)
     verdict.check_moved(largest_mm, sound, intensity)
     progress.check("basis" if mode == "basis" else "frames")
     if mode == "frames":

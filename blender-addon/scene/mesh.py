@@ -62,7 +62,8 @@ def read_landmarks(ob) -> tuple[np.ndarray | None, np.ndarray | None]:
     """Landmarks that the artist gave: positions `[68, 3]` in object space, or vertices `[68]`.
 
     The custom property `anyface_landmarks` of the object or its mesh holds JSON, or the path of
-    a JSON file: 68 positions, 68 vertex numbers, or `{"positions": …}` / `{"vertices": …}`.
+    a JSON file: 68 positions, 68 vertex numbers, `{"positions": …}`, `{"vertices": …}`, or what
+    `anyface landmarks` writes.
     """
     value = ob.get(LANDMARKS_PROPERTY, ob.data.get(LANDMARKS_PROPERTY))
     if value is None or value == "":
@@ -71,6 +72,8 @@ def read_landmarks(ob) -> tuple[np.ndarray | None, np.ndarray | None]:
         value = _load(value, ob)
     elif hasattr(value, "to_list"):
         value = value.to_list()
+    if isinstance(value, dict) and "landmarks" in value:
+        value = _from_file(value["landmarks"], ob)
     return _as_landmarks(value)
 
 
@@ -84,6 +87,26 @@ def _load(text: str, ob):
         raise AnyfaceError("file", f"{LANDMARKS_PROPERTY}: {error}") from error
     except ValueError as error:
         raise AnyfaceError("input", f"{LANDMARKS_PROPERTY}: not JSON: {error}") from error
+
+
+def _from_file(rows, ob):
+    """Positions or vertex numbers from the rows of a landmark file.
+
+    The file is in the axes and units of the mesh that was measured; an importer may have turned
+    or scaled it since. Vertex numbers hold all the same.
+    """
+    try:
+        rows = sorted(rows, key=lambda row: row["index"])
+        positions = np.array([row["position"] for row in rows], dtype=np.float64)
+        vertices = [int(row["vertex"]) for row in rows]
+    except (TypeError, KeyError, ValueError) as error:
+        raise AnyfaceError("input", f"{LANDMARKS_PROPERTY}: not a landmark file: {error}") from None
+    basis = read_basis(ob.data)
+    if positions.ndim != 2 or max(vertices) >= len(basis):
+        return positions
+    size = np.ptp(positions, axis=0).max()
+    apart = np.linalg.norm(basis[vertices] - positions, axis=1).max()
+    return positions if apart < 0.05 * size else vertices
 
 
 def _as_landmarks(value) -> tuple[np.ndarray | None, np.ndarray | None]:

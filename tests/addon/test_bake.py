@@ -91,6 +91,23 @@ def test_landmarks_of_the_artist_reach_the_library(stage, tmp_path):
     assert stage.calls[1][2] is None and list(stage.calls[1][3]) == list(range(68))
 
 
+def test_landmark_files_fit_turned_meshes_by_vertex_number(stage, tmp_path):
+    ob = ready(tmp_path, axes="WORLD")
+    rest = np.array([vertex.co for vertex in ob.data.vertices])
+    rows = [
+        {"index": n, "position": (rest[n] + 0.001).tolist(), "vertex": n, "confidence": 1.0}
+        for n in range(68)
+    ]
+    ob["anyface_landmarks"] = json.dumps({"version": 1, "landmarks": rows[::-1]})
+    bpy.ops.anyface.generate()
+    assert np.abs(stage.calls[0][2] - rest[:68] - 0.001).max() < 1e-5
+    for row in rows:
+        row["position"] = [100.0 * row["position"][2], 0.0, 100.0 * row["position"][0]]
+    ob["anyface_landmarks"] = json.dumps({"version": 1, "landmarks": rows})
+    bpy.ops.anyface.generate()
+    assert stage.calls[1][2] is None and list(stage.calls[1][3]) == list(range(68))
+
+
 def failure(ob):
     with pytest.raises(RuntimeError) as caught:
         bpy.ops.anyface.generate()

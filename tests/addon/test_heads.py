@@ -1,0 +1,224 @@
+"""The installed extension with its own library on real heads: sound in, picture out."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import wave
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from conftest import ROOT
+from figures import everything, shape, write_wav
+
+HEAD = ROOT / "rust-core" / "models" / "default_head" / "head.obj"
+LANDMARKS = json.loads((HEAD.parent / "landmarks.json").read_text())["landmarks"]
+SUZANNE = ROOT / "packaging" / "demo" / "suzanne_landmarks.json"
+SENTENCE = "Papa saw a large ball far away."
+# The sentence begins here; before and after it there is silence.
+SILENCE_S = 0.7
+
+
+@pytest.fixture(scope="module")
+def voice(tmp_path_factory):
+    """A spoken sentence between two pauses: path, samples, rate."""
+    folder = tmp_path_factory.mktemp("voice")
+    spoken, path = folder / "spoken.wav", folder / "voice.wav"
+    if shutil.which("flite"):
+        command = ["flite", "-voice", "slt", "-t", SENTENCE, "-o", str(spoken)]
+    elif shutil.which("espeak-ng"):
+        command = ["espeak-ng", "-w", str(spoken), SENTENCE]
+    else:
+        pytest.skip("no flite and no espeak-ng to speak")
+    subprocess.run(command, check=True)
+    with wave.open(str(spoken), "rb") as file:
+        rate = file.getframerate()
+        data = np.frombuffer(file.readframes(file.getnframes()), dtype="<i2") / 32768.0
+    pause = np.zeros(int(SILENCE_S * rate))
+    samples = np.concatenate([pause, data, pause])
+    write_wav(path, samples, rate)
+    return str(path), samples, rate
+
+
+def import_head():
+    """The default head, as Blender's importer leaves it: turned by the object, in metres."""
+    bpy.ops.wm.obj_import(filepath=str(HEAD), use_split_objects=False, use_split_groups=False)
+    ob = bpy.context.object
+    ob.name = "Head"
+    bpy.context.view_layer.update()
+    return ob
+
+
+def ready(ob, path):
+    """Settings of a sound file at frame 1, 24 frames a second."""
+    bpy.context.scene.render.fps = 24
+    bpy.context.view_layer.objects.active = ob
+    ob.anyface.source, ob.anyface.sound_file, ob.anyface.start_frame = "FILE", path, 1
+    return ob
+
+
+def loudest_s(samples, rate):
+    """The middle of the loudest tenth of a second: a vowel."""
+    width = int(0.1 * rate)
+    energy = np.convolve(samples**2, np.ones(width), mode="same")
+    return float(np.argmax(energy)) / rate
+
+
+def lip_gap(ob, points):
+    """Distance of the inner lips (landmarks 62 and 66), object units."""
+    top, bottom = (LANDMARKS[n]["vertex"] for n in (62, 66))
+    return float(np.linalg.norm(points[top] - points[bottom]))
+
+
+def test_the_default_head_speaks(voice):
+    path, samples, rate = voice
+    ob = ready(import_head(), path)
+    before = everything()
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    vowel = shape(ob, 1 + loudest_s(samples, rate) * 24)
+    pause = shape(ob, 1 + SILENCE_S * 0.5 * 24)
+    assert lip_gap(ob, vowel) > lip_gap(ob, pause) + 0.003
+    assert "largest error 0.1" in ob.anyface.report or "largest error 0.0" in ob.anyface.report
+    bpy.context.scene.frame_set(1)
+    assert bpy.ops.anyface.remove() == {"FINISHED"}
+    assert everything() == before
+
+
+def test_basis_and_frames_show_the_same_motion(voice):
+    path, samples, rate = voice
+    ob = ready(import_head(), path)
+    frame = 1 + round(loudest_s(samples, rate) * 24)
+    bpy.ops.anyface.generate()
+    basis = shape(ob, frame)
+    ob.anyface.mode = "frames"
+    bpy.ops.anyface.generate()
+    error = np.linalg.norm(shape(ob, frame) - basis, axis=1).max()
+    # 0.1 mm at human size; the default head is a little smaller or larger than the mean one.
+    assert 0.0 < error < 0.00015
+
+
+def test_units_and_rotation_change_nothing(voice):
+    path, samples, rate = voice
+    ob = ready(import_head(), path)
+    frame = 1 + round(loudest_s(samples, rate) * 24)
+    bpy.ops.anyface.generate()
+    plain = shape(ob, frame) - shape(ob, -20)
+    bpy.ops.anyface.remove()
+    bpy.context.scene.frame_set(1)
+    ob.scale, ob.location = (100.0,) * 3, (5.0, -3.0, 160.0)
+    ob.rotation_euler.z = 1.0
+    bpy.context.view_layer.update()
+    bpy.ops.anyface.generate()
+    other = shape(ob, frame) - shape(ob, -20)
+    assert np.linalg.norm(plain, axis=1).max() > 0.003
+    assert np.linalg.norm(other - plain, axis=1).max() < 0.0005
+
+
+def test_emotion_changes_the_face(voice):
+    path, samples, rate = voice
+    ob = ready(import_head(), path)
+    faces = []
+    for emotion in ("neutral", "happy"):
+        ob.anyface.emotion = emotion
+        bpy.ops.anyface.generate()
+        faces.append(shape(ob, 1 + round(loudest_s(samples, rate) * 24)))
+    corner = LANDMARKS[48]["vertex"]
+    assert np.linalg.norm(faces[0][corner] - faces[1][corner]) > 0.001
+
+
+def test_suzanne_speaks_with_given_landmarks(voice):
+    bpy.ops.mesh.primitive_monkey_add()
+    ob = ready(bpy.context.object, voice[0])
+    ob["anyface_landmarks"] = SUZANNE.read_text()
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    rest, moved = shape(ob, -20), shape(ob, 1 + round(loudest_s(*voice[1:]) * 24))
+    assert np.linalg.norm(moved - rest, axis=1).max() > 0.01
+
+
+def test_a_cube_has_no_face(voice):
+    bpy.ops.mesh.primitive_cube_add()
+    ob = ready(bpy.context.object, voice[0])
+    with pytest.raises(RuntimeError):
+        bpy.ops.anyface.generate()
+    assert ob.anyface.report_is_error and ob.data.shape_keys is None
+    assert "anyface_landmarks" in ob.anyface.report or "mesh" in ob.anyface.report
+
+
+def camera(ob):
+    """An orthographic view of the face, 256 by 256, with a light; returns the pixel of a point."""
+    scene = bpy.context.scene
+    points = np.array([row["position"] for row in LANDMARKS])
+    world = [ob.matrix_world @ ob.data.vertices[row["vertex"]].co for row in LANDMARKS]
+    centre = np.mean(world, axis=0)
+    width = 2.0 * np.ptp(points[:, 0])
+    view = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    view.data.type, view.data.ortho_scale = "ORTHO", width
+    view.location = (centre[0], centre[1] - 2.0, centre[2])
+    view.rotation_euler = (np.pi / 2, 0.0, 0.0)
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    sun.rotation_euler, sun.data.energy = (0.9, 0.0, 0.4), 3.0
+    for made in (view, sun):
+        scene.collection.objects.link(made)
+    scene.camera, scene.render.engine = view, "CYCLES"
+    scene.cycles.samples, scene.cycles.device, scene.cycles.use_denoising = 16, "CPU", False
+    scene.render.resolution_x = scene.render.resolution_y = 256
+    scene.render.image_settings.file_format = "PNG"
+
+    def pixel(point):
+        right, up = (point[0] - centre[0]) / width, (point[2] - centre[2]) / width
+        return round((right + 0.5) * 256), round((0.5 - up) * 256)
+
+    return pixel
+
+
+def render(frame, path):
+    """The picture of a frame, `[256, 256]` in 0..1."""
+    from PIL import Image
+
+    bpy.context.scene.frame_set(round(frame))
+    bpy.context.scene.render.filepath = str(path)
+    bpy.ops.render.render(write_still=True)
+    return np.asarray(Image.open(path).convert("L"), dtype=np.float64) / 255.0
+
+
+def test_a_rendered_vowel_differs_from_a_pause_at_the_mouth(voice, tmp_path):
+    path, samples, rate = voice
+    ob = ready(import_head(), path)
+    bpy.ops.anyface.generate()
+    pixel = camera(ob)
+    folder = os.environ.get("ANYFACE_RENDERS", str(tmp_path))
+    vowel = render(1 + loudest_s(samples, rate) * 24, f"{folder}/vowel.png")
+    pause = render(1 + SILENCE_S * 0.5 * 24, f"{folder}/pause.png")
+    mouth = [ob.matrix_world @ ob.data.vertices[LANDMARKS[n]["vertex"]].co for n in (48, 54, 8)]
+    (left, top), (right, _), (_, bottom) = (pixel(point) for point in mouth)
+    difference = np.abs(vowel - pause)
+    at_mouth = difference[top - 12 : bottom, left:right].mean()
+    top_of_head = difference[:40].mean()
+    assert at_mouth > 0.02, f"mouth {at_mouth:.4f}, above the face {top_of_head:.4f}"
+    assert at_mouth > 4.0 * top_of_head
+
+
+def test_the_batch_module_writes_a_file(installed, voice, tmp_path):
+    import_head()
+    shot, out, report = (str(tmp_path / name) for name in ("shot.blend", "out.blend", "r.json"))
+    bpy.ops.wm.save_as_mainfile(filepath=shot)
+    words = ["--object", "Head", "--audio", voice[0], "--emotion", "happy:0.7"]
+    words += ["--save", out, "--report", report]
+    environment = {**os.environ, "PYTHONPATH": str(installed)}
+    environment["BLENDER_USER_RESOURCES"] = str(tmp_path / "empty")
+    command = [sys.executable, "-m", "anyface_batch", shot, "bake", *words]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "basis keys" in done.stdout
+    assert json.loads(Path(report).read_text())["ok"]
+    bpy.ops.wm.open_mainfile(filepath=out)
+    blocks = bpy.data.objects["Head"].data.shape_keys.key_blocks
+    assert "Anyface.001" in blocks
+    command[4:5] = []
+    command[command.index("Head")] = "Nobody"
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 3 and "Nobody" in done.stderr

@@ -1,0 +1,137 @@
+"""The binding against the header, and the library itself."""
+
+import ctypes
+import re
+
+import numpy as np
+import pytest
+
+from conftest import ROOT
+
+HEADER = (ROOT / "include" / "anyface.h").read_text()
+NUMBERS = {
+    "float": ctypes.c_float,
+    "double": ctypes.c_double,
+    "size_t": ctypes.c_size_t,
+    "uint32_t": ctypes.c_uint32,
+    "uint64_t": ctypes.c_uint64,
+    "int32_t": ctypes.c_int32,
+    "int": ctypes.c_int,
+    "AnyfaceStatus": ctypes.c_int32,
+    "AnyfaceProgressFn": ctypes.c_void_p,
+}
+
+
+def plain(header):
+    """The header without comments."""
+    return re.sub(r"/\*.*?\*/|//[^\n]*", "", header, flags=re.DOTALL)
+
+
+def as_ctypes(declaration, native):
+    """The ctypes type of a C declaration without its name, such as `const float *`."""
+    stars = declaration.count("*")
+    name = re.sub(r"\b(const|struct|enum)\b|\*", "", declaration).strip()
+    options = {
+        "AnyfaceEngineOptions": native.EngineOptions,
+        "AnyfaceFaceOptions": native.FaceOptions,
+        "AnyfaceMotionOptions": native.MotionOptions,
+    }
+    if stars == 0:
+        return None if name == "void" else NUMBERS[name]
+    if name == "char":
+        return [ctypes.c_char_p, ctypes.POINTER(ctypes.c_char_p)][stars - 1]
+    if stars == 2:
+        return ctypes.POINTER(ctypes.c_void_p)
+    if name in options or name in NUMBERS:
+        return ctypes.POINTER({**NUMBERS, **options}[name])
+    return ctypes.c_void_p
+
+
+def split(declaration):
+    """A C declaration as type and name."""
+    kind, name = re.fullmatch(r"(.*?)(\w+)", declaration.strip(), flags=re.DOTALL).groups()
+    return kind, name
+
+
+def functions(native):
+    """Every function of the header: what it returns, what it takes."""
+    pattern = r"([\w \*]+?)\b(anyface_\w+)\(([^)]*)\);"
+    for result, name, text in re.findall(pattern, plain(HEADER)):
+        words = [] if text.strip() in ("", "void") else text.split(",")
+        arguments = [as_ctypes(split(word)[0], native) for word in words]
+        yield name, (as_ctypes(result, native), arguments)
+
+
+def test_signatures_are_those_of_the_header(addon):
+    native = addon("core.native")
+    known = dict(functions(native))
+    assert len(known) > 40
+    for name, signature in native.SIGNATURES.items():
+        assert known[name] == signature, name
+
+
+@pytest.mark.parametrize("name", ["EngineOptions", "FaceOptions", "MotionOptions"])
+def test_structs_are_those_of_the_header(addon, name):
+    native = addon("core.native")
+    body = re.search(r"typedef struct Anyface" + name + r" \{(.*?)\}", plain(HEADER), re.DOTALL)
+    lines = [line for line in body.group(1).split(";") if line.strip()]
+    fields = [split(line) for line in lines]
+    expected = [(field, as_ctypes(kind, native)) for kind, field in fields]
+    assert getattr(native, name)._fields_ == expected
+
+
+def test_the_interface_version_is_that_of_the_header(addon):
+    version = int(re.search(r"ANYFACE_ABI_VERSION (\d+)", HEADER).group(1))
+    assert version == addon("core.native").ABI_VERSION
+
+
+@pytest.fixture(scope="module")
+def engine():
+    """The engine of the installed library."""
+    import importlib
+
+    from conftest import PACKAGE
+
+    engine = importlib.import_module(f"{PACKAGE}.core.native").Engine()
+    yield engine
+    engine.close()
+
+
+def test_emotions_are_those_of_the_library(addon, engine):
+    assert tuple(engine.emotions()) == addon("core.emotion").EMOTIONS
+
+
+def test_sounds_are_decoded_to_mono(addon, engine, tmp_path):
+    from figures import tone
+
+    samples, rate = engine.decode(tone(tmp_path / "tön.wav", seconds=1.5, rate=44100))
+    assert rate == 16000.0 and len(samples) == pytest.approx(24000, abs=2)
+    assert np.abs(samples).max() == pytest.approx(0.5, abs=0.02)
+    (tmp_path / "text.wav").write_text("no sound")
+    with pytest.raises(addon("core.errors").AnyfaceError) as caught:
+        engine.decode(str(tmp_path / "text.wav"))
+    assert caught.value.kind == "audio"
+
+
+def test_another_interface_version_is_refused(addon, monkeypatch):
+    native = addon("core.native")
+    monkeypatch.setattr(native, "ABI_VERSION", 99)
+    with pytest.raises(addon("core.errors").AnyfaceError, match="expected interface 99, got 1"):
+        native.Engine()
+
+
+def test_a_missing_library_is_named(addon, monkeypatch):
+    monkeypatch.setenv("ANYFACE_LIBRARY", "/nowhere/libanyface.so")
+    with pytest.raises(addon("core.errors").AnyfaceError, match="nowhere"):
+        addon("core.native").Engine()
+
+
+def test_bad_meshes_and_sounds_are_errors_in_words(addon, engine):
+    take, job = addon("core.take"), addon("core.job")
+    sound = take.Sound(np.zeros(16000, dtype=np.float32) + 0.1, 16000, "Voice")
+    triangle = np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], dtype=np.uint32)
+    ask = take.Performance(24.0)
+    for mesh in (triangle, (triangle[0], triangle[1] + 5), (triangle[0] * np.nan, triangle[1])):
+        with pytest.raises(addon("core.errors").AnyfaceError) as caught:
+            engine.animate(*mesh, None, None, sound, ask, job.Progress())
+        assert caught.value.kind in ("mesh", "face")
