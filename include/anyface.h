@@ -430,6 +430,18 @@ AnyfaceStatus anyface_audio_trim(const AnyfaceAudio *audio,
                                  AnyfaceAudio **out,
                                  AnyfaceError **error);
 
+/// Number of samples, at 16 kHz; 0 for NULL.
+size_t anyface_audio_sample_count(const AnyfaceAudio *audio);
+
+/// Copies the samples, mono at 16 kHz, into the caller's buffer.
+///
+/// `buffer`: `[S]`, nominally -1 to 1; `float_count` must be `anyface_audio_sample_count()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+AnyfaceStatus anyface_audio_copy_samples(const AnyfaceAudio *audio,
+                                         float *buffer,
+                                         size_t float_count,
+                                         AnyfaceError **error);
+
 /// Length in seconds; 0 for NULL.
 double anyface_audio_duration_s(const AnyfaceAudio *audio);
 

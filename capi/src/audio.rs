@@ -103,6 +103,30 @@ fn trim(waveform: &Waveform, start_s: f64, duration_s: f64) -> Result<Waveform, 
     Ok(Waveform { samples })
 }
 
+/// Number of samples, at 16 kHz; 0 for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_audio_sample_count(audio: *const AnyfaceAudio) -> usize {
+    unsafe { audio.as_ref() }.map_or(0, |audio| audio.0.samples.len())
+}
+
+/// Copies the samples, mono at 16 kHz, into the caller's buffer.
+///
+/// `buffer`: `[S]`, nominally -1 to 1; `float_count` must be `anyface_audio_sample_count()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_audio_copy_samples(
+    audio: *const AnyfaceAudio,
+    buffer: *mut f32,
+    float_count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let audio = unsafe { pointer::handle("audio", audio) }?;
+        unsafe { pointer::copy_out("buffer", &audio.0.samples, buffer, float_count) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
 /// Length in seconds; 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_audio_duration_s(audio: *const AnyfaceAudio) -> f64 {
@@ -139,5 +163,21 @@ mod tests {
         for wrong in [-0.1, f64::NAN, f64::INFINITY] {
             assert!(trim(&waveform, wrong, 1.0).is_err() && trim(&waveform, 0.0, wrong).is_err());
         }
+    }
+
+    #[test]
+    fn the_copied_samples_are_those_of_the_sound() {
+        let samples = [0.25, -0.5, 1.0];
+        let audio = AnyfaceAudio(Waveform {
+            samples: samples.to_vec(),
+        });
+        assert_eq!(unsafe { anyface_audio_sample_count(&audio) }, 3);
+        let mut buffer = [0.0; 3];
+        let error = std::ptr::null_mut();
+        let pointer = buffer.as_mut_ptr();
+        let status = unsafe { anyface_audio_copy_samples(&audio, pointer, 3, error) };
+        assert_eq!((status, buffer), (AnyfaceStatus::Ok, samples));
+        let status = unsafe { anyface_audio_copy_samples(&audio, pointer, 2, error) };
+        assert_eq!(status, AnyfaceStatus::InvalidInput);
     }
 }
