@@ -22,11 +22,12 @@ def register():
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
     command.register()
+    running.register()
 
 
 def unregister():
     """Blender disables the add-on; a running job is cancelled first."""
-    running.stop()
+    running.unregister()
     command.unregister()
     for cls in reversed(_CLASSES):
         bpy.utils.unregister_class(cls)

@@ -6,10 +6,10 @@ does not and may run anywhere.
 
 from dataclasses import dataclass, field
 
-from ..core import emotion as emotions
 from ..core import perform
 from ..core.errors import AnyfaceError
 from ..core.job import Progress
+from ..core.source import SoundSource
 from ..core.take import FaceMesh, Performance, Take
 from . import decode, emotion, guard, keys, mesh, sound
 
@@ -38,6 +38,7 @@ class Settings:
     mode: str = "basis"
     error_mm: float = 0.1
     axes: str = "AUTO"
+    landmark_file: str = ""
 
 
 @dataclass
@@ -46,7 +47,7 @@ class Snapshot:
 
     object_name: str
     face: FaceMesh
-    placed: sound.PlacedSound
+    source: SoundSource
     performance: Performance
     settings: Settings
     scene_fps: float
@@ -54,9 +55,11 @@ class Snapshot:
 
     def work(self, progress: Progress) -> Take:
         """The take; raises `AnyfaceError`."""
+        progress.check("sound")
+        heard = self.source.load(decode.decoder(self.engine))
         return perform.perform(
             self.face,
-            self.placed.sound,
+            heard,
             self.performance,
             self.settings.mode,
             self.settings.error_mm,
@@ -70,24 +73,24 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     if settings.mode not in MODES:
         raise AnyfaceError("input", f"mode: expected {' or '.join(MODES)}, got {settings.mode!r}")
     guard.check_editable(ob, settings.mode)
-    face = mesh.read_face(ob)
+    face = mesh.read_face(ob, settings.landmark_file)
     face.axes = settings.axes
-    placed = _read_sound(scene, settings, decode.decoder(engine))
+    source = _find_sound(scene, settings, engine)
     scene_fps = scene.render.fps / scene.render.fps_base
     performance = Performance(
         fps=settings.fps or scene_fps,
-        emotion=_emotion(ob, settings, placed, scene_fps),
+        emotion=_emotion(ob, settings, source, scene_fps),
         seed=settings.seed,
         steps=settings.steps or None,
         style=settings.style,
         learned=settings.learned,
     )
-    return Snapshot(ob.name, face, placed, performance, settings, scene_fps, engine)
+    return Snapshot(ob.name, face, source, performance, settings, scene_fps, engine)
 
 
 def write(ob, snapshot: Snapshot, take: Take) -> str:
     """Writes the take and says in one line what was written."""
-    keys.write(ob, take, snapshot.placed.start_frame, snapshot.scene_fps)
+    keys.write(ob, take, snapshot.source.start_frame, snapshot.scene_fps)
     return describe(take)
 
 
@@ -101,17 +104,15 @@ def describe(take: Take) -> str:
     )
 
 
-def _read_sound(scene, settings: Settings, decoder) -> sound.PlacedSound:
+def _find_sound(scene, settings: Settings, engine) -> SoundSource:
     if settings.strip:
-        return sound.read_strip(scene, settings.strip, decoder)
+        return sound.from_strip(scene, settings.strip, decode.decoder(engine))
     if settings.sound_file:
-        return sound.read_file(settings.sound_file, settings.start_frame, decoder)
+        return sound.from_file(settings.sound_file, settings.start_frame)
     raise AnyfaceError("audio", "no sound: choose a sound strip or a file")
 
 
-def _emotion(ob, settings: Settings, placed, scene_fps: float):
+def _emotion(ob, settings: Settings, source: SoundSource, scene_fps: float):
     if settings.blend is not None:
         return [(0.0, list(settings.blend))]
-    emotions.strengths(settings.emotion, settings.intensity)
-    duration_s = placed.sound.duration_s
-    return emotion.emotion_keys(ob, settings, placed.start_frame, duration_s, scene_fps)
+    return emotion.emotion_keys(ob, settings, source.start_frame, scene_fps)

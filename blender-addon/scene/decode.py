@@ -3,10 +3,11 @@
 import numpy as np
 
 from ..core.errors import AnyfaceError
+from ..core.source import Decode
 
 
-def decoder(engine):
-    """A function from a path to mono samples `[S]` and their rate in Hz."""
+def decoder(engine) -> Decode:
+    """The decoder that tries both; any thread may call it."""
 
     def decode(path: str) -> tuple[np.ndarray, float]:
         try:

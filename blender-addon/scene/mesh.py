@@ -12,7 +12,7 @@ from ..core.take import FaceMesh
 LANDMARKS_PROPERTY = "anyface_landmarks"
 
 
-def read_face(ob) -> FaceMesh:
+def read_face(ob, landmark_file: str = "") -> FaceMesh:
     """The snapshot of `ob`: Basis positions, triangles, world matrix, landmarks.
 
     The evaluated mesh is not used: modifiers change vertex numbers, and shape keys live before
@@ -25,7 +25,7 @@ def read_face(ob) -> FaceMesh:
         raise AnyfaceError("mesh", f"{ob.name}: the mesh has no vertices")
     if len(mesh.polygons) == 0:
         raise AnyfaceError("mesh", f"{ob.name}: the mesh has no faces, only loose points")
-    points, vertices = read_landmarks(ob)
+    points, vertices = read_landmarks(ob, landmark_file)
     return FaceMesh(
         name=ob.name,
         positions=read_basis(mesh),
@@ -58,14 +58,14 @@ def read_triangles(mesh) -> np.ndarray:
     return flat.reshape(-1, 3).astype(np.uint32)
 
 
-def read_landmarks(ob) -> tuple[np.ndarray | None, np.ndarray | None]:
+def read_landmarks(ob, path: str = "") -> tuple[np.ndarray | None, np.ndarray | None]:
     """Landmarks that the artist gave: positions `[68, 3]` in object space, or vertices `[68]`.
 
-    The custom property `anyface_landmarks` of the object or its mesh holds JSON, or the path of
-    a JSON file: 68 positions, 68 vertex numbers, `{"positions": …}`, `{"vertices": …}`, or what
-    `anyface landmarks` writes.
+    `path` names a JSON file. Without it the custom property `anyface_landmarks` of the object or
+    its mesh holds JSON or the path of such a file: 68 positions, 68 vertex numbers,
+    `{"positions": …}`, `{"vertices": …}`, or what `anyface landmarks` writes.
     """
-    value = ob.get(LANDMARKS_PROPERTY, ob.data.get(LANDMARKS_PROPERTY))
+    value = path or ob.get(LANDMARKS_PROPERTY, ob.data.get(LANDMARKS_PROPERTY))
     if value is None or value == "":
         return None, None
     if isinstance(value, str):

@@ -1,5 +1,7 @@
 """The sequencer across Blender's versions (4.2 has `sequences`, 5.0 only `strips`)."""
 
+from collections.abc import Callable
+
 import bpy
 
 from ..core.errors import AnyfaceError
@@ -32,12 +34,12 @@ def sound_strip(scene, name: str):
     raise AnyfaceError("audio", f"expected a sound strip of {scene.name} ({known}), got {name!r}")
 
 
-def is_retimed(strip, sound_frames: float) -> bool:
-    """True where the strip plays faster or slower than its sound of `sound_frames` frames."""
+def is_retimed(strip, sound_frames: Callable[[], float]) -> bool:
+    """True where the strip plays faster or slower than its sound of `sound_frames()` frames."""
     if hasattr(strip, "retiming_keys"):
         return len(strip.retiming_keys) > 0
     # 4.2 hides the keys, but a retimed strip has another length.
-    return abs(strip.frame_duration - sound_frames) > 2.0
+    return abs(strip.frame_duration - sound_frames()) > 2.0
 
 
 def override(scene) -> dict:

@@ -54,6 +54,7 @@ def add_bake_options(task: argparse.ArgumentParser) -> None:
     task.add_argument("--steps", type=int, help="denoising steps")
     task.add_argument("--style", help="speaking style")
     task.add_argument("--axes", choices=("AUTO", "WORLD", "LOCAL", "LOCAL_Y_UP"))
+    task.add_argument("--landmarks", metavar="FILE", help="JSON file with the 68 landmarks")
     task.add_argument("--save", required=True, metavar="FILE", help="the .blend to write")
     task.add_argument("--report", metavar="FILE", help="write what was done as JSON")
 
@@ -110,6 +111,7 @@ def _settings(ob, options) -> bake.Settings:
         "steps": options.steps,
         "style": options.style,
         "axes": options.axes,
+        "landmark_file": os.path.abspath(options.landmarks) if options.landmarks else None,
     }
     for name, value in given.items():
         if value is not None:

@@ -59,7 +59,7 @@ def _draw_performance(layout, settings) -> None:
     header, body = layout.panel("anyface_more", default_closed=True)
     header.label(text="More")
     if body is not None:
-        for name in ("seed", "style", "fps", "steps", "learned", "axes"):
+        for name in ("seed", "style", "fps", "steps", "learned", "axes", "landmark_file"):
             body.prop(settings, name)
 
 

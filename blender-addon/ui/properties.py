@@ -108,6 +108,13 @@ class AnyfaceCharacter(PropertyGroup):
         default="AUTO",
         options=set(),
     )
+    landmark_file: StringProperty(
+        name="Landmarks",
+        description="JSON file with the 68 landmarks, as `anyface landmarks` writes it; empty "
+        "finds them",
+        subtype="FILE_PATH",
+        options=set(),
+    )
     report: StringProperty(name="Last Take", options={"HIDDEN"})
     report_is_error: BoolProperty(options={"HIDDEN"})
 

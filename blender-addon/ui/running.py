@@ -1,5 +1,8 @@
 """The one job that may run, and the engine that all jobs share."""
 
+import bpy
+from bpy.app.handlers import persistent
+
 from ..core import native
 from ..core.job import Job
 from . import preferences
@@ -45,3 +48,22 @@ def stop() -> None:
     if _engine is not None:
         _engine.close()
         _engine = None
+
+
+@persistent
+def _on_load(*_) -> None:
+    """Another file is opened: the job's object goes with the old one."""
+    if current is not None:
+        current.cancel()
+    finish()
+
+
+def register() -> None:
+    """Watches for files being opened."""
+    bpy.app.handlers.load_pre.append(_on_load)
+
+
+def unregister() -> None:
+    """Stops the job and the watching."""
+    stop()
+    bpy.app.handlers.load_pre.remove(_on_load)

@@ -106,6 +106,11 @@ def test_landmark_files_fit_turned_meshes_by_vertex_number(stage, tmp_path):
     ob["anyface_landmarks"] = json.dumps({"version": 1, "landmarks": rows})
     bpy.ops.anyface.generate()
     assert stage.calls[1][2] is None and list(stage.calls[1][3]) == list(range(68))
+    path = tmp_path / "other.json"
+    path.write_text(json.dumps(list(range(68, 136))))
+    ob.anyface.landmark_file = str(path)
+    bpy.ops.anyface.generate()
+    assert list(stage.calls[2][3]) == list(range(68, 136))
 
 
 def failure(ob):

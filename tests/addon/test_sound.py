@@ -24,33 +24,35 @@ def with_length(path, frame=11):
 
 
 def read(addon, name="Voice"):
+    """The frame at which a strip begins, and its sound."""
     stage = Stage(addon("core.take"))
-    return addon("scene.sound").read_strip(bpy.context.scene, name, stage.decode)
+    source = addon("scene.sound").from_strip(bpy.context.scene, name, stage.decode)
+    return source.start_frame, source.load(stage.decode)
 
 
 def test_a_whole_strip(addon, tmp_path):
     with_length(ramp(tmp_path / "a.wav"))
-    placed = read(addon)
-    assert placed.start_frame == 11
-    assert placed.sound.rate_hz == RATE and len(placed.sound.samples) == 4 * RATE
+    start, sound = read(addon)
+    assert start == 11
+    assert sound.rate_hz == RATE and len(sound.samples) == 4 * RATE
 
 
 def test_trim_moves_start_and_content_together(addon, tmp_path):
     voice = with_length(ramp(tmp_path / "a.wav"))
     voice.frame_offset_start, voice.frame_offset_end = 24, 12
-    placed = read(addon)
-    assert placed.start_frame == 35
-    assert placed.sound.samples[0] == pytest.approx(0.1, abs=1e-3)
-    assert placed.sound.duration_s == pytest.approx(2.5, abs=1e-3)
+    start, sound = read(addon)
+    assert start == 35
+    assert sound.samples[0] == pytest.approx(0.1, abs=1e-3)
+    assert sound.duration_s == pytest.approx(2.5, abs=1e-3)
 
 
 def test_a_strip_made_longer_than_its_sound_begins_with_silence(addon, tmp_path):
     voice = with_length(ramp(tmp_path / "a.wav"))
     voice.frame_offset_start = -24
-    placed = read(addon)
-    assert placed.start_frame == -13
-    assert np.abs(placed.sound.samples[: RATE - 2]).max() == 0.0
-    assert placed.sound.samples[2 * RATE] == pytest.approx(0.1, abs=1e-3)
+    start, sound = read(addon)
+    assert start == -13
+    assert np.abs(sound.samples[: RATE - 2]).max() == 0.0
+    assert sound.samples[2 * RATE] == pytest.approx(0.1, abs=1e-3)
 
 
 def test_muted_and_packed_strips_are_read(addon, tmp_path):
@@ -59,7 +61,7 @@ def test_muted_and_packed_strips_are_read(addon, tmp_path):
     voice.mute = True
     voice.sound.pack()
     path.unlink()
-    assert len(read(addon).sound.samples) == 4 * RATE
+    assert len(read(addon)[1].samples) == 4 * RATE
 
 
 def test_a_retimed_strip_plays_as_blender_plays_it(addon, tmp_path):
@@ -72,10 +74,10 @@ def test_a_retimed_strip_plays_as_blender_plays_it(addon, tmp_path):
         bpy.ops.sequencer.retiming_segment_speed_set(speed=200, keep_retiming=False)
     assert voice.frame_final_duration == pytest.approx(48, abs=1)
     kept = (other.mute, scene.frame_start, scene.frame_end)
-    placed = read(addon)
-    assert placed.sound.duration_s == pytest.approx(2.0, abs=0.1)
-    loud = np.abs(placed.sound.samples) > 0.05
-    assert np.flatnonzero(loud)[0] / placed.sound.rate_hz == pytest.approx(1.0, abs=0.1)
+    _, sound = read(addon)
+    assert sound.duration_s == pytest.approx(2.0, abs=0.1)
+    loud = np.abs(sound.samples) > 0.05
+    assert np.flatnonzero(loud)[0] / sound.rate_hz == pytest.approx(1.0, abs=0.1)
     assert (other.mute, scene.frame_start, scene.frame_end) == kept
 
 
@@ -92,7 +94,7 @@ def test_a_missing_file_is_named(addon, tmp_path):
     with pytest.raises(addon("core.errors").AnyfaceError, match=r"no sound file at .*a\.wav"):
         read(addon)
     with pytest.raises(addon("core.errors").AnyfaceError, match="empty path"):
-        addon("scene.sound").read_file("", 1, None)
+        addon("scene.sound").from_file("", 1)
 
 
 def test_aud_averages_channels(addon, tmp_path):

@@ -1,0 +1,80 @@
+"""The real `blender` executable, through `--command`; `ANYFACE_BLENDER` names it."""
+
+import os
+import re
+import shutil
+import subprocess
+
+import pytest
+
+from conftest import zip_path
+from test_heads import HEAD, voice  # noqa: F401 - a fixture
+
+SHOT = """
+import bpy
+bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+bpy.ops.wm.obj_import(filepath={head!r}, use_split_objects=False, use_split_groups=False)
+bpy.context.object.name = "Head"
+scene = bpy.context.scene
+scene.render.fps = 24
+editor = scene.sequence_editor_create()
+strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+strips.new_sound("Voice", {voice!r}, 1, 21)
+bpy.ops.wm.save_as_mainfile(filepath={shot!r})
+"""
+LOOK = """
+import bpy
+shape_keys = bpy.data.objects["Head"].data.shape_keys
+print("KEYS", [block.name for block in shape_keys.key_blocks][:2])
+action = shape_keys.animation_data.action
+print("RANGE", *action.frame_range)
+"""
+
+
+@pytest.fixture(scope="module")
+def blender(tmp_path_factory):
+    """`blender(…)` runs the executable with user files of its own."""
+    path = os.environ.get("ANYFACE_BLENDER") or shutil.which("blender")
+    if path is None:
+        pytest.skip("no blender executable here")
+    text = subprocess.run([path, "--version"], capture_output=True, text=True, check=True).stdout
+    version = tuple(int(word) for word in re.search(r"Blender (\d+)\.(\d+)", text).groups())
+    if version < (4, 2):
+        pytest.skip(f"this blender is too old for extensions: {version}")
+    folder = tmp_path_factory.mktemp("blender")
+    environment = {**os.environ, "BLENDER_USER_RESOURCES": str(folder)}
+
+    def run(*words):
+        command = [path, "-b", *(str(word) for word in words)]
+        return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+
+    zipped = folder / "anyface.zip"
+    shutil.copy(zip_path(), zipped)
+    words = ("install-file", "-r", "user_default", "-e", zipped)
+    done = run("--command", "extension", *words)
+    assert done.returncode == 0, done.stdout + done.stderr
+    run.folder = folder
+    return run
+
+
+def test_the_command_bakes_a_strip(blender, voice):  # noqa: F811
+    folder = blender.folder
+    sound, head = folder / "voice.wav", folder / "head.obj"
+    shutil.copy(voice[0], sound)
+    shutil.copy(HEAD, head)
+    shot, out = folder / "shot.blend", folder / "out.blend"
+    script = folder / "shot.py"
+    script.write_text(SHOT.format(head=str(head), voice=str(sound), shot=str(shot)))
+    done = blender("--python-exit-code", "1", "--python", script)
+    assert done.returncode == 0, done.stdout + done.stderr
+    bake = ("--command", "anyface", "bake", "--object", "Head", "--strip")
+    done = blender(shot, *bake, "Voice", "--save", out)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "basis keys" in done.stdout
+    done = blender(out, "--python-exit-code", "1", "--python-expr", LOOK)
+    assert "KEYS ['Basis', 'Anyface.001']" in done.stdout, done.stdout + done.stderr
+    first, last = (float(word) for word in re.search(r"RANGE (\S+) (\S+)", done.stdout).groups())
+    assert first == pytest.approx(21 - 0.15 * 24, abs=0.01) and last > 60
+    done = blender(shot, *bake, "Nothing", "--save", folder / "none.blend")
+    assert done.returncode == 4 and "got 'Nothing'" in done.stderr
+    assert not (folder / "none.blend").exists()
