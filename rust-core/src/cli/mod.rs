@@ -7,6 +7,7 @@ mod animate;
 mod arguments;
 mod console;
 mod deform;
+mod eval;
 mod info;
 mod landmarks;
 mod motion;
@@ -37,6 +38,7 @@ enum Command {
     Deform(deform::Deform),
     Landmarks(landmarks::FindLandmarks),
     Info(info::Info),
+    Eval(eval::Eval),
 }
 
 /// Reads the command line, runs it and says how it went.
@@ -62,6 +64,7 @@ impl Arguments {
             Command::Deform(command) => command.run(&self.shared, console),
             Command::Landmarks(command) => command.run(&self.shared, console),
             Command::Info(command) => command.run(&self.shared, console),
+            Command::Eval(command) => command.run(&self.shared, console),
         }
     }
 }
@@ -85,6 +88,7 @@ mod tests {
             "anyface deform --mesh M.obj --motion L.npz --out O.npz",
             "anyface landmarks --mesh M.obj --out L.json --forward -y --up z",
             "anyface info --json",
+            "anyface eval --data D --limit 3 --json",
         ] {
             let words = line.split_whitespace();
             if let Err(error) = Arguments::try_parse_from(words) {

@@ -8,11 +8,9 @@ const UPPER: usize = 62;
 /// Middle of the inner lower lip, iBUG-68.
 const LOWER: usize = 66;
 
-/// Height of landmark 62 over landmark 66 at every frame, in the clip's unit.
+/// Distance of landmarks 62 and 66 at every frame, in the clip's unit.
 ///
-/// `landmarks`: `[T, 68, 3]`, +y up. From displacements the result differs from the true gap by
-/// the neutral gap, which no correlation sees. Height, not distance: depth is the weakest part of
-/// motion that was measured from video.
+/// `landmarks`: `[T, 68, 3]` positions; add the neutral face to displacements first.
 ///
 /// # Errors
 /// `ShapeMismatch` for other shapes.
@@ -25,7 +23,10 @@ pub fn lip_gap(landmarks: Clip<'_>) -> Result<Vec<f64>> {
             got: format!("{:?}", landmarks.shape()),
         });
     }
-    Ok((0..frames)
-        .map(|t| landmarks[[t, UPPER, 1]] - landmarks[[t, LOWER, 1]])
-        .collect())
+    let squared = |t: usize| -> f64 {
+        (0..3)
+            .map(|i| (landmarks[[t, UPPER, i]] - landmarks[[t, LOWER, i]]).powi(2))
+            .sum()
+    };
+    Ok((0..frames).map(|t| squared(t).sqrt()).collect())
 }

@@ -139,8 +139,9 @@ fn shapes_and_regions_are_checked() {
 }
 
 #[test]
-fn the_gap_is_the_height_of_the_upper_lip_over_the_lower() {
+fn the_gap_is_the_distance_of_the_inner_lips() {
     let mut clip = Array3::zeros((2, 68, 3));
-    clip[[1, 66, 1]] = -0.01;
-    assert_eq!(lip_gap(clip.view()).unwrap(), [0.0, 0.01]);
+    clip[[1, 66, 1]] = -0.03;
+    clip[[1, 62, 2]] = 0.04;
+    assert_eq!(lip_gap(clip.view()).unwrap(), [0.0, 0.05]);
 }

@@ -1,6 +1,6 @@
 //! numpy archives, written as a stream: arrays uncompressed, 64-bit sizes where they need them.
 
-use std::io::{self, Seek, Write};
+use std::io::{self, Seek, SeekFrom, Write};
 
 use ndarray::ArrayView3;
 use zip::{CompressionMethod, ZipWriter, result::ZipError, write::SimpleFileOptions};
@@ -19,15 +19,19 @@ pub(super) fn write_motion(file: impl Write + Seek, motion: &MotionClip) -> io::
     archive.finish()
 }
 
-/// An archive in the making; empty after a failure.
+/// An archive in the making.
 pub(super) struct Archive<W: Write + Seek> {
-    zip: Option<ZipWriter<W>>,
+    zip: ZipWriter<QuietAfterFailure<W>>,
 }
 
 impl<W: Write + Seek> Archive<W> {
     pub(super) fn new(file: W) -> Self {
         Archive {
-            zip: Some(ZipWriter::new(file)),
+            zip: ZipWriter::new(QuietAfterFailure {
+                file,
+                position: 0,
+                failed: false,
+            }),
         }
     }
 
@@ -56,10 +60,9 @@ impl<W: Write + Seek> Archive<W> {
         let options = SimpleFileOptions::default()
             .compression_method(CompressionMethod::Stored)
             .large_file(bytes > LARGE_BYTES);
-        self.attempt(|zip| {
-            zip.start_file(format!("{name}.npy"), options)
-                .map_err(zip_error)
-        })?;
+        self.zip
+            .start_file(format!("{name}.npy"), options)
+            .map_err(zip_error)?;
         self.bytes(&npy_header(kind, shape))
     }
 
@@ -77,25 +80,51 @@ impl<W: Write + Seek> Archive<W> {
     }
 
     fn bytes(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.attempt(|zip| zip.write_all(bytes))
-    }
-
-    fn attempt(
-        &mut self,
-        write: impl FnOnce(&mut ZipWriter<W>) -> io::Result<()>,
-    ) -> io::Result<()> {
-        let Some(zip) = &mut self.zip else {
-            return Err(io::Error::other("an earlier array could not be written"));
-        };
-        // Dropped after a failure, the writer would try to finish the archive and print why not.
-        write(zip).inspect_err(|_| std::mem::forget(self.zip.take()))
+        self.zip.write_all(bytes)
     }
 
     pub(super) fn finish(self) -> io::Result<()> {
-        match self.zip {
-            Some(zip) => zip.finish().map_err(zip_error)?.flush(),
-            None => Err(io::Error::other("an earlier array could not be written")),
+        self.zip.finish().map_err(zip_error)?.flush()
+    }
+}
+
+/// A file that reports its first failure and then swallows everything.
+///
+/// Dropped after a failure, `ZipWriter` tries to finish the archive and prints why it cannot; a
+/// library must not print.
+struct QuietAfterFailure<W> {
+    file: W,
+    position: u64,
+    failed: bool,
+}
+
+impl<W: Write> Write for QuietAfterFailure<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = match self.failed {
+            true => bytes.len(),
+            false => self.file.write(bytes).inspect_err(|_| self.failed = true)?,
+        };
+        self.position += written as u64;
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match self.failed {
+            true => Ok(()),
+            false => self.file.flush().inspect_err(|_| self.failed = true),
         }
+    }
+}
+
+impl<W: Seek> Seek for QuietAfterFailure<W> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.position = match (self.failed, to) {
+            (false, to) => self.file.seek(to).inspect_err(|_| self.failed = true)?,
+            (true, SeekFrom::Start(position)) => position,
+            (true, SeekFrom::Current(step)) => self.position.saturating_add_signed(step),
+            (true, SeekFrom::End(_)) => self.position,
+        };
+        Ok(self.position)
     }
 }
 
