@@ -2,5 +2,6 @@
 
 pub mod ats;
 mod sampling;
+pub mod stm;
 
 pub use sampling::AtsRequest;

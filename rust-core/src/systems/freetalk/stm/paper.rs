@@ -1,0 +1,422 @@
+//! FreeTalk's own Sparse-To-Mesh decoder (Nocentini et al. 2026, section 3.2).
+//!
+//! Twin of `training/systems/freetalk/stm/paper.py`, attribute name for layer name.
+//!
+//! A DiffusionNet reads the neutral mesh once; per frame a graph network reads the 68 landmark
+//! displacements, every vertex attends to the landmarks, and a second DiffusionNet turns vertex
+//! feature, global displacement vector and attended feature into a displacement.
+//!
+//! What the paper leaves open and this file settles:
+//! - landmark graph: iBUG chains plus bridges ([`landmark_edges`]);
+//! - index encoding: the sinusoidal one of Vaswani et al. 2017;
+//! - `phi` (eq. 12) is one linear layer; the attention has no output projection (eq. 14 has none);
+//! - units: positions and displacements come in decimetres, so that both are of order one.
+//!
+//! The first layer of the decoder is linear in its three inputs: the part of the vertex features is
+//! computed once per mesh, that of the displacement vector once per frame.
+
+use std::ops::Range;
+
+use ndarray::{Array1, Array2, Array3, ArrayRef2, ArrayView3, Axis, s};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    Error, Result,
+    motion::LANDMARKS,
+    nn::{
+        Weights,
+        diffusion_net::{DiffusionNet, DiffusionNetShape},
+        elementwise::{add_to_rows, relu_all, softmax},
+        graph_conv::{GraphConv, normalised_adjacency},
+        linear::Linear,
+        matrix::{self, rows_of, view, view_mut},
+        surface::Surface,
+    },
+};
+
+/// Numbers of a displacement vector of all landmarks.
+const MOTION: usize = 3 * LANDMARKS;
+
+/// The nine iBUG curves: first, last, and whether they close.
+const CHAINS: [(usize, usize, bool); 9] = [
+    (0, 16, false),
+    (17, 21, false),
+    (22, 26, false),
+    (27, 30, false),
+    (31, 35, false),
+    (36, 41, true),
+    (42, 47, true),
+    (48, 59, true),
+    (60, 67, true),
+];
+
+/// Edges between curves, so that the graph is connected and a motion reaches its neighbours.
+#[rustfmt::skip]
+const BRIDGES: [(usize, usize); 27] = [
+    (0, 17), (16, 26), (17, 36), (26, 45), (21, 22), (21, 27), (22, 27), (21, 39), (22, 42),
+    (27, 39), (27, 42), (30, 33), (31, 48), (33, 51), (35, 54), (48, 60), (54, 64), (51, 62),
+    (57, 66), (62, 66), (8, 57), (4, 48), (12, 54), (31, 39), (35, 42), (2, 31), (14, 35),
+];
+
+/// Sizes of the decoder; `config.json` beside the weights.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PaperConfig {
+    /// Channels inside the DiffusionNets.
+    pub width: usize,
+    /// Channels of vertex and landmark features.
+    pub latent: usize,
+    /// Blocks of the mesh encoder.
+    pub encoder_blocks: usize,
+    /// Blocks of the decoder.
+    pub decoder_blocks: usize,
+    /// Layers of the landmark graph network.
+    pub graph_layers: usize,
+    /// Attention heads; divides `latent`.
+    pub heads: usize,
+    /// Channels of the index encoding, even.
+    pub index_encoding: usize,
+    /// Eigenpairs `K` of the mesh.
+    pub eigenpairs: usize,
+    /// Channels per vertex: 6 = position and normal as in the paper, 278 = these and for each
+    /// landmark the offset from it and the distance (a departure).
+    pub inputs: usize,
+    /// Whether the displacement adds to that of the training-free weights (a departure).
+    pub base: bool,
+}
+
+impl PaperConfig {
+    /// Reads and checks `config.json`.
+    ///
+    /// # Errors
+    /// `Weights` if it is not such a file or its numbers contradict each other.
+    pub fn from_json(text: &str) -> Result<Self> {
+        let wrong =
+            |complaint: String| Error::Weights(format!("stm_paper config.json: {complaint}"));
+        let config: PaperConfig = serde_json::from_str(text).map_err(|e| wrong(e.to_string()))?;
+        let PaperConfig { latent, heads, .. } = config;
+        if heads == 0 || !latent.is_multiple_of(heads) {
+            return Err(wrong(format!(
+                "heads: expected a divisor of {latent}, got {heads}"
+            )));
+        }
+        if !config.index_encoding.is_multiple_of(2) {
+            let size = config.index_encoding;
+            return Err(wrong(format!(
+                "index_encoding: expected an even number, got {size}"
+            )));
+        }
+        Ok(config)
+    }
+}
+
+/// Edges of the landmark graph, each once.
+pub fn landmark_edges() -> Vec<(usize, usize)> {
+    let mut edges = Vec::new();
+    for (first, last, closed) in CHAINS {
+        edges.extend((first..last).map(|node| (node, node + 1)));
+        if closed {
+            edges.push((last, first));
+        }
+    }
+    edges.extend(BRIDGES);
+    edges
+}
+
+/// The decoder with its weights.
+pub struct PaperDecoder {
+    config: PaperConfig,
+    mesh_encoder: DiffusionNet,
+    landmark_encoder: Vec<GraphConv>,
+    adjacency: Array2<f32>,
+    /// `[N, index_encoding]`.
+    index: Array2<f32>,
+    landmark_projection: Linear,
+    query: Linear,
+    key: Linear,
+    value: Linear,
+    decoder: DiffusionNet,
+}
+
+/// What the decoder knows of a neutral mesh.
+pub struct MeshFeatures {
+    /// The decoder's first layer applied to the vertex features, with its bias, `[V, width]`.
+    first: Array2<f32>,
+    /// `[V, latent]`.
+    query: Array2<f32>,
+    #[cfg(test)]
+    features: Array2<f32>,
+}
+
+/// The landmarks of one frame, as the vertices see them.
+struct FrameFeatures {
+    /// The decoder's first layer applied to the displacement vector, `[width]`.
+    motion: Vec<f32>,
+    /// `[N, latent]`.
+    key: Array2<f32>,
+    /// `[N, latent]`.
+    value: Array2<f32>,
+}
+
+impl PaperDecoder {
+    /// From the bytes of `model.safetensors` and the text of `config.json`.
+    ///
+    /// # Errors
+    /// `Weights` if either is damaged or they do not fit each other.
+    pub fn load(weights: &[u8], config: &str) -> Result<Self> {
+        Self::new(
+            PaperConfig::from_json(config)?,
+            &Weights::from_bytes(weights)?,
+        )
+    }
+
+    pub(super) fn new(config: PaperConfig, weights: &Weights) -> Result<Self> {
+        let PaperConfig { width, latent, .. } = config;
+        let net = |name: &str, inputs, outputs, blocks| {
+            let shape = DiffusionNetShape {
+                inputs,
+                outputs,
+                width,
+                blocks,
+            };
+            DiffusionNet::load(&weights.pp(name), shape)
+        };
+        let graph = weights.pp("landmark_encoder");
+        let layer = |i| {
+            GraphConv::load(
+                &graph.pp(format!("layer_{i}")),
+                if i == 0 { 3 } else { latent },
+                latent,
+            )
+        };
+        let attention = weights.pp("attention");
+        let projection = |name: &str| Linear::load(&attention.pp(name), latent, latent);
+        let nodes = latent + config.index_encoding;
+        Ok(PaperDecoder {
+            mesh_encoder: net("mesh_encoder", config.inputs, latent, config.encoder_blocks)?,
+            landmark_encoder: (0..config.graph_layers).map(layer).collect::<Result<_>>()?,
+            adjacency: normalised_adjacency(LANDMARKS, &landmark_edges()),
+            index: index_encoding(config.index_encoding),
+            landmark_projection: Linear::load(&weights.pp("landmark_projection"), nodes, latent)?,
+            query: projection("query")?,
+            key: projection("key")?,
+            value: projection("value")?,
+            decoder: net("decoder", 2 * latent + MOTION, 3, config.decoder_blocks)?,
+            config,
+        })
+    }
+
+    /// The decoder's sizes.
+    pub fn config(&self) -> &PaperConfig {
+        &self.config
+    }
+
+    /// Reads a neutral mesh. `vertex_inputs`: `[V, inputs]`; `surface` in decimetres.
+    pub fn encode(&self, vertex_inputs: Array2<f32>, surface: &Surface) -> MeshFeatures {
+        let inputs = vertex_inputs.insert_axis(Axis(0));
+        let features = self.mesh_encoder.forward(&inputs, surface);
+        let features = features.index_axis_move(Axis(0), 0);
+        let first = self.decoder.first_lin();
+        let weight = first.weight().subrows(0, self.config.latent);
+        let constant = matrix::by_row_blocks(features.nrows(), self.config.width, |rows, out| {
+            let features = view(&features).subrows(rows.start, rows.len());
+            matrix::product(view_mut(out, self.config.width), features, weight);
+            add_to_rows(out, first.bias());
+        });
+        MeshFeatures {
+            first: constant,
+            query: self.query.forward(&features),
+            #[cfg(test)]
+            features,
+        }
+    }
+
+    /// Displacement of each vertex, decimetres, `[T, V, 3]`.
+    ///
+    /// `landmarks`: `[T, 68, 3]`, displacements in decimetres.
+    pub fn decode(
+        &self,
+        mesh: &MeshFeatures,
+        landmarks: ArrayView3<'_, f32>,
+        surface: &Surface,
+    ) -> Array3<f32> {
+        let frames = self.read_landmarks(landmarks);
+        self.decoder
+            .forward_from(frames.len(), surface, |frame, rows, out| {
+                self.first_layer(mesh, &frames[frame], rows, out);
+            })
+    }
+
+    /// Graph network, index encoding and the projections of the attention, eqs. 12 and 13.
+    fn read_landmarks(&self, landmarks: ArrayView3<'_, f32>) -> Vec<FrameFeatures> {
+        let (count, latent) = (landmarks.len_of(Axis(0)), self.config.latent);
+        let nodes = self.graph_features(landmarks);
+        let mut joined = Array2::zeros((nodes.nrows(), latent + self.config.index_encoding));
+        joined.slice_mut(s![.., ..latent]).assign(&nodes);
+        for (node, mut row) in joined.rows_mut().into_iter().enumerate() {
+            row.slice_mut(s![latent..])
+                .assign(&self.index.row(node % LANDMARKS));
+        }
+        let projected = self.landmark_projection.forward(&joined);
+        let (key, value) = (self.key.forward(&projected), self.value.forward(&projected));
+        let motion = self.motion_part(landmarks);
+        (0..count)
+            .map(|frame| {
+                let own = s![frame * LANDMARKS..(frame + 1) * LANDMARKS, ..];
+                FrameFeatures {
+                    motion: motion.row(frame).to_vec(),
+                    key: key.slice(own).to_owned(),
+                    value: value.slice(own).to_owned(),
+                }
+            })
+            .collect()
+    }
+
+    /// Graph convolutions with ReLU between them. Returns `[T · N, latent]`.
+    fn graph_features(&self, landmarks: ArrayView3<'_, f32>) -> Array2<f32> {
+        let frames = landmarks.len_of(Axis(0));
+        let mut x = landmarks.to_owned();
+        let last = self.landmark_encoder.len() - 1;
+        for (index, layer) in self.landmark_encoder.iter().enumerate() {
+            let mut y = layer.forward(&x, &self.adjacency);
+            if index < last {
+                relu_all(y.as_slice_mut().expect("new array"));
+            }
+            let channels = y.ncols();
+            let shape = (frames, LANDMARKS, channels);
+            x = y.into_shape_with_order(shape).expect("68 rows a frame");
+        }
+        let channels = x.len_of(Axis(2));
+        let shape = (frames * LANDMARKS, channels);
+        x.into_shape_with_order(shape).expect("row-major")
+    }
+
+    /// The decoder's first layer on the displacement vectors. Returns `[T, width]`.
+    fn motion_part(&self, landmarks: ArrayView3<'_, f32>) -> Array2<f32> {
+        let (frames, width) = (landmarks.len_of(Axis(0)), self.config.width);
+        let landmarks = landmarks.as_standard_layout();
+        let vectors = rows_of(landmarks.as_slice().expect("standard layout"), MOTION);
+        let weight = self.decoder.first_lin().weight();
+        let weight = weight.subrows(self.config.latent, MOTION);
+        let mut out = Array2::zeros((frames, width));
+        let target = out.as_slice_mut().expect("new array");
+        matrix::product(view_mut(target, width), vectors, weight);
+        out
+    }
+
+    /// The decoder's first layer on some vertices: attention (eqs. 13, 14) included.
+    fn first_layer(
+        &self,
+        mesh: &MeshFeatures,
+        frame: &FrameFeatures,
+        rows: Range<usize>,
+        out: &mut [f32],
+    ) {
+        let PaperConfig { width, latent, .. } = self.config;
+        let constant = &matrix::values(&mesh.first)[rows.start * width..rows.end * width];
+        out.copy_from_slice(constant);
+        add_to_rows(out, &frame.motion);
+        let attended = self.attend(&mesh.query, frame, rows);
+        let weight = self.decoder.first_lin().weight();
+        let weight = weight.subrows(latent + MOTION, latent);
+        matrix::product_add(view_mut(out, width), rows_of(&attended, latent), weight);
+    }
+
+    /// `softmax(q kᵀ / √d) v` for each head. Returns `[rows, latent]`.
+    fn attend(
+        &self,
+        query: &ArrayRef2<f32>,
+        frame: &FrameFeatures,
+        rows: Range<usize>,
+    ) -> Vec<f32> {
+        let latent = self.config.latent;
+        let per_head = latent / self.config.heads;
+        let scale = 1.0 / (per_head as f32).sqrt();
+        let mut attended = vec![0.0; rows.len() * latent];
+        let mut weights = vec![0.0; rows.len() * LANDMARKS];
+        for first in (0..latent).step_by(per_head) {
+            let query = view(query).submatrix(rows.start, first, rows.len(), per_head);
+            let [key, value] = [&frame.key, &frame.value].map(|x| view(x).subcols(first, per_head));
+            let target = view_mut(&mut weights, LANDMARKS);
+            matrix::scaled_product(target, scale, query, key.transpose());
+            weights.chunks_exact_mut(LANDMARKS).for_each(softmax);
+            let target = view_mut(&mut attended, latent).subcols_mut(first, per_head);
+            matrix::product(target, rows_of(&weights, LANDMARKS), value);
+        }
+        attended
+    }
+}
+
+/// Sine and cosine of `j / 10000^(2i/size)`, interleaved. `[N, size]`, size even.
+fn index_encoding(size: usize) -> Array2<f32> {
+    let frequency: Array1<f64> = (0..size)
+        .map(|c| (-(10_000f64.ln()) * (c / 2 * 2) as f64 / size as f64).exp())
+        .collect();
+    Array2::from_shape_fn((LANDMARKS, size), |(j, c)| {
+        let angle = j as f64 * frequency[c];
+        (if c % 2 == 0 { angle.sin() } else { angle.cos() }) as f32
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::nn::golden::{Golden, distance};
+
+    fn decoder(golden: &Golden) -> PaperDecoder {
+        let config = PaperConfig::from_json(&golden.metadata("config")).unwrap();
+        PaperDecoder::new(config, &golden.weights()).unwrap()
+    }
+
+    #[test]
+    fn decoder_matches_pytorch() {
+        let golden = Golden::open("stm_paper_debug");
+        let (decoder, surface) = (decoder(&golden), golden.surface());
+        let mesh = decoder.encode(golden.matrix("vertex_inputs"), &surface);
+        let error = distance(&mesh.features, &golden.matrix("features"));
+        assert!(error < 1e-4, "features {error}");
+        let landmarks = golden.cube("landmarks");
+        let got = decoder.decode(&mesh, landmarks.view(), &surface);
+        let error = distance(&got, &golden.cube("output"));
+        assert!(error < 1e-4, "output {error}");
+    }
+
+    #[test]
+    fn frames_are_decoded_alike_in_any_order() {
+        let golden = Golden::open("stm_paper_debug");
+        let (decoder, surface) = (decoder(&golden), golden.surface());
+        let mesh = decoder.encode(golden.matrix("vertex_inputs"), &surface);
+        let landmarks = golden.cube("landmarks");
+        let forward = decoder.decode(&mesh, landmarks.view(), &surface);
+        let reversed = landmarks.slice(s![..;-1, .., ..]);
+        let backward = decoder.decode(&mesh, reversed, &surface);
+        assert_eq!(forward.slice(s![..;-1, .., ..]), backward);
+    }
+
+    #[test]
+    fn landmark_graph_is_connected() {
+        let mut reached = [false; LANDMARKS];
+        reached[0] = true;
+        for _ in 0..LANDMARKS {
+            for (a, b) in landmark_edges() {
+                let either = reached[a] || reached[b];
+                (reached[a], reached[b]) = (either, either);
+            }
+        }
+        assert!(reached.iter().all(|r| *r));
+    }
+
+    #[test]
+    fn weights_of_another_size_are_refused() {
+        let golden = Golden::open("stm_paper_debug");
+        let config = golden
+            .metadata("config")
+            .replace("\"latent\": 8", "\"latent\": 12");
+        let config = PaperConfig::from_json(&config).unwrap();
+        let message = PaperDecoder::new(config, &golden.weights()).err().unwrap();
+        assert!(message.to_string().contains("expected"), "{message}");
+        let config = golden
+            .metadata("config")
+            .replace("\"heads\": 4", "\"heads\": 3");
+        assert!(PaperConfig::from_json(&config).is_err());
+    }
+}
