@@ -1,0 +1,74 @@
+"""Expressions to train and judge on: channel weights of real speech, of the upper face, and random.
+
+Shapes: `T` frames, `M` = 51 channels in the order of `faces.CHANNELS`.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from training.corpus.faces import CHANNELS
+
+HELD_OUT_TAKE = "1114_3_15"
+"""The take of facegood_zh that only the evaluation sees."""
+
+UPPER = [i for i, c in enumerate(CHANNELS) if c.startswith(("brow", "eye", "cheekS", "nose"))]
+
+
+@dataclass(frozen=True)
+class SpeechWeights:
+    """Mouth and jaw weights of real speech. train, test: [T, M]."""
+
+    train: np.ndarray
+    test: np.ndarray
+
+
+def load_speech(shared: Path) -> SpeechWeights:
+    """The ARKit conversion of facegood_zh; frames at rest are dropped."""
+    takes = {}
+    for path in sorted((shared / "data/motion/facegood_zh").glob("*.arkit.csv")):
+        with path.open() as f:
+            rows = list(csv.DictReader(f))
+        names = [n for n in rows[0] if n in CHANNELS]
+        weights = np.zeros((len(rows), len(CHANNELS)))
+        for name in names:
+            weights[:, CHANNELS.index(name)] = [float(r[name]) for r in rows]
+        takes[path.name.split(".")[0]] = weights[weights.max(1) > 0.05]
+    test = takes.pop(HELD_OUT_TAKE)
+    return SpeechWeights(np.concatenate(list(takes.values())), test)
+
+
+def upper_face(rng: np.random.Generator, frames: int) -> np.ndarray:
+    """Brows, lids, eyes and nose at random, left and right mostly together. [T, M]."""
+    weights = np.zeros((frames, len(CHANNELS)))
+    active = rng.random((frames, len(UPPER))) < 0.2
+    weights[:, UPPER] = 0.7 * active * rng.random((frames, len(UPPER)))
+    for left in [i for i in UPPER if CHANNELS[i].endswith("Left")]:
+        right = CHANNELS.index(CHANNELS[left].replace("Left", "Right"))
+        both = rng.random(frames) < 0.8
+        weights[both, right] = weights[both, left]
+    return weights
+
+
+def random_combinations(rng: np.random.Generator, frames: int) -> np.ndarray:
+    """A few channels at once, at any strength. [T, M]."""
+    active = rng.random((frames, len(CHANNELS))) < 0.08
+    return active * rng.random((frames, len(CHANNELS)))
+
+
+def training_frames(rng: np.random.Generator, speech: np.ndarray, frames: int) -> np.ndarray:
+    """Three quarters speech (at 0.7 to 1.4 of its strength) with upper face, the rest random."""
+    picked = speech[rng.integers(len(speech), size=frames)]
+    picked = picked * rng.uniform(0.7, 1.4, (frames, 1)) + upper_face(rng, frames)
+    combined = random_combinations(rng, frames)
+    return np.where(rng.random((frames, 1)) < 0.75, picked, combined)
+
+
+def evaluation_frames(rng: np.random.Generator, speech: np.ndarray, frames: int) -> np.ndarray:
+    """Speech as recorded, with upper face. [T, M]."""
+    picked = speech[rng.integers(len(speech), size=frames)]
+    return picked + upper_face(rng, frames)

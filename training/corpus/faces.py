@@ -1,0 +1,128 @@
+"""The two faces with known motion: ICT FaceKit and the MakeHuman head.
+
+Both come in the canonical frame in metres (+x subject's left, +y up, +z out of the face) with the
+same 51 ARKit channels, so that one weight vector drives either.
+
+Shapes: `V` vertices, `F` triangles, `M` channels, `N` = 68 landmarks.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from safetensors import safe_open
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+CANONICAL = REPOSITORY / "rust-core/src/mesh/canonical_landmarks.json"
+
+CHANNELS = [
+    "browDownLeft", "browDownRight", "browInnerUp", "browOuterUpLeft", "browOuterUpRight",
+    "cheekPuff", "cheekSquintLeft", "cheekSquintRight", "eyeBlinkLeft", "eyeBlinkRight",
+    "eyeLookDownLeft", "eyeLookDownRight", "eyeLookInLeft", "eyeLookInRight", "eyeLookOutLeft",
+    "eyeLookOutRight", "eyeLookUpLeft", "eyeLookUpRight", "eyeSquintLeft", "eyeSquintRight",
+    "eyeWideLeft", "eyeWideRight", "jawForward", "jawLeft", "jawOpen", "jawRight", "mouthClose",
+    "mouthDimpleLeft", "mouthDimpleRight", "mouthFrownLeft", "mouthFrownRight", "mouthFunnel",
+    "mouthLeft", "mouthLowerDownLeft", "mouthLowerDownRight", "mouthPressLeft", "mouthPressRight",
+    "mouthPucker", "mouthRight", "mouthRollLower", "mouthRollUpper", "mouthShrugLower",
+    "mouthShrugUpper", "mouthSmileLeft", "mouthSmileRight", "mouthStretchLeft",
+    "mouthStretchRight", "mouthUpperUpLeft", "mouthUpperUpRight", "noseSneerLeft", "noseSneerRight",
+]  # fmt: skip
+"""ARKit's channels without tongueOut, which neither face can show."""
+
+
+@dataclass(frozen=True)
+class Face:
+    """A neutral face and how it moves.
+
+    vertices: [V, 3] m. triangles: [F, 3]. landmarks: [N] vertex numbers.
+    modes: [M, V, 3] m, displacement at channel weight 1.
+    """
+
+    name: str
+    vertices: np.ndarray
+    triangles: np.ndarray
+    landmarks: np.ndarray
+    modes: np.ndarray
+
+
+@dataclass(frozen=True)
+class IctModel:
+    """The ICT face region (skin without sockets and neck) and its identity modes, canonical metres.
+
+    identity: [100, V, 3], displacement at coefficient 1; coefficients ~ N(0, 1).
+    """
+
+    mean: Face
+    identity: np.ndarray
+
+    def person(self, coefficients: np.ndarray, name: str = "ict") -> Face:
+        """The face of `coefficients` [100], aligned to the canonical frame."""
+        vertices = self.mean.vertices + np.tensordot(coefficients, self.identity, 1)
+        return align(replace(self.mean, name=name, vertices=vertices))
+
+
+def canonical_landmarks() -> np.ndarray:
+    """The landmarks that define the canonical frame. [N, 3] m."""
+    return np.array(json.loads(CANONICAL.read_text())["landmarks"])
+
+
+def align(face: Face) -> Face:
+    """Brings a face to the canonical frame by the similarity of its landmarks (Umeyama 1991)."""
+    source, target = face.vertices[face.landmarks], canonical_landmarks()
+    centre, goal = source.mean(0), target.mean(0)
+    u, s, vt = np.linalg.svd((target - goal).T @ (source - centre))
+    flip = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    rotation = (u * flip) @ vt
+    scale = (s * flip).sum() / ((source - centre) ** 2).sum()
+    return replace(
+        face,
+        vertices=scale * (face.vertices - centre) @ rotation.T + goal,
+        modes=scale * face.modes @ rotation.T,
+    )
+
+
+def load_ict(shared: Path, region: str = "face") -> IctModel:
+    """ICT FaceKit. `region`: "face" (9,409 vertices) or "skin" (14,062, with neck and sockets)."""
+    with safe_open(shared / "data/faces/ict_facekit.safetensors", "np") as f:
+        metadata = f.metadata()
+        names = json.loads(metadata["expression_names"])
+        last = {"face": 9408, "skin": 14061}[region]
+        keep = np.arange(last + 1)
+        neutral, triangles = f.get_tensor("neutral"), f.get_tensor("triangles")
+        landmarks = f.get_tensor("landmarks68").astype(np.int64)
+        expression = f.get_tensor("expression")[:, keep].astype(np.float64)
+        identity = f.get_tensor("identity")[:, keep].astype(np.float64)
+    triangles = triangles[(triangles <= last).all(1)].astype(np.int64)
+    modes = np.stack([_ict_channel(expression, names, c) for c in CHANNELS])
+    mean = Face("ict", 0.01 * neutral[keep].astype(np.float64), triangles, landmarks, 0.01 * modes)
+    aligned = align(mean)
+    scale = np.linalg.norm(aligned.modes) / np.linalg.norm(mean.modes)
+    return IctModel(aligned, 0.01 * scale * identity)
+
+
+def load_makehuman(shared: Path) -> Face:
+    """The MakeHuman head (decimetres in the file), aligned to the canonical frame."""
+    with safe_open(shared / "data/faces/makehuman_head.safetensors", "np") as f:
+        names = json.loads(f.metadata()["names"])
+        deltas = f.get_tensor("deltas").astype(np.float64)
+        face = Face(
+            "makehuman",
+            0.1 * f.get_tensor("neutral").astype(np.float64),
+            f.get_tensor("triangles").astype(np.int64),
+            f.get_tensor("landmarks68").astype(np.int64),
+            0.1 * deltas[[names.index(c) for c in CHANNELS]],
+        )
+    return align(face)
+
+
+def _ict_channel(expression: np.ndarray, names: list[str], channel: str) -> np.ndarray:
+    """The ICT mode, or pair of modes, of one ARKit channel. [V, 3]."""
+    stem = channel.replace("Left", "_L").replace("Right", "_R")
+    if channel in names:
+        return expression[names.index(channel)]
+    if stem in names:
+        return expression[names.index(stem)]
+    return expression[names.index(f"{channel}_L")] + expression[names.index(f"{channel}_R")]

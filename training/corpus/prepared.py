@@ -1,0 +1,109 @@
+"""Meshes ready to train on: motion, landmarks and training-free weights, computed once and kept."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from training.corpus.faces import Face, load_ict, load_makehuman
+from training.corpus.remesh import remesh
+from training.corpus.warp import stylise
+from training.deform import tension_screened_biharmonic as plate
+from training.systems.freetalk.stm.static_weights import VertexGeometry
+
+LIPS_WITHIN_M = 0.01
+"""A vertex nearer than this to a lip landmark (48 to 67) counts as lips."""
+
+
+@dataclass
+class PreparedMesh:
+    """One mesh of the corpus.
+
+    geometry: decimetres. triangles: [F, 3]. landmarks: [N] vertex numbers. modes: [M, V, 3] dm.
+    lips: [V] bool.
+    """
+
+    name: str
+    geometry: VertexGeometry
+    triangles: np.ndarray
+    landmarks: Tensor
+    modes: Tensor
+    lips: Tensor
+
+
+def prepare(face: Face) -> PreparedMesh:
+    """Computes what does not depend on time."""
+    cm = 100.0 * face.vertices
+    laplacian, mass = plate.laplacian_and_mass(cm, face.triangles)
+    remoteness = plate.landmark_remoteness(cm, laplacian, face.landmarks)
+    base = plate.solve(laplacian, mass, remoteness, face.landmarks, plate.TensionScreened())
+    positions = torch.from_numpy(10.0 * face.vertices).float()
+    landmarks = torch.from_numpy(face.landmarks)
+    return PreparedMesh(
+        face.name,
+        VertexGeometry(
+            positions,
+            positions[landmarks],
+            torch.from_numpy(base).float(),
+            torch.from_numpy(np.nan_to_num(remoteness, posinf=1e3)).float(),
+        ),
+        face.triangles,
+        landmarks,
+        torch.from_numpy(10.0 * face.modes).float(),
+        torch.cdist(positions, positions[landmarks[48:]]).min(1).values < 10.0 * LIPS_WITHIN_M,
+    )
+
+
+@dataclass
+class Corpus:
+    """Training and test meshes of each face. No identity and no warp is on both sides."""
+
+    train: dict[str, list[PreparedMesh]]
+    test: dict[str, list[PreparedMesh]]
+
+
+def build(shared: Path, ict_meshes: int, makehuman_meshes: int, seed: int = 5) -> Corpus:
+    """Draws identities, warps and triangulations; about a second a mesh."""
+    rng, test_rng = np.random.default_rng(seed), np.random.default_rng(seed + 1000)
+    faces, makehuman = load_ict(shared, "face"), load_makehuman(shared)
+    skins = load_ict(shared, "skin")
+
+    def ict(rng: np.random.Generator, i: int) -> Face:
+        model = skins if i % 10 < 3 else faces
+        person = model.person(rng.standard_normal(100) * rng.uniform(0.5, 1.4))
+        return remesh(rng, stylise(rng, person, rng.uniform()), int(rng.integers(3000, 7000)))
+
+    def head(rng: np.random.Generator, i: int) -> Face:
+        styled = stylise(rng, makehuman, rng.uniform(0.1, 1.0))
+        return remesh(rng, styled, int(rng.integers(3000, 7000)))
+
+    def unseen_ict(rng: np.random.Generator, i: int) -> Face:
+        person = stylise(rng, faces.person(rng.standard_normal(100)), 0.5)
+        return remesh(rng, person, int(rng.integers(5000, 9000)))
+
+    def as_it_is(rng: np.random.Generator, i: int) -> Face:
+        return makehuman if i == 0 else remesh(rng, makehuman, int(rng.integers(5000, 8000)))
+
+    def draw(source: Callable[[np.random.Generator, int], Face], rng, count: int):
+        return [prepare(source(rng, i)) for i in range(count)]
+
+    return Corpus(
+        {"ict": draw(ict, rng, ict_meshes), "makehuman": draw(head, rng, makehuman_meshes)},
+        {"ict": draw(unseen_ict, test_rng, 8), "makehuman": draw(as_it_is, test_rng, 3)},
+    )
+
+
+def load_or_build(shared: Path, cache: Path, ict_meshes: int, makehuman_meshes: int) -> Corpus:
+    """The corpus from `cache`, a file that this function writes the first time."""
+    if cache.exists():
+        return pickle.loads(cache.read_bytes())
+    corpus = build(shared, ict_meshes, makehuman_meshes)
+    cache.parent.mkdir(parents=True, exist_ok=True)
+    cache.write_bytes(pickle.dumps(corpus))
+    return corpus

@@ -1,0 +1,144 @@
+"""The default decoder: per-vertex weights over the 68 landmarks, fixed for a mesh.
+
+Mirrors `rust-core/src/systems/freetalk/stm/static_weights.rs`, attribute name for layer name.
+
+    dV = W dL + alpha (A dL + B C dL)
+
+W are the training-free weights of `training.deform.tension_screened_biharmonic`; A [V, N] mixes
+landmarks as W does, and B [V, 3, R] with C [R, 3N] lets axes mix (an opening jaw pushes the lip
+back). A and B come from a pointwise network on features that relate each vertex to the 68
+landmarks; pointwise, because it measured equal to a DiffusionNet here. It is run on the mesh and
+on its mirror image and averaged, so a symmetric face moves symmetrically.
+
+Lengths are decimetres in the canonical frame. Shapes: `V` vertices, `T` frames, `N` = 68, `R` rank.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+LANDMARKS = 68
+CORRECTION_SCALE = 0.1
+"""Outputs of the network are multiplied by this, so that training starts near zero."""
+
+
+@dataclass(frozen=True)
+class StaticConfig:
+    """Sizes; saved beside the weights as config.json.
+
+    strength: what a user's learned = 1 multiplies the correction with. Below one because the
+    network knows two faces only: see the model card.
+    """
+
+    width: int = 96
+    rank: int = 12
+    strength: float = 0.4
+
+
+CONFIGS = {"static": StaticConfig(), "debug": StaticConfig(8, 2, 0.5)}
+
+FEATURES = 3 + 3 * LANDMARKS + LANDMARKS + LANDMARKS + 1
+
+
+def mirror_order() -> Tensor:
+    """For each iBUG landmark the one on the other side. [N]."""
+    order = list(range(LANDMARKS))
+
+    def swap(left: list[int], right: list[int]) -> None:
+        for a, b in zip(left, right, strict=True):
+            order[a], order[b] = b, a
+
+    swap(list(range(0, 8)), list(range(16, 8, -1)))
+    swap(list(range(17, 22)), list(range(26, 21, -1)))
+    swap([31, 32], [35, 34])
+    swap([36, 37, 38, 39, 40, 41], [45, 44, 43, 42, 47, 46])
+    swap([48, 49, 50, 59, 58], [54, 53, 52, 55, 56])
+    swap([60, 61, 67], [64, 63, 65])
+    return torch.tensor(order)
+
+
+MIRROR = mirror_order()
+FLIP = torch.tensor([-1.0, 1.0, 1.0])
+
+
+@dataclass
+class VertexGeometry:
+    """What the network may know of vertices.
+
+    positions: [V, 3] dm. landmarks: [N, 3] dm, of the neutral mesh. base: [V, N], the training-free
+    weights. remoteness: [V], least ratio of surface distance to reach over the landmarks.
+    """
+
+    positions: Tensor
+    landmarks: Tensor
+    base: Tensor
+    remoteness: Tensor
+
+    def mirrored(self) -> VertexGeometry:
+        """The same seen in a mirror: x changes sign, left landmarks take right ones' numbers."""
+        return VertexGeometry(
+            self.positions * FLIP,
+            self.landmarks[MIRROR] * FLIP,
+            self.base[:, MIRROR],
+            self.remoteness,
+        )
+
+    def features(self) -> Tensor:
+        """Position, offset from and distance to each landmark, base weights, nearness. [V, 344]."""
+        offsets = self.positions[:, None] - self.landmarks
+        distances = offsets.norm(dim=-1)
+        nearness = torch.exp(-self.remoteness)[:, None]
+        return torch.cat(
+            [self.positions, offsets.flatten(1), distances, self.base, nearness], dim=1
+        )
+
+
+class StaticWeights(nn.Module):
+    """The network behind A, B and C."""
+
+    def __init__(self, config: StaticConfig):
+        super().__init__()
+        self.config = config
+        w = config.width
+        self.layer_0 = nn.Linear(FEATURES, w)
+        self.layer_1 = nn.Linear(w, w)
+        self.layer_2 = nn.Linear(w, w)
+        self.mix = nn.Linear(w, LANDMARKS)
+        self.cross = nn.Linear(w, 3 * config.rank)
+        self.motion = nn.Linear(3 * LANDMARKS, config.rank, bias=False)
+        self.register_buffer("feature_mean", torch.zeros(FEATURES))
+        self.register_buffer("feature_scale", torch.ones(FEATURES))
+        for layer in (self.mix, self.cross):
+            nn.init.zeros_(layer.weight)
+            nn.init.zeros_(layer.bias)
+
+    def one_sided(self, geometry: VertexGeometry) -> tuple[Tensor, Tensor]:
+        """A [V, N] and B [V, 3, R] without the mirror."""
+        x = (geometry.features() - self.feature_mean) / self.feature_scale
+        for layer in (self.layer_0, self.layer_1, self.layer_2):
+            x = torch.nn.functional.silu(layer(x))
+        mix = CORRECTION_SCALE * self.mix(x)
+        return mix, CORRECTION_SCALE * self.cross(x).unflatten(1, (3, self.config.rank))
+
+    def one_sided_correction(self, geometry: VertexGeometry, landmarks: Tensor) -> Tensor:
+        """`A dL + B C dL` without the mirror. landmarks: [T, N, 3]. Returns [T, V, 3], same unit."""
+        mix, cross = self.one_sided(geometry)
+        motion = self.motion(landmarks.flatten(1))
+        return torch.einsum("vn,tnx->tvx", mix, landmarks) + torch.einsum(
+            "vxr,tr->tvx", cross, motion
+        )
+
+    def forward(self, geometry: VertexGeometry, landmarks: Tensor) -> Tensor:
+        """The correction, mean of both sides. landmarks: [T, N, 3]. Returns [T, V, 3]."""
+        seen = self.one_sided_correction(geometry, landmarks)
+        reflected = self.one_sided_correction(geometry.mirrored(), landmarks[:, MIRROR] * FLIP)
+        return 0.5 * (seen + reflected * FLIP)
+
+
+def deform(model: StaticWeights, geometry: VertexGeometry, landmarks: Tensor, learned: float) -> Tensor:
+    """Displacement of every vertex. learned: 0 training-free, 1 as shipped. Returns [T, V, 3]."""
+    base = torch.einsum("vn,tnx->tvx", geometry.base, landmarks)
+    return base + learned * model.config.strength * model(geometry, landmarks)
