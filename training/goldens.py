@@ -16,6 +16,7 @@ GOLDENS = {
     "log_mel": "training.speech.golden_log_mel",
     "compact_speech": "training.speech.golden_compact",
     "ats_compact": "training.systems.freetalk.golden_ats",
+    "stm_static": "training.systems.freetalk.stm.golden_static",
     "stm_paper": "training.systems.freetalk.stm.golden_paper",
 }
 """Model name -> module with `write(out: Path, shared: Path) -> Path`."""

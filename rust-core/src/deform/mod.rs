@@ -1,4 +1,20 @@
 //! Landmark motion spread over a whole mesh.
+//!
+//! [`Deformer`] is what every decoder offers. [`LandmarkWeights`] is the default one: fixed weights
+//! over the landmarks, shared by systems. They come from [`PlateWeights`] on the skin and from
+//! [`binding`] on everything else. [`compression`] turns the result into a few basis shapes.
+
+pub mod binding;
+pub mod compression;
+pub mod jaw;
+mod landmark_weights;
+mod nearest;
+mod skin;
+mod tension_screened_biharmonic;
+
+pub use landmark_weights::LandmarkWeights;
+pub use skin::Skin;
+pub use tension_screened_biharmonic::{Plate, PlateWeights, REACHES_CM};
 
 use crate::{Result, progress::ProgressFn};
 use ndarray::{Array3, ArrayView3};

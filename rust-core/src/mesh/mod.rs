@@ -6,7 +6,7 @@ mod check;
 mod closest;
 mod landmark_file;
 mod landmarks;
-mod lips;
+pub(crate) mod lips;
 mod normals;
 mod obj;
 pub mod parts;

@@ -1,0 +1,101 @@
+//! The nearest of many points, by a grid of cells.
+
+use std::collections::HashMap;
+
+/// Points sorted into cubes; made for queries that mostly lie near some point.
+pub(crate) struct PointGrid<'a> {
+    points: &'a [[f32; 3]],
+    cell: f32,
+    cells: HashMap<[i32; 3], Vec<u32>>,
+}
+
+impl<'a> PointGrid<'a> {
+    /// `cell`: edge of a cube in the points' unit, positive.
+    pub fn new(points: &'a [[f32; 3]], cell: f32) -> Self {
+        let mut cells: HashMap<_, Vec<u32>> = HashMap::new();
+        for (i, point) in points.iter().enumerate() {
+            cells
+                .entry(cell_of(*point, cell))
+                .or_default()
+                .push(i as u32);
+        }
+        PointGrid {
+            points,
+            cell,
+            cells,
+        }
+    }
+
+    /// Number and distance of the nearest point; `None` if none lies within `limit`.
+    pub fn nearest(&self, query: [f32; 3], limit: f32) -> Option<(u32, f32)> {
+        let centre = cell_of(query, self.cell);
+        let mut best: Option<(u32, f32)> = None;
+        let rings = (limit / self.cell).ceil() as i32 + 1;
+        for ring in 0..=rings {
+            // Everything in this ring is at least so far away.
+            let least = (ring - 1).max(0) as f32 * self.cell;
+            if best.is_some_and(|(_, d)| d < least) {
+                break;
+            }
+            self.search_ring(query, centre, ring, &mut best);
+        }
+        best.filter(|&(_, d)| d <= limit)
+    }
+
+    fn search_ring(&self, query: [f32; 3], c: [i32; 3], ring: i32, best: &mut Option<(u32, f32)>) {
+        for x in -ring..=ring {
+            for y in -ring..=ring {
+                let on_side = x.abs() == ring || y.abs() == ring;
+                let step = if on_side || ring == 0 { 1 } else { 2 * ring };
+                for z in (-ring..=ring).step_by(step as usize) {
+                    let key = [
+                        c[0].saturating_add(x),
+                        c[1].saturating_add(y),
+                        c[2].saturating_add(z),
+                    ];
+                    for &i in self.cells.get(&key).into_iter().flatten() {
+                        let d = distance(self.points[i as usize], query);
+                        // Ties go to the smaller number, whatever the order of the cells.
+                        if best.is_none_or(|(j, b)| d < b || (d == b && i < j)) {
+                            *best = Some((i, d));
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn cell_of(point: [f32; 3], cell: f32) -> [i32; 3] {
+    point.map(|x| (x / cell).floor() as i32)
+}
+
+/// Straight distance.
+pub(crate) fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
+    (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    #[test]
+    fn grid_finds_what_a_plain_search_finds() {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut point = || std::array::from_fn(|_| rng.random_range(-3.0..3.0f32));
+        let points: Vec<[f32; 3]> = (0..400).map(|_| point()).collect();
+        let grid = PointGrid::new(&points, 0.5);
+        for _ in 0..200 {
+            let query = point();
+            let plain = points
+                .iter()
+                .map(|&p| distance(p, query))
+                .fold(f32::INFINITY, f32::min);
+            let found = grid.nearest(query, 20.0).unwrap();
+            assert_eq!(found.1, plain);
+            assert_eq!(grid.nearest(query, plain * 0.99), None);
+        }
+    }
+}

@@ -1,0 +1,387 @@
+//! Everything of a mesh that does not depend on time, for the `static` decoder.
+
+use ndarray::{Array2, ArrayViewMut1};
+
+use super::{StaticWeights, VertexGeometry, static_weights::Correction};
+use crate::{
+    Error, Result,
+    deform::{
+        LandmarkWeights, Plate, PlateWeights, Skin,
+        binding::{Follows, bind},
+        jaw,
+    },
+    mesh::{Landmarks, Mesh, Similarity},
+    motion::LANDMARKS,
+    operators::{Arrays, Cache, CacheKey},
+    progress::{ProgressFn, report},
+};
+
+/// Raised when the training-free weights change.
+const CACHE_VERSION: u32 = 1;
+const COORDINATES: usize = 3 * LANDMARKS;
+/// A user may strengthen the learned part up to this.
+const STRONGEST: f32 = 10.0;
+
+/// Prepares the `static` decoder for one mesh.
+///
+/// The result takes landmark displacements in the mesh's own units and axes and returns vertex
+/// displacements in the same. The solve on the skin is kept in `cache`. `learned`: strength of the
+/// learned part, 0 (training-free) to 10, 1 as shipped.
+///
+/// # Errors
+/// `InvalidInput` for `learned` out of range, `Mesh` if the landmarks lie on no usable face,
+/// `Numerics` if the solve fails, `Cancelled`.
+pub fn prepare_static(
+    weights: &StaticWeights,
+    mesh: &Mesh,
+    landmarks: &Landmarks,
+    to_canonical: &Similarity,
+    cache: &Cache,
+    learned: f32,
+    progress: ProgressFn<'_>,
+) -> Result<LandmarkWeights> {
+    if !(0.0..=STRONGEST).contains(&learned) {
+        return Err(Error::InvalidInput(format!(
+            "learned: expected 0 to {STRONGEST}, got {learned}"
+        )));
+    }
+    report(progress, "operators", 0.0)?;
+    let cm = |p: [f32; 3]| to_canonical.apply(p).map(|x| 100.0 * x);
+    let mesh_cm = Mesh {
+        positions: mesh.positions.iter().map(|&p| cm(p)).collect(),
+        triangles: mesh.triangles.clone(),
+    };
+    let landmarks_cm = landmarks.positions.map(cm);
+    let skin = Skin::find(&mesh_cm, &landmarks_cm, &landmarks.vertices)?;
+    report(progress, "weights", 0.0)?;
+    let plate = cached_plate(&skin, cache)?;
+    report(progress, "weights", 0.7)?;
+    let strength = learned * weights.strength();
+    let correction = (strength > 0.0).then(|| correct(weights, &skin, &landmarks_cm, &plate));
+    let follows = bind(
+        &mesh_cm.positions,
+        &skin.parts,
+        &skin.is_skin,
+        &landmarks_cm,
+    );
+    let assembly = Assembly {
+        skin: &skin,
+        plate: &plate,
+        correction: correction.as_ref(),
+        strength,
+        follows: &follows,
+        positions: &mesh_cm.positions,
+    };
+    let mut result = assembly.weights(&jaw::from_landmarks(&landmarks_cm));
+    turn(&mut result, to_canonical);
+    report(progress, "weights", 1.0)?;
+    Ok(result)
+}
+
+/// The plate's weights, from the cache where they are in it.
+fn cached_plate(skin: &Skin, cache: &Cache) -> Result<PlateWeights> {
+    let operators = &skin.operators;
+    let plate = Plate::default();
+    let key = CacheKey::new("plate weights", CACHE_VERSION)
+        .f64s(operators.positions.iter().flatten())
+        .u32s(operators.triangles.iter().flatten())
+        .u32s(&skin.landmark_rows)
+        .f64s(&[plate.tension, plate.screen, plate.spring]);
+    let rows = operators.rows();
+    let mut arrays = cache.get_or_compute(&key, || {
+        let solved = PlateWeights::solve(operators, &skin.landmark_rows, plate)?;
+        let mut arrays = Arrays::default();
+        arrays.insert_f32("weights", &[rows, LANDMARKS], solved.weights);
+        arrays.insert_f64("remoteness", &[rows], solved.remoteness);
+        Ok(arrays)
+    })?;
+    match (arrays.take_f32("weights"), arrays.take_f64("remoteness")) {
+        (Some((shape, weights)), Some((_, remoteness)))
+            if shape == [rows, LANDMARKS] && remoteness.len() == rows =>
+        {
+            Ok(PlateWeights {
+                weights,
+                remoteness,
+            })
+        }
+        _ => PlateWeights::solve(operators, &skin.landmark_rows, plate),
+    }
+}
+
+/// The learned part on the skin.
+fn correct(
+    weights: &StaticWeights,
+    skin: &Skin,
+    landmarks_cm: &[[f32; 3]; LANDMARKS],
+    plate: &PlateWeights,
+) -> Correction {
+    let positions: Vec<[f32; 3]> = skin
+        .operators
+        .positions
+        .iter()
+        .map(|p| p.map(|x| 0.1 * x as f32))
+        .collect();
+    weights.correction(&VertexGeometry {
+        positions: &positions,
+        landmarks: &landmarks_cm.map(|p| p.map(|x| 0.1 * x)),
+        plate,
+    })
+}
+
+/// What the weights of all vertices are put together from.
+struct Assembly<'a> {
+    skin: &'a Skin,
+    plate: &'a PlateWeights,
+    correction: Option<&'a Correction>,
+    strength: f32,
+    follows: &'a [Follows],
+    positions: &'a [[f32; 3]],
+}
+
+impl Assembly<'_> {
+    /// Weights of every vertex in the canonical frame. `jaw`: `[3, 204]`.
+    fn weights(&self, jaw: &Array2<f32>) -> LandmarkWeights {
+        let vertices = self.follows.len();
+        let learned = self.correction.map_or(0, |c| c.motion.nrows());
+        let rank = learned + jaw::JAW_RANK;
+        let mut mix = Array2::zeros((vertices, LANDMARKS));
+        let mut cross = Array2::zeros((vertices, 3 * rank));
+        for (v, follows) in self.follows.iter().enumerate() {
+            match *follows {
+                Follows::Skull => {}
+                Follows::Skin(skin, share) => {
+                    let row = self.skin.operators.row_of_vertex[skin as usize] as usize;
+                    self.copy_skin(row, share, mix.row_mut(v), cross.row_mut(v));
+                }
+                Follows::Jaw(share) => {
+                    for (axis, numbers) in jaw::follow(self.positions[v], share).iter().enumerate()
+                    {
+                        for (k, &value) in numbers.iter().enumerate() {
+                            cross[[v, axis * rank + learned + k]] = value;
+                        }
+                    }
+                }
+            }
+        }
+        let motion = match self.correction {
+            Some(c) => ndarray::concatenate![ndarray::Axis(0), c.motion, *jaw],
+            None => jaw.clone(),
+        };
+        LandmarkWeights { mix, cross, motion }
+    }
+
+    fn copy_skin(
+        &self,
+        row: usize,
+        share: f32,
+        mut mix: ArrayViewMut1<'_, f32>,
+        mut cross: ArrayViewMut1<'_, f32>,
+    ) {
+        let plate = &self.plate.weights[row * LANDMARKS..(row + 1) * LANDMARKS];
+        for (to, from) in mix.iter_mut().zip(plate) {
+            *to = share * from;
+        }
+        let Some(correction) = self.correction else {
+            return;
+        };
+        let strength = share * self.strength;
+        for (to, from) in mix.iter_mut().zip(correction.mix.row(row)) {
+            *to += strength * from;
+        }
+        let (learned, rank) = (correction.motion.nrows(), cross.len() / 3);
+        for axis in 0..3 {
+            for r in 0..learned {
+                cross[axis * rank + r] = strength * correction.cross[[row, axis * learned + r]];
+            }
+        }
+    }
+}
+
+/// Turns canonical weights into weights of the mesh's own axes: `C R` and `Rᵀ B`. Scale cancels.
+fn turn(weights: &mut LandmarkWeights, to_canonical: &Similarity) {
+    let r = to_canonical.rotation.map(|row| row.map(|x| x as f32));
+    let rank = weights.motion.nrows();
+    for mut row in weights.motion.rows_mut() {
+        for c in (0..COORDINATES).step_by(3) {
+            let old = [row[c], row[c + 1], row[c + 2]];
+            for j in 0..3 {
+                row[c + j] = (0..3).map(|i| old[i] * r[i][j]).sum();
+            }
+        }
+    }
+    for mut row in weights.cross.rows_mut() {
+        for k in 0..rank {
+            let old = [row[k], row[rank + k], row[2 * rank + k]];
+            for j in 0..3 {
+                row[j * rank + k] = (0..3).map(|i| old[i] * r[i][j]).sum();
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{CachePolicy, deform::Deformer, nn::golden::Golden, progress::SILENT};
+    use ndarray::Array3;
+
+    /// The golden's procedural face, canonical metres.
+    fn face() -> (Mesh, Landmarks) {
+        let golden = Golden::open("stm_static_debug");
+        let positions: Vec<[f32; 3]> = golden
+            .values("vertices")
+            .chunks(3)
+            .map(|p| [p[0], p[1], p[2]])
+            .collect();
+        let triangles = golden.integers("triangles");
+        let vertices = golden.integers("landmarks");
+        let landmarks = Landmarks {
+            positions: std::array::from_fn(|n| positions[vertices[n]]),
+            vertices: std::array::from_fn(|n| vertices[n] as u32),
+            confidence: [1.0; LANDMARKS],
+        };
+        let triangles = triangles
+            .chunks(3)
+            .map(|t| [t[0] as u32, t[1] as u32, t[2] as u32])
+            .collect();
+        (
+            Mesh {
+                positions,
+                triangles,
+            },
+            landmarks,
+        )
+    }
+
+    fn prepare(
+        mesh: &Mesh,
+        landmarks: &Landmarks,
+        to: &Similarity,
+        learned: f32,
+    ) -> LandmarkWeights {
+        let weights = StaticWeights::embedded().unwrap();
+        let cache = Cache::new(&CachePolicy::Off);
+        prepare_static(&weights, mesh, landmarks, to, &cache, learned, SILENT).unwrap()
+    }
+
+    fn motion() -> Array3<f32> {
+        Array3::from_shape_fn((3, LANDMARKS, 3), |(t, n, x)| {
+            0.004 * ((t + 1) as f32 * (n as f32 * 0.4 + x as f32)).sin()
+        })
+    }
+
+    #[test]
+    fn units_and_pose_of_the_mesh_do_not_matter() {
+        let (mesh, landmarks) = face();
+        let to = Similarity {
+            scale: 0.01,
+            rotation: [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+            translation: [0.3, -0.2, 0.1],
+        };
+        let back = to.inverse();
+        let posed = Mesh {
+            positions: mesh.positions.iter().map(|&p| back.apply(p)).collect(),
+            triangles: mesh.triangles.clone(),
+        };
+        let posed_landmarks = Landmarks {
+            positions: landmarks.positions.map(|p| back.apply(p)),
+            ..landmarks.clone()
+        };
+        let motion = motion();
+        let canonical = prepare(&mesh, &landmarks, &Similarity::IDENTITY, 1.0);
+        let expected = canonical.deform(motion.view(), SILENT).unwrap();
+        let expected = to.displacements_to_mesh(
+            expected
+                .to_shape((3 * mesh.positions.len(), 1, 3))
+                .unwrap()
+                .view(),
+        );
+        let own = prepare(&posed, &posed_landmarks, &to, 1.0);
+        let got = own
+            .deform(to.displacements_to_mesh(motion.view()).view(), SILENT)
+            .unwrap();
+        for (a, b) in got.iter().zip(&expected) {
+            assert!((a - b).abs() < 2e-3, "expected {b}, got {a} (of 1.2)");
+        }
+    }
+
+    #[test]
+    fn teeth_follow_the_jaw_and_eyeballs_rest() {
+        let (mut mesh, landmarks) = face();
+        let first = mesh.positions.len() as u32;
+        // A lower tooth behind and below the lips, an upper one above, and a ball in the right eye.
+        for (centre, size) in [
+            ([0.0, -0.066, 0.055], 0.004),
+            ([0.0, -0.052, 0.055], 0.004),
+            ([-0.03, 0.008, 0.04], 0.012),
+        ] {
+            let start = mesh.positions.len() as u32;
+            let corners: [[f32; 3]; 4] = [
+                [1.0, 1.0, 1.0],
+                [1.0, -1.0, -1.0],
+                [-1.0, 1.0, -1.0],
+                [-1.0, -1.0, 1.0],
+            ];
+            mesh.positions
+                .extend(corners.map(|c| std::array::from_fn(|i| centre[i] + size * c[i])));
+            mesh.triangles.extend(
+                [[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]].map(|t| t.map(|v: u32| v + start)),
+            );
+        }
+        let weights = prepare(&mesh, &landmarks, &Similarity::IDENTITY, 1.0);
+        let mut drop = Array3::zeros((1, LANDMARKS, 3));
+        for n in 4..=12 {
+            drop[[0, n, 1]] = -0.01;
+        }
+        let moved = weights.deform(drop.view(), SILENT).unwrap();
+        let height = |v: u32| moved[[0, (first + v) as usize, 1]];
+        assert!(height(0) < -0.005, "lower tooth: {}", height(0));
+        assert_eq!((height(4), height(8)), (0.0, 0.0));
+    }
+
+    #[test]
+    fn learned_zero_is_training_free_and_out_of_range_is_an_error() {
+        let (mesh, landmarks) = face();
+        let free = prepare(&mesh, &landmarks, &Similarity::IDENTITY, 0.0);
+        assert_eq!(free.motion.nrows(), jaw::JAW_RANK);
+        let weights = StaticWeights::embedded().unwrap();
+        let cache = Cache::new(&CachePolicy::Off);
+        for wrong in [-0.1, f32::NAN, 11.0] {
+            let result = prepare_static(
+                &weights,
+                &mesh,
+                &landmarks,
+                &Similarity::IDENTITY,
+                &cache,
+                wrong,
+                SILENT,
+            );
+            assert!(matches!(result, Err(Error::InvalidInput(_))));
+        }
+    }
+
+    #[test]
+    fn cached_weights_are_the_computed_ones() {
+        let (mesh, landmarks) = face();
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::new(&CachePolicy::Folder(folder.path().into()));
+        let weights = StaticWeights::embedded().unwrap();
+        let run = || {
+            prepare_static(
+                &weights,
+                &mesh,
+                &landmarks,
+                &Similarity::IDENTITY,
+                &cache,
+                1.0,
+                SILENT,
+            )
+            .unwrap()
+        };
+        assert_eq!(run(), run());
+        assert_eq!(
+            run(),
+            prepare(&mesh, &landmarks, &Similarity::IDENTITY, 1.0)
+        );
+    }
+}

@@ -1,0 +1,294 @@
+//! The default decoder: per-vertex weights over the 68 landmarks, fixed for a mesh.
+//!
+//! Twin of `training/systems/freetalk/stm/static_weights.py`.
+//!
+//! `ΔV = W ΔL + α (A ΔL + B C ΔL)`
+//!
+//! `W` are the training-free weights of [`PlateWeights`]. `A` mixes landmarks as `W` does; `B` and
+//! `C` let axes mix (an opening jaw pushes the lip back). `A` and `B` come from a pointwise network
+//! on features that relate each vertex to the landmarks, run on the mesh and on its mirror image
+//! and averaged, so that a symmetric face moves symmetrically.
+//!
+//! Lengths are decimetres in the canonical frame.
+
+use ndarray::{Array2, ArrayViewMut1, s};
+use serde::Deserialize;
+
+use crate::{
+    Error, Result,
+    deform::PlateWeights,
+    motion::LANDMARKS,
+    nn::{Weights, elementwise::silu_all, linear::Linear},
+};
+
+/// Outputs of the network are multiplied by this, so that training starts near zero.
+const CORRECTION_SCALE: f32 = 0.1;
+/// Position, offset from and distance to each landmark, plate weights, nearness.
+const FEATURES: usize = 3 + 3 * LANDMARKS + LANDMARKS + LANDMARKS + 1;
+const COORDINATES: usize = 3 * LANDMARKS;
+
+/// For each landmark the one on the other side of the face.
+pub const MIRROR: [usize; LANDMARKS] = [
+    16, 15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0, 26, 25, 24, 23, 22, 21, 20, 19, 18,
+    17, 27, 28, 29, 30, 35, 34, 33, 32, 31, 45, 44, 43, 42, 47, 46, 39, 38, 37, 36, 41, 40, 54, 53,
+    52, 51, 50, 49, 48, 59, 58, 57, 56, 55, 64, 63, 62, 61, 60, 67, 66, 65,
+];
+
+/// Sizes of the network, as `config.json` states them.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub struct StaticConfig {
+    /// Hidden channels.
+    pub width: usize,
+    /// `R`, rank of the part in which axes mix.
+    pub rank: usize,
+    /// What a user's `learned = 1` multiplies the correction with. Below one because the network
+    /// knows two faces only: see the model card.
+    pub strength: f32,
+}
+
+/// The network behind `A`, `B` and `C`.
+pub struct StaticWeights {
+    config: StaticConfig,
+    layers: [Linear; 3],
+    mix: Linear,
+    cross: Linear,
+    /// `[R, 204]`.
+    motion: Array2<f32>,
+    feature_mean: Vec<f32>,
+    feature_scale: Vec<f32>,
+}
+
+/// What the network may know of the vertices, `R'` rows of a surface.
+pub struct VertexGeometry<'a> {
+    /// `[R']`, decimetres.
+    pub positions: &'a [[f32; 3]],
+    /// The landmarks of the neutral face, decimetres.
+    pub landmarks: &'a [[f32; 3]; LANDMARKS],
+    /// Of the same rows.
+    pub plate: &'a PlateWeights,
+}
+
+/// The learned part of the weights, at full strength.
+pub struct Correction {
+    /// `A`: `[R', 68]`.
+    pub mix: Array2<f32>,
+    /// `B`: `[R', 3 · 2R]`, axis by axis; seen, then reflected.
+    pub cross: Array2<f32>,
+    /// `C`: `[2R, 204]`.
+    pub motion: Array2<f32>,
+}
+
+impl StaticWeights {
+    /// From the bytes of `model.safetensors` and the text of `config.json`.
+    ///
+    /// # Errors
+    /// `Weights` if either is damaged or they do not fit each other.
+    pub fn load(weights: &[u8], config: &str) -> Result<Self> {
+        let config = serde_json::from_str(config)
+            .map_err(|e| Error::Weights(format!("stm_static: config.json: {e}")))?;
+        Self::new(config, &Weights::from_bytes(weights)?)
+    }
+
+    /// From weights already read.
+    ///
+    /// # Errors
+    /// `Weights` if one is missing or has another shape.
+    pub fn new(config: StaticConfig, weights: &Weights) -> Result<Self> {
+        let (width, rank) = (config.width, config.rank);
+        let layer = |name: &str, inputs| Linear::load(&weights.pp(name), inputs, width);
+        Ok(StaticWeights {
+            layers: [
+                layer("layer_0", FEATURES)?,
+                layer("layer_1", width)?,
+                layer("layer_2", width)?,
+            ],
+            mix: Linear::load(&weights.pp("mix"), width, LANDMARKS)?,
+            cross: Linear::load(&weights.pp("cross"), width, 3 * rank)?,
+            motion: weights.pp("motion").matrix("weight", rank, COORDINATES)?,
+            feature_mean: weights.values("feature_mean", &[FEATURES])?,
+            feature_scale: weights.values("feature_scale", &[FEATURES])?,
+            config,
+        })
+    }
+
+    /// What a user's `learned = 1` stands for.
+    pub fn strength(&self) -> f32 {
+        self.config.strength
+    }
+
+    /// `A`, `B` and `C` at full strength, mean of the mesh and its mirror image.
+    pub fn correction(&self, geometry: &VertexGeometry<'_>) -> Correction {
+        let rank = self.config.rank;
+        let (seen_mix, seen_cross) = self.one_sided(geometry, false);
+        let (reflected_mix, reflected_cross) = self.one_sided(geometry, true);
+        let rows = seen_mix.nrows();
+        let mix = Array2::from_shape_fn((rows, LANDMARKS), |(v, n)| {
+            0.5 * (seen_mix[[v, n]] + reflected_mix[[v, MIRROR[n]]])
+        });
+        let mut cross = Array2::zeros((rows, 6 * rank));
+        for axis in 0..3 {
+            let from = s![.., axis * rank..(axis + 1) * rank];
+            let sign = if axis == 0 { -0.5 } else { 0.5 };
+            let first = 2 * axis * rank;
+            cross
+                .slice_mut(s![.., first..first + rank])
+                .assign(&(&seen_cross.slice(from) * 0.5));
+            cross
+                .slice_mut(s![.., first + rank..first + 2 * rank])
+                .assign(&(&reflected_cross.slice(from) * sign));
+        }
+        Correction {
+            mix,
+            cross,
+            motion: self.both_motions(),
+        }
+    }
+
+    /// `C`, and below it `C` of the reflected motion.
+    fn both_motions(&self) -> Array2<f32> {
+        let rank = self.config.rank;
+        Array2::from_shape_fn((2 * rank, COORDINATES), |(r, c)| {
+            if r < rank {
+                return self.motion[[r, c]];
+            }
+            let (landmark, axis) = (c / 3, c % 3);
+            let sign = if axis == 0 { -1.0 } else { 1.0 };
+            sign * self.motion[[r - rank, 3 * MIRROR[landmark] + axis]]
+        })
+    }
+
+    /// The network on one side: `A` `[R', 68]` and `B` `[R', 3 R]`.
+    fn one_sided(
+        &self,
+        geometry: &VertexGeometry<'_>,
+        reflected: bool,
+    ) -> (Array2<f32>, Array2<f32>) {
+        let mut x = self.features(geometry, reflected);
+        for layer in &self.layers {
+            x = layer.forward_then(&x, silu_all);
+        }
+        let scale = |values: &mut [f32]| values.iter_mut().for_each(|v| *v *= CORRECTION_SCALE);
+        (
+            self.mix.forward_then(&x, scale),
+            self.cross.forward_then(&x, scale),
+        )
+    }
+
+    /// Normalised features `[R', 344]`.
+    fn features(&self, geometry: &VertexGeometry<'_>, reflected: bool) -> Array2<f32> {
+        let side = if reflected { -1.0 } else { 1.0 };
+        let turn = |p: [f32; 3]| [side * p[0], p[1], p[2]];
+        let order: [usize; LANDMARKS] =
+            std::array::from_fn(|n| if reflected { MIRROR[n] } else { n });
+        let landmarks = order.map(|n| turn(geometry.landmarks[n]));
+        let mut out = Array2::zeros((geometry.positions.len(), FEATURES));
+        for (v, mut row) in out.rows_mut().into_iter().enumerate() {
+            let plate = &geometry.plate.weights[v * LANDMARKS..(v + 1) * LANDMARKS];
+            relate(&mut row, turn(geometry.positions[v]), &landmarks);
+            for n in 0..LANDMARKS {
+                row[3 + 4 * LANDMARKS + n] = plate[order[n]];
+            }
+            row[FEATURES - 1] = (-geometry.plate.remoteness[v].min(1e3)).exp() as f32;
+            for (i, x) in row.iter_mut().enumerate() {
+                *x = (*x - self.feature_mean[i]) / self.feature_scale[i];
+            }
+        }
+        out
+    }
+}
+
+/// Position, offsets and distances.
+fn relate(row: &mut ArrayViewMut1<'_, f32>, position: [f32; 3], landmarks: &[[f32; 3]; LANDMARKS]) {
+    for axis in 0..3 {
+        row[axis] = position[axis];
+    }
+    for (n, landmark) in landmarks.iter().enumerate() {
+        let mut squared = 0.0;
+        for axis in 0..3 {
+            let offset = position[axis] - landmark[axis];
+            row[3 + 3 * n + axis] = offset;
+            squared += offset * offset;
+        }
+        row[3 + 3 * LANDMARKS + n] = squared.sqrt();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::nn::golden::Golden;
+
+    fn three(values: &[f32]) -> Vec<[f32; 3]> {
+        values.chunks(3).map(|p| [p[0], p[1], p[2]]).collect()
+    }
+
+    #[test]
+    fn mirror_is_its_own_inverse_and_keeps_the_midline() {
+        for n in 0..LANDMARKS {
+            assert_eq!(MIRROR[MIRROR[n]], n);
+        }
+        for n in [8, 27, 30, 33, 51, 57, 62, 66] {
+            assert_eq!(MIRROR[n], n);
+        }
+    }
+
+    #[test]
+    fn weights_and_correction_match_the_python_twin() {
+        let golden = Golden::open("stm_static_debug");
+        let config: StaticConfig = serde_json::from_str(&golden.metadata("config")).unwrap();
+        let model = StaticWeights::new(config, &golden.weights()).unwrap();
+        let positions: Vec<_> = three(&golden.values("vertices"))
+            .iter()
+            .map(|p| p.map(|x| 10.0 * x))
+            .collect();
+        let numbers = golden.integers("landmarks");
+        let plate = PlateWeights {
+            weights: golden.values("base"),
+            remoteness: golden
+                .values("remoteness")
+                .into_iter()
+                .map(f64::from)
+                .collect(),
+        };
+        let geometry = VertexGeometry {
+            positions: &positions,
+            landmarks: &std::array::from_fn(|n| positions[numbers[n]]),
+            plate: &plate,
+        };
+        let correction = model.correction(&geometry);
+        let motion = golden.cube("landmark_motion");
+        let frames = motion.dim().0;
+        let motion = motion.into_shape_with_order((frames, COORDINATES)).unwrap();
+        let expected = golden.cube("output");
+        let rank = correction.motion.nrows();
+        for (t, frame) in motion.rows().into_iter().enumerate() {
+            let shared = correction.motion.dot(&frame);
+            for v in 0..positions.len() {
+                for axis in 0..3 {
+                    let mixed: f32 = (0..LANDMARKS)
+                        .map(|n| {
+                            let learned = model.strength() * correction.mix[[v, n]];
+                            (plate.weights[v * LANDMARKS + n] + learned) * frame[3 * n + axis]
+                        })
+                        .sum();
+                    let crossed: f32 = (0..rank)
+                        .map(|r| correction.cross[[v, axis * rank + r]] * shared[r])
+                        .sum();
+                    let got = mixed + model.strength() * crossed;
+                    let want = expected[[t, v, axis]];
+                    assert!((got - want).abs() < 1e-5, "{v}: expected {want}, got {got}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn embedded_weights_load_and_damaged_ones_do_not() {
+        assert!(StaticWeights::embedded().is_ok());
+        let bytes = include_bytes!("../../../../models/stm_static/model.safetensors");
+        let config = include_str!("../../../../models/stm_static/config.json");
+        let half = StaticWeights::load(&bytes[..bytes.len() / 2], config);
+        assert!(matches!(half, Err(Error::Weights(_))));
+        assert!(StaticWeights::load(bytes, "{}").is_err());
+    }
+}
