@@ -17,6 +17,7 @@ GOLDENS = {
     "compact_speech": "training.speech.golden_compact",
     "ats_compact": "training.systems.freetalk.golden_ats",
     "stm_static": "training.systems.freetalk.stm.golden_static",
+    "landmarks": "training.landmarks.golden",
     "stm_paper": "training.systems.freetalk.stm.golden_paper",
 }
 """Model name -> module with `write(out: Path, shared: Path) -> Path`."""

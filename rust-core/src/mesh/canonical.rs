@@ -32,7 +32,7 @@ pub fn canonical_landmarks() -> &'static [[f32; 3]; LANDMARKS] {
 
 /// How much each landmark says about where the head is: eye corners and nose move little from
 /// person to person and under expression, the jaw contour is ill-defined along the jaw.
-fn stability(index: usize) -> f64 {
+pub(crate) fn stability(index: usize) -> f64 {
     match index {
         0..=16 => 0.15,
         17..=26 => 0.4,

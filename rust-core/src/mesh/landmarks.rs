@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::{
-    FaceOptions, LandmarkSource, Landmarks, Mesh,
+    FaceOptions, LandmarkFinder, LandmarkSource, Landmarks, Mesh,
     closest::{SurfacePoint, closest_point, norm, sub},
     lips::{Lip, lip_of_landmark, lip_of_vertices},
 };
@@ -32,7 +32,7 @@ pub fn locate_landmarks(mesh: &Mesh, options: &FaceOptions) -> Result<Landmarks>
     match &options.landmarks {
         Some(LandmarkSource::Positions(positions)) => from_positions(mesh, positions),
         Some(LandmarkSource::Vertices(vertices)) => from_vertices(mesh, vertices),
-        None => Err(Error::FaceNotFound("no landmarks were given".into())),
+        None => LandmarkFinder::embedded()?.find(mesh, options.forward, options.up),
     }
 }
 

@@ -4,6 +4,7 @@ mod align;
 mod canonical;
 mod check;
 mod closest;
+mod find_landmarks;
 mod landmark_file;
 mod landmarks;
 pub(crate) mod lips;
@@ -18,6 +19,7 @@ pub(crate) mod vec3;
 pub use align::{Fit, Similarity};
 pub use canonical::{align_to_canonical, canonical_landmarks};
 pub use check::MeshReport;
+pub use find_landmarks::LandmarkFinder;
 pub use landmarks::locate_landmarks;
 pub use parts::Parts;
 
@@ -60,6 +62,44 @@ pub enum Axis {
     NegY,
     PosZ,
     NegZ,
+}
+
+impl Axis {
+    /// Every axis, the common ways to face first.
+    pub const ALL: [Axis; 6] = [
+        Axis::PosZ,
+        Axis::NegY,
+        Axis::PosY,
+        Axis::NegZ,
+        Axis::PosX,
+        Axis::NegX,
+    ];
+
+    /// Unit vector along the axis.
+    pub fn direction(self) -> [f64; 3] {
+        match self {
+            Axis::PosX => [1.0, 0.0, 0.0],
+            Axis::NegX => [-1.0, 0.0, 0.0],
+            Axis::PosY => [0.0, 1.0, 0.0],
+            Axis::NegY => [0.0, -1.0, 0.0],
+            Axis::PosZ => [0.0, 0.0, 1.0],
+            Axis::NegZ => [0.0, 0.0, -1.0],
+        }
+    }
+}
+
+impl std::fmt::Display for Axis {
+    /// `+x`, `-x` and so on.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Axis::PosX => "+x",
+            Axis::NegX => "-x",
+            Axis::PosY => "+y",
+            Axis::NegY => "-y",
+            Axis::PosZ => "+z",
+            Axis::NegZ => "-z",
+        })
+    }
 }
 
 /// What is known of a face before it is prepared.

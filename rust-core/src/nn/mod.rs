@@ -10,6 +10,7 @@
 
 pub mod attention;
 pub mod conv;
+pub mod conv2d;
 pub mod diffusion_net;
 pub mod elementwise;
 #[cfg(test)]

@@ -1,0 +1,191 @@
+//! Landmarks in space from what several views show.
+
+use rayon::prelude::*;
+
+use super::{
+    depth_view::Window,
+    network::LandmarkNetwork,
+    search::{HALF_SIZE_M, Seen},
+    turned,
+    view::{Frame, Look, look},
+};
+use crate::{
+    mesh::{Similarity, canonical::stability, canonical_landmarks},
+    motion::LANDMARKS,
+};
+
+/// Angles of the views about the head's own vertical axis, as in training.
+const VIEWS_DEGREES: [f32; 3] = [-40.0, 0.0, 40.0];
+
+/// Distance at which a landmark that does not fit counts half, metres.
+const ROBUST_M: f32 = 0.006;
+
+/// A face's landmarks lie within this of the mean ones, root mean square, metres.
+const WORST_LIFTED_RMS_M: f64 = 0.03;
+
+/// Where the rays of the views meet.
+pub(super) struct Agreed {
+    /// `[68]`, in the frame that the views were taken in (canonical metres as far as known).
+    pub positions: [[f32; 3]; LANDMARKS],
+    /// `[68]`, 0 to 1: what the views' heat maps say, less where their rays miss each other.
+    pub confidence: [f32; LANDMARKS],
+}
+
+/// The head's pose and size from one close front view: inner landmarks put on the visible surface,
+/// fitted to the mean ones with robust weights (eyes without eyeballs give depths far behind).
+pub(super) fn lift(network: &LandmarkNetwork, frame: &Frame, seen: &Seen) -> Option<Similarity> {
+    let view = look(network, &frame.points, frame.triangles, seen.window);
+    let lifted: Vec<(usize, [f32; 3])> = (17..LANDMARKS)
+        .filter_map(|i| {
+            let z = view.buffer.depth_at(view.sight.places[i])?;
+            Some((i, [view.points[i][0], view.points[i][1], z]))
+        })
+        .collect();
+    if lifted.len() < 30 {
+        return None;
+    }
+    let weights: Vec<f64> = lifted
+        .iter()
+        .map(|(i, _)| stability(*i) * f64::from(view.sight.confidence[*i].max(0.02)))
+        .collect();
+    robust_fit(&lifted, &weights)
+}
+
+/// Three views in the head's own frame, and where their rays meet.
+pub(super) fn agree(network: &LandmarkNetwork, frame: &Frame, to_canonical: &Similarity) -> Agreed {
+    let points = turned(frame, to_canonical);
+    let mean = canonical_landmarks();
+    let middle: [f32; 3] =
+        std::array::from_fn(|k| mean.iter().map(|p| p[k]).sum::<f32>() / LANDMARKS as f32);
+    let looks: Vec<(f32, Look)> = VIEWS_DEGREES
+        .into_par_iter()
+        .map(|degrees| {
+            let angle = degrees.to_radians();
+            let turned: Vec<_> = points.iter().map(|p| turn_about_y(*p, angle)).collect();
+            let [x, y, _] = turn_about_y(middle, angle);
+            let window = Window {
+                centre: [x, y],
+                half_size: HALF_SIZE_M,
+            };
+            (angle, look(network, &turned, frame.triangles, window))
+        })
+        .collect();
+    meet(&looks)
+}
+
+impl Agreed {
+    /// A better way to the canonical frame, from the landmarks in the frame they were seen in.
+    pub fn fit(&self, seen_in: &Similarity) -> Option<Similarity> {
+        let points: Vec<(usize, [f32; 3])> = self.positions.iter().copied().enumerate().collect();
+        let weights: Vec<f64> = (0..LANDMARKS)
+            .map(|i| stability(i) * f64::from(self.confidence[i].max(0.02)))
+            .collect();
+        Some(robust_fit(&points, &weights)?.compose(seen_in))
+    }
+}
+
+fn turn_about_y([x, y, z]: [f32; 3], angle: f32) -> [f32; 3] {
+    let (s, c) = angle.sin_cos();
+    [c * x + s * z, y, c * z - s * x]
+}
+
+/// Least squares over the views: view x = cos·x + sin·z, view y = y, weighted by confidence².
+fn meet(looks: &[(f32, Look)]) -> Agreed {
+    let mut positions = [[0.0; 3]; LANDMARKS];
+    let mut confidence = [0.0; LANDMARKS];
+    for i in 0..LANDMARKS {
+        let rays: Vec<[f32; 5]> = looks
+            .iter()
+            .map(|(angle, look)| {
+                let [u, v] = look.points[i];
+                let (s, c) = angle.sin_cos();
+                [c, s, u, v, look.sight.confidence[i].powi(2) + 1e-3]
+            })
+            .collect();
+        let (point, miss) = meeting_point(&rays);
+        let mean = looks
+            .iter()
+            .map(|(_, l)| l.sight.confidence[i])
+            .sum::<f32>();
+        positions[i] = point;
+        confidence[i] = mean / looks.len() as f32 * (-(miss / ROBUST_M).powi(2)).exp();
+    }
+    Agreed {
+        positions,
+        confidence,
+    }
+}
+
+/// `rays`: cos, sin, view x, view y, weight. Returns the point and the weighted rms miss.
+fn meeting_point(rays: &[[f32; 5]]) -> ([f32; 3], f32) {
+    let sum = |f: &dyn Fn(&[f32; 5]) -> f32| rays.iter().map(|r| r[4] * f(r)).sum::<f32>();
+    let total = sum(&|_| 1.0);
+    let (cc, cs, ss) = (
+        sum(&|r| r[0] * r[0]),
+        sum(&|r| r[0] * r[1]),
+        sum(&|r| r[1] * r[1]),
+    );
+    let (cu, su) = (sum(&|r| r[0] * r[2]), sum(&|r| r[1] * r[2]));
+    let det = (cc * ss - cs * cs).max(1e-9);
+    let x = (ss * cu - cs * su) / det;
+    let z = (cc * su - cs * cu) / det;
+    let y = sum(&|r| r[3]) / total;
+    let miss = sum(&|r| (r[0] * x + r[1] * z - r[2]).powi(2) + (r[3] - y).powi(2)) / total;
+    ([x, y, z], miss.sqrt())
+}
+
+/// Fits numbered points to the mean landmarks; those that do not fit lose weight in three rounds.
+fn robust_fit(points: &[(usize, [f32; 3])], weights: &[f64]) -> Option<Similarity> {
+    let mean = canonical_landmarks();
+    let from: Vec<[f32; 3]> = points.iter().map(|(_, p)| *p).collect();
+    let to: Vec<[f32; 3]> = points.iter().map(|(i, _)| mean[*i]).collect();
+    let mut robust = weights.to_vec();
+    let mut fit = Similarity::fit(&from, &to, Some(&robust)).ok()?;
+    for _ in 0..3 {
+        for (k, weight) in robust.iter_mut().enumerate() {
+            let p = fit.similarity.apply(from[k]);
+            let miss2: f32 = (0..3).map(|i| (p[i] - to[k][i]).powi(2)).sum();
+            *weight = weights[k] / f64::from(1.0 + miss2 / (ROBUST_M * ROBUST_M));
+        }
+        fit = Similarity::fit(&from, &to, Some(&robust)).ok()?;
+    }
+    (fit.rms < WORST_LIFTED_RMS_M).then_some(fit.similarity)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rays_of_three_views_meet_in_the_point_they_show() {
+        let point = [0.03, -0.02, 0.07];
+        let mut rays: Vec<[f32; 5]> = VIEWS_DEGREES
+            .iter()
+            .map(|degrees| {
+                let angle = degrees.to_radians();
+                let [u, v, _] = turn_about_y(point, angle);
+                [angle.cos(), angle.sin(), u, v, 0.5]
+            })
+            .collect();
+        let (met, miss) = meeting_point(&rays);
+        assert!((0..3).all(|i| (met[i] - point[i]).abs() < 1e-6) && miss < 1e-6);
+        rays[0][2] += 0.03;
+        rays[0][4] = 1e-4;
+        let (met, _) = meeting_point(&rays);
+        assert!((0..3).all(|i| (met[i] - point[i]).abs() < 1e-3), "{met:?}");
+    }
+
+    #[test]
+    fn a_few_wild_points_do_not_turn_the_head() {
+        let mut points: Vec<_> = canonical_landmarks().iter().copied().enumerate().collect();
+        for i in 36..40 {
+            points[i].1[2] -= 0.08;
+        }
+        let fit = robust_fit(&points, &[1.0; LANDMARKS]).unwrap();
+        for (i, p) in points.iter().filter(|(i, _)| !(36..40).contains(i)) {
+            let q = fit.apply(*p);
+            let mean = canonical_landmarks()[*i];
+            assert!((0..3).all(|k| (q[k] - mean[k]).abs() < 0.003), "{i}");
+        }
+    }
+}

@@ -1,0 +1,212 @@
+//! Depth pictures of a mesh as the landmark network sees them; `training/landmarks/render.py` is
+//! the twin and a golden test holds them together.
+//!
+//! An orthographic z-buffer of 256² pixels gives the nearest surface; four features are averaged
+//! down to 128². Everything comes from depth, so triangulation, winding and smoothing groups of
+//! the mesh do not matter. Columns grow with view x (the subject's left), rows with −y, z grows
+//! towards the viewer.
+
+use crate::nn::conv2d::Picture;
+
+/// Pixels of the depth buffer on a side.
+pub(super) const BUFFER: usize = 256;
+const BACKGROUND_DEPTH: f32 = -1.0;
+const NOTHING: f32 = f32::NEG_INFINITY;
+
+/// The square of the view's plane that is looked at: `centre ± half_size`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Window {
+    pub centre: [f32; 2],
+    pub half_size: f32,
+}
+
+impl Window {
+    /// A place in the window, (column, row) from 0 to 1, to view x and y.
+    pub fn to_view(self, place: [f32; 2]) -> [f32; 2] {
+        [
+            self.centre[0] + (2.0 * place[0] - 1.0) * self.half_size,
+            self.centre[1] - (2.0 * place[1] - 1.0) * self.half_size,
+        ]
+    }
+}
+
+/// Largest z per pixel, row-major; −∞ where nothing is.
+pub(super) struct DepthBuffer {
+    z: Vec<f32>,
+    half_size: f32,
+}
+
+impl DepthBuffer {
+    /// Draws `triangles` over `points` (view space).
+    pub fn draw(points: &[[f32; 3]], triangles: &[[u32; 3]], window: Window) -> Self {
+        let mut buffer = DepthBuffer {
+            z: vec![NOTHING; BUFFER * BUFFER],
+            half_size: window.half_size,
+        };
+        let size = BUFFER as f32;
+        let scale = (0.5 * f64::from(size) / f64::from(window.half_size)) as f32;
+        let pixel = |p: [f32; 3]| {
+            [
+                (p[0] - window.centre[0]) * scale + 0.5 * size,
+                (window.centre[1] - p[1]) * scale + 0.5 * size,
+                p[2],
+            ]
+        };
+        for t in triangles {
+            buffer.draw_triangle(t.map(|v| pixel(points[v as usize])));
+        }
+        buffer
+    }
+
+    /// `corners`: column, row and z.
+    fn draw_triangle(&mut self, [a, b, c]: [[f32; 3]; 3]) {
+        let size = BUFFER as f32;
+        let low = |i: usize| a[i].min(b[i]).min(c[i]);
+        let high = |i: usize| a[i].max(b[i]).max(c[i]);
+        if high(0) < 0.0 || high(1) < 0.0 || low(0) > size || low(1) > size {
+            return;
+        }
+        let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        if area.abs() < 1e-12 {
+            return;
+        }
+        let first = |i: usize| (low(i) - 0.5).max(0.0) as usize;
+        let last = |i: usize| ((high(i) + 0.5) as usize).min(BUFFER - 1);
+        for row in first(1)..=last(1) {
+            let y = row as f32 + 0.5;
+            for column in first(0)..=last(0) {
+                let x = column as f32 + 0.5;
+                let wa = ((b[0] - x) * (c[1] - y) - (b[1] - y) * (c[0] - x)) / area;
+                let wb = ((c[0] - x) * (a[1] - y) - (c[1] - y) * (a[0] - x)) / area;
+                let wc = 1.0 - wa - wb;
+                if wa < -1e-5 || wb < -1e-5 || wc < -1e-5 {
+                    continue;
+                }
+                let z = wa * a[2] + wb * b[2] + wc * c[2];
+                let here = &mut self.z[row * BUFFER + column];
+                *here = here.max(z);
+            }
+        }
+    }
+
+    /// View z at a place in the window, (column, row) from 0 to 1; `None` where nothing is.
+    pub fn depth_at(&self, place: [f32; 2]) -> Option<f32> {
+        let at = place.map(|x| (x * BUFFER as f32) as isize);
+        let inside = at.iter().all(|x| (0..BUFFER as isize).contains(x));
+        let z = inside.then(|| self.z[at[1] as usize * BUFFER + at[0] as usize])?;
+        (z > NOTHING).then_some(z)
+    }
+
+    /// The network's input, `[128, 128, 4]`: depth from the mean in half-sizes cut at ±1.5, normal
+    /// x, normal y, coverage; the mean of 2×2 pixels each. Empty pixels count as depth −1, the
+    /// rest zero.
+    pub fn features(&self) -> Picture {
+        let mean = self.mean_depth();
+        let mut out = Picture::zeros(BUFFER / 2, BUFFER / 2, 4);
+        for row in 0..BUFFER {
+            for column in 0..BUFFER {
+                let feature = self.feature(row, column, mean);
+                let at = 4 * (row / 2 * (BUFFER / 2) + column / 2);
+                for (to, value) in out.values[at..at + 4].iter_mut().zip(feature) {
+                    *to += 0.25 * value;
+                }
+            }
+        }
+        out
+    }
+
+    fn mean_depth(&self) -> f64 {
+        let covered = self.z.iter().filter(|z| **z > NOTHING);
+        let (sum, count) = covered.fold((0.0, 0), |(s, n), z| (s + f64::from(*z), n + 1));
+        sum / f64::from(count.max(1))
+    }
+
+    fn feature(&self, row: usize, column: usize, mean: f64) -> [f32; 4] {
+        let here = self.at(row, column);
+        if here == NOTHING {
+            return [BACKGROUND_DEPTH, 0.0, 0.0, 0.0];
+        }
+        let pixel = 2.0 * f64::from(self.half_size) / BUFFER as f64;
+        let left = self.at(row, column.wrapping_sub(1));
+        let above = self.at(row.wrapping_sub(1), column);
+        let dx = slope(left, here, self.at(row, column + 1), pixel);
+        let dy = -slope(above, here, self.at(row + 1, column), pixel);
+        let length = (dx * dx + dy * dy + 1.0).sqrt();
+        let depth = (f64::from(here) - mean) / f64::from(self.half_size);
+        [
+            depth.clamp(-1.5, 1.5) as f32,
+            (-dx / length) as f32,
+            (-dy / length) as f32,
+            1.0,
+        ]
+    }
+
+    fn at(&self, row: usize, column: usize) -> f32 {
+        match row < BUFFER && column < BUFFER {
+            true => self.z[row * BUFFER + column],
+            false => NOTHING,
+        }
+    }
+}
+
+/// Central difference where both neighbours exist, one-sided where one does, else zero.
+fn slope(before: f32, here: f32, after: f32, pixel: f64) -> f64 {
+    let [before, here, after] = [before, here, after].map(f64::from);
+    match (before.is_finite(), after.is_finite()) {
+        (true, true) => (after - before) / (2.0 * pixel),
+        (false, true) => (after - here) / pixel,
+        (true, false) => (here - before) / pixel,
+        (false, false) => 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WINDOW: Window = Window {
+        centre: [1.0, 2.0],
+        half_size: 0.5,
+    };
+
+    /// A square that fills the left half of the window and leans away to the left.
+    fn half() -> DepthBuffer {
+        let points = [
+            [0.5, 1.5, 0.0],
+            [1.0, 1.5, 0.5],
+            [1.0, 2.5, 0.5],
+            [0.5, 2.5, 0.0],
+        ];
+        DepthBuffer::draw(&points, &[[0, 2, 1], [0, 2, 3]], WINDOW)
+    }
+
+    #[test]
+    fn a_leaning_square_has_its_depth_and_normal_whatever_the_winding() {
+        let buffer = half();
+        assert!((buffer.depth_at([0.25, 0.9]).unwrap() - 0.25).abs() < 2e-3);
+        assert_eq!(buffer.depth_at([0.75, 0.5]), None);
+        assert_eq!(buffer.depth_at([-0.1, 0.5]), None);
+        let features = buffer.features();
+        let at = |row: usize, column: usize| &features.values[4 * (row * 128 + column)..][..4];
+        let lean = -(0.5f32.sqrt());
+        assert!((at(60, 20)[1] - lean).abs() < 1e-4 && at(60, 20)[2].abs() < 1e-4);
+        assert_eq!(at(60, 20)[3], 1.0);
+        assert_eq!(at(60, 100), [-1.0, 0.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn the_nearest_surface_wins() {
+        let mut points = Vec::new();
+        for z in [-1.0, 3.0, 1.0] {
+            points.extend([[0.0, 1.0, z], [4.0, 1.0, z], [0.0, 5.0, z]]);
+        }
+        let buffer = DepthBuffer::draw(&points, &[[0, 1, 2], [3, 4, 5], [6, 7, 8]], WINDOW);
+        assert_eq!(buffer.depth_at([0.5, 0.5]), Some(3.0));
+    }
+
+    #[test]
+    fn places_and_view_agree() {
+        assert_eq!(WINDOW.to_view([0.0, 0.0]), [0.5, 2.5]);
+        assert_eq!(WINDOW.to_view([1.0, 0.75]), [1.5, 1.75]);
+    }
+}

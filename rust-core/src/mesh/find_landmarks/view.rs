@@ -1,0 +1,134 @@
+//! The stated frame, and one look at it through a window.
+
+use super::{
+    depth_view::{DepthBuffer, Window},
+    network::{LandmarkNetwork, Sight},
+};
+use crate::{
+    Error, Result,
+    mesh::{Axis, Mesh, Similarity},
+    motion::LANDMARKS,
+};
+
+/// A mesh turned so that it should face +z with +y up, its box centred and of size one.
+pub(super) struct Frame<'a> {
+    pub points: Vec<[f32; 3]>,
+    pub triangles: &'a [[u32; 3]],
+    pub from_mesh: Similarity,
+    /// Box of the vertices that have a face.
+    pub low: [f32; 3],
+    pub high: [f32; 3],
+}
+
+/// Landmarks as one view shows them.
+pub(super) struct Look {
+    /// `[68]`, view x and y.
+    pub points: [[f32; 2]; LANDMARKS],
+    pub sight: Sight,
+    pub buffer: DepthBuffer,
+}
+
+/// Turns the mesh into its stated frame.
+///
+/// # Errors
+/// `InvalidInput` if both axes lie on one line, `Mesh` if the mesh has no size.
+pub(super) fn stated_frame(mesh: &Mesh, forward: Axis, up: Axis) -> Result<Frame<'_>> {
+    let (z, y) = (forward.direction(), up.direction());
+    if z.iter().zip(&y).any(|(a, b)| a * b != 0.0) {
+        let message = format!("axes: expected two different lines, got {forward} and {up} up");
+        return Err(Error::InvalidInput(message));
+    }
+    let x = crate::mesh::vec3::cross(y, z);
+    let turn = Similarity {
+        rotation: [x, y, z],
+        ..Similarity::IDENTITY
+    };
+    let turned: Vec<_> = mesh.positions.iter().map(|p| turn.apply(*p)).collect();
+    let (low, high) = bounds(&turned, &mesh.triangles);
+    let size = (0..3)
+        .map(|i| f64::from(high[i]) - f64::from(low[i]))
+        .fold(0.0, f64::max);
+    if !(size > 0.0 && size.is_finite()) {
+        return Err(Error::Mesh(
+            "expected a surface with some extent, got a point".into(),
+        ));
+    }
+    let middle = |i: usize| 0.5 * (f64::from(low[i]) + f64::from(high[i]));
+    let from_mesh = Similarity {
+        scale: 1.0 / size,
+        translation: std::array::from_fn(|i| -middle(i) / size),
+        ..turn
+    };
+    let points: Vec<_> = mesh.positions.iter().map(|p| from_mesh.apply(*p)).collect();
+    let (low, high) = bounds(&points, &mesh.triangles);
+    Ok(Frame {
+        points,
+        triangles: &mesh.triangles,
+        from_mesh,
+        low,
+        high,
+    })
+}
+
+fn bounds(points: &[[f32; 3]], triangles: &[[u32; 3]]) -> ([f32; 3], [f32; 3]) {
+    let start = ([f32::MAX; 3], [f32::MIN; 3]);
+    triangles.iter().flatten().fold(start, |(low, high), &v| {
+        let p = points[v as usize];
+        (
+            std::array::from_fn(|i| low[i].min(p[i])),
+            std::array::from_fn(|i| high[i].max(p[i])),
+        )
+    })
+}
+
+/// One look through a window at points that face +z.
+pub(super) fn look(
+    network: &LandmarkNetwork,
+    points: &[[f32; 3]],
+    triangles: &[[u32; 3]],
+    window: Window,
+) -> Look {
+    let buffer = DepthBuffer::draw(points, triangles, window);
+    let sight = network.see(&buffer.features());
+    Look {
+        points: sight.places.map(|place| window.to_view(place)),
+        sight,
+        buffer,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mesh() -> Mesh {
+        Mesh {
+            positions: vec![[1.0, 0.0, 0.0], [3.0, 0.0, 0.0], [1.0, 0.0, 4.0], [99.0; 3]],
+            triangles: vec![[0, 1, 2]],
+        }
+    }
+
+    #[test]
+    fn blender_axes_turn_to_the_canonical_ones() {
+        let mesh = mesh();
+        let frame = stated_frame(&mesh, Axis::NegY, Axis::PosZ).unwrap();
+        // Facing −y with +z up, the subject's left is +x.
+        assert_eq!(frame.points[0], [-0.25, -0.5, 0.0]);
+        assert_eq!(frame.points[1], [0.25, -0.5, 0.0]);
+        assert_eq!(frame.points[2], [-0.25, 0.5, 0.0]);
+    }
+
+    #[test]
+    fn axes_on_one_line_are_refused() {
+        let error = stated_frame(&mesh(), Axis::PosZ, Axis::NegZ).err().unwrap();
+        assert!(error.to_string().contains("+z and -z up"), "{error}");
+    }
+
+    #[test]
+    fn a_mesh_in_one_point_is_refused() {
+        let mut mesh = mesh();
+        mesh.positions = vec![[2.0; 3]; 4];
+        let error = stated_frame(&mesh, Axis::PosZ, Axis::PosY).err().unwrap();
+        assert!(matches!(error, Error::Mesh(_)));
+    }
+}
