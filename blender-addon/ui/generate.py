@@ -89,6 +89,7 @@ class ANYFACE_OT_generate(Operator):
         # A linked object cannot keep the text; the report still shows it.
         if ob is not None and ob.library is None:
             ob.anyface.report, ob.anyface.report_is_error = str(error), True
+        _redraw(bpy.context)
         self.report({"ERROR"}, f"Anyface: {error}")
         return {"CANCELLED"}
 

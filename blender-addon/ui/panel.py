@@ -67,7 +67,7 @@ def _draw_output(layout, settings) -> None:
     column = layout.column()
     column.prop(settings, "mode")
     if settings.mode == "basis":
-        column.prop(settings, "error_mm", text="Largest Error (mm)")
+        column.prop(settings, "error_mm", text="Error (mm)")
 
 
 def _draw_buttons(layout, ob) -> None:
@@ -87,7 +87,8 @@ def _draw_buttons(layout, ob) -> None:
 def _draw_report(layout, settings, width: int) -> None:
     if not settings.report:
         return
-    box = layout.box()
+    box = layout.box().column(align=True)
+    box.scale_y = 0.8
     box.alert = settings.report_is_error
     icon = "ERROR" if settings.report_is_error else "CHECKMARK"
     for line in textwrap.wrap(settings.report, max(20, width // 8)):
