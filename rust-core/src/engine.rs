@@ -9,10 +9,25 @@ use crate::{
     audio::Waveform,
     conditions::EmotionCurve,
     deform::{Deformer, VertexClip},
-    mesh::{FaceOptions, Landmarks, Mesh, Similarity},
+    mesh::{self, FaceOptions, Landmarks, Mesh, Similarity},
     motion::MotionClip,
-    progress::ProgressFn,
+    operators::Cache,
+    progress::{self, ProgressFn},
+    speech::{self, CompactEncoder, SpeechEncoder, at_motion_frames},
+    systems::freetalk::{
+        AtsRequest,
+        ats::Ats,
+        stm::{self, StaticWeights},
+    },
+    weights::ModelFiles,
 };
+
+const ATS_MODEL: &str = "ats_compact";
+const STM_MODEL: &str = "stm_static";
+const SPEECH_MODEL: &str = "compact_speech";
+const MIN_FPS: f64 = 1.0;
+const MAX_FPS: f64 = 240.0;
+const MAX_THREADS: usize = 256;
 
 /// Where per-mesh work is kept between runs.
 #[derive(Debug, Clone, PartialEq)]
@@ -114,6 +129,11 @@ pub struct Animation {
 /// Loaded weights and settings; `Send + Sync`, any number of jobs may run on one engine at once.
 pub struct Engine {
     options: EngineOptions,
+    speech: Box<dyn SpeechEncoder>,
+    ats: Ats,
+    stm: StaticWeights,
+    cache: Cache,
+    pool: Option<rayon::ThreadPool>,
 }
 
 impl Engine {
@@ -122,10 +142,40 @@ impl Engine {
     /// # Errors
     /// `Weights` if a file is missing, truncated or does not fit its config.
     pub fn new(options: EngineOptions) -> Result<Self> {
-        Ok(Engine { options })
+        let folder = options.weights.as_deref();
+        let files = ModelFiles::open(ATS_MODEL, folder)?;
+        let ats = Ats::load(&files.weights, &files.config)?;
+        let speech: Box<dyn SpeechEncoder> = match &options.speech {
+            Some(folder) => speech::from_folder(folder, None)?,
+            None => {
+                let files = ModelFiles::open(SPEECH_MODEL, folder)?;
+                Box::new(CompactEncoder::load(&files.weights, &files.config)?)
+            }
+        };
+        let files = ModelFiles::open(STM_MODEL, folder)?;
+        let stm = StaticWeights::load(&files.weights, &files.config)?;
+        let wanted = ats.config().speech.channels;
+        if speech.channels() != wanted {
+            return Err(Error::Weights(format!(
+                "{ATS_MODEL}: expected speech features of {wanted} channels, the encoder gives {}",
+                speech.channels()
+            )));
+        }
+        let pool = options.threads.map(thread_pool).transpose()?;
+        let cache = Cache::new(&options.cache);
+        Ok(Engine {
+            options,
+            speech,
+            ats,
+            stm,
+            cache,
+            pool,
+        })
     }
 
     /// Speech to landmark motion in canonical metres.
+    ///
+    /// The clip has one frame for every started `1 / fps` seconds of sound, at least one.
     ///
     /// # Errors
     /// `Audio` for a sound too short to use, `InvalidInput` for a request out of range, `Cancelled`.
@@ -135,8 +185,44 @@ impl Engine {
         request: &MotionRequest,
         progress: ProgressFn<'_>,
     ) -> Result<MotionClip> {
-        let _ = (waveform, request, progress, &self.options);
-        Err(Error::Weights("no model is built in yet".into()))
+        if !(MIN_FPS..=MAX_FPS).contains(&request.fps) {
+            return Err(Error::InvalidInput(format!(
+                "fps: expected {MIN_FPS} to {MAX_FPS}, got {}",
+                request.fps
+            )));
+        }
+        self.threads(|| self.motion_here(waveform, request, progress))
+    }
+
+    fn motion_here(
+        &self,
+        waveform: &Waveform,
+        request: &MotionRequest,
+        progress: ProgressFn<'_>,
+    ) -> Result<MotionClip> {
+        progress::report(progress, "speech", 0.0)?;
+        let model_fps = self.ats.config().fps;
+        let frames = frames_of(waveform, model_fps);
+        let track = self.speech.encode(waveform)?;
+        let features = at_motion_frames(&track, frames, model_fps);
+        progress::report(progress, "speech", 1.0)?;
+        let affect = request.emotion.sample(frames, model_fps);
+        let displacements = self.ats.sample(
+            &AtsRequest {
+                speech: features.view(),
+                affect: affect.view(),
+                style: request.style.as_deref(),
+                seed: request.seed,
+                steps: request.steps,
+                temperature: None,
+            },
+            progress,
+        )?;
+        let clip = MotionClip {
+            displacements,
+            fps: model_fps,
+        };
+        Ok(clip.at_rate(request.fps, frames_of(waveform, request.fps)))
     }
 
     /// Finds or takes the landmarks of a mesh and computes everything that does not depend on time.
@@ -149,8 +235,31 @@ impl Engine {
         options: &FaceOptions,
         progress: ProgressFn<'_>,
     ) -> Result<PreparedFace> {
-        let _ = (mesh, options, progress);
-        Err(Error::Weights("no model is built in yet".into()))
+        self.threads(|| {
+            progress::report(progress, "landmarks", 0.0)?;
+            let landmarks = mesh::locate_landmarks(mesh, options)?;
+            let to_canonical = mesh::align_to_canonical(&landmarks)?;
+            progress::report(progress, "landmarks", 1.0)?;
+            let deformer = match self.options.decoder {
+                DecoderKind::Static => Box::new(stm::prepare_static(
+                    &self.stm,
+                    mesh,
+                    &landmarks,
+                    &to_canonical,
+                    &self.cache,
+                    options.learned,
+                    progress,
+                )?),
+                DecoderKind::Paper => {
+                    return Err(Error::Weights("stm_paper is not built in yet".into()));
+                }
+            };
+            Ok(PreparedFace {
+                landmarks,
+                to_canonical,
+                deformer,
+            })
+        })
     }
 
     /// Puts landmark motion on a prepared mesh.
@@ -195,4 +304,29 @@ impl Engine {
         let face = self.prepare(mesh, face, progress)?;
         self.deform(&face, &motion, progress)
     }
+
+    /// Runs `work` on the engine's own threads, if it has any.
+    fn threads<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        match &self.pool {
+            Some(pool) => pool.install(work),
+            None => work(),
+        }
+    }
+}
+
+fn thread_pool(threads: usize) -> Result<rayon::ThreadPool> {
+    let wrong = |why: String| Error::InvalidInput(format!("threads: {why}"));
+    if !(1..=MAX_THREADS).contains(&threads) {
+        return Err(wrong(format!("expected 1 to {MAX_THREADS}, got {threads}")));
+    }
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|error| wrong(error.to_string()))
+}
+
+/// One frame for every started `1 / fps` seconds, at least one.
+fn frames_of(waveform: &Waveform, fps: f64) -> usize {
+    // A millionth of a frame is rounding, not sound.
+    (waveform.duration_s() * fps - 1e-6).ceil().max(1.0) as usize
 }

@@ -28,6 +28,7 @@ pub mod output;
 pub mod progress;
 pub mod speech;
 pub mod systems;
+pub mod weights;
 
 pub use engine::{
     Animation, CachePolicy, DecoderKind, Engine, EngineOptions, MotionRequest, PreparedFace,
