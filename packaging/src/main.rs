@@ -3,6 +3,7 @@
 mod demo;
 mod extension;
 mod header;
+mod install;
 mod machine;
 mod steps;
 mod test;
@@ -28,6 +29,8 @@ enum Task {
     Extension(extension::Extension),
     /// include/anyface.h from the C interface's sources.
     Header(header::Header),
+    /// The C library below a prefix, for pkg-config and CMake.
+    Install(install::Install),
     /// Lints and all tests; installs what they need.
     Test(test::Test),
 }
@@ -37,6 +40,7 @@ fn main() -> Result<()> {
         Task::Demo(demo) => demo.run(),
         Task::Extension(extension) => extension.run(),
         Task::Header(header) => header.run(),
+        Task::Install(install) => install.run(),
         Task::Test(test) => test.run(),
     }
 }

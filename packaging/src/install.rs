@@ -1,0 +1,164 @@
+//! The C library as a tree that pkg-config and CMake find: `lib`, `include`, their package files.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use anyhow::{Context, Result, ensure};
+use clap::Args;
+
+use crate::machine;
+
+/// Version of all crates of the workspace, this one too.
+const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// What the static library needs from Linux with glibc, as rustc names it.
+const SYSTEM_LIBRARIES: &[&str] = &["gcc_s", "util", "rt", "pthread", "m", "dl", "c"];
+
+const SHARED_LIBRARY: &str = "libanyface.so";
+const STATIC_LIBRARY: &str = "libanyface.a";
+
+/// Installs the C library under a prefix: lib, include, pkg-config and CMake package files.
+#[derive(Args)]
+pub struct Install {
+    /// The folder that receives `lib` and `include`, such as /usr/local.
+    #[arg(long)]
+    prefix: PathBuf,
+    /// Folder of a built libanyface.so and libanyface.a; without it a release build is made.
+    #[arg(long)]
+    library_dir: Option<PathBuf>,
+}
+
+impl Install {
+    /// Builds where asked, then copies.
+    pub fn run(&self) -> Result<()> {
+        let built = match &self.library_dir {
+            Some(folder) => folder.clone(),
+            None => build()?,
+        };
+        install(&built, &self.prefix)?;
+        println!("installed into {}", self.prefix.display());
+        Ok(())
+    }
+}
+
+fn build() -> Result<PathBuf> {
+    let status = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()))
+        .args(["build", "--release", "--package", "anyface-capi"])
+        .current_dir(machine::root())
+        .status()
+        .context("starting cargo")?;
+    ensure!(status.success(), "building the library failed");
+    Ok(machine::target().join("release"))
+}
+
+/// Copies the libraries of `built`, the header and the package files below `prefix`.
+///
+/// # Errors
+/// If a library is missing or the prefix cannot be written.
+pub fn install(built: &Path, prefix: &Path) -> Result<()> {
+    let root = machine::root();
+    let (lib, include) = (prefix.join("lib"), prefix.join("include"));
+    for library in [SHARED_LIBRARY, STATIC_LIBRARY] {
+        copy(&built.join(library), &lib.join(library))?;
+    }
+    copy(&root.join("include/anyface.h"), &include.join("anyface.h"))?;
+    let templates = root.join("packaging");
+    for (template, place, separator) in [
+        (
+            "pkg-config/anyface.pc.in",
+            "pkgconfig/anyface.pc",
+            Separator::Flags,
+        ),
+        (
+            "cmake/anyface-config.cmake.in",
+            "cmake/anyface/anyface-config.cmake",
+            Separator::List,
+        ),
+        (
+            "cmake/anyface-config-version.cmake.in",
+            "cmake/anyface/anyface-config-version.cmake",
+            Separator::List,
+        ),
+    ] {
+        let text = fs::read_to_string(templates.join(template))
+            .with_context(|| format!("reading packaging/{template}"))?;
+        write(&lib.join(place), &fill(&text, separator))?;
+    }
+    Ok(())
+}
+
+/// How a package file lists libraries.
+#[derive(Clone, Copy)]
+enum Separator {
+    /// `-lm -lc`
+    Flags,
+    /// `m;c`
+    List,
+}
+
+fn fill(template: &str, separator: Separator) -> String {
+    let libraries = match separator {
+        Separator::Flags => format!("-l{}", SYSTEM_LIBRARIES.join(" -l")),
+        Separator::List => SYSTEM_LIBRARIES.join(";"),
+    };
+    let mut parts = VERSION.split('.');
+    let (major, minor) = (parts.next().unwrap_or("0"), parts.next().unwrap_or("0"));
+    template
+        .replace("@VERSION@", VERSION)
+        .replace("@MAJOR@", major)
+        .replace("@MINOR@", minor)
+        .replace("@SHARED_LIBRARY@", SHARED_LIBRARY)
+        .replace("@STATIC_LIBRARY@", STATIC_LIBRARY)
+        .replace("@SYSTEM_LIBRARIES@", &libraries)
+}
+
+fn copy(from: &Path, to: &Path) -> Result<()> {
+    make_folder(to)?;
+    fs::copy(from, to)
+        .with_context(|| format!("copying {} to {}", from.display(), to.display()))?;
+    Ok(())
+}
+
+fn write(path: &Path, text: &str) -> Result<()> {
+    make_folder(path)?;
+    fs::write(path, text).with_context(|| format!("writing {}", path.display()))
+}
+
+fn make_folder(file: &Path) -> Result<()> {
+    let folder = file.parent().context("a file lies in a folder")?;
+    fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_placeholder_stays() {
+        for template in [
+            "pkg-config/anyface.pc.in",
+            "cmake/anyface-config.cmake.in",
+            "cmake/anyface-config-version.cmake.in",
+        ] {
+            let path = machine::root().join("packaging").join(template);
+            let text = fs::read_to_string(path).unwrap();
+            for separator in [Separator::Flags, Separator::List] {
+                let filled = fill(&text, separator);
+                assert!(!filled.contains('@'), "{template}: {filled}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_library_that_was_not_built_is_named() {
+        let prefix = std::env::temp_dir().join(format!("anyface-install-{}", std::process::id()));
+        let error = install(Path::new("/nowhere"), &prefix)
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains(SHARED_LIBRARY), "{error}");
+        fs::remove_dir_all(prefix).unwrap();
+    }
+}
