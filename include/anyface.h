@@ -65,11 +65,12 @@
  * Threads
  * -------
  *
- * Engines, meshes, audio, faces, motions and clips never change after they were made: any number
- * of threads may use the same object at the same time, for example two jobs on one engine. The
- * result does not depend on what else runs, nor on the number of threads. An AnyfaceProgress may be
- * read and cancelled from any thread while one job uses it. Only freeing needs care: an object
- * must not be freed while another thread uses it. An AnyfaceError belongs to one thread at a time.
+ * Engines, meshes, audio, faces, motions, clips and bases never change after they were made: any
+ * number of threads may use the same object at the same time, for example two jobs on one engine.
+ * The result does not depend on what else runs, nor on the number of threads. An AnyfaceProgress
+ * may be read and cancelled from any thread while one job uses it. Only freeing needs care: an
+ * object must not be freed while another thread uses it. An AnyfaceError belongs to one thread at a
+ * time.
  */
 
 
@@ -152,6 +153,11 @@ typedef enum {
 /// A sound, kept as mono at 16 kHz. Never changes after it was made: any number of threads may
 /// use it at the same time.
 typedef struct AnyfaceAudio AnyfaceAudio;
+
+/// `K` shapes and their weights in every frame: `displacement[t] = sum over k of weight[t][k] *
+/// shape[k]`. Weights lie within -1 and 1. Never changes after it was made: any number of threads
+/// may use it at the same time.
+typedef struct AnyfaceBasis AnyfaceBasis;
 
 /// Displacements of every vertex over time, in the mesh's own units, axes and vertex order. Never
 /// changes after it was made: any number of threads may read it at the same time.
@@ -659,6 +665,52 @@ AnyfaceStatus anyface_clip_write(const AnyfaceClip *clip,
 
 /// Frees a clip that no running call uses, with everything it lent; nothing happens for NULL.
 void anyface_clip_free(AnyfaceClip *clip);
+
+/// Finds the fewest shapes that keep every vertex in every frame within `max_error` of its place.
+/// Accepts a progress handle.
+///
+/// `max_error`: mesh units, 0 or more. `max_shapes`: at least 1; where they do not suffice,
+/// `anyface_basis_max_error()` tells the error that is left. `progress` may be NULL. A clip that
+/// does not move has no shapes. Free with `anyface_basis_free()`; the clip may go before.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for numbers out of range, `ANYFACE_STATUS_CANCELLED`.
+AnyfaceStatus anyface_basis_new(const AnyfaceClip *clip,
+                                float max_error,
+                                size_t max_shapes,
+                                const AnyfaceProgress *progress,
+                                AnyfaceBasis **out,
+                                AnyfaceError **error);
+
+/// Number `K` of shapes; 0 for NULL.
+size_t anyface_basis_shape_count(const AnyfaceBasis *basis);
+
+/// Largest distance of any vertex in any frame from where the clip has it, mesh units; 0 for NULL.
+float anyface_basis_max_error(const AnyfaceBasis *basis);
+
+/// Lends the shapes: `[K, V, 3]`, displacements at weight 1, mesh units.
+///
+/// The pointer is valid until the basis is freed; the values never change. NULL for NULL.
+const float *anyface_basis_shapes(const AnyfaceBasis *basis);
+
+/// Copies the shapes into the caller's buffer.
+///
+/// `buffer`: `[K, V, 3]`, mesh units; `float_count` must be `K * V * 3`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+AnyfaceStatus anyface_basis_copy_shapes(const AnyfaceBasis *basis,
+                                        float *buffer,
+                                        size_t float_count,
+                                        AnyfaceError **error);
+
+/// Copies the weights into the caller's buffer.
+///
+/// `buffer`: `[T, K]`, -1 to 1; `float_count` must be `T * K`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+AnyfaceStatus anyface_basis_copy_weights(const AnyfaceBasis *basis,
+                                         float *buffer,
+                                         size_t float_count,
+                                         AnyfaceError **error);
+
+/// Frees a basis that no running call uses, with everything it lent; nothing happens for NULL.
+void anyface_basis_free(AnyfaceBasis *basis);
 
 #ifdef __cplusplus
 }  // extern "C"

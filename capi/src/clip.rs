@@ -24,7 +24,7 @@ pub struct AnyfaceClip(pub(crate) Animation);
 
 impl AnyfaceClip {
     /// Both arrays in one piece, so that pointers into them can be lent.
-    fn new(mut animation: Animation) -> Self {
+    pub(crate) fn new(mut animation: Animation) -> Self {
         let vertices = &mut animation.vertices.displacements;
         if !vertices.is_standard_layout() {
             *vertices = vertices.as_standard_layout().into_owned();

@@ -15,6 +15,7 @@ mod guard;
 mod pointer;
 
 mod audio;
+mod basis;
 mod clip;
 mod emotion;
 mod engine;
