@@ -1,6 +1,7 @@
 //! Motion of 68 landmarks over time, before any mesh is known.
 
 mod resample;
+mod smooth;
 
 use ndarray::Array3;
 

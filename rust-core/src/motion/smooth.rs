@@ -1,0 +1,70 @@
+//! Calmer motion.
+
+use ndarray::{Array3, Axis};
+
+use super::MotionClip;
+
+/// The Gaussian is cut where it has fallen to e^(−9/2).
+const REACH_IN_DEVIATIONS: f64 = 3.0;
+
+impl MotionClip {
+    /// Gaussian smoothing over time with a deviation of `deviation_s` seconds; ends are held.
+    ///
+    /// 0 changes nothing. 20 ms takes the edge off jitter; beyond 50 ms lips no longer close.
+    pub fn smoothed(&self, deviation_s: f64) -> MotionClip {
+        let deviation = deviation_s * self.fps;
+        let reach = (REACH_IN_DEVIATIONS * deviation).ceil() as isize;
+        if deviation.is_nan() || deviation <= 0.0 || self.displacements.is_empty() {
+            return self.clone();
+        }
+        let weight = |k: isize| (-0.5 * (k as f64 / deviation).powi(2)).exp();
+        let total: f64 = (-reach..=reach).map(weight).sum();
+        let last = self.displacements.dim().0 as isize - 1;
+        let mut out = Array3::zeros(self.displacements.dim());
+        for (t, mut frame) in out.outer_iter_mut().enumerate() {
+            for k in -reach..=reach {
+                let from = (t as isize + k).clamp(0, last) as usize;
+                let share = (weight(k) / total) as f32;
+                frame.scaled_add(share, &self.displacements.index_axis(Axis(0), from));
+            }
+        }
+        MotionClip {
+            displacements: out,
+            fps: self.fps,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn clip(value: impl Fn(usize) -> f32) -> MotionClip {
+        MotionClip {
+            displacements: Array3::from_shape_fn((30, 68, 3), |(t, _, _)| value(t)),
+            fps: 30.0,
+        }
+    }
+
+    #[test]
+    fn constants_and_lines_stay_and_jitter_goes() {
+        let constant = clip(|_| 0.7).smoothed(0.05);
+        assert!(
+            constant
+                .displacements
+                .iter()
+                .all(|x| (x - 0.7).abs() < 1e-6)
+        );
+        let line = clip(|t| t as f32).smoothed(0.05);
+        assert!((line.displacements[[15, 0, 0]] - 15.0).abs() < 1e-4);
+        let jitter = clip(|t| if t % 2 == 0 { 1.0 } else { -1.0 }).smoothed(0.05);
+        assert!(jitter.displacements[[15, 0, 0]].abs() < 1e-3);
+    }
+
+    #[test]
+    fn no_deviation_changes_nothing() {
+        let motion = clip(|t| (t as f32).sin());
+        assert_eq!(motion.smoothed(0.0), motion);
+        assert_eq!(motion.smoothed(f64::NAN), motion);
+    }
+}
