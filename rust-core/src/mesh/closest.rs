@@ -1,6 +1,9 @@
 //! The point of a surface that is closest to a given point.
 
-use super::Mesh;
+use super::{
+    Mesh,
+    tree::{blend, closest_weights},
+};
 
 /// A place on the surface of a mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,38 +49,10 @@ pub(crate) fn closest_point(
     best
 }
 
-/// Ericson 2005, "Real-Time Collision Detection", §5.1.5: which of the seven Voronoi regions of
-/// the triangle holds the point. A degenerate triangle falls to one of its corners or edges.
-fn closest_on_triangle(p: [f32; 3], [a, b, c]: [[f32; 3]; 3]) -> [f32; 3] {
-    let (ab, ac, ap) = (sub(b, a), sub(c, a), sub(p, a));
-    let (d1, d2) = (dot(ab, ap), dot(ac, ap));
-    if d1 <= 0.0 && d2 <= 0.0 {
-        return a;
-    }
-    let bp = sub(p, b);
-    let (d3, d4) = (dot(ab, bp), dot(ac, bp));
-    if d3 >= 0.0 && d4 <= d3 {
-        return b;
-    }
-    let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-        return along(a, ab, d1 / (d1 - d3));
-    }
-    let cp = sub(p, c);
-    let (d5, d6) = (dot(ab, cp), dot(ac, cp));
-    if d6 >= 0.0 && d5 <= d6 {
-        return c;
-    }
-    let vb = d5 * d2 - d1 * d6;
-    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        return along(a, ac, d2 / (d2 - d6));
-    }
-    let va = d3 * d6 - d5 * d4;
-    if va <= 0.0 && d4 >= d3 && d5 >= d6 {
-        return along(b, sub(c, b), (d4 - d3) / ((d4 - d3) + (d5 - d6)));
-    }
-    let sum = va + vb + vc;
-    along(along(a, ab, vb / sum), ac, vc / sum)
+/// In double precision, so that faces without area or with coincident corners have an answer too.
+fn closest_on_triangle(p: [f32; 3], corners: [[f32; 3]; 3]) -> [f32; 3] {
+    let corners = corners.map(|c| c.map(f64::from));
+    blend(corners, closest_weights(p.map(f64::from), corners)).map(|x| x as f32)
 }
 
 pub(crate) fn sub(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
@@ -90,10 +65,6 @@ pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
 
 pub(crate) fn norm(a: [f32; 3]) -> f32 {
     dot(a, a).sqrt()
-}
-
-fn along(from: [f32; 3], direction: [f32; 3], t: f32) -> [f32; 3] {
-    std::array::from_fn(|i| from[i] + t * direction[i])
 }
 
 #[cfg(test)]

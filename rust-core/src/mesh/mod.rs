@@ -14,6 +14,7 @@ pub mod parts;
 mod ply;
 mod polygons;
 mod read;
+mod tree;
 pub(crate) mod vec3;
 
 pub use align::{Fit, Similarity};
@@ -22,6 +23,7 @@ pub use check::MeshReport;
 pub use find_landmarks::LandmarkFinder;
 pub use landmarks::locate_landmarks;
 pub use parts::Parts;
+pub use tree::{ClosestPlace, SurfaceTree};
 
 /// A triangle mesh in the user's own units, axes and vertex order.
 #[derive(Debug, Clone, PartialEq, Default)]
