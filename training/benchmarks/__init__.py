@@ -1,0 +1,1 @@
+"""Timings of the PyTorch twins, to hold the Rust ones against."""
