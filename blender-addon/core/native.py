@@ -26,10 +26,12 @@ import numpy as np
 
 from .errors import AnyfaceError, Cancelled
 from .job import Progress
-from .take import Animation, Performance, Sound
+from .take import Animation, Basis, Performance, Sound
 
 ABI_VERSION = 1
 LANDMARKS = 68
+# Static weights over 68 landmarks give motion of rank 204 at most.
+MAX_VECTORS = 256
 # Blender's axes as `AnyfaceAxis`: heads face -Y with +Z up.
 _NEG_Y, _POS_Z = 3, 4
 # Samples of a decoded sound are mono at this rate.
@@ -122,6 +124,13 @@ SIGNATURES = {
     "anyface_clip_copy_displacements": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_clip_copy_landmark_displacements": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_clip_free": (None, [_HANDLE]),
+    "anyface_clip_largest_displacement": (c_float, [_HANDLE]),
+    "anyface_basis_new": (c_int32, [_HANDLE, c_float, c_size_t, _HANDLE, _OUT, _OUT]),
+    "anyface_basis_shape_count": (c_size_t, [_HANDLE]),
+    "anyface_basis_max_error": (c_float, [_HANDLE]),
+    "anyface_basis_copy_shapes": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
+    "anyface_basis_copy_weights": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
+    "anyface_basis_free": (None, [_HANDLE]),
     "anyface_progress_new": (_HANDLE, [c_void_p, c_void_p]),
     "anyface_progress_read": (c_int32, [_HANDLE, POINTER(c_char_p), _FLOATS]),
     "anyface_progress_cancel": (None, [_HANDLE]),
@@ -207,9 +216,18 @@ class Engine:
                 handles, "clip", "anyface_clip_new", self._handle, face, motion, watch.handle
             )
             frames = self._library.anyface_motion_frame_count(motion)
-            displacements = np.empty((frames, len(positions), 3), dtype=np.float32)
-            self._copy("anyface_clip_copy_displacements", clip, displacements)
-            return Animation(displacements, self._metres_per_unit(motion, clip, frames))
+            mm_per_unit = 1000.0 * self._metres_per_unit(motion, clip, frames)
+            largest = self._library.anyface_clip_largest_displacement(clip)
+            animation = Animation(largest * mm_per_unit)
+            shape = (frames, len(positions), 3)
+            if performance.mode == "basis":
+                limit = performance.error_mm / mm_per_unit
+                animation.basis = self._basis(handles, clip, shape, limit, watch)
+                animation.basis.error_mm *= mm_per_unit
+            else:
+                animation.displacements = np.empty(shape, dtype=np.float32)
+                self._copy("anyface_clip_copy_displacements", clip, animation.displacements)
+            return animation
 
     def _face(self, handles, positions, triangles, landmarks, vertices, performance, watch):
         positions = np.ascontiguousarray(positions, dtype=np.float32)
@@ -244,6 +262,18 @@ class Engine:
         options.steps = performance.steps or 0
         given = (self._handle, audio, byref(options), watch.handle)
         return self._own(handles, "motion", "anyface_motion_new", *given)
+
+    def _basis(self, handles, clip, shape, limit: float, watch) -> Basis:
+        """The clip as a basis; `limit` and the basis' error are in mesh units here."""
+        frames, vertices, _ = shape
+        given = (clip, limit, MAX_VECTORS, watch.handle)
+        basis = self._own(handles, "basis", "anyface_basis_new", *given)
+        count = self._library.anyface_basis_shape_count(basis)
+        vectors = np.empty((count, vertices, 3), dtype=np.float32)
+        weights = np.empty((frames, count), dtype=np.float32)
+        self._copy("anyface_basis_copy_shapes", basis, vectors)
+        self._copy("anyface_basis_copy_weights", basis, weights)
+        return Basis(vectors, weights, self._library.anyface_basis_max_error(basis))
 
     def _metres_per_unit(self, motion, clip, frames: int) -> float:
         """The scale of the mesh, from the same motion in canonical metres and in its units."""

@@ -2,9 +2,7 @@
 
 from collections.abc import Callable
 
-import numpy as np
-
-from . import basis, space, verdict
+from . import space, verdict
 from .errors import AnyfaceError
 from .job import Progress
 from .take import Animation, FaceMesh, Performance, Sound, Take
@@ -14,40 +12,25 @@ Animate = Callable[..., Animation]
 
 
 def perform(
-    face: FaceMesh,
-    sound: Sound,
-    performance: Performance,
-    mode: str,
-    error_mm: float,
-    animate: Animate,
-    progress: Progress,
+    face: FaceMesh, sound: Sound, performance: Performance, animate: Animate, progress: Progress
 ) -> Take:
     """Animates `face` and returns the take in object space.
 
-    `mode` is "basis" or "frames"; `error_mm` is the largest error of the basis. `animate` is
-    `native.Engine.animate` or the same function of a test.
+    `animate` is `native.Engine.animate`, or what stands in for it in a test.
     """
     verdict.check_sound(sound)
     found, animation = _animate_any(face, sound, performance, animate, progress)
-    mm_per_unit = animation.metres_per_unit * 1000.0
-    largest_mm = largest_motion(animation.displacements) * mm_per_unit
     # Category 0 is neutral.
     intensity = max((sum(row[1:]) for _, row in performance.emotion), default=0.0)
-    verdict.check_moved(largest_mm, sound, intensity)
-    progress.check("basis" if mode == "basis" else "frames")
-    if mode == "frames":
-        frames = found.to_object(animation.displacements)
-        return Take(performance.fps, largest_mm, frames=frames)
-    packed = basis.compress(animation.displacements, mm_per_unit, error_mm)
-    packed.vectors = found.to_object(packed.vectors)
-    progress.check("basis", 1.0)
-    return Take(performance.fps, largest_mm, basis=packed)
-
-
-def largest_motion(displacements: np.ndarray) -> float:
-    """The longest displacement of `[T, V, 3]`, in its own units."""
-    squared = np.einsum("tvc,tvc->tv", displacements, displacements)
-    return float(squared.max(initial=0.0)) ** 0.5
+    verdict.check_moved(animation.largest_mm, sound, intensity)
+    progress.check("write")
+    take = Take(performance.fps, animation.largest_mm)
+    if animation.basis is None:
+        take.frames = found.to_object(animation.displacements)
+        return take
+    take.basis = animation.basis
+    take.basis.vectors = found.to_object(take.basis.vectors)
+    return take
 
 
 def _animate_any(face, sound, performance, animate, progress):

@@ -7,9 +7,10 @@ import numpy as np
 
 @dataclass
 class Performance:
-    """How the character is asked to speak.
+    """How the character is asked to speak, and how its motion is to be written.
 
-    `emotion` holds `(time_s, strengths[15])` in rising order, times from the first sample.
+    `emotion` holds `(time_s, strengths[15])` in rising order, times from the first sample. `mode`
+    is "basis" or "frames"; `error_mm` the largest error of a basis, on a head of human size.
     """
 
     fps: float
@@ -18,6 +19,8 @@ class Performance:
     steps: int | None = None
     style: str = ""
     learned: float = 1.0
+    mode: str = "basis"
+    error_mm: float = 0.1
 
 
 @dataclass
@@ -55,18 +58,6 @@ class FaceMesh:
 
 
 @dataclass
-class Animation:
-    """What the library returns for one mesh, in the frame in which it was given.
-
-    `displacements` `[T, V, 3]` float32; `metres_per_unit` brings that frame to a head of
-    human size.
-    """
-
-    displacements: np.ndarray
-    metres_per_unit: float
-
-
-@dataclass
 class Basis:
     """Displacements as few vectors and their weights.
 
@@ -77,6 +68,19 @@ class Basis:
     vectors: np.ndarray
     weights: np.ndarray
     error_mm: float
+
+
+@dataclass
+class Animation:
+    """What the library returns for one mesh, in the frame in which it was given.
+
+    `basis` or `displacements` `[T, V, 3]` float32, as was asked. `largest_mm` is the largest
+    displacement of any vertex in any frame, on a head of human size.
+    """
+
+    largest_mm: float
+    basis: Basis | None = None
+    displacements: np.ndarray | None = None
 
 
 @dataclass

@@ -61,8 +61,6 @@ class Snapshot:
             self.face,
             heard,
             self.performance,
-            self.settings.mode,
-            self.settings.error_mm,
             self.engine.animate,
             progress,
         )
@@ -84,6 +82,8 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         steps=settings.steps or None,
         style=settings.style,
         learned=settings.learned,
+        mode=settings.mode,
+        error_mm=settings.error_mm,
     )
     return Snapshot(ob.name, face, source, performance, settings, scene_fps, engine)
 

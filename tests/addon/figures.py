@@ -71,6 +71,16 @@ def motion(frames, vertices, rank=6, size=0.005, seed=0):
     return moved * (size / np.linalg.norm(moved, axis=2).max())
 
 
+def basis(take_module, moved):
+    """Displacements `[T, V, 3]` as an exact basis with weights in -1..1."""
+    frames, vertices, _ = moved.shape
+    left, sizes, right = np.linalg.svd(moved.reshape(frames, -1), full_matrices=False)
+    kept = sizes > sizes[0] * 1e-6
+    peak = np.abs(left[:, kept]).max(axis=0)
+    vectors = (right[kept] * (sizes[kept] * peak)[:, None]).reshape(-1, vertices, 3)
+    return take_module.Basis(vectors, left[:, kept] / peak, 0.0)
+
+
 class Stage:
     """Stands in for the native engine where only reading and writing are tested.
 
@@ -88,7 +98,12 @@ class Stage:
         progress.check("deform", 0.5)
         frames = int(np.ceil(sound.duration_s * performance.fps))
         moved = motion(frames, len(positions), self.rank, self.size)
-        return self.take_module.Animation(moved, 1.0)
+        animation = self.take_module.Animation(self.size * 1000.0)
+        if performance.mode == "frames":
+            animation.displacements = moved
+        else:
+            animation.basis = basis(self.take_module, moved)
+        return animation
 
     def decode(self, path):
         """Reads 16-bit mono WAV."""

@@ -20,44 +20,6 @@ def test_core_never_imports_bpy(installed):
             assert not any(name.split(".")[0] in ("bpy", "aud") for name in names), path
 
 
-@pytest.mark.parametrize("limit", [1.0, 0.1, 0.01])
-def test_basis_keeps_its_error_and_its_weights_in_range(addon, limit):
-    moved = motion(60, 500, rank=20)
-    basis = addon("core.basis").compress(moved, 1000.0, limit)
-    rebuilt = np.einsum("tk,kvc->tvc", basis.weights, basis.vectors)
-    error = np.linalg.norm(rebuilt - moved, axis=2).max() * 1000.0
-    assert error <= limit * 1.001
-    assert basis.error_mm == pytest.approx(error, rel=1e-2, abs=1e-5)
-    assert np.abs(basis.weights).max() <= 1.0 + 1e-6
-    assert len(basis.vectors) <= 20
-
-
-@pytest.mark.parametrize("frames", [60, 400])
-def test_basis_takes_no_vector_more_than_needed(addon, frames):
-    module = addon("core.basis")
-    moved = motion(frames, 2000, rank=20)
-    few, many = module.compress(moved, 1000.0, 1.0), module.compress(moved, 1000.0, 0.01)
-    assert len(few.vectors) < len(many.vectors) <= 20
-    left, sizes, right = np.linalg.svd(moved.reshape(frames, -1), full_matrices=False)
-    count = len(few.vectors) - 1
-    rest = moved - ((left[:, :count] * sizes[:count]) @ right[:count]).reshape(moved.shape)
-    assert np.linalg.norm(rest, axis=2).max() * 1000.0 > 1.0
-
-
-def test_basis_of_motion_of_full_rank_keeps_its_error(addon):
-    moved = np.random.default_rng(0).normal(size=(300, 400, 3)).astype(np.float32) * 0.001
-    basis = addon("core.basis").compress(moved, 1000.0, 0.1)
-    rebuilt = np.einsum("tk,kvc->tvc", basis.weights, basis.vectors)
-    assert np.linalg.norm(rebuilt - moved, axis=2).max() * 1000.0 <= 0.1001
-
-
-def test_basis_of_one_frame(addon):
-    moved = motion(2, 50)[:1]
-    basis = addon("core.basis").compress(moved, 1000.0, 0.01)
-    assert basis.vectors.shape == (1, 50, 3)
-    assert np.abs(basis.vectors[0] * basis.weights[0, 0] - moved[0]).max() < 1e-6
-
-
 def _matrix(rotation, scale):
     matrix = np.eye(4)
     matrix[:3, :3] = rotation @ np.diag(scale)
@@ -147,7 +109,7 @@ def test_the_second_direction_is_tried_when_the_first_has_no_face(addon):
         tried.append(positions)
         if len(tried) == 1:
             raise errors.AnyfaceError("face", "no face found: looked from -Y")
-        return take.Animation(motion(5, len(positions)), 1.0)
+        return take.Animation(5.0, displacements=motion(5, len(positions)))
 
     face = take.FaceMesh(
         "Head",
@@ -156,7 +118,7 @@ def test_the_second_direction_is_tried_when_the_first_has_no_face(addon):
         _matrix(_about_z(90), (1, 1, 1)),
     )
     sound = take.Sound(np.ones(1600, dtype=np.float32), 16000, "Voice")
-    ask = (face, sound, take.Performance(24.0), "basis", 0.1)
+    ask = (face, sound, take.Performance(24.0, mode="frames"))
     result = perform.perform(*ask, animate, addon("core.job").Progress())
     assert len(tried) == 2 and result.frame_count == 5
     assert not np.allclose(tried[0], tried[1])

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from figures import curves, everything, grid, motion, own_keys, shape
+from figures import basis, curves, everything, grid, motion, own_keys, shape
 
 START, SCENE_FPS, FRAMES = 11, 24.0, 30
 
@@ -18,8 +18,7 @@ def make_take(addon):
         take = addon("core.take")
         if mode == "frames":
             return take.Take(fps, 5.0, frames=moved), moved
-        basis = addon("core.basis").compress(moved, 1000.0, 0.01)
-        return take.Take(fps, 5.0, basis=basis), moved
+        return take.Take(fps, 5.0, basis=basis(take, moved)), moved
 
     return make
 
