@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # Debian 12 has no Blender that knows extensions: installs Debian 13's, with its own libraries,
 # into a folder. Needs root. Usage: blender-chroot.sh FOLDER
+# FOLDER/run-blender then starts it; it sees /tmp.
 set -euo pipefail
-folder=$1
-if [ -f "$folder/ready" ]; then exit 0; fi
+folder=$(realpath -m "$1")
+if [ -x "$folder/run-blender" ]; then exit 0; fi
 rm -rf "$folder"
 mkdir -p "$folder"
 mirror=$(sed -n 's/^URIs: *//p; s/^deb \(\[[^]]*\] \)\?\([^ ]*\) .*/\2/p' \
@@ -16,4 +17,10 @@ chroot "$folder" env DEBIAN_FRONTEND=noninteractive sh -c '
   apt-get update -qq
   apt-get install -y -qq --no-install-recommends blender python3-numpy
   apt-get clean'
-touch "$folder/ready"
+cat > "$folder/run-blender" <<END
+#!/bin/sh
+exec unshare --mount sh -c '
+  mount --bind /tmp "$folder/tmp" && mount -t proc proc "$folder/proc" || exit 1
+  exec chroot "$folder" /usr/bin/blender "\$@"' blender "\$@"
+END
+chmod +x "$folder/run-blender"
