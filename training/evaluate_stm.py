@@ -58,7 +58,7 @@ def rows(runs: Path) -> list[tuple[str, Method]]:
     table = [("no motion", no_motion), ("training-free (TSB)", training_free)]
     for faces in ("both", "ict", "makehuman"):
         path = runs / f"static_{faces}.pt"
-        for learned in (1.0, 2.5) if path.exists() else ():
+        for learned in (1.0, 1.5, 2.0, 2.5) if path.exists() else ():
             table.append((f"static, trained on {faces}, learned {learned:g}", static(path, learned)))
     return table
 

@@ -20,6 +20,7 @@ import torch
 
 from training.corpus.expressions import load_speech, training_frames
 from training.corpus.prepared import Corpus, PreparedMesh, load_or_build
+from training.systems.freetalk.stm.paper import CONFIGS as PAPER
 from training.systems.freetalk.stm.static_weights import (
     CONFIGS,
     FLIP,
@@ -27,6 +28,7 @@ from training.systems.freetalk.stm.static_weights import (
     StaticWeights,
     VertexGeometry,
 )
+from training.systems.freetalk.stm.train_paper import paper_mesh, train_paper
 
 FACES = {"both": ("ict", "makehuman"), "ict": ("ict",), "makehuman": ("makehuman",)}
 
@@ -104,6 +106,8 @@ def main() -> None:
     parser.add_argument("--runs", type=Path, default=Path("runs/stm"))
     parser.add_argument("--faces", nargs="*", choices=list(FACES), default=list(FACES))
     parser.add_argument("--steps", type=int, default=1500)
+    parser.add_argument("--seconds", type=float, default=480.0, help="of each training of paper")
+    parser.add_argument("--meshes", type=int, default=30, help="of each face, for paper")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1)
     args = parser.parse_args()
@@ -111,7 +115,13 @@ def main() -> None:
     corpus = load_or_build(args.shared, args.runs / "corpus.pkl", 70, 45)
     speech = load_speech(args.shared).train
     for name in args.faces:
-        model = train_static(corpus, FACES[name], speech, args.steps, args.seed)
+        if args.model == "static":
+            model = train_static(corpus, FACES[name], speech, args.steps, args.seed)
+        else:
+            meshes = {f: corpus.train[f][: args.meshes] for f in FACES[name]}
+            seen = {f: [paper_mesh(m, PAPER["compact"]) for m in meshes[f]] for f in meshes}
+            faces = FACES[name]
+            model = train_paper(PAPER["compact"], faces, speech, args.seconds, args.seed, seen)
         torch.save(model.state_dict(), args.runs / f"{args.model}_{name}.pt")
 
 

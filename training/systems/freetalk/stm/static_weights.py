@@ -24,6 +24,11 @@ LANDMARKS = 68
 CORRECTION_SCALE = 0.1
 """Outputs of the network are multiplied by this, so that training starts near zero."""
 
+FADED_AT = 1.5
+"""Remoteness at which the correction has faded to nothing; full up to one less. Where no landmark
+is near (neck, temples) faces differ by habit: there the correction from one face harmed the other,
+everywhere else it helped."""
+
 
 @dataclass(frozen=True)
 class StaticConfig:
@@ -35,7 +40,7 @@ class StaticConfig:
 
     width: int = 96
     rank: int = 12
-    strength: float = 0.4
+    strength: float = 0.6
 
 
 CONFIGS = {"static": StaticConfig(), "debug": StaticConfig(8, 2, 0.5)}
@@ -120,8 +125,9 @@ class StaticWeights(nn.Module):
         x = (geometry.features() - self.feature_mean) / self.feature_scale
         for layer in (self.layer_0, self.layer_1, self.layer_2):
             x = torch.nn.functional.silu(layer(x))
-        mix = CORRECTION_SCALE * self.mix(x)
-        return mix, CORRECTION_SCALE * self.cross(x).unflatten(1, (3, self.config.rank))
+        scale = CORRECTION_SCALE * (FADED_AT - geometry.remoteness).clamp(0.0, 1.0)[:, None]
+        cross = (scale * self.cross(x)).unflatten(1, (3, self.config.rank))
+        return scale * self.mix(x), cross
 
     def one_sided_correction(self, geometry: VertexGeometry, landmarks: Tensor) -> Tensor:
         """`A dL + B C dL` without the mirror. landmarks: [T, N, 3]. Returns [T, V, 3], same unit."""

@@ -23,6 +23,10 @@ use crate::{
 
 /// Outputs of the network are multiplied by this, so that training starts near zero.
 const CORRECTION_SCALE: f32 = 0.1;
+/// Remoteness at which the correction has faded to nothing; full up to one less. Where no landmark
+/// is near (neck, temples) faces differ by habit: there the correction from one face harmed the
+/// other, everywhere else it helped.
+const FADED_AT: f32 = 1.5;
 /// Position, offset from and distance to each landmark, plate weights, nearness.
 const FEATURES: usize = 3 + 3 * LANDMARKS + LANDMARKS + LANDMARKS + 1;
 const COORDINATES: usize = 3 * LANDMARKS;
@@ -167,11 +171,13 @@ impl StaticWeights {
         for layer in &self.layers {
             x = layer.forward_then(&x, silu_all);
         }
-        let scale = |values: &mut [f32]| values.iter_mut().for_each(|v| *v *= CORRECTION_SCALE);
-        (
-            self.mix.forward_then(&x, scale),
-            self.cross.forward_then(&x, scale),
-        )
+        let (mut mix, mut cross) = (self.mix.forward(&x), self.cross.forward(&x));
+        for (v, remoteness) in geometry.plate.remoteness.iter().enumerate() {
+            let scale = CORRECTION_SCALE * (FADED_AT - *remoteness as f32).clamp(0.0, 1.0);
+            mix.row_mut(v).mapv_inplace(|x| scale * x);
+            cross.row_mut(v).mapv_inplace(|x| scale * x);
+        }
+        (mix, cross)
     }
 
     /// Normalised features `[R', 344]`.

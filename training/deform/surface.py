@@ -1,0 +1,77 @@
+"""What DiffusionNet needs of a surface: mass, eigenbasis, tangent gradients.
+
+Mirrors `Operators::surface` of `rust-core/src/operators`. Shapes: `V` vertices, `K` eigenpairs.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+import torch
+from scipy.sparse.linalg import eigsh
+
+from training.deform.tension_screened_biharmonic import laplacian_and_mass
+from training.nn.diffusion_net import SurfaceOperators
+
+RIDGE = 1e-5
+"""Of the gradient's least squares, square of the unit of length; as the authors have it."""
+
+
+def surface_operators(vertices: np.ndarray, triangles: np.ndarray, eigenpairs: int) -> SurfaceOperators:
+    """vertices: [V, 3], in the network's unit (decimetres)."""
+    laplacian, mass = laplacian_and_mass(vertices, triangles)
+    shift = 0.03 * 4.0 * np.pi * eigenpairs / mass.sum()
+    values, vectors = eigsh(laplacian, eigenpairs, sp.diags(mass).tocsc(), sigma=-shift)
+    grad_x, grad_y = tangent_gradients(vertices, triangles)
+    return SurfaceOperators(
+        torch.from_numpy(mass).float(),
+        torch.from_numpy(np.maximum(values, 0.0)).float(),
+        torch.from_numpy(vectors).float(),
+        _torch_csr(grad_x),
+        _torch_csr(grad_y),
+    )
+
+
+def vertex_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Unit, weighted by area; zero where a vertex is in no face. [V, 3]."""
+    a, b, c = (vertices[triangles[:, i]] for i in range(3))
+    normals = np.zeros_like(vertices)
+    for corner in range(3):
+        np.add.at(normals, triangles[:, corner], np.cross(b - a, c - a))
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+
+
+def tangent_gradients(vertices: np.ndarray, triangles: np.ndarray) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+    """Least-squares gradients over one-rings, along two tangents a vertex. Two [V, V]."""
+    normals = vertex_normals(vertices, triangles)
+    seed = np.where(np.abs(normals[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    first = seed - (seed * normals).sum(1, keepdims=True) * normals
+    first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-30)
+    second = np.cross(normals, first)
+    pairs = np.unique(
+        np.concatenate([triangles[:, p] for p in ([0, 1], [1, 2], [2, 0], [1, 0], [2, 1], [0, 2])]), axis=0
+    )
+    row, column = pairs.T
+    edge = vertices[column] - vertices[row]
+    u, v = (edge * first[row]).sum(1), (edge * second[row]).sum(1)
+    count = len(vertices)
+    a = RIDGE + np.bincount(row, u * u, count)
+    b = np.bincount(row, u * v, count)
+    c = RIDGE + np.bincount(row, v * v, count)
+    determinant = (a * c - b * b)[row]
+    x, y = (c[row] * u - b[row] * v) / determinant, (a[row] * v - b[row] * u) / determinant
+    return tuple(_differences(row, column, w, count) for w in (x, y))
+
+
+def _differences(row: np.ndarray, column: np.ndarray, weight: np.ndarray, count: int) -> sp.csr_matrix:
+    """`sum_j w_ij (f_j - f_i)` as a matrix."""
+    matrix = sp.csr_matrix((weight, (row, column)), (count, count))
+    return (matrix - sp.diags(np.bincount(row, weight, count))).tocsr()
+
+
+def _torch_csr(matrix: sp.csr_matrix) -> torch.Tensor:
+    matrix = matrix.tocsr()
+    matrix.sort_indices()
+    parts = (matrix.indptr, matrix.indices, matrix.data.astype(np.float32))
+    indptr, indices, values = (torch.from_numpy(p) for p in parts)
+    return torch.sparse_csr_tensor(indptr.long(), indices.long(), values, matrix.shape)
