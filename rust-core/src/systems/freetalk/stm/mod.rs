@@ -4,10 +4,12 @@
 //! costs one small matrix product. `paper` is FreeTalk's own decoder, run for every frame.
 
 pub mod paper;
+mod paper_face;
 mod prepare;
 mod static_weights;
 
-pub use prepare::prepare_static;
+pub use paper_face::PaperFace;
+pub use prepare::{prepare_paper, prepare_static};
 pub use static_weights::{Correction, MIRROR, StaticConfig, StaticWeights, VertexGeometry};
 
 use crate::Result;

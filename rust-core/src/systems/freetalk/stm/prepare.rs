@@ -1,8 +1,12 @@
-//! Everything of a mesh that does not depend on time, for the `static` decoder.
+//! Everything of a mesh that does not depend on time.
+
+use std::sync::Arc;
 
 use ndarray::{Array2, ArrayViewMut1};
 
-use super::{StaticWeights, VertexGeometry, static_weights::Correction};
+use super::{
+    PaperFace, StaticWeights, VertexGeometry, paper::PaperDecoder, static_weights::Correction,
+};
 use crate::{
     Error, Result,
     deform::{
@@ -12,7 +16,7 @@ use crate::{
     },
     mesh::{Landmarks, Mesh, Similarity},
     motion::LANDMARKS,
-    operators::{Arrays, Cache, CacheKey},
+    operators::{Arrays, Cache, CacheKey, NO_ROW},
     progress::{ProgressFn, report},
 };
 
@@ -45,37 +49,224 @@ pub fn prepare_static(
             "learned: expected 0 to {STRONGEST}, got {learned}"
         )));
     }
-    report(progress, "operators", 0.0)?;
-    let cm = |p: [f32; 3]| to_canonical.apply(p).map(|x| 100.0 * x);
-    let mesh_cm = Mesh {
-        positions: mesh.positions.iter().map(|&p| cm(p)).collect(),
-        triangles: mesh.triangles.clone(),
-    };
-    let landmarks_cm = landmarks.positions.map(cm);
-    let skin = Skin::find(&mesh_cm, &landmarks_cm, &landmarks.vertices)?;
-    report(progress, "weights", 0.0)?;
-    let plate = cached_plate(&skin, cache)?;
-    report(progress, "weights", 0.7)?;
+    let setting = Setting::new(mesh, landmarks, to_canonical, cache, progress)?;
     let strength = learned * weights.strength();
-    let correction = (strength > 0.0).then(|| correct(weights, &skin, &landmarks_cm, &plate));
-    let follows = bind(
-        &mesh_cm.positions,
-        &skin.parts,
-        &skin.is_skin,
-        &landmarks_cm,
-    );
-    let assembly = Assembly {
-        skin: &skin,
-        plate: &plate,
-        correction: correction.as_ref(),
-        strength,
-        follows: &follows,
-        positions: &mesh_cm.positions,
-    };
-    let mut result = assembly.weights(&jaw::from_landmarks(&landmarks_cm));
+    let correction = (strength > 0.0).then(|| setting.correction(weights));
+    let mut result = setting.weights(true, correction.as_ref(), strength);
     turn(&mut result, to_canonical);
     report(progress, "weights", 1.0)?;
     Ok(result)
+}
+
+/// Prepares the `paper` decoder for one mesh: operators and eigenbasis of the skin (kept in
+/// `cache`) and the features of the neutral mesh. Units and axes are the mesh's own.
+///
+/// # Errors
+/// `Mesh` if the landmarks lie on no usable face, `Numerics` if a solve fails, `Cancelled`.
+pub fn prepare_paper(
+    decoder: Arc<PaperDecoder>,
+    mesh: &Mesh,
+    landmarks: &Landmarks,
+    to_canonical: &Similarity,
+    cache: &Cache,
+    progress: ProgressFn<'_>,
+) -> Result<PaperFace> {
+    let setting = Setting::new(mesh, landmarks, to_canonical, cache, progress)?;
+    let config = decoder.config();
+    let mut base = setting.weights(config.base, None, 0.0);
+    turn(&mut base, to_canonical);
+    let surface = setting
+        .skin
+        .operators
+        .surface(config.eigenpairs, 10.0, cache)?;
+    report(progress, "weights", 0.9)?;
+    let follows = setting.rows_followed();
+    let inputs = setting.vertex_inputs(config.inputs)?;
+    let features = decoder.encode(inputs, &surface);
+    report(progress, "weights", 1.0)?;
+    Ok(PaperFace {
+        decoder,
+        features,
+        surface,
+        base,
+        follows,
+        to_canonical: *to_canonical,
+    })
+}
+
+/// A mesh in canonical centimetres, its skin and what everything else follows.
+struct Setting {
+    positions: Vec<[f32; 3]>,
+    landmarks: [[f32; 3]; LANDMARKS],
+    skin: Skin,
+    plate: PlateWeights,
+    follows: Vec<Follows>,
+}
+
+impl Setting {
+    fn new(
+        mesh: &Mesh,
+        landmarks: &Landmarks,
+        to_canonical: &Similarity,
+        cache: &Cache,
+        progress: ProgressFn<'_>,
+    ) -> Result<Setting> {
+        report(progress, "operators", 0.0)?;
+        let cm = |p: [f32; 3]| to_canonical.apply(p).map(|x| 100.0 * x);
+        let mesh = Mesh {
+            positions: mesh.positions.iter().map(|&p| cm(p)).collect(),
+            triangles: mesh.triangles.clone(),
+        };
+        let vertices = landmarks.vertices;
+        let landmarks = landmarks.positions.map(cm);
+        let skin = Skin::find(&mesh, &landmarks, &vertices)?;
+        report(progress, "weights", 0.0)?;
+        let plate = cached_plate(&skin, cache)?;
+        report(progress, "weights", 0.7)?;
+        let follows = bind(&mesh.positions, &skin.parts, &skin.is_skin, &landmarks);
+        Ok(Setting {
+            positions: mesh.positions,
+            landmarks,
+            skin,
+            plate,
+            follows,
+        })
+    }
+
+    /// Rows of the skin in decimetres.
+    fn decimetres(&self) -> (Vec<[f32; 3]>, [[f32; 3]; LANDMARKS]) {
+        let positions = &self.skin.operators.positions;
+        (
+            positions
+                .iter()
+                .map(|p| p.map(|x| 0.1 * x as f32))
+                .collect(),
+            self.landmarks.map(|p| p.map(|x| 0.1 * x)),
+        )
+    }
+
+    /// The learned part of the static decoder on the skin.
+    fn correction(&self, weights: &StaticWeights) -> Correction {
+        let (positions, landmarks) = self.decimetres();
+        weights.correction(&VertexGeometry {
+            positions: &positions,
+            landmarks: &landmarks,
+            plate: &self.plate,
+        })
+    }
+
+    /// Position, normal and, with 278 inputs, offset from and distance to each landmark. `[R, C]`.
+    fn vertex_inputs(&self, inputs: usize) -> Result<Array2<f32>> {
+        const RELATED: usize = 6 + 4 * LANDMARKS;
+        if inputs != 6 && inputs != RELATED {
+            return Err(Error::Weights(format!(
+                "stm_paper config.json: inputs: expected 6 or {RELATED}, got {inputs}"
+            )));
+        }
+        let (positions, landmarks) = self.decimetres();
+        let frames = self.skin.operators.tangent_frames();
+        let mut out = Array2::zeros((positions.len(), inputs));
+        for (v, mut row) in out.rows_mut().into_iter().enumerate() {
+            for axis in 0..3 {
+                row[axis] = positions[v][axis];
+                row[3 + axis] = frames[v][2][axis] as f32;
+            }
+            for n in 0..(inputs - 6) / 4 {
+                let offset: [f32; 3] = std::array::from_fn(|i| positions[v][i] - landmarks[n][i]);
+                for axis in 0..3 {
+                    row[6 + 3 * n + axis] = offset[axis];
+                }
+                row[6 + 3 * LANDMARKS + n] = offset.iter().map(|x| x * x).sum::<f32>().sqrt();
+            }
+        }
+        Ok(out)
+    }
+
+    /// `[V]`, the row of the skin that each vertex follows, and by which share.
+    fn rows_followed(&self) -> Vec<Option<(u32, f32)>> {
+        let row = |skin: u32| self.skin.operators.row_of_vertex[skin as usize];
+        let follows = self.follows.iter();
+        follows
+            .map(|follows| match *follows {
+                Follows::Skin(skin, share) if row(skin) != NO_ROW => Some((row(skin), share)),
+                _ => None,
+            })
+            .collect()
+    }
+
+    /// Weights of every vertex in the canonical frame. `plate`: whether the skin follows the
+    /// training-free weights.
+    fn weights(
+        &self,
+        plate: bool,
+        correction: Option<&Correction>,
+        strength: f32,
+    ) -> LandmarkWeights {
+        let vertices = self.follows.len();
+        let learned = correction.map_or(0, |c| c.motion.nrows());
+        let rank = learned + jaw::JAW_RANK;
+        let mut mix = Array2::zeros((vertices, LANDMARKS));
+        let mut cross = Array2::zeros((vertices, 3 * rank));
+        for (v, followed) in self.rows_followed().into_iter().enumerate() {
+            let Some((row, share)) = followed else {
+                continue;
+            };
+            if plate {
+                self.copy_plate(row as usize, share, mix.row_mut(v));
+            }
+            if let Some(correction) = correction {
+                let strength = share * strength;
+                correct(
+                    correction,
+                    row as usize,
+                    strength,
+                    mix.row_mut(v),
+                    cross.row_mut(v),
+                );
+            }
+        }
+        for (v, follows) in self.follows.iter().enumerate() {
+            if let Follows::Jaw(share) = *follows {
+                for (axis, numbers) in jaw::follow(self.positions[v], share).iter().enumerate() {
+                    for (k, &value) in numbers.iter().enumerate() {
+                        cross[[v, axis * rank + learned + k]] = value;
+                    }
+                }
+            }
+        }
+        let jaw = jaw::from_landmarks(&self.landmarks);
+        let motion = match correction {
+            Some(c) => ndarray::concatenate![ndarray::Axis(0), c.motion, jaw],
+            None => jaw,
+        };
+        LandmarkWeights { mix, cross, motion }
+    }
+
+    fn copy_plate(&self, row: usize, share: f32, mut mix: ArrayViewMut1<'_, f32>) {
+        let plate = &self.plate.weights[row * LANDMARKS..(row + 1) * LANDMARKS];
+        for (to, from) in mix.iter_mut().zip(plate) {
+            *to = share * from;
+        }
+    }
+}
+
+/// Adds the learned part of one row.
+fn correct(
+    correction: &Correction,
+    row: usize,
+    strength: f32,
+    mut mix: ArrayViewMut1<'_, f32>,
+    mut cross: ArrayViewMut1<'_, f32>,
+) {
+    for (to, from) in mix.iter_mut().zip(correction.mix.row(row)) {
+        *to += strength * from;
+    }
+    let (learned, rank) = (correction.motion.nrows(), cross.len() / 3);
+    for axis in 0..3 {
+        for r in 0..learned {
+            cross[axis * rank + r] = strength * correction.cross[[row, axis * learned + r]];
+        }
+    }
 }
 
 /// The plate's weights, from the cache where they are in it.
@@ -105,95 +296,6 @@ fn cached_plate(skin: &Skin, cache: &Cache) -> Result<PlateWeights> {
             })
         }
         _ => PlateWeights::solve(operators, &skin.landmark_rows, plate),
-    }
-}
-
-/// The learned part on the skin.
-fn correct(
-    weights: &StaticWeights,
-    skin: &Skin,
-    landmarks_cm: &[[f32; 3]; LANDMARKS],
-    plate: &PlateWeights,
-) -> Correction {
-    let positions: Vec<[f32; 3]> = skin
-        .operators
-        .positions
-        .iter()
-        .map(|p| p.map(|x| 0.1 * x as f32))
-        .collect();
-    weights.correction(&VertexGeometry {
-        positions: &positions,
-        landmarks: &landmarks_cm.map(|p| p.map(|x| 0.1 * x)),
-        plate,
-    })
-}
-
-/// What the weights of all vertices are put together from.
-struct Assembly<'a> {
-    skin: &'a Skin,
-    plate: &'a PlateWeights,
-    correction: Option<&'a Correction>,
-    strength: f32,
-    follows: &'a [Follows],
-    positions: &'a [[f32; 3]],
-}
-
-impl Assembly<'_> {
-    /// Weights of every vertex in the canonical frame. `jaw`: `[3, 204]`.
-    fn weights(&self, jaw: &Array2<f32>) -> LandmarkWeights {
-        let vertices = self.follows.len();
-        let learned = self.correction.map_or(0, |c| c.motion.nrows());
-        let rank = learned + jaw::JAW_RANK;
-        let mut mix = Array2::zeros((vertices, LANDMARKS));
-        let mut cross = Array2::zeros((vertices, 3 * rank));
-        for (v, follows) in self.follows.iter().enumerate() {
-            match *follows {
-                Follows::Skull => {}
-                Follows::Skin(skin, share) => {
-                    let row = self.skin.operators.row_of_vertex[skin as usize] as usize;
-                    self.copy_skin(row, share, mix.row_mut(v), cross.row_mut(v));
-                }
-                Follows::Jaw(share) => {
-                    for (axis, numbers) in jaw::follow(self.positions[v], share).iter().enumerate()
-                    {
-                        for (k, &value) in numbers.iter().enumerate() {
-                            cross[[v, axis * rank + learned + k]] = value;
-                        }
-                    }
-                }
-            }
-        }
-        let motion = match self.correction {
-            Some(c) => ndarray::concatenate![ndarray::Axis(0), c.motion, *jaw],
-            None => jaw.clone(),
-        };
-        LandmarkWeights { mix, cross, motion }
-    }
-
-    fn copy_skin(
-        &self,
-        row: usize,
-        share: f32,
-        mut mix: ArrayViewMut1<'_, f32>,
-        mut cross: ArrayViewMut1<'_, f32>,
-    ) {
-        let plate = &self.plate.weights[row * LANDMARKS..(row + 1) * LANDMARKS];
-        for (to, from) in mix.iter_mut().zip(plate) {
-            *to = share * from;
-        }
-        let Some(correction) = self.correction else {
-            return;
-        };
-        let strength = share * self.strength;
-        for (to, from) in mix.iter_mut().zip(correction.mix.row(row)) {
-            *to += strength * from;
-        }
-        let (learned, rank) = (correction.motion.nrows(), cross.len() / 3);
-        for axis in 0..3 {
-            for r in 0..learned {
-                cross[axis * rank + r] = strength * correction.cross[[row, axis * learned + r]];
-            }
-        }
     }
 }
 
