@@ -136,7 +136,7 @@ def default_head(path: Path):
     low, high = bounds(ob)
     scale = HEAD_HEIGHT / (high[2] - low[2])
     ob.scale = (scale,) * 3
-    middle = [scale * (a + b) / 2 for a, b in zip(low, high)]
+    middle = [scale * (a + b) / 2 for a, b in zip(low, high, strict=True)]
     ob.location = (1.25 - middle[0], -middle[1], -middle[2])
     for polygon in ob.data.polygons:
         polygon.use_smooth = True
@@ -178,7 +178,7 @@ def material(name: str, colour: tuple, roughness: float):
 
 def bounds(ob) -> tuple:
     """Lowest and highest corner, object space."""
-    corners = list(zip(*ob.bound_box))
+    corners = list(zip(*ob.bound_box, strict=True))
     return [min(axis) for axis in corners], [max(axis) for axis in corners]
 
 

@@ -23,7 +23,6 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 
-
 REACHES = [
     (range(0, 17), 1.0),
     (range(17, 27), 2.0),
