@@ -2,3 +2,4 @@
 
 mod command;
 mod imports;
+mod performance;
