@@ -16,19 +16,29 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from training.corpus.expressions import evaluation_frames, load_speech
+from training.corpus.expressions import UPPER, evaluation_frames, load_speech
 from training.corpus.prepared import Corpus, PreparedMesh, load_or_build
+from training.systems.freetalk.stm.paper import CONFIGS as CONFIGS_PAPER
+from training.systems.freetalk.stm.paper import PaperDecoder
 from training.systems.freetalk.stm.static_weights import CONFIGS, StaticWeights, deform
+from training.systems.freetalk.stm.train_paper import PaperMesh, paper_mesh, predict
 
 Method = Callable[[PreparedMesh, torch.Tensor], torch.Tensor]
 
 
-def errors(method: Method, meshes: list[PreparedMesh], speech: np.ndarray) -> tuple[float, float]:
-    """Mean and lip error in mm of a method that takes a mesh and landmark motion [T, N, 3] dm."""
+def errors(
+    method: Method, meshes: list[PreparedMesh], speech: np.ndarray, upper: bool
+) -> tuple[float, float]:
+    """Mean and lip error in mm of a method that takes a mesh and landmark motion [T, N, 3] dm.
+
+    upper: whether brows, lids and nose move besides the mouth.
+    """
     rng = np.random.default_rng(9)
     mean, lips = [], []
     for mesh in meshes:
-        weights = torch.from_numpy(evaluation_frames(rng, speech, 100)).float()
+        frames = evaluation_frames(rng, speech, 50)
+        frames[:, UPPER] *= float(upper)
+        weights = torch.from_numpy(frames).float()
         truth = torch.einsum("tm,mvx->tvx", weights, mesh.modes)
         error = 100.0 * (method(mesh, truth[:, mesh.landmarks]) - truth).norm(dim=-1)
         mean.append(error.mean().item())
@@ -53,23 +63,45 @@ def training_free(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
     return torch.einsum("vn,tnx->tvx", mesh.geometry.base, landmarks)
 
 
+def paper(path: Path) -> Method:
+    """The paper's decoder with the weights of `path`; operators are computed once per mesh."""
+    config = CONFIGS_PAPER["compact"]
+    model = PaperDecoder(config)
+    model.load_state_dict(torch.load(path))
+    seen: dict[int, PaperMesh] = {}
+
+    def method(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
+        if id(mesh) not in seen:
+            seen[id(mesh)] = paper_mesh(mesh, config)
+        parts = [predict(model, seen[id(mesh)], part) for part in landmarks.split(5)]
+        return torch.cat(parts)
+
+    return method
+
+
 def rows(runs: Path) -> list[tuple[str, Method]]:
     """Every method that `runs` has weights for."""
     table = [("no motion", no_motion), ("training-free (TSB)", training_free)]
     for faces in ("both", "ict", "makehuman"):
         path = runs / f"static_{faces}.pt"
-        for learned in (1.0, 1.5, 2.0, 2.5) if path.exists() else ():
+        for learned in (1.0, 1.7) if path.exists() else ():
             table.append((f"static, trained on {faces}, learned {learned:g}", static(path, learned)))
+    for faces in ("both", "ict", "makehuman"):
+        path = runs / f"paper_{faces}.pt"
+        if path.exists():
+            table.append((f"paper, trained on {faces}", paper(path)))
     return table
 
 
 def print_table(corpus: Corpus, speech: np.ndarray, runs: Path) -> None:
-    """One line a method: ICT, then MakeHuman."""
-    print(f"{'mm: mean / lips':44} {'ICT unseen':>16} {'MakeHuman':>16}")
+    """One line a method: ICT, then MakeHuman; speech with upper face, then speech alone."""
+    faces = ("ict", "makehuman")
+    print(f"{'mm: mean / lips':40}{'ICT unseen':>16}{'MakeHuman':>16}{'ICT, mouth':>16}{'MH, mouth':>16}")
     with torch.no_grad():
         for name, method in rows(runs):
-            cells = [errors(method, corpus.test[f], speech) for f in ("ict", "makehuman")]
-            print(f"{name:44} " + " ".join(f"{m:9.3f} /{lips:6.3f}" for m, lips in cells), flush=True)
+            cells = [errors(method, corpus.test[f], speech, u) for u in (True, False) for f in faces]
+            text = "".join(f"{mean:8.3f} /{lips:6.3f}" for mean, lips in cells)
+            print(f"{name:40}{text}", flush=True)
 
 
 def main() -> None:

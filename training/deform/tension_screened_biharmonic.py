@@ -24,7 +24,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 
 REACHES = [
-    (range(0, 17), 1.0),
+    (range(17), 1.0),
     (range(17, 27), 2.0),
     (range(27, 36), 2.0),
     (range(36, 48), 0.5),

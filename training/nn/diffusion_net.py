@@ -10,6 +10,7 @@ feature fields over *one* mesh, because the operators do not change from frame t
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import torch
@@ -66,7 +67,7 @@ class MiniMLP(nn.Sequential):
     def __init__(self, sizes: list[int]):
         super().__init__()
         last = len(sizes) - 2
-        for i, (a, b) in enumerate(zip(sizes, sizes[1:], strict=False)):
+        for i, (a, b) in enumerate(itertools.pairwise(sizes)):
             self.add_module(f"miniMLP_mlp_layer_{i:03d}", nn.Linear(a, b))
             if i < last:
                 self.add_module(f"miniMLP_mlp_act_{i:03d}", nn.ReLU())

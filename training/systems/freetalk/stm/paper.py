@@ -17,6 +17,7 @@ Shapes: `T` frames, `V` vertices, `N` = 68 landmarks.
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -28,7 +29,7 @@ from training.nn.diffusion_net import DiffusionNet, SurfaceOperators
 LANDMARKS = 68
 
 CHAINS = [
-    (range(0, 17), False),
+    (range(17), False),
     (range(17, 22), False),
     (range(22, 27), False),
     (range(27, 31), False),
@@ -79,7 +80,7 @@ def landmark_edges() -> list[tuple[int, int]]:
     edges = []
     for chain, closed in CHAINS:
         nodes = list(chain)
-        edges += list(zip(nodes, nodes[1:], strict=False))
+        edges += list(itertools.pairwise(nodes))
         if closed:
             edges.append((nodes[-1], nodes[0]))
     return edges + BRIDGES

@@ -56,7 +56,7 @@ def mirror_order() -> Tensor:
         for a, b in zip(left, right, strict=True):
             order[a], order[b] = b, a
 
-    swap(list(range(0, 8)), list(range(16, 8, -1)))
+    swap(list(range(8)), list(range(16, 8, -1)))
     swap(list(range(17, 22)), list(range(26, 21, -1)))
     swap([31, 32], [35, 34])
     swap([36, 37, 38, 39, 40, 41], [45, 44, 43, 42, 47, 46])
