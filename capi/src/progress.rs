@@ -14,7 +14,7 @@ use crate::{error::Failure, guard, pointer, status::AnyfaceStatus};
 
 /// Receives progress; any result but 0 asks the job to stop.
 ///
-/// `stage`: "speech", "motion", "operators", "weights", "deform", "write" or a later addition;
+/// `stage`: "speech", "motion", "landmarks", "operators", "weights", "deform", "compress" or another;
 /// lives as long as the progress handle. `fraction`: share of that stage that is done, 0 to 1.
 /// Called from a thread of the library, which may differ from the one that started the job and
 /// from call to call; never twice at the same time for one handle. It must not throw or longjmp,

@@ -1,0 +1,247 @@
+/*
+ * Wrong calls: each gives its status and a message, writes no result and never crashes.
+ *
+ *     errors FOLDER      FOLDER can be written to
+ */
+#include "check.h"
+
+#include <math.h>
+
+static AnyfaceError *error = NULL;
+static char mark;
+
+/* What an out-pointer holds before a call that fails, and must hold after it. */
+#define MARK(type) ((type *)(void *)&mark)
+
+static const float square[] = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1};
+static const uint32_t triangles[] = {0, 1, 2, 0, 2, 3, 4, 6, 5, 4, 7, 6, 0, 4, 5, 0, 5, 1};
+
+static void versions_and_names(void) {
+    CHECK(anyface_abi_version() == ANYFACE_ABI_VERSION);
+    CHECK(strchr(anyface_version(), '.') != NULL);
+    CHECK(strcmp(anyface_status_name(ANYFACE_STATUS_FACE_NOT_FOUND), "face not found") == 0);
+    CHECK(strcmp(anyface_status_name(12345), "unknown") == 0);
+    CHECK(strcmp(anyface_emotion_name(1), "happy") == 0);
+    CHECK(strcmp(anyface_emotion_name(ANYFACE_EMOTION_COUNT - 1), "drunk") == 0);
+    CHECK(anyface_emotion_name(ANYFACE_EMOTION_COUNT) == NULL);
+    CHECK(strcmp(anyface_error_message(NULL), "") == 0);
+    CHECK(anyface_error_status(NULL) == ANYFACE_STATUS_OK);
+}
+
+static void meshes(void) {
+    AnyfaceMesh *mesh = MARK(AnyfaceMesh);
+    CHECK_FAILS(anyface_mesh_new(NULL, 8, triangles, 6, &mesh, &error),
+                ANYFACE_STATUS_NULL_POINTER, "positions");
+    CHECK_FAILS(anyface_mesh_new(square, 8, NULL, 6, &mesh, &error), ANYFACE_STATUS_NULL_POINTER,
+                "triangles");
+    CHECK_FAILS(anyface_mesh_new(square, 8, triangles, 6, NULL, &error),
+                ANYFACE_STATUS_NULL_POINTER, "out");
+    CHECK_FAILS(anyface_mesh_new(square, SIZE_MAX / 2, triangles, 6, &mesh, &error),
+                ANYFACE_STATUS_INVALID_INPUT, "positions");
+    CHECK_FAILS(anyface_mesh_new(NULL, 0, NULL, 0, &mesh, &error), ANYFACE_STATUS_MESH, "vertices");
+    CHECK_FAILS(anyface_mesh_new(square, 4, triangles, 6, &mesh, &error), ANYFACE_STATUS_MESH, "");
+    float broken[24];
+    memcpy(broken, square, sizeof broken);
+    broken[7] = NAN;
+    CHECK_FAILS(anyface_mesh_new(broken, 8, triangles, 6, &mesh, &error), ANYFACE_STATUS_MESH,
+                "finite");
+    CHECK(mesh == MARK(AnyfaceMesh));
+
+    /* No place for the error: the status alone. */
+    CHECK(anyface_mesh_new(NULL, 8, triangles, 6, &mesh, NULL) == ANYFACE_STATUS_NULL_POINTER);
+    CHECK(mesh == MARK(AnyfaceMesh));
+}
+
+static void polygons(void) {
+    const uint32_t corners[] = {0, 1, 2, 3, 4, 7, 6, 5, 0, 4, 5, 1, 1, 5, 6, 2};
+    const uint32_t sizes[] = {4, 4, 4, 4};
+    AnyfaceMesh *mesh = NULL;
+    CHECK_OK(anyface_mesh_new_polygons(square, 8, sizes, 4, corners, 16, &mesh, &error));
+    CHECK(anyface_mesh_vertex_count(mesh) == 8);
+    CHECK(anyface_mesh_triangle_count(mesh) == 8);
+    float positions[24];
+    CHECK_OK(anyface_mesh_copy_positions(mesh, positions, 24, &error));
+    CHECK(memcmp(positions, square, sizeof square) == 0);
+    CHECK_FAILS(anyface_mesh_copy_positions(mesh, positions, 8, &error),
+                ANYFACE_STATUS_INVALID_INPUT, "24");
+    uint32_t cut[24];
+    CHECK_OK(anyface_mesh_copy_triangles(mesh, cut, 24, &error));
+    CHECK(cut[0] < 8 && cut[23] < 8);
+    anyface_mesh_free(mesh);
+    mesh = MARK(AnyfaceMesh);
+    CHECK_FAILS(anyface_mesh_new_polygons(square, 8, sizes, 4, corners, 15, &mesh, &error),
+                ANYFACE_STATUS_INVALID_INPUT, "16");
+    CHECK(mesh == MARK(AnyfaceMesh));
+    CHECK(anyface_mesh_vertex_count(NULL) == 0 && anyface_mesh_triangle_count(NULL) == 0);
+}
+
+static void sounds(void) {
+    static float samples[16000];
+    AnyfaceAudio *audio = MARK(AnyfaceAudio);
+    CHECK_FAILS(anyface_audio_new(samples, 0, 1, 16000, &audio, &error), ANYFACE_STATUS_AUDIO, "");
+    CHECK_FAILS(anyface_audio_new(samples, 100, 0, 16000, &audio, &error), ANYFACE_STATUS_AUDIO,
+                "channels");
+    CHECK_FAILS(anyface_audio_new(samples, 100, 1, 7, &audio, &error), ANYFACE_STATUS_AUDIO, "7");
+    CHECK_FAILS(anyface_audio_new(NULL, 100, 1, 16000, &audio, &error),
+                ANYFACE_STATUS_NULL_POINTER, "samples");
+    samples[99] = INFINITY;
+    CHECK_FAILS(anyface_audio_new(samples, 100, 1, 16000, &audio, &error), ANYFACE_STATUS_AUDIO,
+                "finite");
+    samples[99] = 0.5f;
+    CHECK(audio == MARK(AnyfaceAudio));
+
+    CHECK_OK(anyface_audio_new(samples, 8000, 2, 16000, &audio, &error));
+    CHECK(fabs(anyface_audio_duration_s(audio) - 0.5) < 1e-9);
+    CHECK(anyface_audio_peak(audio) == 0.25f); /* the mean of two channels */
+    AnyfaceAudio *part = MARK(AnyfaceAudio);
+    CHECK_FAILS(anyface_audio_trim(audio, -1.0, 1.0, &part, &error), ANYFACE_STATUS_INVALID_INPUT,
+                "start_s");
+    CHECK_FAILS(anyface_audio_trim(audio, 0.5, 1.0, &part, &error), ANYFACE_STATUS_AUDIO, "");
+    CHECK(part == MARK(AnyfaceAudio));
+    CHECK_OK(anyface_audio_trim(audio, 0.1, 0.2, &part, &error));
+    CHECK(fabs(anyface_audio_duration_s(part) - 0.2) < 1e-9);
+    anyface_audio_free(part);
+    anyface_audio_free(audio);
+    CHECK(anyface_audio_duration_s(NULL) == 0.0 && anyface_audio_peak(NULL) == 0.0f);
+}
+
+static void files(const char *folder) {
+    char path[4096];
+    snprintf(path, sizeof path, "%s/nothing here", folder);
+    AnyfaceMesh *mesh = MARK(AnyfaceMesh);
+    AnyfaceAudio *audio = MARK(AnyfaceAudio);
+    CHECK_FAILS(anyface_mesh_read(path, &mesh, &error), ANYFACE_STATUS_IO, "nothing here");
+    CHECK_FAILS(anyface_audio_read(path, &audio, &error), ANYFACE_STATUS_IO, "nothing here");
+    CHECK_FAILS(anyface_mesh_read(NULL, &mesh, &error), ANYFACE_STATUS_NULL_POINTER, "path");
+    CHECK_FAILS(anyface_mesh_read("", &mesh, &error), ANYFACE_STATUS_INVALID_INPUT, "path");
+    CHECK_FAILS(anyface_mesh_read("\xff\xfe", &mesh, &error), ANYFACE_STATUS_INVALID_INPUT, "UTF-8");
+
+    snprintf(path, sizeof path, "%s/text.wav", folder);
+    FILE *file = fopen(path, "wb");
+    CHECK(file != NULL && fputs("this is no sound, and no mesh either", file) >= 0);
+    fclose(file);
+    CHECK_FAILS(anyface_audio_read(path, &audio, &error), ANYFACE_STATUS_AUDIO, "");
+    CHECK_FAILS(anyface_mesh_read(path, &mesh, &error), ANYFACE_STATUS_MESH, "");
+    CHECK(mesh == MARK(AnyfaceMesh) && audio == MARK(AnyfaceAudio));
+}
+
+static void options(const char *folder) {
+    AnyfaceEngineOptions engine_options;
+    CHECK(anyface_engine_options_init(NULL, sizeof engine_options) == ANYFACE_STATUS_NULL_POINTER);
+    CHECK(anyface_engine_options_init(&engine_options, 1) == ANYFACE_STATUS_INVALID_INPUT);
+    CHECK(anyface_engine_options_init(&engine_options, sizeof engine_options) == ANYFACE_STATUS_OK);
+    CHECK(engine_options.struct_size == sizeof engine_options && engine_options.threads == 0);
+
+    AnyfaceEngine *engine = MARK(AnyfaceEngine);
+    engine_options.cache = 17;
+    CHECK_FAILS(anyface_engine_new(&engine_options, &engine, &error), ANYFACE_STATUS_INVALID_INPUT,
+                "17");
+    engine_options.cache = ANYFACE_CACHE_FOLDER;
+    CHECK_FAILS(anyface_engine_new(&engine_options, &engine, &error), ANYFACE_STATUS_NULL_POINTER,
+                "cache_dir");
+    engine_options.cache = ANYFACE_CACHE_OFF;
+    engine_options.struct_size = 0;
+    CHECK_FAILS(anyface_engine_new(&engine_options, &engine, &error), ANYFACE_STATUS_INVALID_INPUT,
+                "anyface_engine_options_init");
+    engine_options.struct_size = sizeof engine_options;
+    char path[4096];
+    snprintf(path, sizeof path, "%s/no weights", folder);
+    engine_options.weights_dir = path;
+    CHECK_FAILS(anyface_engine_new(&engine_options, &engine, &error), ANYFACE_STATUS_WEIGHTS,
+                "no weights");
+    CHECK(engine == MARK(AnyfaceEngine));
+}
+
+static void emotions(void) {
+    float strengths[ANYFACE_EMOTION_COUNT] = {0};
+    CHECK_FAILS(anyface_emotion_parse("joyful:1", strengths, &error), ANYFACE_STATUS_INVALID_INPUT,
+                "joyful");
+    CHECK_FAILS(anyface_emotion_parse(NULL, strengths, &error), ANYFACE_STATUS_NULL_POINTER, "text");
+    CHECK_FAILS(anyface_emotion_parse("happy", NULL, &error), ANYFACE_STATUS_NULL_POINTER,
+                "strengths");
+    CHECK_OK(anyface_emotion_parse("happy:0.4,sad:0.2", strengths, &error));
+    CHECK(fabsf(strengths[1] - 0.4f) < 1e-6f && fabsf(strengths[5] - 0.2f) < 1e-6f);
+    CHECK(strengths[0] == 0.0f);
+}
+
+static void motions(void) {
+    static float moved[2 * 3 * ANYFACE_LANDMARK_COUNT], copy[2 * 3 * ANYFACE_LANDMARK_COUNT];
+    const size_t count = sizeof moved / sizeof *moved;
+    moved[200] = 0.01f;
+    AnyfaceMotion *motion = MARK(AnyfaceMotion);
+    CHECK_FAILS(anyface_motion_new_displacements(moved, 0, 25.0, &motion, &error),
+                ANYFACE_STATUS_INVALID_INPUT, "frame");
+    CHECK_FAILS(anyface_motion_new_displacements(moved, 2, 0.0, &motion, &error),
+                ANYFACE_STATUS_INVALID_INPUT, "fps");
+    moved[300] = NAN;
+    CHECK_FAILS(anyface_motion_new_displacements(moved, 2, 25.0, &motion, &error),
+                ANYFACE_STATUS_INVALID_INPUT, "frame 1, landmark 32");
+    moved[300] = 0.0f;
+    CHECK(motion == MARK(AnyfaceMotion));
+    CHECK_OK(anyface_motion_new_displacements(moved, 2, 25.0, &motion, &error));
+    CHECK(anyface_motion_frame_count(motion) == 2 && anyface_motion_fps(motion) == 25.0);
+    CHECK_OK(anyface_motion_copy_displacements(motion, copy, count, &error));
+    CHECK(memcmp(moved, copy, sizeof moved) == 0);
+    CHECK_FAILS(anyface_motion_copy_displacements(motion, copy, 5, &error),
+                ANYFACE_STATUS_INVALID_INPUT, "408");
+    CHECK_FAILS(anyface_motion_write(motion, "motion.txt", &error), ANYFACE_STATUS_INVALID_INPUT,
+                ".npz");
+    anyface_motion_free(motion);
+}
+
+static void missing_handles(void) {
+    AnyfaceFace *face = MARK(AnyfaceFace);
+    AnyfaceMotion *motion = MARK(AnyfaceMotion);
+    AnyfaceClip *clip = MARK(AnyfaceClip);
+    const AnyfaceStatus null_pointer = ANYFACE_STATUS_NULL_POINTER;
+    float value;
+    CHECK_FAILS(anyface_face_new(NULL, NULL, NULL, NULL, &face, &error), null_pointer, "engine");
+    CHECK_FAILS(anyface_motion_new(NULL, NULL, NULL, NULL, &motion, &error), null_pointer, "engine");
+    CHECK_FAILS(anyface_clip_new(NULL, NULL, NULL, NULL, &clip, &error), null_pointer, "engine");
+    CHECK_FAILS(anyface_engine_animate(NULL, NULL, NULL, NULL, NULL, &clip, &error), null_pointer,
+                "engine");
+    CHECK_FAILS(anyface_face_copy_landmarks(NULL, &value, NULL, NULL, &error), null_pointer, "face");
+    CHECK_FAILS(anyface_face_write_landmarks(NULL, "x", &error), null_pointer, "face");
+    CHECK_FAILS(anyface_clip_copy_displacements(NULL, &value, 1, &error), null_pointer, "clip");
+    CHECK_FAILS(anyface_clip_copy_frame(NULL, 0, &value, 1, &error), null_pointer, "clip");
+    CHECK_FAILS(anyface_clip_copy_landmarks_neutral(NULL, &value, 1, &error), null_pointer, "clip");
+    CHECK_FAILS(anyface_clip_copy_landmark_displacements(NULL, &value, 1, &error), null_pointer,
+                "clip");
+    CHECK_FAILS(anyface_clip_write(NULL, NULL, "x.npz", &error), null_pointer, "clip");
+    CHECK_FAILS(anyface_motion_copy_displacements(NULL, &value, 1, &error), null_pointer, "motion");
+    CHECK(anyface_progress_read(NULL, NULL, NULL) == null_pointer);
+    CHECK(face == MARK(AnyfaceFace) && motion == MARK(AnyfaceMotion) && clip == MARK(AnyfaceClip));
+    CHECK(anyface_clip_frame_count(NULL) == 0 && anyface_clip_vertex_count(NULL) == 0);
+    CHECK(anyface_clip_fps(NULL) == 0.0 && anyface_clip_displacements(NULL) == NULL);
+    CHECK(anyface_clip_largest_displacement(NULL) == 0.0f && anyface_face_vertex_count(NULL) == 0);
+    CHECK(anyface_motion_frame_count(NULL) == 0 && anyface_motion_fps(NULL) == 0.0);
+}
+
+static void freeing_null(void) {
+    anyface_error_free(NULL);
+    anyface_engine_free(NULL);
+    anyface_mesh_free(NULL);
+    anyface_audio_free(NULL);
+    anyface_face_free(NULL);
+    anyface_motion_free(NULL);
+    anyface_clip_free(NULL);
+    anyface_progress_free(NULL);
+    anyface_progress_cancel(NULL);
+    CHECK(anyface_progress_is_cancelled(NULL) == 0);
+}
+
+int main(int argc, char **argv) {
+    CHECK(argc == 2);
+    versions_and_names();
+    meshes();
+    polygons();
+    sounds();
+    files(argv[1]);
+    options(argv[1]);
+    emotions();
+    motions();
+    missing_handles();
+    freeing_null();
+    puts("ok");
+    return 0;
+}

@@ -1,0 +1,171 @@
+//! The examples of `capi/examples`: they are what a reader copies, so they run.
+
+use std::{path::Path, process::Command};
+
+use anyface_tests::native::{Linkage, command, compile, root, run, succeed};
+
+use crate::{scene, workspace};
+
+const TALK_C: &str = "capi/examples/talk.c";
+const TALK_CPP: &str = "capi/examples/talk.cpp";
+
+fn in_folder(program: &Path, folder: &Path) -> Command {
+    let mut command = command(program);
+    command
+        .current_dir(folder)
+        .env("XDG_CACHE_HOME", folder.join("cache"));
+    command
+}
+
+/// The header of a pc2 file: vertices and frames.
+fn pc2_counts(path: &Path) -> (u32, u32) {
+    let bytes = std::fs::read(path).expect("the program wrote its file");
+    assert_eq!(&bytes[..12], b"POINTCACHE2\0");
+    let number = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+    let (vertices, frames) = (number(16), number(28));
+    assert_eq!(bytes.len() as u32, 32 + 12 * vertices * frames);
+    (vertices, frames)
+}
+
+#[test]
+fn the_c_example_makes_a_head_talk() {
+    for linkage in [Linkage::Shared, Linkage::Static] {
+        let folder = workspace(&format!("talk_c {linkage:?}"));
+        scene(&folder);
+        let program = compile(TALK_C, linkage, &folder);
+        let mut command = in_folder(&program, &folder);
+        command.args([
+            "head.obj",
+            "voice.wav",
+            "out.pc2",
+            "happy:0.7",
+            "landmarks.json",
+        ]);
+        let output = succeed(&mut command);
+        let (vertices, frames) = pc2_counts(&folder.join("out.pc2"));
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(
+            said.starts_with(&format!("frames {frames} vertices {vertices} fps 30")),
+            "{said}"
+        );
+        // 0.6 s at 30 frames a second.
+        assert!((17..=20).contains(&frames), "{frames}");
+        let largest: f32 = said.trim().rsplit(' ').next().unwrap().parse().unwrap();
+        // Centimetres: a mouth moves by millimetres, not by metres.
+        assert!((0.01..5.0).contains(&largest), "{largest}");
+    }
+}
+
+#[test]
+fn the_c_example_says_what_is_wrong() {
+    let folder = workspace("talk_c errors");
+    scene(&folder);
+    let program = compile(TALK_C, Linkage::Shared, &folder);
+    let mut missing = in_folder(&program, &folder);
+    let output = run(missing.args(["head.obj", "nothing.wav", "out.pc2"]), 8);
+    assert!(String::from_utf8_lossy(&output.stderr).contains("nothing.wav"));
+    let mut emotion = in_folder(&program, &folder);
+    run(
+        emotion.args([
+            "head.obj",
+            "voice.wav",
+            "out.pc2",
+            "joyful",
+            "landmarks.json",
+        ]),
+        3,
+    );
+    let mut ending = in_folder(&program, &folder);
+    run(
+        ending.args(["head.obj", "voice.wav", "out.xyz", "", "landmarks.json"]),
+        3,
+    );
+    assert!(!folder.join("out.pc2").exists() && !folder.join("out.xyz").exists());
+}
+
+#[test]
+fn the_cpp_example_runs_a_job_beside_its_own_thread() {
+    for linkage in [Linkage::Shared, Linkage::Static] {
+        let folder = workspace(&format!("talk_cpp {linkage:?}"));
+        scene(&folder);
+        let program = compile(TALK_CPP, linkage, &folder);
+        let mut command = in_folder(&program, &folder);
+        let output = succeed(command.args(["head.obj", "voice.wav", "landmarks.json"]));
+        let said = String::from_utf8(output.stdout).expect("the program prints text");
+        let gaps: Vec<f32> = said
+            .lines()
+            .skip(1)
+            .map(|line| line.parse().unwrap())
+            .collect();
+        // 0.6 s at 25 frames a second.
+        assert!((14..=17).contains(&gaps.len()), "{said}");
+        let range = gaps
+            .iter()
+            .fold([f32::MAX, f32::MIN], |[a, b], g| [a.min(*g), b.max(*g)]);
+        assert!(
+            range[1] - range[0] > 1e-3,
+            "the lips never move: {range:?} cm"
+        );
+    }
+}
+
+#[test]
+fn the_cpp_example_can_be_cancelled() {
+    let folder = workspace("talk_cpp cancelled");
+    scene(&folder);
+    let program = compile(TALK_CPP, Linkage::Shared, &folder);
+    let mut command = in_folder(&program, &folder);
+    // A minute of voice takes longer than the first look at the clock.
+    anyface_tests::scene::Scene::write(&folder, 60.0).expect("the scene can be written");
+    let output = run(
+        command.args(["head.obj", "voice.wav", "landmarks.json", "0"]),
+        9,
+    );
+    assert!(String::from_utf8_lossy(&output.stderr).contains("cancelled"));
+}
+
+/// The program in `docs/c-host.md` compiles as it stands there.
+#[test]
+fn the_page_for_hosts_compiles() {
+    let page = std::fs::read_to_string(root().join("docs/c-host.md")).expect("the page is there");
+    let code = page
+        .split("```c\n")
+        .nth(1)
+        .and_then(|rest| rest.split("```").next());
+    let folder = workspace("page");
+    let source = folder.join("page.c");
+    let main = "int main(void) { return talk(0, 0, 0, 0, 0, 0, 0) != ANYFACE_STATUS_MESH; }\n";
+    let text = format!("{}\n{main}", code.expect("the page holds a C program"));
+    std::fs::write(&source, text).expect("the source can be written");
+    let path = source.to_str().expect("the target folder's name is UTF-8");
+    let program = compile(path, Linkage::Shared, &folder);
+    succeed(&mut in_folder(&program, &folder));
+}
+
+/// No leak and no wrong access, from the first call to the last free.
+#[test]
+#[cfg_attr(not(has_valgrind), ignore = "needs valgrind")]
+fn the_c_example_is_clean_under_valgrind() {
+    let folder = workspace("valgrind");
+    anyface_tests::scene::Scene::write(&folder, 0.3).expect("the scene can be written");
+    let program = compile(TALK_C, Linkage::Shared, &folder);
+    let mut command = in_folder(Path::new("valgrind"), &folder);
+    command.args([
+        "--quiet",
+        "--leak-check=full",
+        "--show-leak-kinds=definite,indirect",
+    ]);
+    command.args([
+        "--errors-for-leak-kinds=definite,indirect",
+        "--error-exitcode=99",
+    ]);
+    command.arg(program);
+    command.args([
+        "head.obj",
+        "voice.wav",
+        "out.npz",
+        "happy:0.7",
+        "landmarks.json",
+    ]);
+    succeed(&mut command);
+}

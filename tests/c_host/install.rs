@@ -1,0 +1,102 @@
+//! An installed library, found the way a host's build finds it.
+
+use std::{
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use anyface_tests::native::{command, library_dir, profile_dir, root, run, succeed};
+
+use crate::workspace;
+
+/// Installs into a folder, moves the tree, and returns its new place: nothing may point back.
+fn installed(folder: &Path) -> PathBuf {
+    let (first, moved) = (folder.join("first"), folder.join("moved"));
+    let mut command = Command::new(profile_dir().join("xtask"));
+    command
+        .current_dir(root())
+        .arg("install")
+        .arg("--library-dir")
+        .arg(library_dir());
+    succeed(command.arg("--prefix").arg(&first));
+    std::fs::rename(first, &moved).expect("the tree can be moved");
+    moved
+}
+
+/// A program of one line that needs header and library.
+fn write_program(folder: &Path) {
+    let source = "#include <anyface.h>\n\
+                  int main(void) { return anyface_abi_version() != ANYFACE_ABI_VERSION; }\n";
+    std::fs::write(folder.join("version.c"), source).expect("the source can be written");
+}
+
+#[test]
+#[cfg_attr(not(has_pkg_config), ignore = "needs pkg-config")]
+fn pkg_config_finds_the_installed_library() {
+    let folder = workspace("pkg-config");
+    let prefix = installed(&folder);
+    write_program(&folder);
+    for (option, program) in [("--shared", "shared"), ("--static", "static")] {
+        let mut ask = Command::new("pkg-config");
+        ask.env("PKG_CONFIG_PATH", prefix.join("lib/pkgconfig"));
+        ask.args([option, "--cflags", "--libs", "anyface"]);
+        let flags = String::from_utf8(succeed(&mut ask).stdout).expect("pkg-config prints text");
+        let mut compile = Command::new("gcc");
+        compile
+            .current_dir(&folder)
+            .args(["version.c", "-o", program]);
+        // With both kinds in one folder the linker prefers the shared one.
+        let end = ["-Wl,-Bdynamic"];
+        let begin = if program == "static" {
+            ["-Wl,-Bstatic"]
+        } else {
+            ["-Wl,-Bdynamic"]
+        };
+        let split = flags.split_whitespace().flat_map(|flag| match flag {
+            "-lanyface" => [begin.as_slice(), &[flag], &end].concat(),
+            _ => vec![flag],
+        });
+        succeed(compile.args(split));
+        let mut started = command(folder.join(program));
+        if program == "shared" {
+            started.env("LD_LIBRARY_PATH", prefix.join("lib"));
+        }
+        succeed(&mut started);
+    }
+}
+
+const PROJECT: &str = "cmake_minimum_required(VERSION 3.16)
+project(host C)
+find_package(anyface 0.1 REQUIRED)
+add_executable(shared version.c)
+target_link_libraries(shared PRIVATE anyface::anyface)
+add_executable(static version.c)
+target_link_libraries(static PRIVATE anyface::static)
+";
+
+#[test]
+#[cfg_attr(not(has_cmake), ignore = "needs cmake")]
+fn cmake_finds_the_installed_library() {
+    let folder = workspace("cmake");
+    let prefix = installed(&folder);
+    write_program(&folder);
+    std::fs::write(folder.join("CMakeLists.txt"), PROJECT).expect("the project can be written");
+    let mut configure = Command::new("cmake");
+    configure
+        .current_dir(&folder)
+        .args(["-S", ".", "-B", "build"]);
+    configure.arg(format!("-DCMAKE_PREFIX_PATH={}", prefix.display()));
+    succeed(&mut configure);
+    succeed(
+        Command::new("cmake")
+            .current_dir(&folder)
+            .args(["--build", "build"]),
+    );
+    for program in ["shared", "static"] {
+        succeed(&mut command(folder.join("build").join(program)));
+    }
+    // A host that asks for another minor version is refused.
+    let newer = PROJECT.replace("anyface 0.1", "anyface 0.2");
+    std::fs::write(folder.join("CMakeLists.txt"), newer).expect("the project can be written");
+    run(&mut configure, 1);
+}

@@ -1,0 +1,66 @@
+//! Every promise of the header, tried from C.
+
+use std::{path::Path, process::Command};
+
+use anyface_tests::native::{Linkage, command, compile, library_dir, succeed};
+
+use crate::{scene, workspace};
+
+/// Runs one of the C test programs of this folder.
+fn run_both_ways(source: &str, arguments: impl Fn(&Path) -> Vec<String>) {
+    for linkage in [Linkage::Shared, Linkage::Static] {
+        let stem = source.rsplit('/').next().unwrap_or(source);
+        let folder = workspace(&format!("{stem} {linkage:?}"));
+        let program = compile(source, linkage, &folder);
+        let mut command = command(program);
+        command
+            .args(arguments(&folder))
+            .env("XDG_CACHE_HOME", folder.join("cache"));
+        let output = succeed(&mut command);
+        assert_eq!(output.stdout, b"ok\n");
+        assert!(output.stderr.is_empty(), "the library printed: {output:?}");
+    }
+}
+
+fn text(path: &Path) -> String {
+    path.to_str()
+        .expect("the target folder's name is UTF-8")
+        .to_owned()
+}
+
+#[test]
+fn wrong_calls_give_their_status_and_write_nothing() {
+    run_both_ways("tests/c_host/errors.c", |folder| vec![text(folder)]);
+}
+
+#[test]
+fn jobs_on_one_engine_do_not_disturb_each_other() {
+    run_both_ways("tests/c_host/jobs.c", |folder| {
+        let scene = scene(folder);
+        [scene.head, scene.landmarks, scene.voice]
+            .iter()
+            .map(|path| text(path))
+            .collect()
+    });
+}
+
+#[test]
+fn the_shared_library_exports_the_interface_and_nothing_else() {
+    let library = library_dir().join("libanyface.so");
+    let output = succeed(
+        Command::new("nm")
+            .args(["-D", "--defined-only"])
+            .arg(library),
+    );
+    let listing = String::from_utf8(output.stdout).expect("nm prints text");
+    let symbols: Vec<&str> = listing
+        .lines()
+        .filter_map(|line| line.rsplit(' ').next())
+        .collect();
+    assert!(symbols.contains(&"anyface_engine_animate"), "{symbols:?}");
+    let foreign: Vec<_> = symbols
+        .iter()
+        .filter(|name| !name.starts_with("anyface_"))
+        .collect();
+    assert!(foreign.is_empty(), "{foreign:?}");
+}

@@ -1,0 +1,215 @@
+/*
+ * Jobs on one engine: two at once give what one after the other gave, the number of threads
+ * changes nothing, and a job that is asked to stop stops.
+ *
+ *     jobs HEAD.obj LANDMARKS.json VOICE.wav
+ */
+#include "check.h"
+
+#include <pthread.h>
+
+static AnyfaceError *error = NULL;
+
+typedef struct {
+    const AnyfaceEngine *engine;
+    const AnyfaceFace *face;
+    const AnyfaceAudio *audio;
+    float happy;
+    AnyfaceClip *clip;
+    AnyfaceStatus status;
+} Job;
+
+static void *work(void *argument) {
+    Job *job = argument;
+    AnyfaceMotionOptions options;
+    anyface_motion_options_init(&options, sizeof options);
+    float strengths[ANYFACE_EMOTION_COUNT] = {0};
+    strengths[1] = job->happy;
+    options.emotion_strengths = strengths;
+    options.emotion_count = 1;
+    options.steps = 2;
+    job->status = anyface_engine_animate(job->engine, job->face, job->audio, &options, NULL,
+                                         &job->clip, NULL);
+    return NULL;
+}
+
+static void check_same(const AnyfaceClip *a, const AnyfaceClip *b) {
+    size_t frames = anyface_clip_frame_count(a), vertices = anyface_clip_vertex_count(a);
+    CHECK(frames > 0 && vertices > 0);
+    CHECK(frames == anyface_clip_frame_count(b) && vertices == anyface_clip_vertex_count(b));
+    size_t bytes = frames * vertices * 3 * sizeof(float);
+    CHECK(memcmp(anyface_clip_displacements(a), anyface_clip_displacements(b), bytes) == 0);
+}
+
+static void two_at_once(const AnyfaceEngine *engine, const AnyfaceFace *face,
+                        const AnyfaceAudio *audio) {
+    Job alone[2], together[2];
+    pthread_t threads[2];
+    for (int i = 0; i < 2; i++) {
+        together[i] = alone[i] =
+            (Job){.engine = engine, .face = face, .audio = audio, .happy = (float)i};
+        work(&alone[i]);
+        CHECK(alone[i].status == ANYFACE_STATUS_OK);
+    }
+    for (int round = 0; round < 2; round++) {
+        for (int i = 0; i < 2; i++) {
+            CHECK(pthread_create(&threads[i], NULL, work, &together[i]) == 0);
+        }
+        for (int i = 0; i < 2; i++) {
+            CHECK(pthread_join(threads[i], NULL) == 0 && together[i].status == ANYFACE_STATUS_OK);
+            check_same(alone[i].clip, together[i].clip);
+            anyface_clip_free(together[i].clip);
+        }
+    }
+    /* The two jobs are two performances, or the comparison above would say nothing. */
+    size_t count = anyface_clip_frame_count(alone[0].clip) * ANYFACE_LANDMARK_COUNT * 3;
+    float *moved = malloc(2 * count * sizeof *moved);
+    CHECK(moved != NULL);
+    for (int i = 0; i < 2; i++) {
+        CHECK_OK(anyface_clip_copy_landmark_displacements(alone[i].clip, moved + i * count, count,
+                                                          &error));
+        anyface_clip_free(alone[i].clip);
+    }
+    CHECK(memcmp(moved, moved + count, count * sizeof *moved) != 0);
+    free(moved);
+}
+
+static void any_number_of_threads(const AnyfaceMesh *mesh, const AnyfaceFaceOptions *face_options,
+                                  const AnyfaceAudio *audio) {
+    Job jobs[2];
+    for (uint32_t i = 0; i < 2; i++) {
+        AnyfaceEngineOptions options;
+        anyface_engine_options_init(&options, sizeof options);
+        options.cache = ANYFACE_CACHE_OFF;
+        options.threads = 1 + 2 * i;
+        AnyfaceEngine *engine = NULL;
+        AnyfaceFace *face = NULL;
+        CHECK_OK(anyface_engine_new(&options, &engine, &error));
+        CHECK_OK(anyface_face_new(engine, mesh, face_options, NULL, &face, &error));
+        jobs[i] = (Job){.engine = engine, .face = face, .audio = audio, .happy = 0.5f};
+        work(&jobs[i]);
+        CHECK(jobs[i].status == ANYFACE_STATUS_OK);
+        anyface_face_free(face);
+        anyface_engine_free(engine);
+    }
+    check_same(jobs[0].clip, jobs[1].clip);
+    anyface_clip_free(jobs[0].clip);
+    anyface_clip_free(jobs[1].clip);
+}
+
+static int stop_at_fifth_call(void *user, const char *stage, float fraction) {
+    int *calls = user;
+    CHECK(strlen(stage) > 0 && fraction >= 0.0f && fraction <= 1.0f);
+    return ++*calls == 5;
+}
+
+static void cancelling(const AnyfaceEngine *engine, const AnyfaceFace *face,
+                       const AnyfaceAudio *audio) {
+    char mark;
+    AnyfaceClip *clip = (AnyfaceClip *)(void *)&mark;
+    AnyfaceClip *const before = clip;
+
+    int calls = 0;
+    AnyfaceProgress *progress = anyface_progress_new(stop_at_fifth_call, &calls);
+    CHECK_FAILS(anyface_engine_animate(engine, face, audio, NULL, progress, &clip, &error),
+                ANYFACE_STATUS_CANCELLED, "cancelled");
+    CHECK(calls == 5 && clip == before && anyface_progress_is_cancelled(progress));
+    anyface_progress_free(progress);
+
+    progress = anyface_progress_new(NULL, NULL);
+    anyface_progress_cancel(progress);
+    CHECK_FAILS(anyface_engine_animate(engine, face, audio, NULL, progress, &clip, &error),
+                ANYFACE_STATUS_CANCELLED, "cancelled");
+    CHECK(clip == before);
+    anyface_progress_free(progress);
+
+    progress = anyface_progress_new(NULL, NULL);
+    const char *stage = NULL;
+    float fraction = -1.0f;
+    CHECK(anyface_progress_read(progress, &stage, &fraction) == ANYFACE_STATUS_OK);
+    CHECK(strcmp(stage, "") == 0 && fraction == 0.0f);
+    CHECK_OK(anyface_engine_animate(engine, face, audio, NULL, progress, &clip, &error));
+    CHECK(anyface_progress_read(progress, &stage, &fraction) == ANYFACE_STATUS_OK);
+    CHECK(strlen(stage) > 0 && fraction == 1.0f);
+    anyface_progress_free(progress);
+    anyface_clip_free(clip);
+}
+
+/* The jaw's chin drops by a centimetre in the second frame; nothing else is given. */
+static void motion_of_the_host(const AnyfaceEngine *engine, const AnyfaceFace *face) {
+    static float moved[2 * 3 * ANYFACE_LANDMARK_COUNT];
+    moved[3 * ANYFACE_LANDMARK_COUNT + 3 * 8 + 1] = -0.01f;
+    AnyfaceMotion *motion = NULL;
+    AnyfaceClip *clip = NULL;
+    CHECK_OK(anyface_motion_new_displacements(moved, 2, 24.0, &motion, &error));
+    CHECK_OK(anyface_clip_new(engine, face, motion, NULL, &clip, &error));
+    anyface_motion_free(motion);
+    size_t vertices = anyface_clip_vertex_count(clip);
+    CHECK(anyface_clip_frame_count(clip) == 2 && anyface_clip_fps(clip) == 24.0);
+    CHECK(vertices == anyface_face_vertex_count(face));
+    CHECK(anyface_clip_largest_displacement(clip) > 0.005f);
+
+    float *all = malloc(2 * vertices * 3 * sizeof *all), *one = malloc(vertices * 3 * sizeof *one);
+    CHECK(all != NULL && one != NULL);
+    CHECK_OK(anyface_clip_copy_displacements(clip, all, 2 * vertices * 3, &error));
+    CHECK(memcmp(all, anyface_clip_displacements(clip), 2 * vertices * 3 * sizeof *all) == 0);
+    for (size_t i = 0; i < vertices * 3; i++) {
+        CHECK(all[i] == 0.0f);
+    }
+    CHECK_OK(anyface_clip_copy_frame(clip, 1, one, vertices * 3, &error));
+    CHECK(memcmp(one, all + vertices * 3, vertices * 3 * sizeof *one) == 0);
+    CHECK_FAILS(anyface_clip_copy_frame(clip, 2, one, vertices * 3, &error),
+                ANYFACE_STATUS_INVALID_INPUT, "below 2");
+    free(all);
+    free(one);
+    anyface_clip_free(clip);
+}
+
+static void landmarks(const AnyfaceFace *face) {
+    float positions[3 * ANYFACE_LANDMARK_COUNT], confidence[ANYFACE_LANDMARK_COUNT];
+    uint32_t vertices[ANYFACE_LANDMARK_COUNT];
+    CHECK_OK(anyface_face_copy_landmarks(face, positions, vertices, confidence, &error));
+    CHECK(positions[3 * 8 + 1] < positions[3 * 27 + 1]); /* the chin is below the nose */
+    for (int i = 0; i < ANYFACE_LANDMARK_COUNT; i++) {
+        CHECK(vertices[i] < anyface_face_vertex_count(face) && confidence[i] == 1.0f);
+    }
+}
+
+static char *read_text(const char *path) {
+    static char text[1 << 20];
+    FILE *file = fopen(path, "rb");
+    CHECK(file != NULL);
+    size_t length = fread(text, 1, sizeof text - 1, file);
+    fclose(file);
+    CHECK(length > 0 && length < sizeof text - 1);
+    text[length] = '\0';
+    return text;
+}
+
+int main(int argc, char **argv) {
+    CHECK(argc == 4);
+    AnyfaceEngine *engine = NULL;
+    AnyfaceMesh *mesh = NULL;
+    AnyfaceAudio *audio = NULL;
+    AnyfaceFace *face = NULL;
+    CHECK_OK(anyface_engine_new(NULL, &engine, &error));
+    CHECK_OK(anyface_mesh_read(argv[1], &mesh, &error));
+    CHECK_OK(anyface_audio_read(argv[3], &audio, &error));
+    AnyfaceFaceOptions options;
+    anyface_face_options_init(&options, sizeof options);
+    options.landmark_json = read_text(argv[2]);
+    CHECK_OK(anyface_face_new(engine, mesh, &options, NULL, &face, &error));
+
+    landmarks(face);
+    motion_of_the_host(engine, face);
+    two_at_once(engine, face, audio);
+    any_number_of_threads(mesh, &options, audio);
+    cancelling(engine, face, audio);
+
+    anyface_face_free(face);
+    anyface_audio_free(audio);
+    anyface_mesh_free(mesh);
+    anyface_engine_free(engine);
+    puts("ok");
+    return 0;
+}
