@@ -44,13 +44,19 @@ impl ModelFiles {
     /// The model `name` from `folder/name` if that exists, else the built-in one.
     ///
     /// # Errors
-    /// `Weights` if there is no such model, or a folder holds only one of its two files; `Io`.
+    /// `Weights` if there is no such model or no such folder; `Io` if the model's folder lacks one
+    /// of its two files.
     pub fn open(name: &str, folder: Option<&Path>) -> Result<Self> {
-        if let Some(folder) = folder
-            .map(|folder| folder.join(name))
-            .filter(|f| f.is_dir())
-        {
-            return Self::read(&folder);
+        if let Some(folder) = folder {
+            // A mistyped folder must not quietly give the built-in weights.
+            if !folder.is_dir() {
+                let message = format!("{}: expected a folder, found none", folder.display());
+                return Err(Error::Weights(message));
+            }
+            let folder = folder.join(name);
+            if folder.is_dir() {
+                return Self::read(&folder);
+            }
         }
         let model = BUILT_IN
             .iter()
