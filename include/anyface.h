@@ -189,7 +189,7 @@ typedef struct AnyfaceProgress AnyfaceProgress;
 
 /// Receives progress; any result but 0 asks the job to stop.
 ///
-/// `stage`: "speech", "motion", "operators", "weights", "deform", "write" or a later addition;
+/// `stage`: "speech", "motion", "landmarks", "operators", "weights", "deform", "compress" or another;
 /// lives as long as the progress handle. `fraction`: share of that stage that is done, 0 to 1.
 /// Called from a thread of the library, which may differ from the one that started the job and
 /// from call to call; never twice at the same time for one handle. It must not throw or longjmp,
@@ -257,7 +257,8 @@ typedef struct {
     size_t emotion_count;
     /// Frames per second of the result, 1 to 240; default 30.
     double fps;
-    /// The same seed gives the same motion; default 0.
+    /// The same seed gives the same motion; default 0. Without effect on models that sample without
+    /// noise, as the built-in one does.
     uint64_t seed;
     /// Speaking style by name, UTF-8; NULL, the default, takes the model's own.
     const char *style;

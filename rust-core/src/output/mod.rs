@@ -17,6 +17,7 @@ use std::path::Path;
 
 pub use atomic::write_atomically;
 pub use landmark_motion::{LandmarkMotion, read_landmark_motion};
+#[cfg(feature = "cli")]
 pub(crate) use report::largest;
 pub use report::{Report, warnings_of_motion, warnings_of_sound};
 pub use stream::{ClipShape, FrameSink, LandmarkTrack, write_frames};
