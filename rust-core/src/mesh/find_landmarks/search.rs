@@ -16,7 +16,7 @@ pub(super) const HALF_SIZE_M: f32 = 0.105;
 /// a body with its arms stretched out.
 const TOP_WINDOWS: [f32; 6] = [0.5, 0.36, 0.26, 0.18, 0.13, 0.09];
 
-/// Below this no picture shows a face. Faces score above 0.5 in the best window.
+/// Below this no picture shows a face.
 const LEAST_SCORE: f32 = 0.15;
 
 /// How far the landmarks of a face may lie from the mean ones in one picture, metres.

@@ -1,0 +1,150 @@
+//! Landmarks put on the surface: on the skin rather than an eyeball or a tooth, and inner-lip
+//! landmarks on their own lip.
+
+use rayon::prelude::*;
+
+use super::{
+    Landmarks, Mesh, Parts,
+    closest::{SurfacePoint, closest_point, norm, sub},
+    landmarks::eye_distance,
+    lips::{lip_of_landmark, lip_of_vertices},
+    parts::weld_seams,
+};
+use crate::motion::LANDMARKS;
+
+/// How much further than the nearest surface the skin, or its own lip, may be from a landmark, as
+/// a part of the distance between the outer eye corners (7 mm on a human head), before the mesh is
+/// taken to have none there.
+const DETOUR_IN_EYE_DISTANCES: f32 = 0.08;
+
+/// Nearest skin of every point; inner-lip points stay on their own lip where the mesh has a mouth
+/// that opens. Confidence 1 throughout. The mesh must have triangles.
+pub(super) fn snap_to_surface(mesh: &Mesh, positions: &[[f32; 3]; LANDMARKS]) -> Landmarks {
+    let detour = DETOUR_IN_EYE_DISTANCES * eye_distance(positions);
+    let mut snapped: Vec<SurfacePoint> = nearest_where(mesh, positions, |_, _| true)
+        .into_iter()
+        .map(|found| found.expect("the mesh has triangles"))
+        .collect();
+    if let Some(skin) = skin_of(mesh, &snapped) {
+        let on_skin = nearest_where(mesh, positions, |_, t| skin[mesh.triangles[t][0] as usize]);
+        prefer(&mut snapped, on_skin, detour);
+    }
+    let vertices = |range: std::ops::Range<usize>| -> Vec<u32> {
+        snapped[range]
+            .iter()
+            .map(|s| nearest_corner(mesh, s))
+            .collect()
+    };
+    let reach = eye_distance(positions);
+    let lips = lip_of_vertices(mesh, &vertices(49..54), &vertices(55..60), reach);
+    // Only triangles with all corners on that lip: one that spans both belongs to neither.
+    let on_own_lip = nearest_where(mesh, positions, |i, t| {
+        lip_of_landmark(i).is_some_and(|lip| {
+            let mut corners = mesh.triangles[t].iter();
+            corners.all(|&v| lips[v as usize] == Some(lip))
+        })
+    });
+    prefer(&mut snapped, on_own_lip, detour);
+    Landmarks {
+        positions: std::array::from_fn(|i| snapped[i].position),
+        vertices: std::array::from_fn(|i| nearest_corner(mesh, &snapped[i])),
+        confidence: [1.0; LANDMARKS],
+    }
+}
+
+/// Nearest point of every landmark among the triangles that `allowed` (landmark, triangle) lets
+/// through.
+fn nearest_where(
+    mesh: &Mesh,
+    positions: &[[f32; 3]; LANDMARKS],
+    allowed: impl Fn(usize, usize) -> bool + Sync,
+) -> Vec<Option<SurfacePoint>> {
+    positions
+        .par_iter()
+        .enumerate()
+        .map(|(i, p)| closest_point(mesh, *p, |triangle| allowed(i, triangle)))
+        .collect()
+}
+
+/// Takes the better places where they are not much further away.
+fn prefer(snapped: &mut [SurfacePoint], better: Vec<Option<SurfacePoint>>, detour: f32) {
+    for (place, better) in snapped.iter_mut().zip(better) {
+        if let Some(found) = better.filter(|b| b.distance < place.distance + detour) {
+            *place = found;
+        }
+    }
+}
+
+/// `[V]`: whether a vertex belongs to the part that most landmarks lie on; `None` if no part holds
+/// half of them. Parts split along texture seams count as one.
+fn skin_of(mesh: &Mesh, snapped: &[SurfacePoint]) -> Option<Vec<bool>> {
+    let weld = weld_seams(&mesh.positions, &mesh.triangles, &[]);
+    let welded: Vec<[u32; 3]> = mesh
+        .triangles
+        .iter()
+        .map(|t| t.map(|v| weld[v as usize]))
+        .collect();
+    let parts = Parts::of(mesh.positions.len(), &welded);
+    let part_of = |v: u32| parts.of_vertex[weld[v as usize] as usize];
+    let mut counts = vec![0; parts.count];
+    for place in snapped {
+        counts[part_of(mesh.triangles[place.triangle][0]) as usize] += 1;
+    }
+    let most = (0..parts.count).max_by_key(|part| counts[*part])?;
+    let is_skin = |v| part_of(v) == most as u32;
+    (counts[most] >= LANDMARKS / 2).then(|| (0..mesh.positions.len() as u32).map(is_skin).collect())
+}
+
+fn nearest_corner(mesh: &Mesh, place: &SurfacePoint) -> u32 {
+    let distance = |v: &u32| norm(sub(mesh.positions[*v as usize], place.position));
+    let corners = mesh.triangles[place.triangle];
+    corners
+        .into_iter()
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        .unwrap_or(corners[0])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::canonical_landmarks;
+
+    /// A bent sheet under the mean landmarks, and one triangle of an eyeball in front of it.
+    fn sheet_with_eyeball(eye: [f32; 3]) -> Mesh {
+        let mut mesh = Mesh::default();
+        for (row, column) in (0..60).flat_map(|r| (0..60).map(move |c| (r, c))) {
+            let (x, y) = (column as f32 * 0.003 - 0.09, row as f32 * 0.003 - 0.12);
+            mesh.positions.push([x, y, depth(x)]);
+        }
+        for a in (0..59u32).flat_map(|r| (0..59).map(move |c| 60 * r + c)) {
+            let sides = [[a, a + 1, a + 60], [a + 1, a + 61, a + 60]];
+            mesh.triangles.extend(sides);
+        }
+        for [dx, dy] in [[0.01, -0.01], [-0.01, -0.01], [0.0, 0.01]] {
+            mesh.positions.push([eye[0] + dx, eye[1] + dy, eye[2]]);
+        }
+        mesh.triangles.push([3600, 3601, 3602]);
+        mesh
+    }
+
+    fn depth(x: f32) -> f32 {
+        0.08 - 6.0 * x * x
+    }
+
+    #[test]
+    fn landmarks_prefer_the_skin_to_an_eyeball() {
+        let positions = canonical_landmarks().map(|[x, y, _]| [x, y, depth(x) + 0.003]);
+        let mesh = sheet_with_eyeball(positions[37]);
+        let snapped = snap_to_surface(&mesh, &positions);
+        assert!(snapped.vertices[37] < 3600);
+        assert!(norm(sub(snapped.positions[37], positions[37])) < 0.004);
+    }
+
+    #[test]
+    fn a_far_skin_is_no_reason_to_leave_the_nearest_surface() {
+        let mut positions = canonical_landmarks().map(|[x, y, _]| [x, y, depth(x)]);
+        positions[37][2] += 0.03;
+        let snapped = snap_to_surface(&sheet_with_eyeball(positions[37]), &positions);
+        assert!(snapped.vertices[37] >= 3600);
+    }
+}

@@ -1,0 +1,222 @@
+//! Finding landmarks on the default head, wherever it stands, and refusing what is no face.
+
+use std::path::PathBuf;
+
+use anyface::{
+    Error,
+    mesh::{
+        Axis, FaceOptions, LandmarkSource, Landmarks, Mesh, align_to_canonical, locate_landmarks,
+    },
+};
+
+fn default_head() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("models/default_head")
+}
+
+fn head() -> Mesh {
+    Mesh::read(default_head().join("head.obj")).unwrap()
+}
+
+fn truth() -> Vec<[f32; 3]> {
+    match LandmarkSource::read(&default_head().join("landmarks.json")).unwrap() {
+        LandmarkSource::Positions(positions) => positions,
+        other => panic!("expected positions, got {other:?}"),
+    }
+}
+
+fn moved(mesh: &Mesh, by: impl Fn([f32; 3]) -> [f32; 3]) -> Mesh {
+    Mesh {
+        positions: mesh.positions.iter().map(|p| by(*p)).collect(),
+        ..mesh.clone()
+    }
+}
+
+fn find(mesh: &Mesh, forward: Axis, up: Axis) -> Result<Landmarks, Error> {
+    let options = FaceOptions {
+        forward,
+        up,
+        ..FaceOptions::default()
+    };
+    locate_landmarks(mesh, &options)
+}
+
+/// Median distance in units of `scale`, which makes it metres on a human head.
+fn median_miss_m(found: &Landmarks, truth: &[[f32; 3]], scale: f32) -> f32 {
+    let mut miss: Vec<f32> = found
+        .positions
+        .iter()
+        .zip(truth)
+        .map(|(a, b)| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>().sqrt() / scale)
+        .collect();
+    miss.sort_by(f32::total_cmp);
+    miss[34]
+}
+
+#[test]
+fn landmarks_of_the_default_head_are_found_within_two_millimetres() {
+    let found = find(&head(), Axis::PosZ, Axis::PosY).unwrap();
+    let miss = median_miss_m(&found, &truth(), 1.0);
+    assert!(miss < 0.002, "median {miss} m");
+    assert!(found.confidence.iter().all(|c| (0.0..=1.0).contains(c)));
+    // On the surface, and both lips kept apart.
+    let mesh = head();
+    for (p, v) in found.positions.iter().zip(found.vertices) {
+        let q = mesh.positions[v as usize];
+        let d2: f32 = (0..3).map(|i| (p[i] - q[i]).powi(2)).sum();
+        assert!(d2.sqrt() < 0.02);
+    }
+    let upper = found.vertices[61..64].iter();
+    assert!(upper.clone().all(|v| !found.vertices[65..68].contains(v)));
+}
+
+#[test]
+fn units_place_and_stated_axes_do_not_matter() {
+    // Facing −y with +z up, in inches, far from the origin.
+    let blender = |p: [f32; 3]| [39.4 * p[0] - 120.0, -39.4 * p[2] + 7.0, 39.4 * p[1] + 65.0];
+    let found = find(&moved(&head(), blender), Axis::NegY, Axis::PosZ).unwrap();
+    let expected: Vec<_> = truth().into_iter().map(blender).collect();
+    let miss = median_miss_m(&found, &expected, 39.4);
+    assert!(miss < 0.002, "median {miss} m");
+    let to_canonical = align_to_canonical(&found).unwrap();
+    assert!((to_canonical.scale * 39.4 - 1.0).abs() < 0.08);
+    // The canonical z axis is the mesh's −y.
+    assert!(to_canonical.rotation[2][1] < -0.98);
+}
+
+#[test]
+fn a_head_turned_by_fifteen_degrees_is_found() {
+    let (s, c) = 15f32.to_radians().sin_cos();
+    let turn = |p: [f32; 3]| [c * p[0] + s * p[2], p[1], c * p[2] - s * p[0]];
+    let found = find(&moved(&head(), turn), Axis::PosZ, Axis::PosY).unwrap();
+    let expected: Vec<_> = truth().into_iter().map(turn).collect();
+    assert!(median_miss_m(&found, &expected, 1.0) < 0.0025);
+}
+
+#[test]
+fn a_head_with_its_winding_reversed_is_found() {
+    let mut mesh = head();
+    mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+    let found = find(&mesh, Axis::PosZ, Axis::PosY).unwrap();
+    assert!(median_miss_m(&found, &truth(), 1.0) < 0.002);
+}
+
+#[test]
+fn an_upside_down_head_or_its_back_is_refused_and_the_right_axes_are_named() {
+    let error = find(&head(), Axis::PosZ, Axis::NegY).unwrap_err();
+    assert!(matches!(error, Error::FaceNotFound(_)), "{error}");
+    assert!(error.to_string().contains("along +z with +y up"), "{error}");
+    let error = find(&head(), Axis::NegZ, Axis::PosY).unwrap_err();
+    assert!(error.to_string().contains("along +z with +y up"), "{error}");
+}
+
+#[test]
+fn shapes_without_a_face_are_refused() {
+    let cube = Mesh {
+        positions: (0..8u8)
+            .map(|i| [0, 1, 2].map(|k| f32::from((i >> k) & 1)))
+            .collect(),
+        triangles: vec![
+            [0, 2, 1],
+            [1, 2, 3],
+            [4, 5, 6],
+            [5, 7, 6],
+            [0, 1, 4],
+            [1, 5, 4],
+            [2, 6, 3],
+            [3, 6, 7],
+            [0, 4, 2],
+            [2, 4, 6],
+            [1, 3, 5],
+            [3, 7, 5],
+        ],
+    };
+    for mesh in [cube, sphere()] {
+        let error = find(&mesh, Axis::PosZ, Axis::PosY).unwrap_err();
+        assert!(matches!(error, Error::FaceNotFound(_)), "{error}");
+        assert!(error.to_string().contains("or the 68 landmarks"), "{error}");
+    }
+}
+
+fn sphere() -> Mesh {
+    let (rings, around) = (24u32, 48u32);
+    let mut mesh = Mesh::default();
+    for ring in 0..=rings {
+        let theta = ring as f32 / rings as f32 * std::f32::consts::PI;
+        for step in 0..around {
+            let phi = step as f32 / around as f32 * std::f32::consts::TAU;
+            mesh.positions.push([
+                theta.sin() * phi.cos(),
+                theta.cos(),
+                theta.sin() * phi.sin(),
+            ]);
+        }
+    }
+    for ring in 0..rings {
+        for step in 0..around {
+            let (a, b) = (ring * around + step, ring * around + (step + 1) % around);
+            mesh.triangles
+                .extend([[a, b, a + around], [b, b + around, a + around]]);
+        }
+    }
+    mesh
+}
+
+#[test]
+fn broken_meshes_are_errors_and_nothing_panics() {
+    assert!(find(&Mesh::default(), Axis::PosZ, Axis::PosY).is_err());
+    let mut three = head();
+    three.triangles.truncate(3);
+    let error = find(&three, Axis::PosZ, Axis::PosY).unwrap_err();
+    assert!(error.to_string().contains("got 3"), "{error}");
+    let mut broken = head();
+    broken.positions[10][1] = f32::NAN;
+    assert!(find(&broken, Axis::PosZ, Axis::PosY).is_err());
+    let flat = moved(&head(), |_| [1.0, 2.0, 3.0]);
+    assert!(find(&flat, Axis::PosZ, Axis::PosY).is_err());
+    assert!(matches!(
+        find(&head(), Axis::PosZ, Axis::NegZ),
+        Err(Error::InvalidInput(_))
+    ));
+}
+
+#[test]
+fn hand_marked_landmarks_win_over_the_finder_and_mirrored_ones_are_refused() {
+    let options = FaceOptions {
+        landmarks: Some(LandmarkSource::Positions(truth())),
+        forward: Axis::NegX,
+        ..FaceOptions::default()
+    };
+    let given = locate_landmarks(&head(), &options).unwrap();
+    assert!(median_miss_m(&given, &truth(), 1.0) < 1e-5);
+    let mirror = |p: [f32; 3]| [-p[0], p[1], p[2]];
+    let options = FaceOptions {
+        landmarks: Some(LandmarkSource::Positions(
+            truth().into_iter().map(mirror).collect(),
+        )),
+        ..FaceOptions::default()
+    };
+    let mirrored = locate_landmarks(&moved(&head(), mirror), &options).unwrap();
+    let error = align_to_canonical(&mirrored).unwrap_err();
+    assert!(error.to_string().contains("mirrored"), "{error}");
+}
+
+/// A scan, a whole body and a coarse mask by others; none was trained on in this form.
+#[test]
+#[ignore = "needs ../shared"]
+fn heads_of_others_are_found() {
+    let shared = std::env::var_os("ANYFACE_SHARED").map_or_else(
+        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared"),
+        PathBuf::from,
+    );
+    for name in [
+        "lee_perry_smith",
+        "makehuman_body",
+        "mediapipe_canonical_face",
+    ] {
+        let mesh = Mesh::read(shared.join(format!("data/meshes/{name}.obj"))).unwrap();
+        let found = find(&mesh, Axis::PosZ, Axis::PosY).unwrap();
+        align_to_canonical(&found).unwrap();
+        let mean = found.confidence.iter().sum::<f32>() / 68.0;
+        assert!(mean > 0.7, "{name}: {mean}");
+    }
+}
