@@ -2,5 +2,5 @@
 
 mod command;
 mod imports;
-mod performance;
 mod landmarks;
+mod performance;
