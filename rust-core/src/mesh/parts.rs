@@ -93,13 +93,18 @@ impl Parts {
     }
 }
 
+/// Share of a hole's rim that has to fit another for the two to be a seam. Parts that merely
+/// touch, such as lashes on the fluid of the eye, share an edge or two by chance.
+const SEAM_SHARE: f64 = 0.2;
+
 /// For each vertex the vertex that stands for it when seams are sewn up (itself for most).
 ///
 /// Exporters split vertices along texture seams: both banks of the seam then have boundary edges
-/// at exactly the same place, running opposite ways. Only such pairs are sewn, and only where
-/// exactly one edge lies on each bank; touching lips or lids, whose edges are not boundaries or
-/// whose vertices merely coincide, stay apart. A mouth whose closed lips are the two halves of one
-/// open slit cannot be told from a seam by connectivity: name those vertices in `keep_apart`.
+/// at exactly the same place, running opposite ways. Only such pairs are sewn, where exactly one
+/// edge lies on each bank and a fifth of either rim fits; touching lips or lids, whose edges are
+/// not boundaries or whose vertices merely coincide, stay apart. A mouth whose closed lips are the
+/// two halves of one open slit cannot be told from a seam by connectivity: name those vertices in
+/// `keep_apart`.
 ///
 /// # Shapes
 /// `positions`: `[V]`; `triangles`: `[F]`; `keep_apart`: vertices that are never sewn.
@@ -112,26 +117,53 @@ pub fn weld_seams(positions: &[[f32; 3]], triangles: &[[u32; 3]], keep_apart: &[
     {
         apart[v as usize] = true;
     }
-    let place = |v: u32| positions[v as usize].map(|x| (x + 0.0).to_bits());
-    let mut banks: HashMap<_, Vec<(u32, u32)>> = HashMap::new();
     let edges = boundary_edges(triangles);
-    for &(a, b) in &edges {
-        banks.entry((place(a), place(b))).or_default().push((a, b));
+    let pairs = facing_edges(positions, &edges);
+    let mut rims = DisjointSets::new(positions.len());
+    edges.iter().for_each(|&(a, b)| rims.join(a, b));
+    let rim_of = |edge: &(u32, u32), rims: &mut DisjointSets| rims.find(edge.0);
+    let mut rim_edges: HashMap<u32, (f64, f64)> = HashMap::new();
+    for edge in &edges {
+        rim_edges.entry(rim_of(edge, &mut rims)).or_default().0 += 1.0;
+    }
+    for (edge, _) in &pairs {
+        rim_edges.entry(rim_of(edge, &mut rims)).or_default().1 += 1.0;
     }
     let mut sets = DisjointSets::new(positions.len());
-    for &(a, b) in &edges {
-        let here = &banks[&(place(a), place(b))];
-        let there = banks.get(&(place(b), place(a)));
-        let (1, Some([(c, d)])) = (here.len(), there.map(Vec::as_slice)) else {
-            continue;
-        };
-        for (v, w) in [(a, *d), (b, *c)] {
-            if !apart[v as usize] && !apart[w as usize] {
+    for (one, other) in &pairs {
+        let fits = [one, other].into_iter().any(|edge| {
+            let (all, facing) = rim_edges[&rim_of(edge, &mut rims)];
+            facing >= SEAM_SHARE * all
+        });
+        for (v, w) in [(one.0, other.1), (one.1, other.0)] {
+            if fits && !apart[v as usize] && !apart[w as usize] {
                 sets.join(v, w);
             }
         }
     }
     (0..positions.len() as u32).map(|v| sets.find(v)).collect()
+}
+
+/// Boundary edges with exactly one other at the same place and the other way round, and that
+/// other; both orders of each pair.
+fn facing_edges(positions: &[[f32; 3]], edges: &[(u32, u32)]) -> Vec<((u32, u32), (u32, u32))> {
+    // Adding zero makes −0 and 0 one place.
+    let place = |v: u32| positions[v as usize].map(|x| (x + 0.0).to_bits());
+    let mut banks: HashMap<_, Vec<(u32, u32)>> = HashMap::new();
+    for &(a, b) in edges {
+        banks.entry((place(a), place(b))).or_default().push((a, b));
+    }
+    let facing = |&(a, b): &(u32, u32)| {
+        let here = &banks[&(place(a), place(b))];
+        match (
+            here.as_slice(),
+            banks.get(&(place(b), place(a))).map(Vec::as_slice),
+        ) {
+            ([one], Some([other])) => Some((*one, *other)),
+            _ => None,
+        }
+    };
+    edges.iter().filter_map(facing).collect()
 }
 
 /// Directed edges that have exactly one face, in ascending order.
@@ -189,5 +221,24 @@ mod tests {
         assert_eq!(weld, [0, 1, 2, 0, 2, 5, 6, 7, 8]);
         let apart = weld_seams(&positions, &triangles, &[4]);
         assert_eq!(apart, [0, 1, 2, 0, 4, 5, 6, 7, 8]);
+    }
+
+    #[test]
+    fn parts_that_share_one_edge_by_chance_stay_apart() {
+        // Two strips of eight cells that lie against each other with one cell's end.
+        let mut positions = Vec::new();
+        let mut triangles = Vec::new();
+        for offset in [0.0, 8.0] {
+            let base = positions.len() as u32;
+            for i in 0..=8 {
+                positions.extend([[offset + i as f32, 0.0, 0.0], [offset + i as f32, 1.0, 0.0]]);
+            }
+            for i in 0..8 {
+                let [a, b, c, d] = [0, 2, 3, 1].map(|k| base + 2 * i + k);
+                triangles.extend([[a, b, c], [a, c, d]]);
+            }
+        }
+        let weld = weld_seams(&positions, &triangles, &[]);
+        assert!(weld.iter().enumerate().all(|(v, &w)| v as u32 == w));
     }
 }

@@ -30,6 +30,8 @@ pub mod gradient;
 mod intrinsic;
 mod lanczos;
 mod laplacian;
+#[cfg(test)]
+mod real_meshes;
 pub mod sparse;
 mod spectral;
 mod tufted;
