@@ -22,9 +22,17 @@ from training.landmarks.canonical import from_ict
 EYEBALLS = {"eye_left": (21451, 23020), "eye_right": (23021, 24590)}
 TEETH = {"teeth_upper": (17039, 19246), "teeth_lower": (19247, 21450)}
 IDENTITY_SPREAD = 0.75
-COLOURS = {"skin": (0.72, 0.50, 0.40), "mouth": (0.42, 0.13, 0.13), "eye_white": (0.92, 0.91, 0.89),
-           "iris": (0.16, 0.30, 0.33), "pupil": (0.01, 0.01, 0.01), "teeth": (0.88, 0.85, 0.78),
-           "tongue": (0.62, 0.25, 0.25), "gums": (0.60, 0.24, 0.24), "lips": (0.58, 0.30, 0.27)}
+COLOURS = {
+    "skin": (0.72, 0.50, 0.40),
+    "mouth": (0.42, 0.13, 0.13),
+    "eye_white": (0.92, 0.91, 0.89),
+    "iris": (0.16, 0.30, 0.33),
+    "pupil": (0.01, 0.01, 0.01),
+    "teeth": (0.88, 0.85, 0.78),
+    "tongue": (0.62, 0.25, 0.25),
+    "gums": (0.60, 0.24, 0.24),
+    "lips": (0.58, 0.30, 0.27),
+}
 
 
 def identity(ict: dict, seed: int) -> np.ndarray:
@@ -35,8 +43,11 @@ def identity(ict: dict, seed: int) -> np.ndarray:
 
 def skin_part(made: skin.Skin, points: np.ndarray) -> Part:
     """The skin, with the lining of the mouth and the red of the lips as materials of their own."""
-    faces = {"skin": made.triangles[~made.mouth & ~made.lips], "lips": made.triangles[made.lips],
-             "mouth": made.triangles[made.mouth]}
+    faces = {
+        "skin": made.triangles[~made.mouth & ~made.lips],
+        "lips": made.triangles[made.lips],
+        "mouth": made.triangles[made.mouth],
+    }
     return Part("skin", points, faces)
 
 
@@ -58,8 +69,12 @@ def write_obj(folder: Path, head: list[Part], header: str) -> None:
 def write_landmarks(folder: Path, made: skin.Skin, points: np.ndarray) -> None:
     """The stable landmark format; the skin comes first, so its vertex numbers are the file's."""
     entries = [
-        {"index": i, "position": [round(float(x), 6) for x in from_ict(points[v])],
-         "vertex": int(v), "confidence": 1.0}
+        {
+            "index": i,
+            "position": [round(float(x), 6) for x in from_ict(points[v])],
+            "vertex": int(v),
+            "confidence": 1.0,
+        }
         for i, v in enumerate(made.landmarks)
     ]
     lines = ",\n  ".join(json.dumps(e) for e in entries)
@@ -84,9 +99,11 @@ def main() -> None:
     head += [parts.teeth(n, whole[a : b + 1], n == "teeth_upper") for n, (a, b) in TEETH.items()]
     first, last = TEETH["teeth_lower"]
     head.append(parts.tongue(whole[first : last + 1]))
-    header = (f"Anyface default head, seed {args.seed}; made by training/make_default_head.py\n"
-              "Shape sampled from USC ICT FaceKit, Copyright (c) 2020 USC Institute for Creative "
-              "Technologies, MIT licence; triangulation, eyes, teeth and tongue are Anyface's own.")
+    header = (
+        f"Anyface default head, seed {args.seed}; made by training/make_default_head.py\n"
+        "Shape sampled from USC ICT FaceKit, Copyright (c) 2020 USC Institute for Creative "
+        "Technologies, MIT licence; triangulation, eyes, teeth and tongue are Anyface's own."
+    )
     write_obj(args.out, head, header)
     write_landmarks(args.out, made, points)
     count = sum(len(p.points) for p in head)

@@ -41,13 +41,16 @@ def eye(name: str, measured: np.ndarray) -> Part:
     around = np.linspace(0, 2 * np.pi, EYE_SEGMENTS, endpoint=False)[None]
     # The cornea stands out by a millimetre at most, fading at the iris' edge.
     bulge = 1 + 0.05 * np.clip(1 - (rings / np.radians(IRIS_DEGREES + 4)) ** 2, 0, 1)
-    grid = np.stack([np.sin(rings) * np.cos(around), np.sin(rings) * np.sin(around),
-                     np.cos(rings) + 0 * around], -1) * bulge[..., None]
+    grid = (
+        np.stack(
+            [np.sin(rings) * np.cos(around), np.sin(rings) * np.sin(around), np.cos(rings) + 0 * around], -1
+        )
+        * bulge[..., None]
+    )
     points = np.concatenate([[[0, 0, 1.05]], grid.reshape(-1, 3), [[0, 0, -1]]]) * radius + centre
     faces = {"pupil": [], "iris": [], "eye_white": []}
     for i, degrees in enumerate([*EYE_RINGS_DEGREES, 180]):
-        material = ("pupil" if degrees <= PUPIL_DEGREES else
-                    "iris" if degrees <= IRIS_DEGREES else "eye_white")
+        material = "pupil" if degrees <= PUPIL_DEGREES else "iris" if degrees <= IRIS_DEGREES else "eye_white"
         for s in range(EYE_SEGMENTS):
             t = (s + 1) % EYE_SEGMENTS
             inner, outer = 1 + (i - 1) * EYE_SEGMENTS, 1 + i * EYE_SEGMENTS
@@ -67,8 +70,20 @@ def teeth(name: str, measured: np.ndarray, upper: bool) -> Part:
     edge = np.percentile(measured[:, 1], 2 if upper else 98)
     inward = 1.0 if upper else -1.0
     # (depth behind the outer face, height above the biting edge), centimetres.
-    profile = np.array([[0.14, 0.0], [0.03, 0.07], [0.0, 0.35], [0.04, 0.75], [0.10, 0.95],
-                        [0.22, 1.80], [0.75, 1.80], [0.65, 0.95], [0.62, 0.5], [0.34, 0.04]])
+    profile = np.array(
+        [
+            [0.14, 0.0],
+            [0.03, 0.07],
+            [0.0, 0.35],
+            [0.04, 0.75],
+            [0.10, 0.95],
+            [0.22, 1.80],
+            [0.75, 1.80],
+            [0.65, 0.95],
+            [0.62, 0.5],
+            [0.34, 0.04],
+        ]
+    )
     t = np.linspace(-0.5 * np.pi, 0.5 * np.pi, TEETH_STEPS + 1)
     waist = np.abs(np.cos(np.linspace(0, np.pi * TEETH_PER_ARCH, len(t))))
     points = []
@@ -77,8 +92,7 @@ def teeth(name: str, measured: np.ndarray, upper: bool) -> Part:
             gap = 0.10 * (1 - (1 - thin) ** 0.6) if height < 0.9 else 0.0
             inset = depth + (gap if depth < 0.3 else -gap)
             y = edge + inward * (height + 0.05 * thin * (height < 0.2))
-            points.append([(width - inset) * np.sin(angle), y,
-                           back + (front - back - inset) * np.cos(angle)])
+            points.append([(width - inset) * np.sin(angle), y, back + (front - back - inset) * np.cos(angle)])
     faces = tube_faces(len(t), len(profile), upper)
     row = faces % len(profile)
     gums = ((row >= 4) & (row <= 7)).all(1)
@@ -106,8 +120,9 @@ def tongue(measured_lower_teeth: np.ndarray) -> Part:
     rings, around = 9, 16
     theta = np.linspace(0, np.pi, rings + 2)[1:-1, None]
     phi = np.linspace(0, 2 * np.pi, around, endpoint=False)[None]
-    unit = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi),
-                     np.cos(theta) + 0 * phi], -1).reshape(-1, 3)
+    unit = np.stack(
+        [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta) + 0 * phi], -1
+    ).reshape(-1, 3)
     unit = np.concatenate([unit, [[0, 0, 1], [0, 0, -1]]])
     radii = np.array([1.45, 0.45, 0.5 * (front - 0.9 - back)])
     points = unit * radii + [0, top - 0.55, 0.5 * (front - 0.9 + back)]

@@ -42,9 +42,10 @@ def subdivide(surface: Surface) -> Surface:
     ab, bc, ca = middle
     corners = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
     triangles = np.concatenate([np.stack(t, 1) for t in corners])
-    half = sparse.csr_matrix((np.full(2 * len(pairs), 0.5),
-                              (np.repeat(np.arange(len(pairs)), 2), pairs.ravel())),
-                             (len(pairs), count))
+    half = sparse.csr_matrix(
+        (np.full(2 * len(pairs), 0.5), (np.repeat(np.arange(len(pairs)), 2), pairs.ravel())),
+        (len(pairs), count),
+    )
     grow = sparse.vstack([sparse.identity(count, format="csr"), half]).tocsr()
     return Surface(grow @ surface.points, triangles, grow @ surface.weights)
 
@@ -106,14 +107,20 @@ class Cells:
 
     def label(self, seeds: np.ndarray) -> np.ndarray:
         """Number of the nearest seed of every vertex; the boundary belongs to boundary seeds."""
-        _, _, source = dijkstra(self.graph, directed=False, indices=seeds, min_only=True,
-                                return_predecessors=True)
+        _, _, source = dijkstra(
+            self.graph, directed=False, indices=seeds, min_only=True, return_predecessors=True
+        )
         number = np.full(len(self.surface.points), -1)
         number[seeds] = np.arange(len(seeds))
         labels = number[source]
         if len(self.boundary):
-            _, _, source = dijkstra(self.graph, directed=False, indices=self.boundary_seeds,
-                                    min_only=True, return_predecessors=True)
+            _, _, source = dijkstra(
+                self.graph,
+                directed=False,
+                indices=self.boundary_seeds,
+                min_only=True,
+                return_predecessors=True,
+            )
             labels[self.boundary] = number[source[self.boundary]]
         return labels
 

@@ -60,8 +60,7 @@ def half_surface(neutral: np.ndarray, triangles: np.ndarray) -> Surface:
     skin = triangles[(triangles <= LAST_SKIN_VERTEX).all(1)]
     left = skin[(neutral[skin][:, :, 0] > -1e-4).all(1)]
     used, renumbered = np.unique(left, return_inverse=True)
-    weights = sparse.csr_matrix((np.ones(len(used)), (np.arange(len(used)), used)),
-                                (len(used), len(neutral)))
+    weights = sparse.csr_matrix((np.ones(len(used)), (np.arange(len(used)), used)), (len(used), len(neutral)))
     surface = Surface(neutral[used], renumbered.reshape(-1, 3), weights)
     return subdivide(subdivide(surface))
 
@@ -81,9 +80,15 @@ def lip_line(points: np.ndarray) -> np.ndarray:
     for before, start, end, after in zip(knots, knots[1:], knots[2:], knots[3:], strict=False):
         steps = max(2, round(np.linalg.norm(end - start) / LIP_LINE_STEP_CM))
         for t in np.arange(steps) / steps:
-            line.append(0.5 * (2 * start + t * (end - before)
-                               + t**2 * (2 * before - 5 * start + 4 * end - after)
-                               + t**3 * (3 * start - before - 3 * end + after)))
+            line.append(
+                0.5
+                * (
+                    2 * start
+                    + t * (end - before)
+                    + t**2 * (2 * before - 5 * start + 4 * end - after)
+                    + t**3 * (3 * start - before - 3 * end + after)
+                )
+            )
     return np.array([*line, knots[-2]])
 
 
@@ -102,8 +107,7 @@ def lips(points: np.ndarray, triangles: np.ndarray, landmarks: np.ndarray) -> np
 
 def mirror_columns(weights: sparse.csr_matrix, neutral: np.ndarray) -> sparse.csr_matrix:
     """The same points on the subject's right: every ICT vertex replaced by its mirror image."""
-    _, mirror = cKDTree(neutral[: LAST_SKIN_VERTEX + 1]).query(
-        neutral[: LAST_SKIN_VERTEX + 1] * [-1, 1, 1])
+    _, mirror = cKDTree(neutral[: LAST_SKIN_VERTEX + 1]).query(neutral[: LAST_SKIN_VERTEX + 1] * [-1, 1, 1])
     swapped = weights.tocoo()
     return sparse.csr_matrix((swapped.data, (swapped.row, mirror[swapped.col])), weights.shape)
 
@@ -128,8 +132,9 @@ def build(neutral: np.ndarray, triangles: np.ndarray, landmarks: np.ndarray, see
     return mirrored(surface, seeds, faces, neutral, landmarks)
 
 
-def mirrored(surface: Surface, seeds: np.ndarray, faces: np.ndarray, neutral: np.ndarray,
-             landmarks: np.ndarray) -> Skin:
+def mirrored(
+    surface: Surface, seeds: np.ndarray, faces: np.ndarray, neutral: np.ndarray, landmarks: np.ndarray
+) -> Skin:
     """Both halves in one, joined along the middle."""
     points = surface.points[seeds]
     middle = np.abs(points[:, 0]) < 1e-3

@@ -29,8 +29,12 @@ def write_obj(path: Path, points: np.ndarray, triangles: np.ndarray) -> None:
 def find(anyface: Path, folder: Path, points: np.ndarray, triangles: np.ndarray) -> np.ndarray | None:
     """`[68, 3]` as the command finds them, or nothing."""
     write_obj(folder / "m.obj", points, triangles)
-    run = subprocess.run([anyface, "landmarks", "--mesh", folder / "m.obj", "--out", folder / "l.json"],
-                         capture_output=True, text=True, check=False)
+    run = subprocess.run(
+        [anyface, "landmarks", "--mesh", folder / "m.obj", "--out", folder / "l.json"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     if run.returncode == 6:
         return None
     if run.returncode:
@@ -50,8 +54,9 @@ def placed(rng: np.random.Generator, head: samples.Head) -> tuple[samples.Head, 
     return samples.Head(move(head.points), head.triangles, move(head.landmarks)), scale
 
 
-def head_of(kind: str, rng: np.random.Generator, faces: samples.Faces, held_out: np.ndarray, number: int,
-            plain: bool) -> samples.Head:
+def head_of(
+    kind: str, rng: np.random.Generator, faces: samples.Faces, held_out: np.ndarray, number: int, plain: bool
+) -> samples.Head:
     """A plain head, or one that is warped, torn, remeshed and dressed like the training's."""
     if kind == "ict":
         head = faces.ict_head(rng, held_out[number])
@@ -79,8 +84,10 @@ def report(name: str, errors: list[np.ndarray], missed: int) -> None:
 def nothing(rng: np.random.Generator, faces: samples.Faces, held_out: np.ndarray, number: int):
     """A mesh without a face towards the stated front: blobs, or a head seen from behind."""
     if number % 2:
-        shapes = [samples.ellipsoid(rng.normal(0, 0.05, 3), rng.uniform(0.02, 0.12, 3), 14)
-                  for _ in range(rng.integers(1, 5))]
+        shapes = [
+            samples.ellipsoid(rng.normal(0, 0.05, 3), rng.uniform(0.02, 0.12, 3), 14)
+            for _ in range(rng.integers(1, 5))
+        ]
         triangles = [t + sum(len(p) for p, _ in shapes[:i]) for i, (_, t) in enumerate(shapes)]
         return np.concatenate([p for p, _ in shapes]), np.concatenate(triangles)
     head = faces.ict_head(rng, held_out[number])

@@ -1,6 +1,6 @@
 """Writes a trained network as the model files that Rust embeds.
 
-    python -m training.landmarks.export --runs runs/landmarks --out rust-core/models/landmarks
+python -m training.landmarks.export --runs runs/landmarks --out rust-core/models/landmarks
 """
 
 import argparse

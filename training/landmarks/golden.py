@@ -15,8 +15,11 @@ from training.landmarks.samples import ellipsoid
 
 def scene() -> tuple[np.ndarray, np.ndarray]:
     """Three overlapping ellipsoids: points and triangles."""
-    shapes = [ellipsoid([0, 0, 0], [0.08, 0.1, 0.09], 16), ellipsoid([0, -0.01, 0.09], [0.02, 0.03, 0.02], 9),
-              ellipsoid([0.05, 0.06, 0.05], [0.03, 0.02, 0.03], 7)]
+    shapes = [
+        ellipsoid([0, 0, 0], [0.08, 0.1, 0.09], 16),
+        ellipsoid([0, -0.01, 0.09], [0.02, 0.03, 0.02], 9),
+        ellipsoid([0.05, 0.06, 0.05], [0.03, 0.02, 0.03], 7),
+    ]
     points = np.concatenate([p for p, _ in shapes])
     triangles = [t + sum(len(p) for p, _ in shapes[:i]) for i, (_, t) in enumerate(shapes)]
     return points.astype(np.float32), np.concatenate(triangles).astype(np.int32)
@@ -43,13 +46,24 @@ def write(out: Path, _shared: Path) -> Path:
         assert (heat - before).abs().max() < 1e-4, "folding changed the network"
         places, confidence = decode(heat)
     tensors = {f"weights.{k}": v for k, v in model.state_dict().items()}
-    tensors |= {"points": torch.from_numpy(points), "triangles": torch.from_numpy(triangles),
-                "window": torch.from_numpy(window), "input": picture[0], "heat": heat[0, ::17], "face": face,
-                "places": places[0], "confidence": confidence[0]}
+    tensors |= {
+        "points": torch.from_numpy(points),
+        "triangles": torch.from_numpy(triangles),
+        "window": torch.from_numpy(window),
+        "input": picture[0],
+        "heat": heat[0, ::17],
+        "face": face,
+        "places": places[0],
+        "confidence": confidence[0],
+    }
     path = out / "landmarks_debug.safetensors"
-    save_file({k: v.contiguous() for k, v in tensors.items()}, path, metadata={
-        "config": json.dumps(asdict(DEBUG)),
-        "source": "python -m training.goldens landmarks; random weights, seed 3, procedural scene",
-        "tolerance": "1e-4 absolute",
-    })
+    save_file(
+        {k: v.contiguous() for k, v in tensors.items()},
+        path,
+        metadata={
+            "config": json.dumps(asdict(DEBUG)),
+            "source": "python -m training.goldens landmarks; random weights, seed 3, procedural scene",
+            "tolerance": "1e-4 absolute",
+        },
+    )
     return path

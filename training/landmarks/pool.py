@@ -60,8 +60,11 @@ def draw_face(rng, faces, chosen, share) -> tuple[np.ndarray, np.ndarray, int]:
     turn = rotation(rng, wide=tight).T
     points, landmarks = head.points @ turn, head.landmarks @ turn
     centre, half = window(rng, landmarks, tight)
-    return (render.picture(points, head.triangles, centre, half),
-            render.to_window(landmarks, centre, half), 1)
+    return (
+        render.picture(points, head.triangles, centre, half),
+        render.to_window(landmarks, centre, half),
+        1,
+    )
 
 
 def draw_nothing(rng, faces, chosen) -> tuple[np.ndarray, np.ndarray, int]:
@@ -77,10 +80,13 @@ def draw_nothing(rng, faces, chosen) -> tuple[np.ndarray, np.ndarray, int]:
             turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
         points = points @ turn.T
     elif kind < 0.75:
-        shapes = [samples.ellipsoid(rng.normal(0, 0.05, 3), rng.uniform(0.01, 0.12, 3),
-                                    int(rng.integers(3, 20))) for _ in range(rng.integers(1, 6))]
+        shapes = [
+            samples.ellipsoid(rng.normal(0, 0.05, 3), rng.uniform(0.01, 0.12, 3), int(rng.integers(3, 20)))
+            for _ in range(rng.integers(1, 6))
+        ]
         triangles = np.concatenate(
-            [t + sum(len(p) for p, _ in shapes[:i]) for i, (_, t) in enumerate(shapes)])
+            [t + sum(len(p) for p, _ in shapes[:i]) for i, (_, t) in enumerate(shapes)]
+        )
         points = np.concatenate([p for p, _ in shapes])
     if kind < 0.75:
         centre, half = rng.normal(0, 0.02, 2), NOMINAL_HALF_SIZE_M * np.exp(rng.uniform(-0.3, 1.2))
@@ -100,8 +106,9 @@ def main() -> None:
     args = parser.parse_args()
     args.runs.mkdir(parents=True, exist_ok=True)
     faces, chosen = samples.Faces(args.data), identities(held_out=False)
-    pictures = np.lib.format.open_memmap(args.runs / "pictures.npy", "w+", np.float16,
-                                         (args.count, 4, render.RESOLUTION, render.RESOLUTION))
+    pictures = np.lib.format.open_memmap(
+        args.runs / "pictures.npy", "w+", np.float16, (args.count, 4, render.RESOLUTION, render.RESOLUTION)
+    )
     targets, kinds = np.zeros((args.count, 68, 2), np.float32), np.zeros(args.count, np.int8)
     for i in range(args.count):
         rng = np.random.default_rng([args.seed, i])

@@ -18,9 +18,26 @@ FACE, HEAD_AND_NECK = (0, 9408), (9409, 11247)
 INSIDES = [(11248, 13293), (13294, 14061), (14062, 21450)]
 EYES = (21451, 24590)
 EYE_DETAILS = (24591, 26718)
-SUBTLE = ["jawOpen", "mouthSmile_L", "mouthSmile_R", "mouthFunnel", "mouthPucker", "mouthFrown_L",
-          "mouthFrown_R", "browInnerUp_L", "browInnerUp_R", "browDown_L", "browDown_R", "eyeWide_L",
-          "eyeWide_R", "eyeBlink_L", "eyeBlink_R", "mouthClose", "mouthLeft", "mouthRollLower"]
+SUBTLE = [
+    "jawOpen",
+    "mouthSmile_L",
+    "mouthSmile_R",
+    "mouthFunnel",
+    "mouthPucker",
+    "mouthFrown_L",
+    "mouthFrown_R",
+    "browInnerUp_L",
+    "browInnerUp_R",
+    "browDown_L",
+    "browDown_R",
+    "eyeWide_L",
+    "eyeWide_R",
+    "eyeBlink_L",
+    "eyeBlink_R",
+    "mouthClose",
+    "mouthLeft",
+    "mouthRollLower",
+]
 
 
 @dataclass
@@ -88,8 +105,11 @@ def warp(rng: np.random.Generator, head: Head, strength: float) -> Head:
     """Smooth random bumps and stretches, the same for the surface and its landmarks."""
     stretch = np.exp(rng.normal(0, 0.10 * strength, 3))
     bumps = [
-        (rng.uniform([-0.09, -0.12, -0.03], [0.09, 0.10, 0.11]), rng.uniform(0.015, 0.07),
-         rng.normal(0, 0.006 * strength, 3))
+        (
+            rng.uniform([-0.09, -0.12, -0.03], [0.09, 0.10, 0.11]),
+            rng.uniform(0.015, 0.07),
+            rng.normal(0, 0.006 * strength, 3),
+        )
         for _ in range(rng.integers(3, 10))
     ]
 
@@ -112,8 +132,11 @@ def remesh(rng: np.random.Generator, head: Head) -> Head:
     number = np.full(len(head.points), -1)
     number[used] = np.arange(len(used))
     points, triangles = fast_simplification.simplify(
-        head.points[used].astype(np.float32), number[head.triangles].astype(np.int32),
-        target_reduction=float(rng.uniform(0.4, 0.93)), agg=7.0)
+        head.points[used].astype(np.float32),
+        number[head.triangles].astype(np.int32),
+        target_reduction=float(rng.uniform(0.4, 0.93)),
+        agg=7.0,
+    )
     return Head(points, triangles.astype(np.int32), head.landmarks)
 
 
@@ -135,8 +158,9 @@ def tear(rng: np.random.Generator, head: Head) -> Head:
 
 def ellipsoid(centre, radii, steps: int = 24) -> tuple[np.ndarray, np.ndarray]:
     """A closed ellipsoid, points and triangles."""
-    theta, phi = np.meshgrid(np.linspace(0, np.pi, steps), np.linspace(0, 2 * np.pi, 2 * steps),
-                             indexing="ij")
+    theta, phi = np.meshgrid(
+        np.linspace(0, np.pi, steps), np.linspace(0, 2 * np.pi, 2 * steps), indexing="ij"
+    )
     unit = np.stack([np.sin(theta) * np.cos(phi), np.cos(theta), np.sin(theta) * np.sin(phi)], -1)
     columns = 2 * steps
     grid = np.arange(steps * columns).reshape(steps, columns)
@@ -150,19 +174,28 @@ def dress(rng: np.random.Generator, head: Head) -> Head:
     """Adds what other models carry: shoulders, a trunk, hair, ears of a hat."""
     extra = []
     if rng.random() < 0.4:
-        extra.append(ellipsoid([0, rng.uniform(-0.32, -0.22), -0.03],
-                               rng.uniform([0.15, 0.06, 0.07], [0.26, 0.10, 0.13])))
+        extra.append(
+            ellipsoid(
+                [0, rng.uniform(-0.32, -0.22), -0.03], rng.uniform([0.15, 0.06, 0.07], [0.26, 0.10, 0.13])
+            )
+        )
         if rng.random() < 0.5:
-            extra.append(ellipsoid([0, rng.uniform(-0.8, -0.4), -0.03],
-                                   rng.uniform([0.12, 0.2, 0.07], [0.3, 0.6, 0.16])))
+            extra.append(
+                ellipsoid(
+                    [0, rng.uniform(-0.8, -0.4), -0.03], rng.uniform([0.12, 0.2, 0.07], [0.3, 0.6, 0.16])
+                )
+            )
     if rng.random() < 0.35:
         radii = rng.uniform([0.08, 0.09, 0.085], [0.12, 0.13, 0.11])
-        extra.append(ellipsoid([0, rng.uniform(0.04, 0.09), 0.075 - radii[2] - rng.uniform(0, 0.02)],
-                               radii))
+        extra.append(ellipsoid([0, rng.uniform(0.04, 0.09), 0.075 - radii[2] - rng.uniform(0, 0.02)], radii))
     if rng.random() < 0.1:
         for side in (-1, 1):
-            extra.append(ellipsoid([side * rng.uniform(0.06, 0.11), rng.uniform(0.02, 0.15), -0.02],
-                                   rng.uniform([0.02, 0.02, 0.02], [0.05, 0.08, 0.05])))
+            extra.append(
+                ellipsoid(
+                    [side * rng.uniform(0.06, 0.11), rng.uniform(0.02, 0.15), -0.02],
+                    rng.uniform([0.02, 0.02, 0.02], [0.05, 0.08, 0.05]),
+                )
+            )
     points, triangles = [head.points], [head.triangles]
     for more_points, more_triangles in extra:
         triangles.append(more_triangles + sum(map(len, points)))
@@ -170,8 +203,9 @@ def dress(rng: np.random.Generator, head: Head) -> Head:
     return Head(np.concatenate(points), np.concatenate(triangles), head.landmarks)
 
 
-def random_head(rng: np.random.Generator, faces: Faces, identities: np.ndarray,
-                makehuman_share: float) -> Head:
+def random_head(
+    rng: np.random.Generator, faces: Faces, identities: np.ndarray, makehuman_share: float
+) -> Head:
     """One head for training. `identities`: `[n, 100]` coefficients to choose from."""
     if rng.random() < makehuman_share:
         head = warp(rng, faces.makehuman_head(rng), rng.choice([0.5, 1.0, 2.0]))

@@ -19,14 +19,50 @@ from training.landmarks.network import Config, LandmarkNetwork, decode
 
 # Landmark i of the mirrored face is landmark MIRROR[i].
 MIRROR = np.array(
-    [*range(16, -1, -1), *range(26, 16, -1), *range(27, 31), *range(35, 30, -1),
-     45, 44, 43, 42, 47, 46, 39, 38, 37, 36, 41, 40,
-     54, 53, 52, 51, 50, 49, 48, 59, 58, 57, 56, 55, 64, 63, 62, 61, 60, 67, 66, 65])
+    [
+        *range(16, -1, -1),
+        *range(26, 16, -1),
+        *range(27, 31),
+        *range(35, 30, -1),
+        45,
+        44,
+        43,
+        42,
+        47,
+        46,
+        39,
+        38,
+        37,
+        36,
+        41,
+        40,
+        54,
+        53,
+        52,
+        51,
+        50,
+        49,
+        48,
+        59,
+        58,
+        57,
+        56,
+        55,
+        64,
+        63,
+        62,
+        61,
+        60,
+        67,
+        66,
+        65,
+    ]
+)
 
 
 def heat_targets(places: torch.Tensor, size: int = 64, sigma: float = 1.0) -> torch.Tensor:
     """Gaussians that sum to one, `[B, 68, size, size]`; zero where the place is outside."""
-    grid = (torch.arange(size) + 0.5)
+    grid = torch.arange(size) + 0.5
     x = torch.exp(-0.5 * ((grid - places[..., :1] * size) / sigma) ** 2)
     y = torch.exp(-0.5 * ((grid - places[..., 1:] * size) / sigma) ** 2)
     maps = y[..., :, None] * x[..., None, :]
@@ -76,8 +112,11 @@ def main() -> None:
     rng = np.random.default_rng(args.seed)
     args.runs.mkdir(parents=True, exist_ok=True)
     folder = args.pool or args.runs
-    pool = (np.load(folder / "pictures.npy", mmap_mode="r"), np.load(folder / "targets.npy"),
-            np.load(folder / "kind.npy"))
+    pool = (
+        np.load(folder / "pictures.npy", mmap_mode="r"),
+        np.load(folder / "targets.npy"),
+        np.load(folder / "kind.npy"),
+    )
     usable = np.flatnonzero(pool[2] != 2) if args.without_makehuman else np.arange(len(pool[2]))
     model = LandmarkNetwork(Config()).to(memory_format=torch.channels_last)
     optimiser = torch.optim.AdamW(model.parameters(), args.rate, weight_decay=1e-4)
@@ -98,8 +137,11 @@ def main() -> None:
         if step % 100 == 0 or step == args.steps:
             found, _ = decode(heat.detach().float())
             off = (found - places).norm(dim=-1)[face > 0] * 64
-            print(f"step {step} loss {running / 100:.3f} median {off.median():.2f} heat-map pixels "
-                  f"after {time.monotonic() - start:.0f} s", flush=True)
+            print(
+                f"step {step} loss {running / 100:.3f} median {off.median():.2f} heat-map pixels "
+                f"after {time.monotonic() - start:.0f} s",
+                flush=True,
+            )
             running = 0.0
             state = {"model": model.state_dict(), "optimiser": optimiser.state_dict(), "step": step}
             torch.save(state, args.runs / "network.pt")
