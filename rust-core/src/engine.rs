@@ -9,7 +9,7 @@ use crate::{
     audio::Waveform,
     conditions::EmotionCurve,
     deform::{Deformer, VertexClip},
-    mesh::{self, FaceOptions, Landmarks, Mesh, Similarity},
+    mesh::{self, FaceOptions, LandmarkFinder, Landmarks, Mesh, Similarity},
     motion::MotionClip,
     operators::Cache,
     progress::{self, ProgressFn},
@@ -132,6 +132,7 @@ pub struct Engine {
     speech: Box<dyn SpeechEncoder>,
     ats: Ats,
     stm: StaticWeights,
+    finder: LandmarkFinder,
     cache: Cache,
     pool: Option<rayon::ThreadPool>,
 }
@@ -154,6 +155,7 @@ impl Engine {
         };
         let files = ModelFiles::open(STM_MODEL, folder)?;
         let stm = StaticWeights::load(&files.weights, &files.config)?;
+        let finder = LandmarkFinder::load(folder)?;
         let wanted = ats.config().speech.channels;
         if speech.channels() != wanted {
             return Err(Error::Weights(format!(
@@ -168,6 +170,7 @@ impl Engine {
             speech,
             ats,
             stm,
+            finder,
             cache,
             pool,
         })
@@ -237,7 +240,7 @@ impl Engine {
     ) -> Result<PreparedFace> {
         self.threads(|| {
             progress::report(progress, "landmarks", 0.0)?;
-            let landmarks = mesh::locate_landmarks(mesh, options)?;
+            let landmarks = mesh::locate_landmarks_with(&self.finder, mesh, options)?;
             let to_canonical = mesh::align_to_canonical(&landmarks)?;
             progress::report(progress, "landmarks", 1.0)?;
             let deformer = match self.options.decoder {

@@ -34,10 +34,11 @@ macro_rules! built_in {
 }
 
 /// Every model that is built in.
-pub static BUILT_IN: [BuiltIn; 3] = [
+pub static BUILT_IN: [BuiltIn; 4] = [
     built_in!("compact_speech"),
     built_in!("ats_compact"),
     built_in!("stm_static"),
+    built_in!("landmarks"),
 ];
 
 impl ModelFiles {

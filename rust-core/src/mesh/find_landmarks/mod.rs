@@ -25,10 +25,9 @@ use self::{
     view::{Frame, stated_frame},
 };
 use super::{Axis, Landmarks, Mesh, Similarity, canonical, snap::snap_to_surface};
-use crate::{Error, Result, motion::LANDMARKS, nn::Weights};
+use crate::{Error, Result, motion::LANDMARKS, nn::Weights, weights::ModelFiles};
 
-const WEIGHTS: &[u8] = include_bytes!("../../../models/landmarks/model.safetensors");
-const CONFIG: &str = include_str!("../../../models/landmarks/config.json");
+const MODEL: &str = "landmarks";
 
 /// Mean confidence below which the views saw no face; found human heads lie above 0.7.
 const LEAST_CONFIDENCE: f32 = 0.35;
@@ -48,23 +47,19 @@ impl LandmarkFinder {
         if let Some(finder) = FINDER.get() {
             return Ok(finder);
         }
-        let finder = Self::from_parts(&Weights::from_bytes(WEIGHTS)?, CONFIG)?;
+        let finder = Self::load(None)?;
         Ok(FINDER.get_or_init(|| finder))
     }
 
-    /// A finder with the weights of a folder: `model.safetensors` and `config.json`.
+    /// A finder with the model in `folder/landmarks` if that exists, else the built-in one.
     ///
     /// # Errors
-    /// `Io` if a file is missing, `Weights` if one is damaged or does not fit the other.
-    pub fn load(folder: &Path) -> Result<LandmarkFinder> {
-        let weights = Weights::from_file(&folder.join("model.safetensors"))?;
-        let path = folder.join("config.json");
-        let config = std::fs::read_to_string(&path).map_err(Error::io(path))?;
-        Self::from_parts(&weights, &config)
-    }
-
-    fn from_parts(weights: &Weights, config: &str) -> Result<LandmarkFinder> {
-        let network = LandmarkNetwork::load(weights, &Config::parse(config)?)?;
+    /// `Io` if one of the model's two files is missing, `Weights` if one is damaged or does not
+    /// fit the other, or `folder` does not exist.
+    pub fn load(folder: Option<&Path>) -> Result<LandmarkFinder> {
+        let files = ModelFiles::open(MODEL, folder)?;
+        let weights = Weights::from_bytes(&files.weights)?;
+        let network = LandmarkNetwork::load(&weights, &Config::parse(&files.config)?)?;
         Ok(LandmarkFinder { network })
     }
 
@@ -135,4 +130,24 @@ fn turned(frame: &Frame, to_canonical: &Similarity) -> Vec<[f32; 3]> {
         .iter()
         .map(|p| to_canonical.apply(*p))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_truncated_model_in_a_folder_is_a_weights_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let model = folder.path().join(MODEL);
+        std::fs::create_dir(&model).unwrap();
+        let files = ModelFiles::open(MODEL, None).unwrap();
+        std::fs::write(model.join("config.json"), files.config.as_bytes()).unwrap();
+        let missing = LandmarkFinder::load(Some(folder.path()));
+        assert!(matches!(missing, Err(Error::Io { .. })));
+        let half = &files.weights[..files.weights.len() / 2];
+        std::fs::write(model.join("model.safetensors"), half).unwrap();
+        let truncated = LandmarkFinder::load(Some(folder.path()));
+        assert!(matches!(truncated, Err(Error::Weights(_))));
+    }
 }
