@@ -155,6 +155,8 @@ def train(arguments) -> Path:
     out.mkdir(parents=True, exist_ok=True)
     trainer = AtsTrainer(arguments, config, speech_source(arguments, config))
     model = trainer.model
+    if arguments.init is not None:
+        model.load_state_dict(torch.load(arguments.init)["state"])
     steps = 20 if debug else arguments.steps
     optimiser = torch.optim.AdamW(model.parameters(), lr=arguments.rate, weight_decay=0.02)
     schedule = torch.optim.lr_scheduler.OneCycleLR(
@@ -218,6 +220,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--leave-out", choices=[*SHARES], help="train without this source")
     parser.add_argument("--voices", type=int, default=7)
     parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
+    parser.add_argument("--init", type=Path, help="start from this ats.pt")
     parser.add_argument("--steps", type=int, default=1500)
     parser.add_argument("--tokens", type=int, default=2048, help="frames in a batch")
     parser.add_argument("--rate", type=float, default=8e-4)

@@ -108,6 +108,8 @@ def train(arguments) -> Path:
     options = AugmentOptions() if arguments.augment else plain_options()
     sampler = WindowSampler(entries, sources, [SHARES[s] for s in sources], arguments.seed, options)
     model = SpeechToMotion(config, sources)
+    if arguments.init is not None:
+        model.load_state_dict(torch.load(arguments.init)["state"])
     steps = 20 if debug else arguments.steps
     optimiser = torch.optim.AdamW(model.parameters(), lr=arguments.rate, weight_decay=0.02)
     warmup = max(steps // 20, 1)
@@ -178,6 +180,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--leave-out", choices=[*SHARES], help="train without this source")
     parser.add_argument("--augment", action=argparse.BooleanOptionalAction, default=True)
     parser.add_argument("--voices", type=int, default=7)
+    parser.add_argument("--init", type=Path, help="start from this speech.pt")
     parser.add_argument("--steps", type=int, default=1500)
     parser.add_argument("--batch", type=int, default=24)
     parser.add_argument("--frames", type=int, default=96)
