@@ -17,13 +17,8 @@ import bpy  # noqa: E402
 
 SIZE = (640, 400)
 SAMPLES = 12
-HEAD_HEIGHT = 2.1
-SKIN = (0.80, 0.52, 0.41, 1.0)
+HEAD_HEIGHT = 3.1
 FUR = (0.30, 0.16, 0.09, 1.0)
-EYE = (0.90, 0.90, 0.88, 1.0)
-IRIS = (0.10, 0.22, 0.30, 1.0)
-TOOTH = (0.85, 0.82, 0.74, 1.0)
-MOUTH = (0.35, 0.07, 0.07, 1.0)
 
 
 def main() -> None:
@@ -84,12 +79,12 @@ def stage(scene, fps: int) -> None:
     background = next(node for node in world.node_tree.nodes if node.type == "BACKGROUND")
     background.inputs[0].default_value = (0.045, 0.055, 0.07, 1.0)
     scene.world = world
-    light("Key", (-2.5, -4.0, 2.5), 320.0, 1.5)
-    light("Fill", (3.5, -3.5, 0.5), 130.0, 2.5)
-    light("Rim", (0.5, 3.0, 3.0), 220.0, 1.5)
+    light("Key", (-3.0, -5.0, 3.0), 260.0, 2.0)
+    light("Fill", (4.0, -4.0, 0.5), 110.0, 3.0)
+    light("Rim", (0.5, 3.0, 3.0), 160.0, 1.5)
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     camera.data.lens = 70
-    camera.location = (0.0, -9.4, 0.05)
+    camera.location = (0.0, -11.2, 0.05)
     camera.rotation_euler = (math.radians(90), 0, 0)
     scene.collection.objects.link(camera)
     scene.camera = camera
@@ -117,7 +112,7 @@ def sound(scene, path: Path) -> None:
 
 def suzanne(landmarks: Path):
     """Blender's monkey with landmarks marked by hand, smooth."""
-    bpy.ops.mesh.primitive_monkey_add(location=(-1.3, 0, 0.05))
+    bpy.ops.mesh.primitive_monkey_add(location=(-1.35, 0, 0.15))
     ob = bpy.context.object
     ob.data.materials.append(material("Fur", FUR, 0.6))
     for polygon in ob.data.polygons:
@@ -132,48 +127,39 @@ def default_head(path: Path):
     bpy.ops.wm.obj_import(filepath=str(path), use_split_objects=False, use_split_groups=False)
     ob = bpy.context.object
     bpy.ops.object.transform_apply(location=False, rotation=True, scale=False)
-    paint(ob)
+    polish(ob)
     low, high = bounds(ob)
     scale = HEAD_HEIGHT / (high[2] - low[2])
     ob.scale = (scale,) * 3
     middle = [scale * (a + b) / 2 for a, b in zip(low, high, strict=True)]
-    ob.location = (1.25 - middle[0], -middle[1], -middle[2])
+    # The bust runs out of the picture: the face, not the whole, stands as high as Suzanne.
+    ob.location = (1.35 - middle[0], -middle[1], -0.45 - middle[2])
     for polygon in ob.data.polygons:
         polygon.use_smooth = True
     return ob
 
 
-def paint(ob) -> None:
-    """Colours by the names of the materials in the file; skin where there are none."""
-    colours = {
-        "skin": (SKIN, 0.45),
-        "eye": (EYE, 0.08),
-        "iris": (IRIS, 0.1),
-        "pupil": ((0.01, 0.01, 0.01, 1.0), 0.1),
-        "teeth": (TOOTH, 0.2),
-        "tongue": (MOUTH, 0.3),
-        "mouth": (MOUTH, 0.4),
-    }
-    if not ob.data.materials:
-        ob.data.materials.append(material("skin", *colours["skin"]))
-        return
+def polish(ob) -> None:
+    """Eyes and teeth shine, skin is soft; the colours are those of the file."""
     for slot in ob.material_slots:
-        name = slot.material.name.lower() if slot.material else "skin"
-        kind = next((kind for kind in colours if kind in name), "skin")
-        slot.material = material(kind, *colours[kind])
+        name = slot.material.name.lower()
+        wet = any(word in name for word in ("eye", "iris", "pupil", "cornea", "teeth", "tongue"))
+        finish(slot.material, 0.12 if wet else 0.5)
 
 
 def material(name: str, colour: tuple, roughness: float):
     """A principled material."""
     made = bpy.data.materials.new(name)
     made.use_nodes = True
-    shader = next(node for node in made.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-    shader.inputs["Base Color"].default_value = colour
-    shader.inputs["Roughness"].default_value = roughness
-    if name == "skin":
-        shader.inputs["Subsurface Weight"].default_value = 0.15
-        shader.inputs["Subsurface Scale"].default_value = 0.05
+    finish(made, roughness).inputs["Base Color"].default_value = colour
     return made
+
+
+def finish(made, roughness: float):
+    """Sets the roughness of a material and returns its shader."""
+    shader = next(node for node in made.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    shader.inputs["Roughness"].default_value = roughness
+    return shader
 
 
 def bounds(ob) -> tuple:
