@@ -100,7 +100,6 @@ mod tests {
         };
         let y = output(&net, shape, &mesh, &surface(&mesh, 128, 1.0));
         let error = relative(y.into_iter(), &golden.numbers("y"));
-        println!("DiffusionNet on own operators: relative error {error:.5}");
         assert!(error < 2e-2, "{error}");
     }
 
