@@ -18,7 +18,9 @@ pub fn pearson(a: &[f64], b: &[f64]) -> f64 {
         bb += y * y;
         ab += x * y;
     }
-    match aa > 0.0 && bb > 0.0 {
+    // A constant that went through arithmetic is constant but for rounding.
+    let moves = |power: f64, mean: f64| power > count as f64 * (1e-9 * mean).powi(2);
+    match moves(aa, mean_a) && moves(bb, mean_b) {
         true => ab / (aa * bb).sqrt(),
         false => 0.0,
     }
@@ -64,6 +66,8 @@ mod tests {
         let b: Vec<f64> = a.iter().map(|x| -x).collect();
         assert!((pearson(&a, &b) + 1.0).abs() < 1e-12);
         assert_eq!(pearson(&a, &[2.0; 100]), 0.0);
+        let nearly: Vec<f64> = (0..100).map(|t| 0.1 + 1e-16 * f64::from(t % 3)).collect();
+        assert_eq!(pearson(&a, &nearly), 0.0);
         assert_eq!(pearson(&[], &[]), 0.0);
     }
 

@@ -257,3 +257,33 @@ fn a_full_disk_leaves_no_file() {
     assert!(said.contains("o.npz"), "{said}");
     assert_eq!(count(folder.path()), 1, "a partial file is left");
 }
+
+/// Peak memory of this process, where the system tells.
+fn peak_bytes() -> Option<u64> {
+    let status = fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    Some(line.split_whitespace().nth(1)?.parse::<u64>().ok()? * 1024)
+}
+
+#[test]
+fn an_hour_of_sound_is_read_in_bounded_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("hour.wav");
+    let spec = hound::WavSpec {
+        channels: 2,
+        sample_rate: 8_000,
+        bits_per_sample: 8,
+        sample_format: hound::SampleFormat::Int,
+    };
+    let mut wav = hound::WavWriter::create(&path, spec).unwrap();
+    for i in 0..3600 * 8_000 * 2 {
+        wav.write_sample((i % 100) as i8 - 50).unwrap();
+    }
+    wav.finalize().unwrap();
+    let waveform = anyface::audio::Waveform::from_file(&path).unwrap();
+    assert_eq!(waveform.samples.len(), 3600 * 16_000);
+    // The result is 230 MB; all samples at once as floats would add another 230 MB and more.
+    if let Some(bytes) = peak_bytes() {
+        assert!(bytes < 800 << 20, "{} MiB", bytes >> 20);
+    }
+}
