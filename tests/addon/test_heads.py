@@ -81,7 +81,7 @@ def test_the_default_head_speaks(voice):
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     vowel = shape(ob, 1 + loudest_s(samples, rate) * 24)
     pause = shape(ob, 1 + SILENCE_S * 0.5 * 24)
-    assert lip_gap(ob, vowel) > lip_gap(ob, pause) + 0.001
+    assert lip_gap(ob, vowel) > lip_gap(ob, pause) + 0.003
     assert "largest error 0.1" in ob.anyface.report or "largest error 0.0" in ob.anyface.report
     bpy.context.scene.frame_set(1)
     assert bpy.ops.anyface.remove() == {"FINISHED"}
@@ -127,7 +127,7 @@ def test_the_emotion_reaches_the_motion(voice):
         bpy.ops.anyface.generate()
         faces.append(shape(ob, 1 + round(loudest_s(samples, rate) * 24)))
     corner = LANDMARKS[48]["vertex"]
-    assert np.linalg.norm(faces[0][corner] - faces[1][corner]) > 1e-5
+    assert np.linalg.norm(faces[0][corner] - faces[1][corner]) > 0.003
 
 
 def test_suzanne_speaks_with_given_landmarks(voice):
