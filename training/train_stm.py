@@ -94,7 +94,8 @@ def train_static(corpus: Corpus, faces: tuple[str, ...], speech: np.ndarray, ste
         optimiser.step()
         schedule.step()
         if step % 250 == 0:
-            print(f"static {faces} {step}: {loss.item():.4f} {time.monotonic() - started:.0f} s", flush=True)
+            seconds = time.monotonic() - started
+            print(f"static {faces} {step}: {loss.item():.4f} {seconds:.0f} s", flush=True)
     return model
 
 
@@ -111,7 +112,7 @@ def main() -> None:
     parser.add_argument("--runs", type=Path, default=Path("runs/stm"))
     parser.add_argument("--faces", nargs="*", choices=list(FACES), default=list(FACES))
     parser.add_argument("--steps", type=int, default=1500)
-    parser.add_argument("--seconds", type=float, default=180.0, help="processor time of each training of paper")
+    parser.add_argument("--seconds", type=float, default=180.0, help="processor time, paper")
     parser.add_argument("--meshes", type=int, default=14, help="of each face, the coarsest, for paper")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1)

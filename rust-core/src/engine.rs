@@ -1,6 +1,6 @@
 //! The whole way as one object: weights loaded once, shared by any number of jobs.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, sync::Arc};
 
 use ndarray::Array3;
 
@@ -17,13 +17,14 @@ use crate::{
     systems::freetalk::{
         AtsRequest,
         ats::Ats,
-        stm::{self, StaticWeights},
+        stm::{self, StaticWeights, paper::PaperDecoder},
     },
     weights::ModelFiles,
 };
 
 const ATS_MODEL: &str = "ats_compact";
 const STM_MODEL: &str = "stm_static";
+const STM_PAPER_MODEL: &str = "stm_paper";
 const SPEECH_MODEL: &str = "compact_speech";
 const MIN_FPS: f64 = 1.0;
 const MAX_FPS: f64 = 240.0;
@@ -128,11 +129,12 @@ pub struct Animation {
 
 /// Loaded weights and settings; `Send + Sync`, any number of jobs may run on one engine at once.
 pub struct Engine {
-    options: EngineOptions,
     speech: Box<dyn SpeechEncoder>,
     ats: Ats,
     stm: StaticWeights,
     finder: LandmarkFinder,
+    /// Loaded where the options ask for it.
+    paper: Option<Arc<PaperDecoder>>,
     cache: Cache,
     pool: Option<rayon::ThreadPool>,
 }
@@ -156,6 +158,13 @@ impl Engine {
         let files = ModelFiles::open(STM_MODEL, folder)?;
         let stm = StaticWeights::load(&files.weights, &files.config)?;
         let finder = LandmarkFinder::load(folder)?;
+        let paper = match options.decoder {
+            DecoderKind::Static => None,
+            DecoderKind::Paper => {
+                let files = ModelFiles::open(STM_PAPER_MODEL, folder)?;
+                Some(Arc::new(PaperDecoder::load(&files.weights, &files.config)?))
+            }
+        };
         let wanted = ats.config().speech.channels;
         if speech.channels() != wanted {
             return Err(Error::Weights(format!(
@@ -166,11 +175,11 @@ impl Engine {
         let pool = options.threads.map(thread_pool).transpose()?;
         let cache = Cache::new(&options.cache);
         Ok(Engine {
-            options,
             speech,
             ats,
             stm,
             finder,
+            paper,
             cache,
             pool,
         })
@@ -243,8 +252,8 @@ impl Engine {
             let landmarks = mesh::locate_landmarks_with(&self.finder, mesh, options)?;
             let to_canonical = mesh::align_to_canonical(&landmarks)?;
             progress::report(progress, "landmarks", 1.0)?;
-            let deformer = match self.options.decoder {
-                DecoderKind::Static => Box::new(stm::prepare_static(
+            let deformer: Box<dyn Deformer> = match &self.paper {
+                None => Box::new(stm::prepare_static(
                     &self.stm,
                     mesh,
                     &landmarks,
@@ -253,9 +262,14 @@ impl Engine {
                     options.learned,
                     progress,
                 )?),
-                DecoderKind::Paper => {
-                    return Err(Error::Weights("stm_paper is not built in yet".into()));
-                }
+                Some(paper) => Box::new(stm::prepare_paper(
+                    Arc::clone(paper),
+                    mesh,
+                    &landmarks,
+                    &to_canonical,
+                    &self.cache,
+                    progress,
+                )?),
             };
             Ok(PreparedFace {
                 landmarks,

@@ -34,11 +34,12 @@ macro_rules! built_in {
 }
 
 /// Every model that is built in.
-pub static BUILT_IN: [BuiltIn; 4] = [
+pub static BUILT_IN: [BuiltIn; 5] = [
     built_in!("compact_speech"),
     built_in!("ats_compact"),
     built_in!("stm_static"),
     built_in!("landmarks"),
+    built_in!("stm_paper"),
 ];
 
 impl ModelFiles {
