@@ -15,7 +15,7 @@ use crate::{
 pub(super) struct SharedArgs {
     /// Folder of model files that override the embedded ones
     #[arg(long, global = true, value_name = "DIR")]
-    weights: Option<PathBuf>,
+    pub weights: Option<PathBuf>,
     /// Folder with a HuBERT or wav2vec2 config.json and model.safetensors, instead of the
     /// embedded speech encoder
     #[arg(long, global = true, value_name = "DIR")]

@@ -11,7 +11,7 @@ use super::{
 };
 use crate::{
     Result,
-    mesh::{Mesh, locate_landmarks},
+    mesh::{LandmarkFinder, Mesh, locate_landmarks_with},
     output::write_atomically,
 };
 
@@ -29,12 +29,13 @@ pub(super) struct FindLandmarks {
 }
 
 impl FindLandmarks {
-    pub(super) fn run(&self, _shared: &SharedArgs, console: &Console) -> Result<()> {
+    pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         let options = self.face.options(None)?;
         let mut report = new_report();
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
         let found = timed(&mut report, "landmarks", || {
-            locate_landmarks(&mesh, &options)
+            let finder = LandmarkFinder::load(shared.weights.as_deref())?;
+            locate_landmarks_with(&finder, &mesh, &options)
         })?;
         write_atomically(&self.out, |file| file.write_all(found.to_json().as_bytes()))?;
         note_landmarks(&mut report, &found.confidence);

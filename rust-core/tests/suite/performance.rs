@@ -287,3 +287,21 @@ fn an_hour_of_sound_is_read_in_bounded_memory() {
         assert!(bytes < 800 << 20, "{} MiB", bytes >> 20);
     }
 }
+
+#[test]
+fn landmarks_of_the_default_head_are_found_and_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = model("default_head").join("head.obj");
+    let line = format!("landmarks --mesh {} --out l.json", mesh.display());
+    let (said, _) = done(&folder, &line);
+    assert!(said.contains("68 landmarks"), "{said}");
+    let text = fs::read_to_string(folder.path().join("l.json")).unwrap();
+    let found: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(found["landmarks"].as_array().unwrap().len(), 68);
+    fs::create_dir_all(folder.path().join("own/landmarks")).unwrap();
+    let again = format!(
+        "landmarks --mesh {} --out m.json --weights own",
+        mesh.display()
+    );
+    refused(&folder, &again, 8, "own/landmarks");
+}
