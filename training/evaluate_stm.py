@@ -1,6 +1,6 @@
 """Prints the errors of Sparse-To-Mesh on faces it did not see.
 
-    python -m training.evaluate_stm --shared ../shared --runs runs/stm
+    python -m training.evaluate_stm --data ../shared/data --runs runs/stm
 
 Held-out take of facegood_zh plus upper face, at test identities, warps and triangulations of ICT
 and at the MakeHuman head as it is and remeshed. Mean distance in millimetres over all vertices /
@@ -107,12 +107,12 @@ def print_table(corpus: Corpus, speech: np.ndarray, runs: Path) -> None:
 def main() -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--shared", type=Path, default=Path("../shared"))
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--runs", type=Path, default=Path("runs/stm"))
     args = parser.parse_args()
     torch.set_num_threads(1)
-    corpus = load_or_build(args.shared, args.runs / "corpus.pkl", 70, 45)
-    print_table(corpus, load_speech(args.shared).test, args.runs)
+    corpus = load_or_build(args.data, args.runs / "corpus.pkl", 70, 45)
+    print_table(corpus, load_speech(args.data).test, args.runs)
 
 
 if __name__ == "__main__":

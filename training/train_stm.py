@@ -1,7 +1,7 @@
 """Trains the learned part of Sparse-To-Mesh.
 
-    python -m training.train_stm static --shared ../shared --runs runs/stm
-    python -m training.train_stm paper  --shared ../shared --runs runs/stm
+    python -m training.train_stm static --data ../shared/data --runs runs/stm
+    python -m training.train_stm paper  --data ../shared/data --runs runs/stm
 
 Each command trains three times: on both faces (shipped), on ICT alone and on MakeHuman alone (for
 the leave-one-face-out errors), seeded, one thread by default. Results are
@@ -108,7 +108,7 @@ def main() -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("model", choices=["static", "paper"])
-    parser.add_argument("--shared", type=Path, default=Path("../shared"))
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--runs", type=Path, default=Path("runs/stm"))
     parser.add_argument("--faces", nargs="*", choices=list(FACES), default=list(FACES))
     parser.add_argument("--steps", type=int, default=1500)
@@ -118,8 +118,8 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=1)
     args = parser.parse_args()
     torch.set_num_threads(args.threads)
-    corpus = load_or_build(args.shared, args.runs / "corpus.pkl", 70, 45)
-    speech = load_speech(args.shared).train
+    corpus = load_or_build(args.data, args.runs / "corpus.pkl", 70, 45)
+    speech = load_speech(args.data).train
     for name in args.faces:
         if args.model == "static":
             model = train_static(corpus, FACES[name], speech, args.steps, args.seed)

@@ -27,10 +27,10 @@ class SpeechWeights:
     test: np.ndarray
 
 
-def load_speech(shared: Path) -> SpeechWeights:
+def load_speech(data: Path) -> SpeechWeights:
     """The ARKit conversion of facegood_zh; frames at rest are dropped."""
     takes = {}
-    for path in sorted((shared / "data/motion/facegood_zh").glob("*.arkit.csv")):
+    for path in sorted((data / "motion/facegood_zh").glob("*.arkit.csv")):
         with path.open() as f:
             rows = list(csv.DictReader(f))
         names = [n for n in rows[0] if n in CHANNELS]

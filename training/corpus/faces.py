@@ -84,9 +84,9 @@ def align(face: Face) -> Face:
     )
 
 
-def load_ict(shared: Path, region: str = "face") -> IctModel:
+def load_ict(data: Path, region: str = "face") -> IctModel:
     """ICT FaceKit. `region`: "face" (9,409 vertices) or "skin" (14,062, with neck and sockets)."""
-    with safe_open(shared / "data/faces/ict_facekit.safetensors", "np") as f:
+    with safe_open(data / "faces/ict_facekit.safetensors", "np") as f:
         metadata = f.metadata()
         names = json.loads(metadata["expression_names"])
         last = {"face": 9408, "skin": 14061}[region]
@@ -103,9 +103,9 @@ def load_ict(shared: Path, region: str = "face") -> IctModel:
     return IctModel(aligned, 0.01 * scale * identity)
 
 
-def load_makehuman(shared: Path) -> Face:
+def load_makehuman(data: Path) -> Face:
     """The MakeHuman head (decimetres in the file), aligned to the canonical frame."""
-    with safe_open(shared / "data/faces/makehuman_head.safetensors", "np") as f:
+    with safe_open(data / "faces/makehuman_head.safetensors", "np") as f:
         names = json.loads(f.metadata()["names"])
         deltas = f.get_tensor("deltas").astype(np.float64)
         face = Face(

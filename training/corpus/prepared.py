@@ -68,11 +68,11 @@ class Corpus:
     test: dict[str, list[PreparedMesh]]
 
 
-def build(shared: Path, ict_meshes: int, makehuman_meshes: int, seed: int = 5) -> Corpus:
+def build(data: Path, ict_meshes: int, makehuman_meshes: int, seed: int = 5) -> Corpus:
     """Draws identities, warps and triangulations; about a second a mesh."""
     rng, test_rng = np.random.default_rng(seed), np.random.default_rng(seed + 1000)
-    faces, makehuman = load_ict(shared, "face"), load_makehuman(shared)
-    skins = load_ict(shared, "skin")
+    faces, makehuman = load_ict(data, "face"), load_makehuman(data)
+    skins = load_ict(data, "skin")
 
     def ict(rng: np.random.Generator, i: int) -> Face:
         model = skins if i % 10 < 3 else faces
@@ -99,11 +99,11 @@ def build(shared: Path, ict_meshes: int, makehuman_meshes: int, seed: int = 5) -
     )
 
 
-def load_or_build(shared: Path, cache: Path, ict_meshes: int, makehuman_meshes: int) -> Corpus:
+def load_or_build(data: Path, cache: Path, ict_meshes: int, makehuman_meshes: int) -> Corpus:
     """The corpus from `cache`, a file that this function writes the first time."""
     if cache.exists():
         return pickle.loads(cache.read_bytes())
-    corpus = build(shared, ict_meshes, makehuman_meshes)
+    corpus = build(data, ict_meshes, makehuman_meshes)
     cache.parent.mkdir(parents=True, exist_ok=True)
     cache.write_bytes(pickle.dumps(corpus))
     return corpus
