@@ -64,6 +64,13 @@ impl Venv {
         if std::fs::read_to_string(&stamp).is_ok_and(|installed| installed == wanted) {
             return Ok(python);
         }
+        // Debian's python3 comes without it.
+        let complete = Command::new("python3")
+            .args(["-c", "import ensurepip"])
+            .output();
+        if !complete.is_ok_and(|out| out.status.success()) {
+            ensure_apt(steps, &["python3-venv"])?;
+        }
         let name = format!("install Python packages ({})", self.folder());
         steps.run(
             &name,

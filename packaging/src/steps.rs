@@ -96,7 +96,9 @@ impl Steps {
             ignored,
         } = self.counts;
         println!("took {}", clock(self.started.elapsed()));
-        println!("{passed} passed, {failed} failed, {ignored} skipped");
+        if passed + failed + ignored > 0 {
+            println!("{passed} passed, {failed} failed, {ignored} skipped");
+        }
         if !self.failures.is_empty() {
             bail!("failed: {}", self.failures.join(", "));
         }
