@@ -324,8 +324,16 @@ fn turn(weights: &mut LandmarkWeights, to_canonical: &Similarity) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{CachePolicy, deform::Deformer, nn::golden::Golden, progress::SILENT};
+    use crate::{
+        CachePolicy, deform::Deformer, nn::golden::Golden, progress::SILENT, weights::ModelFiles,
+    };
     use ndarray::Array3;
+
+    /// The weights that the library carries.
+    fn built_in() -> StaticWeights {
+        let files = ModelFiles::open("stm_static", None).unwrap();
+        StaticWeights::load(&files.weights, &files.config).unwrap()
+    }
 
     /// The golden's procedural face, canonical metres.
     fn face() -> (Mesh, Landmarks) {
@@ -361,7 +369,7 @@ mod tests {
         to: &Similarity,
         learned: f32,
     ) -> LandmarkWeights {
-        let weights = StaticWeights::embedded().unwrap();
+        let weights = built_in();
         let cache = Cache::new(&CachePolicy::Off);
         prepare_static(&weights, mesh, landmarks, to, &cache, learned, SILENT).unwrap()
     }
@@ -446,7 +454,7 @@ mod tests {
         let (mesh, landmarks) = face();
         let free = prepare(&mesh, &landmarks, &Similarity::IDENTITY, 0.0);
         assert_eq!(free.motion.nrows(), jaw::JAW_RANK);
-        let weights = StaticWeights::embedded().unwrap();
+        let weights = built_in();
         let cache = Cache::new(&CachePolicy::Off);
         for wrong in [-0.1, f32::NAN, 11.0] {
             let result = prepare_static(
@@ -467,7 +475,7 @@ mod tests {
         let (mesh, landmarks) = face();
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::new(&CachePolicy::Folder(folder.path().into()));
-        let weights = StaticWeights::embedded().unwrap();
+        let weights = built_in();
         let run = || {
             prepare_static(
                 &weights,

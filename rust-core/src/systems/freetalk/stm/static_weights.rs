@@ -222,7 +222,7 @@ fn relate(row: &mut ArrayViewMut1<'_, f32>, position: [f32; 3], landmarks: &[[f3
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::nn::golden::Golden;
+    use crate::{nn::golden::Golden, weights::ModelFiles};
 
     fn three(values: &[f32]) -> Vec<[f32; 3]> {
         values.chunks(3).map(|p| [p[0], p[1], p[2]]).collect()
@@ -290,9 +290,9 @@ mod tests {
 
     #[test]
     fn embedded_weights_load_and_damaged_ones_do_not() {
-        assert!(StaticWeights::embedded().is_ok());
-        let bytes = include_bytes!("../../../../models/stm_static/model.safetensors");
-        let config = include_str!("../../../../models/stm_static/config.json");
+        let files = ModelFiles::open("stm_static", None).unwrap();
+        let (bytes, config) = (&files.weights[..], &files.config);
+        assert!(StaticWeights::load(bytes, config).is_ok());
         let half = StaticWeights::load(&bytes[..bytes.len() / 2], config);
         assert!(matches!(half, Err(Error::Weights(_))));
         assert!(StaticWeights::load(bytes, "{}").is_err());
