@@ -1,0 +1,246 @@
+"""Speech with phone times: recorded, aligned by pocketsphinx, or spoken by espeak-ng.
+
+    python -m training.corpus.aligned --data ../shared/data --out runs/aligned
+
+writes the held-out part of each source as a folder of sound and `phones.jsonl`, for
+`anyface eval --aligned`. The corpora here train the speech encoder (`training.train_speech`) and
+drive the co-articulation teacher.
+"""
+
+import argparse
+import csv
+import json
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import soundfile
+
+from training.corpus.clip import FPS, read_sound
+from training.corpus.espeak import Espeak
+from training.corpus.grid import DROPPED
+from training.corpus.phones import PAUSE, Phone
+from training.corpus.split import grid_held_out
+
+NATHALIE_LAST_PHONE_S = 0.02
+HELD_OUT_EVERY = 20
+UNSEEN_LANGUAGES = ("fi", "hu", "el")
+"""Languages that no training sees: they measure how far the encoder carries over."""
+
+ALPHABETS = {
+    "en-us": ("b c d f g h j k l m n p r s t v w y z sh ch th", "a e i o u ea oo ai"),
+    "en-gb": ("b c d f g h k l m n p r s t v w sh ch th", "a e i o u ou ee ow"),
+    "de": ("b d f g h k l m n p r s t w z sch pf", "a e i o u ä ö ü ei au"),
+    "nl": ("b d f g h k l m n p r s t v w z sch", "a e i o u aa oe ui ij eu"),
+    "fr": ("b c d f g j l m n p r s t v ch", "a é i o u ou an on eu oi"),
+    "es": ("b c d f g j l m n p r s t v ll ñ", "a e i o u ie ue"),
+    "it": ("b c d f g l m n p r s t v gl gn z", "a e i o u ia uo"),
+    "pt-br": ("b c d f g j l m n p r s t v lh nh", "a e i o u ão õe"),
+    "pl": ("b c d f g k l ł m n p r s t w z sz cz", "a e i o u y ą ę ó"),
+    "cs": ("b c č d f h k l m n p r ř s š t v z ž", "a e i o u y á í ů ou"),
+    "ru": ("б в г д ж з к л м н п р с т ф х ч ш", "а е и о у ы ю я"),
+    "sv": ("b d f g h k l m n p r s t v sj", "a e i o u y å ä ö"),
+    "tr": ("b c ç d f g h k l m n p r s ş t v y z", "a e ı i o ö u ü"),
+    "hi": ("ब भ च ड द फ ग ह ज क ल म न प र स त व य", "ा ि ी ु ू े ै ो ौ"),
+    "cmn": ("妈 爸 不 波 破 摸 佛 发 得 特 呢 了", "我 是 一 五 鱼 好 歌 饿 爱 欧 安 恩"),
+    "id": ("b c d f g h j k l m n p r s t w y", "a e i o u ai au"),
+    "ro": ("b c d f g h j l m n p r s ș t ț v z", "a e i o u ă î"),
+    "fi": ("h j k l m n p r s t v", "a e i o u y ä ö aa uo ie"),
+    "hu": ("b c cs d f g gy h j k l m n p r s sz t v z", "a á e é i o ö ő u ü ű"),
+    "el": ("β γ δ ζ θ κ λ μ ν ξ π ρ σ τ φ χ ψ μπ", "α ε η ι ο υ ω ου"),
+}
+"""Consonant and vowel spellings of each language that espeak-ng speaks here."""
+
+VARIANTS = ("", "+m1", "+m3", "+m5", "+m7", "+f1", "+f2", "+f3", "+f4", "+f5", "+klatt2")
+
+
+@dataclass
+class Utterance:
+    """Speech and its phones. `phones` is none where nobody knows them; `samples` [S] at 16 kHz."""
+
+    name: str
+    source: str
+    held_out: bool
+    samples: np.ndarray
+    phones: list[Phone] | None
+
+
+def read_nathalie(data: Path, limit: int | None = None) -> list[Utterance]:
+    """Dutch with its own phone times; clips whose phones overrun the sound are dropped."""
+    folder, found = data / "speech/nathalie_nl", []
+    for index, line in enumerate((folder / "phones.jsonl").read_text().splitlines()[:limit]):
+        record = json.loads(line)
+        phones = [Phone(p["start"], p["duration"], p["phone"]) for w in record["words"] for p in w["phones"]]
+        samples = read_sound(folder / f"{record['id']}.ogg")
+        end_s = len(samples) / 16000
+        if phones and phones[-1].end_s > end_s + NATHALIE_LAST_PHONE_S:
+            continue
+        found.append(Utterance(record["id"], "nathalie_nl", index % HELD_OUT_EVERY == 0, samples, phones))
+    return found
+
+
+def read_librivox(data: Path) -> list[Utterance]:
+    """Five English sentences with phone times; never trained on."""
+    found = []
+    for path in sorted((data / "clips/librivox").glob("*.phone.json")):
+        words = json.loads(path.read_text())["w"]
+        phones = [Phone(p["b"], p["d"], p["t"]) for w in words for p in w.get("w", [])]
+        name = path.name.removesuffix(".phone.json")
+        samples = read_sound(path.with_name(f"{name}.wav"))
+        found.append(Utterance(name, "librivox_en", True, samples, phones))
+    return found
+
+
+def read_texts(folder: Path) -> dict[str, str]:
+    """Sentences by clip name, from `transcripts.tsv`."""
+    with open(folder / "transcripts.tsv", newline="") as file:
+        rows = csv.reader(file, delimiter="\t", quoting=csv.QUOTE_NONE)
+        return {row[0]: row[-1] for row in rows}
+
+
+def read_kathleen(data: Path, limit: int | None = None) -> list[Utterance]:
+    """English of one woman, aligned."""
+    folder, aligner, found = data / "speech/kathleen_en", Aligner(), []
+    for index, (name, text) in enumerate(sorted(read_texts(folder).items())[:limit]):
+        samples = read_sound(folder / f"{name}.ogg")
+        phones = aligner.align(samples, text)
+        if phones:
+            held_out = index % HELD_OUT_EVERY == 0
+            found.append(Utterance(name, "kathleen_en", held_out, samples, phones))
+    return found
+
+
+def read_grid_speech(data: Path, limit: int | None = None) -> list[Utterance]:
+    """The words of grid_s1, aligned; like its motion without the first frame of video."""
+    folder, aligner, found, words = data / "motion/grid_s1", Aligner(), [], {}
+    for line in (folder / "words.tsv").read_text().splitlines():
+        name, _, _, word = line.split("\t")
+        words.setdefault(name, []).append(word)
+    held_out = grid_held_out(list(words))
+    for name in sorted(words)[:limit]:
+        samples = read_sound(folder / "audio" / f"{name}.ogg")[int(DROPPED / FPS * 16000) :]
+        text = " ".join(w for w in words[name] if w not in ("sil", "sp"))
+        phones = aligner.align(samples, text)
+        if phones:
+            found.append(Utterance(name, "grid_s1", name in held_out, samples, phones))
+    return found
+
+
+def read_unlabelled(data: Path, source: str, limit: int | None = None) -> list[Utterance]:
+    """Speech whose phones nobody knows."""
+    paths = sorted((data / "speech" / source).glob("*.ogg"))[:limit]
+    return [Utterance(p.stem, source, False, read_sound(p), None) for p in paths]
+
+
+class Aligner:
+    """English text to phones with pocketsphinx (BSD): aligns words first, then phones, 10 ms."""
+
+    def __init__(self):
+        from pocketsphinx import Decoder
+
+        self.decoder = Decoder(samprate=16000, loglevel="FATAL", bestpath=False)
+
+    def align(self, samples: np.ndarray, text: str) -> list[Phone]:
+        """Phones of `text` in the sound; empty where the aligner fails or knows no word."""
+        known = [w for w in _words(text) if self.decoder.lookup_word(w)]
+        sound = (np.clip(samples, -1, 1) * 32767).astype(np.int16).tobytes()
+        if len(known) < 0.8 * len(_words(text)) or not known:
+            return []
+        try:
+            self.decoder.set_align_text(" ".join(known))
+            self._decode(sound)
+            self.decoder.set_alignment()
+            self._decode(sound)
+            alignment = self.decoder.get_alignment()
+        except RuntimeError:
+            return []
+        if alignment is None:
+            return []
+        return [Phone(p.start / 100, p.duration / 100, p.name) for w in alignment.words() for p in w]
+
+    def _decode(self, sound: bytes) -> None:
+        self.decoder.start_utt()
+        self.decoder.process_raw(sound, full_utt=True)
+        self.decoder.end_utt()
+
+
+def _words(text: str) -> list[str]:
+    kept = "".join(c if c.isalpha() or c == "'" else " " for c in text.lower())
+    return kept.split()
+
+
+def speak(espeak: Espeak, language: str, minutes: float, seed: int, texts=()) -> list[Utterance]:
+    """Made speech: numbers in words, invented words of the language, and `texts` where given.
+
+    Voice, rate and pitch change with every sentence.
+    """
+    random = np.random.default_rng([seed, zlib.crc32(language.encode())])
+    found, seconds = [], 0.0
+    while seconds < 60.0 * minutes:
+        own = texts[int(random.integers(len(texts)))] if len(texts) and random.random() < 0.5 else None
+        text = own or _sentence(language, random)
+        voice = language + str(random.choice(VARIANTS))
+        rate, pitch, melody = (int(random.integers(*r)) for r in ((110, 230), (20, 85), (20, 80)))
+        samples, phones = espeak.speak(text, voice, rate, pitch, melody)
+        if len(samples) < 8000:
+            continue
+        samples = samples / max(np.abs(samples).max(), 1e-3) * 0.9
+        held_out = language in UNSEEN_LANGUAGES or len(found) % HELD_OUT_EVERY == 0
+        name = f"{language}_{len(found):04d}"
+        found.append(Utterance(name, f"espeak_{language}", held_out, samples, phones))
+        seconds += len(samples) / 16000
+    return found
+
+
+def _sentence(language: str, random: np.random.Generator) -> str:
+    consonants, vowels = (spelling.split() for spelling in ALPHABETS[language])
+    words = []
+    for _ in range(int(random.integers(3, 9))):
+        if random.random() < 0.3:
+            words.append(str(int(10 ** random.uniform(0, 5))))
+            continue
+        count = int(random.integers(1, 4))
+        syllable = [str(random.choice(consonants)) + str(random.choice(vowels)) for _ in range(count)]
+        ending = str(random.choice(consonants)) if random.random() < 0.4 and language != "hi" else ""
+        words.append("".join(syllable) + ending)
+    return " ".join(words) + str(random.choice([".", "?", "!", ","]))
+
+
+def write(folder: Path, utterances: list[Utterance]) -> None:
+    """One source as sound files and `phones.jsonl`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with open(folder / "phones.jsonl", "w") as file:
+        for utterance in utterances:
+            soundfile.write(folder / f"{utterance.name}.wav", utterance.samples, 16000, subtype="PCM_16")
+            phones = [
+                {"start": round(p.start_s, 3), "duration": round(p.duration_s, 3), "phone": p.label or PAUSE}
+                for p in utterance.phones
+            ]
+            words = [{"word": "", "phones": phones}]
+            file.write(json.dumps({"id": utterance.name, "words": words}, ensure_ascii=False) + "\n")
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser.add_argument("--out", type=Path, default=Path("runs/aligned"))
+    parser.add_argument("--minutes", type=float, default=2.0, help="of each language never trained on")
+    arguments = parser.parse_args()
+    espeak = Espeak()
+    sources = [
+        read_librivox(arguments.data),
+        read_nathalie(arguments.data),
+        read_kathleen(arguments.data),
+        read_grid_speech(arguments.data),
+        *(speak(espeak, language, arguments.minutes, seed=1) for language in UNSEEN_LANGUAGES),
+    ]
+    for utterances in sources:
+        kept = [u for u in utterances if u.held_out]
+        write(arguments.out / kept[0].source, kept)
+        print(arguments.out / kept[0].source, len(kept))
+
+
+if __name__ == "__main__":
+    main()
