@@ -29,6 +29,7 @@ PAUSE = "_"
 PAUSES = {"", "_", "sil", "sp", "spn", "pau", "<sil>", "h#", "#"}
 FIRST_HALF = 0.6
 LONGEST_PLOSIVE_S = 0.14
+ROUNDING = 1e-6
 PLOSIVES = set("pbtdkɡqɢʔcɟʈɖ")
 
 VOWELS = {
@@ -192,7 +193,7 @@ def segment_track(phones: list[Phone], frames: int, rate_hz: float) -> np.ndarra
     track = np.zeros(frames, np.int16)
     for phone in phones:
         for start, end, segment in split(phone):
-            first, last = (int(np.ceil(x * rate_hz)) for x in (start, end))
+            first, last = (int(np.ceil(x * rate_hz - ROUNDING)) for x in (start, end))
             track[max(first, 0) : max(last, 0)] = SEGMENTS.index(segment)
     return track
 
