@@ -15,7 +15,10 @@ from pathlib import Path
 import torch
 from torch import nn
 
+from training.corpus import spoken
+from training.corpus.closures import closures_met
 from training.corpus.emotions import EmotionSynthesiser
+from training.corpus.teacher import Teacher
 from training.diffusion.schedule import add_noise, alphas_cumprod
 from training.losses import concordance_loss, landmark_weights, lip_gap, motion_loss, source_scale
 from training.speech.compact import CompactEncoder
@@ -23,12 +26,14 @@ from training.speech.compact import debug_config as debug_encoder
 from training.speech.source import CompactSpeech, HubertSpeech
 from training.systems.freetalk.ats import ANY_STYLE, CONFIGS, AtsConfig, AtsDenoiser, Sampling
 from training.systems.freetalk.sampling import sample_motion
-from training.train_speech import SHARES, load_encoder, log, resume
+from training.train_speech import HEARD_EVERY, SHARES, load_encoder, log, resume
 
 CONCORDANCE = 0.2
 PURE_NOISE_SHARE = 0.3
 UNSEEN_WEIGHT = 0.1
-UNLABELLED_SHARE = 0.2
+NEUTRAL_GAP_M = 0.8e-3
+"""Opening of the inner lips in ICT's neutral face, which the motion starts from."""
+UNLABELLED_SHARE = 0.35
 
 
 @dataclass
@@ -43,15 +48,22 @@ class Step:
 
 
 class AtsTrainer:
-    """Data, model and one optimisation step."""
+    """Data, model and one optimisation step.
+
+    A labelled style is learned as it was recorded; the style `any` with lips that meet.
+    """
 
     def __init__(self, arguments, config: AtsConfig, speech: CompactSpeech | HubertSpeech):
         self.config, self.speech = config, speech
         self.device = "cuda" if torch.cuda.is_available() else "cpu"
         self.random = torch.Generator().manual_seed(arguments.seed)
-        self.sources = [s for s in SHARES if s != arguments.leave_out]
+        found = {e.source for e in speech.entries}
+        self.sources = [s for s in SHARES if s in found and s not in arguments.leave_out]
         shares = [SHARES[s] for s in self.sources]
         self.sampler = speech.sampler(self.sources, shares, arguments.seed)
+        held_out = [e for e in speech.entries if e.source == spoken.SOURCE and e.held_out]
+        tiny = arguments.config != "compact"
+        self.heard = [] if tiny else held_out[::HEARD_EVERY] + spoken.unseen(arguments.data)
         self.emotions = EmotionSynthesiser(arguments.data, arguments.seed)
         self.alphas = alphas_cumprod(config.diffusion.schedule, config.diffusion.train_steps)
         self.model = AtsDenoiser(config, dropout=arguments.dropout)
@@ -64,14 +76,15 @@ class AtsTrainer:
     def draw(self, count: int, frames: int) -> Step:
         """A batch of motion with emotion, and its speech features."""
         batch = self.sampler.batch(count, frames)
+        withheld = torch.rand(count, generator=self.random) < UNLABELLED_SHARE
         affect = self.emotions.draw(count, frames)
-        motion = self.emotions.apply(batch.motion, affect)
+        recorded = torch.where(withheld[:, None, None], batch.closed, batch.motion)
+        motion = self.emotions.apply(recorded, affect)
         felt = (affect[..., 15:] > 0).float()
         weight = torch.maximum(batch.weight, (UNSEEN_WEIGHT + felt).clamp_max(1.0))
         with torch.autocast(self.device, torch.bfloat16):
             speech = self.speech.windows(batch.mel.to(self.device)).float()
         label = torch.tensor([self.config.styles.index(s) for s in self.sources])[batch.source]
-        withheld = torch.rand(count, generator=self.random) < UNLABELLED_SHARE
         label = torch.where(withheld, self.config.styles.index(ANY_STYLE), label)
         scaled = weight * self.landmark_weight / source_scale(self.sources, batch.source).square()
         tensors = [speech, motion, scaled, affect, label]
@@ -114,14 +127,27 @@ def validate(trainer: AtsTrainer, model, sampling: Sampling, limit: int = 40) ->
     """Sampled lip-gap r (pooled, mean over clips) and ratio of deviations on unseen clips."""
     report, entries = {}, trainer.speech.entries
     model.eval()
-    for source in sorted({e.source for e in entries}):
+    for source in sorted({e.source for e in entries} - {spoken.SOURCE}):
         known = source in trainer.sources
         chosen = [e for e in entries if e.source == source and (e.held_out or not known)][:limit]
-        style = trainer.config.styles.index(source if known else trainer.sources[0])
-        pairs = [clip_gaps(trainer.speech, model, e, style, sampling) for e in chosen]
-        report |= {f"{source} {k}": v for k, v in gap_report(pairs).items()}
+        for name in (source, ANY_STYLE) if known else (ANY_STYLE,):
+            style = trainer.config.styles.index(name)
+            pairs = [clip_gaps(trainer.speech, model, e, style, sampling) for e in chosen]
+            report |= {f"{source} {name} {k}": v for k, v in gap_report(pairs).items()}
+    report |= closure_report(trainer, model, sampling)
     model.train()
     return report
+
+
+def closure_report(trainer: AtsTrainer, model, sampling: Sampling) -> dict[str, float]:
+    """Share of p, b, m at which the default style's lips meet, by source of the speech."""
+    met: dict[str, list[bool]] = {}
+    style = trainer.config.styles.index(ANY_STYLE)
+    for entry in trainer.heard:
+        gap, _ = clip_gaps(trainer.speech, model, entry, style, sampling)
+        label = entry.name.split("/")[0]
+        met.setdefault(label, []).extend(closures_met(gap + NEUTRAL_GAP_M, entry.phones))
+    return {f"{label} closed": sum(found) / len(found) for label, found in sorted(met.items())}
 
 
 @torch.no_grad()
@@ -159,9 +185,7 @@ def train(arguments) -> Path:
         model.load_state_dict(torch.load(arguments.init)["state"])
     steps = 20 if debug else arguments.steps
     optimiser = torch.optim.AdamW(model.parameters(), lr=arguments.rate, weight_decay=0.02)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, arguments.rate, steps + 1, pct_start=0.1
-    )
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, arguments.rate, steps + 1, pct_start=0.1)
     first = resume(out / "last.pt", model, optimiser, schedule)
     average = torch.optim.swa_utils.AveragedModel(
         model, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.995)
@@ -205,7 +229,12 @@ def speech_source(arguments, config: AtsConfig) -> CompactSpeech | HubertSpeech:
     if arguments.speech is None:
         raise ValueError("--speech: expected the speech.pt of training.train_speech, got nothing")
     encoder = load_encoder(arguments.speech)
-    return CompactSpeech(encoder, data, cache, arguments.voices, arguments.limit)
+    source = CompactSpeech(encoder, data, cache, arguments.voices, arguments.limit)
+    if spoken.SOURCE not in arguments.leave_out:
+        left = tuple(arguments.leave_speech)
+        teacher = Teacher.load(data)
+        source.entries += spoken.load(data, cache, arguments.minutes, left, teacher, arguments.reader)
+    return source
 
 
 def parser() -> argparse.ArgumentParser:
@@ -217,7 +246,10 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
     parser.add_argument("--speech", type=Path, help="speech.pt of training.train_speech")
     parser.add_argument("--hubert", type=Path, help="folder of a HuBERT checkpoint (paper)")
-    parser.add_argument("--leave-out", choices=[*SHARES], help="train without this source")
+    parser.add_argument("--leave-out", nargs="*", default=[], choices=[*SHARES], help="sources of motion")
+    parser.add_argument("--leave-speech", nargs="*", default=[], help="speech to leave out (nathalie_nl, …)")
+    parser.add_argument("--reader", type=Path, help="an earlier speech.pt that reads untimed speech")
+    parser.add_argument("--minutes", type=float, default=5.0, help="of each language by espeak-ng")
     parser.add_argument("--voices", type=int, default=7)
     parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
     parser.add_argument("--init", type=Path, help="start from this ats.pt")

@@ -1,9 +1,11 @@
-"""Pretrains the compact speech encoder: log-mel → landmark motion of whoever spoke.
+"""Pretrains the compact speech encoder: log-mel → landmark motion and what the mouth articulates.
 
     python -m training.train_speech --data ../shared/data --out runs/speech
 
-Each source has its own linear read-out, so that two people do not average into one; only the
-encoder is kept. Seeded; resumes from `--out/last.pt`.
+Each source of motion has its own linear read-out, so that two people do not average into one.
+Speech without a face (many voices, eighteen languages) joins through `--targets`: articulatory
+features of its phones, the phones themselves, or CTC. Only the encoder is kept. Seeded; resumes
+from `--out/last.pt`.
 """
 
 import argparse
@@ -11,10 +13,13 @@ import json
 import time
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import nn
 
-from training.corpus import bank
+from training.corpus import bank, spoken
+from training.corpus.closures import closures_met
+from training.corpus.teacher import Teacher
 from training.corpus.windows import AugmentOptions, Batch, WindowSampler, plain_options
 from training.losses import (
     chin_drop,
@@ -25,36 +30,47 @@ from training.losses import (
     source_scale,
 )
 from training.speech.compact import CompactConfig, CompactEncoder, debug_config, normalise
+from training.speech.targets import TARGETS, PhoneHead
 
-SHARES = {"grid_s1": 0.7, "facegood_zh": 0.3}
+SHARES = {"grid_s1": 0.35, "facegood_zh": 0.2, "taught": 0.45}
 CONCORDANCE = 0.3
+ARTICULATION = 0.5
+HEARD_EVERY = 2
 
 
 class SpeechToMotion(nn.Module):
     """The encoder and one linear read-out to 204 displacements (in units of the source)."""
 
-    def __init__(self, config: CompactConfig, sources: list[str], dropout: float = 0.1):
+    def __init__(self, config: CompactConfig, sources: list[str], targets: str, dropout: float = 0.1):
         super().__init__()
         self.encoder = CompactEncoder(config)
         self.dropout = nn.Dropout(dropout)
         self.readouts = nn.ModuleList(nn.Linear(config.channels, 204) for _ in sources)
+        self.phones = PhoneHead(targets, config.channels)
 
     def forward(self, mel: torch.Tensor, source: torch.Tensor) -> torch.Tensor:
         """`mel` [B, 4 T, 64], `source` [B] → [B, T, 204] in units of the source's scale."""
-        features = self.dropout(self.encoder(mel))
+        return self.read_out(self.dropout(self.encoder(mel)), source)
+
+    def read_out(self, features: torch.Tensor, source: torch.Tensor) -> torch.Tensor:
+        """`features` [B, T, C], `source` [B] → [B, T, 204]."""
         every = torch.stack([readout(features) for readout in self.readouts])
         return every[source, torch.arange(len(source))]
 
 
 def loss_of(model: SpeechToMotion, batch: Batch, sources: list[str], weight: torch.Tensor):
-    """Motion loss and gap concordance of one batch."""
+    """Motion loss, gap concordance and articulation of one batch."""
     scale = source_scale(sources, batch.source)
     with torch.autocast("cpu", torch.bfloat16):
-        prediction = model(batch.mel, batch.source).float()
-    truth = batch.motion / scale
+        features = model.dropout(model.encoder(batch.mel))
+        prediction = model.read_out(features, batch.source).float()
+        said = model.phones.loss(features, batch.phones)
+    truth = batch.closed / scale
     motion = motion_loss(prediction - truth, batch.weight * weight)
-    gap = concordance_loss(lip_gap(prediction), lip_gap(truth))
-    return motion + CONCORDANCE * gap, {"motion": motion.item(), "gap": gap.item()}
+    seen = batch.weight.amax(dim=(1, 2)) > 0
+    gap = concordance_loss(lip_gap(prediction)[seen], lip_gap(truth)[seen])
+    parts = {"motion": motion.item(), "gap": gap.item(), "said": said.item()}
+    return motion + CONCORDANCE * gap + ARTICULATION * said, parts
 
 
 @torch.no_grad()
@@ -73,6 +89,20 @@ def gap_scores(model: SpeechToMotion, entries, source: int) -> dict[str, float]:
     return {"r": pooled_r(pairs), "r_clip": mean, "r_jaw": pooled_r(jaws)}
 
 
+@torch.no_grad()
+def closure_scores(model: SpeechToMotion, entries, source: int) -> dict[str, float]:
+    """Share of p, b, m at which a read-out's lips meet, by the source of the speech."""
+    model.eval()
+    met: dict[str, list[bool]] = {}
+    for entry in entries:
+        mel = normalise(entry.mels[0].float())[None]
+        gap = lip_gap(model(mel, torch.tensor([source]))[0])
+        label = entry.name.split("/")[0]
+        met.setdefault(label, []).extend(closures_met(gap - gap.quantile(0.02), entry.phones))
+    model.train()
+    return {f"{label} closed": float(np.mean(found)) for label, found in sorted(met.items())}
+
+
 def pooled_r(pairs) -> float:
     """Pearson r over the frames of all pairs of tracks."""
     pooled = [torch.cat(x) for x in zip(*pairs, strict=True)]
@@ -80,12 +110,13 @@ def pooled_r(pairs) -> float:
 
 
 def validate(model, entries, sources: list[str]) -> dict[str, float]:
-    """Held-out clips of trained sources; every clip of a source left out (best read-out)."""
-    report = {}
-    for name in sorted({e.source for e in entries}):
+    """Held-out clips of trained sources; every clip of a source left out (each read-out)."""
+    heard = [e for e in entries if e.source == spoken.SOURCE and e.held_out]
+    report = {k: round(v, 3) for k, v in closure_scores(model, heard[::HEARD_EVERY], 0).items()}
+    for name in sorted({e.source for e in entries} - {spoken.SOURCE}):
         known = name in sources
         chosen = [e for e in entries if e.source == name and (e.held_out or not known)]
-        for index, source in enumerate(sources):
+        for index, source in enumerate(s for s in sources if s != spoken.SOURCE):
             if known and source != name:
                 continue
             scores = gap_scores(model, chosen[:120], index)
@@ -104,10 +135,16 @@ def train(arguments) -> Path:
     config = debug_config() if debug else CompactConfig()
     voices, limit = (2, 4) if debug else (arguments.voices, None)
     entries = bank.load(arguments.data, arguments.cache, voices, limit=limit)
-    sources = [s for s in SHARES if s != arguments.leave_out]
+    if arguments.targets != "none" and not debug:
+        left = tuple(arguments.leave_speech)
+        teacher = Teacher.load(arguments.data) if arguments.teacher else None
+        speech = (arguments.minutes, left, teacher, arguments.reader)
+        entries += spoken.load(arguments.data, arguments.cache, *speech)
+    sources = [s for s in SHARES if s in {e.source for e in entries} and s not in arguments.leave_out]
+    judged = entries + ([] if debug else spoken.unseen(arguments.data))
     options = AugmentOptions() if arguments.augment else plain_options()
     sampler = WindowSampler(entries, sources, [SHARES[s] for s in sources], arguments.seed, options)
-    model = SpeechToMotion(config, sources)
+    model = SpeechToMotion(config, sources, arguments.targets)
     if arguments.init is not None:
         model.load_state_dict(torch.load(arguments.init)["state"])
     steps = 20 if debug else arguments.steps
@@ -131,13 +168,14 @@ def train(arguments) -> Path:
         schedule.step()
         average.update_parameters(model)
         if step % arguments.log_every == arguments.log_every - 1 or step == steps - 1:
-            scores = validate(average.module, entries, sources)
+            scores = validate(average.module, judged, sources)
             record = {"step": step + 1, "s": round(time.time() - started), **parts, **scores}
             log(out, record)
             state = {"model": model.state_dict(), "optimiser": optimiser.state_dict()}
             state |= {"schedule": schedule.state_dict(), "step": step + 1}
             torch.save(state, out / "last.pt")
     final = {"state": average.module.state_dict(), "config": config.to_json(), "sources": sources}
+    final |= {"targets": arguments.targets}
     torch.save(final, out / "speech.pt")
     return out / "speech.pt"
 
@@ -177,7 +215,12 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--out", type=Path, default=Path("runs/speech"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument("--config", choices=["compact", "debug"], default="compact")
-    parser.add_argument("--leave-out", choices=[*SHARES], help="train without this source")
+    parser.add_argument("--leave-out", nargs="*", default=[], choices=[*SHARES], help="sources of motion")
+    parser.add_argument("--leave-speech", nargs="*", default=[], help="speech to leave out (nathalie_nl, …)")
+    parser.add_argument("--targets", choices=TARGETS, default="phones")
+    parser.add_argument("--teacher", action=argparse.BooleanOptionalAction, default=True)
+    parser.add_argument("--reader", type=Path, help="an earlier speech.pt that reads untimed speech")
+    parser.add_argument("--minutes", type=float, default=5.0, help="of each language by espeak-ng")
     parser.add_argument("--augment", action=argparse.BooleanOptionalAction, default=True)
     parser.add_argument("--voices", type=int, default=7)
     parser.add_argument("--init", type=Path, help="start from this speech.pt")

@@ -30,7 +30,7 @@ UNSEEN_LANGUAGES = ("fi", "hu", "el")
 
 ALPHABETS = {
     "en-us": ("b c d f g h j k l m n p r s t v w y z sh ch th", "a e i o u ea oo ai"),
-    "en-gb": ("b c d f g h k l m n p r s t v w sh ch th", "a e i o u ou ee ow"),
+    "en-gb-scotland": ("b c d f g h k l m n p r s t v w sh ch th", "a e i o u ou ee ow"),
     "de": ("b d f g h k l m n p r s t w z sch pf", "a e i o u ä ö ü ei au"),
     "nl": ("b d f g h k l m n p r s t v w z sch", "a e i o u aa oe ui ij eu"),
     "fr": ("b c d f g j l m n p r s t v ch", "a é i o u ou an on eu oi"),
@@ -52,7 +52,7 @@ ALPHABETS = {
 }
 """Consonant and vowel spellings of each language that espeak-ng speaks here."""
 
-VARIANTS = ("", "+m1", "+m3", "+m5", "+m7", "+f1", "+f2", "+f3", "+f4", "+f5", "+klatt2")
+VARIANTS = ("", "+m1", "+m3", "+m5", "+m7", "+f1", "+f2", "+f3", "+f4")
 
 
 @dataclass
@@ -111,14 +111,14 @@ def read_kathleen(data: Path, limit: int | None = None) -> list[Utterance]:
     return found
 
 
-def read_grid_speech(data: Path, limit: int | None = None) -> list[Utterance]:
+def read_grid_speech(data: Path, chosen: set[str] | None = None) -> list[Utterance]:
     """The words of grid_s1, aligned; like its motion without the first frame of video."""
     folder, aligner, found, words = data / "motion/grid_s1", Aligner(), [], {}
     for line in (folder / "words.tsv").read_text().splitlines():
         name, _, _, word = line.split("\t")
         words.setdefault(name, []).append(word)
     held_out = grid_held_out(list(words))
-    for name in sorted(words)[:limit]:
+    for name in sorted(words if chosen is None else chosen & set(words)):
         samples = read_sound(folder / "audio" / f"{name}.ogg")[int(DROPPED / FPS * 16000) :]
         text = " ".join(w for w in words[name] if w not in ("sil", "sp"))
         phones = aligner.align(samples, text)

@@ -1,4 +1,4 @@
-"""The training bank: log-mels in several voices and motion, computed once and kept on disk."""
+"""The training bank: log-mels, phones and motion of every source, computed once and kept on disk."""
 
 import hashlib
 import json
@@ -8,15 +8,20 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from training.corpus.clip import MEL_PER_FRAME, Clip, fit_frames
+from training.corpus.aligned import Utterance, read_grid_speech
+from training.corpus.clip import FPS, MEL_PER_FRAME, Clip, fit_frames
+from training.corpus.closures import corrected
 from training.corpus.facegood import read_facegood
 from training.corpus.grid import read_grid
 from training.corpus.mirror import symmetrise
+from training.corpus.phones import segment_track
 from training.corpus.revoice import revoice
 from training.speech.log_mel import log_mel
 
 READERS = {"grid_s1": read_grid, "facegood_zh": read_facegood}
-VERSION = 5
+MEL_HZ = FPS * MEL_PER_FRAME
+UNKNOWN = -1
+VERSION = 6
 
 
 @dataclass
@@ -24,7 +29,9 @@ class Entry:
     """One clip, ready for training.
 
     `mels` [voices, 4 T, 64] f16 raw log-mel, voice 0 is the recording itself; `motion`
-    [T, 204] f32 metres (left-right symmetrised); `weight` [T, 204] f32.
+    [T, 204] f32 metres (left-right symmetrised); `closed` the same with lips that meet at p, b
+    and m where the phones are known; `weight` [T, 204] f32; `phones` [4 T] int16, the segment
+    that sounds at each mel frame, −1 where nobody knows.
     """
 
     name: str
@@ -32,7 +39,9 @@ class Entry:
     held_out: bool
     mels: torch.Tensor
     motion: torch.Tensor
+    closed: torch.Tensor
     weight: torch.Tensor
+    phones: torch.Tensor
 
 
 def build(data: Path, voices: int, seed: int, sources: list[str], limit: int | None) -> list[Entry]:
@@ -40,9 +49,17 @@ def build(data: Path, voices: int, seed: int, sources: list[str], limit: int | N
     random = np.random.default_rng(seed)
     entries = []
     for source in sources:
-        clips = READERS[source](data)
-        entries += [_entry(clip, voices, random) for clip in few(clips, limit)]
+        clips = few(READERS[source](data), limit)
+        known = spoken(data, source, {clip.name for clip in clips})
+        entries += [_entry(clip, known.get(clip.name), voices, random) for clip in clips]
     return entries
+
+
+def spoken(data: Path, source: str, names: set[str]) -> dict[str, Utterance]:
+    """The phones of a source's clips by name, where its words are known."""
+    if source != "grid_s1":
+        return {}
+    return {u.name: u for u in read_grid_speech(data, names)}
 
 
 def few(clips: list[Clip], limit: int | None) -> list[Clip]:
@@ -72,13 +89,24 @@ def load(
     return entries
 
 
-def _entry(clip: Clip, voices: int, random: np.random.Generator) -> Entry:
+def _entry(clip: Clip, said: Utterance | None, voices: int, random: np.random.Generator) -> Entry:
     frames = len(clip.motion)
     mels = [log_mel(torch.from_numpy(clip.samples))]
     if not clip.held_out:
         extra = [torch.from_numpy(revoice(clip.samples, random)) for _ in range(voices - 1)]
         mels += extra
     fitted = torch.stack([fit_frames(mel, MEL_PER_FRAME * frames) for mel in mels])
-    motion = torch.from_numpy(symmetrise(clip.motion)).flatten(1)
+    motion = symmetrise(clip.motion)
     weight = torch.from_numpy(clip.weight).repeat_interleave(3, dim=1)
-    return Entry(clip.name, clip.source, clip.held_out, fitted.half(), motion, weight)
+    closed, phones = motion, np.full(MEL_PER_FRAME * frames, UNKNOWN, np.int16)
+    if said is not None:
+        closed = corrected(motion, symmetrise_points(clip.neutral), said.phones)
+        phones = segment_track(said.phones, len(phones), MEL_HZ)
+    flat = [torch.from_numpy(x.astype(np.float32)).flatten(1) for x in (motion, closed)]
+    heard = torch.from_numpy(phones)
+    return Entry(clip.name, clip.source, clip.held_out, fitted.half(), *flat, weight, heard)
+
+
+def symmetrise_points(neutral: np.ndarray) -> np.ndarray:
+    """A neutral [68, 3] without its lopsidedness, for heights only."""
+    return symmetrise(neutral[None])[0]

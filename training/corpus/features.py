@@ -6,7 +6,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from training.corpus.bank import READERS, Entry, few
+from training.corpus.bank import READERS, UNKNOWN, Entry, few
 from training.corpus.mirror import symmetrise
 from training.corpus.windows import WindowSampler, plain_options
 
@@ -37,6 +37,8 @@ def feature_entries(data: Path, sources: list[str], encode: Encode, limit: int |
             features = encode(torch.from_numpy(clip.samples), len(clip.motion))
             motion = torch.from_numpy(symmetrise(clip.motion)).flatten(1)
             weight = torch.from_numpy(clip.weight).repeat_interleave(3, dim=1)
-            fields = (clip.name, source, clip.held_out, features[None].half(), motion, weight)
+            phones = torch.full((len(motion),), UNKNOWN, dtype=torch.int16)
+            heard = features[None].half()
+            fields = (clip.name, source, clip.held_out, heard, motion, motion, weight, phones)
             entries.append(Entry(*fields))
     return entries

@@ -28,21 +28,30 @@ class AugmentOptions:
     masked_share: float = 0.3
     silent_share: float = 0.04
     own_voice_share: float = 0.25
+    music_share: float = 0.12
+    band_limit_share: float = 0.15
+    codec_share: float = 0.15
 
 
 @dataclass
 class Batch:
-    """`mel` [B, 4 T, 64] normalised; `motion`, `weight` [B, T, 204]; `source` [B] index."""
+    """One training batch.
+
+    `mel` [B, 4 T, 64] normalised; `motion` as recorded, `closed` with lips that meet, `weight`
+    [B, T, 204]; `phones` [B, 4 T] segments, −1 unknown; `source` [B] index.
+    """
 
     mel: Tensor
     motion: Tensor
+    closed: Tensor
     weight: Tensor
+    phones: Tensor
     source: Tensor
 
 
 def plain_options() -> AugmentOptions:
     """The recordings as they are."""
-    return AugmentOptions(0.0, 0.0, 0.0, 0.0, (9.0, 9.0), 0.0, 0.0, 0.0, 0.0, 1.0)
+    return AugmentOptions(0.0, 0.0, 0.0, 0.0, (9.0, 9.0), 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 class WindowSampler:
@@ -62,9 +71,7 @@ class WindowSampler:
         self.shares = np.array(shares) / np.sum(shares)
         self.random = np.random.default_rng(seed)
         self.augment = augment
-        self.entries = {
-            s: [e for e in entries if e.source == s and not e.held_out] for s in sources
-        }
+        self.entries = {s: [e for e in entries if e.source == s and not e.held_out] for s in sources}
         for source, found in self.entries.items():
             if not found:
                 raise ValueError(f"{source}: expected training clips, got none")
@@ -77,10 +84,8 @@ class WindowSampler:
     def batch(self, count: int, frames: int) -> Batch:
         """`count` windows of `frames` motion frames."""
         rows = [self._window(frames) for _ in range(count)]
-        mel, motion, weight, source = zip(*rows, strict=True)
-        return Batch(
-            torch.stack(mel), torch.stack(motion), torch.stack(weight), torch.tensor(source)
-        )
+        *tensors, source = zip(*rows, strict=True)
+        return Batch(*(torch.stack(column) for column in tensors), torch.tensor(source))
 
     def _window(self, frames: int):
         index = int(self.random.choice(len(self.sources), p=self.shares))
@@ -90,11 +95,12 @@ class WindowSampler:
         while total < frames:
             parts.append(self._part(self.sources[index], frames - total))
             total += len(parts[-1][1])
-        mel, motion, weight = (torch.cat(part) for part in zip(*parts, strict=True))
-        return mel[: self.per_frame * frames], motion[:frames], weight[:frames], index
+        mel, motion, closed, weight, phones = (torch.cat(part) for part in zip(*parts, strict=True))
+        fine = self.per_frame * frames
+        return mel[:fine], motion[:frames], closed[:frames], weight[:frames], phones[:fine], index
 
     def _part(self, source: str, wanted: int):
-        """One clip, or a stretch of a long one: normalised mel, motion, weight."""
+        """One clip, or a stretch of a long one: normalised mel, motion, closed, weight, phones."""
         group = self.entries[source]
         lengths = np.array([len(e.motion) for e in group], dtype=float)
         entry = group[self.random.choice(len(group), p=lengths / lengths.sum())]
@@ -107,12 +113,14 @@ class WindowSampler:
         start = self.random.uniform(0, max(len(entry.motion) - taken * tempo - 1, 0))
         first, last = int(start), min(int(start + taken * tempo) + 2, len(entry.motion))
         position = start - first + torch.arange(taken) * tempo
-        motion = interpolate(entry.motion[first:last], position)
-        weight = interpolate(entry.weight[first:last], position)
-        mel = entry.mels[voice, self.per_frame * first : self.per_frame * last].float()
+        moving = [
+            interpolate(x[first:last].float(), position) for x in (entry.motion, entry.closed, entry.weight)
+        ]
+        span = slice(self.per_frame * first, self.per_frame * last)
         fine = self.per_frame * (start - first) + torch.arange(self.per_frame * taken) * tempo
-        mel = interpolate(mel, fine)
-        return self._prepare(mel, source, entry.name, voice), motion, weight
+        mel = interpolate(entry.mels[voice, span].float(), fine)
+        phones = entry.phones[span][fine.round().long().clamp_max(span.stop - span.start - 1)]
+        return self._prepare(mel, source, entry.name, voice), *moving, phones
 
     def _prepare(self, mel: Tensor, source: str, name: str, voice: int) -> Tensor:
         """Raw log-mel of a stretch → what the encoder sees."""
@@ -121,6 +129,8 @@ class WindowSampler:
     def _normalised(self, mel: Tensor, colour: Tensor) -> Tensor:
         """Adds a room and noise to raw log-mel, then normalises it as `compact.normalise` would."""
         options = self.augment
+        if self.random.random() < options.codec_share:
+            mel = drop_masked(mel, self.random.uniform(5.0, 9.0))
         if self.random.random() < options.reverb_share:
             mel = reverberate(mel, self.random.uniform(3.0, 12.0), self.random.uniform(0.03, 0.25))
         if self.random.random() < options.noise_share:
@@ -128,7 +138,13 @@ class WindowSampler:
             wobble = torch.from_numpy(self.random.gamma(4.0, 0.25, mel.shape)).float()
             mel = torch.logaddexp(mel, noise + wobble.clamp_min(1e-3).log())
             colour = torch.logaddexp(colour, noise)
+        if self.random.random() < options.music_share:
+            music = self._music(len(mel)) + colour.mean() - self.random.uniform(0.5, 4.0)
+            mel = torch.logaddexp(mel, music)
+            colour = torch.logaddexp(colour, music.mean(dim=0))
         mel = mel - colour
+        if self.random.random() < options.band_limit_share:
+            mel = self._band_limited(mel)
         mel = self._warp_bands(mel)
         mel = mel + self._smooth(options.colour_jitter) if options.colour_jitter else mel
         mel = mel.clamp_min(DEEPEST) / SCALE
@@ -146,6 +162,26 @@ class WindowSampler:
         stretch = 1.0 + self.random.uniform(-options.band_stretch, options.band_stretch)
         return interpolate(mel.T, torch.arange(BANDS) * stretch + shift).T
 
+    def _music(self, frames: int) -> Tensor:
+        """Chords that change every quarter to whole second, [T, 64] log power around 0."""
+        out, start = torch.full((frames, BANDS), -6.0), 0
+        while start < frames:
+            length = int(self.random.integers(25, 100))
+            notes = self.random.integers(4, 48, int(self.random.integers(2, 9)))
+            fade = torch.linspace(0.0, -float(self.random.uniform(0, 3)), length)[: frames - start]
+            out[start : start + length, notes] = fade[:, None] + 1.0
+            start += length
+        return out
+
+    def _band_limited(self, mel: Tensor) -> Tensor:
+        """A telephone or a low-pass: what is outside carries only a little steady noise."""
+        low = int(self.random.integers(0, 12)) if self.random.random() < 0.5 else 0
+        high = int(self.random.integers(38, 58))
+        noise = torch.from_numpy(self.random.standard_normal(mel.shape)).float() * 0.3
+        inside = torch.zeros(BANDS, dtype=torch.bool)
+        inside[low:high] = True
+        return torch.where(inside, mel, noise)
+
     def _smooth(self, size: float) -> Tensor:
         """A smooth random curve over the bands, [64]."""
         knots = torch.from_numpy(self.random.standard_normal((1, 1, 6))).float() * size
@@ -158,7 +194,8 @@ class WindowSampler:
             wobble = self.random.gamma(self.random.uniform(1.0, 6.0), 1.0, mel.shape)
             mel = torch.from_numpy(np.log(np.maximum(wobble, 1e-4))).float()
             mel = (mel - clip_colour(mel)) / SCALE + self._smooth(0.1)
-        return mel, torch.zeros(frames, 204), torch.ones(frames, 204)
+        still, phones = torch.zeros(frames, 204), torch.zeros(len(mel), dtype=torch.int16)
+        return mel, still, still, torch.ones(frames, 204), phones
 
 
 def interpolate(x: Tensor, position: Tensor) -> Tensor:
@@ -168,6 +205,12 @@ def interpolate(x: Tensor, position: Tensor) -> Tensor:
     share = (position - below).to(x.dtype).unsqueeze(1)
     above = (below + 1).clamp_max(len(x) - 1)
     return x[below] * (1 - share) + x[above] * share
+
+
+def drop_masked(mel: Tensor, depth_nepers: float) -> Tensor:
+    """What lossy codecs do: bands far below the loudest of their frame vanish. [T, 64]."""
+    floor = mel.amax(dim=1, keepdim=True) - depth_nepers
+    return torch.where(mel < floor, floor - 2.0, mel)
 
 
 def reverberate(mel: Tensor, decay_frames: float, gain: float) -> Tensor:

@@ -85,8 +85,8 @@ class AtsConfig:
     diffusion: Diffusion = field(default_factory=Diffusion)
     sampling: Sampling = field(default_factory=Sampling)
     emotions: list[str] = field(default_factory=lambda: list(EMOTIONS))
-    styles: list[str] = field(default_factory=lambda: ["grid_s1", "facegood_zh", ANY_STYLE])
-    default_style: str = "grid_s1"
+    styles: list[str] = field(default_factory=lambda: ["grid_s1", "facegood_zh", "taught", ANY_STYLE])
+    default_style: str = ANY_STYLE
 
     def to_json(self) -> dict:
         """As written to config.json."""

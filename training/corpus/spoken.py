@@ -1,0 +1,110 @@
+"""Speech without a face: recordings with known phones, and seventeen languages by espeak-ng.
+
+It teaches the encoder what every voice does with its lips. Where a teacher is given, its motion
+stands in for the missing face (source `taught`); else the motion carries no weight.
+"""
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from training.corpus.aligned import (
+    ALPHABETS,
+    UNSEEN_LANGUAGES,
+    Utterance,
+    read_kathleen,
+    read_librivox,
+    read_nathalie,
+    read_texts,
+    speak,
+)
+from training.corpus.bank import MEL_HZ, Entry
+from training.corpus.clip import FPS, MEL_PER_FRAME, fit_frames
+from training.corpus.decoded import PhoneReader, read_kerstin, read_picovoice
+from training.corpus.espeak import Espeak
+from training.corpus.phones import segment_track
+from training.speech.log_mel import log_mel
+
+SOURCE = "taught"
+TEXTS = {"en-us": "kathleen_en", "en-gb-scotland": "kathleen_en", "de": "kerstin_de", "nl": "nathalie_nl"}
+RECORDED = {"nathalie_nl": read_nathalie, "kathleen_en": read_kathleen}
+VERSION = 1
+
+
+def load(
+    data: Path,
+    cache: Path,
+    minutes: float = 5.0,
+    leave_out: tuple[str, ...] = (),
+    teacher=None,
+    reader: Path | None = None,
+) -> list[Entry]:
+    """Entries of all speech with phones; from the cache where they were made before.
+
+    `minutes` of each language by espeak-ng; `leave_out` names sources (`nathalie_nl`) that stay
+    untouched; `teacher` has `motion(phones, frames, fps, random)` [T, 68, 3] metres; `reader` is
+    a run that reads the phones of speech without times (see `decoded`).
+    """
+    read = None if reader is None else hashlib.sha256(reader.read_bytes()).hexdigest()
+    key = json.dumps([VERSION, minutes, sorted(leave_out), teacher is not None, read])
+    path = cache / f"spoken-{hashlib.sha256(key.encode()).hexdigest()[:12]}.pt"
+    if path.exists():
+        return [Entry(**fields) for fields in torch.load(path)]
+    random = np.random.default_rng(0)
+    found = utterances(data, minutes, leave_out, reader)
+    entries = [entry(u, teacher, random) for u in found]
+    cache.mkdir(parents=True, exist_ok=True)
+    partial = path.with_suffix(".partial")
+    torch.save([vars(e) for e in entries], partial)
+    partial.rename(path)
+    return entries
+
+
+def utterances(data: Path, minutes: float, leave_out: tuple[str, ...], reader: Path | None):
+    """Recorded and made speech of the training languages, held-out parts included."""
+    for source, read in RECORDED.items():
+        if source not in leave_out:
+            yield from read(data)
+    espeak = Espeak()
+    if reader is not None:
+        phone_reader = PhoneReader(reader)
+        yield from read_kerstin(data, phone_reader, espeak)
+        yield from read_picovoice(data, phone_reader)
+    for language in ALPHABETS:
+        if language in UNSEEN_LANGUAGES or language in leave_out:
+            continue
+        texts = []
+        if language in TEXTS:
+            texts = list(read_texts(data / "speech" / TEXTS[language]).values())
+        yield from speak(espeak, language, minutes, seed=0, texts=texts)
+
+
+def unseen(data: Path) -> list[Entry]:
+    """Voices and languages that training never hears: LibriVox English, Finnish, Hungarian, Greek."""
+    espeak, random = Espeak(), np.random.default_rng(0)
+    made = [u for language in UNSEEN_LANGUAGES for u in speak(espeak, language, 1.0, seed=1)]
+    return [entry(u, None, random) for u in [*read_librivox(data), *made]]
+
+
+def entry(utterance: Utterance, teacher, random: np.random.Generator) -> Entry:
+    """One utterance ready for training; its own source name is kept in front of its name."""
+    mel = log_mel(torch.from_numpy(utterance.samples))
+    frames = max(len(utterance.samples) * int(FPS) // 16000, 1)
+    phones = segment_track(utterance.phones, MEL_PER_FRAME * frames, MEL_HZ)
+    motion, weight = torch.zeros(1, 204).expand(frames, 204), torch.zeros(1, 204)
+    if teacher is not None:
+        made = teacher.motion(utterance.phones, frames, FPS, random)
+        motion, weight = torch.from_numpy(made).flatten(1).half(), torch.ones(1, 204)
+    return Entry(
+        f"{utterance.source}/{utterance.name}",
+        SOURCE,
+        utterance.held_out,
+        fit_frames(mel, MEL_PER_FRAME * frames).half()[None],
+        motion,
+        motion,
+        weight.expand(frames, 204),
+        torch.from_numpy(phones),
+    )
