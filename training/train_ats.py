@@ -38,9 +38,9 @@ UNLABELLED_SHARE = 0.35
 
 @dataclass
 class Step:
-    """One training batch, ready for the denoiser; shapes as in `AtsDenoiser.forward`."""
+    """One training batch: what the encoder hears; the rest as in `AtsDenoiser.forward`."""
 
-    speech: torch.Tensor
+    mel: torch.Tensor
     motion: torch.Tensor
     weight: torch.Tensor
     affect: torch.Tensor
@@ -71,6 +71,15 @@ class AtsTrainer:
         self._measure_scale()
         self.model.to(self.device)
         self.speech.to(self.device)
+        self.parts = nn.ModuleDict({"denoiser": self.model, "encoder": speech.encoder})
+
+    def parameters(self, rate: float, encoder_rate: float) -> list[dict]:
+        """Parameter groups; the encoder stays as it was trained at rate 0."""
+        groups = [{"params": list(self.model.parameters()), "lr": rate}]
+        if encoder_rate > 0.0:
+            self.speech.encoder.requires_grad_(True)
+            groups.append({"params": list(self.speech.encoder.parameters()), "lr": encoder_rate})
+        return groups
 
     @torch.no_grad()
     def draw(self, count: int, frames: int) -> Step:
@@ -82,12 +91,10 @@ class AtsTrainer:
         motion = self.emotions.apply(recorded, affect)
         felt = (affect[..., 15:] > 0).float()
         weight = torch.maximum(batch.weight, (UNSEEN_WEIGHT + felt).clamp_max(1.0))
-        with torch.autocast(self.device, torch.bfloat16):
-            speech = self.speech.windows(batch.mel.to(self.device)).float()
         label = torch.tensor([self.config.styles.index(s) for s in self.sources])[batch.source]
         label = torch.where(withheld, self.config.styles.index(ANY_STYLE), label)
         scaled = weight * self.landmark_weight / source_scale(self.sources, batch.source).square()
-        tensors = [speech, motion, scaled, affect, label]
+        tensors = [batch.mel, motion, scaled, affect, label]
         return Step(*[t.to(self.device) for t in tensors])
 
     def loss(self, step: Step) -> tuple[torch.Tensor, dict[str, float]]:
@@ -105,7 +112,8 @@ class AtsTrainer:
         offset = int(torch.randint(0, room + 1, (1,), generator=self.random))
         t = t.to(self.device)
         with torch.autocast(self.device, torch.bfloat16):
-            found = self.model(noisy, t, step.speech, step.affect, step.source, offset).float()
+            speech = self.speech.windows(step.mel)
+            found = self.model(noisy, t, speech, step.affect, step.source, offset).float()
         error = (found - clean) * self.model.std
         motion = motion_loss(error, step.weight) * step.weight.mean() / self.landmark_weight.mean()
         metres = self.model.to_metres(found)
@@ -123,28 +131,28 @@ class AtsTrainer:
 
 
 @torch.no_grad()
-def validate(trainer: AtsTrainer, model, sampling: Sampling, limit: int = 40) -> dict:
+def validate(trainer: AtsTrainer, model, speech, sampling: Sampling, limit: int = 40) -> dict:
     """Sampled lip-gap r (pooled, mean over clips) and ratio of deviations on unseen clips."""
-    report, entries = {}, trainer.speech.entries
+    report, entries = {}, speech.entries
     model.eval()
     for source in sorted({e.source for e in entries} - {spoken.SOURCE}):
         known = source in trainer.sources
         chosen = [e for e in entries if e.source == source and (e.held_out or not known)][:limit]
         for name in (source, ANY_STYLE) if known else (ANY_STYLE,):
             style = trainer.config.styles.index(name)
-            pairs = [clip_gaps(trainer.speech, model, e, style, sampling) for e in chosen]
+            pairs = [clip_gaps(speech, model, e, style, sampling) for e in chosen]
             report |= {f"{source} {name} {k}": v for k, v in gap_report(pairs).items()}
-    report |= closure_report(trainer, model, sampling)
+    report |= closure_report(trainer, model, speech, sampling)
     model.train()
     return report
 
 
-def closure_report(trainer: AtsTrainer, model, sampling: Sampling) -> dict[str, float]:
+def closure_report(trainer: AtsTrainer, model, speech, sampling: Sampling) -> dict[str, float]:
     """Share of p, b, m at which the default style's lips meet, by source of the speech."""
     met: dict[str, list[bool]] = {}
     style = trainer.config.styles.index(ANY_STYLE)
     for entry in trainer.heard:
-        gap, _ = clip_gaps(trainer.speech, model, entry, style, sampling)
+        gap, _ = clip_gaps(speech, model, entry, style, sampling)
         label = entry.name.split("/")[0]
         met.setdefault(label, []).extend(closures_met(gap + NEUTRAL_GAP_M, entry.phones))
     return {f"{label} closed": sum(found) / len(found) for label, found in sorted(met.items())}
@@ -184,11 +192,14 @@ def train(arguments) -> Path:
     if arguments.init is not None:
         model.load_state_dict(torch.load(arguments.init)["state"])
     steps = 20 if debug else arguments.steps
-    optimiser = torch.optim.AdamW(model.parameters(), lr=arguments.rate, weight_decay=0.02)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, arguments.rate, steps + 1, pct_start=0.1)
-    first = resume(out / "last.pt", model, optimiser, schedule)
+    groups = trainer.parameters(arguments.rate, arguments.encoder_rate)
+    optimiser = torch.optim.AdamW(groups, weight_decay=0.02)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, [group["lr"] for group in groups], steps + 1, pct_start=0.1
+    )
+    first = resume(out / "last.pt", trainer.parts, optimiser, schedule)
     average = torch.optim.swa_utils.AveragedModel(
-        model, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.995)
+        trainer.parts, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.995)
     )
     lengths = [n for n in (64, 96, 128, 192, 256) if n <= config.window_frames] or [24]
     started = time.time()
@@ -198,18 +209,19 @@ def train(arguments) -> Path:
         loss, parts = trainer.loss(trainer.draw(count, frames))
         optimiser.zero_grad()
         loss.backward()
-        nn.utils.clip_grad_norm_(model.parameters(), 1.0)
+        nn.utils.clip_grad_norm_(trainer.parts.parameters(), 1.0)
         optimiser.step()
         schedule.step()
-        average.update_parameters(model)
+        average.update_parameters(trainer.parts)
         if step % arguments.log_every == arguments.log_every - 1 or step == steps - 1:
-            scores = validate(trainer, average.module, config.sampling)
+            denoiser, heard = average.module["denoiser"], trainer.speech.using(average.module["encoder"])
+            scores = validate(trainer, denoiser, heard, config.sampling)
             record = {"step": step + 1, "s": round(time.time() - started), **parts, **scores}
             log(out, record)
-            state = {"model": model.state_dict(), "optimiser": optimiser.state_dict()}
+            state = {"model": trainer.parts.state_dict(), "optimiser": optimiser.state_dict()}
             state |= {"schedule": schedule.state_dict(), "step": step + 1}
             torch.save(state, out / "last.pt")
-            save(out / "ats.pt", average.module, trainer.speech)
+            save(out / "ats.pt", denoiser, heard)
     return out / "ats.pt"
 
 
@@ -256,6 +268,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--steps", type=int, default=1500)
     parser.add_argument("--tokens", type=int, default=2048, help="frames in a batch")
     parser.add_argument("--rate", type=float, default=8e-4)
+    parser.add_argument("--encoder-rate", type=float, default=0.0, help="tunes the encoder as well")
     parser.add_argument("--dropout", type=float, default=0.05)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1)

@@ -21,8 +21,8 @@ from training.speech.targets import PhoneHead
 HZ = 100.0
 SWITCH_COST = 3.0
 SKIP_COST = 6.0
-LEAST_CONFIDENCE = -1.1
-"""Mean log-posterior of the path; what lies below is not used."""
+LEAST_DECODED, LEAST_ALIGNED = -1.1, -2.2
+"""Mean log-posterior of a path; what lies below is not used."""
 
 
 class PhoneReader:
@@ -106,7 +106,7 @@ def read_kerstin(data: Path, reader: PhoneReader, espeak: Espeak) -> list[Uttera
         _, spoken = espeak.speak(texts[utterance.name], "de")
         sequence = [part for phone in spoken for _, _, part in split(phone)]
         phones, confidence = align(reader.log_posteriors(utterance.samples), sequence)
-        if confidence > LEAST_CONFIDENCE:
+        if confidence > LEAST_ALIGNED:
             utterance.phones = phones
             found.append(utterance)
     return found
@@ -117,6 +117,6 @@ def read_picovoice(data: Path, reader: PhoneReader) -> list[Utterance]:
     found = []
     for utterance in read_unlabelled(data, "picovoice_en"):
         utterance.phones, confidence = decode(reader.log_posteriors(utterance.samples))
-        if confidence > LEAST_CONFIDENCE:
+        if confidence > LEAST_DECODED:
             found.append(utterance)
     return found

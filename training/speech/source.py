@@ -1,8 +1,9 @@
 """Where the denoiser's training gets its speech features from: one class per encoder."""
 
+import copy
 from pathlib import Path
 
-from torch import Tensor
+from torch import Tensor, nn
 
 from training.corpus import bank
 from training.corpus.features import FeatureSampler, feature_entries
@@ -12,11 +13,17 @@ from training.speech.hubert import HubertFeatures
 
 
 class CompactSpeech:
-    """Log-mels in several voices through the frozen compact encoder."""
+    """Log-mels in several voices through the compact encoder, frozen unless training tunes it."""
 
     def __init__(self, encoder: CompactEncoder, data: Path, cache: Path, voices: int, limit):
         self.encoder = encoder.eval().requires_grad_(False)
         self.entries = bank.load(data, cache, voices, limit=limit)
+
+    def using(self, encoder: CompactEncoder) -> "CompactSpeech":
+        """The same clips through another encoder."""
+        other = copy.copy(self)
+        other.encoder = encoder.eval()
+        return other
 
     def sampler(self, sources: list[str], shares: list[float], seed: int) -> WindowSampler:
         """Windows with augmentation."""
@@ -45,7 +52,12 @@ class HubertSpeech:
     """Features of a user's HuBERT checkpoint, computed once."""
 
     def __init__(self, folder: Path | None, data: Path, sources: list[str], limit):
+        self.encoder = nn.Identity()
         self.entries = feature_entries(data, sources, HubertFeatures(folder), limit)
+
+    def using(self, encoder: nn.Module) -> "HubertSpeech":
+        """Itself: the checkpoint is not trained."""
+        return self
 
     def sampler(self, sources: list[str], shares: list[float], seed: int) -> FeatureSampler:
         """Windows without augmentation of the sound."""
