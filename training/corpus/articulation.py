@@ -31,6 +31,8 @@ GROUPS = ("jaw", "close", "round", "spread", "height")
 GROUP_OF = np.array([0, 1, 2, 2, 4, 4, 3, 3, 1, 1, 1, 1, 4])
 """Group of each channel: its channels share dominance functions."""
 
+NARROWING = 0.12
+"""Pucker of every segment: a mouth that speaks is narrower than one at rest (grid_s1, 1 mm)."""
 SIBILANTS = "szʃʒʂʐɕʑ"
 BILABIALS = "pbmʙ"
 
@@ -47,7 +49,7 @@ def targets() -> np.ndarray:
         "jawOpen": speech * (0.05 + 0.26 * f["open"] + 0.02 * f["coronal"] * (1 - f["fricative"])) * free,
         "mouthClose": 0.04 * f["closed"],
         "mouthFunnel": 0.26 * f["round"],
-        "mouthPucker": 0.26 * f["round"] * f["high"] + 0.08 * f["round"],
+        "mouthPucker": NARROWING * speech * free + 0.2 * f["round"] * f["high"] + 0.08 * f["round"],
         "mouthLowerDown": speech * free * (0.04 + 0.08 * f["open"] + 0.06 * sibilant),
         "mouthUpperUp": speech * (0.03 + 0.05 * f["open"] + 0.04 * sibilant + 0.07 * f["labiodental"]),
         "mouthStretch": 0.12 * spread * f["high"] + 0.06 * sibilant,

@@ -60,7 +60,7 @@ def test_guess_opens_for_a_and_rounds_for_u():
     table = dict(zip(SEGMENTS, articulation.targets(), strict=True))
     jaw, pucker = CHANNELS.index("jawOpen"), CHANNELS.index("mouthPucker")
     assert table["a"][jaw] > table["e"][jaw] > table["i"][jaw]
-    assert table["u"][pucker] > 0.3 and table["i"][pucker] == 0
+    assert table["u"][pucker] > 0.3 > 0.15 > table["i"][pucker]
 
 
 @needs_shared
@@ -99,7 +99,7 @@ def test_open_vowels_open_more_and_u_is_narrower_than_i(teacher):
         return gap(motion[None])[0], (motion[54, 0] - motion[48, 0]) * 1e3
 
     assert held("ɑ")[0] > held("ɪ")[0] and held("ɛ")[0] > held("i")[0]
-    assert held("i")[1] - held("u")[1] > 1.5
+    assert held("i")[1] - held("u")[1] > 1.0
 
 
 @needs_shared
