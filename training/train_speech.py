@@ -112,7 +112,8 @@ def pooled_r(pairs) -> float:
 def validate(model, entries, sources: list[str]) -> dict[str, float]:
     """Held-out clips of trained sources; every clip of a source left out (each read-out)."""
     heard = [e for e in entries if e.source == spoken.SOURCE and e.held_out]
-    report = {k: round(v, 3) for k, v in closure_scores(model, heard[::HEARD_EVERY], 0).items()}
+    judge = sources.index(spoken.SOURCE if spoken.SOURCE in sources else sources[0])
+    report = {k: round(v, 3) for k, v in closure_scores(model, heard[::HEARD_EVERY], judge).items()}
     for name in sorted({e.source for e in entries} - {spoken.SOURCE}):
         known = name in sources
         chosen = [e for e in entries if e.source == name and (e.held_out or not known)]

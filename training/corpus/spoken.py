@@ -26,6 +26,7 @@ from training.corpus.clip import FPS, MEL_PER_FRAME, fit_frames
 from training.corpus.decoded import PhoneReader, read_kerstin, read_picovoice
 from training.corpus.espeak import Espeak
 from training.corpus.phones import segment_track
+from training.corpus.teacher import PARAMETERS
 from training.speech.log_mel import log_mel
 
 SOURCE = "taught"
@@ -49,7 +50,8 @@ def load(
     a run that reads the phones of speech without times (see `decoded`).
     """
     read = None if reader is None else hashlib.sha256(reader.read_bytes()).hexdigest()
-    key = json.dumps([VERSION, minutes, sorted(leave_out), teacher is not None, read])
+    taught = None if teacher is None else hashlib.sha256(PARAMETERS.read_bytes()).hexdigest()
+    key = json.dumps([VERSION, minutes, sorted(leave_out), taught, read])
     path = cache / f"spoken-{hashlib.sha256(key.encode()).hexdigest()[:12]}.pt"
     if path.exists():
         return [Entry(**fields) for fields in torch.load(path)]
