@@ -3,10 +3,8 @@
 use super::Clip;
 use crate::{Error, Result, motion::LANDMARKS};
 
-/// Middle of the inner upper lip, iBUG-68.
-const UPPER: usize = 62;
-/// Middle of the inner lower lip, iBUG-68.
-const LOWER: usize = 66;
+/// Middle of the inner upper lip and of the inner lower lip, iBUG-68.
+const MIDDLES: [usize; 2] = [62, 66];
 
 /// Distance of landmarks 62 and 66 at every frame, in the clip's unit.
 ///
@@ -15,6 +13,11 @@ const LOWER: usize = 66;
 /// # Errors
 /// `ShapeMismatch` for other shapes.
 pub fn lip_gap(landmarks: Clip<'_>) -> Result<Vec<f64>> {
+    distances(landmarks, MIDDLES)
+}
+
+/// Distance of two landmarks at every frame of `[T, 68, 3]`.
+pub(super) fn distances(landmarks: Clip<'_>, [a, b]: [usize; 2]) -> Result<Vec<f64>> {
     let (frames, count, axes) = landmarks.dim();
     if (count, axes) != (LANDMARKS, 3) {
         return Err(Error::ShapeMismatch {
@@ -25,7 +28,7 @@ pub fn lip_gap(landmarks: Clip<'_>) -> Result<Vec<f64>> {
     }
     let squared = |t: usize| -> f64 {
         (0..3)
-            .map(|i| (landmarks[[t, UPPER, i]] - landmarks[[t, LOWER, i]]).powi(2))
+            .map(|i| (landmarks[[t, a, i]] - landmarks[[t, b, i]]).powi(2))
             .sum()
     };
     Ok((0..frames).map(|t| squared(t).sqrt()).collect())

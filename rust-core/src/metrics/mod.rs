@@ -4,6 +4,7 @@
 //! displacements and positions give the same numbers, because the neutral face cancels. They work
 //! in double precision and match public implementations on reference arrays.
 
+mod closure;
 mod correlation;
 mod delta_cd;
 mod delta_m;
@@ -11,10 +12,18 @@ mod dfd;
 mod dtw;
 mod eve;
 mod fdd;
+mod lag;
 mod lip_gap;
 mod lve;
+mod moments;
+mod mouth_width;
 mod mve;
+mod quantile;
+mod seed_deviation;
+mod spectrum;
+mod speed;
 
+pub use closure::{Closure, closures};
 pub use correlation::{best_lag, pearson};
 pub use delta_cd::delta_cd;
 pub use delta_m::delta_m;
@@ -22,9 +31,16 @@ pub use dfd::discrete_frechet_distance;
 pub use dtw::dynamic_time_warping;
 pub use eve::eye_vertex_error;
 pub use fdd::{Fdd, face_dynamics_deviation};
+pub use lag::LagCurve;
 pub use lip_gap::lip_gap;
 pub use lve::lip_vertex_error;
+pub use moments::Moments;
+pub use mouth_width::mouth_width;
 pub use mve::mean_vertex_error;
+pub use quantile::quantile;
+pub use seed_deviation::seed_deviation;
+pub use spectrum::Spectrum;
+pub use speed::{rms_accelerations, rms_speeds, root_mean_square};
 
 use ndarray::ArrayView3;
 

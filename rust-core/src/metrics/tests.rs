@@ -145,3 +145,11 @@ fn the_gap_is_the_distance_of_the_inner_lips() {
     clip[[1, 62, 2]] = 0.04;
     assert_eq!(lip_gap(clip.view()).unwrap(), [0.0, 0.05]);
 }
+
+#[test]
+fn the_width_is_the_distance_of_the_corners() {
+    let mut clip = Array3::zeros((2, 68, 3));
+    clip[[1, 48, 0]] = -0.03;
+    clip[[1, 54, 2]] = 0.04;
+    assert_eq!(mouth_width(clip.view()).unwrap(), [0.0, 0.05]);
+}

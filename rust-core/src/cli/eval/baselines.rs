@@ -105,11 +105,14 @@ mod tests {
         Clip {
             name: "test".into(),
             waveform,
+            start_s: 0.0,
             motion,
             neutral: Array2::zeros((LANDMARKS, 3)),
             fps: 25.0,
             observed: (0..LANDMARKS).collect(),
             jaw: None,
+            pucker: None,
+            phones: None,
         }
     }
 

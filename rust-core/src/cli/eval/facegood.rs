@@ -27,7 +27,8 @@ fn unseen(n: usize) -> bool {
 pub(super) fn read(data: &Path, ict: &IctLandmarks, limit: Option<usize>) -> Result<Corpus> {
     let folder = data.join("motion/facegood_zh");
     let mut corpus = Corpus {
-        source: "facegood_zh",
+        source: "facegood_zh".into(),
+        recorded: true,
         held_out: Vec::new(),
         training: Vec::new(),
     };
@@ -36,24 +37,37 @@ pub(super) fn read(data: &Path, ict: &IctLandmarks, limit: Option<usize>) -> Res
         .take(limit.unwrap_or(usize::MAX))
     {
         let (names, weights) = read_weights(&table)?;
-        let (motion, jaw) = displace(&names, &weights, ict)?;
+        let motion = displace(&names, &weights, ict)?;
+        let [jaw, pucker] = [
+            column(&names, &weights, "jawOpen")?,
+            column(&names, &weights, "mouthPucker")?,
+        ];
         let sound = table.to_string_lossy().replace(".arkit.csv", ".ogg");
         let waveform = Waveform::from_file(Path::new(&sound))?;
         let boundary_s = first_held_out_s(motion.dim().0);
         let boundary = (boundary_s * FPS).ceil() as usize;
         let part = |from: usize, to: usize| Clip {
-            name: format!("{}/{from}", table.display()),
+            name: take_name(&table),
             waveform: cut(&waveform, from as f64 / FPS, (to - from) as f64 / FPS),
+            start_s: from as f64 / FPS,
             motion: motion.slice_axis(Axis(0), Slice::from(from..to)).to_owned(),
             neutral: ict.neutral.clone(),
             fps: FPS,
             observed: (0..LANDMARKS).filter(|n| !unseen(*n)).collect(),
             jaw: Some(jaw[from..to].to_vec()),
+            pucker: Some(pucker[from..to].to_vec()),
+            phones: None,
         };
         corpus.held_out.push(part(boundary, motion.dim().0));
         corpus.training.push(part(0, boundary));
     }
     Ok(corpus)
+}
+
+/// `1114_2_01` of `…/1114_2_01.arkit.csv`.
+fn take_name(table: &Path) -> String {
+    let name = table.file_name().unwrap_or_default().to_string_lossy();
+    name.trim_end_matches(".arkit.csv").into()
 }
 
 /// Start of the held-out end of a take of `frames` frames at 30 fps, as training cuts it.
@@ -105,12 +119,8 @@ fn read_weights(path: &Path) -> Result<(Vec<String>, Array2<f64>)> {
     ))
 }
 
-/// Landmark motion `[T, 68, 3]` and the jawOpen weight `[T]`.
-fn displace(
-    names: &[String],
-    weights: &Array2<f64>,
-    ict: &IctLandmarks,
-) -> Result<(Array3<f64>, Vec<f64>)> {
+/// Landmark motion `[T, 68, 3]`.
+fn displace(names: &[String], weights: &Array2<f64>, ict: &IctLandmarks) -> Result<Array3<f64>> {
     let mut motion = Array3::zeros((weights.nrows(), LANDMARKS, 3));
     for (name, column) in names.iter().zip(weights.columns()) {
         let mode = ict.mode(name)?;
@@ -118,11 +128,14 @@ fn displace(
             frame.scaled_add(*weight, &mode);
         }
     }
-    let jaw = names
-        .iter()
-        .position(|name| name == "jawOpen")
-        .ok_or_else(|| Error::InvalidInput("expected a column jawOpen".into()))?;
-    Ok((motion, weights.column(jaw).to_vec()))
+    Ok(motion)
+}
+
+/// One captured weight over time, `[T]`.
+fn column(names: &[String], weights: &Array2<f64>, wanted: &str) -> Result<Vec<f64>> {
+    let found = names.iter().position(|name| name == wanted);
+    let found = found.ok_or_else(|| Error::InvalidInput(format!("expected a column {wanted}")))?;
+    Ok(weights.column(found).to_vec())
 }
 
 #[cfg(test)]

@@ -5,3 +5,5 @@ mod sampling;
 pub mod stm;
 
 pub use sampling::AtsRequest;
+#[cfg(feature = "cli")]
+pub(crate) use sampling::windows;

@@ -142,7 +142,7 @@ fn slice(rows: &Range<usize>) -> Slice {
 }
 
 /// Windows of a clip: one every `window − overlap` frames, the last one flush with the end.
-fn windows(frames: usize, window: usize, overlap: usize) -> Vec<Range<usize>> {
+pub(crate) fn windows(frames: usize, window: usize, overlap: usize) -> Vec<Range<usize>> {
     match frames {
         0 => Vec::new(),
         _ if frames <= window => vec![Range {

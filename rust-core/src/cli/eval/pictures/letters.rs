@@ -1,0 +1,30 @@
+//! Words on pixel pictures.
+
+use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
+
+use super::raster::Picture;
+
+const HEIGHT: RasterHeight = RasterHeight::Size16;
+/// Height of a line, pixels.
+pub(super) const LINE: usize = 16;
+
+/// Width of a text, pixels.
+pub(super) fn width(text: &str) -> usize {
+    text.chars().count() * get_raster_width(FontWeight::Regular, HEIGHT)
+}
+
+/// Writes dark letters with their upper left corner at (`left`, `top`); what lies outside the
+/// picture or the basic Latin letters is left out.
+pub(super) fn write(picture: &mut Picture, text: &str, left: usize, top: usize) {
+    let step = get_raster_width(FontWeight::Regular, HEIGHT);
+    for (k, letter) in text.chars().enumerate() {
+        let Some(letter) = get_raster(letter, FontWeight::Regular, HEIGHT) else {
+            continue;
+        };
+        for (y, row) in letter.rows().enumerate() {
+            for (x, ink) in row.iter().enumerate() {
+                picture.darken(left + k * step + x, top + y, f32::from(*ink) / 255.0);
+            }
+        }
+    }
+}

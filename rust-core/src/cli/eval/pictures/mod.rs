@@ -1,0 +1,70 @@
+//! Pictures of a report: plots as SVG, contact sheets as PNG.
+
+pub(super) mod emotion_plots;
+mod letters;
+pub(super) mod lip_plots;
+mod palette;
+mod raster;
+pub(super) mod sheets;
+
+use std::{
+    fmt::Debug,
+    io::Write,
+    path::{Path, PathBuf},
+};
+
+use plotters::{coord::Shift, prelude::*};
+
+use crate::{Error, Result, output::write_atomically};
+
+/// Recorded motion.
+const RECORDED: RGBColor = RGBColor(40, 40, 40);
+/// The model's motion.
+const MODEL: RGBColor = RGBColor(214, 69, 33);
+/// A further curve.
+const OTHER: RGBColor = RGBColor(60, 120, 190);
+const SOUND: RGBColor = RGBColor(214, 220, 228);
+const GRID: RGBColor = RGBColor(235, 235, 235);
+const FONT: &str = "sans-serif";
+
+type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+/// Where the pictures go.
+pub(super) struct Album {
+    folder: PathBuf,
+}
+
+impl Album {
+    /// Makes the folder where it is missing.
+    pub(super) fn new(folder: PathBuf) -> Result<Self> {
+        std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
+        Ok(Album { folder })
+    }
+
+    /// Draws a plot of `size` pixels on white into `name`.svg and returns that name.
+    fn plot(
+        &self,
+        name: &str,
+        size: (u32, u32),
+        draw: impl FnOnce(&Canvas<'_>) -> Result<()>,
+    ) -> Result<String> {
+        let mut text = String::new();
+        {
+            let canvas = SVGBackend::with_string(&mut text, size).into_drawing_area();
+            canvas.fill(&WHITE).map_err(drawing)?;
+            draw(&canvas)?;
+            canvas.present().map_err(drawing)?;
+        }
+        self.write(&format!("{name}.svg"), text.as_bytes())
+    }
+
+    fn write(&self, name: &str, bytes: &[u8]) -> Result<String> {
+        let path: &Path = &self.folder.join(name);
+        write_atomically(path, |file| file.write_all(bytes))?;
+        Ok(name.into())
+    }
+}
+
+fn drawing(error: impl Debug) -> Error {
+    Error::Numerics(format!("drawing: {error:?}"))
+}

@@ -1,0 +1,408 @@
+//! The report as Markdown; every number in it comes from [`Results`].
+
+use super::{
+    Results, SourceScores,
+    bootstrap::{Estimate, RESAMPLES, number},
+    closures::SHUT,
+    emotions::{INTENSITIES, OWN_LANDMARKS},
+    figures::Figures,
+    measures::MEASURES,
+    predictors::{MODEL, RECORDED},
+    seeds::SEEDS,
+};
+
+/// The measures of the first table.
+const GLANCE: [&str; 6] = [
+    "lip_gap_r",
+    "width_r",
+    "gap_amplitude",
+    "lag_ms",
+    "lve_root_mm",
+    "delta_cd",
+];
+
+/// The whole report; pictures are linked under `images`.
+pub(super) fn markdown(results: &Results, figures: &Figures, images: &str) -> String {
+    let mut page = Page::default();
+    header(&mut page, results);
+    for source in &results.sources {
+        recorded_source(&mut page, source);
+        for (title, file) in figures.of_source(&source.source) {
+            page.picture(&format!("{title}, {}", source.source), images, file);
+        }
+    }
+    definitions(&mut page);
+    closures(&mut page, results);
+    silence(&mut page, results);
+    emotions(&mut page, results, figures, images);
+    seeds(&mut page, results);
+    seams(&mut page, results);
+    steps(&mut page, results);
+    timing(&mut page, results);
+    sheets(&mut page, figures, images);
+    page.text.trim_end().to_owned() + "\n"
+}
+
+#[derive(Default)]
+struct Page {
+    text: String,
+}
+
+impl Page {
+    fn line(&mut self, text: impl AsRef<str>) {
+        self.text += text.as_ref();
+        self.text += "\n";
+    }
+
+    /// A paragraph or a heading, and a blank line after it.
+    fn block(&mut self, text: impl AsRef<str>) {
+        self.line(text);
+        self.line("");
+    }
+
+    fn picture(&mut self, title: &str, images: &str, file: &str) {
+        self.block(format!("![{title}]({images}/{file})"));
+    }
+
+    fn table(&mut self, titles: &[&str], rows: impl IntoIterator<Item = Vec<String>>) {
+        self.line(format!("| {} |", titles.join(" | ")));
+        self.line(format!("|{}", " --- |".repeat(titles.len())));
+        for row in rows {
+            self.line(format!("| {} |", row.join(" | ")));
+        }
+        self.line("");
+    }
+}
+
+fn cell(estimate: Option<&Estimate>, digits: usize) -> String {
+    estimate.map_or("–".into(), |e| e.text(digits))
+}
+
+fn header(page: &mut Page, results: &Results) {
+    page.block("# Measured quality");
+    page.block("This page is generated; do not edit it. The command, from the repository's root:");
+    page.block(format!("```\n{}\n```", results.command));
+    page.block(format!(
+        "Numbers in brackets are 95 % confidence intervals: percentile bootstrap over clips, \
+         {RESAMPLES} resamples, fixed seed. They hold the sampling of clips, not the choice of \
+         speakers: each recorded source is one person. Lengths are millimetres on a head of human \
+         size. Nothing is added to the model's motion."
+    ));
+    let weights = results.weights.iter();
+    let rows = weights.map(|w| vec![w.name.clone(), format!("`{}`", w.blake3)]);
+    page.table(&["weights", "BLAKE3 of model.safetensors"], rows);
+    page.block("## At a glance");
+    let glance = GLANCE
+        .iter()
+        .filter_map(|k| MEASURES.iter().find(|m| m.key == *k));
+    let glance: Vec<_> = glance.collect();
+    let mut titles = vec!["source", "predictor"];
+    titles.extend(glance.iter().map(|m| m.title));
+    let rows = results.sources.iter().flat_map(|source| {
+        source.predictors.iter().map(|predictor| {
+            let cells = glance
+                .iter()
+                .map(|m| cell(predictor.scores.get(m.key), m.digits));
+            let names = [source.source.clone(), predictor.name.clone()];
+            names.into_iter().chain(cells).collect()
+        })
+    });
+    page.table(&titles, rows.collect::<Vec<_>>());
+    page.block(format!(
+        "`{MODEL}` is the model in its default style, as a user gets it; `{MODEL}, style …` is \
+         asked for the style of that source. `constant` is the mean face of the source's own \
+         training clips; `loudness` a straight line of every coordinate over the sound's level, \
+         fitted to the same. Every other name is motion from a file."
+    ));
+}
+
+fn recorded_source(page: &mut Page, source: &SourceScores) {
+    page.block(format!("## {}", source.source));
+    page.block(format!(
+        "{} held-out clips, {} frames.",
+        source.clips, source.frames
+    ));
+    let mut titles = vec!["measure"];
+    titles.extend(source.predictors.iter().map(|p| p.name.as_str()));
+    let rows = MEASURES.iter().map(|measure| {
+        let cells = source.predictors.iter();
+        let cells = cells.map(|p| match (measure.key, p.scores.get(measure.key)) {
+            ("clips", Some(count)) => number(count.value, 0),
+            (_, found) => cell(found, measure.digits),
+        });
+        [measure.title.to_owned()]
+            .into_iter()
+            .chain(cells)
+            .collect()
+    });
+    page.table(&titles, rows.collect::<Vec<_>>());
+}
+
+fn definitions(page: &mut Page) {
+    page.block("## Definitions");
+    page.block(
+        "Landmarks are numbered as iBUG-68. Only landmarks that the recording saw are judged. \
+         Means over clips are weighted by frames.",
+    );
+    let rows = MEASURES.iter();
+    let rows = rows.map(|m| vec![m.title.to_owned(), m.definition.to_owned()]);
+    page.table(&["measure", "what it is"], rows.collect::<Vec<_>>());
+}
+
+fn closures(page: &mut Page, results: &Results) {
+    if results.closures.is_empty() {
+        return;
+    }
+    page.block("## Lip closure on p, b, m");
+    page.block(format!(
+        "Closed: the inner-lip gap falls under {:.0} % of the clip's 95 % quantile somewhere \
+         between half of the phone before (40 to 120 ms) and the phone's end. Timing: distance of \
+         the gap's minimum, up to 100 ms outside that window, from the window's middle, median. \
+         Closed from rest: the same with the neutral face's own gap taken off first, since lips \
+         that rest a little apart need not come nearer. Shut from rest: share of all frames under \
+         that limit, what a mouth would reach by chance. Sources without recorded motion use ICT's \
+         neutral face.",
+        100.0 * SHUT
+    ));
+    let rows = results.closures.iter().flat_map(|source| {
+        source.rows.iter().map(|row| {
+            vec![
+                source.source.clone(),
+                row.predictor.clone(),
+                row.clips.to_string(),
+                row.closures.to_string(),
+                cell(row.shut_percent.as_ref(), 1),
+                cell(row.shut_from_rest_percent.as_ref(), 1),
+                cell(row.timing_ms.as_ref(), 0),
+                cell(row.time_shut_percent.as_ref(), 1),
+            ]
+        })
+    });
+    let titles = [
+        "source",
+        "predictor",
+        "clips",
+        "p b m",
+        "closed, %",
+        "closed from rest, %",
+        "timing, ms",
+        "shut from rest, %",
+    ];
+    page.table(&titles, rows.collect::<Vec<_>>());
+}
+
+fn silence(page: &mut Page, results: &Results) {
+    page.block("## Silence");
+    page.block(
+        "Root mean square of the lips' speed (landmarks 48 to 67) in pauses and in speech. Pauses \
+         are gaps between phones where these are known, else stretches within 6 dB of the clip's \
+         quiet level (10 % quantile), at least 25 and at most 35 dB under its loud level (95 %); at \
+         least 0.3 s long, without 0.1 s at either end.",
+    );
+    let rows = results.silence.iter().map(|row| {
+        vec![
+            row.source.clone(),
+            row.predictor.clone(),
+            row.clips.to_string(),
+            number(row.pauses_s, 1),
+            cell(row.speech_mm_per_s.as_ref(), 1),
+            cell(row.pause_mm_per_s.as_ref(), 1),
+            cell(row.percent.as_ref(), 1),
+        ]
+    });
+    let titles = [
+        "source",
+        "predictor",
+        "clips",
+        "pauses, s",
+        "speech, mm/s",
+        "pauses, mm/s",
+        "pauses over speech, %",
+    ];
+    page.table(&titles, rows.collect::<Vec<_>>());
+    if let Some(nothing) = &results.digital_silence {
+        page.block(format!(
+            "In digital silence (the middle of 4 s of zeros) the lips move at {} mm/s and stand {} \
+             mm from the neutral face.",
+            number(nothing.mm_per_s, 2),
+            number(nothing.offset_mm, 2)
+        ));
+    }
+}
+
+fn emotions(page: &mut Page, results: &Results, figures: &Figures, images: &str) {
+    page.block("## Emotion");
+    page.block(
+        "Separability: every category at intensity 1 on neutral clips of grid_s1; features are \
+         mean and standard deviation over the clip of all landmark coordinates; a regularised \
+         linear discriminant learns on one half of the clips and is asked about the other.",
+    );
+    let rows = results.separability.iter().map(|found| {
+        vec![
+            found.categories.len().to_string(),
+            found.train_clips.to_string(),
+            found.test_clips.to_string(),
+            cell(found.accuracy_percent.as_ref(), 1),
+            number(100.0 / found.categories.len() as f64, 1),
+        ]
+    });
+    let titles = [
+        "categories",
+        "clips to learn",
+        "clips to test",
+        "accuracy, %",
+        "chance, %",
+    ];
+    page.table(&titles, rows.collect::<Vec<_>>());
+    if let Some(file) = &figures.confusion {
+        page.block("Rows: what was asked; columns: what was recognised, % of test clips.");
+        page.picture("Confusion of emotion categories", images, file);
+    }
+    page.block(format!(
+        "Intensity: mean displacement, from the performance at intensity 0, of the \
+         {OWN_LANDMARKS} landmarks that the category moves most (chosen on other clips), averaged \
+         over time first. mm."
+    ));
+    let levels: Vec<String> = INTENSITIES.iter().map(f32::to_string).collect();
+    let mut titles = vec!["category"];
+    titles.extend(levels.iter().map(String::as_str));
+    titles.push("grows at every step");
+    let rows = results.intensity.iter().map(|curve| {
+        let values = curve.mm.iter().skip(1).map(|mm| number(*mm, 2));
+        let verdict = if curve.grows { "yes" } else { "no" };
+        let name = [curve.emotion.to_owned()].into_iter();
+        name.chain(values).chain([verdict.to_owned()]).collect()
+    });
+    page.table(&titles, rows.collect::<Vec<_>>());
+    if let Some(file) = &figures.intensities {
+        page.picture("Displacement, mm, over intensity", images, file);
+    }
+}
+
+fn seeds(page: &mut Page, results: &Results) {
+    page.block("## Seeds");
+    page.block(format!(
+        "{SEEDS} seeds on each clip: standard deviation of a landmark's place between seeds, mean \
+         over frames and landmarks, and Pearson r of the lip gap between seeds."
+    ));
+    let rows = results.seeds.iter().map(|row| {
+        vec![
+            row.source.clone(),
+            row.clips.to_string(),
+            cell(row.lips_mm.as_ref(), 3),
+            cell(row.upper_mm.as_ref(), 3),
+            cell(row.gap_r.as_ref(), 4),
+        ]
+    });
+    let titles = [
+        "source",
+        "clips",
+        "lips, mm",
+        "brows and eyes, mm",
+        "lip-gap r",
+    ];
+    page.table(&titles, rows.collect::<Vec<_>>());
+}
+
+fn seams(page: &mut Page, results: &Results) {
+    let Some(found) = &results.seams else {
+        return;
+    };
+    page.block("## Long sounds");
+    page.block(format!(
+        "{} s of held-out clips in a row, in windows of {} frames that share {}: root mean square \
+         over all landmarks in the shared frames against the rest, and against the same frames of \
+         the same sound performed half a stride later, where windows meet elsewhere. 1: a seam \
+         cannot be told. {} seams; intervals over seams.",
+        number(found.seconds, 0),
+        found.window_frames,
+        found.overlap_frames,
+        found.seams
+    ));
+    let row = |name: &str, rest: &Option<Estimate>, paired: &Option<Estimate>| {
+        vec![
+            name.into(),
+            cell(rest.as_ref(), 3),
+            cell(paired.as_ref(), 3),
+        ]
+    };
+    let rows = [
+        row("speed", &found.speed, &found.paired_speed),
+        row(
+            "acceleration",
+            &found.acceleration,
+            &found.paired_acceleration,
+        ),
+    ];
+    page.table(&["", "over the rest", "over the same frames"], rows);
+}
+
+fn steps(page: &mut Page, results: &Results) {
+    page.block("## Denoising steps");
+    let rows = results.steps.iter().map(|row| {
+        vec![
+            row.source.clone(),
+            row.steps.to_string(),
+            row.clips.to_string(),
+            cell(row.lip_gap_r.as_ref(), 3),
+            cell(row.gap_amplitude.as_ref(), 2),
+            cell(row.shut_percent.as_ref(), 1),
+            cell(row.shut_from_rest_percent.as_ref(), 1),
+            number(row.seconds_per_second, 3),
+        ]
+    });
+    let titles = [
+        "source",
+        "steps",
+        "clips",
+        "lip-gap r",
+        "lip-gap amplitude",
+        "closed, %",
+        "closed from rest, %",
+        "s of work to 1 s of sound",
+    ];
+    page.table(&titles, rows.collect::<Vec<_>>());
+}
+
+fn timing(page: &mut Page, results: &Results) {
+    page.block("## Time and memory");
+    let timing = &results.timing;
+    page.block(format!(
+        "Speech to landmark motion at 30 fps, encoder and denoiser, on {} thread{}; the shortest \
+         sound is the median of five runs. Memory is the whole process's peak, the data of this \
+         report included.",
+        timing.threads,
+        if timing.threads == 1 { "" } else { "s" }
+    ));
+    let rows = timing.runs.iter().map(|run| {
+        vec![
+            number(run.sound_s, 0),
+            number(run.seconds, 2),
+            run.peak_mib.map_or("–".into(), |mib| number(mib, 0)),
+        ]
+    });
+    let titles = ["sound, s", "work, s", "peak memory, MiB"];
+    page.table(&titles, rows.collect::<Vec<_>>());
+    if let Some([slope, offset]) = timing.line {
+        page.block(format!(
+            "Least-squares line: {} s of work to 1 s of sound, and {} s.",
+            number(slope, 4),
+            number(offset, 2)
+        ));
+    }
+}
+
+fn sheets(page: &mut Page, figures: &Figures, images: &str) {
+    if figures.sheets.is_empty() {
+        return;
+    }
+    page.block("## Contact sheets");
+    page.block(format!(
+        "The default head under the model's motion, and under the `{RECORDED}` motion where it \
+         says so."
+    ));
+    for (title, file) in &figures.sheets {
+        page.block(title);
+        page.picture(title, images, file);
+    }
+}

@@ -1,0 +1,86 @@
+//! Lip closure: whether and when the lips meet where a plosive or an m asks for it.
+
+use super::{lag::parabola, quantile};
+
+/// "Open" is this quantile of the clip's gap.
+const OPEN: f64 = 0.95;
+/// The gap's minimum is looked for this far outside the window, seconds.
+const SEARCH_S: f64 = 0.1;
+
+/// One closure that phonetics asks for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Closure {
+    /// Smallest gap within the window as a share of the clip's 95 % quantile.
+    pub gap_share: f64,
+    /// The gap's minimum, up to 0.1 s outside the window, minus the window's middle, seconds.
+    pub offset_s: f64,
+}
+
+/// The closures of a clip.
+///
+/// `gap`: the inner-lip gap, frame `t` at `t / fps` seconds; `windows`: from and to of each
+/// closure, seconds. Windows without a frame of the clip are left out.
+pub fn closures(gap: &[f64], fps: f64, windows: &[(f64, f64)]) -> Vec<Closure> {
+    let open = quantile(gap, OPEN);
+    let found = windows.iter().filter_map(|&(from, to)| {
+        let smallest = minimum(gap, fps, from, to)?;
+        let place = minimum(gap, fps, from - SEARCH_S, to + SEARCH_S)?.0;
+        Some(Closure {
+            gap_share: if open > 0.0 { smallest.1 / open } else { 1.0 },
+            offset_s: place - 0.5 * (from + to),
+        })
+    });
+    found.collect()
+}
+
+/// Time and value of the smallest of the frames from `from` to `to` seconds; the time is that of
+/// the parabola's bottom where the neighbours are higher.
+fn minimum(gap: &[f64], fps: f64, from: f64, to: f64) -> Option<(f64, f64)> {
+    let first = (from * fps).ceil().max(0.0) as usize;
+    let last = ((to * fps).floor().max(-1.0) + 1.0) as usize;
+    let least = (first..last.min(gap.len())).min_by(|a, b| gap[*a].total_cmp(&gap[*b]))?;
+    let inner = least > 0 && least + 1 < gap.len();
+    let offset = match inner && gap[least - 1] >= gap[least] && gap[least + 1] >= gap[least] {
+        true => parabola([gap[least - 1], gap[least], gap[least + 1]]).0,
+        false => 0.0,
+    };
+    Some(((least as f64 + offset) / fps, gap[least]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Open by 10, shut for a moment at 1 s, half shut at 2 s.
+    fn gap() -> Vec<f64> {
+        (0..75)
+            .map(|t| match t {
+                25 => 0.0,
+                24 | 26 => 4.0,
+                50 => 5.0,
+                _ => 10.0,
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_shut_mouth_in_the_window_is_a_closure() {
+        let found = closures(&gap(), 25.0, &[(0.96, 1.04), (1.96, 2.04), (2.4, 2.6)]);
+        let shares: Vec<f64> = found.iter().map(|c| c.gap_share).collect();
+        assert_eq!(shares, [0.0, 0.5, 1.0]);
+        assert!(found[0].offset_s.abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_late_minimum_is_late_even_outside_the_window() {
+        let found = closures(&gap(), 25.0, &[(0.86, 0.94)]);
+        assert!((found[0].offset_s - 0.1).abs() < 1e-9);
+        assert_eq!(found[0].gap_share, 1.0);
+    }
+
+    #[test]
+    fn windows_outside_the_clip_do_not_count() {
+        assert!(closures(&gap(), 25.0, &[(-1.0, -0.5), (3.5, 4.0)]).is_empty());
+        assert!(closures(&[], 25.0, &[(0.0, 1.0)]).is_empty());
+    }
+}
