@@ -19,6 +19,7 @@ GOLDENS = {
     "stm_static": "training.systems.freetalk.stm.golden_static",
     "landmarks": "training.landmarks.golden",
     "stm_paper": "training.systems.freetalk.stm.golden_paper",
+    "stream": "training.systems.freetalk.golden_stream",
 }
 """Model name -> module with `write(out: Path, shared: Path) -> Path`."""
 

@@ -1,0 +1,171 @@
+"""What the streaming student learns from: speech, and what the teacher makes of it.
+
+A lesson is a clip of the bank, or speech of which no motion was captured, with the motion that the
+full model (encoder and denoiser) performs on it: neutral, and in some random moods.
+"""
+
+import hashlib
+import json
+import random
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import soundfile
+import torch
+from scipy.signal import resample_poly
+from torch import Tensor
+
+from training.corpus import bank
+from training.corpus.bank import UNKNOWN, Entry
+from training.corpus.clip import MEL_PER_FRAME, fit_frames
+from training.corpus.revoice import revoice
+from training.speech.compact import CompactEncoder, normalise
+from training.speech.log_mel import FLOOR, SAMPLE_RATE_HZ, log_mel
+from training.systems.freetalk.ats import AtsDenoiser, strengths
+from training.systems.freetalk.sampling import sample_motion
+
+VERSION = 1
+SILENCE = "silence"
+SILENT_LESSONS = 40
+SILENT_FRAMES = 60
+HELD_OUT_EVERY = 10
+SOUNDS = {".wav", ".ogg", ".flac", ".mp3"}
+SHORTEST_S = 0.5
+
+
+@dataclass
+class Lesson(Entry):
+    """A clip with its teacher.
+
+    `taught` [1 + K, T, 204] f16, metres: neutral, then what each of K moods adds to it. `moods`
+    [K, 14] f32 strengths. Where no motion was captured, `weight` is 0 throughout.
+    """
+
+    taught: Tensor
+    moods: Tensor
+
+
+class FullModel:
+    """The full model, asked for neutral and for moods."""
+
+    def __init__(self, encoder: CompactEncoder, denoiser: AtsDenoiser, moods: int, seed: int):
+        self.encoder, self.denoiser, self.count = encoder, denoiser, moods
+        self.random = np.random.default_rng(seed)
+        self.style = denoiser.config.styles.index(denoiser.config.default_style)
+
+    def digest(self) -> str:
+        """Changes with the weights and the sampling."""
+        found = hashlib.sha256(json.dumps(self.denoiser.config.to_json()).encode())
+        for model in (self.encoder, self.denoiser):
+            for value in model.state_dict().values():
+                found.update(value.numpy().tobytes())
+        return found.hexdigest()[:16]
+
+    @torch.no_grad()
+    def teach(self, entry: Entry) -> Lesson:
+        """Performs a clip in its own voice; one mood holds for the whole clip."""
+        frames = len(entry.motion)
+        mel = fit_frames(entry.mels[0].float(), MEL_PER_FRAME * frames)
+        speech = self.encoder(normalise(mel)[None])[0]
+        affects = [self._mood() for _ in range(self.count)]
+        neutral = self._perform(speech, neutral_mood())
+        added = [self._perform(speech, mood) - neutral for mood in affects]
+        taught = torch.stack([neutral, *added]).half()
+        return Lesson(**vars(entry), taught=taught, moods=strengths(torch.stack(affects)))
+
+    def _perform(self, speech: Tensor, mood: Tensor) -> Tensor:
+        affect = mood.expand(len(speech), -1)
+        return sample_motion(self.denoiser, speech, affect, self.style)
+
+    def _mood(self) -> Tensor:
+        """One or two emotions at a common intensity up to 1.5, [16]."""
+        mood = torch.zeros(16)
+        first, second = self.random.choice(np.arange(1, 15), 2, replace=False)
+        share = self.random.uniform() if self.random.random() < 0.35 else 1.0
+        mood[first], mood[second] = share, 1.0 - share
+        mood[15] = self.random.uniform(0.3, 1.5)
+        return mood
+
+
+def neutral_mood() -> Tensor:
+    """[16]."""
+    mood = torch.zeros(16)
+    mood[0] = 1.0
+    return mood
+
+
+def load(
+    entries: list[Entry],
+    teacher: FullModel,
+    folder: Path,
+    speech: list[Path],
+    limit: int | None,
+    say: Callable[[str], None],
+) -> list[Lesson]:
+    """The lessons of a run, from `folder` where they were taught before with the same arguments.
+
+    `entries`: the bank. `speech`: folders of sound without motion, at most `limit` files of each.
+    """
+    groups = {"captured": lambda: entries, SILENCE: silent_entries}
+    groups |= {str(path): lambda path=path: speech_entries(path, limit) for path in speech}
+    lessons = []
+    for name, found in groups.items():
+        voices = [[e.name, len(e.mels)] for e in entries] if name == "captured" else limit
+        key = json.dumps([VERSION, bank.VERSION, name, voices, teacher.digest(), teacher.count])
+        path = folder / f"lessons-{hashlib.sha256(key.encode()).hexdigest()[:12]}.pt"
+        if not path.exists():
+            taught = [teacher.teach(entry) for entry in found()]
+            say(f"{name}: {len(taught)} lessons")
+            partial = path.with_suffix(".partial")
+            torch.save([vars(lesson) for lesson in taught], partial)
+            partial.rename(path)
+        lessons += [Lesson(**fields) for fields in torch.load(path)]
+    return lessons
+
+
+def silent_entries() -> list[Entry]:
+    """Nothing is said: the moods alone move the face."""
+    mel = torch.full((1, MEL_PER_FRAME * SILENT_FRAMES, 64), FLOOR).log().half()
+    still, ones = torch.zeros(SILENT_FRAMES, 204), torch.ones(SILENT_FRAMES, 204)
+    names = [f"silence{i}" for i in range(SILENT_LESSONS)]
+    return [Entry(name, SILENCE, False, mel, still, still, ones, unknown(mel)) for name in names]
+
+
+def unknown(mels: Tensor) -> Tensor:
+    """Phones of a sound whose words nobody wrote down, [4 T]."""
+    return torch.full((mels.shape[1],), UNKNOWN, dtype=torch.int16)
+
+
+def speech_entries(folder: Path, limit: int | None, voices: int = 2) -> list[Entry]:
+    """Sounds under a folder, in their own voice and re-voiced; every tenth is held out."""
+    paths = sorted(p for p in folder.rglob("*") if p.suffix.lower() in SOUNDS)
+    if not paths:
+        raise ValueError(f"{folder}: expected sounds ({', '.join(sorted(SOUNDS))}), got none")
+    random.Random(0).shuffle(paths)
+    chance = np.random.default_rng(0)
+    entries = []
+    for index, path in enumerate(paths[:limit]):
+        samples = read_any(path)
+        frames = len(samples) * 25 // SAMPLE_RATE_HZ
+        if len(samples) < SHORTEST_S * SAMPLE_RATE_HZ:
+            continue
+        held_out = index % HELD_OUT_EVERY == 0
+        mels = [log_mel(torch.from_numpy(samples))]
+        if not held_out:
+            mels += [torch.from_numpy(revoice(samples, chance)) for _ in range(voices - 1)]
+        fitted = torch.stack([fit_frames(mel, MEL_PER_FRAME * frames) for mel in mels]).half()
+        nothing = torch.zeros(frames, 204)
+        known = (nothing, nothing, nothing, unknown(fitted))
+        entries.append(Entry(path.name, folder.name, held_out, fitted, *known))
+    return entries
+
+
+def read_any(path: Path) -> np.ndarray:
+    """Mono 16 kHz samples [S] f32 of a sound at any rate."""
+    samples, rate_hz = soundfile.read(path, dtype="float32", always_2d=True)
+    mono = samples.mean(axis=1)
+    if rate_hz == SAMPLE_RATE_HZ:
+        return mono
+    return resample_poly(mono, SAMPLE_RATE_HZ, rate_hz).astype(np.float32)

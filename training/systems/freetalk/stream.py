@@ -1,0 +1,246 @@
+"""The causal student: speech to landmark motion while it is being spoken.
+
+A small convolutional network that imitates encoder and denoiser together. Log-mel at 100 Hz passes a
+running normalisation, a strided stem to 50 Hz, a strided step to 25 Hz, blocks that look a little
+ahead (`listen`), and blocks that look back only (`perform`). Emotion enters between the two, so that
+a change of it acts on the very next frame. Every layer is fed with zeros before the first frame and
+with the sound itself after the last, hence a frame depends on its look-ahead alone, not on where the
+sound was cut. Twin of `rust-core/src/systems/freetalk/stream.rs`.
+"""
+
+from dataclasses import asdict, dataclass, field
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from training.nn.embedding import Mlp
+from training.speech.compact import ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE
+from training.speech.log_mel import BANDS, FLOOR, FRAME, HOP, SAMPLE_RATE_HZ, log_mel
+from training.systems.freetalk.ats import EMOTIONS, LANDMARKS
+
+MEL_PER_FRAME = 4
+STEM_TAPS = 5
+STEM_AHEAD = 2
+TAPS = 3
+DOWN_AHEAD = 1
+QUANTILE = 0.95
+SILENT_MEL = torch.log(torch.tensor(FLOOR)).item()
+
+
+@dataclass
+class Normaliser:
+    """Constants of the running normalisation; levels are nepers of power, counts are mel frames.
+
+    `prior_colour` [64] and `prior_peak` stand for the voice before it is heard.
+    """
+
+    prior_colour: list[float] = field(default_factory=lambda: [-2.4] * BANDS)
+    prior_peak: float = -1.0
+    prior_frames: float = 30.0
+    memory_frames: float = 1000.0
+    start_frames: float = 100.0
+    start_step: float = 0.3
+    step: float = 0.04
+    peak_over_level: float = 2.0
+
+
+@dataclass
+class Block:
+    """A residual block: 3 taps `dilation` apart, `ahead` of them (0 or 1) after the own frame."""
+
+    dilation: int
+    ahead: int
+
+
+def _blocks(*pairs: tuple[int, int]) -> list[Block]:
+    return [Block(*pair) for pair in pairs]
+
+
+@dataclass
+class StreamConfig:
+    """Everything that inference has to know; saved as config.json."""
+
+    system: str = "freetalk"
+    model: str = "stream"
+    landmarks: int = LANDMARKS
+    fps: float = 25.0
+    bands: int = BANDS
+    channels: int = 144
+    fine: list[Block] = field(default_factory=lambda: _blocks((1, 1)))
+    listen: list[Block] = field(default_factory=lambda: _blocks((1, 1), (1, 1), (1, 1), (3, 0)))
+    perform: list[Block] = field(default_factory=lambda: _blocks((1, 0), (2, 0), (4, 0)))
+    emotions: list[str] = field(default_factory=lambda: list(EMOTIONS))
+    normaliser: Normaliser = field(default_factory=Normaliser)
+
+    def to_json(self) -> dict:
+        """As written to config.json."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, data: dict) -> "StreamConfig":
+        """Reads what `to_json` wrote."""
+        data = dict(data)
+        for name in ("fine", "listen", "perform"):
+            data[name] = [Block(**block) for block in data[name]]
+        data["normaliser"] = Normaliser(**data["normaliser"])
+        return cls(**data)
+
+    def mel_ahead(self) -> int:
+        """Mel frames after 4 t that frame t depends on."""
+        fine = STEM_AHEAD + 2 * sum(block.ahead * block.dilation for block in self.fine)
+        coarse = sum(block.ahead * block.dilation for block in self.listen)
+        return fine + 2 * DOWN_AHEAD + MEL_PER_FRAME * coarse
+
+    def look_ahead_samples(self) -> int:
+        """Frame t depends on samples below 640 t + this; the last mel frame's half window counts."""
+        return HOP * self.mel_ahead() + FRAME // 2
+
+    def look_ahead_s(self) -> float:
+        """The same in seconds."""
+        return self.look_ahead_samples() / SAMPLE_RATE_HZ
+
+    def mel_rows(self, frames: int) -> int:
+        """Mel frames that `frames` motion frames need."""
+        return MEL_PER_FRAME * (frames - 1) + 1 + self.mel_ahead()
+
+
+def debug_config() -> StreamConfig:
+    """A tiny student for tests; its normaliser forgets quickly, so that goldens see it move."""
+    normaliser = Normaliser(
+        prior_colour=[-3.0 + 0.05 * band for band in range(BANDS)],
+        prior_frames=3.0,
+        memory_frames=40.0,
+        start_frames=20.0,
+    )
+    return StreamConfig(
+        channels=20,
+        listen=_blocks((1, 1), (2, 1)),
+        perform=_blocks((1, 0), (3, 0)),
+        normaliser=normaliser,
+    )
+
+
+@dataclass
+class Heard:
+    """What the running normalisation knows of each voice: [B, 64], [B] and [B]."""
+
+    colour: Tensor
+    peak: Tensor
+    frames: Tensor
+
+
+def nothing_heard(config: Normaliser, count: int) -> Heard:
+    """The state before any sound."""
+    colour = torch.tensor(config.prior_colour).expand(count, -1).clone()
+    return Heard(colour, torch.full((count,), config.prior_peak), torch.zeros(count))
+
+
+def normalise_running(mel: Tensor, config: Normaliser, heard: Heard | None = None) -> Tensor:
+    """Raw log-mel [B, R, 64] → what the network hears; row i depends on rows 0 … i.
+
+    A causal `compact.normalise`. The level of a frame is its mean over bands. `peak` follows the
+    95 % quantile of levels by steps (up 0.95, down 0.05 of a step that shrinks while the first
+    voice is heard). Frames within 4 nepers below the peak, and not under −9, move the colour: a mean
+    that starts from the prior and forgets after `memory_frames`. If the colour's mean is below the
+    peak less `peak_over_level`, or below −9, it is raised to that.
+    """
+    heard = heard or nothing_heard(config, mel.shape[0])
+    levels, offsets = mel.mean(dim=2), []
+    for row, level in zip(mel.unbind(1), levels.unbind(1), strict=True):
+        offsets.append(_hear(heard, row, level, config))
+    return (mel - torch.stack(offsets, 1)).clamp_min(DEEPEST) / SCALE
+
+
+def _hear(heard: Heard, row: Tensor, level: Tensor, config: Normaliser) -> Tensor:
+    """Takes one mel frame of each voice in; what to subtract from it, [B, 64]."""
+    fresh = (1.0 - heard.frames / config.start_frames).clamp_min(0.0)
+    step = config.step + (config.start_step - config.step) * fresh
+    heard.peak = heard.peak + step * torch.where(level > heard.peak, QUANTILE, QUANTILE - 1.0)
+    active = (level >= (heard.peak - ACTIVE_RANGE).clamp_min(QUIETEST_LEVEL)).float()
+    heard.frames = (heard.frames + active).clamp_max(config.memory_frames)
+    rate = active / (heard.frames + config.prior_frames).clamp_max(config.memory_frames)
+    heard.colour = heard.colour + rate[:, None] * (row - heard.colour)
+    least = (heard.peak - config.peak_over_level).clamp_min(QUIETEST_LEVEL)
+    return heard.colour + (least - heard.colour.mean(dim=1)).clamp_min(0.0)[:, None]
+
+
+class CausalBlock(nn.Module):
+    """x + mix(GELU(conv(norm(x)))) on [B, T, C]; the last `ahead · dilation` frames fall away."""
+
+    def __init__(self, channels: int, block: Block):
+        super().__init__()
+        self.block = block
+        self.norm = nn.LayerNorm(channels)
+        self.conv = nn.Conv1d(channels, channels, TAPS, dilation=block.dilation)
+        self.mix = nn.Linear(channels, channels)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """[B, T, C] → [B, T − ahead · dilation, C]; zeros stand before the first frame."""
+        past = (TAPS - 1 - self.block.ahead) * self.block.dilation
+        y = self.conv(F.pad(self.norm(x).transpose(1, 2), (past, 0))).transpose(1, 2)
+        return x[:, : y.shape[1]] + self.mix(F.gelu(y))
+
+
+class StreamNet(nn.Module):
+    """Normalised log-mel and emotion strengths to landmark displacements in metres."""
+
+    def __init__(self, config: StreamConfig):
+        super().__init__()
+        self.config = config
+        channels, dims = config.channels, 3 * config.landmarks
+        self.stem = nn.Conv1d(config.bands, channels, STEM_TAPS, stride=2)
+        self.fine = nn.ModuleList(CausalBlock(channels, block) for block in config.fine)
+        self.down = nn.Conv1d(channels, channels, TAPS, stride=2)
+        self.listen = nn.ModuleList(CausalBlock(channels, block) for block in config.listen)
+        self.affect_mlp = Mlp(len(config.emotions) - 1, channels, channels)
+        self.perform = nn.ModuleList(CausalBlock(channels, block) for block in config.perform)
+        self.norm = nn.LayerNorm(channels)
+        self.head = nn.Linear(channels, dims)
+        self.register_buffer("mean", torch.zeros(dims))
+        self.register_buffer("std", torch.ones(dims))
+
+    def forward(self, mel: Tensor, strengths: Tensor) -> Tensor:
+        """`mel` [B, R, 64] normalised, `strengths` [B, T, 14] → displacements [B, T, 3N], metres.
+
+        R is `config.mel_rows(T)`: the look-ahead of the last frame included.
+        """
+        wanted = self.config.mel_rows(strengths.shape[1])
+        if mel.shape[1] != wanted:
+            raise ValueError(f"mel frames: expected {wanted}, got {mel.shape[1]}")
+        x = F.pad(mel.transpose(1, 2), (STEM_TAPS - 1 - STEM_AHEAD, 0))
+        x = F.gelu(self.stem(x)).transpose(1, 2)
+        for block in self.fine:
+            x = block(x)
+        x = F.pad(x.transpose(1, 2), (TAPS - 1 - DOWN_AHEAD, 0))
+        x = F.gelu(self.down(x)).transpose(1, 2)
+        for block in self.listen:
+            x = block(x)
+        x = x + self.affect_mlp(strengths)
+        for block in self.perform:
+            x = block(x)
+        return self.head(self.norm(x)) * self.std + self.mean
+
+
+def pad_mel(mel: Tensor, rows: int) -> Tensor:
+    """Raw log-mel [R, 64] cut to `rows`, or with silence after its end."""
+    missing = max(rows - mel.shape[0], 0)
+    return F.pad(mel[:rows], (0, 0, 0, missing), value=SILENT_MEL)
+
+
+@torch.no_grad()
+def perform(model: StreamNet, mel: Tensor, strengths: Tensor) -> Tensor:
+    """The offline causal result of one clip.
+
+    `mel` [R, 64] raw log-mel of the sound with silence after it, `strengths` [T, 14]. Returns
+    [T, 3N] metres.
+    """
+    padded = pad_mel(mel, model.config.mel_rows(len(strengths)))[None]
+    return model(normalise_running(padded, model.config.normaliser), strengths[None])[0]
+
+
+def speak(model: StreamNet, samples: Tensor, strengths: Tensor) -> Tensor:
+    """Samples [S] at 16 kHz → [T, 3N] metres for the T rows of `strengths` [T, 14]."""
+    rows = model.config.mel_rows(len(strengths))
+    mel = log_mel(F.pad(samples, (0, max(HOP * rows - len(samples), 0))))
+    return perform(model, mel, strengths)

@@ -1,0 +1,162 @@
+"""Facts about the streaming student and its lessons."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from training.corpus.bank import Entry
+from training.corpus.lesson_windows import ONSET_FRAMES, LessonSampler, settle
+from training.corpus.lessons import FullModel, Lesson, silent_entries, unknown
+from training.losses import landmark_weights
+from training.speech.compact import CompactEncoder, normalise
+from training.speech.compact import debug_config as debug_encoder
+from training.speech.log_mel import log_mel
+from training.systems.freetalk.ats import AtsDenoiser
+from training.systems.freetalk.ats import debug_config as debug_ats
+from training.systems.freetalk.stream import (
+    StreamConfig,
+    StreamNet,
+    debug_config,
+    normalise_running,
+    nothing_heard,
+    speak,
+)
+from training.train_stream import loss_of
+
+
+@pytest.fixture
+def model() -> StreamNet:
+    """A random debug model."""
+    torch.manual_seed(3)
+    return StreamNet(debug_config()).eval()
+
+
+def voice(seconds: float, seed: int = 0) -> torch.Tensor:
+    """Noise that swells and fades like syllables, [S]."""
+    generator = torch.Generator().manual_seed(seed)
+    noise = torch.randn(int(16000 * seconds), generator=generator)
+    time = torch.arange(len(noise)) / 16000
+    return 0.2 * noise * (0.02 + (4.0 * time).sin().square())
+
+
+def test_config_survives_json():
+    for config in (StreamConfig(), debug_config()):
+        assert StreamConfig.from_json(config.to_json()) == config
+
+
+def test_size_and_look_ahead_are_within_their_bounds():
+    config = StreamConfig()
+    assert sum(p.numel() for p in StreamNet(config).parameters()) <= 0.9e6
+    assert config.look_ahead_s() <= 0.2
+    assert config.look_ahead_samples() == 160 * 18 + 200
+
+
+def test_sound_after_the_look_ahead_changes_nothing(model):
+    samples, strengths = voice(1.5), torch.zeros(38, 14)
+    before = speak(model, samples, strengths)
+    for frame in (0, 9, 20):
+        edge = 640 * frame + model.config.look_ahead_samples()
+        other = samples.clone()
+        other[edge:] += 0.5
+        after = speak(model, other, strengths)
+        torch.testing.assert_close(after[: frame + 1], before[: frame + 1], atol=1e-6, rtol=0)
+        assert not torch.allclose(after[frame + 1], before[frame + 1], atol=1e-5)
+
+
+def test_emotion_acts_on_its_own_frame_and_none_before(model):
+    samples, strengths = voice(1.0), torch.zeros(25, 14)
+    neutral = speak(model, samples, strengths)
+    strengths[11:, 3] = 1.0
+    felt = speak(model, samples, strengths)
+    torch.testing.assert_close(felt[:11], neutral[:11], atol=1e-6, rtol=0)
+    assert not torch.allclose(felt[11], neutral[11], atol=1e-5)
+
+
+def test_wrong_number_of_mel_frames_is_refused(model):
+    with pytest.raises(ValueError, match="expected"):
+        model(torch.zeros(1, 40, 64), torch.zeros(1, 9, 14))
+
+
+def test_running_normalisation_hears_the_past_only():
+    mel = log_mel(voice(2.0))[None]
+    config = StreamConfig().normaliser
+    whole = normalise_running(mel, config)
+    part = normalise_running(mel[:, :77], config)
+    torch.testing.assert_close(whole[:, :77], part)
+
+
+def test_running_normalisation_approaches_that_of_the_whole_clip():
+    config = StreamConfig().normaliser
+    for gain in (1.0, 0.2):
+        mel = log_mel(voice(12.0) * gain)
+        late = slice(800, 1200)
+        difference = normalise_running(mel[None], config)[0, late] - normalise(mel)[late]
+        assert difference.mean(dim=1).abs().max() < 0.25
+
+
+def test_near_silence_is_not_blown_up():
+    hiss = 1e-4 * torch.randn(160000, generator=torch.Generator().manual_seed(1))
+    assert (normalise_running(log_mel(hiss)[None], StreamConfig().normaliser) < -0.5).all()
+
+
+def test_voices_of_a_batch_do_not_hear_each_other():
+    config = StreamConfig().normaliser
+    loud, quiet = log_mel(voice(1.0)), log_mel(0.05 * voice(1.0, seed=1))
+    both = normalise_running(torch.stack([loud, quiet]), config, nothing_heard(config, 2))
+    alone = normalise_running(quiet[None], config)
+    torch.testing.assert_close(both[1:], alone)
+
+
+def test_a_change_of_mood_settles_from_what_stood_before():
+    added, strengths = torch.zeros(30, 204), torch.zeros(30, 14)
+    added[10:], strengths[10:, 2] = 1.0, 1.0
+    settled = settle(added, strengths)[:, 0]
+    assert (settled[:10] == 0).all() and (settled[10 + ONSET_FRAMES :] == 1).all()
+    assert (settled[9 : 10 + ONSET_FRAMES].diff() > 0).all()
+
+
+@pytest.fixture(scope="module")
+def lessons() -> list[Lesson]:
+    """Two clips with capture, one without, and silence, taught by a random model."""
+    torch.manual_seed(5)
+    torch.set_num_threads(1)
+    denoiser = AtsDenoiser(debug_ats())
+    denoiser.std.fill_(1e-3)
+    teacher = FullModel(CompactEncoder(debug_encoder()), denoiser, moods=2, seed=0)
+    found = [*silent_entries()[:2], entry("grid_s1", 1.0), entry("grid_s1", 1.0), entry("voices", 0.0)]
+    return [teacher.teach(each) for each in found]
+
+
+def entry(source: str, weight: float) -> Entry:
+    """A clip of 40 frames whose lips move as random numbers do."""
+    mels = torch.stack([log_mel(voice(1.6, seed))[:160] for seed in (0, 1)]).half()
+    motion = 1e-3 * torch.randn(40, 204)
+    return Entry("clip", source, False, mels, motion, motion, torch.full((40, 204), weight), unknown(mels))
+
+
+def test_windows_hold_sound_up_to_the_look_ahead(lessons):
+    config = debug_config()
+    batch = LessonSampler(lessons, {"grid_s1": 0.5, "voices": 0.5}, 0, config).batch(12, 24)
+    assert batch.mel.shape == (12, config.mel_rows(24), 64)
+    assert batch.captured.shape == batch.taught.shape == batch.weight.shape == (12, 24, 204)
+    assert batch.strengths.shape == (12, 24, 14)
+    assert (batch.strengths.sum(dim=(1, 2)) > 0).any() and (batch.strengths.sum(dim=(1, 2)) == 0).any()
+    uncaptured = batch.weight.sum(dim=(1, 2)) == 0
+    assert uncaptured.any() and not uncaptured.all()
+    torch.testing.assert_close(batch.captured[uncaptured], batch.taught[uncaptured])
+
+
+def test_the_student_learns_from_a_batch(lessons, model):
+    sampler = LessonSampler(lessons, {"grid_s1": 0.5, "voices": 0.5}, 0, model.config)
+    model.std.fill_(1e-3)
+    batch = sampler.batch(6, 24)
+    optimiser = torch.optim.AdamW(model.train().parameters(), lr=3e-3)
+    losses = []
+    for _ in range(12):
+        optimiser.zero_grad()
+        loss, _ = loss_of(model, replace(batch, heard=sampler._heard(batch.mel)), landmark_weights())
+        loss.backward()
+        optimiser.step()
+        losses.append(loss.item())
+    assert losses[-1] < 0.8 * losses[0]

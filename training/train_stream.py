@@ -1,0 +1,203 @@
+"""Trains the streaming student on what the full model performs and on captured motion.
+
+    python -m training.train_stream --data ../shared/data --models rust-core/models --out runs/stream
+
+The teacher is the encoder and denoiser in `--models`, or with `--ats` those of a finished run. It
+performs every clip once, neutral and in moods; that is kept under `--out`. `--speech DIR ...` adds
+folders of speech without motion, which the teacher alone judges: more voices than were captured;
+`--minutes` adds recorded and synthetic speech of many languages (`training/corpus/spoken.py`).
+Seeded; resumes from `--out/last.pt`; `--config debug` takes a minute.
+"""
+
+import argparse
+import time
+from pathlib import Path
+
+import torch
+from torch import nn
+
+from training.corpus import bank, lessons, spoken
+from training.corpus.lesson_windows import DIMS, LessonBatch, LessonSampler
+from training.corpus.lessons import SILENCE, FullModel, Lesson
+from training.export import load_models
+from training.losses import concordance_loss, landmark_weights, lip_gap, motion_loss
+from training.speech.compact import ACTIVE_QUANTILE, CompactConfig, CompactEncoder, clip_colour
+from training.systems.freetalk.ats import AtsConfig, AtsDenoiser
+from training.systems.freetalk.stream import (
+    StreamConfig,
+    StreamNet,
+    debug_config,
+    normalise_running,
+    perform,
+)
+from training.train_ats import gap_report
+from training.train_speech import log, resume
+
+SHARES = {"grid_s1": 0.65, "facegood_zh": 0.35}
+CONCORDANCE = 0.2
+CAPTURED_SHARE = 0.5
+HELD_OUT_CLIPS = 60
+
+
+def load_teacher(arguments) -> FullModel:
+    """The full model of `--ats`, or of `--models`."""
+    if arguments.ats is None:
+        encoder, denoiser = load_models(arguments.models)
+    else:
+        saved = torch.load(arguments.ats, map_location="cpu")
+        encoder = CompactEncoder(CompactConfig(**saved["encoder_config"])).eval()
+        encoder.load_state_dict(saved["encoder"])
+        denoiser = AtsDenoiser(AtsConfig.from_json(saved["config"])).eval()
+        denoiser.load_state_dict(saved["state"])
+    return FullModel(encoder, denoiser, arguments.moods, arguments.seed)
+
+
+def config_for(found: list[Lesson], debug: bool) -> StreamConfig:
+    """The configuration, with the mean colour and peak of the training voices as the prior."""
+    config = debug_config() if debug else StreamConfig()
+    mels = [x.mels[0].float() for x in found if not x.held_out and x.source != SILENCE]
+    colour = torch.stack([clip_colour(mel) for mel in mels]).mean(dim=0)
+    peaks = [torch.quantile(mel.mean(dim=1), ACTIVE_QUANTILE) for mel in mels]
+    config.normaliser.prior_colour = [round(x, 3) for x in colour.tolist()]
+    config.normaliser.prior_peak = round(float(torch.stack(peaks).mean()), 3)
+    return config
+
+
+def shares_of(found: list[Lesson], speech_share: float) -> dict[str, float]:
+    """How often each source is drawn: speech without motion, if any, gets `speech_share`."""
+    others = sorted({x.source for x in found} - {SILENCE, *SHARES})
+    captured = 1.0 - speech_share if others else 1.0
+    shares = {source: captured * share for source, share in SHARES.items()}
+    seconds = {source: sum(len(x.motion) for x in found if x.source == source) for source in others}
+    total = sum(seconds.values())
+    return shares | {source: speech_share * s / total for source, s in seconds.items()}
+
+
+def loss_of(model: StreamNet, batch: LessonBatch, weight: torch.Tensor):
+    """Motion loss against the captured and the taught motion, and concordance of the lip gap."""
+    mel = normalise_running(batch.mel, model.config.normaliser, batch.heard)
+    with torch.autocast("cpu", torch.bfloat16):
+        prediction = model(mel, batch.strengths).float()
+    captured = motion_loss((prediction - batch.captured) / batch.scale, batch.weight * weight)
+    everywhere = weight.expand_as(batch.taught)
+    taught = motion_loss((prediction - batch.taught) / batch.scale, everywhere)
+    motion = CAPTURED_SHARE * captured + (1.0 - CAPTURED_SHARE) * taught
+    gap = concordance_loss(lip_gap(prediction) * 1e3, lip_gap(batch.captured) * 1e3)
+    parts = {"captured": captured.item(), "taught": taught.item(), "gap": gap.item()}
+    return motion + CONCORDANCE * gap, parts
+
+
+@torch.no_grad()
+def validate(model: StreamNet, found: list[Lesson]) -> dict[str, float]:
+    """Lip-gap r on unseen clips: with the capture where there is one, and with the teacher."""
+    model.eval()
+    report = {}
+    for source in sorted({x.source for x in found if x.held_out}):
+        chosen = [x for x in found if x.held_out and x.source == source][:HELD_OUT_CLIPS]
+        truth, taught = [], []
+        for lesson in chosen:
+            strengths = torch.zeros(len(lesson.motion), lesson.moods.shape[1])
+            own = lip_gap(perform(model, lesson.mels[0].float(), strengths))
+            truth.append((own, lip_gap(lesson.motion)))
+            taught.append((own, lip_gap(lesson.taught[0].float())))
+        if source in SHARES:
+            report |= {f"{source} {key}": value for key, value in gap_report(truth).items()}
+        report[f"{source} teacher r"] = gap_report(taught)["r"]
+    model.train()
+    return report
+
+
+def prepare(arguments) -> list[Lesson]:
+    """Bank and teacher to lessons."""
+    debug = arguments.config == "debug"
+    voices, limit = (2, 4) if debug else (arguments.voices, None)
+    entries = bank.load(arguments.data, arguments.cache, voices, limit=limit)
+    if arguments.minutes > 0:
+        entries += spoken.load(arguments.data, arguments.cache, arguments.minutes)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    teacher = load_teacher(arguments)
+    count = 4 if debug else arguments.speech_limit
+    say = lambda text: print(text, flush=True)  # noqa: E731
+    return lessons.load(entries, teacher, arguments.out, arguments.speech, count, say)
+
+
+def new_model(arguments, found: list[Lesson]) -> StreamNet:
+    """A student that starts at the mean and deviation of the taught motion."""
+    model = StreamNet(config_for(found, arguments.config == "debug"))
+    taught = torch.cat([x.taught[0].float() for x in found if x.source != SILENCE])
+    moods = torch.cat([x.taught[1:].float().flatten(0, 1)[::4] for x in found])
+    model.mean.copy_(taught.mean(dim=0))
+    model.std.copy_((taught.var(dim=0) + moods.square().mean(dim=0)).sqrt().clamp_min(2e-4))
+    assert model.std.shape == (DIMS,)
+    return model
+
+
+def train(arguments) -> Path:
+    """Runs the training; writes `stream.pt` with the averaged weights and returns its path."""
+    torch.manual_seed(arguments.seed)
+    torch.set_num_threads(arguments.threads)
+    debug = arguments.config == "debug"
+    out: Path = arguments.out
+    found = prepare(arguments)
+    model = new_model(arguments, found)
+    shares = shares_of(found, arguments.speech_share)
+    sampler = LessonSampler(found, shares, arguments.seed, model.config)
+    steps = 20 if debug else arguments.steps
+    optimiser = torch.optim.AdamW(model.parameters(), lr=arguments.rate, weight_decay=0.02)
+    warmup = max(steps // 20, 1)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, arguments.rate, steps + 1, pct_start=warmup / steps
+    )
+    first = resume(out / "last.pt", model, optimiser, schedule)
+    average = torch.optim.swa_utils.AveragedModel(
+        model, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(arguments.average)
+    )
+    weight, started = landmark_weights(), time.time()
+    count, frames = (4, 32) if debug else (arguments.batch, arguments.frames)
+    for step in range(first, steps):
+        loss, parts = loss_of(model, sampler.batch(count, frames), weight)
+        optimiser.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(model.parameters(), 1.0)
+        optimiser.step()
+        schedule.step()
+        average.update_parameters(model)
+        if step % arguments.log_every == arguments.log_every - 1 or step == steps - 1:
+            scores = validate(average.module, found)
+            log(out, {"step": step + 1, "s": round(time.time() - started), **parts, **scores})
+            state = {"model": model.state_dict(), "optimiser": optimiser.state_dict()}
+            state |= {"schedule": schedule.state_dict(), "step": step + 1}
+            torch.save(state, out / "last.pt")
+            state = average.module.state_dict()
+            torch.save({"state": state, "config": model.config.to_json()}, out / "stream.pt")
+    return out / "stream.pt"
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser.add_argument("--models", type=Path, default=Path("rust-core/models"))
+    parser.add_argument("--ats", type=Path, help="ats.pt of training.train_ats, not --models")
+    parser.add_argument("--speech", type=Path, nargs="*", default=[], help="folders of sound")
+    parser.add_argument("--speech-limit", type=int, help="sounds of each folder")
+    parser.add_argument("--minutes", type=float, default=0.0, help="of each language by espeak-ng")
+    parser.add_argument("--speech-share", type=float, default=0.4)
+    parser.add_argument("--out", type=Path, default=Path("runs/stream"))
+    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    parser.add_argument("--config", choices=["stream", "debug"], default="stream")
+    parser.add_argument("--voices", type=int, default=7)
+    parser.add_argument("--moods", type=int, default=2)
+    parser.add_argument("--steps", type=int, default=1500)
+    parser.add_argument("--batch", type=int, default=16)
+    parser.add_argument("--frames", type=int, default=112)
+    parser.add_argument("--rate", type=float, default=2e-3)
+    parser.add_argument("--average", type=float, default=0.99, help="decay of averaged weights")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--log-every", type=int, default=150)
+    return parser
+
+
+if __name__ == "__main__":
+    train(parser().parse_args())
