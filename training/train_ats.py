@@ -59,7 +59,7 @@ class AtsTrainer:
         self.random = torch.Generator().manual_seed(arguments.seed)
         found = {e.source for e in speech.entries}
         self.sources = [s for s in SHARES if s in found and s not in arguments.leave_out]
-        shares = [SHARES[s] for s in self.sources]
+        shares = [dict(zip(SHARES, arguments.shares, strict=True))[s] for s in self.sources]
         self.sampler = speech.sampler(self.sources, shares, arguments.seed)
         held_out = [e for e in speech.entries if e.source == spoken.SOURCE and e.held_out]
         tiny = arguments.config != "compact"
@@ -262,6 +262,8 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--leave-speech", nargs="*", default=[], help="speech to leave out (nathalie_nl, …)")
     parser.add_argument("--reader", type=Path, help="an earlier speech.pt that reads untimed speech")
     parser.add_argument("--minutes", type=float, default=5.0, help="of each language by espeak-ng")
+    default = list(SHARES.values())
+    parser.add_argument("--shares", type=float, nargs=3, default=default, help=f"of {[*SHARES]}")
     parser.add_argument("--voices", type=int, default=7)
     parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
     parser.add_argument("--init", type=Path, help="start from this ats.pt")

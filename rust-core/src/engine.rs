@@ -10,7 +10,7 @@ use crate::{
     conditions::EmotionCurve,
     deform::{Deformer, VertexClip},
     mesh::{self, FaceOptions, LandmarkFinder, Landmarks, Mesh, Similarity},
-    motion::MotionClip,
+    motion::{self, MotionClip},
     operators::Cache,
     progress::{self, ProgressFn},
     speech::{self, CompactEncoder, SpeechEncoder, at_motion_frames},
@@ -219,7 +219,7 @@ impl Engine {
         let features = at_motion_frames(&track, frames, model_fps);
         progress::report(progress, "speech", 1.0)?;
         let affect = request.emotion.sample(frames, model_fps);
-        let displacements = self.ats.sample(
+        let mut displacements = self.ats.sample(
             &AtsRequest {
                 speech: features.view(),
                 affect: affect.view(),
@@ -230,6 +230,11 @@ impl Engine {
             },
             progress,
         )?;
+        if self.ats.config().closes_lips(request.style.as_deref())
+            && let Some(closed) = self.speech.closed_lips(features.view())?
+        {
+            motion::close_lips(&mut displacements, &closed)?;
+        }
         let clip = MotionClip {
             displacements,
             fps: model_fps,

@@ -23,6 +23,9 @@ OUTER_SHARES = (0.4, 0.8, 1.0, 0.8, 0.4)
 UPPER_SHARE = 0.35
 """Part of a closing motion that the upper lip makes."""
 MET_SHARE = 0.15
+SURE_FROM, SURE_AT = 0.12, 0.45
+TOUCHING_M = -0.3e-3
+"""Opening over that of the neutral face at which lips touch in speech."""
 BEFORE_FRAMES = 2
 
 
@@ -61,6 +64,20 @@ def narrowed(motion: np.ndarray, by: np.ndarray) -> np.ndarray:
         out[:, list(upper), 1] -= UPPER_SHARE * amount
         out[:, list(lower), 1] += (1.0 - UPPER_SHARE) * amount
     return out
+
+
+def lips_closed(motion: torch.Tensor, probability: torch.Tensor) -> torch.Tensor:
+    """Motion [T, 204] whose lips touch where `probability` [T] says p, b or m.
+
+    Twin of `rust-core/src/motion/closures.rs`. A smooth step from 0.12 to 0.45 decides how far the
+    gap of each inner lip pair goes to where lips touch; it never widens.
+    """
+    share = ((probability - SURE_FROM) / (SURE_AT - SURE_FROM)).clamp(0, 1)
+    share = share * share * (3 - 2 * share)
+    points = motion.unflatten(-1, (68, 3)).numpy()
+    gaps = inner_gaps(points, np.zeros((68, 3), points.dtype))
+    by = share.numpy()[:, None] * np.maximum(gaps - TOUCHING_M, 0.0)
+    return torch.from_numpy(narrowed(points, by)).flatten(1)
 
 
 def closures_met(opening: torch.Tensor, phones: torch.Tensor) -> list[bool]:

@@ -1,7 +1,8 @@
 """The compact speech encoder: log-mel → features at 25 Hz, about 1.4 million parameters.
 
 A strided stem to 50 Hz, residual dilated convolutions there, a strided step to 25 Hz, more of
-them, and a final norm. Output frame i is centred on mel frame 4 i, i.e. on second i / 25.
+them, and a final norm. A linear read-out of the features says when lips close. Output frame i is
+centred on mel frame 4 i, i.e. on second i / 25.
 """
 
 from dataclasses import asdict, dataclass, field
@@ -17,6 +18,8 @@ ACTIVE_RANGE = 4.0
 QUIETEST_LEVEL = -9.0
 DEEPEST = -12.0
 SCALE = 4.0
+UNTRAINED_CLOSURE = -20.0
+"""Bias of the closure read-out before `training.train_closure`: lips are never together."""
 
 
 @dataclass
@@ -87,6 +90,13 @@ class CompactEncoder(nn.Module):
         self.down = nn.Conv1d(channels, channels, 3, stride=2, padding=1)
         self.coarse = nn.ModuleList(ResidualBlock(channels, d) for d in config.coarse_dilations)
         self.norm = nn.LayerNorm(channels)
+        self.closure = nn.Linear(channels, 1)
+        nn.init.zeros_(self.closure.weight)
+        nn.init.constant_(self.closure.bias, UNTRAINED_CLOSURE)
+
+    def closed(self, features: Tensor) -> Tensor:
+        """Probability that the lips are together for p, b or m: features [..., C] → [...]."""
+        return self.closure(features)[..., 0].sigmoid()
 
     def forward(self, mel: Tensor) -> Tensor:
         """`mel` [B, T, 64], each clip through `normalise` first. Returns [B, T', C]."""

@@ -15,15 +15,21 @@ COMMAND = "python -m training.goldens compact_speech"
 
 @torch.no_grad()
 def write(out: Path, shared: Path) -> Path:
-    """`weights.*`, `input` [T, 64] raw log-mel, `output` [T', C]. `shared` is not used."""
+    """`weights.*`, `input` [T, 64] raw log-mel, `output` [T', C], `closed` [T'] probabilities.
+
+    `shared` is not used.
+    """
     torch.manual_seed(11)
     config = debug_config()
     model = CompactEncoder(config).eval()
     randomise_norms(model)
+    torch.nn.init.normal_(model.closure.weight)
+    torch.nn.init.zeros_(model.closure.bias)
     mel = log_mel(chirp_signal())
     tensors = {f"weights.{key}": value for key, value in model.state_dict().items()}
     tensors["input"] = mel
     tensors["output"] = model(normalise(mel)[None])[0].contiguous()
+    tensors["closed"] = model.closed(tensors["output"]).contiguous()
     path = out / "compact_speech_debug.safetensors"
     metadata = {"config": json.dumps(config.to_json()), "tolerance": "1e-4", "command": COMMAND}
     save_file(tensors, path, metadata)

@@ -1,7 +1,10 @@
 //! Motion of 68 landmarks over time, before any mesh is known.
 
+mod closures;
 mod resample;
 mod smooth;
+
+pub use closures::close_lips;
 
 use ndarray::Array3;
 

@@ -1,7 +1,8 @@
 //! The compact speech encoder: log-mel → features at 25 Hz, about 1.4 million parameters.
 //!
 //! Twin of `training/speech/compact.py`; the golden holds both together. Output frame `i` is
-//! centred on mel frame `4 i`, that is on second `i / 25`. Long sounds are encoded in spans with
+//! centred on mel frame `4 i`, that is on second `i / 25`. A linear read-out of the features says
+//! when the lips are together. Long sounds are encoded in spans with
 //! enough context on both sides that the result is the same as that of the whole.
 
 use candle_core::{DType, Device, Tensor};
@@ -49,6 +50,7 @@ pub struct CompactEncoder {
     down: Conv,
     coarse: Vec<ResidualBlock>,
     norm: LayerNorm,
+    closure: Linear,
 }
 
 impl CompactEncoder {
@@ -85,6 +87,7 @@ impl CompactEncoder {
             down: Conv::new(channels, channels, 3, 2, 1, vb.pp("down"))?,
             coarse: coarse?,
             norm: candle_nn::layer_norm(channels, 1e-5, vb.pp("norm"))?,
+            closure: candle_nn::linear(channels, 1, vb.pp("closure"))?,
             config,
         })
     }
@@ -141,6 +144,13 @@ impl CompactEncoder {
 impl SpeechEncoder for CompactEncoder {
     fn channels(&self) -> usize {
         self.config.channels
+    }
+
+    fn closed_lips(&self, features: ArrayView2<'_, f32>) -> Result<Option<Vec<f32>>> {
+        let values: Vec<f32> = features.iter().copied().collect();
+        let x = Tensor::from_vec(values, features.dim(), &Device::Cpu)?;
+        let logits: Vec<f32> = self.closure.forward(&x)?.flatten_all()?.to_vec1()?;
+        Ok(Some(logits.iter().map(|x| 1.0 / (1.0 + (-x).exp())).collect()))
     }
 
     fn encode(&self, waveform: &Waveform) -> Result<FeatureTrack> {
@@ -347,6 +357,9 @@ mod tests {
         let mel = normalise(array(&file, "input"));
         let features = encoder.forward(mel.view()).unwrap();
         assert!(largest_difference(&features, &array(&file, "output")) < 1e-4);
+        let closed = encoder.closed_lips(features.view()).unwrap().unwrap();
+        let known = floats(&file.tensor("closed").unwrap());
+        assert!(closed.iter().zip(known).all(|(a, b)| (a - b).abs() < 1e-4));
     }
 
     #[test]

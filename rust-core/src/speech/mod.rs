@@ -17,7 +17,7 @@ pub use transformer_encoder::HiddenStates;
 use std::path::Path;
 
 use crate::{Error, Result, audio::Waveform};
-use ndarray::Array2;
+use ndarray::{Array2, ArrayView2};
 
 /// Features of a stretch of speech at a constant rate.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,6 +38,16 @@ pub trait SpeechEncoder: Send + Sync {
     /// # Errors
     /// [`crate::Error::Audio`] if the sound is too short to encode.
     fn encode(&self, waveform: &Waveform) -> Result<FeatureTrack>;
+
+    /// Probability at each row of `features` `[T, C]` that the lips are together for p, b or m,
+    /// `[T]`; `None` where the encoder was not trained to say so.
+    ///
+    /// # Errors
+    /// `Internal` only.
+    fn closed_lips(&self, features: ArrayView2<'_, f32>) -> Result<Option<Vec<f32>>> {
+        let _ = features;
+        Ok(None)
+    }
 }
 
 /// Reads HuBERT or wav2vec2 from a Hugging Face folder, as its `config.json` says.

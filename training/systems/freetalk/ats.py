@@ -66,7 +66,10 @@ class Sampling:
 
 @dataclass
 class AtsConfig:
-    """Everything that inference has to know; saved as config.json."""
+    """Everything that inference has to know; saved as config.json.
+
+    In `closing_styles` lips meet where the speech encoder says so; the other styles are as recorded.
+    """
 
     system: str = "freetalk"
     model: str = "ats"
@@ -87,6 +90,7 @@ class AtsConfig:
     emotions: list[str] = field(default_factory=lambda: list(EMOTIONS))
     styles: list[str] = field(default_factory=lambda: ["grid_s1", "facegood_zh", "taught", ANY_STYLE])
     default_style: str = ANY_STYLE
+    closing_styles: list[str] = field(default_factory=lambda: ["taught", ANY_STYLE])
 
     def to_json(self) -> dict:
         """As written to config.json."""

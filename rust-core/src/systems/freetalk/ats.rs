@@ -101,9 +101,19 @@ pub struct AtsConfig {
     pub styles: Vec<String>,
     /// The style of a request that names none.
     pub default_style: String,
+    /// Styles in which lips meet where the speech encoder hears p, b or m; the others move as they
+    /// were recorded, and video under-reports closure.
+    #[serde(default)]
+    pub closing_styles: Vec<String>,
 }
 
 impl AtsConfig {
+    /// Whether lips are closed by ear in this style; `None` is the default style.
+    pub fn closes_lips(&self, style: Option<&str>) -> bool {
+        let style = style.unwrap_or(&self.default_style);
+        self.closing_styles.iter().any(|name| name == style)
+    }
+
     /// Reads and checks `config.json`.
     ///
     /// # Errors
