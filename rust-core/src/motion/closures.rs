@@ -11,6 +11,8 @@ use crate::{Error, Result};
 /// Probabilities between which the lips go from as they are to touching.
 const SURE_FROM: f32 = 0.12;
 const SURE_AT: f32 = 0.45;
+/// Part of the way that the frames beside a closure go: lips need time.
+const BESIDE: f32 = 0.4;
 /// Opening over that of the neutral face at which lips touch in speech, metres.
 const TOUCHING: f32 = -0.3e-3;
 /// Upper and lower landmark of the three inner lip pairs.
@@ -29,7 +31,7 @@ const UPPER_SHARE: f32 = 0.35;
 /// Closes the lips of a motion `[T, 68, 3]` (canonical metres) where `probability` `[T]` is high.
 ///
 /// A smooth step from 0.12 to 0.45 decides how far the gap of each inner pair goes to where lips
-/// touch; it never widens. The corners stay.
+/// touch; it never widens. The frames before and after go two fifths of the way. The corners stay.
 ///
 /// # Errors
 /// `ShapeMismatch` if there is not one probability a frame.
@@ -42,8 +44,8 @@ pub fn close_lips(displacements: &mut Array3<f32>, probability: &[f32]) -> Resul
             got: format!("[{}]", probability.len()),
         });
     }
-    for (mut face, probability) in displacements.outer_iter_mut().zip(probability) {
-        let share = smooth_step(*probability);
+    for (t, mut face) in displacements.outer_iter_mut().enumerate() {
+        let share = share(probability, t);
         if share == 0.0 {
             continue;
         }
@@ -65,6 +67,18 @@ pub fn close_lips(displacements: &mut Array3<f32>, probability: &[f32]) -> Resul
     Ok(())
 }
 
+/// How far the lips of frame `t` go to touching.
+fn share(probability: &[f32], t: usize) -> f32 {
+    let beside = [t.checked_sub(1), Some(t + 1)];
+    let near = beside
+        .into_iter()
+        .flatten()
+        .filter_map(|t| probability.get(t));
+    near.fold(smooth_step(probability[t]), |share, p| {
+        share.max(BESIDE * smooth_step(*p))
+    })
+}
+
 fn smooth_step(probability: f32) -> f32 {
     let x = ((probability - SURE_FROM) / (SURE_AT - SURE_FROM)).clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
@@ -74,10 +88,10 @@ fn smooth_step(probability: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// Two frames of an open mouth, 10 mm at the inner lips.
+    /// Three frames of an open mouth, 10 mm at the inner lips.
     fn open() -> Array3<f32> {
-        let mut motion = Array3::zeros((2, 68, 3));
-        for t in 0..2 {
+        let mut motion = Array3::zeros((3, 68, 3));
+        for t in 0..3 {
             for lower in [55, 56, 57, 58, 59, 65, 66, 67] {
                 motion[[t, lower, 1]] = -0.01;
             }
@@ -88,14 +102,15 @@ mod tests {
     #[test]
     fn sure_closures_touch_and_unlikely_ones_change_nothing() {
         let mut motion = open();
-        close_lips(&mut motion, &[0.9, 0.1]).unwrap();
+        close_lips(&mut motion, &[0.9, 0.1, 0.1]).unwrap();
         for (upper, lower) in INNER {
-            let gap = motion[[0, upper, 1]] - motion[[0, lower, 1]];
-            assert!((gap - TOUCHING).abs() < 1e-7, "{gap}");
+            let gap = |t| motion[[t, upper, 1]] - motion[[t, lower, 1]];
+            assert!((gap(0) - TOUCHING).abs() < 1e-7, "{}", gap(0));
+            let beside = 0.01 - BESIDE * (0.01 - TOUCHING);
+            assert!((gap(1) - beside).abs() < 1e-7, "{}", gap(1));
         }
-        let before = open();
-        let second = |m: &Array3<f32>| m.index_axis(ndarray::Axis(0), 1).to_owned();
-        assert_eq!(second(&motion), second(&before));
+        let third = |m: &Array3<f32>| m.index_axis(ndarray::Axis(0), 2).to_owned();
+        assert_eq!(third(&motion), third(&open()));
     }
 
     #[test]
@@ -112,19 +127,21 @@ mod tests {
     #[test]
     fn corners_and_the_rest_of_the_face_stay() {
         let mut motion = open();
-        close_lips(&mut motion, &[1.0, 1.0]).unwrap();
+        close_lips(&mut motion, &[1.0, 1.0, 1.0]).unwrap();
         let moved = |n: &usize| motion[[0, *n, 1]] != open()[[0, *n, 1]];
         let found: Vec<usize> = (0..68).filter(moved).collect();
         assert_eq!(
             found,
-            [49, 50, 51, 52, 53, 55, 56, 57, 58, 59, 61, 62, 63, 65, 66, 67]
+            [
+                49, 50, 51, 52, 53, 55, 56, 57, 58, 59, 61, 62, 63, 65, 66, 67
+            ]
         );
     }
 
     #[test]
     fn closing_is_the_same_on_both_sides() {
         let mut motion = open();
-        close_lips(&mut motion, &[0.2, 0.3]).unwrap();
+        close_lips(&mut motion, &[0.2, 0.3, 0.1]).unwrap();
         for (left, right) in [(61, 63), (67, 65), (49, 53), (59, 55), (50, 52), (58, 56)] {
             assert_eq!(motion[[0, left, 1]], motion[[0, right, 1]]);
         }
@@ -133,6 +150,9 @@ mod tests {
     #[test]
     fn wrong_lengths_are_refused() {
         let message = close_lips(&mut open(), &[0.5]).unwrap_err().to_string();
-        assert!(message.contains("[2]") && message.contains("[1]"), "{message}");
+        assert!(
+            message.contains("[3]") && message.contains("[1]"),
+            "{message}"
+        );
     }
 }

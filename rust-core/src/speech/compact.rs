@@ -150,7 +150,9 @@ impl SpeechEncoder for CompactEncoder {
         let values: Vec<f32> = features.iter().copied().collect();
         let x = Tensor::from_vec(values, features.dim(), &Device::Cpu)?;
         let logits: Vec<f32> = self.closure.forward(&x)?.flatten_all()?.to_vec1()?;
-        Ok(Some(logits.iter().map(|x| 1.0 / (1.0 + (-x).exp())).collect()))
+        Ok(Some(
+            logits.iter().map(|x| 1.0 / (1.0 + (-x).exp())).collect(),
+        ))
     }
 
     fn encode(&self, waveform: &Waveform) -> Result<FeatureTrack> {
