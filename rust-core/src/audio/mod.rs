@@ -6,6 +6,8 @@
 mod compressed;
 mod edit_list;
 mod intake;
+mod pitch;
+mod prosody;
 mod resample;
 mod wav;
 
@@ -13,6 +15,8 @@ use std::path::Path;
 
 use crate::{Error, Result};
 use intake::Intake;
+
+pub use prosody::{PROSODY_FPS, Prosody};
 
 /// Sample rate of every [`Waveform`].
 pub const SAMPLE_RATE_HZ: u32 = 16_000;
