@@ -6,11 +6,11 @@ use ndarray::Array3;
 
 use crate::{
     Error, Result,
-    audio::Waveform,
+    audio::{Prosody, Waveform},
     conditions::EmotionCurve,
     deform::{Deformer, VertexClip},
     mesh::{self, FaceOptions, LandmarkFinder, Landmarks, Mesh, Similarity},
-    motion::{self, MotionClip},
+    motion::{self, Cues, FaceModes, MotionClip, PerformanceControls},
     operators::Cache,
     progress::{self, ProgressFn},
     speech::{self, CompactEncoder, SpeechEncoder, at_motion_frames},
@@ -92,6 +92,8 @@ pub struct MotionRequest {
     pub steps: Option<usize>,
     /// Speaking style by name; `None` takes the model's default.
     pub style: Option<String>,
+    /// What is done to the sampled motion.
+    pub controls: PerformanceControls,
 }
 
 impl Default for MotionRequest {
@@ -102,6 +104,7 @@ impl Default for MotionRequest {
             seed: 0,
             steps: None,
             style: None,
+            controls: PerformanceControls::default(),
         }
     }
 }
@@ -133,6 +136,7 @@ pub struct Engine {
     ats: Ats,
     stm: StaticWeights,
     finder: LandmarkFinder,
+    modes: FaceModes,
     /// Loaded where the options ask for it.
     paper: Option<Arc<PaperDecoder>>,
     cache: Cache,
@@ -158,6 +162,7 @@ impl Engine {
         let files = ModelFiles::open(STM_MODEL, folder)?;
         let stm = StaticWeights::load(&files.weights, &files.config)?;
         let finder = LandmarkFinder::load(folder)?;
+        let modes = FaceModes::open(folder)?;
         let paper = match options.decoder {
             DecoderKind::Static => None,
             DecoderKind::Paper => {
@@ -179,19 +184,60 @@ impl Engine {
             ats,
             stm,
             finder,
+            modes,
             paper,
             cache,
             pool,
         })
     }
 
-    /// Speech to landmark motion in canonical metres.
-    ///
-    /// The clip has one frame for every started `1 / fps` seconds of sound, at least one.
+    /// Speech to landmark motion in canonical metres: [`Engine::sample`], then [`Engine::perform`].
     ///
     /// # Errors
     /// `Audio` for a sound too short to use, `InvalidInput` for a request out of range, `Cancelled`.
     pub fn motion(
+        &self,
+        waveform: &Waveform,
+        request: &MotionRequest,
+        progress: ProgressFn<'_>,
+    ) -> Result<MotionClip> {
+        request.controls.check()?;
+        let sampled = self.sample(waveform, request, progress)?;
+        self.perform(&sampled, waveform, request)
+    }
+
+    /// Puts the controls of `request` on a clip of [`Engine::sample`], without sampling again.
+    ///
+    /// `waveform` and the request's emotion are those that were sampled; its seed draws blinks and
+    /// accents, its other fields have no effect here.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a control out of range.
+    pub fn perform(
+        &self,
+        sampled: &MotionClip,
+        waveform: &Waveform,
+        request: &MotionRequest,
+    ) -> Result<MotionClip> {
+        let prosody = Prosody::of(waveform);
+        let emotion = request.emotion.heard(&prosody);
+        let affect = emotion.sample(sampled.displacements.dim().0, sampled.fps);
+        let cues = Cues {
+            affect: affect.view(),
+            speech_only: *emotion == EmotionCurve::Off,
+            prosody: &prosody,
+            seed: request.seed,
+        };
+        self.modes.perform(sampled, &cues, &request.controls)
+    }
+
+    /// Speech to landmark motion as the model makes it, in canonical metres.
+    ///
+    /// The clip has one frame for every started `1 / fps` seconds of sound, at least one.
+    ///
+    /// # Errors
+    /// Those of [`Engine::motion`].
+    pub fn sample(
         &self,
         waveform: &Waveform,
         request: &MotionRequest,
@@ -203,10 +249,10 @@ impl Engine {
                 request.fps
             )));
         }
-        self.threads(|| self.motion_here(waveform, request, progress))
+        self.threads(|| self.sample_here(waveform, request, progress))
     }
 
-    fn motion_here(
+    fn sample_here(
         &self,
         waveform: &Waveform,
         request: &MotionRequest,
@@ -218,7 +264,11 @@ impl Engine {
         let track = self.speech.encode(waveform)?;
         let features = at_motion_frames(&track, frames, model_fps);
         progress::report(progress, "speech", 1.0)?;
-        let affect = request.emotion.sample(frames, model_fps);
+        let emotion = match &request.emotion {
+            EmotionCurve::Auto => request.emotion.heard(&Prosody::of(waveform)).into_owned(),
+            given => given.clone(),
+        };
+        let affect = emotion.sample(frames, model_fps);
         let mut displacements = self.ats.sample(
             &AtsRequest {
                 speech: features.view(),

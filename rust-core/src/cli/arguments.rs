@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
+use super::controls::{ControlArgs, EmotionArgs};
 use crate::{
     CachePolicy, DecoderKind, Engine, EngineOptions, Error, MotionRequest, Result,
-    conditions::{Emotion, EmotionCurve},
     mesh::{Axis, FaceOptions, LandmarkSource},
 };
 
@@ -114,9 +114,10 @@ impl FaceArgs {
 /// What the performance is asked to be.
 #[derive(Args)]
 pub(super) struct MotionArgs {
-    /// Emotion and intensity: happy:0.7, or a blend happy:0.4,surprised:0.3
-    #[arg(long, default_value = "neutral:0")]
-    emotion: String,
+    #[command(flatten)]
+    emotion: EmotionArgs,
+    #[command(flatten)]
+    controls: ControlArgs,
     /// Frames per second
     #[arg(long, default_value_t = 30.0)]
     fps: f64,
@@ -140,7 +141,8 @@ impl MotionArgs {
             )));
         }
         Ok(MotionRequest {
-            emotion: EmotionCurve::Constant(Emotion::parse(&self.emotion)?),
+            emotion: self.emotion.curve()?,
+            controls: self.controls.controls()?,
             fps: self.fps,
             seed: self.seed,
             steps: self.steps,

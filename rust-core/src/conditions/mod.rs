@@ -1,7 +1,14 @@
 //! What a performance is asked to be: emotion and intensity over time, speaking style.
 
-use crate::{Error, Result};
+mod from_voice;
+mod keys;
+
+use std::borrow::Cow;
+
+use crate::{Error, Result, audio::Prosody};
 use ndarray::Array2;
+
+pub use from_voice::{arousal, emotion_from_voice};
 
 /// The fifteen emotion categories, in the order of the weights.
 pub const EMOTIONS: [&str; 15] = [
@@ -106,6 +113,11 @@ pub enum EmotionCurve {
     Constant(Emotion),
     /// `(time_s, emotion)` in rising order; linear in between, held outside.
     Keys(Vec<(f64, Emotion)>),
+    /// Read from the voice: see [`emotion_from_voice`]. Neutral until [`EmotionCurve::heard`].
+    Auto,
+    /// No emotion, and nothing else that speech did not cause: no blinks, no motion of the upper
+    /// face.
+    Off,
 }
 
 impl Default for EmotionCurve {
@@ -115,12 +127,32 @@ impl Default for EmotionCurve {
 }
 
 impl EmotionCurve {
+    /// Reads `off`, `auto`, or an emotion as [`Emotion::parse`] does.
+    ///
+    /// # Errors
+    /// Those of [`Emotion::parse`].
+    pub fn parse(text: &str) -> Result<Self> {
+        match text.trim() {
+            "off" => Ok(Self::Off),
+            "auto" => Ok(Self::Auto),
+            other => Emotion::parse(other).map(Self::Constant),
+        }
+    }
+
+    /// The curve itself, or for [`EmotionCurve::Auto`] what is heard in the voice.
+    pub fn heard(&self, prosody: &Prosody) -> Cow<'_, EmotionCurve> {
+        match self {
+            Self::Auto => Cow::Owned(emotion_from_voice(prosody)),
+            _ => Cow::Borrowed(self),
+        }
+    }
+
     /// The emotion at `time_s`: strengths are interpolated, then split into mixture and intensity.
     pub fn at(&self, time_s: f64) -> Emotion {
         let keys = match self {
             Self::Constant(emotion) => return *emotion,
-            Self::Keys(keys) if keys.is_empty() => return Emotion::default(),
-            Self::Keys(keys) => keys,
+            Self::Keys(keys) if !keys.is_empty() => keys,
+            Self::Keys(_) | Self::Auto | Self::Off => return Emotion::default(),
         };
         let after = keys.partition_point(|(key_s, _)| *key_s <= time_s);
         let (before_s, before) = keys[after.saturating_sub(1)];
@@ -177,6 +209,17 @@ mod tests {
             message.contains("joyful") && message.contains("happy"),
             "{message}"
         );
+    }
+
+    #[test]
+    fn off_and_auto_are_read_and_neutral_until_heard() {
+        assert_eq!(EmotionCurve::parse(" off").unwrap(), EmotionCurve::Off);
+        let auto = EmotionCurve::parse("auto").unwrap();
+        assert_eq!(
+            (&auto, auto.at(1.0)),
+            (&EmotionCurve::Auto, Emotion::default())
+        );
+        assert!(EmotionCurve::parse("automatic").is_err());
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use ndarray::ArrayView3;
+use ndarray::{ArrayView3, s};
 use serde::Serialize;
 
 use crate::{audio::Waveform, motion::MotionClip};
@@ -82,14 +82,15 @@ pub fn warnings_of_sound(waveform: &Waveform) -> Vec<String> {
     warnings
 }
 
-/// Says so when motion is too small to be seen.
+/// Says so when jaw and mouth move too little to be seen; blinks alone are no speech.
 pub fn warnings_of_motion(motion: &MotionClip) -> Vec<String> {
-    let most = largest(motion.displacements.view());
+    let jaw = largest(motion.displacements.slice(s![.., 0..17, ..]));
+    let most = jaw.max(largest(motion.displacements.slice(s![.., 48..68, ..])));
     if most >= VISIBLE_M {
         return Vec::new();
     }
     vec![format!(
-        "nothing moves visibly: the largest landmark motion is {:.3} mm on a human head; is there \
+        "nothing moves visibly but the eyes: the largest motion of jaw and mouth is {:.3} mm on a human head; is there \
          speech in the sound, and on the channel that carries it?",
         most * 1000.0
     )]
@@ -133,5 +134,8 @@ mod tests {
             fps: 30.0,
         };
         assert!(warnings_of_motion(&still)[0].contains("nothing moves"));
+        let mut blinking = still;
+        blinking.displacements[[1, 43, 1]] = -0.008;
+        assert!(warnings_of_motion(&blinking)[0].contains("nothing moves"));
     }
 }

@@ -93,6 +93,12 @@ fn requests_out_of_range_exit_with_3_before_any_work() {
         (["--emotion", "joyful:1"], "expected one of neutral, happy"),
         (["--emotion", "happy:9"], "sum of at most"),
         (["--threads", "0"], "threads: expected 1 or more"),
+        (
+            ["--articulation", "3"],
+            "articulation: expected 0 to 2, got 3",
+        ),
+        (["--jaw-lips", "-2"], "jaw_lips: expected -1 to 1, got -2"),
+        (["--emotion-keys", "happy"], "expected seconds:emotion"),
     ] {
         refused(&folder, &with(&extra), INVALID_INPUT, words);
     }

@@ -126,12 +126,26 @@ fn speech_opens_the_mouth_and_the_same_seed_gives_the_same_file() {
 #[test]
 fn silence_keeps_still_and_says_so() {
     let folder = sound(&[0.0; 16_000], 16_000);
-    let (_, warning) = done(&folder, "motion --audio a.wav --out o.npz");
+    let (_, warning) = done(&folder, "motion --audio a.wav --out o.npz --blinks 0");
     assert!(warning.contains("the sound is silent"), "{warning}");
     let made = motion(&folder, "o.npz");
     assert_eq!(made.displacements.dim(), (30, 68, 3));
     let most = largest(&made.displacements);
     assert!(most < 0.004, "silence moves a landmark by {most} m");
+}
+
+#[test]
+fn silence_blinks_by_default_and_not_when_emotion_is_off() {
+    let folder = sound(&[0.0; 10 * 16_000], 16_000);
+    let lids = |line: &str| {
+        done(&folder, &format!("motion --audio a.wav --out o.npz {line}"));
+        let made = motion(&folder, "o.npz").displacements;
+        let upper = made.slice(ndarray::s![.., 36..48, ..]).to_owned();
+        largest(&upper)
+    };
+    assert!(lids("") > 0.007);
+    assert_eq!(lids("--emotion off"), 0.0);
+    assert!(lids("--emotion-keys 0:neutral --blinks 0 --articulation 2") < 0.004);
 }
 
 #[test]

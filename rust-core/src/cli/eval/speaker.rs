@@ -7,6 +7,7 @@ use crate::{
     Engine, Error, MotionRequest, Result,
     audio::Waveform,
     conditions::{Emotion, EmotionCurve},
+    motion::PerformanceControls,
     progress::SILENT,
 };
 
@@ -40,6 +41,7 @@ impl Speaker {
             seed: wish.seed,
             steps: wish.steps,
             style: wish.style.clone(),
+            controls: PerformanceControls::as_sampled(),
         };
         let motion = self.engine.motion(waveform, &request, SILENT)?;
         Ok(motion.displacements.mapv(f64::from))

@@ -1,0 +1,212 @@
+//! How aroused a voice sounds, as emotion over time.
+//!
+//! Arousal is what a voice shows most plainly: higher and wider pitch, more effort (flatter spectrum),
+//! more loudness (Scherer 2003). Valence is not read: neither joy nor anger is claimed, an
+//! aroused voice widens the eyes and raises the brows, a drowsy one calms the face. Choose joy or
+//! anger yourself.
+//!
+//! The constants were set on neutral readings in three languages and on four acted clips of two people,
+//! so the following is no test. Mean arousal: acted joy 1.36, anger 0.06, a neutral reading 0.02, sadness
+//! −0.24. Intensity of joy is 0.58 in the mean, of the other three at most 0.01: this anger, spoken low,
+//! passes for neutral. Of 40 neutral readings 38 stay below 0.04 in the mean; two
+//! bright recordings reach 0.24. Four clips prove little: take the result as a start to edit.
+
+use super::{EMOTIONS, Emotion, EmotionCurve};
+use crate::audio::Prosody;
+
+/// Time between keys.
+const STEP_S: f64 = 0.25;
+/// Deviation of the window around a key; it reaches twice as far.
+const WINDOW_S: f64 = 0.5;
+/// Frames quieter than this below the loud ones carry echoes and noise.
+const HEARD_DB: f32 = 25.0;
+/// Voiced frames at which the voice is believed by half: for the clip, and for a window.
+const ENOUGH_CLIP: f32 = 50.0;
+const ENOUGH_WINDOW: f32 = 20.0;
+/// Effort of neutral readings and its spread over voices, rooms and microphones, dB.
+const NEUTRAL_EFFORT_DB: f32 = -9.0;
+const EFFORT_SPREAD_DB: f32 = 3.0;
+/// Semitones by which the usual pitch of neutral readings lies over the voice's floor.
+const NEUTRAL_LIFT: f32 = 3.8;
+const LIFT_SPREAD: f32 = 2.0;
+/// Changes within a clip that count as one unit of arousal.
+const LOCAL_DB: f32 = 12.0;
+const LOCAL_SEMITONES: f32 = 8.0;
+/// Arousal between these is neutral.
+const NEUTRAL: f32 = 0.4;
+/// Intensity for each unit of arousal outside.
+const GAIN: f32 = 0.6;
+/// "surprised", without its sense: raised brows and wide eyes are what high arousal shares.
+const AROUSED: &str = "surprised";
+const DROWSY: &str = "calm";
+
+/// One voiced moment.
+struct Voiced {
+    time_s: f64,
+    level_db: f32,
+    semitones: f32,
+    effort_db: f32,
+}
+
+/// Arousal over time, `(time_s, arousal)` every quarter of a second: about 0 for neutral reading, 1 and
+/// more when excited, −0.5 at least. Empty where no voice is heard.
+pub fn arousal(prosody: &Prosody) -> Vec<(f64, f32)> {
+    let voiced = voiced(prosody);
+    if voiced.is_empty() {
+        return Vec::new();
+    }
+    let of_clip = clip_arousal(&voiced);
+    let level = median(voiced.iter().map(|v| v.level_db));
+    let pitch = median(voiced.iter().map(|v| v.semitones));
+    let duration_s = Prosody::time_s(prosody.level_db.len());
+    let keys = (duration_s / STEP_S) as usize + 1;
+    (0..keys)
+        .map(|key| {
+            let time_s = key as f64 * STEP_S;
+            (time_s, of_clip + local(&voiced, time_s, level, pitch))
+        })
+        .collect()
+}
+
+/// What is heard in a voice as an emotion curve: see the module. Intensity is at most 1, and 0 for
+/// silence.
+pub fn emotion_from_voice(prosody: &Prosody) -> EmotionCurve {
+    let keys = arousal(prosody)
+        .into_iter()
+        .map(|(time_s, arousal)| (time_s, expression(arousal)))
+        .collect();
+    EmotionCurve::Keys(keys)
+}
+
+fn expression(arousal: f32) -> Emotion {
+    let outside = arousal.abs() - NEUTRAL;
+    if outside <= 0.0 {
+        return Emotion::default();
+    }
+    let wanted = if arousal > 0.0 { AROUSED } else { DROWSY };
+    let mixture = EMOTIONS.map(|name| if name == wanted { 1.0 } else { 0.0 });
+    Emotion {
+        mixture,
+        intensity: (GAIN * outside).min(1.0),
+    }
+}
+
+fn voiced(prosody: &Prosody) -> Vec<Voiced> {
+    let least = prosody.loud_db - HEARD_DB;
+    (0..prosody.level_db.len())
+        .filter(|t| prosody.pitch_hz[*t] > 0.0 && prosody.level_db[*t] > least)
+        .map(|t| Voiced {
+            time_s: Prosody::time_s(t),
+            level_db: prosody.level_db[t],
+            semitones: 12.0 * prosody.pitch_hz[t].log2(),
+            effort_db: prosody.effort_db[t],
+        })
+        .collect()
+}
+
+/// How aroused the whole clip is, by what does not need the speaker's other clips.
+fn clip_arousal(voiced: &[Voiced]) -> f32 {
+    let count = voiced.len() as f32;
+    let effort_db = voiced.iter().map(|v| v.effort_db).sum::<f32>() / count;
+    let pitch = || voiced.iter().map(|v| v.semitones);
+    let lift = median(pitch()) - quantile(pitch(), 0.1);
+    // A dull microphone says nothing about the speaker, so little effort counts for little.
+    let effort = ((effort_db - NEUTRAL_EFFORT_DB) / EFFORT_SPREAD_DB).clamp(-0.5, 1.0);
+    let lift = ((lift - NEUTRAL_LIFT) / LIFT_SPREAD).clamp(-0.5, 2.5);
+    0.5 * (effort + lift) * count / (count + ENOUGH_CLIP)
+}
+
+/// How much more aroused than the clip a moment is: louder and higher.
+fn local(voiced: &[Voiced], time_s: f64, level_db: f32, semitones: f32) -> f32 {
+    let reach_s = 2.0 * WINDOW_S;
+    let from = voiced.partition_point(|v| v.time_s < time_s - reach_s);
+    let near = voiced[from..]
+        .iter()
+        .take_while(|v| v.time_s <= time_s + reach_s);
+    let (mut weight, mut change) = (0.0, 0.0);
+    for v in near {
+        let share = (-0.5 * ((v.time_s - time_s) / WINDOW_S).powi(2)).exp() as f32;
+        let louder = (v.level_db - level_db) / LOCAL_DB;
+        let higher = (v.semitones - semitones) / LOCAL_SEMITONES;
+        weight += share;
+        change += share * 0.5 * (louder + higher);
+    }
+    change / (weight + ENOUGH_WINDOW)
+}
+
+fn median(values: impl Iterator<Item = f32>) -> f32 {
+    quantile(values, 0.5)
+}
+
+fn quantile(values: impl Iterator<Item = f32>, share: f32) -> f32 {
+    let mut sorted: Vec<f32> = values.collect();
+    sorted.sort_by(f32::total_cmp);
+    sorted[(share * (sorted.len() - 1) as f32) as usize]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::audio::{PROSODY_FPS, Waveform};
+
+    /// Speech as numbers: a pitch that swings by `swing` semitones over 120 Hz, at an effort.
+    fn spoken(swing: f32, effort_db: f32) -> Prosody {
+        let frames = 6 * PROSODY_FPS as usize;
+        let pitch_hz = (0..frames)
+            .map(|t| 120.0 * (swing * (0.5 - 0.5 * (t as f32 * 0.1).cos()) / 12.0).exp2())
+            .collect();
+        Prosody {
+            level_db: vec![-20.0; frames],
+            pitch_hz,
+            effort_db: vec![effort_db; frames],
+            loud_db: -20.0,
+            nuclei: Vec::new(),
+            pauses: Vec::new(),
+        }
+    }
+
+    fn mean(prosody: &Prosody) -> f32 {
+        let arousal = arousal(prosody);
+        arousal.iter().map(|(_, a)| a).sum::<f32>() / arousal.len() as f32
+    }
+
+    #[test]
+    fn wide_pitch_and_effort_arouse() {
+        let (flat, wide) = (mean(&spoken(2.0, -11.0)), mean(&spoken(14.0, -6.0)));
+        assert!(flat < 0.0 && wide > 0.8, "{flat} {wide}");
+    }
+
+    #[test]
+    fn neutral_speech_and_silence_stay_neutral() {
+        let neutral = emotion_from_voice(&spoken(7.0, -9.0));
+        assert!(neutral.sample(60, 10.0).column(15).iter().all(|i| *i < 0.1));
+        let samples = vec![0.0; 16_000];
+        let silence = emotion_from_voice(&Prosody::of(&Waveform { samples }));
+        assert_eq!(silence, EmotionCurve::Keys(Vec::new()));
+        assert_eq!(silence.at(0.5), Emotion::default());
+    }
+
+    #[test]
+    fn intensity_never_passes_one() {
+        let curve = emotion_from_voice(&spoken(40.0, 10.0));
+        let most = curve
+            .sample(60, 10.0)
+            .column(15)
+            .iter()
+            .copied()
+            .fold(0.0, f32::max);
+        assert!(most > 0.5 && most <= 1.0 + 1e-6, "{most}");
+    }
+
+    #[test]
+    fn a_louder_higher_stretch_stands_out_of_its_clip() {
+        let mut prosody = spoken(7.0, -9.0);
+        for t in 300..450 {
+            prosody.level_db[t] += 9.0;
+            prosody.pitch_hz[t] *= 1.6;
+        }
+        let arousal = arousal(&prosody);
+        let at = |s: f64| arousal[(s / STEP_S) as usize].1;
+        assert!(at(3.75) > at(1.0) + 0.4 && at(5.9) < at(3.75));
+    }
+}

@@ -1,0 +1,257 @@
+//! Blinks of both eyes, at random and rather where the voice pauses.
+//!
+//! Fifteen of 100 come in twos; 50 ms to close, 100 ms to open. People who speak blink at the ends of
+//! phrases and in pauses (Nakano & Kitazawa 2010), more often when sad or angry than when afraid.
+//! Intervals are drawn from a bell between a quarter and seven quarters of their mean, 1.2 to 8 s at
+//! the default rate: blinks neither tick like a clock nor bunch up.
+
+use ndarray::{Array3, ArrayView2};
+
+use super::{chance::Chance, face_modes::FaceModes, upper_face::lids};
+use crate::{
+    Result,
+    audio::{PROSODY_FPS, Prosody},
+};
+
+/// Number of this process among the streams of a seed.
+const STREAM: u64 = u64::MAX;
+const CLOSE_S: f64 = 0.05;
+const HOLD_S: (f64, f64) = (0.03, 0.1);
+const OPEN_S: f64 = 0.1;
+const DOUBLE_SHARE: f64 = 0.15;
+/// Open eyes between two blinks, at least.
+const BETWEEN_S: f64 = 0.1;
+/// A blink moves to a pause that begins this near, or within this share of the mean interval.
+const REACH_S: f64 = 1.0;
+const REACH_SHARE: f64 = 0.3;
+/// Share of the blinks that move to a pause in reach.
+const PAUSE_SHARE: f64 = 0.7;
+/// Columns of sad, afraid and angry among the conditions, and of the intensity.
+const SAD: usize = 5;
+const AFRAID: usize = 8;
+const ANGRY: usize = 9;
+const INTENSITY: usize = 15;
+/// How much an emotion at intensity 1 changes the rate; our own choice.
+const EMOTION_GAIN: f32 = 0.3;
+
+/// One closing of both eyes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Blink {
+    /// When the lids begin to close, seconds.
+    pub start_s: f64,
+    /// How long they stay closed, seconds.
+    pub hold_s: f64,
+}
+
+impl Blink {
+    /// When the lids are open again, seconds.
+    pub fn end_s(&self) -> f64 {
+        self.start_s + CLOSE_S + self.hold_s + OPEN_S
+    }
+
+    /// How far the lids are closed, 0 to 1; smooth, faster down than up.
+    fn closure(&self, time_s: f64) -> f32 {
+        let falling = (time_s - self.start_s) / CLOSE_S;
+        let rising = (self.end_s() - time_s) / OPEN_S;
+        smoothstep(falling.min(rising)) as f32
+    }
+}
+
+/// Draws the blinks of a performance, rising and apart from one another.
+///
+/// `affect`: `[T, 16]` at `fps`, mixture and intensity. `per_minute` counts every closing, those of a
+/// double blink too; crowded rates near 60 come out a little lower because blinks never overlap.
+pub fn blinks(
+    affect: ArrayView2<'_, f32>,
+    fps: f64,
+    prosody: &Prosody,
+    per_minute: f32,
+    seed: u64,
+) -> Vec<Blink> {
+    let mut blinks: Vec<Blink> = Vec::new();
+    if per_minute <= 0.0 {
+        return blinks;
+    }
+    let duration_s = affect.nrows() as f64 / fps;
+    let mean_s = 60.0 * (1.0 + DOUBLE_SHARE) / f64::from(per_minute);
+    let mut chance = Chance::new(seed, STREAM);
+    // A frame of slow film still sees the lids closed.
+    let least_hold_s = (1.0 / fps).clamp(HOLD_S.0, HOLD_S.1);
+    let mut time_s = mean_s * chance.unit();
+    while time_s < duration_s {
+        let wanted = near_pause(time_s, mean_s, prosody, &mut chance);
+        let count = if chance.unit() < DOUBLE_SHARE { 2 } else { 1 };
+        for _ in 0..count {
+            let after = blinks.last().map_or(0.0, |last| last.end_s() + BETWEEN_S);
+            blinks.push(Blink {
+                start_s: wanted.max(after),
+                hold_s: chance.between(least_hold_s, HOLD_S.1),
+            });
+        }
+        let frame = ((time_s * fps) as usize).min(affect.nrows() - 1);
+        let interval_s = mean_s * (0.25 + 1.5 * chance.bell());
+        time_s += interval_s / f64::from(urge(affect.row(frame).as_slice().unwrap_or(&[])));
+    }
+    blinks
+}
+
+/// Closes the lids over what the emotion already closes: `c + w (1 − c)`, so that they meet and never
+/// pass. Moves nothing but lids. `moved`: `[T, 68, 3]`, canonical metres.
+pub(super) fn close_lids(
+    moved: &mut Array3<f32>,
+    fps: f64,
+    blinks: &[Blink],
+    modes: &FaceModes,
+) -> Result<()> {
+    let eyes = lids(modes)?;
+    let last = moved.dim().0;
+    for blink in blinks {
+        let first = (blink.start_s * fps).floor().max(0.0) as usize;
+        let end = ((blink.end_s() * fps).ceil() as usize + 1).min(last);
+        for t in first.min(end)..end {
+            let weight = blink.closure(t as f64 / fps);
+            let mut frame = moved.index_axis_mut(ndarray::Axis(0), t);
+            for eye in &eyes {
+                let more = weight * (1.0 - eye.closure(&frame)).max(0.0);
+                eye.close(&mut frame, more);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// `time_s`, or the begin of a pause near it.
+fn near_pause(time_s: f64, mean_s: f64, prosody: &Prosody, chance: &mut Chance) -> f64 {
+    let (move_it, delay_s) = (chance.unit() < PAUSE_SHARE, chance.between(0.0, 0.15));
+    let reach_s = REACH_S.min(REACH_SHARE * mean_s);
+    let begins = prosody
+        .pauses
+        .iter()
+        .map(|p| p.start as f64 / PROSODY_FPS + delay_s);
+    let nearest = begins
+        .filter(|begin| (begin - time_s).abs() <= reach_s)
+        .min_by(|a, b| (a - time_s).abs().total_cmp(&(b - time_s).abs()));
+    nearest.filter(|_| move_it).unwrap_or(time_s)
+}
+
+/// How much more often the eyes blink under an emotion, `[16]`.
+fn urge(affect: &[f32]) -> f32 {
+    match affect {
+        [] => 1.0,
+        _ => {
+            let change = affect[SAD] + affect[ANGRY] - affect[AFRAID];
+            (1.0 + EMOTION_GAIN * change * affect[INTENSITY]).max(0.4)
+        }
+    }
+}
+
+fn smoothstep(x: f64) -> f64 {
+    let x = x.clamp(0.0, 1.0);
+    x * x * (3.0 - 2.0 * x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        audio::Waveform,
+        conditions::{Emotion, EmotionCurve},
+    };
+
+    const MINUTES: f64 = 10.0;
+
+    fn affect(emotion: &str) -> ndarray::Array2<f32> {
+        let curve = EmotionCurve::Constant(Emotion::parse(emotion).unwrap());
+        curve.sample((MINUTES * 60.0 * 30.0) as usize, 30.0)
+    }
+
+    /// A voice that pauses for half a second every three.
+    fn pausing() -> Prosody {
+        let mut prosody = Prosody::of(&Waveform {
+            samples: vec![0.0; 16_000],
+        });
+        let pauses = (0..(MINUTES * 20.0) as usize).map(|k| 300 * k + 250..300 * k + 300);
+        prosody.pauses = pauses.collect();
+        prosody
+    }
+
+    fn drawn(emotion: &str, per_minute: f32, seed: u64) -> Vec<Blink> {
+        blinks(affect(emotion).view(), 30.0, &pausing(), per_minute, seed)
+    }
+
+    #[test]
+    fn ten_minutes_have_the_asked_rate_within_a_fifth() {
+        for (rate, tolerance) in [(5.0, 0.35), (15.0, 0.2), (30.0, 0.2), (60.0, 0.2)] {
+            let count = drawn("neutral:0", rate, 3).len() as f64 / MINUTES;
+            let error = (count / f64::from(rate) - 1.0).abs();
+            assert!(error < tolerance, "{count} for {rate} a minute");
+        }
+        assert!(drawn("neutral:0", 0.0, 3).is_empty());
+    }
+
+    #[test]
+    fn blinks_are_brief_mostly_single_and_apart() {
+        let blinks = drawn("neutral:0", 15.0, 8);
+        for pair in blinks.windows(2) {
+            assert!(pair[1].start_s >= pair[0].end_s() + BETWEEN_S - 1e-9);
+        }
+        for blink in &blinks {
+            assert!((0.17..0.26).contains(&(blink.end_s() - blink.start_s)));
+        }
+        let double = blinks
+            .windows(2)
+            .filter(|pair| pair[1].start_s - pair[0].end_s() < 0.12)
+            .count() as f64;
+        let share = double / (blinks.len() as f64 - double);
+        assert!((0.05..0.27).contains(&share), "{share} double");
+        let longest = blinks
+            .windows(2)
+            .map(|p| p[1].start_s - p[0].start_s)
+            .fold(0.0, f64::max);
+        assert!(longest < 11.0, "{longest} s without a blink");
+    }
+
+    #[test]
+    fn blinks_prefer_pauses() {
+        let blinks = drawn("neutral:0", 15.0, 1);
+        let paused = blinks.iter().filter(|b| b.start_s % 3.0 >= 2.5).count() as f64;
+        assert!(
+            paused / blinks.len() as f64 > 0.35,
+            "chance alone gives a sixth"
+        );
+    }
+
+    #[test]
+    fn the_sad_and_angry_blink_more_often_than_the_afraid() {
+        let count = |emotion| drawn(emotion, 15.0, 4).len();
+        assert!(count("sad:1") > count("afraid:1") + 20);
+        assert!(count("angry:1") > count("afraid:1") + 20);
+    }
+
+    #[test]
+    fn another_seed_blinks_at_other_times() {
+        assert_eq!(drawn("neutral:0", 15.0, 1), drawn("neutral:0", 15.0, 1));
+        assert_ne!(drawn("neutral:0", 15.0, 1), drawn("neutral:0", 15.0, 2));
+    }
+
+    #[test]
+    fn every_blink_closes_the_eyes_at_25_frames_a_second() {
+        let modes = FaceModes::open(None).unwrap();
+        let mut moved = Array3::zeros((1500, 68, 3));
+        let affect = EmotionCurve::default().sample(1500, 25.0);
+        let blinks = blinks(affect.view(), 25.0, &pausing(), 20.0, 6);
+        close_lids(&mut moved, 25.0, &blinks, &modes).unwrap();
+        let eyes = lids(&modes).unwrap();
+        for blink in &blinks {
+            let frames = (blink.start_s * 25.0) as usize..=(blink.end_s() * 25.0) as usize;
+            for eye in &eyes {
+                let closures = frames
+                    .clone()
+                    .filter(|t| *t < 1500)
+                    .map(|t| eye.closure(&moved.index_axis(ndarray::Axis(0), t)));
+                let most = closures.fold(0.0, f32::max);
+                assert!(most > 0.999 || blink.end_s() > 60.0, "{blink:?}: {most}");
+            }
+        }
+    }
+}

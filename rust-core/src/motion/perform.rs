@@ -1,0 +1,109 @@
+//! Controls put on a sampled performance.
+
+use ndarray::{Array3, ArrayView2};
+
+use super::{
+    FaceModes, MotionClip, PerformanceControls,
+    articulation::{articulate, keep_closures},
+    blinks::{blinks, close_lids},
+    brow_accents::{brow_accents, raise_brows},
+    regions, upper_face,
+};
+use crate::{Result, audio::Prosody};
+
+/// What a performance was asked to be and how it was said.
+#[derive(Debug, Clone, Copy)]
+pub struct Cues<'a> {
+    /// `[T, 16]` at the clip's rate: a mixture of 15 emotions and an intensity.
+    pub affect: ArrayView2<'a, f32>,
+    /// Take away everything that speech did not cause.
+    pub speech_only: bool,
+    /// How the speech was said.
+    pub prosody: &'a Prosody,
+    /// Same seed, same blinks and accents.
+    pub seed: u64,
+}
+
+impl FaceModes {
+    /// The clip with `controls` put on it; the same whatever the number of threads.
+    ///
+    /// In this order: smoothing, articulation and the share of jaw and lips, closures as they were,
+    /// brow accents, the upper face's scale, asymmetry, blinks. With
+    /// [`PerformanceControls::as_sampled`] the clip comes back as it was, unless `speech_only`.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a control out of range.
+    pub fn perform(
+        &self,
+        sampled: &MotionClip,
+        cues: &Cues<'_>,
+        controls: &PerformanceControls,
+    ) -> Result<MotionClip> {
+        controls.check()?;
+        let mut clip = sampled.smoothed(f64::from(controls.smoothing_s));
+        self.shape_speech(&mut clip, sampled, cues, controls)?;
+        let fps = clip.fps;
+        let moved = &mut clip.displacements;
+        if cues.speech_only {
+            still_upper_face(moved);
+        } else {
+            if controls.brow_accents > 0.0 {
+                let accents = brow_accents(cues.prosody, cues.seed);
+                raise_brows(moved, fps, &accents, self, controls.brow_accents)?;
+            }
+            if controls.upper_face != 1.0 {
+                upper_face::scale(moved, self, controls.upper_face)?;
+            }
+        }
+        if controls.asymmetry != 0.0 {
+            upper_face::lean(moved, controls.asymmetry);
+        }
+        if !cues.speech_only {
+            let rate = controls.blinks_per_minute;
+            let blinks = blinks(cues.affect, fps, cues.prosody, rate, cues.seed);
+            close_lids(moved, fps, &blinks, self)?;
+        }
+        Ok(clip)
+    }
+
+    fn shape_speech(
+        &self,
+        clip: &mut MotionClip,
+        sampled: &MotionClip,
+        cues: &Cues<'_>,
+        controls: &PerformanceControls,
+    ) -> Result<()> {
+        let PerformanceControls {
+            articulation,
+            jaw_lips,
+            ..
+        } = *controls;
+        let shaped = articulation != 1.0 || jaw_lips != 0.0;
+        if shaped {
+            let emotion = self.emotion(cues.affect, clip.fps);
+            let (emotion, jaw) = (emotion.view(), self.mode("jawOpen")?);
+            articulate(
+                &mut clip.displacements,
+                emotion,
+                jaw,
+                articulation,
+                jaw_lips,
+            );
+        }
+        if shaped || controls.smoothing_s > 0.0 {
+            keep_closures(&mut clip.displacements, sampled.displacements.view());
+        }
+        Ok(())
+    }
+}
+
+fn still_upper_face(moved: &mut Array3<f32>) {
+    for mut frame in moved.outer_iter_mut() {
+        for n in regions::upper_face() {
+            frame.row_mut(n).fill(0.0);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

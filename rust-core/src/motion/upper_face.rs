@@ -1,0 +1,74 @@
+//! Brows, lids and the bridge of the nose, and one side more than the other.
+
+use ndarray::{Array3, ArrayView2, ArrayViewMut2};
+
+use super::regions::{EYES, Eye, SIDES, upper_face};
+use crate::{Result, motion::FaceModes};
+
+/// What the extremes of `asymmetry` add to one side and take from the other.
+const MOST_LOPSIDED: f32 = 0.5;
+
+/// Scales the motion of the upper face; lids that would pass through one another just close.
+///
+/// `moved`: `[T, 68, 3]`, canonical metres.
+pub(super) fn scale(moved: &mut Array3<f32>, modes: &FaceModes, factor: f32) -> Result<()> {
+    let eyes = lids(modes)?;
+    for mut frame in moved.outer_iter_mut() {
+        let most: [f32; 2] = std::array::from_fn(|e| eyes[e].closure(&frame).max(1.0));
+        for n in upper_face() {
+            frame.row_mut(n).map_inplace(|x| *x *= factor);
+        }
+        for (eye, most) in eyes.iter().zip(most) {
+            let excess = eye.closure(&frame) - most;
+            if excess > 0.0 {
+                eye.close(&mut frame, -excess);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Motion of brows and mouth corners grows on one side and shrinks on the other.
+pub(super) fn lean(moved: &mut Array3<f32>, asymmetry: f32) {
+    for mut frame in moved.outer_iter_mut() {
+        for (right, left, share) in SIDES {
+            let more = MOST_LOPSIDED * asymmetry * share;
+            frame.row_mut(right).map_inplace(|x| *x *= 1.0 - more);
+            frame.row_mut(left).map_inplace(|x| *x *= 1.0 + more);
+        }
+    }
+}
+
+/// The lids of one eye with the way in which they close.
+pub(super) struct Lids<'a> {
+    eye: &'static Eye,
+    mode: ArrayView2<'a, f32>,
+}
+
+/// Both eyes, the subject's right one first.
+pub(super) fn lids(modes: &FaceModes) -> Result<[Lids<'_>; 2]> {
+    let [right, left] = &EYES;
+    Ok([Lids::of(right, modes)?, Lids::of(left, modes)?])
+}
+
+impl<'a> Lids<'a> {
+    fn of(eye: &'static Eye, modes: &'a FaceModes) -> Result<Self> {
+        let mode = modes.mode(eye.mode)?;
+        Ok(Lids { eye, mode })
+    }
+
+    /// How far the lids are closed: 0 neutral, 1 as the full mode closes them, below 0 wide open.
+    pub(super) fn closure(&self, frame: &impl std::ops::Index<[usize; 2], Output = f32>) -> f32 {
+        let gap = |(up, low): (usize, usize)| frame[[up, 1]] - frame[[low, 1]];
+        let full = |(up, low): (usize, usize)| self.mode[[up, 1]] - self.mode[[low, 1]];
+        let [a, b] = self.eye.pairs;
+        (gap(a) + gap(b)) / (full(a) + full(b))
+    }
+
+    /// Adds `weight` of the mode to the lids and to nothing else.
+    pub(super) fn close(&self, frame: &mut ArrayViewMut2<'_, f32>, weight: f32) {
+        for n in self.eye.lids.clone() {
+            frame.row_mut(n).scaled_add(weight, &self.mode.row(n));
+        }
+    }
+}
