@@ -150,6 +150,16 @@ typedef enum {
     ANYFACE_AXIS_NEG_Z = 5,
 } AnyfaceAxis;
 
+/// Where the emotion of a performance comes from; for `AnyfaceMotionOptions`.
+typedef enum {
+    /// `emotion_strengths`; the default.
+    ANYFACE_EMOTION_SOURCE_GIVEN = 0,
+    /// Read from the voice: how aroused it sounds, not whether it is glad or angry.
+    ANYFACE_EMOTION_SOURCE_VOICE = 1,
+    /// No emotion and nothing else that speech did not cause: no blinks, no motion of brows and lids.
+    ANYFACE_EMOTION_SOURCE_OFF = 2,
+} AnyfaceEmotionSource;
+
 /// A sound, kept as mono at 16 kHz. Never changes after it was made: any number of threads may
 /// use it at the same time.
 typedef struct AnyfaceAudio AnyfaceAudio;
@@ -257,8 +267,8 @@ typedef struct {
     size_t emotion_count;
     /// Frames per second of the result, 1 to 240; default 30.
     double fps;
-    /// The same seed gives the same motion; default 0. Without effect on models that sample without
-    /// noise, as the built-in one does.
+    /// The same seed gives the same motion; default 0. Draws blinks and brow accents, and the noise of
+    /// models that sample with noise, which the built-in one does not.
     uint64_t seed;
     /// Speaking style by name, UTF-8; NULL, the default, takes the model's own.
     const char *style;
@@ -266,6 +276,23 @@ typedef struct {
     uint32_t steps;
     /// Must be 0.
     uint32_t reserved;
+    /// An `AnyfaceEmotionSource`; default `ANYFACE_EMOTION_SOURCE_GIVEN`. With another one
+    /// `emotion_count` must be 0.
+    int32_t emotion_source;
+    /// Scales what speech does to mouth and jaw, 0 to 2; default 1. Closed lips stay closed.
+    float articulation;
+    /// Moves motion from lips (-1) to jaw (1); default 0.
+    float jaw_lips;
+    /// Smoothing over time in seconds, 0 to 0.1; default 0. Closed lips stay closed.
+    float smoothing_s;
+    /// Scales brows, lids and the bridge of the nose, 0 to 2; default 1. Blinks stay.
+    float upper_face;
+    /// 0 to 60; default 15.
+    float blinks_per_minute;
+    /// Scales the raises of the brows on stressed syllables, 0 to 2; default 1.
+    float brow_accents;
+    /// More motion of brows and mouth corners on the subject's right (-1) or left (1); default 0.
+    float asymmetry;
 } AnyfaceMotionOptions;
 
 #ifdef __cplusplus

@@ -20,13 +20,14 @@ from ctypes import (
     c_uint64,
     c_void_p,
 )
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
 from .errors import AnyfaceError, Cancelled
 from .job import Progress
-from .take import Animation, Basis, Performance, Sound
+from .take import EMOTION_SOURCES, Animation, Basis, Performance, Sound
 
 ABI_VERSION = 1
 LANDMARKS = 68
@@ -83,6 +84,14 @@ class MotionOptions(Structure):
         ("style", c_char_p),
         ("steps", c_uint32),
         ("reserved", c_uint32),
+        ("emotion_source", c_int32),
+        ("articulation", c_float),
+        ("jaw_lips", c_float),
+        ("smoothing_s", c_float),
+        ("upper_face", c_float),
+        ("blinks_per_minute", c_float),
+        ("brow_accents", c_float),
+        ("asymmetry", c_float),
     ]
 
 
@@ -251,8 +260,10 @@ class Engine:
         given = (_floats(samples), len(samples), 1, round(sound.rate_hz))
         audio = self._own(handles, "audio", "anyface_audio_new", *given)
         options = self._options(MotionOptions, "anyface_motion_options_init")
-        times = np.array([time for time, _ in performance.emotion], dtype=np.float64)
-        rows = np.array([row for _, row in performance.emotion], dtype=np.float32)
+        options.emotion_source = EMOTION_SOURCES.index(performance.emotion_source)
+        keys = performance.emotion if performance.emotion_source == "GIVEN" else []
+        times = np.array([time for time, _ in keys], dtype=np.float64)
+        rows = np.array([row for _, row in keys], dtype=np.float32)
         options.emotion_count = len(rows)
         if len(rows):
             options.emotion_strengths = _floats(rows)
@@ -260,6 +271,8 @@ class Engine:
         options.fps, options.seed = performance.fps, performance.seed
         options.style = performance.style.encode() or None
         options.steps = performance.steps or 0
+        for name, value in asdict(performance.controls).items():
+            setattr(options, name, value)
         given = (self._handle, audio, byref(options), watch.handle)
         return self._own(handles, "motion", "anyface_motion_new", *given)
 

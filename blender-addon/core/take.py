@@ -6,11 +6,29 @@ import numpy as np
 
 
 @dataclass
+class Controls:
+    """What is done to the sampled motion; the fields and defaults of `AnyfaceMotionOptions`."""
+
+    articulation: float = 1.0
+    jaw_lips: float = 0.0
+    smoothing_s: float = 0.0
+    upper_face: float = 1.0
+    blinks_per_minute: float = 15.0
+    brow_accents: float = 1.0
+    asymmetry: float = 0.0
+
+
+# Where the emotion comes from, in the order of `AnyfaceEmotionSource`.
+EMOTION_SOURCES = ("GIVEN", "VOICE", "OFF")
+
+
+@dataclass
 class Performance:
     """How the character is asked to speak, and how its motion is to be written.
 
-    `emotion` holds `(time_s, strengths[15])` in rising order, times from the first sample. `mode`
-    is "basis" or "frames"; `error_mm` the largest error of a basis, on a head of human size.
+    `emotion` holds `(time_s, strengths[15])` in rising order, times from the first sample; it is
+    used where `emotion_source` is "GIVEN". `mode` is "basis" or "frames"; `error_mm` the largest
+    error of a basis, on a head of human size.
     """
 
     fps: float
@@ -21,6 +39,8 @@ class Performance:
     learned: float = 1.0
     mode: str = "basis"
     error_mm: float = 0.1
+    emotion_source: str = "GIVEN"
+    controls: Controls = field(default_factory=Controls)
 
 
 @dataclass

@@ -4,20 +4,20 @@
 does not and may run anywhere.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 from ..core import perform
 from ..core.errors import AnyfaceError
 from ..core.job import Progress
 from ..core.source import SoundSource
-from ..core.take import FaceMesh, Performance, Take
+from ..core.take import Controls, FaceMesh, Performance, Take
 from . import decode, emotion, guard, keys, mesh, sound
 
 MODES = ("basis", "frames")
 
 
 @dataclass
-class Settings:
+class Settings(Controls):
     """What is asked; the fields of `ui.properties.AnyfaceCharacter` without Blender.
 
     `strip` or `sound_file` is set. `fps` 0 takes the scene's, `steps` 0 the model's. `blend` are
@@ -27,6 +27,7 @@ class Settings:
     strip: str = ""
     sound_file: str = ""
     start_frame: int = 1
+    emotion_source: str = "GIVEN"
     emotion: str = "neutral"
     intensity: float = 1.0
     blend: list[float] | None = None
@@ -84,6 +85,8 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         learned=settings.learned,
         mode=settings.mode,
         error_mm=settings.error_mm,
+        emotion_source=settings.emotion_source,
+        controls=Controls(**{item.name: getattr(settings, item.name) for item in fields(Controls)}),
     )
     return Snapshot(ob.name, face, source, performance, settings, scene_fps, engine)
 

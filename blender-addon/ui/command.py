@@ -46,7 +46,7 @@ def add_bake_options(task: argparse.ArgumentParser) -> None:
     source.add_argument("--audio", metavar="FILE", help="a sound file")
     task.add_argument("--start", type=int, metavar="FRAME", help="first frame of --audio")
     task.add_argument("--scene", help="name of the scene (default: the active one)")
-    task.add_argument("--emotion", metavar="NAME:X[,…]", help="such as happy:0.7")
+    task.add_argument("--emotion", metavar="NAME:X[,…]", help="such as happy:0.7; auto; off")
     task.add_argument("--mode", choices=bake.MODES)
     task.add_argument("--error", type=float, metavar="MM", help="largest error of basis keys")
     task.add_argument("--fps", type=float, help="default: the scene's")
@@ -101,7 +101,7 @@ def _settings(ob, options) -> bake.Settings:
         settings.strip, settings.sound_file = "", os.path.abspath(options.audio)
         settings.start_frame = bpy.context.scene.frame_start
     if options.emotion is not None:
-        settings.blend = emotion.parse(options.emotion)
+        _set_emotion(settings, options.emotion)
     given = {
         "start_frame": options.start,
         "mode": options.mode,
@@ -117,6 +117,13 @@ def _settings(ob, options) -> bake.Settings:
         if value is not None:
             setattr(settings, name, value)
     return settings
+
+
+def _set_emotion(settings: bake.Settings, text: str) -> None:
+    if text in ("auto", "off"):
+        settings.emotion_source = "VOICE" if text == "auto" else "OFF"
+        return
+    settings.emotion_source, settings.blend = "GIVEN", emotion.parse(text)
 
 
 def _named(collection, name: str, what: str):

@@ -1,9 +1,11 @@
 """The N-panel "Anyface" of the 3D view."""
 
 import textwrap
+from dataclasses import fields
 
 from bpy.types import Panel
 
+from ..core.take import Controls
 from ..scene import record, sequencer
 from . import running
 from .settings import sequencer_scene, target
@@ -54,8 +56,15 @@ def _draw_sound(layout, settings, scene) -> None:
 def _draw_performance(layout, settings) -> None:
     column = layout.column(align=True)
     column.use_property_decorate = True
-    column.prop(settings, "emotion")
-    column.prop(settings, "intensity", slider=True)
+    column.prop(settings, "emotion_source")
+    if settings.emotion_source == "GIVEN":
+        column.prop(settings, "emotion")
+        column.prop(settings, "intensity", slider=True)
+    header, body = layout.panel("anyface_controls", default_closed=True)
+    header.label(text="Performance")
+    if body is not None:
+        for item in fields(Controls):
+            body.prop(settings, item.name, slider=True)
     header, body = layout.panel("anyface_more", default_closed=True)
     header.label(text="More")
     if body is not None:

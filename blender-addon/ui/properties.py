@@ -12,12 +12,19 @@ from bpy.props import (
 from bpy.types import PropertyGroup
 
 from ..core.emotion import EMOTIONS, MAX_INTENSITY
+from ..core.take import Controls
 
 _EMOTION_ITEMS = [(name, name.capitalize(), "", number) for number, name in enumerate(EMOTIONS)]
 _SOURCES = [
     ("STRIP", "Strip", "A sound strip of the video sequencer, with its trim and place", 0),
     ("FILE", "File", "A sound file", 1),
 ]
+_EMOTION_SOURCES = [
+    ("GIVEN", "Panel", "The emotion and intensity below", 0),
+    ("VOICE", "Voice", "How aroused the voice sounds; not whether it is glad or angry", 1),
+    ("OFF", "Off", "Speech alone: no emotion, no blinks, no motion of brows and lids", 2),
+]
+_DEFAULTS = Controls()
 _MODES = [
     ("basis", "Basis Keys", "A few shape keys with animated weights; small and fast", 0),
     (
@@ -48,6 +55,9 @@ class AnyfaceCharacter(PropertyGroup):
     start_frame: IntProperty(
         name="Start", description="Frame at which the sound file begins", default=1, options=set()
     )
+    emotion_source: EnumProperty(
+        name="Emotion from", items=_EMOTION_SOURCES, default="GIVEN", options=set()
+    )
     emotion: EnumProperty(
         name="Emotion", description="Can be animated", items=_EMOTION_ITEMS, default="neutral"
     )
@@ -58,6 +68,63 @@ class AnyfaceCharacter(PropertyGroup):
         min=0.0,
         max=MAX_INTENSITY,
         subtype="FACTOR",
+    )
+    articulation: FloatProperty(
+        name="Articulation",
+        description="Strength of what speech does to mouth and jaw; closed lips stay closed",
+        default=_DEFAULTS.articulation,
+        min=0.0,
+        max=2.0,
+        options=set(),
+    )
+    jaw_lips: FloatProperty(
+        name="Lips to Jaw",
+        description="-1 moves motion from the jaw to the lips, 1 from the lips to the jaw",
+        default=_DEFAULTS.jaw_lips,
+        min=-1.0,
+        max=1.0,
+        options=set(),
+    )
+    smoothing_s: FloatProperty(
+        name="Smoothing",
+        description="In seconds; closed lips stay closed",
+        default=_DEFAULTS.smoothing_s,
+        min=0.0,
+        max=0.1,
+        precision=3,
+        options=set(),
+    )
+    upper_face: FloatProperty(
+        name="Upper Face",
+        description="Strength of brows, lids and the bridge of the nose; blinks stay",
+        default=_DEFAULTS.upper_face,
+        min=0.0,
+        max=2.0,
+        options=set(),
+    )
+    blinks_per_minute: FloatProperty(
+        name="Blinks per Minute",
+        default=_DEFAULTS.blinks_per_minute,
+        min=0.0,
+        max=60.0,
+        precision=0,
+        options=set(),
+    )
+    brow_accents: FloatProperty(
+        name="Brow Accents",
+        description="Strength of the raises of the brows on stressed syllables",
+        default=_DEFAULTS.brow_accents,
+        min=0.0,
+        max=2.0,
+        options=set(),
+    )
+    asymmetry: FloatProperty(
+        name="Asymmetry",
+        description="More motion of brows and mouth corners on the right (-1) or left (1) side",
+        default=_DEFAULTS.asymmetry,
+        min=-1.0,
+        max=1.0,
+        options=set(),
     )
     style: StringProperty(
         name="Style", description="Speaking style by name; empty takes the default", options=set()

@@ -1,11 +1,11 @@
 //! Speech becomes motion of 68 landmarks, before any mesh is known.
 
-use std::{ffi::c_char, ptr::null};
+use std::{ffi::c_char, mem::offset_of, ptr::null};
 
 use anyface::{
     MotionRequest,
     conditions::{Emotion, EmotionCurve},
-    motion::{LANDMARKS, MotionClip},
+    motion::{LANDMARKS, MotionClip, PerformanceControls},
 };
 use ndarray::ArrayView3;
 
@@ -24,6 +24,18 @@ use crate::{
 /// +z out of the face. Fits every face; never changes after it was made.
 pub struct AnyfaceMotion(pub(crate) MotionClip);
 
+/// Where the emotion of a performance comes from; for `AnyfaceMotionOptions`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AnyfaceEmotionSource {
+    /// `emotion_strengths`; the default.
+    Given = 0,
+    /// Read from the voice: how aroused it sounds, not whether it is glad or angry.
+    Voice = 1,
+    /// No emotion and nothing else that speech did not cause: no blinks, no motion of brows and lids.
+    Off = 2,
+}
+
 /// What a performance is asked to be; prepare it with `anyface_motion_options_init()`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
@@ -40,8 +52,8 @@ pub struct AnyfaceMotionOptions {
     pub emotion_count: usize,
     /// Frames per second of the result, 1 to 240; default 30.
     pub fps: f64,
-    /// The same seed gives the same motion; default 0. Without effect on models that sample without
-    /// noise, as the built-in one does.
+    /// The same seed gives the same motion; default 0. Draws blinks and brow accents, and the noise of
+    /// models that sample with noise, which the built-in one does not.
     pub seed: u64,
     /// Speaking style by name, UTF-8; NULL, the default, takes the model's own.
     pub style: *const c_char,
@@ -49,12 +61,30 @@ pub struct AnyfaceMotionOptions {
     pub steps: u32,
     /// Must be 0.
     pub reserved: u32,
+    /// An `AnyfaceEmotionSource`; default `ANYFACE_EMOTION_SOURCE_GIVEN`. With another one
+    /// `emotion_count` must be 0.
+    pub emotion_source: i32,
+    /// Scales what speech does to mouth and jaw, 0 to 2; default 1. Closed lips stay closed.
+    pub articulation: f32,
+    /// Moves motion from lips (-1) to jaw (1); default 0.
+    pub jaw_lips: f32,
+    /// Smoothing over time in seconds, 0 to 0.1; default 0. Closed lips stay closed.
+    pub smoothing_s: f32,
+    /// Scales brows, lids and the bridge of the nose, 0 to 2; default 1. Blinks stay.
+    pub upper_face: f32,
+    /// 0 to 60; default 15.
+    pub blinks_per_minute: f32,
+    /// Scales the raises of the brows on stressed syllables, 0 to 2; default 1.
+    pub brow_accents: f32,
+    /// More motion of brows and mouth corners on the subject's right (-1) or left (1); default 0.
+    pub asymmetry: f32,
 }
 
 unsafe impl Growing for AnyfaceMotionOptions {
     const NAME: &'static str = "anyface_motion_options";
-    const FIRST_SIZE: usize = size_of::<Self>();
+    const FIRST_SIZE: usize = offset_of!(Self, emotion_source);
     fn defaults() -> Self {
+        let controls = PerformanceControls::default();
         let MotionRequest { fps, seed, .. } = MotionRequest::default();
         AnyfaceMotionOptions {
             struct_size: size_of::<Self>(),
@@ -66,6 +96,14 @@ unsafe impl Growing for AnyfaceMotionOptions {
             style: null(),
             steps: 0,
             reserved: 0,
+            emotion_source: AnyfaceEmotionSource::Given as i32,
+            articulation: controls.articulation,
+            jaw_lips: controls.jaw_lips,
+            smoothing_s: controls.smoothing_s,
+            upper_face: controls.upper_face,
+            blinks_per_minute: controls.blinks_per_minute,
+            brow_accents: controls.brow_accents,
+            asymmetry: controls.asymmetry,
         }
     }
 }
@@ -87,10 +125,42 @@ impl AnyfaceMotionOptions {
             seed: self.seed,
             steps: (self.steps > 0).then_some(self.steps as usize),
             style: style.map(str::to_owned),
+            controls: self.controls()?,
         })
     }
 
+    fn controls(&self) -> Result<PerformanceControls, Failure> {
+        let controls = PerformanceControls {
+            articulation: self.articulation,
+            jaw_lips: self.jaw_lips,
+            smoothing_s: self.smoothing_s,
+            upper_face: self.upper_face,
+            blinks_per_minute: self.blinks_per_minute,
+            brow_accents: self.brow_accents,
+            asymmetry: self.asymmetry,
+        };
+        controls.check()?;
+        Ok(controls)
+    }
+
     unsafe fn emotion(&self) -> Result<EmotionCurve, Failure> {
+        const GIVEN: i32 = AnyfaceEmotionSource::Given as i32;
+        const VOICE: i32 = AnyfaceEmotionSource::Voice as i32;
+        const OFF: i32 = AnyfaceEmotionSource::Off as i32;
+        match (self.emotion_source, self.emotion_count) {
+            (GIVEN, _) => unsafe { self.given_emotion() },
+            (VOICE, 0) => Ok(EmotionCurve::Auto),
+            (OFF, 0) => Ok(EmotionCurve::Off),
+            (VOICE | OFF, rows) => Err(Failure::invalid(format!(
+                "emotion_count: expected 0 where the emotion is not given, got {rows}"
+            ))),
+            (other, _) => Err(Failure::invalid(format!(
+                "emotion_source: expected 0 to 2, got {other}"
+            ))),
+        }
+    }
+
+    unsafe fn given_emotion(&self) -> Result<EmotionCurve, Failure> {
         let (rows, columns) = (self.emotion_count, ANYFACE_EMOTION_COUNT);
         let values =
             unsafe { pointer::slice("emotion_strengths", self.emotion_strengths, rows, columns) }?;
@@ -296,6 +366,55 @@ mod tests {
             unsafe { options.to_library() }.unwrap(),
             MotionRequest::default()
         );
+    }
+
+    #[test]
+    fn emotion_from_the_voice_or_off_takes_no_rows() {
+        let from = |emotion_source| AnyfaceMotionOptions {
+            emotion_source,
+            ..Growing::defaults()
+        };
+        assert_eq!(unsafe { from(1).emotion() }.unwrap(), EmotionCurve::Auto);
+        assert_eq!(unsafe { from(2).emotion() }.unwrap(), EmotionCurve::Off);
+        assert!(unsafe { from(3).emotion() }.is_err());
+        let rows = [0.0; ANYFACE_EMOTION_COUNT];
+        let both = AnyfaceMotionOptions {
+            emotion_strengths: rows.as_ptr(),
+            emotion_count: 1,
+            ..from(2)
+        };
+        assert!(unsafe { both.emotion() }.is_err());
+    }
+
+    #[test]
+    fn controls_reach_the_library_and_are_checked() {
+        let options = AnyfaceMotionOptions {
+            articulation: 1.5,
+            ..Growing::defaults()
+        };
+        let request = unsafe { options.to_library() }.unwrap();
+        assert_eq!(request.controls.articulation, 1.5);
+        let options = AnyfaceMotionOptions {
+            asymmetry: -2.0,
+            ..Growing::defaults()
+        };
+        let message = format!("{:?}", unsafe { options.to_library() }.unwrap_err());
+        assert!(
+            message.contains("asymmetry: expected -1 to 1, got -2"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn a_program_of_the_first_header_gets_the_default_controls() {
+        let mut old = AnyfaceMotionOptions {
+            articulation: 0.0,
+            blinks_per_minute: f32::NAN,
+            ..Growing::defaults()
+        };
+        old.struct_size = AnyfaceMotionOptions::FIRST_SIZE;
+        let read = unsafe { growing::read(&raw const old) }.unwrap();
+        assert_eq!(read.controls().unwrap(), PerformanceControls::default());
     }
 
     #[test]

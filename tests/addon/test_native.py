@@ -2,6 +2,7 @@
 
 import ctypes
 import re
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -99,6 +100,14 @@ def engine():
 
 def test_emotions_are_those_of_the_library(addon, engine):
     assert tuple(engine.emotions()) == addon("core.emotion").EMOTIONS
+
+
+def test_controls_have_the_librarys_defaults(addon, engine):
+    native, take = addon("core.native"), addon("core.take")
+    options = engine._options(native.MotionOptions, "anyface_motion_options_init")
+    for name, value in asdict(take.Controls()).items():
+        assert getattr(options, name) == pytest.approx(value), name
+    assert take.EMOTION_SOURCES[options.emotion_source] == "GIVEN"
 
 
 def test_sounds_are_decoded_to_mono(addon, engine, tmp_path):
