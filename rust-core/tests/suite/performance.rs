@@ -6,7 +6,14 @@ use std::{
     process::{Command, Output},
 };
 
-use anyface::output::{LandmarkMotion, read_landmark_motion};
+use anyface::{
+    CachePolicy, Engine, EngineOptions, MotionRequest,
+    audio::Waveform,
+    conditions::EmotionCurve,
+    motion::PerformanceControls,
+    output::{LandmarkMotion, read_landmark_motion},
+    progress::SILENT,
+};
 use ndarray::Array3;
 use tempfile::TempDir;
 
@@ -121,6 +128,36 @@ fn speech_opens_the_mouth_and_the_same_seed_gives_the_same_file() {
     assert_eq!((made.fps, made.neutral), (Some(30.0), None));
     let most = largest(&made.displacements);
     assert!((0.002..0.05).contains(&most), "{most} m");
+}
+
+#[test]
+fn controls_need_no_new_sampling() {
+    let engine = Engine::new(EngineOptions {
+        cache: CachePolicy::Off,
+        ..EngineOptions::default()
+    })
+    .unwrap();
+    let waveform = Waveform {
+        samples: babble(1.0, 16_000),
+    };
+    let asked = |controls| MotionRequest {
+        emotion: EmotionCurve::parse("sad:0.6").unwrap(),
+        seed: 9,
+        controls,
+        ..MotionRequest::default()
+    };
+    let plain = asked(PerformanceControls::as_sampled());
+    let sampled = engine.sample(&waveform, &plain, SILENT).unwrap();
+    assert_eq!(engine.motion(&waveform, &plain, SILENT).unwrap(), sampled);
+    let strong = asked(PerformanceControls {
+        articulation: 1.4,
+        smoothing_s: 0.02,
+        blinks_per_minute: 60.0,
+        ..PerformanceControls::default()
+    });
+    let again = engine.perform(&sampled, &waveform, &strong).unwrap();
+    assert_eq!(engine.motion(&waveform, &strong, SILENT).unwrap(), again);
+    assert_ne!(again, sampled);
 }
 
 #[test]
