@@ -4,8 +4,8 @@
 
 `face_modes/` gets `modes` [M, 68, 3] f32, canonical metres, and a config.json with the modes' names,
 the weights of each emotion's prototype (`training/corpus/emotions.py`, in two parts: what lasts
-through speech, and what opens the mouth), and how smoothly an emotion sets in. The model card,
-README.md, is written by hand. Nothing is trained here.
+through speech, and what opens the mouth), and how it comes and goes (`training/corpus/manner.py`).
+The model card, README.md, is written by hand. Nothing is trained here.
 """
 
 import argparse
@@ -17,13 +17,14 @@ import numpy as np
 from safetensors.numpy import save_file
 
 from training.corpus.clip import FPS
-from training.corpus.emotions import AU_TO_ARKIT, ONSET_FRAMES, OPENING, PROTOTYPES
+from training.corpus.emotions import AU_TO_ARKIT, OPENING, PROTOTYPES
 from training.corpus.ict import IctLandmarks
+from training.corpus.manner import MANNERS, OFFSET_OVER_ONSET, ONE_POLE, SETTLING_FRAMES
 from training.systems.freetalk.ats import EMOTIONS
 
 
-def prototype(emotion: str, known: list[str]) -> dict[str, dict[str, float]]:
-    """Weights of ICT's modes for one emotion at intensity 1, `lasting` and `opening`."""
+def prototype(emotion: str, known: list[str]) -> dict:
+    """Weights of ICT's modes for one emotion at intensity 1, `lasting` and `opening`; `rise_s`."""
     parts = {"lasting": Counter(), "opening": Counter()}
     for unit, strength in PROTOTYPES[emotion].items():
         part = parts["opening" if unit in OPENING else "lasting"]
@@ -31,7 +32,8 @@ def prototype(emotion: str, known: list[str]) -> dict[str, dict[str, float]]:
             # ICT splits what ARKit has as one shape for both sides.
             for name in [shape] if shape in known else [f"{shape}_L", f"{shape}_R"]:
                 part[name] += strength
-    return {key: {name: round(w, 6) for name, w in part.items()} for key, part in parts.items()}
+    weights = {key: {name: round(w, 6) for name, w in part.items()} for key, part in parts.items()}
+    return weights | {"rise_s": round(MANNERS[emotion].onset_s / ONE_POLE, 6)}
 
 
 def main() -> None:
@@ -46,7 +48,8 @@ def main() -> None:
         "name": "face_modes",
         "modes": names,
         "emotions": {emotion: prototype(emotion, names) for emotion in EMOTIONS},
-        "onset_s": ONSET_FRAMES / FPS,
+        "fall_over_rise": OFFSET_OVER_ONSET,
+        "settling_s": SETTLING_FRAMES / FPS,
     }
     folder = args.models / "face_modes"
     folder.mkdir(parents=True, exist_ok=True)

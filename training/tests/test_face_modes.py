@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from training.corpus.clip import FPS
-from training.corpus.emotions import ONSET_FRAMES
+from training.corpus.manner import OFFSET_OVER_ONSET, SETTLING_FRAMES
 from training.export_face_modes import prototype
 from training.systems.freetalk.ats import EMOTIONS
 
@@ -16,7 +16,8 @@ CONFIG = Path(__file__).resolve().parents[2] / "rust-core/models/face_modes/conf
 def test_the_exported_emotions_are_up_to_date():
     config = json.loads(CONFIG.read_text())
     assert list(config["emotions"]) == EMOTIONS
-    assert config["onset_s"] == pytest.approx(ONSET_FRAMES / FPS)
+    assert config["settling_s"] == pytest.approx(SETTLING_FRAMES / FPS)
+    assert config["fall_over_rise"] == pytest.approx(OFFSET_OVER_ONSET)
     for emotion, parts in config["emotions"].items():
         wanted = prototype(emotion, config["modes"])
         assert parts == wanted, f"{emotion}: run training.export_face_modes again"

@@ -1,6 +1,6 @@
 //! ARKit's expressions at the landmarks, and the emotions made of them.
 //!
-//! Twin of `training/corpus/{ict,emotions}.py`, written by `training/export_face_modes.py`.
+//! Twin of `training/corpus/{ict,emotions,manner}.py`, written by `training/export_face_modes.py`.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -20,14 +20,18 @@ pub struct FaceModes {
     modes: Array3<f32>,
     /// `[15, 204]`, canonical metres at intensity 1.
     emotions: Array2<f32>,
-    onset_s: f64,
+    /// `[15]`, time constants of emotions that come, seconds.
+    rise_s: Vec<f64>,
+    fall_over_rise: f64,
+    settling_s: f64,
 }
 
 #[derive(Deserialize)]
 struct Config {
     modes: Vec<String>,
     emotions: BTreeMap<String, Prototype>,
-    onset_s: f64,
+    fall_over_rise: f64,
+    settling_s: f64,
 }
 
 /// Weights by the name of the mode.
@@ -35,6 +39,7 @@ struct Config {
 struct Prototype {
     lasting: BTreeMap<String, f32>,
     opening: BTreeMap<String, f32>,
+    rise_s: f64,
 }
 
 impl FaceModes {
@@ -54,7 +59,9 @@ impl FaceModes {
             names: config.modes,
             modes,
             emotions: Array2::zeros((EMOTIONS.len(), LANDMARKS * 3)),
-            onset_s: config.onset_s,
+            rise_s: Vec::new(),
+            fall_over_rise: config.fall_over_rise,
+            settling_s: config.settling_s,
         };
         for (row, emotion) in EMOTIONS.iter().enumerate() {
             let prototype = config.emotions.get(*emotion).ok_or_else(|| {
@@ -63,6 +70,7 @@ impl FaceModes {
             let weights = prototype.lasting.iter().chain(&prototype.opening);
             let displacement = this.sum(weights)?;
             this.emotions.row_mut(row).assign(&displacement.flatten());
+            this.rise_s.push(prototype.rise_s);
         }
         Ok(this)
     }
@@ -80,18 +88,33 @@ impl FaceModes {
 
     /// What the emotion alone does to the face, `[T, 68, 3]`, canonical metres.
     ///
-    /// `affect`: `[T, 16]`, mixture and intensity. Sets in smoothly, as in training: a Gaussian over
-    /// the strengths. Differs: what opens the mouth does not yield to closures here.
+    /// `affect`: `[T, 16]`, mixture and intensity. Comes fast and goes slower, as in training. Differs:
+    /// what opens the mouth does not yield to closures here.
     pub fn emotion(&self, affect: ArrayView2<'_, f32>, fps: f64) -> Array3<f32> {
         let kinds = EMOTIONS.len();
-        let strength = &affect.slice(s![.., ..kinds]) * &affect.slice(s![.., kinds..]);
+        let mut strength = &affect.slice(s![.., ..kinds]) * &affect.slice(s![.., kinds..]);
+        self.follow(&mut strength, fps);
         let displacements = strength
             .dot(&self.emotions)
             .into_shape_with_order((affect.nrows(), LANDMARKS, 3))
             .expect("three axes a landmark");
         MotionClip { displacements, fps }
-            .smoothed(self.onset_s)
+            .smoothed(self.settling_s)
             .displacements
+    }
+
+    /// One pole for each emotion, `[T, 15]`, that starts settled; exact at any frame rate.
+    fn follow(&self, strength: &mut Array2<f32>, fps: f64) {
+        let gain = |time_s: f64| (1.0 - (-1.0 / (time_s * fps)).exp()) as f32;
+        for (mut track, rise_s) in strength.columns_mut().into_iter().zip(&self.rise_s) {
+            let (rise, fall) = (gain(*rise_s), gain(rise_s * self.fall_over_rise));
+            let mut now = track.first().copied().unwrap_or(0.0);
+            for value in &mut track {
+                let change = *value - now;
+                now += change * if change > 0.0 { rise } else { fall };
+                *value = now;
+            }
+        }
     }
 
     fn sum<'a>(&self, weights: impl Iterator<Item = (&'a String, &'a f32)>) -> Result<Array2<f32>> {
@@ -141,5 +164,16 @@ mod tests {
         let whole = corner[99] - corner[0];
         let steps = corner.windows(2).map(|w| ((w[1] - w[0]) / whole).abs());
         assert!(steps.fold(0.0, f32::max) < 0.2 && whole < -1e-3);
+    }
+
+    #[test]
+    fn an_emotion_comes_faster_than_it_goes() {
+        let modes = FaceModes::open(None).unwrap();
+        let mut affect = Array2::zeros((200, 16));
+        affect.slice_mut(s![50..125, 9]).fill(1.0);
+        affect.slice_mut(s![50..125, 15]).fill(1.0);
+        let angry = modes.emotion(affect.view(), 25.0);
+        let brow = |t: usize| angry[[t, 20, 1]] / angry[[124, 20, 1]];
+        assert!(brow(56) > 0.75 && brow(131) > 0.25 && brow(199) < 0.02);
     }
 }
