@@ -20,13 +20,14 @@ from torch import Tensor
 from training.corpus import bank
 from training.corpus.bank import UNKNOWN, Entry
 from training.corpus.clip import MEL_PER_FRAME, fit_frames
+from training.corpus.closures import lips_closed
 from training.corpus.revoice import revoice
 from training.speech.compact import CompactEncoder, normalise
 from training.speech.log_mel import FLOOR, SAMPLE_RATE_HZ, log_mel
 from training.systems.freetalk.ats import AtsDenoiser, strengths
 from training.systems.freetalk.sampling import sample_motion
 
-VERSION = 1
+VERSION = 2
 SILENCE = "silence"
 SILENT_LESSONS = 40
 SILENT_FRAMES = 60
@@ -77,7 +78,8 @@ class FullModel:
 
     def _perform(self, speech: Tensor, mood: Tensor) -> Tensor:
         affect = mood.expand(len(speech), -1)
-        return sample_motion(self.denoiser, speech, affect, self.style)
+        motion = sample_motion(self.denoiser, speech, affect, self.style)
+        return lips_closed(motion, self.encoder.closed(speech))
 
     def _mood(self) -> Tensor:
         """One or two emotions at a common intensity up to 1.5, [16]."""
