@@ -3,7 +3,11 @@
 use faer::MatRef;
 use ndarray::{Array1, Array2, ArrayRef2};
 
-use super::{Weights, elementwise::add_to_rows, matrix};
+use super::{
+    Weights,
+    elementwise::{add_to_rows, vectorised},
+    matrix,
+};
 use crate::Result;
 
 /// A linear layer; PyTorch's `nn.Linear`.
@@ -100,5 +104,54 @@ impl Linear {
     pub fn forward_rows(&self, x: MatRef<'_, f32>, out: &mut [f32]) {
         matrix::product(matrix::view_mut(out, self.outputs()), x, self.weight());
         add_to_rows(out, self.bias());
+    }
+
+    /// `x`: `[in]`; writes `[out]`. One row, always in the same order: for sound that arrives in
+    /// pieces, where a product of matrices would have only one row to work on.
+    pub fn forward_row(&self, x: &[f32], out: &mut [f32]) {
+        assert_eq!((x.len(), out.len()), (self.inputs(), self.outputs()));
+        out.copy_from_slice(self.bias());
+        let weight = self.weight.as_slice().expect("row-major array");
+        vectorised(|| add_product(x, weight, out));
+    }
+}
+
+/// `out += x W`, four rows of `W` at a time.
+#[inline(always)]
+fn add_product(x: &[f32], weight: &[f32], out: &mut [f32]) {
+    let columns = out.len();
+    let (fours, rest) = x.as_chunks::<4>();
+    let (by_four, by_one) = weight.split_at(4 * fours.len() * columns);
+    for (x, rows) in fours.iter().zip(by_four.chunks_exact(4 * columns)) {
+        let (ab, cd) = rows.split_at(2 * columns);
+        let ((a, b), (c, d)) = (ab.split_at(columns), cd.split_at(columns));
+        let rows = a.iter().zip(b).zip(c).zip(d);
+        for (sum, (((a, b), c), d)) in out.iter_mut().zip(rows) {
+            *sum += (x[0] * a + x[1] * b) + (x[2] * c + x[3] * d);
+        }
+    }
+    for (x, row) in rest.iter().zip(by_one.chunks_exact(columns)) {
+        for (sum, w) in out.iter_mut().zip(row) {
+            *sum += x * w;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::nn::golden::distance;
+
+    #[test]
+    fn one_row_equals_the_matrix_product() {
+        for (inputs, outputs) in [(1, 1), (4, 7), (14, 20), (67, 33)] {
+            let value = |i: usize, j: usize| ((i * 31 + j * 17) % 23) as f32 * 0.1 - 1.0;
+            let weight = Array2::from_shape_fn((outputs, inputs), |(o, i)| value(o, i));
+            let layer = Linear::from_parts(&weight, (0..outputs).map(|o| value(o, 3)).collect());
+            let x = Array2::from_shape_fn((1, inputs), |(_, i)| value(5, i));
+            let mut row = vec![0.0; outputs];
+            layer.forward_row(matrix::values(&x), &mut row);
+            assert!(distance(&row, &layer.forward(&x)) < 1e-5);
+        }
     }
 }

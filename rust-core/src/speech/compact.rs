@@ -16,10 +16,10 @@ use super::{
 use crate::{Error, Result, audio::Waveform};
 
 const ACTIVE_QUANTILE: f64 = 0.95;
-const ACTIVE_RANGE: f32 = 4.0;
-const QUIETEST_LEVEL: f32 = -9.0;
-const DEEPEST: f32 = -12.0;
-const SCALE: f32 = 4.0;
+pub(crate) const ACTIVE_RANGE: f32 = 4.0;
+pub(crate) const QUIETEST_LEVEL: f32 = -9.0;
+pub(crate) const DEEPEST: f32 = -12.0;
+pub(crate) const SCALE: f32 = 4.0;
 /// Mel frames to an output frame.
 const STRIDE: usize = 4;
 /// Output frames of a span, without its context.

@@ -2,10 +2,10 @@
 //!
 //! Twin of `training/speech/log_mel.py`; the golden holds both together.
 
-use std::f64::consts::TAU;
+use std::{f64::consts::TAU, sync::Arc};
 
 use ndarray::Array2;
-use realfft::RealFftPlanner;
+use realfft::{RealFftPlanner, RealToComplex, num_complex::Complex};
 
 use crate::audio::SAMPLE_RATE_HZ;
 
@@ -13,7 +13,8 @@ use crate::audio::SAMPLE_RATE_HZ;
 pub const BANDS: usize = 64;
 /// Samples from one frame to the next: 100 frames a second.
 pub const HOP: usize = 160;
-const FRAME: usize = 400;
+/// Samples in a frame, half of them before its instant.
+pub const FRAME: usize = 400;
 const FFT: usize = 512;
 const LOW_HZ: f64 = 50.0;
 const HIGH_HZ: f64 = 7600.0;
@@ -29,38 +30,68 @@ const FLOOR: f32 = 1e-6;
 /// # Shapes and units
 /// `samples`: `[S]` at 16 kHz, nominally in [−1, 1]. Returns `[1 + S / 160, 64]`.
 pub fn log_mel(samples: &[f32]) -> Array2<f32> {
-    let transform = RealFftPlanner::<f32>::new().plan_fft_forward(FFT);
-    let mut framed = transform.make_input_vec();
-    let mut spectrum = transform.make_output_vec();
-    let mut scratch = transform.make_scratch_vec();
-    let (window, filters) = (hann(), mel_filters());
+    let mut analyser = MelAnalyser::new();
+    let mut stretch = [0.0; FRAME];
     let mut out = Array2::zeros((1 + samples.len() / HOP, BANDS));
     for (i, mut row) in out.outer_iter_mut().enumerate() {
-        window_frame(samples, i, &window, &mut framed);
-        transform
-            .process_with_scratch(&mut framed, &mut spectrum, &mut scratch)
-            .expect("buffers come from the transform itself");
-        for (band, filter) in row.iter_mut().zip(&filters) {
-            let bins = &spectrum[filter.first_bin..];
-            let power: f32 = filter
-                .weights
-                .iter()
-                .zip(bins)
-                .map(|(w, x)| w * x.norm_sqr())
-                .sum();
-            *band = power.max(FLOOR).ln();
-        }
+        cut_frame(samples, i, &mut stretch);
+        analyser.frame(&stretch, row.as_slice_mut().expect("a row is contiguous"));
     }
     out
 }
 
-fn window_frame(samples: &[f32], frame: usize, window: &[f32; FRAME], framed: &mut [f32]) {
-    framed.fill(0.0);
+fn cut_frame(samples: &[f32], frame: usize, stretch: &mut [f32; FRAME]) {
     let start = (frame * HOP) as isize - (FRAME / 2) as isize;
-    for (k, w) in window.iter().enumerate() {
-        let at = start + k as isize;
-        if let Some(sample) = usize::try_from(at).ok().and_then(|at| samples.get(at)) {
-            framed[k] = w * sample;
+    for (k, x) in stretch.iter_mut().enumerate() {
+        let at = usize::try_from(start + k as isize).ok();
+        *x = at.and_then(|at| samples.get(at)).copied().unwrap_or(0.0);
+    }
+}
+
+/// One frame of [`log_mel`] after the other, for sound that arrives in pieces.
+pub struct MelAnalyser {
+    transform: Arc<dyn RealToComplex<f32>>,
+    window: [f32; FRAME],
+    filters: Vec<Filter>,
+    framed: Vec<f32>,
+    spectrum: Vec<Complex<f32>>,
+    scratch: Vec<Complex<f32>>,
+}
+
+impl MelAnalyser {
+    /// Plans the transform and lays out the filters.
+    #[expect(
+        clippy::new_without_default,
+        reason = "it plans, which a default should not"
+    )]
+    pub fn new() -> Self {
+        let transform = RealFftPlanner::<f32>::new().plan_fft_forward(FFT);
+        MelAnalyser {
+            window: hann(),
+            filters: mel_filters(),
+            framed: transform.make_input_vec(),
+            spectrum: transform.make_output_vec(),
+            scratch: transform.make_scratch_vec(),
+            transform,
+        }
+    }
+
+    /// The log-mel of the [`FRAME`] samples around one instant, into `row` of [`BANDS`] values.
+    pub fn frame(&mut self, samples: &[f32; FRAME], row: &mut [f32]) {
+        self.framed.fill(0.0);
+        for ((x, w), sample) in self.framed.iter_mut().zip(&self.window).zip(samples) {
+            *x = w * sample;
+        }
+        self.transform
+            .process_with_scratch(&mut self.framed, &mut self.spectrum, &mut self.scratch)
+            .expect("buffers come from the transform itself");
+        for (band, filter) in row.iter_mut().zip(&self.filters) {
+            let bins = filter
+                .weights
+                .iter()
+                .zip(&self.spectrum[filter.first_bin..]);
+            let power: f32 = bins.map(|(w, x)| w * x.norm_sqr()).sum();
+            *band = power.max(FLOOR).ln();
         }
     }
 }

@@ -9,8 +9,9 @@ mod resample;
 mod transformer_encoder;
 pub mod wav2vec2;
 
+pub(crate) use compact::{ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE};
 pub use compact::{CompactConfig, CompactEncoder, normalise};
-pub use log_mel::{BANDS, HOP, log_mel};
+pub use log_mel::{BANDS, FRAME, HOP, MelAnalyser, log_mel};
 pub use resample::at_motion_frames;
 pub use transformer_encoder::HiddenStates;
 
