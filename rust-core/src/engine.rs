@@ -1,5 +1,7 @@
 //! The whole way as one object: weights loaded once, shared by any number of jobs.
 
+mod causal;
+
 use std::{path::PathBuf, sync::Arc};
 
 use ndarray::Array3;
@@ -18,14 +20,17 @@ use crate::{
         AtsRequest,
         ats::Ats,
         stm::{self, StaticWeights, paper::PaperDecoder},
+        stream::StreamModel,
     },
     weights::ModelFiles,
 };
+pub use causal::StreamOptions;
 
 const ATS_MODEL: &str = "ats_compact";
 const STM_MODEL: &str = "stm_static";
 const STM_PAPER_MODEL: &str = "stm_paper";
 const SPEECH_MODEL: &str = "compact_speech";
+const STREAM_MODEL: &str = "stream";
 const MIN_FPS: f64 = 1.0;
 const MAX_FPS: f64 = 240.0;
 const MAX_THREADS: usize = 256;
@@ -134,6 +139,7 @@ pub struct Animation {
 pub struct Engine {
     speech: Box<dyn SpeechEncoder>,
     ats: Ats,
+    stream: Arc<StreamModel>,
     stm: StaticWeights,
     finder: LandmarkFinder,
     modes: FaceModes,
@@ -161,6 +167,8 @@ impl Engine {
         };
         let files = ModelFiles::open(STM_MODEL, folder)?;
         let stm = StaticWeights::load(&files.weights, &files.config)?;
+        let files = ModelFiles::open(STREAM_MODEL, folder)?;
+        let stream = Arc::new(StreamModel::load(&files.weights, &files.config)?);
         let finder = LandmarkFinder::load(folder)?;
         let modes = FaceModes::open(folder)?;
         let paper = match options.decoder {
@@ -182,6 +190,7 @@ impl Engine {
         Ok(Engine {
             speech,
             ats,
+            stream,
             stm,
             finder,
             modes,
@@ -243,12 +252,7 @@ impl Engine {
         request: &MotionRequest,
         progress: ProgressFn<'_>,
     ) -> Result<MotionClip> {
-        if !(MIN_FPS..=MAX_FPS).contains(&request.fps) {
-            return Err(Error::InvalidInput(format!(
-                "fps: expected {MIN_FPS} to {MAX_FPS}, got {}",
-                request.fps
-            )));
-        }
+        check_fps(request.fps)?;
         self.threads(|| self.sample_here(waveform, request, progress))
     }
 
@@ -395,6 +399,15 @@ fn thread_pool(threads: usize) -> Result<rayon::ThreadPool> {
         .num_threads(threads)
         .build()
         .map_err(|error| wrong(error.to_string()))
+}
+
+fn check_fps(fps: f64) -> Result<()> {
+    match (MIN_FPS..=MAX_FPS).contains(&fps) {
+        true => Ok(()),
+        false => Err(Error::InvalidInput(format!(
+            "fps: expected {MIN_FPS} to {MAX_FPS}, got {fps}"
+        ))),
+    }
 }
 
 /// One frame for every started `1 / fps` seconds, at least one.

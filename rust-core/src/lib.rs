@@ -32,5 +32,6 @@ pub mod weights;
 
 pub use engine::{
     Animation, CachePolicy, DecoderKind, Engine, EngineOptions, MotionRequest, PreparedFace,
+    StreamOptions,
 };
 pub use error::{Error, Result};

@@ -34,13 +34,14 @@ macro_rules! built_in {
 }
 
 /// Every model that is built in.
-pub static BUILT_IN: [BuiltIn; 6] = [
+pub static BUILT_IN: [BuiltIn; 7] = [
     built_in!("compact_speech"),
     built_in!("ats_compact"),
     built_in!("stm_static"),
     built_in!("landmarks"),
     built_in!("stm_paper"),
     built_in!("face_modes"),
+    built_in!("stream"),
 ];
 
 impl ModelFiles {

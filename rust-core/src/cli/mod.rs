@@ -89,6 +89,7 @@ mod tests {
             "anyface motion --audio A.wav --out O.npz --emotion-keys 0:sad:1 --articulation 1.2 \
              --jaw-lips -0.5 --smoothing 0.02 --upper-face 0.5 --blinks 20 --brow-accents 0 \
              --asymmetry -1",
+            "anyface motion --audio A.wav --out O.npz --emotion sad:1 --causal",
             "anyface deform --mesh M.obj --motion L.npz --out O.npz",
             "anyface landmarks --mesh M.obj --out L.json --forward -y --up z",
             "anyface info --json",

@@ -26,6 +26,9 @@ pub(super) struct Motion {
     /// Also write a report of the run
     #[arg(long, value_name = "R.json")]
     report: Option<PathBuf>,
+    /// As the stream hears it: each frame knows a fifth of a second ahead; one style, no noise
+    #[arg(long, conflicts_with_all = ["steps", "style"])]
+    causal: bool,
     #[command(flatten)]
     motion: MotionArgs,
 }
@@ -43,7 +46,11 @@ impl Motion {
         let waveform = read_sound(&mut report, &self.audio)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
         let motion = timed(&mut report, "motion", || {
-            engine.motion(&waveform, &request, &|p| console.progress(p))
+            let progress = |p| console.progress(p);
+            match self.causal {
+                true => engine.causal_motion(&waveform, &request, &progress),
+                false => engine.motion(&waveform, &request, &progress),
+            }
         })?;
         report.warnings.extend(warnings_of_motion(&motion));
         report.frames = motion.displacements.dim().0;

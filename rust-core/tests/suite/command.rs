@@ -84,6 +84,24 @@ fn usage_mistakes_exit_with_2() {
 }
 
 #[test]
+fn causal_motion_is_written_like_any_other() {
+    let folder = folder_with_sound(&hum(1.01), 16_000);
+    let output = anyface(
+        folder.path(),
+        &[&MOTION[..], &["--causal", "--fps", "25"]].concat(),
+    );
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let motion = anyface::output::read_landmark_motion(&folder.path().join("o.npz")).unwrap();
+    assert_eq!(
+        (motion.displacements.dim(), motion.fps),
+        ((26, 68, 3), Some(25.0))
+    );
+    let style = [&MOTION[..], &["--causal", "--style", "any"]].concat();
+    let refusal = anyface(folder.path(), &style);
+    assert_eq!(refusal.status.code(), Some(USAGE));
+}
+
+#[test]
 fn requests_out_of_range_exit_with_3_before_any_work() {
     let folder = tempfile::tempdir().unwrap();
     let with = |extra: &[&'static str]| [&MOTION[..], extra].concat();

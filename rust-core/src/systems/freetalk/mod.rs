@@ -3,6 +3,7 @@
 pub mod ats;
 mod sampling;
 pub mod stm;
+pub mod stream;
 
 pub use sampling::AtsRequest;
 #[cfg(feature = "cli")]

@@ -1,0 +1,360 @@
+//! Landmark motion while somebody is speaking: samples in, frames out, a fifth of a second behind.
+//!
+//! A small convolutional network that imitates encoder and denoiser together (it was trained on what
+//! they perform). Log-mel passes a running normalisation, a strided stem to 50 Hz, a strided step to
+//! 25 Hz, blocks that look a little ahead, and blocks that look back only; emotion enters between the
+//! two, so a change acts on the very next frame. Twin of `training/systems/freetalk/stream.py`.
+//!
+//! Guaranteed: frame `t` depends on samples below `640 t + look_ahead_samples` alone, and is the same
+//! bit for bit however the samples were cut into pushes, because every layer takes one frame at a
+//! time. State is bounded; only samples that were pushed and not yet pulled as frames pile up.
+//! Not guaranteed: equality with [`crate::Engine::motion`], which hears the whole sound.
+
+mod config;
+mod layers;
+mod normaliser;
+#[cfg(test)]
+mod tests;
+
+use std::{collections::VecDeque, sync::Arc};
+
+use ndarray::Array3;
+
+use crate::{
+    Error, Result,
+    audio::Waveform,
+    conditions::{Emotion, EmotionCurve},
+    motion::{LANDMARKS, MotionClip},
+    nn::{Weights, elementwise::silu_all, linear::Linear, norm::LayerNorm},
+    speech::{BANDS, FRAME, HOP, MelAnalyser},
+};
+pub use config::{Block, NormaliserConfig, StreamConfig};
+use config::{DOWN_AHEAD, SAMPLES_PER_FRAME, STEM_AHEAD, STEM_TAPS, TAPS};
+use layers::{BlockState, CausalBlock, Halving, HalvingState, through};
+use normaliser::RunningNormaliser;
+
+const EPSILON: f32 = 1e-5;
+const DIMS: usize = 3 * LANDMARKS;
+/// Beyond this a sample is limited, so that its square stays a number.
+const LOUDEST: f32 = 1e4;
+
+/// The weights of the streaming network.
+pub struct StreamModel {
+    config: StreamConfig,
+    stem: Halving,
+    fine: Vec<CausalBlock>,
+    down: Halving,
+    listen: Vec<CausalBlock>,
+    linear1: Linear,
+    linear2: Linear,
+    perform: Vec<CausalBlock>,
+    norm: LayerNorm,
+    head: Linear,
+    mean: Vec<f32>,
+    std: Vec<f32>,
+}
+
+impl StreamModel {
+    /// From the bytes of `model.safetensors` and the text of `config.json`.
+    ///
+    /// # Errors
+    /// `Weights` if either is damaged or they do not fit each other.
+    pub fn load(weights: &[u8], config: &str) -> Result<Self> {
+        Self::new(
+            StreamConfig::from_json(config)?,
+            &Weights::from_bytes(weights)?,
+        )
+    }
+
+    fn new(config: StreamConfig, weights: &Weights) -> Result<Self> {
+        let channels = config.channels;
+        let blocks = |name: &str, blocks: &[Block]| -> Result<Vec<CausalBlock>> {
+            let weights = weights.pp(name);
+            let block = |(i, block)| CausalBlock::load(&weights.pp(i), channels, block);
+            blocks.iter().enumerate().map(block).collect()
+        };
+        let stem = [channels, config.bands, STEM_TAPS];
+        let affect = weights.pp("affect_mlp");
+        let feelings = config.emotions.len() - 1;
+        Ok(StreamModel {
+            stem: Halving::load(&weights.pp("stem"), stem, STEM_AHEAD)?,
+            fine: blocks("fine", &config.fine)?,
+            down: Halving::load(&weights.pp("down"), [channels, channels, TAPS], DOWN_AHEAD)?,
+            listen: blocks("listen", &config.listen)?,
+            linear1: Linear::load(&affect.pp("linear1"), feelings, channels)?,
+            linear2: Linear::load(&affect.pp("linear2"), channels, channels)?,
+            perform: blocks("perform", &config.perform)?,
+            norm: LayerNorm::load(&weights.pp("norm"), channels, EPSILON)?,
+            head: Linear::load(&weights.pp("head"), channels, DIMS)?,
+            mean: weights.values("mean", &[DIMS])?,
+            std: weights.values("std", &[DIMS])?,
+            config,
+        })
+    }
+
+    /// Sizes and look-ahead.
+    pub fn config(&self) -> &StreamConfig {
+        &self.config
+    }
+
+    /// The offline causal result: a stream that gets the whole sound at once.
+    ///
+    /// Returns a clip at 25 fps with one frame for every started 1/25 s.
+    ///
+    /// # Errors
+    /// `Audio` for samples that are not finite; those of [`MotionStream::set_emotion`].
+    pub fn motion(
+        self: &Arc<Self>,
+        waveform: &Waveform,
+        emotion: &EmotionCurve,
+    ) -> Result<MotionClip> {
+        let mut stream = MotionStream::new(Arc::clone(self));
+        stream.push(&waveform.samples)?;
+        stream.finish()?;
+        let fps = self.config.fps;
+        let mut values = Vec::new();
+        loop {
+            stream.set_emotion(&emotion.at(stream.next_frame() as f64 / fps))?;
+            match stream.pull() {
+                Some(frame) => values.extend_from_slice(frame.displacements.as_flattened()),
+                None => break,
+            }
+        }
+        let shape = (values.len() / DIMS, LANDMARKS, 3);
+        let displacements = Array3::from_shape_vec(shape, values).expect("whole frames");
+        Ok(MotionClip { displacements, fps })
+    }
+
+    /// What an emotion adds to every frame, `[C]`.
+    fn feeling(&self, emotion: &Emotion) -> Vec<f32> {
+        let strengths: Vec<f32> = emotion.mixture[1..]
+            .iter()
+            .map(|share| share * emotion.intensity)
+            .collect();
+        let mut hidden = vec![0.0; self.config.channels];
+        let mut out = hidden.clone();
+        self.linear1.forward_row(&strengths, &mut hidden);
+        silu_all(&mut hidden);
+        self.linear2.forward_row(&hidden, &mut out);
+        out
+    }
+}
+
+/// The face at one instant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MotionFrame {
+    /// Number of the frame; it stands at `index / 25` seconds of the sound.
+    pub index: usize,
+    /// `[68][3]`, displacement from the neutral face in canonical metres.
+    pub displacements: [[f32; 3]; LANDMARKS],
+}
+
+/// A performance in progress: push samples, pull frames.
+///
+/// ```
+/// # use anyface::{Engine, EngineOptions, StreamOptions};
+/// # let engine = Engine::new(EngineOptions::default())?;
+/// let mut stream = engine.stream(&StreamOptions::default())?;
+/// let mut frames = 0;
+/// for chunk in [0.0f32; 16_000].chunks(160) {
+///     stream.push(chunk)?;
+///     while let Some(frame) = stream.pull() {
+///         assert_eq!(frame.index, frames);
+///         frames += 1;
+///     }
+/// }
+/// stream.finish()?;
+/// assert_eq!(frames + stream.drain().len(), 25);
+/// # Ok::<(), anyface::Error>(())
+/// ```
+pub struct MotionStream {
+    model: Arc<StreamModel>,
+    analyser: MelAnalyser,
+    normaliser: RunningNormaliser,
+    stem: HalvingState,
+    fine: Vec<BlockState>,
+    down: HalvingState,
+    listen: Vec<BlockState>,
+    perform: Vec<BlockState>,
+    emotion: Emotion,
+    feeling: Vec<f32>,
+    /// From the start of the next mel frame on.
+    samples: VecDeque<f32>,
+    pushed: u64,
+    next_frame: usize,
+    /// Frames in all, once the sound has ended.
+    total: Option<usize>,
+    row: Vec<f32>,
+}
+
+impl MotionStream {
+    /// A neutral face before any sound.
+    pub fn new(model: Arc<StreamModel>) -> Self {
+        let states = |blocks: &[CausalBlock]| blocks.iter().map(CausalBlock::state).collect();
+        let emotion = Emotion::default();
+        MotionStream {
+            analyser: MelAnalyser::new(),
+            normaliser: RunningNormaliser::new(&model.config.normaliser),
+            stem: model.stem.state(),
+            fine: states(&model.fine),
+            down: model.down.state(),
+            listen: states(&model.listen),
+            perform: states(&model.perform),
+            emotion,
+            feeling: model.feeling(&emotion),
+            samples: VecDeque::from([0.0; FRAME / 2]),
+            pushed: 0,
+            next_frame: 0,
+            total: None,
+            row: vec![0.0; model.config.channels],
+            model,
+        }
+    }
+
+    /// Takes samples: mono, 16 kHz, nominally in [−1, 1]. They are only kept; [`Self::pull`] works.
+    ///
+    /// # Errors
+    /// `InvalidInput` after [`Self::finish`]; `Audio` for samples that are not finite, none of which
+    /// is then taken.
+    pub fn push(&mut self, samples: &[f32]) -> Result<()> {
+        self.check_open("push")?;
+        if let Some(at) = samples.iter().position(|x| !x.is_finite()) {
+            let count = samples.iter().filter(|x| !x.is_finite()).count();
+            return Err(Error::Audio(format!(
+                "expected finite samples, got {count} of {} that are NaN or infinite, the first at {at}",
+                samples.len()
+            )));
+        }
+        let limited = samples.iter().map(|x| x.clamp(-LOUDEST, LOUDEST));
+        self.samples.extend(limited);
+        self.pushed += samples.len() as u64;
+        Ok(())
+    }
+
+    /// The next frame, if enough sound has arrived.
+    ///
+    /// That is so [`Self::latency_s`] after the frame's own instant, or after [`Self::finish`].
+    pub fn pull(&mut self) -> Option<MotionFrame> {
+        if self.total.is_some_and(|total| self.next_frame >= total) {
+            return None;
+        }
+        loop {
+            let mut mel = self.next_mel()?;
+            self.normaliser.hear(&mut mel);
+            if self.listen(&mel).is_some() {
+                return Some(self.perform());
+            }
+        }
+    }
+
+    /// All frames that are ready.
+    pub fn drain(&mut self) -> Vec<MotionFrame> {
+        std::iter::from_fn(|| self.pull()).collect()
+    }
+
+    /// Ends the sound: silence follows, and every frame that began can be pulled.
+    ///
+    /// There is one frame for every started 1/25 s, none where nothing was pushed.
+    ///
+    /// # Errors
+    /// `InvalidInput` if the stream was finished before.
+    pub fn finish(&mut self) -> Result<()> {
+        self.check_open("finish")?;
+        let frame = SAMPLES_PER_FRAME as u64;
+        self.total = Some(self.pushed.div_ceil(frame) as usize);
+        let silence = self.model.config.look_ahead_samples() + FRAME;
+        self.samples.extend(std::iter::repeat_n(0.0, silence));
+        Ok(())
+    }
+
+    /// Emotion from the next frame on, that is the one that the next pull returns.
+    ///
+    /// # Errors
+    /// `InvalidInput` for shares or an intensity that are not finite; the emotion stays as it was.
+    pub fn set_emotion(&mut self, emotion: &Emotion) -> Result<()> {
+        if *emotion == self.emotion {
+            return Ok(());
+        }
+        let mut values = emotion.mixture.iter().chain([&emotion.intensity]);
+        if let Some(value) = values.find(|value| !value.is_finite()) {
+            return Err(Error::InvalidInput(format!(
+                "emotion: expected finite numbers, got {value}"
+            )));
+        }
+        self.feeling = self.model.feeling(emotion);
+        self.emotion = *emotion;
+        Ok(())
+    }
+
+    /// Seconds of sound after a frame's own instant that it waits for; at most 0.2.
+    pub fn latency_s(&self) -> f64 {
+        self.model.config.look_ahead_s()
+    }
+
+    /// Number of the frame that the next pull returns.
+    pub fn next_frame(&self) -> usize {
+        self.next_frame
+    }
+
+    /// Whether the sound was ended by [`Self::finish`].
+    pub fn is_finished(&self) -> bool {
+        self.total.is_some()
+    }
+
+    fn check_open(&self, what: &str) -> Result<()> {
+        match self.total {
+            None => Ok(()),
+            Some(total) => Err(Error::InvalidInput(format!(
+                "{what}: expected an open stream, got one that was finished after {total} frames"
+            ))),
+        }
+    }
+
+    /// Raw log-mel of the next 10 ms.
+    fn next_mel(&mut self) -> Option<[f32; BANDS]> {
+        if self.samples.len() < FRAME {
+            return None;
+        }
+        let mut stretch = [0.0; FRAME];
+        for (to, from) in stretch.iter_mut().zip(&self.samples) {
+            *to = *from;
+        }
+        self.samples.drain(..HOP);
+        let mut mel = [0.0; BANDS];
+        self.analyser.frame(&stretch, &mut mel);
+        Some(mel)
+    }
+
+    /// Takes one mel frame; now and then that completes what a motion frame hears, in `row`.
+    fn listen(&mut self, mel: &[f32; BANDS]) -> Option<()> {
+        let model = &self.model;
+        self.row
+            .copy_from_slice(model.stem.step(&mut self.stem, mel)?);
+        through(&model.fine, &mut self.fine, &mut self.row)?;
+        let down = model.down.step(&mut self.down, &self.row)?;
+        self.row.copy_from_slice(down);
+        through(&model.listen, &mut self.listen, &mut self.row)
+    }
+
+    /// Turns what was heard into a frame, with the emotion of now.
+    fn perform(&mut self) -> MotionFrame {
+        let model = &self.model;
+        for (x, feeling) in self.row.iter_mut().zip(&self.feeling) {
+            *x += feeling;
+        }
+        through(&model.perform, &mut self.perform, &mut self.row).expect("blocks that look back");
+        model.norm.forward_rows(&mut self.row);
+        let mut displacements = [[0.0; 3]; LANDMARKS];
+        let flat = displacements.as_flattened_mut();
+        model.head.forward_row(&self.row, flat);
+        for ((x, std), mean) in flat.iter_mut().zip(&model.std).zip(&model.mean) {
+            *x = *x * std + mean;
+        }
+        let index = self.next_frame;
+        self.next_frame += 1;
+        MotionFrame {
+            index,
+            displacements,
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! Sizes of the streaming student, and the look-ahead that they amount to.
+
+use crate::{
+    Error, Result,
+    audio::SAMPLE_RATE_HZ,
+    conditions::EMOTIONS,
+    motion::LANDMARKS,
+    speech::{BANDS, FRAME, HOP},
+};
+
+/// Mel frames to a motion frame.
+pub(super) const MEL_PER_FRAME: usize = 4;
+/// Samples from one motion frame to the next.
+pub(super) const SAMPLES_PER_FRAME: usize = MEL_PER_FRAME * HOP;
+/// Taps of every convolution but the stem.
+pub(super) const TAPS: usize = 3;
+pub(super) const STEM_TAPS: usize = 5;
+/// Taps of the stem after its own frame.
+pub(super) const STEM_AHEAD: usize = 2;
+/// Taps of the step to 25 Hz after its own frame.
+pub(super) const DOWN_AHEAD: usize = 1;
+/// The longest look-ahead that a model may have.
+const MAX_LOOK_AHEAD_S: f64 = 0.2;
+
+/// Sizes of the network, as `config.json` states them.
+#[derive(Debug, Clone, PartialEq, serde::Deserialize)]
+pub struct StreamConfig {
+    /// Number of landmarks; always 68.
+    pub landmarks: usize,
+    /// Motion frames per second; always 25.
+    pub fps: f64,
+    /// Mel bands; always [`BANDS`].
+    pub bands: usize,
+    /// Channels of every layer.
+    pub channels: usize,
+    /// Blocks at 50 Hz.
+    pub fine: Vec<Block>,
+    /// Blocks at 25 Hz before the emotion is known.
+    pub listen: Vec<Block>,
+    /// Blocks at 25 Hz that know the emotion; they look back only.
+    pub perform: Vec<Block>,
+    /// Emotion categories, those of [`EMOTIONS`].
+    pub emotions: Vec<String>,
+    /// Constants of the running normalisation.
+    pub normaliser: NormaliserConfig,
+}
+
+/// A residual block: 3 taps `dilation` apart, `ahead` of them after the own frame.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize)]
+pub struct Block {
+    /// Frames from tap to tap, at least 1.
+    pub dilation: usize,
+    /// 0 looks back only, 1 is centred.
+    pub ahead: usize,
+}
+
+impl Block {
+    /// Frames after its own that a frame depends on.
+    pub(super) fn reach(&self) -> usize {
+        self.ahead * self.dilation
+    }
+}
+
+/// Constants of the running normalisation; levels are nepers of power, counts are mel frames.
+#[derive(Debug, Clone, PartialEq, serde::Deserialize)]
+pub struct NormaliserConfig {
+    /// `[64]`, mean log-mel of a voice before it is heard.
+    pub prior_colour: Vec<f32>,
+    /// Level of loud frames before any is heard.
+    pub prior_peak: f32,
+    /// What the prior colour weighs.
+    pub prior_frames: f32,
+    /// After so many active frames the mean begins to forget.
+    pub memory_frames: f32,
+    /// While fewer active frames were heard, the peak takes longer steps.
+    pub start_frames: f32,
+    /// Step of the peak at the start.
+    pub start_step: f32,
+    /// Step of the peak later on.
+    pub step: f32,
+    /// How far the peak may stand above the colour's mean.
+    pub peak_over_level: f32,
+}
+
+impl StreamConfig {
+    /// From the text of `config.json`.
+    ///
+    /// # Errors
+    /// `Weights` if it cannot be read or asks for what this code does not have.
+    pub fn from_json(text: &str) -> Result<Self> {
+        let config: StreamConfig =
+            serde_json::from_str(text).map_err(|e| Error::Weights(format!("stream: {e}")))?;
+        match config.problem() {
+            Some(problem) => Err(Error::Weights(format!("stream: {problem}"))),
+            None => Ok(config),
+        }
+    }
+
+    fn problem(&self) -> Option<String> {
+        let fixed = (self.landmarks, self.fps, self.bands);
+        let blocks = self.fine.iter().chain(&self.listen).chain(&self.perform);
+        let expected = |what: &str, wanted: &str, got: String| {
+            Some(format!("{what}: expected {wanted}, got {got}"))
+        };
+        if fixed != (LANDMARKS, 25.0, BANDS) {
+            expected("landmarks, fps, bands", "68, 25, 64", format!("{fixed:?}"))
+        } else if self.emotions != EMOTIONS {
+            expected(
+                "emotions",
+                &format!("{EMOTIONS:?}"),
+                format!("{:?}", self.emotions),
+            )
+        } else if self.channels == 0 || self.normaliser.prior_colour.len() != BANDS {
+            let got = (self.channels, self.normaliser.prior_colour.len());
+            expected("channels, prior_colour", "some, 64", format!("{got:?}"))
+        } else if let Some(block) = blocks.clone().find(|b| b.dilation == 0 || b.ahead > 1) {
+            expected(
+                "block",
+                "a dilation from 1 on and ahead 0 or 1",
+                format!("{block:?}"),
+            )
+        } else if self.perform.iter().any(|block| block.ahead > 0) {
+            expected(
+                "perform",
+                "blocks that look back only",
+                format!("{:?}", self.perform),
+            )
+        } else if self.look_ahead_s() > MAX_LOOK_AHEAD_S {
+            let got = format!("{} s", self.look_ahead_s());
+            expected("look-ahead", "0.2 s at most", got)
+        } else {
+            None
+        }
+    }
+
+    /// Mel frames after `4 t` that frame `t` depends on.
+    fn mel_ahead(&self) -> usize {
+        let reach = |blocks: &[Block]| blocks.iter().map(Block::reach).sum::<usize>();
+        let fine = STEM_AHEAD + 2 * reach(&self.fine) + 2 * DOWN_AHEAD;
+        fine + MEL_PER_FRAME * reach(&self.listen)
+    }
+
+    /// Frame `t` depends on samples below `640 t` plus this; half a mel frame's window counts.
+    pub fn look_ahead_samples(&self) -> usize {
+        HOP * self.mel_ahead() + FRAME / 2
+    }
+
+    /// The same in seconds.
+    pub fn look_ahead_s(&self) -> f64 {
+        self.look_ahead_samples() as f64 / f64::from(SAMPLE_RATE_HZ)
+    }
+}

@@ -1,0 +1,63 @@
+//! The running normalisation: loudness, microphone and voice colour, from what was heard so far.
+
+use super::config::NormaliserConfig;
+use crate::speech::{ACTIVE_RANGE, BANDS, DEEPEST, QUIETEST_LEVEL, SCALE};
+
+const QUANTILE: f32 = 0.95;
+
+/// A causal [`crate::speech::normalise`]; twin of `normalise_running` in `stream.py`.
+///
+/// The level of a frame is its mean over bands. `peak` follows the 95 % quantile of levels by steps
+/// (up 0.95, down 0.05 of a step that shrinks while the first voice is heard). Frames within 4 nepers
+/// below the peak, and not under −9, move the colour: a mean that starts from the prior and forgets
+/// after `memory_frames`. If the colour's mean is below the peak less `peak_over_level`, or below
+/// −9, it is raised to that.
+#[derive(Debug, Clone)]
+pub(super) struct RunningNormaliser {
+    config: NormaliserConfig,
+    colour: [f32; BANDS],
+    peak: f32,
+    frames: f32,
+}
+
+impl RunningNormaliser {
+    /// Nothing heard yet.
+    pub fn new(config: &NormaliserConfig) -> Self {
+        RunningNormaliser {
+            colour: std::array::from_fn(|band| config.prior_colour[band]),
+            peak: config.prior_peak,
+            frames: 0.0,
+            config: config.clone(),
+        }
+    }
+
+    /// Hears one frame of raw log-mel and normalises it, in place.
+    pub fn hear(&mut self, row: &mut [f32; BANDS]) {
+        let config = &self.config;
+        let level = mean(row);
+        let fresh = (1.0 - self.frames / config.start_frames).max(0.0);
+        let step = config.step + (config.start_step - config.step) * fresh;
+        let share = if level > self.peak {
+            QUANTILE
+        } else {
+            QUANTILE - 1.0
+        };
+        self.peak += step * share;
+        if level >= (self.peak - ACTIVE_RANGE).max(QUIETEST_LEVEL) {
+            self.frames = (self.frames + 1.0).min(config.memory_frames);
+            let rate = 1.0 / (self.frames + config.prior_frames).min(config.memory_frames);
+            for (colour, x) in self.colour.iter_mut().zip(row.iter()) {
+                *colour += rate * (x - *colour);
+            }
+        }
+        let least = (self.peak - config.peak_over_level).max(QUIETEST_LEVEL);
+        let raise = (least - mean(&self.colour)).max(0.0);
+        for (x, colour) in row.iter_mut().zip(&self.colour) {
+            *x = (*x - (colour + raise)).max(DEEPEST) / SCALE;
+        }
+    }
+}
+
+fn mean(row: &[f32; BANDS]) -> f32 {
+    row.iter().sum::<f32>() / BANDS as f32
+}
