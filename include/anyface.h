@@ -69,8 +69,8 @@
  * number of threads may use the same object at the same time, for example two jobs on one engine.
  * The result does not depend on what else runs, nor on the number of threads. An AnyfaceProgress
  * may be read and cancelled from any thread while one job uses it. Only freeing needs care: an
- * object must not be freed while another thread uses it. An AnyfaceError belongs to one thread at a
- * time.
+ * object must not be freed while another thread uses it. An AnyfaceError and an AnyfaceStream belong
+ * to one thread at a time.
  */
 
 
@@ -196,6 +196,12 @@ typedef struct AnyfaceMotion AnyfaceMotion;
 /// Handed to a long call, it can be read and cancelled from any other thread while the call runs.
 /// It may accompany several calls one after the other; one that was cancelled stays so.
 typedef struct AnyfaceProgress AnyfaceProgress;
+
+/// A performance in progress: push sound, pull frames of the 68 landmarks in the canonical frame.
+///
+/// The frames are the same bit for bit however the sound is cut into pushes. A stream belongs to
+/// one thread at a time.
+typedef struct AnyfaceStream AnyfaceStream;
 
 /// Receives progress; any result but 0 asks the job to stop.
 ///
@@ -739,6 +745,54 @@ AnyfaceStatus anyface_basis_copy_weights(const AnyfaceBasis *basis,
 
 /// Frees a basis that no running call uses, with everything it lent; nothing happens for NULL.
 void anyface_basis_free(AnyfaceBasis *basis);
+
+/// Starts a performance with a neutral face; takes less than a millisecond.
+///
+/// It may outlive the engine. Free with `anyface_stream_free()`.
+AnyfaceStatus anyface_stream_new(const AnyfaceEngine *engine,
+                                 AnyfaceStream **out,
+                                 AnyfaceError **error);
+
+/// Takes sound and only keeps it: fit for an audio thread that may allocate.
+///
+/// `samples`: `[S]`, mono at 16 kHz, nominally -1 to 1; any number, also none.
+/// Fails with `ANYFACE_STATUS_AUDIO` for samples that are not finite, of which none is then taken,
+/// `ANYFACE_STATUS_INVALID_INPUT` after `anyface_stream_finish()`.
+AnyfaceStatus anyface_stream_push(AnyfaceStream *stream,
+                                  const float *samples,
+                                  size_t sample_count,
+                                  AnyfaceError **error);
+
+/// Computes the frames that are ready, as many as the buffer has room for.
+///
+/// `buffer`: `[frame_room, 68, 3]`, displacements from the neutral face in metres; frame `t` of the
+/// stream, counted over all pulls, stands at `t / 25` seconds of the sound.
+/// `frame_count` receives how many were written; 0 where more sound is needed, or where the
+/// performance is over.
+AnyfaceStatus anyface_stream_pull(AnyfaceStream *stream,
+                                  float *buffer,
+                                  size_t frame_room,
+                                  size_t *frame_count,
+                                  AnyfaceError **error);
+
+/// Ends the sound: silence follows, and every frame that began can be pulled.
+///
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` the second time.
+AnyfaceStatus anyface_stream_finish(AnyfaceStream *stream, AnyfaceError **error);
+
+/// Emotion from the next frame on, that is the first one of the next pull.
+///
+/// `strengths`: `[ANYFACE_EMOTION_COUNT]`, 0 or more, at most 1.5 in sum.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for other strengths.
+AnyfaceStatus anyface_stream_set_emotion(AnyfaceStream *stream,
+                                         const float *strengths,
+                                         AnyfaceError **error);
+
+/// Seconds of sound after a frame's own instant that it waits for, at most 0.2; 0 for NULL.
+double anyface_stream_latency_s(const AnyfaceStream *stream);
+
+/// Frees a stream that no running call uses; nothing happens for NULL.
+void anyface_stream_free(AnyfaceStream *stream);
 
 #ifdef __cplusplus
 }  // extern "C"

@@ -25,4 +25,5 @@ mod mesh;
 mod motion;
 mod progress;
 mod status;
+mod stream;
 mod version;

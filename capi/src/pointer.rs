@@ -15,6 +15,18 @@ pub(crate) unsafe fn handle<'a, T>(name: &'static str, handle: *const T) -> Resu
     unsafe { handle.as_ref() }.ok_or(Failure::Null(name))
 }
 
+/// A handle that must be there and that the call changes.
+///
+/// # Safety
+/// `handle` is NULL or valid for reads and writes for the lifetime that the caller uses, and no
+/// other reference to it is in use.
+pub(crate) unsafe fn handle_mut<'a, T>(
+    name: &'static str,
+    handle: *mut T,
+) -> Result<&'a mut T, Failure> {
+    unsafe { handle.as_mut() }.ok_or(Failure::Null(name))
+}
+
 /// `rows` × `columns` values; NULL is allowed where there are none.
 ///
 /// # Safety
@@ -31,6 +43,19 @@ pub(crate) unsafe fn slice<'a, T>(
     }
     check_pointer(name, values)?;
     Ok(unsafe { std::slice::from_raw_parts(values, length) })
+}
+
+/// Makes sure that there is room for `rows` × `columns` results; NULL is allowed where none fit.
+pub(crate) fn check_room<T>(
+    name: &'static str,
+    buffer: *mut T,
+    rows: usize,
+    columns: usize,
+) -> Result<(), Failure> {
+    match checked_length::<T>(name, rows, columns)? {
+        0 => Ok(()),
+        _ => check_pointer(name, buffer.cast_const()),
+    }
 }
 
 /// Copies `values` into the caller's buffer, whose `capacity` must be the length exactly.

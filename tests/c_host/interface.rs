@@ -45,6 +45,13 @@ fn jobs_on_one_engine_do_not_disturb_each_other() {
 }
 
 #[test]
+fn a_stream_gives_the_same_bits_however_the_sound_is_cut() {
+    run_both_ways("tests/c_host/stream.c", |folder| {
+        vec![text(&scene(folder).voice)]
+    });
+}
+
+#[test]
 fn the_shared_library_exports_the_interface_and_nothing_else() {
     let library = library_dir().join("libanyface.so");
     let output = succeed(

@@ -1,0 +1,148 @@
+//! Motion while somebody is speaking: samples in, frames out.
+
+use anyface::{
+    StreamOptions, conditions::Emotion, motion::LANDMARKS, systems::freetalk::stream::MotionStream,
+};
+
+use crate::{
+    engine::AnyfaceEngine,
+    error::{AnyfaceError, Failure},
+    guard, pointer,
+    status::AnyfaceStatus,
+    version::ANYFACE_EMOTION_COUNT,
+};
+
+/// A performance in progress: push sound, pull frames of the 68 landmarks in the canonical frame.
+///
+/// The frames are the same bit for bit however the sound is cut into pushes. A stream belongs to
+/// one thread at a time.
+pub struct AnyfaceStream(MotionStream);
+
+const fn moves_between_threads<T: Send>() {}
+const _: () = moves_between_threads::<AnyfaceStream>();
+
+const FRAME_FLOATS: usize = LANDMARKS * 3;
+
+/// Starts a performance with a neutral face; takes less than a millisecond.
+///
+/// It may outlive the engine. Free with `anyface_stream_free()`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_stream_new(
+    engine: *const AnyfaceEngine,
+    out: *mut *mut AnyfaceStream,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let engine = unsafe { pointer::handle("engine", engine) }?;
+        let stream = engine.0.stream(&StreamOptions::default())?;
+        unsafe { pointer::give(out, AnyfaceStream(stream)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Takes sound and only keeps it: fit for an audio thread that may allocate.
+///
+/// `samples`: `[S]`, mono at 16 kHz, nominally -1 to 1; any number, also none.
+/// Fails with `ANYFACE_STATUS_AUDIO` for samples that are not finite, of which none is then taken,
+/// `ANYFACE_STATUS_INVALID_INPUT` after `anyface_stream_finish()`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_stream_push(
+    stream: *mut AnyfaceStream,
+    samples: *const f32,
+    sample_count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let stream = unsafe { pointer::handle_mut("stream", stream) }?;
+        let samples = unsafe { pointer::slice("samples", samples, sample_count, 1) }?;
+        Ok(stream.0.push(samples)?)
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Computes the frames that are ready, as many as the buffer has room for.
+///
+/// `buffer`: `[frame_room, 68, 3]`, displacements from the neutral face in metres; frame `t` of the
+/// stream, counted over all pulls, stands at `t / 25` seconds of the sound.
+/// `frame_count` receives how many were written; 0 where more sound is needed, or where the
+/// performance is over.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_stream_pull(
+    stream: *mut AnyfaceStream,
+    buffer: *mut f32,
+    frame_room: usize,
+    frame_count: *mut usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let stream = unsafe { pointer::handle_mut("stream", stream) }?;
+        pointer::check_out("frame_count", frame_count)?;
+        pointer::check_room("buffer", buffer, frame_room, FRAME_FLOATS)?;
+        let mut written = 0;
+        while written < frame_room {
+            let Some(frame) = stream.0.pull() else {
+                break;
+            };
+            let (values, to) = (
+                frame.displacements.as_flattened(),
+                buffer.wrapping_add(written * FRAME_FLOATS),
+            );
+            unsafe { pointer::copy_out("buffer", values, to, FRAME_FLOATS) }?;
+            written += 1;
+        }
+        unsafe { frame_count.write(written) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Ends the sound: silence follows, and every frame that began can be pulled.
+///
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` the second time.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_stream_finish(
+    stream: *mut AnyfaceStream,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        Ok(unsafe { pointer::handle_mut("stream", stream) }?
+            .0
+            .finish()?)
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Emotion from the next frame on, that is the first one of the next pull.
+///
+/// `strengths`: `[ANYFACE_EMOTION_COUNT]`, 0 or more, at most 1.5 in sum.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for other strengths.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_stream_set_emotion(
+    stream: *mut AnyfaceStream,
+    strengths: *const f32,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let stream = unsafe { pointer::handle_mut("stream", stream) }?;
+        let row = unsafe { pointer::slice("strengths", strengths, 1, ANYFACE_EMOTION_COUNT) }?;
+        let row = row
+            .first_chunk::<ANYFACE_EMOTION_COUNT>()
+            .ok_or(Failure::Null("strengths"))?;
+        Ok(stream.0.set_emotion(&Emotion::from_strengths(*row)?)?)
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Seconds of sound after a frame's own instant that it waits for, at most 0.2; 0 for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_stream_latency_s(stream: *const AnyfaceStream) -> f64 {
+    unsafe { stream.as_ref() }.map_or(0.0, |stream| stream.0.latency_s())
+}
+
+/// Frees a stream that no running call uses; nothing happens for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_stream_free(stream: *mut AnyfaceStream) {
+    unsafe { guard::free(stream) }
+}
