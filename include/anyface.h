@@ -746,7 +746,7 @@ AnyfaceStatus anyface_basis_copy_weights(const AnyfaceBasis *basis,
 /// Frees a basis that no running call uses, with everything it lent; nothing happens for NULL.
 void anyface_basis_free(AnyfaceBasis *basis);
 
-/// Starts a performance with a neutral face; takes less than a millisecond.
+/// Starts a performance with a neutral face.
 ///
 /// It may outlive the engine. Free with `anyface_stream_free()`.
 AnyfaceStatus anyface_stream_new(const AnyfaceEngine *engine,

@@ -23,7 +23,7 @@ const _: () = moves_between_threads::<AnyfaceStream>();
 
 const FRAME_FLOATS: usize = LANDMARKS * 3;
 
-/// Starts a performance with a neutral face; takes less than a millisecond.
+/// Starts a performance with a neutral face.
 ///
 /// It may outlive the engine. Free with `anyface_stream_free()`.
 #[unsafe(no_mangle)]
