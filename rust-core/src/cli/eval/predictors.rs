@@ -13,6 +13,8 @@ use crate::{Error, Result, motion::MotionClip, output::read_landmark_motion};
 
 /// Name of the model in its default style.
 pub(super) const MODEL: &str = "model";
+/// Name of the baseline that never moves.
+const CONSTANT: &str = "constant";
 /// Name of the recording, where it is shown beside the predictors.
 pub(super) const RECORDED: &str = "recorded";
 
@@ -42,11 +44,12 @@ impl Performed {
         both.filter_map(|(clip, motion)| Some((clip, motion.as_ref()?)))
     }
 
-    /// The recording, where there is one, then all predictors, each as pairs of clip and motion.
+    /// The recording, where there is one, then all predictors that move, each as pairs of clip and
+    /// motion.
     pub(super) fn with_recording(&self) -> Vec<(&str, Pairs<'_>)> {
         let clips = || self.corpus.held_out.iter();
         let recorded = (RECORDED, clips().map(|c| (c, &c.motion)).collect());
-        let others = self.predictors.iter();
+        let others = self.predictors.iter().filter(|p| p.name != CONSTANT);
         let others = others.map(|p| (p.name.as_str(), self.of(p).collect()));
         let start = self.corpus.recorded.then_some(recorded);
         start.into_iter().chain(others).collect()
@@ -119,7 +122,7 @@ fn by_baselines(baselines: &Baselines, clips: &[Clip]) -> [Predictor; 2] {
     let all = |of: &dyn Fn(&Clip) -> Array3<f64>| clips.iter().map(|c| Some(of(c))).collect();
     [
         Predictor {
-            name: "constant".into(),
+            name: CONSTANT.into(),
             motions: all(&|clip| baselines.constant(clip)),
         },
         Predictor {

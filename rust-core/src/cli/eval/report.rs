@@ -86,7 +86,8 @@ fn header(page: &mut Page, results: &Results) {
         "Numbers in brackets are 95 % confidence intervals: percentile bootstrap over clips, \
          {RESAMPLES} resamples, fixed seed. They hold the sampling of clips, not the choice of \
          speakers: each recorded source is one person. Lengths are millimetres on a head of human \
-         size. Nothing is added to the model's motion."
+         size. The motion is what the engine makes of speech by itself, without blinks or brow \
+         accents."
     ));
     let weights = results.weights.iter();
     let rows = weights.map(|w| vec![w.name.clone(), format!("`{}`", w.blake3)]);
@@ -339,6 +340,7 @@ fn seams(page: &mut Page, results: &Results) {
 
 fn steps(page: &mut Page, results: &Results) {
     page.block("## Denoising steps");
+    page.block("Work is processor time where the system tells it, else time that passed.");
     let rows = results.steps.iter().map(|row| {
         vec![
             row.source.clone(),
@@ -348,7 +350,7 @@ fn steps(page: &mut Page, results: &Results) {
             cell(row.gap_amplitude.as_ref(), 2),
             cell(row.shut_percent.as_ref(), 1),
             cell(row.shut_from_rest_percent.as_ref(), 1),
-            number(row.seconds_per_second, 3),
+            number(row.work_per_second, 3),
         ]
     });
     let titles = [
@@ -368,20 +370,22 @@ fn timing(page: &mut Page, results: &Results) {
     page.block("## Time and memory");
     let timing = &results.timing;
     page.block(format!(
-        "Speech to landmark motion at 30 fps, encoder and denoiser, on {} thread{}; the shortest \
-         sound is the median of five runs. Memory is the whole process's peak, the data of this \
-         report included.",
+        "Speech to landmark motion at 30 fps, encoder and denoiser, on {} thread{}. Work is the \
+         processor time of all threads where the system tells it, elapsed the time that passed on \
+         a machine that may have been busy; the shortest sound was run five times (mean and \
+         median). Memory is the whole process's peak, the data of this report included.",
         timing.threads,
         if timing.threads == 1 { "" } else { "s" }
     ));
     let rows = timing.runs.iter().map(|run| {
         vec![
             number(run.sound_s, 0),
-            number(run.seconds, 2),
+            number(run.work_s, 2),
+            number(run.elapsed_s, 2),
             run.peak_mib.map_or("–".into(), |mib| number(mib, 0)),
         ]
     });
-    let titles = ["sound, s", "work, s", "peak memory, MiB"];
+    let titles = ["sound, s", "work, s", "elapsed, s", "peak memory, MiB"];
     page.table(&titles, rows.collect::<Vec<_>>());
     if let Some([slope, offset]) = timing.line {
         page.block(format!(

@@ -1,7 +1,5 @@
 //! What the number of denoising steps buys.
 
-use std::time::Instant;
-
 use ndarray::Array3;
 use serde::Serialize;
 
@@ -12,6 +10,7 @@ use super::{
     ict::IctLandmarks,
     scores::{ClipScores, scores},
     speaker::{Speaker, Wish},
+    timing::Stopwatch,
 };
 use crate::Result;
 
@@ -30,8 +29,8 @@ pub(super) struct StepScores {
     /// Where phone times are known.
     pub shut_percent: Option<Estimate>,
     pub shut_from_rest_percent: Option<Estimate>,
-    /// Seconds of work to a second of sound.
-    pub seconds_per_second: f64,
+    /// Seconds of processor time to a second of sound.
+    pub work_per_second: f64,
 }
 
 pub(super) fn measure(
@@ -63,12 +62,12 @@ fn at_steps(
     clips: &[&Clip],
     ict: &IctLandmarks,
 ) -> Result<StepScores> {
-    let start = Instant::now();
+    let stopwatch = Stopwatch::start();
     let motions: Vec<Array3<f64>> = clips
         .iter()
         .map(|clip| speaker.speak(clip, wish))
         .collect::<Result<_>>()?;
-    let seconds = start.elapsed().as_secs_f64();
+    let work_s = stopwatch.work_s();
     let pairs = || clips.iter().zip(&motions).map(|(c, m)| (*c, m.view()));
     let records: Vec<ClipScores> = pairs()
         .map(|(clip, motion)| ClipScores::new(clip, motion, ict))
@@ -84,6 +83,6 @@ fn at_steps(
         gap_amplitude: found.get("gap_amplitude").copied(),
         shut_percent: closed.shut_percent,
         shut_from_rest_percent: closed.shut_from_rest_percent,
-        seconds_per_second: seconds / sound_s.max(f64::MIN_POSITIVE),
+        work_per_second: work_s / sound_s.max(f64::MIN_POSITIVE),
     })
 }

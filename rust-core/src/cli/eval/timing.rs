@@ -16,16 +16,20 @@ use crate::{
 
 const FPS: f64 = 30.0;
 const SHORT_S: f64 = 5.0;
-/// Runs of the short sound; the median counts.
+/// Runs of the short sound.
 const RUNS: usize = 5;
+/// Linux counts processor time in hundredths of a second.
+const TICKS_PER_S: f64 = 100.0;
 const LONG_S: [f64; 3] = [60.0, 300.0, 1200.0];
 
 /// One length of sound.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub(super) struct Timed {
     pub sound_s: f64,
-    /// Speech encoder and denoiser together.
-    pub seconds: f64,
+    /// Speech encoder and denoiser together, processor time of all threads; see [`Stopwatch`].
+    pub work_s: f64,
+    /// The same by the clock on the wall.
+    pub elapsed_s: f64,
     /// Largest memory of the process during this run, MiB, where the system tells.
     pub peak_mib: Option<f64>,
 }
@@ -37,6 +41,40 @@ pub(super) struct Timing {
     pub runs: Vec<Timed>,
     /// Seconds of work to a second of sound, and fixed seconds: least squares over the runs.
     pub line: Option<[f64; 2]>,
+}
+
+/// Counts the work of this process where Linux tells it, so that other programs do not matter;
+/// elsewhere the time that passes.
+pub(super) struct Stopwatch {
+    work_s: Option<f64>,
+    start: Instant,
+}
+
+impl Stopwatch {
+    pub(super) fn start() -> Self {
+        Stopwatch {
+            work_s: processor_s(),
+            start: Instant::now(),
+        }
+    }
+
+    /// Seconds of work since the start.
+    pub(super) fn work_s(&self) -> f64 {
+        match (self.work_s, processor_s()) {
+            (Some(before), Some(now)) => now - before,
+            _ => self.start.elapsed().as_secs_f64(),
+        }
+    }
+}
+
+/// Processor time of this process so far: fields 14 and 15 of `/proc/self/stat`.
+fn processor_s() -> Option<f64> {
+    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+    // The second field is a name in brackets that may hold anything.
+    let (_, fields) = stat.rsplit_once(')')?;
+    let mut times = fields.split_whitespace().skip(11).take(2);
+    let mut ticks = || times.next()?.parse::<f64>().ok();
+    Some((ticks()? + ticks()?) / TICKS_PER_S)
 }
 
 /// Five seconds; with `long` also 1, 5 and 20 minutes.
@@ -68,9 +106,11 @@ fn short(speaker: &Speaker, wish: &Wish, spoken: &[f32]) -> Result<Timed> {
     let runs: Vec<Timed> = (0..RUNS)
         .map(|_| time(speaker, wish, spoken, SHORT_S))
         .collect::<Result<_>>()?;
-    let seconds: Vec<f64> = runs.iter().map(|run| run.seconds).collect();
+    let elapsed: Vec<f64> = runs.iter().map(|run| run.elapsed_s).collect();
     Ok(Timed {
-        seconds: quantile(&seconds, 0.5),
+        // A single run is too short for the system's count.
+        work_s: runs.iter().map(|run| run.work_s).sum::<f64>() / RUNS as f64,
+        elapsed_s: quantile(&elapsed, 0.5),
         ..runs[RUNS - 1]
     })
 }
@@ -81,11 +121,12 @@ fn time(speaker: &Speaker, wish: &Wish, spoken: &[f32], sound_s: f64) -> Result<
         samples: spoken.iter().copied().cycle().take(count).collect(),
     };
     forget_peak();
-    let start = Instant::now();
+    let stopwatch = Stopwatch::start();
     speaker.perform(&waveform, FPS, wish)?;
     Ok(Timed {
         sound_s,
-        seconds: start.elapsed().as_secs_f64(),
+        work_s: stopwatch.work_s(),
+        elapsed_s: stopwatch.start.elapsed().as_secs_f64(),
         peak_mib: peak_mib(),
     })
 }
@@ -107,8 +148,8 @@ fn peak_mib() -> Option<f64> {
 fn line(runs: &[Timed]) -> Option<[f64; 2]> {
     let count = runs.len() as f64;
     let mean = |of: fn(&Timed) -> f64| runs.iter().map(of).sum::<f64>() / count;
-    let (x, y) = (mean(|r| r.sound_s), mean(|r| r.seconds));
-    let along = runs.iter().map(|r| (r.sound_s - x) * (r.seconds - y));
+    let (x, y) = (mean(|r| r.sound_s), mean(|r| r.work_s));
+    let along = runs.iter().map(|r| (r.sound_s - x) * (r.work_s - y));
     let power: f64 = runs.iter().map(|r| (r.sound_s - x).powi(2)).sum();
     let slope = along.sum::<f64>() / power;
     (runs.len() > 2).then_some([slope, y - slope * x])
@@ -122,11 +163,22 @@ mod tests {
     fn a_line_is_found() {
         let runs = [1.0, 2.0, 5.0].map(|sound_s| Timed {
             sound_s,
-            seconds: 0.5 + 0.1 * sound_s,
+            work_s: 0.5 + 0.1 * sound_s,
+            elapsed_s: 1.0,
             peak_mib: None,
         });
         let [slope, offset] = line(&runs).unwrap();
         assert!((slope - 0.1).abs() < 1e-12 && (offset - 0.5).abs() < 1e-12);
         assert!(line(&runs[..2]).is_none());
+    }
+
+    #[test]
+    fn work_is_counted_from_the_start() {
+        let stopwatch = Stopwatch::start();
+        let mut x = 1.0f64;
+        while stopwatch.start.elapsed().as_secs_f64() < 1.0 && stopwatch.work_s() == 0.0 {
+            x = (x + 1.0).sqrt();
+        }
+        assert!(x > 1.0 && stopwatch.work_s() > 0.0);
     }
 }
