@@ -151,11 +151,7 @@ mod tests {
     fn wrong_lengths_are_refused() {
         let message = close_lips(&mut open(), &[0.5]).unwrap_err().to_string();
         assert!(
-<<<<<<< HEAD
             message.contains("[3]") && message.contains("[1]"),
-=======
-            message.contains("[2]") && message.contains("[1]"),
->>>>>>> 2098019 (eval: work is processor time, a busy machine does not count; the still baseline leaves tables of motion)
             "{message}"
         );
     }
