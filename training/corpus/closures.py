@@ -25,7 +25,7 @@ UPPER_SHARE = 0.35
 MET_SHARE = 0.15
 SURE_FROM, SURE_AT = 0.12, 0.45
 BESIDE = 0.4
-TOUCHING_M = -0.3e-3
+TOUCHING_M = -0.5e-3
 """Opening over that of the neutral face at which lips touch in speech."""
 BEFORE_FRAMES = 2
 

@@ -14,7 +14,7 @@ const SURE_AT: f32 = 0.45;
 /// Part of the way that the frames beside a closure go: lips need time.
 const BESIDE: f32 = 0.4;
 /// Opening over that of the neutral face at which lips touch in speech, metres.
-const TOUCHING: f32 = -0.3e-3;
+const TOUCHING: f32 = -0.5e-3;
 /// Upper and lower landmark of the three inner lip pairs.
 const INNER: [(usize, usize); 3] = [(61, 67), (62, 66), (63, 65)];
 /// Outer pairs, the inner pair that each follows, and how far.

@@ -212,7 +212,7 @@ fn damaged_files_are_weights_errors() {
         message.contains("norm.weight: expected [64], got [32]"),
         "{message}"
     );
-    let other_style = config.replace("\"default_style\": \"grid_s1\"", "\"default_style\": \"x\"");
+    let other_style = config.replace("\"default_style\": \"any\"", "\"default_style\": \"x\"");
     assert!(refused(&other_style, &golden.weights()).contains("default_style"));
     assert!(matches!(
         Ats::load(b"not a file", &config),
