@@ -1,0 +1,98 @@
+"""Facts about closing lips and about reading phones from posteriors."""
+
+import numpy as np
+import torch
+
+from training.corpus.closures import (
+    BESIDE,
+    TOUCHING_M,
+    bilabial_frames,
+    closures_met,
+    corrected,
+    inner_gaps,
+    lips_closed,
+    narrowed,
+)
+from training.corpus.decoded import align, decode
+from training.corpus.phones import SEGMENTS, Phone
+from training.losses import lip_gap
+from training.train_closure import closed_share
+
+
+def open_mouth(frames: int, gap_m: float = 0.01) -> np.ndarray:
+    """Motion [T, 68, 3] whose lower lip hangs by `gap_m`."""
+    motion = np.zeros((frames, 68, 3), np.float32)
+    motion[:, [55, 56, 57, 58, 59, 65, 66, 67], 1] = -gap_m
+    return motion
+
+
+def test_narrowing_takes_the_gap_that_is_asked_and_leaves_the_corners():
+    motion = open_mouth(2)
+    by = np.array([[0.004, 0.006, 0.004], [0.0, 0.0, 0.0]], np.float32)
+    out = narrowed(motion, by)
+    change = inner_gaps(motion, np.zeros((68, 3))) - inner_gaps(out, np.zeros((68, 3)))
+    np.testing.assert_allclose(change, by, atol=1e-7)
+    assert (out[:, [48, 54, 60, 64]] == motion[:, [48, 54, 60, 64]]).all()
+    assert (out[1] == motion[1]).all()
+
+
+def test_recorded_lips_meet_where_the_phones_say_so():
+    motion = open_mouth(50, 0.005)
+    motion[20, [65, 66, 67], 1] = -0.002
+    out = corrected(motion, np.zeros((68, 3), np.float32), [Phone(0.76, 0.08, "m")])
+    gaps = inner_gaps(out, np.zeros((68, 3)))[:, 1]
+    assert gaps[20] < 0.3e-3
+    assert gaps[40] > 3.5e-3
+
+
+def test_sure_closures_touch_and_their_neighbours_come_near():
+    motion = torch.from_numpy(open_mouth(3)).flatten(1)
+    gap = lip_gap(lips_closed(motion, torch.tensor([0.9, 0.1, 0.1])))
+    wanted = [TOUCHING_M, 0.01 - BESIDE * (0.01 - TOUCHING_M), 0.01]
+    np.testing.assert_allclose(gap.numpy(), wanted, atol=1e-7)
+
+
+def test_a_closure_counts_only_in_its_own_frames():
+    phones = torch.full((80,), SEGMENTS.index("a"), dtype=torch.int16)
+    phones[40:48] = SEGMENTS.index("p")
+    assert bilabial_frames(phones) == [(8, 13)]
+    opening = torch.ones(20)
+    assert closures_met(opening, phones) == [False]
+    opening[10] = 0.0
+    assert closures_met(opening, phones) == [True]
+    assert closures_met(opening.roll(6), phones) == [False]
+
+
+def test_lips_close_before_the_sound():
+    phones = torch.zeros((1, 80), dtype=torch.long)
+    phones[0, 40:48] = SEGMENTS.index("b")
+    share = closed_share(phones)[0]
+    assert share[10] == share[11] == 1.0
+    assert 0.0 < share[9] < 1.0
+    assert share[7] == share[13] == 0.0
+
+
+def posteriors(labels: str, sure: float = 0.8) -> np.ndarray:
+    """Log-posteriors [T, segments] that are fairly sure of one letter a frame."""
+    p = np.full((len(labels), len(SEGMENTS)), (1.0 - sure) / len(SEGMENTS))
+    for t, label in enumerate(labels):
+        p[t, SEGMENTS.index(label)] += sure
+    return np.log(p)
+
+
+def test_decoding_ignores_single_frames():
+    phones, confidence = decode(posteriors("____mmmmmmaaaaataaaaa____"))
+    assert [p.label for p in phones] == ["_", "m", "a", "_"]
+    np.testing.assert_allclose(phones[1].start_s, 0.04)
+    assert -1.0 < confidence < 0.0
+
+
+def test_alignment_keeps_the_order_of_the_text_and_finds_its_times():
+    phones, _ = align(posteriors("___mmmmaaaaa__pppppiiii__"), ["m", "a", "p", "i"])
+    assert [p.label for p in phones] == ["_", "m", "a", "_", "p", "i", "_"]
+    np.testing.assert_allclose([p.start_s for p in phones[1:]], [0.03, 0.07, 0.12, 0.14, 0.19, 0.23])
+
+
+def test_alignment_may_skip_what_was_not_said():
+    phones, _ = align(posteriors("mmmmmaaaaaiiiii", sure=0.99), ["m", "a", "t", "i"])
+    assert "t" not in [p.label for p in phones]
