@@ -9,9 +9,23 @@ from training.corpus.aligned import read_librivox, read_nathalie
 from training.corpus.clip import FPS, Clip, inner_gap
 from training.corpus.phones import Phone, bilabials
 from training.corpus.teacher import Teacher
-from training.evaluate_ats import best_lag, correlation
 
 CLOSED_SHARE = 0.15
+
+
+def correlation(a: np.ndarray, b: np.ndarray) -> float:
+    """Pearson r, 0 where one side does not move."""
+    return float(np.corrcoef(a, b)[0, 1]) if a.std() > 1e-9 and b.std() > 1e-9 else 0.0
+
+
+def best_lag(predicted: np.ndarray, true: np.ndarray, reach: int = 5) -> int:
+    """Frames by which the prediction comes late (positive) at the highest correlation."""
+    scores = {}
+    for lag in range(-reach, reach + 1):
+        a = predicted[max(lag, 0) : len(predicted) + min(lag, 0)]
+        b = true[max(-lag, 0) : len(true) + min(-lag, 0)]
+        scores[lag] = correlation(a, b)
+    return max(scores, key=scores.get)
 
 
 def closed_spans(gap: np.ndarray, phones: list[Phone]) -> list[bool]:
