@@ -1,14 +1,13 @@
 """The paper's sizes train on precomputed features of 768 channels."""
 
-from argparse import Namespace
-
 import torch
+from torch import nn
 
-from training.corpus.bank import Entry
+from training.corpus.bank import UNKNOWN, Entry
 from training.corpus.features import FeatureSampler
 from training.systems.freetalk.ats import paper_config
 from training.tests.test_parity import SHARED, needs_shared
-from training.train_ats import AtsTrainer
+from training.train_ats import AtsTrainer, parser
 
 
 class RandomSpeech:
@@ -16,12 +15,14 @@ class RandomSpeech:
 
     def __init__(self):
         torch.manual_seed(0)
+        self.encoder = nn.Identity()
         self.entries = [self._entry(source) for source in ("grid_s1", "facegood_zh")]
 
     def _entry(self, source: str) -> Entry:
         motion = torch.randn(80, 204).cumsum(0) * 1e-4
         features = torch.randn(1, 80, 768).half()
-        return Entry(source, source, False, features, motion, torch.ones(80, 204))
+        phones = torch.full((80,), UNKNOWN, dtype=torch.int16)
+        return Entry(source, source, False, features, motion, motion, torch.ones(80, 204), phones)
 
     def sampler(self, sources, shares, seed):
         """Windows of the two clips."""
@@ -37,7 +38,7 @@ class RandomSpeech:
 
 @needs_shared
 def test_paper_configuration_takes_a_training_step():
-    arguments = Namespace(seed=0, leave_out=None, data=SHARED / "data", dropout=0.0)
+    arguments = parser().parse_args(["--config", "paper", "--data", str(SHARED / "data"), "--dropout", "0"])
     trainer = AtsTrainer(arguments, paper_config(), RandomSpeech())
     loss, _ = trainer.loss(trainer.draw(1, 40))
     loss.backward()
