@@ -195,6 +195,13 @@ fn cancelling_stops_sampling() {
 }
 
 #[test]
+fn recorded_styles_leave_the_lips_as_they_were() {
+    let config = AtsConfig::from_json(&golden().metadata("config")).unwrap();
+    assert!(config.closes_lips(None) && config.closes_lips(Some("taught")));
+    assert!(!config.closes_lips(Some("grid_s1")));
+}
+
+#[test]
 fn damaged_files_are_weights_errors() {
     let golden = golden();
     let config = golden.metadata("config");
