@@ -190,7 +190,10 @@ def train(arguments) -> Path:
     trainer = AtsTrainer(arguments, config, speech_source(arguments, config))
     model = trainer.model
     if arguments.init is not None:
-        model.load_state_dict(torch.load(arguments.init)["state"])
+        saved = torch.load(arguments.init)
+        model.load_state_dict(saved["state"])
+        if saved["encoder"] is not None:
+            trainer.speech.encoder.load_state_dict(saved["encoder"])
     steps = 20 if debug else arguments.steps
     groups = trainer.parameters(arguments.rate, arguments.encoder_rate)
     optimiser = torch.optim.AdamW(groups, weight_decay=0.02)
@@ -266,7 +269,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--shares", type=float, nargs=3, default=default, help=f"of {[*SHARES]}")
     parser.add_argument("--voices", type=int, default=7)
     parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
-    parser.add_argument("--init", type=Path, help="start from this ats.pt")
+    parser.add_argument("--init", type=Path, help="start from this ats.pt, its encoder included")
     parser.add_argument("--steps", type=int, default=1500)
     parser.add_argument("--tokens", type=int, default=2048, help="frames in a batch")
     parser.add_argument("--rate", type=float, default=8e-4)
