@@ -65,6 +65,13 @@ impl<'a> Lids<'a> {
         (gap(a) + gap(b)) / (full(a) + full(b))
     }
 
+    /// Moves the upper lid out of the face.
+    pub(super) fn bring_forward(&self, frame: &mut ArrayViewMut2<'_, f32>, by: f32) {
+        for (upper, _) in self.eye.pairs {
+            frame[[upper, 2]] += by;
+        }
+    }
+
     /// Adds `weight` of the mode to the lids and to nothing else.
     pub(super) fn close(&self, frame: &mut ArrayViewMut2<'_, f32>, weight: f32) {
         for n in self.eye.lids.clone() {
