@@ -23,7 +23,7 @@ OUTER_SHARES = (0.4, 0.8, 1.0, 0.8, 0.4)
 UPPER_SHARE = 0.35
 """Part of a closing motion that the upper lip makes."""
 MET_SHARE = 0.15
-SURE_FROM, SURE_AT = 0.12, 0.45
+SURE_FROM, SURE_AT = 0.1, 0.35
 BESIDE = 0.4
 TOUCHING_M = -0.5e-3
 """Opening over that of the neutral face at which lips touch in speech."""
@@ -70,7 +70,7 @@ def narrowed(motion: np.ndarray, by: np.ndarray) -> np.ndarray:
 def lips_closed(motion: torch.Tensor, probability: torch.Tensor) -> torch.Tensor:
     """Motion [T, 204] whose lips touch where `probability` [T] says p, b or m.
 
-    Twin of `rust-core/src/motion/closures.rs`. A smooth step from 0.12 to 0.45 decides how far the
+    Twin of `rust-core/src/motion/closures.rs`. A smooth step from 0.1 to 0.35 decides how far the
     gap of each inner lip pair goes to where lips touch; it never widens. The frames before and
     after go two fifths of the way, as lips need time.
     """

@@ -9,8 +9,8 @@ use ndarray::Array3;
 use crate::{Error, Result};
 
 /// Probabilities between which the lips go from as they are to touching.
-const SURE_FROM: f32 = 0.12;
-const SURE_AT: f32 = 0.45;
+const SURE_FROM: f32 = 0.1;
+const SURE_AT: f32 = 0.35;
 /// Part of the way that the frames beside a closure go: lips need time.
 const BESIDE: f32 = 0.4;
 /// Opening over that of the neutral face at which lips touch in speech, metres.
@@ -30,7 +30,7 @@ const UPPER_SHARE: f32 = 0.35;
 
 /// Closes the lips of a motion `[T, 68, 3]` (canonical metres) where `probability` `[T]` is high.
 ///
-/// A smooth step from 0.12 to 0.45 decides how far the gap of each inner pair goes to where lips
+/// A smooth step from 0.1 to 0.35 decides how far the gap of each inner pair goes to where lips
 /// touch; it never widens. The frames before and after go two fifths of the way. The corners stay.
 ///
 /// # Errors
