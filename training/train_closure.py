@@ -15,7 +15,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from training.corpus import bank, spoken
-from training.corpus.phones import SEGMENTS
+from training.corpus.phones import BILABIALS
 from training.corpus.teacher import Teacher
 from training.corpus.windows import AugmentOptions, WindowSampler
 from training.speech.compact import CompactConfig, CompactEncoder
@@ -30,7 +30,7 @@ SHARES = {"grid_s1": 0.25, "taught": 0.75}
 
 def closed_share(phones: Tensor) -> Tensor:
     """`phones` [B, 4 T] segments → share of each motion frame with lips together, [B, T]."""
-    inside = torch.isin(phones, torch.tensor([SEGMENTS.index(s) for s in "pbm"]))
+    inside = torch.isin(phones, torch.tensor(BILABIALS))
     early = inside.clone()
     for shift in range(1, EARLY_MEL_FRAMES + 1):
         early[:, :-shift] |= inside[:, shift:]

@@ -211,8 +211,14 @@ impl Engine {
         progress: ProgressFn<'_>,
     ) -> Result<MotionClip> {
         request.controls.check()?;
-        let sampled = self.sample(waveform, request, progress)?;
-        self.perform(&sampled, waveform, request)
+        check_fps(request.fps)?;
+        let prosody = Prosody::of(waveform);
+        let request = MotionRequest {
+            emotion: request.emotion.heard(&prosody).into_owned(),
+            ..request.clone()
+        };
+        let sampled = self.sample(waveform, &request, progress)?;
+        self.perform_heard(&sampled, &prosody, &request)
     }
 
     /// Puts the controls of `request` on a clip of [`Engine::sample`], without sampling again.
@@ -228,13 +234,21 @@ impl Engine {
         waveform: &Waveform,
         request: &MotionRequest,
     ) -> Result<MotionClip> {
-        let prosody = Prosody::of(waveform);
-        let emotion = request.emotion.heard(&prosody);
+        self.perform_heard(sampled, &Prosody::of(waveform), request)
+    }
+
+    fn perform_heard(
+        &self,
+        sampled: &MotionClip,
+        prosody: &Prosody,
+        request: &MotionRequest,
+    ) -> Result<MotionClip> {
+        let emotion = request.emotion.heard(prosody);
         let affect = emotion.sample(sampled.displacements.dim().0, sampled.fps);
         let cues = Cues {
             affect: affect.view(),
             speech_only: *emotion == EmotionCurve::Off,
-            prosody: &prosody,
+            prosody,
             seed: request.seed,
         };
         self.modes.perform(sampled, &cues, &request.controls)

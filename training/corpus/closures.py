@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 from training.corpus.clip import FPS, MEL_PER_FRAME
-from training.corpus.phones import SEGMENTS, Phone, bilabials
+from training.corpus.phones import BILABIALS, Phone, bilabials
 
 SLACK_S = 0.04
 OFFSET_M = 1.2e-3
@@ -95,8 +95,7 @@ def closures_met(opening: torch.Tensor, phones: torch.Tensor) -> list[bool]:
 
 def bilabial_frames(phones: torch.Tensor) -> list[tuple[int, int]]:
     """Motion frames [first, last) around each run of p, b or m in a track at mel rate [4 T]."""
-    wanted = torch.tensor([SEGMENTS.index(s) for s in "pbm"])
-    inside = torch.isin(phones.long(), wanted).int()
+    inside = torch.isin(phones.long(), torch.tensor(BILABIALS)).int()
     edges = torch.diff(inside, prepend=torch.zeros(1), append=torch.zeros(1))
     starts, ends = (torch.nonzero(edges == sign).flatten().tolist() for sign in (1, -1))
     spans = []

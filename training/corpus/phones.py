@@ -132,6 +132,9 @@ CONSONANTS = {
 SEGMENTS = (PAUSE, *VOWELS, *CONSONANTS)
 """Every plain segment; the index is the class of a frame classifier."""
 
+BILABIALS = tuple(SEGMENTS.index(s) for s in "pbm")
+"""Classes of the segments that close the lips."""
+
 ARPABET = {
     "AA": "ɑ", "AE": "æ", "AH": "ʌ", "AO": "ɔ", "AW": "aʊ", "AY": "aɪ", "B": "b", "CH": "tʃ",
     "D": "d", "DH": "ð", "EH": "ɛ", "ER": "ɝ", "EY": "eɪ", "F": "f", "G": "ɡ", "HH": "h",
