@@ -55,7 +55,8 @@ impl Prosody {
             .collect();
         let mut sorted = level_db.clone();
         sorted.sort_by(f32::total_cmp);
-        let loud_db = sorted[((1.0 - LOUD_SHARE) * (frames - 1) as f64) as usize];
+        let loud_frame = ((1.0 - LOUD_SHARE) * frames.saturating_sub(1) as f64) as usize;
+        let loud_db = sorted.get(loud_frame).copied().unwrap_or(f32::NEG_INFINITY);
         let mut this = Prosody {
             level_db,
             pitch_hz: vec![0.0; frames],
@@ -204,7 +205,7 @@ mod tests {
 
     #[test]
     fn the_shortest_sound_is_heard() {
-        for length in [1, 159, 161, 700] {
+        for length in [0, 1, 159, 161, 700] {
             let samples = vec![0.5; length];
             let prosody = Prosody::of(&Waveform { samples });
             assert_eq!(prosody.level_db.len(), length.div_ceil(160));

@@ -356,3 +356,21 @@ fn landmarks_of_the_default_head_are_found_and_written() {
     );
     refused(&folder, &again, 8, "own/landmarks");
 }
+
+#[test]
+fn a_sound_without_samples_is_refused_in_words() {
+    let engine = Engine::new(EngineOptions {
+        cache: CachePolicy::Off,
+        ..EngineOptions::default()
+    })
+    .unwrap();
+    let waveform = Waveform { samples: vec![] };
+    for emotion in [EmotionCurve::default(), EmotionCurve::Auto] {
+        let request = MotionRequest {
+            emotion,
+            ..MotionRequest::default()
+        };
+        let refused = engine.motion(&waveform, &request, SILENT).unwrap_err();
+        assert_eq!(refused.to_string(), "audio: expected sound, got no samples");
+    }
+}
