@@ -17,11 +17,15 @@ import numpy as np
 import torch
 
 from training.corpus.expressions import UPPER, evaluation_frames, load_speech
+from training.corpus.faces import CHANNELS
 from training.corpus.prepared import Corpus, PreparedMesh, load_or_build
 from training.systems.freetalk.stm.paper import CONFIGS as CONFIGS_PAPER
 from training.systems.freetalk.stm.paper import PaperDecoder
 from training.systems.freetalk.stm.static_weights import CONFIGS, StaticWeights, deform
 from training.systems.freetalk.stm.train_paper import PaperMesh, paper_mesh, predict
+
+LIDS_WITHIN_DM = 0.1
+"""A vertex nearer than this to an eye landmark counts as lid."""
 
 Method = Callable[[PreparedMesh, torch.Tensor], torch.Tensor]
 
@@ -46,16 +50,34 @@ def errors(
     return float(np.mean(mean)), float(np.mean(lips))
 
 
+def lid_error(method: Method, meshes: list[PreparedMesh]) -> float:
+    """Mean error in mm within `LIDS_WITHIN_DM` of an eye landmark, both eyes fully closed."""
+    closed = [CHANNELS.index("eyeBlinkLeft"), CHANNELS.index("eyeBlinkRight")]
+    found = []
+    for mesh in meshes:
+        truth = mesh.modes[closed].sum(0)[None]
+        error = 100.0 * (method(mesh, truth[:, mesh.landmarks]) - truth).norm(dim=-1)[0]
+        distance = torch.cdist(mesh.geometry.positions, mesh.geometry.landmarks[36:48])
+        found.append(error[distance.min(1).values < LIDS_WITHIN_DM].mean().item())
+    return float(np.mean(found))
+
+
 def no_motion(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
     """The floor: nothing moves."""
     return torch.zeros(len(landmarks), len(mesh.lips), 3)
 
 
-def static(path: Path, learned: float) -> Method:
-    """The static decoder with the weights of `path`."""
+def static(path: Path, familiarity: float | None) -> Method:
+    """The static decoder with the weights of `path`, told how familiar each face is or not."""
     model = StaticWeights(CONFIGS["static"])
     model.load_state_dict(torch.load(path))
-    return lambda mesh, landmarks: deform(model, mesh.geometry, landmarks, learned)
+
+    def method(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
+        own = model.familiarity(mesh.geometry.landmarks)
+        learned = 1.0 if familiarity is None else familiarity / own
+        return deform(model, mesh.geometry, landmarks, learned)
+
+    return method
 
 
 def training_free(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
@@ -84,8 +106,9 @@ def rows(runs: Path) -> list[tuple[str, Method]]:
     table = [("no motion", no_motion), ("training-free (TSB)", training_free)]
     for faces in ("both", "ict", "makehuman"):
         path = runs / f"static_{faces}.pt"
-        for learned in (1.0, 1.7) if path.exists() else ():
-            table.append((f"static, trained on {faces}, learned {learned:g}", static(path, learned)))
+        if path.exists():
+            table.append((f"static, trained on {faces}", static(path, None)))
+            table.append((f"static, trained on {faces}, f = 1", static(path, 1.0)))
     for faces in ("both", "ict", "makehuman"):
         path = runs / f"paper_{faces}.pt"
         if path.exists():
@@ -94,14 +117,16 @@ def rows(runs: Path) -> list[tuple[str, Method]]:
 
 
 def print_table(corpus: Corpus, speech: np.ndarray, runs: Path) -> None:
-    """One line a method: ICT, then MakeHuman; speech with upper face, then speech alone."""
+    """One line a method: ICT, then MakeHuman; speech with upper face, speech alone, lids of a blink."""
     faces = ("ict", "makehuman")
-    print(f"{'mm: mean / lips':40}{'ICT unseen':>16}{'MakeHuman':>16}{'ICT, mouth':>16}{'MH, mouth':>16}")
+    heads = "".join(f"{head:>16}" for head in ("ICT unseen", "MakeHuman", "ICT, mouth", "MH, mouth"))
+    print(f"{'mm: mean / lips':40}{heads}{'lids: ICT':>10}{'MH':>8}")
     with torch.no_grad():
         for name, method in rows(runs):
             cells = [errors(method, corpus.test[f], speech, u) for u in (True, False) for f in faces]
             text = "".join(f"{mean:8.3f} /{lips:6.3f}" for mean, lips in cells)
-            print(f"{name:40}{text}", flush=True)
+            lids = "".join(f"{lid_error(method, corpus.test[f]):9.3f}" for f in faces)
+            print(f"{name:40}{text}{lids}", flush=True)
 
 
 def main() -> None:

@@ -3,7 +3,7 @@
     python -m training.export_stm --runs runs/stm --models rust-core/models
 
 `stm_static/` and `stm_paper/` (whichever has been trained) each get model.safetensors, f16 except
-the feature statistics, and config.json. The model card, README.md, is written by hand.
+the statistics, and config.json. The model card, README.md, is written by hand.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from safetensors.torch import save_file
 
 from training.systems.freetalk.stm import paper, static_weights
 
-EXACT = ("feature_mean", "feature_scale")
+EXACT = ("feature_mean", "feature_scale", "shape_mean", "shape_basis")
 
 
 def write_model(folder: Path, state: dict[str, torch.Tensor], config: dict) -> Path:

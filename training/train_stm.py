@@ -19,7 +19,7 @@ import numpy as np
 import torch
 
 from training.corpus.expressions import load_speech, training_frames
-from training.corpus.prepared import Corpus, PreparedMesh, load_or_build
+from training.corpus.prepared import Corpus, PreparedMesh, landmark_shapes, load_or_build
 from training.systems.freetalk.stm.paper import CONFIGS as PAPER
 from training.systems.freetalk.stm.static_weights import (
     CONFIGS,
@@ -29,6 +29,9 @@ from training.systems.freetalk.stm.static_weights import (
     VertexGeometry,
 )
 from training.systems.freetalk.stm.train_paper import paper_mesh, train_paper
+
+SHAPES = 1500
+"""Neutral faces of each kind by which a familiar one is told."""
 
 FACES = {"both": ("ict", "makehuman"), "ict": ("ict",), "makehuman": ("makehuman",)}
 
@@ -99,6 +102,14 @@ def train_static(corpus: Corpus, faces: tuple[str, ...], speech: np.ndarray, ste
     return model
 
 
+def learn_shapes(model: StaticWeights, faces: tuple[str, ...], data: Path, seed: int) -> None:
+    """Shows the model the landmarks of many neutral faces; one face takes all kinds of the model."""
+    rng = np.random.default_rng(seed)
+    for kind in range(model.config.kinds):
+        shapes = landmark_shapes(rng, data, faces[kind % len(faces)], SHAPES)
+        model.learn_shapes(kind, torch.from_numpy(shapes).float())
+
+
 def coarsest(meshes: list[PreparedMesh], count: int) -> list[PreparedMesh]:
     """The `count` meshes with the fewest vertices: a step costs as much as its vertices."""
     return sorted(meshes, key=lambda mesh: len(mesh.lips))[:count]
@@ -111,7 +122,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--runs", type=Path, default=Path("runs/stm"))
     parser.add_argument("--faces", nargs="*", choices=list(FACES), default=list(FACES))
-    parser.add_argument("--steps", type=int, default=1500)
+    parser.add_argument("--steps", type=int, default=5000)
     parser.add_argument("--seconds", type=float, default=180.0, help="processor time, paper")
     parser.add_argument("--meshes", type=int, default=14, help="of each face, the coarsest, for paper")
     parser.add_argument("--seed", type=int, default=0)
@@ -123,6 +134,7 @@ def main() -> None:
     for name in args.faces:
         if args.model == "static":
             model = train_static(corpus, FACES[name], speech, args.steps, args.seed)
+            learn_shapes(model, FACES[name], args.data, args.seed)
         else:
             meshes = {f: coarsest(corpus.train[f], args.meshes) for f in FACES[name]}
             seen = {f: [paper_mesh(m, PAPER["compact"]) for m in meshes[f]] for f in meshes}

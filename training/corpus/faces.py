@@ -69,14 +69,27 @@ def canonical_landmarks() -> np.ndarray:
     return np.array(json.loads(CANONICAL.read_text())["landmarks"])
 
 
+def stability() -> np.ndarray:
+    """How much each landmark says about where the head is. [N].
+
+    Mirrors `stability` of `rust-core/src/mesh/canonical.rs`: what a decoder sees while it is
+    trained and while it is used must be turned and scaled alike.
+    """
+    weight = np.full(68, 0.7)
+    weight[:17], weight[17:27], weight[27:36], weight[36:48] = 0.15, 0.4, 1.5, 1.0
+    weight[[36, 39, 42, 45]] = 2.0
+    return weight
+
+
 def align(face: Face) -> Face:
-    """Brings a face to the canonical frame by the similarity of its landmarks (Umeyama 1991)."""
+    """Brings a face to the canonical frame by the similarity of its steadiest landmarks (Umeyama 1991)."""
     source, target = face.vertices[face.landmarks], canonical_landmarks()
-    centre, goal = source.mean(0), target.mean(0)
-    u, s, vt = np.linalg.svd((target - goal).T @ (source - centre))
+    weight = stability()[:, None] / stability().sum()
+    centre, goal = (weight * source).sum(0), (weight * target).sum(0)
+    u, s, vt = np.linalg.svd((weight * (target - goal)).T @ (source - centre))
     flip = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
     rotation = (u * flip) @ vt
-    scale = (s * flip).sum() / ((source - centre) ** 2).sum()
+    scale = (s * flip).sum() / (weight * (source - centre) ** 2).sum()
     return replace(
         face,
         vertices=scale * (face.vertices - centre) @ rotation.T + goal,

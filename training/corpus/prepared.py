@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from training.corpus.faces import Face, load_ict, load_makehuman
+from training.corpus.faces import Face, align, load_ict, load_makehuman
 from training.corpus.remesh import remesh
 from training.corpus.warp import stylise
 from training.deform import tension_screened_biharmonic as plate
@@ -42,7 +42,7 @@ def prepare(face: Face) -> PreparedMesh:
     cm = 100.0 * face.vertices
     laplacian, mass = plate.laplacian_and_mass(cm, face.triangles)
     remoteness = plate.landmark_remoteness(cm, laplacian, face.landmarks)
-    base = plate.solve(laplacian, mass, remoteness, face.landmarks, plate.TensionScreened())
+    base = plate.solve(cm, laplacian, mass, remoteness, face.landmarks, plate.TensionScreened())
     positions = torch.from_numpy(10.0 * face.vertices).float()
     landmarks = torch.from_numpy(face.landmarks)
     return PreparedMesh(
@@ -96,6 +96,30 @@ def build(data: Path, ict_meshes: int, makehuman_meshes: int, seed: int = 5) -> 
     return Corpus(
         {"ict": draw(ict, rng, ict_meshes), "makehuman": draw(head, rng, makehuman_meshes)},
         {"ict": draw(unseen_ict, test_rng, 8), "makehuman": draw(as_it_is, test_rng, 3)},
+    )
+
+
+def landmark_shapes(rng: np.random.Generator, data: Path, face: str, count: int) -> np.ndarray:
+    """Landmarks of neutral faces drawn as `build` draws them for training. [count, N, 3] dm."""
+    ict, makehuman = load_ict(data, "face"), load_makehuman(data)
+    identity = ict.identity[:, ict.mean.landmarks]
+    mean, head = _landmarks_alone(ict.mean), _landmarks_alone(makehuman)
+    shapes = []
+    for _ in range(count):
+        if face == "ict":
+            coefficients = rng.standard_normal(100) * rng.uniform(0.5, 1.4)
+            moved = mean.vertices + np.tensordot(coefficients, identity, 1)
+            drawn = stylise(rng, align(replace(mean, vertices=moved)), rng.uniform())
+        else:
+            drawn = stylise(rng, head, rng.uniform(0.1, 1.0))
+        shapes.append(10.0 * drawn.vertices)
+    return np.stack(shapes)
+
+
+def _landmarks_alone(face: Face) -> Face:
+    at = face.landmarks
+    return replace(
+        face, vertices=face.vertices[at], modes=face.modes[:, at], landmarks=np.arange(len(at))
     )
 
 

@@ -8,6 +8,7 @@ pub mod binding;
 pub mod compression;
 pub mod jaw;
 mod landmark_weights;
+mod lids;
 mod nearest;
 mod skin;
 mod tension_screened_biharmonic;

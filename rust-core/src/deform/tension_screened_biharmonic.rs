@@ -12,6 +12,7 @@
 
 use std::ops::Range;
 
+use super::lids::{EYES, LidEdge};
 use crate::{
     Result,
     motion::LANDMARKS,
@@ -87,10 +88,26 @@ impl PlateWeights {
                 weights[row * LANDMARKS + j] = value as f32;
             }
         }
+        end_lids(&mut weights, operators, landmark_rows);
         Ok(PlateWeights {
             weights,
             remoteness,
         })
+    }
+}
+
+/// Multiplies the weights of each eye's landmarks with their share.
+fn end_lids(weights: &mut [f32], operators: &Operators, landmark_rows: &[u32; LANDMARKS]) {
+    for eye in EYES {
+        let corners: [[f64; 3]; 6] = std::array::from_fn(|i| {
+            let row = landmark_rows[eye.start + i];
+            operators.positions[row as usize]
+        });
+        let edge = LidEdge::through(&corners);
+        for (row, position) in weights.chunks_mut(LANDMARKS).zip(&operators.positions) {
+            let share = edge.share(*position) as f32;
+            row[eye.clone()].iter_mut().for_each(|w| *w *= share);
+        }
     }
 }
 

@@ -48,7 +48,7 @@ def write(out: Path, shared: Path) -> Path:
     cm = 100.0 * vertices.astype(np.float64)
     laplacian, mass = plate.laplacian_and_mass(cm, triangles)
     remoteness = plate.landmark_remoteness(cm, laplacian, landmarks)
-    base = plate.solve(laplacian, mass, remoteness, landmarks, plate.TensionScreened())
+    base = plate.solve(cm, laplacian, mass, remoteness, landmarks, plate.TensionScreened())
     positions = torch.from_numpy(10.0 * vertices)
     geometry = VertexGeometry(
         positions,
@@ -63,6 +63,10 @@ def write(out: Path, shared: Path) -> Path:
             parameter.normal_(0.0, 0.15)
         model.feature_mean.normal_(0.0, 0.2)
         model.feature_scale.uniform_(0.5, 1.5)
+        # One kind near the face, one far from it, so that the face is half familiar.
+        near = geometry.landmarks + 0.0078 * torch.randn(68, 3) + 0.002 * torch.randn(20, 68, 3)
+        model.learn_shapes(0, near)
+        model.learn_shapes(1, near + 0.1)
         output = 0.1 * deform(model, geometry, 10.0 * motion, learned=1.0)
     tensors = {f"weights.{k}": v for k, v in model.state_dict().items()}
     tensors |= {

@@ -2,13 +2,15 @@
 
 Mirrors `rust-core/src/systems/freetalk/stm/static_weights.rs`, attribute name for layer name.
 
-    dV = W dL + alpha (A dL + B C dL)
+    dV = W dL + alpha f (A dL + B C dL)
 
 W are the training-free weights of `training.deform.tension_screened_biharmonic`; A [V, N] mixes
 landmarks as W does, and B [V, 3, R] with C [R, 3N] lets axes mix (an opening jaw pushes the lip
-back). A and B come from a pointwise network on features that relate each vertex to the 68
-landmarks; pointwise, because it measured equal to a DiffusionNet here. It is run on the mesh and
-on its mirror image and averaged, so a symmetric face moves symmetrically.
+back). `f` is the familiarity: the network knows two kinds of faces and takes their habits for
+laws, which harms on any other, so it is relied on as far as the 68 landmarks of the neutral face
+lie where those of the faces it learned lie. A and B come from a pointwise network on features that
+relate each vertex to the landmarks; pointwise, because it measured equal to a DiffusionNet here.
+It is run on the mesh and on its mirror image and averaged, so a symmetric face moves symmetrically.
 
 Lengths are decimetres in the canonical frame. Shapes: `V` vertices, `T` frames, `N` = 68, `R` rank.
 """
@@ -24,26 +26,34 @@ LANDMARKS = 68
 CORRECTION_SCALE = 0.1
 """Outputs of the network are multiplied by this, so that training starts near zero."""
 
-FADED_AT = 1.5
-"""Remoteness at which the correction has faded to nothing; full up to one less. Where no landmark
-is near (neck, temples) faces differ by habit: there the correction from one face harmed the other,
-everywhere else it helped."""
+FADED_AT = 3.0
+"""Remoteness at which the correction has faded to nothing; full up to one less."""
+
+KNOWN, UNKNOWN = 0.9, 1.3
+"""Distances of a face from those that were learned, within which it is fully familiar, and from
+which on only `floor` of the correction is left. Of unseen identities and warps 95 % lie under 0.75;
+a face of another kind at 1.45 and more."""
+
+SHAPE_NOISE_DM = 0.007
+"""How far a landmark may lie beside its place, standard deviation."""
 
 
 @dataclass(frozen=True)
 class StaticConfig:
     """Sizes; saved beside the weights as config.json.
 
-    strength: what a user's learned = 1 multiplies the correction with. Below one because the
-    network knows two faces only: see the model card.
+    kinds: number of kinds of faces learned. shape_modes: K, of the landmarks of each kind.
+    floor: what is left of the correction on a face of another kind.
     """
 
-    width: int = 96
+    width: int = 128
     rank: int = 12
-    strength: float = 0.6
+    kinds: int = 2
+    shape_modes: int = 64
+    floor: float = 0.2
 
 
-CONFIGS = {"static": StaticConfig(), "debug": StaticConfig(8, 2, 0.5)}
+CONFIGS = {"static": StaticConfig(), "debug": StaticConfig(8, 2, 2, 3, 0.3)}
 
 FEATURES = 3 + 3 * LANDMARKS + LANDMARKS + LANDMARKS + 1
 
@@ -116,9 +126,37 @@ class StaticWeights(nn.Module):
         self.motion = nn.Linear(3 * LANDMARKS, config.rank, bias=False)
         self.register_buffer("feature_mean", torch.zeros(FEATURES))
         self.register_buffer("feature_scale", torch.ones(FEATURES))
+        self.register_buffer("shape_mean", torch.zeros(config.kinds, 3 * LANDMARKS))
+        shape_basis = torch.zeros(config.kinds, config.shape_modes, 3 * LANDMARKS)
+        self.register_buffer("shape_basis", shape_basis)
         for layer in (self.mix, self.cross):
             nn.init.zeros_(layer.weight)
             nn.init.zeros_(layer.bias)
+
+    def learn_shapes(self, kind: int, shapes: Tensor) -> None:
+        """Takes the landmarks of neutral faces of one kind, [S, N, 3] dm, for known.
+
+        With principal axes u_k and variances l_k, the Mahalanobis distance under noise s is
+        |x|²/s² - sum_k (w_k u_k·x)²/s², w_k² = l_k / (l_k + s²); the rows of the basis are w_k u_k.
+        """
+        rows = shapes.flatten(1)
+        self.shape_mean[kind] = rows.mean(0)
+        _, singular, axes = torch.linalg.svd(rows - rows.mean(0), full_matrices=False)
+        variance = singular[: self.config.shape_modes].square() / len(rows)
+        weight = (variance / (variance + SHAPE_NOISE_DM**2)).sqrt()
+        self.shape_basis[kind] = weight[:, None] * axes[: self.config.shape_modes]
+
+    def strangeness(self, landmarks: Tensor) -> float:
+        """Distance from the nearest kind, about 0.5 for one of its own. landmarks: [N, 3] dm."""
+        x = landmarks.flatten() - self.shape_mean
+        explained = torch.einsum("ckn,cn->ck", self.shape_basis, x).square().sum(1)
+        squared = (x.square().sum(1) - explained).clamp(min=0.0) / SHAPE_NOISE_DM**2
+        return (squared.min() / x.shape[1]).sqrt().item()
+
+    def familiarity(self, landmarks: Tensor) -> float:
+        """`f`, from `floor` to 1. landmarks: [N, 3] dm, of the neutral face."""
+        near = (UNKNOWN - self.strangeness(landmarks)) / (UNKNOWN - KNOWN)
+        return self.config.floor + (1.0 - self.config.floor) * min(max(near, 0.0), 1.0)
 
     def one_sided(self, geometry: VertexGeometry) -> tuple[Tensor, Tensor]:
         """A [V, N] and B [V, 3, R] without the mirror."""
@@ -147,4 +185,4 @@ class StaticWeights(nn.Module):
 def deform(model: StaticWeights, geometry: VertexGeometry, landmarks: Tensor, learned: float) -> Tensor:
     """Displacement of every vertex. learned: 0 training-free, 1 as shipped. Returns [T, V, 3]."""
     base = torch.einsum("vn,tnx->tvx", geometry.base, landmarks)
-    return base + learned * model.config.strength * model(geometry, landmarks)
+    return base + learned * model.familiarity(geometry.landmarks) * model(geometry, landmarks)

@@ -21,7 +21,7 @@ use crate::{
 };
 
 /// Raised when the training-free weights change.
-const CACHE_VERSION: u32 = 1;
+const CACHE_VERSION: u32 = 2;
 const COORDINATES: usize = 3 * LANDMARKS;
 /// A user may strengthen the learned part up to this.
 const STRONGEST: f32 = 10.0;
@@ -50,7 +50,7 @@ pub fn prepare_static(
         )));
     }
     let setting = Setting::new(mesh, landmarks, to_canonical, cache, progress)?;
-    let strength = learned * weights.strength();
+    let strength = learned * setting.familiarity(weights);
     let correction = (strength > 0.0).then(|| setting.correction(weights));
     let mut result = setting.weights(true, correction.as_ref(), strength);
     turn(&mut result, to_canonical);
@@ -153,6 +153,11 @@ impl Setting {
             landmarks: &landmarks,
             plate: &self.plate,
         })
+    }
+
+    /// How far the learned part is to be relied on.
+    fn familiarity(&self, weights: &StaticWeights) -> f32 {
+        weights.familiarity(&self.decimetres().1)
     }
 
     /// Position, normal and, with 278 inputs, offset from and distance to each landmark. `[R, C]`.

@@ -2,16 +2,18 @@
 //!
 //! Twin of `training/systems/freetalk/stm/static_weights.py`.
 //!
-//! `ΔV = W ΔL + α (A ΔL + B C ΔL)`
+//! `ΔV = W ΔL + α f (A ΔL + B C ΔL)`
 //!
 //! `W` are the training-free weights of [`PlateWeights`]. `A` mixes landmarks as `W` does; `B` and
-//! `C` let axes mix (an opening jaw pushes the lip back). `A` and `B` come from a pointwise network
+//! `C` let axes mix (an opening jaw pushes the lip back). `f` is the familiarity: the network knows
+//! two kinds of faces and takes their habits for laws, which harms on any other, so it is relied on
+//! as far as the neutral landmarks lie where those of the faces it learned lie. `A` and `B` come from a pointwise network
 //! on features that relate each vertex to the landmarks, run on the mesh and on its mirror image
 //! and averaged, so that a symmetric face moves symmetrically.
 //!
 //! Lengths are decimetres in the canonical frame.
 
-use ndarray::{Array2, ArrayViewMut1, s};
+use ndarray::{Array1, Array2, ArrayViewMut1, s};
 use serde::Deserialize;
 
 use crate::{
@@ -23,10 +25,15 @@ use crate::{
 
 /// Outputs of the network are multiplied by this, so that training starts near zero.
 const CORRECTION_SCALE: f32 = 0.1;
-/// Remoteness at which the correction has faded to nothing; full up to one less. Where no landmark
-/// is near (neck, temples) faces differ by habit: there the correction from one face harmed the
-/// other, everywhere else it helped.
-const FADED_AT: f32 = 1.5;
+/// Remoteness at which the correction has faded to nothing; full up to one less.
+const FADED_AT: f32 = 3.0;
+/// Distance of a face from those that were learned within which it is fully familiar. Of unseen
+/// identities and warps 95 % lie under 0.75.
+const KNOWN: f32 = 0.9;
+/// The same from which on only the floor is left. A face of another kind lies at 1.45 and more.
+const UNKNOWN: f32 = 1.3;
+/// How far a landmark may lie beside its place, standard deviation, decimetres.
+const SHAPE_NOISE_DM: f32 = 0.007;
 /// Position, offset from and distance to each landmark, plate weights, nearness.
 const FEATURES: usize = 3 + 3 * LANDMARKS + LANDMARKS + LANDMARKS + 1;
 const COORDINATES: usize = 3 * LANDMARKS;
@@ -45,9 +52,12 @@ pub struct StaticConfig {
     pub width: usize,
     /// `R`, rank of the part in which axes mix.
     pub rank: usize,
-    /// What a user's `learned = 1` multiplies the correction with. Below one because the network
-    /// knows two faces only: see the model card.
-    pub strength: f32,
+    /// Number of kinds of faces learned.
+    pub kinds: usize,
+    /// Principal axes of the landmarks of each kind.
+    pub shape_modes: usize,
+    /// What is left of the correction on a face of another kind.
+    pub floor: f32,
 }
 
 /// The network behind `A`, `B` and `C`.
@@ -60,6 +70,10 @@ pub struct StaticWeights {
     motion: Array2<f32>,
     feature_mean: Vec<f32>,
     feature_scale: Vec<f32>,
+    /// `[kinds, 204]`, mean landmarks of each kind.
+    shape_mean: Array2<f32>,
+    /// Of each kind `[shape_modes, 204]`: principal axes, shortened by the noise.
+    shape_basis: Vec<Array2<f32>>,
 }
 
 /// What the network may know of the vertices, `R'` rows of a surface.
@@ -100,6 +114,9 @@ impl StaticWeights {
     pub fn new(config: StaticConfig, weights: &Weights) -> Result<Self> {
         let (width, rank) = (config.width, config.rank);
         let layer = |name: &str, inputs| Linear::load(&weights.pp(name), inputs, width);
+        let (kinds, modes) = (config.kinds, config.shape_modes);
+        let shape_mean = weights.values("shape_mean", &[kinds, COORDINATES])?;
+        let shape_basis = weights.values("shape_basis", &[kinds, modes, COORDINATES])?;
         Ok(StaticWeights {
             layers: [
                 layer("layer_0", FEATURES)?,
@@ -111,13 +128,33 @@ impl StaticWeights {
             motion: weights.pp("motion").matrix("weight", rank, COORDINATES)?,
             feature_mean: weights.values("feature_mean", &[FEATURES])?,
             feature_scale: weights.values("feature_scale", &[FEATURES])?,
+            shape_mean: rows(shape_mean),
+            shape_basis: shape_basis
+                .chunks((modes * COORDINATES).max(1))
+                .map(|basis| rows(basis.to_vec()))
+                .collect(),
             config,
         })
     }
 
-    /// What a user's `learned = 1` stands for.
-    pub fn strength(&self) -> f32 {
-        self.config.strength
+    /// `f`, from the config's floor to 1: how far the network is to be relied on.
+    ///
+    /// `landmarks`: of the neutral face, decimetres.
+    pub fn familiarity(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {
+        let near = (UNKNOWN - self.strangeness(landmarks)) / (UNKNOWN - KNOWN);
+        self.config.floor + (1.0 - self.config.floor) * near.clamp(0.0, 1.0)
+    }
+
+    /// Mahalanobis distance from the nearest kind of faces, about 0.5 for one of its own.
+    fn strangeness(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {
+        let kinds = self.shape_mean.rows().into_iter().zip(&self.shape_basis);
+        let squared = kinds.map(|(mean, basis)| {
+            let offset =
+                Array1::from_iter(landmarks.iter().flatten().zip(mean).map(|(x, m)| x - m));
+            let explained = basis.dot(&offset).pow2().sum();
+            (offset.pow2().sum() - explained).max(0.0) / SHAPE_NOISE_DM.powi(2)
+        });
+        (squared.fold(f32::INFINITY, f32::min) / COORDINATES as f32).sqrt()
     }
 
     /// `A`, `B` and `C` at full strength, mean of the mesh and its mirror image.
@@ -203,6 +240,12 @@ impl StaticWeights {
     }
 }
 
+/// `[_, 204]`.
+fn rows(values: Vec<f32>) -> Array2<f32> {
+    Array2::from_shape_vec((values.len() / COORDINATES, COORDINATES), values)
+        .expect("the weights' shape was checked")
+}
+
 /// Position, offsets and distances.
 fn relate(row: &mut ArrayViewMut1<'_, f32>, position: [f32; 3], landmarks: &[[f32; 3]; LANDMARKS]) {
     for axis in 0..3 {
@@ -256,11 +299,17 @@ mod tests {
                 .map(f64::from)
                 .collect(),
         };
+        let landmarks = std::array::from_fn(|n| positions[numbers[n]]);
         let geometry = VertexGeometry {
             positions: &positions,
-            landmarks: &std::array::from_fn(|n| positions[numbers[n]]),
+            landmarks: &landmarks,
             plate: &plate,
         };
+        let familiarity = model.familiarity(&landmarks);
+        assert!(
+            familiarity > model.config.floor && familiarity < 1.0,
+            "{familiarity}"
+        );
         let correction = model.correction(&geometry);
         let motion = golden.cube("landmark_motion");
         let frames = motion.dim().0;
@@ -273,14 +322,14 @@ mod tests {
                 for axis in 0..3 {
                     let mixed: f32 = (0..LANDMARKS)
                         .map(|n| {
-                            let learned = model.strength() * correction.mix[[v, n]];
+                            let learned = familiarity * correction.mix[[v, n]];
                             (plate.weights[v * LANDMARKS + n] + learned) * frame[3 * n + axis]
                         })
                         .sum();
                     let crossed: f32 = (0..rank)
                         .map(|r| correction.cross[[v, axis * rank + r]] * shared[r])
                         .sum();
-                    let got = mixed + model.strength() * crossed;
+                    let got = mixed + familiarity * crossed;
                     let want = expected[[t, v, axis]];
                     assert!((got - want).abs() < 1e-5, "{v}: expected {want}, got {got}");
                 }
