@@ -20,6 +20,7 @@ GOLDENS = {
     "landmarks": "training.landmarks.golden",
     "stm_paper": "training.systems.freetalk.stm.golden_paper",
     "stream": "training.systems.freetalk.golden_stream",
+    "rig": "training.rig.golden",
 }
 """Model name -> module with `write(out: Path, shared: Path) -> Path`."""
 

@@ -26,6 +26,7 @@ pub mod nn;
 pub mod operators;
 pub mod output;
 pub mod progress;
+pub mod rig;
 pub mod speech;
 pub mod systems;
 pub mod weights;

@@ -34,7 +34,7 @@ macro_rules! built_in {
 }
 
 /// Every model that is built in.
-pub static BUILT_IN: [BuiltIn; 7] = [
+pub static BUILT_IN: [BuiltIn; 8] = [
     built_in!("compact_speech"),
     built_in!("ats_compact"),
     built_in!("stm_static"),
@@ -42,6 +42,7 @@ pub static BUILT_IN: [BuiltIn; 7] = [
     built_in!("stm_paper"),
     built_in!("face_modes"),
     built_in!("stream"),
+    built_in!("rig"),
 ];
 
 impl ModelFiles {

@@ -109,7 +109,7 @@ def load_ict(data: Path, region: str = "face") -> IctModel:
         expression = f.get_tensor("expression")[:, keep].astype(np.float64)
         identity = f.get_tensor("identity")[:, keep].astype(np.float64)
     triangles = triangles[(triangles <= last).all(1)].astype(np.int64)
-    modes = np.stack([_ict_channel(expression, names, c) for c in CHANNELS])
+    modes = np.stack([channel_of_ict(expression, names, c) for c in CHANNELS])
     mean = Face("ict", 0.01 * neutral[keep].astype(np.float64), triangles, landmarks, 0.01 * modes)
     aligned = align(mean)
     scale = np.linalg.norm(aligned.modes) / np.linalg.norm(mean.modes)
@@ -131,7 +131,7 @@ def load_makehuman(data: Path) -> Face:
     return align(face)
 
 
-def _ict_channel(expression: np.ndarray, names: list[str], channel: str) -> np.ndarray:
+def channel_of_ict(expression: np.ndarray, names: list[str], channel: str) -> np.ndarray:
     """The ICT mode, or pair of modes, of one ARKit channel. [V, 3]."""
     stem = channel.replace("Left", "_L").replace("Right", "_R")
     if channel in names:

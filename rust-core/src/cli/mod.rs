@@ -12,6 +12,8 @@ mod eval;
 mod info;
 mod landmarks;
 mod motion;
+mod rig;
+mod solve;
 mod stages;
 
 use std::process::ExitCode;
@@ -38,6 +40,8 @@ enum Command {
     Motion(motion::Motion),
     Deform(deform::Deform),
     Landmarks(landmarks::FindLandmarks),
+    Rig(rig::MakeRig),
+    Solve(solve::Solve),
     Info(info::Info),
     Eval(eval::Eval),
 }
@@ -64,6 +68,8 @@ impl Arguments {
             Command::Motion(command) => command.run(&self.shared, console),
             Command::Deform(command) => command.run(&self.shared, console),
             Command::Landmarks(command) => command.run(&self.shared, console),
+            Command::Rig(command) => command.run(&self.shared, console),
+            Command::Solve(command) => command.run(&self.shared, console),
             Command::Info(command) => command.run(&self.shared, console),
             Command::Eval(command) => command.run(&self.shared, console),
         }
@@ -92,6 +98,8 @@ mod tests {
             "anyface motion --audio A.wav --out O.npz --emotion sad:1 --causal",
             "anyface deform --mesh M.obj --motion L.npz --out O.npz",
             "anyface landmarks --mesh M.obj --out L.json --forward -y --up z",
+            "anyface rig --mesh M.obj --out R.npz --report R.json --landmarks L.json",
+            "anyface solve --mesh M.obj --animation A.mdd --rig R.npz --out W.csv --fps 60",
             "anyface info --json",
             "anyface eval --data D --limit 3 --json",
         ] {

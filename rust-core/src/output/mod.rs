@@ -5,22 +5,28 @@
 //! needs no more memory than the block that is being written.
 
 mod atomic;
+mod blend_weights;
 mod cache;
 mod landmark_motion;
 mod mdd;
 mod npz;
 mod pc2;
 mod report;
+mod rig;
 mod stream;
+mod vertex_motion;
 
 use std::path::Path;
 
 pub use atomic::write_atomically;
+pub use blend_weights::write_blend_weights;
 pub use landmark_motion::{LandmarkMotion, read_landmark_motion};
 #[cfg(feature = "cli")]
 pub(crate) use report::largest;
 pub use report::{Report, warnings_of_motion, warnings_of_sound};
+pub use rig::{read_rig, write_rig, write_rig_folder};
 pub use stream::{ClipShape, FrameSink, LandmarkTrack, write_frames};
+pub use vertex_motion::{VertexMotion, read_vertex_motion};
 
 use crate::{Animation, Error, Result, mesh::Mesh, motion::MotionClip};
 

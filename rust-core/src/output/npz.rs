@@ -54,6 +54,20 @@ impl<W: Write + Seek> Archive<W> {
         self.bytes(&value.to_le_bytes())
     }
 
+    /// Texts as numpy's own Unicode type, `<U…`: UTF-32, padded with zeros. `[S]`.
+    pub(super) fn names(&mut self, names: &[String]) -> io::Result<()> {
+        let length = |name: &String| name.chars().count();
+        let longest = names.iter().map(length).max().unwrap_or(0).max(1);
+        self.start("names", &format!("<U{longest}"), &[names.len()])?;
+        for name in names {
+            let padding = std::iter::repeat_n(0, longest - length(name));
+            for code in name.chars().map(u32::from).chain(padding) {
+                self.bytes(&code.to_le_bytes())?;
+            }
+        }
+        Ok(())
+    }
+
     /// Opens an array; its values follow, the last axis fastest.
     pub(super) fn start(&mut self, name: &str, kind: &str, shape: &[usize]) -> io::Result<()> {
         let bytes = shape.iter().map(|n| *n as u64).product::<u64>() * 8;

@@ -1,0 +1,207 @@
+//! Motion of vertices back from files, ours or of other tools.
+
+use std::{fs, io::BufReader, path::Path};
+
+use ndarray::Array3;
+use ndarray_npy::NpzReader;
+
+use super::Format;
+use crate::{Error, Result, mesh::Mesh};
+
+/// Bytes of a point cache 2's header.
+const PC2_HEADER: usize = 32;
+
+/// Motion of a mesh as a file holds it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VertexMotion {
+    /// `[T, V, 3]`, displacement from the mesh's own positions, mesh units.
+    pub displacements: Array3<f32>,
+    /// Frames per second, where the file says so.
+    pub fps: Option<f64>,
+}
+
+/// Reads npz (`displacements` `[T, V, 3]`, `fps`), pc2 or mdd (positions of the same mesh).
+///
+/// # Errors
+/// `Io` if the file cannot be read, `InvalidInput` if it is damaged or of another kind,
+/// `ShapeMismatch` if its vertices are not the mesh's in number.
+pub fn read_vertex_motion(path: &Path, mesh: &Mesh) -> Result<VertexMotion> {
+    match Format::from_path(path)? {
+        Format::Npz => read_npz(path, mesh.positions.len()),
+        Format::Pc2 => {
+            let bytes = fs::read(path).map_err(Error::io(path))?;
+            pc2(&bytes, mesh).map_err(|e| named(path, e))
+        }
+        Format::Mdd => {
+            let bytes = fs::read(path).map_err(Error::io(path))?;
+            mdd(&bytes, mesh).map_err(|e| named(path, e))
+        }
+    }
+}
+
+fn named(path: &Path, error: Error) -> Error {
+    match error {
+        Error::InvalidInput(message) => {
+            Error::InvalidInput(format!("{}: {message}", path.display()))
+        }
+        other => other,
+    }
+}
+
+fn read_npz(path: &Path, vertices: usize) -> Result<VertexMotion> {
+    let bad = |e: &dyn std::fmt::Display| Error::InvalidInput(format!("{}: {e}", path.display()));
+    let file = fs::File::open(path).map_err(Error::io(path))?;
+    let mut npz = NpzReader::new(BufReader::new(file))
+        .map_err(|e| bad(&format!("expected an npz archive ({e})")))?;
+    let displacements: Array3<f32> = npz.by_name("displacements").map_err(|e| {
+        bad(&format!(
+            "expected an array displacements [T, V, 3] of f32 ({e})"
+        ))
+    })?;
+    check(displacements.dim().1, vertices)?;
+    let fps = npz.by_name::<ndarray::OwnedRepr<f64>, ndarray::Ix0>("fps");
+    Ok(VertexMotion {
+        displacements,
+        fps: fps.ok().map(|fps| fps.into_scalar()),
+    })
+}
+
+fn check(got: usize, vertices: usize) -> Result<()> {
+    match got == vertices {
+        true => Ok(()),
+        false => Err(Error::ShapeMismatch {
+            what: "animation",
+            expected: format!("[T, {vertices}, 3], the mesh's vertices"),
+            got: format!("[T, {got}, 3]"),
+        }),
+    }
+}
+
+fn pc2(bytes: &[u8], mesh: &Mesh) -> Result<VertexMotion> {
+    if !bytes.starts_with(b"POINTCACHE2\0") || bytes.len() < PC2_HEADER {
+        return Err(Error::InvalidInput(
+            "expected a point cache 2 header".into(),
+        ));
+    }
+    let number = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().expect("four bytes"));
+    let (vertices, frames) = (number(16) as usize, number(28) as usize);
+    check(vertices, mesh.positions.len())?;
+    Ok(VertexMotion {
+        displacements: moved(&bytes[PC2_HEADER..], frames, mesh, f32::from_le_bytes)?,
+        fps: None,
+    })
+}
+
+fn mdd(bytes: &[u8], mesh: &Mesh) -> Result<VertexMotion> {
+    let number = |at: usize| {
+        let four = bytes
+            .get(at..at + 4)
+            .map(|b| b.try_into().expect("four bytes"));
+        four.ok_or_else(|| Error::InvalidInput("expected an mdd header, got its beginning".into()))
+    };
+    let frames = u32::from_be_bytes(number(0)?) as usize;
+    check(
+        u32::from_be_bytes(number(4)?) as usize,
+        mesh.positions.len(),
+    )?;
+    let fps = match frames {
+        0 | 1 => None,
+        _ => Some(f64::from(
+            f32::from_be_bytes(number(12)?) - f32::from_be_bytes(number(8)?),
+        )),
+    };
+    let start = frames.checked_mul(4).and_then(|n| n.checked_add(8));
+    let positions = start
+        .and_then(|start| bytes.get(start..))
+        .unwrap_or_default();
+    Ok(VertexMotion {
+        displacements: moved(positions, frames, mesh, f32::from_be_bytes)?,
+        fps: fps.filter(|step| *step > 0.0).map(|step| 1.0 / step),
+    })
+}
+
+/// Positions of all frames to displacements.
+fn moved(
+    bytes: &[u8],
+    frames: usize,
+    mesh: &Mesh,
+    decode: fn([u8; 4]) -> f32,
+) -> Result<Array3<f32>> {
+    let vertices = mesh.positions.len();
+    let expected = frames.checked_mul(vertices).and_then(|n| n.checked_mul(12));
+    if expected.is_none_or(|expected| bytes.len() < expected) {
+        return Err(Error::InvalidInput(format!(
+            "expected positions of {frames} frames of {vertices} vertices, got {} bytes",
+            bytes.len()
+        )));
+    }
+    let (fours, _) = bytes.as_chunks::<4>();
+    Ok(Array3::from_shape_fn((frames, vertices, 3), |(t, v, i)| {
+        decode(fours[(t * vertices + v) * 3 + i]) - mesh.positions[v][i]
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Animation, deform::VertexClip, output::write_animation};
+
+    fn mesh() -> Mesh {
+        Mesh {
+            positions: vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.5]],
+            triangles: vec![[0, 1, 2]],
+        }
+    }
+
+    fn clip() -> Animation {
+        Animation {
+            vertices: VertexClip {
+                displacements: Array3::from_shape_fn((4, 3, 3), |(t, v, i)| {
+                    0.25 * (t + v) as f32 - i as f32
+                }),
+                fps: 25.0,
+            },
+            landmarks_neutral: [[0.0; 3]; 68],
+            landmark_displacements: Array3::zeros((4, 68, 3)),
+        }
+    }
+
+    #[test]
+    fn every_format_comes_back() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, fps) in [
+            ("a.npz", Some(25.0)),
+            ("a.pc2", None),
+            ("a.mdd", Some(25.0)),
+        ] {
+            let path = folder.path().join(name);
+            write_animation(&path, &clip(), &mesh()).unwrap();
+            let read = read_vertex_motion(&path, &mesh()).unwrap();
+            assert_eq!(read.displacements, clip().vertices.displacements, "{name}");
+            match (read.fps, fps) {
+                (Some(got), Some(want)) => assert!((got - want).abs() < 1e-3f64, "{name}: {got}"),
+                (got, want) => assert_eq!(got, want, "{name}"),
+            }
+        }
+    }
+
+    #[test]
+    fn another_mesh_and_damaged_files_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut larger = mesh();
+        larger.positions.push([2.0; 3]);
+        for name in ["a.npz", "a.pc2", "a.mdd"] {
+            let path = folder.path().join(name);
+            write_animation(&path, &clip(), &mesh()).unwrap();
+            let error = read_vertex_motion(&path, &larger).unwrap_err();
+            assert!(
+                matches!(error, Error::ShapeMismatch { .. }),
+                "{name}: {error}"
+            );
+            let bytes = fs::read(&path).unwrap();
+            fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+            let error = read_vertex_motion(&path, &mesh()).unwrap_err();
+            assert!(matches!(error, Error::InvalidInput(_)), "{name}: {error}");
+        }
+    }
+}

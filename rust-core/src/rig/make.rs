@@ -1,0 +1,493 @@
+//! Makes every shape of one mesh.
+
+use std::collections::BTreeMap;
+
+use ndarray::{Array2, Array3, ArrayView2, Axis, s};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::{
+    ARKIT, VISEMES, lids,
+    network::{RigConfig, RigNetwork, SkinGeometry},
+    parts::{Eyeball, Gaze, TongueFound, eyeballs, tongue},
+    visemes::mixtures,
+};
+use crate::{
+    Engine, Error, PreparedFace, Result,
+    deform::{
+        Skin,
+        binding::{Follows, bind},
+    },
+    mesh::{FaceOptions, Mesh, Parts, Similarity},
+    motion::LANDMARKS,
+    nn::Weights,
+    progress::{ProgressFn, SILENT, report},
+    weights::ModelFiles,
+};
+
+const MODEL: &str = "rig";
+/// Vertices whose shapes are computed at a time.
+const VERTICES_PER_TASK: usize = 1024;
+/// Landmarks whose weights are asked of the deformer at a time.
+const LANDMARKS_PER_PROBE: usize = 17;
+/// A shape that moves no vertex further than this on a human head counts as missing.
+const NEAR_ZERO_MM: f32 = 0.2;
+
+/// The shapes of one mesh.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rig {
+    /// `[S]`: the 52 of [`ARKIT`], then the 15 of [`VISEMES`].
+    pub names: Vec<String>,
+    /// `[S, V, 3]`, displacement of every vertex at strength 1, mesh units and axes.
+    pub deltas: Array3<f32>,
+    /// `[S]`.
+    pub reports: Vec<ShapeReport>,
+}
+
+/// What came of one shape.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ShapeReport {
+    /// Its name.
+    pub name: String,
+    /// Largest displacement of a vertex, mesh units.
+    pub largest: f32,
+    /// The same on a human head.
+    pub largest_mm: f32,
+    /// Whether anything moves visibly.
+    pub present: bool,
+    /// Why nothing moves, or what does not move along.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub note: Option<String>,
+}
+
+/// The trained network and what else all rigs share.
+pub struct RigModel {
+    network: RigNetwork,
+    /// `[15, 52]`.
+    visemes: Array2<f32>,
+}
+
+#[derive(Deserialize)]
+struct Config {
+    #[serde(flatten)]
+    network: RigConfig,
+    visemes: BTreeMap<String, BTreeMap<String, f32>>,
+}
+
+impl RigModel {
+    /// The built-in model, or that of `folder/rig`.
+    ///
+    /// # Errors
+    /// `Weights` or `Io` if a file is missing, damaged, or does not fit the other.
+    pub fn open(folder: Option<&std::path::Path>) -> Result<Self> {
+        let files = ModelFiles::open(MODEL, folder)?;
+        let config: Config = serde_json::from_str(&files.config)
+            .map_err(|error| Error::Weights(format!("{MODEL}/config.json: {error}")))?;
+        let network = RigNetwork::new(&config.network, &Weights::from_bytes(&files.weights)?)?;
+        let unknown = network
+            .shapes()
+            .iter()
+            .find(|name| !ARKIT.contains(&name.as_str()));
+        if let Some(name) = unknown {
+            return Err(Error::Weights(format!(
+                "{MODEL}/config.json: no ARKit shape {name}"
+            )));
+        }
+        Ok(RigModel {
+            network,
+            visemes: mixtures(&config.visemes)?,
+        })
+    }
+
+    /// Finds the face and makes its shapes. `options.learned` has no effect: the network here was
+    /// trained on the training-free weights.
+    ///
+    /// # Errors
+    /// Those of [`Engine::prepare`].
+    pub fn make(
+        &self,
+        engine: &Engine,
+        mesh: &Mesh,
+        options: &FaceOptions,
+        progress: ProgressFn<'_>,
+    ) -> Result<(PreparedFace, Rig)> {
+        let options = FaceOptions {
+            learned: 0.0,
+            ..options.clone()
+        };
+        let face = engine.prepare(mesh, &options, progress)?;
+        report(progress, "shapes", 0.0)?;
+        let head = Head::new(mesh, &face)?;
+        let mut deltas = Array3::zeros((ARKIT.len() + VISEMES.len(), mesh.positions.len(), 3));
+        let base = landmark_weights(&face, mesh.positions.len(), progress)?;
+        self.move_skin(&head, base.view(), &mut deltas);
+        move_jaw(&head, &face, &mut deltas)?;
+        report(progress, "shapes", 0.8)?;
+        lids::meet(&mut deltas, &head.landmarks, &face.landmarks.vertices);
+        let eyes = head.eyeballs();
+        let tongue = head.tongue();
+        turn_eyes(&eyes, &head.positions, &mut deltas);
+        if let TongueFound::Own(tongue) = &tongue {
+            let mut shape = deltas.index_axis_mut(Axis(0), arkit("tongueOut"));
+            for (&v, moved) in tongue.vertices.iter().zip(&tongue.out) {
+                shape.row_mut(v as usize).assign(&ndarray::arr1(moved));
+            }
+        }
+        self.mix_visemes(&mut deltas);
+        to_mesh(&mut deltas, &face.to_canonical);
+        report(progress, "shapes", 1.0)?;
+        let rig = Rig::new(deltas, face.to_canonical.scale as f32, &eyes, &tongue);
+        Ok((face, rig))
+    }
+
+    /// The skin and what follows it; centimetres. `base`: `[V, 68]`.
+    fn move_skin(&self, head: &Head, base: ArrayView2<'_, f32>, deltas: &mut Array3<f32>) {
+        let skin = head.skin_vertices();
+        let landmarks = head.landmarks.map(|p| p.map(|x| 0.1 * x));
+        let pieces: Vec<Array2<f32>> = skin
+            .par_chunks(VERTICES_PER_TASK)
+            .map(|vertices| {
+                let positions: Vec<[f32; 3]> = vertices
+                    .iter()
+                    .map(|&v| head.positions[v as usize].map(|x| 0.1 * x))
+                    .collect();
+                let rows: Vec<usize> = vertices.iter().map(|&v| v as usize).collect();
+                self.network.forward(SkinGeometry {
+                    positions: &positions,
+                    landmarks: &landmarks,
+                    base: base.select(Axis(0), &rows).view(),
+                })
+            })
+            .collect();
+        let mut row_of_vertex = vec![usize::MAX; head.positions.len()];
+        skin.iter()
+            .enumerate()
+            .for_each(|(row, &v)| row_of_vertex[v as usize] = row);
+        let place: Vec<usize> = self
+            .network
+            .shapes()
+            .iter()
+            .map(|name| arkit(name))
+            .collect();
+        for (v, follows) in head.follows.iter().enumerate() {
+            let Follows::Skin(of, share) = *follows else {
+                continue;
+            };
+            let row = row_of_vertex[of as usize];
+            let moved = pieces[row / VERTICES_PER_TASK].row(row % VERTICES_PER_TASK);
+            for (s, &shape) in place.iter().enumerate() {
+                for axis in 0..3 {
+                    deltas[[shape, v, axis]] = 10.0 * share * moved[3 * s + axis];
+                }
+            }
+        }
+    }
+
+    fn mix_visemes(&self, deltas: &mut Array3<f32>) {
+        let (arkit, mut visemes) = deltas.view_mut().split_at(Axis(0), ARKIT.len());
+        for (mixture, mut viseme) in self
+            .visemes
+            .rows()
+            .into_iter()
+            .zip(visemes.outer_iter_mut())
+        {
+            for (&weight, shape) in mixture.iter().zip(arkit.outer_iter()) {
+                if weight != 0.0 {
+                    viseme.scaled_add(weight, &shape);
+                }
+            }
+        }
+    }
+}
+
+impl Rig {
+    fn new(deltas: Array3<f32>, scale: f32, eyes: &[Eyeball], tongue: &TongueFound) -> Rig {
+        let names: Vec<String> = ARKIT
+            .iter()
+            .chain(&VISEMES)
+            .map(|n| (*n).to_owned())
+            .collect();
+        let reports = names.iter().zip(deltas.outer_iter()).map(|(name, shape)| {
+            let squared = shape.rows().into_iter().map(|d| d.dot(&d));
+            let largest = squared.fold(0.0f32, f32::max).sqrt();
+            let largest_mm = 1000.0 * scale * largest;
+            let present = largest_mm > NEAR_ZERO_MM;
+            ShapeReport {
+                note: note(name, present, eyes, tongue).map(str::to_owned),
+                name: name.clone(),
+                largest,
+                largest_mm,
+                present,
+            }
+        });
+        Rig {
+            reports: reports.collect(),
+            names,
+            deltas,
+        }
+    }
+}
+
+/// Why a shape is still, or what in it is.
+fn note(name: &str, present: bool, eyes: &[Eyeball], tongue: &TongueFound) -> Option<&'static str> {
+    let has_eye = |is_left| eyes.iter().any(|eye| eye.is_left == is_left);
+    match (name, tongue) {
+        ("viseme_sil", _) => Some("silence is the neutral face"),
+        ("tongueOut", TongueFound::None) => Some("no tongue was found in the mouth"),
+        ("tongueOut", TongueFound::WithGums) => {
+            Some("the tongue is one part with the gums, so it cannot come out by itself")
+        }
+        _ if name.starts_with("eyeLook") && !has_eye(name.ends_with("Left")) => {
+            Some("no eyeball was found on this side: only the lids move")
+        }
+        _ if !present => Some("too little of the face lies near these landmarks"),
+        _ => None,
+    }
+}
+
+/// A mesh in canonical centimetres, and what moves each vertex.
+struct Head {
+    positions: Vec<[f32; 3]>,
+    landmarks: [[f32; 3]; LANDMARKS],
+    parts: Parts,
+    follows: Vec<Follows>,
+}
+
+impl Head {
+    fn new(mesh: &Mesh, face: &PreparedFace) -> Result<Head> {
+        let cm = |p: [f32; 3]| face.to_canonical.apply(p).map(|x| 100.0 * x);
+        let mesh = Mesh {
+            positions: mesh.positions.iter().map(|&p| cm(p)).collect(),
+            triangles: mesh.triangles.clone(),
+        };
+        let landmarks = face.landmarks.positions.map(cm);
+        let skin = Skin::find(&mesh, &landmarks, &face.landmarks.vertices)?;
+        let follows = bind(&mesh.positions, &skin.parts, &skin.is_skin, &landmarks);
+        Ok(Head {
+            positions: mesh.positions,
+            landmarks,
+            parts: skin.parts,
+            follows,
+        })
+    }
+
+    /// Vertices that something follows, ascending.
+    fn skin_vertices(&self) -> Vec<u32> {
+        let mut used = vec![false; self.positions.len()];
+        for follows in &self.follows {
+            if let Follows::Skin(v, _) = follows {
+                used[*v as usize] = true;
+            }
+        }
+        (0..used.len() as u32)
+            .filter(|&v| used[v as usize])
+            .collect()
+    }
+
+    fn eyeballs(&self) -> Vec<Eyeball> {
+        eyeballs(&self.positions, &self.parts, &self.follows, &self.landmarks)
+    }
+
+    fn tongue(&self) -> TongueFound {
+        tongue(&self.positions, &self.parts, &self.follows, &self.landmarks)
+    }
+}
+
+/// `W`: how much each vertex moves along with each landmark, `[V, 68]`, asked of the deformer.
+fn landmark_weights(
+    face: &PreparedFace,
+    vertices: usize,
+    progress: ProgressFn<'_>,
+) -> Result<Array2<f32>> {
+    // A millimetre on a human head: small enough for a deformer that bends with large motion.
+    let step = (1e-3 / face.to_canonical.scale) as f32;
+    let mut out = Array2::zeros((vertices, LANDMARKS));
+    for first in (0..LANDMARKS).step_by(LANDMARKS_PER_PROBE) {
+        let mut probe = Array3::zeros((LANDMARKS_PER_PROBE, LANDMARKS, 3));
+        (0..LANDMARKS_PER_PROBE).for_each(|i| probe[[i, first + i, 0]] = step);
+        let moved = face.deformer.deform(probe.view(), SILENT)?;
+        for (i, frame) in moved.outer_iter().enumerate() {
+            let column = frame.index_axis(Axis(1), 0).mapv(|x| x / step);
+            out.column_mut(first + i).assign(&column);
+        }
+        let done = (first + LANDMARKS_PER_PROBE) as f32 / LANDMARKS as f32;
+        report(progress, "shapes", 0.2 + 0.2 * done)?;
+    }
+    Ok(out)
+}
+
+/// Parts that follow the jaw, as the face's own deformer moves them for the skin's landmarks, in the
+/// four shapes of the jaw: in others the chin's skin moves over a jaw at rest. Centimetres.
+fn move_jaw(head: &Head, face: &PreparedFace, deltas: &mut Array3<f32>) -> Result<()> {
+    for name in ["jawOpen", "jawForward", "jawLeft", "jawRight"] {
+        let mut shape = deltas.index_axis_mut(Axis(0), arkit(name));
+        let motion = Array3::from_shape_fn((1, LANDMARKS, 3), |(_, n, i)| {
+            0.01 * shape[[face.landmarks.vertices[n] as usize, i]]
+        });
+        let motion = face.to_canonical.displacements_to_mesh(motion.view());
+        let moved = face.deformer.deform(motion.view(), SILENT)?;
+        for (v, follows) in head.follows.iter().enumerate() {
+            if matches!(follows, Follows::Jaw(_)) {
+                let canonical = face
+                    .to_canonical
+                    .rotate(std::array::from_fn(|i| moved[[0, v, i]]));
+                let cm = canonical.map(|x| 100.0 * face.to_canonical.scale as f32 * x);
+                shape.row_mut(v).assign(&ndarray::arr1(&cm));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Each eye in its four looks; centimetres.
+fn turn_eyes(eyes: &[Eyeball], positions: &[[f32; 3]], deltas: &mut Array3<f32>) {
+    for eye in eyes {
+        let side = if eye.is_left { "Left" } else { "Right" };
+        for (gaze, name) in [
+            (Gaze::Up, "Up"),
+            (Gaze::Down, "Down"),
+            (Gaze::In, "In"),
+            (Gaze::Out, "Out"),
+        ] {
+            let mut shape = deltas.index_axis_mut(Axis(0), arkit(&format!("eyeLook{name}{side}")));
+            for &v in &eye.vertices {
+                let moved = eye.look(gaze, positions[v as usize]);
+                shape.row_mut(v as usize).assign(&ndarray::arr1(&moved));
+            }
+        }
+    }
+}
+
+/// From canonical centimetres to the mesh's own units and axes, in place.
+fn to_mesh(deltas: &mut Array3<f32>, to_canonical: &Similarity) {
+    for mut shape in deltas.outer_iter_mut() {
+        let metres = shape.mapv(|x| 0.01 * x).insert_axis(Axis(0));
+        let own = to_canonical.displacements_to_mesh(metres.view());
+        shape.assign(&own.index_axis(Axis(0), 0));
+    }
+}
+
+/// Number of an ARKit shape that is known to be one.
+fn arkit(name: &str) -> usize {
+    let place = ARKIT.iter().position(|known| *known == name);
+    place.expect("the model's names were checked when it was loaded")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        CachePolicy, EngineOptions, mesh::LandmarkSource, rig::mirrored_name,
+        systems::freetalk::stm::MIRROR,
+    };
+    use std::path::Path;
+
+    /// The default head and its landmarks.
+    fn head() -> (Mesh, Vec<[f32; 3]>) {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/default_head");
+        let mesh = Mesh::read(folder.join("head.obj")).unwrap();
+        let landmarks = match LandmarkSource::read(&folder.join("landmarks.json")).unwrap() {
+            LandmarkSource::Positions(positions) => positions,
+            LandmarkSource::Vertices(vertices) => vertices
+                .iter()
+                .map(|&v| mesh.positions[v as usize])
+                .collect(),
+        };
+        (mesh, landmarks)
+    }
+
+    fn make(mesh: &Mesh, landmarks: Vec<[f32; 3]>) -> Rig {
+        let engine = Engine::new(EngineOptions {
+            cache: CachePolicy::Off,
+            ..EngineOptions::default()
+        });
+        let options = FaceOptions {
+            landmarks: Some(LandmarkSource::Positions(landmarks)),
+            ..FaceOptions::default()
+        };
+        let model = RigModel::open(None).unwrap();
+        model
+            .make(&engine.unwrap(), mesh, &options, SILENT)
+            .unwrap()
+            .1
+    }
+
+    #[test]
+    fn every_shape_of_the_default_head_moves_and_its_mirror_image_moves_alike() {
+        let (mesh, landmarks) = head();
+        let rig = make(&mesh, landmarks.clone());
+        for report in rig.reports.iter().filter(|r| r.name != "viseme_sil") {
+            assert!(report.largest_mm > 2.0 && report.present, "{report:?}");
+        }
+        let flip = |p: [f32; 3]| [-p[0], p[1], p[2]];
+        let reflected = Mesh {
+            positions: mesh.positions.iter().map(|&p| flip(p)).collect(),
+            triangles: mesh.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect(),
+        };
+        let mirrored = make(
+            &reflected,
+            (0..LANDMARKS).map(|n| flip(landmarks[MIRROR[n]])).collect(),
+        );
+        for (s, name) in rig.names.iter().enumerate() {
+            let other = rig
+                .names
+                .iter()
+                .position(|n| *n == mirrored_name(name))
+                .unwrap();
+            let largest = rig.reports[s].largest.max(1e-6);
+            for v in (0..mesh.positions.len()).step_by(7) {
+                for axis in 0..3 {
+                    let side = if axis == 0 { -1.0 } else { 1.0 };
+                    let off = rig.deltas[[s, v, axis]] - side * mirrored.deltas[[other, v, axis]];
+                    assert!(off.abs() < 0.05 * largest, "{name} {v}: {off} of {largest}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn teeth_follow_the_jaw_eyes_turn_and_the_tongue_comes_out() {
+        let (mesh, landmarks) = head();
+        let rig = make(&mesh, landmarks);
+        let centimetre = 0.01 / (rig.reports[0].largest_mm * 1e-3 / rig.reports[0].largest);
+        let moved = |name: &str, range: std::ops::Range<usize>, axis: usize| {
+            let shape = rig.deltas.index_axis(Axis(0), arkit(name));
+            let sum: f32 = range.clone().map(|v| shape[[v, axis]]).sum();
+            sum / range.len() as f32 / centimetre
+        };
+        let objects = parts_of_default_head();
+        let (lower, upper) = (
+            objects["teeth_lower"].clone(),
+            objects["teeth_upper"].clone(),
+        );
+        assert!(moved("jawOpen", lower, 1) < -1.0 && moved("jawOpen", upper, 1) == 0.0);
+        assert!(moved("tongueOut", objects["tongue"].clone(), 2) > 0.5);
+        let eye = objects["eye_left"].clone();
+        assert!(moved("eyeLookUpLeft", eye.clone(), 2).abs() < 0.3);
+        let front = eye
+            .clone()
+            .max_by(|&a, &b| mesh.positions[a][2].total_cmp(&mesh.positions[b][2]));
+        let front = front.unwrap();
+        assert!(moved("eyeLookUpLeft", front..front + 1, 1) > 0.3);
+        assert!(moved("eyeLookOutLeft", front..front + 1, 0) > 0.3);
+        assert_eq!(moved("eyeBlinkLeft", eye, 1), 0.0);
+    }
+
+    /// Vertices of each object of the file.
+    fn parts_of_default_head() -> BTreeMap<String, std::ops::Range<usize>> {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/default_head/head.obj");
+        let text = std::fs::read_to_string(path).unwrap();
+        let (mut parts, mut count) = (BTreeMap::new(), 0);
+        let mut name = String::new();
+        for line in text.lines() {
+            if let Some(object) = line.strip_prefix("o ") {
+                name = object.to_owned();
+                parts.insert(name.clone(), count..count);
+            } else if line.starts_with("v ") {
+                count += 1;
+                parts.get_mut(&name).unwrap().end = count;
+            }
+        }
+        parts
+    }
+}

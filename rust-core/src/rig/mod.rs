@@ -1,0 +1,19 @@
+//! A rig from nothing: the 52 ARKit shapes and the 15 Oculus visemes of any head, and the way back
+//! from a vertex animation to weights of those shapes.
+//!
+//! [`RigModel`] makes a [`Rig`]: on the skin each shape is the landmark motion of a mean face,
+//! spread by the face's own [`crate::deform::Deformer`], plus a [`network`]'s correction; jaw parts
+//! follow the jaw, eyeballs turn, a tongue of its own comes out ([`parts`]). [`solve`] turns motion
+//! of vertices into weights.
+
+mod lids;
+mod make;
+mod names;
+pub mod network;
+pub mod parts;
+pub mod solve;
+mod visemes;
+
+pub use make::{Rig, RigModel, ShapeReport};
+pub use names::{ARKIT, VISEMES, mirrored_name};
+pub use solve::{SolveOptions, SolvedWeights, solve};

@@ -1,0 +1,307 @@
+//! What the parts that are not skin do in shapes that landmarks do not show: eyeballs and tongue.
+//!
+//! Lengths are canonical centimetres.
+
+use faer::{Mat, linalg::solvers::Solve};
+
+use crate::{deform::binding::Follows, mesh::Parts, motion::LANDMARKS};
+
+/// How far an eye turns in a look at strength 1, degrees: up, down, in, out. ARKit does not say;
+/// the face models at hand do not turn their eyeballs.
+pub const GAZE_DEGREES: [f32; 4] = [25.0, 25.0, 30.0, 30.0];
+/// Share of a sphere's radius by which an eyeball's vertices may lie off it, root mean square.
+const ROUND: f32 = 0.12;
+/// Radius of an eyeball over the width of the eye's opening.
+const EYE_RADIUS: (f32, f32) = (0.35, 0.9);
+/// A part inside the eyeball and narrower than this share of it (an iris) turns with it.
+const IRIS_SHARE: f32 = 0.6;
+/// Depth along the midline beyond which a part that follows the jaw is a tongue and no row of
+/// teeth, on a mouth 5 cm wide.
+const TONGUE_DEPTH_CM: f32 = 2.2;
+/// A part that also holds this much above the lips' line is gums and tongue in one.
+const GUMS_ABOVE_CM: f32 = 1.2;
+/// How far the tip comes out before the lips at strength 1, on a mouth 5 cm wide.
+const TONGUE_OUT_CM: f32 = 2.0;
+
+/// An eyeball with all that turns with it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Eyeball {
+    /// Whether it is the subject's left one.
+    pub is_left: bool,
+    /// Of the sphere.
+    pub centre: [f32; 3],
+    /// Of the sphere.
+    pub radius: f32,
+    /// Vertex numbers.
+    pub vertices: Vec<u32>,
+}
+
+/// A tongue that is a part of its own.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tongue {
+    /// Vertex numbers.
+    pub vertices: Vec<u32>,
+    /// `[vertices]`, displacement in tongueOut.
+    pub out: Vec<[f32; 3]>,
+}
+
+/// Which way the eyes look.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub enum Gaze {
+    Up,
+    Down,
+    In,
+    Out,
+}
+
+impl Eyeball {
+    /// Displacement of a vertex when the eye turns to `gaze` at strength 1: a rotation about the
+    /// centre, of which a blend shape keeps the end points only.
+    pub fn look(&self, gaze: Gaze, position: [f32; 3]) -> [f32; 3] {
+        let inward = if self.is_left { -1.0 } else { 1.0 };
+        let (degrees, side, up) = match gaze {
+            Gaze::Up => (GAZE_DEGREES[0], 0.0, 1.0),
+            Gaze::Down => (GAZE_DEGREES[1], 0.0, -1.0),
+            Gaze::In => (GAZE_DEGREES[2], inward, 0.0),
+            Gaze::Out => (GAZE_DEGREES[3], -inward, 0.0),
+        };
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let from: [f32; 3] = std::array::from_fn(|i| position[i] - self.centre[i]);
+        // The plane of the turn holds the line of sight, +z, and the way the eye goes.
+        let along = side * from[0] + up * from[1];
+        let (gain, depth) = (
+            cos * along + sin * from[2] - along,
+            cos * from[2] - sin * along - from[2],
+        );
+        [side * gain, up * gain, depth]
+    }
+}
+
+/// Finds the eyeballs among the parts that rest with the skull.
+pub fn eyeballs(
+    positions: &[[f32; 3]],
+    parts: &Parts,
+    follows: &[Follows],
+    landmarks: &[[f32; 3]; LANDMARKS],
+) -> Vec<Eyeball> {
+    let resting: Vec<Vec<u32>> = parts
+        .vertices()
+        .into_iter()
+        .filter(|part| part.iter().all(|&v| follows[v as usize] == Follows::Skull))
+        .collect();
+    [(36, false), (42, true)]
+        .into_iter()
+        .filter_map(|(first, is_left)| {
+            eyeball(positions, &resting, &landmarks[first..first + 6], is_left)
+        })
+        .collect()
+}
+
+fn eyeball(
+    positions: &[[f32; 3]],
+    parts: &[Vec<u32>],
+    lids: &[[f32; 3]],
+    is_left: bool,
+) -> Option<Eyeball> {
+    let opening: [f32; 3] =
+        std::array::from_fn(|i| lids.iter().map(|p| p[i]).sum::<f32>() / lids.len() as f32);
+    let width = distance(lids[0], lids[3]);
+    let fits = |part: &Vec<u32>| {
+        let (centre, radius, off) = sphere(part.iter().map(|&v| positions[v as usize]))?;
+        let sideways = (0..2).all(|i| (centre[i] - opening[i]).abs() < 0.5 * width);
+        let behind = opening[2] - centre[2];
+        let right_size = radius > EYE_RADIUS.0 * width && radius < EYE_RADIUS.1 * width;
+        let round = off < ROUND * radius && span(positions, part) > 1.2 * radius;
+        let in_place = sideways && behind > 0.0 && behind < 1.5 * radius;
+        (right_size && round && in_place).then_some((centre, radius))
+    };
+    // The largest ball is the eye; a cornea or an iris may lie on it or in it.
+    let balls = parts
+        .iter()
+        .filter_map(|part| fits(part).map(|ball| (part.len(), ball)));
+    let (_, (centre, radius)) = balls.max_by_key(|(size, _)| *size)?;
+    let inside = |part: &Vec<u32>| {
+        let within = |&v: &u32| distance(positions[v as usize], centre) < 1.1 * radius;
+        part.iter().all(within) && span(positions, part) < IRIS_SHARE * 2.0 * radius
+    };
+    let turning = parts
+        .iter()
+        .filter(|part| fits(part).is_some() || inside(part));
+    Some(Eyeball {
+        is_left,
+        centre,
+        radius,
+        vertices: turning.flatten().copied().collect(),
+    })
+}
+
+/// Least-squares sphere: centre, radius and root mean square of the distances from it.
+fn sphere(points: impl Iterator<Item = [f32; 3]> + Clone) -> Option<([f32; 3], f32, f32)> {
+    let count = points.clone().count();
+    if count < 8 {
+        return None;
+    }
+    let mut mean = [0.0f64; 3];
+    for p in points.clone() {
+        (0..3).for_each(|i| mean[i] += f64::from(p[i]) / count as f64);
+    }
+    // |p|² = 2 c·p + (r² − |c|²), about the mean so that the system is well scaled.
+    let (mut normal, mut right) = (Mat::<f64>::zeros(4, 4), Mat::<f64>::zeros(4, 1));
+    for p in points.clone() {
+        let q: [f64; 3] = std::array::from_fn(|i| f64::from(p[i]) - mean[i]);
+        let row = [2.0 * q[0], 2.0 * q[1], 2.0 * q[2], 1.0];
+        let value: f64 = q.iter().map(|x| x * x).sum();
+        for i in 0..4 {
+            right[(i, 0)] += row[i] * value;
+            (0..4).for_each(|j| normal[(i, j)] += row[i] * row[j]);
+        }
+    }
+    let x = normal.partial_piv_lu().solve(&right);
+    let offset = [x[(0, 0)], x[(1, 0)], x[(2, 0)]];
+    let radius = (x[(3, 0)] + offset.iter().map(|x| x * x).sum::<f64>()).sqrt() as f32;
+    let centre: [f32; 3] = std::array::from_fn(|i| (mean[i] + offset[i]) as f32);
+    let off: f32 = points.map(|p| (distance(p, centre) - radius).powi(2)).sum();
+    let off = (off / count as f32).sqrt();
+    (radius.is_finite() && off.is_finite()).then_some((centre, radius, off))
+}
+
+/// What a mesh has for a tongue.
+#[derive(Debug, Clone, PartialEq)]
+pub enum TongueFound {
+    /// A part of its own.
+    Own(Tongue),
+    /// Sewn to the gums: it cannot come out without them.
+    WithGums,
+    /// None.
+    None,
+}
+
+/// Finds the tongue among the parts that follow the jaw: the one that runs deep along the midline.
+pub fn tongue(
+    positions: &[[f32; 3]],
+    parts: &Parts,
+    follows: &[Follows],
+    landmarks: &[[f32; 3]; LANDMARKS],
+) -> TongueFound {
+    let unit = distance(landmarks[48], landmarks[54]) / 5.0;
+    let lips = middle_of_lips(landmarks);
+    let follows_jaw = |&v: &u32| matches!(follows[v as usize], Follows::Jaw(_));
+    let deep = |part: &Vec<u32>| {
+        let midline = part
+            .iter()
+            .filter(|&&v| (positions[v as usize][0] - lips[0]).abs() < 0.4 * unit);
+        let (low, high) = range(midline.map(|&v| positions[v as usize][2]));
+        high - low > TONGUE_DEPTH_CM * unit
+    };
+    let above = |part: &Vec<u32>| {
+        let (_, high) = range(part.iter().map(|&v| positions[v as usize][1]));
+        high - lips[1] > GUMS_ABOVE_CM * unit
+    };
+    let mut found = parts.vertices();
+    found.retain(|part| part.iter().any(follows_jaw) && deep(part));
+    match found
+        .iter()
+        .filter(|part| !above(part))
+        .max_by_key(|part| part.len())
+    {
+        Some(part) => TongueFound::Own(come_out(positions, part, lips, unit)),
+        None if found.is_empty() => TongueFound::None,
+        None => TongueFound::WithGums,
+    }
+}
+
+/// The tip goes out between the lips, the root stays, the rest stretches from one to the other.
+fn come_out(positions: &[[f32; 3]], part: &[u32], lips: [f32; 3], unit: f32) -> Tongue {
+    let depth = |v: u32| positions[v as usize][2];
+    let (root, tip) = range(part.iter().map(|&v| depth(v)));
+    let front: Vec<u32> = part
+        .iter()
+        .copied()
+        .filter(|&v| depth(v) > tip - 0.3 * unit)
+        .collect();
+    let height = front.iter().map(|&v| positions[v as usize][1]).sum::<f32>() / front.len() as f32;
+    let by = [0.0, lips[1] - height, lips[2] + TONGUE_OUT_CM * unit - tip];
+    let out = part.iter().map(|&v| {
+        let along = ((depth(v) - root) / (tip - root)).clamp(0.0, 1.0);
+        // Rises over the teeth early, stretches late.
+        [0.0, along * (2.0 - along) * by[1], along * along * by[2]]
+    });
+    Tongue {
+        out: out.collect(),
+        vertices: part.to_vec(),
+    }
+}
+
+fn middle_of_lips(landmarks: &[[f32; 3]; LANDMARKS]) -> [f32; 3] {
+    std::array::from_fn(|i| 0.5 * (landmarks[62][i] + landmarks[66][i]))
+}
+
+fn range(values: impl Iterator<Item = f32>) -> (f32, f32) {
+    values.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), x| {
+        (low.min(x), high.max(x))
+    })
+}
+
+/// Largest extent along an axis.
+fn span(positions: &[[f32; 3]], part: &[u32]) -> f32 {
+    let along = |i: usize| {
+        let (low, high) = range(part.iter().map(|&v| positions[v as usize][i]));
+        high - low
+    };
+    (0..3).map(along).fold(0.0, f32::max)
+}
+
+fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
+    (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ball(centre: [f32; 3], radius: f32) -> Vec<[f32; 3]> {
+        let ring = |i: usize, j: usize| {
+            let (up, around) = (0.3 + 0.35 * i as f32, 0.7 * j as f32);
+            [up.sin() * around.cos(), up.sin() * around.sin(), up.cos()]
+        };
+        (0..72)
+            .map(|k| ring(k / 9, k % 9))
+            .map(|d| std::array::from_fn(|i| centre[i] + radius * d[i]))
+            .collect()
+    }
+
+    #[test]
+    fn a_sphere_is_found_from_its_points() {
+        let (centre, radius, off) = sphere(ball([3.0, 3.5, 8.0], 1.5).into_iter()).unwrap();
+        for (got, want) in centre.iter().zip([3.0, 3.5, 8.0]) {
+            assert!((got - want).abs() < 1e-4);
+        }
+        assert!((radius - 1.5).abs() < 1e-4 && off < 1e-4);
+    }
+
+    #[test]
+    fn an_eye_keeps_its_shape_and_looks_where_it_is_told() {
+        let eye = Eyeball {
+            is_left: true,
+            centre: [3.0, 3.0, 8.0],
+            radius: 1.5,
+            vertices: Vec::new(),
+        };
+        let pupil = [3.0, 3.0, 9.5];
+        for (gaze, axis, sign) in [
+            (Gaze::Up, 1, 1.0),
+            (Gaze::Down, 1, -1.0),
+            (Gaze::In, 0, -1.0),
+            (Gaze::Out, 0, 1.0),
+        ] {
+            let moved = eye.look(gaze, pupil);
+            assert!(sign * moved[axis] > 0.5, "{gaze:?} {moved:?}");
+            for point in ball(eye.centre, 1.5) {
+                let moved = eye.look(gaze, point);
+                let there = std::array::from_fn(|i| point[i] + moved[i]);
+                assert!((distance(there, eye.centre) - 1.5).abs() < 1e-4);
+            }
+        }
+    }
+}

@@ -1,0 +1,447 @@
+//! Weights of shapes from any motion of vertices.
+//!
+//! Least squares with bounds and a memory, over all frames `t` together:
+//!
+//! `Σ_t |D w_t − x_t|² + Σ_t Σ_s g_s (ρ w_ts² + μ (w_ts − w_t−1,s)²) + σ Σ_t Σ_pairs g (w_tl − w_tr)²`
+//! with `0 ≤ w ≤ 1`
+//!
+//! `D` the shapes, `x_t` the displacements, `g_s = |d_s|²`, so that every term counts in the same
+//! unit. The motion enters only through `Dᵀ x_t`: one product a frame, after which the number of
+//! vertices no longer matters. The problem is strictly convex, so cyclic coordinate descent with
+//! clamping (Bertsekas 1999, §2.7) converges to its only minimum; there is no chance in it and
+//! nothing depends on the number of threads.
+
+use ndarray::{Array2, ArrayView3, Axis};
+
+use super::{Rig, mirrored_name};
+use crate::{
+    Error, Result,
+    nn::matrix,
+    progress::{ProgressFn, report},
+};
+
+/// A shape with less than this share of the mean energy has no say and keeps the weight 0.
+const STILL_SHARE: f64 = 1e-7;
+/// Change of a weight below which the descent has arrived, and the most sweeps.
+const ARRIVED: f64 = 1e-6;
+const MOST_SWEEPS: usize = 3000;
+/// Frames of one product.
+const FRAMES_PER_BLOCK: usize = 32;
+
+/// How much is asked of the weights besides fitting.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SolveOptions {
+    /// `ρ`: towards zero, which decides between shapes that do the same.
+    pub ridge: f64,
+    /// `μ`: towards the frame before and after.
+    pub smoothness: f64,
+    /// `σ`: left and right towards each other.
+    pub symmetry: f64,
+}
+
+impl Default for SolveOptions {
+    fn default() -> Self {
+        SolveOptions {
+            ridge: 1e-4,
+            smoothness: 0.02,
+            symmetry: 1e-3,
+        }
+    }
+}
+
+/// Weights over time, and what they leave unexplained.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SolvedWeights {
+    /// `[S]`, names of the shapes.
+    pub names: Vec<String>,
+    /// `[T, S]`, 0 to 1.
+    pub weights: Array2<f32>,
+    /// `[T]`, root mean square over vertices of what is left, mesh units.
+    pub residual: Vec<f32>,
+    /// `[T]`, root mean square over vertices of the motion, mesh units.
+    pub motion: Vec<f32>,
+}
+
+/// Solves for the weights of the first `shapes` shapes of `rig`.
+///
+/// `displacements`: `[T, V, 3]`, of the same mesh and in the same units; motion of the whole head
+/// must have been taken out.
+///
+/// # Errors
+/// `ShapeMismatch` if the vertices differ in number, `InvalidInput` for motion that is not finite,
+/// an option out of range, or a rig in which nothing moves; `Cancelled`.
+pub fn solve(
+    rig: &Rig,
+    shapes: usize,
+    displacements: ArrayView3<'_, f32>,
+    options: &SolveOptions,
+    progress: ProgressFn<'_>,
+) -> Result<SolvedWeights> {
+    options.check()?;
+    let (frames, vertices, axes) = displacements.dim();
+    let expected = rig.deltas.dim().1;
+    if (vertices, axes) != (expected, 3) {
+        return Err(Error::ShapeMismatch {
+            what: "animation",
+            expected: format!("[T, {expected}, 3], the rig's vertices"),
+            got: format!("[{frames}, {vertices}, {axes}]"),
+        });
+    }
+    let shapes = shapes.min(rig.names.len());
+    report(progress, "solve", 0.0)?;
+    let flat = |rows: usize| (rows, 3 * vertices);
+    let deltas = rig.deltas.slice(ndarray::s![..shapes, .., ..]);
+    let deltas = deltas
+        .to_shape(flat(shapes))
+        .expect("row-major array")
+        .into_owned();
+    let gram = products(&deltas, &deltas);
+    let (mut right, mut energy) = (Array2::zeros((frames, shapes)), vec![0.0; frames]);
+    for first in (0..frames).step_by(FRAMES_PER_BLOCK) {
+        let last = (first + FRAMES_PER_BLOCK).min(frames);
+        let block = displacements.slice(ndarray::s![first..last, .., ..]);
+        let block = block
+            .to_shape(flat(last - first))
+            .expect("row-major array")
+            .into_owned();
+        for (t, row) in block.rows().into_iter().enumerate() {
+            energy[first + t] = row.iter().map(|x| f64::from(*x).powi(2)).sum();
+        }
+        right
+            .slice_mut(ndarray::s![first..last, ..])
+            .assign(&products(&block, &deltas));
+        report(progress, "solve", 0.5 * last as f32 / frames as f32)?;
+    }
+    if let Some(frame) = energy.iter().position(|x: &f64| !x.is_finite()) {
+        return Err(Error::InvalidInput(format!(
+            "animation: expected finite numbers, got NaN or infinity in frame {frame}"
+        )));
+    }
+    let problem = Problem::new(gram, right, &rig.names[..shapes], options)?;
+    let weights = problem.descend(progress)?;
+    Ok(SolvedWeights {
+        names: rig.names[..shapes].to_vec(),
+        residual: problem.residuals(&weights, &energy, vertices),
+        motion: energy
+            .iter()
+            .map(|x| (x / vertices as f64).sqrt() as f32)
+            .collect(),
+        weights: weights.mapv(|x| x as f32),
+    })
+}
+
+impl SolveOptions {
+    fn check(&self) -> Result<()> {
+        for (name, value) in [
+            ("ridge", self.ridge),
+            ("smoothness", self.smoothness),
+            ("symmetry", self.symmetry),
+        ] {
+            if !(0.0..=1e6).contains(&value) {
+                return Err(Error::InvalidInput(format!(
+                    "{name}: expected 0 to 1000000, got {value}"
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// `a bᵀ`, rows of `a` by rows of `b`.
+fn products(a: &Array2<f32>, b: &Array2<f32>) -> Array2<f64> {
+    let out = matrix::by_row_blocks(a.nrows(), b.nrows(), |rows, out| {
+        let a = matrix::view(a).subrows(rows.start, rows.len());
+        matrix::product(
+            matrix::view_mut(out, b.nrows()),
+            a,
+            matrix::view(b).transpose(),
+        );
+    });
+    out.mapv(f64::from)
+}
+
+/// The normal equations; everything in units of the mean energy of a shape.
+struct Problem {
+    /// `[S, S]`, what fitting asks.
+    gram: Array2<f64>,
+    /// `[S, S]`, with ridge and symmetry.
+    matrix: Array2<f64>,
+    /// `[T, S]`.
+    right: Array2<f64>,
+    /// `[S]`, `μ g_s`; zero shapes have none.
+    memory: Vec<f64>,
+    /// Numbers of the shapes that move.
+    moving: Vec<usize>,
+    unit: f64,
+}
+
+impl Problem {
+    fn new(
+        mut gram: Array2<f64>,
+        mut right: Array2<f64>,
+        names: &[String],
+        options: &SolveOptions,
+    ) -> Result<Problem> {
+        let shapes = gram.nrows();
+        let unit = gram.diag().sum() / shapes.max(1) as f64;
+        if !(unit.is_finite() && unit > 0.0) {
+            return Err(Error::InvalidInput(
+                "rig: expected shapes that move, got none that does".into(),
+            ));
+        }
+        gram /= unit;
+        right /= unit;
+        let mut matrix = gram.clone();
+        for s in 0..shapes {
+            matrix[[s, s]] += options.ridge * gram[[s, s]];
+            let mirrored = mirrored_name(&names[s]);
+            let other = names.iter().position(|name| *name == mirrored);
+            if let Some(other) = other.filter(|&other| pairs(&names[s]) && other != s) {
+                let strength = options.symmetry * 0.5 * (gram[[s, s]] + gram[[other, other]]);
+                matrix[[s, s]] += strength;
+                matrix[[s, other]] -= strength;
+            }
+        }
+        Ok(Problem {
+            memory: gram.diag().iter().map(|g| options.smoothness * g).collect(),
+            moving: (0..shapes)
+                .filter(|&s| gram[[s, s]] > STILL_SHARE)
+                .collect(),
+            gram,
+            matrix,
+            right,
+            unit,
+        })
+    }
+
+    /// Sweeps over the frames forth and back until no weight changes any more.
+    fn descend(&self, progress: ProgressFn<'_>) -> Result<Array2<f64>> {
+        let frames = self.right.nrows();
+        let mut weights = Array2::zeros(self.right.dim());
+        for sweep in 0..MOST_SWEEPS {
+            let mut change = 0.0f64;
+            for step in 0..frames {
+                let t = if sweep % 2 == 0 {
+                    step
+                } else {
+                    frames - 1 - step
+                };
+                change = change.max(self.descend_frame(t, &mut weights));
+            }
+            if change < ARRIVED {
+                break;
+            }
+            let done = 1.0 - 1.0 / (1.0 + sweep as f32);
+            report(progress, "solve", 0.5 + 0.5 * done)?;
+        }
+        Ok(weights)
+    }
+
+    /// Best value of each weight of one frame in turn; returns the largest change.
+    fn descend_frame(&self, t: usize, weights: &mut Array2<f64>) -> f64 {
+        let frames = weights.nrows();
+        let mut now = weights.row(t).to_vec();
+        let mut largest = 0.0f64;
+        for &s in &self.moving {
+            let row = self.matrix.row(s);
+            let pull: f64 = row.iter().zip(&now).map(|(a, w)| a * w).sum();
+            let mut gradient = pull - self.right[[t, s]];
+            let mut slope = row[s];
+            for beside in [t.checked_sub(1), Some(t + 1).filter(|&n| n < frames)] {
+                if let Some(beside) = beside {
+                    gradient += self.memory[s] * (now[s] - weights[[beside, s]]);
+                    slope += self.memory[s];
+                }
+            }
+            let better = (now[s] - gradient / slope).clamp(0.0, 1.0);
+            largest = largest.max((better - now[s]).abs());
+            now[s] = better;
+        }
+        weights.row_mut(t).assign(&ndarray::ArrayView1::from(&now));
+        largest
+    }
+
+    /// `|x − D w|` of each frame from what the normal equations know.
+    fn residuals(&self, weights: &Array2<f64>, energy: &[f64], vertices: usize) -> Vec<f32> {
+        let fitted = weights.dot(&self.gram);
+        weights
+            .axis_iter(Axis(0))
+            .enumerate()
+            .map(|(t, w)| {
+                let explained = 2.0 * w.dot(&self.right.row(t)) - w.dot(&fitted.row(t));
+                ((energy[t] - self.unit * explained).max(0.0) / vertices as f64).sqrt() as f32
+            })
+            .collect()
+    }
+}
+
+/// Whether a shape's mirror image means the same on the other side: not so for moves to a side.
+fn pairs(name: &str) -> bool {
+    !["jawLeft", "jawRight", "mouthLeft", "mouthRight"].contains(&name)
+        && !name.starts_with("eyeLookIn")
+        && !name.starts_with("eyeLookOut")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{progress::SILENT, rig::ARKIT};
+    use ndarray::Array3;
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    /// 52 smooth shapes that overlap, as those of a face do.
+    fn rig(vertices: usize) -> Rig {
+        let mut rng = ChaCha8Rng::seed_from_u64(7);
+        let middle: Vec<f32> = ARKIT.iter().map(|_| rng.random_range(0.0..1.0)).collect();
+        let turn: Vec<f32> = ARKIT.iter().map(|_| rng.random_range(0.0..6.0)).collect();
+        let deltas = Array3::from_shape_fn((52, vertices, 3), |(s, v, i)| {
+            let place = v as f32 / vertices as f32 - middle[s];
+            (-place * place / 0.01).exp() * (turn[s] + i as f32).sin()
+        });
+        Rig {
+            names: ARKIT.map(str::to_owned).to_vec(),
+            deltas,
+            reports: Vec::new(),
+        }
+    }
+
+    /// A few shapes at a time, coming and going slowly. `[T, 52]`.
+    fn performance(frames: usize) -> Array2<f32> {
+        Array2::from_shape_fn((frames, 52), |(t, s)| {
+            let phase = t as f32 * 0.08 + s as f32;
+            if s % 4 == 0 {
+                0.5 + 0.5 * phase.sin()
+            } else {
+                0.0
+            }
+        })
+    }
+
+    fn play(rig: &Rig, weights: &Array2<f32>) -> Array3<f32> {
+        let (shapes, vertices, _) = rig.deltas.dim();
+        let flat = rig
+            .deltas
+            .to_shape((shapes, 3 * vertices))
+            .unwrap()
+            .into_owned();
+        let moved = weights.dot(&flat);
+        moved
+            .into_shape_with_order((weights.nrows(), vertices, 3))
+            .unwrap()
+    }
+
+    fn rms(a: &Array2<f32>, b: &Array2<f32>) -> f32 {
+        ((a - b).mapv(|x| x * x).sum() / a.len() as f32).sqrt()
+    }
+
+    #[test]
+    fn known_weights_come_back_within_two_hundredths() {
+        let rig = rig(2000);
+        let truth = performance(60);
+        let options = SolveOptions {
+            smoothness: 1e-4,
+            ..SolveOptions::default()
+        };
+        let got = solve(&rig, 52, play(&rig, &truth).view(), &options, SILENT).unwrap();
+        assert!(
+            rms(&got.weights, &truth) < 0.02,
+            "{}",
+            rms(&got.weights, &truth)
+        );
+        for (left, moved) in got.residual.iter().zip(&got.motion) {
+            assert!(*left < 0.02 * moved);
+        }
+    }
+
+    #[test]
+    fn bounds_hold_where_the_motion_asks_for_more() {
+        let rig = rig(500);
+        let wild = performance(20).mapv(|x| 4.0 * x - 2.0);
+        let got = solve(
+            &rig,
+            52,
+            play(&rig, &wild).view(),
+            &SolveOptions::default(),
+            SILENT,
+        );
+        let weights = got.unwrap().weights;
+        assert!(weights.iter().all(|w| (0.0..=1.0).contains(w)));
+        assert!(weights.iter().any(|w| *w == 1.0) && weights.iter().any(|w| *w == 0.0));
+    }
+
+    #[test]
+    fn noise_of_a_frame_is_smoothed_away() {
+        let rig = rig(500);
+        let truth = performance(60);
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let mut noisy = truth.clone();
+        noisy.mapv_inplace(|x| x + rng.random_range(-0.2..0.2f32));
+        let moved = play(&rig, &noisy);
+        let roughness = |smoothness: f64| {
+            let options = SolveOptions {
+                smoothness,
+                ..SolveOptions::default()
+            };
+            let w = solve(&rig, 52, moved.view(), &options, SILENT)
+                .unwrap()
+                .weights;
+            let jumps = &w.slice(ndarray::s![1.., ..]) - &w.slice(ndarray::s![..-1, ..]);
+            (jumps.mapv(|x| x * x).sum(), rms(&w, &truth))
+        };
+        let (rough, far) = roughness(0.0);
+        let (smooth, near) = roughness(1.0);
+        assert!(
+            smooth < 0.2 * rough && near < far,
+            "{smooth} {rough} {near} {far}"
+        );
+    }
+
+    #[test]
+    fn sides_that_cannot_be_told_apart_share_the_motion() {
+        let mut rig = rig(200);
+        let left = ARKIT.iter().position(|n| *n == "eyeBlinkLeft").unwrap();
+        let right = ARKIT.iter().position(|n| *n == "eyeBlinkRight").unwrap();
+        let same = rig.deltas.index_axis(Axis(0), left).to_owned();
+        rig.deltas.index_axis_mut(Axis(0), right).assign(&same);
+        let mut truth = Array2::zeros((4, 52));
+        truth.column_mut(left).fill(0.8);
+        let moved = play(&rig, &truth);
+        let got = solve(&rig, 52, moved.view(), &SolveOptions::default(), SILENT).unwrap();
+        let (a, b) = (got.weights[[2, left]], got.weights[[2, right]]);
+        assert!(
+            (a - b).abs() < 1e-3 && (a + b - 0.8).abs() < 0.05,
+            "{a} {b}"
+        );
+    }
+
+    #[test]
+    fn wrong_sizes_and_broken_numbers_are_named() {
+        let rig = rig(100);
+        let ask = |moved: Array3<f32>| {
+            solve(&rig, 52, moved.view(), &SolveOptions::default(), SILENT)
+                .unwrap_err()
+                .to_string()
+        };
+        let wrong = ask(Array3::zeros((2, 99, 3)));
+        assert!(wrong.contains("100") && wrong.contains("99"), "{wrong}");
+        let mut broken = Array3::zeros((3, 100, 3));
+        broken[[1, 0, 0]] = f32::NAN;
+        assert!(ask(broken).contains("frame 1"));
+        let still = Rig {
+            deltas: Array3::zeros((52, 100, 3)),
+            ..rig.clone()
+        };
+        let options = SolveOptions::default();
+        assert!(
+            solve(
+                &still,
+                52,
+                Array3::zeros((1, 100, 3)).view(),
+                &options,
+                SILENT
+            )
+            .is_err()
+        );
+    }
+}
