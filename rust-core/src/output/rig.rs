@@ -193,14 +193,14 @@ fn texts(npy: &[u8]) -> Option<Vec<String>> {
 mod tests {
     use super::*;
 
-    const SOURCE: &str = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\no part\n\
-                          f 1/1 2/1 3/1 4/1\n";
+    const SOURCE: &str = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nv 2 1 0\n\
+                          vt 0 0\no part\nf 1/1 2/1 3/1 4/1\nf 2/1 5/1 6/1 3/1\n";
 
     fn example() -> (Rig, Mesh) {
         let mesh = Mesh::parse(SOURCE.as_bytes()).unwrap();
         let rig = Rig {
             names: vec!["jawOpen".into(), "viseme_aa".into()],
-            deltas: Array3::from_shape_fn((2, 4, 3), |(s, v, i)| (s + 2 * v + i) as f32),
+            deltas: Array3::from_shape_fn((2, 6, 3), |(s, v, i)| (s + 2 * v + i) as f32),
             reports: Vec::new(),
         };
         (rig, mesh)
@@ -225,7 +225,7 @@ mod tests {
         let text = fs::read_to_string(folder.path().join("jawOpen.obj")).unwrap();
         assert!(text.contains("f 1/1 2/1 3/1 4/1") && !text.contains("mtllib"));
         let moved = Mesh::parse(text.as_bytes()).unwrap();
-        for v in 0..4 {
+        for v in 0..6 {
             for i in 0..3 {
                 let expected = mesh.positions[v][i] + rig.deltas[[0, v, i]];
                 assert_eq!(moved.positions[v][i], expected);
