@@ -150,6 +150,25 @@ typedef enum {
     ANYFACE_AXIS_NEG_Z = 5,
 } AnyfaceAxis;
 
+/// What a connected part of the mesh is and follows; for `AnyfaceFaceOptions` and
+/// `anyface_face_copy_parts()`.
+typedef enum {
+    /// The face itself.
+    ANYFACE_PART_ROLE_SKIN = 0,
+    /// Follows the lower jaw as a rigid body: lower teeth, lower gums, tongue.
+    ANYFACE_PART_ROLE_JAW = 1,
+    /// Follows the skull: upper teeth, upper gums, glasses, hair.
+    ANYFACE_PART_ROLE_SKULL = 2,
+    /// Holds both jaws: gums with a tongue, the mouth's lining.
+    ANYFACE_PART_ROLE_MOUTH = 3,
+    /// Follows the skin nearest to its roots: lashes, brows, beards.
+    ANYFACE_PART_ROLE_NEAREST = 4,
+    /// An eyeball; rests and never deforms.
+    ANYFACE_PART_ROLE_GAZE = 5,
+    /// Nothing of the face; rests.
+    ANYFACE_PART_ROLE_STILL = 6,
+} AnyfacePartRole;
+
 /// Where the emotion of a performance comes from; for `AnyfaceMotionOptions`.
 typedef enum {
     /// `emotion_strengths`; the default.
@@ -257,6 +276,13 @@ typedef struct {
     float learned;
     /// Must be 0.
     uint32_t reserved;
+    /// `[part_count]` numbers of parts whose role the caller knows, as `anyface_face_copy_parts()`
+    /// counts them; NULL otherwise. All other parts are told by shape and place.
+    const uint32_t *part_numbers;
+    /// `[part_count]` their roles, each one of `AnyfacePartRole`; NULL otherwise.
+    const int32_t *part_roles;
+    /// Number of parts whose role the caller knows.
+    size_t part_count;
 } AnyfaceFaceOptions;
 
 /// What a performance is asked to be; prepare it with `anyface_motion_options_init()`.
@@ -525,6 +551,19 @@ AnyfaceStatus anyface_face_copy_landmarks(const AnyfaceFace *face,
                                           uint32_t *vertices,
                                           float *confidence,
                                           AnyfaceError **error);
+
+/// Number of connected parts of its mesh, seams sewn up; 0 for NULL.
+size_t anyface_face_part_count(const AnyfaceFace *face);
+
+/// Copies what each part is into the caller's buffers, each of which may be NULL.
+///
+/// `roles`: one `AnyfacePartRole` for each of `anyface_face_part_count()` parts.
+/// `part_of_vertex`: `[V]`, the part of each vertex, `UINT32_MAX` for a vertex in no face.
+/// Fails with `ANYFACE_STATUS_NULL_POINTER` if `face` is NULL.
+AnyfaceStatus anyface_face_copy_parts(const AnyfaceFace *face,
+                                      int32_t *roles,
+                                      uint32_t *part_of_vertex,
+                                      AnyfaceError **error);
 
 /// Writes the landmarks as a JSON file that `anyface animate --landmarks` reads too.
 ///

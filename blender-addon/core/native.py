@@ -68,6 +68,9 @@ class FaceOptions(Structure):
         ("up", c_int32),
         ("learned", c_float),
         ("reserved", c_uint32),
+        ("part_numbers", POINTER(c_uint32)),
+        ("part_roles", POINTER(c_int32)),
+        ("part_count", c_size_t),
     ]
 
 

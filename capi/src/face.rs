@@ -1,10 +1,10 @@
 //! A mesh with its landmarks and everything that does not depend on time.
 
-use std::{ffi::c_char, ptr::null};
+use std::{ffi::c_char, mem::offset_of, ptr::null};
 
 use anyface::{
     PreparedFace,
-    mesh::{Axis, FaceOptions, LandmarkSource},
+    mesh::{Axis, FaceOptions, LandmarkSource, ObjectNames, PartChoices, PartRole, PartSelector},
     motion::LANDMARKS,
 };
 
@@ -47,6 +47,37 @@ pub enum AnyfaceAxis {
     NegZ = 5,
 }
 
+/// What a connected part of the mesh is and follows; for `AnyfaceFaceOptions` and
+/// `anyface_face_copy_parts()`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AnyfacePartRole {
+    /// The face itself.
+    Skin = 0,
+    /// Follows the lower jaw as a rigid body: lower teeth, lower gums, tongue.
+    Jaw = 1,
+    /// Follows the skull: upper teeth, upper gums, glasses, hair.
+    Skull = 2,
+    /// Holds both jaws: gums with a tongue, the mouth's lining.
+    Mouth = 3,
+    /// Follows the skin nearest to its roots: lashes, brows, beards.
+    Nearest = 4,
+    /// An eyeball; rests and never deforms.
+    Gaze = 5,
+    /// Nothing of the face; rests.
+    Still = 6,
+}
+
+const ROLES: [(AnyfacePartRole, PartRole); 7] = [
+    (AnyfacePartRole::Skin, PartRole::Skin),
+    (AnyfacePartRole::Jaw, PartRole::Jaw),
+    (AnyfacePartRole::Skull, PartRole::Skull),
+    (AnyfacePartRole::Mouth, PartRole::Mouth),
+    (AnyfacePartRole::Nearest, PartRole::Nearest),
+    (AnyfacePartRole::Gaze, PartRole::Gaze),
+    (AnyfacePartRole::Still, PartRole::Still),
+];
+
 /// What is known of a face; prepare it with `anyface_face_options_init()`.
 ///
 /// Landmarks may come in one of three ways, or not at all: then the library finds them.
@@ -72,11 +103,18 @@ pub struct AnyfaceFaceOptions {
     pub learned: f32,
     /// Must be 0.
     pub reserved: u32,
+    /// `[part_count]` numbers of parts whose role the caller knows, as `anyface_face_copy_parts()`
+    /// counts them; NULL otherwise. All other parts are told by shape and place.
+    pub part_numbers: *const u32,
+    /// `[part_count]` their roles, each one of `AnyfacePartRole`; NULL otherwise.
+    pub part_roles: *const i32,
+    /// Number of parts whose role the caller knows.
+    pub part_count: usize,
 }
 
 unsafe impl Growing for AnyfaceFaceOptions {
     const NAME: &'static str = "anyface_face_options";
-    const FIRST_SIZE: usize = size_of::<Self>();
+    const FIRST_SIZE: usize = offset_of!(Self, part_numbers);
     fn defaults() -> Self {
         AnyfaceFaceOptions {
             struct_size: size_of::<Self>(),
@@ -87,6 +125,9 @@ unsafe impl Growing for AnyfaceFaceOptions {
             up: AnyfaceAxis::PosY as i32,
             learned: FaceOptions::default().learned,
             reserved: 0,
+            part_numbers: null(),
+            part_roles: null(),
+            part_count: 0,
         }
     }
 }
@@ -120,6 +161,24 @@ impl AnyfaceFaceOptions {
             forward,
             up,
             learned: self.learned,
+            parts: unsafe { self.parts() }?,
+        })
+    }
+
+    unsafe fn parts(&self) -> Result<PartChoices, Failure> {
+        let count = self.part_count;
+        let numbers = unsafe { pointer::slice("part_numbers", self.part_numbers, count, 1) }?;
+        let roles = unsafe { pointer::slice("part_roles", self.part_roles, count, 1) }?;
+        let chosen = numbers.iter().zip(roles).map(|(&number, &role)| {
+            let known = ROLES.into_iter().find(|(code, _)| *code as i32 == role);
+            let (_, role) = known.ok_or_else(|| {
+                Failure::invalid(format!("part_roles: expected 0 to 6, got {role}"))
+            })?;
+            Ok((PartSelector::Number(number), role))
+        });
+        Ok(PartChoices {
+            roles: chosen.collect::<Result<_, Failure>>()?,
+            names: ObjectNames::default(),
         })
     }
 
@@ -251,6 +310,43 @@ pub unsafe extern "C" fn anyface_face_copy_landmarks(
     unsafe { guard::guard(error, work) }
 }
 
+/// Number of connected parts of its mesh, seams sewn up; 0 for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_face_part_count(face: *const AnyfaceFace) -> usize {
+    unsafe { face.as_ref() }.map_or(0, |face| face.face.parts.parts.len())
+}
+
+/// Copies what each part is into the caller's buffers, each of which may be NULL.
+///
+/// `roles`: one `AnyfacePartRole` for each of `anyface_face_part_count()` parts.
+/// `part_of_vertex`: `[V]`, the part of each vertex, `UINT32_MAX` for a vertex in no face.
+/// Fails with `ANYFACE_STATUS_NULL_POINTER` if `face` is NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_face_copy_parts(
+    face: *const AnyfaceFace,
+    roles: *mut i32,
+    part_of_vertex: *mut u32,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let list = &unsafe { pointer::handle("face", face) }?.face.parts;
+        if !roles.is_null() {
+            let code = |role| ROLES.into_iter().find(|(_, known)| *known == role);
+            let parts = list.parts.iter();
+            let values: Vec<i32> = parts
+                .filter_map(|part| code(part.role).map(|(code, _)| code as i32))
+                .collect();
+            unsafe { pointer::copy_out("roles", &values, roles, list.parts.len()) }?;
+        }
+        if !part_of_vertex.is_null() {
+            let values = list.of_vertex();
+            unsafe { pointer::copy_out("part_of_vertex", values, part_of_vertex, values.len()) }?;
+        }
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
 /// Writes the landmarks as a JSON file that `anyface animate --landmarks` reads too.
 ///
 /// `path`: UTF-8. Fails with `ANYFACE_STATUS_IO`; then nothing is left of the file.
@@ -295,6 +391,39 @@ mod tests {
             unsafe { options().to_library() }.unwrap(),
             FaceOptions::default()
         );
+    }
+
+    #[test]
+    fn an_older_host_says_nothing_of_parts() {
+        let mut old = options();
+        old.struct_size = AnyfaceFaceOptions::FIRST_SIZE;
+        old.part_count = 9;
+        let read = unsafe { growing::read(&raw const old) }.unwrap();
+        assert_eq!(
+            unsafe { read.to_library() }.unwrap(),
+            FaceOptions::default()
+        );
+    }
+
+    #[test]
+    fn parts_have_the_numbers_of_the_librarys_roles() {
+        let numbers = [4u32, 2];
+        let roles = [AnyfacePartRole::Jaw as i32, AnyfacePartRole::Still as i32];
+        let chosen = AnyfaceFaceOptions {
+            part_numbers: numbers.as_ptr(),
+            part_roles: roles.as_ptr(),
+            part_count: 2,
+            ..options()
+        };
+        let library = unsafe { chosen.to_library() }.unwrap();
+        let expected = [(4, PartRole::Jaw), (2, PartRole::Still)];
+        let expected = expected.map(|(n, role)| (PartSelector::Number(n), role));
+        assert_eq!(library.parts.roles, expected);
+        let beyond = [7, 0];
+        assert!(refused(AnyfaceFaceOptions {
+            part_roles: beyond.as_ptr(),
+            ..chosen
+        }));
     }
 
     #[test]

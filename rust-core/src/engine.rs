@@ -10,7 +10,7 @@ use crate::{
     Error, Result,
     audio::{Prosody, Waveform},
     conditions::EmotionCurve,
-    deform::{Deformer, VertexClip},
+    deform::{Deformer, PartList, VertexClip},
     mesh::{self, FaceOptions, LandmarkFinder, Landmarks, Mesh, Similarity},
     motion::{self, Cues, FaceModes, MotionClip, PerformanceControls},
     operators::Cache,
@@ -120,6 +120,8 @@ pub struct PreparedFace {
     pub landmarks: Landmarks,
     /// From the mesh's own frame to the canonical one.
     pub to_canonical: Similarity,
+    /// The mesh's parts and what each of them is.
+    pub parts: PartList,
     /// Spreads landmark motion over this mesh.
     pub deformer: Box<dyn Deformer>,
 }
@@ -324,6 +326,7 @@ impl Engine {
             progress::report(progress, "landmarks", 0.0)?;
             let landmarks = mesh::locate_landmarks_with(&self.finder, mesh, options)?;
             let to_canonical = mesh::align_to_canonical(&landmarks)?;
+            let parts = PartList::find(mesh, &landmarks, &to_canonical, &options.parts)?;
             progress::report(progress, "landmarks", 1.0)?;
             let deformer: Box<dyn Deformer> = match &self.paper {
                 None => Box::new(stm::prepare_static(
@@ -331,6 +334,7 @@ impl Engine {
                     mesh,
                     &landmarks,
                     &to_canonical,
+                    &parts,
                     &self.cache,
                     options.learned,
                     progress,
@@ -340,6 +344,7 @@ impl Engine {
                     mesh,
                     &landmarks,
                     &to_canonical,
+                    &parts,
                     &self.cache,
                     progress,
                 )?),
@@ -347,6 +352,7 @@ impl Engine {
             Ok(PreparedFace {
                 landmarks,
                 to_canonical,
+                parts,
                 deformer,
             })
         })

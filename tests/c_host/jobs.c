@@ -175,6 +175,18 @@ static void landmarks(const AnyfaceFace *face) {
     }
 }
 
+static void parts(const AnyfaceFace *face) {
+    size_t count = anyface_face_part_count(face), vertices = anyface_face_vertex_count(face);
+    int32_t roles[64];
+    uint32_t *part_of_vertex = malloc(vertices * sizeof *part_of_vertex);
+    CHECK(count > 0 && count <= 64 && part_of_vertex != NULL);
+    CHECK_OK(anyface_face_copy_parts(face, roles, part_of_vertex, &error));
+    CHECK(roles[part_of_vertex[0]] == ANYFACE_PART_ROLE_SKIN);
+    CHECK_OK(anyface_face_copy_parts(face, NULL, NULL, &error));
+    CHECK(anyface_face_part_count(NULL) == 0);
+    free(part_of_vertex);
+}
+
 static char *read_text(const char *path) {
     static char text[1 << 20];
     FILE *file = fopen(path, "rb");
@@ -201,6 +213,7 @@ int main(int argc, char **argv) {
     CHECK_OK(anyface_face_new(engine, mesh, &options, NULL, &face, &error));
 
     landmarks(face);
+    parts(face);
     motion_of_the_host(engine, face);
     two_at_once(engine, face, audio);
     any_number_of_threads(mesh, &options, audio);

@@ -41,7 +41,7 @@ impl Animate {
         // What is cheap to check comes before what takes time.
         Format::from_path(&self.out)?;
         let request = self.motion.request()?;
-        let options = self.face.options(None)?;
+        let options = self.face.options(&self.mesh, None)?;
         let mut report = new_report();
         let waveform = read_sound(&mut report, &self.audio)?;
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;

@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use super::controls::{ControlArgs, EmotionArgs};
 use crate::{
     CachePolicy, DecoderKind, Engine, EngineOptions, Error, MotionRequest, Result,
-    mesh::{Axis, FaceOptions, LandmarkSource},
+    mesh::{Axis, FaceOptions, LandmarkSource, ObjectNames, PartChoices, PartRole, PartSelector},
 };
 
 /// Options of every subcommand.
@@ -93,11 +93,20 @@ pub(super) struct FaceArgs {
     /// Strength of the learned correction, 0 (training-free) to 1
     #[arg(long, default_value_t = 1.0)]
     learned: f32,
+    /// What a part of the mesh is, by number or by name of its object (see `anyface parts`): skin,
+    /// jaw, skull, mouth, nearest, gaze or still; may be repeated
+    #[arg(long = "part", value_name = "PART=ROLE", value_parser = part)]
+    parts: Vec<(PartSelector, PartRole)>,
 }
 
 impl FaceArgs {
-    /// `known`: landmarks that the caller has from elsewhere, used unless the user gave others.
-    pub(super) fn options(&self, known: Option<LandmarkSource>) -> Result<FaceOptions> {
+    /// `mesh`: the file that names the objects. `known`: landmarks that the caller has from elsewhere,
+    /// used unless the user gave others.
+    pub(super) fn options(
+        &self,
+        mesh: &Path,
+        known: Option<LandmarkSource>,
+    ) -> Result<FaceOptions> {
         let landmarks = match &self.landmarks {
             Some(path) => Some(LandmarkSource::read(path)?),
             None => known,
@@ -107,8 +116,31 @@ impl FaceArgs {
             forward: self.forward,
             up: self.up,
             learned: self.learned,
+            parts: PartChoices {
+                names: match self
+                    .parts
+                    .iter()
+                    .any(|(s, _)| matches!(s, PartSelector::Name(_)))
+                {
+                    true => ObjectNames::read(mesh)?,
+                    false => ObjectNames::default(),
+                },
+                roles: self.parts.clone(),
+            },
         })
     }
+}
+
+/// Reads `3=jaw` and `teeth_low=jaw`.
+fn part(text: &str) -> std::result::Result<(PartSelector, PartRole), String> {
+    let wrong = || format!("expected PART=ROLE, as in 3=jaw, got {text:?}");
+    let (part, role) = text.rsplit_once('=').ok_or_else(wrong)?;
+    let selector = match part.parse() {
+        Ok(number) => PartSelector::Number(number),
+        Err(_) => PartSelector::Name(part.to_owned()),
+    };
+    let role = role.parse().map_err(|error: Error| error.to_string())?;
+    Ok((selector, role))
 }
 
 /// What the performance is asked to be.

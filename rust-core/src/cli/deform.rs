@@ -48,7 +48,7 @@ impl Deform {
         let known = motion
             .neutral
             .map(|neutral| LandmarkSource::Positions(neutral.to_vec()));
-        let options = self.face.options(known)?;
+        let options = self.face.options(&self.mesh, known)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
         let face = timed(&mut report, "prepare", || {
             engine.prepare(&mesh, &options, &|p| console.progress(p))

@@ -30,7 +30,7 @@ pub(super) struct FindLandmarks {
 
 impl FindLandmarks {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
-        let options = self.face.options(None)?;
+        let options = self.face.options(&self.mesh, None)?;
         let mut report = new_report();
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
         let found = timed(&mut report, "landmarks", || {

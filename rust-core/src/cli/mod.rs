@@ -12,6 +12,7 @@ mod eval;
 mod info;
 mod landmarks;
 mod motion;
+mod parts;
 mod rig;
 mod solve;
 mod stages;
@@ -42,6 +43,7 @@ enum Command {
     Landmarks(landmarks::FindLandmarks),
     Rig(rig::MakeRig),
     Solve(solve::Solve),
+    Parts(parts::ListParts),
     Info(info::Info),
     Eval(eval::Eval),
 }
@@ -70,6 +72,7 @@ impl Arguments {
             Command::Landmarks(command) => command.run(&self.shared, console),
             Command::Rig(command) => command.run(&self.shared, console),
             Command::Solve(command) => command.run(&self.shared, console),
+            Command::Parts(command) => command.run(&self.shared, console),
             Command::Info(command) => command.run(&self.shared, console),
             Command::Eval(command) => command.run(&self.shared, console),
         }
@@ -100,6 +103,8 @@ mod tests {
             "anyface landmarks --mesh M.obj --out L.json --forward -y --up z",
             "anyface rig --mesh M.obj --out R.npz --report R.json --landmarks L.json",
             "anyface solve --mesh M.obj --animation A.mdd --rig R.npz --out W.csv --fps 60",
+            "anyface deform --mesh M.obj --motion L.npz --out O.npz --part 3=jaw --part low=skull",
+            "anyface parts --mesh M.obj --landmarks L.json --part 3=jaw --json",
             "anyface info --json",
             "anyface eval --data D --limit 3 --json",
         ] {

@@ -44,7 +44,7 @@ struct RigReport<'a> {
 impl MakeRig {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         let as_archive = self.as_archive()?;
-        let options = self.face.options(None)?;
+        let options = self.face.options(&self.mesh, None)?;
         let mut report = new_report();
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
         let engine = timed(&mut report, "load", || shared.engine())?;

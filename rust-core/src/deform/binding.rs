@@ -1,224 +1,235 @@
-//! What the parts that are not skin do: teeth, tongue, eyeballs, lashes, hair, clothes.
-//!
-//! A head often has dozens of parts (ICT's has 56), of which one or two are skin. Each other part
-//! is told by its shape and its place beside the landmarks, a simple rule of thumb:
-//!
-//! - roundish or small in an eye: rests with the skull;
-//! - behind the lips: below the line between the lips it follows the jaw, above it rests; a part
-//!   taller than [`TALL_CM`], such as gums with a tongue, passes from one to the other;
-//! - anything else follows the skin nearest to where it is rooted, fading with its distance.
+//! What each vertex that is not skin follows, by the role of its part.
 //!
 //! Lengths are canonical centimetres.
 
-use super::nearest::{PointGrid, distance};
-use crate::{mesh::Parts, motion::LANDMARKS};
+use std::{
+    cell::OnceCell,
+    cmp::Ordering,
+    collections::{BinaryHeap, HashMap},
+};
 
-/// Height of a mouth part beyond which it is taken to hold upper and lower jaw at once.
-const TALL_CM: f32 = 3.2;
-/// Over this height such a part passes from the jaw to the skull, above the lips' line.
-const PASSAGE_CM: f32 = 0.4;
-/// Distance from the skin within which a part follows fully, and from which on it rests.
-const FOLLOW_CM: (f32, f32) = (1.0, 4.0);
+use super::{
+    nearest::{PointGrid, distance},
+    part_list::{PartList, skin_tree},
+    place::{Box3, Place, REACH_CM},
+};
+use crate::{
+    mesh::{Mesh, PartRole, SurfaceTree},
+    motion::LANDMARKS,
+};
+
+/// Distance from the skin within which a part follows fully; it rests from [`REACH_CM`] on.
+const FOLLOW_CM: f32 = 1.0;
 /// Vertices of a part so much further from the skin than its nearest count as its roots.
 const ROOT_CM: f32 = 0.15;
 /// A part larger than this (hair, clothes) follows the skin vertex by vertex.
 const SMALL_CM: f32 = 6.0;
+/// Share of a mouth part's front half that surely is upper or lower jaw.
+const SURE_SHARE: f32 = 0.05;
+/// Over this difference of ways to the two jaws a mouth part passes from one to the other.
+const PASSAGE_CM: f32 = 0.3;
+
+/// Three vertices with their shares.
+pub type Corners = [(u32, f32); 3];
 
 /// What moves a vertex.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Follows {
-    /// It is vertex `0` of the skin, and moves by a share `1` of it.
-    Skin(u32, f32),
+    /// Up to three vertices of the skin, each by its share; together at most 1.
+    Skin(Corners),
     /// The lower jaw, by a share.
     Jaw(f32),
     /// Nothing: it rests with the skull.
     Skull,
 }
 
+impl Follows {
+    /// Skin that moves as itself.
+    fn itself(v: u32) -> Follows {
+        Follows::Skin([(v, 1.0), (v, 0.0), (v, 0.0)])
+    }
+}
+
 /// Decides for every vertex what it follows.
 ///
-/// `positions`: `[V]`. `parts`: of all vertices. `skin`: `[V]`, whether a vertex is skin; skin
-/// follows itself. `landmarks`: of the neutral face.
+/// `mesh`: canonical centimetres. `skin`: `[V]`, whether landmark motion is solved at a vertex; such
+/// a vertex follows itself. `landmarks`: of the neutral face.
 pub fn bind(
-    positions: &[[f32; 3]],
-    parts: &Parts,
+    mesh: &Mesh,
+    list: &PartList,
     skin: &[bool],
     landmarks: &[[f32; 3]; LANDMARKS],
 ) -> Vec<Follows> {
-    let mut follows: Vec<Follows> = (0..positions.len() as u32)
+    let mut follows: Vec<Follows> = (0..mesh.positions.len() as u32)
         .map(|v| match skin[v as usize] {
-            true => Follows::Skin(v, 1.0),
+            true => Follows::itself(v),
             false => Follows::Skull,
         })
         .collect();
-    let skin_vertices: Vec<u32> = (0..positions.len() as u32)
-        .filter(|&v| skin[v as usize])
-        .collect();
-    let skin_points: Vec<_> = skin_vertices
-        .iter()
-        .map(|&v| positions[v as usize])
-        .collect();
-    let place = Place::of(landmarks);
-    let grid = PointGrid::new(&skin_points, 0.5);
-    for part in parts.vertices() {
-        let others: Vec<u32> = part.into_iter().filter(|&v| !skin[v as usize]).collect();
+    let surface = OnceCell::new();
+    let tree = || surface.get_or_init(|| skin_tree(mesh, skin));
+    let unit = Place::of(landmarks).mouth_unit();
+    for (part, vertices) in list.parts.iter().zip(list.connected.vertices()) {
+        let others: Vec<u32> = vertices
+            .into_iter()
+            .filter(|&v| !skin[v as usize])
+            .collect();
         if others.is_empty() {
             continue;
         }
-        let bounds = Box3::of(others.iter().map(|&v| positions[v as usize]));
-        if place.is_eye(&bounds) {
-            continue;
-        }
-        if place.is_in_mouth(&bounds) {
-            for &v in &others {
-                follows[v as usize] = place.jaw_share(&bounds, positions[v as usize]);
-            }
-            continue;
-        }
-        let moved_by = follow_skin(positions, &others, &bounds, &grid);
-        for (&v, (skin, share)) in others.iter().zip(moved_by) {
-            follows[v as usize] = match share > 0.0 {
-                true => Follows::Skin(skin_vertices[skin as usize], share),
-                false => Follows::Skull,
-            };
+        let found = match part.role {
+            PartRole::Jaw => vec![Follows::Jaw(1.0); others.len()],
+            PartRole::Mouth => jaw_shares(mesh, &others, unit),
+            PartRole::Nearest | PartRole::Skin => follow_skin(mesh, &others, tree()),
+            PartRole::Skull | PartRole::Gaze | PartRole::Still => continue,
+        };
+        for (v, of_vertex) in others.into_iter().zip(found) {
+            follows[v as usize] = of_vertex;
         }
     }
     follows
 }
 
-/// Skin point and share for each vertex of a part; share 0 beyond reach.
-fn follow_skin(
-    positions: &[[f32; 3]],
-    part: &[u32],
-    bounds: &Box3,
-    grid: &PointGrid<'_>,
-) -> Vec<(u32, f32)> {
-    let nearest: Vec<Option<(u32, f32)>> = part
-        .iter()
-        .map(|&v| grid.nearest(positions[v as usize], FOLLOW_CM.1))
-        .collect();
-    let fade = |d: f32| ((FOLLOW_CM.1 - d) / (FOLLOW_CM.1 - FOLLOW_CM.0)).clamp(0.0, 1.0);
-    if bounds.largest() > SMALL_CM {
-        let share = |hit: &Option<(u32, f32)>| hit.map_or((0, 0.0), |(i, d)| (i, fade(d)));
-        return nearest.iter().map(share).collect();
+/// What each vertex of a part follows: the skin's place nearest to it, or nearest to its root.
+fn follow_skin(mesh: &Mesh, part: &[u32], tree: &SurfaceTree) -> Vec<Follows> {
+    let points: Vec<[f32; 3]> = part.iter().map(|&v| mesh.positions[v as usize]).collect();
+    let nearest: Vec<_> = points.iter().map(|&p| place(mesh, tree, p)).collect();
+    let fade = |d: f32| ((REACH_CM - d) / (REACH_CM - FOLLOW_CM)).clamp(0.0, 1.0);
+    let by = |(corners, d): (Corners, f32)| match fade(d) {
+        0.0 => Follows::Skull,
+        share => Follows::Skin(corners.map(|(v, w)| (v, w * share))),
+    };
+    if Box3::of(points.iter().copied()).largest() > SMALL_CM {
+        let far = nearest.iter().map(|hit| hit.map_or(Follows::Skull, by));
+        return far.collect();
     }
-    let hits = nearest.iter().flatten();
-    let least = hits.map(|&(_, d)| d).fold(f32::INFINITY, f32::min);
-    if least == f32::INFINITY {
-        return vec![(0, 0.0); part.len()];
-    }
-    let (roots, skin_of_root): (Vec<_>, Vec<_>) = part
+    let least = nearest.iter().flatten().map(|hit| hit.1);
+    let least = least.fold(f32::INFINITY, f32::min);
+    let (roots, places): (Vec<_>, Vec<Corners>) = points
         .iter()
         .zip(&nearest)
-        .filter_map(|(&v, hit)| hit.map(|hit| (v, hit)))
-        .filter(|(_, (_, d))| *d <= least + ROOT_CM)
-        .map(|(v, (skin, _))| (positions[v as usize], skin))
-        .unzip();
-    let root_grid = PointGrid::new(&roots, 0.5);
-    part.iter()
-        .map(|&v| {
-            let root = root_grid.nearest(positions[v as usize], 2.0 * SMALL_CM);
-            (
-                skin_of_root[root.map_or(0, |(r, _)| r as usize)],
-                fade(least),
-            )
+        .filter_map(|(&p, hit)| {
+            hit.filter(|hit| hit.1 <= least + ROOT_CM)
+                .map(|hit| (p, hit.0))
         })
+        .unzip();
+    if roots.is_empty() {
+        return vec![Follows::Skull; part.len()];
+    }
+    let grid = PointGrid::new(&roots, 0.5);
+    let root = |&p: &[f32; 3]| {
+        grid.nearest(p, 2.0 * SMALL_CM)
+            .map_or(0, |hit| hit.0 as usize)
+    };
+    points
+        .iter()
+        .map(|p| by((places[root(p)], least)))
         .collect()
 }
 
-/// Where eyes and mouth are.
-struct Place {
-    eyes: [([f32; 3], f32); 2],
-    mouth: [f32; 3],
-    mouth_width: f32,
+/// The corners of the skin's face nearest to a point with their shares, and the distance.
+fn place(mesh: &Mesh, tree: &SurfaceTree, point: [f32; 3]) -> Option<(Corners, f32)> {
+    let hit = tree.closest(point)?;
+    let corners = mesh.triangles[hit.face as usize];
+    let shares = std::array::from_fn(|i| (corners[i], hit.barycentric[i] as f32));
+    Some((shares, hit.distance as f32))
 }
 
-impl Place {
-    fn of(landmarks: &[[f32; 3]; LANDMARKS]) -> Place {
-        let eye = |first: usize| {
-            let width = distance(landmarks[first], landmarks[first + 3]);
-            (mean(&landmarks[first..first + 6]), width)
-        };
-        Place {
-            eyes: [eye(36), eye(42)],
-            mouth: mean(&landmarks[60..68]),
-            mouth_width: distance(landmarks[48], landmarks[54]),
+/// How far each vertex of a part that holds both jaws follows the lower one.
+///
+/// The highest and lowest vertices of its front half surely belong to one jaw each; every other
+/// vertex belongs to the jaw that is nearer along the part's edges. On ICT FaceKit's gums with
+/// tongue 4 % of the vertices, in the throat, come out on the wrong jaw. `unit`: one length unit of
+/// the mouth.
+fn jaw_shares(mesh: &Mesh, part: &[u32], unit: f32) -> Vec<Follows> {
+    let at = |v: &u32| mesh.positions[*v as usize];
+    let mut depths: Vec<f32> = part.iter().map(|v| at(v)[2]).collect();
+    depths.sort_by(f32::total_cmp);
+    let middle = depths[depths.len() / 2];
+    let mut front: Vec<u32> = part
+        .iter()
+        .copied()
+        .filter(|v| at(v)[2] >= middle)
+        .collect();
+    front.sort_by(|a, b| at(a)[1].total_cmp(&at(b)[1]));
+    let count = ((front.len() as f32 * SURE_SHARE) as usize).clamp(1, front.len());
+    let ways = EdgeWays::new(mesh, part);
+    let down = ways.shortest_from(&front[..count]);
+    let up = ways.shortest_from(&front[front.len() - count..]);
+    let passage = PASSAGE_CM * unit;
+    let share = |(up, down): (f32, f32)| match (up.is_finite(), down.is_finite()) {
+        (true, true) => (0.5 + (up - down) / (2.0 * passage)).clamp(0.0, 1.0),
+        // A loose piece that no way reaches: by its height.
+        (upper, lower) => f32::from(lower && !upper),
+    };
+    let follows = |ways| match share(ways) {
+        0.0 => Follows::Skull,
+        share => Follows::Jaw(share),
+    };
+    up.into_iter().zip(down).map(follows).collect()
+}
+
+/// Ways along the edges of one part.
+struct EdgeWays {
+    /// Neighbours of each vertex of the part, by position in the part, with the edge's length.
+    edges: Vec<Vec<(u32, f32)>>,
+    number: HashMap<u32, u32>,
+}
+
+impl EdgeWays {
+    fn new(mesh: &Mesh, part: &[u32]) -> EdgeWays {
+        let number: HashMap<u32, u32> = part
+            .iter()
+            .enumerate()
+            .map(|(i, &v)| (v, i as u32))
+            .collect();
+        let mut edges = vec![Vec::new(); part.len()];
+        for t in &mesh.triangles {
+            for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+                if let (Some(&i), Some(&j)) = (number.get(&a), number.get(&b)) {
+                    let length = distance(mesh.positions[a as usize], mesh.positions[b as usize]);
+                    edges[i as usize].push((j, length));
+                    edges[j as usize].push((i, length));
+                }
+            }
         }
+        EdgeWays { edges, number }
     }
 
-    /// Roundish, or smaller than the opening, and within reach of an eyeball's place.
-    fn is_eye(&self, bounds: &Box3) -> bool {
-        self.eyes.iter().any(|&(centre, width)| {
-            let middle = bounds.middle();
-            let beside = (0..2).all(|i| (middle[i] - centre[i]).abs() < 0.6 * width);
-            let depth = middle[2] - centre[2];
-            let near = beside && depth > -1.2 * width && depth < 0.3 * width;
-            let round = bounds.smallest() > 0.55 * width;
-            near && bounds.largest() < 2.0 * width && (round || bounds.largest() < 0.6 * width)
-        })
-    }
-
-    /// Within the mouth's width, behind the lips.
-    fn is_in_mouth(&self, bounds: &Box3) -> bool {
-        let unit = self.mouth_width / 5.0;
-        let offset = |p: [f32; 3], i: usize| (p[i] - self.mouth[i]) / unit;
-        let (low, high) = (bounds.low, bounds.high);
-        let across = offset(low, 0) > -4.5 && offset(high, 0) < 4.5;
-        let height = offset(low, 1) > -4.5 && offset(high, 1) < 4.0;
-        let depth = offset(high, 2) < 0.3 && offset(low, 2) > -12.0;
-        across && height && depth
-    }
-
-    fn jaw_share(&self, bounds: &Box3, position: [f32; 3]) -> Follows {
-        let height = |y: f32| y - self.mouth[1];
-        let share = if bounds.high[1] - bounds.low[1] > TALL_CM * self.mouth_width / 5.0 {
-            1.0 - ((height(position[1]) - 0.1) / PASSAGE_CM).clamp(0.0, 1.0)
-        } else {
-            f32::from(height(bounds.middle()[1]) < 0.0)
-        };
-        match share > 0.0 {
-            true => Follows::Jaw(share),
-            false => Follows::Skull,
+    /// Length of the shortest way of each vertex to any of `seeds` (vertices of the mesh).
+    fn shortest_from(&self, seeds: &[u32]) -> Vec<f32> {
+        let mut ways = vec![f32::INFINITY; self.edges.len()];
+        let mut heap: BinaryHeap<Step> = seeds.iter().map(|v| Step(0.0, self.number[v])).collect();
+        while let Some(Step(way, at)) = heap.pop() {
+            if way >= ways[at as usize] {
+                continue;
+            }
+            ways[at as usize] = way;
+            for &(next, length) in &self.edges[at as usize] {
+                if way + length < ways[next as usize] {
+                    heap.push(Step(way + length, next));
+                }
+            }
         }
+        ways
     }
 }
 
-fn mean(points: &[[f32; 3]]) -> [f32; 3] {
-    let count = points.len() as f32;
-    std::array::from_fn(|i| points.iter().map(|p| p[i]).sum::<f32>() / count)
+/// A vertex reached by a way; the heap gives the shortest first.
+#[derive(PartialEq)]
+struct Step(f32, u32);
+
+impl Eq for Step {}
+
+impl Ord for Step {
+    fn cmp(&self, other: &Self) -> Ordering {
+        let shorter = other.0.total_cmp(&self.0);
+        shorter.then_with(|| other.1.cmp(&self.1))
+    }
 }
 
-/// An axis-aligned box.
-struct Box3 {
-    low: [f32; 3],
-    high: [f32; 3],
-}
-
-impl Box3 {
-    fn of(points: impl Iterator<Item = [f32; 3]>) -> Box3 {
-        let empty = Box3 {
-            low: [f32::INFINITY; 3],
-            high: [f32::NEG_INFINITY; 3],
-        };
-        points.fold(empty, |b, p| Box3 {
-            low: std::array::from_fn(|i| b.low[i].min(p[i])),
-            high: std::array::from_fn(|i| b.high[i].max(p[i])),
-        })
-    }
-
-    fn middle(&self) -> [f32; 3] {
-        std::array::from_fn(|i| 0.5 * (self.low[i] + self.high[i]))
-    }
-
-    fn extents(&self) -> [f32; 3] {
-        std::array::from_fn(|i| self.high[i] - self.low[i])
-    }
-
-    fn largest(&self) -> f32 {
-        self.extents().into_iter().fold(0.0, f32::max)
-    }
-
-    fn smallest(&self) -> f32 {
-        self.extents().into_iter().fold(f32::INFINITY, f32::min)
+impl PartialOrd for Step {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
     }
 }

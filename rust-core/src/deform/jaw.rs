@@ -1,61 +1,117 @@
-//! The motion of the lower jaw that the chin's landmarks imply.
+//! The motion of the lower jaw that the face's contour implies.
 //!
-//! The jaw turns about an axis across the head and slides forward and sideways; those three
-//! numbers are the least-squares fit to the five landmarks of the chin, so they are linear in the
-//! landmarks, and so is what the teeth do.
+//! The jaw is a rigid body: it turns about the hinge in front of the ears (pitch, and a little yaw)
+//! and the hinge slides. Those five numbers are linear in the displacements of the contour's
+//! landmarks 2 to 14, a ridge regression on ICT FaceKit's lower teeth (`training/fit_jaw.py`) that
+//! tells the bone's motion from that of the skin over it. What they do to a point is not linear: it
+//! turns with the bone, so that wide open jaws keep the shape of their teeth.
 
-use faer::{Mat, linalg::solvers::Solve};
-use ndarray::Array2;
+use std::sync::LazyLock;
+
+use serde::Deserialize;
 
 use crate::motion::LANDMARKS;
 
-/// Numbers that describe the jaw: angle, sideways, forward.
-pub const JAW_RANK: usize = 3;
+/// Pitch and yaw in radians, slide x, y, z in canonical centimetres.
+const NUMBERS: usize = 5;
 
-/// A point of the axis, canonical centimetres: where ICT FaceKit's lower teeth turn.
-const HINGE_CM: [f64; 3] = [0.0, -3.13, -1.97];
-/// Landmarks of the chin.
-const CHIN: std::ops::RangeInclusive<usize> = 6..=10;
-/// The chin's skin moves less than the bone beneath it; measured on ICT FaceKit.
-const BONE_GAIN: f64 = 1.2;
-
-/// Displacement of a point for each number, `[axis][number]`.
-fn pattern(point: [f64; 3]) -> [[f64; JAW_RANK]; 3] {
-    let (y, z) = (point[1] - HINGE_CM[1], point[2] - HINGE_CM[2]);
-    [[0.0, 1.0, 0.0], [-z, 0.0, 0.0], [y, 0.0, 1.0]]
+/// What `training/fit_jaw.py` writes.
+#[derive(Deserialize)]
+struct Fitted {
+    landmarks: Vec<usize>,
+    /// From the middle of landmarks 2 and 14: shares of the way to the chin, and of that way turned
+    /// by a right angle.
+    hinge: [f32; 2],
+    /// From hinge to chin on the head that was fitted.
+    lever_cm: f32,
+    /// `[5][39]`, for every number and contour coordinate x, y, z.
+    pose: Vec<Vec<f32>>,
 }
 
-/// `[3 numbers, 204]`: the jaw's numbers from landmark displacements. `landmarks`: of the neutral
-/// face, canonical centimetres; displacements in any unit, the same as [`follow`]'s result.
-pub fn from_landmarks(landmarks: &[[f32; 3]; LANDMARKS]) -> Array2<f32> {
-    let count = CHIN.count();
-    let mut patterns = Mat::<f64>::zeros(3 * count, JAW_RANK);
-    for (i, n) in CHIN.enumerate() {
-        for (axis, row) in pattern(landmarks[n].map(f64::from)).iter().enumerate() {
-            for (k, &value) in row.iter().enumerate() {
-                patterns[(3 * i + axis, k)] = value;
-            }
-        }
-    }
-    let mut normal = patterns.transpose() * &patterns;
-    for k in 0..JAW_RANK {
-        // Keeps the fit defined where the landmarks of the chin fall together.
-        normal[(k, k)] += 1e-6;
-    }
-    let fit = normal.partial_piv_lu().solve(patterns.transpose());
-    let mut out = Array2::zeros((JAW_RANK, 3 * LANDMARKS));
-    for k in 0..JAW_RANK {
-        for c in 0..3 * count {
-            out[[k, 3 * CHIN.start() + c]] = (BONE_GAIN * fit[(k, c)]) as f32;
-        }
-    }
-    out
+static FITTED: LazyLock<Fitted> = LazyLock::new(|| {
+    serde_json::from_str(include_str!("jaw_from_contour.json"))
+        .expect("the embedded file is checked by a test")
+});
+
+/// The lower jaw of one head, canonical centimetres.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Jaw {
+    /// About which it turns.
+    pub hinge: [f32; 3],
+    /// How much longer than the fitted head's the way from hinge to chin is.
+    size: f32,
 }
 
-/// Displacement `[axis][number]` of a point that follows the jaw by `share`. `point`: canonical
-/// centimetres.
-pub fn follow(point: [f32; 3], share: f32) -> [[f32; JAW_RANK]; 3] {
-    pattern(point.map(f64::from)).map(|row| row.map(|x| share * x as f32))
+/// Where the jaw is in one frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JawPose {
+    /// Rotation less the identity.
+    turn: [[f32; 3]; 3],
+    slide: [f32; 3],
+}
+
+impl Jaw {
+    /// Finds the hinge. `landmarks`: of the neutral face, canonical centimetres.
+    pub fn of(landmarks: &[[f32; 3]; LANDMARKS]) -> Jaw {
+        let middle: [f32; 3] = std::array::from_fn(|i| 0.5 * (landmarks[2][i] + landmarks[14][i]));
+        let chin = landmarks[8];
+        let (y, z) = (chin[1] - middle[1], chin[2] - middle[2]);
+        let [along, across] = FITTED.hinge;
+        let hinge = [
+            middle[0],
+            middle[1] + along * y + across * z,
+            middle[2] + along * z - across * y,
+        ];
+        let lever = (chin[1] - hinge[1]).hypot(chin[2] - hinge[2]);
+        Jaw {
+            hinge,
+            size: (lever / FITTED.lever_cm).max(0.1),
+        }
+    }
+
+    /// The pose for landmark displacements, canonical centimetres.
+    pub fn pose(&self, moved: &[[f32; 3]; LANDMARKS]) -> JawPose {
+        let mut numbers = [0.0f32; NUMBERS];
+        for (number, weights) in numbers.iter_mut().zip(&FITTED.pose) {
+            let of_landmarks = FITTED.landmarks.iter().zip(weights.chunks_exact(3));
+            *number = of_landmarks
+                .map(|(&n, w)| (0..3).map(|i| w[i] * moved[n][i]).sum::<f32>())
+                .sum();
+        }
+        let [pitch, yaw, x, y, z] = numbers;
+        JawPose {
+            turn: turn(pitch / self.size, yaw / self.size),
+            slide: [x, y, z],
+        }
+    }
+}
+
+impl JawPose {
+    /// Displacement of a point given by its offset from the hinge, canonical centimetres.
+    pub fn displacement(&self, from_hinge: [f32; 3]) -> [f32; 3] {
+        let turned = |i: usize| -> f32 { (0..3).map(|j| self.turn[i][j] * from_hinge[j]).sum() };
+        std::array::from_fn(|i| turned(i) + self.slide[i])
+    }
+}
+
+/// The rotation by the vector (pitch, yaw, 0) less the identity (Rodrigues).
+fn turn(pitch: f32, yaw: f32) -> [[f32; 3]; 3] {
+    let angle = pitch.hypot(yaw);
+    let (sine, versine) = match angle < 1e-4 {
+        true => (1.0, 0.5),
+        // 1 − cos without cancellation.
+        false => (
+            angle.sin() / angle,
+            2.0 * (0.5 * angle).sin().powi(2) / (angle * angle),
+        ),
+    };
+    let k = [[0.0, 0.0, yaw], [0.0, 0.0, -pitch], [-yaw, pitch, 0.0]];
+    std::array::from_fn(|i| {
+        std::array::from_fn(|j| {
+            let square: f32 = (0..3).map(|m| k[i][m] * k[m][j]).sum();
+            sine * k[i][j] + versine * square
+        })
+    })
 }
 
 #[cfg(test)]
@@ -63,19 +119,75 @@ mod tests {
     use super::*;
     use crate::mesh::canonical_landmarks;
 
+    fn landmarks() -> [[f32; 3]; LANDMARKS] {
+        canonical_landmarks().map(|p| p.map(|x| 100.0 * x))
+    }
+
+    /// The skin of the chin as it follows a jaw that opens: less and less towards the ears.
+    fn opening(sign: f32) -> [[f32; 3]; LANDMARKS] {
+        let mut moved = [[0.0; 3]; LANDMARKS];
+        for n in 2..=14usize {
+            let share = 1.0 - n.abs_diff(8) as f32 / 7.0;
+            moved[n] = [0.3 * sign * share * share, -2.0 * share, -2.0 * share];
+        }
+        moved
+    }
+
     #[test]
-    fn a_turning_jaw_is_recovered_from_the_chin() {
-        let landmarks = canonical_landmarks().map(|p| p.map(|x| 100.0 * x));
-        let numbers = [0.1f32, 0.2, -0.3];
-        let fit = from_landmarks(&landmarks);
-        let moved: Vec<f32> = landmarks
-            .iter()
-            .flat_map(|&p| follow(p, 1.0))
-            .map(|row| (0..3).map(|k| row[k] * numbers[k]).sum())
-            .collect();
-        for (k, expected) in numbers.iter().enumerate() {
-            let got: f32 = fit.row(k).iter().zip(&moved).map(|(a, b)| a * b).sum();
-            assert!((got - BONE_GAIN as f32 * expected).abs() < 1e-4);
+    fn the_fit_has_thirteen_landmarks_and_five_numbers() {
+        assert_eq!(FITTED.landmarks, (2..=14).collect::<Vec<_>>());
+        assert_eq!(FITTED.pose.len(), NUMBERS);
+        assert!(FITTED.pose.iter().all(|row| row.len() == 39));
+    }
+
+    #[test]
+    fn an_opening_jaw_turns_down_and_keeps_lengths() {
+        let jaw = Jaw::of(&landmarks());
+        let pose = jaw.pose(&opening(0.0));
+        let points = [[1.0, -5.0, 9.0], [-2.0, -3.0, 6.0]];
+        let moved = points.map(|p| {
+            let d = pose.displacement(p);
+            std::array::from_fn::<f32, 3, _>(|i| p[i] + d[i])
+        });
+        assert!(moved[0][1] < points[0][1] - 1.0, "{moved:?}");
+        let length =
+            |a: [f32; 3], b: [f32; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>().sqrt();
+        let change = length(moved[0], moved[1]) - length(points[0], points[1]);
+        assert!(change.abs() < 1e-5, "{change}");
+    }
+
+    #[test]
+    fn the_hinge_lies_before_the_ears_and_grows_with_the_head() {
+        let jaw = Jaw::of(&landmarks());
+        for (got, expected) in jaw.hinge.iter().zip([0.0, -3.13, -1.97]) {
+            assert!((got - expected).abs() < 0.02, "{:?}", jaw.hinge);
+        }
+        assert!((jaw.size - 1.0).abs() < 1e-3);
+        let twice = Jaw::of(&landmarks().map(|p| p.map(|x| 2.0 * x)));
+        assert!((twice.size - 2.0).abs() < 2e-3);
+    }
+
+    #[test]
+    fn mirrored_motion_gives_the_mirrored_pose() {
+        let jaw = Jaw::of(&landmarks());
+        let motion = |n: usize| {
+            [
+                (n as f32).sin(),
+                (1.7 * n as f32).cos(),
+                0.3 * n as f32 - 2.0,
+            ]
+        };
+        let one: [[f32; 3]; LANDMARKS] = std::array::from_fn(motion);
+        let mut other = one;
+        for n in 0..17 {
+            other[n] = [-one[16 - n][0], one[16 - n][1], one[16 - n][2]];
+        }
+        let [left, right] = [jaw.pose(&one), jaw.pose(&other)];
+        let a = left.displacement([1.0, -4.0, 8.0]);
+        let b = right.displacement([-1.0, -4.0, 8.0]);
+        // Sums of 39 products of size 0.1 in another order, times a lever of 9 cm.
+        for (a, b) in a.iter().zip([-b[0], b[1], b[2]]) {
+            assert!((a - b).abs() < 1e-4, "{a} {b}");
         }
     }
 }

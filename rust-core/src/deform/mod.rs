@@ -2,18 +2,25 @@
 //!
 //! [`Deformer`] is what every decoder offers. [`LandmarkWeights`] is the default one: fixed weights
 //! over the landmarks, shared by systems. They come from [`PlateWeights`] on the skin and from
-//! [`binding`] on everything else. [`compression`] turns the result into a few basis shapes.
+//! [`binding`] on everything else, by the role of each part ([`PartList`]). [`Corrected`] adds what
+//! is not linear: the jaw's rotation, lips and lids that touch. [`compression`] turns the result into a few basis shapes.
 
 pub mod binding;
 pub mod compression;
+mod contact;
+mod corrected;
 pub mod jaw;
 mod landmark_weights;
 mod lids;
 mod nearest;
+mod part_list;
+mod place;
 mod skin;
 mod tension_screened_biharmonic;
 
+pub use corrected::{Corrected, Corrections};
 pub use landmark_weights::LandmarkWeights;
+pub use part_list::PartList;
 pub use skin::Skin;
 pub use tension_screened_biharmonic::{Plate, PlateWeights, REACHES_CM};
 
@@ -40,4 +47,17 @@ pub trait Deformer: Send + Sync {
         landmarks: ArrayView3<'_, f32>,
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>>;
+
+    /// [`Deformer::deform`] without the corrections that depend on what touches what: skin alone, linear
+    /// where the decoder is.
+    ///
+    /// # Errors
+    /// Those of [`Deformer::deform`].
+    fn deform_freely(
+        &self,
+        landmarks: ArrayView3<'_, f32>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array3<f32>> {
+        self.deform(landmarks, progress)
+    }
 }

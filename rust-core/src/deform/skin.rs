@@ -1,12 +1,12 @@
 //! The part of a mesh on which landmark motion is solved.
 
-use super::nearest::PointGrid;
+use super::{nearest::PointGrid, part_list::PartList};
 use crate::{
     Error, Result,
     mesh::{
-        Mesh, Parts,
+        Mesh, PartRole, Parts,
         lips::{Lip, lip_of_vertices},
-        parts::{NO_PART, weld_seams},
+        parts::weld_seams,
     },
     motion::LANDMARKS,
     operators::{NO_ROW, OperatorOptions, Operators},
@@ -22,9 +22,7 @@ const LOST_CM: f32 = 5.0;
 
 /// The connected parts that carry landmarks, and their operators.
 pub struct Skin {
-    /// Parts of the whole mesh, seams sewn up.
-    pub parts: Parts,
-    /// `[V]`, whether a vertex is skin.
+    /// `[V]`, whether a vertex is skin with a row.
     pub is_skin: Vec<bool>,
     /// Of the skin, canonical centimetres; `R` rows.
     pub operators: Operators,
@@ -34,7 +32,7 @@ pub struct Skin {
 
 impl Skin {
     /// Finds it. `mesh` and `landmarks` in canonical centimetres; `vertices`: nearest vertex of
-    /// each landmark.
+    /// each landmark; `list`: the parts of the mesh.
     ///
     /// # Errors
     /// `Mesh` if no landmark lies on a usable face.
@@ -42,26 +40,24 @@ impl Skin {
         mesh: &Mesh,
         landmarks: &[[f32; 3]; LANDMARKS],
         vertices: &[u32; LANDMARKS],
+        list: &PartList,
     ) -> Result<Skin> {
-        let keep_apart = touching_lips(mesh, vertices);
-        let parts = sewn_parts(mesh, &keep_apart);
-        let is_part = parts_of_skin(&parts, vertices)?;
-        let is_skin: Vec<bool> = parts
-            .of_vertex
-            .iter()
-            .map(|&part| part != NO_PART && is_part[part as usize])
+        let is_skin: Vec<bool> = (0..mesh.positions.len())
+            .map(|v| list.is(v, PartRole::Skin))
             .collect();
         let faces: Vec<u32> = (0..mesh.triangles.len() as u32)
             .filter(|&f| is_skin[mesh.triangles[f as usize][0] as usize])
             .collect();
         let options = OperatorOptions {
-            keep_apart,
+            keep_apart: list.keep_apart.clone(),
             ..OperatorOptions::default()
         };
         let operators = Operators::of_faces(mesh, &faces, &options)?;
         let landmark_rows = rows_of_landmarks(&operators, landmarks, vertices)?;
+        // A vertex of collapsed faces alone has no row: it follows the skin beside it.
+        let is_skin = is_skin.iter().zip(&operators.row_of_vertex);
+        let is_skin = is_skin.map(|(&skin, &row)| skin && row != NO_ROW).collect();
         Ok(Skin {
-            parts,
             is_skin,
             operators,
             landmark_rows,
@@ -70,7 +66,7 @@ impl Skin {
 }
 
 /// Vertices of closed lips that only coincide: sewing them up would glue the mouth.
-fn touching_lips(mesh: &Mesh, vertices: &[u32; LANDMARKS]) -> Vec<u32> {
+pub(super) fn touching_lips(mesh: &Mesh, vertices: &[u32; LANDMARKS]) -> Vec<u32> {
     let groups = weld_seams(&mesh.positions, &mesh.triangles, &[]);
     let sewn: Vec<u32> = (0..groups.len() as u32)
         .filter(|&v| groups[v as usize] != v)
@@ -90,7 +86,7 @@ fn touching_lips(mesh: &Mesh, vertices: &[u32; LANDMARKS]) -> Vec<u32> {
     apart.flat_map(|v| [v, groups[v as usize]]).collect()
 }
 
-fn sewn_parts(mesh: &Mesh, keep_apart: &[u32]) -> Parts {
+pub(super) fn sewn_parts(mesh: &Mesh, keep_apart: &[u32]) -> Parts {
     let groups = weld_seams(&mesh.positions, &mesh.triangles, keep_apart);
     let sewn = mesh.triangles.iter().map(|t| t.map(|v| groups[v as usize]));
     let mut parts = Parts::of(mesh.positions.len(), &sewn.collect::<Vec<_>>());
@@ -101,7 +97,7 @@ fn sewn_parts(mesh: &Mesh, keep_apart: &[u32]) -> Parts {
 }
 
 /// `[parts]`, whether a part is skin.
-fn parts_of_skin(parts: &Parts, vertices: &[u32; LANDMARKS]) -> Result<Vec<bool>> {
+pub(super) fn parts_of_skin(parts: &Parts, vertices: &[u32; LANDMARKS]) -> Result<Vec<bool>> {
     let mut count = vec![0; parts.count];
     for &v in vertices {
         if let Some(count) = count.get_mut(parts.of_vertex[v as usize] as usize) {

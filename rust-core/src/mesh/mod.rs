@@ -14,6 +14,7 @@ pub mod parts;
 mod ply;
 mod polygons;
 mod read;
+mod roles;
 mod snap;
 mod tree;
 pub(crate) mod vec3;
@@ -24,6 +25,7 @@ pub use check::MeshReport;
 pub use find_landmarks::LandmarkFinder;
 pub use landmarks::{locate_landmarks, locate_landmarks_with};
 pub use parts::Parts;
+pub use roles::{ObjectNames, Part, PartChoices, PartRole, PartSelector, RoleSource};
 pub use tree::{ClosestPlace, SurfaceTree};
 
 /// A triangle mesh in the user's own units, axes and vertex order.
@@ -116,6 +118,8 @@ pub struct FaceOptions {
     pub up: Axis,
     /// Strength of the learned correction, 0 (training-free) to 1.
     pub learned: f32,
+    /// What the caller says of the mesh's parts; the others are told by shape and place.
+    pub parts: PartChoices,
 }
 
 impl Default for FaceOptions {
@@ -125,6 +129,7 @@ impl Default for FaceOptions {
             forward: Axis::PosZ,
             up: Axis::PosY,
             learned: 1.0,
+            parts: PartChoices::default(),
         }
     }
 }

@@ -170,14 +170,16 @@ impl RigModel {
             .map(|name| arkit(name))
             .collect();
         for (v, follows) in head.follows.iter().enumerate() {
-            let Follows::Skin(of, share) = *follows else {
+            let Follows::Skin(corners) = *follows else {
                 continue;
             };
-            let row = row_of_vertex[of as usize];
-            let moved = pieces[row / VERTICES_PER_TASK].row(row % VERTICES_PER_TASK);
-            for (s, &shape) in place.iter().enumerate() {
-                for axis in 0..3 {
-                    deltas[[shape, v, axis]] = 10.0 * share * moved[3 * s + axis];
+            for (of, share) in corners.into_iter().filter(|(_, share)| *share != 0.0) {
+                let row = row_of_vertex[of as usize];
+                let moved = pieces[row / VERTICES_PER_TASK].row(row % VERTICES_PER_TASK);
+                for (s, &shape) in place.iter().enumerate() {
+                    for axis in 0..3 {
+                        deltas[[shape, v, axis]] += 10.0 * share * moved[3 * s + axis];
+                    }
                 }
             }
         }
@@ -261,12 +263,12 @@ impl Head {
             triangles: mesh.triangles.clone(),
         };
         let landmarks = face.landmarks.positions.map(cm);
-        let skin = Skin::find(&mesh, &landmarks, &face.landmarks.vertices)?;
-        let follows = bind(&mesh.positions, &skin.parts, &skin.is_skin, &landmarks);
+        let skin = Skin::find(&mesh, &landmarks, &face.landmarks.vertices, &face.parts)?;
+        let follows = bind(&mesh, &face.parts, &skin.is_skin, &landmarks);
         Ok(Head {
             positions: mesh.positions,
             landmarks,
-            parts: skin.parts,
+            parts: face.parts.connected.clone(),
             follows,
         })
     }
@@ -275,8 +277,9 @@ impl Head {
     fn skin_vertices(&self) -> Vec<u32> {
         let mut used = vec![false; self.positions.len()];
         for follows in &self.follows {
-            if let Follows::Skin(v, _) = follows {
-                used[*v as usize] = true;
+            if let Follows::Skin(corners) = follows {
+                let felt = corners.iter().filter(|(_, share)| *share != 0.0);
+                felt.for_each(|(v, _)| used[*v as usize] = true);
             }
         }
         (0..used.len() as u32)
@@ -305,7 +308,7 @@ fn landmark_weights(
     for first in (0..LANDMARKS).step_by(LANDMARKS_PER_PROBE) {
         let mut probe = Array3::zeros((LANDMARKS_PER_PROBE, LANDMARKS, 3));
         (0..LANDMARKS_PER_PROBE).for_each(|i| probe[[i, first + i, 0]] = step);
-        let moved = face.deformer.deform(probe.view(), SILENT)?;
+        let moved = face.deformer.deform_freely(probe.view(), SILENT)?;
         for (i, frame) in moved.outer_iter().enumerate() {
             let column = frame.index_axis(Axis(1), 0).mapv(|x| x / step);
             out.column_mut(first + i).assign(&column);

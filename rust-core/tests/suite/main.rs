@@ -1,6 +1,9 @@
 //! Tests of the whole library and its command, in one binary so that it is linked once.
 
 mod command;
+mod damaged;
+mod head;
 mod imports;
 mod landmarks;
+mod parts;
 mod performance;

@@ -23,10 +23,10 @@ pub struct PaperFace {
     pub(super) features: MeshFeatures,
     /// Of the skin, decimetres.
     pub(super) surface: Surface,
-    /// What the decoder adds to: the jaw's parts, and the plate where the config says so.
+    /// What the decoder adds to: the plate where the config says so, else nothing.
     pub(super) base: LandmarkWeights,
-    /// `[V]`, the row of the skin that each vertex follows, and by which share.
-    pub(super) follows: Vec<Option<(u32, f32)>>,
+    /// `[V]`, the rows of the skin that each vertex follows, and by which shares.
+    pub(super) follows: Vec<[(u32, f32); 3]>,
     pub(super) to_canonical: Similarity,
 }
 
@@ -57,7 +57,7 @@ impl Deformer for PaperFace {
             let frames = targets.axis_iter_mut(Axis(0)).zip(moved.axis_iter(Axis(0)));
             for (mut target, moved) in frames {
                 for (v, follows) in self.follows.iter().enumerate() {
-                    if let Some((row, share)) = *follows {
+                    for &(row, share) in follows.iter().filter(|(_, share)| *share != 0.0) {
                         for axis in 0..3 {
                             target[[v, axis]] += share * moved[[row as usize, axis]];
                         }

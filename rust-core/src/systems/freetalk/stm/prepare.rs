@@ -10,9 +10,8 @@ use super::{
 use crate::{
     Error, Result,
     deform::{
-        LandmarkWeights, Plate, PlateWeights, Skin,
+        Corrected, Corrections, LandmarkWeights, PartList, Plate, PlateWeights, Skin,
         binding::{Follows, bind},
-        jaw,
     },
     mesh::{Landmarks, Mesh, Similarity},
     motion::LANDMARKS,
@@ -35,27 +34,30 @@ const STRONGEST: f32 = 10.0;
 /// # Errors
 /// `InvalidInput` for `learned` out of range, `Mesh` if the landmarks lie on no usable face,
 /// `Numerics` if the solve fails, `Cancelled`.
+// Four of them are one face: its mesh, landmarks, place and parts, found one after the other.
+#[expect(clippy::too_many_arguments)]
 pub fn prepare_static(
     weights: &StaticWeights,
     mesh: &Mesh,
     landmarks: &Landmarks,
     to_canonical: &Similarity,
+    parts: &PartList,
     cache: &Cache,
     learned: f32,
     progress: ProgressFn<'_>,
-) -> Result<LandmarkWeights> {
+) -> Result<Corrected<LandmarkWeights>> {
     if !(0.0..=STRONGEST).contains(&learned) {
         return Err(Error::InvalidInput(format!(
             "learned: expected 0 to {STRONGEST}, got {learned}"
         )));
     }
-    let setting = Setting::new(mesh, landmarks, to_canonical, cache, progress)?;
+    let setting = Setting::new(mesh, landmarks, to_canonical, parts, cache, progress)?;
     let strength = learned * setting.familiarity(weights);
     let correction = (strength > 0.0).then(|| setting.correction(weights));
     let mut result = setting.weights(true, correction.as_ref(), strength);
     turn(&mut result, to_canonical);
     report(progress, "weights", 1.0)?;
-    Ok(result)
+    Ok(setting.corrected(result, to_canonical))
 }
 
 /// Prepares the `paper` decoder for one mesh: operators and eigenbasis of the skin (kept in
@@ -68,10 +70,11 @@ pub fn prepare_paper(
     mesh: &Mesh,
     landmarks: &Landmarks,
     to_canonical: &Similarity,
+    parts: &PartList,
     cache: &Cache,
     progress: ProgressFn<'_>,
-) -> Result<PaperFace> {
-    let setting = Setting::new(mesh, landmarks, to_canonical, cache, progress)?;
+) -> Result<Corrected<PaperFace>> {
+    let setting = Setting::new(mesh, landmarks, to_canonical, parts, cache, progress)?;
     let config = decoder.config();
     let mut base = setting.weights(config.base, None, 0.0);
     turn(&mut base, to_canonical);
@@ -84,14 +87,15 @@ pub fn prepare_paper(
     let inputs = setting.vertex_inputs(config.inputs)?;
     let features = decoder.encode(inputs, &surface);
     report(progress, "weights", 1.0)?;
-    Ok(PaperFace {
+    let face = PaperFace {
         decoder,
         features,
         surface,
         base,
         follows,
         to_canonical: *to_canonical,
-    })
+    };
+    Ok(setting.corrected(face, to_canonical))
 }
 
 /// A mesh in canonical centimetres, its skin and what everything else follows.
@@ -108,6 +112,7 @@ impl Setting {
         mesh: &Mesh,
         landmarks: &Landmarks,
         to_canonical: &Similarity,
+        parts: &PartList,
         cache: &Cache,
         progress: ProgressFn<'_>,
     ) -> Result<Setting> {
@@ -119,11 +124,11 @@ impl Setting {
         };
         let vertices = landmarks.vertices;
         let landmarks = landmarks.positions.map(cm);
-        let skin = Skin::find(&mesh, &landmarks, &vertices)?;
+        let skin = Skin::find(&mesh, &landmarks, &vertices, parts)?;
         report(progress, "weights", 0.0)?;
         let plate = cached_plate(&skin, cache)?;
         report(progress, "weights", 0.7)?;
-        let follows = bind(&mesh.positions, &skin.parts, &skin.is_skin, &landmarks);
+        let follows = bind(&mesh, parts, &skin.is_skin, &landmarks);
         Ok(Setting {
             positions: mesh.positions,
             landmarks,
@@ -187,16 +192,34 @@ impl Setting {
         Ok(out)
     }
 
-    /// `[V]`, the row of the skin that each vertex follows, and by which share.
-    fn rows_followed(&self) -> Vec<Option<(u32, f32)>> {
-        let row = |skin: u32| self.skin.operators.row_of_vertex[skin as usize];
+    /// `[V]`, the rows of the skin that each vertex follows, and by which shares.
+    fn rows_followed(&self) -> Vec<[(u32, f32); 3]> {
+        let rows = &self.skin.operators.row_of_vertex;
+        let row = |(skin, share): (u32, f32)| match rows[skin as usize] {
+            NO_ROW => (0, 0.0),
+            row => (row, share),
+        };
         let follows = self.follows.iter();
         follows
             .map(|follows| match *follows {
-                Follows::Skin(skin, share) if row(skin) != NO_ROW => Some((row(skin), share)),
-                _ => None,
+                Follows::Skin(corners) => corners.map(row),
+                _ => [(0, 0.0); 3],
             })
             .collect()
+    }
+
+    /// The decoder with what a frame of this mesh needs beyond it.
+    fn corrected<D>(&self, decoder: D, to_canonical: &Similarity) -> Corrected<D> {
+        Corrected {
+            decoder,
+            corrections: Corrections::new(
+                &self.positions,
+                &self.skin,
+                &self.follows,
+                &self.landmarks,
+                to_canonical,
+            ),
+        }
     }
 
     /// Weights of every vertex in the canonical frame. `plate`: whether the skin follows the
@@ -209,48 +232,33 @@ impl Setting {
     ) -> LandmarkWeights {
         let vertices = self.follows.len();
         let learned = correction.map_or(0, |c| c.motion.nrows());
-        let rank = learned + jaw::JAW_RANK;
         let mut mix = Array2::zeros((vertices, LANDMARKS));
-        let mut cross = Array2::zeros((vertices, 3 * rank));
+        let mut cross = Array2::zeros((vertices, 3 * learned));
         for (v, followed) in self.rows_followed().into_iter().enumerate() {
-            let Some((row, share)) = followed else {
-                continue;
-            };
-            if plate {
-                self.copy_plate(row as usize, share, mix.row_mut(v));
-            }
-            if let Some(correction) = correction {
-                let strength = share * strength;
-                correct(
-                    correction,
-                    row as usize,
-                    strength,
-                    mix.row_mut(v),
-                    cross.row_mut(v),
-                );
-            }
-        }
-        for (v, follows) in self.follows.iter().enumerate() {
-            if let Follows::Jaw(share) = *follows {
-                for (axis, numbers) in jaw::follow(self.positions[v], share).iter().enumerate() {
-                    for (k, &value) in numbers.iter().enumerate() {
-                        cross[[v, axis * rank + learned + k]] = value;
-                    }
+            for (row, share) in followed.into_iter().filter(|(_, share)| *share != 0.0) {
+                if plate {
+                    self.add_plate(row as usize, share, mix.row_mut(v));
+                }
+                if let Some(correction) = correction {
+                    let strength = share * strength;
+                    correct(
+                        correction,
+                        row as usize,
+                        strength,
+                        mix.row_mut(v),
+                        cross.row_mut(v),
+                    );
                 }
             }
         }
-        let jaw = jaw::from_landmarks(&self.landmarks);
-        let motion = match correction {
-            Some(c) => ndarray::concatenate![ndarray::Axis(0), c.motion, jaw],
-            None => jaw,
-        };
+        let motion = correction.map_or(Array2::zeros((0, COORDINATES)), |c| c.motion.clone());
         LandmarkWeights { mix, cross, motion }
     }
 
-    fn copy_plate(&self, row: usize, share: f32, mut mix: ArrayViewMut1<'_, f32>) {
+    fn add_plate(&self, row: usize, share: f32, mut mix: ArrayViewMut1<'_, f32>) {
         let plate = &self.plate.weights[row * LANDMARKS..(row + 1) * LANDMARKS];
         for (to, from) in mix.iter_mut().zip(plate) {
-            *to = share * from;
+            *to += share * from;
         }
     }
 }
@@ -269,7 +277,7 @@ fn correct(
     let (learned, rank) = (correction.motion.nrows(), cross.len() / 3);
     for axis in 0..3 {
         for r in 0..learned {
-            cross[axis * rank + r] = strength * correction.cross[[row, axis * learned + r]];
+            cross[axis * rank + r] += strength * correction.cross[[row, axis * learned + r]];
         }
     }
 }
@@ -330,7 +338,8 @@ fn turn(weights: &mut LandmarkWeights, to_canonical: &Similarity) {
 mod tests {
     use super::*;
     use crate::{
-        CachePolicy, deform::Deformer, nn::golden::Golden, progress::SILENT, weights::ModelFiles,
+        CachePolicy, deform::Deformer, mesh::PartChoices, nn::golden::Golden, progress::SILENT,
+        weights::ModelFiles,
     };
     use ndarray::Array3;
 
@@ -368,15 +377,23 @@ mod tests {
         )
     }
 
+    fn parts(mesh: &Mesh, landmarks: &Landmarks, to: &Similarity) -> PartList {
+        PartList::find(mesh, landmarks, to, &PartChoices::default()).unwrap()
+    }
+
     fn prepare(
         mesh: &Mesh,
         landmarks: &Landmarks,
         to: &Similarity,
         learned: f32,
-    ) -> LandmarkWeights {
+    ) -> Corrected<LandmarkWeights> {
         let weights = built_in();
         let cache = Cache::new(&CachePolicy::Off);
-        prepare_static(&weights, mesh, landmarks, to, &cache, learned, SILENT).unwrap()
+        let parts = parts(mesh, landmarks, to);
+        prepare_static(
+            &weights, mesh, landmarks, to, &parts, &cache, learned, SILENT,
+        )
+        .unwrap()
     }
 
     fn motion() -> Array3<f32> {
@@ -445,8 +462,10 @@ mod tests {
         }
         let weights = prepare(&mesh, &landmarks, &Similarity::IDENTITY, 1.0);
         let mut drop = Array3::zeros((1, LANDMARKS, 3));
-        for n in 4..=12 {
-            drop[[0, n, 1]] = -0.01;
+        for n in 2..=14usize {
+            let share = 1.0 - n.abs_diff(8) as f32 / 7.0;
+            drop[[0, n, 1]] = -0.01 * share;
+            drop[[0, n, 2]] = -0.01 * share;
         }
         let moved = weights.deform(drop.view(), SILENT).unwrap();
         let height = |v: u32| moved[[0, (first + v) as usize, 1]];
@@ -458,7 +477,7 @@ mod tests {
     fn learned_zero_is_training_free_and_out_of_range_is_an_error() {
         let (mesh, landmarks) = face();
         let free = prepare(&mesh, &landmarks, &Similarity::IDENTITY, 0.0);
-        assert_eq!(free.motion.nrows(), jaw::JAW_RANK);
+        assert_eq!(free.decoder.motion.nrows(), 0);
         let weights = built_in();
         let cache = Cache::new(&CachePolicy::Off);
         for wrong in [-0.1, f32::NAN, 11.0] {
@@ -467,6 +486,7 @@ mod tests {
                 &mesh,
                 &landmarks,
                 &Similarity::IDENTITY,
+                &parts(&mesh, &landmarks, &Similarity::IDENTITY),
                 &cache,
                 wrong,
                 SILENT,
@@ -487,6 +507,7 @@ mod tests {
                 &mesh,
                 &landmarks,
                 &Similarity::IDENTITY,
+                &parts(&mesh, &landmarks, &Similarity::IDENTITY),
                 &cache,
                 1.0,
                 SILENT,

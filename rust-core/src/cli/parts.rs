@@ -1,0 +1,56 @@
+//! `anyface parts`: the parts of a mesh and what each of them is.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::{
+    arguments::{FaceArgs, SharedArgs},
+    console::Console,
+};
+use crate::{
+    Result,
+    deform::PartList,
+    mesh::{LandmarkFinder, Mesh, ObjectNames, Part, align_to_canonical, locate_landmarks_with},
+};
+
+/// List the parts of a mesh (teeth, eyes, lashes, …) and what each of them follows
+#[derive(Args)]
+pub(super) struct ListParts {
+    /// The mesh: OBJ or PLY
+    #[arg(long, value_name = "M")]
+    mesh: PathBuf,
+    #[command(flatten)]
+    face: FaceArgs,
+}
+
+impl ListParts {
+    pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
+        let mut options = self.face.options(&self.mesh, None)?;
+        options.parts.names = ObjectNames::read(&self.mesh)?;
+        let mesh = Mesh::read(&self.mesh)?;
+        let finder = LandmarkFinder::load(shared.weights.as_deref())?;
+        let landmarks = locate_landmarks_with(&finder, &mesh, &options)?;
+        let to_canonical = align_to_canonical(&landmarks)?;
+        let list = PartList::find(&mesh, &landmarks, &to_canonical, &options.parts)?;
+        let mut text = format!(
+            "{:>4} {:<8} {:>8}  {:<32} name\n",
+            "part", "role", "vertices", "middle"
+        );
+        list.parts.iter().for_each(|part| text += &line(part));
+        console.value(&serde_json::json!({"parts": list.parts}), &text);
+        Ok(())
+    }
+}
+
+fn line(part: &Part) -> String {
+    let middle = [0, 1, 2].map(|i| format!("{:.4}", 0.5 * (part.low[i] + part.high[i])));
+    format!(
+        "{:>4} {:<8} {:>8}  {:<32} {}\n",
+        part.number,
+        part.role.name(),
+        part.vertices,
+        middle.join(" "),
+        part.name.as_deref().unwrap_or("-")
+    )
+}

@@ -1,0 +1,409 @@
+//! Lips and lids that touch: their rims neither pass through one another nor stay apart.
+//!
+//! Weights over landmarks do not know that two rims face each other. For each slit (the mouth, each
+//! eye) the rims are found once: of the vertices near the landmarks of a rim the lowest of the upper
+//! one and the highest of the lower one, from corner to corner. In each frame the gap between them is
+//! looked at in [`SAMPLES`] places; where it is less than nothing (or than it was in the neutral face)
+//! both rims give way by half, and where the landmarks have met and the rims have not, both come
+//! together. The change fades over the skin beside the rims. A slit that nothing crosses stays as it
+//! was, bit for bit.
+//!
+//! Lengths are canonical centimetres.
+
+use super::{binding::Follows, skin::Skin};
+use crate::{
+    mesh::{
+        Mesh, Similarity,
+        lips::{Lip, lip_of_vertices},
+    },
+    motion::LANDMARKS,
+    operators::NO_ROW,
+};
+
+/// Lashes stick out from the rim by no more than this.
+const REACH_OF_PARTS_CM: f32 = 2.0;
+/// Places from corner to corner at which a gap is looked at.
+const SAMPLES: usize = 24;
+/// Pieces from corner to corner that have one rim vertex each.
+const PIECES: usize = 32;
+/// A rim lies no further than this from its landmarks' line.
+const RIM_CM: f32 = 0.3;
+/// Landmarks nearer than this have met, or than half their neutral distance.
+const MET_CM: f32 = 0.05;
+/// Rims further apart than this are not brought together: the landmarks are not on them.
+const PULL_CM: f32 = 0.3;
+
+/// A slit by its landmarks.
+struct Marks {
+    upper: &'static [usize],
+    lower: &'static [usize],
+    /// How far beside the rims a correction is felt.
+    reach_cm: f32,
+}
+
+const SLITS: [Marks; 3] = [
+    Marks {
+        upper: &[60, 61, 62, 63, 64],
+        lower: &[60, 67, 66, 65, 64],
+        reach_cm: 1.2,
+    },
+    Marks {
+        upper: &[36, 37, 38, 39],
+        lower: &[36, 41, 40, 39],
+        reach_cm: 0.6,
+    },
+    Marks {
+        upper: &[42, 43, 44, 45],
+        lower: &[42, 47, 46, 45],
+        reach_cm: 0.6,
+    },
+];
+
+/// Two numbers of vertices or landmarks with their shares.
+type Between = [(u32, f32); 2];
+
+#[derive(Debug, Clone, PartialEq)]
+struct Sample {
+    upper: Between,
+    lower: Between,
+    gap: f32,
+    upper_marks: Between,
+    lower_marks: Between,
+    marks_gap: f32,
+}
+
+/// The rims of mouth or eye, and what moves with them.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Slit {
+    /// Unit vector from the lower to the upper rim, the mesh's own axes.
+    up: [f32; 3],
+    /// Mesh units to centimetres.
+    to_cm: f32,
+    samples: Vec<Sample>,
+    /// Vertex, its place among the samples, and the share of a gap's change that it makes: half for
+    /// the upper rim, minus half for the lower one.
+    touched: Vec<(u32, f32, f32)>,
+}
+
+/// Everything about the neutral face that rims are found with, canonical centimetres.
+struct NeutralFace<'a> {
+    /// The skin with its seams sewn up: its rows.
+    mesh: Mesh,
+    landmarks: &'a [[f32; 3]; LANDMARKS],
+    /// Row of each landmark.
+    rows: &'a [u32; LANDMARKS],
+    row_of_vertex: &'a [u32],
+    /// A vertex of each row.
+    vertex_of_row: &'a [u32],
+    /// Of every vertex of the head.
+    positions: &'a [[f32; 3]],
+    follows: &'a [Follows],
+}
+
+/// Finds the slits of a face; those without two rims are left out.
+///
+/// `positions`: `[V]`, `landmarks`: of the neutral face, both canonical centimetres.
+pub(super) fn slits(
+    skin: &Skin,
+    positions: &[[f32; 3]],
+    landmarks: &[[f32; 3]; LANDMARKS],
+    follows: &[Follows],
+    to_canonical: &Similarity,
+) -> Vec<Slit> {
+    let operators = &skin.operators;
+    let rows = operators.positions.iter();
+    let face = NeutralFace {
+        mesh: Mesh {
+            positions: rows.map(|p| p.map(|x| x as f32)).collect(),
+            triangles: operators.triangles.clone(),
+        },
+        landmarks,
+        rows: &skin.landmark_rows,
+        row_of_vertex: &operators.row_of_vertex,
+        vertex_of_row: &operators.vertex_of_row,
+        positions,
+        follows,
+    };
+    let found = SLITS.iter();
+    found
+        .filter_map(|marks| face.slit(marks, to_canonical))
+        .collect()
+}
+
+impl NeutralFace<'_> {
+    fn slit(&self, marks: &Marks, to_canonical: &Similarity) -> Option<Slit> {
+        let line = Line::of(self.landmarks, marks)?;
+        let seeds = |marks: &[usize]| -> Vec<u32> {
+            let inner = &marks[1..marks.len() - 1];
+            inner.iter().map(|&n| self.rows[n]).collect()
+        };
+        let radius = line.length + marks.reach_cm;
+        let sides = lip_of_vertices(&self.mesh, &seeds(marks.upper), &seeds(marks.lower), radius);
+        let upper = self.rim(&line, marks.upper, &sides, Lip::Upper);
+        let lower = self.rim(&line, marks.lower, &sides, Lip::Lower);
+        if upper.len() < 2 || lower.len() < 2 {
+            return None;
+        }
+        let samples = self.samples(&line, marks, &upper, &lower);
+        let touched = self.touched(&line, marks, &sides, &upper, &lower);
+        Some(Slit {
+            up: to_canonical.inverse().rotate(line.up),
+            to_cm: 100.0 * to_canonical.scale as f32,
+            samples,
+            touched,
+        })
+    }
+
+    /// Rows of a rim from corner to corner with their place along the line.
+    fn rim(
+        &self,
+        line: &Line,
+        marks: &[usize],
+        sides: &[Option<Lip>],
+        side: Lip,
+    ) -> Vec<(f32, u32)> {
+        let outward = if side == Lip::Upper { -1.0 } else { 1.0 };
+        let mut best: Vec<Option<(f32, f32, u32)>> = vec![None; PIECES];
+        for (v, &p) in self.mesh.positions.iter().enumerate() {
+            let place = line.place(p);
+            let inside = (0.0..1.0).contains(&place) && sides[v] == Some(side);
+            if !inside || self.away_from_marks(marks, p) > RIM_CM {
+                continue;
+            }
+            let slot = &mut best[(place * PIECES as f32) as usize];
+            let height = outward * line.height(p);
+            if slot.is_none_or(|(most, ..)| height > most) {
+                *slot = Some((height, place, v as u32));
+            }
+        }
+        let mut rim: Vec<(f32, u32)> = best.into_iter().flatten().map(|(_, s, v)| (s, v)).collect();
+        rim.sort_by(|a, b| a.0.total_cmp(&b.0));
+        rim
+    }
+
+    /// Distance of a point from the line through the landmarks of a rim.
+    fn away_from_marks(&self, marks: &[usize], p: [f32; 3]) -> f32 {
+        let pieces = marks.windows(2);
+        pieces
+            .map(|ends| from_piece(p, self.landmarks[ends[0]], self.landmarks[ends[1]]))
+            .fold(f32::INFINITY, f32::min)
+    }
+
+    fn samples(
+        &self,
+        line: &Line,
+        marks: &Marks,
+        upper: &[(f32, u32)],
+        lower: &[(f32, u32)],
+    ) -> Vec<Sample> {
+        let of_marks = |marks: &[usize]| -> Vec<(f32, u32)> {
+            let at = |&n: &usize| (line.place(self.landmarks[n]), n as u32);
+            marks.iter().map(at).collect()
+        };
+        let (upper_marks, lower_marks) = (of_marks(marks.upper), of_marks(marks.lower));
+        let height = |of: Between, points: &dyn Fn(u32) -> [f32; 3]| -> f32 {
+            of.iter().map(|&(v, w)| w * line.height(points(v))).sum()
+        };
+        let row = |r: u32| self.mesh.positions[r as usize];
+        let vertex = |(r, share): (u32, f32)| (self.vertex_of_row[r as usize], share);
+        let landmark = |n: u32| self.landmarks[n as usize];
+        (0..SAMPLES)
+            .map(|k| {
+                let place = sample_place(k);
+                let [upper, lower] = [upper, lower].map(|rim| between(rim, place));
+                let [above, below] = [&upper_marks, &lower_marks].map(|rim| between(rim, place));
+                Sample {
+                    gap: height(upper, &row) - height(lower, &row),
+                    marks_gap: height(above, &landmark) - height(below, &landmark),
+                    upper: upper.map(vertex),
+                    lower: lower.map(vertex),
+                    upper_marks: above,
+                    lower_marks: below,
+                }
+            })
+            .collect()
+    }
+
+    /// Skin beside the rims and what follows it, with their shares.
+    fn touched(
+        &self,
+        line: &Line,
+        marks: &Marks,
+        sides: &[Option<Lip>],
+        upper: &[(f32, u32)],
+        lower: &[(f32, u32)],
+    ) -> Vec<(u32, f32, f32)> {
+        let place = |row: u32| self.mesh.positions[row as usize];
+        let share = |row: u32| -> f32 {
+            let p = place(row);
+            let (rim, sign) = match sides[row as usize] {
+                Some(Lip::Upper) => (upper, 0.5),
+                Some(Lip::Lower) => (lower, -0.5),
+                None => return 0.0,
+            };
+            let pieces = rim.windows(2);
+            let away = pieces.map(|ends| from_piece(p, place(ends[0].1), place(ends[1].1)));
+            let away = away.fold(f32::INFINITY, f32::min) / marks.reach_cm;
+            let left = (1.0 - away * away).max(0.0);
+            sign * left * left
+        };
+        let mut touched = Vec::new();
+        for (v, follows) in self.follows.iter().enumerate() {
+            let Follows::Skin(corners) = follows else {
+                continue;
+            };
+            let p = self.positions[v];
+            if !line.is_beside(p, marks.reach_cm + REACH_OF_PARTS_CM) {
+                continue;
+            }
+            let felt = corners.iter().filter(|(_, w)| *w != 0.0);
+            let felt = felt.map(|&(skin, w)| match self.row_of_vertex[skin as usize] {
+                NO_ROW => 0.0,
+                row => w * share(row),
+            });
+            let felt: f32 = felt.sum();
+            if felt != 0.0 {
+                let at = line.place(p) * SAMPLES as f32 - 0.5;
+                touched.push((v as u32, at.clamp(0.0, (SAMPLES - 1) as f32), felt));
+            }
+        }
+        touched
+    }
+}
+
+impl Slit {
+    /// Corrects the displacements of a frame, `[V * 3]`; `landmarks`: `[204]`. Mesh units.
+    pub(super) fn apply(&self, landmarks: &[f32], frame: &mut [f32]) {
+        let changes = self.changes(landmarks, frame);
+        if changes.iter().all(|c| *c == 0.0) {
+            return;
+        }
+        for &(v, at, share) in &self.touched {
+            let (first, rest) = (at as usize, at.fract());
+            let next = (first + 1).min(SAMPLES - 1);
+            let change = changes[first] * (1.0 - rest) + changes[next] * rest;
+            let length = share * change / self.to_cm;
+            for (to, up) in frame[3 * v as usize..].iter_mut().zip(self.up) {
+                *to += length * up;
+            }
+        }
+    }
+
+    /// By how much the gap of each sample changes: never less than what opens a crossing.
+    fn changes(&self, landmarks: &[f32], frame: &[f32]) -> [f32; SAMPLES] {
+        let mut push = [0.0f32; SAMPLES];
+        let mut pull = [0.0f32; SAMPLES];
+        for (k, sample) in self.samples.iter().enumerate() {
+            let gap = sample.gap + self.raised(sample.upper, sample.lower, frame);
+            push[k] = (sample.gap.min(0.0) - gap).max(0.0);
+            let marks = self.raised(sample.upper_marks, sample.lower_marks, landmarks);
+            pull[k] = sample.pull(gap, sample.marks_gap + marks);
+        }
+        let widest = spread(&push, |a, b, c| a.max(b).max(c));
+        let push = spread(&widest, |a, b, c| 0.25 * a + 0.5 * b + 0.25 * c);
+        let pull = spread(&pull, |a, b, c| 0.25 * a + 0.5 * b + 0.25 * c);
+        std::array::from_fn(|k| push[k] - pull[k])
+    }
+
+    /// How much further apart two places are than in the neutral face, centimetres.
+    fn raised(&self, upper: Between, lower: Between, moved: &[f32]) -> f32 {
+        let height = |(n, share): (u32, f32)| -> f32 {
+            let at = 3 * n as usize;
+            let along: f32 = (0..3).map(|i| self.up[i] * moved[at + i]).sum();
+            share * along
+        };
+        let sum = |of: Between| height(of[0]) + height(of[1]);
+        self.to_cm * (sum(upper) - sum(lower))
+    }
+}
+
+impl Sample {
+    /// How far rims that are `gap` apart come together when their landmarks are `marks` apart.
+    fn pull(&self, gap: f32, marks: f32) -> f32 {
+        let met = MET_CM.min(0.5 * self.marks_gap);
+        if met < 1e-3 || !(0.0..PULL_CM).contains(&gap) {
+            return 0.0;
+        }
+        let share = (1.0 - marks / met).clamp(0.0, 1.0);
+        share * gap * (1.0 - gap / PULL_CM)
+    }
+}
+
+fn sample_place(k: usize) -> f32 {
+    (k as f32 + 0.5) / SAMPLES as f32
+}
+
+/// Each value with its two neighbours; the ends have themselves for a neighbour.
+fn spread(values: &[f32; SAMPLES], of: impl Fn(f32, f32, f32) -> f32) -> [f32; SAMPLES] {
+    std::array::from_fn(|k| {
+        let (before, after) = (k.saturating_sub(1), (k + 1).min(SAMPLES - 1));
+        of(values[before], values[k], values[after])
+    })
+}
+
+/// The two of a rim between which `place` lies, with their shares.
+fn between(rim: &[(f32, u32)], place: f32) -> Between {
+    let after = rim
+        .partition_point(|(s, _)| *s < place)
+        .clamp(1, rim.len() - 1);
+    let (a, b) = (rim[after - 1], rim[after]);
+    let along = ((place - a.0) / (b.0 - a.0).max(1e-6)).clamp(0.0, 1.0);
+    [(a.1, 1.0 - along), (b.1, along)]
+}
+
+/// From one corner of a slit to the other.
+struct Line {
+    start: [f32; 3],
+    across: [f32; 3],
+    up: [f32; 3],
+    length: f32,
+}
+
+impl Line {
+    fn of(landmarks: &[[f32; 3]; LANDMARKS], marks: &Marks) -> Option<Line> {
+        let (start, end) = (landmarks[marks.upper[0]], landmarks[*marks.upper.last()?]);
+        let way: [f32; 3] = std::array::from_fn(|i| end[i] - start[i]);
+        let length = dot(way, way).sqrt();
+        if length < 0.1 {
+            return None;
+        }
+        let across = way.map(|x| x / length);
+        let up: [f32; 3] = std::array::from_fn(|i| f32::from(i == 1) - across[1] * across[i]);
+        let size = dot(up, up).sqrt();
+        (size > 0.5).then(|| Line {
+            start,
+            across,
+            up: up.map(|x| x / size),
+            length,
+        })
+    }
+
+    /// 0 at one corner, 1 at the other.
+    fn place(&self, p: [f32; 3]) -> f32 {
+        dot(std::array::from_fn(|i| p[i] - self.start[i]), self.across) / self.length
+    }
+
+    fn height(&self, p: [f32; 3]) -> f32 {
+        dot(p, self.up)
+    }
+
+    fn is_beside(&self, p: [f32; 3], reach: f32) -> bool {
+        let middle: [f32; 3] =
+            std::array::from_fn(|i| self.start[i] + 0.5 * self.length * self.across[i]);
+        let offset: [f32; 3] = std::array::from_fn(|i| p[i] - middle[i]);
+        dot(offset, offset).sqrt() < 0.5 * self.length + reach
+    }
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Distance from a point to the straight way between two others.
+fn from_piece(p: [f32; 3], a: [f32; 3], b: [f32; 3]) -> f32 {
+    let way: [f32; 3] = std::array::from_fn(|i| b[i] - a[i]);
+    let offset: [f32; 3] = std::array::from_fn(|i| p[i] - a[i]);
+    let along = (dot(offset, way) / dot(way, way).max(1e-12)).clamp(0.0, 1.0);
+    let rest: [f32; 3] = std::array::from_fn(|i| offset[i] - along * way[i]);
+    dot(rest, rest).sqrt()
+}

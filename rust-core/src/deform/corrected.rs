@@ -1,0 +1,121 @@
+//! What a frame needs beyond weights over the landmarks.
+
+use ndarray::{Array3, ArrayView3, Axis};
+use rayon::prelude::*;
+
+use super::{
+    Deformer, Skin,
+    binding::Follows,
+    contact::{Slit, slits},
+    jaw::{Jaw, JawPose},
+};
+use crate::{Result, mesh::Similarity, motion::LANDMARKS, progress::ProgressFn};
+
+/// Corrections of one mesh, applied to every frame that a decoder made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Corrections {
+    to_canonical: Similarity,
+    jaw: Jaw,
+    /// Vertex, share and offset from the jaw's hinge (canonical centimetres) of what the jaw carries.
+    carried: Vec<(u32, f32, [f32; 3])>,
+    /// Mouth and eyes, where their rims were found.
+    slits: Vec<Slit>,
+}
+
+impl Corrections {
+    /// `positions`: `[V]`, `landmarks`: of the neutral face, both canonical centimetres.
+    pub fn new(
+        positions: &[[f32; 3]],
+        skin: &Skin,
+        follows: &[Follows],
+        landmarks: &[[f32; 3]; LANDMARKS],
+        to_canonical: &Similarity,
+    ) -> Corrections {
+        let jaw = Jaw::of(landmarks);
+        let from_hinge = |p: [f32; 3]| std::array::from_fn(|i| p[i] - jaw.hinge[i]);
+        let carried = follows.iter().zip(positions).enumerate();
+        let carried = carried.filter_map(|(v, (follows, &p))| match *follows {
+            Follows::Jaw(share) => Some((v as u32, share, from_hinge(p))),
+            _ => None,
+        });
+        Corrections {
+            slits: slits(skin, positions, landmarks, follows, to_canonical),
+            to_canonical: *to_canonical,
+            carried: carried.collect(),
+            jaw,
+        }
+    }
+
+    /// Corrects the displacements of one frame, `[V * 3]`; `landmarks`: `[204]`. Mesh units.
+    fn apply(&self, landmarks: &[f32], frame: &mut [f32]) {
+        self.carry(landmarks, frame);
+        for slit in &self.slits {
+            slit.apply(landmarks, frame);
+        }
+    }
+
+    /// Moves what follows the jaw.
+    fn carry(&self, landmarks: &[f32], frame: &mut [f32]) {
+        if self.carried.is_empty() {
+            return;
+        }
+        let pose = self.pose(landmarks);
+        let back = self.to_canonical.inverse();
+        let to_mesh = 0.01 * back.scale as f32;
+        for &(v, share, from_hinge) in &self.carried {
+            let moved = back.rotate(pose.displacement(from_hinge));
+            let target = &mut frame[3 * v as usize..3 * v as usize + 3];
+            for (to, from) in target.iter_mut().zip(moved) {
+                *to = share * to_mesh * from;
+            }
+        }
+    }
+
+    fn pose(&self, landmarks: &[f32]) -> JawPose {
+        let to_cm = 100.0 * self.to_canonical.scale as f32;
+        let canonical = std::array::from_fn(|n| {
+            let moved = [0, 1, 2].map(|i| landmarks[3 * n + i]);
+            self.to_canonical.rotate(moved).map(|x| to_cm * x)
+        });
+        self.jaw.pose(&canonical)
+    }
+}
+
+/// A decoder with the corrections of its mesh.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Corrected<D> {
+    /// Makes the frames.
+    pub decoder: D,
+    /// Corrects them.
+    pub corrections: Corrections,
+}
+
+impl<D: Deformer> Deformer for Corrected<D> {
+    fn deform(
+        &self,
+        landmarks: ArrayView3<'_, f32>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array3<f32>> {
+        let mut out = self.decoder.deform(landmarks, progress)?;
+        let landmarks = landmarks.as_standard_layout();
+        let frames = landmarks.outer_iter().into_par_iter();
+        frames
+            .zip(out.axis_iter_mut(Axis(0)).into_par_iter())
+            .for_each(|(landmarks, mut frame)| {
+                let landmarks = landmarks.as_slice().expect("standard layout");
+                let frame = frame
+                    .as_slice_mut()
+                    .expect("decoders give row-major frames");
+                self.corrections.apply(landmarks, frame);
+            });
+        Ok(out)
+    }
+
+    fn deform_freely(
+        &self,
+        landmarks: ArrayView3<'_, f32>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array3<f32>> {
+        self.decoder.deform(landmarks, progress)
+    }
+}

@@ -1,0 +1,307 @@
+//! What the parts of a mesh are: skin, teeth, eyes, lashes, hair, and what a caller says they are.
+
+use std::{fmt, path::Path, str::FromStr};
+
+use serde::Serialize;
+
+use super::{Parts, parts::NO_PART};
+use crate::{Error, Result};
+
+/// How a part behaves when the face moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PartRole {
+    /// It is the face: landmark motion is solved on it.
+    Skin,
+    /// Follows the lower jaw as a rigid body: lower teeth, lower gums, tongue.
+    Jaw,
+    /// Follows the skull: upper teeth, upper gums, glasses, hair.
+    Skull,
+    /// Holds both jaws, such as gums with a tongue or the mouth's lining: passes from one to the other.
+    Mouth,
+    /// Follows the skin nearest to its roots: lashes, brows, beards.
+    Nearest,
+    /// An eyeball: rests and never deforms, ready to be turned by its owner.
+    Gaze,
+    /// Nothing of the face: rests.
+    Still,
+}
+
+impl PartRole {
+    /// Every role, in the order of their numbers in the C interface.
+    pub const ALL: [PartRole; 7] = [
+        PartRole::Skin,
+        PartRole::Jaw,
+        PartRole::Skull,
+        PartRole::Mouth,
+        PartRole::Nearest,
+        PartRole::Gaze,
+        PartRole::Still,
+    ];
+
+    /// The word for it, as the command line and JSON have it.
+    pub fn name(self) -> &'static str {
+        match self {
+            PartRole::Skin => "skin",
+            PartRole::Jaw => "jaw",
+            PartRole::Skull => "skull",
+            PartRole::Mouth => "mouth",
+            PartRole::Nearest => "nearest",
+            PartRole::Gaze => "gaze",
+            PartRole::Still => "still",
+        }
+    }
+}
+
+impl fmt::Display for PartRole {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for PartRole {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let wanted = PartRole::ALL.into_iter().find(|role| role.name() == text);
+        wanted.ok_or_else(|| {
+            let known = PartRole::ALL.map(PartRole::name).join(", ");
+            Error::InvalidInput(format!("part: expected one of {known}, got {text:?}"))
+        })
+    }
+}
+
+/// Who decided a part's role.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RoleSource {
+    /// Its shape and its place beside the landmarks.
+    Shape,
+    /// The caller.
+    Caller,
+}
+
+/// One connected part of a mesh.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Part {
+    /// Parts are counted from 0 in the order of their first vertex, seams sewn up.
+    pub number: u32,
+    /// The object of the file that most of its vertices belong to, where the file names objects.
+    pub name: Option<String>,
+    /// How it behaves.
+    pub role: PartRole,
+    /// Who said so.
+    pub source: RoleSource,
+    /// Number of its vertices.
+    pub vertices: usize,
+    /// Lowest coordinates of its box, mesh units and axes.
+    pub low: [f32; 3],
+    /// Highest coordinates of its box.
+    pub high: [f32; 3],
+}
+
+/// Which parts a caller means.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum PartSelector {
+    /// The part of this number.
+    Number(u32),
+    /// Every part most of whose vertices belong to the object of this name.
+    Name(String),
+}
+
+/// Roles that a caller gives to parts; of several for one part the last one counts.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct PartChoices {
+    /// Which parts, and what they are.
+    pub roles: Vec<(PartSelector, PartRole)>,
+    /// The objects of the file that the mesh was read from.
+    pub names: ObjectNames,
+}
+
+/// The objects (`o`) or else groups (`g`) of a file, for each vertex.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct ObjectNames {
+    /// In the order of the file.
+    pub names: Vec<String>,
+    /// `[V]`, index into `names`; [`NO_PART`] for vertices of no object. May be empty.
+    pub of_vertex: Vec<u32>,
+}
+
+impl ObjectNames {
+    /// Reads them from an OBJ file; other formats have none.
+    ///
+    /// # Errors
+    /// `Io` if the file cannot be read.
+    pub fn read(path: impl AsRef<Path>) -> Result<ObjectNames> {
+        let path = path.as_ref();
+        let bytes = std::fs::read(path).map_err(Error::io(path))?;
+        Ok(match bytes.starts_with(b"ply") || bytes.contains(&0) {
+            true => ObjectNames::default(),
+            false => ObjectNames::of_obj(&String::from_utf8_lossy(&bytes)),
+        })
+    }
+
+    /// A vertex belongs to the first object with a face on it. Where a file has both objects and
+    /// groups, objects count.
+    pub fn of_obj(text: &str) -> ObjectNames {
+        let keyword = match text.lines().any(|line| line.starts_with("o ")) {
+            true => "o",
+            false => "g",
+        };
+        let mut out = ObjectNames::default();
+        let (mut current, mut count) = (NO_PART, 0usize);
+        for line in text.lines() {
+            let (word, rest) = line
+                .trim()
+                .split_once(char::is_whitespace)
+                .unwrap_or((line, ""));
+            match word {
+                "v" => count += 1,
+                "f" => out.claim(rest, current, count),
+                _ if word == keyword => current = out.number_of(rest.trim()),
+                _ => {}
+            }
+        }
+        out.of_vertex.resize(count, NO_PART);
+        out
+    }
+
+    fn number_of(&mut self, name: &str) -> u32 {
+        let known = self.names.iter().position(|n| n == name);
+        known.unwrap_or_else(|| {
+            self.names.push(name.to_owned());
+            self.names.len() - 1
+        }) as u32
+    }
+
+    /// Gives the corners of a face, `1/1/1 2/2/2 …`, to an object.
+    fn claim(&mut self, corners: &str, object: u32, count: usize) {
+        for corner in corners.split_whitespace() {
+            let number = corner.split('/').next().and_then(|n| n.parse::<i64>().ok());
+            let vertex = match number {
+                Some(n) if n > 0 => n as usize - 1,
+                Some(n) if n < 0 && n >= -(count as i64) => (count as i64 + n) as usize,
+                _ => continue,
+            };
+            if vertex >= self.of_vertex.len() {
+                self.of_vertex.resize(vertex + 1, NO_PART);
+            }
+            if self.of_vertex[vertex] == NO_PART {
+                self.of_vertex[vertex] = object;
+            }
+        }
+    }
+
+    /// For each part the object with most of its vertices.
+    pub(crate) fn of_parts(&self, parts: &[Vec<u32>]) -> Vec<Option<&str>> {
+        let object = |v: &u32| self.of_vertex.get(*v as usize).copied();
+        parts
+            .iter()
+            .map(|vertices| {
+                let mut counts = vec![0usize; self.names.len()];
+                for object in vertices.iter().filter_map(object) {
+                    if let Some(count) = counts.get_mut(object as usize) {
+                        *count += 1;
+                    }
+                }
+                let most = counts.iter().copied().max().filter(|&n| n > 0)?;
+                let first = counts.iter().position(|&n| n == most)?;
+                Some(self.names[first].as_str())
+            })
+            .collect()
+    }
+}
+
+impl PartChoices {
+    /// `[parts]`: what the caller says of each part.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a number or a name that no part has.
+    pub(crate) fn of_parts(&self, parts: &Parts) -> Result<Vec<Option<PartRole>>> {
+        let mut roles = vec![None; parts.count];
+        if self.roles.is_empty() {
+            return Ok(roles);
+        }
+        let names = self.names.of_parts(&parts.vertices());
+        for (selector, role) in &self.roles {
+            let chosen: Vec<usize> = match selector {
+                PartSelector::Number(n) => {
+                    (0..parts.count).filter(|p| p == &(*n as usize)).collect()
+                }
+                PartSelector::Name(name) => (0..parts.count)
+                    .filter(|&p| names[p] == Some(name.as_str()))
+                    .collect(),
+            };
+            if chosen.is_empty() {
+                return Err(self.unknown(selector, parts.count));
+            }
+            chosen
+                .into_iter()
+                .for_each(|part| roles[part] = Some(*role));
+        }
+        Ok(roles)
+    }
+
+    fn unknown(&self, selector: &PartSelector, count: usize) -> Error {
+        Error::InvalidInput(match selector {
+            PartSelector::Number(n) => format!("part: expected a number below {count}, got {n}"),
+            PartSelector::Name(name) if self.names.names.is_empty() => {
+                format!(
+                    "part: expected a number, got the name {name:?}; this mesh names no objects"
+                )
+            }
+            PartSelector::Name(name) => {
+                let known = self.names.names.join(", ");
+                format!("part: expected a number or one of {known}, got {name:?}")
+            }
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TWO: &str = "o head\nv 0 0 0\nv 1 0 0\nv 0 1 0\ng inner\nf 1 2 3\no teeth low\nv 5 0 0\n\
+                       v 6 0 0\nv 5 1 0\nf -3/1/1 -2 -1\nv 9 9 9\n";
+
+    #[test]
+    fn vertices_know_their_object() {
+        let names = ObjectNames::of_obj(TWO);
+        assert_eq!(names.names, ["head", "teeth low"]);
+        assert_eq!(names.of_vertex, [0, 0, 0, 1, 1, 1, NO_PART]);
+        let groups = ObjectNames::of_obj(&TWO.replace("o ", "# "));
+        assert_eq!(groups.names, ["inner"]);
+    }
+
+    #[test]
+    fn choices_by_name_and_number_meet_their_parts_and_the_last_one_counts() {
+        let parts = Parts::of(7, &[[0, 1, 2], [3, 4, 5]]);
+        let choose = |roles| PartChoices {
+            roles,
+            names: ObjectNames::of_obj(TWO),
+        };
+        let named = PartSelector::Name("teeth low".into());
+        let both = vec![
+            (PartSelector::Number(1), PartRole::Skull),
+            (named, PartRole::Jaw),
+        ];
+        let roles = choose(both).of_parts(&parts).unwrap();
+        assert_eq!(roles, [None, Some(PartRole::Jaw)]);
+        let message = |selector| {
+            let wrong = choose(vec![(selector, PartRole::Jaw)]);
+            wrong.of_parts(&parts).unwrap_err().to_string()
+        };
+        assert!(message(PartSelector::Number(2)).contains("below 2, got 2"));
+        assert!(message(PartSelector::Name("hat".into())).contains("head, teeth low, got \"hat\""));
+    }
+
+    #[test]
+    fn every_role_is_read_by_its_own_name() {
+        for role in PartRole::ALL {
+            assert_eq!(role.name().parse::<PartRole>().unwrap(), role);
+        }
+        let error = "jaws".parse::<PartRole>().unwrap_err().to_string();
+        assert!(error.contains("skin, jaw, skull"), "{error}");
+    }
+}
