@@ -247,11 +247,10 @@ impl Problem {
             let pull: f64 = row.iter().zip(&now).map(|(a, w)| a * w).sum();
             let mut gradient = pull - self.right[[t, s]];
             let mut slope = row[s];
-            for beside in [t.checked_sub(1), Some(t + 1).filter(|&n| n < frames)] {
-                if let Some(beside) = beside {
-                    gradient += self.memory[s] * (now[s] - weights[[beside, s]]);
-                    slope += self.memory[s];
-                }
+            let beside = [t.checked_sub(1), Some(t + 1).filter(|&n| n < frames)];
+            for beside in beside.into_iter().flatten() {
+                gradient += self.memory[s] * (now[s] - weights[[beside, s]]);
+                slope += self.memory[s];
             }
             let better = (now[s] - gradient / slope).clamp(0.0, 1.0);
             largest = largest.max((better - now[s]).abs());
