@@ -216,6 +216,10 @@ typedef struct AnyfaceMotion AnyfaceMotion;
 /// It may accompany several calls one after the other; one that was cancelled stays so.
 typedef struct AnyfaceProgress AnyfaceProgress;
 
+/// The 52 ARKit shapes and the 15 Oculus visemes of one mesh. Never changes after it was made: any
+/// number of threads may use it at the same time.
+typedef struct AnyfaceRig AnyfaceRig;
+
 /// A performance in progress: push sound, pull frames of the 68 landmarks in the canonical frame.
 ///
 /// The frames are the same bit for bit however the sound is cut into pushes. A stream belongs to
@@ -784,6 +788,44 @@ AnyfaceStatus anyface_basis_copy_weights(const AnyfaceBasis *basis,
 
 /// Frees a basis that no running call uses, with everything it lent; nothing happens for NULL.
 void anyface_basis_free(AnyfaceBasis *basis);
+
+/// Takes or finds the landmarks of a mesh and makes its shapes with the built-in network. Long:
+/// accepts a progress handle.
+///
+/// `options` and `progress` may be NULL; the options' `learned` has no effect. The mesh may be freed
+/// afterwards. Free with `anyface_rig_free()`. Fails as `anyface_face_new()` does.
+AnyfaceStatus anyface_rig_new(const AnyfaceEngine *engine,
+                              const AnyfaceMesh *mesh,
+                              const AnyfaceFaceOptions *options,
+                              const AnyfaceProgress *progress,
+                              AnyfaceRig **out,
+                              AnyfaceError **error);
+
+/// Number `S` of shapes, the 52 of ARKit first; 0 for NULL.
+size_t anyface_rig_shape_count(const AnyfaceRig *rig);
+
+/// Name of a shape, such as "jawOpen" or "viseme_aa"; lives until the rig is freed. NULL for NULL or
+/// a number that is not below the count.
+const char *anyface_rig_shape_name(const AnyfaceRig *rig,
+                                   size_t shape);
+
+/// Why a shape moves nothing, or what in it does not move, in words; lives until the rig is freed.
+/// NULL where there is nothing to say.
+const char *anyface_rig_shape_note(const AnyfaceRig *rig, size_t shape);
+
+/// Copies one shape into the caller's buffer.
+///
+/// `buffer`: `[V, 3]`, displacements at strength 1, mesh units; `float_count` must be `V * 3`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count` or a number that is not below
+/// the count.
+AnyfaceStatus anyface_rig_copy_shape(const AnyfaceRig *rig,
+                                     size_t shape,
+                                     float *buffer,
+                                     size_t float_count,
+                                     AnyfaceError **error);
+
+/// Frees a rig that no running call uses, with everything it lent; nothing happens for NULL.
+void anyface_rig_free(AnyfaceRig *rig);
 
 /// Starts a performance with a neutral face.
 ///

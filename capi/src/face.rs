@@ -135,7 +135,7 @@ unsafe impl Growing for AnyfaceFaceOptions {
 impl AnyfaceFaceOptions {
     /// # Safety
     /// Every pointer is NULL or as its field says.
-    unsafe fn to_library(self) -> Result<FaceOptions, Failure> {
+    pub(crate) unsafe fn to_library(self) -> Result<FaceOptions, Failure> {
         let forward = axis("forward", self.forward)?;
         let up = axis("up", self.up)?;
         if self.forward / 2 == self.up / 2 {

@@ -24,6 +24,7 @@ mod face;
 mod mesh;
 mod motion;
 mod progress;
+mod rig;
 mod status;
 mod stream;
 mod version;

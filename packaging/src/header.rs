@@ -10,7 +10,7 @@ use crate::machine;
 /// Source files in the order in which a reader of the header meets them.
 const SOURCES: &[&str] = &[
     "version", "status", "error", "progress", "engine", "mesh", "audio", "face", "emotion",
-    "motion", "clip", "basis", "stream",
+    "motion", "clip", "basis", "rig", "stream",
 ];
 
 /// Writes include/anyface.h from capi/src.

@@ -1,0 +1,191 @@
+//! The ARKit shapes and visemes of a mesh.
+
+use std::{ffi::CString, ffi::c_char, ptr::null};
+
+use anyface::rig::{Rig, RigModel};
+
+use crate::{
+    engine::AnyfaceEngine,
+    error::AnyfaceError,
+    face::AnyfaceFaceOptions,
+    growing, guard,
+    mesh::AnyfaceMesh,
+    pointer,
+    progress::{AnyfaceProgress, watched},
+    status::AnyfaceStatus,
+};
+
+/// The 52 ARKit shapes and the 15 Oculus visemes of one mesh. Never changes after it was made: any
+/// number of threads may use it at the same time.
+pub struct AnyfaceRig {
+    rig: Rig,
+    names: Vec<CString>,
+    notes: Vec<Option<CString>>,
+}
+
+const fn shared_by_threads<T: Send + Sync>() {}
+const _: () = shared_by_threads::<AnyfaceRig>();
+
+impl AnyfaceRig {
+    fn new(rig: Rig) -> Self {
+        let text = |text: &str| CString::new(text.replace('\0', " ")).unwrap_or_default();
+        AnyfaceRig {
+            names: rig.names.iter().map(|name| text(name)).collect(),
+            notes: rig
+                .reports
+                .iter()
+                .map(|report| report.note.as_deref().map(text))
+                .collect(),
+            rig,
+        }
+    }
+}
+
+/// Takes or finds the landmarks of a mesh and makes its shapes with the built-in network. Long:
+/// accepts a progress handle.
+///
+/// `options` and `progress` may be NULL; the options' `learned` has no effect. The mesh may be freed
+/// afterwards. Free with `anyface_rig_free()`. Fails as `anyface_face_new()` does.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_rig_new(
+    engine: *const AnyfaceEngine,
+    mesh: *const AnyfaceMesh,
+    options: *const AnyfaceFaceOptions,
+    progress: *const AnyfaceProgress,
+    out: *mut *mut AnyfaceRig,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let engine = unsafe { pointer::handle("engine", engine) }?;
+        let mesh = unsafe { pointer::handle("mesh", mesh) }?;
+        let options = unsafe { growing::read(options)?.to_library() }?;
+        let model = RigModel::open(None)?;
+        let make = |watch: anyface::progress::ProgressFn<'_>| {
+            model.make(&engine.0, &mesh.0, &options, watch)
+        };
+        let (_, rig) = unsafe { watched(progress, make) }?;
+        unsafe { pointer::give(out, AnyfaceRig::new(rig)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Number `S` of shapes, the 52 of ARKit first; 0 for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_rig_shape_count(rig: *const AnyfaceRig) -> usize {
+    unsafe { rig.as_ref() }.map_or(0, |rig| rig.names.len())
+}
+
+/// Name of a shape, such as "jawOpen" or "viseme_aa"; lives until the rig is freed. NULL for NULL or
+/// a number that is not below the count.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_rig_shape_name(
+    rig: *const AnyfaceRig,
+    shape: usize,
+) -> *const c_char {
+    let name = unsafe { rig.as_ref() }.and_then(|rig| rig.names.get(shape));
+    name.map_or(null(), |name| name.as_ptr())
+}
+
+/// Why a shape moves nothing, or what in it does not move, in words; lives until the rig is freed.
+/// NULL where there is nothing to say.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_rig_shape_note(
+    rig: *const AnyfaceRig,
+    shape: usize,
+) -> *const c_char {
+    let note = unsafe { rig.as_ref() }.and_then(|rig| rig.notes.get(shape)?.as_ref());
+    note.map_or(null(), |note| note.as_ptr())
+}
+
+/// Copies one shape into the caller's buffer.
+///
+/// `buffer`: `[V, 3]`, displacements at strength 1, mesh units; `float_count` must be `V * 3`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count` or a number that is not below
+/// the count.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_rig_copy_shape(
+    rig: *const AnyfaceRig,
+    shape: usize,
+    buffer: *mut f32,
+    float_count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let rig = &unsafe { pointer::handle("rig", rig) }?.rig;
+        let (count, vertices, _) = rig.deltas.dim();
+        if shape >= count {
+            let message = format!("shape: expected 0 to {}, got {shape}", count - 1);
+            return Err(crate::error::Failure::invalid(message));
+        }
+        let values = rig.deltas.as_slice().unwrap_or_default();
+        let values = &values[shape * vertices * 3..(shape + 1) * vertices * 3];
+        unsafe { pointer::copy_out("buffer", values, buffer, float_count) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Frees a rig that no running call uses, with everything it lent; nothing happens for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_rig_free(rig: *mut AnyfaceRig) {
+    unsafe { guard::free(rig) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::{anyface_error_free, anyface_error_status};
+    use anyface::rig::ShapeReport;
+    use ndarray::Array3;
+    use std::{ffi::CStr, ptr::null_mut};
+
+    fn example() -> AnyfaceRig {
+        let report = |name: &str, note: Option<&str>| ShapeReport {
+            name: name.into(),
+            largest: 1.0,
+            largest_mm: 10.0,
+            present: true,
+            note: note.map(str::to_owned),
+        };
+        AnyfaceRig::new(Rig {
+            names: vec!["jawOpen".into(), "tongueOut".into()],
+            deltas: Array3::from_shape_fn((2, 4, 3), |(s, v, i)| (12 * s + 3 * v + i) as f32),
+            reports: vec![report("jawOpen", None), report("tongueOut", Some("none"))],
+        })
+    }
+
+    #[test]
+    fn shapes_are_named_and_copied() {
+        let rig = example();
+        unsafe {
+            assert_eq!(anyface_rig_shape_count(&rig), 2);
+            let name = CStr::from_ptr(anyface_rig_shape_name(&rig, 1));
+            assert_eq!(name.to_str(), Ok("tongueOut"));
+            assert!(anyface_rig_shape_name(&rig, 2).is_null());
+            assert!(anyface_rig_shape_note(&rig, 0).is_null());
+            assert!(!anyface_rig_shape_note(&rig, 1).is_null());
+            let (mut buffer, mut error) = (vec![0.0f32; 12], null_mut());
+            let status = anyface_rig_copy_shape(&rig, 1, buffer.as_mut_ptr(), 12, &mut error);
+            assert_eq!(
+                (status, buffer[0], buffer[11]),
+                (AnyfaceStatus::Ok, 12.0, 23.0)
+            );
+        }
+    }
+
+    #[test]
+    fn shapes_that_do_not_exist_and_wrong_sizes_are_refused() {
+        let rig = example();
+        for (shape, count) in [(2, 12), (0, 11)] {
+            let (mut buffer, mut error) = (vec![0.0f32; 12], null_mut());
+            unsafe {
+                let out = buffer.as_mut_ptr();
+                let status = anyface_rig_copy_shape(&rig, shape, out, count, &mut error);
+                assert_eq!(status, AnyfaceStatus::InvalidInput);
+                assert_eq!(anyface_error_status(error), AnyfaceStatus::InvalidInput);
+                anyface_error_free(error);
+            }
+        }
+    }
+}
