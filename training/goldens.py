@@ -18,6 +18,7 @@ GOLDENS = {
     "ats_compact": "training.systems.freetalk.golden_ats",
     "stm_static": "training.systems.freetalk.stm.golden_static",
     "landmarks": "training.landmarks.golden",
+    "pose": "training.landmarks.golden_pose",
     "stm_paper": "training.systems.freetalk.stm.golden_paper",
     "stream": "training.systems.freetalk.golden_stream",
     "rig": "training.rig.golden",

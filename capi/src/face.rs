@@ -158,6 +158,7 @@ impl AnyfaceFaceOptions {
         let landmarks = unsafe { self.landmarks() }?;
         Ok(FaceOptions {
             landmarks,
+            fixed: Vec::new(),
             forward,
             up,
             learned: self.learned,

@@ -6,12 +6,9 @@ that face away lie, too, so that three views together fix all of them in space (
 al. 2018, "Multi-view Consensus CNN for 3D Facial Landmark Placement").
 """
 
-import json
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass
 
 import torch
-from safetensors.torch import save_file
 from torch import Tensor, nn
 from torch.nn import functional as F
 
@@ -124,11 +121,3 @@ def decode(heat: Tensor) -> tuple[Tensor, Tensor]:
     x = (chance.sum(2) * centres).sum(-1) / confidence
     y = (chance.sum(3) * centres).sum(-1) / confidence
     return torch.stack([x, y], -1), confidence
-
-
-def save(model: LandmarkNetwork, folder: Path) -> None:
-    """Writes a folded model as `model.safetensors` (f16) and `config.json`."""
-    folder.mkdir(parents=True, exist_ok=True)
-    tensors = {k: v.half().contiguous() for k, v in model.state_dict().items()}
-    save_file(tensors, folder / "model.safetensors")
-    (folder / "config.json").write_text(json.dumps(asdict(model.config)) + "\n")

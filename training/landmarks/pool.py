@@ -11,11 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from training.landmarks import render, samples
+from training.landmarks import heads, render, samples
 from training.landmarks.canonical import mean_landmarks
 
 NOMINAL_HALF_SIZE_M = 0.105
 IDENTITIES = 400
+PICTURES_A_HEAD = 3
+MAKEHUMAN_SHARE = 0.2
 
 
 def identities(held_out: bool) -> np.ndarray:
@@ -30,7 +32,7 @@ def rotation(rng: np.random.Generator, wide: bool) -> np.ndarray:
         turn = rng.choice([-40.0, 0.0, 40.0]) + rng.normal(0, 8)
     else:
         turn = rng.normal(0, 12)
-    roll, pitch = rng.normal(0, 8, 2)
+    roll, pitch = rng.normal(0, 10, 2)
     roll, pitch, turn = np.radians([roll, pitch, turn])
     c, s = np.cos(roll), np.sin(roll)
     about_z = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
@@ -53,9 +55,8 @@ def window(rng: np.random.Generator, landmarks: np.ndarray, tight: bool) -> tupl
     return middle + rng.uniform(-room, room, 2), half
 
 
-def draw_face(rng, faces, chosen, share) -> tuple[np.ndarray, np.ndarray, int]:
+def draw_face(rng, head) -> tuple[np.ndarray, np.ndarray]:
     """One picture with a face and its targets."""
-    head = samples.random_head(rng, faces, chosen, share)
     tight = rng.random() < 0.6
     turn = rotation(rng, wide=tight).T
     points, landmarks = head.points @ turn, head.landmarks @ turn
@@ -63,13 +64,12 @@ def draw_face(rng, faces, chosen, share) -> tuple[np.ndarray, np.ndarray, int]:
     return (
         render.picture(points, head.triangles, centre, half),
         render.to_window(landmarks, centre, half),
-        1,
     )
 
 
 def draw_nothing(rng, faces, chosen) -> tuple[np.ndarray, np.ndarray, int]:
     """One picture without a face: another side of a head, a window beside the face, plain shapes."""
-    head = samples.random_head(rng, faces, chosen, 0.2)
+    head = heads.random_head(rng, faces, chosen, 0.2)
     points, triangles = head.points, head.triangles
     kind = rng.random()
     if kind < 0.45:
@@ -112,14 +112,14 @@ def main() -> None:
     targets, kinds = np.zeros((args.count, 68, 2), np.float32), np.zeros(args.count, np.int8)
     for i in range(args.count):
         rng = np.random.default_rng([args.seed, i])
-        draw = rng.random()
-        if draw < 0.15:
-            picture, target, kind = draw_nothing(rng, faces, chosen)
+        if i % PICTURES_A_HEAD == 0:
+            kind = 2 if rng.random() < MAKEHUMAN_SHARE else 1
+            head = heads.random_head(rng, faces, chosen, float(kind == 2))
+        if rng.random() < 0.15:
+            pictures[i], targets[i], kinds[i] = draw_nothing(rng, faces, chosen)
         else:
-            share = 1.0 if draw > 0.82 else 0.0
-            picture, target, kind = draw_face(rng, faces, chosen, share)
-            kind = 2 if share else 1
-        pictures[i], targets[i], kinds[i] = picture, target, kind
+            pictures[i], targets[i] = draw_face(rng, head)
+            kinds[i] = kind
         if i % 500 == 499:
             print(i + 1, flush=True)
     pictures.flush()

@@ -126,15 +126,16 @@ def warp(rng: np.random.Generator, head: Head, strength: float) -> Head:
     return Head(move(head.points), head.triangles, move(head.landmarks))
 
 
-def remesh(rng: np.random.Generator, head: Head) -> Head:
-    """Another triangulation: decimated by a random amount."""
+def remesh(rng: np.random.Generator, head: Head, target: float | None = None) -> Head:
+    """Another triangulation: decimated to `target` triangles, or by a random amount."""
+    reduction = rng.uniform(0.4, 0.93) if target is None else 1 - target / len(head.triangles)
     used = np.unique(head.triangles)
     number = np.full(len(head.points), -1)
     number[used] = np.arange(len(used))
     points, triangles = fast_simplification.simplify(
         head.points[used].astype(np.float32),
         number[head.triangles].astype(np.int32),
-        target_reduction=float(rng.uniform(0.4, 0.93)),
+        target_reduction=float(np.clip(reduction, 0.0, 0.99)),
         agg=7.0,
     )
     return Head(points, triangles.astype(np.int32), head.landmarks)
@@ -201,20 +202,3 @@ def dress(rng: np.random.Generator, head: Head) -> Head:
         triangles.append(more_triangles + sum(map(len, points)))
         points.append(more_points)
     return Head(np.concatenate(points), np.concatenate(triangles), head.landmarks)
-
-
-def random_head(
-    rng: np.random.Generator, faces: Faces, identities: np.ndarray, makehuman_share: float
-) -> Head:
-    """One head for training. `identities`: `[n, 100]` coefficients to choose from."""
-    if rng.random() < makehuman_share:
-        head = warp(rng, faces.makehuman_head(rng), rng.choice([0.5, 1.0, 2.0]))
-    else:
-        head = faces.ict_head(rng, identities[rng.integers(len(identities))])
-        if rng.random() < 0.75:
-            head = warp(rng, head, rng.choice([0.5, 1.0, 2.0]))
-    if rng.random() < 0.4:
-        head = tear(rng, head)
-    if rng.random() < 0.3:
-        head = remesh(rng, head)
-    return dress(rng, head)

@@ -3,7 +3,7 @@
     python -m training.landmarks.train --runs runs/landmarks --steps 1800 [--without-makehuman]
 
 Writes `network.pt` every 100 steps with a log line, and resumes from it. `--from` starts with the
-weights of another run: the shipped network is the one that never saw MakeHuman, tuned with it.
+weights of another run, or with shipped ones, whose normalisation is folded and stays so.
 """
 
 import argparse
@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from safetensors.torch import load_file
 from torch.nn import functional as F
 
 from training.landmarks.network import Config, LandmarkNetwork, decode
@@ -119,6 +120,7 @@ def main() -> None:
     )
     usable = np.flatnonzero(pool[2] != 2) if args.without_makehuman else np.arange(len(pool[2]))
     model = LandmarkNetwork(Config()).to(memory_format=torch.channels_last)
+    start_from(args.origin, model)
     optimiser = torch.optim.AdamW(model.parameters(), args.rate, weight_decay=1e-4)
     first = resume(args, model, optimiser)
     start, running = time.monotonic(), 0.0
@@ -153,16 +155,28 @@ def schedule(step: int, steps: int) -> float:
     return min(1.0, step / 50) * fall
 
 
+def start_from(origin: Path | None, model: LandmarkNetwork) -> None:
+    """Loads another run's `network.pt`, or shipped `model.safetensors`."""
+    if origin is None:
+        return
+    if origin.suffix == ".safetensors":
+        model.fold()
+        model.train()
+        shipped = load_file(origin)
+        shipped = {k.removeprefix("views."): v.float() for k, v in shipped.items()}
+        model.load_state_dict({k: v for k, v in shipped.items() if k in model.state_dict()})
+    else:
+        model.load_state_dict(torch.load(origin)["model"])
+
+
 def resume(args, model, optimiser) -> int:
-    """Continues this run, or starts with another run's weights; returns the steps done."""
-    if (args.runs / "network.pt").exists():
-        state = torch.load(args.runs / "network.pt")
-        model.load_state_dict(state["model"])
-        optimiser.load_state_dict(state["optimiser"])
-        return state["step"]
-    if args.origin:
-        model.load_state_dict(torch.load(args.origin)["model"])
-    return 0
+    """Continues this run if it has begun; returns the steps done."""
+    if not (args.runs / "network.pt").exists():
+        return 0
+    state = torch.load(args.runs / "network.pt")
+    model.load_state_dict(state["model"])
+    optimiser.load_state_dict(state["optimiser"])
+    return state["step"]
 
 
 if __name__ == "__main__":

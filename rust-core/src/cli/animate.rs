@@ -7,11 +7,11 @@ use clap::Args;
 use super::{
     arguments::{FaceArgs, MotionArgs, SharedArgs},
     console::Console,
-    stages::{deform_into, new_report, note_landmarks, read_sound, summary, timed},
+    stages::{deform_into, new_report, note_landmarks, note_mouth, read_sound, summary, timed},
 };
 use crate::{
     Result,
-    mesh::Mesh,
+    mesh::{Mesh, Mouth},
     output::{Format, warnings_of_motion, write_json},
 };
 
@@ -51,6 +51,7 @@ impl Animate {
             engine.prepare(&mesh, &options, progress)
         })?;
         note_landmarks(&mut report, &face.landmarks.confidence);
+        note_mouth(&mut report, Mouth::of(&mesh, &face.landmarks));
         let motion = timed(&mut report, "motion", || {
             engine.motion(&waveform, &request, progress)
         })?;

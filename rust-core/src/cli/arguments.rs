@@ -7,7 +7,10 @@ use clap::{Args, ValueEnum};
 use super::controls::{ControlArgs, EmotionArgs};
 use crate::{
     CachePolicy, DecoderKind, Engine, EngineOptions, Error, MotionRequest, Result,
-    mesh::{Axis, FaceOptions, LandmarkSource, ObjectNames, PartChoices, PartRole, PartSelector},
+    mesh::{
+        Axis, FaceOptions, FixedLandmark, LandmarkSource, ObjectNames, PartChoices, PartRole,
+        PartSelector,
+    },
 };
 
 /// Options of every subcommand.
@@ -84,7 +87,10 @@ pub(super) struct FaceArgs {
     /// Landmarks as JSON: 68 positions or 68 vertex numbers [default: found on the mesh]
     #[arg(long, value_name = "L.json")]
     landmarks: Option<PathBuf>,
-    /// Axis out of the face: x, -x, y, -y, z or -z
+    /// Some landmarks as JSON that stay where they are; the others follow
+    #[arg(long, value_name = "F.json")]
+    fix: Option<PathBuf>,
+    /// Axis out of the face where several places look alike: x, -x, y, -y, z or -z
     #[arg(long, default_value = "z", value_parser = axis, allow_hyphen_values = true)]
     forward: Axis,
     /// Axis to the top of the head
@@ -111,8 +117,13 @@ impl FaceArgs {
             Some(path) => Some(LandmarkSource::read(path)?),
             None => known,
         };
+        let fixed = match &self.fix {
+            Some(path) => FixedLandmark::read(path)?,
+            None => Vec::new(),
+        };
         Ok(FaceOptions {
             landmarks,
+            fixed,
             forward: self.forward,
             up: self.up,
             learned: self.learned,

@@ -7,11 +7,11 @@ use clap::Args;
 use super::{
     arguments::{FaceArgs, SharedArgs},
     console::Console,
-    stages::{deform_into, new_report, note_landmarks, summary, timed},
+    stages::{deform_into, new_report, note_landmarks, note_mouth, summary, timed},
 };
 use crate::{
     Result,
-    mesh::{LandmarkSource, Mesh},
+    mesh::{LandmarkSource, Mesh, Mouth},
     output::{Format, read_landmark_motion, write_json},
 };
 
@@ -54,6 +54,7 @@ impl Deform {
             engine.prepare(&mesh, &options, &|p| console.progress(p))
         })?;
         note_landmarks(&mut report, &face.landmarks.confidence);
+        note_mouth(&mut report, Mouth::of(&mesh, &face.landmarks));
         let landmarks = match motion.neutral {
             Some(_) => motion.displacements,
             None => face

@@ -7,11 +7,11 @@ use clap::Args;
 use super::{
     arguments::{FaceArgs, SharedArgs, shown},
     console::Console,
-    stages::{new_report, note_landmarks, timed},
+    stages::{new_report, note_landmarks, note_mouth, timed},
 };
 use crate::{
     Result,
-    mesh::{LandmarkFinder, Mesh, locate_landmarks_with},
+    mesh::{LandmarkFinder, Mesh, Mouth, locate_landmarks_with},
     output::write_atomically,
 };
 
@@ -21,7 +21,7 @@ pub(super) struct FindLandmarks {
     /// The mesh: OBJ or PLY
     #[arg(long, value_name = "M")]
     mesh: PathBuf,
-    /// The result as JSON: position, vertex and confidence of each
+    /// The result as JSON: position, vertex and confidence of each, and how the lips meet
     #[arg(long, value_name = "L.json")]
     out: PathBuf,
     #[command(flatten)]
@@ -37,14 +37,18 @@ impl FindLandmarks {
             let finder = LandmarkFinder::load(shared.weights.as_deref())?;
             locate_landmarks_with(&finder, &mesh, &options)
         })?;
-        write_atomically(&self.out, |file| file.write_all(found.to_json().as_bytes()))?;
+        let mouth = Mouth::of(&mesh, &found);
+        let json = found.to_json_with_mouth(mouth);
+        write_atomically(&self.out, |file| file.write_all(json.as_bytes()))?;
         note_landmarks(&mut report, &found.confidence);
+        note_mouth(&mut report, mouth);
         report.out = Some(shown(&self.out));
         report.vertices = Some(mesh.positions.len());
         let [least, mean] = report.landmark_confidence.unwrap_or_default();
         let summary = format!(
-            "wrote {}: 68 landmarks, confidence {mean:.2} on average, {least:.2} at least",
-            self.out.display()
+            "wrote {}: 68 landmarks, confidence {mean:.2} on average, {least:.2} at least; {}",
+            self.out.display(),
+            mouth.sentence()
         );
         console.report(&report, &summary);
         Ok(())

@@ -11,7 +11,7 @@ use super::console::Console;
 use crate::{
     PreparedFace, Result,
     audio::Waveform,
-    mesh::Mesh,
+    mesh::{Mesh, Mouth},
     output::{ClipShape, LandmarkTrack, Report, largest, warnings_of_sound, write_frames},
     progress::Progress,
 };
@@ -65,6 +65,14 @@ pub(super) fn note_landmarks(report: &mut Report, confidence: &[f32; 68]) {
             "the landmarks are uncertain (mean confidence {mean:.2}); check them with `anyface \
              landmarks`, or give them with --landmarks"
         ));
+    }
+}
+
+/// Notes how the lips meet; welded ones are worth a warning.
+pub(super) fn note_mouth(report: &mut Report, mouth: Mouth) {
+    report.mouth = Some(mouth.name().into());
+    if mouth == Mouth::Welded {
+        report.warnings.push(mouth.sentence().into());
     }
 }
 

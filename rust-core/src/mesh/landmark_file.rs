@@ -1,15 +1,16 @@
 //! Landmarks as JSON: a stable format of our own out, three formats in.
 //!
-//! Written: `{"version": 1, "landmarks": [{"index": 0, "position": [x, y, z], "vertex": n,
-//! "confidence": c}, …]}`, positions in the mesh's own units and axes. Read: the same (`vertex` and
-//! `confidence` optional, `position` optional where `vertex` is given), or a plain list of 68
-//! points `[[x, y, z], …]`, or a plain list of 68 vertex numbers.
+//! Written: `{"version": 1, "confidence": c, "mouth": "open" | "slit" | "welded", "landmarks":
+//! [{"index": 0, "position": [x, y, z], "vertex": n, "confidence": c}, …]}`, positions in the mesh's
+//! own units and axes; `mouth` only where the mesh was looked at. Read: the same (`vertex` and both
+//! `confidence` optional, `mouth` ignored, `position` optional where `vertex` is given), or a plain
+//! list of 68 points `[[x, y, z], …]`, or a plain list of 68 vertex numbers.
 
 use std::{io::Write, path::Path};
 
 use serde::{Deserialize, Serialize};
 
-use super::{LandmarkSource, Landmarks};
+use super::{FixedLandmark, LandmarkPlace, LandmarkSource, Landmarks, Mouth};
 use crate::{Error, Result, motion::LANDMARKS};
 
 /// The format's version, raised when a reader of the old one would misread the new one.
@@ -33,8 +34,22 @@ struct Entry {
 }
 
 impl Landmarks {
+    /// How sure the whole face is: the mean over its landmarks, 0 to 1.
+    pub fn overall_confidence(&self) -> f32 {
+        self.confidence.iter().sum::<f32>() / LANDMARKS as f32
+    }
+
     /// The JSON document, one landmark a line.
     pub fn to_json(&self) -> String {
+        self.document(None)
+    }
+
+    /// The JSON document that says how the lips meet, too.
+    pub fn to_json_with_mouth(&self, mouth: Mouth) -> String {
+        self.document(Some(mouth))
+    }
+
+    fn document(&self, mouth: Option<Mouth>) -> String {
         let lines: Vec<String> = (0..LANDMARKS)
             .map(|index| {
                 let entry = Entry {
@@ -47,7 +62,14 @@ impl Landmarks {
             })
             .collect();
         let body = lines.join(",\n  ");
-        format!("{{\n \"version\": {VERSION},\n \"landmarks\": [\n  {body}\n ]\n}}\n")
+        let confidence = self.overall_confidence();
+        let mouth = mouth.map_or(String::new(), |m| {
+            format!(" \"mouth\": \"{}\",\n", m.name())
+        });
+        format!(
+            "{{\n \"version\": {VERSION},\n \"confidence\": {confidence},\n{mouth} \"landmarks\": \
+             [\n  {body}\n ]\n}}\n"
+        )
     }
 
     /// Writes the JSON document; a failure leaves no partial file behind.
@@ -121,7 +143,34 @@ fn expect_all(count: usize, expected: &str) -> Result<()> {
     })
 }
 
+/// Any number of landmarks in the format above.
+///
+/// # Errors
+/// As [`FixedLandmark::from_json`].
+pub(super) fn fixed_from_json(text: &str) -> Result<Vec<FixedLandmark>> {
+    let document = serde_json::from_str(text)
+        .map_err(|e: serde_json::Error| Error::InvalidInput(format!("landmarks: {e}")))?;
+    let fixed = |entry: Entry| {
+        let index = entry.index;
+        let place = entry.position.map(LandmarkPlace::Position);
+        let place = place.or(entry.vertex.map(LandmarkPlace::Vertex));
+        let message = format!("landmarks: expected a position or a vertex; {index} has neither");
+        place
+            .map(|place| FixedLandmark { index, place })
+            .ok_or(Error::InvalidInput(message))
+    };
+    slots(document)?.into_iter().flatten().map(fixed).collect()
+}
+
 fn from_document(document: Document) -> Result<LandmarkSource> {
+    let entries = slots(document)?;
+    collect(&entries, |e| e.position)
+        .map(LandmarkSource::Positions)
+        .or_else(|_| collect(&entries, |e| e.vertex).map(LandmarkSource::Vertices))
+}
+
+/// The entries by their index.
+fn slots(document: Document) -> Result<Vec<Option<Entry>>> {
     if document.version != VERSION {
         return Err(Error::InvalidInput(format!(
             "landmarks: expected version {VERSION}, got {}",
@@ -139,9 +188,7 @@ fn from_document(document: Document) -> Result<LandmarkSource> {
             return Err(Error::InvalidInput(message));
         }
     }
-    collect(&entries, |e| e.position)
-        .map(LandmarkSource::Positions)
-        .or_else(|_| collect(&entries, |e| e.vertex).map(LandmarkSource::Vertices))
+    Ok(entries)
 }
 
 fn collect<T>(entries: &[Option<Entry>], field: impl Fn(&Entry) -> Option<T>) -> Result<Vec<T>> {
@@ -175,6 +222,17 @@ mod tests {
         landmarks().write(&path).unwrap();
         let expected = LandmarkSource::Positions(landmarks().positions.into());
         assert_eq!(LandmarkSource::read(&path).unwrap(), expected);
+    }
+
+    #[test]
+    fn the_document_says_how_sure_the_face_is_and_how_its_lips_meet() {
+        let text = landmarks().to_json_with_mouth(Mouth::Welded);
+        let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(value["mouth"], "welded");
+        let confidence = value["confidence"].as_f64().unwrap() as f32;
+        assert!((confidence - landmarks().overall_confidence()).abs() < 1e-6);
+        let expected = LandmarkSource::Positions(landmarks().positions.into());
+        assert_eq!(LandmarkSource::from_json(&text).unwrap(), expected);
     }
 
     #[test]

@@ -14,6 +14,8 @@ const FAR_IN_EYE_DISTANCES: f32 = 0.25;
 /// The 68 landmarks of a mesh: the caller's, put on the surface, or found by the library.
 ///
 /// The stated axes only help finding; the caller's landmarks say by themselves where the face is.
+/// Landmarks that the caller fixed stay, those found or given beside them follow.
+///
 /// # Errors
 /// `ShapeMismatch` or `InvalidInput` for unusable landmarks, `FaceNotFound` if none are given and
 /// none are found, `Mesh` for a mesh without triangles.
@@ -35,10 +37,15 @@ pub fn locate_landmarks_with(
         let message = format!("expected triangles, got none ({got} vertices)");
         return Err(Error::Mesh(message));
     }
-    match &options.landmarks {
-        Some(LandmarkSource::Positions(positions)) => from_positions(mesh, positions),
-        Some(LandmarkSource::Vertices(vertices)) => from_vertices(mesh, vertices),
-        None => finder.find(mesh, options.forward, options.up),
+    let fixed = &options.fixed;
+    let given = match &options.landmarks {
+        Some(LandmarkSource::Positions(positions)) => from_positions(mesh, positions)?,
+        Some(LandmarkSource::Vertices(vertices)) => from_vertices(mesh, vertices)?,
+        None => return finder.find(mesh, options.forward, options.up, fixed),
+    };
+    match fixed.is_empty() {
+        true => Ok(given),
+        false => finder.follow(mesh, &given, fixed),
     }
 }
 

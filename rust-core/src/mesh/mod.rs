@@ -5,9 +5,11 @@ mod canonical;
 mod check;
 mod closest;
 mod find_landmarks;
+mod fixed;
 mod landmark_file;
 mod landmarks;
 pub(crate) mod lips;
+mod mouth;
 mod normals;
 mod obj;
 pub mod parts;
@@ -23,7 +25,9 @@ pub use align::{Fit, Similarity};
 pub use canonical::{align_to_canonical, canonical_landmarks};
 pub use check::MeshReport;
 pub use find_landmarks::LandmarkFinder;
+pub use fixed::{FixedLandmark, LandmarkPlace};
 pub use landmarks::{locate_landmarks, locate_landmarks_with};
+pub use mouth::Mouth;
 pub use parts::Parts;
 pub use roles::{ObjectNames, Part, PartChoices, PartRole, PartSelector, RoleSource};
 pub use tree::{ClosestPlace, SurfaceTree};
@@ -112,7 +116,10 @@ impl std::fmt::Display for Axis {
 pub struct FaceOptions {
     /// Landmarks from the caller; `None` lets the library find them.
     pub landmarks: Option<LandmarkSource>,
-    /// The axis out of the face: +z in OBJ and glTF, −y in Blender.
+    /// Landmarks that stay where the caller puts them; the others follow.
+    pub fixed: Vec<FixedLandmark>,
+    /// The axis out of the face: +z in OBJ and glTF, −y in Blender. Faces turned any way are found;
+    /// the axes decide where several places look alike.
     pub forward: Axis,
     /// The axis to the top of the head.
     pub up: Axis,
@@ -126,6 +133,7 @@ impl Default for FaceOptions {
     fn default() -> Self {
         FaceOptions {
             landmarks: None,
+            fixed: Vec::new(),
             forward: Axis::PosZ,
             up: Axis::PosY,
             learned: 1.0,

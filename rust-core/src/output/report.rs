@@ -42,6 +42,9 @@ pub struct Report {
     /// Least and mean confidence of the landmarks.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub landmark_confidence: Option<[f32; 2]>,
+    /// How the lips meet: `open`, `slit` or `welded`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mouth: Option<String>,
     /// Seconds that each stage took.
     pub seconds: BTreeMap<String, f64>,
     /// What the user should know.

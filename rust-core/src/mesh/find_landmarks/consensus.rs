@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::{
     depth_view::Window,
     network::LandmarkNetwork,
-    search::{HALF_SIZE_M, Seen},
+    search::{HALF_SIZE_M, front, middle},
     turned,
     view::{Frame, Look, look},
 };
@@ -31,10 +31,14 @@ pub(super) struct Agreed {
     pub confidence: [f32; LANDMARKS],
 }
 
-/// The head's pose and size from one close front view: inner landmarks put on the visible surface,
-/// fitted to the mean ones with robust weights (eyes without eyeballs give depths far behind).
-pub(super) fn lift(network: &LandmarkNetwork, frame: &Frame, seen: &Seen) -> Option<Similarity> {
-    let view = look(network, &frame.points, frame.triangles, seen.window);
+/// A better way to the canonical frame from one close front view: inner landmarks put on the visible
+/// surface, fitted to the mean ones with robust weights (eyes without eyeballs give depths far behind).
+pub(super) fn lift(
+    network: &LandmarkNetwork,
+    frame: &Frame,
+    to_canonical: &Similarity,
+) -> Option<Similarity> {
+    let view = front(network, frame, to_canonical);
     let lifted: Vec<(usize, [f32; 3])> = (17..LANDMARKS)
         .filter_map(|i| {
             let z = view.buffer.depth_at(view.sight.places[i])?;
@@ -48,15 +52,13 @@ pub(super) fn lift(network: &LandmarkNetwork, frame: &Frame, seen: &Seen) -> Opt
         .iter()
         .map(|(i, _)| stability(*i) * f64::from(view.sight.confidence[*i].max(0.02)))
         .collect();
-    robust_fit(&lifted, &weights)
+    Some(robust_fit(&lifted, &weights)?.compose(to_canonical))
 }
 
 /// Three views in the head's own frame, and where their rays meet.
 pub(super) fn agree(network: &LandmarkNetwork, frame: &Frame, to_canonical: &Similarity) -> Agreed {
     let points = turned(frame, to_canonical);
-    let mean = canonical_landmarks();
-    let middle: [f32; 3] =
-        std::array::from_fn(|k| mean.iter().map(|p| p[k]).sum::<f32>() / LANDMARKS as f32);
+    let middle = middle();
     let looks: Vec<(f32, Look)> = VIEWS_DEGREES
         .into_par_iter()
         .map(|degrees| {
@@ -74,6 +76,14 @@ pub(super) fn agree(network: &LandmarkNetwork, frame: &Frame, to_canonical: &Sim
 }
 
 impl Agreed {
+    /// Puts landmarks that the caller fixed (in the frame they were seen in) where they are.
+    pub fn pin(&mut self, fixed: &[(usize, [f32; 3])]) {
+        for (i, position) in fixed {
+            self.positions[*i] = *position;
+            self.confidence[*i] = 1.0;
+        }
+    }
+
     /// A better way to the canonical frame, from the landmarks in the frame they were seen in.
     pub fn fit(&self, seen_in: &Similarity) -> Option<Similarity> {
         let points: Vec<(usize, [f32; 3])> = self.positions.iter().copied().enumerate().collect();

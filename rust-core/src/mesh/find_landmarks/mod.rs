@@ -1,40 +1,97 @@
-//! Finds the 68 landmarks of a head that is given upright and facing a stated axis.
+//! Finds the 68 landmarks of a face on a mesh, however it is turned, in any units and any place.
 //!
-//! 1. *Search*: depth pictures of the whole mesh and of ever smaller windows under its top; the
-//!    network says which shows a face, and where.
+//! 1. *Search*: depth pictures of the mesh, from the stated front first, then from 14 sides; a small
+//!    network says where a face is and how it is turned, then looks again from where its front
+//!    should be. If the mesh mirrors itself, also for faces across that plane. What is found is
+//!    ranked by the landmark network, which tells faces from backs of heads.
 //! 2. *Lift*: landmarks of a close front view are put on the visible surface, which gives the
 //!    head's pose and size.
 //! 3. *Consensus*: in the head's own frame, three views at −40°, 0° and 40° see the landmarks, also
 //!    those that face away; rays of the three meet in space (after Paulsen et al. 2018,
 //!    "Multi-view Consensus CNN for 3D Facial Landmark Placement", with three fixed views and
-//!    depth in place of many views and colour). Twice, the second time in the better frame.
-//! 4. *Snap*: to the nearest skin, inner-lip landmarks to their own lip.
+//!    depth in place of many views and colour). Three times, each in a better frame.
+//! 4. *Shape*: a Gaussian over landmark shapes pulls in what cannot be; landmarks that the caller
+//!    fixed are exact and the others follow them.
+//! 5. *Snap*: to the nearest skin, inner-lip landmarks to their own lip.
 
 mod consensus;
 mod depth_view;
 mod network;
+mod pose_network;
+mod prior;
 mod search;
+mod symmetry;
 mod view;
 
 use std::{path::Path, sync::OnceLock};
 
+use serde::Deserialize;
+
 use self::{
-    consensus::{agree, lift},
-    network::{Config, LandmarkNetwork},
-    search::search,
+    consensus::{Agreed, agree, lift},
+    network::LandmarkNetwork,
+    pose_network::PoseNetwork,
+    prior::{Measured, ShapePrior},
+    search::Search,
     view::{Frame, stated_frame},
 };
-use super::{Axis, Landmarks, Mesh, Similarity, canonical, snap::snap_to_surface};
+use super::{
+    Axis, FixedLandmark, Landmarks, Mesh, Similarity,
+    canonical::{self, canonical_landmarks},
+    snap::snap_to_surface,
+};
 use crate::{Error, Result, motion::LANDMARKS, nn::Weights, weights::ModelFiles};
 
 const MODEL: &str = "landmarks";
 
-/// Mean confidence below which the views saw no face; found human heads lie above 0.7.
-const LEAST_CONFIDENCE: f32 = 0.35;
+/// Mean confidence below which the views saw no face.
+const LEAST_CONFIDENCE: f32 = 0.42;
 
-/// Finds landmarks; holds the network's weights. Cheap to share, any number of threads may use it.
+/// Likeness of a face, seen from its front, below which there is none.
+const LEAST_LIKENESS: f32 = 0.3;
+
+/// Mean confidence from which on no other candidate is tried.
+const SURE_CONFIDENCE: f32 = 0.7;
+
+/// Fixed landmarks that say by themselves where the face is.
+const ENOUGH_FIXED: usize = 4;
+
+/// Confidence of landmarks that a caller gave all of, where others are fixed beside them.
+const GIVEN_CONFIDENCE: f32 = 0.5;
+
+/// What `config.json` beside the weights says.
+#[derive(Debug, Clone, Deserialize)]
+struct Config {
+    /// Channels of the landmark network at 64², 32², 16² and 8².
+    widths: [usize; 4],
+    /// Channels of the pose network at 64², 32², 16², 8² and 4².
+    pose_widths: [usize; 5],
+    /// Modes of the shape prior.
+    prior_modes: usize,
+}
+
+impl Config {
+    /// # Errors
+    /// `Weights` if the text is not a config.
+    fn parse(json: &str) -> Result<Self> {
+        serde_json::from_str(json)
+            .map_err(|error| Error::Weights(format!("landmarks/config.json: {error}")))
+    }
+}
+
+/// Finds landmarks; holds the networks' weights. Cheap to share, any number of threads may use it.
 pub struct LandmarkFinder {
-    network: LandmarkNetwork,
+    views: LandmarkNetwork,
+    pose: PoseNetwork,
+    prior: ShapePrior,
+}
+
+/// A candidate whose views agree.
+struct Settled {
+    /// From the frame to canonical metres, in which `agreed` is.
+    to_canonical: Similarity,
+    agreed: Agreed,
+    confidence: f32,
 }
 
 impl LandmarkFinder {
@@ -59,68 +116,196 @@ impl LandmarkFinder {
     pub fn load(folder: Option<&Path>) -> Result<LandmarkFinder> {
         let files = ModelFiles::open(MODEL, folder)?;
         let weights = Weights::from_bytes(&files.weights)?;
-        let network = LandmarkNetwork::load(&weights, &Config::parse(&files.config)?)?;
-        Ok(LandmarkFinder { network })
+        let config = Config::parse(&files.config)?;
+        Ok(LandmarkFinder {
+            views: LandmarkNetwork::load(&weights.pp("views"), config.widths)?,
+            pose: PoseNetwork::load(&weights.pp("pose"), config.pose_widths)?,
+            prior: ShapePrior::load(&weights.pp("prior"), config.prior_modes)?,
+        })
     }
 
-    /// The landmarks of a head that looks along `forward` with its top towards `up`, in any units
-    /// and any place; 20° off is fine. Neck, shoulders, a body, hair, eyes and teeth may be there.
+    /// The landmarks of the face of a mesh, turned any way. Where several places look alike, the
+    /// one that looks along `forward` with its top towards `up` is taken. Neck, shoulders, a body,
+    /// hair, eyes and teeth may be there. Every landmark in `fixed` is where the caller says, the
+    /// others follow; four or more say where the face is.
     ///
     /// # Errors
     /// `FaceNotFound` with what was seen and what would help; `InvalidInput` if the axes are the
-    /// same line; `Mesh` for a mesh that cannot be used.
-    pub fn find(&self, mesh: &Mesh, forward: Axis, up: Axis) -> Result<Landmarks> {
+    /// same line or a fixed landmark cannot be; `Mesh` for a mesh that cannot be used.
+    pub fn find(
+        &self,
+        mesh: &Mesh,
+        forward: Axis,
+        up: Axis,
+        fixed: &[FixedLandmark],
+    ) -> Result<Landmarks> {
         mesh.check()?;
         let frame = stated_frame(mesh, forward, up)?;
-        self.find_in(mesh, &frame)
-            .map_err(|why| Error::FaceNotFound(self.advice(mesh, forward, up, &why)))
+        let places = places_of(mesh, fixed)?;
+        let in_frame = moved(&places, &frame.from_mesh);
+        let settled = match self.pose_of_fixed(&frame, &in_frame) {
+            Some(settled) => settled,
+            None => self.best(&frame, &in_frame).map_err(Error::FaceNotFound)?,
+        };
+        let to_canonical = settled.to_canonical.compose(&frame.from_mesh);
+        self.shaped(mesh, &to_canonical, &settled.agreed, &places)
     }
 
-    /// The way described above; the error says why it stopped.
-    fn find_in(&self, mesh: &Mesh, frame: &Frame) -> std::result::Result<Landmarks, String> {
-        let seen = search(&self.network, frame).ok_or("no view shows a face")?;
-        let mut to_canonical = lift(&self.network, frame, &seen)
-            .ok_or("the surface behind the landmarks does not have the shape of a face")?;
-        let mut agreed = agree(&self.network, frame, &to_canonical);
+    /// Landmarks that the caller gave, where some of them are `fixed` elsewhere: the others follow.
+    ///
+    /// # Errors
+    /// `InvalidInput` if a fixed landmark cannot be, `FaceNotFound` if the result is no face.
+    pub fn follow(
+        &self,
+        mesh: &Mesh,
+        given: &Landmarks,
+        fixed: &[FixedLandmark],
+    ) -> Result<Landmarks> {
+        let places = places_of(mesh, fixed)?;
+        let to_canonical = canonical::fit_to_canonical(&given.positions, None)?.similarity;
+        let agreed = Agreed {
+            positions: given.positions.map(|p| to_canonical.apply(p)),
+            confidence: [GIVEN_CONFIDENCE; LANDMARKS],
+        };
+        self.shaped(mesh, &to_canonical, &agreed, &places)
+    }
+
+    /// The most convincing candidate; the error says what was seen and what would help.
+    fn best(
+        &self,
+        frame: &Frame,
+        fixed: &[(usize, [f32; 3])],
+    ) -> std::result::Result<Settled, String> {
+        let search = Search {
+            pose: &self.pose,
+            views: &self.views,
+            frame,
+        };
+        let candidates = search.run();
+        let likeness = candidates.first().map_or(0.0, |c| c.likeness);
+        let mut best: Option<Settled> = None;
+        for candidate in candidates.iter().filter(|c| c.likeness >= LEAST_LIKENESS) {
+            let settled = self.settle(frame, &candidate.to_canonical, fixed);
+            let better = |s: &Settled| best.as_ref().is_none_or(|b| s.confidence > b.confidence);
+            best = settled.filter(better).or(best);
+            if best
+                .as_ref()
+                .is_some_and(|b| b.confidence > SURE_CONFIDENCE)
+            {
+                break;
+            }
+        }
+        let seen = match best {
+            Some(found) if found.confidence >= LEAST_CONFIDENCE => return Ok(found),
+            Some(found) => format!(
+                "the best place has confidence {:.2}, expected {LEAST_CONFIDENCE} or more",
+                found.confidence
+            ),
+            None => format!(
+                "no side of the mesh looks like a face (likeness {likeness:.2} at best, expected \
+                 {LEAST_LIKENESS} or more)"
+            ),
+        };
+        Err(advice(&seen))
+    }
+
+    /// Steps 2 and 3.
+    fn settle(
+        &self,
+        frame: &Frame,
+        to_canonical: &Similarity,
+        fixed: &[(usize, [f32; 3])],
+    ) -> Option<Settled> {
+        let mut to_canonical = lift(&self.views, frame, to_canonical).unwrap_or(*to_canonical);
+        let mut agreed = agree(&self.views, frame, &to_canonical);
         for _ in 0..2 {
-            to_canonical = agreed.fit(&to_canonical).ok_or("the views disagree")?;
-            agreed = agree(&self.network, frame, &to_canonical);
+            agreed.pin(&moved(fixed, &to_canonical));
+            to_canonical = agreed.fit(&to_canonical)?;
+            agreed = agree(&self.views, frame, &to_canonical);
         }
-        let mean = agreed.confidence.iter().sum::<f32>() / LANDMARKS as f32;
-        if mean < LEAST_CONFIDENCE {
-            return Err(format!(
-                "the best place has confidence {mean:.2}, expected {LEAST_CONFIDENCE} or more"
-            ));
+        let confidence = agreed.confidence.iter().sum::<f32>() / LANDMARKS as f32;
+        Some(Settled {
+            to_canonical,
+            agreed,
+            confidence,
+        })
+    }
+
+    /// The pose that enough fixed landmarks give; what the views see there may be little.
+    fn pose_of_fixed(&self, frame: &Frame, fixed: &[(usize, [f32; 3])]) -> Option<Settled> {
+        if fixed.len() < ENOUGH_FIXED {
+            return None;
         }
-        let to_mesh = to_canonical.compose(&frame.from_mesh).inverse();
-        let mut landmarks = snap_to_surface(mesh, &agreed.positions.map(|p| to_mesh.apply(p)));
-        landmarks.confidence = agreed.confidence;
-        let fit = canonical::fit_to_canonical(&landmarks.positions, Some(&landmarks.confidence))
-            .map_err(|error| error.to_string())?;
-        canonical::check(&fit).map_err(|_| "what was found does not have the shape of a face")?;
+        let from: Vec<[f32; 3]> = fixed.iter().map(|(_, p)| *p).collect();
+        let to: Vec<[f32; 3]> = fixed
+            .iter()
+            .map(|(i, _)| canonical_landmarks()[*i])
+            .collect();
+        let fit = Similarity::fit(&from, &to, None).ok()?;
+        self.settle(frame, &fit.similarity, fixed)
+    }
+
+    /// Steps 4 and 5.
+    fn shaped(
+        &self,
+        mesh: &Mesh,
+        to_canonical: &Similarity,
+        agreed: &Agreed,
+        fixed: &[(usize, [f32; 3])],
+    ) -> Result<Landmarks> {
+        let mut measured: [Measured; LANDMARKS] = std::array::from_fn(|i| Measured {
+            position: agreed.positions[i],
+            confidence: agreed.confidence[i],
+            fixed: false,
+        });
+        for (i, position) in moved(fixed, to_canonical) {
+            measured[i] = Measured {
+                position,
+                confidence: 1.0,
+                fixed: true,
+            };
+        }
+        let (positions, confidence) = self.prior.refine(&measured)?;
+        let to_mesh = to_canonical.inverse();
+        let mut landmarks = snap_to_surface(mesh, &positions.map(|p| to_mesh.apply(p)));
+        landmarks.confidence = confidence;
+        let fit = canonical::fit_to_canonical(&landmarks.positions, Some(&landmarks.confidence))?;
+        canonical::check(&fit).map_err(|error| Error::FaceNotFound(advice(&error.to_string())))?;
         Ok(landmarks)
     }
+}
 
-    /// Why there is no face, and what would help: other axes are tried so as to name them.
-    fn advice(&self, mesh: &Mesh, forward: Axis, up: Axis, why: &str) -> String {
-        let stated = format!("looked along {forward} with {up} up: {why}");
-        let better = Axis::ALL
-            .iter()
-            .flat_map(|f| Axis::ALL.iter().map(move |u| (*f, *u)))
-            .filter(|(f, u)| (*f, *u) != (forward, up))
-            .find(|(f, u)| {
-                stated_frame(mesh, *f, *u).is_ok_and(|frame| self.find_in(mesh, &frame).is_ok())
-            });
-        match better {
-            Some((f, u)) => {
-                format!("{stated}; a face looks along {f} with {u} up: state these axes")
+fn advice(seen: &str) -> String {
+    format!(
+        "{seen}. Give a mesh with a head of its own whose eyes, nose and mouth are modelled, fix \
+         {ENOUGH_FIXED} or more landmarks (corners of eyes and mouth, tip of the nose), or give \
+         all 68"
+    )
+}
+
+/// Where the caller fixed landmarks, mesh units.
+///
+/// # Errors
+/// `InvalidInput` for an index, vertex or position that cannot be, or an index that comes twice.
+fn places_of(mesh: &Mesh, fixed: &[FixedLandmark]) -> Result<Vec<(usize, [f32; 3])>> {
+    let mut seen = [false; LANDMARKS];
+    fixed
+        .iter()
+        .map(|landmark| {
+            let place = landmark.position_on(mesh)?;
+            match std::mem::replace(&mut seen[landmark.index], true) {
+                true => Err(Error::InvalidInput(format!(
+                    "fixed landmarks: index {} appears twice",
+                    landmark.index
+                ))),
+                false => Ok((landmark.index, place)),
             }
-            None => format!(
-                "{stated}; no other axis shows one either. Give a mesh with a head of its own, \
-                 upright, or the 68 landmarks"
-            ),
-        }
-    }
+        })
+        .collect()
+}
+
+fn moved(places: &[(usize, [f32; 3])], by: &Similarity) -> Vec<(usize, [f32; 3])> {
+    places.iter().map(|(i, p)| (*i, by.apply(*p))).collect()
 }
 
 /// The face's own frame for views: canonical metres as far as they are known.

@@ -4,10 +4,8 @@
 //! A small U-Net over 128² pictures of depth and normals. It gives 68 heat maps of 64², made at
 //! 32² with four sub-pixels each, and one number: is there a face.
 
-use serde::Deserialize;
-
 use crate::{
-    Error, Result,
+    Result,
     motion::LANDMARKS,
     nn::{
         Weights,
@@ -21,22 +19,6 @@ pub(super) const HEAT: usize = 64;
 /// Reach of the mean around a peak, heat-map pixels.
 const PEAK_RADIUS: usize = 3;
 
-/// What `config.json` beside the weights says.
-#[derive(Debug, Clone, Deserialize)]
-pub(super) struct Config {
-    /// Channels at 64², 32², 16² and 8².
-    widths: [usize; 4],
-}
-
-impl Config {
-    /// # Errors
-    /// `Weights` if the text is not a config.
-    pub fn parse(json: &str) -> Result<Self> {
-        serde_json::from_str(json)
-            .map_err(|error| Error::Weights(format!("landmarks/config.json: {error}")))
-    }
-}
-
 /// What the network sees in one picture.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Sight {
@@ -49,13 +31,13 @@ pub(super) struct Sight {
 }
 
 /// Two convolutions around a shortcut.
-struct Block {
+pub(super) struct Block {
     first: Conv2d,
     second: Conv2d,
 }
 
 impl Block {
-    fn load(weights: &Weights, width: usize) -> Result<Self> {
+    pub fn load(weights: &Weights, width: usize) -> Result<Self> {
         let shape = [width, width, 3];
         Ok(Block {
             first: Conv2d::load(&weights.pp("first.conv"), shape, 1)?,
@@ -63,7 +45,7 @@ impl Block {
         })
     }
 
-    fn forward(&self, x: &Picture) -> Picture {
+    pub fn forward(&self, x: &Picture) -> Picture {
         let inner = self.first.forward(x).relu();
         self.second.forward(&inner).plus(x).relu()
     }
@@ -89,10 +71,12 @@ pub(super) struct LandmarkNetwork {
 }
 
 impl LandmarkNetwork {
+    /// `widths`: channels at 64², 32², 16² and 8².
+    ///
     /// # Errors
-    /// `Weights` if an array is missing or does not fit the config.
-    pub fn load(weights: &Weights, config: &Config) -> Result<Self> {
-        let [a, b, c, d] = config.widths;
+    /// `Weights` if an array is missing or does not fit the widths.
+    pub fn load(weights: &Weights, widths: [usize; 4]) -> Result<Self> {
+        let [a, b, c, d] = widths;
         let conv =
             |name: &str, shape, stride| Conv2d::load(&weights.pp(name).pp("conv"), shape, stride);
         Ok(LandmarkNetwork {
@@ -184,8 +168,8 @@ mod tests {
     #[test]
     fn network_matches_its_twin() {
         let golden = Golden::open("landmarks_debug");
-        let config = Config::parse(&golden.metadata("config")).unwrap();
-        let network = LandmarkNetwork::load(&golden.weights(), &config).unwrap();
+        let widths = serde_json::from_str(&golden.metadata("widths")).unwrap();
+        let network = LandmarkNetwork::load(&golden.weights(), widths).unwrap();
         let picture = picture(&golden);
         let (heat, face) = network.forward(&picture);
         let kept = heat.chunks_exact(HEAT * HEAT).step_by(17).flatten();

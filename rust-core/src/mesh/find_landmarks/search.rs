@@ -1,142 +1,388 @@
-//! Where on a mesh the face is, seen from the stated front.
+//! Where on a mesh a face may be, and how it is turned, seen from all around.
 
 use rayon::prelude::*;
 
 use super::{
-    depth_view::Window,
+    consensus::lift,
+    depth_view::{DepthBuffer, Window},
     network::LandmarkNetwork,
+    pose_network::{PoseNetwork, Sighting},
+    symmetry::{Plane, symmetry},
+    turned,
     view::{Frame, Look, look},
 };
-use crate::{mesh::canonical_landmarks, motion::LANDMARKS};
+use crate::mesh::{
+    Similarity, canonical_landmarks,
+    vec3::{cross, unit},
+};
 
-/// Half-size of the window on a face of human size, metres; the network was trained around it.
+/// Half-size of the window on a face of human size, metres; the networks were trained around it.
 pub(super) const HALF_SIZE_M: f32 = 0.105;
 
-/// Windows under the top of the mesh, as parts of its larger extent: a bust down to the head of
-/// a body with its arms stretched out.
-const TOP_WINDOWS: [f32; 6] = [0.5, 0.36, 0.26, 0.18, 0.13, 0.09];
+/// Room around a face when it is looked at again.
+const CLOSER: f32 = 1.35;
+const CLOSER_LOOKS: usize = 3;
 
-/// Below this no picture shows a face.
-const LEAST_SCORE: f32 = 0.15;
+/// Faces taken from one picture.
+const FACES_IN_A_PICTURE: usize = 2;
 
-/// How far the landmarks of a face may lie from the mean ones in one picture, metres.
-const SPREAD_M: f32 = 0.016;
+/// Candidates that get closer looks, and those that leave the search.
+const LOOKED_AT: usize = 9;
+const KEPT: usize = 3;
 
-/// A face found in one picture: a window that fits it.
-pub(super) struct Seen {
-    pub window: Window,
+/// Views around the plane of symmetry.
+const VIEWS_IN_PLANE: usize = 12;
+
+/// Smaller windows on the plane of symmetry, as parts of the whole one: for the landmark network
+/// alone, which knows faces that the pose network does not.
+const WINDOWS_ON_PLANE: [f32; 4] = [0.6, 0.42, 0.3, 0.21];
+
+/// What a face in the stated pose is worth more than one in another: a tie-break.
+const STATED_BONUS: f32 = 0.1;
+
+/// From this likeness on no other side is looked at, or no smaller window.
+const SURE: f32 = 0.75;
+const LIKELY: f32 = 0.5;
+
+/// Where a face may be.
+#[derive(Clone, Copy)]
+pub(super) struct Candidate {
+    /// From the frame to canonical metres.
+    pub to_canonical: Similarity,
+    /// 0 to 1: while searching the pose network's probability, at the end that of the landmark
+    /// network times its confidence.
+    pub likeness: f32,
 }
 
-/// The mean landmarks laid over those of a look.
-struct FlatFit {
-    /// View units per canonical metre.
-    scale: f32,
-    /// View place of the mean of all canonical landmarks.
-    centre: [f32; 2],
-    /// Root mean square distance, metres.
-    rms: f32,
+impl Candidate {
+    /// How well the face looks along the stated axis with its top where it should be, −1 to 1.
+    fn uprightness(&self) -> f32 {
+        let r = &self.to_canonical.rotation;
+        r[1][1].min(r[2][2]) as f32
+    }
+
+    fn rank(&self) -> f32 {
+        self.likeness + STATED_BONUS * self.uprightness().max(0.0)
+    }
 }
 
-/// Looks through all windows, then twice through the best.
-pub(super) fn search(network: &LandmarkNetwork, frame: &Frame) -> Option<Seen> {
-    let glance = |window: Window| {
-        let look = look(network, &frame.points, frame.triangles, window);
-        let fit = fit_flat(&look);
-        (score(&look, &fit), fit)
+/// Both networks and what they look at.
+#[derive(Clone, Copy)]
+pub(super) struct Search<'a> {
+    pub pose: &'a PoseNetwork,
+    pub views: &'a LandmarkNetwork,
+    pub frame: &'a Frame<'a>,
+}
+
+impl Search<'_> {
+    /// The stated front first; if no sure face is there, all sides; if the mesh mirrors itself,
+    /// faces across that plane; at last smaller windows on it. The best first.
+    pub fn run(&self) -> Vec<Candidate> {
+        let all = directions();
+        let stated = self.closest_looks(self.glances(&all[..1], None), None);
+        let sure = |c: &Candidate| c.likeness > SURE && c.uprightness() > 0.85;
+        if stated.first().is_some_and(sure) {
+            return stated;
+        }
+        let mut found = self.closest_looks(self.glances(&all, None), None);
+        if let Some(plane) = symmetry(self.frame) {
+            let around = around(&plane);
+            let glances = self.glances(&around, Some(&plane));
+            found.extend(self.closest_looks(glances, Some(&plane)));
+            if found.iter().all(|c| c.likeness < LIKELY) {
+                found.extend(self.scan(&around, &plane));
+            }
+        }
+        distinct(found)
+    }
+
+    /// What the pose network sees from some sides.
+    fn glances(&self, sides: &[Similarity], plane: Option<&Plane>) -> Vec<Candidate> {
+        let seen: Vec<Vec<Candidate>> = sides
+            .par_iter()
+            .map(|turn| {
+                let points = turned(self.frame, turn);
+                let window = whole(self.frame.bounds_of(&points));
+                self.glance(&points, turn, window, plane)
+            })
+            .collect();
+        seen.into_iter().flatten().collect()
+    }
+
+    /// The landmark network through windows on the plane of symmetry, upright both ways up.
+    fn scan(&self, around: &[Similarity], plane: &Plane) -> Vec<Candidate> {
+        let poses: Vec<Similarity> = around
+            .iter()
+            .flat_map(|turn| {
+                let points = turned(self.frame, turn);
+                let poses = poses_on(self.frame.bounds_of(&points), plane);
+                poses.into_iter().map(|pose| pose.compose(turn))
+            })
+            .collect();
+        let likely = |to_canonical: &Similarity| Candidate {
+            to_canonical: *to_canonical,
+            likeness: self.likeness(to_canonical),
+        };
+        let mut found: Vec<Candidate> = poses.par_iter().map(likely).collect();
+        best_first(&mut found);
+        found.truncate(LOOKED_AT);
+        let closer = |c: &Candidate| {
+            let lifted = lift(self.views, self.frame, &c.to_canonical)?;
+            let again = likely(&plane.align(&lifted, middle())?);
+            (again.likeness > c.likeness).then_some(again)
+        };
+        found
+            .into_par_iter()
+            .map(|c| closer(&c).unwrap_or(c))
+            .collect()
+    }
+
+    fn glance(
+        &self,
+        points: &[[f32; 3]],
+        turn: &Similarity,
+        window: Window,
+        plane: Option<&Plane>,
+    ) -> Vec<Candidate> {
+        let buffer = DepthBuffer::draw(points, self.frame.triangles, window);
+        self.pose
+            .see(&buffer.features(), FACES_IN_A_PICTURE)
+            .into_iter()
+            .filter_map(|seen| candidate(&seen, &buffer, window, turn))
+            .filter_map(|found| across(found, plane))
+            .collect()
+    }
+
+    /// The best candidates, looked at ever more from their front, then by the landmark network.
+    fn closest_looks(&self, mut found: Vec<Candidate>, plane: Option<&Plane>) -> Vec<Candidate> {
+        best_first(&mut found);
+        found.truncate(LOOKED_AT);
+        let looked: Vec<Option<Candidate>> = found
+            .into_par_iter()
+            .map(|candidate| {
+                let last = (0..CLOSER_LOOKS).try_fold(candidate, |c, _| self.closer(&c, plane))?;
+                let likeness = self.likeness(&last.to_canonical);
+                Some(Candidate { likeness, ..last })
+            })
+            .collect();
+        distinct(looked.into_iter().flatten().collect())
+    }
+
+    /// The same face from where its front should be; `None` if it is lost from sight.
+    fn closer(&self, before: &Candidate, plane: Option<&Plane>) -> Option<Candidate> {
+        let points = turned(self.frame, &before.to_canonical);
+        let centre = middle();
+        let window = Window {
+            centre: [centre[0], centre[1]],
+            half_size: CLOSER * HALF_SIZE_M,
+        };
+        let buffer = DepthBuffer::draw(&points, self.frame.triangles, window);
+        let seen = self.pose.see(&buffer.features(), 1);
+        let now = candidate(seen.first()?, &buffer, window, &before.to_canonical)?;
+        across(now, plane)
+    }
+
+    /// How much the front looks like a face to the landmark network.
+    fn likeness(&self, to_canonical: &Similarity) -> f32 {
+        let sight = front(self.views, self.frame, to_canonical).sight;
+        let inner = &sight.confidence[17..];
+        sight.presence * inner.iter().sum::<f32>() / inner.len() as f32
+    }
+}
+
+/// The close front view of a face.
+pub(super) fn front(views: &LandmarkNetwork, frame: &Frame, to_canonical: &Similarity) -> Look {
+    let points = turned(frame, to_canonical);
+    let [x, y, _] = middle();
+    let window = Window {
+        centre: [x, y],
+        half_size: HALF_SIZE_M,
     };
-    let best = windows(frame)
-        .into_par_iter()
-        .map(glance)
-        .collect::<Vec<_>>()
-        .into_iter()
-        .max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let closer = glance(best.1.window());
-    (closer.0 > LEAST_SCORE).then(|| Seen {
-        window: closer.1.window(),
+    look(views, &points, frame.triangles, window)
+}
+
+fn best_first(candidates: &mut [Candidate]) {
+    candidates.sort_by(|a, b| b.rank().total_cmp(&a.rank()));
+}
+
+/// The best of what is not the same.
+fn distinct(mut found: Vec<Candidate>) -> Vec<Candidate> {
+    best_first(&mut found);
+    let mut kept: Vec<Candidate> = Vec::new();
+    for candidate in found {
+        if kept.len() < KEPT && kept.iter().all(|k| differ(k, &candidate)) {
+            kept.push(candidate);
+        }
+    }
+    kept
+}
+
+/// Whether two candidates are more than 25° or half a face apart.
+fn differ(a: &Candidate, b: &Candidate) -> bool {
+    let step = a.to_canonical.compose(&b.to_canonical.inverse());
+    let trace: f64 = (0..3).map(|i| step.rotation[i][i]).sum();
+    let middle = middle();
+    let moved = step.apply(middle);
+    let shift: f32 = (0..3).map(|i| (moved[i] - middle[i]).powi(2)).sum();
+    0.5 * (trace - 1.0) < 0.9 || shift.sqrt() > 0.05
+}
+
+/// The candidate with its face across the plane of symmetry.
+fn across(found: Candidate, plane: Option<&Plane>) -> Option<Candidate> {
+    let Some(plane) = plane else {
+        return Some(found);
+    };
+    plane
+        .align(&found.to_canonical, middle())
+        .map(|to_canonical| Candidate {
+            to_canonical,
+            ..found
+        })
+}
+
+/// A window on everything.
+fn whole([low, high]: [[f32; 3]; 2]) -> Window {
+    let extent = (high[0] - low[0]).max(high[1] - low[1]).max(1e-6);
+    Window {
+        centre: [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])],
+        half_size: 0.53 * extent,
+    }
+}
+
+/// Faces of several sizes one above the other on the plane of symmetry (view x = its offset), on
+/// their feet and on their heads, from a view to canonical metres.
+fn poses_on(bounds: [[f32; 3]; 2], plane: &Plane) -> Vec<Similarity> {
+    let [low, high] = bounds;
+    let mut poses = Vec::new();
+    for half_size in WINDOWS_ON_PLANE.map(|part| part * whole(bounds).half_size) {
+        let steps = ((high[1] - low[1]) / (0.6 * half_size)).ceil().max(1.0) as usize;
+        for (step, side) in (0..steps).flat_map(|step| [(step, 1.0), (step, -1.0)]) {
+            let y = high[1] - 0.6 * (0.5 + step as f32) * half_size;
+            let turn = Similarity {
+                scale: f64::from(HALF_SIZE_M / half_size),
+                rotation: [[side, 0.0, 0.0], [0.0, side, 0.0], [0.0, 0.0, 1.0]],
+                ..Similarity::IDENTITY
+            };
+            let at = turn.apply([plane.offset as f32, y, high[2]]);
+            let to = middle();
+            poses.push(Similarity {
+                translation: std::array::from_fn(|i| f64::from(to[i] - at[i])),
+                ..turn
+            });
+        }
+    }
+    poses
+}
+
+/// Mean of the canonical landmarks: the centre of a face.
+pub(super) fn middle() -> [f32; 3] {
+    let mean = canonical_landmarks();
+    std::array::from_fn(|k| mean.iter().map(|p| p[k]).sum::<f32>() / mean.len() as f32)
+}
+
+/// Views from the faces and corners of a cube, the stated front first.
+fn directions() -> Vec<Similarity> {
+    let mut towards = vec![
+        [0.0, 0.0, 1.0],
+        [1.0, 0.0, 0.0],
+        [-1.0, 0.0, 0.0],
+        [0.0, 0.0, -1.0],
+        [0.0, 1.0, 0.0],
+        [0.0, -1.0, 0.0],
+    ];
+    for corner in 0..8 {
+        towards.push([0, 1, 2].map(|k| if corner >> k & 1 == 0 { 1.0 } else { -1.0 }));
+    }
+    towards.into_iter().map(looking_from).collect()
+}
+
+/// The turn that brings a direction to +z, +y up where it can.
+fn looking_from(direction: [f64; 3]) -> Similarity {
+    let z = unit(direction);
+    let up = if z[1].abs() < 0.9 {
+        [0.0, 1.0, 0.0]
+    } else {
+        [0.0, 0.0, -z[1]]
+    };
+    let x = unit(cross(up, z));
+    Similarity {
+        rotation: [x, cross(z, x), z],
+        ..Similarity::IDENTITY
+    }
+}
+
+/// Views along the plane of symmetry, which is upright in each of them.
+fn around(plane: &Plane) -> Vec<Similarity> {
+    let (u, v) = plane.axes();
+    let step = std::f64::consts::TAU / VIEWS_IN_PLANE as f64;
+    let view = |k: usize| {
+        let (s, c) = (step * k as f64).sin_cos();
+        let z: [f64; 3] = std::array::from_fn(|i| c * u[i] + s * v[i]);
+        let x = plane.normal;
+        Similarity {
+            rotation: [x, cross(z, x), z],
+            ..Similarity::IDENTITY
+        }
+    };
+    (0..VIEWS_IN_PLANE).map(view).collect()
+}
+
+/// The pose that a sighting in a view means for the frame; `None` where the picture is empty.
+fn candidate(
+    seen: &Sighting,
+    buffer: &DepthBuffer,
+    window: Window,
+    to_view: &Similarity,
+) -> Option<Candidate> {
+    let tight = seen.size * window.half_size;
+    let [x, y] = window.to_view(seen.place);
+    // The middle of the landmarks lies a little behind the surface in front of it.
+    let surface = buffer.depth_at(seen.place)?;
+    let z = surface - 0.25 * tight;
+    let centre = [x, y, z].map(f64::from);
+    let scale = f64::from(HALF_SIZE_M / tight);
+    let to = middle().map(f64::from);
+    let turn = Similarity {
+        scale,
+        rotation: seen.rotation,
+        ..Similarity::IDENTITY
+    };
+    let at = turn.apply(centre.map(|c| c as f32)).map(f64::from);
+    let from_view = Similarity {
+        translation: std::array::from_fn(|i| to[i] - at[i]),
+        ..turn
+    };
+    Some(Candidate {
+        to_canonical: from_view.compose(to_view),
+        likeness: seen.presence,
     })
 }
 
-impl FlatFit {
-    fn window(&self) -> Window {
-        Window {
-            centre: self.centre,
-            half_size: (HALF_SIZE_M * self.scale).max(1e-6),
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_are_proper_rotations_and_cover_the_sphere() {
+        let all = directions();
+        for turn in &all {
+            let [x, y, z] = turn.rotation;
+            assert!((crate::mesh::vec3::dot(cross(x, y), z) - 1.0).abs() < 1e-12);
+        }
+        for step in 0..500 {
+            let (a, b) = (f64::from(step) * 2.399_963, f64::from(step) / 250.0 - 0.998);
+            let ring = (1.0 - b * b).sqrt();
+            let d = [ring * a.cos(), b, ring * a.sin()];
+            let nearest = all
+                .iter()
+                .map(|t| crate::mesh::vec3::dot(t.rotation[2], d))
+                .fold(-1.0, f64::max);
+            assert!(nearest > 40f64.to_radians().cos(), "{d:?}");
         }
     }
-}
 
-/// The whole mesh, and windows under its top centred on what is there.
-fn windows(frame: &Frame) -> Vec<Window> {
-    let (low, high) = (frame.low, frame.high);
-    let extent = (high[0] - low[0]).max(high[1] - low[1]).max(1e-6);
-    let whole = Window {
-        centre: [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])],
-        half_size: 0.53 * extent,
-    };
-    let under_top = TOP_WINDOWS.iter().map(|part| {
-        let half_size = part * extent;
-        let bottom = high[1] - 2.0 * half_size;
-        let (mut sum, mut count) = (0.0, 0);
-        for &v in frame.triangles.iter().flatten() {
-            let p = frame.points[v as usize];
-            if p[1] >= bottom {
-                sum += f64::from(p[0]);
-                count += 1;
-            }
-        }
-        Window {
-            centre: [
-                (sum / f64::from(count.max(1))) as f32,
-                high[1] - 0.95 * half_size,
-            ],
-            half_size,
-        }
-    });
-    std::iter::once(whole).chain(under_top).collect()
-}
-
-/// Presence, confidence and shape in one number from 0 to 1.
-fn score(look: &Look, fit: &FlatFit) -> f32 {
-    let inner = &look.sight.confidence[17..];
-    let confidence = inner.iter().sum::<f32>() / inner.len() as f32;
-    let shape = (-(fit.rms / SPREAD_M).powi(2)).exp();
-    look.sight.presence * confidence * shape
-}
-
-/// Least-squares similarity of the plane, as complex numbers: `view = a · canonical + b`.
-fn fit_flat(look: &Look) -> FlatFit {
-    let mean = canonical_landmarks();
-    let weight = |i: usize| {
-        if i < 17 {
-            0.2
-        } else {
-            look.sight.confidence[i].max(1e-3)
-        }
-    };
-    let total: f32 = (0..LANDMARKS).map(weight).sum();
-    let centroid = |of: &dyn Fn(usize) -> [f32; 2]| -> [f32; 2] {
-        std::array::from_fn(|k| (0..LANDMARKS).map(|i| weight(i) * of(i)[k]).sum::<f32>() / total)
-    };
-    let flat = |i: usize| [mean[i][0], mean[i][1]];
-    let (from, to) = (centroid(&flat), centroid(&|i| look.points[i]));
-    let (mut re, mut im, mut spread, mut spread_to) = (0.0, 0.0, 0.0, 0.0);
-    for i in 0..LANDMARKS {
-        let p = [flat(i)[0] - from[0], flat(i)[1] - from[1]];
-        let q = [look.points[i][0] - to[0], look.points[i][1] - to[1]];
-        re += weight(i) * (p[0] * q[0] + p[1] * q[1]);
-        im += weight(i) * (p[0] * q[1] - p[1] * q[0]);
-        spread += weight(i) * (p[0] * p[0] + p[1] * p[1]);
-        spread_to += weight(i) * (q[0] * q[0] + q[1] * q[1]);
-    }
-    let (a, b) = (re / spread, im / spread);
-    let scale = a.hypot(b).max(1e-9);
-    let left = (spread_to - scale * scale * spread).max(0.0) / total;
-    let all: [f32; 2] =
-        std::array::from_fn(|k| (0..LANDMARKS).map(|i| flat(i)[k]).sum::<f32>() / LANDMARKS as f32);
-    let d = [all[0] - from[0], all[1] - from[1]];
-    FlatFit {
-        scale,
-        centre: [to[0] + a * d[0] - b * d[1], to[1] + b * d[0] + a * d[1]],
-        rms: left.sqrt() / scale,
+    #[test]
+    fn the_first_direction_is_the_stated_front() {
+        assert_eq!(directions()[0].rotation, Similarity::IDENTITY.rotation);
     }
 }

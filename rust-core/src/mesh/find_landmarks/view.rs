@@ -15,9 +15,6 @@ pub(super) struct Frame<'a> {
     pub points: Vec<[f32; 3]>,
     pub triangles: &'a [[u32; 3]],
     pub from_mesh: Similarity,
-    /// Box of the vertices that have a face.
-    pub low: [f32; 3],
-    pub high: [f32; 3],
 }
 
 /// Landmarks as one view shows them.
@@ -26,6 +23,14 @@ pub(super) struct Look {
     pub points: [[f32; 2]; LANDMARKS],
     pub sight: Sight,
     pub buffer: DepthBuffer,
+}
+
+impl Frame<'_> {
+    /// Lowest and highest corner of the box around the faces of `points`, `[V]`.
+    pub fn bounds_of(&self, points: &[[f32; 3]]) -> [[f32; 3]; 2] {
+        let (low, high) = bounds(points, self.triangles);
+        [low, high]
+    }
 }
 
 /// Turns the mesh into its stated frame.
@@ -60,13 +65,10 @@ pub(super) fn stated_frame(mesh: &Mesh, forward: Axis, up: Axis) -> Result<Frame
         ..turn
     };
     let points: Vec<_> = mesh.positions.iter().map(|p| from_mesh.apply(*p)).collect();
-    let (low, high) = bounds(&points, &mesh.triangles);
     Ok(Frame {
         points,
         triangles: &mesh.triangles,
         from_mesh,
-        low,
-        high,
     })
 }
 

@@ -1,0 +1,129 @@
+//! Landmarks that the caller fixes, while the library finds the others.
+//!
+//! JSON, the format that `Landmarks` are written in, with any of the 68 left out:
+//! `{"version": 1, "landmarks": [{"index": 48, "vertex": 1201}, {"index": 8, "position": [x, y, z]}]}`.
+//! Where an entry has both, the position counts.
+
+use std::path::Path;
+
+use super::{Mesh, landmark_file};
+use crate::{Error, Result, motion::LANDMARKS};
+
+/// One landmark that stays where the caller puts it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FixedLandmark {
+    /// 0 to 67, iBUG order.
+    pub index: usize,
+    /// Where it is.
+    pub place: LandmarkPlace,
+}
+
+/// Where a fixed landmark is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LandmarkPlace {
+    /// A point in the mesh's own units; it is put on the nearest fitting place of the surface.
+    Position([f32; 3]),
+    /// A vertex number.
+    Vertex(u32),
+}
+
+impl FixedLandmark {
+    /// Reads any number of fixed landmarks from a JSON file.
+    ///
+    /// # Errors
+    /// `Io` if it cannot be read, else as [`FixedLandmark::from_json`].
+    pub fn read(path: &Path) -> Result<Vec<Self>> {
+        let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+        Self::from_json(&text).map_err(|error| match error {
+            Error::InvalidInput(message) => {
+                Error::InvalidInput(format!("{}: {message}", path.display()))
+            }
+            other => other,
+        })
+    }
+
+    /// Reads any number of fixed landmarks, the lowest index first.
+    ///
+    /// # Errors
+    /// `InvalidInput` if the text is not in the format, has another version, an index above 67 or
+    /// twice, or an entry without place.
+    pub fn from_json(text: &str) -> Result<Vec<Self>> {
+        landmark_file::fixed_from_json(text)
+    }
+
+    /// Its place, mesh units.
+    ///
+    /// # Errors
+    /// `InvalidInput` if the index, vertex or position cannot be.
+    pub(super) fn position_on(&self, mesh: &Mesh) -> Result<[f32; 3]> {
+        let index = self.index;
+        if index >= LANDMARKS {
+            return Err(Error::InvalidInput(format!(
+                "fixed landmarks: expected index below 68, got {index}"
+            )));
+        }
+        let count = mesh.positions.len();
+        let place = match self.place {
+            LandmarkPlace::Position(position) => Some(position),
+            LandmarkPlace::Vertex(vertex) => mesh.positions.get(vertex as usize).copied(),
+        };
+        let place = place.ok_or_else(|| {
+            Error::InvalidInput(format!(
+                "fixed landmark {index}: expected a vertex below {count}, got {:?}",
+                self.place
+            ))
+        })?;
+        match place.iter().all(|x| x.is_finite()) {
+            true => Ok(place),
+            false => Err(Error::InvalidInput(format!(
+                "fixed landmark {index}: position is not finite"
+            ))),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn some_landmarks_by_vertex_and_some_by_place_are_read() {
+        let text = r#"{"version": 1, "landmarks": [{"index": 48, "vertex": 7},
+            {"index": 8, "position": [1.0, 2.0, 3.0], "vertex": 2, "confidence": 0.5}]}"#;
+        let fixed = FixedLandmark::from_json(text).unwrap();
+        let place = |index, place| FixedLandmark { index, place };
+        let position = LandmarkPlace::Position([1.0, 2.0, 3.0]);
+        assert_eq!(fixed[0], place(8, position));
+        assert_eq!(fixed[1], place(48, LandmarkPlace::Vertex(7)));
+    }
+
+    #[test]
+    fn defects_of_fixed_landmarks_are_named() {
+        let wrap = |entries: &str| format!("{{\"version\": 1, \"landmarks\": [{entries}]}}");
+        for (text, expected) in [
+            (wrap(r#"{"index": 68, "vertex": 1}"#), "below 68, got 68"),
+            (wrap(r#"{"index": 3}"#), "3 has neither"),
+            (
+                wrap(r#"{"index": 3, "vertex": 1}, {"index": 3, "vertex": 2}"#),
+                "3 appears twice",
+            ),
+            ("[1, 2]".into(), "landmarks: "),
+        ] {
+            let error = FixedLandmark::from_json(&text).unwrap_err().to_string();
+            assert!(error.contains(expected), "{error} does not say {expected}");
+        }
+    }
+
+    #[test]
+    fn a_vertex_that_the_mesh_does_not_have_is_named() {
+        let fixed = FixedLandmark {
+            index: 30,
+            place: LandmarkPlace::Vertex(9),
+        };
+        let error = fixed.position_on(&Mesh::default()).unwrap_err().to_string();
+        assert!(
+            error.contains("landmark 30") && error.contains("below 0"),
+            "{error}"
+        );
+    }
+}

@@ -1,0 +1,291 @@
+//! Whether the lips of a mesh can part.
+
+use std::{cmp::Ordering, collections::BinaryHeap};
+
+use super::{
+    Landmarks, Mesh,
+    closest::{norm, sub},
+    parts::weld_seams,
+};
+
+/// Inner-lip landmarks that face each other, upper and lower.
+const PAIRS: [(usize, usize); 3] = [(61, 67), (62, 66), (63, 65)];
+
+/// A way along the surface between two lips that is longer than this many times the straight one, and
+/// this part of the mouth's width more (15 mm on a human head: a groove, not a mouth's inside), does
+/// not go across welded lips.
+const DETOUR: f32 = 1.5;
+const GROOVE_IN_WIDTHS: f32 = 0.3;
+
+/// Lips further apart than this are open, as a part of the mouth's width (5 mm).
+const OPEN_IN_WIDTHS: f32 = 0.1;
+
+/// Vertices this close to an inner-lip landmark are never sewn, as a part of the mouth's width: a
+/// closed slit looks like a texture seam.
+const APART_IN_WIDTHS: f32 = 0.2;
+
+/// Where more than this share of these vertices lies on seams, the mesh is cut along every edge (flat
+/// shading) and the seams say nothing.
+const FLAT_SHARE: f32 = 0.6;
+
+/// How the lips of a mesh meet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mouth {
+    /// Apart, with nothing or the mouth's inside between them.
+    Open,
+    /// Closed, but not joined.
+    Slit,
+    /// One surface.
+    Welded,
+}
+
+impl Mouth {
+    /// By the distance along the edges between the inner lips, of which most pairs decide.
+    pub fn of(mesh: &Mesh, landmarks: &Landmarks) -> Mouth {
+        let at = |i: usize| landmarks.positions[i];
+        let width = norm(sub(at(48), at(54)));
+        let roads = Roads::near(mesh, landmarks, width);
+        let mut welded = 0;
+        let mut gaps = PAIRS.map(|(upper, lower)| {
+            let gap = norm(sub(at(upper), at(lower)));
+            let [from, to] = [upper, lower].map(|i| landmarks.vertices[i]);
+            let [a, b] = [from, to].map(|v| mesh.positions[v as usize]);
+            let reach = DETOUR * norm(sub(a, b)) + GROOVE_IN_WIDTHS * width;
+            welded += usize::from(roads.joined(mesh, from, to, reach));
+            gap
+        });
+        gaps.sort_by(f32::total_cmp);
+        match (welded >= 2, gaps[1] > OPEN_IN_WIDTHS * width) {
+            (true, _) => Mouth::Welded,
+            (false, true) => Mouth::Open,
+            (false, false) => Mouth::Slit,
+        }
+    }
+
+    /// `open`, `slit` or `welded`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Mouth::Open => "open",
+            Mouth::Slit => "slit",
+            Mouth::Welded => "welded",
+        }
+    }
+
+    /// What that means for motion, one sentence.
+    pub fn sentence(self) -> &'static str {
+        match self {
+            Mouth::Open => "the mouth is open: its lips part and close",
+            Mouth::Slit => "the lips are a closed slit: they part",
+            Mouth::Welded => {
+                "the lips are one surface and cannot part: the jaw, lip corners, pucker, cheeks, \
+                 brows and lids still move; cut the mesh along the line between the lips (inner \
+                 landmarks 60 to 64) to let the mouth open"
+            }
+        }
+    }
+}
+
+/// Edges around the mouth, texture seams sewn.
+struct Roads {
+    /// `[V]`, the vertex that stands for each.
+    sewn: Vec<u32>,
+    /// Sorted pairs of joined vertices, both ways.
+    edges: Vec<(u32, u32)>,
+}
+
+impl Roads {
+    fn near(mesh: &Mesh, landmarks: &Landmarks, width: f32) -> Self {
+        let inner = &landmarks.positions[60..68];
+        let within = |v: u32, reach: f32| {
+            let p = mesh.positions[v as usize];
+            inner.iter().any(|q| norm(sub(p, *q)) < reach)
+        };
+        let all = 0..mesh.positions.len() as u32;
+        let apart: Vec<u32> = all
+            .filter(|&v| within(v, APART_IN_WIDTHS * width))
+            .collect();
+        let around = |t: &&[u32; 3]| t.iter().any(|&v| within(v, width));
+        let triangles: Vec<[u32; 3]> = mesh.triangles.iter().filter(around).copied().collect();
+        let mut sewn = weld_seams(&mesh.positions, &triangles, &apart);
+        let all_sewn = weld_seams(&mesh.positions, &triangles, &[]);
+        if flat_shaded(&triangles, &apart, &all_sewn) {
+            sewn = all_sewn;
+        }
+        let mut edges = Vec::new();
+        for t in triangles {
+            let [a, b, c] = t.map(|v| sewn[v as usize]);
+            edges.extend([(a, b), (b, a), (b, c), (c, b), (c, a), (a, c)]);
+        }
+        edges.sort_unstable();
+        edges.dedup();
+        Roads { sewn, edges }
+    }
+
+    /// Whether a way of at most `reach` joins two vertices.
+    fn joined(&self, mesh: &Mesh, from: u32, to: u32, reach: f32) -> bool {
+        let [from, to] = [from, to].map(|v| self.sewn[v as usize]);
+        let mut nearest = std::collections::HashMap::from([(from, 0.0f32)]);
+        let mut heap = BinaryHeap::from([Step(0.0, from)]);
+        while let Some(Step(distance, vertex)) = heap.pop() {
+            if vertex == to {
+                return true;
+            }
+            let first = self.edges.partition_point(|e| e.0 < vertex);
+            for &(_, next) in self.edges[first..].iter().take_while(|e| e.0 == vertex) {
+                let [a, b] = [vertex, next].map(|v| mesh.positions[v as usize]);
+                let there = distance + norm(sub(a, b));
+                let known = nearest.get(&next).copied().unwrap_or(f32::MAX);
+                if there <= reach && there < known {
+                    nearest.insert(next, there);
+                    heap.push(Step(there, next));
+                }
+            }
+        }
+        false
+    }
+}
+
+/// Whether most vertices of `apart` that have faces lie on seams.
+fn flat_shaded(triangles: &[[u32; 3]], apart: &[u32], sewn: &[u32]) -> bool {
+    let mut group = std::collections::HashMap::new();
+    let mut used: Vec<u32> = triangles.iter().flatten().copied().collect();
+    used.sort_unstable();
+    used.dedup();
+    for v in &used {
+        *group.entry(sewn[*v as usize]).or_insert(0) += 1;
+    }
+    let near: Vec<&u32> = apart
+        .iter()
+        .filter(|v| used.binary_search(v).is_ok())
+        .collect();
+    let on_seam = near
+        .iter()
+        .filter(|v| group[&sewn[***v as usize]] > 1)
+        .count();
+    on_seam as f32 > FLAT_SHARE * near.len() as f32
+}
+
+/// A vertex reached at a distance; the heap gives the nearest first.
+struct Step(f32, u32);
+
+impl Ord for Step {
+    fn cmp(&self, other: &Self) -> Ordering {
+        other
+            .0
+            .total_cmp(&self.0)
+            .then_with(|| other.1.cmp(&self.1))
+    }
+}
+
+impl PartialOrd for Step {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Step {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Step {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{mesh::canonical_landmarks, motion::LANDMARKS};
+
+    /// A sheet under the mean mouth, cut along the inner lips over the mouth's width where `cut`;
+    /// the lower bank is `drop` metres lower.
+    fn sheet(cut: bool, drop: f32) -> (Mesh, Landmarks) {
+        let mean = canonical_landmarks();
+        let middle = 0.5 * (mean[62][1] + mean[66][1]);
+        let (columns, rows, step) = (81u32, 40u32, 0.0015f32);
+        let mut mesh = Mesh::default();
+        for half in [1.0f32, -1.0] {
+            for row in 0..rows {
+                for column in 0..columns {
+                    let x = (column as f32 - 40.0) * step;
+                    let inside = x.abs() < mean[54][0];
+                    let lower = if half < 0.0 && inside { drop } else { 0.0 };
+                    let y = middle + half * row as f32 * step - lower;
+                    mesh.positions.push([x, y, mean[62][2]]);
+                }
+            }
+        }
+        let number = |half: u32, row: u32, column: u32| {
+            let x = (column as f32 - 40.0) * step;
+            let own = row > 0 || (cut && x.abs() < mean[54][0]);
+            (if own { half } else { 0 }) * rows * columns + row * columns + column
+        };
+        for half in 0..2 {
+            for (row, column) in (0..rows - 1).flat_map(|r| (0..columns - 1).map(move |c| (r, c))) {
+                let [a, b] = [0, 1].map(|d| number(half, row, column + d));
+                let [c, d] = [0, 1].map(|d| number(half, row + 1, column + d));
+                mesh.triangles.extend([[a, b, c], [b, d, c]]);
+            }
+        }
+        let nearest = |i: usize| {
+            let lower = (64..68).contains(&i);
+            let range = if lower && cut {
+                rows * columns..2 * rows * columns
+            } else {
+                0..rows * columns
+            };
+            let p = [mean[i][0], middle, mean[62][2]];
+            let own = range;
+            own.min_by(|a, b| {
+                let far = |v: &u32| norm(sub(mesh.positions[*v as usize], p));
+                far(a).total_cmp(&far(b))
+            })
+        };
+        let vertices: [u32; LANDMARKS] = std::array::from_fn(|i| nearest(i).unwrap());
+        let landmarks = Landmarks {
+            positions: vertices.map(|v| mesh.positions[v as usize]),
+            vertices,
+            confidence: [1.0; LANDMARKS],
+        };
+        (mesh, landmarks)
+    }
+
+    #[test]
+    fn lips_on_one_surface_are_welded() {
+        let (mesh, landmarks) = sheet(false, 0.0);
+        assert_eq!(Mouth::of(&mesh, &landmarks), Mouth::Welded);
+    }
+
+    #[test]
+    fn flat_shaded_lips_on_one_surface_are_welded_all_the_same() {
+        let (mesh, mut landmarks) = sheet(false, 0.0);
+        let corners = mesh.triangles.iter().flatten();
+        let flat = Mesh {
+            positions: corners.map(|&v| mesh.positions[v as usize]).collect(),
+            triangles: (0..mesh.triangles.len() as u32)
+                .map(|t| [3 * t, 3 * t + 1, 3 * t + 2])
+                .collect(),
+        };
+        let corners: Vec<u32> = mesh.triangles.iter().flatten().copied().collect();
+        let first = |v: u32| corners.iter().position(|c| *c == v).unwrap() as u32;
+        landmarks.vertices = landmarks.vertices.map(first);
+        assert_eq!(Mouth::of(&flat, &landmarks), Mouth::Welded);
+    }
+
+    #[test]
+    fn touching_banks_of_a_cut_are_a_slit_though_they_look_like_a_seam() {
+        let (mesh, landmarks) = sheet(true, 0.0);
+        assert_eq!(Mouth::of(&mesh, &landmarks), Mouth::Slit);
+    }
+
+    #[test]
+    fn banks_apart_are_an_open_mouth() {
+        let (mesh, landmarks) = sheet(true, 0.012);
+        assert_eq!(Mouth::of(&mesh, &landmarks), Mouth::Open);
+    }
+
+    #[test]
+    fn welded_lips_say_what_still_moves() {
+        assert!(Mouth::Welded.sentence().contains("cannot part"));
+        assert!(Mouth::Welded.sentence().contains("still move"));
+    }
+}

@@ -1,0 +1,138 @@
+"""Pictures of random heads from everywhere, for the network that finds a face's pose.
+
+    python -m training.landmarks.pose_pool --data ../shared/data --runs runs/pose --count 36000
+
+writes `pictures.npy` `[n, 4, 128, 128]` i8 (times 80), and `poses.npy` `[n, 11]` f32: 1 where a face
+is there (0 not, -1 too far from the line of sight to say), column and row from 0 to 1, log of the
+half-size of a tight window over this window's, the face's x and z axes in the view, makehuman.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from training.landmarks import heads, pool, render, samples
+from training.landmarks.canonical import mean_landmarks
+
+HEADS_SHARE = 16
+"""Pictures of one head."""
+VISIBLE, UNSURE = np.cos(np.radians(58.0)), np.cos(np.radians(75.0))
+QUANTUM = 80.0
+
+
+def any_rotation(rng: np.random.Generator) -> np.ndarray:
+    """Uniform over all rotations."""
+    q, r = np.linalg.qr(rng.normal(size=(3, 3)))
+    q = q * np.sign(np.diag(r))
+    return q if np.linalg.det(q) > 0 else -q
+
+
+def pose_of(landmarks: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Rotation (rows: face axes), centre and scale that take canonical landmarks here: p = s·Rᵀq + c."""
+    mean = mean_landmarks()
+    weights = np.r_[np.full(17, 0.3), np.ones(51)][:, None]
+    a, b = (np.average(x, 0, weights[:, 0]) for x in (mean, landmarks))
+    q, p = mean - a, landmarks - b
+    u, s, vt = np.linalg.svd((p * weights).T @ q)
+    flip = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    turn = (u * flip) @ vt
+    scale = (s * flip).sum() / (weights * q**2).sum()
+    centre = b + scale * turn @ (mean.mean(0) - a)
+    return turn.T, centre, scale
+
+
+def view_of(rng: np.random.Generator, front: np.ndarray) -> np.ndarray:
+    """A rotation for a picture: at random, or with the face towards the viewer half of the time."""
+    turn = any_rotation(rng)
+    if rng.random() < 0.35:
+        return turn
+    z = np.array([0, 0, 1.0]) + rng.normal(0, rng.choice([0.15, 0.6]), 3)
+    y = rng.normal(size=3)
+    z /= np.linalg.norm(z)
+    x = np.cross(y, z)
+    x /= np.linalg.norm(x)
+    toward = np.stack([x, np.cross(z, x), z], 1)
+    return toward @ front
+
+
+def window_of(rng, points, triangles, centre, size) -> tuple[np.ndarray, float]:
+    """The whole mesh, or a square with the face somewhere in it at 1 to 8 times its own size."""
+    tight = pool.NOMINAL_HALF_SIZE_M * size
+    if rng.random() < 0.3:
+        used = points[triangles.ravel()][:, :2]
+        low, high = used.min(0), used.max(0)
+        return 0.5 * (low + high), 0.53 * max(high - low)
+    half = tight * np.exp(rng.choice([rng.normal(0.05, 0.15), rng.uniform(-0.1, np.log(8))]))
+    room = max(half - 0.6 * tight, 0.12 * tight)
+    return centre[:2] + rng.uniform(-room, room, 2), half
+
+
+def picture(rng, head, pose) -> tuple[np.ndarray, np.ndarray]:
+    """One picture and its ten numbers."""
+    face, centre, size = pose
+    turn = view_of(rng, face)
+    points = head.points @ turn.T
+    centre, face = turn @ centre, face @ turn.T
+    middle, half = window_of(rng, points, head.triangles, centre, size)
+    place = render.to_window(centre, middle, half)
+    towards = face[2, 2]
+    there = 1.0 if towards > VISIBLE else (-1.0 if towards > UNSURE else 0.0)
+    log_size = np.log(pool.NOMINAL_HALF_SIZE_M * size / half)
+    if not ((place > 0) & (place < 1)).all() or log_size < np.log(1 / 14):
+        there = -1.0 if towards > UNSURE else 0.0
+    drawn = render.picture(points, head.triangles, middle, half)
+    return drawn, np.r_[there, place, log_size, face[0], face[2]].astype(np.float32)
+
+
+def nothing(rng: np.random.Generator) -> samples.Head:
+    """Blobs and hand-like stars of limbs: no landmarks."""
+    from training.landmarks.stylise import limb
+
+    extra = [
+        samples.ellipsoid(rng.normal(0, 0.05, 3), rng.uniform(0.02, 0.12, 3), int(rng.integers(4, 16)))
+        for _ in range(rng.integers(1, 6))
+    ]
+    if rng.random() < 0.5:
+        for _ in range(rng.integers(2, 7)):
+            tip = rng.normal(size=3) * 0.1
+            extra.append(limb(rng, rng.normal(0, 0.02, 3), tip, rng.uniform(0.006, 0.03)))
+    points = np.concatenate([p for p, _ in extra])
+    starts = np.cumsum([0] + [len(p) for p, _ in extra])
+    triangles = np.concatenate([t + s for (_, t), s in zip(extra, starts, strict=False)])
+    bumps = samples.Head(points, triangles, np.zeros((68, 3)))
+    return samples.warp(rng, bumps, 2.0)
+
+
+def main() -> None:
+    """Entry of the command."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser.add_argument("--runs", type=Path, default=Path("runs/pose"))
+    parser.add_argument("--count", type=int, default=36000)
+    parser.add_argument("--seed", type=int, default=0)
+    args = parser.parse_args()
+    args.runs.mkdir(parents=True, exist_ok=True)
+    faces, chosen = samples.Faces(args.data), pool.identities(held_out=False)
+    shape = (args.count, 4, render.RESOLUTION, render.RESOLUTION)
+    pictures = np.lib.format.open_memmap(args.runs / "pictures.npy", "w+", np.int8, shape)
+    poses = np.zeros((args.count, 11), np.float32)
+    for i in range(args.count):
+        rng = np.random.default_rng([args.seed, 7, i])
+        if i % HEADS_SHARE == 0:
+            empty, made = rng.random() < 0.06, rng.random() < pool.MAKEHUMAN_SHARE
+            head = nothing(rng) if empty else heads.random_head(rng, faces, chosen, float(made))
+            pose = (np.eye(3), np.zeros(3), 1.0) if empty else pose_of(head.landmarks)
+        drawn, pose_here = picture(rng, head, pose)
+        pictures[i] = np.clip(np.round(drawn * QUANTUM), -127, 127)
+        poses[i] = np.r_[pose_here, float(made)]
+        poses[i, 0] = 0.0 if empty else poses[i, 0]
+        if i % 2000 == 1999:
+            np.save(args.runs / "poses.npy", poses[: i + 1])
+            print(i + 1, flush=True)
+    pictures.flush()
+    np.save(args.runs / "poses.npy", poses)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,151 @@
+"""Trains the pose network on its pool, which may still be growing.
+
+    python -m training.landmarks.pose_train --runs runs/pose --minutes 20
+
+Writes `network.pt` every 250 steps with a log line, and resumes from it.
+"""
+
+import argparse
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch.nn import functional as F
+
+from training.landmarks.pose_network import CELLS, PoseConfig, PoseNetwork
+from training.landmarks.pose_pool import QUANTUM
+
+
+def orthonormal(axes: torch.Tensor) -> torch.Tensor:
+    """`[..., 6]`, raw x and z axes, to a rotation `[..., 3, 3]`, rows x, y, z (z kept, x fitted)."""
+    z = F.normalize(axes[..., 3:], dim=-1)
+    x = axes[..., :3] - (axes[..., :3] * z).sum(-1, keepdim=True) * z
+    x = F.normalize(x, dim=-1)
+    return torch.stack([x, torch.linalg.cross(z, x), z], -2)
+
+
+def loss_of(model, pictures: torch.Tensor, poses: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Focal presence of each cell near the centre, and pose where there is one. Also the output."""
+    out = model(pictures).float()
+    there = poses[:, 0]
+    grid = (torch.arange(CELLS) + 0.5) / CELLS
+    place = poses[:, 1:3]
+    radius = (0.25 * poses[:, 3].exp()).clamp(0.75 / CELLS, 0.12)[:, None, None]
+    d2 = (grid - place[:, :1])[:, None, :] ** 2 + (grid - place[:, 1:])[:, :, None] ** 2
+    near = torch.exp(-0.5 * d2 / radius**2) * (there > 0)[:, None, None]
+    weight = (there >= 0)[:, None, None].float() * (1 + 6 * near)
+    logit = out[:, 0]
+    chance = logit.sigmoid()
+    cross = F.binary_cross_entropy_with_logits(logit, near, reduction="none")
+    presence = (weight * (chance - near).abs() ** 1.5 * cross).sum((1, 2)).mean()
+    share = near * (near > 0.4)
+    total = share.sum().clamp_min(1.0)
+    off = place[:, :, None, None] - torch.stack(torch.meshgrid(grid, grid, indexing="xy"))[None]
+    target = torch.cat([off * CELLS, poses[:, 3:10, None, None].expand(-1, -1, CELLS, CELLS)], 1)
+    scale = torch.tensor([0.3, 0.3, 2.0, *[3.0] * 6])[None, :, None, None]
+    miss = F.smooth_l1_loss(scale * out[:, 1:], scale * target, reduction="none", beta=0.3).sum(1)
+    return presence + 0.5 * (miss * share).sum() / total, out
+
+
+def decode(out: torch.Tensor) -> tuple[torch.Tensor, ...]:
+    """The best cell of each picture: presence, place, log size, rotation (rows: face axes)."""
+    best = out[:, 0].flatten(1).argmax(1)
+    values = out.flatten(2).gather(2, best[:, None, None].expand(-1, out.shape[1], 1))[..., 0]
+    cell = torch.stack([best % CELLS, best // CELLS], 1) + 0.5
+    return values[:, 0].sigmoid(), (cell + values[:, 1:3]) / CELLS, values[:, 3], orthonormal(values[:, 4:])
+
+
+def measured(out: torch.Tensor, poses: torch.Tensor) -> str:
+    """Errors where a face is, presence where one is and is not."""
+    chance, place, size, turn = decode(out)
+    yes, no = poses[:, 0] > 0, poses[:, 0] == 0
+    true = orthonormal(poses[:, 4:10])
+    cosine = ((turn * true).sum((1, 2)) - 1) / 2
+    angle = torch.rad2deg(cosine.clamp(-1, 1).acos())[yes]
+    shift = ((place - poses[:, 1:3]).norm(dim=1) / poses[:, 3].exp())[yes]
+    ratio = (size - poses[:, 3]).abs()[yes]
+    return (
+        f"angle {angle.median():.1f}/{angle.quantile(0.9):.1f} deg, place {shift.median():.3f}, "
+        f"size {ratio.median():.3f}, seen {(chance[yes] > 0.5).float().mean():.3f}, "
+        f"false {(chance[no] > 0.5).float().mean():.3f}"
+    )
+
+
+def batch(pool, chosen: np.ndarray, flip: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
+    """Pictures and poses, some mirrored."""
+    x = torch.from_numpy(np.asarray(pool[0][np.sort(chosen)], np.float32) / QUANTUM)
+    poses = torch.from_numpy(pool[1][np.sort(chosen)].copy())
+    flip = torch.from_numpy(flip)
+    x[flip] = x[flip].flip(-1)
+    x[flip, 1] *= -1
+    poses[flip, 1] = 1 - poses[flip, 1]
+    # A mirrored face: z axis mirrored in x; its x axis is the mirror image reversed.
+    poses[flip] *= torch.tensor([1.0, 1, 1, 1, 1, -1, -1, -1, 1, 1, 1])
+    return x.contiguous(memory_format=torch.channels_last), poses
+
+
+def open_pool(folder: Path):
+    """What is drawn so far."""
+    poses = np.load(folder / "poses.npy")
+    return np.load(folder / "pictures.npy", mmap_mode="r"), poses
+
+
+def main() -> None:
+    """Entry of the command."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=Path, default=Path("runs/pose"))
+    parser.add_argument("--from", type=Path, dest="origin", help="network.pt to start with")
+    parser.add_argument("--minutes", type=float, default=20.0)
+    parser.add_argument("--batch", type=int, default=48)
+    parser.add_argument("--rate", type=float, default=3e-3)
+    parser.add_argument("--seed", type=int, default=0)
+    args = parser.parse_args()
+    torch.set_num_threads(1)
+    torch.manual_seed(args.seed)
+    rng = np.random.default_rng(args.seed)
+    model = PoseNetwork(PoseConfig()).to(memory_format=torch.channels_last)
+    optimiser = torch.optim.AdamW(model.parameters(), args.rate, weight_decay=1e-3)
+    spent, step = 0.0, 0
+    if args.origin:
+        model.load_state_dict(torch.load(args.origin)["model"])
+    if (args.runs / "network.pt").exists():
+        state = torch.load(args.runs / "network.pt")
+        model.load_state_dict(state["model"])
+        optimiser.load_state_dict(state["optimiser"])
+        spent, step = state["spent"], state["step"]
+    start, running = time.monotonic() - spent, []
+    while spent < 60 * args.minutes:
+        if step % 250 == 0:
+            pool = open_pool(args.runs)
+        done = spent / (60 * args.minutes)
+        for group in optimiser.param_groups:
+            group["lr"] = args.rate * min(1.0, (step + 1) / 100) * (0.02 + 0.98 * (1 - done) ** 1.2)
+        # The last 800 pictures (50 heads) are for the log line.
+        chosen = rng.choice(len(pool[1]) - 800, args.batch, replace=False)
+        x, poses = batch(pool, chosen, rng.random(args.batch) < 0.5)
+        with torch.autocast("cpu", torch.bfloat16):
+            loss, _ = loss_of(model, x, poses)
+        optimiser.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(model.parameters(), 3.0)
+        optimiser.step()
+        running.append(loss.item())
+        step, spent = step + 1, time.monotonic() - start
+        if step % 250 == 0 or spent >= 60 * args.minutes:
+            model.eval()
+            with torch.no_grad():
+                x, poses = batch(pool, np.arange(len(pool[1]) - 800, len(pool[1])), np.zeros(800, bool))
+                text = measured(torch.cat([model(part) for part in x.split(100)]), poses)
+            model.train()
+            print(
+                f"step {step} {spent:.0f} s pool {len(pool[1])} loss {np.mean(running):.3f} {text}",
+                flush=True,
+            )
+            running = []
+            state = {"model": model.state_dict(), "optimiser": optimiser.state_dict()}
+            torch.save(state | {"spent": spent, "step": step}, args.runs / "network.pt")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,74 @@
+"""The shape prior of the 68 landmarks: how those of training's faces vary together.
+
+Every face is brought to the mean landmarks by a similarity (weights as in `mesh/canonical.rs`); the
+leading modes of what is left, each as long as its deviation, go into the model file.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from training.landmarks import pool, samples
+from training.landmarks.canonical import mean_landmarks
+from training.landmarks.stylise import stylise
+
+MODES = 32
+
+
+def stability() -> np.ndarray:
+    """`[68]`, how much each landmark says about the pose; twin of `canonical::stability`."""
+    weights = np.full(68, 0.7)
+    weights[:17], weights[17:27], weights[27:36], weights[36:48] = 0.15, 0.4, 1.5, 1.0
+    weights[[36, 39, 42, 45]] = 2.0
+    return weights
+
+
+def aligned(landmarks: np.ndarray) -> np.ndarray:
+    """`[68, 3]` brought to the mean ones."""
+    mean, weights = mean_landmarks(), stability()[:, None]
+    a, b = ((weights * x).sum(0) / weights.sum() for x in (landmarks, mean))
+    p, q = landmarks - a, mean - b
+    u, s, vt = np.linalg.svd((q * weights).T @ p)
+    flip = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    scale = (s * flip).sum() / (weights * p**2).sum()
+    return scale * p @ ((u * flip) @ vt).T + b
+
+
+def only_landmarks(faces: samples.Faces) -> samples.Faces:
+    """Both models without any other vertex: the surface does not matter here."""
+    own, made = faces.landmarks, faces.mh_landmarks
+    faces.neutral = faces.neutral[own]
+    faces.identity = faces.identity.reshape(len(faces.identity), -1, 3)[:, own].reshape(-1, 204)
+    faces.expression = faces.expression.reshape(len(faces.expression), -1, 3)[:, own].reshape(-1, 204)
+    faces.mh_points, faces.mh_deltas = faces.mh_points[made], faces.mh_deltas[:, made]
+    faces.landmarks = faces.mh_landmarks = np.arange(68)
+    faces.triangles = faces.mh_triangles = np.array([[0, 1, 2]], np.int32)
+    return faces
+
+
+def shapes(data: Path, count: int, seed: int) -> np.ndarray:
+    """`[count, 204]` landmarks less the mean: two thirds human and warped, one third stylised."""
+    faces, chosen = only_landmarks(samples.Faces(data)), pool.identities(held_out=False)
+    out = np.empty((count, 204))
+    for i in range(count):
+        rng = np.random.default_rng([seed, 3, i])
+        made = rng.random() < pool.MAKEHUMAN_SHARE
+        head = faces.makehuman_head(rng) if made else faces.ict_head(rng, chosen[rng.integers(len(chosen))])
+        if rng.random() < 1 / 3:
+            head = stylise(rng, head)
+        if rng.random() < 0.75:
+            head = samples.warp(rng, head, rng.choice([0.5, 1.0, 2.0]))
+        out[i] = (aligned(head.landmarks) - mean_landmarks()).ravel()
+    return out
+
+
+def modes(data: Path, count: int = 4000, seed: int = 0) -> np.ndarray:
+    """`[MODES, 204]`, metres, each as long as its deviation. Both mirror images count."""
+    from training.landmarks.train import MIRROR
+
+    x = shapes(data, count, seed)
+    flipped = x.reshape(-1, 68, 3)[:, MIRROR] * [-1.0, 1.0, 1.0]
+    both = np.concatenate([x, flipped.reshape(-1, 204)])
+    _, s, vt = np.linalg.svd(both / np.sqrt(len(both)), full_matrices=False)
+    print(f"the first {MODES} modes hold {(s[:MODES] ** 2).sum() / (s**2).sum():.4f} of the variance")
+    return s[:MODES, None] * vt[:MODES]
