@@ -163,6 +163,7 @@ impl AnyfaceFaceOptions {
             up,
             learned: self.learned,
             parts: unsafe { self.parts() }?,
+            ..FaceOptions::default()
         })
     }
 

@@ -1,6 +1,7 @@
 //! The whole way as one object: weights loaded once, shared by any number of jobs.
 
 mod causal;
+mod kept;
 
 use std::{path::PathBuf, sync::Arc};
 
@@ -13,7 +14,7 @@ use crate::{
     deform::{Deformer, PartList, VertexClip},
     mesh::{self, FaceOptions, LandmarkFinder, Landmarks, Mesh, Similarity},
     motion::{self, Cues, FaceModes, MotionClip, PerformanceControls},
-    operators::Cache,
+    operators::{Cache, CacheKey},
     progress::{self, ProgressFn},
     speech::{self, CompactEncoder, SpeechEncoder, at_motion_frames},
     systems::freetalk::{
@@ -148,6 +149,8 @@ pub struct Engine {
     /// Loaded where the options ask for it.
     paper: Option<Arc<PaperDecoder>>,
     cache: Cache,
+    /// Names the models in what is kept of a mesh.
+    models: CacheKey,
     pool: Option<rayon::ThreadPool>,
 }
 
@@ -189,6 +192,7 @@ impl Engine {
         }
         let pool = options.threads.map(thread_pool).transpose()?;
         let cache = Cache::new(&options.cache);
+        let models = kept::key_of_models(folder)?;
         Ok(Engine {
             speech,
             ats,
@@ -198,6 +202,7 @@ impl Engine {
             modes,
             paper,
             cache,
+            models,
             pool,
         })
     }
@@ -324,21 +329,15 @@ impl Engine {
     ) -> Result<PreparedFace> {
         self.threads(|| {
             progress::report(progress, "landmarks", 0.0)?;
-            let landmarks = mesh::locate_landmarks_with(&self.finder, mesh, options)?;
+            let key = kept::key_of(mesh, &self.models);
+            let (landmarks, parts) = self.kept_landmarks(&key, mesh, options)?;
             let to_canonical = mesh::align_to_canonical(&landmarks)?;
-            let parts = PartList::find(mesh, &landmarks, &to_canonical, &options.parts)?;
             progress::report(progress, "landmarks", 1.0)?;
             let deformer: Box<dyn Deformer> = match &self.paper {
-                None => Box::new(stm::prepare_static(
-                    &self.stm,
-                    mesh,
-                    &landmarks,
-                    &to_canonical,
-                    &parts,
-                    &self.cache,
-                    options.learned,
-                    progress,
-                )?),
+                None => {
+                    let place = (&landmarks, &to_canonical, &parts);
+                    Box::new(self.kept_weights(&key, mesh, place, options, progress)?)
+                }
                 Some(paper) => Box::new(stm::prepare_paper(
                     Arc::clone(paper),
                     mesh,

@@ -1,6 +1,10 @@
 //! Options that several subcommands share.
 
-use std::path::{Path, PathBuf};
+use std::{
+    fmt::{Display, Formatter},
+    path::{Path, PathBuf},
+    str::FromStr,
+};
 
 use clap::{Args, ValueEnum};
 
@@ -8,10 +12,13 @@ use super::controls::{ControlArgs, EmotionArgs};
 use crate::{
     CachePolicy, DecoderKind, Engine, EngineOptions, Error, MotionRequest, Result,
     mesh::{
-        Axis, FaceOptions, FixedLandmark, LandmarkSource, ObjectNames, PartChoices, PartRole,
-        PartSelector,
+        Axis, DEFAULT_PROXY, FaceOptions, FixedLandmark, LandmarkSource, ObjectNames, PartChoices,
+        PartRole, PartSelector,
     },
 };
+
+/// A coarser skin than this has no lips to speak of.
+const LEAST_PROXY: usize = 500;
 
 /// Options of every subcommand.
 #[derive(Args)]
@@ -103,6 +110,36 @@ pub(super) struct FaceArgs {
     /// jaw, skull, mouth, nearest, gaze or still; may be repeated
     #[arg(long = "part", value_name = "PART=ROLE", value_parser = part)]
     parts: Vec<(PartSelector, PartRole)>,
+    /// Work on a skin of more vertices through a coarser one of N; "off": on every vertex
+    #[arg(long, value_name = "N", default_value_t = ProxySize(Some(DEFAULT_PROXY)))]
+    proxy: ProxySize,
+}
+
+/// `off` or a number of vertices.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct ProxySize(Option<usize>);
+
+impl FromStr for ProxySize {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        match (text, text.parse()) {
+            ("off", _) => Ok(ProxySize(None)),
+            (_, Ok(vertices @ LEAST_PROXY..)) => Ok(ProxySize(Some(vertices))),
+            _ => Err(format!(
+                "expected off or at least {LEAST_PROXY}, got {text:?}"
+            )),
+        }
+    }
+}
+
+impl Display for ProxySize {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        match self.0 {
+            Some(vertices) => vertices.fmt(f),
+            None => f.write_str("off"),
+        }
+    }
 }
 
 impl FaceArgs {
@@ -138,6 +175,7 @@ impl FaceArgs {
                 },
                 roles: self.parts.clone(),
             },
+            proxy: self.proxy.0,
         })
     }
 }

@@ -5,6 +5,7 @@
 
 mod animate;
 mod arguments;
+mod bench;
 mod console;
 mod controls;
 mod deform;
@@ -16,6 +17,7 @@ mod parts;
 mod rig;
 mod solve;
 mod stages;
+mod stopwatch;
 
 use std::process::ExitCode;
 
@@ -46,6 +48,7 @@ enum Command {
     Parts(parts::ListParts),
     Info(info::Info),
     Eval(eval::Eval),
+    Bench(bench::Bench),
 }
 
 /// Reads the command line, runs it and says how it went.
@@ -75,6 +78,7 @@ impl Arguments {
             Command::Parts(command) => command.run(&self.shared, console),
             Command::Info(command) => command.run(&self.shared, console),
             Command::Eval(command) => command.run(&self.shared, console),
+            Command::Bench(command) => command.run(&self.shared, console),
         }
     }
 }
@@ -107,6 +111,8 @@ mod tests {
             "anyface parts --mesh M.obj --landmarks L.json --part 3=jaw --json",
             "anyface info --json",
             "anyface eval --data D --limit 3 --json",
+            "anyface bench --mesh M.obj --proxy off --runs 2 --json",
+            "anyface bench --mesh M.obj --triangulations",
         ] {
             let words = line.split_whitespace();
             if let Err(error) = Arguments::try_parse_from(words) {

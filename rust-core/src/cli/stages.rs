@@ -1,6 +1,7 @@
 //! The stages that subcommands put together, each timed into the report.
 
 use std::{
+    panic::resume_unwind,
     path::Path,
     time::{Duration, Instant},
 };
@@ -100,23 +101,40 @@ pub(super) fn deform_into(
     let block = (BLOCK_BYTES / (shape.vertices * 12).max(1)).max(1);
     let started = Instant::now();
     let (mut deforming, mut most) = (Duration::ZERO, 0.0f32);
+    let starts: Vec<usize> = (0..shape.frames).step_by(block).collect();
     write_frames(path, &shape, mesh, &track, |sink| {
-        for start in (0..shape.frames).step_by(block) {
-            let end = (start + block).min(shape.frames);
-            let share = |p: Progress| Progress {
-                fraction: (start as f32 + p.fraction * (end - start) as f32) / shape.frames as f32,
-                ..p
+        // The next block is made while the last one is written.
+        std::thread::scope(|scope| {
+            let make = |start: usize| {
+                let end = (start + block).min(shape.frames);
+                let share = move |p: Progress| Progress {
+                    fraction: (start as f32 + p.fraction * (end - start) as f32)
+                        / shape.frames as f32,
+                    ..p
+                };
+                let watch = Instant::now();
+                let frames = landmarks.slice_axis(Axis(0), Slice::from(start..end));
+                let moved = face
+                    .deformer
+                    .deform(frames, &|p| console.progress(share(p)))?;
+                let most = largest(moved.view());
+                Ok::<_, crate::Error>((moved, most, watch.elapsed()))
             };
-            let watch = Instant::now();
-            let frames = landmarks.slice_axis(Axis(0), Slice::from(start..end));
-            let moved = face
-                .deformer
-                .deform(frames, &|p| console.progress(share(p)))?;
-            deforming += watch.elapsed();
-            most = most.max(largest(moved.view()));
-            sink(moved.view())?;
-        }
-        Ok(())
+            let mut making = starts
+                .first()
+                .map(|&start| scope.spawn(move || make(start)));
+            for index in 1..=starts.len() {
+                let Some(made) = making.take() else { break };
+                let made = made.join().unwrap_or_else(|panic| resume_unwind(panic));
+                let (moved, reach, spent) = made?;
+                let next = starts.get(index);
+                making = next.map(|&start| scope.spawn(move || make(start)));
+                deforming += spent;
+                most = most.max(reach);
+                sink(moved.view())?;
+            }
+            Ok(())
+        })
     })?;
     note(report, "deform", deforming);
     note(report, "write", started.elapsed().saturating_sub(deforming));

@@ -10,6 +10,8 @@
 //!
 //! Lengths are canonical centimetres.
 
+use serde::{Deserialize, Serialize};
+
 use super::{binding::Follows, skin::Skin};
 use crate::{
     mesh::{
@@ -17,7 +19,6 @@ use crate::{
         lips::{Lip, lip_of_vertices},
     },
     motion::LANDMARKS,
-    operators::NO_ROW,
 };
 
 /// Lashes stick out from the rim by no more than this.
@@ -62,7 +63,7 @@ const SLITS: [Marks; 3] = [
 /// Two numbers of vertices or landmarks with their shares.
 type Between = [(u32, f32); 2];
 
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Sample {
     upper: Between,
     lower: Between,
@@ -73,7 +74,7 @@ struct Sample {
 }
 
 /// The rims of mouth or eye, and what moves with them.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Slit {
     /// Unit vector from the lower to the upper rim, the mesh's own axes.
     up: [f32; 3],
@@ -87,41 +88,30 @@ pub(super) struct Slit {
 
 /// Everything about the neutral face that rims are found with, canonical centimetres.
 struct NeutralFace<'a> {
-    /// The skin with its seams sewn up: its rows.
-    mesh: Mesh,
+    /// The skin with its seams sewn up.
+    mesh: &'a Mesh,
     landmarks: &'a [[f32; 3]; LANDMARKS],
-    /// Row of each landmark.
-    rows: &'a [u32; LANDMARKS],
-    row_of_vertex: &'a [u32],
-    /// A vertex of each row.
-    vertex_of_row: &'a [u32],
-    /// Of every vertex of the head.
-    positions: &'a [[f32; 3]],
+    /// Vertex of the skin at each landmark.
+    vertices: &'a [u32; LANDMARKS],
+    /// `[V]`, the vertex of the skin that stands for each.
+    sewn: &'a [u32],
     follows: &'a [Follows],
 }
 
 /// Finds the slits of a face; those without two rims are left out.
 ///
-/// `positions`: `[V]`, `landmarks`: of the neutral face, both canonical centimetres.
+/// `landmarks`: of the neutral face, canonical centimetres.
 pub(super) fn slits(
     skin: &Skin,
-    positions: &[[f32; 3]],
     landmarks: &[[f32; 3]; LANDMARKS],
     follows: &[Follows],
     to_canonical: &Similarity,
 ) -> Vec<Slit> {
-    let operators = &skin.operators;
-    let rows = operators.positions.iter();
     let face = NeutralFace {
-        mesh: Mesh {
-            positions: rows.map(|p| p.map(|x| x as f32)).collect(),
-            triangles: operators.triangles.clone(),
-        },
+        mesh: &skin.surface,
         landmarks,
-        rows: &skin.landmark_rows,
-        row_of_vertex: &operators.row_of_vertex,
-        vertex_of_row: &operators.vertex_of_row,
-        positions,
+        vertices: &skin.landmark_vertices,
+        sewn: &skin.sewn,
         follows,
     };
     let found = SLITS.iter();
@@ -135,10 +125,10 @@ impl NeutralFace<'_> {
         let line = Line::of(self.landmarks, marks)?;
         let seeds = |marks: &[usize]| -> Vec<u32> {
             let inner = &marks[1..marks.len() - 1];
-            inner.iter().map(|&n| self.rows[n]).collect()
+            inner.iter().map(|&n| self.vertices[n]).collect()
         };
         let radius = line.length + marks.reach_cm;
-        let sides = lip_of_vertices(&self.mesh, &seeds(marks.upper), &seeds(marks.lower), radius);
+        let sides = lip_of_vertices(self.mesh, &seeds(marks.upper), &seeds(marks.lower), radius);
         let upper = self.rim(&line, marks.upper, &sides, Lip::Upper);
         let lower = self.rim(&line, marks.lower, &sides, Lip::Lower);
         if upper.len() < 2 || lower.len() < 2 {
@@ -154,7 +144,7 @@ impl NeutralFace<'_> {
         })
     }
 
-    /// Rows of a rim from corner to corner with their place along the line.
+    /// Vertices of a rim from corner to corner with their place along the line.
     fn rim(
         &self,
         line: &Line,
@@ -204,8 +194,7 @@ impl NeutralFace<'_> {
         let height = |of: Between, points: &dyn Fn(u32) -> [f32; 3]| -> f32 {
             of.iter().map(|&(v, w)| w * line.height(points(v))).sum()
         };
-        let row = |r: u32| self.mesh.positions[r as usize];
-        let vertex = |(r, share): (u32, f32)| (self.vertex_of_row[r as usize], share);
+        let vertex = |v: u32| self.mesh.positions[v as usize];
         let landmark = |n: u32| self.landmarks[n as usize];
         (0..SAMPLES)
             .map(|k| {
@@ -213,10 +202,10 @@ impl NeutralFace<'_> {
                 let [upper, lower] = [upper, lower].map(|rim| between(rim, place));
                 let [above, below] = [&upper_marks, &lower_marks].map(|rim| between(rim, place));
                 Sample {
-                    gap: height(upper, &row) - height(lower, &row),
+                    gap: height(upper, &vertex) - height(lower, &vertex),
                     marks_gap: height(above, &landmark) - height(below, &landmark),
-                    upper: upper.map(vertex),
-                    lower: lower.map(vertex),
+                    upper,
+                    lower,
                     upper_marks: above,
                     lower_marks: below,
                 }
@@ -233,10 +222,10 @@ impl NeutralFace<'_> {
         upper: &[(f32, u32)],
         lower: &[(f32, u32)],
     ) -> Vec<(u32, f32, f32)> {
-        let place = |row: u32| self.mesh.positions[row as usize];
-        let share = |row: u32| -> f32 {
-            let p = place(row);
-            let (rim, sign) = match sides[row as usize] {
+        let place = |v: u32| self.mesh.positions[v as usize];
+        let share = |v: u32| -> f32 {
+            let p = place(v);
+            let (rim, sign) = match sides[v as usize] {
                 Some(Lip::Upper) => (upper, 0.5),
                 Some(Lip::Lower) => (lower, -0.5),
                 None => return 0.0,
@@ -252,16 +241,12 @@ impl NeutralFace<'_> {
             let Follows::Skin(corners) = follows else {
                 continue;
             };
-            let p = self.positions[v];
+            let p = place(v as u32);
             if !line.is_beside(p, marks.reach_cm + REACH_OF_PARTS_CM) {
                 continue;
             }
             let felt = corners.iter().filter(|(_, w)| *w != 0.0);
-            let felt = felt.map(|&(skin, w)| match self.row_of_vertex[skin as usize] {
-                NO_ROW => 0.0,
-                row => w * share(row),
-            });
-            let felt: f32 = felt.sum();
+            let felt: f32 = felt.map(|&(v, w)| w * share(self.sewn[v as usize])).sum();
             if felt != 0.0 {
                 let at = line.place(p) * SAMPLES as f32 - 0.5;
                 touched.push((v as u32, at.clamp(0.0, (SAMPLES - 1) as f32), felt));

@@ -2,6 +2,7 @@
 
 use ndarray::{Array3, ArrayView3, Axis};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::{
     Deformer, Skin,
@@ -12,7 +13,7 @@ use super::{
 use crate::{Result, mesh::Similarity, motion::LANDMARKS, progress::ProgressFn};
 
 /// Corrections of one mesh, applied to every frame that a decoder made.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Corrections {
     to_canonical: Similarity,
     jaw: Jaw,
@@ -39,7 +40,7 @@ impl Corrections {
             _ => None,
         });
         Corrections {
-            slits: slits(skin, positions, landmarks, follows, to_canonical),
+            slits: slits(skin, landmarks, follows, to_canonical),
             to_canonical: *to_canonical,
             carried: carried.collect(),
             jaw,

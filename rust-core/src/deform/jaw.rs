@@ -8,7 +8,7 @@
 
 use std::sync::LazyLock;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::motion::LANDMARKS;
 
@@ -34,7 +34,7 @@ static FITTED: LazyLock<Fitted> = LazyLock::new(|| {
 });
 
 /// The lower jaw of one head, canonical centimetres.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Jaw {
     /// About which it turns.
     pub hinge: [f32; 3],

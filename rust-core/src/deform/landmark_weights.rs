@@ -13,9 +13,9 @@ use crate::{
 };
 
 /// Frames between two looks at the progress callback.
-const FRAMES_PER_REPORT: usize = 256;
+const FRAMES_PER_REPORT: usize = 64;
 /// Vertices of one piece of parallel work.
-const VERTICES_PER_TASK: usize = 1024;
+const VERTICES_PER_TASK: usize = 512;
 
 /// `ΔV = mix · ΔL + cross · motion · ΔL`, linear in the landmarks.
 ///
@@ -54,51 +54,48 @@ impl LandmarkWeights {
         let by_axis: Vec<f32> = (0..3)
             .flat_map(|axis| landmarks.iter().skip(axis).step_by(3).copied())
             .collect();
-        let blocks: Vec<usize> = (0..vertices).step_by(VERTICES_PER_TASK).collect();
-        let pieces: Vec<Vec<f32>> = blocks
-            .par_iter()
-            .map(|&first| self.spread_block(first, &by_axis, &shared, frames))
-            .collect();
-        out.par_chunks_mut(3 * vertices)
-            .enumerate()
-            .for_each(|(t, frame)| copy_frame(t, frames, &pieces, frame));
+        let mut blocks: Vec<Vec<&mut [f32]>> = Vec::new();
+        blocks.resize_with(vertices.div_ceil(VERTICES_PER_TASK), Vec::new);
+        for frame in out.chunks_mut((3 * vertices).max(1)) {
+            let pieces = frame.chunks_mut(3 * VERTICES_PER_TASK);
+            blocks.iter_mut().zip(pieces).for_each(|(b, p)| b.push(p));
+        }
+        blocks.into_par_iter().enumerate().for_each_init(
+            || vec![0.0; 3 * frames * VERTICES_PER_TASK],
+            |tile, (index, mut out)| {
+                self.tile(index * VERTICES_PER_TASK, &by_axis, &shared, tile);
+                write_out(tile, &mut out);
+            },
+        );
     }
 
-    /// Displacements `[3, frames, block]` of the block of vertices from `first` on.
-    fn spread_block(
-        &self,
-        first: usize,
-        by_axis: &[f32],
-        shared: &[f32],
-        frames: usize,
-    ) -> Vec<f32> {
+    /// Displacements `[block, 3 frames]`, axis by axis, of the vertices from `first` on.
+    fn tile(&self, first: usize, by_axis: &[f32], shared: &[f32], tile: &mut [f32]) {
         let count = VERTICES_PER_TASK.min(self.vertices() - first);
-        let rank = self.rank();
-        let mix = matrix::view(&self.mix).subrows(first, count).transpose();
-        let cross = matrix::view(&self.cross).subrows(first, count);
-        let mut piece = vec![0.0; 3 * frames * count];
-        for (axis, out) in piece.chunks_mut((frames * count).max(1)).enumerate() {
-            let along = &by_axis[axis * frames * LANDMARKS..(axis + 1) * frames * LANDMARKS];
-            let mut out = matrix::view_mut(out, count);
-            matrix::product(out.as_mut(), matrix::rows_of(along, LANDMARKS), mix);
-            if rank > 0 {
-                let cross = cross.subcols(axis * rank, rank).transpose();
-                matrix::product_add(out, matrix::rows_of(shared, rank), cross);
+        let (rank, columns) = (self.rank(), by_axis.len() / LANDMARKS);
+        let frames = columns / 3;
+        let mix = matrix::view(&self.mix).subrows(first, count);
+        let mut out = matrix::view_mut(&mut tile[..count * columns], columns);
+        let along = matrix::rows_of(by_axis, LANDMARKS).transpose();
+        matrix::product(out.as_mut(), mix, along);
+        if rank > 0 {
+            let cross = matrix::view(&self.cross).subrows(first, count);
+            let shared = matrix::rows_of(shared, rank).transpose();
+            for axis in 0..3 {
+                let out = out.as_mut().subcols_mut(axis * frames, frames);
+                matrix::product_add(out, cross.subcols(axis * rank, rank), shared);
             }
         }
-        piece
     }
 }
 
-/// Gathers frame `t` from the pieces of all blocks and puts the three axes side by side.
-fn copy_frame(t: usize, frames: usize, pieces: &[Vec<f32>], frame: &mut [f32]) {
-    let mut targets = frame.chunks_exact_mut(3);
-    for piece in pieces {
-        let count = piece.len() / (3 * frames);
-        let axis = |a: usize| &piece[(a * frames + t) * count..(a * frames + t + 1) * count];
-        let (x, y, z) = (axis(0), axis(1), axis(2));
-        for (v, target) in targets.by_ref().take(count).enumerate() {
-            target.copy_from_slice(&[x[v], y[v], z[v]]);
+/// Turns `[block, 3 frames]` into one `[block, 3]` for each frame while it is in the cache.
+fn write_out(tile: &[f32], out: &mut [&mut [f32]]) {
+    let frames = out.len();
+    for (t, frame) in out.iter_mut().enumerate() {
+        let (targets, _) = frame.as_chunks_mut::<3>();
+        for (target, row) in targets.iter_mut().zip(tile.chunks_exact(3 * frames)) {
+            *target = [row[t], row[frames + t], row[2 * frames + t]];
         }
     }
 }

@@ -15,6 +15,7 @@ mod lids;
 mod nearest;
 mod part_list;
 mod place;
+pub mod proxy;
 mod skin;
 mod tension_screened_biharmonic;
 

@@ -2,6 +2,8 @@
 
 use std::cell::OnceCell;
 
+use serde::{Deserialize, Serialize};
+
 use super::{
     place::{Box3, Place},
     skin::{parts_of_skin, sewn_parts, touching_lips},
@@ -15,7 +17,7 @@ use crate::{
 };
 
 /// The connected parts of a mesh, seams sewn up, with their roles.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PartList {
     /// In the order of their numbers.
     pub parts: Vec<Part>,

@@ -7,11 +7,12 @@
 //! how mirrored meshes are told apart.
 
 use ndarray::{Array3, ArrayView3};
+use serde::{Deserialize, Serialize};
 
 use crate::{Error, Result};
 
 /// `y = scale · rotation · x + translation`.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Similarity {
     /// Uniform, positive.
     pub scale: f64,

@@ -17,8 +17,9 @@ mod ply;
 mod polygons;
 mod read;
 mod roles;
+pub(crate) mod simplify;
 mod snap;
-mod tree;
+pub(crate) mod tree;
 pub(crate) mod vec3;
 
 pub use align::{Fit, Similarity};
@@ -127,7 +128,13 @@ pub struct FaceOptions {
     pub learned: f32,
     /// What the caller says of the mesh's parts; the others are told by shape and place.
     pub parts: PartChoices,
+    /// A skin of more vertices is worked on through a proxy of so many; `None` works on every
+    /// vertex, however many.
+    pub proxy: Option<usize>,
 }
+
+/// Vertices of the proxy on which large skins are worked on.
+pub const DEFAULT_PROXY: usize = 10_000;
 
 impl Default for FaceOptions {
     fn default() -> Self {
@@ -138,6 +145,7 @@ impl Default for FaceOptions {
             up: Axis::PosY,
             learned: 1.0,
             parts: PartChoices::default(),
+            proxy: Some(DEFAULT_PROXY),
         }
     }
 }

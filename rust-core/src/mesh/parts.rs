@@ -2,6 +2,8 @@
 
 use std::collections::HashMap;
 
+use serde::{Deserialize, Serialize};
+
 /// Sets that only ever merge.
 #[derive(Debug, Clone)]
 pub(crate) struct DisjointSets {
@@ -34,7 +36,7 @@ impl DisjointSets {
 pub const NO_PART: u32 = u32::MAX;
 
 /// Connected parts of a mesh, in the order of their first vertex.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Parts {
     /// `[V]`, part of each vertex; [`NO_PART`] for a vertex in no face.
     pub of_vertex: Vec<u32>,

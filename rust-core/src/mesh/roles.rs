@@ -2,13 +2,13 @@
 
 use std::{fmt, path::Path, str::FromStr};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{Parts, parts::NO_PART};
 use crate::{Error, Result};
 
 /// How a part behaves when the face moves.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PartRole {
     /// It is the face: landmark motion is solved on it.
@@ -72,7 +72,7 @@ impl FromStr for PartRole {
 }
 
 /// Who decided a part's role.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RoleSource {
     /// Its shape and its place beside the landmarks.
@@ -82,7 +82,7 @@ pub enum RoleSource {
 }
 
 /// One connected part of a mesh.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Part {
     /// Parts are counted from 0 in the order of their first vertex, seams sewn up.
     pub number: u32,

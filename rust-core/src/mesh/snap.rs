@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::{
     Landmarks, Mesh, Parts,
-    closest::{SurfacePoint, closest_point, norm, sub},
+    closest::{Balls, SurfacePoint, norm, sub},
     landmarks::eye_distance,
     lips::{lip_of_landmark, lip_of_vertices},
     parts::weld_seams,
@@ -21,12 +21,15 @@ const DETOUR_IN_EYE_DISTANCES: f32 = 0.08;
 /// that opens. Confidence 1 throughout. The mesh must have triangles.
 pub(super) fn snap_to_surface(mesh: &Mesh, positions: &[[f32; 3]; LANDMARKS]) -> Landmarks {
     let detour = DETOUR_IN_EYE_DISTANCES * eye_distance(positions);
-    let mut snapped: Vec<SurfacePoint> = nearest_where(mesh, positions, |_, _| true)
+    let surface = Balls::new(mesh);
+    let mut snapped: Vec<SurfacePoint> = nearest_where(&surface, positions, |_, _| true)
         .into_iter()
         .map(|found| found.expect("the mesh has triangles"))
         .collect();
     if let Some(skin) = skin_of(mesh, &snapped) {
-        let on_skin = nearest_where(mesh, positions, |_, t| skin[mesh.triangles[t][0] as usize]);
+        let on_skin = nearest_where(&surface, positions, |_, t| {
+            skin[mesh.triangles[t][0] as usize]
+        });
         prefer(&mut snapped, on_skin, detour);
     }
     let vertices = |range: std::ops::Range<usize>| -> Vec<u32> {
@@ -38,7 +41,7 @@ pub(super) fn snap_to_surface(mesh: &Mesh, positions: &[[f32; 3]; LANDMARKS]) ->
     let reach = eye_distance(positions);
     let lips = lip_of_vertices(mesh, &vertices(49..54), &vertices(55..60), reach);
     // Only triangles with all corners on that lip: one that spans both belongs to neither.
-    let on_own_lip = nearest_where(mesh, positions, |i, t| {
+    let on_own_lip = nearest_where(&surface, positions, |i, t| {
         lip_of_landmark(i).is_some_and(|lip| {
             let mut corners = mesh.triangles[t].iter();
             corners.all(|&v| lips[v as usize] == Some(lip))
@@ -55,14 +58,14 @@ pub(super) fn snap_to_surface(mesh: &Mesh, positions: &[[f32; 3]; LANDMARKS]) ->
 /// Nearest point of every landmark among the triangles that `allowed` (landmark, triangle) lets
 /// through.
 fn nearest_where(
-    mesh: &Mesh,
+    surface: &Balls<'_>,
     positions: &[[f32; 3]; LANDMARKS],
     allowed: impl Fn(usize, usize) -> bool + Sync,
 ) -> Vec<Option<SurfacePoint>> {
     positions
         .par_iter()
         .enumerate()
-        .map(|(i, p)| closest_point(mesh, *p, |triangle| allowed(i, triangle)))
+        .map(|(i, p)| surface.closest(*p, |triangle| allowed(i, triangle)))
         .collect()
 }
 

@@ -150,13 +150,13 @@ fn bounds(faces: &[(u32, [[f64; 3]; 3])]) -> ([f64; 3], [f64; 3]) {
     (low, high)
 }
 
-pub(super) fn blend([a, b, c]: [[f64; 3]; 3], [u, v, w]: [f64; 3]) -> [f64; 3] {
+pub(crate) fn blend([a, b, c]: [[f64; 3]; 3], [u, v, w]: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|i| u * a[i] + v * b[i] + w * c[i])
 }
 
 /// Barycentric weights of the point of a triangle closest to `p`: the plane's own point where it
 /// lies inside, else the best of the three sides, which also serves triangles without area.
-pub(super) fn closest_weights(p: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> [f64; 3] {
+pub(crate) fn closest_weights(p: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> [f64; 3] {
     let (ab, ac, ap) = (sub(b, a), sub(c, a), sub(p, a));
     let (d00, d01, d11) = (dot(ab, ab), dot(ab, ac), dot(ac, ac));
     let (d20, d21) = (dot(ap, ab), dot(ap, ac));
@@ -187,7 +187,7 @@ pub(super) fn closest_weights(p: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> [f64; 3]
 
 #[cfg(test)]
 mod tests {
-    use super::{super::closest::closest_point, *};
+    use super::{super::closest::Balls, *};
     use proptest::prelude::*;
 
     proptest! {
@@ -208,7 +208,7 @@ mod tests {
             let odd_tree = SurfaceTree::of_faces(&mesh, &odd);
             for &query in &queries {
                 for (tree, step) in [(&tree, 1), (&odd_tree, 2)] {
-                    let expected = closest_point(&mesh, query, |f| step == 1 || f % 2 == 1);
+                    let expected = Balls::new(&mesh).closest(query, |f| step == 1 || f % 2 == 1);
                     let got = tree.closest(query);
                     prop_assert_eq!(got.is_some(), expected.is_some());
                     let (Some(got), Some(expected)) = (got, expected) else { continue };

@@ -18,7 +18,7 @@ use crate::{
         Skin,
         binding::{Follows, bind},
     },
-    mesh::{FaceOptions, Mesh, Parts, Similarity},
+    mesh::{DEFAULT_PROXY, FaceOptions, Mesh, Parts, Similarity},
     motion::LANDMARKS,
     nn::Weights,
     progress::{ProgressFn, SILENT, report},
@@ -263,7 +263,9 @@ impl Head {
             triangles: mesh.triangles.clone(),
         };
         let landmarks = face.landmarks.positions.map(cm);
-        let skin = Skin::find(&mesh, &landmarks, &face.landmarks.vertices, &face.parts)?;
+        let solved_on = Some(DEFAULT_PROXY);
+        let vertices = &face.landmarks.vertices;
+        let skin = Skin::find(&mesh, &landmarks, vertices, &face.parts, solved_on)?;
         let follows = bind(&mesh, &face.parts, &skin.is_skin, &landmarks);
         Ok(Head {
             positions: mesh.positions,

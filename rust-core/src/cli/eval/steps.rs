@@ -10,9 +10,8 @@ use super::{
     ict::IctLandmarks,
     scores::{ClipScores, scores},
     speaker::{Speaker, Wish},
-    timing::Stopwatch,
 };
-use crate::Result;
+use crate::{Result, cli::stopwatch::Stopwatch};
 
 /// Numbers of DDIM steps.
 const STEPS: [usize; 6] = [1, 2, 4, 10, 20, 100];

@@ -1,7 +1,5 @@
 //! Time and memory of speech to landmark motion.
 
-use std::time::Instant;
-
 use serde::Serialize;
 
 use super::{
@@ -11,6 +9,7 @@ use super::{
 use crate::{
     Error, Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
+    cli::stopwatch::{Stopwatch, forget_peak, peak_mib},
     metrics::quantile,
 };
 
@@ -18,8 +17,6 @@ const FPS: f64 = 30.0;
 const SHORT_S: f64 = 5.0;
 /// Runs of the short sound.
 const RUNS: usize = 5;
-/// Linux counts processor time in hundredths of a second.
-const TICKS_PER_S: f64 = 100.0;
 const LONG_S: [f64; 3] = [60.0, 300.0, 1200.0];
 
 /// One length of sound.
@@ -41,40 +38,6 @@ pub(super) struct Timing {
     pub runs: Vec<Timed>,
     /// Seconds of work to a second of sound, and fixed seconds: least squares over the runs.
     pub line: Option<[f64; 2]>,
-}
-
-/// Counts the work of this process where Linux tells it, so that other programs do not matter;
-/// elsewhere the time that passes.
-pub(super) struct Stopwatch {
-    work_s: Option<f64>,
-    start: Instant,
-}
-
-impl Stopwatch {
-    pub(super) fn start() -> Self {
-        Stopwatch {
-            work_s: processor_s(),
-            start: Instant::now(),
-        }
-    }
-
-    /// Seconds of work since the start.
-    pub(super) fn work_s(&self) -> f64 {
-        match (self.work_s, processor_s()) {
-            (Some(before), Some(now)) => now - before,
-            _ => self.start.elapsed().as_secs_f64(),
-        }
-    }
-}
-
-/// Processor time of this process so far: fields 14 and 15 of `/proc/self/stat`.
-fn processor_s() -> Option<f64> {
-    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
-    // The second field is a name in brackets that may hold anything.
-    let (_, fields) = stat.rsplit_once(')')?;
-    let mut times = fields.split_whitespace().skip(11).take(2);
-    let mut ticks = || times.next()?.parse::<f64>().ok();
-    Some((ticks()? + ticks()?) / TICKS_PER_S)
 }
 
 /// Five seconds; with `long` also 1, 5 and 20 minutes.
@@ -126,22 +89,9 @@ fn time(speaker: &Speaker, wish: &Wish, spoken: &[f32], sound_s: f64) -> Result<
     Ok(Timed {
         sound_s,
         work_s: stopwatch.work_s(),
-        elapsed_s: stopwatch.start.elapsed().as_secs_f64(),
+        elapsed_s: stopwatch.elapsed_s(),
         peak_mib: peak_mib(),
     })
-}
-
-/// Asks Linux to count the peak from now on; elsewhere nothing happens.
-fn forget_peak() {
-    // Where it is refused, the peak counts from the start of the process.
-    let _ = std::fs::write("/proc/self/clear_refs", "5");
-}
-
-fn peak_mib() -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
-    let kib: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
-    Some(kib / 1024.0)
 }
 
 /// Slope and offset; none for fewer than three runs.
@@ -170,15 +120,5 @@ mod tests {
         let [slope, offset] = line(&runs).unwrap();
         assert!((slope - 0.1).abs() < 1e-12 && (offset - 0.5).abs() < 1e-12);
         assert!(line(&runs[..2]).is_none());
-    }
-
-    #[test]
-    fn work_is_counted_from_the_start() {
-        let stopwatch = Stopwatch::start();
-        let mut x = 1.0f64;
-        while stopwatch.start.elapsed().as_secs_f64() < 1.0 && stopwatch.work_s() == 0.0 {
-            x = (x + 1.0).sqrt();
-        }
-        assert!(x > 1.0 && stopwatch.work_s() > 0.0);
     }
 }

@@ -6,6 +6,7 @@
 pub mod paper;
 mod paper_face;
 mod prepare;
+mod row_weights;
 mod static_weights;
 
 pub use paper_face::PaperFace;

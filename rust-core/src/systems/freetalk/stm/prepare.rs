@@ -2,10 +2,13 @@
 
 use std::sync::Arc;
 
-use ndarray::{Array2, ArrayViewMut1};
+use ndarray::Array2;
 
 use super::{
-    PaperFace, StaticWeights, VertexGeometry, paper::PaperDecoder, static_weights::Correction,
+    PaperFace, StaticWeights, VertexGeometry,
+    paper::PaperDecoder,
+    row_weights::{RowWeights, turn},
+    static_weights::Correction,
 };
 use crate::{
     Error, Result,
@@ -15,13 +18,12 @@ use crate::{
     },
     mesh::{Landmarks, Mesh, Similarity},
     motion::LANDMARKS,
-    operators::{Arrays, Cache, CacheKey, NO_ROW},
+    operators::{Arrays, Cache, CacheKey},
     progress::{ProgressFn, report},
 };
 
 /// Raised when the training-free weights change.
 const CACHE_VERSION: u32 = 2;
-const COORDINATES: usize = 3 * LANDMARKS;
 /// A user may strengthen the learned part up to this.
 const STRONGEST: f32 = 10.0;
 
@@ -29,7 +31,8 @@ const STRONGEST: f32 = 10.0;
 ///
 /// The result takes landmark displacements in the mesh's own units and axes and returns vertex
 /// displacements in the same. The solve on the skin is kept in `cache`. `learned`: strength of the
-/// learned part, 0 (training-free) to 10, 1 as shipped.
+/// learned part, 0 (training-free) to 10, 1 as shipped. `proxy`: skins of more vertices are worked
+/// on through so many; see [`crate::deform::proxy`].
 ///
 /// # Errors
 /// `InvalidInput` for `learned` out of range, `Mesh` if the landmarks lie on no usable face,
@@ -44,6 +47,7 @@ pub fn prepare_static(
     parts: &PartList,
     cache: &Cache,
     learned: f32,
+    proxy: Option<usize>,
     progress: ProgressFn<'_>,
 ) -> Result<Corrected<LandmarkWeights>> {
     if !(0.0..=STRONGEST).contains(&learned) {
@@ -51,7 +55,7 @@ pub fn prepare_static(
             "learned: expected 0 to {STRONGEST}, got {learned}"
         )));
     }
-    let setting = Setting::new(mesh, landmarks, to_canonical, parts, cache, progress)?;
+    let setting = Setting::new(mesh, landmarks, to_canonical, parts, proxy, cache, progress)?;
     let strength = learned * setting.familiarity(weights);
     let correction = (strength > 0.0).then(|| setting.correction(weights));
     let mut result = setting.weights(true, correction.as_ref(), strength);
@@ -74,7 +78,7 @@ pub fn prepare_paper(
     cache: &Cache,
     progress: ProgressFn<'_>,
 ) -> Result<Corrected<PaperFace>> {
-    let setting = Setting::new(mesh, landmarks, to_canonical, parts, cache, progress)?;
+    let setting = Setting::new(mesh, landmarks, to_canonical, parts, None, cache, progress)?;
     let config = decoder.config();
     let mut base = setting.weights(config.base, None, 0.0);
     turn(&mut base, to_canonical);
@@ -113,6 +117,7 @@ impl Setting {
         landmarks: &Landmarks,
         to_canonical: &Similarity,
         parts: &PartList,
+        proxy: Option<usize>,
         cache: &Cache,
         progress: ProgressFn<'_>,
     ) -> Result<Setting> {
@@ -124,7 +129,7 @@ impl Setting {
         };
         let vertices = landmarks.vertices;
         let landmarks = landmarks.positions.map(cm);
-        let skin = Skin::find(&mesh, &landmarks, &vertices, parts)?;
+        let skin = Skin::find(&mesh, &landmarks, &vertices, parts, proxy)?;
         report(progress, "weights", 0.0)?;
         let plate = cached_plate(&skin, cache)?;
         report(progress, "weights", 0.7)?;
@@ -192,12 +197,12 @@ impl Setting {
         Ok(out)
     }
 
-    /// `[V]`, the rows of the skin that each vertex follows, and by which shares.
+    /// `[V]`, the rows of the skin that each vertex follows, and by which shares. For a skin without
+    /// a proxy.
     fn rows_followed(&self) -> Vec<[(u32, f32); 3]> {
-        let rows = &self.skin.operators.row_of_vertex;
-        let row = |(skin, share): (u32, f32)| match rows[skin as usize] {
-            NO_ROW => (0, 0.0),
-            row => (row, share),
+        let row = |(skin, share): (u32, f32)| match self.skin.spread.row(skin).next() {
+            Some((row, _)) => (row, share),
+            None => (0, 0.0),
         };
         let follows = self.follows.iter();
         follows
@@ -230,55 +235,22 @@ impl Setting {
         correction: Option<&Correction>,
         strength: f32,
     ) -> LandmarkWeights {
-        let vertices = self.follows.len();
-        let learned = correction.map_or(0, |c| c.motion.nrows());
-        let mut mix = Array2::zeros((vertices, LANDMARKS));
-        let mut cross = Array2::zeros((vertices, 3 * learned));
-        for (v, followed) in self.rows_followed().into_iter().enumerate() {
-            for (row, share) in followed.into_iter().filter(|(_, share)| *share != 0.0) {
-                if plate {
-                    self.add_plate(row as usize, share, mix.row_mut(v));
-                }
-                if let Some(correction) = correction {
-                    let strength = share * strength;
-                    correct(
-                        correction,
-                        row as usize,
-                        strength,
-                        mix.row_mut(v),
-                        cross.row_mut(v),
-                    );
+        let rows = RowWeights::new(
+            self.skin.operators.rows(),
+            plate.then_some(&self.plate),
+            correction,
+            strength,
+        );
+        rows.spread(self.follows.len(), |rows, v, mut mix, mut cross| {
+            let Follows::Skin(corners) = self.follows[v] else {
+                return;
+            };
+            for (skin, share) in corners.into_iter().filter(|(_, share)| *share != 0.0) {
+                for (row, weight) in self.skin.spread.row(skin) {
+                    rows.add(row as usize, share * weight, &mut mix, &mut cross);
                 }
             }
-        }
-        let motion = correction.map_or(Array2::zeros((0, COORDINATES)), |c| c.motion.clone());
-        LandmarkWeights { mix, cross, motion }
-    }
-
-    fn add_plate(&self, row: usize, share: f32, mut mix: ArrayViewMut1<'_, f32>) {
-        let plate = &self.plate.weights[row * LANDMARKS..(row + 1) * LANDMARKS];
-        for (to, from) in mix.iter_mut().zip(plate) {
-            *to += share * from;
-        }
-    }
-}
-
-/// Adds the learned part of one row.
-fn correct(
-    correction: &Correction,
-    row: usize,
-    strength: f32,
-    mut mix: ArrayViewMut1<'_, f32>,
-    mut cross: ArrayViewMut1<'_, f32>,
-) {
-    for (to, from) in mix.iter_mut().zip(correction.mix.row(row)) {
-        *to += strength * from;
-    }
-    let (learned, rank) = (correction.motion.nrows(), cross.len() / 3);
-    for axis in 0..3 {
-        for r in 0..learned {
-            cross[axis * rank + r] += strength * correction.cross[[row, axis * learned + r]];
-        }
+        })
     }
 }
 
@@ -309,28 +281,6 @@ fn cached_plate(skin: &Skin, cache: &Cache) -> Result<PlateWeights> {
             })
         }
         _ => PlateWeights::solve(operators, &skin.landmark_rows, plate),
-    }
-}
-
-/// Turns canonical weights into weights of the mesh's own axes: `C R` and `Rᵀ B`. Scale cancels.
-fn turn(weights: &mut LandmarkWeights, to_canonical: &Similarity) {
-    let r = to_canonical.rotation.map(|row| row.map(|x| x as f32));
-    let rank = weights.motion.nrows();
-    for mut row in weights.motion.rows_mut() {
-        for c in (0..COORDINATES).step_by(3) {
-            let old = [row[c], row[c + 1], row[c + 2]];
-            for j in 0..3 {
-                row[c + j] = (0..3).map(|i| old[i] * r[i][j]).sum();
-            }
-        }
-    }
-    for mut row in weights.cross.rows_mut() {
-        for k in 0..rank {
-            let old = [row[k], row[rank + k], row[2 * rank + k]];
-            for j in 0..3 {
-                row[j * rank + k] = (0..3).map(|i| old[i] * r[i][j]).sum();
-            }
-        }
     }
 }
 
@@ -391,7 +341,7 @@ mod tests {
         let cache = Cache::new(&CachePolicy::Off);
         let parts = parts(mesh, landmarks, to);
         prepare_static(
-            &weights, mesh, landmarks, to, &parts, &cache, learned, SILENT,
+            &weights, mesh, landmarks, to, &parts, &cache, learned, None, SILENT,
         )
         .unwrap()
     }
@@ -489,6 +439,7 @@ mod tests {
                 &parts(&mesh, &landmarks, &Similarity::IDENTITY),
                 &cache,
                 wrong,
+                None,
                 SILENT,
             );
             assert!(matches!(result, Err(Error::InvalidInput(_))));
@@ -510,6 +461,7 @@ mod tests {
                 &parts(&mesh, &landmarks, &Similarity::IDENTITY),
                 &cache,
                 1.0,
+                None,
                 SILENT,
             )
             .unwrap()

@@ -1,0 +1,135 @@
+//! Stages of one face: landmark search, skin with its proxy, plate weights, frame product, writing;
+//! and of the sound: speech encoder and denoiser.
+//!
+//! `cargo bench -p anyface --bench face`
+
+#![allow(missing_docs)] // criterion_group! makes a public function
+
+use std::{hint::black_box, path::PathBuf, time::Duration};
+
+use anyface::{
+    CachePolicy, Engine, EngineOptions, MotionRequest,
+    audio::Waveform,
+    deform::{PartList, Plate, PlateWeights, Skin},
+    mesh::{self, FaceOptions, LandmarkSource, Mesh},
+    output::write_animation,
+    progress::SILENT,
+    speech::{CompactEncoder, SpeechEncoder},
+    weights::ModelFiles,
+};
+use criterion::{Criterion, criterion_group, criterion_main};
+
+/// The default head, its triangles cut in four as often as `times`.
+fn head(times: usize) -> Mesh {
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("models/default_head");
+    let mut mesh = Mesh::read(folder.join("head.obj")).expect("the default head");
+    for _ in 0..times {
+        mesh = cut_in_four(&mesh);
+    }
+    mesh
+}
+
+fn cut_in_four(mesh: &Mesh) -> Mesh {
+    let mut positions = mesh.positions.clone();
+    let mut middles = std::collections::HashMap::new();
+    let mut triangles = Vec::new();
+    for &[a, b, c] in &mesh.triangles {
+        let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| {
+            *middles.entry((p.min(q), p.max(q))).or_insert_with(|| {
+                let (p, q) = (positions[p as usize], positions[q as usize]);
+                positions.push(std::array::from_fn(|i| 0.5 * (p[i] + q[i])));
+                positions.len() as u32 - 1
+            })
+        });
+        triangles.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+    }
+    Mesh::from_arrays(positions, triangles).expect("a finer head is a mesh")
+}
+
+/// Five seconds of something like a voice.
+fn sound() -> Waveform {
+    let sample = |i: usize| {
+        let t = i as f32 / 16_000.0;
+        0.3 * (25.0 * t).sin().max(0.0) * ((750.0 * t).sin() + (1500.0 * t).sin())
+    };
+    Waveform {
+        samples: (0..80_000).map(sample).collect(),
+    }
+}
+
+fn engine() -> Engine {
+    let options = EngineOptions {
+        cache: CachePolicy::Off,
+        ..EngineOptions::default()
+    };
+    Engine::new(options).expect("built-in weights")
+}
+
+fn speech(c: &mut Criterion) {
+    let (engine, sound) = (engine(), sound());
+    let files = ModelFiles::open("compact_speech", None).expect("built in");
+    let encoder = CompactEncoder::load(&files.weights, &files.config).expect("built in");
+    let mut group = c.benchmark_group("speech 5 s");
+    group.sample_size(10);
+    group.bench_function("encoder", |b| b.iter(|| encoder.encode(black_box(&sound))));
+    let request = MotionRequest::default();
+    group.bench_function("encoder and denoiser", |b| {
+        b.iter(|| engine.sample(black_box(&sound), &request, SILENT))
+    });
+    group.finish();
+}
+
+fn face(c: &mut Criterion) {
+    let engine = engine();
+    let motion = engine.motion(&sound(), &MotionRequest::default(), SILENT);
+    let motion = motion.expect("motion");
+    for times in [0, 2] {
+        let mesh = head(times);
+        let mut group = c.benchmark_group(format!("face/{}", mesh.positions.len()));
+        group
+            .sample_size(10)
+            .measurement_time(Duration::from_secs(5));
+        let landmarks = mesh::locate_landmarks(&mesh, &FaceOptions::default()).expect("a face");
+        group.bench_function("landmark search", |b| {
+            b.iter(|| mesh::locate_landmarks(black_box(&mesh), &FaceOptions::default()))
+        });
+        let options = FaceOptions {
+            landmarks: Some(LandmarkSource::Vertices(landmarks.vertices.to_vec())),
+            ..FaceOptions::default()
+        };
+        let to = mesh::align_to_canonical(&landmarks).expect("a face");
+        let cm = |p: [f32; 3]| to.apply(p).map(|x| 100.0 * x);
+        let canonical = Mesh {
+            positions: mesh.positions.iter().map(|&p| cm(p)).collect(),
+            triangles: mesh.triangles.clone(),
+        };
+        let places = landmarks.positions.map(cm);
+        let parts = PartList::find(&mesh, &landmarks, &to, &options.parts).expect("parts");
+        let vertices = &landmarks.vertices;
+        let find = || Skin::find(&canonical, &places, vertices, &parts, options.proxy);
+        group.bench_function("skin, proxy and operators", |b| b.iter(find));
+        let skin = find().expect("skin");
+        group.bench_function("plate weights", |b| {
+            b.iter(|| PlateWeights::solve(&skin.operators, &skin.landmark_rows, Plate::default()))
+        });
+        group.bench_function("prepare", |b| {
+            b.iter(|| engine.prepare(black_box(&mesh), &options, SILENT).is_ok())
+        });
+        let prepared = engine.prepare(&mesh, &options, SILENT).expect("a face");
+        group.bench_function("frame product, 5 s", |b| {
+            b.iter(|| engine.deform(&prepared, black_box(&motion), SILENT))
+        });
+        let animation = engine.deform(&prepared, &motion, SILENT).expect("frames");
+        let folder = tempfile::tempdir().expect("a folder");
+        for name in ["o.npz", "o.pc2"] {
+            let path = folder.path().join(name);
+            group.bench_function(format!("write {name}"), |b| {
+                b.iter(|| write_animation(&path, black_box(&animation), &mesh))
+            });
+        }
+        group.finish();
+    }
+}
+
+criterion_group!(benches, speech, face);
+criterion_main!(benches);

@@ -1,0 +1,225 @@
+//! From values at the proxy's vertices to values at the skin's, smoothly.
+//!
+//! A vertex `x` beside the triangle of vertices `p_i` with weights `b_i` gets
+//!
+//! `f(x) = Σ b_i (f_i + ½ g_i · (x − p_i))`
+//!
+//! with `g_i` the gradient of the values around `p_i`. Linear interpolation alone errs by half the
+//! second derivative, first-order expansion by as much the other way: with the half between them
+//! quadratic fields are exact where the gradients are, and no crease shows along the proxy's edges.
+//! As `g_i` is linear in the values around `p_i`, all of it is one sparse matrix.
+
+use rayon::prelude::*;
+
+use crate::mesh::{
+    simplify::{Rings, Simplified},
+    tree::{blend, closest_weights},
+    vec3::{cross, dot, norm, perpendicular, sub, unit},
+};
+
+/// Steps along the proxy in search of the closest triangle.
+const MOST_STEPS: usize = 16;
+/// A triangle that looks away counts as so much further off, so that a fold of the lips does not
+/// take up its other side.
+const FOLD_CM: f64 = 0.1;
+/// Keeps the fit of a gradient defined where neighbours lie on a line.
+const RIDGE: f64 = 1e-3;
+
+/// A sparse matrix `[V, V]` from the values at the proxy's vertices (columns, numbered as in the
+/// whole mesh) to those of the skin. Rows sum to one; rows outside the skin are empty.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Prolongation {
+    start: Vec<u32>,
+    columns: Vec<u32>,
+    weights: Vec<f32>,
+}
+
+impl Prolongation {
+    /// From the entries of each row.
+    pub(crate) fn from_rows(rows: impl Iterator<Item = Vec<(u32, f32)>>) -> Prolongation {
+        let mut out = Prolongation {
+            start: vec![0],
+            columns: Vec::new(),
+            weights: Vec::new(),
+        };
+        for row in rows {
+            for (column, weight) in row {
+                out.columns.push(column);
+                out.weights.push(weight);
+            }
+            out.start.push(out.columns.len() as u32);
+        }
+        out
+    }
+
+    /// The proxy's vertices that a vertex depends on, and by how much.
+    pub fn row(&self, v: u32) -> impl Iterator<Item = (u32, f32)> + '_ {
+        let range = self.start[v as usize] as usize..self.start[v as usize + 1] as usize;
+        let columns = self.columns[range.clone()].iter().copied();
+        columns.zip(self.weights[range].iter().copied())
+    }
+}
+
+/// Finds every vertex's place on the proxy. Returns the largest distance too.
+pub(super) fn place_vertices(
+    positions: &[[f64; 3]],
+    skin: &[[u32; 3]],
+    simple: &Simplified,
+) -> (Prolongation, f64) {
+    let mut is_skin = vec![false; positions.len()];
+    skin.iter()
+        .flatten()
+        .for_each(|&v| is_skin[v as usize] = true);
+    let coarse = Coarse::new(positions, &simple.triangles);
+    let around = Rings::of(positions.len(), skin);
+    let rows: Vec<(Vec<(u32, f32)>, f64)> = (0..positions.len())
+        .into_par_iter()
+        .map(|v| match (is_skin[v], simple.stands_for[v]) {
+            (false, _) => (Vec::new(), 0.0),
+            (true, root) if root == v as u32 => (vec![(root, 1.0)], 0.0),
+            (true, root) => {
+                let normal = normal(positions, skin, &around, v as u32);
+                coarse.row(positions[v], normal, root)
+            }
+        })
+        .collect();
+    let error = rows.iter().map(|row| row.1).fold(0.0, f64::max);
+    let rows = rows.into_iter().map(|row| row.0);
+    (Prolongation::from_rows(rows), error)
+}
+
+/// The proxy with what its vertices know of their neighbours.
+struct Coarse<'a> {
+    positions: &'a [[f64; 3]],
+    triangles: &'a [[u32; 3]],
+    rings: Rings,
+    /// `[V]`, of each vertex of the proxy: neighbour and its part `c` in the gradient
+    /// `g = Σ c (f_neighbour − f)`.
+    gradients: Vec<Vec<(u32, [f64; 3])>>,
+}
+
+impl<'a> Coarse<'a> {
+    fn new(positions: &'a [[f64; 3]], triangles: &'a [[u32; 3]]) -> Self {
+        let rings = Rings::of(positions.len(), triangles);
+        let gradients = (0..positions.len() as u32)
+            .into_par_iter()
+            .map(|v| gradient(positions, triangles, &rings, v))
+            .collect();
+        Coarse {
+            positions,
+            triangles,
+            rings,
+            gradients,
+        }
+    }
+
+    /// Columns and weights of a vertex at `point` with a `normal` that was collapsed into `root`, and how far it
+    /// lies from the proxy.
+    fn row(&self, point: [f64; 3], normal: [f64; 3], root: u32) -> (Vec<(u32, f32)>, f64) {
+        let Some((triangle, barycentric)) = self.closest(point, normal, root) else {
+            return (
+                vec![(root, 1.0)],
+                norm(sub(point, self.positions[root as usize])),
+            );
+        };
+        let corners = self.triangles[triangle].map(|v| self.positions[v as usize]);
+        let distance = norm(sub(point, blend(corners, barycentric)));
+        let mut row: Vec<(u32, f32)> = Vec::with_capacity(16);
+        let mut add =
+            |column: u32, weight: f64| match row.iter_mut().find(|entry| entry.0 == column) {
+                Some(entry) => entry.1 += weight as f32,
+                None => row.push((column, weight as f32)),
+            };
+        for (&corner, b) in self.triangles[triangle].iter().zip(barycentric) {
+            let offset = sub(point, self.positions[corner as usize]);
+            let mut own = b;
+            for &(other, part) in &self.gradients[corner as usize] {
+                let weight = 0.5 * b * dot(part, offset);
+                own -= weight;
+                add(other, weight);
+            }
+            add(corner, own);
+        }
+        (row, distance)
+    }
+
+    /// The closest triangle that is found by walking from `root`.
+    fn closest(&self, point: [f64; 3], normal: [f64; 3], root: u32) -> Option<(usize, [f64; 3])> {
+        let mut best: Option<(f64, usize, [f64; 3])> = None;
+        let mut at = root;
+        for _ in 0..MOST_STEPS {
+            let mut improved = false;
+            for &f in self.rings.faces(at) {
+                let corners = self.triangles[f as usize].map(|v| self.positions[v as usize]);
+                let barycentric = closest_weights(point, corners);
+                let offset = sub(point, blend(corners, barycentric));
+                let [a, b, c] = corners;
+                let facing = dot(unit(cross(sub(b, a), sub(c, a))), normal);
+                let squared = dot(offset, offset) + FOLD_CM * FOLD_CM * (1.0 - facing);
+                if best.is_none_or(|b| squared < b.0) {
+                    best = Some((squared, f as usize, barycentric));
+                    improved = true;
+                }
+            }
+            let (_, f, weights) = best?;
+            let heaviest = (0..3).max_by(|&i, &j| weights[i].total_cmp(&weights[j]))?;
+            let next = self.triangles[f][heaviest];
+            if !improved || next == at {
+                break;
+            }
+            at = next;
+        }
+        best.map(|(_, f, weights)| (f, weights))
+    }
+}
+
+/// Least-squares gradient in the tangent plane; offsets keep their length when they are laid flat.
+fn gradient(
+    positions: &[[f64; 3]],
+    triangles: &[[u32; 3]],
+    rings: &Rings,
+    v: u32,
+) -> Vec<(u32, [f64; 3])> {
+    let (x, y) = perpendicular(normal(positions, triangles, rings, v));
+    let flat: Vec<(u32, [f64; 2])> = rings
+        .neighbours(v, triangles)
+        .into_iter()
+        .filter_map(|(other, _)| {
+            let offset = sub(positions[other as usize], positions[v as usize]);
+            let (u, w) = (dot(offset, x), dot(offset, y));
+            let stretch = norm(offset) / u.hypot(w);
+            stretch
+                .is_finite()
+                .then_some((other, [stretch * u, stretch * w]))
+        })
+        .collect();
+    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+    for (_, [u, w]) in &flat {
+        let weight = 1.0 / (u * u + w * w);
+        xx += weight * u * u;
+        xy += weight * u * w;
+        yy += weight * w * w;
+    }
+    let ridge = RIDGE * (xx + yy) + f64::MIN_POSITIVE;
+    let (xx, yy) = (xx + ridge, yy + ridge);
+    let determinant = xx * yy - xy * xy;
+    flat.into_iter()
+        .map(|(other, [u, w])| {
+            let weight = 1.0 / (u * u + w * w);
+            let gu = weight * (yy * u - xy * w) / determinant;
+            let gw = weight * (xx * w - xy * u) / determinant;
+            (other, std::array::from_fn(|i| gu * x[i] + gw * y[i]))
+        })
+        .collect()
+}
+
+/// Unit normal of a vertex, by the areas around it.
+fn normal(positions: &[[f64; 3]], triangles: &[[u32; 3]], rings: &Rings, v: u32) -> [f64; 3] {
+    let mut normal = [0.0; 3];
+    for &f in rings.faces(v) {
+        let [a, b, c] = triangles[f as usize].map(|v| positions[v as usize]);
+        let n = cross(sub(b, a), sub(c, a));
+        (0..3).for_each(|i| normal[i] += n[i]);
+    }
+    unit(normal)
+}

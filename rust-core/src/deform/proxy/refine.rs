@@ -1,0 +1,207 @@
+//! Finer triangles where a mesh is coarse, and a vertex at every landmark.
+//!
+//! A head of a thousand triangles has no vertex where a landmark lies and too few for the bending
+//! of a plate. Both are put in for the solve: the surface stays the same, its own vertices stay and
+//! read off the result. The same head then moves the same way, however it was triangulated.
+
+use std::collections::HashMap;
+
+use crate::mesh::{
+    simplify::Rings,
+    tree::{blend, closest_weights},
+    vec3::{distance, dot, sub},
+};
+
+/// A landmark nearer to its vertex than this is at the vertex, centimetres.
+const AT_VERTEX_CM: f64 = 0.01;
+/// A landmark with less weight than this on a corner lies on the side across from it.
+const ON_SIDE: f64 = 0.02;
+/// Landmarks that may lie in one triangle and the search still sees all of its pieces.
+const MOST_CUTS: usize = 3;
+/// Rounds of splitting.
+const MOST_ROUNDS: usize = 8;
+
+/// A surface that grows finer; vertices of the mesh come first.
+pub(super) struct Refined {
+    pub positions: Vec<[f64; 3]>,
+    pub triangles: Vec<[u32; 3]>,
+    /// Vertices from this number on were added.
+    own: u32,
+}
+
+impl Refined {
+    pub(super) fn new(positions: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>) -> Refined {
+        Refined {
+            own: positions.len() as u32,
+            positions,
+            triangles,
+        }
+    }
+
+    /// Puts a vertex at each landmark; `anchors` are the nearest vertices before and the landmarks'
+    /// own after.
+    pub(super) fn add_landmarks(&mut self, landmarks: &[[f32; 3]], anchors: &mut [u32]) {
+        for (landmark, anchor) in landmarks.iter().zip(anchors) {
+            let point = landmark.map(f64::from);
+            if distance(point, self.positions[*anchor as usize]) > AT_VERTEX_CM
+                && let Some((face, weights)) = self.place(point, *anchor)
+            {
+                *anchor = self.split_at(face, weights);
+            }
+        }
+    }
+
+    /// The closest of the triangles around `vertex`, and around vertices that were added there:
+    /// another landmark may have cut the triangle already.
+    fn place(&self, point: [f64; 3], vertex: u32) -> Option<(usize, [f64; 3])> {
+        let mut near = vec![vertex];
+        for _ in 0..MOST_CUTS {
+            let around = self.triangles.iter().filter(|t| meets(t, &near));
+            let mut added: Vec<u32> = around
+                .flatten()
+                .copied()
+                .filter(|v| *v >= self.own && !near.contains(v))
+                .collect();
+            added.sort_unstable();
+            added.dedup();
+            if added.is_empty() {
+                break;
+            }
+            near.extend(added);
+        }
+        let around = (0..self.triangles.len()).filter(|&f| meets(&self.triangles[f], &near));
+        let places = around.map(|f| {
+            let corners = self.triangles[f].map(|v| self.positions[v as usize]);
+            let weights = closest_weights(point, corners);
+            let offset = sub(point, blend(corners, weights));
+            (dot(offset, offset), f, weights)
+        });
+        let nearest = places.min_by(|a, b| a.0.total_cmp(&b.0));
+        nearest.map(|(_, f, weights)| (f, weights))
+    }
+
+    /// A vertex inside a triangle, on its side, or the corner it falls on.
+    fn split_at(&mut self, face: usize, weights: [f64; 3]) -> u32 {
+        let t = self.triangles[face];
+        let light: Vec<usize> = (0..3).filter(|&i| weights[i] < ON_SIDE).collect();
+        match light[..] {
+            [] => {
+                let new = self.add(blend(t.map(|v| self.positions[v as usize]), weights));
+                self.triangles[face] = [t[0], t[1], new];
+                self.triangles
+                    .extend([[t[1], t[2], new], [t[2], t[0], new]]);
+                new
+            }
+            [i] => {
+                let (a, b) = (t[(i + 1) % 3], t[(i + 2) % 3]);
+                let share = weights[(i + 2) % 3] / (1.0 - weights[i]);
+                let (p, q) = (self.positions[a as usize], self.positions[b as usize]);
+                let new = self.add([0, 1, 2].map(|x| p[x] + share * (q[x] - p[x])));
+                self.split_side(a, b, new);
+                new
+            }
+            _ => t[(0..3).find(|i| !light.contains(i)).unwrap_or(0)],
+        }
+    }
+
+    /// Cuts the triangles beside one side in two.
+    fn split_side(&mut self, a: u32, b: u32, middle: u32) {
+        for f in 0..self.triangles.len() {
+            let t = self.triangles[f];
+            if t.contains(&a) && t.contains(&b) {
+                let swap = |from: u32| t.map(|v| if v == from { middle } else { v });
+                self.triangles[f] = swap(a);
+                self.triangles.push(swap(b));
+            }
+        }
+    }
+
+    fn add(&mut self, position: [f64; 3]) -> u32 {
+        self.positions.push(position);
+        self.positions.len() as u32 - 1
+    }
+
+    /// Splits sides longer than `longest` at their middle, until there is none or `most` vertices
+    /// are in use. `least`: no side shorter than this is too long anywhere.
+    pub(super) fn split_long(
+        &mut self,
+        least: f64,
+        longest: impl Fn([f64; 3]) -> f64,
+        most: usize,
+    ) {
+        let mut used = Rings::of(self.positions.len(), &self.triangles).used();
+        for _ in 0..MOST_ROUNDS {
+            let mut long: Vec<(f64, (u32, u32))> = Vec::new();
+            for t in &self.triangles {
+                for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+                    let (p, q) = (self.positions[a as usize], self.positions[b as usize]);
+                    let length = distance(p, q);
+                    if length < least {
+                        continue;
+                    }
+                    let middle = [0, 1, 2].map(|i| 0.5 * (p[i] + q[i]));
+                    let excess = length / longest(middle);
+                    if excess > 1.0 {
+                        long.push((excess, (a.min(b), a.max(b))));
+                    }
+                }
+            }
+            long.sort_unstable_by(|x, y| y.0.total_cmp(&x.0).then(x.1.cmp(&y.1)));
+            long.dedup_by_key(|side| side.1);
+            long.truncate(most.saturating_sub(used));
+            if long.is_empty() {
+                break;
+            }
+            let mut middles = HashMap::new();
+            for (_, (a, b)) in long {
+                let (p, q) = (self.positions[a as usize], self.positions[b as usize]);
+                let new = self.add([0, 1, 2].map(|i| 0.5 * (p[i] + q[i])));
+                used += usize::from(middles.insert((a, b), new).is_none());
+            }
+            self.split_sides(&middles);
+        }
+    }
+
+    /// Splits every triangle that has one of the sides (smaller vertex, larger vertex) at the side's
+    /// new vertex.
+    fn split_sides(&mut self, middles: &HashMap<(u32, u32), u32>) {
+        let mut out = Vec::with_capacity(self.triangles.len() + 2 * middles.len());
+        for &t in &self.triangles {
+            let middle = |i: usize| {
+                let (a, b) = (t[i], t[(i + 1) % 3]);
+                middles.get(&(a.min(b), a.max(b))).copied()
+            };
+            split(t, [middle(0), middle(1), middle(2)], &mut out);
+        }
+        self.triangles = out;
+    }
+}
+
+fn meets(t: &[u32; 3], vertices: &[u32]) -> bool {
+    t.iter().any(|v| vertices.contains(v))
+}
+
+/// A triangle cut at the middles of its sides (first to second corner, second to third, third to
+/// first).
+fn split(t: [u32; 3], middles: [Option<u32>; 3], out: &mut Vec<[u32; 3]>) {
+    let turned = |by: usize| -> ([u32; 3], [Option<u32>; 3]) {
+        (
+            [0, 1, 2].map(|i| t[(i + by) % 3]),
+            [0, 1, 2].map(|i| middles[(i + by) % 3]),
+        )
+    };
+    for by in 0..3 {
+        let ([a, b, c], sides) = turned(by);
+        match sides {
+            [None, None, None] => return out.push(t),
+            [Some(m), None, None] => return out.extend([[a, m, c], [m, b, c]]),
+            [Some(m), Some(n), None] => {
+                return out.extend([[m, b, n], [a, m, n], [a, n, c]]);
+            }
+            [Some(m), Some(n), Some(o)] => {
+                return out.extend([[a, m, o], [m, b, n], [o, n, c], [m, n, o]]);
+            }
+            _ => {}
+        }
+    }
+}

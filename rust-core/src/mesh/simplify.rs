@@ -1,0 +1,400 @@
+//! Fewer triangles for the same surface, by collapsing edges.
+//!
+//! Quadric errors after Garland and Heckbert 1997, half-edge collapses in passes of independent
+//! sets. Differs from the usual in two ways, both made for solving on the result:
+//!
+//! - Edges are judged by their length over a wanted length as well as by their error, so that
+//!   triangles come out even. A flat cheek of three huge triangles is exact and useless.
+//! - Every vertex that goes names the neighbour it went to. What one surface knows can so be found
+//!   on the other by walking along it; lips that touch in space stay apart.
+//!
+//! Chosen over meshoptimizer, whose simplifier offers neither and would put a C++ runtime into
+//! every host. Vertices that stay keep their place. No edge ever comes to have more than two faces
+//! that had not; rims shrink along themselves only.
+//!
+//! The result depends on the input alone, not on the number of threads.
+
+use rayon::prelude::*;
+
+use super::vec3::{cross, dot, norm, sub};
+
+/// Passes beyond which nothing more is tried.
+const MOST_PASSES: usize = 200;
+/// A face may turn by at most this cosine when a corner moves.
+const LEAST_COSINE: f64 = 0.2;
+/// How much a rim resists leaving its line.
+const RIM_WEIGHT: f64 = 10.0;
+
+/// What is wanted.
+#[derive(Debug, Clone, Copy)]
+pub struct SimplifyOptions {
+    /// Vertices to come down to.
+    pub vertices: usize,
+    /// Farthest that the surface may move, mesh units (root mean square over what a vertex stands
+    /// for).
+    pub error: f64,
+}
+
+/// A coarser surface over the same vertices.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Simplified {
+    /// `[F']`, over the numbers of the input.
+    pub triangles: Vec<[u32; 3]>,
+    /// `[V]`: for a vertex that went, the vertex of the result it ended in; its own number for all
+    /// others.
+    pub stands_for: Vec<u32>,
+}
+
+/// Collapses edges until `options.vertices` are left or nothing more may go.
+///
+/// # Shapes and units
+/// `positions`: `[V]`, mesh units. `triangles`: `[F]`. `wanted`: `[V]`, edge length near each
+/// vertex, mesh units. `locked`: `[V]`, vertices that stay.
+pub fn simplify(
+    positions: &[[f64; 3]],
+    triangles: &[[u32; 3]],
+    wanted: &[f32],
+    locked: &[bool],
+    options: &SimplifyOptions,
+) -> Simplified {
+    let mut work = Work::new(positions, triangles, wanted, locked);
+    for _ in 0..MOST_PASSES {
+        let excess = work.used.saturating_sub(options.vertices);
+        if excess == 0 || work.pass(excess, options.error) == 0 {
+            break;
+        }
+    }
+    work.finish()
+}
+
+/// Sum of squared distances to planes, as `p A p + 2 b p + c`, and the area behind it.
+#[derive(Clone, Copy, Default)]
+struct Quadric {
+    /// xx, xy, xz, yy, yz, zz.
+    a: [f64; 6],
+    b: [f64; 3],
+    c: f64,
+    area: f64,
+}
+
+impl Quadric {
+    fn of_plane(normal: [f64; 3], point: [f64; 3], weight: f64) -> Quadric {
+        let [x, y, z] = normal;
+        let d = -dot(normal, point);
+        Quadric {
+            a: [x * x, x * y, x * z, y * y, y * z, z * z].map(|v| weight * v),
+            b: normal.map(|v| weight * d * v),
+            c: weight * d * d,
+            area: 0.0,
+        }
+    }
+
+    fn add(&mut self, other: &Quadric) {
+        (0..6).for_each(|i| self.a[i] += other.a[i]);
+        (0..3).for_each(|i| self.b[i] += other.b[i]);
+        self.c += other.c;
+        self.area += other.area;
+    }
+
+    /// Mean squared distance at `p`.
+    fn error(&self, [x, y, z]: [f64; 3]) -> f64 {
+        let [xx, xy, xz, yy, yz, zz] = self.a;
+        let squares = xx * x * x + yy * y * y + zz * z * z;
+        let mixed = 2.0 * (xy * x * y + xz * x * z + yz * y * z);
+        let linear = 2.0 * dot(self.b, [x, y, z]);
+        ((squares + mixed + linear + self.c) / self.area.max(f64::MIN_POSITIVE)).max(0.0)
+    }
+}
+
+/// One collapse that a vertex would like best.
+#[derive(Clone, Copy)]
+struct Wish {
+    cost: f32,
+    from: u32,
+    to: u32,
+}
+
+struct Work<'a> {
+    positions: &'a [[f64; 3]],
+    wanted: &'a [f32],
+    /// Told by the caller, or where surfaces meet in a way that must not change.
+    locked: Vec<bool>,
+    triangles: Vec<[u32; 3]>,
+    quadrics: Vec<Quadric>,
+    stands_for: Vec<u32>,
+    used: usize,
+}
+
+impl<'a> Work<'a> {
+    fn new(
+        positions: &'a [[f64; 3]],
+        triangles: &[[u32; 3]],
+        wanted: &'a [f32],
+        locked: &[bool],
+    ) -> Self {
+        let proper = |t: &&[u32; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
+        let triangles: Vec<_> = triangles.iter().filter(proper).copied().collect();
+        let mut used = vec![false; positions.len()];
+        triangles
+            .iter()
+            .flatten()
+            .for_each(|&v| used[v as usize] = true);
+        let mut work = Work {
+            positions,
+            wanted,
+            locked: locked.to_vec(),
+            quadrics: vec![Quadric::default(); positions.len()],
+            stands_for: (0..positions.len() as u32).collect(),
+            used: used.iter().filter(|used| **used).count(),
+            triangles,
+        };
+        work.add_planes();
+        work
+    }
+
+    fn corners(&self, t: [u32; 3]) -> [[f64; 3]; 3] {
+        t.map(|v| self.positions[v as usize])
+    }
+
+    /// Quadrics of faces, and of walls that stand on the rims.
+    fn add_planes(&mut self) {
+        for t in self.triangles.clone() {
+            let [a, b, c] = self.corners(t);
+            let normal = cross(sub(b, a), sub(c, a));
+            let twice_area = norm(normal);
+            if twice_area <= 0.0 {
+                continue;
+            }
+            let mut plane = Quadric::of_plane(normal.map(|x| x / twice_area), a, twice_area / 6.0);
+            plane.area = twice_area / 6.0;
+            t.iter()
+                .for_each(|&v| self.quadrics[v as usize].add(&plane));
+        }
+        let ring = Rings::of(self.positions.len(), &self.triangles);
+        for v in 0..self.positions.len() as u32 {
+            for &(other, faces) in &ring.neighbours(v, &self.triangles) {
+                match faces {
+                    1 if v < other => self.add_wall(v, other),
+                    1 | 2 => {}
+                    _ => self.locked[v as usize] = true,
+                }
+            }
+        }
+    }
+
+    fn add_wall(&mut self, a: u32, b: u32) {
+        let (p, q) = (self.positions[a as usize], self.positions[b as usize]);
+        let along = sub(q, p);
+        let squared = dot(along, along);
+        if squared <= 0.0 {
+            return;
+        }
+        // Distance to the line: the identity less the direction, as two planes would give.
+        let [x, y, z] = along;
+        let weight = RIM_WEIGHT * squared;
+        let a6 = [
+            1.0 - x * x / squared,
+            -x * y / squared,
+            -x * z / squared,
+            1.0 - y * y / squared,
+            -y * z / squared,
+            1.0 - z * z / squared,
+        ];
+        let times = |v: [f64; 3]| {
+            [
+                a6[0] * v[0] + a6[1] * v[1] + a6[2] * v[2],
+                a6[1] * v[0] + a6[3] * v[1] + a6[4] * v[2],
+                a6[2] * v[0] + a6[4] * v[1] + a6[5] * v[2],
+            ]
+        };
+        let image = times(p);
+        let wall = Quadric {
+            a: a6.map(|v| weight * v),
+            b: image.map(|v| -weight * v),
+            c: weight * dot(p, image),
+            area: 0.0,
+        };
+        self.quadrics[a as usize].add(&wall);
+        self.quadrics[b as usize].add(&wall);
+    }
+
+    /// Collapses up to `excess` edges that do not touch each other. Returns how many.
+    fn pass(&mut self, excess: usize, error: f64) -> usize {
+        let rings = Rings::of(self.positions.len(), &self.triangles);
+        let mut wishes: Vec<Wish> = (0..self.positions.len() as u32)
+            .into_par_iter()
+            .filter(|&v| !self.locked[v as usize] && !rings.faces(v).is_empty())
+            .filter_map(|v| self.wish(&rings, v, error))
+            .collect();
+        wishes.par_sort_unstable_by(|a, b| a.cost.total_cmp(&b.cost).then(a.from.cmp(&b.from)));
+        // The better half of the wishes: what is bad now may have a better way later.
+        let worst = wishes.get(wishes.len() / 2).map_or(0.0, |wish| wish.cost);
+        let mut touched = vec![false; self.positions.len()];
+        let mut done = 0;
+        for wish in wishes.iter().take_while(|wish| wish.cost <= worst) {
+            if done == excess {
+                break;
+            }
+            if touched[wish.from as usize] || touched[wish.to as usize] {
+                continue;
+            }
+            for &f in rings.faces(wish.from) {
+                let t = &mut self.triangles[f as usize];
+                t.iter().for_each(|&v| touched[v as usize] = true);
+                t.iter_mut()
+                    .filter(|v| **v == wish.from)
+                    .for_each(|v| *v = wish.to);
+            }
+            let quadric = self.quadrics[wish.from as usize];
+            self.quadrics[wish.to as usize].add(&quadric);
+            self.stands_for[wish.from as usize] = wish.to;
+            done += 1;
+        }
+        self.triangles
+            .retain(|t| t[0] != t[1] && t[1] != t[2] && t[2] != t[0]);
+        self.used -= done;
+        done
+    }
+
+    /// The cheapest collapse of `v` that is allowed.
+    fn wish(&self, rings: &Rings, v: u32, error: f64) -> Option<Wish> {
+        let neighbours = rings.neighbours(v, &self.triangles);
+        let on_rim = neighbours.iter().any(|&(_, faces)| faces == 1);
+        if neighbours.iter().any(|&(_, faces)| faces > 2) {
+            return None;
+        }
+        let mut wishes: Vec<Wish> = neighbours
+            .iter()
+            .filter(|&&(_, faces)| !on_rim || faces == 1)
+            .filter_map(|&(to, _)| {
+                let (cost, moved) = self.cost(v, to);
+                (moved <= error * error).then_some(Wish { cost, from: v, to })
+            })
+            .collect();
+        wishes.sort_unstable_by(|a, b| a.cost.total_cmp(&b.cost).then(a.to.cmp(&b.to)));
+        wishes.into_iter().find(|wish| {
+            keeps_the_form(rings, &self.triangles, wish.from, wish.to, &neighbours)
+                && self.keeps_facing(rings, wish.from, wish.to)
+        })
+    }
+
+    /// What a collapse costs, and its squared error.
+    fn cost(&self, from: u32, to: u32) -> (f32, f64) {
+        let (p, q) = (self.positions[from as usize], self.positions[to as usize]);
+        let wanted = f64::from(0.5 * (self.wanted[from as usize] + self.wanted[to as usize]));
+        let along = sub(p, q);
+        let mut quadric = self.quadrics[from as usize];
+        quadric.add(&self.quadrics[to as usize]);
+        let moved = quadric.error(q);
+        // An error of a tenth of the wanted length weighs as much as an edge of that length.
+        let cost = (dot(along, along) + 100.0 * moved) / (wanted * wanted);
+        (cost as f32, moved)
+    }
+
+    /// No face of `from` may turn over, or become a needle's back, when it moves to `to`.
+    fn keeps_facing(&self, rings: &Rings, from: u32, to: u32) -> bool {
+        rings.faces(from).iter().all(|&f| {
+            let t = self.triangles[f as usize];
+            if t.contains(&to) {
+                return true;
+            }
+            let normal = |[a, b, c]: [[f64; 3]; 3]| cross(sub(b, a), sub(c, a));
+            let before = normal(self.corners(t));
+            let after = normal(self.corners(t.map(|v| if v == from { to } else { v })));
+            dot(before, after) > LEAST_COSINE * norm(before) * norm(after)
+        })
+    }
+
+    fn finish(mut self) -> Simplified {
+        for v in 0..self.stands_for.len() {
+            let mut root = self.stands_for[v];
+            while self.stands_for[root as usize] != root {
+                root = self.stands_for[root as usize];
+            }
+            let mut at = v as u32;
+            while self.stands_for[at as usize] != root {
+                at = std::mem::replace(&mut self.stands_for[at as usize], root);
+            }
+        }
+        Simplified {
+            triangles: self.triangles,
+            stands_for: self.stands_for,
+        }
+    }
+}
+
+/// The link condition: the ends of the edge share the third corners of its faces and no other
+/// neighbour.
+fn keeps_the_form(
+    rings: &Rings,
+    triangles: &[[u32; 3]],
+    from: u32,
+    to: u32,
+    neighbours: &[(u32, u32)],
+) -> bool {
+    let across = neighbours.iter().find(|n| n.0 == to).map_or(0, |n| n.1);
+    let mut shared: Vec<u32> = rings
+        .faces(to)
+        .iter()
+        .flat_map(|&f| triangles[f as usize])
+        .filter(|&v| v != from && v != to && neighbours.iter().any(|n| n.0 == v))
+        .collect();
+    shared.sort_unstable();
+    shared.dedup();
+    shared.len() == across as usize
+}
+
+/// Faces around every vertex.
+pub(crate) struct Rings {
+    start: Vec<u32>,
+    faces: Vec<u32>,
+}
+
+impl Rings {
+    pub(crate) fn of(vertices: usize, triangles: &[[u32; 3]]) -> Rings {
+        let mut start = vec![0u32; vertices + 1];
+        triangles
+            .iter()
+            .flatten()
+            .for_each(|&v| start[v as usize + 1] += 1);
+        (0..vertices).for_each(|v| start[v + 1] += start[v]);
+        let mut next = start.clone();
+        let mut faces = vec![0; 3 * triangles.len()];
+        for (f, t) in triangles.iter().enumerate() {
+            for &v in t {
+                faces[next[v as usize] as usize] = f as u32;
+                next[v as usize] += 1;
+            }
+        }
+        Rings { start, faces }
+    }
+
+    /// Number of vertices that have a face.
+    pub(crate) fn used(&self) -> usize {
+        self.start
+            .windows(2)
+            .filter(|pair| pair[0] < pair[1])
+            .count()
+    }
+
+    /// Faces of one vertex, ascending.
+    pub(crate) fn faces(&self, v: u32) -> &[u32] {
+        &self.faces[self.start[v as usize] as usize..self.start[v as usize + 1] as usize]
+    }
+
+    /// Neighbours of one vertex and in how many faces they lie beside it.
+    pub(crate) fn neighbours(&self, v: u32, triangles: &[[u32; 3]]) -> Vec<(u32, u32)> {
+        let mut out: Vec<(u32, u32)> = Vec::with_capacity(8);
+        for other in self.faces(v).iter().flat_map(|&f| triangles[f as usize]) {
+            match out.iter_mut().find(|n| n.0 == other) {
+                _ if other == v => {}
+                Some(known) => known.1 += 1,
+                None => out.push((other, 1)),
+            }
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests;
