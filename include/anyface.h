@@ -434,7 +434,7 @@ AnyfaceStatus anyface_mesh_new_polygons(const float *positions,
                                         AnyfaceMesh **out,
                                         AnyfaceError **error);
 
-/// A mesh from an OBJ or PLY file; the vertex order is the file's.
+/// A mesh from an OBJ, PLY or GLB file; the vertex order is the file's.
 ///
 /// `path`: UTF-8. Free with `anyface_mesh_free()`.
 /// Fails with `ANYFACE_STATUS_IO` if the file cannot be read, `ANYFACE_STATUS_MESH` if it is

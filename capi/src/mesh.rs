@@ -71,7 +71,7 @@ pub unsafe extern "C" fn anyface_mesh_new_polygons(
     unsafe { guard::guard(error, work) }
 }
 
-/// A mesh from an OBJ or PLY file; the vertex order is the file's.
+/// A mesh from an OBJ, PLY or GLB file; the vertex order is the file's.
 ///
 /// `path`: UTF-8. Free with `anyface_mesh_free()`.
 /// Fails with `ANYFACE_STATUS_IO` if the file cannot be read, `ANYFACE_STATUS_MESH` if it is

@@ -18,7 +18,7 @@ use crate::{
 /// Animate a mesh with speech
 #[derive(Args)]
 pub(super) struct Animate {
-    /// The mesh: OBJ or PLY
+    /// The mesh: OBJ, PLY or GLB
     #[arg(long, value_name = "M")]
     mesh: PathBuf,
     /// The speech: WAV, MP3, FLAC, Ogg Vorbis, M4A or AIFF

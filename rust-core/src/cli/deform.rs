@@ -21,7 +21,7 @@ const DEFAULT_FPS: f64 = 30.0;
 /// Put landmark motion on a mesh
 #[derive(Args)]
 pub(super) struct Deform {
-    /// The mesh: OBJ or PLY
+    /// The mesh: OBJ, PLY or GLB
     #[arg(long, value_name = "M")]
     mesh: PathBuf,
     /// Motion, .npz: landmarks_neutral [68, 3] and landmark_displacements [T, 68, 3] in mesh

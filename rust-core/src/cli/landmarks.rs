@@ -18,7 +18,7 @@ use crate::{
 /// Find the 68 landmarks of a mesh
 #[derive(Args)]
 pub(super) struct FindLandmarks {
-    /// The mesh: OBJ or PLY
+    /// The mesh: OBJ, PLY or GLB
     #[arg(long, value_name = "M")]
     mesh: PathBuf,
     /// The result as JSON: position, vertex and confidence of each, and how the lips meet

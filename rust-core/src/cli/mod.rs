@@ -49,6 +49,7 @@ enum Command {
     Info(info::Info),
     Eval(eval::Eval),
     Bench(bench::Bench),
+    Gallery(eval::Gallery),
 }
 
 /// Reads the command line, runs it and says how it went.
@@ -79,6 +80,7 @@ impl Arguments {
             Command::Info(command) => command.run(&self.shared, console),
             Command::Eval(command) => command.run(&self.shared, console),
             Command::Bench(command) => command.run(&self.shared, console),
+            Command::Gallery(command) => command.run(&self.shared, console),
         }
     }
 }

@@ -6,6 +6,7 @@ mod check;
 mod closest;
 mod find_landmarks;
 mod fixed;
+mod gltf;
 mod landmark_file;
 mod landmarks;
 pub(crate) mod lips;

@@ -2,18 +2,18 @@
 
 use std::path::Path;
 
-use super::{Mesh, obj::parse_obj, ply::parse_ply, polygons::triangulate};
+use super::{Mesh, gltf::parse_glb, obj::parse_obj, ply::parse_ply, polygons::triangulate};
 use crate::{Error, Result};
 
 impl Mesh {
-    /// Reads an OBJ or PLY file (ascii or binary), told apart by content.
+    /// Reads an OBJ, PLY (ascii or binary) or binary glTF file, told apart by content.
     ///
     /// Vertices keep the file's own order and count, several objects stand one after the other
     /// as in the file, polygons are triangulated. Materials, normals and texture coordinates are
     /// passed over.
     ///
     /// # Errors
-    /// `Io` if the file cannot be read; `Mesh` if it is neither format, is damaged, or fails
+    /// `Io` if the file cannot be read; `Mesh` if it is none of these formats, is damaged, or fails
     /// [`Mesh::check`].
     pub fn read(path: impl AsRef<Path>) -> Result<Mesh> {
         let path = path.as_ref();
@@ -31,9 +31,11 @@ impl Mesh {
     pub fn parse(bytes: &[u8]) -> Result<Mesh> {
         let mesh = if bytes.starts_with(b"ply") {
             parse_ply(bytes)?
+        } else if bytes.starts_with(b"glTF") {
+            parse_glb(bytes)?
         } else if bytes.contains(&0) {
             return Err(Error::Mesh(
-                "expected an OBJ or PLY file, got unknown binary data".into(),
+                "expected an OBJ, PLY or GLB file, got unknown binary data".into(),
             ));
         } else {
             parse_obj(bytes)?

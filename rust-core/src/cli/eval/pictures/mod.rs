@@ -4,7 +4,7 @@ pub(super) mod emotion_plots;
 mod letters;
 pub(super) mod lip_plots;
 mod palette;
-mod raster;
+pub(super) mod raster;
 pub(super) mod sheets;
 
 use std::{
@@ -56,6 +56,11 @@ impl Album {
             canvas.present().map_err(drawing)?;
         }
         self.write(&format!("{name}.svg"), text.as_bytes())
+    }
+
+    /// Writes a finished picture into `name`.png and returns that name.
+    pub(super) fn picture(&self, name: &str, picture: &raster::Picture) -> Result<String> {
+        self.write(&format!("{name}.png"), &palette::png(picture)?)
     }
 
     fn write(&self, name: &str, bytes: &[u8]) -> Result<String> {

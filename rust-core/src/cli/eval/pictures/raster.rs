@@ -8,14 +8,14 @@ const AMBIENT: f32 = 0.26;
 
 /// Colours from 0 to 1, row by row.
 #[derive(Debug, Clone)]
-pub(super) struct Picture {
+pub(in super::super) struct Picture {
     pub width: usize,
     pub height: usize,
     pixels: Vec<[f32; 3]>,
 }
 
 impl Picture {
-    pub(super) fn white(width: usize, height: usize) -> Self {
+    pub(in super::super) fn white(width: usize, height: usize) -> Self {
         Picture {
             width,
             height,
@@ -24,7 +24,7 @@ impl Picture {
     }
 
     /// Takes a share of the light of a pixel; outside the picture nothing happens.
-    pub(super) fn darken(&mut self, x: usize, y: usize, share: f32) {
+    pub(in super::super) fn darken(&mut self, x: usize, y: usize, share: f32) {
         if x < self.width && y < self.height {
             let pixel = &mut self.pixels[y * self.width + x];
             *pixel = pixel.map(|c| c + (0.1 - c) * share);
@@ -32,7 +32,7 @@ impl Picture {
     }
 
     /// Copies `other` in with its upper left corner at (`left`, `top`).
-    pub(super) fn place(&mut self, other: &Picture, left: usize, top: usize) {
+    pub(in super::super) fn place(&mut self, other: &Picture, left: usize, top: usize) {
         for y in 0..other.height.min(self.height.saturating_sub(top)) {
             for x in 0..other.width.min(self.width.saturating_sub(left)) {
                 self.pixels[(top + y) * self.width + left + x] = other.pixels[y * other.width + x];
@@ -41,14 +41,14 @@ impl Picture {
     }
 
     /// Red, green and blue of each pixel.
-    pub(super) fn bytes(&self) -> Vec<[u8; 3]> {
+    pub(in super::super) fn bytes(&self) -> Vec<[u8; 3]> {
         let byte = |c: f32| (255.0 * c.clamp(0.0, 1.0) + 0.5) as u8;
         self.pixels.iter().map(|pixel| pixel.map(byte)).collect()
     }
 }
 
 /// What to draw.
-pub(super) struct Scene<'a> {
+pub(in super::super) struct Scene<'a> {
     /// `[V]`, view space: +x to the picture's right, +y up, +z to the viewer.
     pub points: &'a [[f32; 3]],
     /// `[V]`, unit normals in view space.
@@ -64,7 +64,7 @@ pub(super) struct Scene<'a> {
 
 impl Scene<'_> {
     /// The scene on white, seen without perspective.
-    pub(super) fn draw(&self, width: usize, height: usize) -> Picture {
+    pub(in super::super) fn draw(&self, width: usize, height: usize) -> Picture {
         let mut fine = Canvas {
             picture: Picture::white(FINE * width, FINE * height),
             depth: vec![f32::NEG_INFINITY; FINE * width * FINE * height],

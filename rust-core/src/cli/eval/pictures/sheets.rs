@@ -5,7 +5,7 @@ use std::{collections::HashMap, path::Path};
 use ndarray::{Array3, Axis};
 
 use super::{
-    Album, letters, palette,
+    Album, letters,
     raster::{Picture, Scene},
 };
 use crate::{
@@ -125,7 +125,7 @@ impl Album {
                 sheet.place(frame, left(column), top(k));
             }
         }
-        self.write(&format!("{name}.png"), &palette::png(&sheet)?)
+        self.picture(name, &sheet)
     }
 }
 
