@@ -12,6 +12,7 @@ use crate::{
     Error, Result,
     mesh::{
         Landmarks, Mesh, Part, PartChoices, PartRole, Parts, RoleSource, Similarity, SurfaceTree,
+        parts::weld_seams,
     },
     motion::LANDMARKS,
 };
@@ -56,8 +57,15 @@ impl PartList {
         vertices: &[u32; LANDMARKS],
         choices: &PartChoices,
     ) -> Result<PartList> {
-        let keep_apart = touching_lips(canonical, vertices);
-        let connected = sewn_parts(canonical, &keep_apart);
+        let groups = weld_seams(&canonical.positions, &canonical.triangles, &[]);
+        let keep_apart = touching_lips(canonical, &groups, vertices);
+        let connected = match keep_apart.is_empty() {
+            true => sewn_parts(canonical, &groups),
+            false => {
+                let (positions, triangles) = (&canonical.positions, &canonical.triangles);
+                sewn_parts(canonical, &weld_seams(positions, triangles, &keep_apart))
+            }
+        };
         let lists = connected.vertices();
         let chosen = choices.of_parts(&connected)?;
         let found = parts_of_skin(&connected, vertices)?;

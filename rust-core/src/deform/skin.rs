@@ -168,8 +168,8 @@ fn spread(
 }
 
 /// Vertices of closed lips that only coincide: sewing them up would glue the mouth.
-pub(super) fn touching_lips(mesh: &Mesh, vertices: &[u32; LANDMARKS]) -> Vec<u32> {
-    let groups = weld_seams(&mesh.positions, &mesh.triangles, &[]);
+/// `groups`: for each vertex the one that stands for it when all seams are sewn up.
+pub(super) fn touching_lips(mesh: &Mesh, groups: &[u32], vertices: &[u32; LANDMARKS]) -> Vec<u32> {
     let sewn: Vec<u32> = (0..groups.len() as u32)
         .filter(|&v| groups[v as usize] != v)
         .collect();
@@ -188,8 +188,8 @@ pub(super) fn touching_lips(mesh: &Mesh, vertices: &[u32; LANDMARKS]) -> Vec<u32
     apart.flat_map(|v| [v, groups[v as usize]]).collect()
 }
 
-pub(super) fn sewn_parts(mesh: &Mesh, keep_apart: &[u32]) -> Parts {
-    let groups = weld_seams(&mesh.positions, &mesh.triangles, keep_apart);
+/// Connected parts of a mesh whose seams are sewn up.
+pub(super) fn sewn_parts(mesh: &Mesh, groups: &[u32]) -> Parts {
     let sewn = mesh.triangles.iter().map(|t| t.map(|v| groups[v as usize]));
     let mut parts = Parts::of(mesh.positions.len(), &sewn.collect::<Vec<_>>());
     for v in 0..groups.len() {

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Sets that only ever merge.
@@ -170,19 +171,20 @@ fn facing_edges(positions: &[[f32; 3]], edges: &[(u32, u32)]) -> Vec<((u32, u32)
 
 /// Directed edges that have exactly one face, in ascending order.
 pub fn boundary_edges(triangles: &[[u32; 3]]) -> Vec<(u32, u32)> {
-    let mut edges: Vec<(u32, u32, bool)> = Vec::with_capacity(3 * triangles.len());
+    let mut edges: Vec<(u64, bool)> = Vec::with_capacity(3 * triangles.len());
     for t in triangles {
         for s in 0..3 {
             let (a, b) = (t[s], t[(s + 1) % 3]);
             if a != b {
-                edges.push((a.min(b), a.max(b), a < b));
+                edges.push((u64::from(a.min(b)) << 32 | u64::from(a.max(b)), a < b));
             }
         }
     }
-    edges.sort_unstable();
+    edges.par_sort_unstable();
     let mut lone = Vec::new();
-    for group in edges.chunk_by(|x, y| (x.0, x.1) == (y.0, y.1)) {
-        if let [(a, b, forward)] = *group {
+    for group in edges.chunk_by(|x, y| x.0 == y.0) {
+        if let [(ends, forward)] = *group {
+            let (a, b) = ((ends >> 32) as u32, ends as u32);
             lone.push(if forward { (a, b) } else { (b, a) });
         }
     }

@@ -10,7 +10,7 @@ use crate::motion::{LANDMARKS, MotionClip};
 /// Bytes of one array from which its entry needs 64-bit sizes.
 const LARGE_BYTES: u64 = u32::MAX as u64 - 4096;
 /// Values that are turned into bytes at a time.
-const BATCH: usize = 4096;
+const BATCH: usize = 1 << 16;
 
 pub(super) fn write_motion(file: impl Write + Seek, motion: &MotionClip) -> io::Result<()> {
     let mut archive = Archive::new(file);
@@ -82,15 +82,16 @@ impl<W: Write + Seek> Archive<W> {
 
     /// Appends values to the array that was started last.
     pub(super) fn values(&mut self, values: ArrayView3<'_, f32>) -> io::Result<()> {
-        let mut batch = Vec::with_capacity(BATCH * 4);
-        for value in values {
-            batch.extend_from_slice(&value.to_le_bytes());
-            if batch.len() == BATCH * 4 {
-                self.bytes(&batch)?;
-                batch.clear();
-            }
+        let values = values.as_standard_layout();
+        let mut batch = vec![0; BATCH * 4];
+        for values in values.as_slice().expect("standard layout").chunks(BATCH) {
+            let batch = &mut batch[..4 * values.len()];
+            let (items, _) = batch.as_chunks_mut();
+            let pairs = items.iter_mut().zip(values);
+            pairs.for_each(|(item, value)| *item = value.to_le_bytes());
+            self.bytes(batch)?;
         }
-        self.bytes(&batch)
+        Ok(())
     }
 
     fn bytes(&mut self, bytes: &[u8]) -> io::Result<()> {

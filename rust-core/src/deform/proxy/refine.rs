@@ -41,12 +41,18 @@ impl Refined {
     /// Puts a vertex at each landmark; `anchors` are the nearest vertices before and the landmarks'
     /// own after.
     pub(super) fn add_landmarks(&mut self, landmarks: &[[f32; 3]], anchors: &mut [u32]) {
-        for (landmark, anchor) in landmarks.iter().zip(anchors) {
-            let point = landmark.map(f64::from);
-            if distance(point, self.positions[*anchor as usize]) > AT_VERTEX_CM
-                && let Some((face, weights)) = self.place(point, *anchor)
-            {
-                *anchor = self.split_at(face, weights);
+        let mut away: Vec<(u32, f64, usize)> = Vec::new();
+        for (n, (landmark, &anchor)) in landmarks.iter().zip(anchors.iter()).enumerate() {
+            let way = distance(landmark.map(f64::from), self.positions[anchor as usize]);
+            if way > AT_VERTEX_CM {
+                away.push((anchor, way, n));
+            }
+        }
+        // In an order that a mirrored face has too.
+        away.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        for (anchor, _, n) in away {
+            if let Some((face, weights)) = self.place(landmarks[n].map(f64::from), anchor) {
+                anchors[n] = self.split_at(face, weights);
             }
         }
     }
@@ -171,7 +177,12 @@ impl Refined {
                 let (a, b) = (t[i], t[(i + 1) % 3]);
                 middles.get(&(a.min(b), a.max(b))).copied()
             };
-            split(t, [middle(0), middle(1), middle(2)], &mut out);
+            split(
+                t,
+                [middle(0), middle(1), middle(2)],
+                &self.positions,
+                &mut out,
+            );
         }
         self.triangles = out;
     }
@@ -183,7 +194,8 @@ fn meets(t: &[u32; 3], vertices: &[u32]) -> bool {
 
 /// A triangle cut at the middles of its sides (first to second corner, second to third, third to
 /// first).
-fn split(t: [u32; 3], middles: [Option<u32>; 3], out: &mut Vec<[u32; 3]>) {
+fn split(t: [u32; 3], middles: [Option<u32>; 3], positions: &[[f64; 3]], out: &mut Vec<[u32; 3]>) {
+    let length = |a: u32, b: u32| distance(positions[a as usize], positions[b as usize]);
     let turned = |by: usize| -> ([u32; 3], [Option<u32>; 3]) {
         (
             [0, 1, 2].map(|i| t[(i + by) % 3]),
@@ -196,7 +208,13 @@ fn split(t: [u32; 3], middles: [Option<u32>; 3], out: &mut Vec<[u32; 3]>) {
             [None, None, None] => return out.push(t),
             [Some(m), None, None] => return out.extend([[a, m, c], [m, b, c]]),
             [Some(m), Some(n), None] => {
-                return out.extend([[m, b, n], [a, m, n], [a, n, c]]);
+                // Across the four corners that are left, the shorter way.
+                let rest = match length(a, n) < length(m, c) {
+                    true => [[a, m, n], [a, n, c]],
+                    false => [[a, m, c], [m, n, c]],
+                };
+                out.push([m, b, n]);
+                return out.extend(rest);
             }
             [Some(m), Some(n), Some(o)] => {
                 return out.extend([[a, m, o], [m, b, n], [o, n, c], [m, n, o]]);

@@ -12,6 +12,8 @@ use crate::nn::conv2d::Picture;
 pub(super) const BUFFER: usize = 256;
 const BACKGROUND_DEPTH: f32 = -1.0;
 const NOTHING: f32 = f32::NEG_INFINITY;
+/// A pixel's middle so little outside a triangle may still be drawn, pixels.
+const EDGE: f32 = 0.01;
 
 /// The square of the view's plane that is looked at: `centre ± half_size`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,11 +72,12 @@ impl DepthBuffer {
         if area.abs() < 1e-12 {
             return;
         }
-        let first = |i: usize| (low(i) - 0.5).max(0.0) as usize;
-        let last = |i: usize| ((high(i) + 0.5) as usize).min(BUFFER - 1);
-        for row in first(1)..=last(1) {
+        // Pixels whose middle may lie inside; a small triangle of a dense mesh has none.
+        let first = |i: usize| (low(i) - 0.5 - EDGE).ceil().max(0.0) as usize;
+        let last = |i: usize| ((high(i) + 0.5 + EDGE) as usize).min(BUFFER);
+        for row in first(1)..last(1) {
             let y = row as f32 + 0.5;
-            for column in first(0)..=last(0) {
+            for column in first(0)..last(0) {
                 let x = column as f32 + 0.5;
                 let wa = ((b[0] - x) * (c[1] - y) - (b[1] - y) * (c[0] - x)) / area;
                 let wb = ((c[0] - x) * (a[1] - y) - (c[1] - y) * (a[0] - x)) / area;
