@@ -8,6 +8,8 @@ use std::{
     collections::{BinaryHeap, HashMap},
 };
 
+use rayon::prelude::*;
+
 use super::{
     nearest::{PointGrid, distance},
     part_list::{PartList, skin_tree},
@@ -93,7 +95,7 @@ pub fn bind(
 /// What each vertex of a part follows: the skin's place nearest to it, or nearest to its root.
 fn follow_skin(mesh: &Mesh, part: &[u32], tree: &SurfaceTree) -> Vec<Follows> {
     let points: Vec<[f32; 3]> = part.iter().map(|&v| mesh.positions[v as usize]).collect();
-    let nearest: Vec<_> = points.iter().map(|&p| place(mesh, tree, p)).collect();
+    let nearest: Vec<_> = points.par_iter().map(|&p| place(mesh, tree, p)).collect();
     let fade = |d: f32| ((REACH_CM - d) / (REACH_CM - FOLLOW_CM)).clamp(0.0, 1.0);
     let by = |(corners, d): (Corners, f32)| match fade(d) {
         0.0 => Follows::Skull,

@@ -7,6 +7,11 @@ use super::{
 
 /// Faces in a leaf.
 const LEAF: usize = 4;
+/// Halves with so many faces are divided side by side.
+const SHARED: usize = 10_000;
+
+/// Number and corners.
+type Face = (u32, [[f64; 3]; 3]);
 
 /// The closest place of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,14 +30,14 @@ pub struct ClosestPlace {
 pub struct SurfaceTree {
     nodes: Vec<Node>,
     /// In the order of the leaves: face number and corners.
-    faces: Vec<(u32, [[f64; 3]; 3])>,
+    faces: Vec<Face>,
 }
 
 #[derive(Debug, Clone)]
 struct Node {
     low: [f64; 3],
     high: [f64; 3],
-    /// A leaf's range of faces; otherwise `begin` is 0 and `end` the second child (the first
+    /// A leaf's range of faces; otherwise the second child comes `end` nodes later (the first
     /// follows the node).
     begin: u32,
     end: u32,
@@ -52,44 +57,12 @@ impl SurfaceTree {
     /// If a face does not exist.
     pub fn of_faces(mesh: &Mesh, faces: &[u32]) -> SurfaceTree {
         let corners = |&f: &u32| (f, mesh.triangles[f as usize].map(|v| mesh.point(v)));
-        let mut tree = SurfaceTree {
-            nodes: Vec::with_capacity(faces.len()),
-            faces: faces.iter().map(corners).collect(),
-        };
+        let mut faces: Vec<Face> = faces.iter().map(corners).collect();
+        let mut nodes = Vec::with_capacity(faces.len());
         if !faces.is_empty() {
-            tree.split(0, faces.len());
+            split(&mut faces, 0, &mut nodes);
         }
-        tree
-    }
-
-    /// Builds the node of faces `begin..end` and all below it.
-    fn split(&mut self, begin: usize, end: usize) {
-        let (low, high) = bounds(&self.faces[begin..end]);
-        let node = self.nodes.len();
-        let is_leaf = end - begin <= LEAF;
-        self.nodes.push(Node {
-            low,
-            high,
-            begin: begin as u32,
-            end: end as u32,
-            is_leaf,
-        });
-        if is_leaf {
-            return;
-        }
-        let size = sub(high, low);
-        let axis = (0..3)
-            .max_by(|&a, &b| size[a].total_cmp(&size[b]))
-            .unwrap_or(0);
-        let centre =
-            |face: &(u32, [[f64; 3]; 3])| face.1[0][axis] + face.1[1][axis] + face.1[2][axis];
-        let middle = (end - begin) / 2;
-        self.faces[begin..end].select_nth_unstable_by(middle, |a, b| {
-            centre(a).total_cmp(&centre(b)).then(a.0.cmp(&b.0))
-        });
-        self.split(begin, begin + middle);
-        self.nodes[node].end = self.nodes.len() as u32;
-        self.split(begin + middle, end);
+        SurfaceTree { nodes, faces }
     }
 
     /// The closest place to `point` (mesh units); `None` without faces.
@@ -107,7 +80,7 @@ impl SurfaceTree {
             }
             if !node.is_leaf {
                 let mut children =
-                    [at + 1, node.end as usize].map(|c| (self.nodes[c].squared(point), c));
+                    [at + 1, at + node.end as usize].map(|c| (self.nodes[c].squared(point), c));
                 if children[0].0 < children[1].0 {
                     children.swap(0, 1);
                 }
@@ -140,7 +113,47 @@ impl Node {
     }
 }
 
-fn bounds(faces: &[(u32, [[f64; 3]; 3])]) -> ([f64; 3], [f64; 3]) {
+/// Appends the node of `faces`, which start at number `begin`, and all below it.
+fn split(faces: &mut [Face], begin: u32, nodes: &mut Vec<Node>) {
+    let (low, high) = bounds(faces);
+    let node = nodes.len();
+    let is_leaf = faces.len() <= LEAF;
+    nodes.push(Node {
+        low,
+        high,
+        begin,
+        end: begin + faces.len() as u32,
+        is_leaf,
+    });
+    if is_leaf {
+        return;
+    }
+    let size = sub(high, low);
+    let axis = (0..3)
+        .max_by(|&a, &b| size[a].total_cmp(&size[b]))
+        .unwrap_or(0);
+    let centre = |face: &Face| face.1[0][axis] + face.1[1][axis] + face.1[2][axis];
+    let middle = faces.len() / 2;
+    faces.select_nth_unstable_by(middle, |a, b| {
+        centre(a).total_cmp(&centre(b)).then(a.0.cmp(&b.0))
+    });
+    let (first, second) = faces.split_at_mut(middle);
+    let rest = begin + middle as u32;
+    if middle < SHARED {
+        split(first, begin, nodes);
+        nodes[node].end = (nodes.len() - node) as u32;
+        return split(second, rest, nodes);
+    }
+    let mut below = Vec::new();
+    rayon::join(
+        || split(first, begin, nodes),
+        || split(second, rest, &mut below),
+    );
+    nodes[node].end = (nodes.len() - node) as u32;
+    nodes.append(&mut below);
+}
+
+fn bounds(faces: &[Face]) -> ([f64; 3], [f64; 3]) {
     let mut low = [f64::INFINITY; 3];
     let mut high = [f64::NEG_INFINITY; 3];
     for p in faces.iter().flat_map(|(_, corners)| corners) {

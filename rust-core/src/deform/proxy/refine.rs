@@ -27,6 +27,8 @@ pub(super) struct Refined {
     pub triangles: Vec<[u32; 3]>,
     /// Vertices from this number on were added.
     own: u32,
+    /// Triangles that a landmark's vertex may concern, ascending.
+    near: Vec<usize>,
 }
 
 impl Refined {
@@ -35,6 +37,7 @@ impl Refined {
             own: positions.len() as u32,
             positions,
             triangles,
+            near: Vec::new(),
         }
     }
 
@@ -50,6 +53,7 @@ impl Refined {
         }
         // In an order that a mirrored face has too.
         away.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        self.near = self.two_rings(away.iter().map(|place| place.0));
         for (anchor, _, n) in away {
             if let Some((face, weights)) = self.place(landmarks[n].map(f64::from), anchor) {
                 anchors[n] = self.split_at(face, weights);
@@ -57,15 +61,28 @@ impl Refined {
         }
     }
 
+    /// Triangles that touch a triangle which touches one of the vertices.
+    fn two_rings(&self, vertices: impl Iterator<Item = u32>) -> Vec<usize> {
+        let mut inner = vec![false; self.positions.len()];
+        vertices.for_each(|v| inner[v as usize] = true);
+        let touches = |t: &&[u32; 3], of: &[bool]| t.iter().any(|&v| of[v as usize]);
+        let mut outer = inner.clone();
+        let around = self.triangles.iter().filter(|t| touches(t, &inner));
+        around.flatten().for_each(|&v| outer[v as usize] = true);
+        let numbered = self.triangles.iter().enumerate();
+        let found = numbered.filter(|(_, t)| touches(t, &outer));
+        found.map(|(f, _)| f).collect()
+    }
+
     /// The closest of the triangles around `vertex`, and around vertices that were added there:
     /// another landmark may have cut the triangle already.
     fn place(&self, point: [f64; 3], vertex: u32) -> Option<(usize, [f64; 3])> {
         let mut near = vec![vertex];
         for _ in 0..MOST_CUTS {
-            let around = self.triangles.iter().filter(|t| meets(t, &near));
+            let around = self.near.iter().map(|&f| self.triangles[f]);
             let mut added: Vec<u32> = around
+                .filter(|t| meets(t, &near))
                 .flatten()
-                .copied()
                 .filter(|v| *v >= self.own && !near.contains(v))
                 .collect();
             added.sort_unstable();
@@ -75,7 +92,8 @@ impl Refined {
             }
             near.extend(added);
         }
-        let around = (0..self.triangles.len()).filter(|&f| meets(&self.triangles[f], &near));
+        let around = self.near.iter().copied();
+        let around = around.filter(|&f| meets(&self.triangles[f], &near));
         let places = around.map(|f| {
             let corners = self.triangles[f].map(|v| self.positions[v as usize]);
             let weights = closest_weights(point, corners);
@@ -94,8 +112,8 @@ impl Refined {
             [] => {
                 let new = self.add(blend(t.map(|v| self.positions[v as usize]), weights));
                 self.triangles[face] = [t[0], t[1], new];
-                self.triangles
-                    .extend([[t[1], t[2], new], [t[2], t[0], new]]);
+                self.push([t[1], t[2], new]);
+                self.push([t[2], t[0], new]);
                 new
             }
             [i] => {
@@ -112,14 +130,20 @@ impl Refined {
 
     /// Cuts the triangles beside one side in two.
     fn split_side(&mut self, a: u32, b: u32, middle: u32) {
-        for f in 0..self.triangles.len() {
+        for f in self.near.clone() {
             let t = self.triangles[f];
             if t.contains(&a) && t.contains(&b) {
                 let swap = |from: u32| t.map(|v| if v == from { middle } else { v });
                 self.triangles[f] = swap(a);
-                self.triangles.push(swap(b));
+                self.push(swap(b));
             }
         }
+    }
+
+    /// A triangle beside a landmark.
+    fn push(&mut self, triangle: [u32; 3]) {
+        self.near.push(self.triangles.len());
+        self.triangles.push(triangle);
     }
 
     fn add(&mut self, position: [f64; 3]) -> u32 {

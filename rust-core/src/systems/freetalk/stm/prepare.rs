@@ -5,9 +5,7 @@ use std::sync::Arc;
 use ndarray::Array2;
 
 use super::{
-    PaperFace, StaticWeights, VertexGeometry,
-    paper::PaperDecoder,
-    row_weights::{RowWeights, turn},
+    PaperFace, StaticWeights, VertexGeometry, paper::PaperDecoder, row_weights::RowWeights,
     static_weights::Correction,
 };
 use crate::{
@@ -58,8 +56,7 @@ pub fn prepare_static(
     let setting = Setting::new(mesh, landmarks, to_canonical, parts, proxy, cache, progress)?;
     let strength = learned * setting.familiarity(weights);
     let correction = (strength > 0.0).then(|| setting.correction(weights));
-    let mut result = setting.weights(true, correction.as_ref(), strength);
-    turn(&mut result, to_canonical);
+    let result = setting.weights(true, correction.as_ref(), strength, to_canonical);
     report(progress, "weights", 1.0)?;
     Ok(setting.corrected(result, to_canonical))
 }
@@ -80,8 +77,7 @@ pub fn prepare_paper(
 ) -> Result<Corrected<PaperFace>> {
     let setting = Setting::new(mesh, landmarks, to_canonical, parts, None, cache, progress)?;
     let config = decoder.config();
-    let mut base = setting.weights(config.base, None, 0.0);
-    turn(&mut base, to_canonical);
+    let base = setting.weights(config.base, None, 0.0, to_canonical);
     let surface = setting
         .skin
         .operators
@@ -227,20 +223,22 @@ impl Setting {
         }
     }
 
-    /// Weights of every vertex in the canonical frame. `plate`: whether the skin follows the
+    /// Weights of every vertex, the mesh's own axes. `plate`: whether the skin follows the
     /// training-free weights.
     fn weights(
         &self,
         plate: bool,
         correction: Option<&Correction>,
         strength: f32,
+        to_canonical: &Similarity,
     ) -> LandmarkWeights {
-        let rows = RowWeights::new(
+        let mut rows = RowWeights::new(
             self.skin.operators.rows(),
             plate.then_some(&self.plate),
             correction,
             strength,
         );
+        rows.turn(to_canonical);
         rows.spread(self.follows.len(), |rows, v, mut mix, mut cross| {
             let Follows::Skin(corners) = self.follows[v] else {
                 return;

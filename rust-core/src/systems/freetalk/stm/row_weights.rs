@@ -60,6 +60,28 @@ impl RowWeights {
         cross.scaled_add(share, &self.cross.row(row));
     }
 
+    /// Turns canonical weights into weights of the mesh's own axes: `C R` and `Rᵀ B`. Scale cancels.
+    pub(super) fn turn(&mut self, to_canonical: &Similarity) {
+        let r = to_canonical.rotation.map(|row| row.map(|x| x as f32));
+        let rank = self.motion.nrows();
+        for mut row in self.motion.rows_mut() {
+            for c in (0..COORDINATES).step_by(3) {
+                let old = [row[c], row[c + 1], row[c + 2]];
+                for j in 0..3 {
+                    row[c + j] = (0..3).map(|i| old[i] * r[i][j]).sum();
+                }
+            }
+        }
+        for mut row in self.cross.rows_mut() {
+            for k in 0..rank {
+                let old = [row[k], row[rank + k], row[2 * rank + k]];
+                for j in 0..3 {
+                    row[j * rank + k] = (0..3).map(|i| old[i] * r[i][j]).sum();
+                }
+            }
+        }
+    }
+
     /// Weights of `vertices` vertices; `fill` writes those of one.
     pub(super) fn spread(
         self,
@@ -79,30 +101,4 @@ impl RowWeights {
             motion: self.motion,
         }
     }
-}
-
-/// Turns canonical weights into weights of the mesh's own axes: `C R` and `Rᵀ B`. Scale cancels.
-pub(super) fn turn(weights: &mut LandmarkWeights, to_canonical: &Similarity) {
-    let r = to_canonical.rotation.map(|row| row.map(|x| x as f32));
-    let rank = weights.motion.nrows();
-    for mut row in weights.motion.rows_mut() {
-        for c in (0..COORDINATES).step_by(3) {
-            let old = [row[c], row[c + 1], row[c + 2]];
-            for j in 0..3 {
-                row[c + j] = (0..3).map(|i| old[i] * r[i][j]).sum();
-            }
-        }
-    }
-    weights
-        .cross
-        .outer_iter_mut()
-        .into_par_iter()
-        .for_each(|mut row| {
-            for k in 0..rank {
-                let old = [row[k], row[rank + k], row[2 * rank + k]];
-                for j in 0..3 {
-                    row[j * rank + k] = (0..3).map(|i| old[i] * r[i][j]).sum();
-                }
-            }
-        });
 }
