@@ -6,13 +6,31 @@ library (no bpy, any thread) → `scene.bake.write` (shape keys and their curves
 
 import bpy
 
-from .ui import command, generate, panel, preferences, properties, remove, running
+from .ui import (
+    audio,
+    character,
+    command,
+    generate,
+    landmarks,
+    panel,
+    performance,
+    preferences,
+    presets,
+    properties,
+    remove,
+    running,
+)
 
 _CLASSES = (
     *preferences.CLASSES,
     *generate.CLASSES,
     *remove.CLASSES,
     *panel.CLASSES,
+    *character.CLASSES,
+    *landmarks.CLASSES,
+    *audio.CLASSES,
+    *presets.CLASSES,
+    *performance.CLASSES,
 )
 
 
@@ -21,6 +39,7 @@ def register():
     properties.register()
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
+    landmarks.register()
     command.register()
     running.register()
 
@@ -29,6 +48,7 @@ def unregister():
     """Blender disables the add-on; a running job is cancelled first."""
     running.unregister()
     command.unregister()
+    landmarks.unregister()
     for cls in reversed(_CLASSES):
         bpy.utils.unregister_class(cls)
     properties.unregister()

@@ -169,6 +169,16 @@ typedef enum {
     ANYFACE_PART_ROLE_STILL = 6,
 } AnyfacePartRole;
 
+/// How the lips of a mesh meet.
+typedef enum {
+    /// Apart, with nothing or the mouth's inside between them.
+    ANYFACE_MOUTH_OPEN = 0,
+    /// Closed, but not joined: they part.
+    ANYFACE_MOUTH_SLIT = 1,
+    /// One surface that cannot part.
+    ANYFACE_MOUTH_WELDED = 2,
+} AnyfaceMouth;
+
 /// Where the emotion of a performance comes from; for `AnyfaceMotionOptions`.
 typedef enum {
     /// `emotion_strengths`; the default.
@@ -201,6 +211,10 @@ typedef struct AnyfaceError AnyfaceError;
 /// A mesh made ready to be animated. Never changes after it was made: any number of threads may
 /// use it at the same time.
 typedef struct AnyfaceFace AnyfaceFace;
+
+/// The landmarks of a mesh, how its lips meet and what its parts are. Never changes after it was
+/// made: any number of threads may use it at the same time.
+typedef struct AnyfaceLandmarks AnyfaceLandmarks;
 
 /// A triangle mesh in the caller's own units, axes and vertex order. Never changes after it was
 /// made: any number of threads may use it at the same time.
@@ -287,6 +301,24 @@ typedef struct {
     const int32_t *part_roles;
     /// Number of parts whose role the caller knows.
     size_t part_count;
+    /// `[fixed_count]` numbers, 0 to 67, of landmarks that stay where the caller puts them while the
+    /// others follow; NULL otherwise.
+    const uint32_t *fixed_numbers;
+    /// `[fixed_count, 3]` their places, mesh units and axes; each is put on the surface. NULL
+    /// otherwise.
+    const float *fixed_positions;
+    /// Number of landmarks that stay.
+    size_t fixed_count;
+    /// `[object_vertex_count]`: which object each vertex belongs to, for a mesh that was put together
+    /// from several (a face, its teeth, its lashes); `UINT32_MAX` for none. NULL otherwise.
+    const uint32_t *object_of_vertex;
+    /// Number of vertices of the mesh where `object_of_vertex` is given, otherwise 0.
+    size_t object_vertex_count;
+    /// `[object_count]`: the role of every part of an object, one of `AnyfacePartRole`, or -1 for
+    /// parts that are told by shape and place. `part_numbers` count before these. NULL otherwise.
+    const int32_t *object_roles;
+    /// Number of objects.
+    size_t object_count;
 } AnyfaceFaceOptions;
 
 /// What a performance is asked to be; prepare it with `anyface_motion_options_init()`.
@@ -578,6 +610,49 @@ AnyfaceStatus anyface_face_write_landmarks(const AnyfaceFace *face,
 
 /// Frees a face that no running call uses; nothing happens for NULL.
 void anyface_face_free(AnyfaceFace *face);
+
+/// Takes or finds the landmarks of a mesh: the quick part of `anyface_face_new()`, whose result it
+/// shares through the engine's cache.
+///
+/// `options` and `progress` may be NULL. The mesh may be freed afterwards. Free with
+/// `anyface_landmarks_free()`.
+/// Fails as `anyface_face_new()` does.
+AnyfaceStatus anyface_landmarks_new(const AnyfaceEngine *engine,
+                                    const AnyfaceMesh *mesh,
+                                    const AnyfaceFaceOptions *options,
+                                    const AnyfaceProgress *progress,
+                                    AnyfaceLandmarks **out,
+                                    AnyfaceError **error);
+
+/// Copies the 68 landmarks into the caller's buffers, each of which may be NULL.
+///
+/// `positions`: `[68, 3]`, mesh units and axes, on the surface. `vertices`: `[68]`, the nearest
+/// vertex of each. `confidence`: `[68]`, 0 to 1; 1 for landmarks that the caller gave or fixed.
+/// Fails with `ANYFACE_STATUS_NULL_POINTER` if `landmarks` is NULL.
+AnyfaceStatus anyface_landmarks_copy(const AnyfaceLandmarks *landmarks,
+                                     float *positions,
+                                     uint32_t *vertices,
+                                     float *confidence,
+                                     AnyfaceError **error);
+
+/// How the lips meet, an `AnyfaceMouth`; -1 for NULL.
+int32_t anyface_landmarks_mouth(const AnyfaceLandmarks *landmarks);
+
+/// Number of connected parts of the mesh, seams sewn up; 0 for NULL.
+size_t anyface_landmarks_part_count(const AnyfaceLandmarks *landmarks);
+
+/// Copies what each part is into the caller's buffers, each of which may be NULL.
+///
+/// `roles`: one `AnyfacePartRole` for each of `anyface_landmarks_part_count()` parts.
+/// `part_of_vertex`: `[V]`, the part of each vertex, `UINT32_MAX` for a vertex in no face.
+/// Fails with `ANYFACE_STATUS_NULL_POINTER` if `landmarks` is NULL.
+AnyfaceStatus anyface_landmarks_copy_parts(const AnyfaceLandmarks *landmarks,
+                                           int32_t *roles,
+                                           uint32_t *part_of_vertex,
+                                           AnyfaceError **error);
+
+/// Frees landmarks that no running call uses; nothing happens for NULL.
+void anyface_landmarks_free(AnyfaceLandmarks *landmarks);
 
 /// Name of an emotion: "neutral" (0), "happy" (1), ... "drunk" (14); NULL from
 /// `ANYFACE_EMOTION_COUNT` on. Lives as long as the library is loaded.

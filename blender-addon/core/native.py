@@ -20,14 +20,15 @@ from ctypes import (
     c_uint64,
     c_void_p,
 )
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 
+from . import sweep
 from .errors import AnyfaceError, Cancelled
 from .job import Progress
-from .take import EMOTION_SOURCES, Animation, Basis, Performance, Sound
+from .take import EMOTION_SOURCES, MOUTHS, Animation, Basis, Found, PartRoles, Performance, Sound
 
 ABI_VERSION = 1
 LANDMARKS = 68
@@ -71,6 +72,13 @@ class FaceOptions(Structure):
         ("part_numbers", POINTER(c_uint32)),
         ("part_roles", POINTER(c_int32)),
         ("part_count", c_size_t),
+        ("fixed_numbers", POINTER(c_uint32)),
+        ("fixed_positions", POINTER(c_float)),
+        ("fixed_count", c_size_t),
+        ("object_of_vertex", POINTER(c_uint32)),
+        ("object_vertex_count", c_size_t),
+        ("object_roles", POINTER(c_int32)),
+        ("object_count", c_size_t),
     ]
 
 
@@ -124,10 +132,23 @@ SIGNATURES = {
         [_HANDLE, _HANDLE, POINTER(FaceOptions), _HANDLE, _OUT, _OUT],
     ),
     "anyface_face_free": (None, [_HANDLE]),
+    "anyface_landmarks_new": (
+        c_int32,
+        [_HANDLE, _HANDLE, POINTER(FaceOptions), _HANDLE, _OUT, _OUT],
+    ),
+    "anyface_landmarks_copy": (c_int32, [_HANDLE, _FLOATS, _INDICES, _FLOATS, _OUT]),
+    "anyface_landmarks_mouth": (c_int32, [_HANDLE]),
+    "anyface_landmarks_part_count": (c_size_t, [_HANDLE]),
+    "anyface_landmarks_copy_parts": (c_int32, [_HANDLE, POINTER(c_int32), _INDICES, _OUT]),
+    "anyface_landmarks_free": (None, [_HANDLE]),
     "anyface_motion_options_init": (c_int32, [POINTER(MotionOptions), c_size_t]),
     "anyface_motion_new": (
         c_int32,
         [_HANDLE, _HANDLE, POINTER(MotionOptions), _HANDLE, _OUT, _OUT],
+    ),
+    "anyface_motion_new_displacements": (
+        c_int32,
+        [_FLOATS, c_size_t, c_double, _OUT, _OUT],
     ),
     "anyface_motion_frame_count": (c_size_t, [_HANDLE]),
     "anyface_motion_copy_displacements": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
@@ -223,12 +244,12 @@ class Engine:
             face = self._face(
                 handles, positions, triangles, landmarks, landmark_vertices, performance, watch
             )
-            motion = self._motion(handles, sound, performance, watch)
+            motion = self._performed(handles, sound, performance, watch)
             clip = self._own(
                 handles, "clip", "anyface_clip_new", self._handle, face, motion, watch.handle
             )
             frames = self._library.anyface_motion_frame_count(motion)
-            mm_per_unit = 1000.0 * self._metres_per_unit(motion, clip, frames)
+            mm_per_unit = 1000.0 * self._metres_per_unit(motion, clip)
             largest = self._library.anyface_clip_largest_displacement(clip)
             animation = Animation(largest * mm_per_unit)
             shape = (frames, len(positions), 3)
@@ -241,22 +262,109 @@ class Engine:
                 self._copy("anyface_clip_copy_displacements", clip, animation.displacements)
             return animation
 
-    def _face(self, handles, positions, triangles, landmarks, vertices, performance, watch):
+    def find(
+        self,
+        positions: np.ndarray,
+        triangles: np.ndarray,
+        landmarks: np.ndarray | None,
+        landmark_vertices: np.ndarray | None,
+        fixed: dict[int, np.ndarray],
+        roles: PartRoles | None,
+        progress: Progress,
+    ) -> Found:
+        """The landmarks of a mesh that faces -Y with +Z up, how its lips meet, and its parts.
+
+        `fixed` are landmarks `[3]` by number that stay there while the others follow; the rest as
+        for `animate`. Raises `AnyfaceError`, or `Cancelled`.
+        """
+        with ExitStack() as handles:
+            watch = handles.enter_context(_Watch(self._library, progress))
+            mesh = self._mesh(handles, positions, triangles)
+            options, _alive = self._face_options(landmarks, landmark_vertices, roles, fixed)
+            given = (self._handle, mesh, byref(options), watch.handle)
+            found = self._own(handles, "landmarks", "anyface_landmarks_new", *given)
+            return self._found(found, len(positions))
+
+    def _found(self, handle, vertex_count: int) -> Found:
+        places = np.empty((LANDMARKS, 3), dtype=np.float32)
+        vertices = np.empty(LANDMARKS, dtype=np.uint32)
+        sure = np.empty(LANDMARKS, dtype=np.float32)
+        buffers = (_floats(places), _indices(vertices), _floats(sure))
+        error = c_void_p()
+        self._check(self._library.anyface_landmarks_copy(handle, *buffers, byref(error)), error)
+        roles = np.empty(self._library.anyface_landmarks_part_count(handle), dtype=np.int32)
+        owners = np.empty(vertex_count, dtype=np.uint32)
+        buffers = (roles.ctypes.data_as(POINTER(c_int32)), _indices(owners))
+        self._check(
+            self._library.anyface_landmarks_copy_parts(handle, *buffers, byref(error)), error
+        )
+        mouth = MOUTHS[self._library.anyface_landmarks_mouth(handle)]
+        return Found(places, vertices, sure, mouth, roles, owners)
+
+    def _mesh(self, handles, positions, triangles):
         positions = np.ascontiguousarray(positions, dtype=np.float32)
         triangles = np.ascontiguousarray(triangles, dtype=np.uint32)
         arrays = (_floats(positions), len(positions), _indices(triangles), len(triangles))
-        mesh = self._own(handles, "mesh", "anyface_mesh_new", *arrays)
+        return self._own(handles, "mesh", "anyface_mesh_new", *arrays)
+
+    def _face_options(self, landmarks, vertices, roles, fixed=None):
+        """The options, and the arrays that must live as long as they are used."""
         options = self._options(FaceOptions, "anyface_face_options_init")
         options.forward, options.up = _NEG_Y, _POS_Z
-        options.learned = performance.learned
+        arrays = {}
         if landmarks is not None:
-            landmarks = np.ascontiguousarray(landmarks, dtype=np.float32)
-            options.landmark_positions = _floats(landmarks)
+            arrays["landmark_positions"] = np.asarray(landmarks, dtype=np.float32)
         elif vertices is not None:
-            vertices = np.ascontiguousarray(vertices, dtype=np.uint32)
-            options.landmark_vertices = _indices(vertices)
+            arrays["landmark_vertices"] = np.asarray(vertices, dtype=np.uint32)
+        if fixed:
+            options.fixed_count = len(fixed)
+            arrays["fixed_numbers"] = np.array(list(fixed), dtype=np.uint32)
+            arrays["fixed_positions"] = np.array(list(fixed.values()), dtype=np.float32)
+        if roles is not None:
+            options.part_count = len(roles.numbers)
+            arrays["part_numbers"] = np.array(roles.numbers, dtype=np.uint32)
+            arrays["part_roles"] = np.array(roles.number_roles, dtype=np.int32)
+            options.object_vertex_count = len(roles.object_of_vertex)
+            options.object_count = len(roles.object_roles)
+            arrays["object_of_vertex"] = np.asarray(roles.object_of_vertex, dtype=np.uint32)
+            arrays["object_roles"] = np.array(roles.object_roles, dtype=np.int32)
+        kinds = dict(FaceOptions._fields_)
+        for name, array in arrays.items():
+            arrays[name] = np.ascontiguousarray(array)
+            setattr(options, name, arrays[name].ctypes.data_as(kinds[name]))
+        return options, arrays
+
+    def _face(self, handles, positions, triangles, landmarks, vertices, performance, watch):
+        mesh = self._mesh(handles, positions, triangles)
+        options, _alive = self._face_options(landmarks, vertices, performance.roles)
+        options.learned = performance.learned
         given = (self._handle, mesh, byref(options), watch.handle)
         return self._own(handles, "face", "anyface_face_new", *given)
+
+    def _performed(self, handles, sound, performance, watch):
+        """The motion, with controls that change over time put on frame by frame."""
+        motion = self._motion(handles, sound, performance, watch)
+        if not performance.control_keys:
+            return motion
+
+        def sample(controls) -> np.ndarray:
+            asked = replace(performance, controls=controls)
+            with ExitStack() as own:
+                return self._displacements(self._motion(own, sound, asked, watch))
+
+        base = self._displacements(motion)
+        keys = performance.control_keys
+        moved = sweep.over_time(base, performance.fps, performance.controls, keys, sample)
+        moved = np.ascontiguousarray(moved, dtype=np.float32)
+        given = (_floats(moved), len(moved), performance.fps)
+        return self._own(handles, "motion", "anyface_motion_new_displacements", *given)
+
+    def _displacements(self, motion) -> np.ndarray:
+        """Landmark displacements `[T, 68, 3]` in metres."""
+        frames = self._library.anyface_motion_frame_count(motion)
+        moved = np.empty((frames, LANDMARKS, 3), dtype=np.float32)
+        self._copy("anyface_motion_copy_displacements", motion, moved)
+        return moved
 
     def _motion(self, handles, sound, performance, watch):
         samples = np.ascontiguousarray(sound.samples, dtype=np.float32)
@@ -291,11 +399,10 @@ class Engine:
         self._copy("anyface_basis_copy_weights", basis, weights)
         return Basis(vectors, weights, self._library.anyface_basis_max_error(basis))
 
-    def _metres_per_unit(self, motion, clip, frames: int) -> float:
+    def _metres_per_unit(self, motion, clip) -> float:
         """The scale of the mesh, from the same motion in canonical metres and in its units."""
-        metres = np.empty((frames, LANDMARKS, 3), dtype=np.float32)
+        metres = self._displacements(motion)
         units = np.empty_like(metres)
-        self._copy("anyface_motion_copy_displacements", motion, metres)
         self._copy("anyface_clip_copy_landmark_displacements", clip, units)
         length = float(np.linalg.norm(units))
         return float(np.linalg.norm(metres)) / length if length > 0.0 else 1.0

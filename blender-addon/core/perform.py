@@ -43,7 +43,7 @@ def _animate_any(face, sound, performance, animate, progress):
             if error.kind != "face":
                 raise
             missed = missed or error
-    raise AnyfaceError("face", _face_message(face, missed)) from missed
+    raise AnyfaceError("face", face_message(face, missed)) from missed
 
 
 def _animate_in(candidate, face, sound, performance, animate, progress) -> Animation:
@@ -55,7 +55,8 @@ def _animate_in(candidate, face, sound, performance, animate, progress) -> Anima
     )
 
 
-def _face_message(face: FaceMesh, error: AnyfaceError) -> str:
+def face_message(face: FaceMesh, error: AnyfaceError) -> str:
+    """What to say where no direction shows a face."""
     hints = "".join(f" {hint}." for hint in face.hints)
     return (
         f"{face.name}: {error}.{hints} The head should be upright and face -Y in the world or in "

@@ -18,6 +18,44 @@ class Controls:
     asymmetry: float = 0.0
 
 
+# How the lips of a mesh meet, in the order of `AnyfaceMouth`.
+MOUTHS = ("open", "slit", "welded")
+# What a part of a mesh is, in the order of `AnyfacePartRole`.
+ROLES = ("skin", "jaw", "skull", "mouth", "nearest", "gaze", "still")
+# The role of an object whose parts are told by shape and place.
+BY_SHAPE = -1
+
+
+@dataclass
+class PartRoles:
+    """What the artist says of parts: of whole objects, and of single connected parts.
+
+    `object_of_vertex` `[V]` uint32 and `object_roles`, an index into `ROLES` or `BY_SHAPE` for
+    each object; `numbers` and `number_roles` name single parts and count before them.
+    """
+
+    object_of_vertex: np.ndarray
+    object_roles: list[int] = field(default_factory=list)
+    numbers: list[int] = field(default_factory=list)
+    number_roles: list[int] = field(default_factory=list)
+
+
+@dataclass
+class Found:
+    """Where a face is, in the frame in which its mesh was given.
+
+    `positions` `[68, 3]`, `vertices` `[68]`, `confidence` `[68]` 0 to 1; `mouth` one of `MOUTHS`;
+    `part_roles` an index into `ROLES` for each part, `part_of_vertex` `[V]`.
+    """
+
+    positions: np.ndarray
+    vertices: np.ndarray
+    confidence: np.ndarray
+    mouth: str
+    part_roles: np.ndarray
+    part_of_vertex: np.ndarray
+
+
 # Where the emotion comes from, in the order of `AnyfaceEmotionSource`.
 EMOTION_SOURCES = ("GIVEN", "VOICE", "OFF")
 
@@ -27,7 +65,9 @@ class Performance:
     """How the character is asked to speak, and how its motion is to be written.
 
     `emotion` holds `(time_s, strengths[15])` in rising order, times from the first sample; it is
-    used where `emotion_source` is "GIVEN". `mode` is "basis" or "frames"; `error_mm` the largest
+    used where `emotion_source` is "GIVEN". `control_keys` holds the controls that change over time:
+    name to `(times_s [N], values [N])`, linear in between. `roles` is what the artist says of the
+    mesh's parts. `mode` is "basis" or "frames"; `error_mm` the largest
     error of a basis, on a head of human size.
     """
 
@@ -41,6 +81,8 @@ class Performance:
     error_mm: float = 0.1
     emotion_source: str = "GIVEN"
     controls: Controls = field(default_factory=Controls)
+    control_keys: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    roles: PartRoles | None = None
 
 
 @dataclass
@@ -58,13 +100,29 @@ class Sound:
 
 
 @dataclass
+class Piece:
+    """One object of a face that is made of several: its vertices are `first` to `first + count`.
+
+    `matrix` `[4, 4]` goes from its own space to that of the face object; `role` is an index into
+    `ROLES` or `BY_SHAPE`.
+    """
+
+    name: str
+    first: int
+    count: int
+    matrix: np.ndarray
+    role: int = BY_SHAPE
+
+
+@dataclass
 class FaceMesh:
     """A mesh as Blender holds it.
 
     `positions` `[V, 3]` float32 of the Basis in object space, `triangles` `[F, 3]` uint32,
     `matrix_world` `[4, 4]` from object space to the world. Landmarks, where the artist gave
     them, are `[68, 3]` positions in object space or `[68]` vertex numbers. `hints` are remarks
-    that make an error easier to understand ("the Mirror modifier is not applied").
+    that make an error easier to understand ("the Mirror modifier is not applied"). Where teeth,
+    eyes or lashes are objects of their own, `pieces` says whose the vertices are, the face's first.
     """
 
     name: str
@@ -75,6 +133,8 @@ class FaceMesh:
     landmark_vertices: np.ndarray | None = None
     axes: str = "AUTO"
     hints: list[str] = field(default_factory=list)
+    pieces: list[Piece] = field(default_factory=list)
+    roles: PartRoles | None = None
 
 
 @dataclass

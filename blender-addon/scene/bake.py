@@ -11,7 +11,7 @@ from ..core.errors import AnyfaceError
 from ..core.job import Progress
 from ..core.source import SoundSource
 from ..core.take import Controls, FaceMesh, Performance, Take
-from . import decode, emotion, guard, keys, mesh, sound
+from . import decode, emotion, guard, mesh, pieces, sound, strips, together
 
 MODES = ("basis", "frames")
 
@@ -40,6 +40,12 @@ class Settings(Controls):
     error_mm: float = 0.1
     axes: str = "AUTO"
     landmark_file: str = ""
+    # Several strips as one take: their names, or the channel (from 1) whose strips all speak.
+    strips: list[str] = field(default_factory=list)
+    channel: int = 0
+    # Objects beside the face, and roles of single connected parts by number.
+    parts: list[pieces.Part] = field(default_factory=list)
+    loose: dict[int, str] = field(default_factory=dict)
 
 
 @dataclass
@@ -72,13 +78,12 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     if settings.mode not in MODES:
         raise AnyfaceError("input", f"mode: expected {' or '.join(MODES)}, got {settings.mode!r}")
     guard.check_editable(ob, settings.mode)
-    face = mesh.read_face(ob, settings.landmark_file)
-    face.axes = settings.axes
+    face = read_face(ob, settings)
     source = _find_sound(scene, settings, engine)
     scene_fps = scene.render.fps / scene.render.fps_base
     performance = Performance(
         fps=settings.fps or scene_fps,
-        emotion=_emotion(ob, settings, source, scene_fps),
+        emotion=_emotion(ob, scene, settings, source),
         seed=settings.seed,
         steps=settings.steps or None,
         style=settings.style,
@@ -87,14 +92,27 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         error_mm=settings.error_mm,
         emotion_source=settings.emotion_source,
         controls=Controls(**{item.name: getattr(settings, item.name) for item in fields(Controls)}),
+        control_keys=emotion.control_keys(ob, scene, source.start_frame, source.duration_s),
+        roles=face.roles,
     )
     return Snapshot(ob.name, face, source, performance, settings, scene_fps, engine)
 
 
+def read_face(ob, settings: Settings, editable: bool = True) -> FaceMesh:
+    """The face with the objects beside it; raises `AnyfaceError` for parts that cannot be keyed,
+    where that is needed (`editable`)."""
+    face = mesh.read_face(ob, settings.landmark_file)
+    face.axes = settings.axes
+    for part in settings.parts if editable else ():
+        guard.check_editable(pieces.object_of(part, ob), settings.mode)
+    pieces.add(face, ob, settings.parts, settings.loose)
+    return face
+
+
 def write(ob, snapshot: Snapshot, take: Take) -> str:
     """Writes the take and says in one line what was written."""
-    keys.write(ob, take, snapshot.source.start_frame, snapshot.scene_fps)
-    return describe(take)
+    together.write(ob, snapshot.face.pieces, take, snapshot.source.start_frame, snapshot.scene_fps)
+    return " ".join([describe(take), *(f"({note})" for note in snapshot.source.notes)])
 
 
 def describe(take: Take) -> str:
@@ -108,6 +126,9 @@ def describe(take: Take) -> str:
 
 
 def _find_sound(scene, settings: Settings, engine) -> SoundSource:
+    if settings.strips or settings.channel:
+        chosen = strips.chosen(scene, settings.strips, settings.channel)
+        return strips.as_one(scene, chosen, decode.decoder(engine))
     if settings.strip:
         return sound.from_strip(scene, settings.strip, decode.decoder(engine))
     if settings.sound_file:
@@ -115,7 +136,7 @@ def _find_sound(scene, settings: Settings, engine) -> SoundSource:
     raise AnyfaceError("audio", "no sound: choose a sound strip or a file")
 
 
-def _emotion(ob, settings: Settings, source: SoundSource, scene_fps: float):
+def _emotion(ob, scene, settings: Settings, source: SoundSource):
     if settings.blend is not None:
         return [(0.0, list(settings.blend))]
-    return emotion.emotion_keys(ob, settings, source.start_frame, scene_fps)
+    return emotion.emotion_keys(ob, scene, settings, source.start_frame, source.duration_s)

@@ -1,34 +1,42 @@
-"""Emotion over time: the curves of the panel's sliders, sampled at the scene's frames."""
+"""Emotion and controls over time: the curves of the panel's sliders, sampled in scene time."""
 
 import numpy as np
 
 from ..core.emotion import EMOTIONS, MAX_INTENSITY, strengths
-from . import curves
-
-# Samples a tenth of a second apart follow every change that a face can follow.
-_STEP_S = 0.1
+from ..core.sweep import ANIMATABLE
+from . import sliders
 
 
-def emotion_keys(ob, settings, start_frame: float, scene_fps: float):
-    """`(time_s, strengths[15])` from the keyframes on `ob.anyface`, or one constant entry.
+def emotion_keys(ob, scene, settings, start_frame: float, duration_s: float | None = None):
+    """`(time_s, strengths[15])` rows from keyframes and drivers on `ob.anyface`, or one row.
 
-    `settings` holds the values where no keyframes are (`emotion`, `intensity`). Times count from
-    `start_frame`; before the first and after the last keyframe the values hold.
+    `settings` holds the values where no curves are (`emotion`, `intensity`). Times count from
+    `start_frame`; before the first and after the last row the values hold.
     """
-    emotion = curves.find(ob.animation_data, "anyface.emotion")
-    intensity = curves.find(ob.animation_data, "anyface.intensity")
-    keyed = [curve for curve in (emotion, intensity) if curve is not None]
-    if not keyed:
+    names = sliders.animated(ob, ("emotion", "intensity"))
+    if not names:
         return [(0.0, strengths(settings.emotion, settings.intensity))]
-    last_frame = max(curve.range()[1] for curve in keyed)
-    last_s = max(0.0, (last_frame - start_frame) / scene_fps)
+    scene_fps = scene.render.fps / scene.render.fps_base
+    at = sliders.times(ob, names, start_frame, scene_fps, duration_s)
+    read = sliders.values(ob, scene, names, start_frame + at * scene_fps)
+    still = EMOTIONS.index(settings.emotion)
+    emotions = read.get("emotion", np.full(len(at), still))
+    amounts = read.get("intensity", np.full(len(at), settings.intensity))
     keys = []
-    for time_s in np.arange(0.0, last_s + _STEP_S, _STEP_S):
-        frame = start_frame + time_s * scene_fps
-        name, amount = settings.emotion, settings.intensity
-        if emotion is not None:
-            name = EMOTIONS[int(np.clip(round(emotion.evaluate(frame)), 0, len(EMOTIONS) - 1))]
-        if intensity is not None:
-            amount = float(np.clip(intensity.evaluate(frame), 0.0, MAX_INTENSITY))
-        keys.append((float(time_s), strengths(name, amount)))
+    for time_s, number, amount in zip(at, emotions, amounts, strict=True):
+        name = EMOTIONS[int(np.clip(round(number), 0, len(EMOTIONS) - 1))]
+        keys.append((float(time_s), strengths(name, float(np.clip(amount, 0.0, MAX_INTENSITY)))))
     return keys
+
+
+def control_keys(ob, scene, start_frame: float, duration_s: float | None = None):
+    """Times `[N]` in seconds and values `[N]` of every control that has a curve or a driver."""
+    names = sliders.animated(ob, ANIMATABLE)
+    if not names:
+        return {}
+    scene_fps = scene.render.fps / scene.render.fps_base
+    at = sliders.times(ob, names, start_frame, scene_fps, duration_s)
+    read = sliders.values(ob, scene, names, start_frame + at * scene_fps)
+    limits = ob.anyface.bl_rna.properties
+    clipped = {n: np.clip(read[n], limits[n].hard_min, limits[n].hard_max) for n in names}
+    return {name: (at, values) for name, values in clipped.items()}

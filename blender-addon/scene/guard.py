@@ -10,9 +10,7 @@ from . import digest, record
 
 def check_editable(ob, mode: str) -> None:
     """Raises `AnyfaceError("mesh")` with the remedy where keys cannot be written or kept."""
-    if ob is None or ob.type != "MESH" or ob.data is None:
-        what = "nothing" if ob is None else f"{ob.name} ({ob.type.lower()})"
-        raise AnyfaceError("mesh", f"expected a mesh object, got {what}: pick the face mesh")
+    check_mesh(ob)
     for block in (ob, ob.data):
         if block.library is not None:
             raise AnyfaceError(
@@ -31,6 +29,13 @@ def check_editable(ob, mode: str) -> None:
             f"{ob.name} has {len(own)} shape keys of its own ({own[0]} …), and one key per frame "
             "would take them over: choose basis keys, which leave them alone",
         )
+
+
+def check_mesh(ob) -> None:
+    """Raises `AnyfaceError("mesh")` where `ob` is no mesh object."""
+    if ob is None or ob.type != "MESH" or ob.data is None:
+        what = "nothing" if ob is None else f"{ob.name} ({ob.type.lower()})"
+        raise AnyfaceError("mesh", f"expected a mesh object, got {what}: pick the face mesh")
 
 
 def own_keys(shape_keys) -> list[str]:

@@ -50,6 +50,11 @@ def read_basis(mesh) -> np.ndarray:
     return flat.reshape(-1, 3)
 
 
+def box_of(positions: np.ndarray) -> np.ndarray:
+    """Lowest and highest coordinates `[2, 3]` of positions `[V, 3]`."""
+    return np.stack([positions.min(axis=0), positions.max(axis=0)]).astype(np.float64)
+
+
 def read_triangles(mesh) -> np.ndarray:
     """Triangles `[F, 3]` uint32 of all polygons."""
     mesh.calc_loop_triangles()
@@ -73,7 +78,7 @@ def read_landmarks(ob, path: str = "") -> tuple[np.ndarray | None, np.ndarray | 
     elif hasattr(value, "to_list"):
         value = value.to_list()
     if isinstance(value, dict) and "landmarks" in value:
-        value = _from_file(value["landmarks"], ob)
+        value = _from_file(value["landmarks"], ob, value.get("box"))
     return _as_landmarks(value)
 
 
@@ -89,11 +94,12 @@ def _load(text: str, ob):
         raise AnyfaceError("input", f"{LANDMARKS_PROPERTY}: not JSON: {error}") from error
 
 
-def _from_file(rows, ob):
+def _from_file(rows, ob, box=None):
     """Positions or vertex numbers from the rows of a landmark file.
 
     The file is in the axes and units of the mesh that was measured; an importer may have turned
-    or scaled it since. Vertex numbers hold all the same.
+    or scaled it since. Vertex numbers hold all the same. Where the mesh still fills the `box` in
+    which it was measured, positions hold however coarse it is.
     """
     try:
         rows = sorted(rows, key=lambda row: row["index"])
@@ -102,6 +108,10 @@ def _from_file(rows, ob):
     except (TypeError, KeyError, ValueError) as error:
         raise AnyfaceError("input", f"{LANDMARKS_PROPERTY}: not a landmark file: {error}") from None
     basis = read_basis(ob.data)
+    if box is not None and np.shape(box) == (2, 3):
+        near = 1e-3 * np.ptp(basis, axis=0).max()
+        if np.abs(box_of(basis) - np.array(box)).max() <= near:
+            return positions
     if positions.ndim != 2 or max(vertices) >= len(basis):
         return positions
     size = np.ptp(positions, axis=0).max()

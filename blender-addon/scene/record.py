@@ -17,7 +17,7 @@ class Record:
     `keys` are the names of our shape keys in order; `made_keys` says that the mesh had none
     before. The `made_*` and `shared_*` fields say what else must be undone: an action, a slot or
     animation data of ours, copies made because mesh or action were shared (`*_print` is their
-    digest at that time).
+    digest at that time). On an object beside a face, `belongs_to` is the id of the face's take.
     """
 
     mode: str
@@ -31,6 +31,7 @@ class Record:
     shared_action_print: str = ""
     shared_mesh: str = ""
     shared_mesh_print: str = ""
+    belongs_to: str = ""
 
 
 def read(shape_keys) -> Record | None:

@@ -1,18 +1,16 @@
 """The N-panel "Anyface" of the 3D view."""
 
 import textwrap
-from dataclasses import fields
 
 from bpy.types import Panel
 
-from ..core.take import Controls
-from ..scene import record, sequencer
+from ..scene import record
 from . import running
-from .settings import sequencer_scene, target
+from .settings import target
 
 
 class ANYFACE_PT_main(Panel):
-    """Mesh, sound, performance, output, and the buttons."""
+    """The face and the buttons; character, sound and performance are panels of their own in it."""
 
     bl_idname = "ANYFACE_PT_main"
     bl_label = "Anyface"
@@ -31,45 +29,9 @@ class ANYFACE_PT_main(Panel):
         if ob is None:
             layout.label(text="Pick a face mesh", icon="INFO")
             return
-        _draw_sound(layout, ob.anyface, sequencer_scene(context))
-        _draw_performance(layout, ob.anyface)
         _draw_output(layout, ob.anyface)
         _draw_buttons(layout, ob)
         _draw_report(layout, ob.anyface, context.region.width)
-
-
-def _draw_sound(layout, settings, scene) -> None:
-    column = layout.column()
-    column.row().prop(settings, "source", expand=True)
-    if settings.source == "FILE":
-        column.prop(settings, "sound_file")
-        column.prop(settings, "start_frame")
-        return
-    editor = scene.sequence_editor
-    if editor is None or not sequencer.sound_strips(scene):
-        column.label(text="No sound strip in the video sequencer", icon="INFO")
-        return
-    collection = "strips_all" if hasattr(editor, "strips_all") else "sequences_all"
-    column.prop_search(settings, "strip", editor, collection, icon="SOUND")
-
-
-def _draw_performance(layout, settings) -> None:
-    column = layout.column(align=True)
-    column.use_property_decorate = True
-    column.prop(settings, "emotion_source")
-    if settings.emotion_source == "GIVEN":
-        column.prop(settings, "emotion")
-        column.prop(settings, "intensity", slider=True)
-    header, body = layout.panel("anyface_controls", default_closed=True)
-    header.label(text="Performance")
-    if body is not None:
-        for item in fields(Controls):
-            body.prop(settings, item.name, slider=True)
-    header, body = layout.panel("anyface_more", default_closed=True)
-    header.label(text="More")
-    if body is not None:
-        for name in ("seed", "style", "fps", "steps", "learned", "axes", "landmark_file"):
-            body.prop(settings, name)
 
 
 def _draw_output(layout, settings) -> None:

@@ -13,11 +13,14 @@ from bpy.types import PropertyGroup
 
 from ..core.emotion import EMOTIONS, MAX_INTENSITY
 from ..core.take import Controls
+from . import audio, character
 
 _EMOTION_ITEMS = [(name, name.capitalize(), "", number) for number, name in enumerate(EMOTIONS)]
 _SOURCES = [
     ("STRIP", "Strip", "A sound strip of the video sequencer, with its trim and place", 0),
     ("FILE", "File", "A sound file", 1),
+    ("CHANNEL", "Channel", "All sound strips of a channel of the sequencer, as one take", 2),
+    ("CHOSEN", "Several", "The strips that you chose, as one take", 3),
 ]
 _EMOTION_SOURCES = [
     ("GIVEN", "Panel", "The emotion and intensity below", 0),
@@ -71,11 +74,11 @@ class AnyfaceCharacter(PropertyGroup):
     )
     articulation: FloatProperty(
         name="Articulation",
-        description="Strength of what speech does to mouth and jaw; closed lips stay closed",
+        description="Strength of what speech does to mouth and jaw; closed lips stay closed. "
+        "Can be animated",
         default=_DEFAULTS.articulation,
         min=0.0,
         max=2.0,
-        options=set(),
     )
     jaw_lips: FloatProperty(
         name="Lips to Jaw",
@@ -83,7 +86,6 @@ class AnyfaceCharacter(PropertyGroup):
         default=_DEFAULTS.jaw_lips,
         min=-1.0,
         max=1.0,
-        options=set(),
     )
     smoothing_s: FloatProperty(
         name="Smoothing",
@@ -100,7 +102,6 @@ class AnyfaceCharacter(PropertyGroup):
         default=_DEFAULTS.upper_face,
         min=0.0,
         max=2.0,
-        options=set(),
     )
     blinks_per_minute: FloatProperty(
         name="Blinks per Minute",
@@ -116,7 +117,6 @@ class AnyfaceCharacter(PropertyGroup):
         default=_DEFAULTS.brow_accents,
         min=0.0,
         max=2.0,
-        options=set(),
     )
     asymmetry: FloatProperty(
         name="Asymmetry",
@@ -124,7 +124,6 @@ class AnyfaceCharacter(PropertyGroup):
         default=_DEFAULTS.asymmetry,
         min=-1.0,
         max=1.0,
-        options=set(),
     )
     style: StringProperty(
         name="Style", description="Speaking style by name; empty takes the default", options=set()
@@ -201,6 +200,8 @@ def register_character() -> None:
     """Adds the settings of a character to objects."""
     bpy.utils.register_class(AnyfaceCharacter)
     bpy.types.Object.anyface = PointerProperty(type=AnyfaceCharacter)
+    audio.register()
+    character.register()
 
 
 def register() -> None:
@@ -212,6 +213,8 @@ def register() -> None:
 
 def unregister() -> None:
     """Takes them away; values stay in the file."""
+    character.unregister()
+    audio.unregister()
     del bpy.types.Scene.anyface
     del bpy.types.Object.anyface
     bpy.utils.unregister_class(AnyfaceScene)

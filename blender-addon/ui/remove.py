@@ -3,8 +3,7 @@
 from bpy.types import Operator
 
 from ..core.errors import AnyfaceError
-from ..scene import record
-from ..scene import remove as removal
+from ..scene import record, together
 from .settings import target
 
 
@@ -23,7 +22,7 @@ class ANYFACE_OT_remove(Operator):
         """Removes the take of the character that the panel shows."""
         ob = target(context)
         try:
-            removal.remove(ob)
+            together.remove_all(ob)
         except AnyfaceError as error:
             self.report({"ERROR"}, f"Anyface: {error}")
             return {"CANCELLED"}

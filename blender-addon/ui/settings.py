@@ -3,6 +3,10 @@
 from dataclasses import fields
 
 from ..scene.bake import Settings
+from . import audio, character
+from .target import sequencer_scene, target
+
+__all__ = ["from_object", "sequencer_scene", "target"]
 
 
 def from_object(ob) -> Settings:
@@ -14,22 +18,10 @@ def from_object(ob) -> Settings:
         if hasattr(stored, item.name)
     }
     settings = Settings(**values)
-    if stored.source == "STRIP":
+    if stored.source != "FILE":
         settings.sound_file = ""
-    else:
+    if stored.source != "STRIP":
         settings.strip = ""
+    audio.fill(settings, ob)
+    character.fill(settings, ob)
     return settings
-
-
-def target(context):
-    """The character that the panel shows: the picked one, else the active mesh object."""
-    picked = context.scene.anyface.character
-    if picked is not None:
-        return picked
-    active = context.object
-    return active if active is not None and active.type == "MESH" else None
-
-
-def sequencer_scene(context):
-    """The scene whose strips are heard: from 5.0 on a workspace may show another one."""
-    return getattr(context, "sequencer_scene", None) or context.scene

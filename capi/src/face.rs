@@ -4,7 +4,7 @@ use std::{ffi::c_char, mem::offset_of, ptr::null};
 
 use anyface::{
     PreparedFace,
-    mesh::{Axis, FaceOptions, LandmarkSource, ObjectNames, PartChoices, PartRole, PartSelector},
+    mesh::{Axis, FaceOptions, LandmarkSource, PartRole},
     motion::LANDMARKS,
 };
 
@@ -12,7 +12,7 @@ use crate::{
     engine::AnyfaceEngine,
     error::{AnyfaceError, Failure},
     growing::{self, Growing},
-    guard,
+    guard, known,
     mesh::AnyfaceMesh,
     pointer,
     progress::{AnyfaceProgress, watched},
@@ -68,7 +68,7 @@ pub enum AnyfacePartRole {
     Still = 6,
 }
 
-const ROLES: [(AnyfacePartRole, PartRole); 7] = [
+pub(crate) const ROLES: [(AnyfacePartRole, PartRole); 7] = [
     (AnyfacePartRole::Skin, PartRole::Skin),
     (AnyfacePartRole::Jaw, PartRole::Jaw),
     (AnyfacePartRole::Skull, PartRole::Skull),
@@ -110,6 +110,24 @@ pub struct AnyfaceFaceOptions {
     pub part_roles: *const i32,
     /// Number of parts whose role the caller knows.
     pub part_count: usize,
+    /// `[fixed_count]` numbers, 0 to 67, of landmarks that stay where the caller puts them while the
+    /// others follow; NULL otherwise.
+    pub fixed_numbers: *const u32,
+    /// `[fixed_count, 3]` their places, mesh units and axes; each is put on the surface. NULL
+    /// otherwise.
+    pub fixed_positions: *const f32,
+    /// Number of landmarks that stay.
+    pub fixed_count: usize,
+    /// `[object_vertex_count]`: which object each vertex belongs to, for a mesh that was put together
+    /// from several (a face, its teeth, its lashes); `UINT32_MAX` for none. NULL otherwise.
+    pub object_of_vertex: *const u32,
+    /// Number of vertices of the mesh where `object_of_vertex` is given, otherwise 0.
+    pub object_vertex_count: usize,
+    /// `[object_count]`: the role of every part of an object, one of `AnyfacePartRole`, or -1 for
+    /// parts that are told by shape and place. `part_numbers` count before these. NULL otherwise.
+    pub object_roles: *const i32,
+    /// Number of objects.
+    pub object_count: usize,
 }
 
 unsafe impl Growing for AnyfaceFaceOptions {
@@ -128,6 +146,13 @@ unsafe impl Growing for AnyfaceFaceOptions {
             part_numbers: null(),
             part_roles: null(),
             part_count: 0,
+            fixed_numbers: null(),
+            fixed_positions: null(),
+            fixed_count: 0,
+            object_of_vertex: null(),
+            object_vertex_count: 0,
+            object_roles: null(),
+            object_count: 0,
         }
     }
 }
@@ -158,29 +183,12 @@ impl AnyfaceFaceOptions {
         let landmarks = unsafe { self.landmarks() }?;
         Ok(FaceOptions {
             landmarks,
-            fixed: Vec::new(),
+            fixed: unsafe { known::fixed(&self) }?,
             forward,
             up,
             learned: self.learned,
-            parts: unsafe { self.parts() }?,
+            parts: unsafe { known::parts(&self) }?,
             ..FaceOptions::default()
-        })
-    }
-
-    unsafe fn parts(&self) -> Result<PartChoices, Failure> {
-        let count = self.part_count;
-        let numbers = unsafe { pointer::slice("part_numbers", self.part_numbers, count, 1) }?;
-        let roles = unsafe { pointer::slice("part_roles", self.part_roles, count, 1) }?;
-        let chosen = numbers.iter().zip(roles).map(|(&number, &role)| {
-            let known = ROLES.into_iter().find(|(code, _)| *code as i32 == role);
-            let (_, role) = known.ok_or_else(|| {
-                Failure::invalid(format!("part_roles: expected 0 to 6, got {role}"))
-            })?;
-            Ok((PartSelector::Number(number), role))
-        });
-        Ok(PartChoices {
-            roles: chosen.collect::<Result<_, Failure>>()?,
-            names: ObjectNames::default(),
         })
     }
 
@@ -296,18 +304,7 @@ pub unsafe extern "C" fn anyface_face_copy_landmarks(
 ) -> AnyfaceStatus {
     let work = || {
         let landmarks = &unsafe { pointer::handle("face", face) }?.face.landmarks;
-        if !positions.is_null() {
-            let values = landmarks.positions.as_flattened();
-            unsafe { pointer::copy_out("positions", values, positions, values.len()) }?;
-        }
-        if !vertices.is_null() {
-            unsafe { pointer::copy_out("vertices", &landmarks.vertices, vertices, LANDMARKS) }?;
-        }
-        if !confidence.is_null() {
-            let values = &landmarks.confidence;
-            unsafe { pointer::copy_out("confidence", values, confidence, LANDMARKS) }?;
-        }
-        Ok(())
+        unsafe { known::copy_landmarks(landmarks, positions, vertices, confidence) }
     };
     unsafe { guard::guard(error, work) }
 }
@@ -332,19 +329,7 @@ pub unsafe extern "C" fn anyface_face_copy_parts(
 ) -> AnyfaceStatus {
     let work = || {
         let list = &unsafe { pointer::handle("face", face) }?.face.parts;
-        if !roles.is_null() {
-            let code = |role| ROLES.into_iter().find(|(_, known)| *known == role);
-            let parts = list.parts.iter();
-            let values: Vec<i32> = parts
-                .filter_map(|part| code(part.role).map(|(code, _)| code as i32))
-                .collect();
-            unsafe { pointer::copy_out("roles", &values, roles, list.parts.len()) }?;
-        }
-        if !part_of_vertex.is_null() {
-            let values = list.of_vertex();
-            unsafe { pointer::copy_out("part_of_vertex", values, part_of_vertex, values.len()) }?;
-        }
-        Ok(())
+        unsafe { known::copy_parts(list, roles, part_of_vertex) }
     };
     unsafe { guard::guard(error, work) }
 }
@@ -405,27 +390,6 @@ mod tests {
             unsafe { read.to_library() }.unwrap(),
             FaceOptions::default()
         );
-    }
-
-    #[test]
-    fn parts_have_the_numbers_of_the_librarys_roles() {
-        let numbers = [4u32, 2];
-        let roles = [AnyfacePartRole::Jaw as i32, AnyfacePartRole::Still as i32];
-        let chosen = AnyfaceFaceOptions {
-            part_numbers: numbers.as_ptr(),
-            part_roles: roles.as_ptr(),
-            part_count: 2,
-            ..options()
-        };
-        let library = unsafe { chosen.to_library() }.unwrap();
-        let expected = [(4, PartRole::Jaw), (2, PartRole::Still)];
-        let expected = expected.map(|(n, role)| (PartSelector::Number(n), role));
-        assert_eq!(library.parts.roles, expected);
-        let beyond = [7, 0];
-        assert!(refused(AnyfaceFaceOptions {
-            part_roles: beyond.as_ptr(),
-            ..chosen
-        }));
     }
 
     #[test]

@@ -12,6 +12,7 @@
 
 mod growing;
 mod guard;
+mod known;
 mod pointer;
 
 mod audio;
@@ -21,6 +22,7 @@ mod emotion;
 mod engine;
 mod error;
 mod face;
+mod landmarks;
 mod mesh;
 mod motion;
 mod progress;

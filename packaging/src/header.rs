@@ -9,8 +9,21 @@ use crate::machine;
 
 /// Source files in the order in which a reader of the header meets them.
 const SOURCES: &[&str] = &[
-    "version", "status", "error", "progress", "engine", "mesh", "audio", "face", "emotion",
-    "motion", "clip", "basis", "rig", "stream",
+    "version",
+    "status",
+    "error",
+    "progress",
+    "engine",
+    "mesh",
+    "audio",
+    "face",
+    "landmarks",
+    "emotion",
+    "motion",
+    "clip",
+    "basis",
+    "rig",
+    "stream",
 ];
 
 /// Writes include/anyface.h from capi/src.

@@ -1,6 +1,7 @@
 //! The whole way as one object: weights loaded once, shared by any number of jobs.
 
 mod causal;
+mod found;
 mod kept;
 
 use std::{path::PathBuf, sync::Arc};
@@ -26,6 +27,7 @@ use crate::{
     weights::ModelFiles,
 };
 pub use causal::StreamOptions;
+pub use found::FoundFace;
 
 const ATS_MODEL: &str = "ats_compact";
 const STM_MODEL: &str = "stm_static";

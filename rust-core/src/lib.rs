@@ -32,7 +32,7 @@ pub mod systems;
 pub mod weights;
 
 pub use engine::{
-    Animation, CachePolicy, DecoderKind, Engine, EngineOptions, MotionRequest, PreparedFace,
-    StreamOptions,
+    Animation, CachePolicy, DecoderKind, Engine, EngineOptions, FoundFace, MotionRequest,
+    PreparedFace, StreamOptions,
 };
 pub use error::{Error, Result};

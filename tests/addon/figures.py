@@ -6,6 +6,8 @@ import bpy
 import numpy as np
 
 FPS = 24
+# Property groups of the panel, which up to 4.5 lie among the custom properties.
+SETTINGS = {"anyface", "anyface_audio", "anyface_face"}
 
 
 def grid(name="Head", side=12, scale=0.2):
@@ -90,7 +92,7 @@ class Stage:
     def __init__(self, take_module, decode=None, size=0.005, rank=6):
         self.take_module, self._decode = take_module, decode
         self.size, self.rank = size, rank
-        self.calls = []
+        self.calls, self.searches = [], []
 
     def animate(self, positions, triangles, points, numbers, sound, performance, progress):
         """The displacements of `motion` in the frame that was given."""
@@ -104,6 +106,27 @@ class Stage:
         else:
             animation.basis = basis(self.take_module, moved)
         return animation
+
+    def find(self, positions, triangles, landmarks, numbers, fixed, roles, progress):
+        """The first 68 vertices, or what was given; landmarks beside fixed ones go half as far."""
+        self.searches.append((positions, landmarks, numbers, fixed, roles))
+        places = positions[:68] if landmarks is None else np.array(landmarks)
+        if numbers is not None:
+            places = positions[numbers]
+        places = places.astype(np.float64)
+        for number, place in fixed.items():
+            moved = np.asarray(place) - places[number]
+            for beside in {number - 1, number + 1} & set(range(68)) - set(fixed):
+                places[beside] += moved / 2
+            places[number] = place
+        sure = np.full(68, 0.97, dtype=np.float32)
+        sure[list(fixed)] = 1.0
+        owners = np.zeros(len(positions), dtype=np.uint32)
+        if roles is not None:
+            owners = np.asarray(roles.object_of_vertex)
+        parts = np.where(np.arange(owners.max() + 1) == 0, 0, 1)
+        found = self.take_module.Found
+        return found(places, np.arange(68), sure, "slit", parts, owners)
 
     def decode(self, path):
         """Reads 16-bit mono WAV."""
@@ -121,9 +144,9 @@ def everything():
     rows = []
     for kind in ("objects", "meshes", "shape_keys", "actions", "sounds", "scenes", "texts"):
         for block in getattr(bpy.data, kind):
-            # Up to 4.5 the panel's settings are custom properties too; they are no generated data.
-            settings = {"anyface"} if kind in ("objects", "scenes") else set()
-            names = sorted(set(block.keys()) - settings)
+            names = sorted(
+                set(block.keys()) - (SETTINGS if kind in ("objects", "scenes") else set())
+            )
             rows.append(f"{kind} {block.name} users={block.users} props={names}")
     for shape_keys in bpy.data.shape_keys:
         rows.append(f"{shape_keys.name} relative={shape_keys.use_relative}")

@@ -187,6 +187,43 @@ static void parts(const AnyfaceFace *face) {
     free(part_of_vertex);
 }
 
+/* Finding alone, then with the chin held elsewhere: the chin is exact, its neighbours follow. */
+static void found_alone(const AnyfaceEngine *engine, const AnyfaceMesh *mesh, const AnyfaceFace *face) {
+    enum { CHIN = 8, NEIGHBOUR = 7 };
+    float free_ones[3 * ANYFACE_LANDMARK_COUNT], held[3 * ANYFACE_LANDMARK_COUNT];
+    float confidence[ANYFACE_LANDMARK_COUNT], place[3];
+    uint32_t number = CHIN;
+    AnyfaceFaceOptions options;
+    anyface_face_options_init(&options, sizeof options);
+    AnyfaceLandmarks *found = NULL;
+    CHECK_OK(anyface_landmarks_new(engine, mesh, &options, NULL, &found, &error));
+    CHECK_OK(anyface_landmarks_copy(found, free_ones, NULL, NULL, &error));
+    CHECK(anyface_landmarks_mouth(found) >= ANYFACE_MOUTH_OPEN);
+    CHECK(anyface_landmarks_part_count(found) == anyface_face_part_count(face));
+    anyface_landmarks_free(found);
+
+    memcpy(place, free_ones + 3 * CHIN, sizeof place);
+    place[0] += 0.1f * (free_ones[3 * 45] - free_ones[3 * 36]);
+    options.landmark_positions = free_ones;
+    options.fixed_numbers = &number;
+    options.fixed_positions = place;
+    options.fixed_count = 1;
+    found = NULL;
+    CHECK_OK(anyface_landmarks_new(engine, mesh, &options, NULL, &found, &error));
+    CHECK_OK(anyface_landmarks_copy(found, held, NULL, confidence, &error));
+    CHECK(held[3 * CHIN] > free_ones[3 * CHIN] && confidence[CHIN] == 1.0f);
+    CHECK(held[3 * NEIGHBOUR] > free_ones[3 * NEIGHBOUR]);
+    anyface_landmarks_free(found);
+
+    number = ANYFACE_LANDMARK_COUNT;
+    found = NULL;
+    CHECK_FAILS(anyface_landmarks_new(engine, mesh, &options, NULL, &found, &error),
+                ANYFACE_STATUS_INVALID_INPUT, "below 68");
+    CHECK(found == NULL && anyface_landmarks_mouth(NULL) == -1);
+    CHECK(anyface_landmarks_part_count(NULL) == 0);
+    anyface_landmarks_free(NULL);
+}
+
 static char *read_text(const char *path) {
     static char text[1 << 20];
     FILE *file = fopen(path, "rb");
@@ -214,6 +251,7 @@ int main(int argc, char **argv) {
 
     landmarks(face);
     parts(face);
+    found_alone(engine, mesh, face);
     motion_of_the_host(engine, face);
     two_at_once(engine, face, audio);
     any_number_of_threads(mesh, &options, audio);

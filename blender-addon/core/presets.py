@@ -1,0 +1,116 @@
+"""Presets of a performance as JSON files that can be kept and handed on. No bpy.
+
+`{"anyface_preset": 1, "name": "Calm Narrator", "values": {"articulation": 0.8, …}}`; values that
+are left out keep what they are.
+"""
+
+import json
+import math
+import os
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from .emotion import EMOTIONS, MAX_INTENSITY
+from .errors import AnyfaceError
+from .take import EMOTION_SOURCES
+
+VERSION = 1
+SUFFIX = ".json"
+# What a preset may hold: numbers with their range, and words with what they may be.
+NUMBERS = {
+    "intensity": (0.0, MAX_INTENSITY),
+    "articulation": (0.0, 2.0),
+    "jaw_lips": (-1.0, 1.0),
+    "smoothing_s": (0.0, 0.1),
+    "upper_face": (0.0, 2.0),
+    "blinks_per_minute": (0.0, 60.0),
+    "brow_accents": (0.0, 2.0),
+    "asymmetry": (-1.0, 1.0),
+    "learned": (0.0, 1.0),
+}
+WORDS = {"emotion": EMOTIONS, "emotion_source": EMOTION_SOURCES}
+NAMES = (*WORDS, *NUMBERS)
+
+
+@dataclass
+class Preset:
+    """Values by the names of the panel's properties; `path` is where it lies, if anywhere."""
+
+    name: str
+    values: dict = field(default_factory=dict)
+    path: Path | None = None
+
+
+def read(path) -> Preset:
+    """A preset's file. Raises `AnyfaceError`: "file" where it cannot be read, "input" where it
+    holds something else, with the value that is wrong."""
+    path = Path(path)
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise AnyfaceError("file", f"{path.name}: {error.strerror or error}") from error
+    except ValueError as error:
+        raise AnyfaceError("input", f"{path.name}: not JSON: {error}") from error
+    if not isinstance(document, dict) or document.get("anyface_preset") != VERSION:
+        raise AnyfaceError("input", f"{path.name}: expected an Anyface preset of version {VERSION}")
+    values = document.get("values")
+    if not isinstance(values, dict):
+        raise AnyfaceError("input", f"{path.name}: expected values by name")
+    name = str(document.get("name") or path.stem)
+    return Preset(name, {key: _checked(path.name, key, values[key]) for key in values}, path)
+
+
+def _checked(where: str, name: str, value):
+    if name in WORDS:
+        if value not in WORDS[name]:
+            known = ", ".join(WORDS[name])
+            raise AnyfaceError("input", f"{where}: {name}: expected one of {known}, got {value!r}")
+        return value
+    if name not in NUMBERS:
+        known = ", ".join(NAMES)
+        raise AnyfaceError("input", f"{where}: expected some of {known}, got {name!r}")
+    low, high = NUMBERS[name]
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not number or not math.isfinite(value) or not low <= value <= high:
+        raise AnyfaceError("input", f"{where}: {name}: expected {low:g} to {high:g}, got {value!r}")
+    return float(value)
+
+
+def write(preset: Preset, path) -> Path:
+    """Writes a preset as a whole or not at all; returns its path. Raises `AnyfaceError("file")`."""
+    path = Path(path)
+    values = {name: preset.values[name] for name in NAMES if name in preset.values}
+    rounded = {n: round(v, 6) if isinstance(v, float) else v for n, v in values.items()}
+    document = {"anyface_preset": VERSION, "name": preset.name, "values": rounded}
+    part = path.with_name(f"{path.name}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        os.replace(part, path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise AnyfaceError("file", f"{path}: {error.strerror or error}") from error
+    return path
+
+
+def file_name(name: str) -> str:
+    """A file name for a preset: "Calm / Narrator" becomes "calm_narrator.json".
+
+    Raises `AnyfaceError("input")` for a name without letters and digits.
+    """
+    stem = re.sub(r"\W+", "_", name.lower()).strip("_")
+    if not stem:
+        raise AnyfaceError("input", f"preset: expected a name with letters or digits, got {name!r}")
+    return stem[:80] + SUFFIX
+
+
+def in_folder(folder) -> list[Preset]:
+    """The presets of a folder by name; files that hold none are passed over."""
+    found = []
+    for path in sorted(Path(folder).glob(f"*{SUFFIX}")) if folder else []:
+        try:
+            found.append(read(path))
+        except AnyfaceError:
+            continue
+    return sorted(found, key=lambda preset: preset.name.lower())

@@ -1,0 +1,147 @@
+"""A face made of several objects: teeth, tongue, eyes and lashes beside the face mesh.
+
+All of them are read into one mesh in the face object's space and animated in one run; the result
+is cut apart again, and each object gets its own keys.
+"""
+
+from dataclasses import dataclass, replace
+
+import bpy
+import numpy as np
+
+from ..core.errors import AnyfaceError
+from ..core.take import BY_SHAPE, ROLES, Basis, FaceMesh, PartRoles, Piece, Take
+from . import mesh
+
+# An object that moves less than this in every frame gets no keys.
+STILL_MM = 0.005
+# Words in the names of objects and what such objects are, the first that fits.
+_NAMES = (
+    (("lash", "brow", "beard", "mustache", "moustache"), "nearest"),
+    (("tongue", "teeth_low", "teeth low", "lower", "bottom"), "jaw"),
+    (("teeth_up", "teeth up", "upper", "hair", "glasses", "hat"), "skull"),
+    (("eye", "pupil", "iris", "cornea"), "gaze"),
+)
+
+
+@dataclass
+class Part:
+    """An object beside the face; `role` is one of `ROLES`, or "" to tell it by shape and place."""
+
+    name: str
+    role: str = ""
+
+
+def add(face: FaceMesh, ob, parts: list[Part], loose: dict[int, str]) -> None:
+    """Puts the objects of `parts` behind the vertices of `face`, which was read from `ob`.
+
+    `loose` gives roles to single connected parts by number. Raises `AnyfaceError("mesh")` for
+    objects that are gone or no meshes.
+    """
+    face.pieces = [Piece(ob.name, 0, len(face.positions), np.eye(4), BY_SHAPE)]
+    positions, triangles = [face.positions], [face.triangles]
+    to_face = np.linalg.inv(face.matrix_world) if parts else np.eye(4)
+    for part in parts:
+        other = object_of(part, ob)
+        matrix = to_face @ np.array(other.matrix_world, dtype=np.float64)
+        own = mesh.read_face(other)
+        first = sum(len(block) for block in positions)
+        corners = own.triangles[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else own.triangles
+        positions.append((own.positions @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32))
+        triangles.append(corners + np.uint32(first))
+        role = ROLES.index(part.role) if part.role else BY_SHAPE
+        face.pieces.append(Piece(other.name, first, len(own.positions), matrix, role))
+    face.positions = np.concatenate(positions)
+    face.triangles = np.concatenate(triangles)
+    if parts or loose:
+        face.roles = _roles(face.pieces, loose)
+
+
+def object_of(part: Part, ob):
+    """The object of a part; raises `AnyfaceError("mesh")` where it cannot be one."""
+    other = bpy.data.objects.get(part.name)
+    if other is None:
+        raise AnyfaceError("mesh", f"{part.name} is gone: take it out of the parts of {ob.name}")
+    if other.type != "MESH":
+        kind = other.type.lower()
+        raise AnyfaceError("mesh", f"{part.name}: expected a mesh, got a {kind}: take it out")
+    if other == ob or other.data == ob.data:
+        raise AnyfaceError("mesh", f"{part.name} is the face itself: take it out of its parts")
+    return other
+
+
+def _roles(pieces: list[Piece], loose: dict[int, str]) -> PartRoles:
+    owners = np.concatenate([np.full(p.count, n, dtype=np.uint32) for n, p in enumerate(pieces)])
+    roles = [piece.role for piece in pieces]
+    return PartRoles(owners, roles, list(loose), [ROLES.index(role) for role in loose.values()])
+
+
+def split(take: Take, pieces: list[Piece]) -> list[tuple[Piece, Take | None]]:
+    """The take of each piece in its object's own space; None where it does not move.
+
+    The face itself always has one.
+    """
+    out = []
+    for number, piece in enumerate(pieces):
+        back = np.linalg.inv(piece.matrix[:3, :3]).astype(np.float32)
+        rows = slice(piece.first, piece.first + piece.count)
+        part = _cut(take, rows, back)
+        out.append((piece, part if number == 0 or part.largest_mm >= STILL_MM else None))
+    return out
+
+
+def _cut(take: Take, rows: slice, back: np.ndarray) -> Take:
+    """The vertices `rows` of a take, turned by `back` `[3, 3]` into their object's space."""
+    moved = take.frames if take.frames is not None else take.basis.vectors
+    share = _largest(take, rows) / max(_largest(take, slice(None)), 1e-20)
+    own = np.ascontiguousarray(moved[:, rows] @ back.T)
+    largest = take.largest_mm * share
+    if take.frames is not None:
+        return replace(take, frames=own, largest_mm=largest)
+    basis = Basis(own, take.basis.weights, take.basis.error_mm)
+    return replace(take, basis=basis, largest_mm=largest)
+
+
+def _largest(take: Take, rows: slice) -> float:
+    """The largest displacement of the vertices `rows` in any frame, object units."""
+    if take.frames is not None:
+        moved = take.frames[:, rows]
+        return float(np.sqrt((moved**2).sum(axis=2).max(initial=0.0)))
+    vectors = take.basis.vectors[:, rows]
+    largest = 0.0
+    for row in take.basis.weights:
+        moved = np.tensordot(row, vectors, axes=1)
+        largest = max(largest, float((moved**2).sum(axis=1).max(initial=0.0)))
+    return largest**0.5
+
+
+def suggest(ob, objects, centre, radius: float) -> list[Part]:
+    """Objects that look like parts of the face: meshes near `centre` (world, `[3]`), not larger
+    than the head of `radius`, with the role that their name tells."""
+    found = []
+    for other in objects:
+        if other == ob or other.type != "MESH" or other.data == ob.data:
+            continue
+        if len(other.data.polygons) == 0 or other.get(mesh.LANDMARKS_PROPERTY):
+            continue
+        box = box_of(other)
+        middle, size = box.mean(axis=0), np.ptp(box, axis=0).max()
+        if np.linalg.norm(middle - centre) <= radius and size <= 2.5 * radius:
+            found.append(Part(other.name, role_of_name(other.name)))
+    return found
+
+
+def box_of(ob) -> np.ndarray:
+    """The corners `[8, 3]` of an object's box in the world."""
+    corners = np.array(ob.bound_box, dtype=np.float64)
+    matrix = np.array(ob.matrix_world, dtype=np.float64)
+    return corners @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def role_of_name(name: str) -> str:
+    """The role that the name of an object tells, or ""."""
+    lower = name.lower()
+    for words, role in _NAMES:
+        if any(word in lower for word in words):
+            return role
+    return ""

@@ -1,0 +1,82 @@
+"""The panel's sliders over time: keyframes, drivers and NLA strips, sampled at scene frames."""
+
+import bpy
+import numpy as np
+
+from . import curves
+
+# Samples a tenth of a second apart follow every change that a face can follow.
+STEP_S = 0.1
+_PREFIX = "anyface."
+
+
+def animated(ob, names) -> list[str]:
+    """Those of `names`, properties of `ob.anyface`, that have a curve or a driver."""
+    return [name for name in names if is_keyed(ob, name) or needs_scene(ob, name)]
+
+
+def is_keyed(ob, name: str) -> bool:
+    """True where the assigned action has a curve for it."""
+    return curves.find(ob.animation_data, _PREFIX + name) is not None
+
+
+def needs_scene(ob, name: str) -> bool:
+    """True where only Blender itself can say its value: a driver, or a strip of the NLA."""
+    animation = ob.animation_data
+    if animation is None:
+        return False
+    path = _PREFIX + name
+    if any(driver.data_path == path for driver in animation.drivers):
+        return True
+    strips = [strip for track in animation.nla_tracks for strip in track.strips]
+    actions = [strip.action for strip in strips if strip.action is not None]
+    bags = [bag for action in actions for bag in curves.bags(action)]
+    return any(curve.data_path == path for bag in bags for curve in bag.fcurves)
+
+
+def times(ob, names, start_frame: float, scene_fps: float, duration_s: float | None) -> np.ndarray:
+    """Seconds from `start_frame` at which values are to be read, `[N]`.
+
+    They reach to the last keyframe, and where a driver has to be followed to `duration_s`.
+    """
+    found = [curves.find(ob.animation_data, _PREFIX + name) for name in names]
+    last_frame = max((c.range()[1] for c in found if c is not None), default=start_frame)
+    last_s = max(0.0, (last_frame - start_frame) / scene_fps)
+    if any(needs_scene(ob, name) for name in names):
+        last_s = max(last_s, duration_s if duration_s is not None else 60.0)
+    return np.arange(0.0, last_s + STEP_S, STEP_S)
+
+
+def values(ob, scene, names, frames: np.ndarray) -> dict[str, np.ndarray]:
+    """The value of each property at each of `frames` `[N]`; those of enums are their numbers."""
+    if any(needs_scene(ob, name) for name in names):
+        return _by_stepping(ob, scene, names, frames)
+    read = {}
+    for name in names:
+        curve = curves.find(ob.animation_data, _PREFIX + name)
+        now = _number(ob.anyface, name)
+        read[name] = np.array([curve.evaluate(f) if curve else now for f in frames])
+    return read
+
+
+def _by_stepping(ob, scene, names, frames) -> dict[str, np.ndarray]:
+    """Goes through the scene and comes back to the frame that was shown."""
+    kept = scene.frame_current, scene.frame_subframe
+    rows = []
+    try:
+        for frame in frames:
+            whole = int(np.floor(frame))
+            scene.frame_set(whole, subframe=float(frame - whole))
+            shown = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).anyface
+            rows.append([_number(shown, name) for name in names])
+    finally:
+        scene.frame_set(kept[0], subframe=kept[1])
+    columns = np.array(rows, dtype=np.float64).reshape(len(frames), len(names)).T
+    return dict(zip(names, columns, strict=True))
+
+
+def _number(settings, name: str) -> float:
+    value = getattr(settings, name)
+    if isinstance(value, str):
+        return float(settings.bl_rna.properties[name].enum_items[value].value)
+    return float(value)

@@ -1,0 +1,101 @@
+"""Several sound strips as one take, and what the panel says of a sound before it is used."""
+
+import os
+import wave
+from dataclasses import dataclass
+from functools import lru_cache
+
+import bpy
+
+from ..core.errors import AnyfaceError
+from ..core.source import Decode, MixedSource
+from . import sequencer, sound
+
+
+def chosen(scene, names: list[str], channel: int) -> list:
+    """The strips called `names`, or else all sound strips of a channel, first to last.
+
+    Raises `AnyfaceError("audio")` where there are none.
+    """
+    strips = sequencer.sound_strips(scene)
+    if names:
+        found = [sequencer.sound_strip(scene, name) for name in names]
+        return sorted(found, key=lambda strip: strip.frame_final_start)
+    found = [strip for strip in strips if strip.channel == channel]
+    if not found:
+        known = ", ".join(str(n) for n in sorted({strip.channel for strip in strips})) or "none"
+        raise AnyfaceError(
+            "audio",
+            f"no sound strip on channel {channel} of {scene.name} (there are some on {known})",
+        )
+    return found
+
+
+def as_one(scene, strips: list, decode: Decode) -> MixedSource:
+    """The strips as they play: each at its place, muted ones left out and named.
+
+    Raises `AnyfaceError("audio")` where all are muted.
+    """
+    heard = [strip for strip in strips if not strip.mute]
+    muted = [strip.name for strip in strips if strip.mute]
+    if not heard:
+        raise AnyfaceError("audio", f"all chosen strips are muted ({', '.join(muted)}): unmute one")
+    fps = scene.render.fps / scene.render.fps_base
+    parts = [sound.from_strip(scene, strip.name, decode) for strip in heard]
+    start = min(part.start_frame for part in parts)
+    places = [(part.start_frame - start) / fps for part in parts]
+    name = heard[0].name if len(heard) == 1 else f"{len(heard)} strips"
+    notes = [f"muted and left out: {', '.join(muted)}"] if muted else []
+    return MixedSource(parts, places, name, start, notes)
+
+
+@dataclass
+class Length:
+    """What the panel shows of a sound: scene frames (the last one not included) and seconds."""
+
+    first: float
+    last: float
+    seconds: float
+
+    def __str__(self) -> str:
+        return f"frames {self.first:g} to {self.last:g}, {self.seconds:.2f} s"
+
+
+def length_of(scene, strips: list, with_muted: bool = False) -> Length | None:
+    """Where strips begin and end; muted ones are left out unless `with_muted`. None without any."""
+    heard = [strip for strip in strips if with_muted or not strip.mute]
+    if not heard:
+        return None
+    first = min(strip.frame_final_start for strip in heard)
+    last = max(strip.frame_final_end for strip in heard)
+    return Length(first, last, (last - first) * scene.render.fps_base / scene.render.fps)
+
+
+def length_of_file(scene, path: str, start_frame: float) -> Length | None:
+    """Where a sound file ends that begins at `start_frame`; None where that is not known yet."""
+    full = bpy.path.abspath(path)
+    if not path or not os.path.isfile(full):
+        return None
+    seconds = _seconds(full, os.stat(full).st_mtime_ns)
+    if seconds is None:
+        return None
+    frames = seconds * scene.render.fps / scene.render.fps_base
+    return Length(start_frame, start_frame + round(frames, 2), seconds)
+
+
+@lru_cache(maxsize=32)
+def _seconds(path: str, _changed: int) -> float | None:
+    """Length of a sound file from its header; the panel asks at every redraw."""
+    try:
+        with wave.open(path, "rb") as file:
+            return file.getnframes() / file.getframerate()
+    except (wave.Error, EOFError, OSError):
+        pass
+    try:
+        import aud
+
+        sound_file = aud.Sound(path)
+        return sound_file.length / sound_file.specs[0]
+    except Exception:
+        # Whatever the decoder says, the panel goes on; Generate tells what is wrong.
+        return None

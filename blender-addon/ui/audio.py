@@ -1,0 +1,157 @@
+"""Audio: one strip, a file, a channel, or several strips as one take; where it begins and ends."""
+
+import bpy
+from bpy.props import CollectionProperty, IntProperty, PointerProperty
+from bpy.types import Operator, Panel, PropertyGroup
+
+from ..core.errors import AnyfaceError
+from ..scene import sequencer, strips
+from .target import sequencer_scene, target
+
+
+class AnyfaceStrip(PropertyGroup):
+    """A chosen strip; its name says which."""
+
+
+class AnyfaceAudio(PropertyGroup):
+    """`Object.anyface_audio`: which strips speak together."""
+
+    channel: IntProperty(
+        name="Channel",
+        description="Channel of the sequencer whose sound strips are one take",
+        default=1,
+        min=1,
+        max=128,
+        options=set(),
+    )
+    chosen: CollectionProperty(type=AnyfaceStrip)
+
+
+def fill(settings, ob) -> None:
+    """Puts several strips into plain settings, where they are what `ob` is asked to speak."""
+    source = ob.anyface.source
+    settings.channel = ob.anyface_audio.channel if source == "CHANNEL" else 0
+    settings.strips = [item.name for item in ob.anyface_audio.chosen] if source == "CHOSEN" else []
+
+
+class ANYFACE_OT_use_selected_strips(Operator):
+    """Let the sound strips that are selected in the sequencer speak as one take"""
+
+    bl_idname = "anyface.use_selected_strips"
+    bl_label = "Use Selected Strips"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        if target(context) is None:
+            cls.poll_message_set("Pick a face mesh")
+            return False
+        return True
+
+    def execute(self, context):
+        """Writes the names of the selected strips down."""
+        found = sequencer.sound_strips(sequencer_scene(context))
+        names = [strip.name for strip in found if strip.select]
+        if not names:
+            self.report({"ERROR"}, "Anyface: select sound strips in the video sequencer first")
+            return {"CANCELLED"}
+        ob = target(context)
+        ob.anyface_audio.chosen.clear()
+        for name in names:
+            ob.anyface_audio.chosen.add().name = name
+        ob.anyface.source = "CHOSEN"
+        return {"FINISHED"}
+
+
+class ANYFACE_PT_audio(Panel):
+    """What the face says."""
+
+    bl_label = "Audio"
+    bl_parent_id = "ANYFACE_PT_main"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Anyface"
+    bl_order = 1
+
+    @classmethod
+    def poll(cls, context):
+        return target(context) is not None
+
+    def draw(self, context):
+        """Draws the source, its settings and its length."""
+        layout, ob = self.layout, target(context)
+        layout.use_property_split, layout.use_property_decorate = True, False
+        layout.prop(ob.anyface, "source")
+        scene = sequencer_scene(context)
+        column = layout.column()
+        if ob.anyface.source == "FILE":
+            column.prop(ob.anyface, "sound_file")
+            column.prop(ob.anyface, "start_frame")
+        elif scene.sequence_editor is None or not sequencer.sound_strips(scene):
+            column.label(text="No sound strip in the video sequencer", icon="INFO")
+            return
+        else:
+            _draw_strips(column, ob, scene)
+        for text, icon in lines(ob, scene):
+            layout.label(text=text, icon=icon)
+
+
+def _draw_strips(column, ob, scene) -> None:
+    if ob.anyface.source == "STRIP":
+        editor = scene.sequence_editor
+        collection = "strips_all" if hasattr(editor, "strips_all") else "sequences_all"
+        column.prop_search(ob.anyface, "strip", editor, collection, icon="SOUND")
+    elif ob.anyface.source == "CHANNEL":
+        column.prop(ob.anyface_audio, "channel")
+    else:
+        column.operator("anyface.use_selected_strips")
+
+
+def lines(ob, scene) -> list[tuple[str, str]]:
+    """What is to be said of the chosen sound, each text with its icon."""
+    if ob.anyface.source == "FILE":
+        length = strips.length_of_file(scene, ob.anyface.sound_file, ob.anyface.start_frame)
+        return [(str(length), "SOUND")] if length is not None else []
+    try:
+        found = _strips(ob, scene)
+    except AnyfaceError as error:
+        return [(str(error), "ERROR")]
+    if not found:
+        return []
+    # A single muted strip is read all the same: somebody who picks it wants it.
+    single = ob.anyface.source == "STRIP"
+    muted = [] if single else [strip.name for strip in found if strip.mute]
+    length = strips.length_of(scene, found, with_muted=single)
+    said = [] if length is None else [(f"{_count(found)}{length}", "SOUND")]
+    return said + [(f"Muted, left out: {name}", "MUTE_IPO_ON") for name in muted]
+
+
+def _strips(ob, scene) -> list:
+    if ob.anyface.source == "STRIP":
+        name = ob.anyface.strip
+        return [sequencer.sound_strip(scene, name)] if name else []
+    names = [item.name for item in ob.anyface_audio.chosen]
+    if ob.anyface.source == "CHOSEN":
+        return strips.chosen(scene, names, 0) if names else []
+    return strips.chosen(scene, [], ob.anyface_audio.channel)
+
+
+def _count(found: list) -> str:
+    return "" if len(found) == 1 else f"{len(found)} strips, "
+
+
+def register() -> None:
+    """Adds the settings to objects."""
+    bpy.utils.register_class(AnyfaceStrip)
+    bpy.utils.register_class(AnyfaceAudio)
+    bpy.types.Object.anyface_audio = PointerProperty(type=AnyfaceAudio)
+
+
+def unregister() -> None:
+    """Takes them away; values stay in the file."""
+    del bpy.types.Object.anyface_audio
+    bpy.utils.unregister_class(AnyfaceAudio)
+    bpy.utils.unregister_class(AnyfaceStrip)
+
+
+CLASSES = (ANYFACE_OT_use_selected_strips, ANYFACE_PT_audio)

@@ -1,0 +1,268 @@
+"""Character: what was found of the face, its landmarks, and the objects that belong to it."""
+
+import bpy
+from bpy.props import (
+    CollectionProperty,
+    EnumProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+from bpy.types import Object, Operator, Panel, PropertyGroup, UIList
+
+from ..core.errors import AnyfaceError
+from ..core.take import ROLES
+from ..scene import landmarks, pieces
+from .target import target
+
+_ROLE_TEXTS = {
+    "skin": "The face itself",
+    "jaw": "Follows the lower jaw: lower teeth, tongue",
+    "skull": "Follows the skull: upper teeth, glasses, hair",
+    "mouth": "Holds both jaws: gums with a tongue, the mouth's lining",
+    "nearest": "Follows the skin nearest to it: lashes, brows, beards",
+    "gaze": "An eyeball; rests and never deforms",
+    "still": "Nothing of the face; rests",
+}
+_ROLE_ITEMS = [("AUTO", "By Shape", "Told by shape and place", 0)]
+_ROLE_ITEMS += [(n, n.capitalize(), _ROLE_TEXTS[n], k + 1) for k, n in enumerate(ROLES)]
+
+
+class AnyfacePart(PropertyGroup):
+    """An object beside the face."""
+
+    object: PointerProperty(type=Object)
+    role: EnumProperty(name="Role", items=_ROLE_ITEMS, default="AUTO", options=set())
+
+
+class AnyfaceLoose(PropertyGroup):
+    """A connected part of the face mesh itself; `found` is what it was told to be."""
+
+    number: IntProperty()
+    vertices: IntProperty()
+    found: StringProperty()
+    role: EnumProperty(name="Role", items=_ROLE_ITEMS, default="AUTO", options=set())
+
+
+class AnyfaceFace(PropertyGroup):
+    """`Object.anyface_face`: what the face consists of."""
+
+    parts: CollectionProperty(type=AnyfacePart)
+    part_index: IntProperty(options=set())
+    loose: CollectionProperty(type=AnyfaceLoose)
+    loose_index: IntProperty(options=set())
+
+
+def fill(settings, ob) -> None:
+    """Puts the parts of `ob` into plain settings; parts whose object was deleted are left out."""
+    chosen = [part for part in ob.anyface_face.parts if part.object is not None]
+    settings.parts = [pieces.Part(part.object.name, _role(part)) for part in chosen]
+    told = [part for part in ob.anyface_face.loose if part.role != "AUTO"]
+    settings.loose = {part.number: part.role for part in told}
+
+
+def _role(part) -> str:
+    return "" if part.role == "AUTO" else part.role
+
+
+def list_loose(ob, found) -> None:
+    """Lists the connected parts of the face mesh itself; roles that were chosen stay."""
+    chosen = {part.number: part.role for part in ob.anyface_face.loose if part.role != "AUTO"}
+    own = found.part_of_vertex[: len(ob.data.vertices)]
+    ob.anyface_face.loose.clear()
+    for number, role in enumerate(found.part_roles):
+        count = int((own == number).sum())
+        if count == 0:
+            continue
+        row = ob.anyface_face.loose.add()
+        row.name, row.number, row.vertices = f"Part {number}", number, count
+        row.found, row.role = ROLES[role], chosen.get(number, "AUTO")
+
+
+class ANYFACE_UL_parts(UIList):
+    """Objects beside the face."""
+
+    def draw_item(self, _context, layout, _data, item, _icon, _active, _name):
+        """Draws one object and its role."""
+        name = item.object.name if item.object is not None else "(deleted)"
+        layout.label(text=name, icon="MESH_DATA")
+        layout.prop(item, "role", text="")
+
+
+class ANYFACE_UL_loose(UIList):
+    """Connected parts of the face mesh."""
+
+    def draw_item(self, _context, layout, _data, item, _icon, _active, _name):
+        """Draws one part and its role."""
+        layout.label(text=f"{item.number}: {item.found}, {item.vertices:,} vertices")
+        layout.prop(item, "role", text="")
+
+
+class _OfTarget:
+    """Operators that need a face."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        if target(context) is None:
+            cls.poll_message_set("Pick a face mesh")
+            return False
+        return True
+
+
+class ANYFACE_OT_find_parts(_OfTarget, Operator):
+    """Look for teeth, eyes and lashes that are objects beside the face"""
+
+    bl_idname = "anyface.find_parts"
+    bl_label = "Find Parts"
+
+    def execute(self, context):
+        """Adds what is near the head and belongs to the same collections or parent."""
+        ob = target(context)
+        try:
+            found = suggestions(ob)
+        except AnyfaceError as error:
+            self.report({"ERROR"}, f"Anyface: {error}")
+            return {"CANCELLED"}
+        known = {part.object for part in ob.anyface_face.parts}
+        fresh = [part for part in found if bpy.data.objects[part.name] not in known]
+        for part in fresh:
+            _add(ob, bpy.data.objects[part.name], part.role)
+        names = ", ".join(part.name for part in fresh) or "none"
+        self.report({"INFO"}, f"Anyface: parts found: {names}")
+        return {"FINISHED"}
+
+
+class ANYFACE_OT_add_parts(_OfTarget, Operator):
+    """Add the selected meshes to the face as parts"""
+
+    bl_idname = "anyface.add_parts"
+    bl_label = "Add Selected"
+
+    def execute(self, context):
+        """Adds every selected mesh that is not there yet."""
+        ob = target(context)
+        known = {part.object for part in ob.anyface_face.parts} | {ob}
+        picked = [other for other in context.selected_objects if other.type == "MESH"]
+        fresh = [other for other in picked if other not in known and other.data != ob.data]
+        if not fresh:
+            self.report({"ERROR"}, "Anyface: select the meshes of teeth, eyes or lashes first")
+            return {"CANCELLED"}
+        for other in fresh:
+            _add(ob, other, pieces.role_of_name(other.name))
+        return {"FINISHED"}
+
+
+class ANYFACE_OT_drop_part(_OfTarget, Operator):
+    """Take the part out of the face; the object itself stays"""
+
+    bl_idname = "anyface.drop_part"
+    bl_label = "Remove Part"
+
+    def execute(self, context):
+        """Takes the active row of the list away."""
+        face = target(context).anyface_face
+        if not 0 <= face.part_index < len(face.parts):
+            self.report({"ERROR"}, "Anyface: choose a part in the list first")
+            return {"CANCELLED"}
+        face.parts.remove(face.part_index)
+        face.part_index = max(0, min(face.part_index, len(face.parts) - 1))
+        return {"FINISHED"}
+
+
+def _add(ob, other, role: str) -> None:
+    part = ob.anyface_face.parts.add()
+    part.object, part.name, part.role = other, other.name, role or "AUTO"
+
+
+def suggestions(ob) -> list:
+    """Meshes near the head that have the same parent, are children of it, or share a collection."""
+    near = set(ob.children_recursive)
+    near |= set(ob.parent.children_recursive) if ob.parent is not None else set()
+    for collection in ob.users_collection:
+        near |= set(collection.objects)
+    centre, radius = landmarks.head(ob)
+    return pieces.suggest(ob, sorted(near, key=lambda other: other.name), centre, radius)
+
+
+class ANYFACE_PT_character(Panel):
+    """The face, its landmarks, its parts."""
+
+    bl_label = "Character"
+    bl_parent_id = "ANYFACE_PT_main"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Anyface"
+    bl_order = 0
+
+    @classmethod
+    def poll(cls, context):
+        return target(context) is not None
+
+    def draw(self, context):
+        """Draws status, buttons and lists."""
+        layout, ob = self.layout, target(context)
+        layout.use_property_split, layout.use_property_decorate = True, False
+        text, icon = status(ob)
+        layout.label(text=text, icon=icon)
+        row = layout.row(align=True)
+        row.operator("anyface.find_face", icon="VIEWZOOM")
+        row.operator("anyface.edit_landmarks", text="Edit", icon="EDITMODE_HLT")
+        row.operator("anyface.reset_landmarks", text="", icon="LOOP_BACK")
+        layout.prop(context.window_manager, "anyface_show_landmarks")
+        _draw_parts(layout, ob)
+
+
+def status(ob) -> tuple[str, str]:
+    """What is known of the face in words, and an icon."""
+    try:
+        stored = landmarks.load(ob)
+    except AnyfaceError as error:
+        return str(error), "ERROR"
+    if stored is None:
+        return "Landmarks are found when needed", "INFO"
+    unsure = stored.sure < 0.4
+    words = landmarks.describe(stored)
+    return (words + "; have a look" if unsure else words), "ERROR" if unsure else "CHECKMARK"
+
+
+def _draw_parts(layout, ob) -> None:
+    face = ob.anyface_face
+    header, body = layout.panel("anyface_parts", default_closed=True)
+    header.label(text=f"Parts ({len(face.parts)} objects)")
+    if body is None:
+        return
+    row = body.row()
+    row.template_list("ANYFACE_UL_parts", "", face, "parts", face, "part_index", rows=3)
+    buttons = row.column(align=True)
+    buttons.operator("anyface.add_parts", text="", icon="ADD")
+    buttons.operator("anyface.drop_part", text="", icon="REMOVE")
+    body.operator("anyface.find_parts", icon="VIEWZOOM")
+    if len(face.loose) > 1:
+        body.label(text="Loose parts of the mesh itself:")
+        body.template_list("ANYFACE_UL_loose", "", face, "loose", face, "loose_index", rows=3)
+
+
+def register() -> None:
+    """Adds the settings to objects."""
+    for cls in (AnyfacePart, AnyfaceLoose, AnyfaceFace):
+        bpy.utils.register_class(cls)
+    bpy.types.Object.anyface_face = PointerProperty(type=AnyfaceFace)
+
+
+def unregister() -> None:
+    """Takes them away; values stay in the file."""
+    del bpy.types.Object.anyface_face
+    for cls in (AnyfaceFace, AnyfaceLoose, AnyfacePart):
+        bpy.utils.unregister_class(cls)
+
+
+CLASSES = (
+    ANYFACE_UL_parts,
+    ANYFACE_UL_loose,
+    ANYFACE_OT_find_parts,
+    ANYFACE_OT_add_parts,
+    ANYFACE_OT_drop_part,
+    ANYFACE_PT_character,
+)

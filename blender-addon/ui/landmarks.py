@@ -1,0 +1,358 @@
+"""Find Face, and landmarks in the viewport: drawn, dragged over the surface, reset."""
+
+import itertools
+
+import bpy
+import numpy as np
+from bpy.props import BoolProperty, FloatVectorProperty, IntProperty
+from bpy.types import Operator, SpaceView3D
+from bpy_extras import view3d_utils
+from mathutils import Vector
+
+from ..core.errors import AnyfaceError
+from ..core.job import Job, Progress
+from ..scene import bake, guard, landmarks
+from . import character, running
+from .settings import from_object
+from .target import target
+
+# A landmark is taken from this far, in pixels.
+_REACH_PX = 14.0
+_handle = None
+
+
+def search_of(ob) -> landmarks.Search:
+    """A snapshot for finding the face of `ob` from nothing; raises `AnyfaceError`."""
+    face = _face_of(ob)
+    face.landmarks = face.landmark_vertices = None
+    return landmarks.Search(face, running.engine())
+
+
+def _face_of(ob):
+    guard.check_mesh(ob)
+    return bake.read_face(ob, from_object(ob), editable=False)
+
+
+def keep(ob, found, fixed=()) -> str:
+    """Stores what was found on `ob` and lists its parts; returns it in words."""
+    landmarks.store(ob, found, fixed)
+    character.list_loose(ob, found)
+    return landmarks.describe(landmarks.load(ob))
+
+
+class _Searching:
+    """Runs a `Search` in a thread while Blender goes on, or at once without a window."""
+
+    @classmethod
+    def poll(cls, context):
+        if running.is_running():
+            cls.poll_message_set("Another job is running")
+            return False
+        if target(context) is None:
+            cls.poll_message_set("Pick a face mesh")
+            return False
+        return True
+
+    def fail(self, error):
+        """Shows the error where the artist looks."""
+        self.report({"ERROR"}, f"Anyface: {error}")
+        return {"CANCELLED"}
+
+
+class ANYFACE_OT_find_face(_Searching, Operator):
+    """Find the 68 landmarks of the face and keep them on its object; earlier ones are replaced"""
+
+    bl_idname = "anyface.find_face"
+    bl_label = "Find Face"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        """Finds at once."""
+        ob = target(context)
+        try:
+            return self._finish(ob, search_of(ob).work(Progress()))
+        except AnyfaceError as error:
+            return self.fail(error)
+
+    def invoke(self, context, event):
+        """Finds in a thread."""
+        if bpy.app.background:
+            return self.execute(context)
+        ob = target(context)
+        try:
+            search = search_of(ob)
+        except AnyfaceError as error:
+            return self.fail(error)
+        self._name = ob.name
+        self._job = running.start(Job(search.work), ob.name)
+        self._timer = context.window_manager.event_timer_add(0.1, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        """Polls the thread; ESC cancels."""
+        redraw(context)
+        if event.type == "ESC" and event.value == "PRESS":
+            self._job.cancel()
+        if self._job.progress.cancelled:
+            self._end(context)
+            return {"CANCELLED"}
+        if event.type != "TIMER" or not self._job.done:
+            return {"PASS_THROUGH"}
+        self._end(context)
+        ob = bpy.data.objects.get(self._name)
+        try:
+            if ob is None:
+                raise AnyfaceError("mesh", f"{self._name} is gone")
+            return self._finish(ob, self._job.result())
+        except AnyfaceError as error:
+            return self.fail(error)
+
+    def cancel(self, context):
+        """Blender closes or loads another file."""
+        self._job.cancel()
+        self._end(context)
+
+    def _finish(self, ob, found):
+        self.report({"INFO"}, f"Anyface: {keep(ob, found)}")
+        return {"FINISHED"}
+
+    def _end(self, context):
+        context.window_manager.event_timer_remove(self._timer)
+        running.finish()
+        redraw(context)
+
+
+class ANYFACE_OT_reset_landmarks(Operator):
+    """Forget the stored landmarks; the next run finds them"""
+
+    bl_idname = "anyface.reset_landmarks"
+    bl_label = "Reset Landmarks"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        ob = target(context)
+        if ob is None or landmarks.mesh.LANDMARKS_PROPERTY not in ob:
+            cls.poll_message_set("No landmarks are stored on the face")
+            return False
+        return True
+
+    def execute(self, context):
+        """Takes the property away."""
+        ob = target(context)
+        try:
+            landmarks.clear(ob)
+        except (TypeError, RuntimeError) as error:
+            self.report({"ERROR"}, f"Anyface: {error}")
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class ANYFACE_OT_move_landmark(_Searching, Operator):
+    """Put one landmark elsewhere on the face; the others follow"""
+
+    bl_idname = "anyface.move_landmark"
+    bl_label = "Move Landmark"
+    bl_options = {"REGISTER", "UNDO"}
+
+    number: IntProperty(name="Landmark", min=0, max=67)
+    place: FloatVectorProperty(name="Place", description="In the object's space", subtype="XYZ")
+
+    def execute(self, context):
+        """Puts the landmark on the nearest place of the surface and lets the others follow."""
+        ob = target(context)
+        try:
+            drag = landmarks.Drag(ob)
+            drag.hold(self.number)
+            drag.stored.positions[self.number] = drag.surface.nearest(self.place)
+            found = drag.search(_face_of(ob), running.engine()).work(Progress())
+            self.report({"INFO"}, f"Anyface: {keep(ob, found, drag.stored.fixed)}")
+        except AnyfaceError as error:
+            return self.fail(error)
+        return {"FINISHED"}
+
+
+class ANYFACE_OT_edit_landmarks(_Searching, Operator):
+    """Drag landmarks over the face with the left mouse button; Return or Esc ends"""
+
+    bl_idname = "anyface.edit_landmarks"
+    bl_label = "Edit Landmarks"
+    bl_options = {"REGISTER", "UNDO", "BLOCKING"}
+
+    def execute(self, context):
+        """Without a window there is nothing to drag with."""
+        return self.fail("landmarks are dragged in the 3D view; use Move Landmark in scripts")
+
+    def invoke(self, context, event):
+        """Shows the landmarks and waits for the pointer."""
+        if bpy.app.background or context.region_data is None:
+            return self.execute(context)
+        self._ob = target(context)
+        try:
+            self._drag = landmarks.Drag(self._ob)
+        except AnyfaceError as error:
+            return self.fail(error)
+        context.window_manager.anyface_show_landmarks = True
+        context.workspace.status_text_set("Drag landmarks; Return or Esc ends")
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        """One drag is one undo step."""
+        redraw(context)
+        view = _view_under(context, event)
+        if event.type in {"ESC", "RET", "NUMPAD_ENTER"} and event.value == "PRESS":
+            return self._end(context)
+        if self._drag.held is not None and event.type == "MOUSEMOVE":
+            if view is not None:
+                self._move(view)
+            return {"RUNNING_MODAL"}
+        if event.type == "LEFTMOUSE" and event.value == "PRESS" and view is not None:
+            return self._press(view)
+        if event.type == "LEFTMOUSE" and event.value == "RELEASE" and self._drag.held is not None:
+            return self._release(context)
+        return {"PASS_THROUGH"}
+
+    def _press(self, view):
+        region, data, at = view
+        places = on_screen(region, data, self._ob, self._drag.stored.positions)
+        taken = self._drag.hold_near(np.array(at), places, _REACH_PX)
+        return {"RUNNING_MODAL"} if taken else {"PASS_THROUGH"}
+
+    def _move(self, view):
+        region, data, at = view
+        back = self._ob.matrix_world.inverted_safe()
+        origin = view3d_utils.region_2d_to_origin_3d(region, data, at)
+        direction = view3d_utils.region_2d_to_vector_3d(region, data, at)
+        self._drag.move(back @ origin, back.to_3x3() @ direction)
+        shown[self._ob.name] = self._drag.stored.positions
+
+    def _release(self, context):
+        try:
+            search = self._drag.search(_face_of(self._ob), running.engine())
+            keep(self._ob, search.work(Progress()), self._drag.stored.fixed)
+        except AnyfaceError as error:
+            self.fail(error)
+        shown.pop(self._ob.name, None)
+        bpy.ops.ed.undo_push(message="Move Landmark")
+        self._drag = landmarks.Drag(self._ob, self._drag.surface)
+        return {"RUNNING_MODAL"}
+
+    def _end(self, context):
+        shown.clear()
+        context.workspace.status_text_set(None)
+        redraw(context)
+        return {"FINISHED"}
+
+    def cancel(self, context):
+        """Blender closes or loads another file."""
+        shown.clear()
+
+
+# Positions `[68, 3]` by object name that are drawn instead of the stored ones, during a drag.
+shown: dict[str, np.ndarray] = {}
+
+
+def _view_under(context, event):
+    """Region, its view and the pointer in it, or None where the pointer is in no 3D view."""
+    for area in context.window.screen.areas:
+        if area.type != "VIEW_3D":
+            continue
+        for region in area.regions:
+            x, y = event.mouse_x - region.x, event.mouse_y - region.y
+            if region.type == "WINDOW" and 0 <= x < region.width and 0 <= y < region.height:
+                return region, area.spaces.active.region_3d, (x, y)
+    return None
+
+
+def on_screen(region, data, ob, positions: np.ndarray) -> np.ndarray:
+    """Pixels `[68, 2]` of positions in object space; NaN for those behind the viewer."""
+    pixels = np.full((len(positions), 2), np.nan)
+    for number, point in enumerate(positions):
+        at = view3d_utils.location_3d_to_region_2d(region, data, ob.matrix_world @ Vector(point))
+        if at is not None:
+            pixels[number] = at
+    return pixels
+
+
+def segments(positions: np.ndarray) -> list:
+    """Ends of the lines between neighbouring landmarks, `[2 N]` points."""
+    pairs = [(a, b) for chain in landmarks.CHAINS for a, b in itertools.pairwise(chain)]
+    for loop in landmarks.LOOPS:
+        pairs += [(n, n + 1) for n in loop[:-1]] + [(loop[-1], loop[0])]
+    return [positions[n].tolist() for pair in pairs for n in pair]
+
+
+def _draw() -> None:
+    context = bpy.context
+    ob = target(context) if context.window_manager.anyface_show_landmarks else None
+    if ob is None or not ob.visible_get():
+        return
+    try:
+        stored = landmarks.load(ob)
+    except AnyfaceError:
+        return
+    if stored is not None:
+        _paint(ob, shown.get(ob.name, stored.positions), stored.fixed)
+
+
+def _paint(ob, positions: np.ndarray, fixed: set[int]) -> None:
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    loose = [positions[n].tolist() for n in range(landmarks.COUNT) if n not in fixed]
+    held = [positions[n].tolist() for n in sorted(fixed)]
+    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
+    shader.bind()
+    gpu.state.depth_test_set("NONE")
+    with gpu.matrix.push_pop():
+        gpu.matrix.multiply_matrix(ob.matrix_world)
+        layers = (
+            ("LINES", segments(positions), (0.1, 0.8, 1.0, 0.5)),
+            ("POINTS", loose, (0.1, 0.9, 1.0, 1.0)),
+            ("POINTS", held, (1.0, 0.6, 0.1, 1.0)),
+        )
+        gpu.state.blend_set("ALPHA")
+        gpu.state.point_size_set(7.0)
+        for kind, points, colour in layers:
+            if points:
+                shader.uniform_float("color", colour)
+                batch_for_shader(shader, kind, {"pos": points}).draw(shader)
+    gpu.state.blend_set("NONE")
+
+
+def redraw(context) -> None:
+    """Draws every 3D view again."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+def register() -> None:
+    """Adds the drawing and its switch."""
+    global _handle
+    bpy.types.WindowManager.anyface_show_landmarks = BoolProperty(
+        name="Show Landmarks", description="Draw the landmarks of the face in the 3D view"
+    )
+    if not bpy.app.background:
+        _handle = SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW")
+
+
+def unregister() -> None:
+    """Takes them away."""
+    global _handle
+    if _handle is not None:
+        SpaceView3D.draw_handler_remove(_handle, "WINDOW")
+        _handle = None
+    shown.clear()
+    del bpy.types.WindowManager.anyface_show_landmarks
+
+
+CLASSES = (
+    ANYFACE_OT_find_face,
+    ANYFACE_OT_reset_landmarks,
+    ANYFACE_OT_move_landmark,
+    ANYFACE_OT_edit_landmarks,
+)

@@ -1,0 +1,214 @@
+"""Presets of a performance: chosen, saved, loaded and handed on as files.
+
+Shipped ones lie in the extension's folder, the artist's own in the user folder that Blender gives
+the extension; nothing is written anywhere else unless the artist exports it.
+"""
+
+from pathlib import Path
+
+import bpy
+from bpy.props import StringProperty
+from bpy.types import Menu, Operator
+
+from ..core import presets
+from ..core.errors import AnyfaceError
+from .preferences import PACKAGE
+from .target import target
+
+SHIPPED = Path(__file__).resolve().parents[1] / "presets"
+
+
+def own_folder(create: bool = False) -> Path:
+    """The folder of the artist's own presets. Raises `AnyfaceError("file")` where there is none."""
+    try:
+        return Path(bpy.utils.extension_path_user(PACKAGE, path="presets", create=create))
+    except ValueError as error:
+        raise AnyfaceError("file", f"no user folder for presets: {error}") from error
+    except OSError as error:
+        raise AnyfaceError("file", f"the user folder cannot be written: {error}") from error
+
+
+def everyone() -> list[presets.Preset]:
+    """The shipped presets, then the artist's own."""
+    try:
+        own = presets.in_folder(own_folder())
+    except AnyfaceError:
+        own = []
+    return presets.in_folder(SHIPPED) + own
+
+
+def apply(preset: presets.Preset, settings) -> None:
+    """Sets the panel's sliders (`Object.anyface`) to the values of a preset."""
+    for name, value in preset.values.items():
+        setattr(settings, name, value)
+
+
+def of_settings(name: str, settings) -> presets.Preset:
+    """The panel's sliders as a preset."""
+    return presets.Preset(name, {item: getattr(settings, item) for item in presets.NAMES})
+
+
+class _OnFace:
+    """Operators that need a face, and say what went wrong."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        if target(context) is None:
+            cls.poll_message_set("Pick a face mesh")
+            return False
+        return True
+
+    def execute(self, context):
+        """Does the work; errors go to the report."""
+        try:
+            self.report({"INFO"}, f"Anyface: {self.work(target(context).anyface)}")
+        except AnyfaceError as error:
+            self.report({"ERROR"}, f"Anyface: {error}")
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class ANYFACE_OT_preset_apply(_OnFace, Operator):
+    """Set the performance's sliders to this preset"""
+
+    bl_idname = "anyface.preset_apply"
+    bl_label = "Apply Preset"
+
+    path: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
+
+    def work(self, settings):
+        """Reads the file and sets the sliders."""
+        preset = presets.read(self.path)
+        apply(preset, settings)
+        return f"preset {preset.name}"
+
+
+class ANYFACE_OT_preset_save(_OnFace, Operator):
+    """Keep the performance's sliders as a preset of your own"""
+
+    bl_idname = "anyface.preset_save"
+    bl_label = "Save Preset"
+
+    name: StringProperty(name="Name", default="My Performance")
+
+    def invoke(self, context, event):
+        """Asks for the name."""
+        return context.window_manager.invoke_props_dialog(self)
+
+    def work(self, settings):
+        """Writes it into the user folder."""
+        path = own_folder(create=True) / presets.file_name(self.name)
+        presets.write(of_settings(self.name, settings), path)
+        return f"preset {self.name} saved"
+
+
+class ANYFACE_OT_preset_delete(_OnFace, Operator):
+    """Delete a preset of your own"""
+
+    bl_idname = "anyface.preset_delete"
+    bl_label = "Delete Preset"
+
+    name: StringProperty(name="Name", options={"SKIP_SAVE"})
+
+    def work(self, settings):
+        """Deletes its file; shipped presets stay."""
+        own = {preset.name: preset for preset in presets.in_folder(own_folder())}
+        if self.name not in own:
+            known = ", ".join(own) or "none"
+            raise AnyfaceError(
+                "input", f"preset: expected one of your own ({known}), got {self.name!r}"
+            )
+        own[self.name].path.unlink(missing_ok=True)
+        return f"preset {self.name} deleted"
+
+
+class _WithFile(_OnFace):
+    """Operators that ask for a file."""
+
+    def invoke(self, context, event):
+        """Opens the file browser."""
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+
+class ANYFACE_OT_preset_import(_WithFile, Operator):
+    """Take a preset's file into your presets and apply it"""
+
+    bl_idname = "anyface.preset_import"
+    bl_label = "Import Preset"
+
+    filepath: StringProperty(subtype="FILE_PATH")
+    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+
+    def work(self, settings):
+        """Checks the file, keeps a copy of it, applies it."""
+        preset = presets.read(bpy.path.abspath(self.filepath))
+        presets.write(preset, own_folder(create=True) / presets.file_name(preset.name))
+        apply(preset, settings)
+        return f"preset {preset.name} imported"
+
+
+class ANYFACE_OT_preset_export(_WithFile, Operator):
+    """Write the performance's sliders to a file for others"""
+
+    bl_idname = "anyface.preset_export"
+    bl_label = "Export Preset"
+
+    filepath: StringProperty(subtype="FILE_PATH", default="performance.json")
+    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+
+    def work(self, settings):
+        """Writes the file."""
+        path = Path(bpy.path.abspath(self.filepath)).with_suffix(presets.SUFFIX)
+        presets.write(of_settings(path.stem, settings), path)
+        return f"written {path}"
+
+
+class ANYFACE_MT_presets(Menu):
+    """Presets of a performance"""
+
+    bl_idname = "ANYFACE_MT_presets"
+    bl_label = "Presets"
+
+    def draw(self, context):
+        """Draws all presets, then what can be done with them."""
+        for preset in everyone():
+            entry = self.layout.operator("anyface.preset_apply", text=preset.name)
+            entry.path = str(preset.path)
+        self.layout.separator()
+        self.layout.operator("anyface.preset_save", text="Save…", icon="ADD")
+        self.layout.operator("anyface.preset_import", text="Import…", icon="IMPORT")
+        self.layout.operator("anyface.preset_export", text="Export…", icon="EXPORT")
+        self.layout.menu("ANYFACE_MT_preset_delete")
+
+
+class ANYFACE_MT_preset_delete(Menu):
+    """Delete a preset of your own"""
+
+    bl_idname = "ANYFACE_MT_preset_delete"
+    bl_label = "Delete"
+
+    def draw(self, context):
+        """Draws the artist's own presets."""
+        try:
+            own = presets.in_folder(own_folder())
+        except AnyfaceError:
+            own = []
+        for preset in own:
+            entry = self.layout.operator("anyface.preset_delete", text=preset.name, icon="TRASH")
+            entry.name = preset.name
+        if not own:
+            self.layout.label(text="No presets of your own")
+
+
+CLASSES = (
+    ANYFACE_OT_preset_apply,
+    ANYFACE_OT_preset_save,
+    ANYFACE_OT_preset_delete,
+    ANYFACE_OT_preset_import,
+    ANYFACE_OT_preset_export,
+    ANYFACE_MT_preset_delete,
+    ANYFACE_MT_presets,
+)

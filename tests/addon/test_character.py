@@ -1,0 +1,240 @@
+"""Character: finding, storing and dragging landmarks; objects beside the face."""
+
+import json
+
+import bpy
+import numpy as np
+import pytest
+
+from figures import Stage, everything, grid, own_keys, shape, tone
+
+
+@pytest.fixture
+def stage(addon):
+    """A stage in the engine's place."""
+    stage = Stage(addon("core.take"))
+    addon("ui.running")._engine = stage
+    return stage
+
+
+def points_of(ob):
+    return np.array([vertex.co for vertex in ob.data.vertices])
+
+
+def speaking(ob, tmp_path):
+    bpy.context.scene.render.fps = 24
+    ob.anyface.source, ob.anyface.sound_file = "FILE", tone(tmp_path / "a.wav")
+    return ob
+
+
+def test_find_face_stores_the_landmarks_and_says_so(stage, addon):
+    ob = grid()
+    ob.location.x = 2.0
+    bpy.context.view_layer.update()
+    assert bpy.ops.anyface.find_face() == {"FINISHED"}
+    stored = addon("scene.landmarks").load(ob)
+    assert np.abs(stored.positions - points_of(ob)[:68]).max() < 1e-6
+    text, icon = addon("ui.character").status(ob)
+    assert (text, icon) == ("face found, 68 landmarks, 97 %; lips: slit", "CHECKMARK")
+
+
+def test_an_unsure_face_asks_for_a_look(stage, addon):
+    ob = grid()
+    bpy.ops.anyface.find_face()
+    document = json.loads(ob["anyface_landmarks"])
+    for row in document["landmarks"]:
+        row["confidence"] = 0.2
+    ob["anyface_landmarks"] = json.dumps(document)
+    text, icon = addon("ui.character").status(ob)
+    assert "20 %" in text and "have a look" in text and icon == "ERROR"
+
+
+def test_stored_landmarks_reach_the_library(stage, tmp_path):
+    ob = speaking(grid(), tmp_path)
+    bpy.ops.anyface.find_face()
+    bpy.ops.anyface.generate()
+    assert np.abs(stage.calls[0][2] - points_of(ob)[:68]).max() < 1e-6
+
+
+def test_finding_again_starts_from_nothing(stage):
+    grid()
+    bpy.ops.anyface.find_face()
+    bpy.ops.anyface.find_face()
+    assert stage.searches[1][1] is None and stage.searches[1][2] is None
+
+
+def test_reset_forgets_the_landmarks(stage):
+    ob = grid()
+    assert not bpy.ops.anyface.reset_landmarks.poll()
+    bpy.ops.anyface.find_face()
+    assert bpy.ops.anyface.reset_landmarks() == {"FINISHED"}
+    assert "anyface_landmarks" not in ob
+
+
+def test_a_ray_drags_a_landmark_over_the_surface_and_the_others_follow(stage, addon):
+    ob = grid()
+    bpy.ops.anyface.find_face()
+    landmarks = addon("scene.landmarks")
+    drag = landmarks.Drag(ob)
+    drag.hold(30)
+    before = drag.stored.positions.copy()
+    assert drag.move((0.03, -1.0, 0.04), (0.0, 1.0, 0.0))
+    assert drag.stored.positions[30] == pytest.approx((0.03, 0.0, 0.04), abs=1e-6)
+    assert not drag.move((5.0, -1.0, 0.0), (0.0, 1.0, 0.0))
+    face = addon("scene.mesh").read_face(ob)
+    found = drag.search(face, stage).work(addon("core.job").Progress())
+    addon("ui.landmarks").keep(ob, found, drag.stored.fixed)
+    stored = landmarks.load(ob)
+    assert stored.positions[30] == pytest.approx((0.03, 0.0, 0.04), abs=1e-6)
+    half = (np.array((0.03, 0.0, 0.04)) - before[30]) / 2
+    assert stored.positions[31] == pytest.approx(before[31] + half, abs=1e-6)
+    assert stored.positions[40] == pytest.approx(before[40], abs=1e-6)
+    assert stored.fixed == {30} and "1 put by hand" in landmarks.describe(stored)
+
+
+def test_landmarks_that_were_put_stay_when_others_are_dragged(stage, addon):
+    ob = grid()
+    bpy.ops.anyface.find_face()
+    assert bpy.ops.anyface.move_landmark(number=8, place=(0.01, 0.5, 0.02)) == {"FINISHED"}
+    assert bpy.ops.anyface.move_landmark(number=9, place=(0.05, 0.0, 0.02)) == {"FINISHED"}
+    stored = addon("scene.landmarks").load(ob)
+    assert stored.positions[8] == pytest.approx((0.01, 0.0, 0.02), abs=1e-6)
+    assert stored.positions[9] == pytest.approx((0.05, 0.0, 0.02), abs=1e-6)
+    assert stored.fixed == {8, 9} and set(stage.searches[-1][3]) == {8, 9}
+
+
+def test_the_pointer_takes_the_nearest_landmark_within_reach(stage, addon):
+    ob = grid()
+    bpy.ops.anyface.find_face()
+    drag = addon("scene.landmarks").Drag(ob)
+    pixels = np.column_stack([np.arange(68) * 20.0, np.zeros(68)])
+    pixels[3] = np.nan
+    assert drag.hold_near(np.array((101.0, 5.0)), pixels, 14.0) and drag.held == 5
+    assert not drag.hold_near(np.array((60.0, 0.0)), pixels, 14.0) and drag.held is None
+
+
+def test_dragging_needs_a_face(stage, addon):
+    ob = grid()
+    with pytest.raises(addon("core.errors").AnyfaceError, match="find the face first"):
+        addon("scene.landmarks").Drag(ob)
+    with pytest.raises(RuntimeError, match="3D view"):
+        bpy.ops.anyface.edit_landmarks()
+
+
+def with_teeth(ob, scale=0.1):
+    """Lower teeth beside the face, turned and scaled, as an object of their own."""
+    teeth = grid("Teeth_low", side=5, scale=scale)
+    teeth.location, teeth.rotation_euler.z, teeth.scale = (0.0, 0.02, -0.03), 0.5, (2.0, 2.0, 2.0)
+    bpy.context.view_layer.objects.active = ob
+    bpy.context.view_layer.update()
+    return teeth
+
+
+def test_parts_beside_the_face_are_found_with_the_role_of_their_name(stage):
+    ob = grid()
+    with_teeth(ob)
+    far = grid("Lamp")
+    far.location.x = 5.0
+    bpy.context.view_layer.objects.active = ob
+    bpy.context.view_layer.update()
+    assert bpy.ops.anyface.find_parts() == {"FINISHED"}
+    assert [(part.object.name, part.role) for part in ob.anyface_face.parts] == [
+        ("Teeth_low", "jaw")
+    ]
+    bpy.ops.anyface.find_parts()
+    assert len(ob.anyface_face.parts) == 1
+    assert bpy.ops.anyface.drop_part() == {"FINISHED"}
+    assert len(ob.anyface_face.parts) == 0
+
+
+def test_parts_move_with_the_face_in_one_run(stage, addon, tmp_path):
+    ob = speaking(grid(), tmp_path)
+    teeth = with_teeth(ob)
+    bpy.ops.anyface.find_parts()
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert len(stage.calls) == 1
+    positions, _, _, _, _, performance = stage.calls[0]
+    world = [teeth.matrix_world @ vertex.co for vertex in teeth.data.vertices]
+    assert np.abs(positions[144:] - np.array(world)).max() < 1e-6
+    assert performance.roles.object_roles == [-1, 1]
+    assert list(performance.roles.object_of_vertex) == [0] * 144 + [1] * 25
+    from figures import motion
+
+    moved = motion(48, 169, size=stage.size)
+    turned = (shape(teeth, 11) - shape(teeth, -30)) @ np.array(teeth.matrix_world)[:3, :3].T
+    assert np.abs(turned - moved[10, 144:]).max() < 3e-5
+    assert np.abs(shape(ob, 11) - shape(ob, -30) - moved[10, :144]).max() < 3e-5
+
+
+def test_every_part_is_removed_exactly_also_a_renamed_one(stage, tmp_path):
+    ob = speaking(grid(), tmp_path)
+    teeth = with_teeth(ob)
+    own_keys(teeth, "Broken")
+    bpy.ops.anyface.find_parts()
+    before = everything()
+    bpy.ops.anyface.generate()
+    assert "Anyface.001" in teeth.data.shape_keys.key_blocks
+    teeth.name = "Renamed"
+    bpy.context.scene.frame_set(1)
+    assert bpy.ops.anyface.remove() == {"FINISHED"}
+    teeth.name = "Teeth_low"
+    assert everything() == before
+
+
+def test_a_part_that_cannot_be_keyed_stops_everything_before_writing(stage, tmp_path):
+    ob = speaking(grid(), tmp_path)
+    teeth = with_teeth(ob)
+    own_keys(teeth, "Broken")
+    bpy.ops.anyface.find_parts()
+    ob.anyface.mode = "frames"
+    before = everything()
+    with pytest.raises(RuntimeError, match="Teeth_low has 2 shape keys"):
+        bpy.ops.anyface.generate()
+    assert everything() == before
+
+
+def test_parts_that_rest_get_no_keys(stage, addon):
+    take, pieces = addon("core.take"), addon("scene.pieces")
+    vectors = np.zeros((1, 6, 3), dtype=np.float32)
+    vectors[0, :4, 2] = 0.01
+    made = take.Take(24.0, 5.0, basis=take.Basis(vectors, np.ones((3, 1)), 0.0))
+    parts = [take.Piece("Head", 0, 4, np.eye(4)), take.Piece("Eye", 4, 2, np.eye(4))]
+    face, eye = pieces.split(made, parts)
+    assert face[1].largest_mm == pytest.approx(5.0) and eye[1] is None
+
+
+def test_deleted_parts_are_left_out(stage, tmp_path):
+    ob = speaking(grid(), tmp_path)
+    teeth = with_teeth(ob)
+    bpy.ops.anyface.find_parts()
+    bpy.data.objects.remove(teeth)
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert len(stage.calls[0][0]) == 144
+
+
+def test_loose_parts_are_listed_and_their_role_can_be_overridden(stage, addon, tmp_path):
+    ob = speaking(grid(), tmp_path)
+    bpy.ops.anyface.find_face()
+    rows = ob.anyface_face.loose
+    assert [(row.number, row.vertices, row.found) for row in rows] == [(0, 144, "skin")]
+    rows[0].role = "still"
+    bpy.ops.anyface.find_face()
+    assert ob.anyface_face.loose[0].role == "still"
+    bpy.ops.anyface.generate()
+    roles = stage.calls[0][5].roles
+    assert (roles.numbers, roles.number_roles) == ([0], [6])
+
+
+@pytest.mark.parametrize(
+    ("name", "role"),
+    [
+        ("Teeth_Lower", "jaw"),
+        ("teeth_upper", "skull"),
+        ("Tongue", "jaw"),
+        ("Eyelashes.L", "nearest"),
+        ("Eye.R", "gaze"),
+        ("Teeth", ""),
+    ],
+)
+def test_names_tell_roles(addon, name, role):
+    assert addon("scene.pieces").role_of_name(name) == role
