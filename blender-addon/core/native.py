@@ -25,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import sweep
+from . import sweep, verdict
 from .errors import AnyfaceError, Cancelled
 from .job import Progress
 from .take import EMOTION_SOURCES, MOUTHS, Animation, Basis, Found, PartRoles, Performance, Sound
@@ -252,6 +252,7 @@ class Engine:
             mm_per_unit = 1000.0 * self._metres_per_unit(motion, clip)
             largest = self._library.anyface_clip_largest_displacement(clip)
             animation = Animation(largest * mm_per_unit)
+            animation.speech_mm = verdict.speech_mm(self._displacements(motion))
             shape = (frames, len(positions), 3)
             if performance.mode == "basis":
                 limit = performance.error_mm / mm_per_unit

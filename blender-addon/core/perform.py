@@ -23,6 +23,7 @@ def perform(
     # Category 0 is neutral.
     intensity = max((sum(row[1:]) for _, row in performance.emotion), default=0.0)
     verdict.check_moved(animation.largest_mm, sound, intensity)
+    verdict.check_spoken(animation.speech_mm, sound, _articulation(performance))
     progress.check("write")
     take = Take(performance.fps, animation.largest_mm)
     if animation.basis is None:
@@ -31,6 +32,12 @@ def perform(
     take.basis = animation.basis
     take.basis.vectors = found.to_object(take.basis.vectors)
     return take
+
+
+def _articulation(performance: Performance) -> float:
+    """The articulation, the mean one where it changes."""
+    curve = performance.control_keys.get("articulation")
+    return float(curve[1].mean()) if curve is not None else performance.controls.articulation
 
 
 def _animate_any(face, sound, performance, animate, progress):

@@ -155,12 +155,14 @@ class Animation:
     """What the library returns for one mesh, in the frame in which it was given.
 
     `basis` or `displacements` `[T, V, 3]` float32, as was asked. `largest_mm` is the largest
-    displacement of any vertex in any frame, on a head of human size.
+    displacement of any vertex in any frame, on a head of human size, blinks included; `speech_mm`
+    how far the lips get from where they mostly are, None where that was not looked at.
     """
 
     largest_mm: float
     basis: Basis | None = None
     displacements: np.ndarray | None = None
+    speech_mm: float | None = None
 
 
 @dataclass

@@ -139,6 +139,70 @@ def test_suzanne_speaks_with_given_landmarks(voice):
     assert np.linalg.norm(moved - rest, axis=1).max() > 0.01
 
 
+def test_blinks_under_noise_are_no_speech(tmp_path):
+    noise = np.random.default_rng(0).normal(size=48000) * 0.03
+    path = tmp_path / "hiss.wav"
+    write_wav(path, noise, 16000)
+    ob = ready(import_head(), str(path))
+    before = everything()
+    with pytest.raises(RuntimeError, match=r"nothing moved but lids and brows.*hiss\.wav"):
+        bpy.ops.anyface.generate()
+    assert ob.anyface.report_is_error and everything() == before
+    ob.anyface.articulation = 0.0
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+
+
+def test_find_face_says_what_it_found(addon):
+    ob = import_head()
+    assert bpy.ops.anyface.find_face() == {"FINISHED"}
+    text, icon = addon("ui.character").status(ob)
+    assert text.startswith("face found, 68 landmarks, ") and "lips: " in text
+    assert icon == "CHECKMARK"
+    found = addon("scene.landmarks").load(ob).positions
+    truth = np.array([row["position"] for row in LANDMARKS])
+    assert np.linalg.norm(found - truth, axis=1).mean() < 0.005
+    roles = {row.found for row in ob.anyface_face.loose}
+    assert "skin" in roles
+
+
+def test_a_dragged_landmark_stays_and_its_neighbours_follow(addon):
+    ob = import_head()
+    bpy.ops.anyface.find_face()
+    landmarks = addon("scene.landmarks")
+    before = landmarks.load(ob).positions
+    target = before[48] + (before[48] - before[54]) * 0.2
+    bpy.ops.anyface.move_landmark(number=48, place=target)
+    after = landmarks.load(ob)
+    assert after.fixed == {48}
+    goal = landmarks.Surface(ob).nearest(target)
+    assert np.linalg.norm(after.positions[48] - goal) < 1e-3
+    away = np.linalg.norm(after.positions - before, axis=1)
+    assert away[60] > 0.2 * away[48] and away[48] > 0.005
+    assert away[17] < 0.5 * away[60]
+
+
+def test_a_keyed_slider_changes_the_motion_over_time(voice):
+    path, samples, rate = voice
+    ob = ready(import_head(), path)
+    bpy.ops.anyface.generate()
+    frames = [1 + SILENCE_S * 24 + n for n in range(int((len(samples) / rate - 1.4) * 24))]
+    corner = [LANDMARKS[n]["vertex"] for n in (57, 66)]
+
+    def moved():
+        rest = shape(ob, -20)[corner]
+        return np.array([np.linalg.norm(shape(ob, f)[corner] - rest, axis=1).max() for f in frames])
+
+    plain = moved()
+    for frame, value in ((1, 0.0), (frames[-1], 1.0)):
+        ob.anyface.articulation = value
+        ob.keyframe_insert("anyface.articulation", frame=frame)
+    bpy.ops.anyface.generate()
+    keyed = moved()
+    half = len(frames) // 2
+    assert keyed[:half].max() < 0.6 * plain[:half].max()
+    assert np.abs(keyed[-3:] - plain[-3:]).max() < 0.002
+
+
 def test_a_cube_has_no_face(voice):
     bpy.ops.mesh.primitive_cube_add()
     ob = ready(bpy.context.object, voice[0])

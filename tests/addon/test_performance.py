@@ -1,0 +1,190 @@
+"""Sliders that change over time, and presets."""
+
+import json
+
+import bpy
+import numpy as np
+import pytest
+
+from figures import Stage, grid, tone
+
+
+@pytest.fixture
+def stage(addon):
+    """A stage in the engine's place."""
+    stage = Stage(addon("core.take"))
+    addon("ui.running")._engine = stage
+    return stage
+
+
+@pytest.fixture
+def face(tmp_path):
+    """A face with two seconds of sound from frame 1 on, 24 frames a second."""
+    bpy.context.scene.render.fps = 24
+    ob = grid()
+    ob.anyface.source, ob.anyface.sound_file = "FILE", tone(tmp_path / "a.wav")
+    return ob
+
+
+def drive(ob, name, expression):
+    """A driver on a slider."""
+    driver = ob.driver_add(f"anyface.{name}").driver
+    driver.expression = expression
+
+
+def asked(stage):
+    """The performance that the library was asked for."""
+    return stage.calls[-1][5]
+
+
+@pytest.mark.parametrize("name", ["articulation", "jaw_lips", "upper_face", "asymmetry"])
+def test_keyframes_on_sliders_become_curves(stage, face, name):
+    for frame, value in ((1, 0.0), (49, 1.0)):
+        setattr(face.anyface, name, value)
+        face.keyframe_insert(f"anyface.{name}", frame=frame)
+    bpy.ops.anyface.generate()
+    times, values = asked(stage).control_keys[name]
+    assert np.interp([0.0, 2.0], times, values) == pytest.approx([0.0, 1.0], abs=1e-3)
+    assert np.interp(1.0, times, values) == pytest.approx(0.5, abs=0.01)
+
+
+def test_drivers_on_sliders_become_curves(stage, face):
+    drive(face, "articulation", "frame / 49")
+    drive(face, "intensity", "0.5 + frame / 98")
+    bpy.context.scene.frame_set(7)
+    bpy.ops.anyface.generate()
+    assert bpy.context.scene.frame_current == 7
+    times, values = asked(stage).control_keys["articulation"]
+    assert np.interp([0.0, 1.9], times, values) == pytest.approx([1 / 49, 46.6 / 49], abs=0.01)
+    emotion = asked(stage).emotion
+    assert len(emotion) > 10 and emotion[0][1][0] == pytest.approx(0.51, abs=0.01)
+
+
+def test_nla_strips_on_sliders_become_curves(stage, face):
+    for frame, value in ((1, 0.0), (49, 1.0)):
+        face.anyface.brow_accents = value
+        face.keyframe_insert("anyface.brow_accents", frame=frame)
+    animation = face.animation_data
+    animation.nla_tracks.new().strips.new("Curve", 1, animation.action)
+    animation.action = None
+    bpy.ops.anyface.generate()
+    times, values = asked(stage).control_keys["brow_accents"]
+    assert np.interp([0.0, 1.0], times, values) == pytest.approx([0.0, 0.5], abs=0.02)
+
+
+def test_sliders_that_stand_still_are_no_curves(stage, face):
+    face.anyface.articulation = 0.7
+    bpy.ops.anyface.generate()
+    assert asked(stage).control_keys == {}
+    assert asked(stage).controls.articulation == pytest.approx(0.7)
+
+
+def test_sliders_of_a_whole_take_cannot_be_keyed(face):
+    for name in ("smoothing_s", "blinks_per_minute", "seed", "mode"):
+        with pytest.raises(TypeError, match="not animatable"):
+            face.keyframe_insert(f"anyface.{name}", frame=1)
+
+
+def test_a_curve_mixes_the_motions_of_its_values_frame_by_frame(addon):
+    sweep, take = addon("core.sweep"), addon("core.take")
+
+    def sample(controls):
+        return np.full((5, 68, 3), controls.articulation**2) + controls.asymmetry
+
+    times = np.array([0.0, 1.0])
+    keys = {"articulation": (times, np.array([0.0, 2.0])), "asymmetry": (times, np.array([0, 1.0]))}
+    start = take.Controls()
+    moved = sweep.over_time(sample(start), 4.0, start, keys, sample)
+    assert moved[[0, 2, 4], 0, 0] == pytest.approx([0.0, 1.5, 5.0])
+
+
+def test_closed_lips_stay_closed_under_a_curve(addon):
+    sweep, take = addon("core.sweep"), addon("core.take")
+
+    def sample(controls):
+        moved = np.zeros((3, 68, 3))
+        moved[:, [62, 66], 1] = controls.articulation
+        return moved
+
+    keys = {"articulation": (np.array([0.0, 1.0]), np.array([0.2, 1.7]))}
+    start = take.Controls()
+    moved = sweep.over_time(sample(start), 2.0, start, keys, sample)
+    assert np.abs(moved[:, 62] - moved[:, 66]).max() == 0.0
+    assert moved[2, 62, 1] == pytest.approx(1.7)
+
+
+def values_of(ob, addon):
+    names = addon("core.presets").NAMES
+    return {name: getattr(ob.anyface, name) for name in names}
+
+
+def test_a_saved_preset_comes_back(stage, face, addon, installed):
+    face.anyface.articulation, face.anyface.emotion = 1.3, "sad"
+    before = values_of(face, addon)
+    assert bpy.ops.anyface.preset_save(name="Weinerlich / Test") == {"FINISHED"}
+    folder = addon("ui.presets").own_folder()
+    path = folder / "weinerlich_test.json"
+    assert path.is_file() and installed not in path.parents
+    face.anyface.articulation, face.anyface.emotion = 0.1, "happy"
+    assert bpy.ops.anyface.preset_apply(path=str(path)) == {"FINISHED"}
+    assert values_of(face, addon) == pytest.approx(before)
+    assert "Weinerlich / Test" in [preset.name for preset in addon("ui.presets").everyone()]
+    assert bpy.ops.anyface.preset_delete(name="Weinerlich / Test") == {"FINISHED"}
+    assert not path.exists()
+
+
+def test_presets_are_handed_on_as_files(stage, face, addon, tmp_path):
+    face.anyface.upper_face = 1.75
+    assert bpy.ops.anyface.preset_export(filepath=str(tmp_path / "mine")) == {"FINISHED"}
+    face.anyface.upper_face = 0.0
+    assert bpy.ops.anyface.preset_import(filepath=str(tmp_path / "mine.json")) == {"FINISHED"}
+    assert face.anyface.upper_face == 1.75
+    (addon("ui.presets").own_folder() / "mine.json").unlink()
+
+
+def test_shipped_presets_are_good_and_stay(stage, face, addon, installed):
+    presets = addon("core.presets")
+    shipped = sorted((installed / "presets").glob("*.json"))
+    names = [presets.read(path).name for path in shipped]
+    assert 4 <= len(names) <= 8 and len(set(names)) == len(names)
+    for path in shipped:
+        assert bpy.ops.anyface.preset_apply(path=str(path)) == {"FINISHED"}
+        assert bpy.ops.anyface.generate() == {"FINISHED"}
+    with pytest.raises(RuntimeError, match="one of your own"):
+        bpy.ops.anyface.preset_delete(name=names[0])
+
+
+def test_the_natural_preset_is_the_default(face, addon, installed):
+    defaults = values_of(face, addon)
+    face.anyface.articulation, face.anyface.blinks_per_minute = 0.3, 50.0
+    bpy.ops.anyface.preset_apply(path=str(installed / "presets" / "natural.json"))
+    assert values_of(face, addon) == pytest.approx(defaults)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "not JSON"),
+        ("[]", "expected an Anyface preset"),
+        ('{"anyface_preset": 9}', "of version 1"),
+        ('{"anyface_preset": 1, "values": {"articulation": 3}}', "expected 0 to 2, got 3"),
+        ('{"anyface_preset": 1, "values": {"articulation": NaN}}', "got nan"),
+        ('{"anyface_preset": 1, "values": {"emotion": "merry"}}', "got 'merry'"),
+        ('{"anyface_preset": 1, "values": {"sound_file": "x"}}', "got 'sound_file'"),
+    ],
+)
+def test_files_that_are_no_presets_are_refused_in_words(face, addon, tmp_path, text, message):
+    path = tmp_path / "other.json"
+    path.write_text(text)
+    before = values_of(face, addon)
+    with pytest.raises(RuntimeError, match="other.json.*" + message):
+        bpy.ops.anyface.preset_import(filepath=str(path))
+    assert values_of(face, addon) == before
+    assert "other" not in json.dumps([p.name for p in addon("ui.presets").everyone()])
+
+
+def test_preset_ranges_are_those_of_the_sliders(face, addon):
+    sliders = face.anyface.bl_rna.properties
+    for name, (low, high) in addon("core.presets").NUMBERS.items():
+        found = sliders[name].hard_min, sliders[name].hard_max
+        assert found == pytest.approx((low, high)), name
