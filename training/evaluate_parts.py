@@ -21,7 +21,7 @@ import numpy as np
 from safetensors import safe_open
 
 from training.corpus.expressions import evaluation_frames, load_speech
-from training.corpus.faces import CHANNELS, _ict_channel
+from training.corpus.faces import CHANNELS, channel_of_ict
 
 GAZE = [i for i, c in enumerate(CHANNELS) if c.startswith("eyeLook")]
 """Channels that turn the eyes: landmarks say nothing of an eyeball's turning."""
@@ -56,7 +56,7 @@ def load_head(data: Path) -> Head:
         regions = {n: np.arange(a, b + 1) for n, a, b in json.loads(metadata["regions"])}
         neutral = f.get_tensor("neutral").astype(np.float64)
         expression = f.get_tensor("expression").astype(np.float64)
-        modes = np.stack([_ict_channel(expression, names, c) for c in CHANNELS])
+        modes = np.stack([channel_of_ict(expression, names, c) for c in CHANNELS])
         triangles = f.get_tensor("triangles")
         landmarks = f.get_tensor("landmarks68").astype(np.int64)
         identity = f.get_tensor("identity").astype(np.float64)
