@@ -12,6 +12,7 @@ from .ui import (
     command,
     generate,
     landmarks,
+    outputs,
     panel,
     performance,
     preferences,
@@ -19,6 +20,8 @@ from .ui import (
     properties,
     remove,
     running,
+    scene_list,
+    takes,
 )
 
 _CLASSES = (
@@ -31,12 +34,16 @@ _CLASSES = (
     *audio.CLASSES,
     *presets.CLASSES,
     *performance.CLASSES,
+    *outputs.CLASSES,
+    *takes.CLASSES,
+    *scene_list.CLASSES,
 )
 
 
 def register():
     """Blender enables the add-on."""
     properties.register()
+    scene_list.register()
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
     landmarks.register()
@@ -51,4 +58,5 @@ def unregister():
     landmarks.unregister()
     for cls in reversed(_CLASSES):
         bpy.utils.unregister_class(cls)
+    scene_list.unregister()
     properties.unregister()

@@ -240,6 +240,10 @@ typedef struct AnyfaceRig AnyfaceRig;
 /// one thread at a time.
 typedef struct AnyfaceStream AnyfaceStream;
 
+/// Weights of `S` shapes in `T` frames, 0 to 1. Never changes after it was made: any number of
+/// threads may use it at the same time.
+typedef struct AnyfaceWeights AnyfaceWeights;
+
 /// Receives progress; any result but 0 asks the job to stop.
 ///
 /// `stage`: "speech", "motion", "landmarks", "operators", "weights", "deform", "compress" or another;
@@ -901,6 +905,52 @@ AnyfaceStatus anyface_rig_copy_shape(const AnyfaceRig *rig,
 
 /// Frees a rig that no running call uses, with everything it lent; nothing happens for NULL.
 void anyface_rig_free(AnyfaceRig *rig);
+
+/// Finds the weights with which shapes come nearest to a motion: bounded least squares, smooth over
+/// time, left and right alike where they cannot be told apart. Accepts a progress handle.
+///
+/// `names`: `[shape_count]`, UTF-8; "…Left" and "…Right" are taken as a pair. `shapes`:
+/// `[shape_count, vertex_count, 3]`, displacements at weight 1. `displacements`:
+/// `[frame_count, vertex_count, 3]` in the same units, without motion of the whole head. All are
+/// copied. `progress` may be NULL. Free with `anyface_weights_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not finite or shapes of which none
+/// moves, `ANYFACE_STATUS_CANCELLED`.
+AnyfaceStatus anyface_weights_new(const char *const *names,
+                                  const float *shapes,
+                                  size_t shape_count,
+                                  const float *displacements,
+                                  size_t frame_count,
+                                  size_t vertex_count,
+                                  const AnyfaceProgress *progress,
+                                  AnyfaceWeights **out,
+                                  AnyfaceError **error);
+
+/// Copies the weights into the caller's buffer.
+///
+/// `buffer`: `[T, S]`, 0 to 1; `float_count` must be `T * S`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+AnyfaceStatus anyface_weights_copy(const AnyfaceWeights *weights,
+                                   float *buffer,
+                                   size_t float_count,
+                                   AnyfaceError **error);
+
+/// Share of the motion that the shapes leave out, root mean square over vertices and frames: 0 where
+/// they show all of it, 1 where they show none. 0 for NULL and for a motion that does not move.
+float anyface_weights_left_out(const AnyfaceWeights *weights);
+
+/// Writes the weights as a file whose kind follows from the end of its name.
+///
+/// .csv as Live Link Face writes it: the 52 ARKit shapes, those that are not among the names with 0;
+/// `fps` must be at least 1. .json: `fps`, `names` `[S]`, `weights` `[T][S]`. `path`: UTF-8.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or frame rate, `ANYFACE_STATUS_IO`
+/// if the file cannot be written; then nothing is left of it.
+AnyfaceStatus anyface_weights_write(const AnyfaceWeights *weights,
+                                    const char *path,
+                                    double fps,
+                                    AnyfaceError **error);
+
+/// Frees weights that no running call uses; nothing happens for NULL.
+void anyface_weights_free(AnyfaceWeights *weights);
 
 /// Starts a performance with a neutral face.
 ///

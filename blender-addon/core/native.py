@@ -28,6 +28,8 @@ import numpy as np
 from . import sweep, verdict
 from .errors import AnyfaceError, Cancelled
 from .job import Progress
+from .native_shapes import SIGNATURES as SHAPE_SIGNATURES
+from .native_shapes import ShapeCalls
 from .take import EMOTION_SOURCES, MOUTHS, Animation, Basis, Found, PartRoles, Performance, Sound
 
 ABI_VERSION = 1
@@ -168,6 +170,11 @@ SIGNATURES = {
     "anyface_progress_read": (c_int32, [_HANDLE, POINTER(c_char_p), _FLOATS]),
     "anyface_progress_cancel": (None, [_HANDLE]),
     "anyface_progress_free": (None, [_HANDLE]),
+    "anyface_rig_new": (
+        c_int32,
+        [_HANDLE, _HANDLE, POINTER(FaceOptions), _HANDLE, _OUT, _OUT],
+    ),
+    **SHAPE_SIGNATURES,
 }
 
 
@@ -194,7 +201,7 @@ def load(path: Path) -> ctypes.CDLL:
     return library
 
 
-class Engine:
+class Engine(ShapeCalls):
     """Loaded weights; any number of threads may use one engine."""
 
     def __init__(self, threads: int = 0, path: Path | None = None):
@@ -428,6 +435,14 @@ class Engine:
         error = c_void_p()
         call = getattr(self._library, function)
         self._check(call(handle, _floats(array), array.size, byref(error)), error)
+
+    def _call(self, function: str, *arguments) -> None:
+        error = c_void_p()
+        status = getattr(self._library, function)(*arguments, byref(error))
+        self._check(status, error)
+
+    def _watch(self, progress: Progress) -> "_Watch":
+        return _Watch(self._library, progress)
 
     def _check(self, status: int, error: c_void_p | None) -> None:
         if status == 0:

@@ -25,7 +25,7 @@ def perform(
     verdict.check_moved(animation.largest_mm, sound, intensity)
     verdict.check_spoken(animation.speech_mm, sound, _articulation(performance))
     progress.check("write")
-    take = Take(performance.fps, animation.largest_mm)
+    take = Take(performance.fps, animation.largest_mm, space=found)
     if animation.basis is None:
         take.frames = found.to_object(animation.displacements)
         return take

@@ -4,6 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .space import FaceSpace
+
 
 @dataclass
 class Controls:
@@ -169,16 +171,76 @@ class Animation:
 class Take:
     """A finished performance in object space, ready to be written.
 
-    Either `basis` or `frames` (`[T, V, 3]`, object units) is set. `largest_mm` is the largest
-    displacement of any vertex.
+    One of `basis`, `frames` (`[T, V, 3]`, object units), `key_motion` and `files` is set.
+    `largest_mm` is the largest displacement of any vertex. `space` is the frame in which the face
+    was found.
     """
 
     fps: float
     largest_mm: float
     basis: Basis | None = None
     frames: np.ndarray | None = None
+    key_motion: "KeyMotion | None" = None
+    files: "list[WrittenFile]" = field(default_factory=list)
+    space: FaceSpace | None = None
 
     @property
     def frame_count(self) -> int:
         """The number of frames `T`."""
-        return len(self.basis.weights) if self.basis is not None else len(self.frames)
+        if self.frames is not None:
+            return len(self.frames)
+        if self.files:
+            return self.files[0].frames
+        motion = self.basis if self.basis is not None else self.key_motion
+        return len(motion.weights)
+
+
+@dataclass
+class Rig:
+    """Shapes of one mesh: `names` `[S]`, `vectors` `[S, V, 3]` at strength 1.
+
+    `notes` say of some shapes why they move nothing, or not all that they should.
+    """
+
+    names: list[str]
+    vectors: np.ndarray
+    notes: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass
+class Solved:
+    """Weights `[T, S]`, 0 to 1; `left_out` is the share of the motion that they do not show."""
+
+    weights: np.ndarray
+    left_out: float
+
+
+@dataclass
+class KeyMotion:
+    """A take as weights of named shape keys.
+
+    `keys` `[S]` are names of keys, `weights` `[T, S]`. `vectors` `[S, V, 3]` in object space where
+    the keys are to be made, None where they are the artist's own. `still` are further keys to be
+    made, without weights. `left_out` as in `Solved`.
+    """
+
+    keys: list[str]
+    weights: np.ndarray
+    left_out: float
+    vectors: np.ndarray | None = None
+    still: Rig | None = None
+
+
+@dataclass
+class WrittenFile:
+    """A take of one object as a file of `frames` frames: a point cache of `vertices`, or weights.
+
+    `ease` frames lead from rest and back to it beside these. `left_out` as in `Solved`.
+    """
+
+    object_name: str
+    path: str
+    frames: int
+    vertices: int = 0
+    ease: int = 0
+    left_out: float = 0.0

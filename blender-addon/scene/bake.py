@@ -9,11 +9,12 @@ from dataclasses import dataclass, field, fields
 from ..core import perform
 from ..core.errors import AnyfaceError
 from ..core.job import Progress
+from ..core.plan import Plan
 from ..core.source import SoundSource
 from ..core.take import Controls, FaceMesh, Performance, Take
-from . import decode, emotion, guard, mesh, pieces, sound, strips, together
-
-MODES = ("basis", "frames")
+from . import decode, emotion, mesh, outputs, pieces, sound, strips, takes
+from .outputs import MODES as MODES
+from .outputs import OutputSettings
 
 
 @dataclass
@@ -46,6 +47,7 @@ class Settings(Controls):
     # Objects beside the face, and roles of single connected parts by number.
     parts: list[pieces.Part] = field(default_factory=list)
     loose: dict[int, str] = field(default_factory=dict)
+    output: OutputSettings = field(default_factory=OutputSettings)
 
 
 @dataclass
@@ -57,6 +59,7 @@ class Snapshot:
     source: SoundSource
     performance: Performance
     settings: Settings
+    plan: Plan
     scene_fps: float
     engine: object = field(repr=False)
 
@@ -64,20 +67,19 @@ class Snapshot:
         """The take; raises `AnyfaceError`."""
         progress.check("sound")
         heard = self.source.load(decode.decoder(self.engine))
-        return perform.perform(
+        take = perform.perform(
             self.face,
             heard,
             self.performance,
             self.engine.animate,
             progress,
         )
+        return self.plan.finish(self.face, take, self.engine, progress)
 
 
 def read(ob, scene, settings: Settings, engine) -> Snapshot:
     """Reads mesh, sound and emotion; raises `AnyfaceError` in words for the artist."""
-    if settings.mode not in MODES:
-        raise AnyfaceError("input", f"mode: expected {' or '.join(MODES)}, got {settings.mode!r}")
-    guard.check_editable(ob, settings.mode)
+    outputs.check(ob, settings.mode, settings.output)
     face = read_face(ob, settings)
     source = _find_sound(scene, settings, engine)
     scene_fps = scene.render.fps / scene.render.fps_base
@@ -88,14 +90,16 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         steps=settings.steps or None,
         style=settings.style,
         learned=settings.learned,
-        mode=settings.mode,
+        mode="basis" if settings.mode == "basis" else "frames",
         error_mm=settings.error_mm,
         emotion_source=settings.emotion_source,
         controls=Controls(**{item.name: getattr(settings, item.name) for item in fields(Controls)}),
         control_keys=emotion.control_keys(ob, scene, source.start_frame, source.duration_s),
         roles=face.roles,
     )
-    return Snapshot(ob.name, face, source, performance, settings, scene_fps, engine)
+    names = [piece.name for piece in face.pieces] or [ob.name]
+    plan = outputs.plan(ob, settings.mode, settings.output, performance.fps, names)
+    return Snapshot(ob.name, face, source, performance, settings, plan, scene_fps, engine)
 
 
 def read_face(ob, settings: Settings, editable: bool = True) -> FaceMesh:
@@ -104,25 +108,24 @@ def read_face(ob, settings: Settings, editable: bool = True) -> FaceMesh:
     face = mesh.read_face(ob, settings.landmark_file)
     face.axes = settings.axes
     for part in settings.parts if editable else ():
-        guard.check_editable(pieces.object_of(part, ob), settings.mode)
+        outputs.check_part(pieces.object_of(part, ob), settings.mode, settings.output)
     pieces.add(face, ob, settings.parts, settings.loose)
     return face
 
 
 def write(ob, snapshot: Snapshot, take: Take) -> str:
     """Writes the take and says in one line what was written."""
-    together.write(ob, snapshot.face.pieces, take, snapshot.source.start_frame, snapshot.scene_fps)
+    if snapshot.settings.output.new_take and not take.files:
+        takes.keep(ob)
+    start, scene_fps = snapshot.source.start_frame, snapshot.scene_fps
+    outputs.write(ob, snapshot.face.pieces, take, start, scene_fps)
     return " ".join([describe(take), *(f"({note})" for note in snapshot.source.notes)])
 
 
 def describe(take: Take) -> str:
     """One line: "150 frames, largest motion 9.1 mm, 31 basis keys, largest error 0.098 mm"."""
     text = f"{take.frame_count} frames, largest motion {take.largest_mm:.1f} mm"
-    if take.basis is None:
-        return f"{text}, one key per frame"
-    return (
-        f"{text}, {len(take.basis.vectors)} basis keys, largest error {take.basis.error_mm:.3f} mm"
-    )
+    return f"{text}, {outputs.describe(take)}"
 
 
 def _find_sound(scene, settings: Settings, engine) -> SoundSource:

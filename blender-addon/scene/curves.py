@@ -11,6 +11,9 @@ LAYERED = hasattr(bpy.types, "ActionSlots")
 # Values of the interpolation enum of a keyframe.
 _CONSTANT, _LINEAR = 0, 1
 _GROUP = "Anyface"
+# What a keyframe holds beside its place.
+_KEY_FIELDS = ("interpolation", "easing", "handle_left_type", "handle_right_type")
+_KEY_VECTORS = ("co", "handle_left", "handle_right")
 
 
 def channels(animation_data, create: bool = False):
@@ -109,3 +112,56 @@ def channels_empty(animation_data) -> bool:
     """True where the assigned slot (or action) holds no curve."""
     bag = channels(animation_data)
     return bag is None or len(bag.fcurves) == 0
+
+
+def key_channels(ob, taken):
+    """Where curves of a mesh's shape keys go: the artist's action, or one of our own."""
+    shape_keys = ob.data.shape_keys
+    animation = shape_keys.animation_data
+    if animation is None:
+        animation = shape_keys.animation_data_create()
+        taken.made_animation_data = True
+    return own_channels(animation, f"{ob.name} {_GROUP}", "KEY", taken)
+
+
+def new_action(name: str):
+    """A new action for shape keys, and what holds its curves."""
+    action = bpy.data.actions.new(name)
+    if not LAYERED:
+        return action, action
+    slot = action.slots.new(id_type="KEY", name=name)
+    strip = action.layers.new("Layer").strips.new(type="KEYFRAME")
+    return action, strip.channelbag(slot, ensure=True)
+
+
+def copy(source, bag) -> None:
+    """A curve with the keys of `source`, in `bag`; one that is there already goes."""
+    stale = bag.fcurves.find(source.data_path)
+    if stale is not None:
+        bag.fcurves.remove(stale)
+    made = bag.fcurves.new(source.data_path)
+    made.extrapolation, made.mute, made.lock = source.extrapolation, source.mute, source.lock
+    if source.group is not None:
+        name = source.group.name
+        made.group = bag.groups.get(name) or bag.groups.new(name)
+    count = len(source.keyframe_points)
+    made.keyframe_points.add(count)
+    for name in (*_KEY_VECTORS, *_KEY_FIELDS):
+        vector = name in _KEY_VECTORS
+        values = np.empty(count * 2 if vector else count, np.float32 if vector else np.int32)
+        source.keyframe_points.foreach_get(name, values)
+        made.keyframe_points.foreach_set(name, values)
+    made.update()
+
+
+def copy_paths(source, bag, data_paths: set[str]) -> None:
+    """Copies the curves of `data_paths` from an action into `bag`."""
+    for curve in [curve for other in bags(source) for curve in other.fcurves]:
+        if curve.data_path in data_paths:
+            copy(curve, bag)
+
+
+def delete_action(action) -> None:
+    """Deletes an action that nobody else uses."""
+    if action is not None and action.users - action.use_fake_user == 0:
+        bpy.data.actions.remove(action)

@@ -17,11 +17,17 @@ def check_editable(ob, mode: str) -> None:
                 "mesh",
                 f"{block.name} is linked from {block.library.filepath}, and keys added to linked "
                 "data are lost on save: make object and mesh local (Object > Relations > Make "
-                "Local) or open that file",
+                "Local), open that file, or choose Cache File, which needs no keys",
             )
         if block.override_library is not None and block is ob.data:
             raise AnyfaceError("mesh", f"{block.name} is a library override: make it local first")
     _check_animation(ob)
+    if mode == "frames" and record.read_kept(ob.data.shape_keys):
+        raise AnyfaceError(
+            "mesh",
+            f"{ob.name} has other takes, which one key per frame would stop: choose basis keys, "
+            "or delete them",
+        )
     own = [] if ob.data.shape_keys is None else own_keys(ob.data.shape_keys)
     if mode == "frames" and own:
         raise AnyfaceError(
@@ -40,11 +46,11 @@ def check_mesh(ob) -> None:
 
 def own_keys(shape_keys) -> list[str]:
     """Names of the keys that are not ours; empty where all keys were made by us."""
-    taken = record.read(shape_keys)
-    ours = set(taken.keys) if taken is not None else set()
+    ours = record.all_keys(shape_keys)
     names = [block.name for block in shape_keys.key_blocks if block.name not in ours]
     # A Basis that we made counts as ours as long as it is alone.
-    return [] if taken is not None and taken.made_keys and len(names) == 1 else names
+    made = any(taken.made_keys for taken in record.everyone(shape_keys))
+    return [] if made and len(names) == 1 else names
 
 
 def _check_animation(ob) -> None:

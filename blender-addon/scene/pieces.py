@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ..core.errors import AnyfaceError
-from ..core.take import BY_SHAPE, ROLES, Basis, FaceMesh, PartRoles, Piece, Take
+from ..core.take import BY_SHAPE, ROLES, Basis, FaceMesh, KeyMotion, PartRoles, Piece, Take
 from . import mesh
 
 # An object that moves less than this in every frame gets no keys.
@@ -92,14 +92,28 @@ def split(take: Take, pieces: list[Piece]) -> list[tuple[Piece, Take | None]]:
 
 def _cut(take: Take, rows: slice, back: np.ndarray) -> Take:
     """The vertices `rows` of a take, turned by `back` `[3, 3]` into their object's space."""
-    moved = take.frames if take.frames is not None else take.basis.vectors
+    moved = take.frames if take.frames is not None else _motion(take).vectors
     share = _largest(take, rows) / max(_largest(take, slice(None)), 1e-20)
     own = np.ascontiguousarray(moved[:, rows] @ back.T)
     largest = take.largest_mm * share
     if take.frames is not None:
         return replace(take, frames=own, largest_mm=largest)
+    if take.key_motion is not None:
+        return replace(take, key_motion=_keys_cut(take.key_motion, own, rows, back))
     basis = Basis(own, take.basis.weights, take.basis.error_mm)
     return replace(take, basis=basis, largest_mm=largest)
+
+
+def _motion(take: Take):
+    """What holds the vectors and weights of a take in keys."""
+    return take.basis if take.basis is not None else take.key_motion
+
+
+def _keys_cut(motion: KeyMotion, own: np.ndarray, rows: slice, back: np.ndarray) -> KeyMotion:
+    still = motion.still
+    if still is not None:
+        still = replace(still, vectors=np.ascontiguousarray(still.vectors[:, rows] @ back.T))
+    return replace(motion, vectors=own, still=still)
 
 
 def _largest(take: Take, rows: slice) -> float:
@@ -107,9 +121,9 @@ def _largest(take: Take, rows: slice) -> float:
     if take.frames is not None:
         moved = take.frames[:, rows]
         return float(np.sqrt((moved**2).sum(axis=2).max(initial=0.0)))
-    vectors = take.basis.vectors[:, rows]
+    vectors = _motion(take).vectors[:, rows]
     largest = 0.0
-    for row in take.basis.weights:
+    for row in _motion(take).weights:
         moved = np.tensordot(row, vectors, axes=1)
         largest = max(largest, float((moved**2).sum(axis=1).max(initial=0.0)))
     return largest**0.5

@@ -8,6 +8,8 @@ import uuid
 from dataclasses import asdict, dataclass, field, fields
 
 PROPERTY = "anyface"
+# Takes that wait beside the current one, as a list of records.
+KEPT = "anyface_takes"
 
 
 @dataclass
@@ -18,6 +20,9 @@ class Record:
     before. The `made_*` and `shared_*` fields say what else must be undone: an action, a slot or
     animation data of ours, copies made because mesh or action were shared (`*_print` is their
     digest at that time). On an object beside a face, `belongs_to` is the id of the face's take.
+    `values` are keys of the artist's that are animated, as they were set
+    before; `replaced_print` is the digest of the action that stands in for his. `name` is the
+    take's in the panel.
     """
 
     mode: str
@@ -32,34 +37,67 @@ class Record:
     shared_mesh: str = ""
     shared_mesh_print: str = ""
     belongs_to: str = ""
+    values: dict[str, float] = field(default_factory=dict)
+    replaced_print: str = ""
+    name: str = ""
+    in_nla: bool = False
 
 
 def read(shape_keys) -> Record | None:
-    """The record of a mesh's shape keys (None for none), or None."""
+    """The record of the current take of a mesh's shape keys (None for none), or None."""
     text = shape_keys.get(PROPERTY) if shape_keys is not None else None
-    if not isinstance(text, str):
-        return None
     try:
-        values = json.loads(text)
-        known = {item.name for item in fields(Record)}
-        return Record(**{name: value for name, value in values.items() if name in known})
+        return _from_dict(json.loads(text)) if isinstance(text, str) else None
     except (ValueError, TypeError, AttributeError):
         return None
 
 
 def write(shape_keys, record: Record) -> None:
-    """Stores the record."""
+    """Stores the record of the current take."""
     shape_keys[PROPERTY] = json.dumps(asdict(record))
 
 
 def clear(shape_keys) -> None:
-    """Takes the record away."""
+    """Takes the record of the current take away."""
     if PROPERTY in shape_keys:
         del shape_keys[PROPERTY]
 
 
+def read_kept(shape_keys) -> list[Record]:
+    """The takes that wait beside the current one."""
+    text = shape_keys.get(KEPT) if shape_keys is not None else None
+    try:
+        return [_from_dict(row) for row in json.loads(text)] if isinstance(text, str) else []
+    except (ValueError, TypeError, AttributeError):
+        return []
+
+
+def write_kept(shape_keys, records: list[Record]) -> None:
+    """Stores the takes that wait."""
+    if records:
+        shape_keys[KEPT] = json.dumps([asdict(record) for record in records])
+    elif KEPT in shape_keys:
+        del shape_keys[KEPT]
+
+
+def everyone(shape_keys) -> list[Record]:
+    """The current take and all that wait."""
+    current = read(shape_keys)
+    return ([current] if current is not None else []) + read_kept(shape_keys)
+
+
+def all_keys(shape_keys) -> set[str]:
+    """The names of all keys that are ours."""
+    return {name for record in everyone(shape_keys) for name in record.keys}
+
+
 def is_generated(ob) -> bool:
-    """True where `ob` (or None) carries a generated take."""
+    """True where `ob` (or None) carries a generated take in its shape keys."""
     if ob is None or ob.type != "MESH" or ob.data is None:
         return False
     return read(ob.data.shape_keys) is not None
+
+
+def _from_dict(values: dict) -> Record:
+    known = {item.name for item in fields(Record)}
+    return Record(**{name: value for name, value in values.items() if name in known})

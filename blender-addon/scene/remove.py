@@ -3,7 +3,8 @@
 import bpy
 
 from ..core.errors import AnyfaceError
-from . import curves, digest, guard, keys, record
+from . import curves, digest, existing, guard, record
+from .paths import value_path
 
 
 def remove(ob) -> bool:
@@ -20,6 +21,7 @@ def remove(ob) -> bool:
     taken = record.read(ob.data.shape_keys)
     with guard.object_mode(ob), guard.selection_kept(ob):
         record.clear(ob.data.shape_keys)
+        _inherit(ob.data.shape_keys, taken)
         _remove_curves(ob.data.shape_keys, taken)
         _remove_keys(ob, taken)
         _share_mesh_again(ob, taken)
@@ -27,14 +29,26 @@ def remove(ob) -> bool:
     return True
 
 
+def _inherit(shape_keys, taken: record.Record) -> None:
+    """What was made once for all takes is undone with the last of them."""
+    kept = record.read_kept(shape_keys)
+    if not kept:
+        return
+    for name in ("made_keys", "made_animation_data", "shared_mesh", "shared_mesh_print"):
+        setattr(kept[0], name, getattr(kept[0], name) or getattr(taken, name))
+        setattr(taken, name, type(getattr(taken, name))())
+    record.write_kept(shape_keys, kept)
+
+
 def _remove_curves(shape_keys, taken: record.Record) -> None:
     animation = shape_keys.animation_data
     if animation is None:
         return
-    paths = {keys.value_path(name) for name in taken.keys}
+    paths = {value_path(name) for name in (*taken.keys, *taken.values)}
     if taken.mode == "frames":
         paths.add("eval_time")
     curves.remove(animation, paths)
+    existing.restore(shape_keys, taken)
     _remove_action(animation, taken)
     untouched = animation.action is None and not animation.drivers and not animation.nla_tracks
     if taken.made_animation_data and untouched:

@@ -11,8 +11,9 @@ def write(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: flo
 
     Nothing is written where one of them cannot be: all are checked first.
     """
-    cut = pieces.split(take, parts) if len(parts) > 1 else [(Piece(ob.name, 0, 0, None), take)]
-    mode = "frames" if take.frames is not None else "basis"
+    mode = keys.mode_of(take)
+    several = len(parts) > 1 and mode != "keys"
+    cut = pieces.split(take, parts) if several else [(Piece(ob.name, 0, 0, None), take)]
     for piece, _ in cut[1:]:
         guard.check_editable(pieces.object_of(pieces.Part(piece.name), ob), mode)
     remove_others(ob)

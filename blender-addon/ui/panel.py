@@ -4,8 +4,8 @@ import textwrap
 
 from bpy.types import Panel
 
-from ..scene import record
 from . import running
+from .remove import has_take
 from .settings import target
 
 
@@ -29,16 +29,8 @@ class ANYFACE_PT_main(Panel):
         if ob is None:
             layout.label(text="Pick a face mesh", icon="INFO")
             return
-        _draw_output(layout, ob.anyface)
         _draw_buttons(layout, ob)
         _draw_report(layout, ob.anyface, context.region.width)
-
-
-def _draw_output(layout, settings) -> None:
-    column = layout.column()
-    column.prop(settings, "mode")
-    if settings.mode == "basis":
-        column.prop(settings, "error_mm", text="Error (mm)")
 
 
 def _draw_buttons(layout, ob) -> None:
@@ -50,7 +42,7 @@ def _draw_buttons(layout, ob) -> None:
         return
     row = layout.row()
     row.scale_y = 1.4
-    again = record.is_generated(ob)
+    again = has_take(ob)
     row.operator("anyface.generate", text="Generate Again" if again else "Generate")
     layout.operator("anyface.remove", icon="TRASH")
 

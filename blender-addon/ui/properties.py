@@ -13,7 +13,7 @@ from bpy.types import PropertyGroup
 
 from ..core.emotion import EMOTIONS, MAX_INTENSITY
 from ..core.take import Controls
-from . import audio, character
+from . import audio, character, output_properties
 
 _EMOTION_ITEMS = [(name, name.capitalize(), "", number) for number, name in enumerate(EMOTIONS)]
 _SOURCES = [
@@ -36,6 +36,15 @@ _MODES = [
         "One absolute shape key per frame; exact and large, needs a mesh without own keys",
         1,
     ),
+    (
+        "cache",
+        "Cache File",
+        "A point cache beside the .blend and a modifier that plays it; for heavy and linked meshes",
+        2,
+    ),
+    ("keys", "Existing Keys", "The ARKit or viseme keys that the mesh has already", 3),
+    ("arkit", "Make ARKit Keys", "The 52 ARKit shapes as keys of this mesh, animated", 4),
+    ("csv", "ARKit Table", "A Live Link Face CSV file; the mesh stays as it is", 5),
 ]
 _AXES = [
     ("AUTO", "Automatic", "Try the directions below one after the other", 0),
@@ -198,6 +207,7 @@ class AnyfaceScene(PropertyGroup):
 
 def register_character() -> None:
     """Adds the settings of a character to objects."""
+    output_properties.register()
     bpy.utils.register_class(AnyfaceCharacter)
     bpy.types.Object.anyface = PointerProperty(type=AnyfaceCharacter)
     audio.register()
@@ -219,3 +229,4 @@ def unregister() -> None:
     del bpy.types.Object.anyface
     bpy.utils.unregister_class(AnyfaceScene)
     bpy.utils.unregister_class(AnyfaceCharacter)
+    output_properties.unregister()

@@ -3,7 +3,7 @@
 from dataclasses import fields
 
 from ..scene.bake import Settings
-from . import audio, character
+from . import audio, character, output_properties
 from .target import sequencer_scene, target
 
 __all__ = ["from_object", "sequencer_scene", "target"]
@@ -17,7 +17,7 @@ def from_object(ob) -> Settings:
         for item in fields(Settings)
         if hasattr(stored, item.name)
     }
-    settings = Settings(**values)
+    settings = Settings(**values, output=output_properties.read(ob))
     if stored.source != "FILE":
         settings.sound_file = ""
     if stored.source != "STRIP":

@@ -30,3 +30,4 @@ mod rig;
 mod status;
 mod stream;
 mod version;
+mod weights;

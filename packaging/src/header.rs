@@ -23,6 +23,7 @@ const SOURCES: &[&str] = &[
     "clip",
     "basis",
     "rig",
+    "weights",
     "stream",
 ];
 

@@ -128,6 +128,38 @@ class Stage:
         found = self.take_module.Found
         return found(places, np.arange(68), sure, "slit", parts, owners)
 
+    def rig(self, positions, triangles, points, numbers, roles, progress):
+        """The motion's own shapes as the first ARKit shapes; the others stay still."""
+        progress.check("rig")
+        import importlib
+
+        names = importlib.import_module(self.take_module.__name__.replace("take", "shapes"))
+        every = [*names.ARKIT, *names.VISEMES]
+        vectors = np.zeros((len(every), len(positions), 3), dtype=np.float32)
+        moved = motion(24, len(positions), self.rank, self.size).reshape(24, -1)
+        own = np.linalg.svd(moved, full_matrices=False)[2][: self.rank] * 0.1
+        own = own.reshape(self.rank, -1, 3)
+        vectors[: self.rank], vectors[self.rank : 2 * self.rank] = own, -own
+        vectors[52:] = own[0]
+        return self.take_module.Rig(every, vectors)
+
+    def solve(self, names, vectors, moved, progress, path="", fps=0.0):
+        """Weights of at least 0 by projected descent; with `path` a plain table."""
+        progress.check("solve")
+        shapes = vectors.reshape(len(vectors), -1).astype(np.float64)
+        right, gram = moved.reshape(len(moved), -1) @ shapes.T, shapes @ shapes.T
+        step = 1.0 / max(np.linalg.norm(gram, 2), 1e-12)
+        weights = np.zeros(right.shape)
+        for _ in range(2000):
+            weights = np.clip(weights - step * (weights @ gram - right), 0.0, 1.0)
+        left = np.linalg.norm(moved.reshape(len(moved), -1) - weights @ shapes)
+        if path:
+            rows = [",".join(names), *(",".join(f"{x:.6f}" for x in row) for row in weights)]
+            with open(path, "w", encoding="utf-8") as file:
+                file.write("\n".join(rows))
+        share = float(left / max(np.linalg.norm(moved), 1e-12))
+        return self.take_module.Solved(weights.astype(np.float32), share)
+
     def decode(self, path):
         """Reads 16-bit mono WAV."""
         with wave.open(path, "rb") as file:

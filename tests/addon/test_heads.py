@@ -101,6 +101,40 @@ def test_basis_and_frames_show_the_same_motion(voice):
     assert 0.0 < error < 0.00015
 
 
+@pytest.mark.parametrize("mode", ["arkit", "keys"])
+def test_arkit_keys_show_the_performance(voice, mode):
+    path, samples, rate = voice
+    ob = ready(import_head(), path)
+    frame = 1 + round(loudest_s(samples, rate) * 24)
+    bpy.ops.anyface.generate()
+    basis = shape(ob, frame)
+    ob.anyface.mode = "arkit"
+    bpy.ops.anyface.generate()
+    if mode == "keys":
+        ob.anyface.mode = "arkit"
+        action = ob.data.shape_keys.animation_data.action
+        ob.data.shape_keys.animation_data_clear()
+        bpy.data.actions.remove(action)
+        del ob.data.shape_keys["anyface"]
+        ob.anyface.mode = "keys"
+        bpy.ops.anyface.generate()
+    gap, expected = lip_gap(ob, shape(ob, frame)), lip_gap(ob, basis)
+    assert abs(gap - expected) < 0.004
+    shown = int(ob.anyface.report.split("% of the motion")[0].split()[-1])
+    assert shown > 50
+
+
+def test_a_table_is_live_link_face(voice, tmp_path):
+    ob = ready(import_head(), voice[0])
+    ob.anyface.mode, ob.anyface_output.csv_file = "csv", str(tmp_path / "face.csv")
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    rows = [line.split(",") for line in (tmp_path / "face.csv").read_text().splitlines()]
+    assert rows[0][:3] == ["Timecode", "BlendShapeCount", "EyeBlinkLeft"]
+    jaw = [float(row[rows[0].index("JawOpen")]) for row in rows[1:]]
+    assert max(jaw) > 0.05 and {len(row) for row in rows} == {63}
+    assert ob.data.shape_keys is None
+
+
 def test_units_and_rotation_change_nothing(voice):
     path, samples, rate = voice
     ob = ready(import_head(), path)

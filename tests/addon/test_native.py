@@ -144,3 +144,34 @@ def test_bad_meshes_and_sounds_are_errors_in_words(addon, engine):
         with pytest.raises(addon("core.errors").AnyfaceError) as caught:
             engine.animate(*mesh, None, None, sound, ask, job.Progress())
         assert caught.value.kind in ("mesh", "face")
+
+
+def test_shapes_are_those_of_the_library(addon, engine):
+    import json
+
+    import bpy
+
+    from test_heads import HEAD, LANDMARKS
+
+    bpy.ops.wm.obj_import(
+        filepath=str(HEAD),
+        use_split_objects=False,
+        use_split_groups=False,
+        forward_axis="Y",
+        up_axis="Z",
+    )
+    ob = bpy.context.object
+    mesh, space = addon("scene.mesh"), addon("core.space")
+    ob["anyface_landmarks"] = json.dumps([row["vertex"] for row in LANDMARKS])
+    face = mesh.read_face(ob)
+    turned = space.face_space(np.eye(4), "LOCAL_Y_UP")
+    points = turned.points(face.positions)
+    progress = addon("core.job").Progress()
+    rig = engine.rig(points, face.triangles, None, face.landmark_vertices, None, progress)
+    shapes = addon("core.shapes")
+    assert tuple(rig.names) == (*shapes.ARKIT, *shapes.VISEMES)
+    jaw = rig.names.index("jawOpen")
+    assert np.linalg.norm(rig.vectors[jaw], axis=1).max() > 0.01
+    moved = np.linspace(0.0, 0.8, 9, dtype=np.float32)[:, None, None] * rig.vectors[jaw]
+    solved = engine.solve(rig.names[:52], rig.vectors[:52], moved, progress)
+    assert solved.weights[-1, jaw] == pytest.approx(0.8, abs=0.05) and solved.left_out < 0.1

@@ -75,6 +75,31 @@ static void polygons(void) {
     CHECK(anyface_mesh_vertex_count(NULL) == 0 && anyface_mesh_triangle_count(NULL) == 0);
 }
 
+static void weights(void) {
+    const char *names[] = {"jawOpen", "tongueOut"};
+    const float shapes[12] = {1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0};
+    float motion[6] = {0.5f, 0, 0, 0, 0.25f, 0}, found[2] = {0, 0};
+    AnyfaceWeights *solved = NULL;
+    CHECK_OK(anyface_weights_new(names, shapes, 2, motion, 1, 2, NULL, &solved, &error));
+    CHECK_OK(anyface_weights_copy(solved, found, 2, &error));
+    CHECK(fabsf(found[0] - 0.5f) < 1e-3f && fabsf(found[1] - 0.25f) < 1e-3f);
+    CHECK(anyface_weights_left_out(solved) < 0.01f && anyface_weights_left_out(NULL) == 0.0f);
+    CHECK_FAILS(anyface_weights_copy(solved, found, 3, &error), ANYFACE_STATUS_INVALID_INPUT, "2");
+    CHECK_FAILS(anyface_weights_write(solved, "weights.txt", 25.0, &error),
+                ANYFACE_STATUS_INVALID_INPUT, ".csv");
+    anyface_weights_free(solved);
+    anyface_weights_free(NULL);
+    solved = MARK(AnyfaceWeights);
+    CHECK_FAILS(anyface_weights_new(NULL, shapes, 2, motion, 1, 2, NULL, &solved, &error),
+                ANYFACE_STATUS_NULL_POINTER, "names");
+    CHECK_FAILS(anyface_weights_new(names, shapes, 2, NULL, 1, 2, NULL, &solved, &error),
+                ANYFACE_STATUS_NULL_POINTER, "displacements");
+    motion[0] = NAN;
+    CHECK_FAILS(anyface_weights_new(names, shapes, 2, motion, 1, 2, NULL, &solved, &error),
+                ANYFACE_STATUS_INVALID_INPUT, "finite");
+    CHECK(solved == MARK(AnyfaceWeights));
+}
+
 static void sounds(void) {
     static float samples[16000];
     AnyfaceAudio *audio = MARK(AnyfaceAudio);
@@ -235,6 +260,7 @@ int main(int argc, char **argv) {
     versions_and_names();
     meshes();
     polygons();
+    weights();
     sounds();
     files(argv[1]);
     options(argv[1]);

@@ -1,0 +1,83 @@
+"""The library's calls about shapes: a rig of any face, weights of shapes from motion."""
+
+import os
+from contextlib import ExitStack
+from ctypes import POINTER, byref, c_char_p, c_double, c_float, c_int32, c_size_t, c_void_p
+
+import numpy as np
+
+from .job import Progress
+from .take import Rig, Solved
+
+_FLOATS, _HANDLE, _OUT = POINTER(c_float), c_void_p, POINTER(c_void_p)
+
+SIGNATURES = {
+    "anyface_rig_shape_count": (c_size_t, [_HANDLE]),
+    "anyface_rig_shape_name": (c_char_p, [_HANDLE, c_size_t]),
+    "anyface_rig_shape_note": (c_char_p, [_HANDLE, c_size_t]),
+    "anyface_rig_copy_shape": (c_int32, [_HANDLE, c_size_t, _FLOATS, c_size_t, _OUT]),
+    "anyface_rig_free": (None, [_HANDLE]),
+    "anyface_weights_new": (
+        c_int32,
+        [POINTER(c_char_p), _FLOATS, c_size_t, _FLOATS, c_size_t, c_size_t, _HANDLE, _OUT, _OUT],
+    ),
+    "anyface_weights_copy": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
+    "anyface_weights_left_out": (c_float, [_HANDLE]),
+    "anyface_weights_write": (c_int32, [_HANDLE, c_char_p, c_double, _OUT]),
+    "anyface_weights_free": (None, [_HANDLE]),
+}
+
+
+class ShapeCalls:
+    """What `native.Engine` knows of shapes."""
+
+    def rig(
+        self, positions, triangles, landmarks, landmark_vertices, roles, progress: Progress
+    ) -> Rig:
+        """The ARKit shapes and visemes of a mesh that faces -Y with +Z up, in any units.
+
+        The arguments are those of `native.Engine.find`. Raises `AnyfaceError`, or `Cancelled`.
+        """
+        with ExitStack() as handles:
+            watch = handles.enter_context(self._watch(progress))
+            mesh = self._mesh(handles, positions, triangles)
+            options, _alive = self._face_options(landmarks, landmark_vertices, roles)
+            given = (self._handle, mesh, byref(options), watch.handle)
+            rig = self._own(handles, "rig", "anyface_rig_new", *given)
+            count = self._library.anyface_rig_shape_count(rig)
+            vectors = np.empty((count, len(positions), 3), dtype=np.float32)
+            for number in range(count):
+                floats = vectors[number].ctypes.data_as(_FLOATS)
+                self._call("anyface_rig_copy_shape", rig, number, floats, vectors[number].size)
+            names = [self._library.anyface_rig_shape_name(rig, n).decode() for n in range(count)]
+            notes = [self._library.anyface_rig_shape_note(rig, n) for n in range(count)]
+        pairs = zip(names, notes, strict=True)
+        return Rig(names, vectors, {name: text.decode() for name, text in pairs if text})
+
+    def solve(
+        self,
+        names: list[str],
+        vectors: np.ndarray,
+        moved: np.ndarray,
+        progress: Progress,
+        path: str = "",
+        fps: float = 0.0,
+    ) -> Solved:
+        """Weights `[T, S]` of the shapes `vectors` `[S, V, 3]` for the motion `moved` `[T, V, 3]`.
+
+        With `path` they are also written there, as .csv or .json.
+        """
+        vectors = np.ascontiguousarray(vectors, dtype=np.float32)
+        moved = np.ascontiguousarray(moved, dtype=np.float32)
+        texts = (c_char_p * len(names))(*(name.encode() for name in names))
+        with ExitStack() as handles:
+            watch = handles.enter_context(self._watch(progress))
+            shapes = (texts, vectors.ctypes.data_as(_FLOATS), len(names))
+            motion = (moved.ctypes.data_as(_FLOATS), len(moved), moved.shape[1])
+            given = (*shapes, *motion, watch.handle)
+            solved = self._own(handles, "weights", "anyface_weights_new", *given)
+            weights = np.empty((len(moved), len(names)), dtype=np.float32)
+            self._copy("anyface_weights_copy", solved, weights)
+            if path:
+                self._call("anyface_weights_write", solved, os.fsencode(path), fps)
+            return Solved(weights, self._library.anyface_weights_left_out(solved))

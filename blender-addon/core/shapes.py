@@ -1,0 +1,137 @@
+"""The names of ARKit shapes and Oculus visemes, and which keys of a mesh they are."""
+
+import json
+import re
+
+from .errors import AnyfaceError
+
+# The order is that of the library; a test compares the two.
+ARKIT = (
+    "eyeBlinkLeft",
+    "eyeLookDownLeft",
+    "eyeLookInLeft",
+    "eyeLookOutLeft",
+    "eyeLookUpLeft",
+    "eyeSquintLeft",
+    "eyeWideLeft",
+    "eyeBlinkRight",
+    "eyeLookDownRight",
+    "eyeLookInRight",
+    "eyeLookOutRight",
+    "eyeLookUpRight",
+    "eyeSquintRight",
+    "eyeWideRight",
+    "jawForward",
+    "jawRight",
+    "jawLeft",
+    "jawOpen",
+    "mouthClose",
+    "mouthFunnel",
+    "mouthPucker",
+    "mouthRight",
+    "mouthLeft",
+    "mouthSmileLeft",
+    "mouthSmileRight",
+    "mouthFrownLeft",
+    "mouthFrownRight",
+    "mouthDimpleLeft",
+    "mouthDimpleRight",
+    "mouthStretchLeft",
+    "mouthStretchRight",
+    "mouthRollLower",
+    "mouthRollUpper",
+    "mouthShrugLower",
+    "mouthShrugUpper",
+    "mouthPressLeft",
+    "mouthPressRight",
+    "mouthLowerDownLeft",
+    "mouthLowerDownRight",
+    "mouthUpperUpLeft",
+    "mouthUpperUpRight",
+    "browDownLeft",
+    "browDownRight",
+    "browInnerUp",
+    "browOuterUpLeft",
+    "browOuterUpRight",
+    "cheekPuff",
+    "cheekSquintLeft",
+    "cheekSquintRight",
+    "noseSneerLeft",
+    "noseSneerRight",
+    "tongueOut",
+)
+VISEMES = (
+    "viseme_sil",
+    "viseme_PP",
+    "viseme_FF",
+    "viseme_TH",
+    "viseme_DD",
+    "viseme_kk",
+    "viseme_CH",
+    "viseme_SS",
+    "viseme_nn",
+    "viseme_RR",
+    "viseme_aa",
+    "viseme_E",
+    "viseme_I",
+    "viseme_O",
+    "viseme_U",
+)
+# Vowels that VRChat writes otherwise.
+_VRCHAT = {"i": "ih", "o": "oh", "u": "ou"}
+
+
+def match(keys: list[str]) -> dict[str, str]:
+    """Shape name: key name, for the keys of a mesh that carry one.
+
+    Case, underscores, dots, blanks and anything before the name are ignored; `_L` and `_R` stand
+    for Left and Right, on either end. A key serves one shape; the first that fits wins.
+    """
+    known = _spellings()
+    found: dict[str, str] = {}
+    for key in keys:
+        name = next((known[text] for text in _suffixes(key) if text in known), None)
+        if name is not None and name not in found:
+            found[name] = key
+    return {name: found[name] for name in (*ARKIT, *VISEMES) if name in found}
+
+
+def _suffixes(key: str) -> list[str]:
+    """`Head.eye_Blink_L` gives `headeyeblinkl`, `eyeblinkl`, `blinkl`, `l`."""
+    tokens = [token.lower() for token in re.split(r"[^0-9A-Za-z]+", key) if token]
+    return ["".join(tokens[first:]) for first in range(len(tokens))]
+
+
+def _spellings() -> dict[str, str]:
+    spellings = {}
+    for name in ARKIT:
+        spellings[name.lower()] = name
+        for side in ("Left", "Right"):
+            if name.endswith(side) and name[: -len(side)] not in ("jaw", "mouth"):
+                stem, letter = name[: -len(side)].lower(), side[0].lower()
+                spellings |= {stem + letter: name, letter + stem: name, side.lower() + stem: name}
+    for name in VISEMES:
+        sound = name.removeprefix("viseme_").lower()
+        for text in (sound, _VRCHAT.get(sound, sound)):
+            spellings |= {f"viseme{text}": name, f"v{text}": name, f"vis{text}": name}
+    return spellings
+
+
+def dumps(mapping: dict[str, str]) -> str:
+    """The text of a mapping file."""
+    return json.dumps({"version": 1, "keys": mapping}, indent=1, ensure_ascii=False) + "\n"
+
+
+def loads(text: str) -> dict[str, str]:
+    """Reads what `dumps` writes; raises `AnyfaceError("input")`."""
+    try:
+        mapping = json.loads(text)["keys"]
+        rows = {str(name): str(key) for name, key in mapping.items()}
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise AnyfaceError("input", f"not a mapping file: {error}") from None
+    unknown = [name for name in rows if name not in ARKIT and name not in VISEMES]
+    if unknown:
+        raise AnyfaceError(
+            "input", f"mapping: expected ARKit shapes or visemes, got {', '.join(unknown[:3])}"
+        )
+    return rows

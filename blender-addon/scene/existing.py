@@ -1,0 +1,130 @@
+"""A take on the keys that the artist already has: only their values are animated."""
+
+import numpy as np
+
+from ..core import shapes
+from ..core.errors import AnyfaceError
+from . import curves, digest, record
+from .paths import value_path
+
+# Holds the action that a copy of ours stands in for, so that it is saved with the file.
+REPLACED = "anyface_replaced"
+
+
+def find(ob, mapping: dict[str, str]) -> dict[str, str]:
+    """Shape name: key, for the keys that can be animated; `mapping` empty finds them by name.
+
+    Keys that a driver moves, muted and locked ones are left to the artist.
+    """
+    shape_keys = ob.data.shape_keys
+    if shape_keys is None:
+        return {}
+    free = [block.name for block in _free(shape_keys)]
+    if not mapping:
+        return _one_kind(shapes.match(free))
+    return {name: key for name, key in mapping.items() if key in free}
+
+
+def check(ob, mapping: dict[str, str]) -> None:
+    """Raises `AnyfaceError("mesh")` where no key can be animated."""
+    if not find(ob, mapping):
+        raise AnyfaceError(
+            "mesh",
+            f"{ob.name} has no free shape key named after an ARKit shape or a viseme: write the "
+            "keys into the list, or choose Make ARKit Keys",
+        )
+
+
+def vectors(ob, names) -> np.ndarray:
+    """What each key moves at value 1, `[S, V, 3]` in object space."""
+    blocks = ob.data.shape_keys.key_blocks
+    return np.stack([_points(blocks[name]) - _points(blocks[name].relative_key) for name in names])
+
+
+def write(ob, motion, frames: np.ndarray, ease: float, taken: record.Record) -> None:
+    """Animates the keys; curves that the artist had on them wait in his own action."""
+    blocks = ob.data.shape_keys.key_blocks
+    missing = [name for name in motion.keys if name not in blocks]
+    if missing:
+        raise AnyfaceError("mesh", f"{ob.name} has lost the key {missing[0]} meanwhile")
+    taken.values = dict.fromkeys(motion.keys, 0.0)
+    note_values(ob.data.shape_keys, taken)
+    bag = curves.key_channels(ob, taken)
+    at = np.concatenate([[frames[0] - ease], frames, [frames[-1] + ease]])
+    for number, name in enumerate(motion.keys):
+        values = np.concatenate([[0.0], motion.weights[:, number], [0.0]])
+        curves.write(bag, value_path(name), at, values)
+
+
+def note_values(shape_keys, taken: record.Record) -> None:
+    """Notes how the artist's keys are set now, and sets his curves on them aside."""
+    blocks = shape_keys.key_blocks
+    taken.values = {name: blocks[name].value for name in taken.values if name in blocks}
+    _set_action_aside(shape_keys, {value_path(name) for name in taken.values}, taken)
+
+
+def restore(shape_keys, taken: record.Record) -> None:
+    """Gives the keys back as they were, once our curves are gone."""
+    _put_action_back(shape_keys, taken)
+    for name, value in taken.values.items():
+        block = shape_keys.key_blocks.get(name)
+        if block is not None:
+            block.value = value
+
+
+def _set_action_aside(shape_keys, paths: set[str], taken) -> None:
+    animation = shape_keys.animation_data
+    if animation is None or not any(curves.find(animation, path) for path in paths):
+        return
+    original = animation.action
+    shape_keys[REPLACED] = original
+    animation.action = original.copy()
+    curves.remove(animation, paths)
+    taken.replaced_print = digest.action_digest(animation.action)
+
+
+def _put_action_back(shape_keys, taken) -> None:
+    original = shape_keys.get(REPLACED)
+    if original is None:
+        return
+    del shape_keys[REPLACED]
+    animation = shape_keys.animation_data
+    copy = animation.action if animation is not None else None
+    if copy is None:
+        return
+    if digest.action_digest(copy) == taken.replaced_print:
+        animation.action = original
+        curves.delete_action(copy)
+        return
+    # The artist has worked in the copy since: it stays, with what we had taken out.
+    paths = {value_path(name) for name in taken.values}
+    curves.copy_paths(original, curves.channels(animation, create=True), paths)
+
+
+def _free(shape_keys) -> list:
+    animation = shape_keys.animation_data
+    drivers = animation.drivers if animation is not None else ()
+    driven = {driver.data_path for driver in drivers}
+    ours = record.all_keys(shape_keys)
+    return [
+        block
+        for block in shape_keys.key_blocks
+        if block != shape_keys.reference_key
+        and block.name not in ours
+        and value_path(block.name) not in driven
+        and not block.mute
+        and not getattr(block, "lock_shape", False)
+    ]
+
+
+def _one_kind(found: dict[str, str]) -> dict[str, str]:
+    """ARKit shapes or visemes, whichever there are more of: both at once would move twice."""
+    arkit = {name: key for name, key in found.items() if name in shapes.ARKIT}
+    visemes = {name: key for name, key in found.items() if name in shapes.VISEMES}
+    return arkit if len(arkit) >= len(visemes) else visemes
+
+
+def _points(block) -> np.ndarray:
+    flat = np.empty(len(block.points) * 3, dtype=np.float32)
+    block.points.foreach_get("co", flat)
+    return flat.reshape(-1, 3)

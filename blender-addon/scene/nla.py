@@ -1,0 +1,80 @@
+"""Takes as strips of the NLA.
+
+Below them lies a strip that holds all keys of ours at 0. Without it Blender blends a strip of less
+than full influence with the default of a key's value, which is 1, and a muted one leaves its keys
+where they were.
+"""
+
+import bpy
+import numpy as np
+
+from . import curves, record
+from .paths import value_path
+
+REST = "anyface_rest"
+_REST_NAME = "Anyface Rest"
+
+
+def push(ob, taken: record.Record, action) -> None:
+    """Adds a track with a strip that plays `action` at its own frames."""
+    shape_keys = ob.data.shape_keys
+    animation = shape_keys.animation_data
+    _hold_at_rest(ob, taken)
+    first, last = action.frame_range
+    strip = _strip(animation, taken.name, action, first)
+    # The constructor knows whole frames only.
+    strip.action_frame_start, strip.action_frame_end = first, last
+    strip.frame_end, strip.frame_start = last, first
+    strip.frame_end = last
+    strip.extrapolation = "NOTHING"
+
+
+def leave(shape_keys, taken: record.Record, action) -> None:
+    """Takes the strips of `action` and its keys' rest away."""
+    animation = shape_keys.animation_data
+    _remove_strips(animation, action)
+    rest = shape_keys.get(REST)
+    if rest is None:
+        return
+    paths = {value_path(name) for name in taken.keys}
+    for bag in curves.bags(rest):
+        for curve in [curve for curve in bag.fcurves if curve.data_path in paths]:
+            bag.fcurves.remove(curve)
+    if curves.is_empty(rest):
+        _remove_strips(animation, rest)
+        del shape_keys[REST]
+        curves.delete_action(rest)
+
+
+def _hold_at_rest(ob, taken) -> None:
+    if not taken.keys:
+        return
+    shape_keys = ob.data.shape_keys
+    rest = shape_keys.get(REST)
+    fresh = rest is None
+    if fresh:
+        rest, _ = curves.new_action(f"{ob.name} {_REST_NAME}")
+        shape_keys[REST] = rest
+    bag = curves.bags(rest)[0]
+    for name in taken.keys:
+        curves.write(bag, value_path(name), np.zeros(1), np.zeros(1))
+    if fresh:
+        _strip(shape_keys.animation_data, _REST_NAME, rest, 0.0).extrapolation = "HOLD"
+
+
+def _strip(animation, name: str, action, first: float):
+    track = animation.nla_tracks.new()
+    track.name = name
+    strip = track.strips.new(name, round(first), action)
+    if curves.LAYERED and strip.action_slot is None:
+        strip.action_slot = action.slots[0]
+    return strip
+
+
+def _remove_strips(animation, action: bpy.types.Action) -> None:
+    for track in list(animation.nla_tracks):
+        for strip in [strip for strip in track.strips if strip.action == action]:
+            track.strips.remove(strip)
+            if len(track.strips) == 0:
+                animation.nla_tracks.remove(track)
+                break

@@ -1,0 +1,86 @@
+"""A whole scene in one go: several characters, each with its strip."""
+
+from dataclasses import dataclass
+
+import bpy
+
+from ..core.errors import AnyfaceError, Cancelled
+from ..core.job import Progress
+from . import bake
+
+
+@dataclass
+class Part:
+    """One character of the scene; `error` says why it was left out."""
+
+    object_name: str
+    snapshot: bake.Snapshot | None = None
+    error: AnyfaceError | None = None
+
+
+@dataclass
+class SceneSnapshot:
+    """Everything that was read for a scene; `work` needs nothing else."""
+
+    parts: list[Part]
+
+    def work(self, progress: Progress) -> list:
+        """A take or an `AnyfaceError` for each part; raises `Cancelled`."""
+        return [_work(part, progress) for part in self.parts]
+
+
+def read(scene, rows, engine) -> SceneSnapshot:
+    """Reads every character; `rows` are pairs of object and `bake.Settings`.
+
+    What cannot be read is noted in its part and keeps no other from being animated.
+    """
+    parts, seen = [], set()
+    for ob, settings in rows:
+        part = Part(ob.name)
+        try:
+            if ob.name in seen:
+                raise AnyfaceError("input", f"{ob.name} is in the list twice")
+            part.snapshot = bake.read(ob, scene, settings, engine)
+        except AnyfaceError as error:
+            part.error = error
+        seen.add(ob.name)
+        parts.append(part)
+    return SceneSnapshot(parts)
+
+
+def write(snapshot: SceneSnapshot, takes: list) -> list[tuple[str, bool, str]]:
+    """Writes what can be written: name, whether it was, and what to say, for each part."""
+    return [_write(part, take) for part, take in zip(snapshot.parts, takes, strict=True)]
+
+
+def in_one_line(outcomes: list[tuple[str, bool, str]]) -> str:
+    """ "2 of 3 animated; Bob: no sound strip …"."""
+    done = sum(ok for _, ok, _ in outcomes)
+    failed = [f"{name}: {text}" for name, ok, text in outcomes if not ok]
+    return "; ".join([f"{done} of {len(outcomes)} animated", *failed])
+
+
+def _work(part: Part, progress: Progress):
+    if part.error is not None:
+        return part.error
+    try:
+        return part.snapshot.work(progress)
+    except Cancelled:
+        raise
+    except AnyfaceError as error:
+        return error
+
+
+def _write(part: Part, take) -> tuple[str, bool, str]:
+    ob = bpy.data.objects.get(part.object_name)
+    try:
+        if isinstance(take, AnyfaceError):
+            raise take
+        if ob is None:
+            raise AnyfaceError("mesh", f"{part.object_name} is gone")
+        text, ok = bake.write(ob, part.snapshot, take), True
+    except AnyfaceError as error:
+        text, ok = str(error), False
+    if ob is not None and ob.library is None:
+        ob.anyface.report, ob.anyface.report_is_error = text, not ok
+    return part.object_name, ok, text

@@ -1,0 +1,67 @@
+"""The settings of a character's output; `Object.anyface_output`."""
+
+import bpy
+from bpy.props import BoolProperty, CollectionProperty, PointerProperty, StringProperty
+from bpy.types import PropertyGroup
+
+from ..scene.outputs import OutputSettings
+
+
+class AnyfaceMapping(PropertyGroup):
+    """One row of the mapping list: a shape and the key that shows it."""
+
+    name: StringProperty(name="Shape", description="An ARKit shape or a viseme", options=set())
+    key: StringProperty(name="Key", description="The shape key of this mesh", options=set())
+
+
+class AnyfaceOutput(PropertyGroup):
+    """Settings of the output."""
+
+    cache_folder: StringProperty(
+        name="Folder",
+        description="Where the cache goes; empty takes anyface_cache beside the .blend",
+        subtype="DIR_PATH",
+        options=set(),
+    )
+    csv_file: StringProperty(
+        name="Table",
+        description="The CSV file; empty takes the object's name beside the .blend",
+        subtype="FILE_PATH",
+        options=set(),
+    )
+    visemes: BoolProperty(
+        name="Visemes", description="Make the 15 Oculus visemes as well", options=set()
+    )
+    new_take: BoolProperty(
+        name="As New Take",
+        description="Keep the earlier take beside the new one; off replaces it",
+        options=set(),
+    )
+    mapping: CollectionProperty(type=AnyfaceMapping, options=set())
+
+
+def read(ob) -> OutputSettings:
+    """The settings of `ob` without Blender."""
+    stored = ob.anyface_output
+    mapping = {row.name: row.key for row in stored.mapping if row.name and row.key}
+    return OutputSettings(
+        cache_folder=stored.cache_folder,
+        csv_file=stored.csv_file,
+        visemes=stored.visemes,
+        new_take=stored.new_take,
+        mapping=mapping,
+    )
+
+
+def register() -> None:
+    """Adds the settings to objects."""
+    bpy.utils.register_class(AnyfaceMapping)
+    bpy.utils.register_class(AnyfaceOutput)
+    bpy.types.Object.anyface_output = PointerProperty(type=AnyfaceOutput)
+
+
+def unregister() -> None:
+    """Takes them away; values stay in the file."""
+    del bpy.types.Object.anyface_output
+    bpy.utils.unregister_class(AnyfaceOutput)
+    bpy.utils.unregister_class(AnyfaceMapping)

@@ -1,0 +1,228 @@
+"""The output panel: what can be made here, how large it gets, and the list of keys."""
+
+import textwrap
+from pathlib import Path
+
+import bpy
+from bpy.props import StringProperty
+from bpy.types import Operator, Panel
+
+from ..core import shapes
+from ..core.errors import AnyfaceError
+from ..scene import estimate, existing, outputs
+from . import output_properties
+from .settings import sequencer_scene, target
+
+
+class ANYFACE_PT_output(Panel):
+    """What is made, its options, its size."""
+
+    bl_idname = "ANYFACE_PT_output"
+    bl_label = "Output"
+    bl_parent_id = "ANYFACE_PT_main"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Anyface"
+
+    @classmethod
+    def poll(cls, context):
+        return target(context) is not None
+
+    def draw(self, context):
+        """Draws the panel."""
+        layout, ob = self.layout, target(context)
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        asked = output_properties.read(ob)
+        reason = _draw_modes(layout, ob, asked)
+        _draw_options(layout, ob)
+        if reason:
+            _draw_words(layout, reason, context.region.width)
+            return
+        text = estimate.describe(ob, sequencer_scene(context), ob.anyface, asked)
+        layout.label(text=text, icon="INFO")
+
+
+def _draw_modes(layout, ob, asked) -> str:
+    """A button for each output, grey where it cannot work; why the chosen one cannot."""
+    reasons = {mode: outputs.why_not(ob, mode, asked) for mode in outputs.MODES}
+    column = layout.column(align=True)
+    for mode, reason in reasons.items():
+        row = column.row(align=True)
+        if not reason:
+            row.prop_enum(ob.anyface, "mode", mode)
+            continue
+        button = row.row(align=True)
+        button.enabled = False
+        button.prop_enum(ob.anyface, "mode", mode)
+        row.operator("anyface.why_not", text="", icon="QUESTION").reason = reason
+    return reasons[ob.anyface.mode]
+
+
+def _draw_options(layout, ob) -> None:
+    mode, stored = ob.anyface.mode, ob.anyface_output
+    if mode == "basis":
+        layout.prop(ob.anyface, "error_mm", text="Error (mm)")
+    elif mode == "cache":
+        layout.prop(stored, "cache_folder")
+    elif mode == "csv":
+        layout.prop(stored, "csv_file")
+    elif mode == "arkit":
+        layout.prop(stored, "visemes")
+    elif mode == "keys":
+        _draw_mapping(layout, ob, stored)
+
+
+def _draw_mapping(layout, ob, stored) -> None:
+    row = layout.row(align=True)
+    row.operator("anyface.mapping_find", text="Find Keys")
+    row.operator("anyface.mapping_load", text="", icon="FILE_FOLDER")
+    row.operator("anyface.mapping_save", text="", icon="FILE_TICK")
+    row.operator("anyface.mapping_clear", text="", icon="X")
+    if not len(stored.mapping):
+        found = existing.find(ob, {})
+        layout.label(text=f"{len(found)} keys found by name")
+        return
+    column = layout.column(align=True)
+    for item in stored.mapping:
+        row = column.row(align=True)
+        row.label(text=item.name)
+        if ob.data.shape_keys is not None:
+            row.prop_search(item, "key", ob.data.shape_keys, "key_blocks", text="")
+
+
+def _draw_words(layout, text: str, width: int) -> None:
+    box = layout.box().column(align=True)
+    box.alert = True
+    for line in textwrap.wrap(text, max(20, width // 8)):
+        box.label(text=line)
+
+
+class ANYFACE_OT_why_not(Operator):
+    """Why this output cannot work here"""
+
+    bl_idname = "anyface.why_not"
+    bl_label = "Why Not"
+    bl_options = {"INTERNAL"}
+
+    reason: StringProperty()
+
+    @classmethod
+    def description(cls, context, properties):
+        return properties.reason
+
+    def execute(self, context):
+        """Shows the reason."""
+        self.report({"INFO"}, f"Anyface: {self.reason}")
+        return {"FINISHED"}
+
+
+class _MappingOperator(Operator):
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        ob = target(context)
+        return ob is not None and ob.library is None
+
+
+class ANYFACE_OT_mapping_find(_MappingOperator):
+    """Fill the list with the keys that are named after ARKit shapes or visemes"""
+
+    bl_idname = "anyface.mapping_find"
+    bl_label = "Find Keys"
+
+    def execute(self, context):
+        """Replaces the list."""
+        ob = target(context)
+        found = existing.find(ob, {})
+        if not found:
+            self.report({"WARNING"}, "Anyface: no key is named after an ARKit shape or a viseme")
+            return {"CANCELLED"}
+        _fill(ob, found)
+        return {"FINISHED"}
+
+
+class ANYFACE_OT_mapping_clear(_MappingOperator):
+    """Empty the list; keys are found by name again"""
+
+    bl_idname = "anyface.mapping_clear"
+    bl_label = "Clear"
+
+    def execute(self, context):
+        """Empties the list."""
+        target(context).anyface_output.mapping.clear()
+        return {"FINISHED"}
+
+
+class ANYFACE_OT_mapping_save(_MappingOperator):
+    """Save the list as a JSON file"""
+
+    bl_idname = "anyface.mapping_save"
+    bl_label = "Save Key List"
+    bl_options = {"REGISTER"}
+
+    filepath: StringProperty(subtype="FILE_PATH")
+    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+
+    def invoke(self, context, event):
+        """Asks for the file."""
+        self.filepath = self.filepath or f"{target(context).name}_keys.json"
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context):
+        """Writes the list, or what is found by name where it is empty."""
+        ob = target(context)
+        mapping = output_properties.read(ob).mapping or existing.find(ob, {})
+        path = Path(bpy.path.ensure_ext(bpy.path.abspath(self.filepath), ".json"))
+        try:
+            path.write_text(shapes.dumps(mapping), encoding="utf-8")
+        except OSError as error:
+            self.report({"ERROR"}, f"Anyface: {error}")
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class ANYFACE_OT_mapping_load(_MappingOperator):
+    """Load the list from a JSON file"""
+
+    bl_idname = "anyface.mapping_load"
+    bl_label = "Load Key List"
+
+    filepath: StringProperty(subtype="FILE_PATH")
+    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+
+    def invoke(self, context, event):
+        """Asks for the file."""
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context):
+        """Replaces the list by that of the file."""
+        path = Path(bpy.path.abspath(self.filepath))
+        try:
+            mapping = shapes.loads(path.read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError, AnyfaceError) as error:
+            self.report({"ERROR"}, f"Anyface: {path.name}: {error}")
+            return {"CANCELLED"}
+        _fill(target(context), mapping)
+        return {"FINISHED"}
+
+
+def _fill(ob, mapping: dict[str, str]) -> None:
+    rows = ob.anyface_output.mapping
+    rows.clear()
+    for name, key in mapping.items():
+        row = rows.add()
+        row.name, row.key = name, key
+
+
+CLASSES = (
+    ANYFACE_OT_why_not,
+    ANYFACE_OT_mapping_find,
+    ANYFACE_OT_mapping_clear,
+    ANYFACE_OT_mapping_save,
+    ANYFACE_OT_mapping_load,
+    ANYFACE_PT_output,
+)

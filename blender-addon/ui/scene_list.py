@@ -1,0 +1,223 @@
+"""The list of a scene's characters and their strips, and the button that animates them all."""
+
+import bpy
+from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
+from bpy.types import Operator, Panel, PropertyGroup
+
+from ..core.errors import AnyfaceError
+from ..core.job import Job, Progress
+from ..scene import scene_list, sequencer
+from . import running
+from .settings import from_object, sequencer_scene
+
+
+class AnyfaceSceneRow(PropertyGroup):
+    """One character of the scene."""
+
+    use: BoolProperty(name="Use", description="Animate this one", default=True, options=set())
+    strip: StringProperty(
+        name="Strip",
+        description="Empty takes the sound of the character's own panel",
+        options=set(),
+    )
+    character: PointerProperty(
+        name="Face",
+        type=bpy.types.Object,
+        poll=lambda _self, ob: ob.type == "MESH",
+        options=set(),
+    )
+
+
+class ANYFACE_PT_scene(Panel):
+    """Strips and characters."""
+
+    bl_idname = "ANYFACE_PT_scene"
+    bl_label = "Scene"
+    bl_parent_id = "ANYFACE_PT_main"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Anyface"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        """Draws the list."""
+        layout, scene = self.layout, sequencer_scene(context)
+        column = layout.column(align=True)
+        for number, row in enumerate(context.scene.anyface_list):
+            line = column.row(align=True)
+            line.prop(row, "use", text="")
+            _draw_strip(line, row, scene.sequence_editor)
+            line.prop(row, "character", text="")
+            line.operator("anyface.scene_row_remove", text="", icon="X").number = number
+        line = layout.row(align=True)
+        line.operator("anyface.scene_row_add", icon="ADD")
+        line.operator("anyface.scene_fill", icon="FILE_REFRESH")
+        layout.operator("anyface.generate_scene", icon="PLAY")
+
+
+def _draw_strip(layout, row, editor) -> None:
+    if editor is None:
+        layout.prop(row, "strip", text="")
+        return
+    collection = "strips_all" if hasattr(editor, "strips_all") else "sequences_all"
+    layout.prop_search(row, "strip", editor, collection, text="", icon="SOUND")
+
+
+class ANYFACE_OT_scene_row_add(Operator):
+    """Add a row for each selected mesh, or an empty one"""
+
+    bl_idname = "anyface.scene_row_add"
+    bl_label = "Add"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        """Adds rows; a mesh that is in the list already gets none."""
+        rows = context.scene.anyface_list
+        there = {row.character for row in rows}
+        for ob in [ob for ob in context.selected_objects if ob.type == "MESH"] or [None]:
+            if ob is None or ob not in there:
+                rows.add().character = ob
+        return {"FINISHED"}
+
+
+class ANYFACE_OT_scene_fill(Operator):
+    """Add a row for each sound strip that has none"""
+
+    bl_idname = "anyface.scene_fill"
+    bl_label = "From Strips"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        """Adds rows; characters whose panel names the strip are filled in."""
+        rows = context.scene.anyface_list
+        there = {row.strip for row in rows}
+        speakers = {ob.anyface.strip: ob for ob in context.scene.objects if ob.type == "MESH"}
+        for strip in sequencer.sound_strips(sequencer_scene(context)):
+            if strip.name not in there:
+                row = rows.add()
+                row.strip, row.character = strip.name, speakers.get(strip.name)
+        return {"FINISHED"}
+
+
+class ANYFACE_OT_scene_row_remove(Operator):
+    """Take this row off the list; the character stays as it is"""
+
+    bl_idname = "anyface.scene_row_remove"
+    bl_label = "Remove Row"
+    bl_options = {"REGISTER", "UNDO"}
+
+    number: IntProperty(options={"HIDDEN"})
+
+    def execute(self, context):
+        """Takes it off."""
+        context.scene.anyface_list.remove(self.number)
+        return {"FINISHED"}
+
+
+class ANYFACE_OT_generate_scene(Operator):
+    """Animate every character of the list"""
+
+    bl_idname = "anyface.generate_scene"
+    bl_label = "Generate All"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        if running.is_running():
+            cls.poll_message_set("Another face is being animated")
+            return False
+        if not any(row.use and row.character for row in context.scene.anyface_list):
+            cls.poll_message_set("The list has no character")
+            return False
+        return True
+
+    def execute(self, context):
+        """Everything at once: for scripts and for Blender without a window."""
+        try:
+            snapshot = self._read(context)
+            return self._finish(snapshot, snapshot.work(Progress()))
+        except AnyfaceError as error:
+            return self._fail(error)
+
+    def invoke(self, context, event):
+        """Reads now, works in a thread, writes when that is done."""
+        if bpy.app.background:
+            return self.execute(context)
+        try:
+            self._snapshot = self._read(context)
+        except AnyfaceError as error:
+            return self._fail(error)
+        self._job = running.start(Job(self._snapshot.work), "Scene")
+        self._timer = context.window_manager.event_timer_add(0.1, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        """Polls the thread; ESC cancels."""
+        if event.type == "ESC" and event.value == "PRESS":
+            self._job.cancel()
+        if self._job.progress.cancelled:
+            self._end(context)
+            self.report({"INFO"}, "Anyface: cancelled")
+            return {"CANCELLED"}
+        if event.type != "TIMER" or not self._job.done:
+            return {"PASS_THROUGH"}
+        self._end(context)
+        try:
+            return self._finish(self._snapshot, self._job.result())
+        except AnyfaceError as error:
+            return self._fail(error)
+
+    def cancel(self, context):
+        """Blender closes or loads another file."""
+        self._job.cancel()
+        self._end(context)
+
+    def _read(self, context):
+        rows = []
+        for row in context.scene.anyface_list:
+            if row.use and row.character is not None:
+                settings = from_object(row.character)
+                if row.strip:
+                    settings.strip, settings.sound_file = row.strip, ""
+                rows.append((row.character, settings))
+        return scene_list.read(sequencer_scene(context), rows, running.engine())
+
+    def _finish(self, snapshot, takes):
+        outcomes = scene_list.write(snapshot, takes)
+        text = f"Anyface: {scene_list.in_one_line(outcomes)}"
+        if not any(ok for _, ok, _ in outcomes):
+            self.report({"ERROR"}, text)
+            return {"CANCELLED"}
+        whole = all(ok for _, ok, _ in outcomes)
+        self.report({"INFO"} if whole else {"WARNING"}, text)
+        return {"FINISHED"}
+
+    def _fail(self, error):
+        self.report({"ERROR"}, f"Anyface: {error}")
+        return {"CANCELLED"}
+
+    def _end(self, context):
+        context.window_manager.event_timer_remove(self._timer)
+        running.finish()
+
+
+def register() -> None:
+    """Adds the list to scenes."""
+    bpy.utils.register_class(AnyfaceSceneRow)
+    bpy.types.Scene.anyface_list = CollectionProperty(type=AnyfaceSceneRow)
+
+
+def unregister() -> None:
+    """Takes it away; rows stay in the file."""
+    del bpy.types.Scene.anyface_list
+    bpy.utils.unregister_class(AnyfaceSceneRow)
+
+
+CLASSES = (
+    ANYFACE_OT_scene_row_add,
+    ANYFACE_OT_scene_fill,
+    ANYFACE_OT_scene_row_remove,
+    ANYFACE_OT_generate_scene,
+    ANYFACE_PT_scene,
+)

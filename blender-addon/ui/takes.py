@@ -1,0 +1,141 @@
+"""The list of takes: switch, rename, push down to the NLA, delete."""
+
+from bpy.props import StringProperty
+from bpy.types import Operator, Panel
+
+from ..core.errors import AnyfaceError
+from ..scene import record, takes
+from . import running
+from .settings import target
+
+_ICONS = {"PLAYS": "RADIOBUT_ON", "WAITS": "RADIOBUT_OFF", "NLA": "NLA"}
+
+
+class ANYFACE_PT_takes(Panel):
+    """Several results on one character."""
+
+    bl_idname = "ANYFACE_PT_takes"
+    bl_label = "Takes"
+    bl_parent_id = "ANYFACE_PT_main"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Anyface"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return target(context) is not None
+
+    def draw(self, context):
+        """Draws the list."""
+        layout, ob = self.layout, target(context)
+        layout.prop(ob.anyface_output, "new_take")
+        column = layout.column(align=True)
+        for row in takes.rows(ob):
+            line = column.row(align=True)
+            switch = line.operator("anyface.take_switch", text=row.name, icon=_ICONS[row.state])
+            switch.take = row.id
+            rename = line.operator("anyface.take_rename", text="", icon="GREASEPENCIL")
+            rename.take, rename.name = row.id, row.name
+            line.operator("anyface.take_push_down", text="", icon="NLA_PUSHDOWN").take = row.id
+            line.operator("anyface.take_delete", text="", icon="TRASH").take = row.id
+        layout.operator("anyface.take_keep")
+
+
+class _TakeOperator(Operator):
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return not running.is_running() and bool(takes.rows(target(context)))
+
+    def execute(self, context):
+        """Does it, or says why not."""
+        try:
+            self.act(target(context))
+        except AnyfaceError as error:
+            self.report({"ERROR"}, f"Anyface: {error}")
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class ANYFACE_OT_take_keep(_TakeOperator):
+    """Let the take that plays wait in the list; the next one is made beside it"""
+
+    bl_idname = "anyface.take_keep"
+    bl_label = "Keep Take"
+
+    @classmethod
+    def poll(cls, context):
+        return not running.is_running() and record.is_generated(target(context))
+
+    def act(self, ob):
+        """Keeps it."""
+        takes.keep(ob)
+
+
+class ANYFACE_OT_take_switch(_TakeOperator):
+    """Play this take instead of the other"""
+
+    bl_idname = "anyface.take_switch"
+    bl_label = "Play Take"
+
+    take: StringProperty(options={"HIDDEN"})
+
+    def act(self, ob):
+        """Switches."""
+        takes.switch(ob, self.take)
+
+
+class ANYFACE_OT_take_rename(_TakeOperator):
+    """Give the take another name"""
+
+    bl_idname = "anyface.take_rename"
+    bl_label = "Rename Take"
+
+    take: StringProperty(options={"HIDDEN"})
+    name: StringProperty(name="Name")
+
+    def invoke(self, context, event):
+        """Asks for the name."""
+        return context.window_manager.invoke_props_dialog(self)
+
+    def act(self, ob):
+        """Renames."""
+        takes.rename(ob, self.take, self.name)
+
+
+class ANYFACE_OT_take_push_down(_TakeOperator):
+    """Put the take as a strip into the NLA editor, where takes can be moved and blended"""
+
+    bl_idname = "anyface.take_push_down"
+    bl_label = "Push Down"
+
+    take: StringProperty(options={"HIDDEN"})
+
+    def act(self, ob):
+        """Pushes it down."""
+        takes.push_down(ob, self.take)
+
+
+class ANYFACE_OT_take_delete(_TakeOperator):
+    """Delete the take with its keys, its action and its strip"""
+
+    bl_idname = "anyface.take_delete"
+    bl_label = "Delete Take"
+
+    take: StringProperty(options={"HIDDEN"})
+
+    def act(self, ob):
+        """Deletes it."""
+        takes.delete(ob, self.take)
+
+
+CLASSES = (
+    ANYFACE_OT_take_keep,
+    ANYFACE_OT_take_switch,
+    ANYFACE_OT_take_rename,
+    ANYFACE_OT_take_push_down,
+    ANYFACE_OT_take_delete,
+    ANYFACE_PT_takes,
+)

@@ -1,0 +1,221 @@
+//! Weights of shapes over time, solved from the motion of vertices.
+
+use std::ffi::c_char;
+
+use anyface::{
+    output::write_blend_weights,
+    rig::{Rig, SolveOptions, SolvedWeights, solve},
+};
+use ndarray::ArrayView3;
+
+use crate::{
+    error::{AnyfaceError, Failure},
+    guard, pointer,
+    progress::{AnyfaceProgress, watched},
+    status::AnyfaceStatus,
+};
+
+/// Weights of `S` shapes in `T` frames, 0 to 1. Never changes after it was made: any number of
+/// threads may use it at the same time.
+pub struct AnyfaceWeights(SolvedWeights);
+
+/// Finds the weights with which shapes come nearest to a motion: bounded least squares, smooth over
+/// time, left and right alike where they cannot be told apart. Accepts a progress handle.
+///
+/// `names`: `[shape_count]`, UTF-8; "…Left" and "…Right" are taken as a pair. `shapes`:
+/// `[shape_count, vertex_count, 3]`, displacements at weight 1. `displacements`:
+/// `[frame_count, vertex_count, 3]` in the same units, without motion of the whole head. All are
+/// copied. `progress` may be NULL. Free with `anyface_weights_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not finite or shapes of which none
+/// moves, `ANYFACE_STATUS_CANCELLED`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_weights_new(
+    names: *const *const c_char,
+    shapes: *const f32,
+    shape_count: usize,
+    displacements: *const f32,
+    frame_count: usize,
+    vertex_count: usize,
+    progress: *const AnyfaceProgress,
+    out: *mut *mut AnyfaceWeights,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let rig = Rig {
+            names: unsafe { texts("names", names, shape_count) }?,
+            deltas: unsafe { moves("shapes", shapes, shape_count, vertex_count) }?.to_owned(),
+            reports: Vec::new(),
+        };
+        let motion = unsafe { moves("displacements", displacements, frame_count, vertex_count) }?;
+        let work = |watch: anyface::progress::ProgressFn<'_>| {
+            solve(&rig, shape_count, motion, &SolveOptions::default(), watch)
+        };
+        let weights = unsafe { watched(progress, work) }?;
+        unsafe { pointer::give(out, AnyfaceWeights(weights)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Copies the weights into the caller's buffer.
+///
+/// `buffer`: `[T, S]`, 0 to 1; `float_count` must be `T * S`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_weights_copy(
+    weights: *const AnyfaceWeights,
+    buffer: *mut f32,
+    float_count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let weights = &unsafe { pointer::handle("weights", weights) }?.0.weights;
+        let values: Vec<f32> = weights.iter().copied().collect();
+        unsafe { pointer::copy_out("buffer", &values, buffer, float_count) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Share of the motion that the shapes leave out, root mean square over vertices and frames: 0 where
+/// they show all of it, 1 where they show none. 0 for NULL and for a motion that does not move.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_weights_left_out(weights: *const AnyfaceWeights) -> f32 {
+    let Some(AnyfaceWeights(weights)) = (unsafe { weights.as_ref() }) else {
+        return 0.0;
+    };
+    let energy = |rms: &[f32]| rms.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
+    match energy(&weights.motion) {
+        motion if motion > 0.0 => (energy(&weights.residual) / motion).sqrt() as f32,
+        _ => 0.0,
+    }
+}
+
+/// Writes the weights as a file whose kind follows from the end of its name.
+///
+/// .csv as Live Link Face writes it: the 52 ARKit shapes, those that are not among the names with 0;
+/// `fps` must be at least 1. .json: `fps`, `names` `[S]`, `weights` `[T][S]`. `path`: UTF-8.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or frame rate, `ANYFACE_STATUS_IO`
+/// if the file cannot be written; then nothing is left of it.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_weights_write(
+    weights: *const AnyfaceWeights,
+    path: *const c_char,
+    fps: f64,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let weights = &unsafe { pointer::handle("weights", weights) }?.0;
+        let path = unsafe { pointer::path("path", path) }?;
+        Ok(write_blend_weights(path, weights, fps)?)
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Frees weights that no running call uses; nothing happens for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_weights_free(weights: *mut AnyfaceWeights) {
+    unsafe { guard::free(weights) }
+}
+
+/// `[count, vertices, 3]`, borrowed.
+///
+/// # Safety
+/// `values` is NULL or valid for reads of `count * vertices * 3` values.
+unsafe fn moves<'a>(
+    name: &'static str,
+    values: *const f32,
+    count: usize,
+    vertices: usize,
+) -> Result<ArrayView3<'a, f32>, Failure> {
+    let columns = vertices.saturating_mul(3);
+    let values = unsafe { pointer::slice(name, values, count, columns) }?;
+    ArrayView3::from_shape((count, vertices, 3), values)
+        .map_err(|error| Failure::invalid(format!("{name}: {error}")))
+}
+
+/// # Safety
+/// `values` is NULL or valid for reads of `count` strings, each NULL or NUL-terminated.
+unsafe fn texts(
+    name: &'static str,
+    values: *const *const c_char,
+    count: usize,
+) -> Result<Vec<String>, Failure> {
+    let values = unsafe { pointer::slice(name, values, count, 1) }?;
+    let text = |value: &*const c_char| unsafe { pointer::text(name, *value) }.map(str::to_owned);
+    values.iter().map(text).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::{anyface_error_free, anyface_error_status};
+    use ndarray::Array3;
+    use std::ptr::{null, null_mut};
+
+    /// Two shapes that move different vertices, and their sum with 0.5 and 0.25 in both frames.
+    fn example() -> (Array3<f32>, Array3<f32>) {
+        let shapes = Array3::from_shape_fn((2, 4, 3), |(s, v, _)| f32::from(v / 2 == s));
+        let strength = [0.5, 0.25];
+        let motion = Array3::from_shape_fn((2, 4, 3), |(_, v, _)| strength[v / 2]);
+        (shapes, motion)
+    }
+
+    unsafe fn solved(motion: &Array3<f32>) -> Result<*mut AnyfaceWeights, AnyfaceStatus> {
+        let (shapes, _) = example();
+        let names = [c"jawOpen".as_ptr(), c"tongueOut".as_ptr()];
+        let (mut out, mut error) = (null_mut(), null_mut());
+        let status = unsafe {
+            anyface_weights_new(
+                names.as_ptr(),
+                shapes.as_ptr(),
+                2,
+                motion.as_ptr(),
+                motion.dim().0,
+                4,
+                null(),
+                &mut out,
+                &mut error,
+            )
+        };
+        if status == AnyfaceStatus::Ok {
+            return Ok(out);
+        }
+        assert_eq!(unsafe { anyface_error_status(error) }, status);
+        unsafe { anyface_error_free(error) };
+        Err(status)
+    }
+
+    #[test]
+    fn known_weights_come_back() {
+        unsafe {
+            let weights = solved(&example().1).unwrap();
+            let (mut buffer, mut error) = ([0.0f32; 4], null_mut());
+            let status = anyface_weights_copy(weights, buffer.as_mut_ptr(), 4, &mut error);
+            assert_eq!(status, AnyfaceStatus::Ok);
+            for (got, expected) in buffer.iter().zip([0.5, 0.25, 0.5, 0.25]) {
+                assert!((got - expected).abs() < 1e-3, "{buffer:?}");
+            }
+            assert!(anyface_weights_left_out(weights) < 0.01);
+            anyface_weights_free(weights);
+        }
+    }
+
+    #[test]
+    fn what_no_shape_can_do_is_left_out() {
+        let mut motion = example().1;
+        motion.mapv_inplace(|x| -x);
+        unsafe {
+            let weights = solved(&motion).unwrap();
+            assert!((anyface_weights_left_out(weights) - 1.0).abs() < 1e-3);
+            anyface_weights_free(weights);
+        }
+    }
+
+    #[test]
+    fn motion_that_is_not_finite_is_refused() {
+        let mut motion = example().1;
+        motion[[1, 0, 0]] = f32::NAN;
+        assert_eq!(unsafe { solved(&motion) }, Err(AnyfaceStatus::InvalidInput));
+    }
+}

@@ -1,0 +1,312 @@
+"""The outputs beside basis keys and every frame: caches, existing keys, ARKit keys, tables."""
+
+import json
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from figures import Stage, curves, everything, grid, motion, own_keys, shape, tone
+
+START = 5
+
+
+@pytest.fixture
+def stage(addon):
+    """A stage in the engine's place."""
+    stage = Stage(addon("core.take"))
+    addon("ui.running")._engine = stage
+    return stage
+
+
+def ready(tmp_path, mode, ob=None, save=True):
+    """A head with a sound file, saved beside it, and the output `mode`."""
+    bpy.context.scene.render.fps = 24
+    ob = ob or grid()
+    ob.anyface.source, ob.anyface.start_frame = "FILE", START
+    ob.anyface.sound_file = tone(tmp_path / "tone.wav")
+    ob.anyface.mode = mode
+    if save:
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
+        ob = bpy.data.objects[ob.name]
+    return ob
+
+
+def expected(stage, ob):
+    """The displacements that the stage gives."""
+    return motion(48, len(ob.data.vertices), stage.rank, stage.size)
+
+
+def failure():
+    with pytest.raises(RuntimeError) as caught:
+        bpy.ops.anyface.generate()
+    return str(caught.value)
+
+
+def rest(ob):
+    return np.array([vertex.co for vertex in ob.data.vertices], dtype=np.float32)
+
+
+def files(folder):
+    return sorted(path.name for path in Path(folder).rglob("*") if path.is_file())
+
+
+def test_a_cache_plays_every_frame_and_goes_with_remove(stage, tmp_path):
+    ob = ready(tmp_path, "cache")
+    before, there = everything(), files(tmp_path)
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    moved = expected(stage, ob)
+    for t in (0, 1, 20, 47):
+        assert np.abs(shape(ob, START + t) - rest(ob) - moved[t]).max() < 1e-6
+    assert np.abs(shape(ob, START - 10) - rest(ob)).max() < 1e-7
+    assert np.abs(shape(ob, START + 60) - rest(ob)).max() < 1e-7
+    assert ob.data.shape_keys is None
+    assert ob.modifiers[0].filepath.startswith("//anyface_cache")
+    bpy.context.scene.frame_set(1)
+    assert bpy.ops.anyface.remove() == {"FINISHED"}
+    assert (everything(), files(tmp_path)) == (before, there)
+    assert not (tmp_path / "anyface_cache").exists() and len(ob.modifiers) == 0
+
+
+def test_a_cache_goes_before_other_modifiers_and_adds_to_keys(stage, tmp_path):
+    ob = ready(tmp_path, "cache")
+    own_keys(ob, "Smile")
+    ob.modifiers.new("Subdivision", "SUBSURF")
+    posed = rest(ob) + 0.25 * (np.arange(len(ob.data.vertices)) == 0)[:, None] * (0.01, 0, 0)
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert [modifier.type for modifier in ob.modifiers] == ["MESH_CACHE", "SUBSURF"]
+    ob.modifiers["Subdivision"].show_viewport = False
+    assert np.abs(shape(ob, START + 20) - posed - expected(stage, ob)[20]).max() < 2e-4
+    bpy.ops.anyface.remove()
+    assert [modifier.name for modifier in ob.modifiers] == ["Subdivision"]
+    assert ob.data.shape_keys.key_blocks["Smile"].value == pytest.approx(0.25)
+
+
+def test_a_cache_works_on_a_linked_character_and_survives_saving(stage, tmp_path):
+    grid()
+    library, shot = str(tmp_path / "library.blend"), str(tmp_path / "shot.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=library)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.ops.wm.save_as_mainfile(filepath=shot)
+    with bpy.data.libraries.load(library, link=True) as (_, target):
+        target.objects = ["Head"]
+    linked = bpy.data.objects["Head"]
+    ob = linked.override_create(remap_local_usages=True)
+    bpy.context.scene.collection.objects.link(ob)
+    bpy.context.view_layer.objects.active = ob
+    assert ob.data.library is not None
+    ob = ready(tmp_path, "basis", ob, save=False)
+    assert "linked from" in failure()
+    ob.anyface.mode = "cache"
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    moved = rest(ob) + expected(stage, ob)[20]
+    bpy.ops.wm.save_mainfile()
+    bpy.ops.wm.open_mainfile(filepath=shot)
+    ob = next(ob for ob in bpy.data.objects if ob.override_library is not None)
+    assert np.abs(shape(ob, START + 20) - moved).max() < 1e-6
+    bpy.context.view_layer.objects.active = ob
+    assert bpy.ops.anyface.remove() == {"FINISHED"}
+    assert len(ob.modifiers) == 0 and not list(tmp_path.rglob("*.pc2"))
+
+
+def test_a_cancelled_cache_leaves_no_file(addon, tmp_path):
+    job, pc2 = addon("core.job"), addon("core.pc2")
+    progress = job.Progress()
+    progress.cancel()
+    path = tmp_path / "folder" / "a.pc2"
+    with pytest.raises(addon("core.errors").Cancelled):
+        pc2.write(path, np.zeros((4, 3)), np.zeros((2, 4, 3)), 1, progress)
+    assert files(tmp_path) == []
+
+
+def test_an_unsaved_file_and_a_linked_object_are_told_what_helps(stage, tmp_path, addon):
+    ob = ready(tmp_path, "cache", save=False)
+    assert "save it first" in failure()
+    ob.anyface_output.cache_folder = str(tmp_path / "elsewhere")
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert len(list((tmp_path / "elsewhere").iterdir())) == 1
+
+
+def arkit_keys(stage, ob):
+    """The stage's shapes as keys of an artist, spelled in his own way."""
+    rig = stage.rig(rest(ob), None, None, None, None, stage_progress())
+    ob.shape_key_add(name="Basis", from_mix=False)
+    for name, vector in list(zip(rig.names, rig.vectors, strict=True))[: 2 * stage.rank]:
+        spelled = "Face." + name.replace("Left", "_L").replace("Right", "_R").lower()
+        block = ob.shape_key_add(name=spelled, from_mix=False)
+        block.points.foreach_set("co", (rest(ob) + vector).ravel())
+    ob.shape_key_add(name="Mole", from_mix=False)
+    return ob.data.shape_keys
+
+
+def stage_progress():
+    class Silent:
+        def check(self, *_):
+            """Goes on."""
+
+    return Silent()
+
+
+def artist_values(shape_keys):
+    shape_keys.key_blocks[2].value = 0.4
+
+
+def artist_curves(shape_keys):
+    for frame, value in ((1, 0.1), (30, 0.7)):
+        for number in (1, -1):
+            block = shape_keys.key_blocks[number]
+            block.value = value
+            block.keyframe_insert("value", frame=frame)
+
+
+def artist_drivers(shape_keys):
+    shape_keys.key_blocks[1].driver_add("value").driver.expression = "0.5"
+    shape_keys.key_blocks[3].mute = True
+
+
+@pytest.mark.parametrize("artist", [artist_values, artist_curves, artist_drivers])
+def test_existing_keys_speak_and_are_given_back(stage, tmp_path, artist):
+    ob = ready(tmp_path, "keys")
+    artist(arkit_keys(stage, ob))
+    bpy.context.scene.frame_set(3)
+    before = everything()
+    for _ in range(2):
+        assert bpy.ops.anyface.generate() == {"FINISHED"}
+    names = [block.name for block in ob.data.shape_keys.key_blocks]
+    assert len(names) == 2 * stage.rank + 2 and "driven" in ob.anyface.report
+    if artist is not artist_drivers:
+        error = shape(ob, START + 20) - rest(ob) - expected(stage, ob)[20]
+        assert np.abs(error).max() < 0.05 * stage.size
+    else:
+        animated = {c.data_path for c in curves(ob.data.shape_keys.animation_data.action)}
+        assert not any(names[n] in path for n in (1, 3) for path in animated)
+    bpy.context.scene.frame_set(3)
+    assert bpy.ops.anyface.remove() == {"FINISHED"}
+    bpy.context.scene.frame_set(3)
+    assert everything() == before
+
+
+def test_work_in_the_standing_in_action_is_kept(stage, tmp_path):
+    ob = ready(tmp_path, "keys")
+    artist_curves(arkit_keys(stage, ob))
+    first = ob.data.shape_keys.key_blocks[1].name
+    bpy.ops.anyface.generate()
+    mole = ob.data.shape_keys.key_blocks["Mole"]
+    mole.value = 0.9
+    mole.keyframe_insert("value", frame=20)
+    bpy.ops.anyface.remove()
+    found = {c.data_path: c for c in curves(ob.data.shape_keys.animation_data.action)}
+    assert len(found['key_blocks["Mole"].value'].keyframe_points) == 3
+    own = found[f'key_blocks["{first}"].value']
+    assert own.evaluate(30) == pytest.approx(0.7) and len(found) == 2
+
+
+def test_names_are_matched_however_they_are_written(addon):
+    match = addon("core.shapes").match
+    keys = ["Basis", "EYEBLINK_LEFT", "cc.mouthSmile_R", "Jaw Open", "head_geo.browInnerUp"]
+    assert match(keys) == {
+        "eyeBlinkLeft": "EYEBLINK_LEFT",
+        "jawOpen": "Jaw Open",
+        "mouthSmileRight": "cc.mouthSmile_R",
+        "browInnerUp": "head_geo.browInnerUp",
+    }
+    assert match(["V_aa", "vrc.v_oh", "viseme_PP", "Viseme.CH"]) == {
+        "viseme_PP": "viseme_PP",
+        "viseme_CH": "Viseme.CH",
+        "viseme_aa": "V_aa",
+        "viseme_O": "vrc.v_oh",
+    }
+    assert match(["jaw", "Smile", "mouthful", "aa"]) == {}
+
+
+def test_the_list_of_keys_is_found_edited_saved_and_loaded(stage, tmp_path):
+    ob = ready(tmp_path, "keys")
+    arkit_keys(stage, ob)
+    assert bpy.ops.anyface.mapping_find() == {"FINISHED"}
+    rows = ob.anyface_output.mapping
+    assert len(rows) == 2 * stage.rank
+    first = rows[0].name
+    rows[0].key = "Mole"
+    path = str(tmp_path / "keys.json")
+    assert bpy.ops.anyface.mapping_save(filepath=path) == {"FINISHED"}
+    assert json.loads(Path(path).read_text())["keys"][first] == "Mole"
+    assert bpy.ops.anyface.mapping_clear() == {"FINISHED"} and not len(rows)
+    assert bpy.ops.anyface.mapping_load(filepath=path) == {"FINISHED"}
+    assert rows[0].key == "Mole" and len(rows) == 2 * stage.rank
+    bpy.ops.anyface.generate()
+    animated = {c.data_path for c in curves(ob.data.shape_keys.animation_data.action)}
+    assert 'key_blocks["Mole"].value' in animated
+    Path(path).write_text('{"keys": {"nose": "Mole"}}')
+    with pytest.raises(RuntimeError, match="nose"):
+        bpy.ops.anyface.mapping_load(filepath=path)
+
+
+def test_a_mesh_without_such_keys_is_told_what_helps(stage, tmp_path):
+    ob = ready(tmp_path, "keys")
+    own_keys(ob, "Smile")
+    before = everything()
+    assert "Make ARKit Keys" in failure()
+    assert everything() == before
+
+
+def test_arkit_keys_are_made_beside_own_keys_and_removed(stage, tmp_path):
+    ob = ready(tmp_path, "arkit")
+    own_keys(ob, "Smile", "viseme_aa")
+    bpy.context.scene.frame_set(1)
+    before = everything()
+    base = shape(ob, 1)
+    bpy.ops.anyface.generate()
+    names = [block.name for block in ob.data.shape_keys.key_blocks]
+    assert names[:3] == ["Basis", "Smile", "viseme_aa"] and len(names) == 3 + 52
+    error = shape(ob, START + 20) - base - expected(stage, ob)[20]
+    assert np.abs(error).max() < 0.05 * stage.size
+    ob.anyface_output.visemes = True
+    assert "viseme_aa" in failure()
+    bpy.context.scene.frame_set(1)
+    bpy.ops.anyface.remove()
+    assert everything() == before
+    ob.shape_key_remove(ob.data.shape_keys.key_blocks["viseme_aa"])
+    bpy.ops.anyface.generate()
+    assert len(ob.data.shape_keys.key_blocks) == 2 + 52 + 15
+
+
+def test_a_table_changes_no_mesh_and_overwrites_no_file(stage, tmp_path):
+    ob = ready(tmp_path, "csv")
+    ob.anyface.mode = "basis"
+    bpy.ops.anyface.generate()
+    bpy.context.scene.frame_set(1)
+    before = [row for row in everything() if not row.startswith("objects Head")]
+    ob.anyface.mode = "csv"
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert [row for row in everything() if not row.startswith("objects Head")] == before
+    table = (tmp_path / "Head.csv").read_text().splitlines()
+    assert len(table) == 1 + 48
+    (tmp_path / "Head.csv").write_text("mine")
+    assert "exists already" in failure()
+    bpy.ops.anyface.remove()
+    assert (tmp_path / "Head.csv").read_text() == "mine"
+    bpy.ops.anyface.generate.poll()
+    ob.anyface_output.csv_file = str(tmp_path / "new" / "a.csv")
+    bpy.ops.anyface.generate()
+    bpy.ops.anyface.remove()
+    assert not (tmp_path / "new" / "a.csv").exists()
+
+
+@pytest.mark.parametrize("first", ["basis", "cache", "arkit", "keys"])
+def test_outputs_replace_each_other(stage, tmp_path, first):
+    ob = ready(tmp_path, first)
+    arkit_keys(stage, ob)
+    for block in ob.data.shape_keys.key_blocks[1:]:
+        block.name = block.name if first == "keys" else block.name.replace("Face.", "Own")
+    bpy.context.scene.frame_set(1)
+    before, there = everything(), files(tmp_path)
+    bpy.ops.anyface.generate()
+    ob.anyface.mode = "cache" if first != "cache" else "basis"
+    bpy.ops.anyface.generate()
+    error = shape(ob, START + 20) - rest(ob) - expected(stage, ob)[20]
+    assert np.abs(error).max() < 2e-4
+    bpy.context.scene.frame_set(1)
+    bpy.ops.anyface.remove()
+    assert (everything(), files(tmp_path)) == (before, there)
