@@ -57,17 +57,21 @@ def remove(ob) -> bool:
 
     Those of the objects beside the face go with its own.
     """
+    modifiers = of_take(ob)
+    for modifier in modifiers:
+        path = Path(bpy.path.abspath(modifier.filepath))
+        modifier.id_data.modifiers.remove(modifier)
+        _delete(path)
+    return bool(modifiers)
+
+
+def of_take(ob) -> list:
+    """The modifiers of the cache of `ob` and of the objects beside it."""
     own = find(ob)
     if own is None:
-        return False
-    take = _take_of(own)
-    played = [(other, find(other)) for other in bpy.data.objects if find(other) is not None]
-    for other, modifier in played:
-        if _take_of(modifier) == take:
-            path = Path(bpy.path.abspath(modifier.filepath))
-            other.modifiers.remove(modifier)
-            _delete(path)
-    return True
+        return []
+    found = [find(other) for other in bpy.data.objects]
+    return [made for made in found if made is not None and _take_of(made) == _take_of(own)]
 
 
 def _take_of(modifier) -> str:

@@ -1,9 +1,16 @@
 """The settings of a character's output; `Object.anyface_output`."""
 
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, PointerProperty, StringProperty
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    FloatProperty,
+    PointerProperty,
+    StringProperty,
+)
 from bpy.types import PropertyGroup
 
+from ..scene import adjust, record
 from ..scene.outputs import OutputSettings
 
 
@@ -12,6 +19,19 @@ class AnyfaceMapping(PropertyGroup):
 
     name: StringProperty(name="Shape", description="An ARKit shape or a viseme", options=set())
     key: StringProperty(name="Key", description="The shape key of this mesh", options=set())
+
+
+# The sliders have no values of their own: they read and change the take that is there.
+def _taken(stored) -> record.Record:
+    return record.read(stored.id_data.data.shape_keys) or record.Record("")
+
+
+def _set_strength(stored, value: float) -> None:
+    adjust.adjust(stored.id_data, value, _taken(stored).shift)
+
+
+def _set_shift(stored, value: float) -> None:
+    adjust.adjust(stored.id_data, _taken(stored).strength, value)
 
 
 class AnyfaceOutput(PropertyGroup):
@@ -36,6 +56,27 @@ class AnyfaceOutput(PropertyGroup):
         name="As New Take",
         description="Keep the earlier take beside the new one; off replaces it",
         options=set(),
+    )
+    strength: FloatProperty(
+        name="Strength",
+        description="Scales the take that is there; no new run is needed",
+        default=1.0,
+        min=0.01,
+        soft_max=2.0,
+        max=5.0,
+        options=set(),
+        get=lambda stored: _taken(stored).strength,
+        set=_set_strength,
+    )
+    shift: FloatProperty(
+        name="Shift",
+        description="Moves the take that is there, in frames; no new run is needed",
+        default=0.0,
+        soft_min=-24.0,
+        soft_max=24.0,
+        options=set(),
+        get=lambda stored: _taken(stored).shift,
+        set=_set_shift,
     )
     mapping: CollectionProperty(type=AnyfaceMapping, options=set())
 

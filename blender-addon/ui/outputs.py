@@ -9,8 +9,8 @@ from bpy.types import Operator, Panel
 
 from ..core import shapes
 from ..core.errors import AnyfaceError
-from ..scene import estimate, existing, outputs
-from . import output_properties
+from ..scene import estimate, existing, outputs, record
+from . import output_properties, running
 from .settings import sequencer_scene, target
 
 
@@ -39,6 +39,10 @@ class ANYFACE_PT_output(Panel):
         if reason:
             _draw_words(layout, reason, context.region.width)
             return
+        if record.is_generated(ob) and not running.is_running():
+            column = layout.column(heading="The take that is there")
+            column.prop(ob.anyface_output, "strength", slider=True)
+            column.prop(ob.anyface_output, "shift")
         text = estimate.describe(ob, sequencer_scene(context), ob.anyface, asked)
         layout.label(text=text, icon="INFO")
 

@@ -310,3 +310,59 @@ def test_outputs_replace_each_other(stage, tmp_path, first):
     bpy.context.scene.frame_set(1)
     bpy.ops.anyface.remove()
     assert (everything(), files(tmp_path)) == (before, there)
+
+
+@pytest.mark.parametrize("mode", ["cache", "arkit", "basis"])
+def test_objects_beside_the_face_follow_in_every_output(stage, tmp_path, mode):
+    ob = grid()
+    teeth = grid("Teeth_low", side=5, scale=0.1)
+    teeth.location, teeth.rotation_euler.z, teeth.scale = (0.0, 0.02, -0.03), 0.5, (2.0, 2.0, 2.0)
+    bpy.context.view_layer.objects.active = ob
+    bpy.context.view_layer.update()
+    ob = ready(tmp_path, mode, ob)
+    teeth = bpy.data.objects["Teeth_low"]
+    bpy.ops.anyface.find_parts()
+    before, there = everything(), files(tmp_path)
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    moved = motion(48, 169, stage.rank, stage.size)[20]
+    for part, expected in ((ob, moved[:144]), (teeth, moved[144:])):
+        own = shape(part, START + 20) - rest(part)
+        turned = own @ np.array(part.matrix_world)[:3, :3].T
+        assert np.abs(turned - expected).max() < 0.05 * stage.size
+    if mode != "cache":
+        bpy.ops.anyface.take_keep()
+        assert np.abs(shape(teeth, START + 20) - rest(teeth)).max() < 1e-6
+        bpy.ops.anyface.take_switch(take=ob_takes(ob)[0])
+        turned = (shape(teeth, START + 20) - rest(teeth)) @ np.array(teeth.matrix_world)[:3, :3].T
+        assert np.abs(turned - moved[144:]).max() < 0.05 * stage.size
+        bpy.ops.anyface.take_push_down(take=ob_takes(ob)[0])
+        turned = (shape(teeth, START + 20) - rest(teeth)) @ np.array(teeth.matrix_world)[:3, :3].T
+        assert np.abs(turned - moved[144:]).max() < 0.05 * stage.size
+        bpy.ops.anyface.take_switch(take=ob_takes(ob)[0])
+    bpy.context.scene.frame_set(1)
+    assert bpy.ops.anyface.remove() == {"FINISHED"}
+    assert (everything(), files(tmp_path)) == (before, there)
+
+
+def ob_takes(ob):
+    """Ids of all takes of `ob`."""
+    texts = [ob.data.shape_keys.get(name) for name in ("anyface", "anyface_takes")]
+    found = [json.loads(text) for text in texts if text]
+    return [row["id"] for rows in found for row in (rows if isinstance(rows, list) else [rows])]
+
+
+@pytest.mark.parametrize("mode", ["basis", "arkit"])
+def test_strength_and_shift_change_the_take_that_is_there(stage, tmp_path, mode):
+    ob = ready(tmp_path, mode)
+    bpy.ops.anyface.generate()
+    full = shape(ob, START + 20) - rest(ob)
+    settings = ob.anyface_output
+    for strength, shift in ((0.5, 0.0), (0.25, 3.0), (1.5, -2.5), (1.0, 0.0)):
+        settings.strength, settings.shift = strength, shift
+        moved = shape(ob, START + 20 + shift) - rest(ob)
+        assert np.abs(moved - strength * full).max() < 1e-5
+        assert (settings.strength, settings.shift) == pytest.approx((strength, shift))
+    settings.strength = 2.0
+    bpy.ops.anyface.generate()
+    assert settings.strength == 1.0
+    assert np.abs(shape(ob, START + 20) - rest(ob) - full).max() < 1e-6
