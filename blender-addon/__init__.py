@@ -6,10 +6,10 @@ library (no bpy, any thread) → `scene.bake.write` (shape keys and their curves
 
 import bpy
 
+from . import command
 from .ui import (
     audio,
     character,
-    command,
     generate,
     landmarks,
     outputs,

@@ -1,45 +1,53 @@
 """Anyface for bpy from PyPI: the same as Blender's `--command anyface`, without Blender.
 
     python -m anyface_batch shot.blend bake --object Head --strip Voice --save out.blend
+    python -m anyface_batch batch jobs.json --workers 4
 
 Put the folder of this file on PYTHONPATH: the extension's folder once it is installed, or the
-unpacked zip. The options are those of `ui/command.py`; the word `bake` may be left out.
+unpacked zip. The options are those of `core/options.py`; the word `bake` may be left out. `batch`
+alone needs no bpy where `--blender` names what does the shots.
 """
 
-import argparse
+import importlib
 import importlib.util
-import os
 import sys
+import types
 from pathlib import Path
 
 _FOLDER = Path(__file__).resolve().parent
 _PACKAGE = "anyface_extension"
+_BARE = "anyface_without_blender"
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Opens the file, runs the command, returns its exit code."""
+    """Runs the command, returns its exit code."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    import bpy
-
+    if arguments[:1] == ["batch"] and "bpy" not in sys.modules:
+        return _batch(arguments)
     extension = load_extension()
-    command = importlib.import_module(f"{extension.__name__}.ui.command")
-    if "bake" in arguments[:2]:
-        arguments.remove("bake")
-    parser = argparse.ArgumentParser(
-        prog="python -m anyface_batch", description="Animates one face of a .blend file."
-    )
-    parser.add_argument("blend", help="the .blend file to open")
-    command.add_bake_options(parser)
+    return importlib.import_module(f"{extension.__name__}.command").main(ordered(arguments))
+
+
+def ordered(arguments: list[str]) -> list[str]:
+    """Words with the task first; `shot.blend bake --object …` opens that file."""
+    file = [word for word in arguments[:2] if word.endswith(".blend")][:1]
+    rest = [word for word in arguments[:2] if word not in file] + arguments[2:]
+    task = "bake" if file and rest[:1] and rest[0].startswith("-") else None
+    words = [task, *rest] if task else rest
+    return [words[0], "--file", file[0], *words[1:]] if file and words else words
+
+
+def _batch(arguments: list[str]) -> int:
+    """Only hands out shots: the package around this file without what needs bpy."""
+    package = types.ModuleType(_BARE)
+    package.__path__ = [str(_FOLDER)]
+    sys.modules.setdefault(_BARE, package)
+    options = importlib.import_module(f"{_BARE}.core.options").parser("anyface_batch")
     try:
-        options = parser.parse_args(arguments)
+        parsed = options.parse_args(arguments)
     except SystemExit as error:
         return error.code if isinstance(error.code, int) else 2
-    try:
-        bpy.ops.wm.open_mainfile(filepath=os.path.abspath(options.blend))
-    except RuntimeError as error:
-        print(f"anyface: {str(error).strip()}", file=sys.stderr)
-        return 8
-    return command.run(options)
+    return importlib.import_module(f"{_BARE}.farm.batch").run(parsed)
 
 
 def load_extension():

@@ -1,6 +1,6 @@
 """Errors in plain words, each kind with its exit code."""
 
-# Exit code of each kind, the same as those of the `anyface` command; `NOTHING_MOVED` is our own.
+# Exit code of each kind, the same as those of the `anyface` command; the last two are our own.
 EXIT_CODES = {
     "input": 3,
     "audio": 4,
@@ -11,6 +11,7 @@ EXIT_CODES = {
     "cancelled": 9,
     "internal": 10,
     "nothing_moved": 11,
+    "shots": 12,
 }
 
 

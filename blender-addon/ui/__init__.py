@@ -1,1 +1,1 @@
-"""What the artist sees: properties, panel, operators, the command."""
+"""What the artist sees: properties, panel, operators."""

@@ -15,7 +15,7 @@ def run(addon):
     addon("ui.running")._engine = stage
 
     def call(*words):
-        return addon("ui.command").main([str(word) for word in words])
+        return addon("command").main([str(word) for word in words])
 
     call.stage = stage
     return call

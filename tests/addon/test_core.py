@@ -9,8 +9,10 @@ import pytest
 from figures import motion
 
 
-def test_core_never_imports_bpy(installed):
-    for path in sorted((installed / "core").glob("*.py")):
+def test_core_and_farm_never_import_bpy(installed):
+    paths = sorted([*(installed / "core").glob("*.py"), *(installed / "farm").glob("*.py")])
+    assert len(paths) > 10
+    for path in paths:
         for node in ast.walk(ast.parse(path.read_text())):
             names = []
             if isinstance(node, ast.Import):

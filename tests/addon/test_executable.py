@@ -1,5 +1,6 @@
 """The real `blender` executable, through `--command`; `ANYFACE_BLENDER` names it."""
 
+import json
 import os
 import re
 import shutil
@@ -78,3 +79,27 @@ def test_the_command_bakes_a_strip(blender, voice):  # noqa: F811
     done = blender(shot, *bake, "Nothing", "--save", folder / "none.blend")
     assert done.returncode == 4 and "got 'Nothing'" in done.stderr
     assert not (folder / "none.blend").exists()
+
+
+def test_the_command_does_a_batch(blender, voice):  # noqa: F811
+    folder = blender.folder
+    sound, head = folder / "words.wav", folder / "face.obj"
+    shutil.copy(voice[0], sound)
+    shutil.copy(HEAD, head)
+    shot, script = folder / "scene.blend", folder / "scene.py"
+    script.write_text(SHOT.format(head=str(head), voice=str(sound), shot=str(shot)))
+    assert blender("--python", script).returncode == 0
+    rows = [
+        {"save": "one.blend", "strip": "Voice"},
+        {"save": "two.blend", "strip": "Nothing"},
+    ]
+    jobs = folder / "jobs.json"
+    defaults = {"file": "scene.blend", "object": "Head"}
+    jobs.write_text(json.dumps({"defaults": defaults, "shots": rows}))
+    done = blender("--command", "anyface", "batch", jobs)
+    assert done.returncode == 12, done.stdout + done.stderr
+    assert (folder / "one.blend").exists() and not (folder / "two.blend").exists()
+    told = [
+        json.loads((folder / f"jobs.reports/{name}.json").read_text()) for name in ("one", "two")
+    ]
+    assert told[0]["faces"][0]["largest_mm"] > 1.0 and told[1]["exit_code"] == 4

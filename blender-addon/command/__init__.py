@@ -1,0 +1,43 @@
+"""The command without a window: `blender -b --command anyface bake --file shot.blend …`.
+
+Exit codes are those of `core.errors`; 2 is wrong usage, 0 a written file.
+"""
+
+import argparse
+
+import bpy
+
+from ..core import options as words
+from ..farm import batch
+from . import run, shot
+
+_HANDLE = None
+
+
+def main(arguments: list[str]) -> int:
+    """Runs the command on the open file, or on the one that it names; returns its exit code."""
+    try:
+        options = words.parser("anyface").parse_args(arguments)
+    except SystemExit as error:
+        return error.code if isinstance(error.code, int) else 2
+    return start(options)
+
+
+def start(options: argparse.Namespace) -> int:
+    """Runs a parsed command."""
+    if options.task == "batch":
+        return batch.run(options, bpy.app.binary_path)
+    if options.task == "shot":
+        return shot.main()
+    return run.main(options)
+
+
+def register() -> None:
+    """Adds the command to Blender."""
+    global _HANDLE
+    _HANDLE = bpy.utils.register_cli_command("anyface", main)
+
+
+def unregister() -> None:
+    """Takes it away."""
+    bpy.utils.unregister_cli_command(_HANDLE)

@@ -1,0 +1,77 @@
+"""`anyface bake`: one face of the open file, with the settings of its object and the options."""
+
+import argparse
+import os
+
+import bpy
+
+from ..core import emotion
+from ..core.errors import AnyfaceError
+from ..core.job import Progress
+from ..scene import bake
+from ..ui import running
+from ..ui.settings import from_object
+
+
+def run(options: argparse.Namespace) -> dict:
+    """Animates the face; returns message and numbers for the report."""
+    scene = named(bpy.data.scenes, options.scene, "scene") if options.scene else None
+    scene = scene or bpy.context.scene
+    ob = named(bpy.data.objects, options.object, "object")
+    snapshot = bake.read(ob, scene, _settings(ob, scene, options), running.engine())
+    take = snapshot.work(Progress())
+    text = bake.write(ob, snapshot, take)
+    if ob.library is None:
+        ob.anyface.report, ob.anyface.report_is_error = text, False
+    return {"message": text, **_numbers(take)}
+
+
+def _numbers(take) -> dict:
+    numbers = {"frames": take.frame_count, "largest_mm": round(take.largest_mm, 4)}
+    if take.basis is not None:
+        numbers |= {"keys": len(take.basis.vectors), "error_mm": round(take.basis.error_mm, 4)}
+    return numbers
+
+
+def _settings(ob, scene, options) -> bake.Settings:
+    settings = from_object(ob)
+    if options.strip is not None or options.audio is not None:
+        settings.strips, settings.channel = [], 0
+    if options.strip is not None:
+        settings.strip, settings.sound_file = options.strip, ""
+    if options.audio is not None:
+        settings.strip, settings.sound_file = "", os.path.abspath(options.audio)
+        settings.start_frame = scene.frame_start
+    if options.emotion is not None:
+        _set_emotion(settings, options.emotion)
+    given = {
+        "start_frame": options.start,
+        "mode": options.mode,
+        "error_mm": options.error,
+        "fps": options.fps,
+        "seed": options.seed,
+        "steps": options.steps,
+        "style": options.style,
+        "axes": options.axes,
+        "landmark_file": os.path.abspath(options.landmarks) if options.landmarks else None,
+    }
+    for name, value in given.items():
+        if value is not None:
+            setattr(settings, name, value)
+    return settings
+
+
+def _set_emotion(settings: bake.Settings, text: str) -> None:
+    if text in ("auto", "off"):
+        settings.emotion_source = "VOICE" if text == "auto" else "OFF"
+        return
+    settings.emotion_source, settings.blend = "GIVEN", emotion.parse(text)
+
+
+def named(collection, name: str, what: str):
+    """An item of `collection`; raises `AnyfaceError("input")` that lists those there are."""
+    found = collection.get(name)
+    if found is None:
+        known = ", ".join(item.name for item in collection) or "none"
+        raise AnyfaceError("input", f"{what}: expected one of {known}, got {name!r}")
+    return found

@@ -1,0 +1,54 @@
+"""One task on one file: open, do, save, report."""
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+
+from ..core.errors import AnyfaceError
+from ..farm import ledger
+from . import bake, disk
+
+# What each task does to the open file; it returns what goes into the report.
+TASKS: dict[str, Callable[[argparse.Namespace], dict]] = {"bake": bake.run}
+
+
+def main(options: argparse.Namespace) -> int:
+    """Does one task with parsed options; prints one line, writes the report."""
+    outcome = measured(lambda: _do(options))
+    outcome["object"] = options.object
+    tell(outcome)
+    if options.report:
+        ledger.write_json(options.report, outcome)
+    return outcome["exit_code"]
+
+
+def _do(options) -> dict:
+    if options.file:
+        disk.open_file(options.file)
+    done = TASKS[options.task](options)
+    if options.save:
+        done["file"] = disk.save(options.save)
+    return done
+
+
+def measured(work: Callable[[], dict]) -> dict:
+    """What `work` returned or why it failed, with exit code and seconds."""
+    began = time.monotonic()
+    try:
+        outcome = {"ok": True, **work(), "exit_code": 0}
+    except AnyfaceError as error:
+        outcome = {
+            "ok": False,
+            "kind": error.kind,
+            "message": str(error),
+            "exit_code": error.exit_code,
+        }
+    outcome["seconds"] = round(time.monotonic() - began, 3)
+    return outcome
+
+
+def tell(outcome: dict) -> None:
+    """One line for whoever reads along."""
+    stream = sys.stdout if outcome["ok"] else sys.stderr
+    print(f"anyface: {outcome['message']}", file=stream, flush=True)

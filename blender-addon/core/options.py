@@ -1,0 +1,71 @@
+"""Words and options of the command: of Blender's `--command anyface`, of `python -m anyface_batch`
+and of the rows of a jobs file.
+"""
+
+import argparse
+
+# What may be done with one open file.
+TASKS = ("bake",)
+
+
+def parser(program: str) -> argparse.ArgumentParser:
+    """All tasks; a wrong command line ends in `SystemExit` with code 2."""
+    top = argparse.ArgumentParser(prog=program, description="Makes faces talk.")
+    tasks = top.add_subparsers(dest="task", required=True)
+    bake = tasks.add_parser("bake", help="animate one face and save the file")
+    _add_file(bake)
+    add_bake(bake)
+    _add_result(bake)
+    batch = tasks.add_parser("batch", help="many shots, in processes here or on other machines")
+    add_batch(batch)
+    tasks.add_parser("shot", help="one shot of a batch, read from standard input")
+    return top
+
+
+def step_parser(task: str) -> argparse.ArgumentParser:
+    """The options of one task as a row of a jobs file gives them: no file, nothing to save."""
+    step = argparse.ArgumentParser(prog=task, exit_on_error=False, add_help=False)
+    {"bake": add_bake}[task](step)
+    step.set_defaults(task=task)
+    return step
+
+
+def add_bake(task: argparse.ArgumentParser) -> None:
+    """Options that are left out take the values stored on the object."""
+    task.add_argument("--object", required=True, help="name of the face's object")
+    source = task.add_mutually_exclusive_group()
+    source.add_argument("--strip", help="name of a sound strip")
+    source.add_argument("--audio", metavar="FILE", help="a sound file")
+    task.add_argument("--start", type=int, metavar="FRAME", help="first frame of --audio")
+    task.add_argument("--scene", help="name of the scene (default: the active one)")
+    task.add_argument("--emotion", metavar="NAME:X[,…]", help="such as happy:0.7; auto; off")
+    task.add_argument("--mode", help="basis or frames")
+    task.add_argument("--error", type=float, metavar="MM", help="largest error of basis keys")
+    task.add_argument("--fps", type=float, help="default: the scene's")
+    task.add_argument("--seed", type=int)
+    task.add_argument("--steps", type=int, help="denoising steps")
+    task.add_argument("--style", help="speaking style")
+    task.add_argument("--axes", choices=("AUTO", "WORLD", "LOCAL", "LOCAL_Y_UP"))
+    task.add_argument("--landmarks", metavar="FILE", help="JSON file with the 68 landmarks")
+
+
+def add_batch(task: argparse.ArgumentParser) -> None:
+    """Options of many shots at once."""
+    task.add_argument("jobs", help="the JSON file that lists the shots")
+    task.add_argument("--workers", type=int, default=1, help="processes on this machine")
+    task.add_argument("--scheduler", metavar="tcp://…", help="a Dask scheduler: its workers do it")
+    task.add_argument("--connect", type=float, default=30.0, metavar="S", help="wait for it")
+    task.add_argument("--reports", metavar="FOLDER", help="default: beside the jobs file")
+    task.add_argument("--blender", metavar="FILE", help="the Blender that does the shots")
+    task.add_argument("--retries", type=int, default=1, help="new tries after a crash")
+    task.add_argument("--timeout", type=float, metavar="S", help="seconds that a shot may take")
+    task.add_argument("--again", action="store_true", help="finished shots too")
+
+
+def _add_file(task: argparse.ArgumentParser) -> None:
+    task.add_argument("--file", metavar="FILE", help="open this .blend first")
+
+
+def _add_result(task: argparse.ArgumentParser) -> None:
+    task.add_argument("--save", required=True, metavar="FILE", help="the .blend to write")
+    task.add_argument("--report", metavar="FILE", help="write what was done as JSON")

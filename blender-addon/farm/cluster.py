@@ -1,0 +1,59 @@
+"""The same over Dask: its workers, on any number of machines, each run one shot at a time.
+
+Only the Python that runs the batch and those of the workers need Dask; Blender's does not.
+"""
+
+import sys
+from collections.abc import Iterator
+
+from ..core.errors import AnyfaceError
+from . import attempt, ledger
+
+
+def run(
+    command: list[str], shots: list[dict], scheduler: str, connect_s: float, **limits
+) -> Iterator[dict]:
+    """Reports of all shots as they end; a shot whose worker is lost goes to another one."""
+    distributed, cloudpickle = _dask()
+    for module in (attempt, ledger):
+        # Workers need not have the extension in their own Python.
+        cloudpickle.register_pickle_by_value(module)
+    try:
+        client = distributed.Client(scheduler, timeout=connect_s)
+    except (OSError, TimeoutError) as error:
+        raise AnyfaceError("input", f"no Dask scheduler at {scheduler}: {error}") from error
+    work = attempt.run_shot
+
+    def one(shot: dict) -> dict:
+        # A function inside a function: Dask sends it by value, and what it calls with it.
+        return work(command, shot, **limits)
+
+    with client:
+        futures = {}
+        for shot in shots:
+            key = f"anyface-{shot['name']}-{shot['digest']}"
+            futures[client.submit(one, shot, key=key)] = shot
+        for future in distributed.as_completed(list(futures)):
+            yield _report(future, futures[future])
+
+
+def _report(future, shot: dict) -> dict:
+    if future.status == "finished":
+        return future.result()
+    error = future.exception() if future.status == "error" else future.status
+    outcome = {"ok": False, "kind": "internal", "exit_code": 10}
+    return ledger.close(shot, {**outcome, "message": f"{type(error).__name__}: {error}"})
+
+
+def _dask():
+    try:
+        import cloudpickle
+        import distributed
+    except ImportError as error:
+        raise AnyfaceError(
+            "input",
+            f"--scheduler needs Dask in the Python that starts the batch, and {sys.executable} has "
+            "none: run `pip install distributed` and `python -m anyface_batch batch …` there "
+            "(Blender itself needs no Dask), or leave --scheduler out",
+        ) from error
+    return distributed, cloudpickle

@@ -1,0 +1,54 @@
+"""Reports on disk: one JSON file a shot, one history of all tries. Nothing is ever half written."""
+
+import json
+import os
+import socket
+import time
+
+
+def write_json(path: str, content: dict) -> None:
+    """Writes beside, then renames: a reader finds the old file or the whole new one."""
+    folder, name = os.path.split(os.path.abspath(path))
+    os.makedirs(folder, exist_ok=True)
+    beside = os.path.join(folder, f".{name}.{socket.gethostname()}.{os.getpid()}")
+    with open(beside, "w", encoding="utf-8") as file:
+        json.dump(content, file, indent=1, ensure_ascii=False)
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(beside, path)
+
+
+def read(report: str) -> dict | None:
+    """A report, or None where there is none or it is not one of ours."""
+    try:
+        with open(report, encoding="utf-8") as file:
+            content = json.load(file)
+    except (OSError, ValueError):
+        return None
+    return content if isinstance(content, dict) else None
+
+
+def finished(shot: dict) -> dict | None:
+    """The report of a shot (`asdict(Shot)`) that was done as it stands now, and lies there."""
+    found = read(shot["report"])
+    if found is None or not found.get("ok") or found.get("digest") != shot["digest"]:
+        return None
+    return found if os.path.isfile(shot["save"]) else None
+
+
+def forget(shot: dict) -> None:
+    """Takes an old report away."""
+    if os.path.exists(shot["report"]):
+        os.remove(shot["report"])
+
+
+def close(shot: dict, outcome: dict) -> dict:
+    """Writes the report of a shot and its line in the history; returns the report."""
+    where = {"host": socket.gethostname(), "pid": os.getpid()}
+    report = {"name": shot["name"], **outcome, "digest": shot["digest"], **where}
+    write_json(shot["report"], report)
+    line = json.dumps({"at": round(time.time(), 3), **report}, ensure_ascii=False)
+    history = os.path.join(os.path.dirname(shot["report"]), "history.jsonl")
+    with open(history, "a", encoding="utf-8") as file:
+        file.write(line + "\n")
+    return report

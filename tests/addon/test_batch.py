@@ -1,0 +1,117 @@
+"""Many shots through `python -m anyface_batch batch`, in processes of this machine."""
+
+import json
+import signal
+
+import bpy
+import pytest
+
+from figures import tone
+from floor import Floor, wait_gone
+
+
+@pytest.fixture
+def floor(tmp_path, installed):
+    """A place to run batches in."""
+    return Floor(tmp_path, installed)
+
+
+def test_every_shot_has_its_file_and_its_report(floor):
+    floor.write(3)
+    code, text = floor.run("--workers", 2)
+    assert code == 0, text
+    assert "3 of 3 shots are finished" in text
+    for name in ("sh00", "sh01", "sh02"):
+        told = floor.report(name)
+        assert told["ok"] and told["exit_code"] == 0 and told["faces"][0]["frames"] == 48
+        assert told["faces"][0]["object"] == "Head"
+    bpy.ops.wm.open_mainfile(filepath=str(floor.folder / "out" / "sh02.blend"))
+    blocks = bpy.data.objects["Head"].data.shape_keys.key_blocks
+    assert blocks[1].name == "Anyface.001"
+    assert json.loads((floor.reports / "batch.json").read_text())["ok"] == 3
+    assert [path.name for path in (floor.folder / "out").iterdir() if path.name[0] == "."] == []
+
+
+def test_one_bad_shot_leaves_the_others_alone(floor):
+    rows = [
+        {"name": "good", "file": "shot.blend", "save": "good.blend", "object": "Head"},
+        {"name": "bad", "file": "shot.blend", "save": "bad.blend", "object": "Hed"},
+        {"name": "gone", "file": "gone.blend", "save": "none.blend", "object": "Head"},
+    ]
+    floor.jobs.write_text(json.dumps({"defaults": {"audio": "voice.wav"}, "shots": rows}))
+    code, text = floor.run()
+    assert code == 12, text
+    assert floor.report("good")["ok"] and (floor.folder / "good.blend").exists()
+    assert floor.report("bad")["exit_code"] == 3 and "'Hed'" in floor.report("bad")["message"]
+    assert floor.report("gone")["exit_code"] == 8
+    assert not (floor.folder / "bad.blend").exists()
+
+
+def test_finished_shots_are_not_done_again_until_they_change(floor):
+    floor.write(3)
+    assert floor.run("--workers", 2)[0] == 0
+    code, text = floor.run("--workers", 2)
+    assert code == 0 and "3 of 3 shots were finished before" in text
+    assert floor.ended() == {"sh00": 1, "sh01": 1, "sh02": 1}
+    (floor.folder / "out" / "sh01.blend").unlink()
+    assert floor.run()[0] == 0
+    assert floor.ended() == {"sh00": 1, "sh01": 2, "sh02": 1}
+    tone(floor.folder / "voice.wav", hertz=330.0)
+    assert floor.run("--workers", 2)[0] == 0
+    assert floor.ended() == {"sh00": 2, "sh01": 3, "sh02": 2}
+
+
+def test_a_batch_that_was_killed_is_resumed(floor):
+    floor.write(4)
+    process = floor.start("--workers", 2, seconds=2.0)
+    floor.wait_begun(3)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    for parent, child in floor.begun():
+        assert parent == process.pid
+        wait_gone(child)
+    before = floor.ended()
+    assert 1 <= sum(before.values()) < 4
+    code, text = floor.run("--workers", 2)
+    assert code == 0, text
+    assert floor.ended() == {f"sh{n:02d}": 1 for n in range(4)}
+
+
+def test_a_crash_is_tried_again(floor):
+    floor.write(1)
+    (floor.marks / "crash").touch()
+    assert floor.run("--retries", 0)[0] == 12
+    told = floor.report("sh00")
+    assert told["exit_code"] == 10 and "sh00.log" in told["message"]
+    (floor.marks / "crash").touch()
+    assert floor.run("--retries", 1)[0] == 0
+    assert floor.report("sh00")["ok"]
+
+
+def test_a_shot_that_takes_too_long_is_stopped(floor):
+    floor.write(1)
+    code, _ = floor.run("--timeout", 3, "--retries", 0, seconds=60.0)
+    assert code == 12 and "longer than 3 s" in floor.report("sh00")["message"]
+    for _, child in floor.begun():
+        wait_gone(child)
+
+
+def test_a_jobs_file_that_cannot_be_right_is_refused(floor):
+    good = {"file": "shot.blend", "object": "Head", "save": "a.blend"}
+    for rows, words in [
+        ([{**good, "strp": "Voice"}], "--strp=Voice"),
+        ([good, good], "two shots have the name a"),
+        ([good, {**good, "name": "b"}], "two shots have the save"),
+        ([{**good, "save": "shot.blend"}], "read and written"),
+        ([{"object": "Head", "save": "a.blend"}], "'file'"),
+        ([{**good, "seed": "many"}], "many"),
+        ([{"file": "shot.blend", "save": "a.blend"}], "--object"),
+        ([{**good, "name": "../a"}], "name"),
+    ]:
+        floor.jobs.write_text(json.dumps({"shots": rows}))
+        code, text = floor.run()
+        assert code == 3 and words in text, (rows, text)
+    floor.jobs.write_text("[")
+    assert floor.run()[0] == 3
+    floor.jobs.unlink()
+    assert floor.run()[0] == 8
