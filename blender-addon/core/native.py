@@ -41,6 +41,8 @@ _NEG_Y, _POS_Z = 3, 4
 # Samples of a decoded sound are mono at this rate.
 _DECODED_RATE_HZ = 16000.0
 _CANCELLED = 9
+# `ANYFACE_CACHE_FOLDER`.
+_CACHE_IN_FOLDER = 2
 _KINDS = {3: "input", 4: "audio", 5: "mesh", 6: "face", 7: "weights", 8: "file"}
 
 
@@ -204,10 +206,14 @@ def load(path: Path) -> ctypes.CDLL:
 class Engine(ShapeCalls):
     """Loaded weights; any number of threads may use one engine."""
 
-    def __init__(self, threads: int = 0, path: Path | None = None):
+    def __init__(self, threads: int = 0, path: Path | None = None, cache: Path | None = None):
+        """Loads the weights; `cache` is the folder for work that depends on a mesh alone, else
+        the user's own cache folder is taken."""
         self._library = load(path or library_path())
         options = self._options(EngineOptions, "anyface_engine_options_init")
         options.threads = threads
+        if cache is not None:
+            options.cache, options.cache_dir = _CACHE_IN_FOLDER, os.fsencode(cache)
         self._handle = self._make("anyface_engine_new", byref(options))
 
     def close(self) -> None:

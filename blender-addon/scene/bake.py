@@ -12,7 +12,7 @@ from ..core.job import Progress
 from ..core.plan import Plan
 from ..core.source import SoundSource
 from ..core.take import Controls, FaceMesh, Performance, Take
-from . import decode, emotion, mesh, outputs, pieces, sound, strips, takes
+from . import decode, emotion, guard, mesh, outputs, pieces, sound, strips, takes
 from .outputs import MODES as MODES
 from .outputs import OutputSettings
 
@@ -119,7 +119,8 @@ def write(ob, snapshot: Snapshot, take: Take) -> str:
         takes.keep(ob)
     start, scene_fps = snapshot.source.start_frame, snapshot.scene_fps
     outputs.write(ob, snapshot.face.pieces, take, start, scene_fps)
-    return " ".join([describe(take), *(f"({note})" for note in snapshot.source.notes)])
+    notes = snapshot.source.notes + ([] if take.files else guard.notes(ob))
+    return " ".join([describe(take), *(f"({note})" for note in notes)])
 
 
 def describe(take: Take) -> str:

@@ -28,6 +28,7 @@ def check_editable(ob, mode: str) -> None:
             f"{ob.name} has other takes, which one key per frame would stop: choose basis keys, "
             "or delete them",
         )
+    _check_relative(ob, mode)
     own = [] if ob.data.shape_keys is None else own_keys(ob.data.shape_keys)
     if mode == "frames" and own:
         raise AnyfaceError(
@@ -51,6 +52,29 @@ def own_keys(shape_keys) -> list[str]:
     # A Basis that we made counts as ours as long as it is alone.
     made = any(taken.made_keys for taken in record.everyone(shape_keys))
     return [] if made and len(names) == 1 else names
+
+
+def _check_relative(ob, mode: str) -> None:
+    """Keys that are played one after the other leave no room for keys that add up."""
+    shape_keys = ob.data.shape_keys
+    if mode == "frames" or shape_keys is None or shape_keys.use_relative:
+        return
+    if own_keys(shape_keys):
+        raise AnyfaceError(
+            "mesh",
+            f"{ob.name}: its shape keys are absolute, and keys that add up would not show: "
+            "turn Relative on (Object Data > Shape Keys), or remove these keys",
+        )
+
+
+def notes(ob) -> list[str]:
+    """What the artist has set that hides the motion from view."""
+    found = []
+    if ob.show_only_shape_key:
+        found.append(f"{ob.name} shows its active shape key alone: turn Solo off to see it move")
+    if ob.hide_viewport or ob.hide_get():
+        found.append(f"{ob.name} is hidden")
+    return found
 
 
 def _check_animation(ob) -> None:

@@ -40,10 +40,11 @@ def add(face: FaceMesh, ob, parts: list[Part], loose: dict[int, str]) -> None:
     """
     face.pieces = [Piece(ob.name, 0, len(face.positions), np.eye(4), BY_SHAPE)]
     positions, triangles = [face.positions], [face.triangles]
-    to_face = np.linalg.inv(face.matrix_world) if parts else np.eye(4)
+    to_face = _inverse(face.matrix_world, ob.name) if parts else np.eye(4)
     for part in parts:
         other = object_of(part, ob)
         matrix = to_face @ np.array(other.matrix_world, dtype=np.float64)
+        _inverse(matrix, other.name)
         own = mesh.read_face(other)
         first = sum(len(block) for block in positions)
         corners = own.triangles[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else own.triangles
@@ -55,6 +56,13 @@ def add(face: FaceMesh, ob, parts: list[Part], loose: dict[int, str]) -> None:
     face.triangles = np.concatenate(triangles)
     if parts or loose:
         face.roles = _roles(face.pieces, loose)
+
+
+def _inverse(matrix: np.ndarray, name: str) -> np.ndarray:
+    """The way back; raises `AnyfaceError("mesh")` where an object is flattened to nothing."""
+    if not np.isfinite(matrix).all() or np.linalg.cond(matrix[:3, :3]) > 1e6:
+        raise AnyfaceError("mesh", f"{name} is scaled to zero along an axis: give it a scale first")
+    return np.linalg.inv(matrix)
 
 
 def object_of(part: Part, ob):

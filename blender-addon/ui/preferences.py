@@ -1,5 +1,7 @@
 """The add-on's preferences: what is built in and how many threads it may use."""
 
+from pathlib import Path
+
 import bpy
 from bpy.props import IntProperty
 from bpy.types import AddonPreferences
@@ -33,6 +35,17 @@ def threads() -> int:
     """The number of threads that the artist set; 0 where there are no preferences."""
     addon = bpy.context.preferences.addons.get(PACKAGE)
     return addon.preferences.threads if addon is not None and addon.preferences else 0
+
+
+def cache_folder() -> Path | None:
+    """Where the library keeps what it knows of meshes: the extension's own user folder.
+
+    None outside an installed extension: the library then takes the user's cache folder.
+    """
+    try:
+        return Path(bpy.utils.extension_path_user(PACKAGE, path="cache", create=True))
+    except (ValueError, OSError):
+        return None
 
 
 CLASSES = (AnyfacePreferences,)

@@ -161,7 +161,10 @@ class ANYFACE_OT_preset_export(_WithFile, Operator):
 
     def work(self, settings):
         """Writes the file."""
-        path = Path(bpy.path.abspath(self.filepath)).with_suffix(presets.SUFFIX)
+        path = Path(bpy.path.abspath(self.filepath))
+        if not path.name:
+            raise AnyfaceError("file", "export: choose a file name first")
+        path = path.with_suffix(presets.SUFFIX)
         presets.write(of_settings(path.stem, settings), path)
         return f"written {path}"
 

@@ -17,7 +17,7 @@ def engine() -> native.Engine:
     """The engine; weights are loaded once, on first use."""
     global _engine
     if _engine is None:
-        _engine = native.Engine(preferences.threads())
+        _engine = native.Engine(preferences.threads(), cache=preferences.cache_folder())
     return _engine
 
 

@@ -1,5 +1,6 @@
 """Meshes, sounds and a stand-in for the library, for tests of what is around it."""
 
+import importlib
 import wave
 
 import bpy
@@ -110,6 +111,9 @@ class Stage:
     def find(self, positions, triangles, landmarks, numbers, fixed, roles, progress):
         """The first 68 vertices, or what was given; landmarks beside fixed ones go half as far."""
         self.searches.append((positions, landmarks, numbers, fixed, roles))
+        if len(positions) < 68:
+            errors = importlib.import_module(f"{self.take_module.__package__}.errors")
+            raise errors.AnyfaceError("face", "no face was found")
         places = positions[:68] if landmarks is None else np.array(landmarks)
         if numbers is not None:
             places = positions[numbers]
@@ -195,7 +199,8 @@ def everything():
         mesh.vertices.foreach_get("co", points)
         rows.append(f"{mesh.name} {hash(points.tobytes())}")
     for ob in bpy.data.objects:
-        rows.append(f"{ob.name} data={ob.data.name} key={ob.active_shape_key_index} {ob.mode}")
+        data = getattr(ob.data, "name", None)
+        rows.append(f"{ob.name} data={data} key={ob.active_shape_key_index} {ob.mode}")
     return rows
 
 
