@@ -23,7 +23,8 @@ class AnyfaceMapping(PropertyGroup):
 
 # The sliders have no values of their own: they read and change the take that is there.
 def _taken(stored) -> record.Record:
-    return record.read(stored.id_data.data.shape_keys) or record.Record("")
+    ob = stored.id_data
+    return record.read(ob.data.shape_keys) if record.is_generated(ob) else record.Record("")
 
 
 def _set_strength(stored, value: float) -> None:

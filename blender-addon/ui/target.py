@@ -2,12 +2,10 @@
 
 
 def target(context):
-    """The character that the panel shows: the picked one, else the active mesh object."""
-    picked = context.scene.anyface.character
-    if picked is not None:
-        return picked
-    active = context.object
-    return active if active is not None and active.type == "MESH" else None
+    """The character that the panel shows: the picked one, else the active object; None where that
+    is no mesh."""
+    shown = context.scene.anyface.character or context.object
+    return shown if shown is not None and shown.type == "MESH" else None
 
 
 def sequencer_scene(context):

@@ -8,7 +8,7 @@ import numpy as np
 
 FPS = 24
 # Property groups of the panel, which up to 4.5 lie among the custom properties.
-SETTINGS = {"anyface", "anyface_audio", "anyface_face"}
+SETTINGS = {"anyface", "anyface_audio", "anyface_face", "anyface_output", "anyface_list"}
 
 
 def grid(name="Head", side=12, scale=0.2):

@@ -17,7 +17,7 @@ from figures import Stage, grid, own_keys, strip, tone
 
 ROUNDS = int(os.environ.get("ANYFACE_FUZZ", "50"))
 SEED = int(os.environ.get("ANYFACE_FUZZ_SEED", "20"))
-GROUPS = ("anyface", "anyface_audio", "anyface_face", "anyface_output", "anyface_takes")
+GROUPS = ("anyface", "anyface_audio", "anyface_face", "anyface_output")
 # What an operator may say of its own accord.
 REFUSALS = ("Anyface: ", ".poll()")
 
