@@ -2,40 +2,63 @@
 
 import numpy as np
 
+from ..core import shapes
 from . import curves, record, together
 from .paths import value_path
 
+# What a take of named shapes can change on its own: beginnings of the shapes' names.
+GROUPS = {
+    "mouth": ("jaw", "mouth", "tongue", "viseme_"),
+    "blinks": ("eyeBlink",),
+    "brows": ("brow",),
+}
 
-def adjust(ob, strength: float, shift: float) -> None:
-    """Scales the take of `ob` and of the objects beside it to `strength`, moves it by `shift`.
 
-    Both count from the take as it was made; `shift` is in scene frames. Calls may follow each
-    other in any order, nothing adds up.
+def adjust(ob, **wanted: float) -> None:
+    """Changes the take of `ob` and of the objects beside it.
+
+    `strength` scales all of it, a name of `GROUPS` those shapes, `shift` moves it by scene frames.
+    All count from the take as it was made; what is not named stays.
     """
     for part in (ob, *together.others_of(ob)):
-        _adjust_keys(part, strength, shift)
+        if record.is_generated(part):
+            _adjust(part, wanted)
 
 
-def _adjust_keys(ob, strength: float, shift: float) -> None:
-    if not record.is_generated(ob):
-        return
+def groups_of(taken: record.Record) -> list[str]:
+    """The groups that a take has shapes of."""
+    found = [_group(name) for name in (*taken.keys, *taken.values)]
+    return [name for name in GROUPS if name in found]
+
+
+def _adjust(ob, wanted: dict[str, float]) -> None:
     shape_keys = ob.data.shape_keys
     taken = record.read(shape_keys)
-    if taken.mode == "frames":
-        strength = taken.strength
-    paths = {value_path(name) for name in (*taken.keys, *taken.values)} | {"eval_time"}
+    before, shift = dict(taken.adjusted), taken.adjusted.get("shift", 0.0)
+    taken.adjusted |= wanted
+    moved = taken.adjusted.get("shift", 0.0) - shift
     bag = curves.channels(shape_keys.animation_data)
-    factor, moved = strength / taken.strength, shift - taken.shift
-    for curve in bag.fcurves if bag is not None else ():
-        if curve.data_path in paths:
-            _scale(curve, factor, moved)
-    for name in taken.keys if taken.mode != "frames" else ():
-        block = shape_keys.key_blocks.get(name)
-        if block is not None:
-            block.slider_max = max(1.0, strength)
-            block.slider_min = min(block.slider_min, -strength if block.slider_min < 0 else 0.0)
-    taken.strength, taken.shift = strength, shift
+    found = {curve.data_path: curve for curve in bag.fcurves} if bag is not None else {}
+    if "eval_time" in found:
+        _scale(found["eval_time"], 1.0, moved)
+    for name in (*taken.keys, *taken.values) if taken.mode != "frames" else ():
+        factor, block = _factor(name, taken.adjusted), shape_keys.key_blocks.get(name)
+        if block is None or value_path(name) not in found:
+            continue
+        if name in taken.keys:
+            block.slider_max = max(1.0, factor)
+        _scale(found[value_path(name)], factor / _factor(name, before), moved)
     record.write(shape_keys, taken)
+
+
+def _factor(name: str, adjusted: dict[str, float]) -> float:
+    return adjusted.get("strength", 1.0) * adjusted.get(_group(name), 1.0)
+
+
+def _group(key: str) -> str:
+    """The group of a key, whatever its spelling; empty for none."""
+    shape = next(iter(shapes.match([key])), "")
+    return next((name for name, starts in GROUPS.items() if shape.startswith(starts)), "")
 
 
 def _scale(curve, factor: float, moved: float) -> None:

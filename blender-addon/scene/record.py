@@ -22,7 +22,7 @@ class Record:
     digest at that time). On an object beside a face, `belongs_to` is the id of the face's take.
     `values` are keys of the artist's that are animated, as they were set
     before; `replaced_print` is the digest of the action that stands in for his. `name` is the
-    take's in the panel; `strength` and `shift` are what `adjust` has made of it.
+    take's in the panel; `adjusted` is what `adjust` has made of it.
     """
 
     mode: str
@@ -41,8 +41,7 @@ class Record:
     replaced_print: str = ""
     name: str = ""
     in_nla: bool = False
-    strength: float = 1.0
-    shift: float = 0.0
+    adjusted: dict[str, float] = field(default_factory=dict)
 
 
 def read(shape_keys) -> Record | None:

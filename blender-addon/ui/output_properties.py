@@ -22,17 +22,21 @@ class AnyfaceMapping(PropertyGroup):
 
 
 # The sliders have no values of their own: they read and change the take that is there.
-def _taken(stored) -> record.Record:
-    ob = stored.id_data
-    return record.read(ob.data.shape_keys) if record.is_generated(ob) else record.Record("")
+def _slider(name: str, label: str, words: str, still: float = 1.0, **limits):
+    def read_take(stored) -> float:
+        ob = stored.id_data
+        if not record.is_generated(ob):
+            return still
+        return record.read(ob.data.shape_keys).adjusted.get(name, still)
 
+    def change_take(stored, value: float) -> None:
+        adjust.adjust(stored.id_data, **{name: value})
 
-def _set_strength(stored, value: float) -> None:
-    adjust.adjust(stored.id_data, value, _taken(stored).shift)
-
-
-def _set_shift(stored, value: float) -> None:
-    adjust.adjust(stored.id_data, _taken(stored).strength, value)
+    text = f"{words} of the take that is there; no new run is needed"
+    given = limits or {"min": 0.01, "soft_max": 2.0, "max": 5.0}
+    return FloatProperty(
+        name=label, description=text, get=read_take, set=change_take, options=set(), **given
+    )
 
 
 class AnyfaceOutput(PropertyGroup):
@@ -58,27 +62,11 @@ class AnyfaceOutput(PropertyGroup):
         description="Keep the earlier take beside the new one; off replaces it",
         options=set(),
     )
-    strength: FloatProperty(
-        name="Strength",
-        description="Scales the take that is there; no new run is needed",
-        default=1.0,
-        min=0.01,
-        soft_max=2.0,
-        max=5.0,
-        options=set(),
-        get=lambda stored: _taken(stored).strength,
-        set=_set_strength,
-    )
-    shift: FloatProperty(
-        name="Shift",
-        description="Moves the take that is there, in frames; no new run is needed",
-        default=0.0,
-        soft_min=-24.0,
-        soft_max=24.0,
-        options=set(),
-        get=lambda stored: _taken(stored).shift,
-        set=_set_shift,
-    )
+    strength: _slider("strength", "Strength", "Scales all motion")
+    shift: _slider("shift", "Shift", "Moves the frames", 0.0, soft_min=-24.0, soft_max=24.0)
+    mouth: _slider("mouth", "Mouth", "Scales jaw and mouth")
+    blinks: _slider("blinks", "Blinks", "Scales the blinks")
+    brows: _slider("brows", "Brows", "Scales the brows")
     mapping: CollectionProperty(type=AnyfaceMapping, options=set())
 
 

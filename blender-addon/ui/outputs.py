@@ -9,7 +9,7 @@ from bpy.types import Operator, Panel
 
 from ..core import shapes
 from ..core.errors import AnyfaceError
-from ..scene import estimate, existing, outputs, record
+from ..scene import adjust, estimate, existing, outputs, record
 from . import output_properties, running
 from .settings import sequencer_scene, target
 
@@ -40,9 +40,7 @@ class ANYFACE_PT_output(Panel):
             _draw_words(layout, reason, context.region.width)
             return
         if record.is_generated(ob) and not running.is_running():
-            column = layout.column(heading="The take that is there")
-            column.prop(ob.anyface_output, "strength", slider=True)
-            column.prop(ob.anyface_output, "shift")
+            _draw_sliders(layout, ob)
         text = estimate.describe(ob, sequencer_scene(context), ob.anyface, asked)
         layout.label(text=text, icon="INFO")
 
@@ -93,6 +91,15 @@ def _draw_mapping(layout, ob, stored) -> None:
         row.label(text=item.name)
         if ob.data.shape_keys is not None:
             row.prop_search(item, "key", ob.data.shape_keys, "key_blocks", text="")
+
+
+def _draw_sliders(layout, ob) -> None:
+    """What can be changed of the take that is there."""
+    column = layout.column(align=True)
+    column.label(text="Without a new run")
+    for name in ("strength", *adjust.groups_of(record.read(ob.data.shape_keys))):
+        column.prop(ob.anyface_output, name, slider=True)
+    column.prop(ob.anyface_output, "shift")
 
 
 def _draw_words(layout, text: str, width: int) -> None:

@@ -362,6 +362,17 @@ def test_strength_and_shift_change_the_take_that_is_there(stage, tmp_path, mode)
         moved = shape(ob, START + 20 + shift) - rest(ob)
         assert np.abs(moved - strength * full).max() < 1e-5
         assert (settings.strength, settings.shift) == pytest.approx((strength, shift))
+    if mode == "arkit":
+        settings.blinks = 0.5
+        animation = ob.data.shape_keys.animation_data
+        found = {curve.data_path: curve for curve in curves(animation.action)}
+        blink = found['key_blocks["eyeBlinkLeft"].value'].evaluate(START + 20)
+        settings.blinks = 1.0
+        assert found['key_blocks["eyeBlinkLeft"].value'].evaluate(START + 20) == pytest.approx(
+            2.0 * blink, abs=1e-6
+        )
+        assert blink > 0.0
+        assert np.abs(shape(ob, START + 20) - rest(ob) - full).max() < 1e-5
     settings.strength = 2.0
     bpy.ops.anyface.generate()
     assert settings.strength == 1.0
