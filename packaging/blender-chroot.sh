@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # Debian 12 has no Blender that knows extensions: installs Debian 13's, with its own libraries,
-# into a folder. Needs root. Usage: blender-chroot.sh FOLDER
-# FOLDER/run-blender then starts it; it sees /tmp.
+# into a folder, and a display of its own. Needs root. Usage: blender-chroot.sh FOLDER
+# FOLDER/run-blender then starts it, FOLDER/enter any other program of the folder; both see /tmp.
 set -euo pipefail
 folder=$(realpath -m "$1")
-if [ -x "$folder/run-blender" ]; then exit 0; fi
+if [ -x "$folder/enter" ]; then exit 0; fi
 rm -rf "$folder"
 mkdir -p "$folder"
 mirror=$(sed -n 's/^URIs: *//p; s/^deb \(\[[^]]*\] \)\?\([^ ]*\) .*/\2/p' \
@@ -15,12 +15,18 @@ cp /etc/resolv.conf "$folder/etc/resolv.conf"
 cp -a /etc/apt/apt.conf.d/. "$folder/etc/apt/apt.conf.d/" 2>/dev/null || true
 chroot "$folder" env DEBIAN_FRONTEND=noninteractive sh -c '
   apt-get update -qq
-  apt-get install -y -qq --no-install-recommends blender python3-numpy
+  apt-get install -y -qq --no-install-recommends blender python3-numpy \
+    xvfb libgl1-mesa-dri xdotool imagemagick
   apt-get clean'
 cat > "$folder/run-blender" <<END
 #!/bin/sh
-exec unshare --mount sh -c '
-  mount --bind /tmp "$folder/tmp" && mount -t proc proc "$folder/proc" || exit 1
-  exec chroot "$folder" /usr/bin/blender "\$@"' blender "\$@"
+exec "$folder/enter" /usr/bin/blender "\$@"
 END
-chmod +x "$folder/run-blender"
+cat > "$folder/enter" <<END
+#!/bin/sh
+exec unshare --mount sh -c '
+  mount --bind /tmp "$folder/tmp" && mount --bind /dev "$folder/dev" &&
+    mount -t proc proc "$folder/proc" || exit 1
+  exec chroot "$folder" "\$@"' enter "\$@"
+END
+chmod +x "$folder/run-blender" "$folder/enter"

@@ -1,0 +1,112 @@
+"""A Blender window on a display of its own, driven by mouse and keys and photographed."""
+
+import json
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+DRIVER = Path(__file__).with_name("window_driver.py")
+SIZE = (1280, 800)
+PATIENCE_S = 120.0
+
+
+class Screen:
+    """`enter` runs programs beside Blender's executable (see packaging/blender-chroot.sh)."""
+
+    def __init__(self, enter: Path, blender: Path, folder: Path, display: int = 77):
+        self.enter, self.folder = enter, folder
+        self.environment = {
+            **os.environ,
+            "DISPLAY": f":{display}",
+            "LIBGL_ALWAYS_SOFTWARE": "1",
+            "BLENDER_USER_RESOURCES": str(folder),
+            "XDG_RUNTIME_DIR": str(folder),
+        }
+        (folder / "driver.py").write_text(DRIVER.read_text())
+        screen = ("-screen", "0", f"{SIZE[0]}x{SIZE[1]}x24", "-ac", "-nolisten", "tcp")
+        self._server = self._start(enter, "Xvfb", f":{display}", *screen)
+        self._wait_for_display(display)
+        self.log = open(folder / "blender.log", "w")  # noqa: SIM115 - closed in close()
+        words = ("--factory-startup", "-p", "0", "0", *SIZE, "--python", folder / "driver.py")
+        self._blender = self._start(
+            blender, *words, "--addons", "bl_ext.user_default.anyface", "--", folder
+        )
+        assert self.ask("answer = bpy.app.background") is False
+
+    def _start(self, *words):
+        log = getattr(self, "log", subprocess.DEVNULL)
+        command = [str(word) for word in words]
+        return subprocess.Popen(
+            command, env=self.environment, stdout=log, stderr=log, start_new_session=True
+        )
+
+    def _wait_for_display(self, display: int) -> None:
+        socket = Path(f"/tmp/.X11-unix/X{display}")
+        ends = time.monotonic() + 20
+        while not socket.exists():
+            assert time.monotonic() < ends, "Xvfb did not start"
+            time.sleep(0.1)
+
+    def close(self) -> None:
+        """Ends Blender and the display."""
+        for process in (self._blender, self._server):
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+        self.log.close()
+
+    def ask(self, code: str):
+        """Runs `code` in Blender and returns what it left in `answer`."""
+        reply = self.folder / "answer.json"
+        half = self.folder / "ask.part"
+        half.write_text(code)
+        os.replace(half, self.folder / "ask.py")
+        ends = time.monotonic() + PATIENCE_S
+        while not reply.exists():
+            assert self._blender.poll() is None, (self.folder / "blender.log").read_text()[-3000:]
+            assert time.monotonic() < ends, f"Blender did not answer: {code}"
+            time.sleep(0.02)
+        result = json.loads(reply.read_text())
+        reply.unlink()
+        assert "error" not in result, result["error"]
+        return result["answer"]
+
+    def wait(self, code: str, patience_s: float = PATIENCE_S) -> float:
+        """Waits until the expression is true; returns after how many seconds it was."""
+        began = time.monotonic()
+        while not self.ask(f"answer = bool({code})"):
+            assert time.monotonic() < began + patience_s, f"never true: {code}"
+        return time.monotonic() - began
+
+    def hand(self, *words) -> None:
+        """What xdotool does: `mousemove X Y`, `click 1`, `key ctrl+z` …"""
+        command = [str(self.enter), "xdotool", *(str(word) for word in words)]
+        subprocess.run(command, env=self.environment, check=True, capture_output=True)
+
+    def photograph(self, path: Path) -> None:
+        """The whole screen as PNG."""
+        shot = self.folder / "shot.png"
+        command = [str(self.enter), "import", "-window", "root", str(shot)]
+        subprocess.run(command, env=self.environment, check=True, capture_output=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(shot.read_bytes())
+
+    def find(self, operator: str) -> tuple[int, int]:
+        """Where the sidebar's button of an operator is: Blender copies a button's command to the
+        clipboard on Ctrl C."""
+        x, top, bottom = self.ask(
+            "_, area, _, side = area_of('VIEW_3D')\n"
+            "height = bpy.context.window_manager.windows[0].height\n"
+            "answer = (side.x + side.width // 3, height - side.y - side.height, height - side.y)"
+        )
+        for y in range(top + 8, bottom - 4, 9):
+            self.ask("bpy.context.window_manager.clipboard = ''")
+            self.hand("mousemove", x, y, "sleep", "0.06", "key", "ctrl+c", "sleep", "0.06")
+            if operator in self.ask("answer = bpy.context.window_manager.clipboard"):
+                return x, y
+        raise AssertionError(f"no button of {operator} in the sidebar")
+
+    def press(self, operator: str) -> None:
+        """Clicks the button of an operator."""
+        self.hand("mousemove", *self.find(operator), "sleep", "0.1", "click", "1")

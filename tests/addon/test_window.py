@@ -1,0 +1,116 @@
+"""The panel under mouse and keys in a real Blender window.
+
+`ANYFACE_BLENDER` names the executable; it must lie in a folder with `enter`, as
+packaging/blender-chroot.sh makes it. `ANYFACE_PHOTOGRAPHS` names a folder that keeps the pictures.
+"""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from conftest import zip_path
+from figures import write_wav
+from screen import Screen
+from test_heads import HEAD, voice  # noqa: F401 - a fixture
+
+SCENE = """
+for ob in list(bpy.data.objects):
+    bpy.data.objects.remove(ob)
+window, area, region, _ = area_of('VIEW_3D')
+with bpy.context.temp_override(window=window, area=area, region=region):
+    bpy.ops.wm.obj_import(filepath={head!r}, use_split_objects=False, use_split_groups=False)
+    ob = bpy.context.object
+    ob.name = "Head"
+    bpy.ops.object.shade_smooth()
+    area.spaces[0].show_region_ui = True
+    bpy.ops.view3d.view_axis(type='FRONT')
+    bpy.ops.view3d.view_selected()
+scene = bpy.context.scene
+editor = scene.sequence_editor_create()
+strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+strips.new_sound("Voice", {voice!r}, 1, 1)
+ob.anyface.strip = "Voice"
+ob.anyface.error_mm = 0.5
+bpy.ops.wm.save_as_mainfile(filepath={shot!r})
+bpy.ops.ed.undo_push(message="scene")
+answer = len(ob.data.vertices)
+"""
+TAB = "_, _, _, side = area_of('VIEW_3D')\nside.active_panel_category = 'Anyface'"
+
+
+@pytest.fixture(scope="module")
+def photographs(tmp_path_factory):
+    """Where pictures go."""
+    given = os.environ.get("ANYFACE_PHOTOGRAPHS")
+    return Path(given) if given else tmp_path_factory.mktemp("photographs")
+
+
+@pytest.fixture(scope="module")
+def screen(tmp_path_factory, voice):  # noqa: F811
+    """Blender with a head, a strip and the panel in sight."""
+    path = os.environ.get("ANYFACE_BLENDER")
+    enter = Path(path).with_name("enter") if path else None
+    if enter is None or not enter.exists():
+        pytest.skip("no Blender with a display here")
+    folder = tmp_path_factory.mktemp("window")
+    zipped = folder / "anyface.zip"
+    shutil.copy(zip_path(), zipped)
+    words = [path, "-b", "--command", "extension", "install-file", "-r", "user_default", "-e"]
+    environment = {**os.environ, "BLENDER_USER_RESOURCES": str(folder)}
+    subprocess.run([*words, str(zipped)], env=environment, check=True, capture_output=True)
+    screen = Screen(enter, Path(path), folder)
+    shutil.copy(HEAD, folder / "head.obj")
+    shutil.copy(voice[0], folder / "voice.wav")
+    text = SCENE.format(
+        head=str(folder / "head.obj"), voice=str(folder / "voice.wav"), shot=str(folder / "s.blend")
+    )
+    assert screen.ask(text) > 8000
+    screen.hand("mousemove", 400, 400, "click", "1", "key", "Escape")
+    screen.ask(TAB)
+    yield screen
+    screen.close()
+
+
+def test_a_performance_is_made_undone_redone_saved_reloaded_and_removed(screen, photographs):
+    screen.photograph(photographs / "1_before.png")
+    screen.press("anyface.generate")
+    screen.wait("keys() and not running()")
+    screen.ask("bpy.context.scene.frame_set(50)")
+    screen.hand("sleep", "0.5")
+    screen.photograph(photographs / "2_generated.png")
+    count = screen.ask("answer = keys()")
+    assert count > 2
+    screen.hand("mousemove", 400, 400, "key", "ctrl+z")
+    screen.wait("not keys()")
+    screen.hand("key", "ctrl+shift+z")
+    screen.wait(f"keys() == {count}")
+    screen.photograph(photographs / "3_redone.png")
+    screen.hand("key", "ctrl+s")
+    screen.wait("not bpy.data.is_dirty")
+    screen.ask("bpy.ops.wm.revert_mainfile()")
+    screen.wait(f"keys() == {count}")
+    screen.ask(TAB)
+    screen.press("anyface.remove")
+    screen.wait("not keys()")
+    screen.photograph(photographs / "4_removed.png")
+
+
+def test_escape_stops_a_running_job_and_leaves_nothing(screen, photographs, voice):  # noqa: F811
+    # Ten minutes of sound, long enough to be stopped.
+    _, samples, rate = voice
+    write_wav(screen.folder / "long.wav", np.resize(samples, 600 * rate), rate)
+    screen.ask(
+        "settings = bpy.data.objects['Head'].anyface\n"
+        f"settings.source, settings.sound_file = 'FILE', {str(screen.folder / 'long.wav')!r}"
+    )
+    screen.press("anyface.generate")
+    screen.wait("running()", 20)
+    screen.photograph(photographs / "5_running.png")
+    screen.hand("mousemove", 400, 400, "key", "Escape")
+    screen.wait("not running()", 20)
+    assert not screen.ask("answer = bool(keys())")
+    screen.photograph(photographs / "6_cancelled.png")
