@@ -104,10 +104,17 @@ class Search:
     face: FaceMesh
     engine: object
     fixed: dict[int, np.ndarray] = field(default_factory=dict)
+    confidence: np.ndarray | None = None
 
     def work(self, progress: Progress) -> Found:
-        """What was found, in object space; raises `AnyfaceError`."""
-        return finding.find(self.face, self.fixed, self.engine.find, progress)
+        """What was found, in object space; raises `AnyfaceError`.
+
+        Landmarks that only follow are as sure as they were (`confidence` `[68]`).
+        """
+        found = finding.find(self.face, self.fixed, self.engine.find, progress)
+        if self.confidence is not None:
+            found.confidence = np.maximum(found.confidence, self.confidence)
+        return found
 
 
 class Surface:
@@ -165,7 +172,7 @@ class Drag:
         self.stored.fixed.add(self.held)
         face.landmarks, face.landmark_vertices = self._before, None
         fixed = {number: self.stored.positions[number] for number in sorted(self.stored.fixed)}
-        return Search(face, engine, fixed)
+        return Search(face, engine, fixed, self.stored.confidence)
 
 
 def head(ob) -> tuple[np.ndarray, float]:

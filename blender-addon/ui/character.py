@@ -1,5 +1,7 @@
 """Character: what was found of the face, its landmarks, and the objects that belong to it."""
 
+import textwrap
+
 import bpy
 from bpy.props import (
     CollectionProperty,
@@ -204,8 +206,7 @@ class ANYFACE_PT_character(Panel):
         """Draws status, buttons and lists."""
         layout, ob = self.layout, target(context)
         layout.use_property_split, layout.use_property_decorate = True, False
-        text, icon = status(ob)
-        layout.label(text=text, icon=icon)
+        _draw_status(layout, ob, context.region.width)
         row = layout.row(align=True)
         row.operator("anyface.find_face", icon="VIEWZOOM")
         row.operator("anyface.edit_landmarks", text="Edit", icon="EDITMODE_HLT")
@@ -225,6 +226,15 @@ def status(ob) -> tuple[str, str]:
     unsure = stored.sure < 0.4
     words = landmarks.describe(stored)
     return (words + "; have a look" if unsure else words), "ERROR" if unsure else "CHECKMARK"
+
+
+def _draw_status(layout, ob, width: int) -> None:
+    text, icon = status(ob)
+    column = layout.column(align=True)
+    column.scale_y = 0.8
+    for line in textwrap.wrap(text, max(20, width // 8)):
+        column.label(text=line, icon=icon)
+        icon = "BLANK1"
 
 
 def _draw_parts(layout, ob) -> None:

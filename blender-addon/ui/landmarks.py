@@ -178,7 +178,8 @@ class ANYFACE_OT_edit_landmarks(_Searching, Operator):
 
     bl_idname = "anyface.edit_landmarks"
     bl_label = "Edit Landmarks"
-    bl_options = {"REGISTER", "UNDO", "BLOCKING"}
+    # Every drag is an undo step of its own; ending the operator is none.
+    bl_options = {"REGISTER", "BLOCKING"}
 
     def execute(self, context):
         """Without a window there is nothing to drag with."""
@@ -188,66 +189,94 @@ class ANYFACE_OT_edit_landmarks(_Searching, Operator):
         """Shows the landmarks and waits for the pointer."""
         if bpy.app.background or context.region_data is None:
             return self.execute(context)
-        self._ob = target(context)
+        self._name, self._job = target(context).name, None
         try:
-            self._drag = landmarks.Drag(self._ob)
+            self._drag = landmarks.Drag(target(context))
         except AnyfaceError as error:
             return self.fail(error)
         context.window_manager.anyface_show_landmarks = True
         context.workspace.status_text_set("Drag landmarks; Return or Esc ends")
+        self._timer = context.window_manager.event_timer_add(0.05, window=context.window)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
         """One drag is one undo step."""
         redraw(context)
-        view = _view_under(context, event)
-        if event.type in {"ESC", "RET", "NUMPAD_ENTER"} and event.value == "PRESS":
+        ob = bpy.data.objects.get(self._name)
+        ends = event.type in {"ESC", "RET", "NUMPAD_ENTER"} and event.value == "PRESS"
+        if ob is None or ends:
             return self._end(context)
+        if self._job is not None:
+            return self._follow(ob)
+        view = _view_under(context, event)
         if self._drag.held is not None and event.type == "MOUSEMOVE":
             if view is not None:
-                self._move(view)
+                self._move(ob, view)
             return {"RUNNING_MODAL"}
         if event.type == "LEFTMOUSE" and event.value == "PRESS" and view is not None:
-            return self._press(view)
+            return self._press(ob, view)
         if event.type == "LEFTMOUSE" and event.value == "RELEASE" and self._drag.held is not None:
-            return self._release(context)
+            return self._release(ob)
         return {"PASS_THROUGH"}
 
-    def _press(self, view):
+    def _press(self, ob, view):
+        # Undo may have brought other landmarks since.
+        try:
+            self._drag = landmarks.Drag(ob, self._drag.surface)
+        except AnyfaceError as error:
+            return self.fail(error)
         region, data, at = view
-        places = on_screen(region, data, self._ob, self._drag.stored.positions)
+        places = on_screen(region, data, ob, self._drag.stored.positions)
         taken = self._drag.hold_near(np.array(at), places, _REACH_PX)
         return {"RUNNING_MODAL"} if taken else {"PASS_THROUGH"}
 
-    def _move(self, view):
+    def _move(self, ob, view):
         region, data, at = view
-        back = self._ob.matrix_world.inverted_safe()
+        back = ob.matrix_world.inverted_safe()
         origin = view3d_utils.region_2d_to_origin_3d(region, data, at)
         direction = view3d_utils.region_2d_to_vector_3d(region, data, at)
         self._drag.move(back @ origin, back.to_3x3() @ direction)
-        shown[self._ob.name] = self._drag.stored.positions
+        shown[ob.name] = self._drag.stored.positions
 
-    def _release(self, context):
+    def _release(self, ob):
+        """The others follow in a thread."""
         try:
-            search = self._drag.search(_face_of(self._ob), running.engine())
-            keep(self._ob, search.work(Progress()), self._drag.stored.fixed)
+            search = self._drag.search(_face_of(ob), running.engine())
+        except AnyfaceError as error:
+            shown.clear()
+            self.fail(error)
+            return {"RUNNING_MODAL"}
+        self._drag.held = None
+        self._job = running.start(Job(search.work), ob.name)
+        return {"RUNNING_MODAL"}
+
+    def _follow(self, ob):
+        if not self._job.done:
+            return {"RUNNING_MODAL"}
+        job, self._job = self._job, None
+        running.finish()
+        shown.clear()
+        try:
+            keep(ob, job.result(), self._drag.stored.fixed)
+            bpy.ops.ed.undo_push(message="Move Landmark")
         except AnyfaceError as error:
             self.fail(error)
-        shown.pop(self._ob.name, None)
-        bpy.ops.ed.undo_push(message="Move Landmark")
-        self._drag = landmarks.Drag(self._ob, self._drag.surface)
         return {"RUNNING_MODAL"}
 
     def _end(self, context):
-        shown.clear()
+        self.cancel(context)
         context.workspace.status_text_set(None)
         redraw(context)
         return {"FINISHED"}
 
     def cancel(self, context):
-        """Blender closes or loads another file."""
+        """Blender closes or loads another file, or the artist ends it."""
         shown.clear()
+        if self._job is not None:
+            self._job.cancel()
+            running.finish()
+        context.window_manager.event_timer_remove(self._timer)
 
 
 # Positions `[68, 3]` by object name that are drawn instead of the stored ones, during a drag.

@@ -20,6 +20,7 @@ class ANYFACE_PT_output(Panel):
     bl_idname = "ANYFACE_PT_output"
     bl_label = "Output"
     bl_parent_id = "ANYFACE_PT_main"
+    bl_order = 3
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Anyface"

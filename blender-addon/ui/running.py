@@ -5,19 +5,21 @@ from bpy.app.handlers import persistent
 
 from ..core import native
 from ..core.job import Job
+from ..core.lazy import LazyEngine
 from . import preferences
 
 current: Job | None = None
 # The object that the current job animates.
 current_name = ""
-_engine: native.Engine | None = None
+_engine: LazyEngine | None = None
 
 
-def engine() -> native.Engine:
-    """The engine; weights are loaded once, on first use."""
+def engine() -> LazyEngine:
+    """The engine; weights are loaded once, where they are used first: in the worker."""
     global _engine
     if _engine is None:
-        _engine = native.Engine(preferences.threads(), cache=preferences.cache_folder())
+        threads, cache = preferences.threads(), preferences.cache_folder()
+        _engine = LazyEngine(lambda: native.Engine(threads, cache=cache))
     return _engine
 
 

@@ -34,6 +34,7 @@ class ANYFACE_PT_scene(Panel):
     bl_idname = "ANYFACE_PT_scene"
     bl_label = "Scene"
     bl_parent_id = "ANYFACE_PT_main"
+    bl_order = 5
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Anyface"

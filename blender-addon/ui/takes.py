@@ -17,6 +17,7 @@ class ANYFACE_PT_takes(Panel):
     bl_idname = "ANYFACE_PT_takes"
     bl_label = "Takes"
     bl_parent_id = "ANYFACE_PT_main"
+    bl_order = 4
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Anyface"

@@ -143,3 +143,27 @@ def test_a_one_sided_basis_moves_the_same(addon):
     assert made.weights.min() >= 0.0 and made.weights.max() <= 1.0 and len(made.vectors) == 6
     before = np.tensordot(basis.weights, basis.vectors, axes=1)
     assert np.abs(np.tensordot(made.weights, made.vectors, axes=1) - before).max() < 1e-5
+
+
+def test_weights_are_loaded_by_the_first_who_needs_them_and_once(addon):
+    made = []
+
+    class Engine:
+        closed = False
+
+        def find(self):
+            return "found"
+
+        def close(self):
+            self.closed = True
+
+    def load():
+        made.append(Engine())
+        return made[-1]
+
+    lazy = addon("core.lazy").LazyEngine(load)
+    lazy.close()
+    assert not made and not lazy.is_loaded
+    assert [lazy.find(), lazy.find()] == ["found", "found"] and len(made) == 1
+    lazy.close()
+    assert made[0].closed and not lazy.is_loaded

@@ -3,6 +3,7 @@
 `ANYFACE_FUZZ` sets the number of rounds; the seed is fixed, and a failure names its last steps.
 """
 
+import contextlib
 import os
 import traceback
 from collections import deque
@@ -317,15 +318,14 @@ def hand(addon, tmp_path, monkeypatch):
     """A user in front of a head, its teeth, and two strips; the library is a stage."""
     monkeypatch.chdir(tmp_path)
     addon("ui.running")._engine = Stage(addon("core.take"))
-    tone(tmp_path / "b.wav", seconds=0.5)
-    try:
-        strip(tone(tmp_path / "a.wav", seconds=0.5), "Voice", 5, 1)
-        strip(str(tmp_path / "b.wav"), "Answer", 30, 1)
-    except RuntimeError as error:
-        pytest.skip(str(error).strip())
+    sounds = [tone(tmp_path / f"{name}.wav", seconds=0.5) for name in ("a", "b")]
+    # 4.2 as a Python module has no sound: then there are no strips.
+    with contextlib.suppress(RuntimeError):
+        strip(sounds[0], "Voice", 5, 1)
+        strip(sounds[1], "Answer", 30, 1)
     grid("Teeth_low", 9, 0.05)
     ob = grid("Head", 9)
-    ob.anyface.source, ob.anyface.sound_file = "FILE", str(tmp_path / "b.wav")
+    ob.anyface.source, ob.anyface.sound_file = "FILE", sounds[1]
     return Hand(tmp_path)
 
 

@@ -203,11 +203,11 @@ def test_a_dragged_landmark_stays_and_its_neighbours_follow(addon):
     ob = import_head()
     bpy.ops.anyface.find_face()
     landmarks = addon("scene.landmarks")
-    before = landmarks.load(ob).positions
+    sure, before = landmarks.load(ob).sure, landmarks.load(ob).positions
     target = before[48] + (before[48] - before[54]) * 0.2
     bpy.ops.anyface.move_landmark(number=48, place=target)
     after = landmarks.load(ob)
-    assert after.fixed == {48}
+    assert after.fixed == {48} and after.sure >= sure
     goal = landmarks.Surface(ob).nearest(target)
     assert np.linalg.norm(after.positions[48] - goal) < 1e-3
     away = np.linalg.norm(after.positions - before, axis=1)

@@ -1,0 +1,34 @@
+"""An engine whose weights are loaded by whoever needs them first: a worker, not the interface."""
+
+import threading
+from collections.abc import Callable
+
+
+class LazyEngine:
+    """Stands for the engine that `load()` makes; everything asked of it is asked of that one.
+
+    Raises what `load` raises, again at every use until it succeeds.
+    """
+
+    def __init__(self, load: Callable[[], object]):
+        self._load = load
+        self._engine = None
+        self._lock = threading.Lock()
+
+    @property
+    def is_loaded(self) -> bool:
+        """True once the weights are in memory."""
+        return self._engine is not None
+
+    def close(self) -> None:
+        """Frees the weights, if they were loaded."""
+        with self._lock:
+            engine, self._engine = self._engine, None
+        if engine is not None:
+            engine.close()
+
+    def __getattr__(self, name: str):
+        with self._lock:
+            if self._engine is None:
+                self._engine = self._load()
+            return getattr(self._engine, name)
