@@ -207,9 +207,9 @@ class ANYFACE_PT_character(Panel):
         layout, ob = self.layout, target(context)
         layout.use_property_split, layout.use_property_decorate = True, False
         _draw_status(layout, ob, context.region.width)
+        layout.operator("anyface.find_face", icon="VIEWZOOM")
         row = layout.row(align=True)
-        row.operator("anyface.find_face", icon="VIEWZOOM")
-        row.operator("anyface.edit_landmarks", text="Edit", icon="EDITMODE_HLT")
+        row.operator("anyface.edit_landmarks", icon="EDITMODE_HLT")
         row.operator("anyface.reset_landmarks", text="", icon="LOOP_BACK")
         layout.prop(context.window_manager, "anyface_show_landmarks")
         _draw_parts(layout, ob)

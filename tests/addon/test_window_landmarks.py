@@ -1,0 +1,54 @@
+"""Find Face, and landmarks dragged with the mouse, in a real Blender window (see test_window)."""
+
+import numpy as np
+import pytest
+
+from test_heads import voice  # noqa: F401 - a fixture
+from test_window import photographs, screen  # noqa: F401 - fixtures
+
+# Pixels from the top left of the screen, and metres, of a landmark in the 3D view.
+LOOK = """
+from bpy_extras.view3d_utils import location_3d_to_region_2d
+from mathutils import Vector
+import importlib
+landmarks = importlib.import_module("bl_ext.user_default.anyface.scene.landmarks")
+window, area, region, _ = area_of('VIEW_3D')
+ob = bpy.data.objects["Head"]
+stored = landmarks.load(ob)
+at = location_3d_to_region_2d(
+    region, area.spaces[0].region_3d, ob.matrix_world @ Vector(stored.positions[{number}])
+)
+pixel = (round(region.x + at.x), round(window.height - region.y - at.y))
+answer = (pixel, stored.positions.tolist(), sorted(stored.fixed), stored.sure)
+"""
+STORED = "'anyface_landmarks' in bpy.data.objects['Head'] and not running()"
+
+
+def look(screen, number=48):  # noqa: F811
+    """Pixel of a landmark, positions of all, numbers of those put by hand, mean confidence."""
+    return screen.ask(LOOK.format(number=number))
+
+
+def test_a_landmark_is_dragged_with_the_mouse_and_undone(screen, photographs):  # noqa: F811
+    screen.press("anyface.find_face")
+    screen.wait(STORED)
+    (x, y), before, fixed, sure = look(screen)
+    assert fixed == [] and sure > 0.5
+    screen.press("anyface.edit_landmarks")
+    screen.hand("mousemove", x, y, "sleep", "0.3")
+    screen.photograph(photographs / "7_landmarks.png")
+    screen.hand("mousedown", "1", "sleep", "0.2")
+    for step in (5, 10, 15, 20):
+        screen.hand("mousemove", x - step, y, "sleep", "0.1")
+    screen.hand("mouseup", "1", "sleep", "0.2")
+    screen.wait("not running()")
+    screen.hand("sleep", "0.5")
+    (dragged_x, _), after, fixed, _ = look(screen)
+    screen.photograph(photographs / "8_dragged.png")
+    assert fixed == [48] and dragged_x == pytest.approx(x - 20, abs=2)
+    away = np.linalg.norm(np.array(after) - np.array(before), axis=1)
+    assert away[60] > 0.3 * away[48] > 10 * away[17]
+    screen.hand("key", "Escape", "sleep", "0.3", "key", "ctrl+z", "sleep", "0.5")
+    assert look(screen)[2] == []
+    screen.hand("key", "ctrl+shift+z", "sleep", "0.5")
+    assert look(screen)[2] == [48]
