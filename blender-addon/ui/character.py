@@ -15,7 +15,7 @@ from bpy.types import Object, Operator, Panel, PropertyGroup, UIList
 from ..core.errors import AnyfaceError
 from ..core.take import ROLES
 from ..scene import landmarks, pieces
-from .target import target
+from .target import is_there, target
 
 _ROLE_TEXTS = {
     "skin": "The face itself",
@@ -57,7 +57,7 @@ class AnyfaceFace(PropertyGroup):
 
 def fill(settings, ob) -> None:
     """Puts the parts of `ob` into plain settings; parts whose object was deleted are left out."""
-    chosen = [part for part in ob.anyface_face.parts if part.object is not None]
+    chosen = [part for part in ob.anyface_face.parts if is_there(part.object)]
     settings.parts = [pieces.Part(part.object.name, _role(part)) for part in chosen]
     told = [part for part in ob.anyface_face.loose if part.role != "AUTO"]
     settings.loose = {part.number: part.role for part in told}
@@ -86,7 +86,7 @@ class ANYFACE_UL_parts(UIList):
 
     def draw_item(self, _context, layout, _data, item, _icon, _active, _name):
         """Draws one object and its role."""
-        name = item.object.name if item.object is not None else "(deleted)"
+        name = item.object.name if is_there(item.object) else f"{item.name} (deleted)"
         layout.label(text=name, icon="MESH_DATA")
         layout.prop(item, "role", text="")
 

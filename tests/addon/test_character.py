@@ -203,13 +203,27 @@ def test_parts_that_rest_get_no_keys(stage, addon):
     assert face[1].largest_mm == pytest.approx(5.0) and eye[1] is None
 
 
-def test_deleted_parts_are_left_out(stage, tmp_path):
+@pytest.mark.parametrize("by_hand", [True, False])
+def test_deleted_parts_are_left_out(stage, tmp_path, by_hand):
     ob = speaking(grid(), tmp_path)
     teeth = with_teeth(ob)
     bpy.ops.anyface.find_parts()
-    bpy.data.objects.remove(teeth)
+    if by_hand:
+        with bpy.context.temp_override(selected_objects=[teeth]):
+            bpy.ops.object.delete()
+        assert ob.anyface_face.parts[0].object is not None
+    else:
+        bpy.data.objects.remove(teeth)
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     assert len(stage.calls[0][0]) == 144
+
+
+def test_a_picked_face_that_was_deleted_is_forgotten(stage, addon):
+    ob, other = grid(), grid("Other")
+    bpy.context.scene.anyface.character = ob
+    with bpy.context.temp_override(selected_objects=[ob]):
+        bpy.ops.object.delete()
+    assert addon("ui.target").target(bpy.context) == other
 
 
 def test_loose_parts_are_listed_and_their_role_can_be_overridden(stage, addon, tmp_path):
