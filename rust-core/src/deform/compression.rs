@@ -25,6 +25,8 @@ use crate::{
 const SPARE: usize = 16;
 /// Vertices whose error is measured together.
 const VERTICES_PER_TASK: usize = 128;
+/// Components of a performance that nearly suffice: where the search for their number begins.
+const FIRST_COUNT: usize = 32;
 /// Rows summed in one go where a long axis is reduced.
 const ROWS_PER_SUM: usize = 4096;
 
@@ -87,11 +89,9 @@ pub fn compress(
     report(progress, "compress", 0.0)?;
     let full = principal_components(&flat, max_shapes.min(frames), progress)?;
     report(progress, "compress", 0.6)?;
-    let errors = errors_by_count(&flat, &full);
-    let enough = errors.iter().position(|&e| e <= max_error);
-    let count = enough.unwrap_or(errors.len() - 1);
+    let (count, error) = fewest(&flat, &full, max_error);
     report(progress, "compress", 1.0)?;
-    Ok(normalised(&full, count, errors[count], vertices, clip.fps))
+    Ok(normalised(&full, count, error, vertices, clip.fps))
 }
 
 /// Components in falling order: `weights` `[T, K]` and `shapes` `[3V, K]`.
@@ -197,44 +197,56 @@ fn principal_axes(projected: &Array2<f32>) -> Result<Array2<f32>> {
     }))
 }
 
-/// `[K + 1]`: the largest distance left with none, one, … all components.
-fn errors_by_count(flat: &Array2<f32>, full: &Components) -> Vec<f32> {
-    let (frames, coordinates) = flat.dim();
-    let vertices: Vec<usize> = (0..coordinates / 3).step_by(VERTICES_PER_TASK).collect();
-    let longest = vertices
-        .par_iter()
-        .map(|&first| {
-            let columns = 3 * VERTICES_PER_TASK.min(coordinates / 3 - first);
-            let from = ndarray::s![.., 3 * first..3 * first + columns];
-            let mut left = flat.slice(from).as_standard_layout().into_owned();
-            let shapes = full
-                .shapes
-                .slice(ndarray::s![3 * first..3 * first + columns, ..]);
-            let shapes = shapes.t().as_standard_layout().into_owned();
-            let mut longest = vec![longest_squared(&left)];
-            for (k, shape) in shapes.rows().into_iter().enumerate() {
-                let shape = shape.as_slice().expect("row-major");
-                for t in 0..frames {
-                    let weight = full.weights[[t, k]];
-                    let row = left.row_mut(t).into_slice().expect("row-major");
-                    for (x, s) in row.iter_mut().zip(shape) {
-                        *x -= weight * s;
-                    }
-                }
-                longest.push(longest_squared(&left));
-            }
-            longest
-        })
-        .collect::<Vec<_>>();
-    (0..=full.shapes.ncols())
-        .map(|k| longest.iter().map(|l| l[k]).fold(0.0, f32::max).sqrt())
-        .collect()
+/// The fewest components that leave at most `max_error`, and what they leave; all where none do.
+///
+/// What is left falls with the number of components, so it is looked for by doubling and halving.
+fn fewest(flat: &Array2<f32>, full: &Components, max_error: f32) -> (usize, f32) {
+    let most = full.shapes.ncols();
+    let left = |count| largest_error(flat, full, count);
+    let (mut few, mut many, mut error) = (0, 0, left(0));
+    while error > max_error && many < most {
+        few = many;
+        many = (2 * many).clamp(FIRST_COUNT.min(most), most);
+        error = left(many);
+    }
+    while error <= max_error && many - few > 1 {
+        let middle = few.midpoint(many);
+        let error_there = left(middle);
+        match error_there <= max_error {
+            true => (many, error) = (middle, error_there),
+            false => few = middle,
+        }
+    }
+    (many, error)
 }
 
-fn longest_squared(displacements: &Array2<f32>) -> f32 {
-    matrix::values(displacements)
+/// The largest distance of any vertex in any frame from where the first `count` components have it.
+fn largest_error(flat: &Array2<f32>, full: &Components, count: usize) -> f32 {
+    let (frames, coordinates) = flat.dim();
+    let vertices: Vec<usize> = (0..coordinates / 3).step_by(VERTICES_PER_TASK).collect();
+    let weights = view(&full.weights).subcols(0, count);
+    let squares = vertices.par_iter().map(|&first| {
+        let columns = 3 * VERTICES_PER_TASK.min(coordinates / 3 - first);
+        let shapes = view(&full.shapes).subrows(3 * first, columns);
+        let mut fitted = vec![0.0; frames * columns];
+        if count > 0 {
+            let shapes = shapes.subcols(0, count).transpose();
+            product(view_mut(&mut fitted, columns), weights, shapes);
+        }
+        let rows = matrix::values(flat).chunks_exact(coordinates);
+        let pairs = rows.zip(fitted.chunks_exact(columns));
+        pairs
+            .map(|(row, fitted)| longest_squared(&row[3 * first..3 * first + columns], fitted))
+            .fold(0.0, f32::max)
+    });
+    squares.reduce(|| 0.0, f32::max).sqrt()
+}
+
+fn longest_squared(there: &[f32], fitted: &[f32]) -> f32 {
+    there
         .chunks_exact(3)
-        .map(|d| d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+        .zip(fitted.chunks_exact(3))
+        .map(|(a, b)| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2) + (a[2] - b[2]).powi(2))
         .fold(0.0, f32::max)
 }
 
