@@ -1,22 +1,24 @@
 """How large an output gets and how long it takes, before it is made.
 
-The constants were measured on two cores with the default head (9,409 vertices) and ICT's
-(26,719), 5 to 60 s of speech; they are for a decision, not for a promise.
+The constants come from a head of 26,719 vertices with 5 and 50 s of speech on two busy cores; they
+are for a decision, not for a promise.
 """
 
 from dataclasses import dataclass
 
 from .shapes import ARKIT, VISEMES
 
-# Basis keys of a performance within 0.1 mm, of any length.
-_BASIS_KEYS = 40
+# Basis keys of a performance within 0.1 mm: for 5 s and for 50 s; longer ones need few more.
+_SHORT_KEYS, _LONG_KEYS = 36, 60
 # Bytes of a vertex in a key or a cache, and of a keyframe in a .blend.
 _VERTEX, _KEYFRAME = 12, 80
 # Bytes of a number in a table, and its columns.
 _NUMBER, _COLUMNS = 9, 63
 # Seconds: to begin with, for a second of speech, for a million vertices in a frame.
-_BEGIN_S, _SPEECH_S, _MILLION_S = 0.4, 0.04, 0.02
-_RIG_S_PER_VERTEX = 1e-4
+_BEGIN_S, _SPEECH_S, _MILLION_S = 0.3, 0.03, 0.15
+# More seconds for a million vertices in a frame: to find a basis, to solve for weights.
+_MORE_S = {"basis": 0.12, "keys": 0.2, "arkit": 0.2, "csv": 0.2}
+_RIG_S_PER_VERTEX = 5e-5
 
 
 @dataclass
@@ -34,17 +36,23 @@ def estimate(
     """For `seconds` of sound in `frames` on `vertices`; `keys` that exist and are matched."""
     made = len(ARKIT) + (len(VISEMES) if visemes else 0)
     size = {
-        "basis": _BASIS_KEYS * (vertices * _VERTEX + frames * _KEYFRAME),
+        "basis": _basis_keys(seconds) * (vertices * _VERTEX + frames * _KEYFRAME),
         "frames": (frames + 2) * (vertices * _VERTEX + _KEYFRAME),
         "cache": frames * vertices * _VERTEX,
         "keys": keys * frames * _KEYFRAME,
         "arkit": made * vertices * _VERTEX + len(ARKIT) * frames * _KEYFRAME,
         "csv": frames * _COLUMNS * _NUMBER,
     }[mode]
-    work = _BEGIN_S + _SPEECH_S * seconds + _MILLION_S * frames * vertices / 1e6
+    million_s = _MILLION_S + _MORE_S.get(mode, 0.0)
+    work = _BEGIN_S + _SPEECH_S * seconds + million_s * frames * vertices / 1e6
     if mode in ("arkit", "csv"):
         work += _RIG_S_PER_VERTEX * vertices
     return Estimate(size, work, mode in ("cache", "csv"))
+
+
+def _basis_keys(seconds: float) -> int:
+    share = min(max((seconds - 5.0) / 45.0, 0.0), 1.0)
+    return round(_SHORT_KEYS + share * (_LONG_KEYS - _SHORT_KEYS))
 
 
 def in_words(found: Estimate, frames: int) -> str:
