@@ -94,7 +94,7 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         error_mm=settings.error_mm,
         emotion_source=settings.emotion_source,
         controls=Controls(**{item.name: getattr(settings, item.name) for item in fields(Controls)}),
-        control_keys=emotion.control_keys(ob, scene, source.start_frame, source.duration_s),
+        control_keys=emotion.control_keys(ob, scene, source.start_frame, strips.duration_s(source)),
         roles=face.roles,
     )
     names = [piece.name for piece in face.pieces] or [ob.name]
@@ -143,4 +143,4 @@ def _find_sound(scene, settings: Settings, engine) -> SoundSource:
 def _emotion(ob, scene, settings: Settings, source: SoundSource):
     if settings.blend is not None:
         return [(0.0, list(settings.blend))]
-    return emotion.emotion_keys(ob, scene, settings, source.start_frame, source.duration_s)
+    return emotion.emotion_keys(ob, scene, settings, source.start_frame, strips.duration_s(source))

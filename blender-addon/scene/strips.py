@@ -73,14 +73,25 @@ def length_of(scene, strips: list, with_muted: bool = False) -> Length | None:
 
 def length_of_file(scene, path: str, start_frame: float) -> Length | None:
     """Where a sound file ends that begins at `start_frame`; None where that is not known yet."""
-    full = bpy.path.abspath(path)
-    if not path or not os.path.isfile(full):
-        return None
-    seconds = _seconds(full, os.stat(full).st_mtime_ns)
+    seconds = seconds_of(path)
     if seconds is None:
         return None
     frames = seconds * scene.render.fps / scene.render.fps_base
     return Length(start_frame, start_frame + round(frames, 2), seconds)
+
+
+def seconds_of(path: str) -> float | None:
+    """Length of a sound file in seconds; None where that is not known before decoding."""
+    full = bpy.path.abspath(path)
+    if not path or not os.path.isfile(full):
+        return None
+    return _seconds(full, os.stat(full).st_mtime_ns)
+
+
+def duration_s(source) -> float | None:
+    """Length of a `SoundSource` or `MixedSource` in seconds, None where it is not known yet."""
+    known = source.duration_s
+    return seconds_of(getattr(source, "path", "")) if known is None else known
 
 
 @lru_cache(maxsize=32)
