@@ -1,9 +1,12 @@
 """Writes one take on all the objects of a face, and takes it from all of them again."""
 
+from dataclasses import replace
+
 import bpy
 
+from ..core import shapes
 from ..core.take import Piece, Take
-from . import guard, keys, pieces, record, remove
+from . import existing, guard, keys, pieces, record, remove
 
 
 def write(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: float) -> None:
@@ -12,8 +15,12 @@ def write(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: flo
     Nothing is written where one of them cannot be: all are checked first.
     """
     mode = keys.mode_of(take)
-    several = len(parts) > 1 and mode != "keys"
-    cut = pieces.split(take, parts) if several else [(Piece(ob.name, 0, 0, None), take)]
+    alone = [(Piece(ob.name, 0, 0, None), take)]
+    if mode == "keys":
+        others = [(piece, _own_keys(take, piece)) for piece in parts[1:]]
+        cut = alone + [(piece, part) for piece, part in others if part is not None]
+    else:
+        cut = pieces.split(take, parts) if len(parts) > 1 else alone
     for piece, _ in cut[1:]:
         guard.check_editable(pieces.object_of(pieces.Part(piece.name), ob), mode)
     remove_others(ob)
@@ -25,6 +32,18 @@ def write(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: flo
         taken = keys.write(other, part, start_frame, scene_fps)
         taken.belongs_to = first.id
         record.write(other.data.shape_keys, taken)
+
+
+def _own_keys(take: Take, piece: Piece) -> Take | None:
+    """The take on the keys that an object beside the face has of the same shapes, or None."""
+    other, motion = bpy.data.objects.get(piece.name), take.key_motion
+    theirs = existing.find(other, {}) if other is not None else {}
+    shared = [(key, theirs[n]) for n, key in shapes.match(motion.keys).items() if n in theirs]
+    if not shared:
+        return None
+    columns = [motion.keys.index(key) for key, _ in shared]
+    names = [name for _, name in shared]
+    return replace(take, key_motion=replace(motion, keys=names, weights=motion.weights[:, columns]))
 
 
 def remove_all(ob) -> bool:

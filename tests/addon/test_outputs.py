@@ -377,3 +377,28 @@ def test_strength_and_shift_change_the_take_that_is_there(stage, tmp_path, mode)
     bpy.ops.anyface.generate()
     assert settings.strength == 1.0
     assert np.abs(shape(ob, START + 20) - rest(ob) - full).max() < 1e-6
+
+
+def test_objects_beside_the_face_follow_with_their_own_keys(stage, tmp_path):
+    ob = grid()
+    teeth = grid("Teeth_low", side=5, scale=0.1)
+    bpy.context.view_layer.objects.active = ob
+    bpy.context.view_layer.update()
+    ob = ready(tmp_path, "keys", ob)
+    teeth = bpy.data.objects["Teeth_low"]
+    arkit_keys(stage, ob)
+    teeth.shape_key_add(name="Basis", from_mix=False)
+    block = teeth.shape_key_add(name="teeth.eyeBlinkLeft", from_mix=False)
+    block.points[0].co.x += 0.01
+    bpy.ops.anyface.find_parts()
+    bpy.context.scene.frame_set(1)
+    before = everything()
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    values = []
+    for frame in (START + 10, START + 20):
+        bpy.context.scene.frame_set(frame)
+        values.append((ob.data.shape_keys.key_blocks[1].value, block.value))
+    assert values[0] != values[1] and all(own == pytest.approx(other) for own, other in values)
+    bpy.context.scene.frame_set(1)
+    assert bpy.ops.anyface.remove() == {"FINISHED"}
+    assert everything() == before
