@@ -10,6 +10,7 @@ alone needs no bpy where `--blender` names what does the shots.
 
 import importlib
 import importlib.util
+import os
 import sys
 import types
 from pathlib import Path
@@ -67,4 +68,8 @@ def load_extension():
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    code = main()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # bpy 4.2 crashes and bpy 4.5 hangs while Python ends with an add-on's properties registered.
+    os._exit(code)

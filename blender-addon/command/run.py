@@ -7,10 +7,14 @@ from collections.abc import Callable
 
 from ..core.errors import AnyfaceError
 from ..farm import ledger
-from . import bake, disk
+from . import bake, disk, landmarks, rig
 
 # What each task does to the open file; it returns what goes into the report.
-TASKS: dict[str, Callable[[argparse.Namespace], dict]] = {"bake": bake.run}
+TASKS: dict[str, Callable[[argparse.Namespace], dict]] = {
+    "bake": bake.run,
+    "rig": rig.run,
+    "landmarks": landmarks.run,
+}
 
 
 def main(options: argparse.Namespace) -> int:

@@ -6,6 +6,7 @@ during a call, so the interface of Blender goes on while a thread waits here.
 
 import ctypes
 import os
+import sys
 from contextlib import ExitStack
 from ctypes import (
     POINTER,
@@ -181,9 +182,11 @@ SIGNATURES = {
 
 
 def library_path() -> Path:
-    """`lib/libanyface.so` of the extension; `ANYFACE_LIBRARY` names another one."""
+    """The library in `lib` of the extension; `ANYFACE_LIBRARY` names another one."""
     given = os.environ.get("ANYFACE_LIBRARY")
-    return Path(given) if given else Path(__file__).resolve().parents[1] / "lib" / "libanyface.so"
+    names = {"win32": "anyface.dll", "darwin": "libanyface.dylib"}
+    name = names.get(sys.platform, "libanyface.so")
+    return Path(given) if given else Path(__file__).resolve().parents[1] / "lib" / name
 
 
 def load(path: Path) -> ctypes.CDLL:

@@ -5,7 +5,7 @@ and of the rows of a jobs file.
 import argparse
 
 # What may be done with one open file.
-TASKS = ("bake",)
+TASKS = ("bake", "rig", "landmarks")
 
 
 def parser(program: str) -> argparse.ArgumentParser:
@@ -16,6 +16,14 @@ def parser(program: str) -> argparse.ArgumentParser:
     _add_file(bake)
     add_bake(bake)
     _add_result(bake)
+    rig = tasks.add_parser("rig", help="give a face the 52 ARKit shapes as keys, and save the file")
+    _add_file(rig)
+    add_rig(rig)
+    _add_result(rig)
+    landmarks = tasks.add_parser("landmarks", help="find the 68 landmarks of a face")
+    _add_file(landmarks)
+    add_landmarks(landmarks)
+    _add_result(landmarks, needed=False)
     batch = tasks.add_parser("batch", help="many shots, in processes here or on other machines")
     add_batch(batch)
     tasks.add_parser("shot", help="one shot of a batch, read from standard input")
@@ -25,7 +33,7 @@ def parser(program: str) -> argparse.ArgumentParser:
 def step_parser(task: str) -> argparse.ArgumentParser:
     """The options of one task as a row of a jobs file gives them: no file, nothing to save."""
     step = argparse.ArgumentParser(prog=task, exit_on_error=False, add_help=False)
-    {"bake": add_bake}[task](step)
+    {"bake": add_bake, "rig": add_rig, "landmarks": add_landmarks}[task](step)
     step.set_defaults(task=task)
     return step
 
@@ -49,6 +57,23 @@ def add_bake(task: argparse.ArgumentParser) -> None:
     task.add_argument("--landmarks", metavar="FILE", help="JSON file with the 68 landmarks")
 
 
+def add_rig(task: argparse.ArgumentParser) -> None:
+    """Options of the shapes."""
+    _add_face(task)
+    task.add_argument("--visemes", action="store_true", help="the 15 Oculus visemes too")
+
+
+def add_landmarks(task: argparse.ArgumentParser) -> None:
+    """Options of the search; what is found is stored on the object."""
+    _add_face(task)
+    task.add_argument("--out", metavar="FILE", help="write the landmarks as JSON")
+
+
+def _add_face(task: argparse.ArgumentParser) -> None:
+    task.add_argument("--object", required=True, help="name of the face's object")
+    task.add_argument("--axes", choices=("AUTO", "WORLD", "LOCAL", "LOCAL_Y_UP"))
+
+
 def add_batch(task: argparse.ArgumentParser) -> None:
     """Options of many shots at once."""
     task.add_argument("jobs", help="the JSON file that lists the shots")
@@ -66,6 +91,6 @@ def _add_file(task: argparse.ArgumentParser) -> None:
     task.add_argument("--file", metavar="FILE", help="open this .blend first")
 
 
-def _add_result(task: argparse.ArgumentParser) -> None:
-    task.add_argument("--save", required=True, metavar="FILE", help="the .blend to write")
+def _add_result(task: argparse.ArgumentParser, needed: bool = True) -> None:
+    task.add_argument("--save", required=needed, metavar="FILE", help="the .blend to write")
     task.add_argument("--report", metavar="FILE", help="write what was done as JSON")

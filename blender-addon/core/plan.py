@@ -54,7 +54,7 @@ class Plan:
 
     def _cache(self, face, take, engine, progress) -> None:
         for name, path in self.paths.items():
-            rest, moved = _of_piece(face, take.frames, name)
+            rest, moved = of_piece(face, take.frames, name)
             if take.files and not moved.any():
                 continue
             pc2.write(Path(path), rest, moved, self.ease, progress)
@@ -97,7 +97,7 @@ def make_rig(face: FaceMesh, space, engine, progress: Progress) -> Rig:
     return rig
 
 
-def _of_piece(face: FaceMesh, moved: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
+def of_piece(face: FaceMesh, moved: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Rest `[V, 3]` and motion `[T, V, 3]` of one object of the face, in its own space."""
     piece = next((piece for piece in face.pieces if piece.name == name), None)
     if piece is None or len(face.pieces) == 1:

@@ -128,6 +128,8 @@ def _write_frames(ob, take, rest, frames, ease, taken) -> None:
 
 def _add_key(ob, name: str, positions: np.ndarray, taken):
     block = ob.shape_key_add(name=name, from_mix=False)
+    # From 5.0 on a new key has the value 1.
+    block.value = 0.0
     block.points.foreach_set("co", np.ascontiguousarray(positions, dtype=np.float32).ravel())
     taken.keys.append(block.name)
     return block

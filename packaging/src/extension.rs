@@ -11,12 +11,12 @@ use anyhow::{Context, Result, ensure};
 use clap::Args;
 
 use crate::{
-    machine::{self, Venv},
+    machine::{self, Platform, Venv},
     steps::Steps,
 };
 
 /// Files of the repository that the zip carries beside the extension's own.
-const LICENCES: &[&str] = &["LICENSE-MIT", "LICENSE-APACHE", "NOTICE"];
+pub const LICENCES: &[&str] = &["LICENSE-MIT", "LICENSE-APACHE", "NOTICE"];
 
 /// Builds the extension's zip.
 #[derive(Args)]
@@ -27,7 +27,7 @@ pub struct Extension {
     /// Optimised for shipping; takes minutes.
     #[arg(long)]
     release: bool,
-    /// Where the zip goes; default `target/anyface-<version>-linux-x64.zip`.
+    /// Where the zip goes; default `target/anyface-<version>-<system>.zip`.
     #[arg(long)]
     out: Option<PathBuf>,
 }
@@ -49,11 +49,19 @@ impl Extension {
 
 /// The zip's usual place.
 pub fn default_zip() -> PathBuf {
-    let version = env!("CARGO_PKG_VERSION");
-    machine::target().join(format!("anyface-{version}-linux-x64.zip"))
+    machine::target().join(zip_name(Platform::here().unwrap_or(Platform::LinuxX64)))
 }
 
-/// Builds `libanyface.so` and returns its path.
+/// The zip's name.
+pub fn zip_name(platform: Platform) -> String {
+    format!(
+        "anyface-{}-{}.zip",
+        env!("CARGO_PKG_VERSION"),
+        platform.name()
+    )
+}
+
+/// Builds the shared library and returns its path.
 pub fn build_library(steps: &mut Steps, release: bool) -> Result<PathBuf> {
     let mut build = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()));
     build.args(["build", "-p", "anyface-capi"]);
@@ -65,7 +73,8 @@ pub fn build_library(steps: &mut Steps, release: bool) -> Result<PathBuf> {
         build.current_dir(machine::root()),
     )?;
     let profile = if release { "release" } else { "debug" };
-    Ok(machine::target().join(profile).join("libanyface.so"))
+    let name = Platform::here()?.shared_library();
+    Ok(machine::target().join(profile).join(name))
 }
 
 /// Puts the extension, `library` and the licences into `zip`, and has Blender's tool check it
@@ -77,8 +86,11 @@ pub fn build_zip(steps: &mut Steps, library: &Path, zip: &Path) -> Result<()> {
         fs::remove_dir_all(&stage)?;
     }
     copy_folder(&machine::root().join("blender-addon"), &stage)?;
+    let platform = Platform::here()?;
+    name_platform(&stage.join("blender_manifest.toml"), platform)?;
+    let inside = stage.join("lib").join(platform.shared_library());
     fs::create_dir_all(stage.join("lib"))?;
-    fs::copy(library, stage.join("lib/libanyface.so"))?;
+    fs::copy(library, &inside)?;
     fs::create_dir_all(stage.join("licences"))?;
     for name in LICENCES {
         fs::copy(
@@ -87,14 +99,28 @@ pub fn build_zip(steps: &mut Steps, library: &Path, zip: &Path) -> Result<()> {
         )
         .with_context(|| format!("copying {name}"))?;
     }
-    strip(steps, &stage.join("lib/libanyface.so"))?;
+    strip(steps, &inside)?;
     pack(steps, &stage, zip)?;
     validate(steps, zip)
 }
 
+/// Writes into the manifest for which system the zip is.
+fn name_platform(manifest: &Path, platform: Platform) -> Result<()> {
+    let text = fs::read_to_string(manifest)?;
+    let line = format!("platforms = [\"{}\"]", Platform::LinuxX64.name());
+    ensure!(
+        text.contains(&line),
+        "expected {line} in {}",
+        manifest.display()
+    );
+    let own = format!("platforms = [\"{}\"]", platform.name());
+    fs::write(manifest, text.replace(&line, &own))?;
+    Ok(())
+}
+
 /// Leaves debug information out: it is most of an unoptimised library.
 fn strip(steps: &mut Steps, library: &Path) -> Result<()> {
-    if !machine::has("strip") {
+    if !cfg!(target_os = "linux") || !machine::has("strip") {
         return Ok(());
     }
     let mut command = Command::new("strip");
@@ -111,7 +137,7 @@ fn pack(steps: &mut Steps, stage: &Path, zip: &Path) -> Result<()> {
         .map(|entry| Ok(entry?.file_name()))
         .collect::<Result<Vec<_>>>()?;
     names.sort();
-    let mut command = Command::new("python3");
+    let mut command = Command::new(machine::PYTHON);
     command.args(["-m", "zipfile", "-c"]).arg(absolute(zip)?);
     command.args(names).current_dir(stage);
     steps.run("zip the extension", &mut command)?;
@@ -131,7 +157,8 @@ fn validate(steps: &mut Steps, zip: &Path) -> Result<()> {
 
 /// `blender_ext.py` of the newest Blender in the Python environment.
 fn extension_tool() -> Option<PathBuf> {
-    let folder = Venv::Blender.python().ancestors().nth(2)?.join("lib");
+    let environment = Venv::Blender.python().ancestors().nth(2)?.to_owned();
+    let folder = environment.join(if cfg!(windows) { "" } else { "lib" });
     let inside = |folder: &Path| -> Vec<PathBuf> {
         let entries = fs::read_dir(folder).into_iter().flatten().flatten();
         entries.map(|entry| entry.path()).collect()

@@ -9,16 +9,19 @@ use std::{
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 
-use crate::machine;
+use crate::machine::{self, Platform};
 
 /// Version of all crates of the workspace, this one too.
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-/// What the static library needs from Linux with glibc, as rustc names it.
-const SYSTEM_LIBRARIES: &[&str] = &["gcc_s", "util", "rt", "pthread", "m", "dl", "c"];
-
-const SHARED_LIBRARY: &str = "libanyface.so";
-const STATIC_LIBRARY: &str = "libanyface.a";
+/// What the static library needs from the system, as `rustc --print native-static-libs` names it.
+fn system_libraries(platform: Platform) -> &'static [&'static str] {
+    match platform {
+        Platform::LinuxX64 => &["gcc_s", "util", "rt", "pthread", "m", "dl", "c"],
+        Platform::MacosArm64 => &["iconv", "System", "c", "m"],
+        Platform::WindowsX64 => &["kernel32", "ntdll", "userenv", "ws2_32", "dbghelp"],
+    }
+}
 
 /// Installs the C library under a prefix: lib, include, pkg-config and CMake package files.
 #[derive(Args)]
@@ -61,8 +64,13 @@ fn build() -> Result<PathBuf> {
 pub fn install(built: &Path, prefix: &Path) -> Result<()> {
     let root = machine::root();
     let (lib, include) = (prefix.join("lib"), prefix.join("include"));
-    for library in [SHARED_LIBRARY, STATIC_LIBRARY] {
+    let platform = Platform::here()?;
+    for library in [platform.shared_library(), platform.static_library()] {
         copy(&built.join(library), &lib.join(library))?;
+    }
+    if platform == Platform::WindowsX64 {
+        let name = "anyface.dll.lib";
+        copy(&built.join(name), &lib.join(name))?;
     }
     copy(&root.join("include/anyface.h"), &include.join("anyface.h"))?;
     let templates = root.join("packaging");
@@ -85,7 +93,7 @@ pub fn install(built: &Path, prefix: &Path) -> Result<()> {
     ] {
         let text = fs::read_to_string(templates.join(template))
             .with_context(|| format!("reading packaging/{template}"))?;
-        write(&lib.join(place), &fill(&text, separator))?;
+        write(&lib.join(place), &fill(&text, separator, platform))?;
     }
     Ok(())
 }
@@ -99,10 +107,11 @@ enum Separator {
     List,
 }
 
-fn fill(template: &str, separator: Separator) -> String {
+fn fill(template: &str, separator: Separator, platform: Platform) -> String {
+    let needed = system_libraries(platform);
     let libraries = match separator {
-        Separator::Flags => format!("-l{}", SYSTEM_LIBRARIES.join(" -l")),
-        Separator::List => SYSTEM_LIBRARIES.join(";"),
+        Separator::Flags => format!("-l{}", needed.join(" -l")),
+        Separator::List => needed.join(";"),
     };
     let mut parts = VERSION.split('.');
     let (major, minor) = (parts.next().unwrap_or("0"), parts.next().unwrap_or("0"));
@@ -110,8 +119,8 @@ fn fill(template: &str, separator: Separator) -> String {
         .replace("@VERSION@", VERSION)
         .replace("@MAJOR@", major)
         .replace("@MINOR@", minor)
-        .replace("@SHARED_LIBRARY@", SHARED_LIBRARY)
-        .replace("@STATIC_LIBRARY@", STATIC_LIBRARY)
+        .replace("@SHARED_LIBRARY@", platform.shared_library())
+        .replace("@STATIC_LIBRARY@", platform.static_library())
         .replace("@SYSTEM_LIBRARIES@", &libraries)
 }
 
@@ -146,7 +155,7 @@ mod tests {
             let path = machine::root().join("packaging").join(template);
             let text = fs::read_to_string(path).unwrap();
             for separator in [Separator::Flags, Separator::List] {
-                let filled = fill(&text, separator);
+                let filled = fill(&text, separator, Platform::LinuxX64);
                 assert!(!filled.contains('@'), "{template}: {filled}");
             }
         }
@@ -158,7 +167,7 @@ mod tests {
         let error = install(Path::new("/nowhere"), &prefix)
             .unwrap_err()
             .to_string();
-        assert!(error.contains(SHARED_LIBRARY), "{error}");
+        assert!(error.contains("anyface"), "{error}");
         fs::remove_dir_all(prefix).unwrap();
     }
 }

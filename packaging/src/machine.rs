@@ -30,6 +30,59 @@ pub enum Venv {
     Blender,
     /// PyTorch and what training needs.
     Training,
+    /// A linker for older systems.
+    Packaging,
+}
+
+/// A system for which packages are made, as Blender names it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Platform {
+    /// Linux on x86-64.
+    LinuxX64,
+    /// macOS on Apple's processors.
+    MacosArm64,
+    /// Windows on x86-64.
+    WindowsX64,
+}
+
+impl Platform {
+    /// That of this machine.
+    pub fn here() -> Result<Self> {
+        match (std::env::consts::OS, std::env::consts::ARCH) {
+            ("linux", "x86_64") => Ok(Platform::LinuxX64),
+            ("macos", "aarch64") => Ok(Platform::MacosArm64),
+            ("windows", "x86_64") => Ok(Platform::WindowsX64),
+            (system, processor) => bail!(
+                "expected Linux or Windows on x86_64 or macOS on aarch64, got {system} on {processor}"
+            ),
+        }
+    }
+
+    /// The word in the extension's manifest and in file names.
+    pub fn name(self) -> &'static str {
+        match self {
+            Platform::LinuxX64 => "linux-x64",
+            Platform::MacosArm64 => "macos-arm64",
+            Platform::WindowsX64 => "windows-x64",
+        }
+    }
+
+    /// How cargo names the shared library.
+    pub fn shared_library(self) -> &'static str {
+        match self {
+            Platform::LinuxX64 => "libanyface.so",
+            Platform::MacosArm64 => "libanyface.dylib",
+            Platform::WindowsX64 => "anyface.dll",
+        }
+    }
+
+    /// How cargo names the static library.
+    pub fn static_library(self) -> &'static str {
+        match self {
+            Platform::WindowsX64 => "anyface.lib",
+            _ => "libanyface.a",
+        }
+    }
 }
 
 impl Venv {
@@ -37,6 +90,7 @@ impl Venv {
         match self {
             Venv::Blender => "bpy",
             Venv::Training => "training",
+            Venv::Packaging => "packaging",
         }
     }
 
@@ -45,50 +99,101 @@ impl Venv {
         match self {
             Venv::Blender => root().join("tests/addon/requirements.txt"),
             Venv::Training => root().join("training/requirements.txt"),
+            Venv::Packaging => root().join("packaging/requirements.txt"),
         }
     }
 
     /// Its interpreter; `ANYFACE_VENVS` moves all environments to another folder.
     pub fn python(self) -> PathBuf {
-        let base = std::env::var_os("ANYFACE_VENVS").map_or(target().join("venvs"), PathBuf::from);
-        base.join(self.folder()).join("bin/python")
+        interpreter(self.folder())
     }
 
     /// Creates or refreshes the environment.
     pub fn ensure(self, steps: &mut Steps) -> Result<PathBuf> {
-        let python = self.python();
-        let folder = python.ancestors().nth(2).context("venv path")?.to_owned();
         let wanted = std::fs::read_to_string(self.requirements())
             .with_context(|| format!("reading {}", self.requirements().display()))?;
-        let stamp = folder.join("installed.txt");
-        if std::fs::read_to_string(&stamp).is_ok_and(|installed| installed == wanted) {
-            return Ok(python);
-        }
-        // Debian's python3 comes without it.
-        let complete = Command::new("python3")
-            .args(["-c", "import ensurepip"])
-            .output();
-        if !complete.is_ok_and(|out| out.status.success()) {
-            ensure_apt(steps, &["python3-venv"])?;
-        }
-        let name = format!("install Python packages ({})", self.folder());
-        steps.run(
-            &name,
-            Command::new("python3").arg("-m").arg("venv").arg(&folder),
-        )?;
-        steps.run(
-            &name,
-            Command::new(&python).args(["-m", "pip", "install", "-q", "-U", "pip"]),
-        )?;
-        steps.run(
-            &name,
-            Command::new(&python)
-                .args(["-m", "pip", "install", "-q", "-r"])
-                .arg(self.requirements()),
-        )?;
-        std::fs::write(&stamp, wanted)?;
-        Ok(python)
+        environment(steps, PYTHON, self.folder(), &wanted)
     }
+}
+
+/// Python without an environment.
+pub const PYTHON: &str = if cfg!(windows) { "python" } else { "python3" };
+
+/// The interpreter of an environment; `ANYFACE_VENVS` moves all to another folder.
+fn interpreter(name: &str) -> PathBuf {
+    let base = std::env::var_os("ANYFACE_VENVS").map_or(target().join("venvs"), PathBuf::from);
+    let inside = match cfg!(windows) {
+        true => "Scripts/python.exe",
+        false => "bin/python",
+    };
+    base.join(name).join(inside)
+}
+
+/// Creates or refreshes an environment of the interpreter `from`; `wanted` are pip's lines.
+fn environment(steps: &mut Steps, from: &str, name: &str, wanted: &str) -> Result<PathBuf> {
+    let python = interpreter(name);
+    let folder = python.ancestors().nth(2).context("venv path")?.to_owned();
+    let stamp = folder.join("installed.txt");
+    if std::fs::read_to_string(&stamp).is_ok_and(|installed| installed == wanted) {
+        return Ok(python);
+    }
+    // Debian's python3 comes without it.
+    let complete = Command::new(from).args(["-c", "import ensurepip"]).output();
+    if !complete.is_ok_and(|out| out.status.success()) {
+        ensure_apt(steps, &["python3-venv"])?;
+    }
+    let step = format!("install Python packages ({name})");
+    steps.run(&step, Command::new(from).args(["-m", "venv"]).arg(&folder))?;
+    let list = folder.join("wanted.txt");
+    std::fs::write(&list, wanted)?;
+    let mut pip = Command::new(&python);
+    steps.run(&step, pip.args(["-m", "pip", "install", "-q", "-U", "pip"]))?;
+    let mut pip = Command::new(&python);
+    steps.run(
+        &step,
+        pip.args(["-m", "pip", "install", "-q", "-r"]).arg(list),
+    )?;
+    std::fs::write(&stamp, wanted)?;
+    Ok(python)
+}
+
+/// A Python with Blender as a module: the usual one, or one of another `version` such as "4.2".
+pub fn blender_python(steps: &mut Steps, version: Option<&str>) -> Result<PathBuf> {
+    let Some(version) = version else {
+        return Venv::Blender.ensure(steps);
+    };
+    let usual = std::fs::read_to_string(Venv::Blender.requirements())?;
+    let name = format!("bpy-{version}");
+    environment(
+        steps,
+        python_for(version)?,
+        &name,
+        &of_version(&usual, version),
+    )
+}
+
+/// The Python that a version of Blender was built for.
+fn python_for(version: &str) -> Result<&'static str> {
+    let numbers = version
+        .split_once('.')
+        .and_then(|(major, minor)| Some((major.parse::<u32>().ok()?, minor.parse::<u32>().ok()?)));
+    let Some(numbers) = numbers else {
+        bail!("expected a version of Blender such as 4.2, got {version}");
+    };
+    Ok(match (cfg!(windows), numbers >= (5, 1)) {
+        (true, _) => PYTHON,
+        (false, true) => "python3.13",
+        (false, false) => "python3.11",
+    })
+}
+
+/// pip's lines with another version of bpy.
+fn of_version(lines: &str, version: &str) -> String {
+    let lines = lines.lines().map(|line| match line.starts_with("bpy==") {
+        true => format!("bpy=={version}.*\n"),
+        false => format!("{line}\n"),
+    });
+    lines.collect()
 }
 
 /// The repository.
@@ -118,6 +223,9 @@ pub fn has(program: &str) -> bool {
 
 /// Installs Debian packages that are missing.
 pub fn ensure_apt(steps: &mut Steps, packages: &[&str]) -> Result<()> {
+    if !cfg!(target_os = "linux") {
+        return Ok(());
+    }
     let missing: Vec<&str> = packages.iter().copied().filter(|p| !installed(p)).collect();
     if missing.is_empty() {
         return Ok(());
@@ -163,4 +271,17 @@ pub fn is_root() -> bool {
         .arg("-u")
         .output()
         .is_ok_and(|out| out.stdout == b"0\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn another_blender_changes_one_line_and_the_python() {
+        let lines = of_version("bpy==5.0.1\npytest\n", "4.2");
+        assert_eq!(lines, "bpy==4.2.*\npytest\n");
+        assert!(python_for("5.0").unwrap() != python_for("5.2").unwrap() || cfg!(windows));
+        assert!(python_for("five").unwrap_err().to_string().contains("five"));
+    }
 }

@@ -1,10 +1,14 @@
 //! Everything a developer or a release does with the repository: `cargo xtask --help`.
 
+mod addon;
+mod debian;
 mod demo;
 mod extension;
 mod header;
 mod install;
 mod machine;
+mod package;
+mod portable;
 mod steps;
 mod test;
 
@@ -23,6 +27,8 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Task {
+    /// The installed extension in headless Blender, any version.
+    Addon(addon::Addon),
     /// A talking head in a .blend, a contact sheet and a film, from nothing.
     Demo(demo::Demo),
     /// The Blender extension as a zip.
@@ -31,16 +37,20 @@ enum Task {
     Header(header::Header),
     /// The C library below a prefix, for pkg-config and CMake.
     Install(install::Install),
+    /// What is handed out for this system: zip, C library, Debian package.
+    Package(package::Package),
     /// Lints and all tests; installs what they need.
     Test(test::Test),
 }
 
 fn main() -> Result<()> {
     match Cli::parse().task {
+        Task::Addon(addon) => addon.run(),
         Task::Demo(demo) => demo.run(),
         Task::Extension(extension) => extension.run(),
         Task::Header(header) => header.run(),
         Task::Install(install) => install.run(),
+        Task::Package(package) => package.run(),
         Task::Test(test) => test.run(),
     }
 }

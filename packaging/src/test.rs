@@ -6,7 +6,7 @@ use anyhow::Result;
 use clap::Args;
 
 use crate::{
-    extension,
+    addon,
     machine::{self, Venv},
     steps::Steps,
 };
@@ -29,6 +29,9 @@ pub struct Test {
     /// Leave out the parts that install PyTorch and Blender.
     #[arg(long)]
     rust_only: bool,
+    /// Test the extension in this version of Blender, such as 4.2, instead of the usual one.
+    #[arg(long)]
+    blender: Option<String>,
 }
 
 impl Test {
@@ -43,7 +46,7 @@ impl Test {
             steps.ignore("training", "--rust-only");
         } else {
             machine::ensure_apt(&mut steps, machine::BLENDER_LIBRARIES)?;
-            addon(&mut steps)?;
+            extension(&mut steps, self.blender.as_deref())?;
             training(&mut steps)?;
         }
         steps.finish()
@@ -83,34 +86,16 @@ fn rust(steps: &mut Steps) -> Result<()> {
     steps.check("Rust tests and C hosts", &mut test)
 }
 
-fn addon(steps: &mut Steps) -> Result<()> {
+fn extension(steps: &mut Steps, version: Option<&str>) -> Result<()> {
     if !machine::root().join("tests/addon").is_dir() {
         return Ok(());
     }
-    let python = Venv::Blender.ensure(steps)?;
-    steps.check(
-        "ruff",
-        Command::new(&python)
-            .args([
-                "-m",
-                "ruff",
-                "check",
-                "blender-addon",
-                "training",
-                "tests",
-                "packaging",
-            ])
-            .current_dir(machine::root()),
-    )?;
-    let library = extension::build_library(steps, false)?;
-    let zip = extension::default_zip();
-    extension::build_zip(steps, &library, &zip)?;
-    let mut test = pytest(&python, "tests/addon");
-    test.env("ANYFACE_EXTENSION", zip);
-    if let Some(blender) = blender(steps)? {
-        test.env("ANYFACE_BLENDER", blender);
-    }
-    steps.check("extension in headless Blender", &mut test)
+    Venv::Blender.ensure(steps)?;
+    addon::ruff(steps)?;
+    let python = machine::blender_python(steps, version)?;
+    let zip = addon::built_zip(steps)?;
+    let executable = blender(steps)?;
+    addon::check(steps, &python, &zip, executable)
 }
 
 /// A Blender executable that knows extensions: the caller's, or Debian 13's in a folder of its own.
@@ -140,7 +125,8 @@ fn training(steps: &mut Steps) -> Result<()> {
     steps.check("training", &mut pytest(&python, "training/tests"))
 }
 
-fn pytest(python: &std::path::Path, folder: &str) -> Command {
+/// pytest on one folder, with the data for it.
+pub fn pytest(python: &std::path::Path, folder: &str) -> Command {
     let mut command = Command::new(python);
     command.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", folder]);
     command.current_dir(machine::root());

@@ -36,4 +36,6 @@ name = anyface_batch.load_extension().__name__
 take = importlib.import_module(f"{name}.core.take")
 importlib.import_module(f"{name}.ui.running")._engine = SlowStage(take)
 assert sys.argv[1:] == ["-b", "--command", "anyface", "shot"], sys.argv
-sys.exit(importlib.import_module(f"{name}.command").main(["shot"]))
+code = importlib.import_module(f"{name}.command").main(["shot"])
+sys.stdout.flush()
+os._exit(code)

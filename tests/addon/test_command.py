@@ -3,9 +3,11 @@
 import json
 
 import bpy
+import numpy as np
 import pytest
 
 from figures import Stage, grid, tone
+from test_heads import import_head
 
 
 @pytest.fixture
@@ -92,3 +94,41 @@ def test_a_file_that_cannot_be_written_is_an_error(run, tmp_path):
     sound = tone(tmp_path / "a.wav")
     out = tmp_path / "no" / "such" / "folder" / "o.blend"
     assert run("bake", "--object", "Head", "--audio", sound, "--save", out) == 8
+
+
+def test_rig_gives_the_shapes_of_arkit_as_keys(addon, tmp_path):
+    import_head()
+    addon("ui.running")._engine = None
+    out, report = tmp_path / "o.blend", tmp_path / "r.json"
+    words = ["rig", "--object", "Head", "--save", str(out), "--report", str(report)]
+    assert addon("command").main(words) == 0
+    bpy.ops.wm.open_mainfile(filepath=str(out))
+    ob = bpy.data.objects["Head"]
+    blocks = ob.data.shape_keys.key_blocks
+    assert [block.name for block in blocks[1:]] == list(addon("core.shapes").ARKIT)
+    assert all(block.value == 0.0 for block in blocks[1:])
+    rest, jaw = points(blocks[0]), points(blocks["jawOpen"])
+    # The chin goes down by centimetres, wherever the object's up is.
+    down = np.linalg.norm(jaw - rest, axis=1).max() * ob.matrix_world.median_scale
+    assert 0.01 < down < 0.05
+    assert addon("command").main(words) == 5, "the artist has keys of these names now"
+
+
+def test_landmarks_are_stored_and_written(addon, tmp_path):
+    import_head()
+    out, save = tmp_path / "l.json", tmp_path / "o.blend"
+    words = ["landmarks", "--object", "Head", "--out", str(out), "--save", str(save)]
+    assert addon("command").main(words) == 0
+    rows = json.loads(out.read_text())["landmarks"]
+    assert [row["index"] for row in rows] == list(range(68))
+    bpy.ops.wm.open_mainfile(filepath=str(save))
+    stored = addon("scene.landmarks").load(bpy.data.objects["Head"])
+    assert stored.sure > 0.5
+    assert stored.positions[30] == pytest.approx(rows[30]["position"], abs=1e-6)
+
+
+def points(block):
+    """Positions `[V, 3]` of a shape key."""
+    flat = np.empty(len(block.points) * 3, dtype=np.float32)
+    block.points.foreach_get("co", flat)
+    return flat.reshape(-1, 3)

@@ -1,0 +1,30 @@
+"""`anyface landmarks`: finds the 68 landmarks of a face and stores them on its object."""
+
+import argparse
+import json
+import os
+
+import bpy
+
+from ..core.errors import AnyfaceError
+from ..core.job import Progress
+from ..farm import ledger
+from ..scene import landmarks, mesh
+from ..ui.landmarks import keep, search_of
+from .bake import named
+
+
+def run(options: argparse.Namespace) -> dict:
+    """Finds and stores; with `out` they are also written as JSON."""
+    ob = named(bpy.data.objects, options.object, "object")
+    search = search_of(ob)
+    search.face.axes = options.axes or search.face.axes
+    text = keep(ob, search.work(Progress()))
+    done = {"message": text, "confidence": round(landmarks.load(ob).sure, 4)}
+    if options.out:
+        done["landmarks"] = os.path.abspath(options.out)
+        try:
+            ledger.write_json(done["landmarks"], json.loads(ob[mesh.LANDMARKS_PROPERTY]))
+        except OSError as error:
+            raise AnyfaceError("file", f"{options.out}: {error.strerror}") from error
+    return done

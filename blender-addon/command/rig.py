@@ -1,0 +1,50 @@
+"""`anyface rig`: the ARKit shapes of a face as shape keys, which are the artist's from then on."""
+
+import argparse
+
+import bpy
+
+from ..core import plan, shapes, space
+from ..core.errors import AnyfaceError
+from ..core.job import Progress
+from ..core.perform import face_message
+from ..core.take import FaceMesh, Rig
+from ..scene import bake, outputs, rig_keys
+from ..ui import running
+from ..ui.settings import from_object
+from .bake import named
+
+
+def run(options: argparse.Namespace) -> dict:
+    """Makes the keys on the object and on those beside it; returns what goes into the report."""
+    ob = named(bpy.data.objects, options.object, "object")
+    settings = from_object(ob)
+    settings.mode, settings.axes = "arkit", options.axes or settings.axes
+    settings.output.visemes = options.visemes
+    outputs.check(ob, settings.mode, settings.output)
+    face = bake.read_face(ob, settings)
+    rig = make(face, running.engine())
+    count = len(rig.names) if options.visemes else len(shapes.ARKIT)
+    names, vectors = rig.names[:count], rig.vectors[:count]
+    for piece in [piece.name for piece in face.pieces] or [ob.name]:
+        moved = plan.of_piece(face, vectors, piece)[1]
+        rig_keys.add(bpy.data.objects[piece], names, moved, everything=piece == ob.name)
+    still = [name for name, vector in zip(names, vectors, strict=True) if not vector.any()]
+    notes = {name: note for name, note in rig.notes.items() if name in names}
+    text = f"{count} shapes" + (
+        f", {len(still)} move nothing ({', '.join(still)})" if still else ""
+    )
+    return {"message": text, "shapes": names, "still": still, "notes": notes}
+
+
+def make(face: FaceMesh, engine) -> Rig:
+    """The shapes of a face in object space, in the first direction in which a face is seen."""
+    missed = None
+    for candidate in space.candidates(face.matrix_world, face.axes):
+        try:
+            return plan.make_rig(face, candidate, engine, Progress())
+        except AnyfaceError as error:
+            if error.kind != "face":
+                raise
+            missed = missed or error
+    raise AnyfaceError("face", face_message(face, missed)) from missed

@@ -1,0 +1,155 @@
+//! The C library as a Debian package, and the proof that it installs and that C finds it.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use anyhow::Result;
+
+use crate::{
+    install, machine,
+    package::{copy_licences, empty},
+    steps::Steps,
+};
+
+const NAME: &str = "libanyface-dev";
+const PROGRAM: &str = "#include <anyface.h>\n\
+     int main(void) { return anyface_abi_version() != ANYFACE_ABI_VERSION; }\n";
+
+/// Packs the libraries of `built` into `out` and returns the package.
+pub fn build(steps: &mut Steps, built: &Path, out: &Path) -> Result<PathBuf> {
+    let tree = machine::target().join("debian");
+    let package = stage(built, &tree, out)?;
+    let mut pack = Command::new("dpkg-deb");
+    pack.args(["--root-owner-group", "--build"])
+        .arg(&tree)
+        .arg(&package);
+    steps.run("pack the Debian package", &mut pack)?;
+    Ok(package)
+}
+
+/// Lays the files of the package out in `tree`; returns where the package goes.
+fn stage(built: &Path, tree: &Path, out: &Path) -> Result<PathBuf> {
+    let version = env!("CARGO_PKG_VERSION");
+    empty(tree)?;
+    install::install(built, &tree.join("usr"))?;
+    let documents = tree.join("usr/share/doc").join(NAME);
+    fs::create_dir_all(&documents)?;
+    copy_licences(&documents)?;
+    fs::copy(documents.join("NOTICE"), documents.join("copyright"))?;
+    fs::create_dir_all(tree.join("DEBIAN"))?;
+    let size = size_kb(&tree.join("usr"))?;
+    fs::write(tree.join("DEBIAN/control"), control(version, size))?;
+    Ok(out.join(format!("{NAME}_{version}_amd64.deb")))
+}
+
+fn control(version: &str, size_kb: u64) -> String {
+    format!(
+        "Package: {NAME}\nVersion: {version}\nArchitecture: amd64\nSection: libdevel\n\
+         Priority: optional\nMaintainer: {} <anyface@localhost>\nInstalled-Size: {size_kb}\n\
+         Depends: libc6 (>= 2.28)\nDescription: {}\n The library, shared and static, with its \
+         weights, the C header, and the files of\n pkg-config and CMake.\n",
+        env!("CARGO_PKG_AUTHORS"),
+        "makes any face mesh talk (C library)"
+    )
+}
+
+fn size_kb(folder: &Path) -> Result<u64> {
+    let mut sum = 0;
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        sum += match entry.file_type()?.is_dir() {
+            true => size_kb(&entry.path())?,
+            false => entry.metadata()?.len().div_ceil(1024),
+        };
+    }
+    Ok(sum)
+}
+
+/// Installs `package` below a folder of its own with dpkg, compiles a C program against it, runs it.
+pub fn check(steps: &mut Steps, package: &Path) -> Result<()> {
+    let root = machine::target().join("debian-root");
+    empty(&root)?;
+    for command in &mut check_commands(package, &root)? {
+        let name = command.get_program().to_string_lossy().into_owned();
+        steps.run(&format!("try the Debian package ({name})"), command)?;
+    }
+    fs::remove_dir_all(root)?;
+    Ok(())
+}
+
+fn check_commands(package: &Path, root: &Path) -> Result<Vec<Command>> {
+    let database = root.join("var/lib/dpkg");
+    fs::create_dir_all(database.join("info"))?;
+    fs::create_dir_all(database.join("updates"))?;
+    fs::write(database.join("status"), "")?;
+    let source = root.join("version.c");
+    fs::write(&source, PROGRAM)?;
+    let mut dpkg = Command::new("dpkg");
+    // The folder holds no system: libc6 is the machine's.
+    dpkg.args(["--force-depends", "--force-not-root", "--log=/dev/null"]);
+    dpkg.arg(format!("--root={}", root.display()))
+        .arg("--install")
+        .arg(package);
+    let mut compile = Command::new("sh");
+    compile.current_dir(root).args([
+        "-e",
+        "-c",
+        "cc version.c -o version $(pkg-config --cflags --libs anyface)",
+    ]);
+    compile.env("PKG_CONFIG_PATH", root.join("usr/lib/pkgconfig"));
+    let mut run = Command::new(root.join("version"));
+    run.env("LD_LIBRARY_PATH", root.join("usr/lib"));
+    Ok(vec![dpkg, compile, run])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Libraries with the one function that the program calls.
+    fn stand_in(folder: &Path) {
+        let stub = "unsigned anyface_abi_version(void) { return 1; }\n";
+        fs::write(folder.join("stub.c"), stub).unwrap();
+        for words in [
+            "cc -shared -fPIC stub.c -o libanyface.so",
+            "cc -c stub.c -o stub.o && ar rcs libanyface.a stub.o",
+        ] {
+            let status = Command::new("sh")
+                .current_dir(folder)
+                .args(["-c", words])
+                .status();
+            assert!(status.unwrap().success());
+        }
+    }
+
+    #[test]
+    fn a_package_installs_and_a_c_program_compiles_against_it() {
+        if !machine::has("dpkg-deb") || !machine::has("pkg-config") {
+            eprintln!("ignored: no dpkg or no pkg-config here");
+            return;
+        }
+        let folder = std::env::temp_dir().join(format!("anyface-deb-{}", std::process::id()));
+        let (built, tree, root) = (
+            folder.join("built"),
+            folder.join("tree"),
+            folder.join("root"),
+        );
+        fs::create_dir_all(&built).unwrap();
+        stand_in(&built);
+        let package = stage(&built, &tree, &folder).unwrap();
+        let mut pack = Command::new("dpkg-deb");
+        pack.args(["--root-owner-group", "--build"])
+            .arg(&tree)
+            .arg(&package);
+        let mut commands = vec![pack];
+        commands.extend(check_commands(&package, &root).unwrap());
+        for mut command in commands {
+            let output = command.output().unwrap();
+            assert!(output.status.success(), "{command:?}: {output:?}");
+        }
+        fs::remove_dir_all(folder).unwrap();
+    }
+}

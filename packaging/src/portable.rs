@@ -1,0 +1,102 @@
+//! Libraries that run on older systems than the one that builds them.
+
+use std::{
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use anyhow::{Context, Result, ensure};
+
+use crate::{
+    machine::{self, Platform, Venv},
+    steps::Steps,
+};
+
+/// The oldest glibc of the systems that Blender 4.2 runs on (VFX platform 2023).
+const GLIBC: Version = (2, 28);
+const TARGET: &str = "x86_64-unknown-linux-gnu";
+
+type Version = (u32, u32);
+
+/// Builds both C libraries for release and returns their folder.
+pub fn build(steps: &mut Steps) -> Result<PathBuf> {
+    if Platform::here()? != Platform::LinuxX64 {
+        let mut build = cargo();
+        build.args(["build", "--release", "-p", "anyface-capi"]);
+        steps.run("build the native library", &mut build)?;
+        return Ok(machine::target().join("release"));
+    }
+    let python = Venv::Packaging.ensure(steps)?;
+    let tools = python.parent().context("venv path")?;
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let folders = [tools.to_owned()].into_iter();
+    let path = std::env::join_paths(folders.chain(std::env::split_paths(&path)))?;
+    let target = format!("{TARGET}.{}.{}", GLIBC.0, GLIBC.1);
+    let mut build = cargo();
+    // Zig links against the symbols of the glibc that is named.
+    build.args([
+        "zigbuild",
+        "--release",
+        "-p",
+        "anyface-capi",
+        "--target",
+        &target,
+    ]);
+    steps.run(
+        "build the native library for old systems",
+        build.env("PATH", path),
+    )?;
+    let built = machine::target().join(TARGET).join("release");
+    check_glibc(&built.join("libanyface.so"))?;
+    Ok(built)
+}
+
+fn cargo() -> Command {
+    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()));
+    command.current_dir(machine::root());
+    command
+}
+
+/// Fails where `library` needs a newer glibc than promised.
+fn check_glibc(library: &Path) -> Result<()> {
+    let output = Command::new("objdump")
+        .arg("-T")
+        .arg(library)
+        .output()
+        .context("starting objdump")?;
+    ensure!(
+        output.status.success(),
+        "objdump cannot read {}",
+        library.display()
+    );
+    let newest = newest_glibc(&String::from_utf8_lossy(&output.stdout));
+    ensure!(
+        newest.is_some_and(|newest| newest <= GLIBC),
+        "{}: expected symbols up to glibc {GLIBC:?}, got {newest:?}",
+        library.display()
+    );
+    Ok(())
+}
+
+/// The newest version of glibc that a symbol table names.
+fn newest_glibc(table: &str) -> Option<Version> {
+    let versions = table.split("GLIBC_").skip(1).filter_map(|rest| {
+        let end = rest.find(|c: char| c != '.' && !c.is_ascii_digit());
+        let mut numbers = rest[..end.unwrap_or(rest.len())].split('.');
+        Some((numbers.next()?.parse().ok()?, numbers.next()?.parse().ok()?))
+    });
+    versions.max()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn versions_are_compared_as_numbers() {
+        let table = "0 DF *UND* 0 (GLIBC_2.9) open\n0 DF *UND* 0 (GLIBC_2.28) fcntl64\n\
+                     0 DF *UND* 0 (GLIBC_2.2.5) read\n";
+        assert_eq!(newest_glibc(table), Some((2, 28)));
+        assert_eq!(newest_glibc("no versions"), None);
+    }
+}
