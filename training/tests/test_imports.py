@@ -1,0 +1,39 @@
+"""What modules of the package take from each other is there, also where a library is not installed."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+MODULES = sorted(path for path in (ROOT / "training").rglob("*.py"))
+
+
+def defined(path: Path) -> set[str]:
+    """Names at the top of a module."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names.add(node.name)
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            names.add(node.id)
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            names.update((alias.asname or alias.name).split(".")[0] for alias in node.names)
+    return names
+
+
+def offers(module: str, name: str) -> bool:
+    """Whether `from module import name` finds it."""
+    place = ROOT.joinpath(*module.split("."))
+    if (place / f"{name}.py").exists() or (place / name / "__init__.py").exists():
+        return True
+    path = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
+    return path.exists() and name in defined(path)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_imported_names_exist(path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("training"):
+            for alias in node.names:
+                assert offers(node.module, alias.name), f"{node.module} has no {alias.name}"
