@@ -47,7 +47,7 @@ def add_bake(task: argparse.ArgumentParser) -> None:
     task.add_argument("--start", type=int, metavar="FRAME", help="first frame of --audio")
     task.add_argument("--scene", help="name of the scene (default: the active one)")
     task.add_argument("--emotion", metavar="NAME:X[,…]", help="such as happy:0.7; auto; off")
-    task.add_argument("--mode", help="basis or frames")
+    task.add_argument("--mode", help="basis, frames, cache, keys, arkit or csv")
     task.add_argument("--error", type=float, metavar="MM", help="largest error of basis keys")
     task.add_argument("--fps", type=float, help="default: the scene's")
     task.add_argument("--seed", type=int)
