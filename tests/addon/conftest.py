@@ -8,6 +8,7 @@ import importlib
 import os
 import shutil
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
@@ -22,6 +23,9 @@ os.environ["BLENDER_USER_RESOURCES"] = _RESOURCES
 os.environ.setdefault("XDG_CACHE_HOME", os.path.join(_RESOURCES, "cache"))
 
 import bpy  # noqa: E402
+
+# How the tests went, for the moment in which Python ends.
+_status = 0
 
 PACKAGE = "bl_ext.user_default.anyface"
 
@@ -66,3 +70,18 @@ def empty_file(installed):
 def addon():
     """`addon("scene.keys")` is that module of the installed extension."""
     return lambda name: importlib.import_module(f"{PACKAGE}.{name}")
+
+
+def pytest_sessionfinish(exitstatus):
+    """Remembers how the tests went."""
+    global _status
+    _status = int(exitstatus)
+
+
+def pytest_unconfigure():
+    """Ends at once: bpy 4.2 crashes and bpy 4.5 may hang while Python ends after an add-on."""
+    if bpy.app.version < (5, 0):
+        shutil.rmtree(_RESOURCES, ignore_errors=True)
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(_status)
