@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from .shapes import ARKIT, VISEMES
 
 # Basis keys of a performance within 0.1 mm: for 5 s and for 50 s; longer ones need few more.
-_SHORT_KEYS, _LONG_KEYS = 36, 60
+_SHORT_KEYS, _LONG_KEYS = 36, 57
 # Bytes of a vertex in a key or a cache, and of a keyframe in a .blend.
 _VERTEX, _KEYFRAME = 12, 80
 # Bytes of a number in a table, and its columns.

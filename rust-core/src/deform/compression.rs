@@ -27,8 +27,13 @@ const SPARE: usize = 16;
 const VERTICES_PER_TASK: usize = 128;
 /// Components of a performance that nearly suffice: where the search for their number begins.
 const FIRST_COUNT: usize = 32;
-/// Rows summed in one go where a long axis is reduced.
-const ROWS_PER_SUM: usize = 4096;
+/// Vertices summed in one go where a long axis is reduced.
+const VERTICES_PER_SUM: usize = 1365;
+/// Up to this many shapes nobody looks for fewer; rounds in which fewer are looked for.
+const FEW: usize = 40;
+const ROUNDS: usize = 3;
+/// The least by which a round changes a vertex' weight.
+const LEAST_EXCESS: f32 = 0.05;
 
 /// A clip as `weights · shapes`.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,7 +63,7 @@ impl VertexBasis {
     }
 }
 
-/// The fewest principal shapes that keep every vertex within `max_error` of its place, at most
+/// Few principal shapes that keep every vertex within `max_error` of its place, at most
 /// `max_shapes`.
 ///
 /// `max_error`: mesh units, at least 0. If `max_shapes` do not suffice the result says so by its
@@ -87,11 +92,31 @@ pub fn compress(
         return Err(Error::InvalidInput(message.into()));
     }
     report(progress, "compress", 0.0)?;
-    let full = principal_components(&flat, max_shapes.min(frames), progress)?;
-    report(progress, "compress", 0.6)?;
-    let (count, error) = fewest(&flat, &full, max_error);
+    let reduced = Reduced::new(&flat, max_shapes.min(frames), progress)?;
+    let mut weights = vec![1.0; vertices];
+    let all: Vec<usize> = (0..vertices).step_by(VERTICES_PER_TASK).collect();
+    let full = reduced.components(&weights)?;
+    let (count, error) = fewest(&flat, &full, max_error, FIRST_COUNT, &all);
+    let mut best = Choice { full, count, error };
+    for round in 0..ROUNDS {
+        report(progress, "compress", 0.6 + 0.1 * round as f32)?;
+        if best.count <= FEW || best.error > max_error {
+            break;
+        }
+        let fewer = best.count * 3 / 4;
+        let left = errors_of_vertices(&flat, &best.full, fewer, &all);
+        emphasise(&mut weights, &left, max_error);
+        let full = reduced.components(&weights)?;
+        // The error is largest where it was large before: only there is it measured in between.
+        let worst = worst_tasks(&left, &all);
+        let (count, _) = fewest(&flat, &full, max_error, fewer, &worst);
+        let error = largest_error(&flat, &full, count, &all);
+        if error <= max_error && count < best.count {
+            best = Choice { full, count, error };
+        }
+    }
     report(progress, "compress", 1.0)?;
-    Ok(normalised(&full, count, error, vertices, clip.fps))
+    Ok(normalised(&best, vertices, clip.fps))
 }
 
 /// Components in falling order: `weights` `[T, K]` and `shapes` `[3V, K]`.
@@ -100,31 +125,73 @@ struct Components {
     shapes: Array2<f32>,
 }
 
-fn principal_components(
-    flat: &Array2<f32>,
-    count: usize,
-    progress: ProgressFn<'_>,
-) -> Result<Components> {
-    let frames = flat.nrows();
-    if frames == 0 || flat.ncols() == 0 {
-        return Ok(Components {
-            weights: Array2::zeros((frames, 0)),
-            shapes: Array2::zeros((flat.ncols(), 0)),
-        });
+/// The clip in the directions in time that matter, `range` `[T, width]`: `projected` `[3V, width]`.
+struct Reduced {
+    range: Array2<f32>,
+    projected: Array2<f32>,
+    /// The most components that are kept.
+    most: usize,
+}
+
+impl Reduced {
+    fn new(flat: &Array2<f32>, most: usize, progress: ProgressFn<'_>) -> Result<Reduced> {
+        let frames = flat.nrows();
+        if frames == 0 || flat.ncols() == 0 {
+            return Ok(Reduced {
+                range: Array2::zeros((frames, 0)),
+                projected: Array2::zeros((flat.ncols(), 0)),
+                most: 0,
+            });
+        }
+        let range = match frames > most + SPARE {
+            true => range_of_frames(flat, most + SPARE, progress)?,
+            false => Array2::eye(frames),
+        };
+        let projected = transposed_product(flat, &range);
+        report(progress, "compress", 0.5)?;
+        Ok(Reduced {
+            range,
+            projected,
+            most,
+        })
     }
-    let range = match frames > count + SPARE {
-        true => range_of_frames(flat, count + SPARE, progress)?,
-        false => Array2::eye(frames),
-    };
-    let projected = transposed_product(flat, &range);
-    report(progress, "compress", 0.5)?;
-    let rotation = principal_axes(&projected)?;
-    let keep = count.min(rotation.ncols());
-    let rotation = rotation.slice(ndarray::s![.., ..keep]).to_owned();
-    Ok(Components {
-        weights: row_product(&range, &rotation),
-        shapes: row_product(&projected, &rotation),
-    })
+
+    /// The components of the clip with every vertex taken as often as `weights` `[V]` says.
+    fn components(&self, weights: &[f32]) -> Result<Components> {
+        if self.most == 0 {
+            return Ok(Components {
+                weights: self.range.clone(),
+                shapes: self.projected.clone(),
+            });
+        }
+        let rotation = principal_axes(&self.projected, weights)?;
+        let keep = self.most.min(rotation.ncols());
+        let rotation = rotation.slice(ndarray::s![.., ..keep]).to_owned();
+        Ok(Components {
+            weights: row_product(&self.range, &rotation),
+            shapes: row_product(&self.projected, &rotation),
+        })
+    }
+}
+
+/// Components, and how many of them it takes.
+struct Choice {
+    full: Components,
+    count: usize,
+    error: f32,
+}
+
+/// Gives vertices more weight the further they are from their place (`left` `[V]`, squared).
+///
+/// Principal components make the sum of squares small; what is asked is that no vertex be far off,
+/// which iterated weights come nearer to (Lawson 1961).
+fn emphasise(weights: &mut [f32], left: &[f32], max_error: f32) {
+    for (weight, left) in weights.iter_mut().zip(left) {
+        let excess = (left.sqrt() / max_error.max(f32::MIN_POSITIVE)).clamp(LEAST_EXCESS, 1e3);
+        *weight *= excess;
+    }
+    let mean = weights.iter().sum::<f32>() / weights.len().max(1) as f32;
+    weights.iter_mut().for_each(|weight| *weight /= mean);
 }
 
 /// Orthonormal `[T, width]` whose columns nearly span the frames.
@@ -169,13 +236,19 @@ fn orthonormal(columns: &Array2<f32>) -> Array2<f32> {
     Array2::from_shape_fn((rows, width), |(i, j)| q[(i, j)] as f32)
 }
 
-/// Eigenvectors of `Pᵀ P` for `P` `[3V, width]`, largest first: `[width, width]`.
-fn principal_axes(projected: &Array2<f32>) -> Result<Array2<f32>> {
+/// Eigenvectors of `Pᵀ W P` for `P` `[3V, width]` and `weights` `[V]`, largest first: `[width, width]`.
+fn principal_axes(projected: &Array2<f32>, weights: &[f32]) -> Result<Array2<f32>> {
     let width = projected.ncols();
     let sums: Vec<Vec<f32>> = matrix::values(projected)
-        .par_chunks(ROWS_PER_SUM * width)
-        .map(|rows| {
-            let rows: MatRef<'_, f32> = rows_of(rows, width);
+        .par_chunks(3 * VERTICES_PER_SUM * width)
+        .zip(weights.par_chunks(VERTICES_PER_SUM))
+        .map(|(rows, weights)| {
+            let mut scaled = rows.to_vec();
+            for (rows, weight) in scaled.chunks_exact_mut(3 * width).zip(weights) {
+                let root = weight.sqrt();
+                rows.iter_mut().for_each(|x| *x *= root);
+            }
+            let rows: MatRef<'_, f32> = rows_of(&scaled, width);
             let mut sum = vec![0.0; width * width];
             product(view_mut(&mut sum, width), rows.transpose(), rows);
             sum
@@ -199,14 +272,21 @@ fn principal_axes(projected: &Array2<f32>) -> Result<Array2<f32>> {
 
 /// The fewest components that leave at most `max_error`, and what they leave; all where none do.
 ///
-/// What is left falls with the number of components, so it is looked for by doubling and halving.
-fn fewest(flat: &Array2<f32>, full: &Components, max_error: f32) -> (usize, f32) {
+/// What is left falls with the number of components, so it is looked for by doubling and halving
+/// from `guess` on.
+fn fewest(
+    flat: &Array2<f32>,
+    full: &Components,
+    max_error: f32,
+    guess: usize,
+    tasks: &[usize],
+) -> (usize, f32) {
     let most = full.shapes.ncols();
-    let left = |count| largest_error(flat, full, count);
+    let left = |count| largest_error(flat, full, count, tasks);
     let (mut few, mut many, mut error) = (0, 0, left(0));
     while error > max_error && many < most {
         few = many;
-        many = (2 * many).clamp(FIRST_COUNT.min(most), most);
+        many = (2 * many).clamp(guess.min(most), most);
         error = left(many);
     }
     while error <= max_error && many - few > 1 {
@@ -221,11 +301,21 @@ fn fewest(flat: &Array2<f32>, full: &Components, max_error: f32) -> (usize, f32)
 }
 
 /// The largest distance of any vertex in any frame from where the first `count` components have it.
-fn largest_error(flat: &Array2<f32>, full: &Components, count: usize) -> f32 {
+fn largest_error(flat: &Array2<f32>, full: &Components, count: usize, tasks: &[usize]) -> f32 {
+    let squares = errors_of_vertices(flat, full, count, tasks);
+    squares.into_iter().fold(0.0, f32::max).sqrt()
+}
+
+/// The same for each vertex, squared; of the tasks that begin with the vertices `tasks`.
+fn errors_of_vertices(
+    flat: &Array2<f32>,
+    full: &Components,
+    count: usize,
+    tasks: &[usize],
+) -> Vec<f32> {
     let (frames, coordinates) = flat.dim();
-    let vertices: Vec<usize> = (0..coordinates / 3).step_by(VERTICES_PER_TASK).collect();
     let weights = view(&full.weights).subcols(0, count);
-    let squares = vertices.par_iter().map(|&first| {
+    let errors_of = |&first: &usize| {
         let columns = 3 * VERTICES_PER_TASK.min(coordinates / 3 - first);
         let shapes = view(&full.shapes).subrows(3 * first, columns);
         let mut fitted = vec![0.0; frames * columns];
@@ -233,31 +323,38 @@ fn largest_error(flat: &Array2<f32>, full: &Components, count: usize) -> f32 {
             let shapes = shapes.subcols(0, count).transpose();
             product(view_mut(&mut fitted, columns), weights, shapes);
         }
+        let mut longest = vec![0.0; columns / 3];
         let rows = matrix::values(flat).chunks_exact(coordinates);
-        let pairs = rows.zip(fitted.chunks_exact(columns));
-        pairs
-            .map(|(row, fitted)| longest_squared(&row[3 * first..3 * first + columns], fitted))
-            .fold(0.0, f32::max)
-    });
-    squares.reduce(|| 0.0, f32::max).sqrt()
+        for (row, fitted) in rows.zip(fitted.chunks_exact(columns)) {
+            raise_to_distance(&mut longest, &row[3 * first..3 * first + columns], fitted);
+        }
+        longest
+    };
+    tasks.par_iter().map(errors_of).flatten_iter().collect()
 }
 
-fn longest_squared(there: &[f32], fitted: &[f32]) -> f32 {
-    there
-        .chunks_exact(3)
-        .zip(fitted.chunks_exact(3))
-        .map(|(a, b)| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2) + (a[2] - b[2]).powi(2))
-        .fold(0.0, f32::max)
+/// The sixteenth of `tasks` with the largest errors; `left` holds those of all their vertices.
+fn worst_tasks(left: &[f32], tasks: &[usize]) -> Vec<usize> {
+    let largest = |task: &[f32]| task.iter().copied().fold(0.0, f32::max);
+    let errors = left.chunks(VERTICES_PER_TASK).map(largest);
+    let mut ranked: Vec<(f32, usize)> = errors.zip(tasks.iter().copied()).collect();
+    ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
+    ranked.truncate(tasks.len().div_ceil(16));
+    ranked.into_iter().map(|(_, task)| task).collect()
 }
 
-/// The first `count` components with weights that touch ±1.
-fn normalised(
-    full: &Components,
-    count: usize,
-    max_error: f32,
-    vertices: usize,
-    fps: f64,
-) -> VertexBasis {
+/// Raises `longest` `[n]` to the squared distances of `there` `[n, 3]` and `fitted` `[n, 3]`.
+fn raise_to_distance(longest: &mut [f32], there: &[f32], fitted: &[f32]) {
+    let pairs = there.chunks_exact(3).zip(fitted.chunks_exact(3));
+    for (longest, (a, b)) in longest.iter_mut().zip(pairs) {
+        let d = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+        *longest = longest.max(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+    }
+}
+
+/// The chosen components with weights that touch ±1.
+fn normalised(choice: &Choice, vertices: usize, fps: f64) -> VertexBasis {
+    let (full, count) = (&choice.full, choice.count);
     let frames = full.weights.nrows();
     let scale: Vec<f32> = (0..count)
         .map(|k| {
@@ -273,7 +370,7 @@ fn normalised(
         weights: Array2::from_shape_fn((frames, count), |(t, k)| {
             (full.weights[[t, k]] / scale[k]).clamp(-1.0, 1.0)
         }),
-        max_error,
+        max_error: choice.error,
         fps,
     }
 }
