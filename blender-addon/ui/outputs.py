@@ -38,18 +38,20 @@ class ANYFACE_PT_output(Panel):
         reason = _draw_modes(layout, ob, asked)
         _draw_options(layout, ob)
         if reason:
-            _draw_words(layout, reason, context.region.width)
+            _draw_words(layout, reason, context.region.width, alert=True)
             return
         if record.is_generated(ob) and not running.is_running():
             _draw_sliders(layout, ob)
         text = estimate.describe(ob, sequencer_scene(context), ob.anyface, asked)
-        layout.label(text=text, icon="INFO")
+        _draw_words(layout, text, context.region.width)
 
 
 def _draw_modes(layout, ob, asked) -> str:
     """A button for each output, grey where it cannot work; why the chosen one cannot."""
     reasons = {mode: outputs.why_not(ob, mode, asked) for mode in outputs.MODES}
     column = layout.column(align=True)
+    # Split, the names would stand beside empty buttons.
+    column.use_property_split = False
     for mode, reason in reasons.items():
         row = column.row(align=True)
         if not reason:
@@ -103,9 +105,9 @@ def _draw_sliders(layout, ob) -> None:
     column.prop(ob.anyface_output, "shift")
 
 
-def _draw_words(layout, text: str, width: int) -> None:
+def _draw_words(layout, text: str, width: int, alert: bool = False) -> None:
     box = layout.box().column(align=True)
-    box.alert = True
+    box.alert = alert
     for line in textwrap.wrap(text, max(20, width // 8)):
         box.label(text=line)
 
