@@ -24,26 +24,9 @@ fn head(times: usize) -> Mesh {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("models/default_head");
     let mut mesh = Mesh::read(folder.join("head.obj")).expect("the default head");
     for _ in 0..times {
-        mesh = cut_in_four(&mesh);
+        mesh = mesh.cut_in_four();
     }
     mesh
-}
-
-fn cut_in_four(mesh: &Mesh) -> Mesh {
-    let mut positions = mesh.positions.clone();
-    let mut middles = std::collections::HashMap::new();
-    let mut triangles = Vec::new();
-    for &[a, b, c] in &mesh.triangles {
-        let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| {
-            *middles.entry((p.min(q), p.max(q))).or_insert_with(|| {
-                let (p, q) = (positions[p as usize], positions[q as usize]);
-                positions.push(std::array::from_fn(|i| 0.5 * (p[i] + q[i])));
-                positions.len() as u32 - 1
-            })
-        });
-        triangles.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
-    }
-    Mesh::from_arrays(positions, triangles).expect("a finer head is a mesh")
 }
 
 /// Five seconds of something like a voice.

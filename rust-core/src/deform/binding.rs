@@ -4,7 +4,6 @@
 
 use std::{
     cell::OnceCell,
-    cmp::Ordering,
     collections::{BinaryHeap, HashMap},
 };
 
@@ -16,7 +15,7 @@ use super::{
     place::{Box3, Place, REACH_CM},
 };
 use crate::{
-    mesh::{Mesh, PartRole, SurfaceTree},
+    mesh::{Mesh, PartRole, SurfaceTree, reached::Reached},
     motion::LANDMARKS,
 };
 
@@ -201,37 +200,20 @@ impl EdgeWays {
     /// Length of the shortest way of each vertex to any of `seeds` (vertices of the mesh).
     fn shortest_from(&self, seeds: &[u32]) -> Vec<f32> {
         let mut ways = vec![f32::INFINITY; self.edges.len()];
-        let mut heap: BinaryHeap<Step> = seeds.iter().map(|v| Step(0.0, self.number[v])).collect();
-        while let Some(Step(way, at)) = heap.pop() {
+        let mut heap: BinaryHeap<Reached> = (seeds.iter())
+            .map(|v| Reached(0.0, self.number[v], ()))
+            .collect();
+        while let Some(Reached(way, at, ())) = heap.pop() {
             if way >= ways[at as usize] {
                 continue;
             }
             ways[at as usize] = way;
             for &(next, length) in &self.edges[at as usize] {
                 if way + length < ways[next as usize] {
-                    heap.push(Step(way + length, next));
+                    heap.push(Reached(way + length, next, ()));
                 }
             }
         }
         ways
-    }
-}
-
-/// A vertex reached by a way; the heap gives the shortest first.
-#[derive(PartialEq)]
-struct Step(f32, u32);
-
-impl Eq for Step {}
-
-impl Ord for Step {
-    fn cmp(&self, other: &Self) -> Ordering {
-        let shorter = other.0.total_cmp(&self.0);
-        shorter.then_with(|| other.1.cmp(&self.1))
-    }
-}
-
-impl PartialOrd for Step {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
     }
 }

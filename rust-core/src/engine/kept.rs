@@ -57,20 +57,17 @@ impl Engine {
             let parts = PartList::find(mesh, &landmarks, &to_canonical, &options.parts)?;
             Ok((landmarks, parts))
         };
+        let encode = |(landmarks, parts): &(Landmarks, PartList)| {
+            let mut arrays = landmarks_to_arrays(landmarks);
+            arrays.insert_json("parts", parts);
+            arrays
+        };
+        let decode = |mut arrays: Arrays| {
+            let landmarks = landmarks_from_arrays(&mut arrays)?;
+            Some((landmarks, arrays.take_json("parts")?))
+        };
         let key = key.clone().text("landmarks").text(&format!("{options:?}"));
-        let mut arrays = self.cache.get_or_compute(&key, || {
-            let (landmarks, parts) = find()?;
-            let mut arrays = landmarks_to_arrays(&landmarks);
-            arrays.insert_json("parts", &parts);
-            Ok(arrays)
-        })?;
-        match (
-            landmarks_from_arrays(&mut arrays),
-            arrays.take_json("parts"),
-        ) {
-            (Some(landmarks), Some(parts)) => Ok((landmarks, parts)),
-            _ => find(),
-        }
+        self.cache.get_or_make(&key, decode, encode, find)
     }
 
     /// The `static` decoder with its corrections.
@@ -101,24 +98,18 @@ impl Engine {
             .text(&format!("{options:?}"))
             .f32s(landmarks.positions.as_flattened())
             .u32s(&landmarks.vertices);
-        let mut fresh = None;
-        let mut arrays = self.cache.get_or_compute(&key, || {
-            let face = fresh.insert(solve()?);
+        let encode = |face: &Corrected<LandmarkWeights>| {
             let mut arrays = weights_to_arrays(&face.decoder);
             arrays.insert_json("corrections", &face.corrections);
-            Ok(arrays)
-        })?;
-        if let Some(face) = fresh {
-            return Ok(face);
-        }
-        let decoder = weights_from_arrays(&mut arrays, mesh.positions.len());
-        match (decoder, arrays.take_json("corrections")) {
-            (Some(decoder), Some(corrections)) => Ok(Corrected {
-                decoder,
-                corrections,
-            }),
-            _ => solve(),
-        }
+            arrays
+        };
+        let decode = |mut arrays: Arrays| {
+            Some(Corrected {
+                decoder: weights_from_arrays(&mut arrays, mesh.positions.len())?,
+                corrections: arrays.take_json("corrections")?,
+            })
+        };
+        self.cache.get_or_make(&key, decode, encode, solve)
     }
 }
 

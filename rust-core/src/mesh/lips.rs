@@ -6,11 +6,12 @@
 //! outer lip landmarks than to the lower ones, because every way to the other lip leads around a
 //! corner of the mouth or through its inside.
 
-use std::{cmp::Ordering, collections::BinaryHeap};
+use std::collections::BinaryHeap;
 
 use super::{
     Mesh,
     closest::{norm, sub},
+    reached::Reached,
 };
 
 /// A lip, or neither where the surface does not reach one.
@@ -44,10 +45,10 @@ pub(crate) fn lip_of_vertices(
     let mut heap = BinaryHeap::new();
     for (seeds, lip) in [(upper, Lip::Upper), (lower, Lip::Lower)] {
         for &vertex in seeds {
-            heap.push(Step(0.0, vertex, lip));
+            heap.push(Reached(0.0, vertex, lip));
         }
     }
-    while let Some(Step(distance, vertex, lip)) = heap.pop() {
+    while let Some(Reached(distance, vertex, lip)) = heap.pop() {
         if distance > radius || lips[vertex as usize].is_some() {
             continue;
         }
@@ -56,38 +57,12 @@ pub(crate) fn lip_of_vertices(
             if lips[next as usize].is_none() {
                 let here = mesh.positions[vertex as usize];
                 let length = norm(sub(mesh.positions[next as usize], here));
-                heap.push(Step(distance + length, next, lip));
+                heap.push(Reached(distance + length, next, lip));
             }
         }
     }
     lips
 }
-
-/// A vertex reached at a distance; the heap gives the nearest first.
-struct Step(f32, u32, Lip);
-
-impl Ord for Step {
-    fn cmp(&self, other: &Self) -> Ordering {
-        other
-            .0
-            .total_cmp(&self.0)
-            .then_with(|| other.1.cmp(&self.1))
-    }
-}
-
-impl PartialOrd for Step {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Step {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl Eq for Step {}
 
 /// Edges as compressed rows; only those of triangles near the seeds, the rest of a body is left out.
 struct Neighbours {

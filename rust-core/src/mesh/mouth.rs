@@ -1,11 +1,12 @@
 //! Whether the lips of a mesh can part.
 
-use std::{cmp::Ordering, collections::BinaryHeap};
+use std::collections::BinaryHeap;
 
 use super::{
     Landmarks, Mesh,
     closest::{norm, sub},
     parts::weld_seams,
+    reached::Reached,
 };
 
 /// Inner-lip landmarks that face each other, upper and lower.
@@ -125,8 +126,8 @@ impl Roads {
     fn joined(&self, mesh: &Mesh, from: u32, to: u32, reach: f32) -> bool {
         let [from, to] = [from, to].map(|v| self.sewn[v as usize]);
         let mut nearest = std::collections::HashMap::from([(from, 0.0f32)]);
-        let mut heap = BinaryHeap::from([Step(0.0, from)]);
-        while let Some(Step(distance, vertex)) = heap.pop() {
+        let mut heap = BinaryHeap::from([Reached(0.0, from, ())]);
+        while let Some(Reached(distance, vertex, ())) = heap.pop() {
             if vertex == to {
                 return true;
             }
@@ -137,7 +138,7 @@ impl Roads {
                 let known = nearest.get(&next).copied().unwrap_or(f32::MAX);
                 if there <= reach && there < known {
                     nearest.insert(next, there);
-                    heap.push(Step(there, next));
+                    heap.push(Reached(there, next, ()));
                 }
             }
         }
@@ -164,32 +165,6 @@ fn flat_shaded(triangles: &[[u32; 3]], apart: &[u32], sewn: &[u32]) -> bool {
         .count();
     on_seam as f32 > FLAT_SHARE * near.len() as f32
 }
-
-/// A vertex reached at a distance; the heap gives the nearest first.
-struct Step(f32, u32);
-
-impl Ord for Step {
-    fn cmp(&self, other: &Self) -> Ordering {
-        other
-            .0
-            .total_cmp(&self.0)
-            .then_with(|| other.1.cmp(&self.1))
-    }
-}
-
-impl PartialOrd for Step {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Step {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl Eq for Step {}
 
 #[cfg(test)]
 mod tests {

@@ -114,27 +114,30 @@ impl Cache {
         Cache { max_bytes, ..self }
     }
 
-    /// The entry of `key`, or the result of `compute`, which is kept.
+    /// What `decode` makes of the entry of `key`; where there is none, or it is something else, the
+    /// result of `make`, which is kept as `encode` puts it. Without a cache nothing is encoded.
     ///
     /// # Errors
-    /// Those of `compute`.
-    pub fn get_or_compute(
+    /// Those of `make`.
+    pub fn get_or_make<T>(
         &self,
         key: &CacheKey,
-        compute: impl FnOnce() -> Result<Arrays>,
-    ) -> Result<Arrays> {
+        decode: impl FnOnce(Arrays) -> Option<T>,
+        encode: impl FnOnce(&T) -> Arrays,
+        make: impl FnOnce() -> Result<T>,
+    ) -> Result<T> {
         let Some(folder) = &self.folder else {
-            return compute();
+            return make();
         };
         let path = folder.join(key.file_name());
-        if let Some(found) = read(&path) {
+        if let Some(found) = read(&path).and_then(decode) {
             return Ok(found);
         }
-        let arrays = compute()?;
-        if let Err(error) = self.store(folder, &path, &arrays) {
+        let made = make()?;
+        if let Err(error) = self.store(folder, &path, &encode(&made)) {
             tracing::warn!(path = %path.display(), %error, "cache not written");
         }
-        Ok(arrays)
+        Ok(made)
     }
 
     fn store(&self, folder: &Path, path: &Path, arrays: &Arrays) -> io::Result<()> {
@@ -259,6 +262,16 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::new(&CachePolicy::Folder(folder.path().join("a/b")));
         (folder, cache)
+    }
+
+    impl Cache {
+        fn get_or_compute(
+            &self,
+            key: &CacheKey,
+            compute: impl FnOnce() -> Result<Arrays>,
+        ) -> Result<Arrays> {
+            self.get_or_make(key, Some, Arrays::clone, compute)
+        }
     }
 
     fn must_not_run() -> Result<Arrays> {

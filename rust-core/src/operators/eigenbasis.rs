@@ -64,19 +64,19 @@ impl Operators {
             .u32s(&self.laplacian.indices)
             .f64s(&self.laplacian.values)
             .f64s(&self.mass);
-        let compute = || {
-            let basis = self.eigenbasis(count)?;
+        let encode = |basis: &Eigenbasis| {
             let found = basis.values.len();
             let mut arrays = Arrays::default();
-            arrays.insert_f64("values", &[found], basis.values);
-            arrays.insert_f64("vectors", &[self.rows(), found], basis.vectors);
-            Ok(arrays)
+            arrays.insert_f64("values", &[found], basis.values.clone());
+            arrays.insert_f64("vectors", &[self.rows(), found], basis.vectors.clone());
+            arrays
         };
-        let mut arrays = cache.get_or_compute(&key, compute)?;
-        match (arrays.take_f64("values"), arrays.take_f64("vectors")) {
-            (Some((_, values)), Some((_, vectors))) => Ok(Eigenbasis { values, vectors }),
-            _ => self.eigenbasis(count),
-        }
+        let decode = |mut arrays: Arrays| {
+            let (_, values) = arrays.take_f64("values")?;
+            let (_, vectors) = arrays.take_f64("vectors")?;
+            Some(Eigenbasis { values, vectors })
+        };
+        cache.get_or_make(&key, decode, encode, || self.eigenbasis(count))
     }
 
     fn root_mass(&self) -> Vec<f64> {

@@ -100,7 +100,7 @@ fn triangulations(mesh: &Mesh) -> (Vec<Mesh>, Vec<Vec<u32>>) {
     coarser.push((mesh.clone(), own.clone()));
     let mut fine = mesh.clone();
     while 4 * fine.positions.len() < FINEST {
-        fine = cut_in_four(&fine);
+        fine = fine.cut_in_four();
     }
     coarser.push((fine, own));
     let first = coarser[0].1.clone();
@@ -140,27 +140,6 @@ fn down_to(mesh: &Mesh, vertices: usize) -> (Mesh, Vec<u32>) {
         triangles: simple.triangles.iter().map(|t| t.map(|v| of[&v])).collect(),
     };
     (coarse, original)
-}
-
-/// Every triangle in four; old vertices keep their numbers.
-fn cut_in_four(mesh: &Mesh) -> Mesh {
-    let mut positions = mesh.positions.clone();
-    let mut middles = HashMap::new();
-    let mut triangles = Vec::with_capacity(4 * mesh.triangles.len());
-    for &[a, b, c] in &mesh.triangles {
-        let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| {
-            *middles.entry((p.min(q), p.max(q))).or_insert_with(|| {
-                let (p, q) = (positions[p as usize], positions[q as usize]);
-                positions.push(std::array::from_fn(|i| 0.5 * (p[i] + q[i])));
-                positions.len() as u32 - 1
-            })
-        });
-        triangles.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
-    }
-    Mesh {
-        positions,
-        triangles,
-    }
 }
 
 pub(super) fn json(spread: &Spread) -> Value {

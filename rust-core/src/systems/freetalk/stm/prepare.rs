@@ -262,24 +262,23 @@ fn cached_plate(skin: &Skin, cache: &Cache) -> Result<PlateWeights> {
         .u32s(&skin.landmark_rows)
         .f64s(&[plate.tension, plate.screen, plate.spring]);
     let rows = operators.rows();
-    let mut arrays = cache.get_or_compute(&key, || {
-        let solved = PlateWeights::solve(operators, &skin.landmark_rows, plate)?;
+    let encode = |solved: &PlateWeights| {
         let mut arrays = Arrays::default();
-        arrays.insert_f32("weights", &[rows, LANDMARKS], solved.weights);
-        arrays.insert_f64("remoteness", &[rows], solved.remoteness);
-        Ok(arrays)
-    })?;
-    match (arrays.take_f32("weights"), arrays.take_f64("remoteness")) {
-        (Some((shape, weights)), Some((_, remoteness)))
-            if shape == [rows, LANDMARKS] && remoteness.len() == rows =>
-        {
-            Ok(PlateWeights {
-                weights,
-                remoteness,
-            })
-        }
-        _ => PlateWeights::solve(operators, &skin.landmark_rows, plate),
-    }
+        arrays.insert_f32("weights", &[rows, LANDMARKS], solved.weights.clone());
+        arrays.insert_f64("remoteness", &[rows], solved.remoteness.clone());
+        arrays
+    };
+    let decode = |mut arrays: Arrays| {
+        let (shape, weights) = arrays.take_f32("weights")?;
+        let (_, remoteness) = arrays.take_f64("remoteness")?;
+        let fits = shape == [rows, LANDMARKS] && remoteness.len() == rows;
+        fits.then_some(PlateWeights {
+            weights,
+            remoteness,
+        })
+    };
+    let solve = || PlateWeights::solve(operators, &skin.landmark_rows, plate);
+    cache.get_or_make(&key, decode, encode, solve)
 }
 
 #[cfg(test)]
