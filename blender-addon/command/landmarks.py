@@ -6,9 +6,8 @@ import os
 
 import bpy
 
-from ..core.errors import AnyfaceError
+from ..core import json_file
 from ..core.job import Progress
-from ..farm import ledger
 from ..scene import landmarks, mesh
 from ..ui.landmarks import keep, search_of
 from .bake import named
@@ -23,8 +22,5 @@ def run(options: argparse.Namespace) -> dict:
     done = {"message": text, "confidence": round(landmarks.load(ob).sure, 4)}
     if options.out:
         done["landmarks"] = os.path.abspath(options.out)
-        try:
-            ledger.write_json(done["landmarks"], json.loads(ob[mesh.LANDMARKS_PROPERTY]))
-        except OSError as error:
-            raise AnyfaceError("file", f"{options.out}: {error.strerror}") from error
+        json_file.write(done["landmarks"], json.loads(ob[mesh.LANDMARKS_PROPERTY]))
     return done

@@ -5,8 +5,8 @@ import sys
 import time
 from collections.abc import Callable
 
+from ..core import json_file
 from ..core.errors import AnyfaceError
-from ..farm import ledger
 from . import bake, disk, landmarks, rig
 
 # What each task does to the open file; it returns what goes into the report.
@@ -22,8 +22,13 @@ def main(options: argparse.Namespace) -> int:
     outcome = measured(lambda: _do(options))
     outcome["object"] = options.object
     tell(outcome)
-    if options.report:
-        ledger.write_json(options.report, outcome)
+    if not options.report:
+        return outcome["exit_code"]
+    try:
+        json_file.write(options.report, outcome)
+    except AnyfaceError as error:
+        print(f"anyface: {error}", file=sys.stderr, flush=True)
+        return outcome["exit_code"] or error.exit_code
     return outcome["exit_code"]
 
 

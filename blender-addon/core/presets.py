@@ -4,13 +4,12 @@
 are left out keep what they are.
 """
 
-import json
 import math
-import os
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from . import json_file
 from .emotion import EMOTIONS, MAX_INTENSITY
 from .errors import AnyfaceError
 from .take import EMOTION_SOURCES
@@ -46,12 +45,7 @@ def read(path) -> Preset:
     """A preset's file. Raises `AnyfaceError`: "file" where it cannot be read, "input" where it
     holds something else, with the value that is wrong."""
     path = Path(path)
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise AnyfaceError("file", f"{path.name}: {error.strerror or error}") from error
-    except ValueError as error:
-        raise AnyfaceError("input", f"{path.name}: not JSON: {error}") from error
+    document = json_file.read(path)
     if not isinstance(document, dict) or document.get("anyface_preset") != VERSION:
         raise AnyfaceError("input", f"{path.name}: expected an Anyface preset of version {VERSION}")
     values = document.get("values")
@@ -83,14 +77,7 @@ def write(preset: Preset, path) -> Path:
     values = {name: preset.values[name] for name in NAMES if name in preset.values}
     rounded = {n: round(v, 6) if isinstance(v, float) else v for n, v in values.items()}
     document = {"anyface_preset": VERSION, "name": preset.name, "values": rounded}
-    part = path.with_name(f"{path.name}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-        os.replace(part, path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise AnyfaceError("file", f"{path}: {error.strerror or error}") from error
+    json_file.write(path, document)
     return path
 
 

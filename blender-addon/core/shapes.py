@@ -1,8 +1,8 @@
 """The names of ARKit shapes and Oculus visemes, and which keys of a mesh they are."""
 
-import json
 import re
 
+from . import json_file
 from .errors import AnyfaceError
 
 # The order is that of the library; a test compares the two.
@@ -117,15 +117,16 @@ def _spellings() -> dict[str, str]:
     return spellings
 
 
-def dumps(mapping: dict[str, str]) -> str:
-    """The text of a mapping file."""
-    return json.dumps({"version": 1, "keys": mapping}, indent=1, ensure_ascii=False) + "\n"
+def write(mapping: dict[str, str], path) -> None:
+    """Writes a mapping file; raises `AnyfaceError("file")`."""
+    json_file.write(path, {"version": 1, "keys": mapping})
 
 
-def loads(text: str) -> dict[str, str]:
-    """Reads what `dumps` writes; raises `AnyfaceError("input")`."""
+def read(path) -> dict[str, str]:
+    """Reads what `write` writes; raises `AnyfaceError`, "file" or "input"."""
+    document = json_file.read(path)
     try:
-        mapping = json.loads(text)["keys"]
+        mapping = document["keys"]
         rows = {str(name): str(key) for name, key in mapping.items()}
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise AnyfaceError("input", f"not a mapping file: {error}") from None

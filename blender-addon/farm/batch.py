@@ -7,6 +7,7 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
+from ..core import json_file
 from ..core.errors import EXIT_CODES, AnyfaceError
 from . import cluster, jobs, ledger, local
 
@@ -46,7 +47,7 @@ def _run(options, blender: str) -> list[dict]:
         reports.append(report)
         _tell(report, len(reports), len(shots))
     summary = _summary(reports, time.monotonic() - began)
-    ledger.write_json(str(folder / "batch.json"), summary)
+    json_file.write(folder / "batch.json", summary)
     print(f"anyface: {summary['ok']} of {len(shots)} shots are finished, reports in {folder}")
     return reports
 

@@ -12,7 +12,7 @@ from argparse import ArgumentError
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from ..core import options
+from ..core import json_file, options
 from ..core.errors import AnyfaceError
 
 _PATHS = ("audio", "landmarks", "out")
@@ -38,12 +38,7 @@ class Shot:
 
 def read(path: Path, reports: Path) -> list[Shot]:
     """All shots of the file; raises `AnyfaceError("input")` that names the row."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise AnyfaceError("file", f"{path}: {error.strerror}") from error
-    except ValueError as error:
-        raise AnyfaceError("input", f"{path}: not JSON: {error}") from error
+    content = json_file.read(path)
     if not isinstance(content, dict) or not isinstance(content.get("shots"), list):
         raise AnyfaceError("input", f'{path}: expected {{"shots": […]}}')
     defaults = content.get("defaults", {})

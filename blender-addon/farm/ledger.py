@@ -1,29 +1,19 @@
-"""Reports on disk: one JSON file a shot, one history of all tries. Nothing is ever half written."""
+"""Reports on disk: one JSON file a shot, one history of all tries."""
 
 import json
 import os
 import socket
 import time
 
-
-def write_json(path: str, content: dict) -> None:
-    """Writes beside, then renames: a reader finds the old file or the whole new one."""
-    folder, name = os.path.split(os.path.abspath(path))
-    os.makedirs(folder, exist_ok=True)
-    beside = os.path.join(folder, f".{name}.{socket.gethostname()}.{os.getpid()}")
-    with open(beside, "w", encoding="utf-8") as file:
-        json.dump(content, file, indent=1, ensure_ascii=False)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(beside, path)
+from ..core import json_file
+from ..core.errors import AnyfaceError
 
 
 def read(report: str) -> dict | None:
     """A report, or None where there is none or it is not one of ours."""
     try:
-        with open(report, encoding="utf-8") as file:
-            content = json.load(file)
-    except (OSError, ValueError):
+        content = json_file.read(report)
+    except AnyfaceError:
         return None
     return content if isinstance(content, dict) else None
 
@@ -46,7 +36,7 @@ def close(shot: dict, outcome: dict) -> dict:
     """Writes the report of a shot and its line in the history; returns the report."""
     where = {"host": socket.gethostname(), "pid": os.getpid()}
     report = {"name": shot["name"], **outcome, "digest": shot["digest"], **where}
-    write_json(shot["report"], report)
+    json_file.write(shot["report"], report)
     line = json.dumps({"at": round(time.time(), 3), **report}, ensure_ascii=False)
     history = os.path.join(os.path.dirname(shot["report"]), "history.jsonl")
     with open(history, "a", encoding="utf-8") as file:

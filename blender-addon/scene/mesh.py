@@ -1,11 +1,11 @@
 """Reads the face: the Basis of a mesh object, its triangles, its landmarks."""
 
 import json
-from pathlib import Path
 
 import bpy
 import numpy as np
 
+from ..core import json_file
 from ..core.errors import AnyfaceError
 from ..core.take import FaceMesh
 
@@ -83,13 +83,10 @@ def read_landmarks(ob, path: str = "") -> tuple[np.ndarray | None, np.ndarray | 
 
 
 def _load(text: str, ob):
+    if text.lstrip()[:1] not in ("[", "{"):
+        return json_file.read(bpy.path.abspath(text, library=ob.library))
     try:
-        if text.lstrip()[:1] in ("[", "{"):
-            return json.loads(text)
-        path = Path(bpy.path.abspath(text, library=ob.library))
-        return json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise AnyfaceError("file", f"{LANDMARKS_PROPERTY}: {error}") from error
+        return json.loads(text)
     except ValueError as error:
         raise AnyfaceError("input", f"{LANDMARKS_PROPERTY}: not JSON: {error}") from error
 

@@ -6,7 +6,7 @@ from bpy.types import Operator, Panel, PropertyGroup
 
 from ..core.errors import AnyfaceError
 from ..scene import sequencer, strips
-from .target import sequencer_scene, target
+from .target import OfFace, sequencer_scene, target
 
 
 class AnyfaceStrip(PropertyGroup):
@@ -34,19 +34,11 @@ def fill(settings, ob) -> None:
     settings.strips = [item.name for item in ob.anyface_audio.chosen] if source == "CHOSEN" else []
 
 
-class ANYFACE_OT_use_selected_strips(Operator):
+class ANYFACE_OT_use_selected_strips(OfFace, Operator):
     """Let the sound strips that are selected in the sequencer speak as one take"""
 
     bl_idname = "anyface.use_selected_strips"
     bl_label = "Use Selected Strips"
-    bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context):
-        if target(context) is None:
-            cls.poll_message_set("Pick a face mesh")
-            return False
-        return True
 
     def execute(self, context):
         """Writes the names of the selected strips down."""

@@ -1,7 +1,5 @@
 """Character: what was found of the face, its landmarks, and the objects that belong to it."""
 
-import textwrap
-
 import bpy
 from bpy.props import (
     CollectionProperty,
@@ -15,7 +13,8 @@ from bpy.types import Object, Operator, Panel, PropertyGroup, UIList
 from ..core.errors import AnyfaceError
 from ..core.take import ROLES
 from ..scene import landmarks, pieces
-from .target import is_there, target
+from . import words
+from .target import OfFace, is_there, target
 
 _ROLE_TEXTS = {
     "skin": "The face itself",
@@ -100,20 +99,7 @@ class ANYFACE_UL_loose(UIList):
         layout.prop(item, "role", text="")
 
 
-class _OfTarget:
-    """Operators that need a face."""
-
-    bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context):
-        if target(context) is None:
-            cls.poll_message_set("Pick a face mesh")
-            return False
-        return True
-
-
-class ANYFACE_OT_find_parts(_OfTarget, Operator):
+class ANYFACE_OT_find_parts(OfFace, Operator):
     """Look for teeth, eyes and lashes that are objects beside the face"""
 
     bl_idname = "anyface.find_parts"
@@ -136,7 +122,7 @@ class ANYFACE_OT_find_parts(_OfTarget, Operator):
         return {"FINISHED"}
 
 
-class ANYFACE_OT_add_parts(_OfTarget, Operator):
+class ANYFACE_OT_add_parts(OfFace, Operator):
     """Add the selected meshes to the face as parts"""
 
     bl_idname = "anyface.add_parts"
@@ -156,7 +142,7 @@ class ANYFACE_OT_add_parts(_OfTarget, Operator):
         return {"FINISHED"}
 
 
-class ANYFACE_OT_drop_part(_OfTarget, Operator):
+class ANYFACE_OT_drop_part(OfFace, Operator):
     """Take the part out of the face; the object itself stays"""
 
     bl_idname = "anyface.drop_part"
@@ -232,9 +218,7 @@ def _draw_status(layout, ob, width: int) -> None:
     text, icon = status(ob)
     column = layout.column(align=True)
     column.scale_y = 0.8
-    for line in textwrap.wrap(text, max(20, width // 8)):
-        column.label(text=line, icon=icon)
-        icon = "BLANK1"
+    words.draw(column, text, width, icon)
 
 
 def _draw_parts(layout, ob) -> None:

@@ -7,10 +7,11 @@ from ..core.errors import AnyfaceError
 from ..core.job import Job, Progress
 from ..scene import bake
 from . import running
-from .settings import from_object, sequencer_scene, target
+from .settings import from_object
+from .target import OfFace, sequencer_scene, target
 
 
-class ANYFACE_OT_generate(Operator):
+class ANYFACE_OT_generate(OfFace, Operator):
     """Animate the face with the sound; an earlier take on it is replaced"""
 
     bl_idname = "anyface.generate"
@@ -22,10 +23,7 @@ class ANYFACE_OT_generate(Operator):
         if running.is_running():
             cls.poll_message_set("Another face is being animated")
             return False
-        if target(context) is None:
-            cls.poll_message_set("Pick a face mesh")
-            return False
-        return True
+        return super().poll(context)
 
     def execute(self, context):
         """Everything at once: for scripts and for Blender without a window."""

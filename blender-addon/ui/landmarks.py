@@ -14,7 +14,7 @@ from ..core.job import Job, Progress
 from ..scene import bake, guard, landmarks
 from . import character, running
 from .settings import from_object
-from .target import target
+from .target import OfFace, target
 
 # A landmark is taken from this far, in pixels.
 _REACH_PX = 14.0
@@ -40,7 +40,7 @@ def keep(ob, found, fixed=()) -> str:
     return landmarks.describe(landmarks.load(ob))
 
 
-class _Searching:
+class _Searching(OfFace):
     """Runs a `Search` in a thread while Blender goes on, or at once without a window."""
 
     @classmethod
@@ -48,10 +48,7 @@ class _Searching:
         if running.is_running():
             cls.poll_message_set("Another job is running")
             return False
-        if target(context) is None:
-            cls.poll_message_set("Pick a face mesh")
-            return False
-        return True
+        return super().poll(context)
 
     def fail(self, error):
         """Shows the error where the artist looks."""

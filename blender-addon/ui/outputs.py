@@ -1,6 +1,5 @@
 """The output panel: what can be made here, how large it gets, and the list of keys."""
 
-import textwrap
 from pathlib import Path
 
 import bpy
@@ -10,7 +9,7 @@ from bpy.types import Operator, Panel
 from ..core import shapes
 from ..core.errors import AnyfaceError
 from ..scene import adjust, estimate, existing, outputs, record
-from . import output_properties, running
+from . import output_properties, running, words
 from .settings import sequencer_scene, target
 
 
@@ -108,8 +107,7 @@ def _draw_sliders(layout, ob) -> None:
 def _draw_words(layout, text: str, width: int, alert: bool = False) -> None:
     box = layout.box().column(align=True)
     box.alert = alert
-    for line in textwrap.wrap(text, max(20, width // 8)):
-        box.label(text=line)
+    words.draw(box, text, width)
 
 
 class ANYFACE_OT_why_not(Operator):
@@ -191,8 +189,8 @@ class ANYFACE_OT_mapping_save(_MappingOperator):
         mapping = output_properties.read(ob).mapping or existing.find(ob, {})
         path = Path(bpy.path.ensure_ext(bpy.path.abspath(self.filepath), ".json"))
         try:
-            path.write_text(shapes.dumps(mapping), encoding="utf-8")
-        except OSError as error:
+            shapes.write(mapping, path)
+        except AnyfaceError as error:
             self.report({"ERROR"}, f"Anyface: {error}")
             return {"CANCELLED"}
         return {"FINISHED"}
@@ -216,9 +214,9 @@ class ANYFACE_OT_mapping_load(_MappingOperator):
         """Replaces the list by that of the file."""
         path = Path(bpy.path.abspath(self.filepath))
         try:
-            mapping = shapes.loads(path.read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError, AnyfaceError) as error:
-            self.report({"ERROR"}, f"Anyface: {path.name}: {error}")
+            mapping = shapes.read(path)
+        except AnyfaceError as error:
+            self.report({"ERROR"}, f"Anyface: {error}")
             return {"CANCELLED"}
         _fill(target(context), mapping)
         return {"FINISHED"}

@@ -1,10 +1,8 @@
 """The N-panel "Anyface" of the 3D view."""
 
-import textwrap
-
 from bpy.types import Panel
 
-from . import running
+from . import running, words
 from .remove import has_take
 from .settings import target
 
@@ -54,9 +52,7 @@ def _draw_report(layout, settings, width: int) -> None:
     box.scale_y = 0.8
     box.alert = settings.report_is_error
     icon = "ERROR" if settings.report_is_error else "CHECKMARK"
-    for line in textwrap.wrap(settings.report, max(20, width // 8)):
-        box.label(text=line, icon=icon)
-        icon = "BLANK1"
+    words.draw(box, settings.report, width, icon)
 
 
 CLASSES = (ANYFACE_PT_main,)

@@ -13,7 +13,7 @@ from bpy.types import Menu, Operator
 from ..core import presets
 from ..core.errors import AnyfaceError
 from .preferences import PACKAGE
-from .target import target
+from .target import OfFace, target
 
 SHIPPED = Path(__file__).resolve().parents[1] / "presets"
 
@@ -48,17 +48,8 @@ def of_settings(name: str, settings) -> presets.Preset:
     return presets.Preset(name, {item: getattr(settings, item) for item in presets.NAMES})
 
 
-class _OnFace:
-    """Operators that need a face, and say what went wrong."""
-
-    bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context):
-        if target(context) is None:
-            cls.poll_message_set("Pick a face mesh")
-            return False
-        return True
+class _OnFace(OfFace):
+    """Operators that say what went wrong."""
 
     def execute(self, context):
         """Does the work; errors go to the report."""

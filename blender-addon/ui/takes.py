@@ -75,26 +75,27 @@ class ANYFACE_OT_take_keep(_TakeOperator):
         takes.keep(ob)
 
 
-class ANYFACE_OT_take_switch(_TakeOperator):
+class _OneTake(_TakeOperator):
+    take: StringProperty(options={"HIDDEN"})
+
+
+class ANYFACE_OT_take_switch(_OneTake):
     """Play this take instead of the other"""
 
     bl_idname = "anyface.take_switch"
     bl_label = "Play Take"
-
-    take: StringProperty(options={"HIDDEN"})
 
     def act(self, ob):
         """Switches."""
         takes.switch(ob, self.take)
 
 
-class ANYFACE_OT_take_rename(_TakeOperator):
+class ANYFACE_OT_take_rename(_OneTake):
     """Give the take another name"""
 
     bl_idname = "anyface.take_rename"
     bl_label = "Rename Take"
 
-    take: StringProperty(options={"HIDDEN"})
     name: StringProperty(name="Name")
 
     def invoke(self, context, event):
@@ -106,26 +107,22 @@ class ANYFACE_OT_take_rename(_TakeOperator):
         takes.rename(ob, self.take, self.name)
 
 
-class ANYFACE_OT_take_push_down(_TakeOperator):
+class ANYFACE_OT_take_push_down(_OneTake):
     """Put the take as a strip into the NLA editor, where takes can be moved and blended"""
 
     bl_idname = "anyface.take_push_down"
     bl_label = "Push Down"
-
-    take: StringProperty(options={"HIDDEN"})
 
     def act(self, ob):
         """Pushes it down."""
         takes.push_down(ob, self.take)
 
 
-class ANYFACE_OT_take_delete(_TakeOperator):
+class ANYFACE_OT_take_delete(_OneTake):
     """Delete the take with its keys, its action and its strip"""
 
     bl_idname = "anyface.take_delete"
     bl_label = "Delete Take"
-
-    take: StringProperty(options={"HIDDEN"})
 
     def act(self, ob):
         """Deletes it."""

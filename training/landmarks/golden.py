@@ -24,45 +24,60 @@ def scene() -> tuple[np.ndarray, np.ndarray]:
     return points.astype(np.float32), np.concatenate(triangles).astype(np.int32)
 
 
+def picture() -> tuple[np.ndarray, torch.Tensor]:
+    """A window of the scene (middle x and y, half width) and what is seen in it, `[1, 4, 128, 128]`."""
+    window = np.array([0.01, 0.005, 0.11], np.float32)
+    points, triangles = scene()
+    return window, torch.from_numpy(render.picture(points, triangles, window[:2], window[2]))[None]
+
+
+def unsettle(model: torch.nn.Module) -> None:
+    """Gives the normalisations something to do: folding must be seen to work."""
+    for module in model.modules():
+        if isinstance(module, torch.nn.BatchNorm2d):
+            torch.nn.init.uniform_(module.running_mean, -0.2, 0.2)
+            torch.nn.init.uniform_(module.running_var, 0.5, 1.5)
+
+
+def save(path: Path, tensors: dict[str, torch.Tensor], model: torch.nn.Module, widths, source: str) -> Path:
+    """Writes `tensors` and the weights of `model`; `source` says how they were made."""
+    tensors = {f"weights.{k}": v for k, v in model.state_dict().items()} | tensors
+    save_file(
+        {k: v.contiguous() for k, v in tensors.items()},
+        path,
+        metadata={
+            "widths": json.dumps(widths),
+            "source": f"python -m training.goldens {source}, procedural scene",
+            "tolerance": "1e-4 absolute",
+        },
+    )
+    return path
+
+
 def write(out: Path, _shared: Path) -> Path:
     """Writes `landmarks_debug.safetensors`: the scene, its picture `input` `[4, 128, 128]`, `weights.*`
     and what the network makes of it (heat maps of landmarks 0, 17, 34, 51)."""
     torch.manual_seed(3)
     model = LandmarkNetwork(DEBUG)
-    # Not the identity: folding must be seen to work.
-    for module in model.modules():
-        if isinstance(module, torch.nn.BatchNorm2d):
-            torch.nn.init.uniform_(module.running_mean, -0.2, 0.2)
-            torch.nn.init.uniform_(module.running_var, 0.5, 1.5)
+    unsettle(model)
     points, triangles = scene()
-    window = np.array([0.01, 0.005, 0.11], np.float32)
-    picture = torch.from_numpy(render.picture(points, triangles, window[:2], window[2]))[None]
+    window, seen = picture()
     model.eval()
     with torch.no_grad():
-        before, _ = model(picture)
+        before, _ = model(seen)
         model.fold()
-        heat, face = model(picture)
+        heat, face = model(seen)
         assert (heat - before).abs().max() < 1e-4, "folding changed the network"
         places, confidence = decode(heat)
-    tensors = {f"weights.{k}": v for k, v in model.state_dict().items()}
-    tensors |= {
+    tensors = {
         "points": torch.from_numpy(points),
         "triangles": torch.from_numpy(triangles),
         "window": torch.from_numpy(window),
-        "input": picture[0],
+        "input": seen[0],
         "heat": heat[0, ::17],
         "face": face,
         "places": places[0],
         "confidence": confidence[0],
     }
-    path = out / "landmarks_debug.safetensors"
-    save_file(
-        {k: v.contiguous() for k, v in tensors.items()},
-        path,
-        metadata={
-            "widths": json.dumps(DEBUG.widths),
-            "source": "python -m training.goldens landmarks; random weights, seed 3, procedural scene",
-            "tolerance": "1e-4 absolute",
-        },
-    )
-    return path
+    source = "landmarks; random weights, seed 3"
+    return save(out / "landmarks_debug.safetensors", tensors, model, DEBUG.widths, source)
