@@ -186,12 +186,13 @@ def render(scene, folder: Path) -> None:
     for old in folder.glob("*.png"):
         old.unlink()
     total = scene.frame_end - scene.frame_start + 1
+    began = time.monotonic()
     for done, frame in enumerate(range(scene.frame_start, scene.frame_end + 1), start=1):
         scene.frame_set(frame)
         scene.render.filepath = str(folder / f"{done:04d}.png")
         bpy.ops.render.render(write_still=True)
-        if done % 10 == 0 or done == total:
-            print(f"demo: rendered {done} of {total}", flush=True)
+        left_s = (time.monotonic() - began) / done * (total - done)
+        print(f"rendered {done} of {total} frames, {left_s / 60:.1f} min left", flush=True)
 
 
 if __name__ == "__main__":

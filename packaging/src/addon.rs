@@ -9,8 +9,8 @@ use anyhow::Result;
 use clap::Args;
 
 use crate::{
-    extension,
-    machine::{self, Venv},
+    extension, machine,
+    python::{self, Venv},
     steps::Steps,
     test,
 };
@@ -32,7 +32,7 @@ impl Addon {
     pub fn run(&self) -> Result<()> {
         let mut steps = Steps::new("addon")?;
         machine::ensure_apt(&mut steps, machine::BLENDER_LIBRARIES)?;
-        let python = machine::blender_python(&mut steps, self.blender.as_deref())?;
+        let python = python::blender(&mut steps, self.blender.as_deref())?;
         let zip = match &self.zip {
             Some(zip) => zip.canonicalize()?,
             None => built_zip(&mut steps)?,

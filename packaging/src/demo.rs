@@ -8,11 +8,7 @@ use std::{
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 
-use crate::{
-    extension,
-    machine::{self, Venv},
-    steps::Steps,
-};
+use crate::{extension, machine, python::Venv, steps::Steps};
 
 const SENTENCE: &str = "Hello. My name is Anyface, and I can make almost any mesh talk.";
 const FPS: u32 = 25;

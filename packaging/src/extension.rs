@@ -11,7 +11,8 @@ use anyhow::{Context, Result, ensure};
 use clap::Args;
 
 use crate::{
-    machine::{self, Platform, Venv},
+    machine::{self, Platform},
+    python::{PYTHON, Venv},
     steps::Steps,
 };
 
@@ -137,7 +138,7 @@ fn pack(steps: &mut Steps, stage: &Path, zip: &Path) -> Result<()> {
         .map(|entry| Ok(entry?.file_name()))
         .collect::<Result<Vec<_>>>()?;
     names.sort();
-    let mut command = Command::new(machine::PYTHON);
+    let mut command = Command::new(PYTHON);
     command.args(["-m", "zipfile", "-c"]).arg(absolute(zip)?);
     command.args(names).current_dir(stage);
     steps.run("zip the extension", &mut command)?;

@@ -1,12 +1,11 @@
-//! What the tasks need on the machine, installed where it is missing: Debian packages through
-//! apt, Python packages into virtual environments under `target/`.
+//! The machine: its system, the folders of the repository, Debian packages installed where missing.
 
 use std::{
     path::{Path, PathBuf},
     process::Command,
 };
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Result, bail, ensure};
 
 use crate::steps::Steps;
 
@@ -22,17 +21,6 @@ pub const BLENDER_LIBRARIES: &[&str] = &[
     "libice6",
     "libgl1",
 ];
-
-/// A Python environment of the project.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Venv {
-    /// Blender as a module, pytest and ruff.
-    Blender,
-    /// PyTorch and what training needs.
-    Training,
-    /// A linker for older systems.
-    Packaging,
-}
 
 /// A system for which packages are made, as Blender names it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -85,117 +73,6 @@ impl Platform {
     }
 }
 
-impl Venv {
-    fn folder(self) -> &'static str {
-        match self {
-            Venv::Blender => "bpy",
-            Venv::Training => "training",
-            Venv::Packaging => "packaging",
-        }
-    }
-
-    /// The file whose lines pip installs; its text decides whether the environment is current.
-    fn requirements(self) -> PathBuf {
-        match self {
-            Venv::Blender => root().join("tests/addon/requirements.txt"),
-            Venv::Training => root().join("training/requirements.txt"),
-            Venv::Packaging => root().join("packaging/requirements.txt"),
-        }
-    }
-
-    /// Its interpreter; `ANYFACE_VENVS` moves all environments to another folder.
-    pub fn python(self) -> PathBuf {
-        interpreter(self.folder())
-    }
-
-    /// Creates or refreshes the environment.
-    pub fn ensure(self, steps: &mut Steps) -> Result<PathBuf> {
-        let wanted = std::fs::read_to_string(self.requirements())
-            .with_context(|| format!("reading {}", self.requirements().display()))?;
-        environment(steps, PYTHON, self.folder(), &wanted)
-    }
-}
-
-/// Python without an environment.
-pub const PYTHON: &str = if cfg!(windows) { "python" } else { "python3" };
-
-/// The interpreter of an environment; `ANYFACE_VENVS` moves all to another folder.
-fn interpreter(name: &str) -> PathBuf {
-    let base = std::env::var_os("ANYFACE_VENVS").map_or(target().join("venvs"), PathBuf::from);
-    let inside = match cfg!(windows) {
-        true => "Scripts/python.exe",
-        false => "bin/python",
-    };
-    base.join(name).join(inside)
-}
-
-/// Creates or refreshes an environment of the interpreter `from`; `wanted` are pip's lines.
-fn environment(steps: &mut Steps, from: &str, name: &str, wanted: &str) -> Result<PathBuf> {
-    let python = interpreter(name);
-    let folder = python.ancestors().nth(2).context("venv path")?.to_owned();
-    let stamp = folder.join("installed.txt");
-    if std::fs::read_to_string(&stamp).is_ok_and(|installed| installed == wanted) {
-        return Ok(python);
-    }
-    // Debian's python3 comes without it.
-    let complete = Command::new(from).args(["-c", "import ensurepip"]).output();
-    if !complete.is_ok_and(|out| out.status.success()) {
-        ensure_apt(steps, &["python3-venv"])?;
-    }
-    let step = format!("install Python packages ({name})");
-    steps.run(&step, Command::new(from).args(["-m", "venv"]).arg(&folder))?;
-    let list = folder.join("wanted.txt");
-    std::fs::write(&list, wanted)?;
-    let mut pip = Command::new(&python);
-    steps.run(&step, pip.args(["-m", "pip", "install", "-q", "-U", "pip"]))?;
-    let mut pip = Command::new(&python);
-    steps.run(
-        &step,
-        pip.args(["-m", "pip", "install", "-q", "-r"]).arg(list),
-    )?;
-    std::fs::write(&stamp, wanted)?;
-    Ok(python)
-}
-
-/// A Python with Blender as a module: the usual one, or one of another `version` such as "4.2".
-pub fn blender_python(steps: &mut Steps, version: Option<&str>) -> Result<PathBuf> {
-    let Some(version) = version else {
-        return Venv::Blender.ensure(steps);
-    };
-    let usual = std::fs::read_to_string(Venv::Blender.requirements())?;
-    let name = format!("bpy-{version}");
-    environment(
-        steps,
-        python_for(version)?,
-        &name,
-        &of_version(&usual, version),
-    )
-}
-
-/// The Python that a version of Blender was built for.
-fn python_for(version: &str) -> Result<&'static str> {
-    let numbers = version
-        .split_once('.')
-        .and_then(|(major, minor)| Some((major.parse::<u32>().ok()?, minor.parse::<u32>().ok()?)));
-    let Some(numbers) = numbers else {
-        bail!("expected a version of Blender such as 4.2, got {version}");
-    };
-    Ok(match (cfg!(windows), numbers >= (5, 1)) {
-        (true, _) => PYTHON,
-        (false, true) => "python3.13",
-        (false, false) => "python3.11",
-    })
-}
-
-/// pip's lines with another version of bpy.
-fn of_version(lines: &str, version: &str) -> String {
-    let lines = lines.lines().map(|line| match line.starts_with("bpy==") {
-        true => format!("bpy=={version}.*\n"),
-        false => format!("{line}\n"),
-    });
-    lines.collect()
-}
-
 /// The repository.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -242,18 +119,17 @@ pub fn ensure_apt(steps: &mut Steps, packages: &[&str]) -> Result<()> {
         }
         prefix.push("sudo");
     }
-    for words in [vec!["apt-get", "update", "-qq"], {
-        let mut words = vec!["apt-get", "install", "-y", "-qq", "--no-install-recommends"];
-        words.extend(&missing);
-        words
-    }] {
-        let words: Vec<&str> = prefix.iter().copied().chain(words).collect();
-        steps.run(
-            &format!("install {}", missing.join(" ")),
-            Command::new(words[0])
-                .args(&words[1..])
-                .env("DEBIAN_FRONTEND", "noninteractive"),
-        )?;
+    let mut install = vec!["install", "-y", "-q", "--no-install-recommends"];
+    install.extend(&missing);
+    let name = format!("install {}", missing.join(" "));
+    for (name, arguments) in [
+        ("read Debian's list of packages", vec!["update", "-q"]),
+        (&name, install),
+    ] {
+        let words: Vec<&str> = prefix.iter().copied().chain(["apt-get"]).collect();
+        let mut command = Command::new(words[0]);
+        command.args(&words[1..]).args(arguments);
+        steps.run(name, command.env("DEBIAN_FRONTEND", "noninteractive"))?;
     }
     Ok(())
 }
@@ -271,17 +147,4 @@ pub fn is_root() -> bool {
         .arg("-u")
         .output()
         .is_ok_and(|out| out.stdout == b"0\n")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn another_blender_changes_one_line_and_the_python() {
-        let lines = of_version("bpy==5.0.1\npytest\n", "4.2");
-        assert_eq!(lines, "bpy==4.2.*\npytest\n");
-        assert!(python_for("5.0").unwrap() != python_for("5.2").unwrap() || cfg!(windows));
-        assert!(python_for("five").unwrap_err().to_string().contains("five"));
-    }
 }

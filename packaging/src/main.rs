@@ -9,6 +9,7 @@ mod install;
 mod machine;
 mod package;
 mod portable;
+mod python;
 mod steps;
 mod test;
 

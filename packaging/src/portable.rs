@@ -8,7 +8,8 @@ use std::{
 use anyhow::{Context, Result, ensure};
 
 use crate::{
-    machine::{self, Platform, Venv},
+    machine::{self, Platform},
+    python::Venv,
     steps::Steps,
 };
 

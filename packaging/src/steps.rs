@@ -1,11 +1,12 @@
 //! A list of commands with one line each: name, result, time; the output goes to a log, and to
-//! the terminal when the command fails.
+//! the terminal when the command fails. While one runs, its last line of output is shown: at all
+//! times on a terminal, every half minute elsewhere.
 
 use std::{
     fs::File,
-    io::{Read, Seek, SeekFrom, Write},
-    path::PathBuf,
-    process::{Command, Stdio},
+    io::{IsTerminal, Read, Seek, SeekFrom, Write},
+    path::{Path, PathBuf},
+    process::{Child, Command, ExitStatus, Stdio},
     time::{Duration, Instant},
 };
 
@@ -109,16 +110,13 @@ impl Steps {
         let began = Instant::now();
         let from = self.log.seek(SeekFrom::End(0))?;
         writeln!(self.log, "\n==== {name}\n{command:?}")?;
-        let spinner = ProgressBar::new_spinner().with_message(name.to_owned());
-        spinner.set_style(ProgressStyle::with_template("{spinner} {msg} {elapsed}")?);
-        spinner.enable_steady_tick(Duration::from_millis(200));
-        let status = command
+        let mut child = command
             .stdin(Stdio::null())
             .stdout(self.log.try_clone()?)
             .stderr(self.log.try_clone()?)
-            .status()
+            .spawn()
             .with_context(|| format!("starting {name}: {command:?}"))?;
-        spinner.finish_and_clear();
+        let status = watch(name, &mut child, &self.log_path)?;
         let mut output = Vec::new();
         self.log.seek(SeekFrom::Start(from))?;
         self.log.read_to_end(&mut output)?;
@@ -162,6 +160,53 @@ impl Counts {
     }
 }
 
+/// Waits for a command and shows its last line of output meanwhile.
+fn watch(name: &str, child: &mut Child, log: &Path) -> Result<ExitStatus> {
+    let (began, mut said) = (Instant::now(), Instant::now());
+    let spinner = ProgressBar::new_spinner().with_prefix(name.to_owned());
+    let style = ProgressStyle::with_template("{spinner} {prefix} ({elapsed}) {wide_msg:.dim}")?;
+    spinner.set_style(style);
+    let quiet = !std::io::stderr().is_terminal();
+    loop {
+        if let Some(status) = child.try_wait()? {
+            spinner.finish_and_clear();
+            return Ok(status);
+        }
+        if quiet && said.elapsed() >= Duration::from_secs(30) {
+            said = Instant::now();
+            println!(
+                "...      {name} ({}): {}",
+                clock(began.elapsed()),
+                last_line(log)
+            );
+        }
+        spinner.set_message(last_line(log));
+        spinner.tick();
+        std::thread::sleep(Duration::from_millis(100));
+    }
+}
+
+/// The last line that is in a log; empty where it cannot be read.
+fn last_line(log: &Path) -> String {
+    let mut end = Vec::new();
+    // A handle of its own: moving the one that the command writes through would move the command.
+    if let Ok(mut file) = File::open(log) {
+        let size = file.metadata().map_or(0, |data| data.len());
+        let _ = file.seek(SeekFrom::Start(size.saturating_sub(1024)));
+        let _ = file.read_to_end(&mut end);
+    }
+    let text = String::from_utf8_lossy(&end);
+    let line = text
+        .rsplit(['\n', '\r'])
+        .find(|line| !line.trim().is_empty());
+    let words = line.unwrap_or_default().trim();
+    words
+        .chars()
+        .filter(|c| !c.is_control())
+        .take(100)
+        .collect()
+}
+
 fn is_closing_line(line: &str) -> bool {
     let pytest = line.contains(" in ")
         && line.ends_with(['s', '=', ')'])
@@ -191,6 +236,15 @@ fn clock(time: Duration) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_last_line_of_a_log_is_the_last_that_says_something() {
+        let path = std::env::temp_dir().join(format!("anyface-last-line-{}", std::process::id()));
+        std::fs::write(&path, "first\nrendered 1 of 9\rrendered 2 of 9\r\n\n").unwrap();
+        assert_eq!(last_line(&path), "rendered 2 of 9");
+        std::fs::remove_file(&path).unwrap();
+        assert_eq!(last_line(&path), "");
+    }
 
     #[test]
     fn closing_lines_of_both_runners_are_added_up() {

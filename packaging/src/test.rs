@@ -6,8 +6,8 @@ use anyhow::Result;
 use clap::Args;
 
 use crate::{
-    addon,
-    machine::{self, Venv},
+    addon, machine,
+    python::{self, Venv},
     steps::Steps,
 };
 
@@ -92,7 +92,7 @@ fn extension(steps: &mut Steps, version: Option<&str>) -> Result<()> {
     }
     Venv::Blender.ensure(steps)?;
     addon::ruff(steps)?;
-    let python = machine::blender_python(steps, version)?;
+    let python = python::blender(steps, version)?;
     let zip = addon::built_zip(steps)?;
     let executable = blender(steps)?;
     addon::check(steps, &python, &zip, executable)

@@ -1,0 +1,206 @@
+//! Python environments under `target/venvs`, made where they are missing, each with the interpreter
+//! that its packages were built for.
+
+use std::{ffi::OsStr, path::PathBuf, process::Command};
+
+use anyhow::{Context, Result, bail};
+
+use crate::{
+    machine::{ensure_apt, root, target},
+    steps::Steps,
+};
+
+/// Python without an environment.
+pub const PYTHON: &str = if cfg!(windows) { "python" } else { "python3" };
+
+/// The minor versions of Python 3 that Blender's modules are built for: 4.2 to 5.0, from 5.1 on.
+const OF_BLENDER: [u32; 2] = [11, 13];
+
+/// A Python environment of the project.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Venv {
+    /// Blender as a module, pytest and ruff.
+    Blender,
+    /// PyTorch and what training needs.
+    Training,
+    /// A linker for older systems.
+    Packaging,
+}
+
+impl Venv {
+    fn folder(self) -> &'static str {
+        match self {
+            Venv::Blender => "bpy",
+            Venv::Training => "training",
+            Venv::Packaging => "packaging",
+        }
+    }
+
+    /// The file whose lines pip installs; its text decides whether the environment is current.
+    fn requirements(self) -> PathBuf {
+        match self {
+            Venv::Blender => root().join("tests/addon/requirements.txt"),
+            Venv::Training => root().join("training/requirements.txt"),
+            Venv::Packaging => root().join("packaging/requirements.txt"),
+        }
+    }
+
+    /// Its interpreter; `ANYFACE_VENVS` moves all environments to another folder.
+    pub fn python(self) -> PathBuf {
+        interpreter(self.folder())
+    }
+
+    /// Creates or refreshes the environment.
+    pub fn ensure(self, steps: &mut Steps) -> Result<PathBuf> {
+        let wanted = std::fs::read_to_string(self.requirements())
+            .with_context(|| format!("reading {}", self.requirements().display()))?;
+        if is_current(self.folder(), &wanted) {
+            return Ok(self.python());
+        }
+        let from = match self {
+            Venv::Blender => any_of_blender()?,
+            _ => PYTHON.to_owned(),
+        };
+        environment(steps, &from, self.folder(), &wanted)
+    }
+}
+
+/// A Python with Blender as a module: the usual one, or one of another `version` such as "4.2".
+pub fn blender(steps: &mut Steps, version: Option<&str>) -> Result<PathBuf> {
+    let Some(version) = version else {
+        return Venv::Blender.ensure(steps);
+    };
+    let usual = std::fs::read_to_string(Venv::Blender.requirements())?;
+    let name = format!("bpy-{version}");
+    let wanted = of_version(&usual, version);
+    if is_current(&name, &wanted) {
+        return Ok(interpreter(&name));
+    }
+    let from = first_of(&[python_for(version)?])?;
+    environment(steps, &from, &name, &wanted)
+}
+
+/// The interpreter of an environment; `ANYFACE_VENVS` moves all to another folder.
+fn interpreter(name: &str) -> PathBuf {
+    let base = std::env::var_os("ANYFACE_VENVS").map_or(target().join("venvs"), PathBuf::from);
+    let inside = match cfg!(windows) {
+        true => "Scripts/python.exe",
+        false => "bin/python",
+    };
+    base.join(name).join(inside)
+}
+
+/// The folder of an environment.
+fn folder(name: &str) -> Result<PathBuf> {
+    let python = interpreter(name);
+    let folder = python.ancestors().nth(2).context("venv path")?;
+    Ok(folder.to_owned())
+}
+
+/// Whether an environment has what the lines `wanted` ask for.
+fn is_current(name: &str, wanted: &str) -> bool {
+    let Ok(folder) = folder(name) else {
+        return false;
+    };
+    std::fs::read_to_string(folder.join("installed.txt")).is_ok_and(|text| text == wanted)
+}
+
+/// Creates or refreshes an environment of the interpreter `from`; `wanted` are pip's lines.
+fn environment(steps: &mut Steps, from: &str, name: &str, wanted: &str) -> Result<PathBuf> {
+    let (python, folder) = (interpreter(name), folder(name)?);
+    // Debian's python3 comes without it.
+    let complete = Command::new(from).args(["-c", "import ensurepip"]).output();
+    if !complete.is_ok_and(|out| out.status.success()) {
+        ensure_apt(steps, &["python3-venv"])?;
+    }
+    let mut create = Command::new(from);
+    create.args(["-m", "venv"]).arg(&folder);
+    if minor_of(&python) != minor_of(from) {
+        create.arg("--clear");
+    }
+    steps.run(&format!("make a Python environment ({name})"), &mut create)?;
+    let list = folder.join("wanted.txt");
+    std::fs::write(&list, wanted)?;
+    let mut pip = Command::new(&python);
+    pip.args(["-m", "pip", "install", "-q", "-U", "pip"]);
+    steps.run(&format!("update pip ({name})"), &mut pip)?;
+    let mut pip = Command::new(&python);
+    pip.args(["-m", "pip", "install", "-r"]).arg(list);
+    steps.run(&format!("install Python packages ({name})"), &mut pip)?;
+    std::fs::write(folder.join("installed.txt"), wanted)?;
+    Ok(python)
+}
+
+/// An interpreter for which there is a Blender module: `python3` itself where it fits.
+fn any_of_blender() -> Result<String> {
+    first_of(&OF_BLENDER)
+}
+
+/// The first interpreter on the PATH that is Python 3 of one of the minor versions `minors`.
+fn first_of(minors: &[u32]) -> Result<String> {
+    let usual = minor_of(PYTHON);
+    if usual.is_some_and(|minor| minors.contains(&minor)) {
+        return Ok(PYTHON.to_owned());
+    }
+    let named = minors
+        .iter()
+        .map(|minor| (minor, format!("python3.{minor}")));
+    for (minor, name) in named {
+        if minor_of(&name) == Some(*minor) {
+            return Ok(name);
+        }
+    }
+    let wanted: Vec<String> = minors.iter().map(|minor| format!("3.{minor}")).collect();
+    let found = usual.map_or("none".to_owned(), |minor| format!("3.{minor}"));
+    bail!(
+        "Blender's Python module needs Python {}, and {PYTHON} is {found}: install one of them \
+         (Debian 12 has 3.11, Debian 13 has 3.13) so that it is on the PATH",
+        wanted.join(" or ")
+    )
+}
+
+/// The second number of the version of an interpreter; None where it does not run.
+fn minor_of(name: impl AsRef<OsStr>) -> Option<u32> {
+    let ask = "import sys; print(sys.version_info.minor)";
+    let output = Command::new(name).args(["-c", ask]).output().ok()?;
+    String::from_utf8(output.stdout).ok()?.trim().parse().ok()
+}
+
+/// The minor version of the Python 3 that a version of Blender was built for.
+fn python_for(version: &str) -> Result<u32> {
+    let numbers = version
+        .split_once('.')
+        .and_then(|(major, minor)| Some((major.parse::<u32>().ok()?, minor.parse::<u32>().ok()?)));
+    let Some(numbers) = numbers else {
+        bail!("expected a version of Blender such as 4.2, got {version}");
+    };
+    Ok(OF_BLENDER[usize::from(numbers >= (5, 1))])
+}
+
+/// pip's lines with another version of bpy.
+fn of_version(lines: &str, version: &str) -> String {
+    let others = lines.lines().filter(|line| !line.starts_with("bpy=="));
+    let others: String = others.map(|line| format!("{line}\n")).collect();
+    format!("bpy=={version}.*\n{others}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn another_blender_changes_its_own_lines_and_the_python() {
+        let usual =
+            "bpy==5.0.1; python_version < '3.13'\nbpy==5.2.3; python_version >= '3.13'\npytest\n";
+        assert_eq!(of_version(usual, "4.2"), "bpy==4.2.*\npytest\n");
+        assert_eq!(python_for("5.0").unwrap(), 11);
+        assert_eq!(python_for("5.2").unwrap(), 13);
+        assert!(python_for("five").unwrap_err().to_string().contains("five"));
+    }
+
+    #[test]
+    fn a_missing_python_is_named_with_the_one_that_is_there() {
+        let words = first_of(&[99]).unwrap_err().to_string();
+        assert!(words.contains("needs Python 3.99"), "{words}");
+    }
+}
