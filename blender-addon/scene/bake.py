@@ -106,6 +106,7 @@ def read_face(ob, settings: Settings, editable: bool = True) -> FaceMesh:
     """The face with the objects beside it; raises `AnyfaceError` for parts that cannot be keyed,
     where that is needed (`editable`)."""
     face = mesh.read_face(ob, settings.landmark_file)
+    mesh.check_face(ob, face)
     face.axes = settings.axes
     for part in settings.parts if editable else ():
         outputs.check_part(pieces.object_of(part, ob), settings.mode, settings.output)
@@ -137,7 +138,9 @@ def _find_sound(scene, settings: Settings, engine) -> SoundSource:
         return sound.from_strip(scene, settings.strip, decode.decoder(engine))
     if settings.sound_file:
         return sound.from_file(settings.sound_file, settings.start_frame)
-    raise AnyfaceError("audio", "no sound: choose a sound strip or a file")
+    raise AnyfaceError(
+        "audio", "no sound: choose a sound strip under Audio, or set Sound to File and choose one"
+    )
 
 
 def _emotion(ob, scene, settings: Settings, source: SoundSource):

@@ -10,6 +10,8 @@ from ..core.errors import AnyfaceError
 from ..core.take import FaceMesh
 
 LANDMARKS_PROPERTY = "anyface_landmarks"
+# No face can be found on fewer vertices, and looking for one would take half a minute.
+_FEWEST = 60
 
 
 def read_face(ob, landmark_file: str = "") -> FaceMesh:
@@ -35,6 +37,16 @@ def read_face(ob, landmark_file: str = "") -> FaceMesh:
         landmark_vertices=vertices,
         hints=_hints(ob),
     )
+
+
+def check_face(ob, face: FaceMesh) -> None:
+    """Raises `AnyfaceError("mesh")` where a face is to be found on what can hold none."""
+    given = face.landmarks is not None or face.landmark_vertices is not None
+    count = len(face.positions)
+    if count < _FEWEST and not given:
+        raise AnyfaceError(
+            "mesh", f"{ob.name} has {count} vertices, too few for a face: pick the mesh of the head"
+        )
 
 
 def read_basis(mesh) -> np.ndarray:
@@ -137,6 +149,31 @@ def _as_landmarks(value) -> tuple[np.ndarray | None, np.ndarray | None]:
 
 
 def _hints(ob) -> list[str]:
+    """What may be the reason where no face is found."""
+    found = []
     if any(modifier.type == "MIRROR" for modifier in ob.modifiers):
-        return ["Half of the face comes from a Mirror modifier: apply it"]
-    return []
+        found.append("Half of the face comes from a Mirror modifier: apply it")
+    around = _around(ob)
+    if around:
+        found.append(f"{around} lies around it: pick that mesh if it is the face")
+    return found
+
+
+def _around(ob) -> str:
+    """The name of the smallest mesh beside `ob` whose box holds that of `ob`, or ""."""
+    low, high = box_of(world_corners(ob))
+    sizes = {}
+    for other in {other for collection in ob.users_collection for other in collection.objects}:
+        if other.type != "MESH" or other == ob or not len(other.data.polygons):
+            continue
+        corner, opposite = box_of(world_corners(other))
+        if (corner <= low).all() and (high <= opposite).all():
+            sizes[other.name] = float(np.prod(opposite - corner))
+    return min(sizes, key=sizes.get, default="")
+
+
+def world_corners(ob) -> np.ndarray:
+    """The corners `[8, 3]` of an object's box in the world."""
+    corners = np.array(ob.bound_box, dtype=np.float64)
+    matrix = np.array(ob.matrix_world, dtype=np.float64)
+    return corners @ matrix[:3, :3].T + matrix[:3, 3]

@@ -146,18 +146,11 @@ def suggest(ob, objects, centre, radius: float) -> list[Part]:
             continue
         if len(other.data.polygons) == 0 or other.get(mesh.LANDMARKS_PROPERTY):
             continue
-        box = box_of(other)
+        box = mesh.world_corners(other)
         middle, size = box.mean(axis=0), np.ptp(box, axis=0).max()
         if np.linalg.norm(middle - centre) <= radius and size <= 2.5 * radius:
             found.append(Part(other.name, role_of_name(other.name)))
     return found
-
-
-def box_of(ob) -> np.ndarray:
-    """The corners `[8, 3]` of an object's box in the world."""
-    corners = np.array(ob.bound_box, dtype=np.float64)
-    matrix = np.array(ob.matrix_world, dtype=np.float64)
-    return corners @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def role_of_name(name: str) -> str:

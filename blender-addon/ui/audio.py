@@ -6,6 +6,7 @@ from bpy.types import Operator, Panel, PropertyGroup
 
 from ..core.errors import AnyfaceError
 from ..scene import sequencer, strips
+from . import words
 from .target import OfFace, sequencer_scene, target
 
 
@@ -27,11 +28,19 @@ class AnyfaceAudio(PropertyGroup):
     chosen: CollectionProperty(type=AnyfaceStrip)
 
 
-def fill(settings, ob) -> None:
-    """Puts several strips into plain settings, where they are what `ob` is asked to speak."""
+def fill(settings, ob, scene=None) -> None:
+    """Puts what `ob` is asked to speak into plain settings; `scene` is the sequencer's."""
     source = ob.anyface.source
+    settings.strip = strip_of(ob, scene) if source == "STRIP" else ""
+    settings.sound_file = ob.anyface.sound_file if source == "FILE" else ""
     settings.channel = ob.anyface_audio.channel if source == "CHANNEL" else 0
     settings.strips = [item.name for item in ob.anyface_audio.chosen] if source == "CHOSEN" else []
+
+
+def strip_of(ob, scene) -> str:
+    """The strip that was chosen, else the only one that the sequencer of `scene` has, else ""."""
+    found = sequencer.sound_strips(scene) if scene is not None and not ob.anyface.strip else []
+    return found[0].name if len(found) == 1 else ob.anyface.strip
 
 
 class ANYFACE_OT_use_selected_strips(OfFace, Operator):
@@ -80,12 +89,13 @@ class ANYFACE_PT_audio(Panel):
             column.prop(ob.anyface, "sound_file")
             column.prop(ob.anyface, "start_frame")
         elif scene.sequence_editor is None or not sequencer.sound_strips(scene):
-            column.label(text="No sound strip in the video sequencer", icon="INFO")
+            text = "No sound strip in the video sequencer: add one there, or set Sound to File"
+            words.draw(column.column(align=True), text, context.region.width, "INFO")
             return
         else:
             _draw_strips(column, ob, scene)
         for text, icon in lines(ob, scene):
-            layout.label(text=text, icon=icon)
+            words.draw(layout.column(align=True), text, context.region.width, icon)
 
 
 def _draw_strips(column, ob, scene) -> None:
@@ -114,18 +124,30 @@ def lines(ob, scene) -> list[tuple[str, str]]:
     single = ob.anyface.source == "STRIP"
     muted = [] if single else [strip.name for strip in found if strip.mute]
     length = strips.length_of(scene, found, with_muted=single)
-    said = [] if length is None else [(f"{_count(found)}{length}", "SOUND")]
+    only = f"{found[0].name}, " if single and not ob.anyface.strip else ""
+    said = [] if length is None else [(f"{only}{_count(found)}{length}", "SOUND")]
     return said + [(f"Muted, left out: {name}", "MUTE_IPO_ON") for name in muted]
 
 
 def _strips(ob, scene) -> list:
     if ob.anyface.source == "STRIP":
-        name = ob.anyface.strip
+        name = strip_of(ob, scene)
         return [sequencer.sound_strip(scene, name)] if name else []
     names = [item.name for item in ob.anyface_audio.chosen]
     if ob.anyface.source == "CHOSEN":
         return strips.chosen(scene, names, 0) if names else []
     return strips.chosen(scene, [], ob.anyface_audio.channel)
+
+
+def seconds(ob, scene) -> float | None:
+    """Length of the chosen sound; None where it cannot be told without decoding it."""
+    if ob.anyface.source == "FILE":
+        return strips.seconds_of(ob.anyface.sound_file)
+    try:
+        length = strips.length_of(scene, _strips(ob, scene), ob.anyface.source == "STRIP")
+    except AnyfaceError:
+        return None
+    return None if length is None else length.seconds
 
 
 def _count(found: list) -> str:

@@ -75,7 +75,8 @@ class ANYFACE_OT_generate(OfFace, Operator):
 
     def _read(self, context, ob):
         engine = running.engine()
-        return bake.read(ob, sequencer_scene(context), from_object(ob), engine)
+        scene = sequencer_scene(context)
+        return bake.read(ob, scene, from_object(ob, scene), engine)
 
     def _finish(self, ob, snapshot, take):
         text = bake.write(ob, snapshot, take)

@@ -9,7 +9,7 @@ from bpy.types import Operator, Panel
 from ..core import shapes
 from ..core.errors import AnyfaceError
 from ..scene import adjust, estimate, existing, outputs, record
-from . import output_properties, running, words
+from . import audio, output_properties, running, words
 from .settings import sequencer_scene, target
 
 
@@ -41,7 +41,8 @@ class ANYFACE_PT_output(Panel):
             return
         if record.is_generated(ob) and not running.is_running():
             _draw_sliders(layout, ob)
-        text = estimate.describe(ob, sequencer_scene(context), ob.anyface, asked)
+        scene = sequencer_scene(context)
+        text = estimate.describe(ob, scene, audio.seconds(ob, scene), ob.anyface, asked)
         _draw_words(layout, text, context.region.width)
 
 

@@ -9,8 +9,8 @@ from .target import sequencer_scene, target
 __all__ = ["from_object", "sequencer_scene", "target"]
 
 
-def from_object(ob) -> Settings:
-    """The settings stored on `ob`."""
+def from_object(ob, scene=None) -> Settings:
+    """The settings stored on `ob`; the only strip of `scene` speaks where none was chosen."""
     stored = ob.anyface
     values = {
         item.name: getattr(stored, item.name)
@@ -18,10 +18,6 @@ def from_object(ob) -> Settings:
         if hasattr(stored, item.name)
     }
     settings = Settings(**values, output=output_properties.read(ob))
-    if stored.source != "FILE":
-        settings.sound_file = ""
-    if stored.source != "STRIP":
-        settings.strip = ""
-    audio.fill(settings, ob)
+    audio.fill(settings, ob, scene)
     character.fill(settings, ob)
     return settings

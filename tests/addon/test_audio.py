@@ -129,3 +129,25 @@ def test_the_panel_shows_where_the_sound_begins_and_ends(addon, stage, tmp_path)
     ob.anyface.source, ob.anyface.strip = "STRIP", "Gone"
     text, icon = lines(ob, bpy.context.scene)[0]
     assert "got 'Gone'" in text and icon == "ERROR"
+
+
+def test_the_only_strip_speaks_without_being_chosen(addon, stage, tmp_path):
+    ob = grid()
+    strip(level(tmp_path / "a.wav", 0.25), "One", 11)
+    ob.anyface.source = "STRIP"
+    assert addon("ui.audio").lines(ob, bpy.context.scene)[0][0].startswith("One, frames 11")
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    strip(level(tmp_path / "b.wav", 0.5), "Two", 99)
+    with pytest.raises(RuntimeError, match="no sound: choose a sound strip under Audio"):
+        bpy.ops.anyface.generate()
+
+
+def test_the_length_that_is_estimated_is_that_of_the_chosen_source(addon, stage, tmp_path):
+    ob = grid()
+    two(tmp_path)
+    seconds = addon("ui.audio").seconds
+    ob.anyface.sound_file = level(tmp_path / "file.wav", 0.1, seconds=2.0)
+    lengths = {"FILE": 2.0, "CHANNEL": 3.0, "STRIP": None, "CHOSEN": None}
+    for source, length in lengths.items():
+        ob.anyface.source = source
+        assert seconds(ob, bpy.context.scene) == (length and pytest.approx(length))

@@ -199,3 +199,23 @@ def test_disable_and_enable(installed, addon):
     assert not hasattr(bpy.types, "ANYFACE_PT_main")
     bpy.ops.preferences.addon_enable(module=name)
     assert hasattr(bpy.types.Object, "anyface")
+
+
+def test_a_cube_is_no_face_and_nobody_waits_for_it(addon, stage, tmp_path):
+    ready(tmp_path)
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.context.object.anyface.source = "FILE"
+    for press in (bpy.ops.anyface.generate, bpy.ops.anyface.find_face):
+        with pytest.raises(RuntimeError, match="Cube has 8 vertices, too few for a face: pick"):
+            press()
+    assert not stage.calls and not stage.searches
+
+
+def test_the_mesh_around_a_tongue_is_named_where_no_face_is_found(addon):
+    grid("Room", scale=9.0).rotation_euler.x = 0.1
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=1.0)
+    bpy.context.object.name = "Skin"
+    tongue = grid("Tongue")
+    bpy.context.view_layer.update()
+    hints = addon("scene.mesh").read_face(tongue).hints
+    assert hints == ["Skin lies around it: pick that mesh if it is the face"]
