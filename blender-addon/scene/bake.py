@@ -12,7 +12,7 @@ from ..core.job import Progress
 from ..core.plan import Plan
 from ..core.source import SoundSource
 from ..core.take import Controls, FaceMesh, Performance, Take
-from . import decode, emotion, guard, mesh, outputs, pieces, sound, strips, takes
+from . import decode, emotion, existing, guard, mesh, outputs, pieces, sound, strips, takes
 from .outputs import MODES as MODES
 from .outputs import OutputSettings
 
@@ -121,7 +121,15 @@ def write(ob, snapshot: Snapshot, take: Take) -> str:
     start, scene_fps = snapshot.source.start_frame, snapshot.scene_fps
     outputs.write(ob, snapshot.face.pieces, take, start, scene_fps)
     notes = snapshot.source.notes + ([] if take.files else guard.notes(ob))
+    if snapshot.settings.mode == "keys":
+        notes += _left_alone(ob, snapshot.settings.output.mapping)
     return " ".join([describe(take), *(f"({note})" for note in notes)])
+
+
+def _left_alone(ob, mapping: dict[str, str]) -> list[str]:
+    left = existing.left_alone(ob, mapping)
+    more = f" and {len(left) - 3} more" if len(left) > 3 else ""
+    return [f"driven, muted or locked, left alone: {', '.join(left[:3])}{more}"] if left else []
 
 
 def describe(take: Take) -> str:

@@ -25,6 +25,16 @@ def find(ob, mapping: dict[str, str]) -> dict[str, str]:
     return {name: key for name, key in mapping.items() if key in free}
 
 
+def left_alone(ob, mapping: dict[str, str]) -> list[str]:
+    """Keys that show a shape too and are not animated: driven, muted or locked ones."""
+    shape_keys = ob.data.shape_keys
+    free = {block.name for block in _free(shape_keys)}
+    names = [block.name for block in shape_keys.key_blocks if block.name not in free]
+    ours = record.all_keys(shape_keys)
+    wanted = mapping or _one_kind(shapes.match([name for name in names if name not in ours]))
+    return [key for key in wanted.values() if key in names]
+
+
 def check(ob, mapping: dict[str, str]) -> None:
     """Raises `AnyfaceError("mesh")` where no key can be animated."""
     if not find(ob, mapping):

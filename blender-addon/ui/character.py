@@ -174,6 +174,20 @@ def suggestions(ob) -> list:
     return pieces.suggest(ob, sorted(near, key=lambda other: other.name), centre, radius)
 
 
+def left_behind(ob) -> str:
+    """Which teeth, tongues and lashes beside a face without parts would rest, in words, or ""."""
+    if len(ob.anyface_face.parts):
+        return ""
+    found = [part.name for part in suggestions(ob) if _moves(part)]
+    if not found:
+        return ""
+    return f"{', '.join(found)} did not move along: Character > Parts > Find Parts adds them"
+
+
+def _moves(part) -> bool:
+    return part.role in ("jaw", "nearest") or (not part.role and "teeth" in part.name.lower())
+
+
 class ANYFACE_PT_character(Panel):
     """The face, its landmarks, its parts."""
 

@@ -6,7 +6,7 @@ from bpy.types import Operator
 from ..core.errors import AnyfaceError
 from ..core.job import Job, Progress
 from ..scene import bake
-from . import running
+from . import character, running
 from .settings import from_object
 from .target import OfFace, sequencer_scene, target
 
@@ -80,6 +80,8 @@ class ANYFACE_OT_generate(OfFace, Operator):
 
     def _finish(self, ob, snapshot, take):
         text = bake.write(ob, snapshot, take)
+        left = character.left_behind(ob)
+        text = f"{text} ({left})" if left else text
         ob.anyface.report, ob.anyface.report_is_error = text, False
         self.report({"INFO"}, f"Anyface: {text}")
         return {"FINISHED"}

@@ -252,3 +252,17 @@ def test_loose_parts_are_listed_and_their_role_can_be_overridden(stage, addon, t
 )
 def test_names_tell_roles(addon, name, role):
     assert addon("scene.pieces").role_of_name(name) == role
+
+
+def test_teeth_that_were_not_taken_along_are_named(stage, tmp_path):
+    ob = speaking(grid(), tmp_path)
+    for name in ("Teeth_lower", "Eye.R", "Lamp"):
+        grid(name, scale=0.02)
+    bpy.context.view_layer.objects.active = ob
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert ob.anyface.report.endswith(
+        "(Teeth_lower did not move along: Character > Parts > Find Parts adds them)"
+    )
+    bpy.ops.anyface.find_parts()
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert "move along" not in ob.anyface.report

@@ -181,6 +181,7 @@ def test_existing_keys_speak_and_are_given_back(stage, tmp_path, artist):
     else:
         animated = {c.data_path for c in curves(ob.data.shape_keys.animation_data.action)}
         assert not any(names[n] in path for n in (1, 3) for path in animated)
+        assert f"left alone: {names[1]}, {names[3]})" in ob.anyface.report
     bpy.context.scene.frame_set(3)
     assert bpy.ops.anyface.remove() == {"FINISHED"}
     bpy.context.scene.frame_set(3)
