@@ -17,10 +17,15 @@ def check_editable(ob, mode: str) -> None:
                 "mesh",
                 f"{block.name} is linked from {block.library.filepath}, and keys added to linked "
                 "data are lost on save: make object and mesh local (Object > Relations > Make "
-                "Local), open that file, or choose Cache File, which needs no keys",
+                "Local), open that file, or make a library "
+                "override (Object > Library Override > Make) and choose Cache File",
             )
         if block.override_library is not None and block is ob.data:
-            raise AnyfaceError("mesh", f"{block.name} is a library override: make it local first")
+            raise AnyfaceError(
+                "mesh",
+                f"the mesh {block.name} is a library override, and keys added to it are lost on "
+                "save: choose Cache File, or make the mesh local (Object > Relations > Make Local)",
+            )
     _check_animation(ob)
     if mode == "frames" and record.read_kept(ob.data.shape_keys):
         raise AnyfaceError(

@@ -11,7 +11,7 @@ from ..core import finding
 from ..core.errors import AnyfaceError
 from ..core.job import Progress
 from ..core.take import FaceMesh, Found
-from . import mesh
+from . import mesh, rest
 
 COUNT = 68
 # Chains and loops of iBUG 300-W, as they are drawn.
@@ -179,9 +179,9 @@ def head(ob) -> tuple[np.ndarray, float]:
     """Centre `[3]` and radius of the head in the world: from landmarks, or the object's box."""
     stored = load(ob)
     if stored is None:
-        box = mesh.world_corners(ob)
+        box = mesh.corners(ob)
         return box.mean(axis=0), 0.75 * float(np.ptp(box, axis=0).max())
-    matrix = np.array(ob.matrix_world, dtype=np.float64)
+    matrix = rest.world(ob)
     world = stored.positions @ matrix[:3, :3].T + matrix[:3, 3]
     # From chin to brows is half a head.
     return world.mean(axis=0), 1.5 * float(np.ptp(world, axis=0).max())

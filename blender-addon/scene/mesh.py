@@ -8,6 +8,7 @@ import numpy as np
 from ..core import json_file
 from ..core.errors import AnyfaceError
 from ..core.take import FaceMesh
+from . import rest
 
 LANDMARKS_PROPERTY = "anyface_landmarks"
 # No face can be found on fewer vertices, and looking for one would take half a minute.
@@ -47,6 +48,28 @@ def check_face(ob, face: FaceMesh) -> None:
         raise AnyfaceError(
             "mesh", f"{ob.name} has {count} vertices, too few for a face: pick the mesh of the head"
         )
+    if _is_half(ob, face.positions):
+        raise AnyfaceError(
+            "mesh",
+            f"{ob.name} is half a face, which its Mirror modifier completes, and keys would open "
+            "the seam: apply the modifier first",
+        )
+
+
+def _is_half(ob, positions: np.ndarray) -> bool:
+    """Whether positions `[V, 3]` end at the plane of a Mirror modifier."""
+    for modifier in ob.modifiers:
+        if modifier.type != "MIRROR":
+            continue
+        plane = modifier.mirror_object
+        to_plane = plane.matrix_world.inverted() @ ob.matrix_world if plane else np.eye(4)
+        to_plane = np.array(to_plane, dtype=np.float64)
+        low, high = box_of(positions @ to_plane[:3, :3].T + to_plane[:3, 3])
+        near = 0.02 * (high - low)
+        ends = (np.abs(low) <= near) | (np.abs(high) <= near)
+        if (ends & np.array(modifier.use_axis)).any():
+            return True
+    return False
 
 
 def read_basis(mesh) -> np.ndarray:
@@ -161,19 +184,22 @@ def _hints(ob) -> list[str]:
 
 def _around(ob) -> str:
     """The name of the smallest mesh beside `ob` whose box holds that of `ob`, or ""."""
-    low, high = box_of(world_corners(ob))
+    low, high = box_of(corners(ob))
     sizes = {}
     for other in {other for collection in ob.users_collection for other in collection.objects}:
         if other.type != "MESH" or other == ob or not len(other.data.polygons):
             continue
-        corner, opposite = box_of(world_corners(other))
+        corner, opposite = box_of(corners(other))
         if (corner <= low).all() and (high <= opposite).all():
             sizes[other.name] = float(np.prod(opposite - corner))
     return min(sizes, key=sizes.get, default="")
 
 
-def world_corners(ob) -> np.ndarray:
-    """The corners `[8, 3]` of an object's box in the world."""
-    corners = np.array(ob.bound_box, dtype=np.float64)
-    matrix = np.array(ob.matrix_world, dtype=np.float64)
-    return corners @ matrix[:3, :3].T + matrix[:3, 3]
+def corners(ob) -> np.ndarray:
+    """The corners `[8, 3]` of an object's box in the world, armatures in rest pose."""
+    matrix, found = rest.world(ob), np.array(ob.bound_box, dtype=np.float64)
+    if any(modifier.type == "ARMATURE" for modifier in ob.modifiers):
+        # That box is of the posed mesh.
+        low_high = box_of(read_basis(ob.data))
+        found = np.stack([low_high[list(pick), range(3)] for pick in np.ndindex(2, 2, 2)])
+    return found @ matrix[:3, :3].T + matrix[:3, 3]

@@ -141,9 +141,14 @@ def _check_cache(ob, output: OutputSettings) -> None:
             raise AnyfaceError(
                 "mesh",
                 f"the modifier {before[0]} of the library changes vertex numbers before the cache "
-                "could play: make the object local",
+                f"could play: turn it off in the library, or generate in {_library_of(ob)}",
             )
     _check_place(output.cache_folder)
+
+
+def _library_of(ob) -> str:
+    reference = ob.override_library.reference
+    return bpy.path.basename(reference.library.filepath) if reference is not None else "its file"
 
 
 def _check_place(path: str) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.errors import AnyfaceError
 from ..core.take import BY_SHAPE, ROLES, Basis, FaceMesh, KeyMotion, PartRoles, Piece, Take
-from . import mesh
+from . import mesh, rest
 
 # An object that moves less than this in every frame gets no keys.
 STILL_MM = 0.005
@@ -40,10 +40,10 @@ def add(face: FaceMesh, ob, parts: list[Part], loose: dict[int, str]) -> None:
     """
     face.pieces = [Piece(ob.name, 0, len(face.positions), np.eye(4), BY_SHAPE)]
     positions, triangles = [face.positions], [face.triangles]
-    to_face = _inverse(face.matrix_world, ob.name) if parts else np.eye(4)
+    to_face = _inverse(rest.world(ob), ob.name) if parts else np.eye(4)
     for part in parts:
         other = object_of(part, ob)
-        matrix = to_face @ np.array(other.matrix_world, dtype=np.float64)
+        matrix = to_face @ rest.world(other)
         _inverse(matrix, other.name)
         own = mesh.read_face(other)
         first = sum(len(block) for block in positions)
@@ -146,7 +146,7 @@ def suggest(ob, objects, centre, radius: float) -> list[Part]:
             continue
         if len(other.data.polygons) == 0 or other.get(mesh.LANDMARKS_PROPERTY):
             continue
-        box = mesh.world_corners(other)
+        box = mesh.corners(other)
         middle, size = box.mean(axis=0), np.ptp(box, axis=0).max()
         if np.linalg.norm(middle - centre) <= radius and size <= 2.5 * radius:
             found.append(Part(other.name, role_of_name(other.name)))

@@ -80,7 +80,7 @@ class ANYFACE_OT_generate(OfFace, Operator):
 
     def _finish(self, ob, snapshot, take):
         text = bake.write(ob, snapshot, take)
-        left = character.left_behind(ob)
+        left = character.left_behind(ob) if snapshot.settings.mode not in ("csv", "keys") else ""
         text = f"{text} ({left})" if left else text
         ob.anyface.report, ob.anyface.report_is_error = text, False
         self.report({"INFO"}, f"Anyface: {text}")

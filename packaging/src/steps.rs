@@ -110,13 +110,14 @@ impl Steps {
         let began = Instant::now();
         let from = self.log.seek(SeekFrom::End(0))?;
         writeln!(self.log, "\n==== {name}\n{command:?}")?;
+        let begun = self.log.stream_position()?;
         let mut child = command
             .stdin(Stdio::null())
             .stdout(self.log.try_clone()?)
             .stderr(self.log.try_clone()?)
             .spawn()
             .with_context(|| format!("starting {name}: {command:?}"))?;
-        let status = watch(name, &mut child, &self.log_path)?;
+        let status = watch(name, &mut child, &self.log_path, begun)?;
         let mut output = Vec::new();
         self.log.seek(SeekFrom::Start(from))?;
         self.log.read_to_end(&mut output)?;
@@ -160,8 +161,8 @@ impl Counts {
     }
 }
 
-/// Waits for a command and shows its last line of output meanwhile.
-fn watch(name: &str, child: &mut Child, log: &Path) -> Result<ExitStatus> {
+/// Waits for a command and shows its last line of output meanwhile, which begins at `begun` in `log`.
+fn watch(name: &str, child: &mut Child, log: &Path, begun: u64) -> Result<ExitStatus> {
     let (began, mut said) = (Instant::now(), Instant::now());
     let spinner = ProgressBar::new_spinner().with_prefix(name.to_owned());
     let style = ProgressStyle::with_template("{spinner} {prefix} ({elapsed}) {wide_msg:.dim}")?;
@@ -177,22 +178,22 @@ fn watch(name: &str, child: &mut Child, log: &Path) -> Result<ExitStatus> {
             println!(
                 "...      {name} ({}): {}",
                 clock(began.elapsed()),
-                last_line(log)
+                last_line(log, begun)
             );
         }
-        spinner.set_message(last_line(log));
+        spinner.set_message(last_line(log, begun));
         spinner.tick();
         std::thread::sleep(Duration::from_millis(100));
     }
 }
 
-/// The last line that is in a log; empty where it cannot be read.
-fn last_line(log: &Path) -> String {
+/// The last line that is in a log from byte `begun` on; empty where it cannot be read.
+fn last_line(log: &Path, begun: u64) -> String {
     let mut end = Vec::new();
     // A handle of its own: moving the one that the command writes through would move the command.
     if let Ok(mut file) = File::open(log) {
         let size = file.metadata().map_or(0, |data| data.len());
-        let _ = file.seek(SeekFrom::Start(size.saturating_sub(1024)));
+        let _ = file.seek(SeekFrom::Start(size.saturating_sub(1024).max(begun)));
         let _ = file.read_to_end(&mut end);
     }
     let text = String::from_utf8_lossy(&end);
@@ -241,9 +242,10 @@ mod tests {
     fn the_last_line_of_a_log_is_the_last_that_says_something() {
         let path = std::env::temp_dir().join(format!("anyface-last-line-{}", std::process::id()));
         std::fs::write(&path, "first\nrendered 1 of 9\rrendered 2 of 9\r\n\n").unwrap();
-        assert_eq!(last_line(&path), "rendered 2 of 9");
+        assert_eq!(last_line(&path, 0), "rendered 2 of 9");
+        assert_eq!(last_line(&path, 39), "");
         std::fs::remove_file(&path).unwrap();
-        assert_eq!(last_line(&path), "");
+        assert_eq!(last_line(&path, 0), "");
     }
 
     #[test]

@@ -266,3 +266,67 @@ def test_teeth_that_were_not_taken_along_are_named(stage, tmp_path):
     bpy.ops.anyface.find_parts()
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     assert "move along" not in ob.anyface.report
+
+
+def rigged(tmp_path, hang):
+    """A skinned head and teeth that `hang` on its bone, the rig turned and carried away."""
+    ob = speaking(grid(), tmp_path)
+    teeth = grid("Teeth_lower", scale=0.02)
+    teeth.location = (0.0, 0.03, -0.02)
+    rig = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
+    bpy.context.scene.collection.objects.link(rig)
+    rig.location.x = 3.0
+    bpy.context.view_layer.objects.active = rig
+    bpy.ops.object.mode_set(mode="EDIT")
+    bone = rig.data.edit_bones.new("head")
+    bone.head, bone.tail = (-3.0, 0.0, -0.1), (-3.0, 0.1, 0.1)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    ob.modifiers.new("Armature", "ARMATURE").object = rig
+    ob.vertex_groups.new(name="head").add(range(len(ob.data.vertices)), 1.0, "REPLACE")
+    bpy.context.view_layer.update()
+    hang(teeth, rig)
+    bpy.context.view_layer.objects.active = ob
+    return ob, teeth, rig
+
+
+def by_bone(teeth, rig):
+    before = teeth.matrix_world.copy()
+    teeth.parent, teeth.parent_type, teeth.parent_bone = rig, "BONE", "head"
+    bpy.context.view_layer.update()
+    teeth.matrix_world = before
+
+
+def by_constraint(teeth, rig):
+    held = teeth.constraints.new("CHILD_OF")
+    held.target, held.subtarget = rig, "head"
+    held.inverse_matrix = (rig.matrix_world @ rig.pose.bones["head"].matrix).inverted()
+
+
+def by_parents(teeth, rig):
+    jaw = bpy.data.objects.new("Jaw", None)
+    bpy.context.scene.collection.objects.link(jaw)
+    by_bone(jaw, rig)
+    bpy.context.view_layer.update()
+    teeth.parent, teeth.matrix_parent_inverse = jaw, jaw.matrix_world.inverted()
+
+
+@pytest.mark.parametrize("hang", [by_bone, by_constraint, by_parents])
+def test_teeth_on_a_posed_bone_are_read_as_in_the_rest_pose(stage, addon, tmp_path, hang):
+    ob, teeth, rig = rigged(tmp_path, hang)
+    bpy.context.view_layer.update()
+    place, add = teeth.matrix_world.copy(), addon("ui.character").suggestions
+    pose = rig.pose.bones["head"]
+    pose.rotation_mode, pose.rotation_euler, pose.location = (
+        "XYZ",
+        (0.3, 0.6, -0.2),
+        (0.0, 5.0, 2.0),
+    )
+    bpy.context.view_layer.update()
+    assert (teeth.matrix_world.translation - place.translation).length > 3.0
+    assert np.abs(addon("scene.rest").world(teeth) - np.array(place)).max() < 1e-5
+    assert [part.name for part in add(ob)] == ["Teeth_lower"]
+    bpy.ops.anyface.find_parts()
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    read = stage.calls[0][0][-len(teeth.data.vertices) :]
+    expected = points_of(teeth) @ np.array(place)[:3, :3].T + np.array(place)[:3, 3]
+    assert np.abs(read - expected).max() < 1e-5

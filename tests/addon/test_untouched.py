@@ -195,6 +195,19 @@ def test_a_local_mesh_of_an_overridden_object_is_animated(stage, tmp_path):
     assert np.abs(shape(ob, 12) - shape(ob, -30)).max() > 1e-3
 
 
+def test_half_a_face_before_a_mirror_modifier_is_refused(stage, tmp_path):
+    ob = speaking(grid(), tmp_path)
+    for vertex in ob.data.vertices:
+        vertex.co.x += 0.1
+    ob.modifiers.new("Mirror", "MIRROR")
+    with pytest.raises(RuntimeError, match=r"half a face, .* Mirror modifier .* apply"):
+        bpy.ops.anyface.generate()
+    assert ob.data.shape_keys is None
+    for vertex in ob.data.vertices:
+        vertex.co.x += 0.1
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+
+
 def test_a_mirror_modifier_is_named_where_no_face_is_found(stage, addon, tmp_path, monkeypatch):
     ob = speaking(grid(), tmp_path)
     ob.modifiers.new("Mirror", "MIRROR")

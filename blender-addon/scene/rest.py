@@ -1,0 +1,49 @@
+"""Where objects stand while every armature is in its rest pose, without posing anything.
+
+A face under an Armature modifier is read as it is modelled, so what hangs on a bone beside it
+(teeth, eyes) has to be taken back to where it was when they were put together.
+"""
+
+import numpy as np
+
+# Constraints that hold an object to a bone as a parent would.
+_HOLDING = {"CHILD_OF", "ARMATURE"}
+
+
+def world(ob) -> np.ndarray:
+    """`ob.matrix_world` `[4, 4]` as it would be in the rest pose."""
+    return back(ob) @ _array(ob.matrix_world)
+
+
+def back(ob) -> np.ndarray:
+    """What takes `ob` in the world from where it is posed to its rest, `[4, 4]`."""
+    holder, bone = _holder(ob)
+    if holder is None:
+        return np.eye(4)
+    if not bone:
+        return back(holder)
+    pose = holder.pose.bones[bone]
+    here = _array(holder.matrix_world)
+    # At rest a bone is at matrix_local, posed at matrix, both in the armature's space.
+    turn = _array(pose.bone.matrix_local) @ np.linalg.pinv(_array(pose.matrix))
+    return back(holder) @ here @ turn @ np.linalg.pinv(here)
+
+
+def _holder(ob) -> tuple:
+    """The object on which `ob` hangs and the name of its bone, "" for the whole; (None, "")."""
+    for constraint in ob.constraints:
+        if constraint.type in _HOLDING and not constraint.mute and constraint.influence > 0.99:
+            target = constraint.targets[0] if constraint.type == "ARMATURE" else constraint
+            if target.target is not None:
+                return target.target, _bone(target.target, target.subtarget)
+    if ob.parent is None:
+        return None, ""
+    return ob.parent, _bone(ob.parent, ob.parent_bone) if ob.parent_type == "BONE" else ""
+
+
+def _bone(armature, name: str) -> str:
+    return name if armature.pose is not None and name in armature.pose.bones else ""
+
+
+def _array(matrix) -> np.ndarray:
+    return np.array(matrix, dtype=np.float64)
