@@ -7,6 +7,7 @@ library (no bpy, any thread) → `scene.bake.write` (shape keys and their curves
 import bpy
 
 from . import command
+from .scene import cache_files
 from .ui import (
     audio,
     character,
@@ -49,10 +50,12 @@ def register():
     landmarks.register()
     command.register()
     running.register()
+    cache_files.register()
 
 
 def unregister():
     """Blender disables the add-on; a running job is cancelled first."""
+    cache_files.unregister()
     running.unregister()
     command.unregister()
     landmarks.unregister()

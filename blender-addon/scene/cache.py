@@ -9,10 +9,10 @@ from pathlib import Path
 import bpy
 
 from ..core.take import WrittenFile
+from . import cache_files
+from .cache_files import FOLDER, SUFFIX
 
 MODIFIER = "Anyface Cache"
-FOLDER = "anyface_cache"
-_SUFFIX = ".pc2"
 
 
 def new_paths(names: list[str], folder: str) -> dict[str, str]:
@@ -22,7 +22,7 @@ def new_paths(names: list[str], folder: str) -> dict[str, str]:
     """
     take = uuid.uuid4().hex[:8]
     place = Path(bpy.path.abspath(folder or f"//{FOLDER}"))
-    return {name: str(place / f"{bpy.path.clean_name(name)}_{take}{_SUFFIX}") for name in names}
+    return {name: str(place / f"{bpy.path.clean_name(name)}_{take}{SUFFIX}") for name in names}
 
 
 def find(ob):
@@ -37,6 +37,7 @@ def write(ob, file: WrittenFile, first_frame: float, frames_per_frame: float) ->
     The first frame after the ease lies at scene frame `first_frame`; a frame of the cache lasts
     `frames_per_frame` scene frames.
     """
+    cache_files.note_written(file.path)
     modifier = ob.modifiers.new(MODIFIER, "MESH_CACHE")
     modifier.cache_format = "PC2"
     modifier.filepath = _relative(file.path)
@@ -53,7 +54,7 @@ def write(ob, file: WrittenFile, first_frame: float, frames_per_frame: float) ->
 
 
 def remove(ob) -> bool:
-    """Takes modifiers, files and, once it is empty, our folder away; False where there is none.
+    """Takes modifiers and, when nobody needs them, files and our folder away; False for none.
 
     Those of the objects beside the face go with its own.
     """
@@ -61,7 +62,7 @@ def remove(ob) -> bool:
     for modifier in modifiers:
         path = Path(bpy.path.abspath(modifier.filepath))
         modifier.id_data.modifiers.remove(modifier)
-        _delete(path)
+        cache_files.drop(path)
     return bool(modifiers)
 
 
@@ -76,19 +77,6 @@ def of_take(ob) -> list:
 
 def _take_of(modifier) -> str:
     return Path(modifier.filepath).stem.rpartition("_")[2]
-
-
-def _delete(path: Path) -> None:
-    played = {bpy.path.abspath(m.filepath) for o in bpy.data.objects for m in _caches(o)}
-    if path.suffix != _SUFFIX or str(path) in played:
-        return
-    path.unlink(missing_ok=True)
-    if path.parent.name == FOLDER and path.parent.is_dir() and not any(path.parent.iterdir()):
-        path.parent.rmdir()
-
-
-def _caches(ob) -> list:
-    return [modifier for modifier in ob.modifiers if modifier.type == "MESH_CACHE"]
 
 
 def _relative(path: str) -> str:

@@ -69,6 +69,57 @@ def test_a_cache_plays_every_frame_and_goes_with_remove(stage, tmp_path):
     assert not (tmp_path / "anyface_cache").exists() and len(ob.modifiers) == 0
 
 
+@pytest.fixture
+def undoable(addon, monkeypatch):
+    """As with a window: what was removed may come back."""
+    found = addon("scene.cache_files")
+    monkeypatch.setattr(found, "_has_undo", lambda: True)
+    yield found
+    found.purge()
+
+
+def test_undo_brings_a_removed_cache_back_with_its_file(stage, undoable, tmp_path):
+    ob = ready(tmp_path, "cache")
+    bpy.ops.anyface.generate()
+    bpy.ops.ed.undo_push(message="Generate")
+    moved = shape(ob, START + 20)
+    bpy.ops.anyface.remove()
+    bpy.ops.ed.undo_push(message="Remove")
+    bpy.ops.ed.undo()
+    assert np.array_equal(shape(bpy.data.objects["Head"], START + 20), moved)
+    undoable.purge()
+    assert len(files(tmp_path / "anyface_cache")) == 1
+
+
+def test_a_removed_cache_goes_once_the_saved_file_does_without_it(stage, undoable, tmp_path):
+    ready(tmp_path, "cache")
+    bpy.ops.anyface.generate()
+    bpy.ops.wm.save_mainfile()
+    bpy.ops.anyface.remove()
+    # Closed without saving: on disk the cache is still played.
+    bpy.ops.wm.revert_mainfile()
+    assert len(files(tmp_path / "anyface_cache")) == 1
+    bpy.ops.anyface.remove()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "copy.blend"), copy=True)
+    bpy.ops.wm.revert_mainfile()
+    assert len(files(tmp_path / "anyface_cache")) == 1
+    bpy.ops.anyface.remove()
+    bpy.ops.wm.save_mainfile()
+    assert len(files(tmp_path / "anyface_cache")) == 1
+    bpy.ops.wm.revert_mainfile()
+    assert not (tmp_path / "anyface_cache").exists()
+
+
+def test_caches_that_wait_for_an_undo_do_not_pile_up(stage, undoable, monkeypatch, tmp_path):
+    ready(tmp_path, "cache")
+    bpy.ops.anyface.generate()
+    size = next((tmp_path / "anyface_cache").iterdir()).stat().st_size
+    monkeypatch.setattr(undoable, "LIMIT", 2 * size)
+    for _ in range(4):
+        bpy.ops.anyface.generate()
+    assert len(files(tmp_path / "anyface_cache")) == 3
+
+
 def test_a_cache_goes_before_other_modifiers_and_adds_to_keys(stage, tmp_path):
     ob = ready(tmp_path, "cache")
     own_keys(ob, "Smile")
