@@ -65,8 +65,9 @@
  * Threads
  * -------
  *
- * Engines, meshes, audio, faces, motions, clips and bases never change after they were made: any
- * number of threads may use the same object at the same time, for example two jobs on one engine.
+ * Engines, meshes, audio, faces, motions, clips, bases and sliders never change after they were
+ * made: any number of threads may use the same object at the same time, for example two jobs on one
+ * engine.
  * The result does not depend on what else runs, nor on the number of threads. An AnyfaceProgress
  * may be read and cancelled from any thread while one job uses it. Only freeing needs care: an
  * object must not be freed while another thread uses it. An AnyfaceError and an AnyfaceStream belong
@@ -189,6 +190,16 @@ typedef enum {
     ANYFACE_EMOTION_SOURCE_OFF = 2,
 } AnyfaceEmotionSource;
 
+/// Something of a take that can be scaled; 1 is the take as it was made.
+typedef enum {
+    /// What speech does to mouth and jaw: 0 to 2.
+    ANYFACE_SLIDER_ARTICULATION = 0,
+    /// How strongly the emotion shows: 0 to 1.5. Blinks stay where they are.
+    ANYFACE_SLIDER_EMOTION = 1,
+    /// How far the eyes close: 0 to 1.
+    ANYFACE_SLIDER_BLINKS = 2,
+} AnyfaceSlider;
+
 /// A sound, kept as mono at 16 kHz. Never changes after it was made: any number of threads may
 /// use it at the same time.
 typedef struct AnyfaceAudio AnyfaceAudio;
@@ -233,6 +244,13 @@ typedef struct AnyfaceProgress AnyfaceProgress;
 /// The 52 ARKit shapes and the 15 Oculus visemes of one mesh. Never changes after it was made: any
 /// number of threads may use it at the same time.
 typedef struct AnyfaceRig AnyfaceRig;
+
+/// What each slider adds to the weights of a basis: `weight[t][k] + change[t][k]`.
+///
+/// A slider has `N` knots, rising and none of them 1, where nothing is added. Between them and 1 the
+/// change is linear, beyond the last one it stays. Changes of several sliders add up. Never changes
+/// after it was made: any number of threads may read it at the same time.
+typedef struct AnyfaceSliders AnyfaceSliders;
 
 /// A performance in progress: push sound, pull frames of the 68 landmarks in the canonical frame.
 ///
@@ -867,6 +885,49 @@ AnyfaceStatus anyface_basis_copy_weights(const AnyfaceBasis *basis,
 
 /// Frees a basis that no running call uses, with everything it lent; nothing happens for NULL.
 void anyface_basis_free(AnyfaceBasis *basis);
+
+/// Finds what the sliders of a take change. Long: accepts a progress handle.
+///
+/// `motion` is that of `anyface_motion_new()`, `clip` the same motion on `face`, and `basis` that clip
+/// as few shapes. Motion that the caller brought has no sliders. `progress` may be NULL. Free with
+/// `anyface_sliders_free()`; everything else may go before.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a clip or basis of another motion,
+/// `ANYFACE_STATUS_CANCELLED`.
+AnyfaceStatus anyface_sliders_new(const AnyfaceEngine *engine,
+                                  const AnyfaceFace *face,
+                                  const AnyfaceMotion *motion,
+                                  const AnyfaceClip *clip,
+                                  const AnyfaceBasis *basis,
+                                  const AnyfaceProgress *progress,
+                                  AnyfaceSliders **out,
+                                  AnyfaceError **error);
+
+/// Number `N` of knots of an `AnyfaceSlider`; 0 where it moves nothing, for another number, for NULL.
+size_t anyface_sliders_knot_count(const AnyfaceSliders *sliders,
+                                  int32_t slider);
+
+/// Copies the knots of an `AnyfaceSlider` into the caller's buffer.
+///
+/// `buffer`: `[N]`; `float_count` must be `N`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count` or slider.
+AnyfaceStatus anyface_sliders_copy_knots(const AnyfaceSliders *sliders,
+                                         int32_t slider,
+                                         float *buffer,
+                                         size_t float_count,
+                                         AnyfaceError **error);
+
+/// Copies what an `AnyfaceSlider` adds at each of its knots into the caller's buffer.
+///
+/// `buffer`: `[N, T, K]`, in the weights of the basis; `float_count` must be `N * T * K`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count` or slider.
+AnyfaceStatus anyface_sliders_copy_changes(const AnyfaceSliders *sliders,
+                                           int32_t slider,
+                                           float *buffer,
+                                           size_t float_count,
+                                           AnyfaceError **error);
+
+/// Frees sliders that no running call uses; nothing happens for NULL.
+void anyface_sliders_free(AnyfaceSliders *sliders);
 
 /// Takes or finds the landmarks of a mesh and makes its shapes with the built-in network. Long:
 /// accepts a progress handle.

@@ -15,7 +15,7 @@ use crate::{
 /// `K` shapes and their weights in every frame: `displacement[t] = sum over k of weight[t][k] *
 /// shape[k]`. Weights lie within -1 and 1. Never changes after it was made: any number of threads
 /// may use it at the same time.
-pub struct AnyfaceBasis(VertexBasis);
+pub struct AnyfaceBasis(pub(crate) VertexBasis);
 
 impl AnyfaceBasis {
     /// Both arrays in one piece.

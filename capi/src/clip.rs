@@ -119,7 +119,7 @@ pub unsafe extern "C" fn anyface_clip_new(
         let face = unsafe { pointer::handle("face", face) }?;
         let motion = unsafe { pointer::handle("motion", motion) }?;
         let deform = |watch: anyface::progress::ProgressFn<'_>| {
-            engine.0.deform(&face.face, &motion.0, watch)
+            engine.0.deform(&face.face, motion.clip(), watch)
         };
         let animation = unsafe { watched(progress, deform) }?;
         unsafe { pointer::give(out, AnyfaceClip::new(animation)) };

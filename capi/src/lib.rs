@@ -27,6 +27,7 @@ mod mesh;
 mod motion;
 mod progress;
 mod rig;
+mod sliders;
 mod status;
 mod stream;
 mod version;

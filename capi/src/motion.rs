@@ -3,7 +3,7 @@
 use std::{ffi::c_char, mem::offset_of, ptr::null};
 
 use anyface::{
-    MotionRequest,
+    MotionRequest, Performance,
     conditions::{Emotion, EmotionCurve},
     motion::{LANDMARKS, MotionClip, PerformanceControls},
 };
@@ -22,7 +22,25 @@ use crate::{
 
 /// Motion of the 68 landmarks in the canonical frame: metres, +x to the subject's left, +y up,
 /// +z out of the face. Fits every face; never changes after it was made.
-pub struct AnyfaceMotion(pub(crate) MotionClip);
+pub struct AnyfaceMotion(pub(crate) Made);
+
+/// Where a motion comes from.
+pub(crate) enum Made {
+    /// Spoken, with all that variations of it need.
+    Spoken(Box<Performance>),
+    /// Brought by the caller.
+    Given(MotionClip),
+}
+
+impl AnyfaceMotion {
+    /// The motion itself.
+    pub(crate) fn clip(&self) -> &MotionClip {
+        match &self.0 {
+            Made::Spoken(performance) => &performance.motion,
+            Made::Given(clip) => clip,
+        }
+    }
+}
 
 /// Where the emotion of a performance comes from; for `AnyfaceMotionOptions`.
 #[repr(C)]
@@ -226,9 +244,11 @@ pub unsafe extern "C" fn anyface_motion_new(
         let engine = unsafe { pointer::handle("engine", engine) }?;
         let audio = unsafe { pointer::handle("audio", audio) }?;
         let request = unsafe { growing::read(options)?.to_library() }?;
-        let motion =
-            unsafe { watched(progress, |watch| engine.0.motion(&audio.0, &request, watch)) }?;
-        unsafe { pointer::give(out, AnyfaceMotion(motion)) };
+        let perform = |watch: anyface::progress::ProgressFn<'_>| {
+            engine.0.performance(&audio.0, &request, watch)
+        };
+        let made = Made::Spoken(Box::new(unsafe { watched(progress, perform) }?));
+        unsafe { pointer::give(out, AnyfaceMotion(made)) };
         Ok(())
     };
     unsafe { guard::guard(error, work) }
@@ -254,7 +274,7 @@ pub unsafe extern "C" fn anyface_motion_new_displacements(
         let values =
             unsafe { pointer::slice("displacements", displacements, frame_count, columns) }?;
         let motion = motion_from(values, frame_count, fps)?;
-        unsafe { pointer::give(out, AnyfaceMotion(motion)) };
+        unsafe { pointer::give(out, AnyfaceMotion(Made::Given(motion))) };
         Ok(())
     };
     unsafe { guard::guard(error, work) }
@@ -286,13 +306,15 @@ fn motion_from(values: &[f32], frames: usize, fps: f64) -> Result<MotionClip, Fa
 /// Number `T` of frames; 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_motion_frame_count(motion: *const AnyfaceMotion) -> usize {
-    unsafe { motion.as_ref() }.map_or(0, |motion| motion.0.displacements.len_of(ndarray::Axis(0)))
+    unsafe { motion.as_ref() }.map_or(0, |motion| {
+        motion.clip().displacements.len_of(ndarray::Axis(0))
+    })
 }
 
 /// Frames per second; 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_motion_fps(motion: *const AnyfaceMotion) -> f64 {
-    unsafe { motion.as_ref() }.map_or(0.0, |motion| motion.0.fps)
+    unsafe { motion.as_ref() }.map_or(0.0, |motion| motion.clip().fps)
 }
 
 /// Copies the motion into the caller's buffer.
@@ -308,7 +330,7 @@ pub unsafe extern "C" fn anyface_motion_copy_displacements(
 ) -> AnyfaceStatus {
     let work = || {
         let motion = unsafe { pointer::handle("motion", motion) }?;
-        let values = motion.0.displacements.as_standard_layout();
+        let values = motion.clip().displacements.as_standard_layout();
         let values = values.as_slice().unwrap_or_default();
         unsafe { pointer::copy_out("buffer", values, buffer, float_count) }
     };
@@ -329,7 +351,7 @@ pub unsafe extern "C" fn anyface_motion_write(
     let work = || {
         let motion = unsafe { pointer::handle("motion", motion) }?;
         let path = unsafe { pointer::path("path", path) }?;
-        anyface::output::write_motion(path, &motion.0)?;
+        anyface::output::write_motion(path, motion.clip())?;
         Ok(())
     };
     unsafe { guard::guard(error, work) }

@@ -22,6 +22,7 @@ const SOURCES: &[&str] = &[
     "motion",
     "clip",
     "basis",
+    "sliders",
     "rig",
     "weights",
     "stream",

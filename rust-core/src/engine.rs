@@ -3,6 +3,8 @@
 mod causal;
 mod found;
 mod kept;
+mod performance;
+mod sliders;
 
 use std::{path::PathBuf, sync::Arc};
 
@@ -14,12 +16,11 @@ use crate::{
     conditions::EmotionCurve,
     deform::{Deformer, PartList, VertexClip},
     mesh::{self, FaceOptions, LandmarkFinder, Landmarks, Mesh, Similarity},
-    motion::{self, Cues, FaceModes, MotionClip, PerformanceControls},
+    motion::{FaceModes, MotionClip, PerformanceControls},
     operators::{Cache, CacheKey},
     progress::{self, ProgressFn},
-    speech::{self, CompactEncoder, SpeechEncoder, at_motion_frames},
+    speech::{self, CompactEncoder, SpeechEncoder},
     systems::freetalk::{
-        AtsRequest,
         ats::Ats,
         stm::{self, StaticWeights, paper::PaperDecoder},
         stream::StreamModel,
@@ -28,6 +29,8 @@ use crate::{
 };
 pub use causal::StreamOptions;
 pub use found::FoundFace;
+pub use performance::Performance;
+pub use sliders::{Slider, SliderChange};
 
 const ATS_MODEL: &str = "ats_compact";
 const STM_MODEL: &str = "stm_static";
@@ -219,15 +222,7 @@ impl Engine {
         request: &MotionRequest,
         progress: ProgressFn<'_>,
     ) -> Result<MotionClip> {
-        request.controls.check()?;
-        check_fps(request.fps)?;
-        let prosody = Prosody::of(waveform);
-        let request = MotionRequest {
-            emotion: request.emotion.heard(&prosody).into_owned(),
-            ..request.clone()
-        };
-        let sampled = self.sample(waveform, &request, progress)?;
-        self.perform_heard(&sampled, &prosody, &request)
+        Ok(self.performance(waveform, request, progress)?.motion)
     }
 
     /// Puts the controls of `request` on a clip of [`Engine::sample`], without sampling again.
@@ -243,24 +238,7 @@ impl Engine {
         waveform: &Waveform,
         request: &MotionRequest,
     ) -> Result<MotionClip> {
-        self.perform_heard(sampled, &Prosody::of(waveform), request)
-    }
-
-    fn perform_heard(
-        &self,
-        sampled: &MotionClip,
-        prosody: &Prosody,
-        request: &MotionRequest,
-    ) -> Result<MotionClip> {
-        let emotion = request.emotion.heard(prosody);
-        let affect = emotion.sample(sampled.displacements.dim().0, sampled.fps);
-        let cues = Cues {
-            affect: affect.view(),
-            speech_only: *emotion == EmotionCurve::Off,
-            prosody,
-            seed: request.seed,
-        };
-        self.modes.perform(sampled, &cues, &request.controls)
+        self.perform_heard(sampled, &Prosody::of(waveform), request, &request.emotion)
     }
 
     /// Speech to landmark motion as the model makes it, in canonical metres.
@@ -276,47 +254,16 @@ impl Engine {
         progress: ProgressFn<'_>,
     ) -> Result<MotionClip> {
         check_fps(request.fps)?;
-        self.threads(|| self.sample_here(waveform, request, progress))
-    }
-
-    fn sample_here(
-        &self,
-        waveform: &Waveform,
-        request: &MotionRequest,
-        progress: ProgressFn<'_>,
-    ) -> Result<MotionClip> {
-        progress::report(progress, "speech", 0.0)?;
-        let model_fps = self.ats.config().fps;
-        let frames = frames_of(waveform, model_fps);
-        let track = self.speech.encode(waveform)?;
-        let features = at_motion_frames(&track, frames, model_fps);
-        progress::report(progress, "speech", 1.0)?;
-        let emotion = match &request.emotion {
-            EmotionCurve::Auto => request.emotion.heard(&Prosody::of(waveform)).into_owned(),
-            given => given.clone(),
+        let heard = request.emotion.heard(&Prosody::of(waveform)).into_owned();
+        let request = MotionRequest {
+            emotion: heard,
+            ..request.clone()
         };
-        let affect = emotion.sample(frames, model_fps);
-        let mut displacements = self.ats.sample(
-            &AtsRequest {
-                speech: features.view(),
-                affect: affect.view(),
-                style: request.style.as_deref(),
-                seed: request.seed,
-                steps: request.steps,
-                temperature: None,
-            },
-            progress,
-        )?;
-        if self.ats.config().closes_lips(request.style.as_deref())
-            && let Some(closed) = self.speech.closed_lips(features.view())?
-        {
-            motion::close_lips(&mut displacements, &closed)?;
-        }
-        let clip = MotionClip {
-            displacements,
-            fps: model_fps,
-        };
-        Ok(clip.at_rate(request.fps, frames_of(waveform, request.fps)))
+        self.threads(|| {
+            let features = self.hear(waveform, progress)?;
+            let frames = frames_of(waveform, request.fps);
+            self.sample_heard(features.view(), frames, &request, progress)
+        })
     }
 
     /// Finds or takes the landmarks of a mesh and computes everything that does not depend on time.

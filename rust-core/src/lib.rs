@@ -33,6 +33,6 @@ pub mod weights;
 
 pub use engine::{
     Animation, CachePolicy, DecoderKind, Engine, EngineOptions, FoundFace, MotionRequest,
-    PreparedFace, StreamOptions,
+    Performance, PreparedFace, Slider, SliderChange, StreamOptions,
 };
 pub use error::{Error, Result};

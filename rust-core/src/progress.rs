@@ -5,7 +5,7 @@ use crate::{Error, Result};
 /// A step of a job and how much of that step is done.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
-    /// Name of the stage: "speech", "motion", "operators", "weights", "deform", "write".
+    /// Name of the stage: "speech", "motion", "operators", "weights", "deform", "sliders", "write".
     pub stage: &'static str,
     /// Share of the stage that is done, 0 to 1.
     pub fraction: f32,

@@ -176,6 +176,36 @@ impl EmotionCurve {
         }
     }
 
+    /// The same emotions with `factor` times their intensity; a voice that was not heard yet stays.
+    pub fn scaled(&self, factor: f32) -> EmotionCurve {
+        let scale = |emotion: &Emotion| match emotion.intensity * factor {
+            intensity if intensity > 0.0 => Emotion {
+                intensity,
+                ..*emotion
+            },
+            _ => Emotion::default(),
+        };
+        match self {
+            Self::Constant(emotion) => Self::Constant(scale(emotion)),
+            Self::Keys(keys) => Self::Keys(keys.iter().map(|(s, e)| (*s, scale(e))).collect()),
+            Self::Auto => Self::Auto,
+            Self::Off => Self::Off,
+        }
+    }
+
+    /// The largest intensity of any moment that is not plainly neutral; 0 where all are.
+    pub fn strongest(&self) -> f32 {
+        let felt = |emotion: &Emotion| match emotion.mixture[0] < 1.0 {
+            true => emotion.intensity,
+            false => 0.0,
+        };
+        match self {
+            Self::Constant(emotion) => felt(emotion),
+            Self::Keys(keys) => keys.iter().map(|(_, e)| felt(e)).fold(0.0, f32::max),
+            Self::Auto | Self::Off => 0.0,
+        }
+    }
+
     /// Per-frame conditions: mixture `[T, 15]` and intensity `[T, 1]` side by side, `[T, 16]`.
     pub fn sample(&self, frames: usize, fps: f64) -> Array2<f32> {
         let mut out = Array2::zeros((frames, EMOTIONS.len() + 1));
@@ -227,6 +257,32 @@ mod tests {
         assert!(Emotion::parse("happy:-0.1").is_err());
         assert!(Emotion::parse("happy:1.6").is_err());
         assert!(Emotion::parse("happy:nan").is_err());
+    }
+
+    #[test]
+    fn scaling_changes_the_intensity_alone() {
+        let blend = Emotion::parse("happy:0.4,sad:0.2").unwrap();
+        let keys = EmotionCurve::Keys(vec![(1.0, Emotion::default()), (2.0, blend)]);
+        let half = keys.scaled(0.5);
+        assert_eq!(half.at(2.0).mixture, blend.mixture);
+        assert!((half.strongest() - 0.3).abs() < 1e-6);
+        assert_eq!(keys.scaled(0.0).at(2.0), Emotion::default());
+        assert_eq!(EmotionCurve::Off.scaled(0.5), EmotionCurve::Off);
+    }
+
+    #[test]
+    fn what_is_neutral_has_no_strength() {
+        let neutral = EmotionCurve::parse("neutral:1").unwrap();
+        assert_eq!(
+            (neutral.strongest(), EmotionCurve::Off.strongest()),
+            (0.0, 0.0)
+        );
+        assert_eq!(
+            EmotionCurve::parse("neutral:0.5,sad:0.5")
+                .unwrap()
+                .strongest(),
+            1.0
+        );
     }
 
     #[test]

@@ -257,6 +257,28 @@ impl NeutralFace<'_> {
 }
 
 impl Slit {
+    /// Vertices by which the gap is known.
+    pub(super) fn rims(&self) -> impl Iterator<Item = u32> {
+        let places = self.samples.iter().flat_map(|s| [s.upper, s.lower]);
+        places.flatten().map(|(vertex, _)| vertex)
+    }
+
+    /// The same where only some vertices are left; `new` gives their numbers, also those of the rims.
+    pub(super) fn renumbered(&self, new: impl Fn(u32) -> Option<u32>) -> Slit {
+        let all = |of: Between| of.map(|(v, share)| (new(v).expect("rims are left"), share));
+        let samples = self.samples.iter().map(|sample| Sample {
+            upper: all(sample.upper),
+            lower: all(sample.lower),
+            ..sample.clone()
+        });
+        let left = |&(v, at, share): &(u32, f32, f32)| Some((new(v)?, at, share));
+        Slit {
+            samples: samples.collect(),
+            touched: self.touched.iter().filter_map(left).collect(),
+            ..*self
+        }
+    }
+
     /// Corrects the displacements of a frame, `[V * 3]`; `landmarks`: `[204]`. Mesh units.
     pub(super) fn apply(&self, landmarks: &[f32], frame: &mut [f32]) {
         let changes = self.changes(landmarks, frame);

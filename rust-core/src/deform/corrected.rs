@@ -1,11 +1,13 @@
 //! What a frame needs beyond weights over the landmarks.
 
+use std::collections::BTreeSet;
+
 use ndarray::{Array3, ArrayView3, Axis};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Deformer, Skin,
+    Deformer, FewVertices, Skin,
     binding::Follows,
     contact::{Slit, slits},
     jaw::{Jaw, JawPose},
@@ -44,6 +46,19 @@ impl Corrections {
             to_canonical: *to_canonical,
             carried: carried.collect(),
             jaw,
+        }
+    }
+
+    /// The same for `vertices` alone, rising; the rims are among them.
+    fn of_vertices(&self, vertices: &[u32]) -> Corrections {
+        let new = |v: u32| vertices.binary_search(&v).ok().map(|at| at as u32);
+        let carried = self.carried.iter();
+        Corrections {
+            carried: carried
+                .filter_map(|&(v, share, from)| Some((new(v)?, share, from)))
+                .collect(),
+            slits: self.slits.iter().map(|slit| slit.renumbered(new)).collect(),
+            ..self.clone()
         }
     }
 
@@ -92,6 +107,20 @@ pub struct Corrected<D> {
 }
 
 impl<D: Deformer> Deformer for Corrected<D> {
+    fn of_vertices(&self, wanted: &[u32]) -> Option<FewVertices> {
+        let rims = self.corrections.slits.iter().flat_map(Slit::rims);
+        let wanted: BTreeSet<u32> = wanted.iter().copied().chain(rims).collect();
+        let few = self.decoder.of_vertices(&Vec::from_iter(wanted))?;
+        let corrections = self.corrections.of_vertices(&few.vertices);
+        Some(FewVertices {
+            deformer: Box::new(Corrected {
+                decoder: few.deformer,
+                corrections,
+            }),
+            vertices: few.vertices,
+        })
+    }
+
     fn deform(
         &self,
         landmarks: ArrayView3<'_, f32>,

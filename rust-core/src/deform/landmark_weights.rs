@@ -1,10 +1,10 @@
 //! Fixed weights over the landmarks: the deformer whose frames cost one small matrix product.
 
 use faer::MatRef;
-use ndarray::{Array2, Array3, ArrayView3};
+use ndarray::{Array2, Array3, ArrayView3, Axis};
 use rayon::prelude::*;
 
-use super::Deformer;
+use super::{Deformer, FewVertices};
 use crate::{
     Error, Result,
     motion::LANDMARKS,
@@ -101,6 +101,18 @@ fn write_out(tile: &[f32], out: &mut [&mut [f32]]) {
 }
 
 impl Deformer for LandmarkWeights {
+    fn of_vertices(&self, wanted: &[u32]) -> Option<FewVertices> {
+        let rows: Vec<usize> = wanted.iter().map(|&v| v as usize).collect();
+        Some(FewVertices {
+            deformer: Box::new(LandmarkWeights {
+                mix: self.mix.select(Axis(0), &rows),
+                cross: self.cross.select(Axis(0), &rows),
+                motion: self.motion.clone(),
+            }),
+            vertices: wanted.to_vec(),
+        })
+    }
+
     fn deform(
         &self,
         landmarks: ArrayView3<'_, f32>,

@@ -3,7 +3,8 @@
 //! [`Deformer`] is what every decoder offers. [`LandmarkWeights`] is the default one: fixed weights
 //! over the landmarks, shared by systems. They come from [`PlateWeights`] on the skin and from
 //! [`binding`] on everything else, by the role of each part ([`PartList`]). [`Corrected`] adds what
-//! is not linear: the jaw's rotation, lips and lids that touch. [`compression`] turns the result into a few basis shapes.
+//! is not linear: the jaw's rotation, lips and lids that touch. [`compression`] turns the result
+//! into a few basis shapes, [`projection`] finds other motion on them.
 
 pub mod binding;
 pub mod compression;
@@ -15,6 +16,7 @@ mod lids;
 mod nearest;
 mod part_list;
 mod place;
+pub mod projection;
 pub mod proxy;
 mod skin;
 mod tension_screened_biharmonic;
@@ -49,6 +51,13 @@ pub trait Deformer: Send + Sync {
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>>;
 
+    /// A deformer of `wanted` vertices, rising, and of those that it needs beside them; `None` where one
+    /// vertex costs as much as all.
+    fn of_vertices(&self, wanted: &[u32]) -> Option<FewVertices> {
+        let _ = wanted;
+        None
+    }
+
     /// [`Deformer::deform`] without the corrections that depend on what touches what: skin alone, linear
     /// where the decoder is.
     ///
@@ -60,5 +69,23 @@ pub trait Deformer: Send + Sync {
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
         self.deform(landmarks, progress)
+    }
+}
+
+/// Some vertices of a mesh.
+pub struct FewVertices {
+    /// Moves them as the whole mesh does.
+    pub deformer: Box<dyn Deformer>,
+    /// Their numbers in the mesh, rising, in the order in which they are moved.
+    pub vertices: Vec<u32>,
+}
+
+impl Deformer for Box<dyn Deformer> {
+    fn deform(
+        &self,
+        landmarks: ArrayView3<'_, f32>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array3<f32>> {
+        self.as_ref().deform(landmarks, progress)
     }
 }

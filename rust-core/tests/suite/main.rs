@@ -7,3 +7,4 @@ mod imports;
 mod landmarks;
 mod parts;
 mod performance;
+mod sliders;

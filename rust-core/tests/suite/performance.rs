@@ -65,7 +65,7 @@ fn sound(samples: &[f32], rate_hz: u32) -> TempDir {
 }
 
 /// Something like syllables: a buzz at 120 Hz through two formants that come and go.
-fn babble(seconds: f32, rate_hz: u32) -> Vec<f32> {
+pub fn babble(seconds: f32, rate_hz: u32) -> Vec<f32> {
     let rate = rate_hz as f32;
     (0..(seconds * rate) as usize)
         .map(|i| {

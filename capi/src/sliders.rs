@@ -1,0 +1,204 @@
+//! What a finished take may still change without a new run.
+
+use anyface::{Slider, SliderChange};
+
+use crate::{
+    basis::AnyfaceBasis,
+    clip::AnyfaceClip,
+    engine::AnyfaceEngine,
+    error::{AnyfaceError, Failure},
+    face::AnyfaceFace,
+    guard,
+    motion::{AnyfaceMotion, Made},
+    pointer,
+    progress::{AnyfaceProgress, watched},
+    status::AnyfaceStatus,
+};
+
+/// Something of a take that can be scaled; 1 is the take as it was made.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AnyfaceSlider {
+    /// What speech does to mouth and jaw: 0 to 2.
+    Articulation = 0,
+    /// How strongly the emotion shows: 0 to 1.5. Blinks stay where they are.
+    Emotion = 1,
+    /// How far the eyes close: 0 to 1.
+    Blinks = 2,
+}
+
+/// What each slider adds to the weights of a basis: `weight[t][k] + change[t][k]`.
+///
+/// A slider has `N` knots, rising and none of them 1, where nothing is added. Between them and 1 the
+/// change is linear, beyond the last one it stays. Changes of several sliders add up. Never changes
+/// after it was made: any number of threads may read it at the same time.
+pub struct AnyfaceSliders(Vec<SliderChange>);
+
+impl AnyfaceSliders {
+    /// The change of a slider; none where it moves nothing.
+    fn of(&self, slider: i32) -> Result<Option<&SliderChange>, Failure> {
+        let slider = known(slider)?;
+        Ok(self.0.iter().find(|change| change.slider == slider))
+    }
+}
+
+fn known(slider: i32) -> Result<Slider, Failure> {
+    const ARTICULATION: i32 = AnyfaceSlider::Articulation as i32;
+    const EMOTION: i32 = AnyfaceSlider::Emotion as i32;
+    const BLINKS: i32 = AnyfaceSlider::Blinks as i32;
+    match slider {
+        ARTICULATION => Ok(Slider::Articulation),
+        EMOTION => Ok(Slider::Emotion),
+        BLINKS => Ok(Slider::Blinks),
+        other => Err(Failure::invalid(format!(
+            "slider: expected {ARTICULATION} to {BLINKS}, got {other}"
+        ))),
+    }
+}
+
+/// Finds what the sliders of a take change. Long: accepts a progress handle.
+///
+/// `motion` is that of `anyface_motion_new()`, `clip` the same motion on `face`, and `basis` that clip
+/// as few shapes. Motion that the caller brought has no sliders. `progress` may be NULL. Free with
+/// `anyface_sliders_free()`; everything else may go before.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a clip or basis of another motion,
+/// `ANYFACE_STATUS_CANCELLED`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_sliders_new(
+    engine: *const AnyfaceEngine,
+    face: *const AnyfaceFace,
+    motion: *const AnyfaceMotion,
+    clip: *const AnyfaceClip,
+    basis: *const AnyfaceBasis,
+    progress: *const AnyfaceProgress,
+    out: *mut *mut AnyfaceSliders,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let engine = unsafe { pointer::handle("engine", engine) }?;
+        let face = unsafe { pointer::handle("face", face) }?;
+        let motion = unsafe { pointer::handle("motion", motion) }?;
+        let clip = &unsafe { pointer::handle("clip", clip) }?.0.vertices;
+        let basis = &unsafe { pointer::handle("basis", basis) }?.0;
+        let find = |watch: anyface::progress::ProgressFn<'_>| match &motion.0 {
+            Made::Spoken(performance) => {
+                let face = &face.face;
+                engine
+                    .0
+                    .slider_changes(face, performance, clip, basis, watch)
+            }
+            Made::Given(_) => Ok(Vec::new()),
+        };
+        let found = unsafe { watched(progress, find) }?;
+        unsafe { pointer::give(out, AnyfaceSliders(found)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Number `N` of knots of an `AnyfaceSlider`; 0 where it moves nothing, for another number, for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_sliders_knot_count(
+    sliders: *const AnyfaceSliders,
+    slider: i32,
+) -> usize {
+    let found = unsafe { sliders.as_ref() }.and_then(|sliders| sliders.of(slider).ok()?);
+    found.map_or(0, |change| change.knots.len())
+}
+
+/// Copies the knots of an `AnyfaceSlider` into the caller's buffer.
+///
+/// `buffer`: `[N]`; `float_count` must be `N`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count` or slider.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_sliders_copy_knots(
+    sliders: *const AnyfaceSliders,
+    slider: i32,
+    buffer: *mut f32,
+    float_count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let found = unsafe { pointer::handle("sliders", sliders) }?.of(slider)?;
+        let knots = found.map_or(&[][..], |change| &change.knots);
+        unsafe { pointer::copy_out("buffer", knots, buffer, float_count) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Copies what an `AnyfaceSlider` adds at each of its knots into the caller's buffer.
+///
+/// `buffer`: `[N, T, K]`, in the weights of the basis; `float_count` must be `N * T * K`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count` or slider.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_sliders_copy_changes(
+    sliders: *const AnyfaceSliders,
+    slider: i32,
+    buffer: *mut f32,
+    float_count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let found = unsafe { pointer::handle("sliders", sliders) }?.of(slider)?;
+        let changes = found.map_or(&[][..], |change| &change.changes);
+        let values: Vec<f32> = changes.iter().flatten().copied().collect();
+        unsafe { pointer::copy_out("buffer", &values, buffer, float_count) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Frees sliders that no running call uses; nothing happens for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_sliders_free(sliders: *mut AnyfaceSliders) {
+    unsafe { guard::free(sliders) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Array2;
+    use std::ptr::null_mut;
+
+    /// Blinks of two frames and three shapes; nothing else moves.
+    fn sliders() -> AnyfaceSliders {
+        AnyfaceSliders(vec![SliderChange {
+            slider: Slider::Blinks,
+            knots: vec![0.0],
+            changes: vec![Array2::from_shape_fn((2, 3), |(t, k)| (3 * t + k) as f32)],
+        }])
+    }
+
+    #[test]
+    fn changes_are_copied_frame_by_frame() {
+        let sliders = sliders();
+        assert_eq!(unsafe { anyface_sliders_knot_count(&sliders, 2) }, 1);
+        let (mut knots, mut changes) = ([9.0], [9.0; 6]);
+        let (k, c) = (knots.as_mut_ptr(), changes.as_mut_ptr());
+        let status = unsafe { anyface_sliders_copy_knots(&sliders, 2, k, 1, null_mut()) };
+        assert_eq!((status, knots), (AnyfaceStatus::Ok, [0.0]));
+        let status = unsafe { anyface_sliders_copy_changes(&sliders, 2, c, 6, null_mut()) };
+        assert_eq!(
+            (status, changes),
+            (AnyfaceStatus::Ok, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
+        );
+        let status = unsafe { anyface_sliders_copy_changes(&sliders, 2, c, 5, null_mut()) };
+        assert_eq!(status, AnyfaceStatus::InvalidInput);
+    }
+
+    #[test]
+    fn a_slider_that_moves_nothing_has_no_knots_and_an_unknown_one_is_refused() {
+        let sliders = sliders();
+        let mut none = [0.0f32; 0];
+        for (slider, status) in [
+            (0, AnyfaceStatus::Ok),
+            (3, AnyfaceStatus::InvalidInput),
+            (-1, AnyfaceStatus::InvalidInput),
+        ] {
+            assert_eq!(unsafe { anyface_sliders_knot_count(&sliders, slider) }, 0);
+            let to = none.as_mut_ptr();
+            let found = unsafe { anyface_sliders_copy_knots(&sliders, slider, to, 0, null_mut()) };
+            assert_eq!(found, status);
+        }
+    }
+}

@@ -1,0 +1,216 @@
+//! Other motion expressed in the shapes of a basis, by a part of the vertices where that is enough.
+
+use faer::{Mat, Side, linalg::solvers::Solve};
+use ndarray::{Array2, Array3};
+
+use super::compression::VertexBasis;
+use crate::{
+    Error, Result,
+    nn::matrix::{by_row_blocks, product, rows_of, view, view_mut},
+};
+
+/// What is added to the diagonal of shapes of length 1, so that doubled shapes share their part.
+const RIDGE: f64 = 1e-9;
+
+/// Finds the weights of a basis' shapes that come nearest to a motion of some vertices, all alike.
+pub struct Projection {
+    /// `[K, 3S]`, each of length 1.
+    shapes: Array2<f32>,
+    /// `[K]`, the lengths that they had.
+    lengths: Vec<f32>,
+    /// `[K, K]`, the inverse of their products.
+    inverse: Mat<f64>,
+}
+
+impl Projection {
+    /// Prepares the shapes of a basis at `vertices` `[S]`.
+    ///
+    /// # Errors
+    /// `Numerics` for shapes that are not finite.
+    pub fn new(basis: &VertexBasis, vertices: &[u32]) -> Result<Projection> {
+        let count = basis.shapes.dim().0;
+        let mut shapes = Array2::from_shape_fn((count, 3 * vertices.len()), |(k, i)| {
+            basis.shapes[[k, vertices[i / 3] as usize, i % 3]]
+        });
+        let mut lengths = Vec::with_capacity(count);
+        for mut shape in shapes.rows_mut() {
+            let squares: f64 = shape.iter().map(|x| f64::from(*x).powi(2)).sum();
+            let length = squares.sqrt().max(f64::MIN_POSITIVE) as f32;
+            shape.mapv_inplace(|x| x / length.max(f32::MIN_POSITIVE));
+            lengths.push(length.max(f32::MIN_POSITIVE));
+        }
+        let products = products(&shapes, &shapes);
+        let gram = Mat::from_fn(count, count, |i, j| {
+            let ridge = if i == j { RIDGE } else { 0.0 };
+            f64::from(0.5 * (products[[i, j]] + products[[j, i]])) + ridge
+        });
+        let solver = gram
+            .llt(Side::Lower)
+            .map_err(|e| Error::Numerics(format!("projection: products of shapes: {e:?}")))?;
+        let inverse = solver.solve(Mat::<f64>::identity(count, count));
+        Ok(Projection {
+            shapes,
+            lengths,
+            inverse,
+        })
+    }
+
+    /// Number `K` of shapes.
+    pub fn shapes(&self) -> usize {
+        self.shapes.nrows()
+    }
+
+    /// `[T, K]`: the weights that bring the shapes nearest to `displacements` `[T, S, 3]`, mesh units.
+    pub fn weights(&self, displacements: &Array3<f32>) -> Array2<f32> {
+        let (frames, vertices, _) = displacements.dim();
+        let flat = displacements.to_shape((frames, 3 * vertices));
+        let along = products(
+            &flat.expect("the same number of values").into_owned(),
+            &self.shapes,
+        );
+        Array2::from_shape_fn((frames, self.shapes()), |(t, k)| {
+            let sum: f64 = (0..self.shapes())
+                .map(|j| f64::from(along[[t, j]]) * self.inverse[(j, k)])
+                .sum();
+            (sum / f64::from(self.lengths[k])) as f32
+        })
+    }
+}
+
+/// About `count` vertices, rising, by which the shapes of a basis are well told apart: half of them
+/// where the shapes move, half of them all over the mesh. All of a mesh that has few.
+pub fn telling_vertices(basis: &VertexBasis, count: usize) -> Vec<u32> {
+    let (shapes, vertices, _) = basis.shapes.dim();
+    if vertices <= 2 * count || shapes == 0 {
+        return (0..vertices as u32).collect();
+    }
+    let mut telling = vec![0.0f64; vertices];
+    for shape in basis.shapes.outer_iter() {
+        let squares = |row: ndarray::ArrayView1<'_, f32>| f64::from(row.dot(&row));
+        let total: f64 = shape.rows().into_iter().map(squares).sum();
+        for (telling, row) in telling.iter_mut().zip(shape.rows()) {
+            *telling += squares(row) / total.max(f64::MIN_POSITIVE);
+        }
+    }
+    let mut place = 0.0;
+    let even = 1.0 / vertices as f64;
+    let passes = |(v, telling): (usize, &f64)| {
+        let before = f64::floor(place);
+        place += 0.5 * count as f64 * (telling / shapes as f64 + even);
+        (place.floor() > before).then_some(v as u32)
+    };
+    telling.iter().enumerate().filter_map(passes).collect()
+}
+
+/// `lhs · rhsᵀ` of `[N, 3S]` and `[K, 3S]`, row blocks in parallel.
+fn products(lhs: &Array2<f32>, rhs: &Array2<f32>) -> Array2<f32> {
+    let (count, length) = rhs.dim();
+    by_row_blocks(lhs.nrows(), count, |rows, out| {
+        let values = lhs.slice(ndarray::s![rows, ..]);
+        let lhs = rows_of(values.to_slice().expect("row-major array"), length);
+        product(view_mut(out, count), lhs, view(rhs).transpose());
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ALL: [u32; 40] = {
+        let mut all = [0; 40];
+        let mut v = 0;
+        while v < 40 {
+            all[v] = v as u32;
+            v += 1;
+        }
+        all
+    };
+
+    fn basis() -> VertexBasis {
+        let shapes = Array3::from_shape_fn((3, 40, 3), |(k, v, x)| {
+            let (k, v) = (k as f32 + 1.0, (3 * v + x) as f32);
+            (0.3 * k * v).sin() / (k * k * k)
+        });
+        VertexBasis {
+            shapes,
+            weights: Array2::zeros((5, 3)),
+            max_error: 0.0,
+            fps: 30.0,
+        }
+    }
+
+    #[test]
+    fn motion_of_the_shapes_has_its_weights_back() {
+        let mut basis = basis();
+        basis.weights = Array2::from_shape_fn((5, 3), |(t, k)| (t as f32 * 0.7 + k as f32).cos());
+        let found = Projection::new(&basis, &ALL)
+            .unwrap()
+            .weights(&basis.displacements());
+        let difference = (&found - &basis.weights).mapv(f32::abs);
+        assert!(difference.iter().all(|d| *d < 1e-4), "{difference}");
+    }
+
+    #[test]
+    fn what_is_left_stands_square_on_every_shape() {
+        let mut basis = basis();
+        let moved =
+            Array3::from_shape_fn((5, 40, 3), |(t, v, x)| ((7 * t + 3 * v + x) as f32).sin());
+        let projection = Projection::new(&basis, &ALL).unwrap();
+        basis.weights = projection.weights(&moved);
+        let left = (moved - basis.displacements())
+            .into_shape_with_order((5, 120))
+            .unwrap();
+        let along = products(&left, &projection.shapes);
+        assert!(along.iter().all(|x| x.abs() < 1e-4), "{along}");
+    }
+
+    #[test]
+    fn a_shape_that_is_there_twice_shares_its_weight() {
+        let mut basis = basis();
+        let first = basis.shapes.index_axis(ndarray::Axis(0), 0).to_owned();
+        basis
+            .shapes
+            .index_axis_mut(ndarray::Axis(0), 2)
+            .assign(&first);
+        basis.weights.column_mut(0).fill(1.0);
+        let found = Projection::new(&basis, &ALL)
+            .unwrap()
+            .weights(&basis.displacements());
+        for row in found.rows() {
+            assert!((row[0] + row[2] - 1.0).abs() < 1e-3, "{row}");
+        }
+    }
+
+    #[test]
+    fn some_vertices_tell_as_much_as_all() {
+        let mut basis = basis();
+        basis.weights = Array2::from_shape_fn((5, 3), |(t, k)| (t as f32 - k as f32).sin());
+        let some = [1, 4, 9, 16, 25, 36];
+        let moved = basis
+            .displacements()
+            .select(ndarray::Axis(1), &some.map(|v| v as usize));
+        let found = Projection::new(&basis, &some).unwrap().weights(&moved);
+        assert!(
+            (&found - &basis.weights).iter().all(|d| d.abs() < 1e-3),
+            "{found}"
+        );
+    }
+
+    #[test]
+    fn telling_vertices_lie_where_shapes_move_and_all_over() {
+        let shapes = Array3::from_shape_fn((2, 9000, 3), |(k, v, _)| match v / 300 {
+            7 => (k * 50 + v) as f32,
+            _ => 0.0,
+        });
+        let basis = VertexBasis { shapes, ..basis() };
+        let chosen = telling_vertices(&basis, 400);
+        let moving = chosen.iter().filter(|&&v| v / 300 == 7).count();
+        assert!(
+            chosen.is_sorted() && (390..=400).contains(&chosen.len()),
+            "{}",
+            chosen.len()
+        );
+        assert!((180..240).contains(&moving), "{moving}");
+        assert_eq!(telling_vertices(&basis, 5000).len(), 9000);
+    }
+}

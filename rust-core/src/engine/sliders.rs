@@ -1,0 +1,289 @@
+//! What a finished take may still change without a new run.
+//!
+//! A slider stands at 1 where the take was made. Its variations are made on the same way as the take,
+//! from the same speech features and noise; what they change on the mesh is expressed in the take's
+//! own shapes. Between its knots a slider is linear.
+
+use ndarray::{Array2, Array3, ArrayView3, Axis};
+
+use super::{Engine, Performance, PreparedFace};
+use crate::{
+    Error, Result,
+    conditions::{EmotionCurve, MAX_INTENSITY},
+    deform::{
+        Deformer, FewVertices, VertexClip,
+        compression::VertexBasis,
+        projection::{Projection, telling_vertices},
+    },
+    motion::MotionClip,
+    progress::{Progress, ProgressFn, report},
+};
+
+const STAGE: &str = "sliders";
+/// How far beyond the take a slider goes.
+const MOST: f32 = 2.0;
+const MOST_EMOTION: f32 = 1.5;
+/// Faces answer to half an emotion by more than half.
+const MIDDLE_EMOTION: f32 = 0.5;
+/// The largest value of the controls that are scaled.
+const MAX_CONTROL: f32 = 2.0;
+/// Frames whose vertices are in memory at one time, and vertices by which they are known.
+const FRAMES_AT_ONCE: usize = 64;
+const TELLING_VERTICES: usize = 3000;
+
+/// Something of a take that can be scaled; 1 is the take as it was made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Slider {
+    /// What speech does to mouth and jaw: 0 to 2.
+    Articulation,
+    /// How strongly the emotion shows: 0 to 1.5. Blinks stay where they are.
+    Emotion,
+    /// How far the eyes close: 0 to 1.
+    Blinks,
+}
+
+impl Slider {
+    /// All of them.
+    pub const ALL: [Slider; 3] = [Slider::Articulation, Slider::Emotion, Slider::Blinks];
+}
+
+/// What a slider adds to the weights of a take.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SliderChange {
+    /// Which slider.
+    pub slider: Slider,
+    /// Rising, never 1, where nothing is added.
+    pub knots: Vec<f32>,
+    /// `[T, K]` for each knot.
+    pub changes: Vec<Array2<f32>>,
+}
+
+impl SliderChange {
+    /// `[T, K]` at `position`: linear between the knots and 1, held beyond them.
+    pub fn at(&self, position: f32) -> Array2<f32> {
+        let mut out = Array2::zeros(self.changes[0].dim());
+        let above = self.knots.partition_point(|knot| *knot < 1.0);
+        let mut ways: Vec<(f32, Option<&Array2<f32>>)> = self
+            .knots
+            .iter()
+            .copied()
+            .zip(self.changes.iter().map(Some))
+            .collect();
+        ways.insert(above, (1.0, None));
+        let place = position.clamp(ways[0].0, ways[ways.len() - 1].0);
+        let last = ways
+            .partition_point(|way| way.0 <= place)
+            .clamp(1, ways.len() - 1);
+        let (from, to) = (ways[last - 1], ways[last]);
+        let share = (place - from.0) / (to.0 - from.0);
+        for (weight, (_, change)) in [(1.0 - share, from), (share, to)] {
+            if let Some(change) = change {
+                out.scaled_add(weight, change);
+            }
+        }
+        out
+    }
+}
+
+impl Performance {
+    /// Where variations of a slider are made, rising, without 1; none where it has nothing to scale.
+    pub fn knots(&self, slider: Slider) -> Vec<f32> {
+        let (controls, emotion) = (&self.request.controls, &self.request.emotion);
+        let speech_only = *emotion == EmotionCurve::Off;
+        let up_to = |value: f32, most: f32, limit: f32| (limit / value).min(most);
+        let knots = match slider {
+            Slider::Articulation if controls.articulation > 0.0 => {
+                vec![0.0, up_to(controls.articulation, MOST, MAX_CONTROL)]
+            }
+            Slider::Emotion if emotion.strongest() > 0.0 => {
+                let most = up_to(emotion.strongest(), MOST_EMOTION, MAX_INTENSITY);
+                vec![0.0, MIDDLE_EMOTION, most]
+            }
+            Slider::Blinks if !speech_only && controls.blinks_per_minute > 0.0 => vec![0.0],
+            _ => Vec::new(),
+        };
+        knots
+            .into_iter()
+            .filter(|knot| (knot - 1.0).abs() > 0.01)
+            .collect()
+    }
+}
+
+impl Engine {
+    /// The performance with one slider at `position`; blinks are there or, at 0, not.
+    ///
+    /// # Errors
+    /// Those of [`Engine::motion`].
+    pub fn varied(
+        &self,
+        performance: &Performance,
+        slider: Slider,
+        position: f32,
+        progress: ProgressFn<'_>,
+    ) -> Result<MotionClip> {
+        let mut request = performance.request.clone();
+        let controls = &mut request.controls;
+        let scaled = |control: f32| (control * position).min(MAX_CONTROL);
+        match slider {
+            Slider::Articulation => controls.articulation = scaled(controls.articulation),
+            Slider::Blinks if position == 0.0 => controls.blinks_per_minute = 0.0,
+            Slider::Blinks => {}
+            Slider::Emotion => request.emotion = request.emotion.scaled(position),
+        }
+        let sampled_anew = match slider {
+            Slider::Emotion => Some(self.threads(|| {
+                let frames = performance.sampled.displacements.dim().0;
+                self.sample_heard(performance.features.view(), frames, &request, progress)
+            })?),
+            _ => None,
+        };
+        let sampled = sampled_anew.as_ref().unwrap_or(&performance.sampled);
+        let urge = &performance.request.emotion;
+        self.perform_heard(sampled, &performance.prosody, &request, urge)
+    }
+
+    /// What each slider of a take changes, in the weights of its shapes; sliders that move nothing are
+    /// left out.
+    ///
+    /// `clip` is the performance on `face`, `basis` the same clip as few shapes.
+    ///
+    /// # Errors
+    /// `InvalidInput` if clip and basis do not belong to the performance; `Cancelled`.
+    pub fn slider_changes(
+        &self,
+        face: &PreparedFace,
+        performance: &Performance,
+        clip: &VertexClip,
+        basis: &VertexBasis,
+        progress: ProgressFn<'_>,
+    ) -> Result<Vec<SliderChange>> {
+        check_take(performance, clip, basis)?;
+        let measure = Measure::new(face, clip, basis)?;
+        let ways = Slider::ALL.map(|slider| (slider, performance.knots(slider)));
+        let count = ways.iter().map(|(_, knots)| knots.len()).sum::<usize>();
+        let mut done = 0;
+        let mut out = Vec::new();
+        for (slider, knots) in ways {
+            let mut changes = Vec::new();
+            for knot in &knots {
+                let fraction = done as f32 / count as f32;
+                let within = |_: Progress| {
+                    progress(Progress {
+                        stage: STAGE,
+                        fraction,
+                    })
+                };
+                let varied = self.varied(performance, slider, *knot, &within)?;
+                let change = self.threads(|| measure.change(&performance.motion, &varied, &within));
+                changes.push(change?);
+                done += 1;
+            }
+            if changes
+                .iter()
+                .any(|change| change.iter().any(|x| *x != 0.0))
+            {
+                out.push(SliderChange {
+                    slider,
+                    knots,
+                    changes,
+                });
+            }
+        }
+        report(progress, STAGE, 1.0)?;
+        Ok(out)
+    }
+}
+
+/// What is needed to express motion of a face in the shapes of one take.
+struct Measure<'a> {
+    face: &'a PreparedFace,
+    clip: &'a VertexClip,
+    /// Some of the vertices, where the face's deformer offers that.
+    few: Option<Box<dyn Deformer>>,
+    vertices: Vec<u32>,
+    projection: Projection,
+}
+
+impl Measure<'_> {
+    fn new<'a>(
+        face: &'a PreparedFace,
+        clip: &'a VertexClip,
+        basis: &VertexBasis,
+    ) -> Result<Measure<'a>> {
+        let telling = telling_vertices(basis, TELLING_VERTICES);
+        let (few, vertices) = match face.deformer.of_vertices(&telling) {
+            Some(FewVertices { deformer, vertices }) => (Some(deformer), vertices),
+            None => (None, telling),
+        };
+        Ok(Measure {
+            face,
+            clip,
+            few,
+            projection: Projection::new(basis, &vertices)?,
+            vertices,
+        })
+    }
+
+    /// How the weights `[T, K]` of the take, whose landmark motion is `take`, change to show `varied`.
+    fn change(
+        &self,
+        take: &MotionClip,
+        varied: &MotionClip,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array2<f32>> {
+        let (was, is) = (&take.displacements, &varied.displacements);
+        let differs = |t: &usize| was.index_axis(Axis(0), *t) != is.index_axis(Axis(0), *t);
+        let frames: Vec<usize> = (0..is.dim().0).filter(differs).collect();
+        let mut out = Array2::zeros((is.dim().0, self.projection.shapes()));
+        for frames in frames.chunks(FRAMES_AT_ONCE) {
+            let moved = self.moved(is.select(Axis(0), frames).view(), frames, progress)?;
+            for (&t, weights) in frames
+                .iter()
+                .zip(self.projection.weights(&moved).outer_iter())
+            {
+                out.row_mut(t).assign(&weights);
+            }
+        }
+        Ok(out)
+    }
+
+    /// How far `landmarks` `[F, 68, 3]`, canonical metres, move the vertices `[F, S, 3]` from where the
+    /// take has them in its frames `[F]`.
+    fn moved(
+        &self,
+        landmarks: ArrayView3<'_, f32>,
+        frames: &[usize],
+        progress: ProgressFn<'_>,
+    ) -> Result<Array3<f32>> {
+        let landmarks = self.face.to_canonical.displacements_to_mesh(landmarks);
+        let vertices: Vec<usize> = self.vertices.iter().map(|&v| v as usize).collect();
+        let mut moved = match &self.few {
+            Some(few) => few.deform(landmarks.view(), progress)?,
+            None => {
+                let all = self.face.deformer.deform(landmarks.view(), progress)?;
+                all.select(Axis(1), &vertices)
+            }
+        };
+        for (&t, mut frame) in frames.iter().zip(moved.outer_iter_mut()) {
+            let clip = self.clip.displacements.index_axis(Axis(0), t);
+            for (mut row, &v) in frame.rows_mut().into_iter().zip(&vertices) {
+                row -= &clip.row(v);
+            }
+        }
+        Ok(moved)
+    }
+}
+
+fn check_take(performance: &Performance, clip: &VertexClip, basis: &VertexBasis) -> Result<()> {
+    let frames = performance.motion.displacements.dim().0;
+    let (clip_frames, vertices, _) = clip.displacements.dim();
+    let (basis_frames, basis_vertices) = (basis.weights.nrows(), basis.shapes.dim().1);
+    let belong = (frames, frames) == (clip_frames, basis_frames) && vertices == basis_vertices;
+    match belong {
+        true => Ok(()),
+        false => Err(Error::InvalidInput(format!(
+            "sliders: expected clip and basis of {frames} frames and the same vertices, got \
+             {clip_frames} and {basis_frames} frames, {vertices} and {basis_vertices} vertices"
+        ))),
+    }
+}

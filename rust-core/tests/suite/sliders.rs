@@ -1,0 +1,289 @@
+//! Sliders of a finished take against new runs with what they stand for.
+
+use anyface::{
+    Engine, MotionRequest, Performance, PreparedFace, Slider, SliderChange,
+    audio::Waveform,
+    conditions::EmotionCurve,
+    deform::{
+        VertexClip,
+        compression::{VertexBasis, compress},
+    },
+    mesh::PartChoices,
+    motion::{MotionClip, PerformanceControls},
+    progress::SILENT,
+};
+use ndarray::{Array2, Array3, Axis};
+
+use crate::{head, performance::babble};
+
+const MAX_ERROR_M: f32 = 1e-4;
+
+fn voice() -> Waveform {
+    Waveform {
+        samples: babble(4.0, 16_000),
+    }
+}
+
+fn request(emotion: &str) -> MotionRequest {
+    MotionRequest {
+        emotion: EmotionCurve::parse(emotion).unwrap(),
+        controls: PerformanceControls {
+            blinks_per_minute: 30.0,
+            ..PerformanceControls::default()
+        },
+        ..MotionRequest::default()
+    }
+}
+
+/// A take of the default head with everything that its sliders need.
+struct Take {
+    engine: Engine,
+    face: PreparedFace,
+    performance: Performance,
+    clip: VertexClip,
+    basis: VertexBasis,
+}
+
+impl Take {
+    fn new(request: &MotionRequest) -> Take {
+        let engine = head::engine();
+        let face = head::prepared(&head::head(), &head::landmarks(), PartChoices::default());
+        let performance = engine.performance(&voice(), request, SILENT).unwrap();
+        let clip = engine
+            .deform(&face, &performance.motion, SILENT)
+            .unwrap()
+            .vertices;
+        let basis = compress(&clip, MAX_ERROR_M, 256, SILENT).unwrap();
+        Take {
+            engine,
+            face,
+            performance,
+            clip,
+            basis,
+        }
+    }
+
+    fn changes(&self) -> Vec<SliderChange> {
+        let take = (&self.performance, &self.clip, &self.basis);
+        let found = self
+            .engine
+            .slider_changes(&self.face, take.0, take.1, take.2, SILENT);
+        found.unwrap()
+    }
+
+    /// Mean and largest distance, mm, of the take with changed weights from a motion of its own.
+    fn distance(&self, change: &Array2<f32>, motion: &MotionClip) -> (f32, f32) {
+        let truth = self
+            .engine
+            .deform(&self.face, motion, SILENT)
+            .unwrap()
+            .vertices;
+        let basis = VertexBasis {
+            weights: &self.basis.weights + change,
+            ..self.basis.clone()
+        };
+        distance(&basis.displacements(), &truth.displacements)
+    }
+}
+
+fn distance(a: &Array3<f32>, b: &Array3<f32>) -> (f32, f32) {
+    let lengths = (a - b).map_axis(Axis(2), |d| 1000.0 * d.dot(&d).sqrt());
+    (
+        lengths.mean().unwrap(),
+        lengths.iter().copied().fold(0.0, f32::max),
+    )
+}
+
+fn of(changes: &[SliderChange], slider: Slider) -> &SliderChange {
+    changes
+        .iter()
+        .find(|change| change.slider == slider)
+        .unwrap()
+}
+
+#[test]
+fn a_variation_is_the_run_that_it_stands_for() {
+    let (engine, asked) = (head::engine(), request("happy:0.8"));
+    let performance = engine.performance(&voice(), &asked, SILENT).unwrap();
+    let run = |request: &MotionRequest| engine.motion(&voice(), request, SILENT).unwrap();
+    assert_eq!(performance.motion, run(&asked));
+    let vary = |of: &Performance, slider, position| engine.varied(of, slider, position, SILENT);
+    for (slider, position) in [(Slider::Articulation, 1.3), (Slider::Blinks, 0.0)] {
+        let mut wanted = asked.clone();
+        match slider {
+            Slider::Articulation => wanted.controls.articulation = position,
+            _ => wanted.controls.blinks_per_minute = position,
+        }
+        assert_eq!(
+            vary(&performance, slider, position).unwrap(),
+            run(&wanted),
+            "{slider:?}"
+        );
+    }
+    // An emotion changes when the eyes blink; the slider does not.
+    let mut unblinking = asked.clone();
+    unblinking.controls.blinks_per_minute = 0.0;
+    let performance = engine.performance(&voice(), &unblinking, SILENT).unwrap();
+    let wanted = MotionRequest {
+        emotion: EmotionCurve::parse("happy:0.4").unwrap(),
+        ..unblinking
+    };
+    assert_eq!(
+        vary(&performance, Slider::Emotion, 0.5).unwrap(),
+        run(&wanted)
+    );
+}
+
+#[test]
+fn sliders_come_near_to_new_runs() {
+    let take = Take::new(&request("happy:0.8"));
+    let changes = take.changes();
+    // Mean and largest distance in mm, a little over what was measured.
+    for (slider, position, mean, largest) in [
+        (Slider::Articulation, 1.3, 0.04, 0.5),
+        (Slider::Articulation, 0.5, 0.06, 0.5),
+        (Slider::Emotion, 0.5, 0.06, 0.6),
+        (Slider::Emotion, 0.0, 0.06, 0.6),
+        (Slider::Blinks, 0.0, 0.02, 0.3),
+    ] {
+        let truth = take
+            .engine
+            .varied(&take.performance, slider, position, SILENT)
+            .unwrap();
+        let still = take.distance(&Array2::zeros(take.basis.weights.dim()), &truth);
+        let found = take.distance(&of(&changes, slider).at(position), &truth);
+        assert!(
+            found.0 < mean && found.1 < largest,
+            "{slider:?} {position}: {found:?}"
+        );
+        assert!(
+            still.1 > 2.0 * found.1,
+            "{slider:?} {position}: {still:?} {found:?}"
+        );
+    }
+}
+
+#[test]
+fn blinks_change_the_frames_in_which_eyes_blink() {
+    let take = Take::new(&request("neutral:0"));
+    let changes = take.changes();
+    let open = take
+        .engine
+        .varied(&take.performance, Slider::Blinks, 0.0, SILENT)
+        .unwrap();
+    let change = of(&changes, Slider::Blinks).at(0.0);
+    let mut blinking = 0;
+    for (t, row) in change.outer_iter().enumerate() {
+        let frame = |motion: &MotionClip| motion.displacements.index_axis(Axis(0), t).to_owned();
+        let blinks = frame(&open) != frame(&take.performance.motion);
+        assert_eq!(row.iter().any(|x| *x != 0.0), blinks, "frame {t}");
+        blinking += usize::from(blinks);
+    }
+    assert!((5..60).contains(&blinking), "{blinking} frames of 120");
+}
+
+#[test]
+fn what_has_nothing_to_move_has_no_slider() {
+    let sliders = |request: &MotionRequest| -> Vec<Slider> {
+        Take::new(request)
+            .changes()
+            .iter()
+            .map(|change| change.slider)
+            .collect()
+    };
+    let neutral = [Slider::Articulation, Slider::Blinks];
+    assert_eq!(sliders(&request("neutral:1")), neutral);
+    assert_eq!(sliders(&request("off")), [Slider::Articulation]);
+    let mut silent = request("sad:1.5");
+    silent.controls.articulation = 0.0;
+    silent.controls.blinks_per_minute = 0.0;
+    assert_eq!(sliders(&silent), [Slider::Emotion]);
+}
+
+#[test]
+fn sliders_stop_where_their_controls_do() {
+    let mut asked = request("happy:1.2");
+    asked.controls.articulation = 1.6;
+    let performance = head::engine()
+        .performance(&voice(), &asked, SILENT)
+        .unwrap();
+    assert_eq!(performance.knots(Slider::Articulation), [0.0, 1.25]);
+    assert_eq!(performance.knots(Slider::Emotion), [0.0, 0.5, 1.25]);
+}
+
+#[test]
+fn some_vertices_move_as_they_do_among_all() {
+    let take = Take::new(&request("happy:0.8"));
+    let wanted: Vec<u32> = (0..take.clip.displacements.dim().1 as u32)
+        .step_by(37)
+        .collect();
+    let few = take.face.deformer.of_vertices(&wanted).unwrap();
+    assert!(wanted.iter().all(|v| few.vertices.binary_search(v).is_ok()));
+    let landmarks = take.face.to_canonical;
+    let landmarks = landmarks.displacements_to_mesh(take.performance.motion.displacements.view());
+    let moved = few.deformer.deform(landmarks.view(), SILENT).unwrap();
+    let rows: Vec<usize> = few.vertices.iter().map(|&v| v as usize).collect();
+    let all = take.clip.displacements.select(Axis(1), &rows);
+    assert!(
+        distance(&moved, &all).1 < 1e-4,
+        "{:?} mm",
+        distance(&moved, &all)
+    );
+}
+
+#[test]
+fn a_change_is_linear_between_knots_and_held_beyond() {
+    let change = SliderChange {
+        slider: Slider::Emotion,
+        knots: vec![0.0, 0.5, 1.5],
+        changes: [4.0, 1.0, 3.0]
+            .map(|x| Array2::from_elem((1, 1), x))
+            .to_vec(),
+    };
+    for (position, wanted) in [
+        (-1.0, 4.0),
+        (0.0, 4.0),
+        (0.25, 2.5),
+        (0.75, 0.5),
+        (1.0, 0.0),
+        (1.25, 1.5),
+        (2.0, 3.0),
+    ] {
+        assert!(
+            (change.at(position)[[0, 0]] - wanted).abs() < 1e-6,
+            "{position}"
+        );
+    }
+    let blinks = SliderChange {
+        slider: Slider::Blinks,
+        knots: vec![0.0],
+        changes: vec![Array2::from_elem((1, 1), 2.0)],
+    };
+    assert_eq!(
+        [0.0, 0.5, 1.0, 1.5].map(|s| blinks.at(s)[[0, 0]]),
+        [2.0, 1.0, 0.0, 0.0]
+    );
+}
+
+#[test]
+fn a_clip_of_another_length_and_a_cancelled_job_are_errors() {
+    let take = Take::new(&request("neutral:0"));
+    let shorter = VertexClip {
+        displacements: take
+            .clip
+            .displacements
+            .slice(ndarray::s![..60, .., ..])
+            .to_owned(),
+        fps: take.clip.fps,
+    };
+    let (engine, face, performance) = (&take.engine, &take.face, &take.performance);
+    let wrong = engine.slider_changes(face, performance, &shorter, &take.basis, SILENT);
+    let message = wrong.unwrap_err().to_string();
+    assert!(
+        message.contains("120") && message.contains("60"),
+        "{message}"
+    );
+    let stop = |p: anyface::progress::Progress| p.stage != "sliders";
+    let stopped = engine.slider_changes(face, performance, &take.clip, &take.basis, &stop);
+    assert!(matches!(stopped, Err(anyface::Error::Cancelled)));
+}
