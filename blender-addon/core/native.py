@@ -31,6 +31,8 @@ from .errors import AnyfaceError, Cancelled
 from .job import Progress
 from .native_shapes import SIGNATURES as SHAPE_SIGNATURES
 from .native_shapes import ShapeCalls
+from .native_sliders import SIGNATURES as SLIDER_SIGNATURES
+from .native_sliders import SliderCalls
 from .take import EMOTION_SOURCES, MOUTHS, Animation, Basis, Found, PartRoles, Performance, Sound
 
 ABI_VERSION = 1
@@ -178,6 +180,7 @@ SIGNATURES = {
         [_HANDLE, _HANDLE, POINTER(FaceOptions), _HANDLE, _OUT, _OUT],
     ),
     **SHAPE_SIGNATURES,
+    **SLIDER_SIGNATURES,
 }
 
 
@@ -206,7 +209,7 @@ def load(path: Path) -> ctypes.CDLL:
     return library
 
 
-class Engine(ShapeCalls):
+class Engine(ShapeCalls, SliderCalls):
     """Loaded weights; any number of threads may use one engine."""
 
     def __init__(self, threads: int = 0, path: Path | None = None, cache: Path | None = None):
@@ -272,7 +275,8 @@ class Engine(ShapeCalls):
             shape = (frames, len(positions), 3)
             if performance.mode == "basis":
                 limit = performance.error_mm / mm_per_unit
-                animation.basis = self._basis(handles, clip, shape, limit, watch)
+                made = (face, motion, clip)
+                animation.basis = self._basis(handles, made, shape, limit, watch)
                 animation.basis.error_mm *= mm_per_unit
             else:
                 animation.displacements = np.empty(shape, dtype=np.float32)
@@ -404,17 +408,22 @@ class Engine(ShapeCalls):
         given = (self._handle, audio, byref(options), watch.handle)
         return self._own(handles, "motion", "anyface_motion_new", *given)
 
-    def _basis(self, handles, clip, shape, limit: float, watch) -> Basis:
-        """The clip as a basis; `limit` and the basis' error are in mesh units here."""
+    def _basis(self, handles, made, shape, limit: float, watch) -> Basis:
+        """A face, its motion and its clip as a basis with sliders.
+
+        `limit` and the basis' error are in mesh units here.
+        """
         frames, vertices, _ = shape
-        given = (clip, limit, MAX_VECTORS, watch.handle)
+        given = (made[-1], limit, MAX_VECTORS, watch.handle)
         basis = self._own(handles, "basis", "anyface_basis_new", *given)
         count = self._library.anyface_basis_shape_count(basis)
         vectors = np.empty((count, vertices, 3), dtype=np.float32)
         weights = np.empty((frames, count), dtype=np.float32)
         self._copy("anyface_basis_copy_shapes", basis, vectors)
         self._copy("anyface_basis_copy_weights", basis, weights)
-        return Basis(vectors, weights, self._library.anyface_basis_max_error(basis))
+        error = self._library.anyface_basis_max_error(basis)
+        sliders = self._sliders(handles, *made, basis, weights.shape, watch)
+        return Basis(vectors, weights, error, sliders)
 
     def _metres_per_unit(self, motion, clip) -> float:
         """The scale of the mesh, from the same motion in canonical metres and in its units."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from . import space, verdict
+from . import sliders, space, verdict
 from .errors import AnyfaceError
 from .job import Progress
 from .take import Animation, FaceMesh, Performance, Sound, Take
@@ -30,6 +30,7 @@ def perform(
         take.frames = found.to_object(animation.displacements)
         return take
     take.basis = animation.basis
+    take.basis.still = sliders.why_still(performance, take.basis.sliders)
     take.basis.vectors = found.to_object(take.basis.vectors)
     return take
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import pc2, shapes
+from . import pc2, shapes, sliders
 from .errors import AnyfaceError
 from .job import Progress
 from .one_sided import one_sided
@@ -39,6 +39,8 @@ class Plan:
         """The take as this plan wants it; raises `AnyfaceError`, or `Cancelled`."""
         if self.mode == "basis" and len(take.basis.vectors):
             take.basis = one_sided(take.basis)
+        if self.mode == "basis" and take.basis.sliders:
+            take.basis.packed = sliders.pack(take.basis.sliders)
         if self.mode in ("basis", "frames"):
             return take
         finish = {

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .sliders import SliderChange
 from .space import FaceSpace
 
 
@@ -144,12 +145,17 @@ class Basis:
     """Displacements as few vectors and their weights.
 
     `vectors` `[K, V, 3]`, `weights` `[T, K]` within -1..1; `error_mm` is the largest distance
-    of any vertex in any frame from where it should be.
+    of any vertex in any frame from where it should be. `sliders` is what may still be changed of
+    the take, by the names of `sliders.NAMES`; `still` says in words why another one may not.
+    `packed` holds `sliders` as they are kept with the take.
     """
 
     vectors: np.ndarray
     weights: np.ndarray
     error_mm: float
+    sliders: dict[str, SliderChange] = field(default_factory=dict)
+    still: dict[str, str] = field(default_factory=dict)
+    packed: bytes = b""
 
 
 @dataclass

@@ -1,9 +1,9 @@
-"""Changes a take that is there already: how strongly it moves, and when."""
+"""Changes a take that is there already: how strongly it moves, what it shows, and when."""
 
 import numpy as np
 
-from ..core import shapes
-from . import curves, record, together
+from ..core import shapes, sliders
+from . import cache, changes, curves, record, together
 from .paths import value_path
 
 # What a take of named shapes can change on its own: beginnings of the shapes' names.
@@ -12,17 +12,52 @@ GROUPS = {
     "blinks": ("eyeBlink",),
     "brows": ("brow",),
 }
+_FRAMES = "a key for every frame holds the finished motion: use basis keys"
+_CACHE = "a cache holds the finished motion: use basis keys"
+_NAMED = "it acts on basis keys; scale mouth, blinks and brows instead"
+_OLDER = "the take was made by an earlier version: generate again"
 
 
 def adjust(ob, **wanted: float) -> None:
     """Changes the take of `ob` and of the objects beside it.
 
-    `strength` scales all of it, a name of `GROUPS` those shapes, `shift` moves it by scene frames.
-    All count from the take as it was made; what is not named stays.
+    `strength` scales all of it, a name of `GROUPS` those shapes, `shift` moves it by scene frames;
+    a name of `sliders.NAMES` changes basis keys as a new run would, within its limits, where
+    `why_not` has no objection. All count from the take as it was made; what is not named stays.
     """
     for part in (ob, *together.others_of(ob)):
         if record.is_generated(part):
             _adjust(part, wanted)
+
+
+def has_take(ob) -> bool:
+    """True where `ob` carries a take in its keys or as a cache."""
+    return record.is_generated(ob) or cache.find(ob) is not None
+
+
+def is_named(ob) -> bool:
+    """True where the take of `ob` is one of named shapes."""
+    taken = _record_of(ob)
+    return taken is not None and taken.mode not in ("basis", "frames")
+
+
+def names_of(ob) -> tuple[str, ...]:
+    """What the panel shows of a take beside its strength: sliders, or groups of shapes."""
+    return tuple(groups_of(_record_of(ob))) if is_named(ob) else sliders.NAMES
+
+
+def why_not(ob, name: str) -> str:
+    """Why a name of `names_of` cannot change the take of `ob`, or ""."""
+    taken = _record_of(ob)
+    if taken is None:
+        return _CACHE if cache.find(ob) is not None else "there is no take: generate one"
+    if taken.mode == "frames":
+        return _FRAMES
+    if is_named(ob):
+        return "" if name in groups_of(taken) else _NAMED
+    if name in changes.read(ob.data.shape_keys, taken):
+        return ""
+    return taken.still.get(name, _OLDER)
 
 
 def groups_of(taken: record.Record) -> list[str]:
@@ -31,24 +66,53 @@ def groups_of(taken: record.Record) -> list[str]:
     return [name for name in GROUPS if name in found]
 
 
+def _record_of(ob) -> record.Record | None:
+    return record.read(ob.data.shape_keys) if record.is_generated(ob) else None
+
+
 def _adjust(ob, wanted: dict[str, float]) -> None:
     shape_keys = ob.data.shape_keys
     taken = record.read(shape_keys)
     before, shift = dict(taken.adjusted), taken.adjusted.get("shift", 0.0)
-    taken.adjusted |= wanted
+    found = changes.read(shape_keys, taken) if taken.mode == "basis" else {}
+    taken.adjusted |= _possible(wanted, taken, found)
     moved = taken.adjusted.get("shift", 0.0) - shift
+    added = _added(found, before, taken.adjusted)
+    if added is not None:
+        frames = taken.first_frame + shift + taken.frame_step * np.arange(len(added))
     bag = curves.channels(shape_keys.animation_data)
-    found = {curve.data_path: curve for curve in bag.fcurves} if bag is not None else {}
-    if "eval_time" in found:
-        _scale(found["eval_time"], 1.0, moved)
-    for name in (*taken.keys, *taken.values) if taken.mode != "frames" else ():
+    made = {curve.data_path: curve for curve in bag.fcurves} if bag is not None else {}
+    if "eval_time" in made:
+        _change(made["eval_time"], 1.0, moved)
+    for number, name in enumerate((*taken.keys, *taken.values) if taken.mode != "frames" else ()):
         factor, block = _factor(name, taken.adjusted), shape_keys.key_blocks.get(name)
-        if block is None or value_path(name) not in found:
+        if block is None or value_path(name) not in made:
             continue
         if name in taken.keys:
             block.slider_max = max(1.0, factor)
-        _scale(found[value_path(name)], factor / _factor(name, before), moved)
+        more = None if added is None else (frames, factor * added[:, number])
+        _change(made[value_path(name)], factor / _factor(name, before), moved, more)
     record.write(shape_keys, taken)
+
+
+def _possible(wanted, taken, found) -> dict[str, float]:
+    """What is wanted and can be; of basis keys within the limits of their sliders."""
+    if taken.mode != "basis":
+        groups = ("strength", "shift", *GROUPS)
+        return {name: value for name, value in wanted.items() if name in groups}
+    limited = {
+        name: min(max(wanted[name], change.limits[0]), change.limits[1])
+        for name, change in found.items()
+        if name in wanted
+    }
+    return {name: wanted[name] for name in ("strength", "shift") if name in wanted} | limited
+
+
+def _added(found, before, after) -> np.ndarray | None:
+    """What sliders that stand elsewhere than before add to the weights, `[T, K]`; None for none."""
+    ways = [(c, before.get(name, 1.0), after.get(name, 1.0)) for name, c in found.items()]
+    moved = [change.at(new) - change.at(old) for change, old, new in ways if old != new]
+    return sum(moved) if moved else None
 
 
 def _factor(name: str, adjusted: dict[str, float]) -> float:
@@ -61,10 +125,20 @@ def _group(key: str) -> str:
     return next((name for name, starts in GROUPS.items() if shape.startswith(starts)), "")
 
 
-def _scale(curve, factor: float, moved: float) -> None:
+def _change(curve, factor: float, moved: float, more=None) -> None:
+    """Scales a curve, adds `more` (values at frames `[T]`, before they move), moves it in time.
+
+    Keyframes that the artist has moved or added go along; outside the take nothing is added.
+    """
     points = np.empty(len(curve.keyframe_points) * 2, dtype=np.float32)
     curve.keyframe_points.foreach_get("co", points)
-    points[0::2] += moved
     points[1::2] *= factor
+    if more is not None:
+        frames, added = more
+        # Keyframes lie at rounded numbers.
+        half = 0.5 * (frames[1] - frames[0]) if len(frames) > 1 else 0.5
+        inside = (points[0::2] > frames[0] - half) & (points[0::2] < frames[-1] + half)
+        points[1::2] += inside * np.interp(points[0::2], frames, added)
+    points[0::2] += moved
     curve.keyframe_points.foreach_set("co", points)
     curve.update()

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..core.errors import AnyfaceError
 from ..core.take import Take
-from . import cache, curves, existing, guard, mesh, record, remove
+from . import cache, changes, curves, existing, guard, mesh, record, remove
 from .paths import value_path
 
 PREFIX = "Anyface"
@@ -86,6 +86,10 @@ def _write_basis(ob, take, rest, frames, ease, taken) -> None:
     """Relative keys; Blender clamps their weights, within -1..1, to the slider range."""
     bag = curves.key_channels(ob, taken)
     at = np.concatenate([[frames[0] - ease], frames, [frames[-1] + ease]])
+    taken.first_frame = float(frames[0])
+    taken.frame_step = float(frames[-1] - frames[0]) / max(len(frames) - 1, 1)
+    taken.still = take.basis.still
+    changes.write(ob.data.shape_keys, taken, take.basis.packed)
     for number, vector in enumerate(take.basis.vectors):
         block = _add_key(ob, f"{PREFIX}.{number + 1:03d}", rest + vector, taken)
         values = np.concatenate([[0.0], take.basis.weights[:, number], [0.0]])

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ..core.errors import AnyfaceError
-from ..core.take import BY_SHAPE, ROLES, Basis, FaceMesh, KeyMotion, PartRoles, Piece, Take
+from ..core.take import BY_SHAPE, ROLES, FaceMesh, KeyMotion, PartRoles, Piece, Take
 from . import mesh, rest
 
 # An object that moves less than this in every frame gets no keys.
@@ -108,8 +108,7 @@ def _cut(take: Take, rows: slice, back: np.ndarray) -> Take:
         return replace(take, frames=own, largest_mm=largest)
     if take.key_motion is not None:
         return replace(take, key_motion=_keys_cut(take.key_motion, own, rows, back))
-    basis = Basis(own, take.basis.weights, take.basis.error_mm)
-    return replace(take, basis=basis, largest_mm=largest)
+    return replace(take, basis=replace(take.basis, vectors=own), largest_mm=largest)
 
 
 def _motion(take: Take):

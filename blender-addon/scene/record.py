@@ -22,7 +22,8 @@ class Record:
     digest at that time). On an object beside a face, `belongs_to` is the id of the face's take.
     `values` are keys of the artist's that are animated, as they were set
     before; `replaced_print` is the digest of the action that stands in for his. `name` is the
-    take's in the panel; `adjusted` is what `adjust` has made of it.
+    take's in the panel; `adjusted` is what `adjust` has made of it. Its frames lie at `first_frame`
+    and every `frame_step` after it; `still` says why some sliders of `core.sliders` move nothing.
     """
 
     mode: str
@@ -42,6 +43,9 @@ class Record:
     name: str = ""
     in_nla: bool = False
     adjusted: dict[str, float] = field(default_factory=dict)
+    first_frame: float = 0.0
+    frame_step: float = 1.0
+    still: dict[str, str] = field(default_factory=dict)
 
 
 def read(shape_keys) -> Record | None:

@@ -3,7 +3,7 @@
 import bpy
 
 from ..core.errors import AnyfaceError
-from . import curves, digest, existing, guard, record
+from . import changes, curves, digest, existing, guard, record
 from .paths import value_path
 
 
@@ -21,6 +21,7 @@ def remove(ob) -> bool:
     taken = record.read(ob.data.shape_keys)
     with guard.object_mode(ob), guard.selection_kept(ob):
         record.clear(ob.data.shape_keys)
+        changes.clear(ob.data.shape_keys, taken)
         _inherit(ob.data.shape_keys, taken)
         _remove_curves(ob.data.shape_keys, taken)
         _remove_keys(ob, taken)

@@ -64,10 +64,25 @@ class AnyfaceOutput(PropertyGroup):
     )
     strength: _slider("strength", "Strength", "Scales all motion")
     shift: _slider("shift", "Shift", "Moves the frames", 0.0, soft_min=-24.0, soft_max=24.0)
+    articulation: _slider(
+        "articulation", "Articulation", "Scales what speech does to mouth and jaw", min=0.0, max=2.0
+    )
+    emotion: _slider(
+        "emotion", "Emotion", "Scales how strongly the emotion shows", min=0.0, max=1.5
+    )
+    closing: _slider("blinks", "Blinks", "Scales how far the eyes close", min=0.0, max=1.0)
     mouth: _slider("mouth", "Mouth", "Scales jaw and mouth")
     blinks: _slider("blinks", "Blinks", "Scales the blinks")
     brows: _slider("brows", "Brows", "Scales the brows")
     mapping: CollectionProperty(type=AnyfaceMapping, options=set())
+
+
+def slider_of(ob, name: str) -> str:
+    """The property that shows what `adjust.names_of` names.
+
+    Blinks of named shapes are scaled at will, those of basis keys no further than closed eyes.
+    """
+    return "closing" if name == "blinks" and not adjust.is_named(ob) else name
 
 
 def read(ob) -> OutputSettings:

@@ -39,7 +39,7 @@ class ANYFACE_PT_output(Panel):
         if reason:
             _draw_words(layout, reason, context.region.width, alert=True)
             return
-        if record.is_generated(ob) and not running.is_running():
+        if adjust.has_take(ob) and not running.is_running():
             _draw_sliders(layout, ob)
         scene = sequencer_scene(context)
         text = estimate.describe(ob, scene, audio.seconds(ob, scene), ob.anyface, asked)
@@ -97,12 +97,22 @@ def _draw_mapping(layout, ob, stored) -> None:
 
 
 def _draw_sliders(layout, ob) -> None:
-    """What can be changed of the take that is there."""
+    """What can be changed of the take that is there; what cannot is grey, with the reason."""
     column = layout.column(align=True)
     column.label(text="Without a new run")
-    for name in ("strength", *adjust.groups_of(record.read(ob.data.shape_keys))):
-        column.prop(ob.anyface_output, name, slider=True)
-    column.prop(ob.anyface_output, "shift")
+    stored, in_keys = ob.anyface_output, record.is_generated(ob)
+    if in_keys:
+        column.prop(stored, "strength", slider=True)
+    for name in adjust.names_of(ob):
+        row = column.row(align=True)
+        reason = adjust.why_not(ob, name)
+        button = row.row(align=True)
+        button.enabled = not reason
+        button.prop(stored, output_properties.slider_of(ob, name), slider=True)
+        if reason:
+            row.operator("anyface.why_not", text="", icon="QUESTION").reason = reason
+    if in_keys:
+        column.prop(stored, "shift")
 
 
 def _draw_words(layout, text: str, width: int, alert: bool = False) -> None:

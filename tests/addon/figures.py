@@ -84,6 +84,22 @@ def basis(take_module, moved):
     return take_module.Basis(vectors, left[:, kept] / peak, 0.0)
 
 
+def sliders(module, names, weights, knots=(0.0, 1.5)):
+    """Sliders that take away some weights `[T, K]` at their lower knot and add others above 1.
+
+    Those of blinks have one knot and act in frames 10 to 14 alone.
+    """
+    found = {}
+    for number, name in enumerate(names):
+        places = knots[:1] if name == "blinks" else knots
+        turned = np.roll(weights, number + 1, axis=1)
+        changes = np.stack([(place - 1.0) * turned for place in places]).astype(np.float32)
+        if name == "blinks":
+            changes[:, :10], changes[:, 15:] = 0.0, 0.0
+        found[name] = module.SliderChange(np.array(places), changes)
+    return found
+
+
 class Stage:
     """Stands in for the native engine where only reading and writing are tested.
 
@@ -94,6 +110,8 @@ class Stage:
         self.take_module, self._decode = take_module, decode
         self.size, self.rank = size, rank
         self.calls, self.searches = [], []
+        # Names of sliders that the takes have.
+        self.sliders = ()
 
     def animate(self, positions, triangles, points, numbers, sound, performance, progress):
         """The displacements of `motion` in the frame that was given."""
@@ -106,6 +124,9 @@ class Stage:
             animation.displacements = moved
         else:
             animation.basis = basis(self.take_module, moved)
+            package = self.take_module.__package__
+            module = importlib.import_module(f"{package}.sliders")
+            animation.basis.sliders = sliders(module, self.sliders, animation.basis.weights)
         return animation
 
     def find(self, positions, triangles, landmarks, numbers, fixed, roles, progress):

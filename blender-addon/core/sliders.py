@@ -1,0 +1,104 @@
+"""What the sliders of a finished take change without a new run.
+
+A slider stands at 1 where the take was made. The library makes variations of the take at the knots
+of each slider; between the knots and 1 a slider is linear.
+"""
+
+import json
+import struct
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+
+# In the order of `AnyfaceSlider`.
+NAMES = ("articulation", "emotion", "blinks")
+_MAGIC = b"AFS1"
+_LENGTH = struct.Struct("<I")
+# Steps of 1/32767 of a column's largest change: far below what a vertex shows.
+_STEPS = 32767
+_OVER_TIME = "its sliders changed over time: change the curves and generate again"
+_EMOTION_OFF = "the take was made with the emotion off, which keeps brows and lids still"
+_STILL = {
+    "articulation": "the take was made with an articulation of 0",
+    "emotion": "the take was made without an emotion",
+    "blinks": "nobody blinks in this take",
+}
+
+
+@dataclass
+class SliderChange:
+    """What a slider adds to the weights `[T, K]` of a take.
+
+    `knots` `[N]` rise and none of them is 1, where nothing is added; `changes` `[N, T, K]`.
+    """
+
+    knots: np.ndarray
+    changes: np.ndarray
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Where the slider begins and ends."""
+        return min(1.0, float(self.knots[0])), max(1.0, float(self.knots[-1]))
+
+    def at(self, position: float) -> np.ndarray:
+        """What is added at `position`, `[T, K]`; held beyond the limits."""
+        above = int(np.searchsorted(self.knots, 1.0))
+        knots = np.insert(self.knots, above, 1.0)
+        place = float(np.clip(position, knots[0], knots[-1]))
+        shares = [float(np.interp(place, knots, row)) for row in np.eye(len(knots))]
+        del shares[above]
+        return np.tensordot(np.array(shares, dtype=np.float32), self.changes, axes=1)
+
+
+def reach(sliders: dict[str, SliderChange]) -> tuple[np.ndarray, np.ndarray]:
+    """The most that all sliders together take from each weight and add to it, both `[T, K]`."""
+    pairs = [
+        (change.changes.min(axis=0).clip(max=0.0), change.changes.max(axis=0).clip(min=0.0))
+        for change in sliders.values()
+    ]
+    return sum(low for low, _ in pairs), sum(high for _, high in pairs)
+
+
+def why_still(performance, found) -> dict[str, str]:
+    """Why a take has not the sliders that are not in `found`, by name."""
+    missing = {name: _STILL[name] for name in NAMES if name not in found}
+    if performance.control_keys:
+        return dict.fromkeys(missing, _OVER_TIME)
+    if performance.emotion_source == "OFF":
+        return {name: _STILL[name] if name == "articulation" else _EMOTION_OFF for name in missing}
+    return missing
+
+
+def pack(sliders: dict[str, SliderChange]) -> bytes:
+    """All sliders of a take in few bytes: rounded, as differences from frame to frame, deflated."""
+    knots = {name: [float(knot) for knot in change.knots] for name, change in sliders.items()}
+    changes = np.concatenate([change.changes for change in sliders.values()])
+    head = json.dumps({"knots": knots, "shape": changes.shape}).encode()
+    scale = np.abs(changes).max(axis=1, initial=1e-30, keepdims=True).astype("<f4")
+    steps = np.rint(changes / scale * _STEPS).astype("<i2")
+    # Differences may overflow; sums overflow back.
+    steps[:, 1:] -= steps[:, :-1].copy()
+    body = zlib.compress(scale.tobytes() + np.ascontiguousarray(steps.swapaxes(1, 2)).tobytes(), 6)
+    return _MAGIC + _LENGTH.pack(len(head)) + head + body
+
+
+def unpack(packed: bytes) -> dict[str, SliderChange]:
+    """What `pack` was given, to a rounding error; raises `ValueError` for other bytes."""
+    start = len(_MAGIC) + _LENGTH.size
+    if packed[: len(_MAGIC)] != _MAGIC or len(packed) < start:
+        raise ValueError("sliders: expected what Anyface has packed")
+    (length,) = _LENGTH.unpack(packed[len(_MAGIC) : start])
+    try:
+        head = json.loads(packed[start : start + length])
+        (count, frames, columns), knots = head["shape"], head["knots"]
+        body = zlib.decompress(packed[start + length :])
+    except (KeyError, TypeError, zlib.error) as error:
+        raise ValueError(f"sliders: expected what Anyface has packed: {error}") from error
+    scale = np.frombuffer(body, "<f4", count * columns).reshape(count, 1, columns)
+    steps = np.frombuffer(body, "<i2", offset=scale.nbytes).reshape(count, columns, frames)
+    changes = np.cumsum(steps, axis=2, dtype=np.int16).swapaxes(1, 2) * (scale / _STEPS)
+    ends = np.cumsum([len(places) for places in knots.values()])[:-1]
+    parts = np.split(changes.astype(np.float32), ends)
+    pairs = zip(knots.items(), parts, strict=True)
+    return {name: SliderChange(np.array(places), part) for (name, places), part in pairs}
