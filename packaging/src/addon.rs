@@ -25,6 +25,9 @@ pub struct Addon {
     /// The zip to install; without it one is built.
     #[arg(long)]
     zip: Option<PathBuf>,
+    /// Measure what the extension costs instead, with the optimised library: docs/speed.md.
+    #[arg(long)]
+    bench: bool,
 }
 
 impl Addon {
@@ -35,19 +38,38 @@ impl Addon {
         let python = python::blender(&mut steps, self.blender.as_deref())?;
         let zip = match &self.zip {
             Some(zip) => zip.canonicalize()?,
-            None => built_zip(&mut steps)?,
+            None => built_zip(&mut steps, self.bench)?,
         };
+        if self.bench {
+            return bench(&mut steps, &python, &zip);
+        }
         check(&mut steps, &python, &zip, None)?;
         steps.finish()
     }
 }
 
-/// A zip with an unoptimised library.
-pub fn built_zip(steps: &mut Steps) -> Result<PathBuf> {
-    let library = extension::build_library(steps, false)?;
+/// A zip with a library that was built for it.
+pub fn built_zip(steps: &mut Steps, release: bool) -> Result<PathBuf> {
+    let library = extension::build_library(steps, release)?;
     let zip = extension::default_zip();
     extension::build_zip(steps, &library, &zip)?;
     Ok(zip)
+}
+
+/// Prints lines of the tables of docs/speed.md.
+fn bench(steps: &mut Steps, python: &Path, zip: &Path) -> Result<()> {
+    machine::ensure_apt(steps, &["flite"])?;
+    let mut measure = Command::new(python);
+    measure.arg(machine::root().join("tests/addon/bench_blender.py"));
+    measure.env("ANYFACE_EXTENSION", zip);
+    if let Some(blender) = test::blender(steps)? {
+        measure.env("ANYFACE_BLENDER", blender);
+    }
+    let output = steps.run("measure in Blender", &mut measure)?;
+    for line in output.lines().filter(|line| line.starts_with('|')) {
+        println!("{line}");
+    }
+    Ok(())
 }
 
 /// Runs the tests; `blender` is an executable to test as well.

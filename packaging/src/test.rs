@@ -93,13 +93,13 @@ fn extension(steps: &mut Steps, version: Option<&str>) -> Result<()> {
     Venv::Blender.ensure(steps)?;
     addon::ruff(steps)?;
     let python = python::blender(steps, version)?;
-    let zip = addon::built_zip(steps)?;
+    let zip = addon::built_zip(steps, false)?;
     let executable = blender(steps)?;
     addon::check(steps, &python, &zip, executable)
 }
 
 /// A Blender executable that knows extensions: the caller's, or Debian 13's in a folder of its own.
-fn blender(steps: &mut Steps) -> Result<Option<PathBuf>> {
+pub fn blender(steps: &mut Steps) -> Result<Option<PathBuf>> {
     if let Some(path) = std::env::var_os("ANYFACE_BLENDER") {
         return Ok(Some(path.into()));
     }

@@ -1,0 +1,271 @@
+"""What the extension costs in Blender: the numbers of docs/speed.md, as lines of its tables.
+
+Run by `cargo xtask addon --bench` in Blender's Python module, on a zip with the optimised library.
+`ANYFACE_BLENDER` names an executable beside `enter` (packaging/blender-chroot.sh): the numbers of a
+window are measured there. The head is the default one, cut finer and collapsed to `VERTICES`; the
+voice is flite's, reading `TEXT` over and over.
+"""
+
+# First of all: it gives Blender a folder of its own, which Blender reads once.
+from conftest import zip_path  # isort: skip
+
+import os
+import shutil
+import subprocess
+import tempfile
+import time
+import wave
+from contextlib import contextmanager
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from figures import write_wav
+from screen import Screen
+from test_heads import import_head
+
+TEXT = (
+    "The birch canoe slid on the smooth planks. Glue the sheet to the dark blue background. "
+    "It is easy to tell the depth of a well. These days a chicken leg is a rare dish. "
+    "Rice is often served in round bowls. The juice of lemons makes fine punch. "
+    "The box was thrown beside the parked truck. The hogs were fed chopped corn and garbage. "
+    "Four hours of steady work faced us. A large size in stockings is hard to sell. "
+)
+SHORT_S, LONG_S, ENDLESS_S = 5.0, 50.0, 300.0
+FPS, LONG_FPS = 24, 30
+VERTICES = 26_700
+TIMES = 3
+# After these many seconds of work Esc is pressed.
+ESC_AFTER_S = (0.3, 2.0, 6.0)
+TIMED = """
+import importlib, time
+bake = importlib.import_module('bl_ext.user_default.anyface.scene.bake')
+spent = bpy.app.driver_namespace.setdefault('spent', {'read': [], 'write': []})
+def timed(name, function):
+    def call(*given):
+        began = time.perf_counter()
+        try:
+            return function(*given)
+        finally:
+            spent[name].append(time.perf_counter() - began)
+    return call
+for name in spent:
+    setattr(bake, name, timed(name, getattr(bake, name)))
+"""
+SCENE = """
+window, area, region, side = area_of('VIEW_3D')
+area.spaces[0].show_region_ui = True
+for ob in list(bpy.data.objects):
+    bpy.data.objects.remove(ob)
+with bpy.context.temp_override(window=window, area=area, region=region):
+    bpy.ops.wm.ply_import(filepath={mesh!r})
+    bpy.ops.view3d.view_axis(type='FRONT')
+    bpy.ops.view3d.view_all()
+ob = bpy.context.object
+ob.name = 'Head'
+ob.anyface.source, ob.anyface.sound_file = 'FILE', {voice!r}
+"""
+
+
+def main() -> None:
+    """Prints one line of a table for each measurement."""
+    folder = Path(tempfile.mkdtemp(prefix="anyface-bench-"))
+    try:
+        zipped = zip_path()
+        bpy.ops.extensions.package_install_files(
+            filepath=str(zipped), repo="user_default", enable_on_install=True
+        )
+        prepare(folder)
+        headless(folder)
+        blender = os.environ.get("ANYFACE_BLENDER")
+        if blender:
+            with_window(Path(blender), zipped, folder)
+        else:
+            print("ANYFACE_BLENDER is not set: nothing was measured in a window", flush=True)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def line(what: str, *values) -> None:
+    """One line of a Markdown table."""
+    print(f"| {what} | {', '.join(str(value) for value in values)} |", flush=True)
+
+
+def seconds(values) -> str:
+    """ "0.92 to 1.01 s", or milliseconds where that reads better."""
+    low, high = min(values), max(values)
+    if high < 0.2:
+        return f"{1000 * low:.0f} to {1000 * high:.0f} ms"
+    return f"{low:.2f} to {high:.2f} s"
+
+
+def prepare(folder: Path) -> None:
+    """Writes the voices and the head, `head.ply`."""
+    speak(folder)
+    empty()
+    ob = import_head()
+    change(ob, "SUBSURF", subdivision_type="SIMPLE", levels=1)
+    change(ob, "TRIANGULATE")
+    change(ob, "DECIMATE", ratio=VERTICES / len(ob.data.vertices))
+    bpy.ops.wm.ply_export(filepath=str(folder / "head.ply"))
+    line("Blender, vertices, processors", bpy.app.version_string, len(ob.data.vertices), cores())
+    line("load of the machine before", f"{os.getloadavg()[0]:.1f}")
+
+
+def empty() -> None:
+    """A new file without objects."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+
+
+def change(ob, kind: str, **settings) -> None:
+    """Applies a modifier."""
+    modifier = ob.modifiers.new(kind, kind)
+    for name, value in settings.items():
+        setattr(modifier, name, value)
+    bpy.ops.object.modifier_apply(modifier=kind)
+
+
+def cores() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+
+
+def speak(folder: Path) -> None:
+    """Writes 5.wav, 50.wav and 300.wav."""
+    spoken = folder / "spoken.wav"
+    subprocess.run(["flite", "-voice", "slt", "-t", TEXT, "-o", str(spoken)], check=True)
+    with wave.open(str(spoken), "rb") as file:
+        rate = file.getframerate()
+        samples = np.frombuffer(file.readframes(file.getnframes()), dtype="<i2") / 32768.0
+    for length_s in (SHORT_S, LONG_S, ENDLESS_S):
+        write_wav(folder / f"{length_s:.0f}.wav", np.resize(samples, int(length_s * rate)), rate)
+
+
+@contextmanager
+def timed(into: list):
+    """Adds the seconds that the block takes to `into`."""
+    began = time.perf_counter()
+    yield
+    into.append(time.perf_counter() - began)
+
+
+def headless(folder: Path) -> None:
+    """In this process: long speech, playback, growth of the file."""
+    ob = long_head(folder)
+    spent = []
+    with timed(spent):
+        assert bpy.ops.anyface.generate() == {"FINISHED"}
+    line(f"{LONG_S:.0f} s of speech, new mesh", f"{spent[0]:.1f} s", ob.anyface.report)
+    line(".blend larger by", f"{(saved(folder, 'keys') - saved_without(folder)) / 1e6:.1f} MB")
+    line("a frame of basis keys", f"{playback_ms():.2f} ms")
+    ob.anyface.mode = "cache"
+    with timed(spent):
+        assert bpy.ops.anyface.generate() == {"FINISHED"}
+    line("the same as a cache file, seen before", f"{spent[1]:.1f} s")
+    line("a frame of a cache file", f"{playback_ms():.2f} ms")
+
+
+def long_head(folder: Path):
+    """A file with the head and the long voice."""
+    empty()
+    bpy.context.scene.render.fps = LONG_FPS
+    bpy.ops.wm.ply_import(filepath=str(folder / "head.ply"))
+    ob = bpy.context.object
+    ob.anyface.source, ob.anyface.sound_file = "FILE", str(folder / f"{LONG_S:.0f}.wav")
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "without.blend"))
+    return ob
+
+
+def saved(folder: Path, name: str) -> int:
+    """Bytes of the file as it is now."""
+    path = folder / f"{name}.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True)
+    return path.stat().st_size
+
+
+def saved_without(folder: Path) -> int:
+    """Bytes of the file before anything was generated."""
+    return (folder / "without.blend").stat().st_size
+
+
+def playback_ms() -> float:
+    """Milliseconds that Blender needs for a frame, the best of three rounds of 300."""
+    rounds = []
+    for _ in range(TIMES):
+        with timed(rounds):
+            for frame in range(1, 301):
+                bpy.context.scene.frame_set(frame)
+    return min(rounds) / 300 * 1000
+
+
+def with_window(blender: Path, zipped: Path, folder: Path) -> None:
+    """In a window that mouse and keys drive."""
+    own = zipped if zipped.parent == folder else Path(shutil.copy(zipped, folder / "anyface.zip"))
+    words = [blender, "-b", "--command", "extension", "install-file", "-r", "user_default", "-e"]
+    environment = {**os.environ, "BLENDER_USER_RESOURCES": str(folder)}
+    subprocess.run([*words, own], env=environment, check=True, capture_output=True)
+    screen = Screen(blender.with_name("enter"), blender, folder, display=79)
+    try:
+        line("Blender with a window", screen.ask("answer = bpy.app.version_string"))
+        voice = str(folder / f"{SHORT_S:.0f}.wav")
+        screen.ask(SCENE.format(mesh=str(folder / "head.ply"), voice=voice))
+        screen.hand("mousemove", 400, 400, "click", "1", "key", "Escape")
+        screen.ask("area_of('VIEW_3D')[3].active_panel_category = 'Anyface'")
+        screen.ask(TIMED)
+        presses(screen)
+        redraws(screen)
+        escapes(screen, folder)
+    finally:
+        screen.close()
+
+
+def presses(screen: Screen) -> None:
+    """Press of *Generate* to the result: a new mesh, then a known one."""
+    waited = []
+    for _ in range(1 + TIMES):
+        screen.hand("mousemove", *screen.find("anyface.generate"), "sleep", "0.3")
+        with timed(waited):
+            screen.hand("click", "1")
+            screen.wait("keys() and not running()")
+        report = screen.ask("answer = bpy.data.objects['Head'].anyface.report")
+        screen.press("anyface.remove")
+        screen.wait("not keys()")
+    line("what was made", report)
+    line("press to result, new mesh, weights not yet loaded", f"{waited[0]:.2f} s")
+    line("press to result, seen before", seconds(waited[1:]))
+    spent = screen.ask("answer = bpy.app.driver_namespace['spent']")
+    line("of it the interface's thread: reading", seconds(spent["read"]))
+    line("of it the interface's thread: writing", seconds(spent["write"]))
+
+
+def redraws(screen: Screen) -> None:
+    """The longest time in which Blender answers nothing while it draws the view once."""
+    found = []
+    for _ in range(TIMES):
+        screen.ask("stillness['longest_s'] = 0.0; area_of('VIEW_3D')[1].tag_redraw()")
+        time.sleep(1.0)
+        found.append(screen.ask("answer = stillness['longest_s']"))
+    line("a redraw of the view by Blender itself", seconds(found))
+
+
+def escapes(screen: Screen, folder: Path) -> None:
+    """Esc to the end of the job, pressed at several stages of a long sound."""
+    sound = str(folder / f"{ENDLESS_S:.0f}.wav")
+    screen.ask(f"bpy.data.objects['Head'].anyface.sound_file = {sound!r}")
+    module = "importlib.import_module('bl_ext.user_default.anyface.ui.running')"
+    waited, stages = [], []
+    for after_s in ESC_AFTER_S:
+        screen.press("anyface.generate")
+        screen.wait("running()")
+        time.sleep(after_s)
+        screen.hand("mousemove", 400, 400)
+        stages += screen.ask(f"import importlib; answer = [{module}.current.progress.at[0]]")
+        with timed(waited):
+            screen.hand("key", "Escape")
+            screen.wait("not running()")
+    line(f"Esc to the end of the job ({', '.join(stages)})", seconds(waited))
+
+
+if __name__ == "__main__":
+    main()
