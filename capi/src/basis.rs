@@ -45,7 +45,8 @@ impl AnyfaceBasis {
 ///
 /// `max_error`: mesh units, 0 or more. `max_shapes`: at least 1; where they do not suffice,
 /// `anyface_basis_max_error()` tells the error that is left. `progress` may be NULL. A clip that
-/// does not move has no shapes. Free with `anyface_basis_free()`; the clip may go before.
+/// does not move has no shapes. Where the error allows, no more than 20 of them have a weight other
+/// than 0 in the same frame. Free with `anyface_basis_free()`; the clip may go before.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for numbers out of range, `ANYFACE_STATUS_CANCELLED`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_basis_new(

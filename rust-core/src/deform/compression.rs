@@ -6,29 +6,27 @@
 //! finder with one power iteration (Halko, Martinsson, Tropp 2011, algorithm 4.4); the error that
 //! is reported is measured on the result, not estimated.
 
-use faer::{Mat, MatRef, Side};
+mod reduced;
+mod thin;
+
 use ndarray::{Array2, Array3};
-use rand_chacha::{
-    ChaCha8Rng,
-    rand_core::{RngCore, SeedableRng},
-};
 use rayon::prelude::*;
 
+use self::{
+    reduced::{Components, Reduced},
+    thin::{MOVING, thin},
+};
 use super::VertexClip;
 use crate::{
     Error, Result,
-    nn::matrix::{self, by_row_blocks, product, rows_of, view, view_mut},
+    nn::matrix::{self, product, view, view_mut},
     progress::{ProgressFn, report},
 };
 
-/// Directions beyond the largest number of shapes that the range finder follows.
-const SPARE: usize = 16;
 /// Vertices whose error is measured together.
 const VERTICES_PER_TASK: usize = 128;
 /// Components of a performance that nearly suffice: where the search for their number begins.
 const FIRST_COUNT: usize = 32;
-/// Vertices summed in one go where a long axis is reduced.
-const VERTICES_PER_SUM: usize = 1365;
 /// Up to this many shapes nobody looks for fewer; rounds in which fewer are looked for.
 const FEW: usize = 40;
 const ROUNDS: usize = 3;
@@ -64,7 +62,7 @@ impl VertexBasis {
 }
 
 /// Few principal shapes that keep every vertex within `max_error` of its place, at most
-/// `max_shapes`.
+/// `max_shapes`. Where the error allows, no more than 20 of them have a weight in the same frame.
 ///
 /// `max_error`: mesh units, at least 0. If `max_shapes` do not suffice the result says so by its
 /// own `max_error`. A clip that does not move has no shapes.
@@ -93,85 +91,14 @@ pub fn compress(
     }
     report(progress, "compress", 0.0)?;
     let reduced = Reduced::new(&flat, max_shapes.min(frames), progress)?;
-    let mut weights = vec![1.0; vertices];
-    let all: Vec<usize> = (0..vertices).step_by(VERTICES_PER_TASK).collect();
-    let full = reduced.components(&weights)?;
-    let (count, error) = fewest(&flat, &full, max_error, FIRST_COUNT, &all);
-    let mut best = Choice { full, count, error };
-    for round in 0..ROUNDS {
-        report(progress, "compress", 0.6 + 0.1 * round as f32)?;
-        if best.count <= FEW || best.error > max_error {
-            break;
-        }
-        let fewer = best.count * 3 / 4;
-        let left = errors_of_vertices(&flat, &best.full, fewer, &all);
-        emphasise(&mut weights, &left, max_error);
-        let full = reduced.components(&weights)?;
-        // The error is largest where it was large before: only there is it measured in between.
-        let worst = worst_tasks(&left, &all);
-        let (count, _) = fewest(&flat, &full, max_error, fewer, &worst);
-        let error = largest_error(&flat, &full, count, &all);
-        if error <= max_error && count < best.count {
-            best = Choice { full, count, error };
-        }
-    }
+    let best = choose(&flat, &reduced, max_error, progress)?;
+    let mut chosen = best.full.first(best.count);
+    let error = match best.count > MOVING {
+        true => thin(&flat, &mut chosen.weights, &chosen.shapes, max_error),
+        false => best.error,
+    };
     report(progress, "compress", 1.0)?;
-    Ok(normalised(&best, vertices, clip.fps))
-}
-
-/// Components in falling order: `weights` `[T, K]` and `shapes` `[3V, K]`.
-struct Components {
-    weights: Array2<f32>,
-    shapes: Array2<f32>,
-}
-
-/// The clip in the directions in time that matter, `range` `[T, width]`: `projected` `[3V, width]`.
-struct Reduced {
-    range: Array2<f32>,
-    projected: Array2<f32>,
-    /// The most components that are kept.
-    most: usize,
-}
-
-impl Reduced {
-    fn new(flat: &Array2<f32>, most: usize, progress: ProgressFn<'_>) -> Result<Reduced> {
-        let frames = flat.nrows();
-        if frames == 0 || flat.ncols() == 0 {
-            return Ok(Reduced {
-                range: Array2::zeros((frames, 0)),
-                projected: Array2::zeros((flat.ncols(), 0)),
-                most: 0,
-            });
-        }
-        let range = match frames > most + SPARE {
-            true => range_of_frames(flat, most + SPARE, progress)?,
-            false => Array2::eye(frames),
-        };
-        let projected = transposed_product(flat, &range);
-        report(progress, "compress", 0.5)?;
-        Ok(Reduced {
-            range,
-            projected,
-            most,
-        })
-    }
-
-    /// The components of the clip with every vertex taken as often as `weights` `[V]` says.
-    fn components(&self, weights: &[f32]) -> Result<Components> {
-        if self.most == 0 {
-            return Ok(Components {
-                weights: self.range.clone(),
-                shapes: self.projected.clone(),
-            });
-        }
-        let rotation = principal_axes(&self.projected, weights)?;
-        let keep = self.most.min(rotation.ncols());
-        let rotation = rotation.slice(ndarray::s![.., ..keep]).to_owned();
-        Ok(Components {
-            weights: row_product(&self.range, &rotation),
-            shapes: row_product(&self.projected, &rotation),
-        })
-    }
+    Ok(normalised(&chosen, error, vertices, clip.fps))
 }
 
 /// Components, and how many of them it takes.
@@ -179,6 +106,39 @@ struct Choice {
     full: Components,
     count: usize,
     error: f32,
+}
+
+/// The fewest components, of some weighting of the vertices, that leave at most `max_error`.
+fn choose(
+    flat: &Array2<f32>,
+    reduced: &Reduced,
+    max_error: f32,
+    progress: ProgressFn<'_>,
+) -> Result<Choice> {
+    let vertices = flat.ncols() / 3;
+    let mut weights = vec![1.0; vertices];
+    let all: Vec<usize> = (0..vertices).step_by(VERTICES_PER_TASK).collect();
+    let full = reduced.components(&weights)?;
+    let (count, error) = fewest(flat, &full, max_error, FIRST_COUNT, &all);
+    let mut best = Choice { full, count, error };
+    for round in 0..ROUNDS {
+        report(progress, "compress", 0.6 + 0.1 * round as f32)?;
+        if best.count <= FEW || best.error > max_error {
+            break;
+        }
+        let fewer = best.count * 3 / 4;
+        let left = errors_of_vertices(flat, &best.full, fewer, &all);
+        emphasise(&mut weights, &left, max_error);
+        let full = reduced.components(&weights)?;
+        // The error is largest where it was large before: only there is it measured in between.
+        let worst = worst_tasks(&left, &all);
+        let (count, _) = fewest(flat, &full, max_error, fewer, &worst);
+        let error = largest_error(flat, &full, count, &all);
+        if error <= max_error && count < best.count {
+            best = Choice { full, count, error };
+        }
+    }
+    Ok(best)
 }
 
 /// Gives vertices more weight the further they are from their place (`left` `[V]`, squared).
@@ -192,82 +152,6 @@ fn emphasise(weights: &mut [f32], left: &[f32], max_error: f32) {
     }
     let mean = weights.iter().sum::<f32>() / weights.len().max(1) as f32;
     weights.iter_mut().for_each(|weight| *weight /= mean);
-}
-
-/// Orthonormal `[T, width]` whose columns nearly span the frames.
-fn range_of_frames(
-    flat: &Array2<f32>,
-    width: usize,
-    progress: ProgressFn<'_>,
-) -> Result<Array2<f32>> {
-    let mut rng = ChaCha8Rng::seed_from_u64(0);
-    let uniform = 2.0f32.powi(-31);
-    let probe = Array2::from_shape_fn((flat.ncols(), width), |_| {
-        rng.next_u32() as f32 * uniform - 1.0
-    });
-    let first = orthonormal(&row_product(flat, &probe));
-    report(progress, "compress", 0.2)?;
-    let back = transposed_product(flat, &first);
-    report(progress, "compress", 0.35)?;
-    Ok(orthonormal(&row_product(flat, &back)))
-}
-
-/// `lhs · rhs`, row blocks in parallel.
-fn row_product(lhs: &Array2<f32>, rhs: &Array2<f32>) -> Array2<f32> {
-    by_row_blocks(lhs.nrows(), rhs.ncols(), |rows, out| {
-        let lhs = view(lhs).subrows(rows.start, rows.len());
-        product(view_mut(out, rhs.ncols()), lhs, view(rhs));
-    })
-}
-
-/// `lhsᵀ · rhs`, row blocks of the result in parallel.
-fn transposed_product(lhs: &Array2<f32>, rhs: &Array2<f32>) -> Array2<f32> {
-    by_row_blocks(lhs.ncols(), rhs.ncols(), |rows, out| {
-        let lhs = view(lhs).subcols(rows.start, rows.len()).transpose();
-        product(view_mut(out, rhs.ncols()), lhs, view(rhs));
-    })
-}
-
-/// An orthonormal basis of the columns of `[T, width]`, `T` at least `width`.
-fn orthonormal(columns: &Array2<f32>) -> Array2<f32> {
-    let (rows, width) = columns.dim();
-    let matrix = Mat::from_fn(rows, width, |i, j| f64::from(columns[[i, j]]));
-    let q = matrix.qr().compute_thin_Q();
-    Array2::from_shape_fn((rows, width), |(i, j)| q[(i, j)] as f32)
-}
-
-/// Eigenvectors of `Pᵀ W P` for `P` `[3V, width]` and `weights` `[V]`, largest first: `[width, width]`.
-fn principal_axes(projected: &Array2<f32>, weights: &[f32]) -> Result<Array2<f32>> {
-    let width = projected.ncols();
-    let sums: Vec<Vec<f32>> = matrix::values(projected)
-        .par_chunks(3 * VERTICES_PER_SUM * width)
-        .zip(weights.par_chunks(VERTICES_PER_SUM))
-        .map(|(rows, weights)| {
-            let mut scaled = rows.to_vec();
-            for (rows, weight) in scaled.chunks_exact_mut(3 * width).zip(weights) {
-                let root = weight.sqrt();
-                rows.iter_mut().for_each(|x| *x *= root);
-            }
-            let rows: MatRef<'_, f32> = rows_of(&scaled, width);
-            let mut sum = vec![0.0; width * width];
-            product(view_mut(&mut sum, width), rows.transpose(), rows);
-            sum
-        })
-        .collect();
-    let mut gram = Mat::<f64>::zeros(width, width);
-    for sum in &sums {
-        for i in 0..width {
-            for j in 0..width {
-                gram[(i, j)] += f64::from(sum[i * width + j]);
-            }
-        }
-    }
-    let eigen = gram
-        .self_adjoint_eigen(Side::Lower)
-        .map_err(|e| Error::Numerics(format!("compression: eigenvalues of frames: {e:?}")))?;
-    Ok(Array2::from_shape_fn((width, width), |(i, j)| {
-        eigen.U()[(i, width - 1 - j)] as f32
-    }))
 }
 
 /// The fewest components that leave at most `max_error`, and what they leave; all where none do.
@@ -352,25 +236,20 @@ fn raise_to_distance(longest: &mut [f32], there: &[f32], fitted: &[f32]) {
     }
 }
 
-/// The chosen components with weights that touch ±1.
-fn normalised(choice: &Choice, vertices: usize, fps: f64) -> VertexBasis {
-    let (full, count) = (&choice.full, choice.count);
-    let frames = full.weights.nrows();
-    let scale: Vec<f32> = (0..count)
-        .map(|k| {
-            let column = full.weights.column(k);
-            let largest = column.iter().fold(0.0f32, |m, w| m.max(w.abs()));
-            if largest > 0.0 { largest } else { 1.0 }
-        })
-        .collect();
+/// Components with weights that touch ±1.
+fn normalised(chosen: &Components, error: f32, vertices: usize, fps: f64) -> VertexBasis {
+    let (frames, count) = chosen.weights.dim();
+    let columns = chosen.weights.columns().into_iter();
+    let largest = columns.map(|column| column.iter().fold(0.0f32, |m, w| m.max(w.abs())));
+    let scale: Vec<f32> = largest.map(|m| if m > 0.0 { m } else { 1.0 }).collect();
     VertexBasis {
         shapes: Array3::from_shape_fn((count, vertices, 3), |(k, v, x)| {
-            scale[k] * full.shapes[[3 * v + x, k]]
+            scale[k] * chosen.shapes[[3 * v + x, k]]
         }),
         weights: Array2::from_shape_fn((frames, count), |(t, k)| {
-            (full.weights[[t, k]] / scale[k]).clamp(-1.0, 1.0)
+            (chosen.weights[[t, k]] / scale[k]).clamp(-1.0, 1.0)
         }),
-        max_error: choice.error,
+        max_error: error,
         fps,
     }
 }
