@@ -17,7 +17,7 @@ import bpy  # noqa: E402
 
 SIZE = (640, 400)
 SAMPLES = 12
-HEAD_HEIGHT = 3.1
+HEAD_HEIGHT = 3.7
 FUR = (0.30, 0.16, 0.09, 1.0)
 
 
@@ -77,13 +77,13 @@ def stage(scene, fps: int) -> None:
     world = bpy.data.worlds.new("World")
     world.use_nodes = True
     background = next(node for node in world.node_tree.nodes if node.type == "BACKGROUND")
-    background.inputs[0].default_value = (0.045, 0.055, 0.07, 1.0)
+    background.inputs[0].default_value = (0.05, 0.065, 0.09, 1.0)
     scene.world = world
-    light("Key", (-3.0, -5.0, 3.0), 260.0, 2.0)
-    light("Fill", (4.0, -4.0, 0.5), 110.0, 3.0)
-    light("Rim", (0.5, 3.0, 3.0), 160.0, 1.5)
+    light("Key", (-3.0, -5.0, 3.0), 380.0, 2.0)
+    light("Fill", (4.0, -4.0, 0.5), 130.0, 3.0)
+    light("Rim", (0.5, 3.0, 3.0), 320.0, 1.5)
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    camera.data.lens = 70
+    camera.data.lens = 72
     camera.location = (0.0, -11.2, 0.05)
     camera.rotation_euler = (math.radians(90), 0, 0)
     scene.collection.objects.link(camera)
@@ -112,7 +112,7 @@ def sound(scene, path: Path) -> None:
 
 def suzanne(landmarks: Path):
     """Blender's monkey with landmarks marked by hand, smooth."""
-    bpy.ops.mesh.primitive_monkey_add(location=(-1.35, 0, 0.15))
+    bpy.ops.mesh.primitive_monkey_add(location=(-1.45, 0, 0.25))
     ob = bpy.context.object
     ob.data.materials.append(material("Fur", FUR, 0.6))
     for polygon in ob.data.polygons:
@@ -133,7 +133,7 @@ def default_head(path: Path):
     ob.scale = (scale,) * 3
     middle = [scale * (a + b) / 2 for a, b in zip(low, high, strict=True)]
     # The bust runs out of the picture: the face, not the whole, stands as high as Suzanne.
-    ob.location = (1.35 - middle[0], -middle[1], -0.45 - middle[2])
+    ob.location = (1.32 - middle[0], -middle[1], -0.5 - middle[2])
     for polygon in ob.data.polygons:
         polygon.use_smooth = True
     return ob
