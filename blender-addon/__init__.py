@@ -8,6 +8,8 @@ import bpy
 
 from . import command
 from .scene import cache_files
+from .scene.gltf import after_export as glTF2_post_export_callback  # noqa: F401 - glTF's exporter
+from .scene.gltf import before_export as glTF2_pre_export_callback  # noqa: F401 - calls them
 from .ui import (
     audio,
     character,

@@ -11,7 +11,6 @@ import numpy as np
 from . import pc2, shapes, sliders
 from .errors import AnyfaceError
 from .job import Progress
-from .one_sided import one_sided
 from .take import FaceMesh, KeyMotion, Rig, Take, WrittenFile
 
 # Below this share of the motion nobody sees that the artist's keys speak.
@@ -37,8 +36,6 @@ class Plan:
 
     def finish(self, face: FaceMesh, take: Take, engine, progress: Progress) -> Take:
         """The take as this plan wants it; raises `AnyfaceError`, or `Cancelled`."""
-        if self.mode == "basis" and len(take.basis.vectors):
-            take.basis = one_sided(take.basis)
         if self.mode == "basis" and take.basis.sliders:
             take.basis.packed = sliders.pack(take.basis.sliders)
         if self.mode in ("basis", "frames"):

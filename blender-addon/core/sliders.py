@@ -51,15 +51,6 @@ class SliderChange:
         return np.tensordot(np.array(shares, dtype=np.float32), self.changes, axes=1)
 
 
-def reach(sliders: dict[str, SliderChange]) -> tuple[np.ndarray, np.ndarray]:
-    """The most that all sliders together take from each weight and add to it, both `[T, K]`."""
-    pairs = [
-        (change.changes.min(axis=0).clip(max=0.0), change.changes.max(axis=0).clip(min=0.0))
-        for change in sliders.values()
-    ]
-    return sum(low for low, _ in pairs), sum(high for _, high in pairs)
-
-
 def why_still(performance, found) -> dict[str, str]:
     """Why a take has not the sliders that are not in `found`, by name."""
     missing = {name: _STILL[name] for name in NAMES if name not in found}

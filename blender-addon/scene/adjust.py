@@ -12,6 +12,8 @@ GROUPS = {
     "blinks": ("eyeBlink",),
     "brows": ("brow",),
 }
+# Weights below this are rounding.
+_NOTHING = 1e-6
 _FRAMES = "a key for every frame holds the finished motion: use basis keys"
 _CACHE = "a cache holds the finished motion: use basis keys"
 _NAMED = "it acts on basis keys; scale mouth, blinks and brows instead"
@@ -88,10 +90,10 @@ def _adjust(ob, wanted: dict[str, float]) -> None:
         factor, block = _factor(name, taken.adjusted), shape_keys.key_blocks.get(name)
         if block is None or value_path(name) not in made:
             continue
-        if name in taken.keys:
-            block.slider_max = max(1.0, factor)
         more = None if added is None else (frames, factor * added[:, number])
-        _change(made[value_path(name)], factor / _factor(name, before), moved, more)
+        low, high = _change(made[value_path(name)], factor / _factor(name, before), moved, more)
+        if name in taken.keys:
+            block.slider_min, block.slider_max = min(block.slider_min, low), max(1.0, high)
     record.write(shape_keys, taken)
 
 
@@ -125,10 +127,11 @@ def _group(key: str) -> str:
     return next((name for name, starts in GROUPS.items() if shape.startswith(starts)), "")
 
 
-def _change(curve, factor: float, moved: float, more=None) -> None:
+def _change(curve, factor: float, moved: float, more=None) -> tuple[float, float]:
     """Scales a curve, adds `more` (values at frames `[T]`, before they move), moves it in time.
 
     Keyframes that the artist has moved or added go along; outside the take nothing is added.
+    Returns the lowest and the highest value.
     """
     points = np.empty(len(curve.keyframe_points) * 2, dtype=np.float32)
     curve.keyframe_points.foreach_get("co", points)
@@ -139,6 +142,9 @@ def _change(curve, factor: float, moved: float, more=None) -> None:
         half = 0.5 * (frames[1] - frames[0]) if len(frames) > 1 else 0.5
         inside = (points[0::2] > frames[0] - half) & (points[0::2] < frames[-1] + half)
         points[1::2] += inside * np.interp(points[0::2], frames, added)
+    # Blender passes over keys at exactly 0.
+    points[1::2] *= np.abs(points[1::2]) > _NOTHING
     points[0::2] += moved
     curve.keyframe_points.foreach_set("co", points)
     curve.update()
+    return float(points[1::2].min(initial=0.0)), float(points[1::2].max(initial=0.0))

@@ -13,7 +13,7 @@ _CONSTANT, _LINEAR = 0, 1
 _GROUP = "Anyface"
 # What a keyframe holds beside its place.
 _KEY_FIELDS = ("interpolation", "easing", "handle_left_type", "handle_right_type")
-_KEY_VECTORS = ("co", "handle_left", "handle_right")
+KEY_VECTORS = ("co", "handle_left", "handle_right")
 
 
 def channels(animation_data, create: bool = False):
@@ -146,8 +146,8 @@ def copy(source, bag) -> None:
         made.group = bag.groups.get(name) or bag.groups.new(name)
     count = len(source.keyframe_points)
     made.keyframe_points.add(count)
-    for name in (*_KEY_VECTORS, *_KEY_FIELDS):
-        vector = name in _KEY_VECTORS
+    for name in (*KEY_VECTORS, *_KEY_FIELDS):
+        vector = name in KEY_VECTORS
         values = np.empty(count * 2 if vector else count, np.float32 if vector else np.int32)
         source.keyframe_points.foreach_get(name, values)
         made.keyframe_points.foreach_set(name, values)

@@ -46,6 +46,18 @@ def leave(shape_keys, taken: record.Record, action) -> None:
         curves.delete_action(rest)
 
 
+def rest_channels(shape_keys):
+    """What holds the curves of keys at rest, or None."""
+    rest = shape_keys.get(REST)
+    return curves.bags(rest)[0] if rest is not None else None
+
+
+def hold(bag, names: list[str]) -> None:
+    """Keeps keys at 0 where no take plays them; `bag` is that of `rest_channels`."""
+    for name in names:
+        curves.write(bag, value_path(name), np.zeros(1), np.zeros(1))
+
+
 def _hold_at_rest(ob, taken) -> None:
     if not taken.keys:
         return
@@ -55,9 +67,7 @@ def _hold_at_rest(ob, taken) -> None:
     if fresh:
         rest, _ = curves.new_action(f"{ob.name} {_REST_NAME}")
         shape_keys[REST] = rest
-    bag = curves.bags(rest)[0]
-    for name in taken.keys:
-        curves.write(bag, value_path(name), np.zeros(1), np.zeros(1))
+    hold(rest_channels(shape_keys), taken.keys)
     if fresh:
         _strip(shape_keys.animation_data, _REST_NAME, rest, 0.0).extrapolation = "HOLD"
 

@@ -79,6 +79,14 @@ def switch(ob, take_id: str) -> None:
         _play(other, taken.id)
 
 
+def channels_of(shape_keys, taken: record.Record):
+    """What holds the curves of a take, whether it plays or waits; None where that is gone."""
+    action = shape_keys.get(_ACTION + taken.id)
+    if action is not None:
+        return next(iter(curves.bags(action)), None)
+    return curves.channels(shape_keys.animation_data)
+
+
 def _beside(take_id: str) -> list[tuple]:
     """The objects that have a part of a take, and its record there."""
     meshes = [ob for ob in bpy.data.objects if ob.type == "MESH"]

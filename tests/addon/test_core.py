@@ -133,18 +133,6 @@ def test_the_second_direction_is_tried_when_the_first_has_no_face(addon):
         perform.perform(*ask, nowhere, addon("core.job").Progress())
 
 
-def test_a_one_sided_basis_moves_the_same(addon):
-    take = addon("core.take")
-    random = np.random.default_rng(0)
-    weights = random.uniform(-1.0, 1.0, (20, 5))
-    weights[:, 3] = np.abs(weights[:, 3])
-    basis = take.Basis(random.normal(size=(5, 40, 3)).astype(np.float32), weights, 0.1)
-    made = addon("core.one_sided").one_sided(basis)
-    assert made.weights.min() >= 0.0 and made.weights.max() <= 1.0 and len(made.vectors) == 6
-    before = np.tensordot(basis.weights, basis.vectors, axes=1)
-    assert np.abs(np.tensordot(made.weights, made.vectors, axes=1) - before).max() < 1e-5
-
-
 def test_weights_are_loaded_by_the_first_who_needs_them_and_once(addon):
     made = []
 

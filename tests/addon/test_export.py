@@ -1,11 +1,14 @@
 """Exports that carry shape keys: what comes back moves as what went out."""
 
+import json
+import struct
+
 import addon_utils
 import bpy
 import numpy as np
 import pytest
 
-from figures import Stage, grid, own_keys, shape, tone
+from figures import Stage, curves, everything, grid, own_keys, shape, tone
 
 START = 5
 FRAMES = (1, START, START + 7, START + 20, START + 47)
@@ -80,8 +83,9 @@ def test_the_same_motion_comes_back(stage, tmp_path, kind, mode):
     rest = world(ob, -50)
     before = {frame: world(ob, frame) for frame in FRAMES}
     bpy.context.scene.frame_set(1)
-    path = str(tmp_path / f"head.{ending}")
+    path, untouched = str(tmp_path / f"head.{ending}"), everything()
     write(path)
+    assert everything() == untouched
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     addon_utils.enable(module, default_set=False)
     bpy.context.scene.render.fps = 24
@@ -95,3 +99,73 @@ def test_the_same_motion_comes_back(stage, tmp_path, kind, mode):
         moved = world(other, frame)
         assert np.abs(moved - before[frame][nearest]).max() < 0.01 * stage.size, frame
     assert np.abs(before[START + 20] - rest).max() > 0.2 * stage.size
+
+
+def weights_of(path):
+    """Every weight of every morph animation in a GLB file."""
+    data = open(path, "rb").read()
+    length = struct.unpack("<I", data[12:16])[0]
+    document, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
+    found = []
+    for animation in document["animations"]:
+        for channel in animation["channels"]:
+            if channel["target"]["path"] == "weights":
+                sampler = animation["samplers"][channel["sampler"]]
+                accessor = document["accessors"][sampler["output"]]
+                view = document["bufferViews"][accessor["bufferView"]]
+                at = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+                found.append(np.frombuffer(binary, "<f4", accessor["count"], at))
+    return found
+
+
+def test_a_gltf_file_has_weights_that_no_engine_clamps(stage, tmp_path):
+    addon_utils.enable("io_scene_gltf2", default_set=False)
+    ob = ready(tmp_path, "basis")
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    action = ob.data.shape_keys.animation_data.action
+    assert min(point.co[1] for curve in curves(action) for point in curve.keyframe_points) < -0.5
+    gltf_out(str(tmp_path / "head.glb"))
+    found = weights_of(tmp_path / "head.glb")
+    assert found and all(w.min() >= 0.0 and w.max() <= 1.0 for w in found)
+    assert any(np.ptp(w) > 0.9 for w in found)
+
+
+def test_takes_beside_the_one_that_plays_are_exported_and_stay(stage, tmp_path, addon):
+    ob = ready(tmp_path, "basis")
+    for _ in range(2):
+        ob.anyface_output.new_take = True
+        assert bpy.ops.anyface.generate() == {"FINISHED"}
+    row = addon("scene.takes").rows(ob)[0]
+    assert bpy.ops.anyface.take_push_down(take=row.id) == {"FINISHED"}
+    before = {frame: world(ob, frame) for frame in FRAMES}
+    gltf, untouched = addon("scene.gltf"), everything()
+    gltf.before_export({})
+    names = [block.name for block in ob.data.shape_keys.key_blocks]
+    assert sum(name.startswith("Anyface.standing") for name in names) == 2
+    assert all(block.slider_min >= 0.0 for block in ob.data.shape_keys.key_blocks)
+    for frame in FRAMES:
+        assert np.abs(world(ob, frame) - before[frame]).max() < 1e-3 * stage.size, frame
+    gltf.after_export({})
+    assert everything() == untouched
+
+
+def test_what_an_export_that_failed_has_left_is_put_back_by_the_next(stage, tmp_path, addon):
+    addon_utils.enable("io_scene_gltf2", default_set=False)
+    ready(tmp_path, "basis")
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    untouched = everything()
+    addon("scene.gltf").before_export({})
+    assert everything() != untouched
+    gltf_out(str(tmp_path / "head.glb"))
+    assert everything() == untouched
+
+
+def test_a_face_of_the_same_name_in_another_file_is_left_alone(stage, tmp_path, addon):
+    ready(tmp_path, "basis")
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    addon("scene.gltf").before_export({})
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    own_keys(grid(), "Frown")
+    other = everything()
+    addon("scene.gltf").after_export({})
+    assert everything() == other

@@ -1,0 +1,167 @@
+"""Weights within 0 and 1 while a glTF file is written: importers and engines clamp others.
+
+`Σ w v` with `w` from `m` to `M` equals `Σ (w - m)/(M - m) · (M - m) v + Σ m v`: the last sum is one
+shape more, which stays at 1. In Blender a take keeps weights of both signs: most of them are 0 in a
+frame, which costs nothing. Its glTF exporter calls `before_export` and `after_export` by the names
+that `__init__` gives them.
+"""
+
+import uuid
+from dataclasses import dataclass, field
+
+import bpy
+import numpy as np
+
+from . import curves, guard, nla, record, takes
+from .paths import value_path
+
+_STANDING = "Anyface.standing"
+# Marks shape keys that are changed, with the number of the change.
+_MARK = "anyface_one_sided"
+
+
+@dataclass
+class _Changed:
+    """What one mesh had before: positions, slider ranges and values of keys by name, keyframes of
+    curves by take and data path."""
+
+    name: str
+    mark: str = field(default_factory=lambda: uuid.uuid4().hex)
+    keys: dict[str, tuple[np.ndarray, float, float, float]] = field(default_factory=dict)
+    points: dict[tuple[str, str], dict[str, np.ndarray]] = field(default_factory=dict)
+    standing: list[str] = field(default_factory=list)
+
+
+_changed: list[_Changed] = []
+
+
+def before_export(_settings) -> None:
+    """Rewrites all basis takes that have negative weights; they move as before."""
+    after_export(_settings)
+    seen = set()
+    for ob in bpy.data.objects:
+        if ob.type != "MESH" or ob.data.library is not None or ob.data.name in seen:
+            continue
+        seen.add(ob.data.name)
+        wanted = [taken for taken in record.everyone(ob.data.shape_keys) if taken.mode == "basis"]
+        if wanted:
+            _rewrite(ob, wanted)
+
+
+def after_export(_settings) -> None:
+    """Puts back what `before_export` has changed; also what an export that failed has left."""
+    while _changed:
+        changed = _changed.pop()
+        ob = bpy.data.objects.get(changed.name)
+        shape_keys = ob.data.shape_keys if ob is not None and ob.type == "MESH" else None
+        # Another file may be open by now, with a face of the same name.
+        if shape_keys is not None and shape_keys.get(_MARK) == changed.mark:
+            _put_back(ob, changed)
+
+
+def _rewrite(ob, wanted) -> None:
+    changed = _Changed(ob.name)
+    _changed.append(changed)
+    ob.data.shape_keys[_MARK] = changed.mark
+    with guard.object_mode(ob), guard.selection_kept(ob):
+        for taken in wanted:
+            _rewrite_take(ob, taken, changed)
+
+
+def _rewrite_take(ob, taken, changed: _Changed) -> None:
+    shape_keys = ob.data.shape_keys
+    bag = takes.channels_of(shape_keys, taken)
+    standing, span = 0.0, None
+    for name in taken.keys if bag is not None else ():
+        block, curve = shape_keys.key_blocks.get(name), bag.fcurves.find(value_path(name))
+        if block is None or curve is None or block.mute or block.vertex_group:
+            continue
+        before = {name: _values(curve, name) for name in curves.KEY_VECTORS}
+        low = min(0.0, *(values[1::2].min() for values in before.values()))
+        if low == 0.0:
+            continue
+        high = max(0.0, *(values[1::2].max() for values in before.values()))
+        changed.points[taken.id, curve.data_path] = before
+        _set(curve, {name: _within_one(values, low, high) for name, values in before.items()})
+        standing = standing + low * _scale(block, high - low, changed)
+        span = np.array(curve.range())
+    if span is not None:
+        name = _add_standing(ob, bag, standing, span)
+        changed.standing.append(name)
+        if taken.in_nla:
+            nla.hold(nla.rest_channels(shape_keys), [name])
+
+
+def _within_one(pairs: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Places `[2T]` (frame, value, frame, …) with values from `low` to `high` as from 0 to 1."""
+    pairs = pairs.copy()
+    pairs[1::2] = (pairs[1::2] - low) / (high - low)
+    return pairs
+
+
+def _scale(block, factor: float, changed: _Changed) -> np.ndarray:
+    """Makes a key move `factor` times as far; returns its displacements `[3V]` before."""
+    positions, at_rest = _positions(block), _positions(block.relative_key)
+    changed.keys[block.name] = (positions, block.slider_min, block.slider_max, block.value)
+    block.points.foreach_set("co", at_rest + factor * (positions - at_rest))
+    block.slider_min, block.slider_max = 0.0, 1.0
+    return positions - at_rest
+
+
+def _add_standing(ob, bag, vector: np.ndarray, span: np.ndarray) -> str:
+    """A key of the displacements `vector` `[3V]` that stays at 1 through the take; its name."""
+    block = ob.shape_key_add(name=_STANDING, from_mix=False)
+    block.value = 0.0
+    block.points.foreach_set("co", _positions(block.relative_key) + vector)
+    curves.write(bag, value_path(block.name), span, np.ones(2), constant=True)
+    return block.name
+
+
+def _put_back(ob, changed: _Changed) -> None:
+    shape_keys = ob.data.shape_keys
+    del shape_keys[_MARK]
+    with guard.object_mode(ob), guard.selection_kept(ob):
+        for taken in record.everyone(shape_keys):
+            bag = takes.channels_of(shape_keys, taken)
+            _put_curves_back(bag, taken.id, changed)
+            _forget(bag, changed.standing)
+        _forget(nla.rest_channels(shape_keys), changed.standing)
+        for name in changed.standing:
+            ob.shape_key_remove(shape_keys.key_blocks[name])
+        for name, (positions, low, high, value) in changed.keys.items():
+            block = shape_keys.key_blocks[name]
+            block.points.foreach_set("co", positions)
+            block.slider_min, block.slider_max, block.value = low, high, value
+    ob.data.update()
+
+
+def _put_curves_back(bag, take_id: str, changed: _Changed) -> None:
+    for (owner, path), before in changed.points.items():
+        if owner == take_id:
+            _set(bag.fcurves.find(path), before)
+
+
+def _forget(bag, names: list[str]) -> None:
+    for name in names if bag is not None else ():
+        stale = bag.fcurves.find(value_path(name))
+        if stale is not None:
+            bag.fcurves.remove(stale)
+
+
+def _values(curve, name: str) -> np.ndarray:
+    pairs = np.empty(2 * len(curve.keyframe_points), dtype=np.float32)
+    curve.keyframe_points.foreach_get(name, pairs)
+    return pairs
+
+
+def _set(curve, places: dict[str, np.ndarray]) -> None:
+    for name, pairs in places.items():
+        curve.keyframe_points.foreach_set(name, pairs)
+    curve.update()
+
+
+def _positions(block) -> np.ndarray:
+    """`[3V]`."""
+    positions = np.empty(3 * len(block.points), dtype=np.float32)
+    block.points.foreach_get("co", positions)
+    return positions
