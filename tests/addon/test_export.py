@@ -103,7 +103,7 @@ def test_the_same_motion_comes_back(stage, tmp_path, kind, mode):
 
 def weights_of(path):
     """Every weight of every morph animation in a GLB file."""
-    data = open(path, "rb").read()
+    data = path.read_bytes()
     length = struct.unpack("<I", data[12:16])[0]
     document, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
     found = []
