@@ -114,3 +114,20 @@ def test_escape_stops_a_running_job_and_leaves_nothing(screen, photographs, voic
     screen.wait("not running()", 20)
     assert not screen.ask("answer = bool(keys())")
     screen.photograph(photographs / "6_cancelled.png")
+
+
+def test_the_add_on_is_disabled_and_enabled_again_while_a_job_runs(screen, photographs):
+    name = "'bl_ext.user_default.anyface'"
+    screen.press("anyface.generate")
+    screen.wait("running()", 20)
+    screen.ask(f"bpy.ops.preferences.addon_disable(module={name})")
+    assert not screen.ask("answer = hasattr(bpy.types.Object, 'anyface')")
+    screen.hand("mousemove", 400, 400, "sleep", "0.3", "mousemove", 420, 420, "key", "Escape")
+    screen.photograph(photographs / "7_disabled.png")
+    screen.ask(f"bpy.ops.preferences.addon_enable(module={name})")
+    screen.ask(TAB)
+    assert not screen.ask("answer = bool(keys()) or running()")
+    screen.ask("bpy.data.objects['Head'].anyface.source = 'STRIP'")
+    screen.press("anyface.generate")
+    screen.wait("keys() and not running()")
+    screen.photograph(photographs / "8_enabled_again.png")

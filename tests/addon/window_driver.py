@@ -71,4 +71,6 @@ def poll():
     return PERIOD_S
 
 
+# It would open over the sidebar, on a busy machine after the first clicks.
+bpy.context.preferences.view.show_splash = False
 bpy.app.timers.register(poll, persistent=True)
