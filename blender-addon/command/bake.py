@@ -34,7 +34,7 @@ def _numbers(take) -> dict:
 
 
 def _settings(ob, scene, options) -> bake.Settings:
-    settings = from_object(ob)
+    settings = from_object(ob, scene)
     if options.strip is not None or options.audio is not None:
         settings.strips, settings.channel = [], 0
     if options.strip is not None:
@@ -69,9 +69,10 @@ def _set_emotion(settings: bake.Settings, text: str) -> None:
 
 
 def named(collection, name: str, what: str):
-    """An item of `collection`; raises `AnyfaceError("input")` that lists those there are."""
+    """An item of `collection`; raises `AnyfaceError("input")` with those that would do."""
     found = collection.get(name)
     if found is None:
-        known = ", ".join(item.name for item in collection) or "none"
+        fitting = [item.name for item in collection if getattr(item, "type", "MESH") == "MESH"]
+        known = ", ".join(fitting) or "none"
         raise AnyfaceError("input", f"{what}: expected one of {known}, got {name!r}")
     return found
