@@ -15,8 +15,8 @@ import numpy as np
 NAMES = ("articulation", "emotion", "blinks")
 _MAGIC = b"AFS1"
 _LENGTH = struct.Struct("<I")
-# Steps of 1/32767 of a column's largest change: far below what a vertex shows.
-_STEPS = 32767
+# Steps of 1/2047 of a column's largest change: some thousandths of a millimetre.
+_STEPS = 2047
 _OVER_TIME = "its sliders changed over time: change the curves and generate again"
 _EMOTION_OFF = "the take was made with the emotion off, which keeps brows and lids still"
 _STILL = {
@@ -62,16 +62,19 @@ def why_still(performance, found) -> dict[str, str]:
 
 
 def pack(sliders: dict[str, SliderChange]) -> bytes:
-    """All sliders of a take in few bytes: rounded, as differences from frame to frame, deflated."""
+    """All sliders of a take in few bytes.
+
+    Rounded, as differences from frame to frame, their low bytes before the high ones, deflated.
+    """
     knots = {name: [float(knot) for knot in change.knots] for name, change in sliders.items()}
     changes = np.concatenate([change.changes for change in sliders.values()])
     head = json.dumps({"knots": knots, "shape": changes.shape}).encode()
     scale = np.abs(changes).max(axis=1, initial=1e-30, keepdims=True).astype("<f4")
     steps = np.rint(changes / scale * _STEPS).astype("<i2")
-    # Differences may overflow; sums overflow back.
     steps[:, 1:] -= steps[:, :-1].copy()
-    body = zlib.compress(scale.tobytes() + np.ascontiguousarray(steps.swapaxes(1, 2)).tobytes(), 6)
-    return _MAGIC + _LENGTH.pack(len(head)) + head + body
+    halves = np.ascontiguousarray(steps.swapaxes(1, 2)).view(np.uint8).reshape(-1, 2)
+    body = scale.tobytes() + halves[:, 0].tobytes() + halves[:, 1].tobytes()
+    return _MAGIC + _LENGTH.pack(len(head)) + head + zlib.compress(body, 6)
 
 
 def unpack(packed: bytes) -> dict[str, SliderChange]:
@@ -87,7 +90,8 @@ def unpack(packed: bytes) -> dict[str, SliderChange]:
     except (KeyError, TypeError, zlib.error) as error:
         raise ValueError(f"sliders: expected what Anyface has packed: {error}") from error
     scale = np.frombuffer(body, "<f4", count * columns).reshape(count, 1, columns)
-    steps = np.frombuffer(body, "<i2", offset=scale.nbytes).reshape(count, columns, frames)
+    halves = np.frombuffer(body, np.uint8, offset=scale.nbytes).reshape(2, -1)
+    steps = np.ascontiguousarray(halves.T).view("<i2").reshape(count, columns, frames)
     changes = np.cumsum(steps, axis=2, dtype=np.int16).swapaxes(1, 2) * (scale / _STEPS)
     ends = np.cumsum([len(places) for places in knots.values()])[:-1]
     parts = np.split(changes.astype(np.float32), ends)

@@ -1,5 +1,7 @@
 """Changes a take that is there already: how strongly it moves, what it shows, and when."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from ..core import shapes, sliders
@@ -121,6 +123,8 @@ def _factor(name: str, adjusted: dict[str, float]) -> float:
     return adjusted.get("strength", 1.0) * adjusted.get(_group(name), 1.0)
 
 
+# A drag asks for every key many times a second.
+@lru_cache(maxsize=1024)
 def _group(key: str) -> str:
     """The group of a key, whatever its spelling; empty for none."""
     shape = next(iter(shapes.match([key])), "")

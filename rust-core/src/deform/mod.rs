@@ -80,6 +80,7 @@ pub struct FewVertices {
     pub vertices: Vec<u32>,
 }
 
+/// Every method is passed on: a default one would hide that of what is in the box.
 impl Deformer for Box<dyn Deformer> {
     fn deform(
         &self,
@@ -87,5 +88,17 @@ impl Deformer for Box<dyn Deformer> {
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
         self.as_ref().deform(landmarks, progress)
+    }
+
+    fn of_vertices(&self, wanted: &[u32]) -> Option<FewVertices> {
+        self.as_ref().of_vertices(wanted)
+    }
+
+    fn deform_freely(
+        &self,
+        landmarks: ArrayView3<'_, f32>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array3<f32>> {
+        self.as_ref().deform_freely(landmarks, progress)
     }
 }

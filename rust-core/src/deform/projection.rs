@@ -84,19 +84,25 @@ pub fn telling_vertices(basis: &VertexBasis, count: usize) -> Vec<u32> {
     if vertices <= 2 * count || shapes == 0 {
         return (0..vertices as u32).collect();
     }
-    let mut telling = vec![0.0f64; vertices];
+    let mut telling = vec![0.0f32; vertices];
+    let mut squares = vec![0.0f32; vertices];
     for shape in basis.shapes.outer_iter() {
-        let squares = |row: ndarray::ArrayView1<'_, f32>| f64::from(row.dot(&row));
-        let total: f64 = shape.rows().into_iter().map(squares).sum();
-        for (telling, row) in telling.iter_mut().zip(shape.rows()) {
-            *telling += squares(row) / total.max(f64::MIN_POSITIVE);
+        let shape = shape.as_standard_layout();
+        let (rows, _) = shape.as_slice().expect("row-major").as_chunks::<3>();
+        for (square, [x, y, z]) in squares.iter_mut().zip(rows) {
+            *square = x * x + y * y + z * z;
+        }
+        let total: f64 = squares.iter().map(|square| f64::from(*square)).sum();
+        let share = (1.0 / total.max(f64::MIN_POSITIVE)) as f32;
+        for (telling, square) in telling.iter_mut().zip(&squares) {
+            *telling += share * square;
         }
     }
     let mut place = 0.0;
     let even = 1.0 / vertices as f64;
-    let passes = |(v, telling): (usize, &f64)| {
+    let passes = |(v, telling): (usize, &f32)| {
         let before = f64::floor(place);
-        place += 0.5 * count as f64 * (telling / shapes as f64 + even);
+        place += 0.5 * count as f64 * (f64::from(*telling) / shapes as f64 + even);
         (place.floor() > before).then_some(v as u32)
     };
     telling.iter().enumerate().filter_map(passes).collect()

@@ -5,7 +5,7 @@ use anyface::{
     audio::Waveform,
     conditions::EmotionCurve,
     deform::{
-        VertexClip,
+        Deformer, VertexClip,
         compression::{VertexBasis, compress},
     },
     mesh::PartChoices,
@@ -140,11 +140,11 @@ fn sliders_come_near_to_new_runs() {
     let changes = take.changes();
     // Mean and largest distance in mm, a little over what was measured.
     for (slider, position, mean, largest) in [
-        (Slider::Articulation, 1.3, 0.04, 0.5),
-        (Slider::Articulation, 0.5, 0.06, 0.5),
-        (Slider::Emotion, 0.5, 0.06, 0.6),
-        (Slider::Emotion, 0.0, 0.06, 0.6),
-        (Slider::Blinks, 0.0, 0.02, 0.3),
+        (Slider::Articulation, 1.3, 0.05, 0.5),
+        (Slider::Articulation, 0.5, 0.07, 0.6),
+        (Slider::Emotion, 0.5, 0.07, 0.7),
+        (Slider::Emotion, 0.0, 0.08, 0.8),
+        (Slider::Blinks, 0.0, 0.03, 0.3),
     ] {
         let truth = take
             .engine
@@ -224,6 +224,7 @@ fn some_vertices_move_as_they_do_among_all() {
     let moved = few.deformer.deform(landmarks.view(), SILENT).unwrap();
     let rows: Vec<usize> = few.vertices.iter().map(|&v| v as usize).collect();
     let all = take.clip.displacements.select(Axis(1), &rows);
+    assert!(few.vertices.len() < 600, "{} vertices", few.vertices.len());
     assert!(
         distance(&moved, &all).1 < 1e-4,
         "{:?} mm",
