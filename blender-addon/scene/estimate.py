@@ -3,7 +3,7 @@
 import math
 
 from ..core import estimate
-from . import existing
+from . import cache, existing, record
 
 
 def describe(ob, scene, seconds: float | None, settings, output) -> str:
@@ -14,5 +14,6 @@ def describe(ob, scene, seconds: float | None, settings, output) -> str:
         return "Size and time follow from the sound"
     frames = math.ceil(seconds * (settings.fps or scene_fps))
     keys = len(existing.find(ob, output.mapping)) if settings.mode == "keys" else 0
-    given = (frames, len(ob.data.vertices), seconds, keys, output.visemes)
+    known = record.is_generated(ob) or cache.find(ob) is not None
+    given = (frames, len(ob.data.vertices), seconds, keys, output.visemes, known)
     return estimate.in_words(estimate.estimate(settings.mode, *given), frames)

@@ -7,8 +7,9 @@ voice is flite's, reading `TEXT` over and over.
 """
 
 # First of all: it gives Blender a folder of its own, which Blender reads once.
-from conftest import zip_path  # isort: skip
+from conftest import PACKAGE, zip_path  # isort: skip
 
+import importlib
 import os
 import shutil
 import subprocess
@@ -78,6 +79,7 @@ def main() -> None:
         )
         prepare(folder)
         headless(folder)
+        estimates(folder)
         blender = os.environ.get("ANYFACE_BLENDER")
         if blender:
             with_window(Path(blender), zipped, folder)
@@ -175,6 +177,42 @@ def long_head(folder: Path):
     ob.anyface.source, ob.anyface.sound_file = "FILE", str(folder / f"{LONG_S:.0f}.wav")
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "without.blend"))
     return ob
+
+
+def estimates(folder: Path) -> None:
+    """What the panel promises of each output, where it was made before, beside what it took."""
+    tried = [(mode, SHORT_S) for mode in ("basis", "frames", "cache", "keys", "arkit", "csv")]
+    # One key per frame of 1,500 frames is what nobody wants.
+    tried += [(mode, LONG_S) for mode, _ in tried if mode != "frames"]
+    for mode, length_s in tried:
+        ob = long_head(folder)
+        ob.anyface.sound_file = str(folder / f"{length_s:.0f}.wav")
+        if mode == "keys":
+            own_arkit_keys(ob)
+        ob.anyface.mode = mode
+        ob.anyface_output.csv_file = str(folder / f"{mode}_{length_s:.0f}.csv")
+        assert bpy.ops.anyface.generate() == {"FINISHED"}
+        promised = words(ob)
+        began, busy = time.perf_counter(), time.process_time()
+        assert bpy.ops.anyface.generate() == {"FINISHED"}
+        took, busy = time.perf_counter() - began, time.process_time() - busy
+        line(f"{mode}, {length_s:.0f} s", promised, f"took {took:.2f} s, processor {busy:.2f} s")
+
+
+def own_arkit_keys(ob) -> None:
+    """Gives `ob` the ARKit shapes as keys of the artist's."""
+    ob.anyface.mode = "arkit"
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    del ob.data.shape_keys["anyface"]
+    ob.data.shape_keys.animation_data_clear()
+
+
+def words(ob) -> str:
+    """The line of the panel."""
+    module = importlib.import_module(f"{PACKAGE}.scene.estimate")
+    output = importlib.import_module(f"{PACKAGE}.ui.output_properties").read(ob)
+    seconds = importlib.import_module(f"{PACKAGE}.ui.audio").seconds(ob, bpy.context.scene)
+    return module.describe(ob, bpy.context.scene, seconds, ob.anyface, output)
 
 
 def saved(folder: Path, name: str) -> int:

@@ -105,5 +105,7 @@ def test_size_and_time_are_told_before(addon, stage, tmp_path):
     assert found["frames"].size > 400e6 and found["cache"].size > 400e6
     assert found["basis"].size < 30e6 and found["keys"].size < found["arkit"].size < 30e6
     assert found["cache"].beside and not found["basis"].beside
+    again = estimate.estimate("basis", 1500, 26719, 50.0, 52, False, known=True)
+    assert again.seconds < found["basis"].seconds
     text = estimate.in_words(found["basis"], 1500)
     assert text.startswith("1500 frames, about 2") and "MB in the .blend" in text
