@@ -60,6 +60,17 @@ impl Projection {
         self.shapes.nrows()
     }
 
+    /// The farthest that each shape at weight 1 moves one of the vertices, `[K]`.
+    pub fn sizes(&self) -> Vec<f32> {
+        let shapes = self.shapes.rows().into_iter().zip(&self.lengths);
+        let size = |(shape, length): (ndarray::ArrayView1<'_, f32>, &f32)| {
+            let (rows, _) = shape.to_slice().expect("row-major").as_chunks::<3>();
+            let squares = rows.iter().map(|[x, y, z]| x * x + y * y + z * z);
+            length * squares.fold(0.0, f32::max).sqrt()
+        };
+        shapes.map(size).collect()
+    }
+
     /// `[T, K]`: the weights that bring the shapes nearest to `displacements` `[T, S, 3]`, mesh units.
     pub fn weights(&self, displacements: &Array3<f32>) -> Array2<f32> {
         let (frames, vertices, _) = displacements.dim();
@@ -199,6 +210,20 @@ mod tests {
         assert!(
             (&found - &basis.weights).iter().all(|d| d.abs() < 1e-3),
             "{found}"
+        );
+    }
+
+    #[test]
+    fn sizes_are_those_of_whole_shapes() {
+        let mut basis = basis();
+        basis.shapes.fill(0.0);
+        basis.shapes[[1, 7, 0]] = 3.0;
+        basis.shapes[[1, 7, 2]] = -4.0;
+        basis.shapes[[1, 9, 1]] = 1.0;
+        let sizes = Projection::new(&basis, &ALL).unwrap().sizes();
+        assert!(
+            (sizes[1] - 5.0).abs() < 1e-5 && sizes[0] == 0.0,
+            "{sizes:?}"
         );
     }
 

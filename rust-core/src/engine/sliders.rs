@@ -4,7 +4,7 @@
 //! from the same speech features and noise; what they change on the mesh is expressed in the take's
 //! own shapes. Between its knots a slider is linear.
 
-use ndarray::{Array2, Array3, ArrayView3, Axis};
+use ndarray::{Array1, Array2, Array3, ArrayView1, ArrayView3, Axis};
 
 use super::{Engine, Performance, PreparedFace};
 use crate::{
@@ -30,6 +30,8 @@ const MAX_CONTROL: f32 = 2.0;
 /// Frames whose vertices are in memory at one time, and vertices by which they are known.
 const FRAMES_AT_ONCE: usize = 64;
 const TELLING_VERTICES: usize = 3000;
+/// So many shapes that a frame of the take leaves at 0 move at a knot: each costs a host time.
+const MOVED_BESIDE: usize = 4;
 
 /// Something of a take that can be scaled; 1 is the take as it was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -198,29 +200,35 @@ impl Engine {
 struct Measure<'a> {
     face: &'a PreparedFace,
     clip: &'a VertexClip,
+    basis: &'a VertexBasis,
     /// Some of the vertices, where the face's deformer offers that.
     few: Option<Box<dyn Deformer>>,
     vertices: Vec<u32>,
     projection: Projection,
+    /// How far the shapes move, `[K]`.
+    sizes: Vec<f32>,
 }
 
 impl Measure<'_> {
     fn new<'a>(
         face: &'a PreparedFace,
         clip: &'a VertexClip,
-        basis: &VertexBasis,
+        basis: &'a VertexBasis,
     ) -> Result<Measure<'a>> {
         let telling = telling_vertices(basis, TELLING_VERTICES);
         let (few, vertices) = match face.deformer.of_vertices(&telling) {
             Some(FewVertices { deformer, vertices }) => (Some(deformer), vertices),
             None => (None, telling),
         };
+        let projection = Projection::new(basis, &vertices)?;
         Ok(Measure {
             face,
             clip,
+            basis,
             few,
-            projection: Projection::new(basis, &vertices)?,
             vertices,
+            sizes: projection.sizes(),
+            projection,
         })
     }
 
@@ -241,10 +249,23 @@ impl Measure<'_> {
                 .iter()
                 .zip(self.projection.weights(&moved).outer_iter())
             {
-                out.row_mut(t).assign(&weights);
+                out.row_mut(t).assign(&self.few_of(t, weights));
             }
         }
         Ok(out)
+    }
+
+    /// The change `[K]` of a frame where the take moves a shape, and else only where it matters most.
+    fn few_of(&self, frame: usize, change: ArrayView1<'_, f32>) -> Array1<f32> {
+        let take = self.basis.weights.row(frame);
+        let reach = |k: usize| change[k].abs() * self.sizes[k];
+        let mut still: Vec<usize> = (0..take.len()).filter(|&k| take[k] == 0.0).collect();
+        still.sort_by(|&a, &b| reach(b).total_cmp(&reach(a)));
+        let mut few = change.to_owned();
+        for &k in still.iter().skip(MOVED_BESIDE) {
+            few[k] = 0.0;
+        }
+        few
     }
 
     /// How far `landmarks` `[F, 68, 3]`, canonical metres, move the vertices `[F, S, 3]` from where the

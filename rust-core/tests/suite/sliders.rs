@@ -164,6 +164,30 @@ fn sliders_come_near_to_new_runs() {
 }
 
 #[test]
+fn shapes_at_rest_stay_so_but_for_four() {
+    let take = Take::new(&request("happy:0.8"));
+    let count = |weights: &Array2<f32>| -> Vec<usize> {
+        let moving = |row: ndarray::ArrayView1<'_, f32>| row.iter().filter(|w| **w != 0.0).count();
+        weights.outer_iter().map(moving).collect()
+    };
+    let before = count(&take.basis.weights);
+    assert!(
+        before
+            .iter()
+            .any(|moving| moving + 4 < take.basis.weights.ncols())
+    );
+    for change in take.changes() {
+        let after = count(&(&take.basis.weights + &change.changes[0]));
+        assert!(
+            after
+                .iter()
+                .zip(&before)
+                .all(|(after, before)| *after <= before + 4)
+        );
+    }
+}
+
+#[test]
 fn blinks_change_the_frames_in_which_eyes_blink() {
     let take = Take::new(&request("neutral:0"));
     let changes = take.changes();
