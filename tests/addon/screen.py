@@ -95,17 +95,32 @@ class Screen:
     def find(self, operator: str) -> tuple[int, int]:
         """Where the sidebar's button of an operator is: Blender copies a button's command to the
         clipboard on Ctrl C."""
+        return self._find(operator, "ctrl+c", 1 / 3)
+
+    def find_slider(self, path: str) -> tuple[int, int]:
+        """Where the slider of a property is, by the end of the path that Blender copies."""
+        return self._find(path, "ctrl+alt+shift+c", 2 / 3)
+
+    def scroll(self, button: int) -> None:
+        """Turns the wheel over the sidebar to its begin (4) or its end (5)."""
+        x = self.ask("_, _, _, side = area_of('VIEW_3D')\nanswer = side.x + side.width // 2")
+        for _ in range(16):
+            self.hand("mousemove", x, SIZE[1] // 2, "click", button)
+
+    def _find(self, words: str, keys: str, share: float) -> tuple[int, int]:
+        """Where in the sidebar, at a `share` of its width, `keys` copy a text with `words`."""
         x, top, bottom = self.ask(
             "_, area, _, side = area_of('VIEW_3D')\n"
             "height = bpy.context.window_manager.windows[0].height\n"
-            "answer = (side.x + side.width // 3, height - side.y - side.height, height - side.y)"
+            f"x = side.x + int(side.width * {share})\n"
+            "answer = (x, height - side.y - side.height, height - side.y)"
         )
         for y in range(top + 8, bottom - 4, 9):
             self.ask("bpy.context.window_manager.clipboard = ''")
-            self.hand("mousemove", x, y, "sleep", "0.06", "key", "ctrl+c", "sleep", "0.06")
-            if operator in self.ask("answer = bpy.context.window_manager.clipboard"):
+            self.hand("mousemove", x, y, "sleep", "0.06", "key", keys, "sleep", "0.06")
+            if words in self.ask("answer = bpy.context.window_manager.clipboard"):
                 return x, y
-        raise AssertionError(f"no button of {operator} in the sidebar")
+        raise AssertionError(f"nothing in the sidebar copies {words}")
 
     def press(self, operator: str) -> None:
         """Clicks the button of an operator."""

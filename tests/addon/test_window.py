@@ -99,6 +99,26 @@ def test_a_performance_is_made_undone_redone_saved_reloaded_and_removed(screen, 
     screen.photograph(photographs / "4_removed.png")
 
 
+def test_a_slider_is_dragged_and_undone_in_one_step(screen, photographs):
+    screen.press("anyface.generate")
+    screen.wait("keys() and not running()")
+    value = "bpy.data.objects['Head'].anyface_output.articulation"
+    screen.scroll(5)
+    x, y = screen.find_slider("anyface_output.articulation")
+    screen.hand("mousemove", x, y, "sleep", "0.2", "mousedown", "1")
+    for _ in range(6):
+        screen.hand("mousemove_relative", "--", "-6", "0", "sleep", "0.05")
+    screen.hand("mouseup", "1", "sleep", "0.3")
+    screen.wait(f"{value} != 1.0", 20)
+    screen.photograph(photographs / "8_slider.png")
+    screen.hand("mousemove", 400, 400, "key", "ctrl+z")
+    screen.wait(f"{value} == 1.0", 20)
+    assert screen.ask("answer = bool(keys())")
+    screen.scroll(4)
+    screen.press("anyface.remove")
+    screen.wait("not keys()")
+
+
 def test_escape_stops_a_running_job_and_leaves_nothing(screen, photographs, voice):  # noqa: F811
     # Ten minutes of sound, long enough to be stopped.
     _, samples, rate = voice
