@@ -4,10 +4,8 @@ import argparse
 
 import bpy
 
-from ..core import plan, shapes, space
-from ..core.errors import AnyfaceError
+from ..core import finding, plan, shapes, space
 from ..core.job import Progress
-from ..core.perform import face_message
 from ..core.take import FaceMesh, Rig
 from ..scene import bake, outputs, rig_keys
 from ..ui import running
@@ -38,13 +36,7 @@ def run(options: argparse.Namespace) -> dict:
 
 
 def make(face: FaceMesh, engine) -> Rig:
-    """The shapes of a face in object space, in the first direction in which a face is seen."""
-    missed = None
-    for candidate in space.candidates(face.matrix_world, face.axes):
-        try:
-            return plan.make_rig(face, candidate, engine, Progress())
-        except AnyfaceError as error:
-            if error.kind != "face":
-                raise
-            missed = missed or error
-    raise AnyfaceError("face", face_message(face, missed)) from missed
+    """The shapes of a face in object space."""
+    seen = space.face_space(face.matrix_world, face.axes)
+    with finding.naming(face):
+        return plan.make_rig(face, seen, engine, Progress())

@@ -1,10 +1,11 @@
-"""Where a face is: tries the ways in which it may look; in the artist's own space again."""
+"""Where a face is, in the artist's own space, and what to say where none is found."""
 
 from collections.abc import Callable
+from contextlib import contextmanager
 
 import numpy as np
 
-from . import perform, space
+from . import space
 from .errors import AnyfaceError
 from .job import Progress
 from .take import FaceMesh, Found
@@ -16,26 +17,33 @@ def find(
     """The landmarks of `face` in object space; `fixed` ones `[3]` by number stay where they are.
 
     `find_in` is `native.Engine.find`, or what stands in for it in a test. Raises
-    `AnyfaceError("face")` where none of the directions shows a face.
+    `AnyfaceError("face")` where there is no face.
     """
-    missed = None
-    for candidate in space.candidates(face.matrix_world, face.axes):
-        try:
-            return _find_in(candidate, face, fixed, find_in, progress)
-        except AnyfaceError as error:
-            if error.kind != "face":
-                raise
-            missed = missed or error
-    raise AnyfaceError("face", perform.face_message(face, missed)) from missed
+    seen = space.face_space(face.matrix_world, face.axes)
+    with naming(face):
+        return _find_in(seen, face, fixed, find_in, progress)
 
 
-def _find_in(candidate, face, fixed, find_in, progress) -> Found:
-    triangles = face.triangles[:, ::-1] if candidate.mirrored else face.triangles
-    landmarks = None if face.landmarks is None else candidate.points(face.landmarks)
-    held = {number: candidate.points(place[None])[0] for number, place in fixed.items()}
-    positions = candidate.points(face.positions)
+@contextmanager
+def naming(face: FaceMesh):
+    """An error that no face was found gets the mesh's name and what may be the reason."""
+    try:
+        yield
+    except AnyfaceError as error:
+        if error.kind != "face":
+            raise
+        hints = "".join(f"{hint}. " for hint in face.hints)
+        text = f"{face.name}: {hints}{error} (a file with them: Performance > More > Landmarks)"
+        raise AnyfaceError("face", text) from error
+
+
+def _find_in(seen, face, fixed, find_in, progress) -> Found:
+    triangles = face.triangles[:, ::-1] if seen.mirrored else face.triangles
+    landmarks = None if face.landmarks is None else seen.points(face.landmarks)
+    held = {number: seen.points(place[None])[0] for number, place in fixed.items()}
+    positions = seen.points(face.positions)
     numbers = face.landmark_vertices
     found = find_in(positions, triangles, landmarks, numbers, held, face.roles, progress)
-    back = np.linalg.inv(candidate.matrix)
-    found.positions = (np.asarray(found.positions, dtype=np.float64) - candidate.offset) @ back.T
+    back = np.linalg.inv(seen.matrix)
+    found.positions = (np.asarray(found.positions, dtype=np.float64) - seen.offset) @ back.T
     return found

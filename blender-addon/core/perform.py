@@ -2,8 +2,7 @@
 
 from collections.abc import Callable
 
-from . import sliders, space, verdict
-from .errors import AnyfaceError
+from . import finding, sliders, space, verdict
 from .job import Progress
 from .take import Animation, FaceMesh, Performance, Sound, Take
 
@@ -19,7 +18,9 @@ def perform(
     `animate` is `native.Engine.animate`, or what stands in for it in a test.
     """
     verdict.check_sound(sound)
-    found, animation = _animate_any(face, sound, performance, animate, progress)
+    found = space.face_space(face.matrix_world, face.axes)
+    with finding.naming(face):
+        animation = _animate_in(found, face, sound, performance, animate, progress)
     # Category 0 is neutral.
     intensity = max((sum(row[1:]) for _, row in performance.emotion), default=0.0)
     verdict.check_moved(animation.largest_mm, sound, intensity)
@@ -41,32 +42,10 @@ def _articulation(performance: Performance) -> float:
     return float(curve[1].mean()) if curve is not None else performance.controls.articulation
 
 
-def _animate_any(face, sound, performance, animate, progress):
-    """Tries the ways in which the face may look; the first in which a face is found wins."""
-    missed = None
-    for candidate in space.candidates(face.matrix_world, face.axes):
-        try:
-            return candidate, _animate_in(candidate, face, sound, performance, animate, progress)
-        except AnyfaceError as error:
-            if error.kind != "face":
-                raise
-            missed = missed or error
-    raise AnyfaceError("face", face_message(face, missed)) from missed
-
-
-def _animate_in(candidate, face, sound, performance, animate, progress) -> Animation:
-    landmarks = None if face.landmarks is None else candidate.points(face.landmarks)
-    triangles = face.triangles[:, ::-1] if candidate.mirrored else face.triangles
-    positions = candidate.points(face.positions)
+def _animate_in(seen, face, sound, performance, animate, progress) -> Animation:
+    landmarks = None if face.landmarks is None else seen.points(face.landmarks)
+    triangles = face.triangles[:, ::-1] if seen.mirrored else face.triangles
+    positions = seen.points(face.positions)
     return animate(
         positions, triangles, landmarks, face.landmark_vertices, sound, performance, progress
-    )
-
-
-def face_message(face: FaceMesh, error: AnyfaceError) -> str:
-    """What to say where no direction shows a face."""
-    hints = "".join(f" {hint}." for hint in face.hints)
-    return (
-        f"{face.name}: {error}.{hints} The head should be upright and face -Y in the world or in "
-        "its own space; or give the 68 landmarks in the custom property anyface_landmarks"
     )

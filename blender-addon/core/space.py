@@ -1,8 +1,9 @@
 """Between the object's own space and the frame in which the library sees the face.
 
-The library wants a face that looks along -Y with +Z up. Artists scale, mirror and turn objects,
-so positions are taken into the world (every scale, also uneven, becomes real) and, if the face
-does not look along -Y there, turned back by the object's own rotation.
+Artists scale, mirror and turn objects, so positions are taken into the world, where every scale,
+also an uneven one, becomes real. The library finds a face however it is turned; where several
+places look like one it takes that which looks along -Y with +Z up, and for that the artist may have
+the object's own rotation undone.
 """
 
 from dataclasses import dataclass
@@ -10,9 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from .errors import AnyfaceError
-
-# In the order in which AUTO tries them.
-AXES = ("WORLD", "LOCAL", "LOCAL_Y_UP")
 
 # +Y up and +Z forward (OBJ, glTF) to +Z up and -Y forward.
 _Y_UP_TO_Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -41,7 +39,7 @@ class FaceSpace:
 
 
 def face_space(matrix_world: np.ndarray, axes: str) -> FaceSpace:
-    """The map for one of `AXES`.
+    """The map for `axes`: AUTO and WORLD, LOCAL or LOCAL_Y_UP.
 
     Raises `AnyfaceError("mesh")` where the object is flattened to nothing.
     """
@@ -57,17 +55,6 @@ def face_space(matrix_world: np.ndarray, axes: str) -> FaceSpace:
     if axes == "LOCAL_Y_UP":
         turn = _Y_UP_TO_Z_UP @ turn
     return FaceSpace(turn @ linear, turn @ offset)
-
-
-def candidates(matrix_world: np.ndarray, axes: str) -> list[FaceSpace]:
-    """The maps to try, in order, without repeating equal ones."""
-    names = AXES if axes == "AUTO" else (axes,)
-    found: list[FaceSpace] = []
-    for name in names:
-        space = face_space(matrix_world, name)
-        if not any(np.allclose(space.matrix, other.matrix, atol=1e-6) for other in found):
-            found.append(space)
-    return found
 
 
 def _rotation(linear: np.ndarray) -> np.ndarray:

@@ -47,7 +47,12 @@ _MODES = [
     ("csv", "ARKit Table", "A Live Link Face CSV file; the mesh stays as it is", 5),
 ]
 _AXES = [
-    ("AUTO", "Automatic", "Try the directions below one after the other", 0),
+    (
+        "AUTO",
+        "Automatic",
+        "Wherever it looks; the others decide where several places look like faces",
+        0,
+    ),
     ("WORLD", "World", "The head faces -Y in the world", 1),
     ("LOCAL", "Local", "The head faces -Y in its own space", 2),
     ("LOCAL_Y_UP", "Local, Y Up", "The head faces +Z with +Y up in its own space", 3),
