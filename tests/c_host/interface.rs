@@ -45,6 +45,17 @@ fn jobs_on_one_engine_do_not_disturb_each_other() {
 }
 
 #[test]
+fn sliders_of_a_take_say_what_they_change() {
+    run_both_ways("tests/c_host/sliders.c", |folder| {
+        let scene = scene(folder);
+        [scene.head, scene.landmarks, scene.voice]
+            .iter()
+            .map(|path| text(path))
+            .collect()
+    });
+}
+
+#[test]
 fn a_stream_gives_the_same_bits_however_the_sound_is_cut() {
     run_both_ways("tests/c_host/stream.c", |folder| {
         vec![text(&scene(folder).voice)]

@@ -5,6 +5,7 @@
  *     jobs HEAD.obj LANDMARKS.json VOICE.wav
  */
 #include "check.h"
+#include "text.h"
 
 #include <pthread.h>
 
@@ -222,17 +223,6 @@ static void found_alone(const AnyfaceEngine *engine, const AnyfaceMesh *mesh, co
     CHECK(found == NULL && anyface_landmarks_mouth(NULL) == -1);
     CHECK(anyface_landmarks_part_count(NULL) == 0);
     anyface_landmarks_free(NULL);
-}
-
-static char *read_text(const char *path) {
-    static char text[1 << 20];
-    FILE *file = fopen(path, "rb");
-    CHECK(file != NULL);
-    size_t length = fread(text, 1, sizeof text - 1, file);
-    fclose(file);
-    CHECK(length > 0 && length < sizeof text - 1);
-    text[length] = '\0';
-    return text;
 }
 
 int main(int argc, char **argv) {
