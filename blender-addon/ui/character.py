@@ -86,8 +86,9 @@ class ANYFACE_UL_parts(UIList):
     def draw_item(self, _context, layout, _data, item, _icon, _active, _name):
         """Draws one object and its role."""
         name = item.object.name if is_there(item.object) else f"{item.name} (deleted)"
-        layout.label(text=name, icon="MESH_DATA")
-        layout.prop(item, "role", text="")
+        split = layout.split(factor=0.6)
+        split.label(text=name, icon="MESH_DATA")
+        split.prop(item, "role", text="")
 
 
 class ANYFACE_UL_loose(UIList):

@@ -2,12 +2,25 @@
 
 import textwrap
 
-# A letter is about eight pixels wide; a panel narrower than this many letters is being folded away.
-_LETTER_PX, _LEAST_LETTERS = 8, 20
+import bpy
+
+# Pixels, at a user interface of usual size: of a letter, of an icon, and of what a panel and a box
+# in it keep free beside the text.
+_LETTER_PX, _ICON_PX, _EDGE_PX = 6.3, 20, 56
+# A panel narrower than this many letters is being folded away.
+_LEAST_LETTERS = 20
 
 
 def draw(layout, text: str, width: int, icon: str = "NONE") -> None:
     """Draws `text` as labels below each other; `width` is the region's, in pixels."""
-    for line in textwrap.wrap(text, max(_LEAST_LETTERS, width // _LETTER_PX)):
+    # Without a window the scale is 0.
+    scale = bpy.context.preferences.system.ui_scale or 1.0
+    for line in textwrap.wrap(text, letters(width / scale, icon != "NONE")):
         layout.label(text=line, icon=icon)
         icon = "NONE" if icon == "NONE" else "BLANK1"
+
+
+def letters(width: float, with_icon: bool) -> int:
+    """How many letters stand beside each other in a region of `width` unscaled pixels."""
+    room = width - _EDGE_PX - (_ICON_PX if with_icon else 0)
+    return max(_LEAST_LETTERS, int(room / _LETTER_PX))
