@@ -6,7 +6,7 @@ import bpy
 
 # Pixels, at a user interface of usual size: of a letter, of an icon, and of what a panel and a box
 # in it keep free beside the text.
-_LETTER_PX, _ICON_PX, _EDGE_PX = 6.3, 20, 56
+_LETTER_PX, _ICON_PX, _EDGE_PX = 6.3, 20, 44
 # A panel narrower than this many letters is being folded away.
 _LEAST_LETTERS = 20
 

@@ -113,5 +113,5 @@ def test_size_and_time_are_told_before(addon, stage, tmp_path):
 
 def test_long_text_is_wrapped_to_what_fits_beside_an_icon(addon):
     letters = addon("ui.words").letters
-    assert letters(280, False) == 35 and letters(280, True) == 32
+    assert letters(280, False) == 37 and letters(280, True) == 34
     assert letters(560, False) > 70 and letters(90, True) == 20
