@@ -11,11 +11,10 @@ from ..core.take import Piece, Take
 from . import cache, csv_file, existing, guard, keys, rig_keys, together
 
 MODES = ("basis", "frames", "cache", "keys", "arkit", "csv")
-# Modifiers after which vertices have other numbers.
-_REBUILDING = {
-    "ARRAY", "BEVEL", "BOOLEAN", "BUILD", "DECIMATE", "EDGE_SPLIT", "MASK", "MIRROR", "MULTIRES",
-    "NODES", "REMESH", "SCREW", "SKIN", "SOLIDIFY", "SUBSURF", "TRIANGULATE", "VOLUME_TO_MESH",
-    "WELD", "WIREFRAME",
+# Modifiers that leave every vertex where it is.
+_HARMLESS = {
+    "COLLISION", "DATA_TRANSFER", "NORMAL_EDIT", "UV_PROJECT", "UV_WARP", "VERTEX_WEIGHT_EDIT",
+    "VERTEX_WEIGHT_MIX", "VERTEX_WEIGHT_PROXIMITY", "WEIGHTED_NORMAL",
 }  # fmt: skip
 
 
@@ -135,20 +134,15 @@ def _check_cache(ob, output: OutputSettings) -> None:
             f"{ob.name} is linked and takes no modifier: make a library override first "
             "(Object > Library Override > Make)",
         )
-    if ob.override_library is not None:
-        before = [m.name for m in ob.modifiers if m.type in _REBUILDING]
-        if before:
-            raise AnyfaceError(
-                "mesh",
-                f"the modifier {before[0]} of the library changes vertex numbers before the cache "
-                f"could play: turn it off in the library, or generate in {_library_of(ob)}",
-            )
+    before = [m.name for m in ob.modifiers if m.type not in _HARMLESS and m != cache.find(ob)]
+    if ob.override_library is not None and before:
+        raise AnyfaceError(
+            "mesh",
+            f"the modifier {before[0]} of the library acts before a cache could, which would tear "
+            "the face: make the object local first (Object > Relations > Make Local > Selected "
+            "Objects); its mesh and rig may stay linked",
+        )
     _check_place(output.cache_folder)
-
-
-def _library_of(ob) -> str:
-    reference = ob.override_library.reference
-    return bpy.path.basename(reference.library.filepath) if reference is not None else "its file"
 
 
 def _check_place(path: str) -> None:

@@ -161,6 +161,26 @@ def test_a_cache_works_on_a_linked_character_and_survives_saving(stage, tmp_path
     assert len(ob.modifiers) == 0 and not list(tmp_path.rglob("*.pc2"))
 
 
+def test_a_rigged_override_is_refused_a_cache_until_its_object_is_local(stage, tmp_path):
+    rig = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
+    grid().modifiers.new("Armature", "ARMATURE").object = rig
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library.blend"))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, target):
+        target.objects = ["Head"]
+    ob = bpy.data.objects["Head"].override_create(remap_local_usages=True)
+    bpy.context.scene.collection.objects.link(ob)
+    bpy.context.view_layer.objects.active = ob
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
+    ready(tmp_path, "cache", ob, save=False)
+    assert "Armature of the library acts before" in failure()
+    ob.select_set(True)
+    bpy.ops.object.make_local(type="SELECT_OBJECT")
+    assert ob.data.library is not None
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert [modifier.type for modifier in ob.modifiers] == ["MESH_CACHE", "ARMATURE"]
+
+
 def test_a_cancelled_cache_leaves_no_file(addon, tmp_path):
     job, pc2 = addon("core.job"), addon("core.pc2")
     progress = job.Progress()
