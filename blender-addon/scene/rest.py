@@ -15,27 +15,32 @@ def world(ob) -> np.ndarray:
     return back(ob) @ _array(ob.matrix_world)
 
 
-def back(ob) -> np.ndarray:
-    """What takes `ob` in the world from where it is posed to its rest, `[4, 4]`."""
+def back(ob, held=()) -> np.ndarray:
+    """What takes `ob` in the world from where it is posed to its rest, `[4, 4]`.
+
+    `held` are objects that hang on it: constraints may close a circle, which ends there.
+    """
     holder, bone = _holder(ob)
-    if holder is None:
+    if holder is None or holder in held:
         return np.eye(4)
+    held = (*held, ob)
     if not bone:
-        return back(holder)
+        return back(holder, held)
     pose = holder.pose.bones[bone]
     here = _array(holder.matrix_world)
     # At rest a bone is at matrix_local, posed at matrix, both in the armature's space.
     turn = _array(pose.bone.matrix_local) @ np.linalg.pinv(_array(pose.matrix))
-    return back(holder) @ here @ turn @ np.linalg.pinv(here)
+    return back(holder, held) @ here @ turn @ np.linalg.pinv(here)
 
 
 def _holder(ob) -> tuple:
     """The object on which `ob` hangs and the name of its bone, "" for the whole; (None, "")."""
     for constraint in ob.constraints:
         if constraint.type in _HOLDING and not constraint.mute and constraint.influence > 0.99:
-            target = constraint.targets[0] if constraint.type == "ARMATURE" else constraint
-            if target.target is not None:
-                return target.target, _bone(target.target, target.subtarget)
+            targets = constraint.targets if constraint.type == "ARMATURE" else [constraint]
+            for target in targets:
+                if target.target is not None:
+                    return target.target, _bone(target.target, target.subtarget)
     if ob.parent is None:
         return None, ""
     return ob.parent, _bone(ob.parent, ob.parent_bone) if ob.parent_type == "BONE" else ""

@@ -330,3 +330,15 @@ def test_teeth_on_a_posed_bone_are_read_as_in_the_rest_pose(stage, addon, tmp_pa
     read = stage.calls[0][0][-len(teeth.data.vertices) :]
     expected = points_of(teeth) @ np.array(place)[:3, :3].T + np.array(place)[:3, 3]
     assert np.abs(read - expected).max() < 1e-5
+
+
+def test_constraints_in_a_circle_or_without_a_target_hold_nothing(addon):
+    ob, other = grid(), grid("Other")
+    ob.constraints.new("ARMATURE")
+    ob.location.x = 2.0
+    bpy.context.view_layer.update()
+    world = addon("scene.rest").world
+    assert np.allclose(world(ob), np.array(ob.matrix_world))
+    ob.constraints.new("CHILD_OF").target = other
+    other.constraints.new("CHILD_OF").target = ob
+    assert world(ob).shape == (4, 4)
