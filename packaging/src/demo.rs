@@ -13,7 +13,7 @@ use crate::{extension, machine, python::Venv, steps::Steps};
 const SENTENCE: &str = "Hello. My name is Anyface, and I can make almost any mesh talk.";
 const FPS: u32 = 25;
 
-/// Animates the default head and Suzanne with a sentence; about ten minutes the first time (it
+/// Animates the default head and Suzanne with a sentence; 12 to 20 minutes the first time (it
 /// builds the library and installs Blender's Python module), two after that.
 #[derive(Args)]
 pub struct Demo {
