@@ -14,7 +14,7 @@ const SENTENCE: &str = "Hello. My name is Anyface, and I can make almost any mes
 const FPS: u32 = 25;
 
 /// Animates the default head and Suzanne with a sentence; 12 to 20 minutes the first time (it
-/// builds the library and installs Blender's Python module), two after that.
+/// builds the library and installs Blender's Python module), 2 to 9 after that, which it renders.
 #[derive(Args)]
 pub struct Demo {
     /// The sentence to speak, by flite or espeak-ng.
