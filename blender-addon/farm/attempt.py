@@ -1,7 +1,7 @@
 """One shot in a process of its own.
 
-These functions, and those of `ledger` that they call, are sent to other machines as they are: they
-need nothing but Python's own library there.
+These functions, and those of `ledger` and `core.json_file` that they call, are sent to other
+machines as they are: they need nothing but Python's own library there.
 """
 
 import contextlib

@@ -6,6 +6,7 @@ Only the Python that runs the batch and those of the workers need Dask; Blender'
 import sys
 from collections.abc import Iterator
 
+from ..core import errors, json_file
 from ..core.errors import AnyfaceError
 from . import attempt, ledger
 
@@ -15,7 +16,7 @@ def run(
 ) -> Iterator[dict]:
     """Reports of all shots as they end; a shot whose worker is lost goes to another one."""
     distributed, cloudpickle = _dask()
-    for module in (attempt, ledger):
+    for module in (attempt, ledger, json_file, errors):
         # Workers need not have the extension in their own Python.
         cloudpickle.register_pickle_by_value(module)
     try:

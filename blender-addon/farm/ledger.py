@@ -5,14 +5,15 @@ import os
 import socket
 import time
 
-from ..core import json_file
 from ..core.errors import AnyfaceError
+from ..core.json_file import read as read_json
+from ..core.json_file import write as write_json
 
 
 def read(report: str) -> dict | None:
     """A report, or None where there is none or it is not one of ours."""
     try:
-        content = json_file.read(report)
+        content = read_json(report)
     except AnyfaceError:
         return None
     return content if isinstance(content, dict) else None
@@ -36,7 +37,7 @@ def close(shot: dict, outcome: dict) -> dict:
     """Writes the report of a shot and its line in the history; returns the report."""
     where = {"host": socket.gethostname(), "pid": os.getpid()}
     report = {"name": shot["name"], **outcome, "digest": shot["digest"], **where}
-    json_file.write(shot["report"], report)
+    write_json(shot["report"], report)
     line = json.dumps({"at": round(time.time(), 3), **report}, ensure_ascii=False)
     history = os.path.join(os.path.dirname(shot["report"]), "history.jsonl")
     with open(history, "a", encoding="utf-8") as file:
