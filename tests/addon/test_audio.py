@@ -23,12 +23,18 @@ def level(path, value, seconds=1.0):
     return str(path)
 
 
+def first_strip(tmp_path):
+    """A strip of value 0.25 at frame 11."""
+    try:
+        return strip(level(tmp_path / "a.wav", 0.25), "One", 11, 1)
+    except RuntimeError as error:
+        # Blender's module of 4.2 has no sound.
+        pytest.skip(str(error).strip())
+
+
 def two(tmp_path):
     """A strip of value 0.25 at frame 11, one of 0.5 two seconds later, one of another channel."""
-    try:
-        first = strip(level(tmp_path / "a.wav", 0.25), "One", 11, 1)
-    except RuntimeError as error:
-        pytest.skip(str(error).strip())
+    first = first_strip(tmp_path)
     second = strip(level(tmp_path / "b.wav", 0.5), "Two", 11 + 2 * FPS, 1)
     other = strip(level(tmp_path / "c.wav", 0.9), "Music", 1, 2)
     return first, second, other
@@ -133,7 +139,7 @@ def test_the_panel_shows_where_the_sound_begins_and_ends(addon, stage, tmp_path)
 
 def test_the_only_strip_speaks_without_being_chosen(addon, stage, tmp_path):
     ob = grid()
-    strip(level(tmp_path / "a.wav", 0.25), "One", 11)
+    first_strip(tmp_path)
     ob.anyface.source = "STRIP"
     assert addon("ui.audio").lines(ob, bpy.context.scene)[0][0].startswith("One, frames 11")
     assert bpy.ops.anyface.generate() == {"FINISHED"}
