@@ -16,6 +16,7 @@ const TOOLS: &[&str] = &[
     "gcc",
     "g++",
     "cmake",
+    "make",
     "pkg-config",
     "valgrind",
     "espeak-ng",
@@ -114,7 +115,15 @@ pub fn blender(steps: &mut Steps) -> Result<Option<PathBuf>> {
         "install a Blender executable",
         Command::new(script).arg(&folder),
     )?;
-    Ok(Some(folder.canonicalize()?.join("run-blender")))
+    let executable = folder.canonicalize()?.join("run-blender");
+    // It mounts /tmp in its folder, which some containers forbid.
+    let tried = Command::new(&executable).arg("--version").output()?;
+    if !tried.status.success() {
+        let why = String::from_utf8_lossy(&tried.stderr).trim().to_owned();
+        steps.ignore("tests with a Blender executable", &why);
+        return Ok(None);
+    }
+    Ok(Some(executable))
 }
 
 fn training(steps: &mut Steps) -> Result<()> {
