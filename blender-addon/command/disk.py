@@ -37,7 +37,8 @@ def save(path: str) -> str:
 def remove_leftovers(path: str) -> None:
     """Takes away what processes that were killed while saving `path` have left."""
     folder, name = os.path.split(_beside(os.path.abspath(path), "*"))
-    for found in glob.glob(os.path.join(glob.escape(folder), name)):
+    # Blender itself writes to a name with an @ at its end first.
+    for found in glob.glob(os.path.join(glob.escape(folder), f"{name}*")):
         os.remove(found)
 
 

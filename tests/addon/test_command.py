@@ -132,3 +132,12 @@ def points(block):
     flat = np.empty(len(block.points) * 3, dtype=np.float32)
     block.points.foreach_get("co", flat)
     return flat.reshape(-1, 3)
+
+
+def test_what_a_process_that_was_killed_while_saving_has_left_goes(addon, tmp_path):
+    left = [tmp_path / name for name in (".a.anyface-vm-7.blend", ".a.anyface-vm-8.blend@")]
+    others = [tmp_path / name for name in ("a.blend", ".b.anyface-vm-7.blend", "a.anyface.blend")]
+    for path in (*left, *others):
+        path.write_bytes(b"")
+    addon("command.disk").remove_leftovers(str(tmp_path / "a.blend"))
+    assert sorted(tmp_path.iterdir()) == sorted(others)
