@@ -137,8 +137,7 @@ def _change(curve, factor: float, moved: float, more=None) -> tuple[float, float
     Keyframes that the artist has moved or added go along; outside the take nothing is added.
     Returns the lowest and the highest value.
     """
-    points = np.empty(len(curve.keyframe_points) * 2, dtype=np.float32)
-    curve.keyframe_points.foreach_get("co", points)
+    points = curves.places(curve)
     points[1::2] *= factor
     if more is not None:
         frames, added = more
@@ -149,6 +148,5 @@ def _change(curve, factor: float, moved: float, more=None) -> tuple[float, float
     # Blender passes over keys at exactly 0.
     points[1::2] *= np.abs(points[1::2]) > _NOTHING
     points[0::2] += moved
-    curve.keyframe_points.foreach_set("co", points)
-    curve.update()
+    curves.put(curve, {"co": points})
     return float(points[1::2].min(initial=0.0)), float(points[1::2].max(initial=0.0))

@@ -134,6 +134,20 @@ def new_action(name: str):
     return action, strip.channelbag(slot, ensure=True)
 
 
+def places(curve, name: str = "co") -> np.ndarray:
+    """One of `KEY_VECTORS` of all keyframes, `[2T]`: frame, value, frame, …"""
+    found = np.empty(len(curve.keyframe_points) * 2, dtype=np.float32)
+    curve.keyframe_points.foreach_get(name, found)
+    return found
+
+
+def put(curve, places: dict[str, np.ndarray]) -> None:
+    """Sets places `[2T]` of all keyframes, by the names of `KEY_VECTORS`."""
+    for name, values in places.items():
+        curve.keyframe_points.foreach_set(name, values)
+    curve.update()
+
+
 def copy(source, bag) -> None:
     """A curve with the keys of `source`, in `bag`; one that is there already goes."""
     stale = bag.fcurves.find(source.data_path)
@@ -146,9 +160,10 @@ def copy(source, bag) -> None:
         made.group = bag.groups.get(name) or bag.groups.new(name)
     count = len(source.keyframe_points)
     made.keyframe_points.add(count)
-    for name in (*KEY_VECTORS, *_KEY_FIELDS):
-        vector = name in KEY_VECTORS
-        values = np.empty(count * 2 if vector else count, np.float32 if vector else np.int32)
+    for name in KEY_VECTORS:
+        made.keyframe_points.foreach_set(name, places(source, name))
+    for name in _KEY_FIELDS:
+        values = np.empty(count, dtype=np.int32)
         source.keyframe_points.foreach_get(name, values)
         made.keyframe_points.foreach_set(name, values)
     made.update()

@@ -5,6 +5,7 @@ import hashlib
 import numpy as np
 
 from . import curves
+from .mesh import read_key
 
 # Type of an attribute: name of its value, numbers in it, type of each.
 _VALUES = {
@@ -23,9 +24,8 @@ def action_digest(action) -> str:
     digest = hashlib.blake2b(digest_size=12)
     found = [curve for bag in curves.bags(action) for curve in bag.fcurves]
     for curve in sorted(found, key=lambda curve: (curve.data_path, curve.array_index)):
-        keys = np.empty(len(curve.keyframe_points) * 2, dtype=np.float32)
-        curve.keyframe_points.foreach_get("co", keys)
-        digest.update(f"{curve.data_path}[{curve.array_index}]".encode() + keys.tobytes())
+        keys = curves.places(curve).tobytes()
+        digest.update(f"{curve.data_path}[{curve.array_index}]".encode() + keys)
     return digest.hexdigest()
 
 
@@ -58,7 +58,6 @@ def _add_keys(digest, shape_keys) -> None:
     # Values that a curve or driver sets change with the frame and say nothing.
     still = shape_keys.animation_data is None
     for block in shape_keys.key_blocks:
-        positions = np.empty(len(block.points) * 3, dtype=np.float32)
-        block.points.foreach_get("co", positions)
+        positions = read_key(block)
         value = f"{block.value:.6f}" if still else ""
         digest.update(f"{block.name}:{value}".encode() + positions.tobytes())

@@ -5,6 +5,7 @@ import numpy as np
 from ..core import shapes
 from ..core.errors import AnyfaceError
 from . import curves, digest, record
+from .mesh import read_key
 from .paths import value_path
 
 # Holds the action that a copy of ours stands in for, so that it is saved with the file.
@@ -48,7 +49,9 @@ def check(ob, mapping: dict[str, str]) -> None:
 def vectors(ob, names) -> np.ndarray:
     """What each key moves at value 1, `[S, V, 3]` in object space."""
     blocks = ob.data.shape_keys.key_blocks
-    return np.stack([_points(blocks[name]) - _points(blocks[name].relative_key) for name in names])
+    return np.stack(
+        [read_key(blocks[name]) - read_key(blocks[name].relative_key) for name in names]
+    )
 
 
 def write(ob, motion, frames: np.ndarray, ease: float, taken: record.Record) -> None:
@@ -132,9 +135,3 @@ def _one_kind(found: dict[str, str]) -> dict[str, str]:
     arkit = {name: key for name, key in found.items() if name in shapes.ARKIT}
     visemes = {name: key for name, key in found.items() if name in shapes.VISEMES}
     return arkit if len(arkit) >= len(visemes) else visemes
-
-
-def _points(block) -> np.ndarray:
-    flat = np.empty(len(block.points) * 3, dtype=np.float32)
-    block.points.foreach_get("co", flat)
-    return flat.reshape(-1, 3)

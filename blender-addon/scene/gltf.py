@@ -13,6 +13,7 @@ import bpy
 import numpy as np
 
 from . import curves, guard, nla, record, takes
+from .mesh import read_key
 from .paths import value_path
 
 _STANDING = "Anyface.standing"
@@ -76,13 +77,13 @@ def _rewrite_take(ob, taken, changed: _Changed) -> None:
         block, curve = shape_keys.key_blocks.get(name), bag.fcurves.find(value_path(name))
         if block is None or curve is None or block.mute or block.vertex_group:
             continue
-        before = {name: _values(curve, name) for name in curves.KEY_VECTORS}
+        before = {name: curves.places(curve, name) for name in curves.KEY_VECTORS}
         low = min(0.0, *(values[1::2].min() for values in before.values()))
         if low == 0.0:
             continue
         high = max(0.0, *(values[1::2].max() for values in before.values()))
         changed.points[taken.id, curve.data_path] = before
-        _set(curve, {name: _within_one(values, low, high) for name, values in before.items()})
+        curves.put(curve, {name: _within_one(values, low, high) for name, values in before.items()})
         standing = standing + low * _scale(block, high - low, changed)
         span = np.array(curve.range())
     if span is not None:
@@ -100,19 +101,19 @@ def _within_one(pairs: np.ndarray, low: float, high: float) -> np.ndarray:
 
 
 def _scale(block, factor: float, changed: _Changed) -> np.ndarray:
-    """Makes a key move `factor` times as far; returns its displacements `[3V]` before."""
-    positions, at_rest = _positions(block), _positions(block.relative_key)
+    """Makes a key move `factor` times as far; returns its displacements `[V, 3]` before."""
+    positions, at_rest = read_key(block), read_key(block.relative_key)
     changed.keys[block.name] = (positions, block.slider_min, block.slider_max, block.value)
-    block.points.foreach_set("co", at_rest + factor * (positions - at_rest))
+    block.points.foreach_set("co", (at_rest + factor * (positions - at_rest)).ravel())
     block.slider_min, block.slider_max = 0.0, 1.0
     return positions - at_rest
 
 
 def _add_standing(ob, bag, vector: np.ndarray, span: np.ndarray) -> str:
-    """A key of the displacements `vector` `[3V]` that stays at 1 through the take; its name."""
+    """A key of the displacements `vector` `[V, 3]` that stays at 1 through the take; its name."""
     block = ob.shape_key_add(name=_STANDING, from_mix=False)
     block.value = 0.0
-    block.points.foreach_set("co", _positions(block.relative_key) + vector)
+    block.points.foreach_set("co", (read_key(block.relative_key) + vector).ravel())
     curves.write(bag, value_path(block.name), span, np.ones(2), constant=True)
     return block.name
 
@@ -130,7 +131,7 @@ def _put_back(ob, changed: _Changed) -> None:
             ob.shape_key_remove(shape_keys.key_blocks[name])
         for name, (positions, low, high, value) in changed.keys.items():
             block = shape_keys.key_blocks[name]
-            block.points.foreach_set("co", positions)
+            block.points.foreach_set("co", positions.ravel())
             block.slider_min, block.slider_max, block.value = low, high, value
     ob.data.update()
 
@@ -138,7 +139,7 @@ def _put_back(ob, changed: _Changed) -> None:
 def _put_curves_back(bag, take_id: str, changed: _Changed) -> None:
     for (owner, path), before in changed.points.items():
         if owner == take_id:
-            _set(bag.fcurves.find(path), before)
+            curves.put(bag.fcurves.find(path), before)
 
 
 def _forget(bag, names: list[str]) -> None:
@@ -146,22 +147,3 @@ def _forget(bag, names: list[str]) -> None:
         stale = bag.fcurves.find(value_path(name))
         if stale is not None:
             bag.fcurves.remove(stale)
-
-
-def _values(curve, name: str) -> np.ndarray:
-    pairs = np.empty(2 * len(curve.keyframe_points), dtype=np.float32)
-    curve.keyframe_points.foreach_get(name, pairs)
-    return pairs
-
-
-def _set(curve, places: dict[str, np.ndarray]) -> None:
-    for name, pairs in places.items():
-        curve.keyframe_points.foreach_set(name, pairs)
-    curve.update()
-
-
-def _positions(block) -> np.ndarray:
-    """`[3V]`."""
-    positions = np.empty(3 * len(block.points), dtype=np.float32)
-    block.points.foreach_get("co", positions)
-    return positions

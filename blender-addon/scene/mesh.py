@@ -72,12 +72,19 @@ def _is_half(ob, positions: np.ndarray) -> bool:
     return False
 
 
+def read_key(block) -> np.ndarray:
+    """Positions `[V, 3]` float32 of a shape key."""
+    flat = np.empty(len(block.points) * 3, dtype=np.float32)
+    block.points.foreach_get("co", flat)
+    return flat.reshape(-1, 3)
+
+
 def read_basis(mesh) -> np.ndarray:
     """Positions `[V, 3]` float32 of the Basis key, or of the mesh where it has no keys."""
-    flat = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
     if mesh.shape_keys is not None:
-        mesh.shape_keys.reference_key.points.foreach_get("co", flat)
-    elif "position" in mesh.attributes:
+        return read_key(mesh.shape_keys.reference_key)
+    flat = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
+    if "position" in mesh.attributes:
         mesh.attributes["position"].data.foreach_get("vector", flat)
     else:
         # Attributes are hidden in edit mode.

@@ -10,7 +10,7 @@ from ..core import shapes
 from ..core.errors import AnyfaceError
 from ..scene import adjust, estimate, existing, outputs, record
 from . import audio, output_properties, running, words
-from .settings import sequencer_scene, target
+from .target import sequencer_scene, target
 
 
 class ANYFACE_PT_output(Panel):

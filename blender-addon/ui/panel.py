@@ -4,7 +4,7 @@ from bpy.types import Panel
 
 from . import running, words
 from .remove import has_take
-from .settings import target
+from .target import target
 
 
 class ANYFACE_PT_main(Panel):

@@ -4,7 +4,7 @@ from bpy.types import Operator
 
 from ..core.errors import AnyfaceError
 from ..scene import cache, csv_file, record, together
-from .settings import target
+from .target import target
 
 
 def has_take(ob) -> bool:

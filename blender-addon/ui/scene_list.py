@@ -8,7 +8,8 @@ from ..core.errors import AnyfaceError
 from ..core.job import Job, Progress
 from ..scene import scene_list, sequencer
 from . import running
-from .settings import from_object, sequencer_scene
+from .settings import from_object
+from .target import sequencer_scene
 
 
 class AnyfaceSceneRow(PropertyGroup):

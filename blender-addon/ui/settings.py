@@ -4,9 +4,6 @@ from dataclasses import fields
 
 from ..scene.bake import Settings
 from . import audio, character, output_properties
-from .target import sequencer_scene, target
-
-__all__ = ["from_object", "sequencer_scene", "target"]
 
 
 def from_object(ob, scene=None) -> Settings:

@@ -6,7 +6,7 @@ from bpy.types import Operator, Panel
 from ..core.errors import AnyfaceError
 from ..scene import record, takes
 from . import running
-from .settings import target
+from .target import target
 
 _ICONS = {"PLAYS": "RADIOBUT_ON", "WAITS": "RADIOBUT_OFF", "NLA": "NLA"}
 
