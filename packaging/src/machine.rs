@@ -92,6 +92,14 @@ pub fn shared() -> Option<PathBuf> {
     folder.join("data").is_dir().then_some(folder)
 }
 
+/// Says so where the disk has less room than a first run takes, which otherwise ends in the middle.
+pub fn note_room(gigabytes: u64) {
+    let free = fs4::available_space(root()).unwrap_or(u64::MAX) / 1_000_000_000;
+    if free < gigabytes {
+        println!("note     {free} GB of disk are free; a first run takes {gigabytes}");
+    }
+}
+
 /// Whether a program is on the PATH.
 pub fn has(program: &str) -> bool {
     std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default())

@@ -24,6 +24,10 @@ const TOOLS: &[&str] = &[
     "ffmpeg",
 ];
 
+/// Gigabytes that a first run takes: builds 8, PyTorch with its CUDA libraries 6 and 3 while it is
+/// installed, Blender 3.
+const ROOM: u64 = 20;
+
 /// Runs all tests; about 25 minutes from a clean checkout on two cores, 8 when built.
 #[derive(Args)]
 pub struct Test {
@@ -39,6 +43,7 @@ impl Test {
     /// Runs every check, prints the counts, fails if one failed.
     pub fn run(&self) -> Result<()> {
         let mut steps = Steps::new("test")?;
+        machine::note_room(ROOM);
         machine::ensure_apt(&mut steps, TOOLS)?;
         lints(&mut steps)?;
         rust(&mut steps)?;
