@@ -1,5 +1,7 @@
 """What the extension costs in Blender: the numbers of docs/speed.md, as lines of its tables.
 
+The sliders' errors of docs/blender.md come with them.
+
 Run by `cargo xtask addon --bench` in Blender's Python module, on a zip with the optimised library.
 `ANYFACE_BLENDER` names an executable beside `enter` (packaging/blender-chroot.sh): the numbers of a
 window are measured there. The head is the default one, cut finer and collapsed to `VERTICES`; the
@@ -22,6 +24,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+import bench_sliders
 from figures import write_wav
 from screen import Screen
 from test_heads import import_head
@@ -80,6 +83,7 @@ def main() -> None:
         prepare(folder)
         headless(folder)
         estimates(folder)
+        sliders(folder)
         blender = os.environ.get("ANYFACE_BLENDER")
         if blender:
             with_window(Path(blender), zipped, folder)
@@ -197,6 +201,13 @@ def estimates(folder: Path) -> None:
         assert bpy.ops.anyface.generate() == {"FINISHED"}
         took, busy = time.perf_counter() - began, time.process_time() - busy
         line(f"{mode}, {length_s:.0f} s", promised, f"took {took:.2f} s, processor {busy:.2f} s")
+
+
+def sliders(folder: Path) -> None:
+    """How far a slider's face is from that of a new run, mm."""
+    for head, rows in bench_sliders.measure(folder, empty).items():
+        for case, (moved, mean, largest) in rows.items():
+            line(f"{head}: {case}", f"{moved:.1f}", f"{mean:.3f}", f"{largest:.2f}")
 
 
 def own_arkit_keys(ob) -> None:

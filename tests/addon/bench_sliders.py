@@ -1,0 +1,112 @@
+"""How near the sliders of a take come to a new run: the table of docs/blender.md.
+
+Part of `bench_blender.py`. Of each case the worst of two voices and two emotions is told.
+"""
+
+import itertools
+import subprocess
+
+import bpy
+import numpy as np
+
+from figures import shape
+from test_heads import import_head
+
+SENTENCE = "The birch canoe slid on the smooth planks. Glue the sheet to the dark blue background."
+HEADS = ("default head", "head.ply")
+VOICES = ("slt", "rms")
+EMOTIONS = (("happy", 0.7), ("angry", 1.0))
+# What sliders are set to, as `anyface_output` names them.
+CASES = {
+    "as made": {},
+    "articulation 0.5": {"articulation": 0.5},
+    "articulation 1.3": {"articulation": 1.3},
+    "articulation 2": {"articulation": 2.0},
+    "blinks 0": {"closing": 0.0},
+    "articulation 1.3, emotion 0.5, blinks 0": {
+        "articulation": 1.3,
+        "emotion": 0.5,
+        "closing": 0.0,
+    },
+    "emotion 0, blinks 0": {"emotion": 0.0, "closing": 0.0},
+}
+# The same of takes without blinks: a new run with another emotion blinks at other times, which
+# would hide everything else.
+WITHOUT_BLINKS = {
+    "emotion 0": {"emotion": 0.0},
+    "emotion 0.25": {"emotion": 0.25},
+    "emotion 0.5": {"emotion": 0.5},
+}
+FPS = 24
+
+
+def measure(folder, empty):
+    """`{head: {case: (new run's largest, mean, largest)}}`, mm; `head.ply` lies in `folder`."""
+    found = {}
+    for head, voice, emotion in itertools.product(HEADS, VOICES, EMOTIONS):
+        empty()
+        ob = ready(folder, head, voice, emotion)
+        rows = one_take(ob, CASES, emotion[1])
+        ob.anyface.blinks_per_minute = 0.0
+        rows |= one_take(ob, WITHOUT_BLINKS, emotion[1])
+        for case, row in rows.items():
+            worst = found.setdefault(head, {})
+            worst[case] = np.maximum(row, worst.get(case, 0.0))
+    return found
+
+
+def ready(folder, head, voice, emotion):
+    """A head in metres with a voice and an emotion."""
+    sound = folder / f"{voice}.wav"
+    if not sound.is_file():
+        subprocess.run(["flite", "-voice", voice, "-t", SENTENCE, "-o", str(sound)], check=True)
+    if head == "head.ply":
+        bpy.ops.wm.ply_import(filepath=str(folder / head))
+    else:
+        import_head()
+    ob = bpy.context.object
+    bpy.context.scene.render.fps = FPS
+    ob.anyface.source, ob.anyface.sound_file = "FILE", str(sound)
+    ob.anyface.emotion, ob.anyface.intensity = emotion
+    return ob
+
+
+def one_take(ob, cases, intensity):
+    """Of each case how far the new run moves the face, and the slider's mean and largest error."""
+    generate(ob, "basis")
+    made, shown = film(ob), {}
+    for case, places in cases.items():
+        for name, place in places.items():
+            setattr(ob.anyface_output, name, place)
+        shown[case] = film(ob)
+        for name in places:
+            setattr(ob.anyface_output, name, 1.0)
+    blinks_per_minute, rows = ob.anyface.blinks_per_minute, {}
+    for case, places in cases.items():
+        ob.anyface.articulation = places.get("articulation", 1.0)
+        ob.anyface.intensity = intensity * places.get("emotion", 1.0)
+        ob.anyface.blinks_per_minute = blinks_per_minute * places.get("closing", 1.0)
+        generate(ob, "frames")
+        truth = film(ob)
+        left = lengths_mm(shown[case], truth)
+        rows[case] = np.array([lengths_mm(truth, made).max(), left.mean(), left.max()])
+    ob.anyface.articulation, ob.anyface.intensity = 1.0, intensity
+    ob.anyface.blinks_per_minute = blinks_per_minute
+    return rows
+
+
+def generate(ob, mode):
+    """A take in place of the one that is there."""
+    ob.anyface.mode = mode
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+
+
+def film(ob):
+    """Positions `[T, V, 3]` of all frames of the take."""
+    end = int(ob.data.shape_keys.animation_data.action.frame_range[1])
+    return np.stack([shape(ob, frame) for frame in range(1, end + 1)])
+
+
+def lengths_mm(a, b):
+    """Distances of vertices in metres, mm."""
+    return 1000 * np.linalg.norm(a - b, axis=2)
