@@ -15,9 +15,10 @@ _VERTEX, _KEYFRAME = 12, 80
 # Bytes of a number in a table, and its columns.
 _NUMBER, _COLUMNS = 9, 63
 # Seconds: to begin with, for a second of speech, for a million vertices in a frame.
-_BEGIN_S, _SPEECH_S, _MILLION_S = 0.1, 0.02, 0.06
-# More seconds for a million vertices in a frame, to find a basis: for 5 s and for 50 s.
-_SHORT_BASIS_S, _LONG_BASIS_S = 0.08, 0.15
+_BEGIN_S, _SPEECH_S, _MILLION_S = 0.1, 0.012, 0.02
+# More seconds for a million vertices in a frame: to find a basis, for 5 s and for 50 s, and to solve
+# for the weights of shapes.
+_SHORT_BASIS_S, _LONG_BASIS_S, _SOLVE_S = 0.06, 0.12, 0.06
 # Seconds for each vertex: of a mesh never seen, of shapes that are made or solved for.
 _NEW_S, _RIG_S = 4e-5, 1.1e-5
 
@@ -54,8 +55,11 @@ def estimate(
         "arkit": made * vertices * _VERTEX + len(ARKIT) * frames * _KEYFRAME,
         "csv": frames * _COLUMNS * _NUMBER,
     }[mode]
-    more_s = _between(seconds, _SHORT_BASIS_S, _LONG_BASIS_S) if mode == "basis" else 0.0
-    million_s = _MILLION_S + more_s
+    million_s = _MILLION_S
+    if mode == "basis":
+        million_s += _between(seconds, _SHORT_BASIS_S, _LONG_BASIS_S)
+    elif mode in ("keys", "arkit", "csv"):
+        million_s += _SOLVE_S
     work = _BEGIN_S + _SPEECH_S * seconds + million_s * frames * vertices / 1e6
     if mode in ("arkit", "csv"):
         work += _RIG_S * vertices
