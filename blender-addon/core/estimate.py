@@ -16,8 +16,8 @@ _VERTEX, _KEYFRAME = 12, 80
 _NUMBER, _COLUMNS = 9, 63
 # Seconds: to begin with, for a second of speech, for a million vertices in a frame.
 _BEGIN_S, _SPEECH_S, _MILLION_S = 0.1, 0.012, 0.02
-# More seconds for a million vertices in a frame: to find a basis, for 5 s and for 50 s, and to solve
-# for the weights of shapes.
+# More seconds for a million vertices in a frame: to find a basis, for 5 s and for 50 s, and to
+# solve for the weights of shapes.
 _SHORT_BASIS_S, _LONG_BASIS_S, _SOLVE_S = 0.06, 0.12, 0.06
 # Seconds for each vertex: of a mesh never seen, of shapes that are made or solved for.
 _NEW_S, _RIG_S = 4e-5, 1.1e-5
