@@ -198,6 +198,9 @@ typedef enum {
     ANYFACE_SLIDER_EMOTION = 1,
     /// How far the eyes close: 0 to 1.
     ANYFACE_SLIDER_BLINKS = 2,
+    /// What emotion and blinks change together beyond what each does alone. Not for a user: with
+    /// emotion at e and blinks at b it stands at 1 - (1 - e) * (1 - b).
+    ANYFACE_SLIDER_EMOTION_AND_BLINKS = 3,
 } AnyfaceSlider;
 
 /// A sound, kept as mono at 16 kHz. Never changes after it was made: any number of threads may

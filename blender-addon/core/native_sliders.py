@@ -4,7 +4,7 @@ from ctypes import POINTER, c_float, c_int32, c_size_t, c_void_p
 
 import numpy as np
 
-from .sliders import NAMES, SliderChange
+from .sliders import ALL, SliderChange
 
 _FLOATS, _HANDLE, _OUT = POINTER(c_float), c_void_p, POINTER(c_void_p)
 
@@ -28,7 +28,7 @@ class SliderCalls:
         given = (self._handle, face, motion, clip, basis, watch.handle)
         sliders = self._own(handles, "sliders", "anyface_sliders_new", *given)
         found = {}
-        for number, name in enumerate(NAMES):
+        for number, name in enumerate(ALL):
             count = self._library.anyface_sliders_knot_count(sliders, number)
             if count == 0:
                 continue

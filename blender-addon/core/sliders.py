@@ -11,8 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# In the order of `AnyfaceSlider`.
 NAMES = ("articulation", "emotion", "blinks")
+# What two of them change together beyond what each does alone; no slider of the artist's.
+TOGETHER = "emotion_and_blinks"
+# In the order of `AnyfaceSlider`.
+ALL = (*NAMES, TOGETHER)
 _MAGIC = b"AFS1"
 _LENGTH = struct.Struct("<I")
 # Steps of 1/2047 of a column's largest change: some thousandths of a millimetre.
@@ -49,6 +52,13 @@ class SliderChange:
         shares = [float(np.interp(place, knots, row)) for row in np.eye(len(knots))]
         del shares[above]
         return np.tensordot(np.array(shares, dtype=np.float32), self.changes, axes=1)
+
+
+def place(name: str, placed: dict[str, float]) -> float:
+    """Where a name of `ALL` stands when `NAMES` stand at `placed`, or else at 1."""
+    if name != TOGETHER:
+        return placed.get(name, 1.0)
+    return 1.0 - (1.0 - placed.get("emotion", 1.0)) * (1.0 - placed.get("blinks", 1.0))
 
 
 def why_still(performance, found) -> dict[str, str]:

@@ -107,14 +107,15 @@ def _possible(wanted, taken, found) -> dict[str, float]:
     limited = {
         name: min(max(wanted[name], change.limits[0]), change.limits[1])
         for name, change in found.items()
-        if name in wanted
+        if name in wanted and name in sliders.NAMES
     }
     return {name: wanted[name] for name in ("strength", "shift") if name in wanted} | limited
 
 
 def _added(found, before, after) -> np.ndarray | None:
     """What sliders that stand elsewhere than before add to the weights, `[T, K]`; None for none."""
-    ways = [(c, before.get(name, 1.0), after.get(name, 1.0)) for name, c in found.items()]
+    places = [[sliders.place(name, placed) for placed in (before, after)] for name in found]
+    ways = [(change, *place) for change, place in zip(found.values(), places, strict=True)]
     moved = [change.at(new) - change.at(old) for change, old, new in ways if old != new]
     return sum(moved) if moved else None
 

@@ -25,6 +25,9 @@ pub enum AnyfaceSlider {
     Emotion = 1,
     /// How far the eyes close: 0 to 1.
     Blinks = 2,
+    /// What emotion and blinks change together beyond what each does alone. Not for a user: with
+    /// emotion at e and blinks at b it stands at 1 - (1 - e) * (1 - b).
+    EmotionAndBlinks = 3,
 }
 
 /// What each slider adds to the weights of a basis: `weight[t][k] + change[t][k]`.
@@ -46,12 +49,14 @@ fn known(slider: i32) -> Result<Slider, Failure> {
     const ARTICULATION: i32 = AnyfaceSlider::Articulation as i32;
     const EMOTION: i32 = AnyfaceSlider::Emotion as i32;
     const BLINKS: i32 = AnyfaceSlider::Blinks as i32;
+    const EMOTION_AND_BLINKS: i32 = AnyfaceSlider::EmotionAndBlinks as i32;
     match slider {
         ARTICULATION => Ok(Slider::Articulation),
         EMOTION => Ok(Slider::Emotion),
         BLINKS => Ok(Slider::Blinks),
+        EMOTION_AND_BLINKS => Ok(Slider::EmotionAndBlinks),
         other => Err(Failure::invalid(format!(
-            "slider: expected {ARTICULATION} to {BLINKS}, got {other}"
+            "slider: expected {ARTICULATION} to {EMOTION_AND_BLINKS}, got {other}"
         ))),
     }
 }
@@ -192,7 +197,7 @@ mod tests {
         let mut none = [0.0f32; 0];
         for (slider, status) in [
             (0, AnyfaceStatus::Ok),
-            (3, AnyfaceStatus::InvalidInput),
+            (4, AnyfaceStatus::InvalidInput),
             (-1, AnyfaceStatus::InvalidInput),
         ] {
             assert_eq!(unsafe { anyface_sliders_knot_count(&sliders, slider) }, 0);

@@ -87,14 +87,14 @@ def basis(take_module, moved):
 def sliders(module, names, weights, knots=(0.0, 1.5)):
     """Sliders that take away some weights `[T, K]` at their lower knot and add others above 1.
 
-    Those of blinks have one knot and act in frames 10 to 14 alone.
+    Those with blinks in their names have one knot and act in frames 10 to 14 alone.
     """
     found = {}
     for number, name in enumerate(names):
-        places = knots[:1] if name == "blinks" else knots
+        places = knots[:1] if "blinks" in name else knots
         turned = np.roll(weights, number + 1, axis=1)
         changes = np.stack([(place - 1.0) * turned for place in places]).astype(np.float32)
-        if name == "blinks":
+        if "blinks" in name:
             changes[:, :10], changes[:, 15:] = 0.0, 0.0
         found[name] = module.SliderChange(np.array(places), changes)
     return found

@@ -101,6 +101,26 @@ def test_sliders_add_up_with_strength_and_shift_and_go_back(stage, tmp_path):
     assert np.abs(values(ob) - first).max() < 1e-6
 
 
+def test_emotion_and_blinks_change_more_together_than_each_alone(stage, tmp_path, addon):
+    module = addon("core.sliders")
+    stage.sliders = module.ALL
+    ob = ready(tmp_path)
+    rest = shape(ob, START)
+    generate()
+    made = figures.basis(stage.take_module, motion(2 * FPS, 144, stage.rank, stage.size))
+    found = figures.sliders(module, module.ALL, made.weights)
+    first = values(ob)
+    for emotion, blinks in ((0.0, 0.0), (0.3, 0.4), (1.5, 0.0), (0.3, 1.0)):
+        ob.anyface_output.emotion, ob.anyface_output.closing = emotion, blinks
+        together = 1.0 - (1.0 - emotion) * (1.0 - blinks)
+        places = {"emotion": emotion, "blinks": blinks, module.TOGETHER: together}
+        weights = made.weights + sum(found[name].at(place) for name, place in places.items())
+        moved = shape(ob, START + 12) - rest
+        assert np.abs(moved - np.tensordot(weights[12], made.vectors, axes=1)).max() < 2e-6
+    ob.anyface_output.emotion = ob.anyface_output.closing = 1.0
+    assert np.abs(values(ob) - first).max() < 1e-6
+
+
 def test_keys_have_room_for_every_place_of_every_slider(stage, tmp_path):
     ob = ready(tmp_path)
     generate()

@@ -42,11 +42,24 @@ pub enum Slider {
     Emotion,
     /// How far the eyes close: 0 to 1.
     Blinks,
+    /// What emotion and blinks change together beyond what each does alone: lids travel as far as the
+    /// emotion leaves them open. Stands at [`Slider::both`] of those two.
+    EmotionAndBlinks,
 }
 
 impl Slider {
-    /// All of them.
-    pub const ALL: [Slider; 3] = [Slider::Articulation, Slider::Emotion, Slider::Blinks];
+    /// All of them; the last one builds on those before it.
+    pub const ALL: [Slider; 4] = [
+        Slider::Articulation,
+        Slider::Emotion,
+        Slider::Blinks,
+        Slider::EmotionAndBlinks,
+    ];
+
+    /// Where [`Slider::EmotionAndBlinks`] stands: at 1 unless both are elsewhere, at 0 where both are.
+    pub fn both(emotion: f32, blinks: f32) -> f32 {
+        1.0 - (1.0 - emotion) * (1.0 - blinks)
+    }
 }
 
 /// What a slider adds to the weights of a take.
@@ -102,6 +115,11 @@ impl Performance {
                 vec![0.0, MIDDLE_EMOTION, most]
             }
             Slider::Blinks if !speech_only && controls.blinks_per_minute > 0.0 => vec![0.0],
+            Slider::EmotionAndBlinks => {
+                let parts = [Slider::Emotion, Slider::Blinks].map(|part| self.knots(part));
+                let [emotion, blinks] = parts.map(|knots| knots.first() == Some(&0.0));
+                if emotion && blinks { vec![0.0] } else { vec![] }
+            }
             _ => Vec::new(),
         };
         knots
@@ -126,18 +144,25 @@ impl Engine {
         let mut request = performance.request.clone();
         let controls = &mut request.controls;
         let scaled = |control: f32| (control * position).min(MAX_CONTROL);
-        match slider {
-            Slider::Articulation => controls.articulation = scaled(controls.articulation),
-            Slider::Blinks if position == 0.0 => controls.blinks_per_minute = 0.0,
-            Slider::Blinks => {}
-            Slider::Emotion => request.emotion = request.emotion.scaled(position),
+        let (emotion, blinks) = match slider {
+            Slider::Articulation => (false, false),
+            Slider::Emotion => (true, false),
+            Slider::Blinks => (false, true),
+            Slider::EmotionAndBlinks => (true, true),
+        };
+        if slider == Slider::Articulation {
+            controls.articulation = scaled(controls.articulation);
         }
-        let sampled_anew = match slider {
-            Slider::Emotion => Some(self.threads(|| {
+        if blinks && position == 0.0 {
+            controls.blinks_per_minute = 0.0;
+        }
+        let sampled_anew = match emotion {
+            true => Some(self.threads(|| {
+                request.emotion = request.emotion.scaled(position);
                 let frames = performance.sampled.displacements.dim().0;
                 self.sample_heard(performance.features.view(), frames, &request, progress)
             })?),
-            _ => None,
+            false => None,
         };
         let sampled = sampled_anew.as_ref().unwrap_or(&performance.sampled);
         let urge = &performance.request.emotion;
@@ -177,7 +202,10 @@ impl Engine {
                 };
                 let varied = self.varied(performance, slider, *knot, &within)?;
                 let change = self.threads(|| measure.change(&performance.motion, &varied, &within));
-                changes.push(change?);
+                changes.push(match slider {
+                    Slider::EmotionAndBlinks => beyond_each(change?, &out),
+                    _ => change?,
+                });
                 done += 1;
             }
             if changes
@@ -293,6 +321,23 @@ impl Measure<'_> {
         }
         Ok(moved)
     }
+}
+
+/// What is left of the change `[T, K]` with emotion and blinks at 0 when what each does there is taken
+/// away; nothing where nobody blinks.
+fn beyond_each(mut change: Array2<f32>, found: &[SliderChange]) -> Array2<f32> {
+    let at_rest = |slider: Slider| {
+        let one = found.iter().find(|change| change.slider == slider);
+        one.map_or_else(|| Array2::zeros(change.dim()), |change| change.at(0.0))
+    };
+    let (emotion, blinks) = (at_rest(Slider::Emotion), at_rest(Slider::Blinks));
+    for (t, mut row) in change.outer_iter_mut().enumerate() {
+        match blinks.row(t).iter().any(|x| *x != 0.0) {
+            true => row -= &(&emotion.row(t) + &blinks.row(t)),
+            false => row.fill(0.0),
+        }
+    }
+    change
 }
 
 fn check_take(performance: &Performance, clip: &VertexClip, basis: &VertexBasis) -> Result<()> {
