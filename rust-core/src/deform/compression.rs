@@ -94,7 +94,10 @@ pub fn compress(
     let best = choose(&flat, &reduced, max_error, progress)?;
     let mut chosen = best.full.first(best.count);
     let error = match best.count > MOVING {
-        true => thin(&flat, &mut chosen.weights, &chosen.shapes, max_error),
+        true => {
+            let Components { weights, shapes } = &mut chosen;
+            thin(&flat, weights, shapes, max_error, best.error)
+        }
         false => best.error,
     };
     report(progress, "compress", 1.0)?;

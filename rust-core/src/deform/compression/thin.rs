@@ -19,15 +19,19 @@ const REGIONS: usize = 256;
 
 /// Sets the smallest weights `[T, K]` of each frame to zero until [`MOVING`] shapes move, as long as
 /// no vertex of `flat` `[T, 3V]` gets further than `max_error` from its place (where it is further
-/// before: no further). `shapes` `[3V, K]`. Returns the largest error.
+/// before: no further). `shapes` `[3V, K]`, `error` the largest before. Returns the largest error.
 pub(super) fn thin(
     flat: &Array2<f32>,
     weights: &mut Array2<f32>,
     shapes: &Array2<f32>,
     max_error: f32,
+    error: f32,
 ) -> f32 {
-    let before = errors_of_frames(flat, weights, shapes);
-    let bounds: Vec<f32> = before.iter().map(|e| e.max(max_error)).collect();
+    let mut bounds = vec![max_error; weights.nrows()];
+    if error > max_error {
+        let before = errors_of_frames(flat, weights, shapes).into_iter();
+        bounds = before.map(|e| e.max(max_error)).collect();
+    }
     let largest = |errors: &[f32]| errors.iter().copied().fold(0.0, f32::max);
     let full = weights.clone();
     let frames: Vec<usize> = (0..weights.nrows()).collect();
@@ -222,7 +226,7 @@ mod tests {
         for vertices in [30, 3000] {
             let (flat, mut weights, shapes) = motion(50, vertices);
             let before = weights.clone();
-            let error = thin(&flat, &mut weights, &shapes, 0.1);
+            let error = thin(&flat, &mut weights, &shapes, 0.1, 0.0);
             let left = &flat - &weights.dot(&shapes.t());
             let there = longest_square(matrix::values(&left)).sqrt();
             assert!(
@@ -254,7 +258,7 @@ mod tests {
         assert!(!Rows::farthest(&shapes).vertices.contains(&(vertices - 1)));
         let mut weights = Array2::from_elem((3, 40), 0.04);
         let flat = weights.dot(&shapes.t());
-        let error = thin(&flat, &mut weights, &shapes, 0.05);
+        let error = thin(&flat, &mut weights, &shapes, 0.05, 0.0);
         let left = &flat - &weights.dot(&shapes.t());
         assert!(longest_square(matrix::values(&left)).sqrt() <= 0.05 + 1e-6);
         assert!(error <= 0.05);
@@ -264,7 +268,7 @@ mod tests {
     fn shapes_that_all_matter_stay() {
         let (flat, weights, shapes) = motion(10, 30);
         let mut kept = weights.clone();
-        thin(&flat, &mut kept, &shapes, 0.0);
+        thin(&flat, &mut kept, &shapes, 0.0, 0.0);
         assert_eq!(kept, weights);
     }
 }

@@ -54,8 +54,9 @@ impl DepthBuffer {
                 p[2],
             ]
         };
+        let points: Vec<[f32; 3]> = points.iter().map(|p| pixel(*p)).collect();
         for t in triangles {
-            buffer.draw_triangle(t.map(|v| pixel(points[v as usize])));
+            buffer.draw_triangle(t.map(|v| points[v as usize]));
         }
         buffer
     }
@@ -73,14 +74,16 @@ impl DepthBuffer {
             return;
         }
         // Pixels whose middle may lie inside; a small triangle of a dense mesh has none.
-        let first = |i: usize| (low(i) - 0.5 - EDGE).ceil().max(0.0) as usize;
+        let first = |i: usize| up(low(i) - 0.5 - EDGE);
         let last = |i: usize| ((high(i) + 0.5 + EDGE) as usize).min(BUFFER);
-        for row in first(1)..last(1) {
+        let (rows, columns) = (first(1)..last(1), first(0)..last(0));
+        let part = 1.0 / area;
+        for row in rows {
             let y = row as f32 + 0.5;
-            for column in first(0)..last(0) {
+            for column in columns.clone() {
                 let x = column as f32 + 0.5;
-                let wa = ((b[0] - x) * (c[1] - y) - (b[1] - y) * (c[0] - x)) / area;
-                let wb = ((c[0] - x) * (a[1] - y) - (c[1] - y) * (a[0] - x)) / area;
+                let wa = ((b[0] - x) * (c[1] - y) - (b[1] - y) * (c[0] - x)) * part;
+                let wb = ((c[0] - x) * (a[1] - y) - (c[1] - y) * (a[0] - x)) * part;
                 let wc = 1.0 - wa - wb;
                 if wa < -1e-5 || wb < -1e-5 || wc < -1e-5 {
                     continue;
@@ -104,7 +107,7 @@ impl DepthBuffer {
     /// x, normal y, coverage; the mean of 2×2 pixels each. Empty pixels count as depth −1, the
     /// rest zero.
     pub fn features(&self) -> Picture {
-        let mean = self.mean_depth();
+        let mean = self.mean_depth() as f32;
         let mut out = Picture::zeros(BUFFER / 2, BUFFER / 2, 4);
         for row in 0..BUFFER {
             for column in 0..BUFFER {
@@ -124,24 +127,19 @@ impl DepthBuffer {
         sum / f64::from(count.max(1))
     }
 
-    fn feature(&self, row: usize, column: usize, mean: f64) -> [f32; 4] {
+    fn feature(&self, row: usize, column: usize, mean: f32) -> [f32; 4] {
         let here = self.at(row, column);
         if here == NOTHING {
             return [BACKGROUND_DEPTH, 0.0, 0.0, 0.0];
         }
-        let pixel = 2.0 * f64::from(self.half_size) / BUFFER as f64;
+        let per_pixel = 0.5 * BUFFER as f32 / self.half_size;
         let left = self.at(row, column.wrapping_sub(1));
         let above = self.at(row.wrapping_sub(1), column);
-        let dx = slope(left, here, self.at(row, column + 1), pixel);
-        let dy = -slope(above, here, self.at(row + 1, column), pixel);
+        let dx = per_pixel * slope(left, here, self.at(row, column + 1));
+        let dy = -per_pixel * slope(above, here, self.at(row + 1, column));
         let length = (dx * dx + dy * dy + 1.0).sqrt();
-        let depth = (f64::from(here) - mean) / f64::from(self.half_size);
-        [
-            depth.clamp(-1.5, 1.5) as f32,
-            (-dx / length) as f32,
-            (-dy / length) as f32,
-            1.0,
-        ]
+        let depth = (here - mean) / self.half_size;
+        [depth.clamp(-1.5, 1.5), -dx / length, -dy / length, 1.0]
     }
 
     fn at(&self, row: usize, column: usize) -> f32 {
@@ -152,13 +150,18 @@ impl DepthBuffer {
     }
 }
 
-/// Central difference where both neighbours exist, one-sided where one does, else zero.
-fn slope(before: f32, here: f32, after: f32, pixel: f64) -> f64 {
-    let [before, here, after] = [before, here, after].map(f64::from);
+/// The next whole number, at least 0; `f32::ceil` is a call on older processors.
+fn up(x: f32) -> usize {
+    let whole = x as usize;
+    whole + usize::from((whole as f32) < x)
+}
+
+/// Central difference where both neighbours exist, one-sided where one does, else zero; per pixel.
+fn slope(before: f32, here: f32, after: f32) -> f32 {
     match (before.is_finite(), after.is_finite()) {
-        (true, true) => (after - before) / (2.0 * pixel),
-        (false, true) => (after - here) / pixel,
-        (true, false) => (here - before) / pixel,
+        (true, true) => 0.5 * (after - before),
+        (false, true) => after - here,
+        (true, false) => here - before,
         (false, false) => 0.0,
     }
 }

@@ -30,6 +30,9 @@ const FACES_IN_A_PICTURE: usize = 2;
 const LOOKED_AT: usize = 9;
 const KEPT: usize = 3;
 
+/// Poses that are looked at together, of those that promise most.
+const PROMISED_AT_ONCE: usize = 32;
+
 /// Views around the plane of symmetry.
 const VIEWS_IN_PLANE: usize = 12;
 
@@ -119,22 +122,39 @@ impl Search<'_> {
                 poses.into_iter().map(|pose| pose.compose(turn))
             })
             .collect();
-        let likely = |to_canonical: &Similarity| Candidate {
-            to_canonical: *to_canonical,
-            likeness: self.likeness(to_canonical),
-        };
-        let mut found: Vec<Candidate> = poses.par_iter().map(likely).collect();
-        best_first(&mut found);
-        found.truncate(LOOKED_AT);
         let closer = |c: &Candidate| {
             let lifted = lift(self.views, self.frame, &c.to_canonical)?;
-            let again = likely(&plane.align(&lifted, middle())?);
+            let again = self.likely(&plane.align(&lifted, middle())?);
             (again.likeness > c.likeness).then_some(again)
         };
-        found
+        self.likeliest(poses)
             .into_par_iter()
             .map(|c| closer(&c).unwrap_or(c))
             .collect()
+    }
+
+    /// The best of many poses.
+    fn likeliest(&self, poses: Vec<Similarity>) -> Vec<Candidate> {
+        // A face is at most as likely as its presence, for which the network goes half its way.
+        let at_most = |to_canonical| Candidate {
+            to_canonical,
+            likeness: self.presence(&to_canonical),
+        };
+        let mut promised: Vec<Candidate> = poses.into_par_iter().map(at_most).collect();
+        best_first(&mut promised);
+        let mut found: Vec<Candidate> = Vec::new();
+        for some in promised.chunks(PROMISED_AT_ONCE) {
+            if found
+                .get(LOOKED_AT - 1)
+                .is_some_and(|last| last.rank() >= some[0].rank())
+            {
+                break;
+            }
+            found.par_extend(some.par_iter().map(|c| self.likely(&c.to_canonical)));
+            best_first(&mut found);
+            found.truncate(LOOKED_AT);
+        }
+        found
     }
 
     fn glance(
@@ -182,6 +202,20 @@ impl Search<'_> {
         across(now, plane)
     }
 
+    fn likely(&self, to_canonical: &Similarity) -> Candidate {
+        Candidate {
+            to_canonical: *to_canonical,
+            likeness: self.likeness(to_canonical),
+        }
+    }
+
+    /// Whether there is a face, to the landmark network: what `likeness` is at most.
+    fn presence(&self, to_canonical: &Similarity) -> f32 {
+        let points = turned(self.frame, to_canonical);
+        let buffer = DepthBuffer::draw(&points, self.frame.triangles, front_window());
+        self.views.presence(&buffer.features())
+    }
+
     /// How much the front looks like a face to the landmark network.
     fn likeness(&self, to_canonical: &Similarity) -> f32 {
         let sight = front(self.views, self.frame, to_canonical).sight;
@@ -193,12 +227,15 @@ impl Search<'_> {
 /// The close front view of a face.
 pub(super) fn front(views: &LandmarkNetwork, frame: &Frame, to_canonical: &Similarity) -> Look {
     let points = turned(frame, to_canonical);
+    look(views, &points, frame.triangles, front_window())
+}
+
+fn front_window() -> Window {
     let [x, y, _] = middle();
-    let window = Window {
+    Window {
         centre: [x, y],
         half_size: HALF_SIZE_M,
-    };
-    look(views, &points, frame.triangles, window)
+    }
 }
 
 fn best_first(candidates: &mut [Candidate]) {
