@@ -279,7 +279,7 @@ impl Engine {
         self.threads(|| {
             progress::report(progress, "landmarks", 0.0)?;
             let key = kept::key_of(mesh, &self.models);
-            let (landmarks, parts) = self.kept_landmarks(&key, mesh, options)?;
+            let (landmarks, parts) = self.kept_landmarks(&key, mesh, options, progress)?;
             let to_canonical = mesh::align_to_canonical(&landmarks)?;
             progress::report(progress, "landmarks", 1.0)?;
             let deformer: Box<dyn Deformer> = match &self.paper {

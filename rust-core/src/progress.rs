@@ -1,11 +1,12 @@
-//! Progress and cancellation: one callback, called from the thread that does the work.
+//! Progress and cancellation: one callback, called from the threads that do the work.
 
 use crate::{Error, Result};
 
 /// A step of a job and how much of that step is done.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
-    /// Name of the stage: "speech", "motion", "operators", "weights", "deform", "sliders", "write".
+    /// Name of the stage: "landmarks", "speech", "motion", "operators", "weights", "deform", "compress",
+    /// "sliders", "write".
     pub stage: &'static str,
     /// Share of the stage that is done, 0 to 1.
     pub fraction: f32,

@@ -35,7 +35,7 @@ impl FindLandmarks {
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
         let found = timed(&mut report, "landmarks", || {
             let finder = LandmarkFinder::load(shared.weights.as_deref())?;
-            locate_landmarks_with(&finder, &mesh, &options)
+            locate_landmarks_with(&finder, &mesh, &options, &|p| console.progress(p))
         })?;
         let mouth = Mouth::of(&mesh, &found);
         let json = found.to_json_with_mouth(mouth);

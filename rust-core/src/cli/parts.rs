@@ -30,7 +30,7 @@ impl ListParts {
         options.parts.names = ObjectNames::read(&self.mesh)?;
         let mesh = Mesh::read(&self.mesh)?;
         let finder = LandmarkFinder::load(shared.weights.as_deref())?;
-        let landmarks = locate_landmarks_with(&finder, &mesh, &options)?;
+        let landmarks = locate_landmarks_with(&finder, &mesh, &options, &|p| console.progress(p))?;
         let to_canonical = align_to_canonical(&landmarks)?;
         let list = PartList::find(&mesh, &landmarks, &to_canonical, &options.parts)?;
         let mut text = format!(

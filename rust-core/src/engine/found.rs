@@ -33,7 +33,7 @@ impl Engine {
         self.threads(|| {
             progress::report(progress, "landmarks", 0.0)?;
             let key = kept::key_of(mesh, &self.models);
-            let (landmarks, parts) = self.kept_landmarks(&key, mesh, options)?;
+            let (landmarks, parts) = self.kept_landmarks(&key, mesh, options, progress)?;
             let mouth = Mouth::of(mesh, &landmarks);
             progress::report(progress, "landmarks", 1.0)?;
             Ok(FoundFace {

@@ -50,9 +50,10 @@ impl Engine {
         key: &CacheKey,
         mesh: &Mesh,
         options: &FaceOptions,
+        progress: ProgressFn<'_>,
     ) -> Result<(Landmarks, PartList)> {
         let find = || {
-            let landmarks = mesh::locate_landmarks_with(&self.finder, mesh, options)?;
+            let landmarks = mesh::locate_landmarks_with(&self.finder, mesh, options, progress)?;
             let to_canonical = mesh::align_to_canonical(&landmarks)?;
             let parts = PartList::find(mesh, &landmarks, &to_canonical, &options.parts)?;
             Ok((landmarks, parts))

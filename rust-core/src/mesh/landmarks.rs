@@ -5,7 +5,11 @@ use super::{
     closest::{norm, sub},
     snap::snap_to_surface,
 };
-use crate::{Error, Result, motion::LANDMARKS};
+use crate::{
+    Error, Result,
+    motion::LANDMARKS,
+    progress::{ProgressFn, SILENT},
+};
 
 /// A landmark may lie this far from the surface, as a part of the distance between the outer eye
 /// corners (9 cm on a human head): hand-placed points float by a centimetre or so.
@@ -20,17 +24,18 @@ const FAR_IN_EYE_DISTANCES: f32 = 0.25;
 /// `ShapeMismatch` or `InvalidInput` for unusable landmarks, `FaceNotFound` if none are given and
 /// none are found, `Mesh` for a mesh without triangles.
 pub fn locate_landmarks(mesh: &Mesh, options: &FaceOptions) -> Result<Landmarks> {
-    locate_landmarks_with(LandmarkFinder::embedded()?, mesh, options)
+    locate_landmarks_with(LandmarkFinder::embedded()?, mesh, options, SILENT)
 }
 
 /// [`locate_landmarks`] with a finder whose weights come from elsewhere.
 ///
 /// # Errors
-/// As [`locate_landmarks`].
+/// As [`locate_landmarks`], and `Cancelled`.
 pub fn locate_landmarks_with(
     finder: &LandmarkFinder,
     mesh: &Mesh,
     options: &FaceOptions,
+    progress: ProgressFn<'_>,
 ) -> Result<Landmarks> {
     if mesh.triangles.is_empty() {
         let got = mesh.positions.len();
@@ -41,7 +46,7 @@ pub fn locate_landmarks_with(
     let given = match &options.landmarks {
         Some(LandmarkSource::Positions(positions)) => from_positions(mesh, positions)?,
         Some(LandmarkSource::Vertices(vertices)) => from_vertices(mesh, vertices)?,
-        None => return finder.find(mesh, options.forward, options.up, fixed),
+        None => return finder.find(mesh, options.forward, options.up, fixed, progress),
     };
     match fixed.is_empty() {
         true => Ok(given),

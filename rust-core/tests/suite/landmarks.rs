@@ -1,13 +1,20 @@
 //! Finding landmarks on the default head, however it is turned, and refusing what is no face.
 
-use std::path::PathBuf;
+use std::{
+    path::PathBuf,
+    sync::{
+        Mutex,
+        atomic::{AtomicUsize, Ordering},
+    },
+};
 
 use anyface::{
     Error,
     mesh::{
-        Axis, FaceOptions, FixedLandmark, LandmarkPlace, LandmarkSource, Landmarks, Mesh, Mouth,
-        align_to_canonical, locate_landmarks,
+        Axis, FaceOptions, FixedLandmark, LandmarkFinder, LandmarkPlace, LandmarkSource, Landmarks,
+        Mesh, Mouth, align_to_canonical, locate_landmarks, locate_landmarks_with,
     },
+    progress::Progress,
 };
 
 fn default_head() -> PathBuf {
@@ -197,15 +204,46 @@ fn shapes_without_a_face_are_refused_with_a_reason_and_help() {
             [3, 7, 5],
         ],
     };
-    let wavy = |[x, y, z]: [f32; 3]| {
-        let out = 1.0 + 0.15 * (5.0 * x + 1.0).sin() * (4.0 * y).cos() + 0.1 * (7.0 * z).sin();
-        [x * out, 1.3 * y * out, z * out]
-    };
-    for mesh in [cube, sphere(), moved(&sphere(), wavy), hand()] {
+    for mesh in [cube, sphere(), wavy(), hand()] {
         let error = find(&mesh, Axis::PosZ, Axis::PosY).unwrap_err();
         assert!(matches!(error, Error::FaceNotFound(_)), "{error}");
         assert!(error.to_string().contains("likeness") || error.to_string().contains("confidence"));
         assert!(error.to_string().contains("or give all 68"), "{error}");
+    }
+}
+
+/// A ball with bumps.
+fn wavy() -> Mesh {
+    moved(&sphere(), |[x, y, z]| {
+        let out = 1.0 + 0.15 * (5.0 * x + 1.0).sin() * (4.0 * y).cos() + 0.1 * (7.0 * z).sin();
+        [x * out, 1.3 * y * out, z * out]
+    })
+}
+
+#[test]
+fn a_search_says_how_far_it_is_and_stops_when_it_is_not_wanted() {
+    let finder = LandmarkFinder::embedded().unwrap();
+    let (mesh, options) = (wavy(), FaceOptions::default());
+    let (asked, farthest) = (AtomicUsize::new(0), Mutex::new(0.0f32));
+    let watch = |at: Progress| {
+        assert_eq!(at.stage, "landmarks");
+        let mut farthest = farthest.lock().unwrap();
+        *farthest = farthest.max(at.fraction);
+        asked.fetch_add(1, Ordering::Relaxed);
+        true
+    };
+    let error = locate_landmarks_with(finder, &mesh, &options, &watch).unwrap_err();
+    assert!(matches!(error, Error::FaceNotFound(_)), "{error}");
+    let (all, farthest) = (asked.into_inner(), farthest.into_inner().unwrap());
+    assert!(
+        all > 100 && (0.05..1.0).contains(&farthest),
+        "{all} {farthest}"
+    );
+    for after in [0, 20, all / 2] {
+        let asked = AtomicUsize::new(0);
+        let watch = |_: Progress| asked.fetch_add(1, Ordering::Relaxed) < after;
+        let error = locate_landmarks_with(finder, &mesh, &options, &watch).unwrap_err();
+        assert!(matches!(error, Error::Cancelled), "{error}");
     }
 }
 

@@ -32,7 +32,7 @@ use self::{
     network::LandmarkNetwork,
     pose_network::PoseNetwork,
     prior::{Measured, ShapePrior},
-    search::Search,
+    search::{Looks, Search},
     view::{Frame, stated_frame},
 };
 use super::{
@@ -40,7 +40,9 @@ use super::{
     canonical::{self, canonical_landmarks},
     snap::snap_to_surface,
 };
-use crate::{Error, Result, motion::LANDMARKS, nn::Weights, weights::ModelFiles};
+use crate::{
+    Error, Result, motion::LANDMARKS, nn::Weights, progress::ProgressFn, weights::ModelFiles,
+};
 
 const MODEL: &str = "landmarks";
 
@@ -131,21 +133,23 @@ impl LandmarkFinder {
     ///
     /// # Errors
     /// `FaceNotFound` with what was seen and what would help; `InvalidInput` if the axes are the
-    /// same line or a fixed landmark cannot be; `Mesh` for a mesh that cannot be used.
+    /// same line or a fixed landmark cannot be; `Mesh` for a mesh that cannot be used; `Cancelled`.
     pub fn find(
         &self,
         mesh: &Mesh,
         forward: Axis,
         up: Axis,
         fixed: &[FixedLandmark],
+        progress: ProgressFn<'_>,
     ) -> Result<Landmarks> {
         mesh.check()?;
+        let looks = Looks::new(progress);
         let frame = stated_frame(mesh, forward, up)?;
         let places = places_of(mesh, fixed)?;
         let in_frame = moved(&places, &frame.from_mesh);
-        let settled = match self.pose_of_fixed(&frame, &in_frame) {
+        let settled = match self.pose_of_fixed(&frame, &in_frame, &looks)? {
             Some(settled) => settled,
-            None => self.best(&frame, &in_frame).map_err(Error::FaceNotFound)?,
+            None => self.best(&frame, &in_frame, &looks)?,
         };
         let to_canonical = settled.to_canonical.compose(&frame.from_mesh);
         self.shaped(mesh, &to_canonical, &settled.agreed, &places)
@@ -175,17 +179,19 @@ impl LandmarkFinder {
         &self,
         frame: &Frame,
         fixed: &[(usize, [f32; 3])],
-    ) -> std::result::Result<Settled, String> {
+        looks: &Looks<'_>,
+    ) -> Result<Settled> {
         let search = Search {
             pose: &self.pose,
             views: &self.views,
             frame,
+            looks,
         };
-        let candidates = search.run();
+        let candidates = search.run()?;
         let likeness = candidates.first().map_or(0.0, |c| c.likeness);
         let mut best: Option<Settled> = None;
         for candidate in candidates.iter().filter(|c| c.likeness >= LEAST_LIKENESS) {
-            let settled = self.settle(frame, &candidate.to_canonical, fixed);
+            let settled = self.settle(frame, &candidate.to_canonical, fixed, looks)?;
             let better = |s: &Settled| best.as_ref().is_none_or(|b| s.confidence > b.confidence);
             best = settled.filter(better).or(best);
             if best
@@ -206,7 +212,7 @@ impl LandmarkFinder {
                  {LEAST_LIKENESS} or more)"
             ),
         };
-        Err(advice(&seen))
+        Err(Error::FaceNotFound(advice(&seen)))
     }
 
     /// Steps 2 and 3.
@@ -215,34 +221,46 @@ impl LandmarkFinder {
         frame: &Frame,
         to_canonical: &Similarity,
         fixed: &[(usize, [f32; 3])],
-    ) -> Option<Settled> {
+        looks: &Looks<'_>,
+    ) -> Result<Option<Settled>> {
         let mut to_canonical = lift(&self.views, frame, to_canonical).unwrap_or(*to_canonical);
         let mut agreed = agree(&self.views, frame, &to_canonical);
         for _ in 0..2 {
+            looks.check()?;
             agreed.pin(&moved(fixed, &to_canonical));
-            to_canonical = agreed.fit(&to_canonical)?;
+            let Some(better) = agreed.fit(&to_canonical) else {
+                return Ok(None);
+            };
+            to_canonical = better;
             agreed = agree(&self.views, frame, &to_canonical);
         }
         let confidence = agreed.confidence.iter().sum::<f32>() / LANDMARKS as f32;
-        Some(Settled {
+        Ok(Some(Settled {
             to_canonical,
             agreed,
             confidence,
-        })
+        }))
     }
 
     /// The pose that enough fixed landmarks give; what the views see there may be little.
-    fn pose_of_fixed(&self, frame: &Frame, fixed: &[(usize, [f32; 3])]) -> Option<Settled> {
+    fn pose_of_fixed(
+        &self,
+        frame: &Frame,
+        fixed: &[(usize, [f32; 3])],
+        looks: &Looks<'_>,
+    ) -> Result<Option<Settled>> {
         if fixed.len() < ENOUGH_FIXED {
-            return None;
+            return Ok(None);
         }
         let from: Vec<[f32; 3]> = fixed.iter().map(|(_, p)| *p).collect();
         let to: Vec<[f32; 3]> = fixed
             .iter()
             .map(|(i, _)| canonical_landmarks()[*i])
             .collect();
-        let fit = Similarity::fit(&from, &to, None).ok()?;
-        self.settle(frame, &fit.similarity, fixed)
+        match Similarity::fit(&from, &to, None) {
+            Ok(fit) => self.settle(frame, &fit.similarity, fixed, looks),
+            Err(_) => Ok(None),
+        }
     }
 
     /// Steps 4 and 5.

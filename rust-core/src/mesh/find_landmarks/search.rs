@@ -1,5 +1,7 @@
 //! Where on a mesh a face may be, and how it is turned, seen from all around.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use rayon::prelude::*;
 
 use super::{
@@ -11,9 +13,13 @@ use super::{
     turned,
     view::{Frame, Look, look},
 };
-use crate::mesh::{
-    Similarity, canonical_landmarks,
-    vec3::{cross, unit},
+use crate::{
+    Result,
+    mesh::{
+        Similarity, canonical_landmarks,
+        vec3::{cross, unit},
+    },
+    progress::{Progress, ProgressFn, report},
 };
 
 /// Half-size of the window on a face of human size, metres; the networks were trained around it.
@@ -47,6 +53,44 @@ const STATED_BONUS: f32 = 0.1;
 const SURE: f32 = 0.75;
 const LIKELY: f32 = 0.5;
 
+/// About so many looks are taken at a mesh without a face.
+const MOST_LOOKS: f32 = 1300.0;
+const STAGE: &str = "landmarks";
+
+/// Counts looks at a mesh; asks before each whether it is still wanted.
+pub(super) struct Looks<'a> {
+    progress: ProgressFn<'a>,
+    taken: AtomicUsize,
+}
+
+impl<'a> Looks<'a> {
+    pub fn new(progress: ProgressFn<'a>) -> Self {
+        Looks {
+            progress,
+            taken: AtomicUsize::new(0),
+        }
+    }
+
+    /// Whether another look is wanted.
+    pub fn take(&self) -> bool {
+        self.taken.fetch_add(1, Ordering::Relaxed);
+        (self.progress)(Progress {
+            stage: STAGE,
+            fraction: self.fraction(),
+        })
+    }
+
+    /// # Errors
+    /// `Cancelled` once no more looks are wanted.
+    pub fn check(&self) -> Result<()> {
+        report(self.progress, STAGE, self.fraction())
+    }
+
+    fn fraction(&self) -> f32 {
+        (self.taken.load(Ordering::Relaxed) as f32 / MOST_LOOKS).min(0.99)
+    }
+}
+
 /// Where a face may be.
 #[derive(Clone, Copy)]
 pub(super) struct Candidate {
@@ -69,25 +113,31 @@ impl Candidate {
     }
 }
 
-/// Both networks and what they look at.
+/// Both networks and what they look at; once a look is not wanted, they see nothing.
 #[derive(Clone, Copy)]
 pub(super) struct Search<'a> {
     pub pose: &'a PoseNetwork,
     pub views: &'a LandmarkNetwork,
     pub frame: &'a Frame<'a>,
+    pub looks: &'a Looks<'a>,
 }
 
 impl Search<'_> {
     /// The stated front first; if no sure face is there, all sides; if the mesh mirrors itself,
     /// faces across that plane; at last smaller windows on it. The best first.
-    pub fn run(&self) -> Vec<Candidate> {
+    ///
+    /// # Errors
+    /// `Cancelled`.
+    pub fn run(&self) -> Result<Vec<Candidate>> {
         let all = directions();
         let stated = self.closest_looks(self.glances(&all[..1], None), None);
+        self.looks.check()?;
         let sure = |c: &Candidate| c.likeness > SURE && c.uprightness() > 0.85;
         if stated.first().is_some_and(sure) {
-            return stated;
+            return Ok(stated);
         }
         let mut found = self.closest_looks(self.glances(&all, None), None);
+        self.looks.check()?;
         if let Some(plane) = symmetry(self.frame) {
             let around = around(&plane);
             let glances = self.glances(&around, Some(&plane));
@@ -95,8 +145,9 @@ impl Search<'_> {
             if found.iter().all(|c| c.likeness < LIKELY) {
                 found.extend(self.scan(&around, &plane));
             }
+            self.looks.check()?;
         }
-        distinct(found)
+        Ok(distinct(found))
     }
 
     /// What the pose network sees from some sides.
@@ -164,6 +215,9 @@ impl Search<'_> {
         window: Window,
         plane: Option<&Plane>,
     ) -> Vec<Candidate> {
+        if !self.looks.take() {
+            return Vec::new();
+        }
         let buffer = DepthBuffer::draw(points, self.frame.triangles, window);
         self.pose
             .see(&buffer.features(), FACES_IN_A_PICTURE)
@@ -190,6 +244,7 @@ impl Search<'_> {
 
     /// The same face from where its front should be; `None` if it is lost from sight.
     fn closer(&self, before: &Candidate, plane: Option<&Plane>) -> Option<Candidate> {
+        self.looks.take().then_some(())?;
         let points = turned(self.frame, &before.to_canonical);
         let centre = middle();
         let window = Window {
@@ -211,6 +266,9 @@ impl Search<'_> {
 
     /// Whether there is a face, to the landmark network: what `likeness` is at most.
     fn presence(&self, to_canonical: &Similarity) -> f32 {
+        if !self.looks.take() {
+            return 0.0;
+        }
         let points = turned(self.frame, to_canonical);
         let buffer = DepthBuffer::draw(&points, self.frame.triangles, front_window());
         self.views.presence(&buffer.features())
@@ -218,6 +276,9 @@ impl Search<'_> {
 
     /// How much the front looks like a face to the landmark network.
     fn likeness(&self, to_canonical: &Similarity) -> f32 {
+        if !self.looks.take() {
+            return 0.0;
+        }
         let sight = front(self.views, self.frame, to_canonical).sight;
         let inner = &sight.confidence[17..];
         sight.presence * inner.iter().sum::<f32>() / inner.len() as f32
