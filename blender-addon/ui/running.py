@@ -1,5 +1,7 @@
 """The one job that may run, and the engine that all jobs share."""
 
+from weakref import WeakSet
+
 import bpy
 from bpy.app.handlers import persistent
 
@@ -12,6 +14,9 @@ current: Job | None = None
 # The object that the current job animates.
 current_name = ""
 _engine: LazyEngine | None = None
+# Jobs whose threads may still be at work, kept by these alone: one that was cancelled is forgotten
+# before it ends.
+_started: WeakSet[Job] = WeakSet()
 
 
 def engine() -> LazyEngine:
@@ -27,6 +32,7 @@ def start(job: Job, object_name: str) -> Job:
     """Makes `job` the current one and starts it."""
     global current, current_name
     current, current_name = job, object_name
+    _started.add(job)
     return job.start()
 
 
@@ -42,10 +48,10 @@ def finish() -> None:
 
 
 def stop() -> None:
-    """Ends the current job and frees the engine; for the moment the add-on is disabled."""
+    """Ends all jobs and frees the engine; for the moment the add-on is disabled."""
     global _engine
-    if current is not None:
-        current.cancel(wait_s=None)
+    for job in list(_started):
+        job.cancel(wait_s=None)
     finish()
     if _engine is not None:
         _engine.close()

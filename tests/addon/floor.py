@@ -77,8 +77,9 @@ class Floor:
         return collections.Counter(json.loads(line)["name"] for line in lines)
 
     def begun(self) -> list[tuple[int, int]]:
-        """Parent and process of every face that was begun."""
-        names = [path.name.split("-") for path in self.marks.glob("begun-*")]
+        """Parent and process of every face that was begun, in that order."""
+        marks = sorted(self.marks.glob("begun-*"), key=lambda path: path.stat().st_mtime_ns)
+        names = [path.name.split("-") for path in marks]
         return [(int(words[1]), int(words[2])) for words in names]
 
     def wait_begun(self, count: int):

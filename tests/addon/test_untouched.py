@@ -1,8 +1,11 @@
 """Nothing of the artist's is lost: the buttons, on the installed zip, on every state of a face."""
 
+import gc
 import importlib
 import os
+import threading
 import time
+import weakref
 from pathlib import Path
 
 import bpy
@@ -303,6 +306,32 @@ def test_it_can_be_disabled_and_enabled_again_with_a_job_running(addon, tmp_path
     fresh._engine = Stage(addon("core.take"))
     ob = speaking(grid(), tmp_path)
     assert bpy.ops.anyface.generate() == {"FINISHED"} and ob.data.shape_keys is not None
+
+
+def test_a_cancelled_job_ends_before_its_engine_is_freed(addon):
+    running, job = addon("ui.running"), addon("core.job")
+    order, free = [], threading.Event()
+
+    class Engine:
+        def close(self):
+            order.append("freed")
+
+    def deaf(progress):
+        free.wait(5.0)
+        order.append("ended")
+
+    running._engine = Engine()
+    started = running.start(job.Job(deaf), "Head")
+    started.cancel()
+    running.finish()
+    threading.Timer(0.2, free.set).start()
+    running.stop()
+    assert started.done and order == ["ended", "freed"]
+    # Nothing keeps what it holds.
+    there = weakref.ref(started)
+    del started
+    gc.collect()
+    assert there() is None
 
 
 def test_opening_another_file_ends_the_job(addon):
