@@ -1,4 +1,8 @@
-"""The sequencer across Blender's versions (4.2 has `sequences`, 5.0 only `strips`)."""
+"""The sequencer across Blender's versions.
+
+4.2 has `sequences`, 5.0 only `strips`; 5.2 names the frames of a strip anew, and 6.0 will have the
+new names alone.
+"""
 
 from collections.abc import Callable
 
@@ -18,7 +22,19 @@ def all_strips(scene) -> list:
 def sound_strips(scene) -> list:
     """The sound strips of a scene, first to last."""
     found = [strip for strip in all_strips(scene) if strip.type == "SOUND"]
-    return sorted(found, key=lambda strip: (strip.frame_final_start, strip.channel))
+    return sorted(found, key=lambda strip: (ends(strip)[0], strip.channel))
+
+
+def ends(strip) -> tuple[int, int]:
+    """The first frame that a strip plays, and the one after its last."""
+    if hasattr(strip, "left_handle"):
+        return strip.left_handle, strip.right_handle
+    return strip.frame_final_start, strip.frame_final_end
+
+
+def content_start(strip) -> float:
+    """The frame at which the whole sound would begin, were it not trimmed."""
+    return strip.content_start if hasattr(strip, "content_start") else strip.frame_start
 
 
 def sound_strip(scene, name: str):

@@ -23,13 +23,14 @@ def from_strip(scene, name: str, decode: Decode) -> SoundSource:
     strip = sequencer.sound_strip(scene, name)
     if strip.sound is None:
         raise AnyfaceError("audio", f"the strip {name} holds no sound")
-    start, end = strip.frame_final_start, strip.frame_final_end
+    start, end = sequencer.ends(strip)
     source = _file_of(strip.sound, name, start)
     fps = scene.render.fps / scene.render.fps_base
     if sequencer.is_retimed(strip, lambda: source.load(decode).duration_s * fps):
         return _mix_down(scene, strip)
-    # sound_offset (4.3 and later) moves the content inside the strip, in seconds.
-    source.first_s = (start - strip.frame_start) / fps - getattr(strip, "sound_offset", 0.0)
+    # It (4.3 and later) moves the content inside the strip, in seconds.
+    offset_s = getattr(strip, "sound_offset", 0.0)
+    source.first_s = (start - sequencer.content_start(strip)) / fps - offset_s
     source.last_s = source.first_s + (end - start) / fps
     return source
 
@@ -54,14 +55,14 @@ def _mix_down(scene, strip) -> SoundSource:
     others = [other for other in sequencer.all_strips(scene) if other != strip]
     muted = [(other, other.mute) for other in others]
     kept = strip.mute, scene.frame_start, scene.frame_end
+    start, end = sequencer.ends(strip)
     folder = tempfile.TemporaryDirectory(prefix="anyface-")
     path = os.path.join(folder.name, "strip.wav")
     try:
         for other in others:
             other.mute = True
         strip.mute = False
-        scene.frame_start = strip.frame_final_start
-        scene.frame_end = max(strip.frame_final_end - 1, strip.frame_final_start)
+        scene.frame_start, scene.frame_end = start, max(end - 1, start)
         with bpy.context.temp_override(**sequencer.override(scene)):
             bpy.ops.sound.mixdown(
                 filepath=path,
@@ -77,4 +78,4 @@ def _mix_down(scene, strip) -> SoundSource:
         for other, mute in muted:
             other.mute = mute
         strip.mute, scene.frame_start, scene.frame_end = kept
-    return SoundSource(path, strip.name, strip.frame_final_start, folder=folder)
+    return SoundSource(path, strip.name, start, folder=folder)

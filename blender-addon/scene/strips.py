@@ -20,7 +20,7 @@ def chosen(scene, names: list[str], channel: int) -> list:
     strips = sequencer.sound_strips(scene)
     if names:
         found = [sequencer.sound_strip(scene, name) for name in names]
-        return sorted(found, key=lambda strip: strip.frame_final_start)
+        return sorted(found, key=lambda strip: sequencer.ends(strip)[0])
     found = [strip for strip in strips if strip.channel == channel]
     if not found:
         known = ", ".join(str(n) for n in sorted({strip.channel for strip in strips})) or "none"
@@ -66,8 +66,8 @@ def length_of(scene, strips: list, with_muted: bool = False) -> Length | None:
     heard = [strip for strip in strips if with_muted or not strip.mute]
     if not heard:
         return None
-    first = min(strip.frame_final_start for strip in heard)
-    last = max(strip.frame_final_end for strip in heard)
+    ends = [sequencer.ends(strip) for strip in heard]
+    first, last = min(start for start, _ in ends), max(end for _, end in ends)
     return Length(first, last, (last - first) * scene.render.fps_base / scene.render.fps)
 
 
