@@ -114,9 +114,11 @@ def _possible(wanted, taken, found) -> dict[str, float]:
 
 def _added(found, before, after) -> np.ndarray | None:
     """What sliders that stand elsewhere than before add to the weights, `[T, K]`; None for none."""
-    places = [[sliders.place(name, placed) for placed in (before, after)] for name in found]
-    ways = [(change, *place) for change, place in zip(found.values(), places, strict=True)]
-    moved = [change.at(new) - change.at(old) for change, old, new in ways if old != new]
+    moved = []
+    for name, change in found.items():
+        old, new = sliders.place(name, before), sliders.place(name, after)
+        if old != new:
+            moved.append(change.at(new) - change.at(old))
     return sum(moved) if moved else None
 
 

@@ -141,9 +141,9 @@ def places(curve, name: str = "co") -> np.ndarray:
     return found
 
 
-def put(curve, places: dict[str, np.ndarray]) -> None:
+def put(curve, named: dict[str, np.ndarray]) -> None:
     """Sets places `[2T]` of all keyframes, by the names of `KEY_VECTORS`."""
-    for name, values in places.items():
+    for name, values in named.items():
         curve.keyframe_points.foreach_set(name, values)
     curve.update()
 

@@ -24,6 +24,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+import bench_search
 import bench_sliders
 from figures import write_wav
 from screen import Screen
@@ -84,6 +85,7 @@ def main() -> None:
         headless(folder)
         estimates(folder)
         sliders(folder)
+        refusals()
         blender = os.environ.get("ANYFACE_BLENDER")
         if blender:
             with_window(Path(blender), zipped, folder)
@@ -208,6 +210,13 @@ def sliders(folder: Path) -> None:
     for head, rows in bench_sliders.measure(folder, empty).items():
         for case, (moved, mean, largest) in rows.items():
             line(f"{head}: {case}", f"{moved:.1f}", f"{mean:.3f}", f"{largest:.2f}")
+
+
+def refusals() -> None:
+    """Meshes without a face."""
+    for vertices, refused_s, cancelled_s in bench_search.measure(empty):
+        times = f"{refused_s:.1f} s", f"cancelled {cancelled_s:.2f} s"
+        line(f"no face on {vertices} vertices: refused, longest to cancel", *times)
 
 
 def own_arkit_keys(ob) -> None:

@@ -9,8 +9,8 @@ import subprocess
 import bpy
 import numpy as np
 
-from figures import shape
-from test_heads import import_head
+import test_heads
+from figures import film
 
 SENTENCE = "The birch canoe slid on the smooth planks. Glue the sheet to the dark blue background."
 HEADS = ("default head", "head.ply")
@@ -37,7 +37,6 @@ WITHOUT_BLINKS = {
     "emotion 0.25": {"emotion": 0.25},
     "emotion 0.5": {"emotion": 0.5},
 }
-FPS = 24
 
 
 def measure(folder, empty):
@@ -63,10 +62,8 @@ def ready(folder, head, voice, emotion):
     if head == "head.ply":
         bpy.ops.wm.ply_import(filepath=str(folder / head))
     else:
-        import_head()
-    ob = bpy.context.object
-    bpy.context.scene.render.fps = FPS
-    ob.anyface.source, ob.anyface.sound_file = "FILE", str(sound)
+        test_heads.import_head()
+    ob = test_heads.ready(bpy.context.object, str(sound))
     ob.anyface.emotion, ob.anyface.intensity = emotion
     return ob
 
@@ -74,11 +71,11 @@ def ready(folder, head, voice, emotion):
 def one_take(ob, cases, intensity):
     """Of each case how far the new run moves the face, and the slider's mean and largest error."""
     generate(ob, "basis")
-    made, shown = film(ob), {}
+    made, shown = whole(ob), {}
     for case, places in cases.items():
         for name, place in places.items():
             setattr(ob.anyface_output, name, place)
-        shown[case] = film(ob)
+        shown[case] = whole(ob)
         for name in places:
             setattr(ob.anyface_output, name, 1.0)
     blinks_per_minute, rows = ob.anyface.blinks_per_minute, {}
@@ -87,7 +84,7 @@ def one_take(ob, cases, intensity):
         ob.anyface.intensity = intensity * places.get("emotion", 1.0)
         ob.anyface.blinks_per_minute = blinks_per_minute * places.get("closing", 1.0)
         generate(ob, "frames")
-        truth = film(ob)
+        truth = whole(ob)
         left = lengths_mm(shown[case], truth)
         rows[case] = np.array([lengths_mm(truth, made).max(), left.mean(), left.max()])
     ob.anyface.articulation, ob.anyface.intensity = 1.0, intensity
@@ -101,10 +98,10 @@ def generate(ob, mode):
     assert bpy.ops.anyface.generate() == {"FINISHED"}
 
 
-def film(ob):
+def whole(ob):
     """Positions `[T, V, 3]` of all frames of the take."""
     end = int(ob.data.shape_keys.animation_data.action.frame_range[1])
-    return np.stack([shape(ob, frame) for frame in range(1, end + 1)])
+    return film(ob, range(1, end + 1))
 
 
 def lengths_mm(a, b):

@@ -250,6 +250,11 @@ def curves(action):
     return [curve for strip in strips for bag in strip.channelbags for curve in bag.fcurves]
 
 
+def film(ob, frames):
+    """Positions `[N, V, 3]` of the evaluated mesh at scene frames."""
+    return np.stack([shape(ob, frame) for frame in frames])
+
+
 def shape(ob, frame):
     """Positions `[V, 3]` of the evaluated mesh of `ob` at a scene frame, object space."""
     scene = bpy.context.scene

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from conftest import ROOT
-from figures import everything, shape, write_wav
+from figures import everything, film, shape, write_wav
 
 HEAD = ROOT / "rust-core" / "models" / "default_head" / "head.obj"
 LANDMARKS = json.loads((HEAD.parent / "landmarks.json").read_text())["landmarks"]
@@ -142,13 +142,13 @@ def test_sliders_come_near_to_a_new_run(voice):
     ob.anyface.emotion, ob.anyface.intensity = "happy", 0.8
     bpy.ops.anyface.generate()
     frames = range(1, round(len(samples) / rate * 24), 5)
-    made = np.stack([shape(ob, frame) for frame in frames])
+    made = film(ob, frames)
     ob.anyface_output.articulation, ob.anyface_output.emotion = 1.3, 0.5
-    moved = np.stack([shape(ob, frame) for frame in frames])
+    moved = film(ob, frames)
     ob.anyface.articulation, ob.anyface.intensity = 1.3, 0.4
     bpy.ops.anyface.generate()
     assert ob.anyface_output.articulation == ob.anyface_output.emotion == 1.0
-    anew = np.stack([shape(ob, frame) for frame in frames])
+    anew = film(ob, frames)
     left, way = (np.linalg.norm(anew - other, axis=2) for other in (moved, made))
     # A new run moves vertices by 6 mm; docs/blender.md has what sliders leave of it.
     assert way.max() > 0.004 and left.max() < 0.001 and left.mean() < 0.00012

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import figures
-from figures import Stage, curves, everything, grid, motion, shape, tone
+from figures import Stage, curves, everything, film, grid, motion, shape, tone
 
 START = 5
 FPS = 24
@@ -35,11 +35,6 @@ def ready(tmp_path):
 
 def generate():
     assert bpy.ops.anyface.generate() == {"FINISHED"}
-
-
-def film(ob, frames):
-    """Positions `[N, V, 3]` at scene frames."""
-    return np.stack([shape(ob, frame) for frame in frames])
 
 
 def values(ob):

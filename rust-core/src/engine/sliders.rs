@@ -117,8 +117,8 @@ impl Performance {
             Slider::Blinks if !speech_only && controls.blinks_per_minute > 0.0 => vec![0.0],
             Slider::EmotionAndBlinks => {
                 let parts = [Slider::Emotion, Slider::Blinks].map(|part| self.knots(part));
-                let [emotion, blinks] = parts.map(|knots| knots.first() == Some(&0.0));
-                if emotion && blinks { vec![0.0] } else { vec![] }
+                let both = parts.iter().all(|knots| !knots.is_empty());
+                if both { vec![0.0] } else { vec![] }
             }
             _ => Vec::new(),
         };
@@ -156,9 +156,11 @@ impl Engine {
         if blinks && position == 0.0 {
             controls.blinks_per_minute = 0.0;
         }
+        if emotion {
+            request.emotion = request.emotion.scaled(position);
+        }
         let sampled_anew = match emotion {
             true => Some(self.threads(|| {
-                request.emotion = request.emotion.scaled(position);
                 let frames = performance.sampled.displacements.dim().0;
                 self.sample_heard(performance.features.view(), frames, &request, progress)
             })?),

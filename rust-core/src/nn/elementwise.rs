@@ -73,6 +73,11 @@ pub fn gelu(x: f32) -> f32 {
     0.5 * x * (1.0 + erf(x * std::f32::consts::FRAC_1_SQRT_2))
 }
 
+/// `1 / (1 + e⁻ˣ)`: the probability of a logit, by the system's own exponential.
+pub fn sigmoid(x: f32) -> f32 {
+    1.0 / (1.0 + (-x).exp())
+}
+
 /// `x / (1 + e⁻ˣ)`, also called swish.
 #[inline(always)]
 pub fn silu(x: f32) -> f32 {

@@ -13,7 +13,7 @@ use super::{
     FeatureTrack, SpeechEncoder,
     log_mel::{BANDS, log_mel},
 };
-use crate::{Error, Result, audio::Waveform};
+use crate::{Error, Result, audio::Waveform, nn::elementwise::sigmoid};
 
 const ACTIVE_QUANTILE: f64 = 0.95;
 pub(crate) const ACTIVE_RANGE: f32 = 4.0;
@@ -150,9 +150,7 @@ impl SpeechEncoder for CompactEncoder {
         let values: Vec<f32> = features.iter().copied().collect();
         let x = Tensor::from_vec(values, features.dim(), &Device::Cpu)?;
         let logits: Vec<f32> = self.closure.forward(&x)?.flatten_all()?.to_vec1()?;
-        Ok(Some(
-            logits.iter().map(|x| 1.0 / (1.0 + (-x).exp())).collect(),
-        ))
+        Ok(Some(logits.into_iter().map(sigmoid).collect()))
     }
 
     fn encode(&self, waveform: &Waveform) -> Result<FeatureTrack> {

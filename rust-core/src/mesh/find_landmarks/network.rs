@@ -10,6 +10,7 @@ use crate::{
     nn::{
         Weights,
         conv2d::{Conv2d, Picture},
+        elementwise::sigmoid,
     },
 };
 
@@ -105,13 +106,13 @@ impl LandmarkNetwork {
         Sight {
             places: std::array::from_fn(|i| maps[i].0),
             confidence: std::array::from_fn(|i| maps[i].1),
-            presence: probability(face),
+            presence: sigmoid(face),
         }
     }
 
     /// `Sight::presence` alone, at half the cost. `picture`: `[128, 128, 4]`.
     pub fn presence(&self, picture: &Picture) -> f32 {
-        probability(self.face(&self.encode(picture)[2]))
+        sigmoid(self.face(&self.encode(picture)[2]))
     }
 
     /// Heat maps `[68, 64, 64]` (logits) and the face logit.
@@ -138,10 +139,6 @@ impl LandmarkNetwork {
         let pairs = x8.mean().into_iter().zip(&self.face_weight);
         pairs.map(|(m, w)| m * w).sum::<f32>() + self.face_bias
     }
-}
-
-fn probability(logit: f32) -> f32 {
-    1.0 / (1.0 + (-logit).exp())
 }
 
 /// Four channels of a landmark become 2×2 sub-pixels (PyTorch's `pixel_shuffle`), channels first.

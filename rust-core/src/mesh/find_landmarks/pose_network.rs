@@ -11,6 +11,7 @@ use crate::{
     nn::{
         Weights,
         conv2d::{Conv2d, Picture},
+        elementwise::sigmoid,
     },
 };
 
@@ -122,7 +123,7 @@ fn sighting(values: &[f32], column: usize, row: usize, cells: usize) -> Sighting
     let along = dot(raw, z);
     let x = unit([0, 1, 2].map(|i| raw[i] - along * z[i]));
     Sighting {
-        presence: 1.0 / (1.0 + (-values[0]).exp()),
+        presence: sigmoid(values[0]),
         place: [place(column, values[1]), place(row, values[2])],
         size: values[3].clamp(-4.0, 2.0).exp(),
         rotation: [x, cross(z, x), z],

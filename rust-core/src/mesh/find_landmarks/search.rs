@@ -19,6 +19,7 @@ use crate::{
         Similarity, canonical_landmarks,
         vec3::{cross, unit},
     },
+    nn::conv2d::Picture,
     progress::{Progress, ProgressFn, report},
 };
 
@@ -155,6 +156,9 @@ impl Search<'_> {
         let seen: Vec<Vec<Candidate>> = sides
             .par_iter()
             .map(|turn| {
+                if !self.looks.take() {
+                    return Vec::new();
+                }
                 let points = turned(self.frame, turn);
                 let window = whole(self.frame.bounds_of(&points));
                 self.glance(&points, turn, window, plane)
@@ -215,9 +219,6 @@ impl Search<'_> {
         window: Window,
         plane: Option<&Plane>,
     ) -> Vec<Candidate> {
-        if !self.looks.take() {
-            return Vec::new();
-        }
         let buffer = DepthBuffer::draw(points, self.frame.triangles, window);
         self.pose
             .see(&buffer.features(), FACES_IN_A_PICTURE)
@@ -244,14 +245,8 @@ impl Search<'_> {
 
     /// The same face from where its front should be; `None` if it is lost from sight.
     fn closer(&self, before: &Candidate, plane: Option<&Plane>) -> Option<Candidate> {
-        self.looks.take().then_some(())?;
-        let points = turned(self.frame, &before.to_canonical);
-        let centre = middle();
-        let window = Window {
-            centre: [centre[0], centre[1]],
-            half_size: CLOSER * HALF_SIZE_M,
-        };
-        let buffer = DepthBuffer::draw(&points, self.frame.triangles, window);
+        let window = on_face(CLOSER * HALF_SIZE_M);
+        let buffer = self.draw(&before.to_canonical, window)?;
         let seen = self.pose.see(&buffer.features(), 1);
         let now = candidate(seen.first()?, &buffer, window, &before.to_canonical)?;
         across(now, plane)
@@ -266,36 +261,48 @@ impl Search<'_> {
 
     /// Whether there is a face, to the landmark network: what `likeness` is at most.
     fn presence(&self, to_canonical: &Similarity) -> f32 {
-        if !self.looks.take() {
-            return 0.0;
-        }
-        let points = turned(self.frame, to_canonical);
-        let buffer = DepthBuffer::draw(&points, self.frame.triangles, front_window());
-        self.views.presence(&buffer.features())
+        let picture = self.picture(to_canonical);
+        picture.map_or(0.0, |picture| self.views.presence(&picture))
     }
 
     /// How much the front looks like a face to the landmark network.
     fn likeness(&self, to_canonical: &Similarity) -> f32 {
-        if !self.looks.take() {
+        let Some(picture) = self.picture(to_canonical) else {
             return 0.0;
-        }
-        let sight = front(self.views, self.frame, to_canonical).sight;
+        };
+        let sight = self.views.see(&picture);
         let inner = &sight.confidence[17..];
         sight.presence * inner.iter().sum::<f32>() / inner.len() as f32
+    }
+
+    /// What the landmark network sees from the front.
+    fn picture(&self, to_canonical: &Similarity) -> Option<Picture> {
+        let buffer = self.draw(to_canonical, on_face(HALF_SIZE_M))?;
+        Some(buffer.features())
+    }
+
+    /// One look at the frame turned by `turn`; `None` once it is not wanted.
+    fn draw(&self, turn: &Similarity, window: Window) -> Option<DepthBuffer> {
+        let wanted = self.looks.take();
+        wanted.then(|| {
+            let points = turned(self.frame, turn);
+            DepthBuffer::draw(&points, self.frame.triangles, window)
+        })
     }
 }
 
 /// The close front view of a face.
 pub(super) fn front(views: &LandmarkNetwork, frame: &Frame, to_canonical: &Similarity) -> Look {
     let points = turned(frame, to_canonical);
-    look(views, &points, frame.triangles, front_window())
+    look(views, &points, frame.triangles, on_face(HALF_SIZE_M))
 }
 
-fn front_window() -> Window {
+/// A window on the middle of a face.
+fn on_face(half_size: f32) -> Window {
     let [x, y, _] = middle();
     Window {
         centre: [x, y],
-        half_size: HALF_SIZE_M,
+        half_size,
     }
 }
 
