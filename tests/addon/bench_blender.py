@@ -167,6 +167,14 @@ def headless(folder: Path) -> None:
     line(f"{LONG_S:.0f} s of speech, new mesh", f"{spent[0]:.1f} s", ob.anyface.report)
     line(".blend larger by", f"{(saved(folder, 'keys') - saved_without(folder)) / 1e6:.1f} MB")
     line("a frame of basis keys", f"{playback_ms():.2f} ms")
+    moves = []
+    for place in (1.2, 0.8):
+        with timed(moves):
+            ob.anyface_output.articulation = place
+    line("a move of a slider, the first and the next", *(f"{1000 * s:.0f} ms" for s in moves))
+    line("a frame then", f"{playback_ms():.2f} ms")
+    packed = sum(len(v) for v in ob.data.shape_keys.values() if isinstance(v, bytes))
+    line("what sliders keep", f"{packed / 1e6:.2f} MB")
     ob.anyface.mode = "cache"
     with timed(spent):
         assert bpy.ops.anyface.generate() == {"FINISHED"}

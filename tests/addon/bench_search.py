@@ -10,7 +10,7 @@ import bpy
 
 from conftest import PACKAGE
 
-SUBDIVISIONS = (6, 8, 9)
+SUBDIVISIONS = (6, 8)
 # A search is cancelled after these parts of its time.
 CANCELLED_AFTER = (0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 0.95)
 
