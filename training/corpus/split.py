@@ -1,4 +1,4 @@
-"""Which stretches are held out. The same rule stands in `anyface eval` of the Rust side.
+"""Which stretches are held out. The same rule stands in `tests/eval` on the Rust side.
 
 * grid_s1: clips in sorted order of their names; those whose index is a multiple of 10 are held
   out (91 of 909: the first, the eleventh, …). Every clip counts, damaged ones too.

@@ -1,4 +1,5 @@
-"""The network that finds 68 landmarks on a depth picture; `mesh/landmark_network.rs` is its twin.
+"""The network that finds 68 landmarks on a depth picture; `find_landmarks/network.rs` is its
+twin.
 
 A small U-Net over 128² pictures of depth and normals (`render.py`). It gives 68 heat maps of 64²,
 made at 32² with four sub-pixels each, and one number: is there a face. It says where landmarks

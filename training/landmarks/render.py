@@ -1,4 +1,5 @@
-"""Depth pictures of a mesh as the landmark network sees them; `mesh/depth_view.rs` is its twin.
+"""Depth pictures of a mesh as the landmark network sees them; `find_landmarks/depth_view.rs` is
+its twin.
 
 An orthographic z-buffer of 256² pixels gives the nearest surface; four features are averaged
 down to 128². Everything comes from depth, so triangulation, winding and smoothing groups of the

@@ -5,11 +5,9 @@
 
 mod animate;
 mod arguments;
-mod bench;
 mod console;
 mod controls;
 mod deform;
-mod eval;
 mod info;
 mod landmarks;
 mod motion;
@@ -17,7 +15,6 @@ mod parts;
 mod rig;
 mod solve;
 mod stages;
-mod stopwatch;
 
 use std::process::ExitCode;
 
@@ -47,9 +44,6 @@ enum Command {
     Solve(solve::Solve),
     Parts(parts::ListParts),
     Info(info::Info),
-    Eval(eval::Eval),
-    Bench(bench::Bench),
-    Gallery(eval::Gallery),
 }
 
 /// Reads the command line, runs it and says how it went.
@@ -78,9 +72,6 @@ impl Arguments {
             Command::Solve(command) => command.run(&self.shared, console),
             Command::Parts(command) => command.run(&self.shared, console),
             Command::Info(command) => command.run(&self.shared, console),
-            Command::Eval(command) => command.run(&self.shared, console),
-            Command::Bench(command) => command.run(&self.shared, console),
-            Command::Gallery(command) => command.run(&self.shared, console),
         }
     }
 }
@@ -112,9 +103,7 @@ mod tests {
             "anyface deform --mesh M.obj --motion L.npz --out O.npz --part 3=jaw --part low=skull",
             "anyface parts --mesh M.obj --landmarks L.json --part 3=jaw --json",
             "anyface info --json",
-            "anyface eval --data D --limit 3 --json",
-            "anyface bench --mesh M.obj --proxy off --runs 2 --json",
-            "anyface bench --mesh M.obj --triangulations",
+            "anyface deform --mesh M.obj --motion L.npz --out O.npz --proxy off --threads 2",
         ] {
             let words = line.split_whitespace();
             if let Err(error) = Arguments::try_parse_from(words) {

@@ -20,7 +20,7 @@ mod polygons;
 pub(crate) mod reached;
 mod read;
 mod roles;
-pub(crate) mod simplify;
+pub mod simplify;
 mod snap;
 pub(crate) mod tree;
 pub(crate) mod vec3;

@@ -5,6 +5,4 @@ mod sampling;
 pub mod stm;
 pub mod stream;
 
-pub use sampling::AtsRequest;
-#[cfg(feature = "cli")]
-pub(crate) use sampling::windows;
+pub use sampling::{AtsRequest, windows};

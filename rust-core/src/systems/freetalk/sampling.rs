@@ -141,8 +141,12 @@ fn slice(rows: &Range<usize>) -> Slice {
     Slice::from(rows.clone())
 }
 
-/// Windows of a clip: one every `window − overlap` frames, the last one flush with the end.
-pub(crate) fn windows(frames: usize, window: usize, overlap: usize) -> Vec<Range<usize>> {
+/// The windows in which a clip of `frames` frames is sampled: one every `window − overlap` frames,
+/// the last one flush with the end. A clip no longer than `window` is one window, an empty clip none.
+///
+/// # Panics
+/// If `overlap` is not below `window` and the clip is longer than one window.
+pub fn windows(frames: usize, window: usize, overlap: usize) -> Vec<Range<usize>> {
     match frames {
         0 => Vec::new(),
         _ if frames <= window => vec![Range {

@@ -1,0 +1,34 @@
+//! What this machine can do at most, as far as its own matrix product shows it.
+
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use anyface::nn::matrix;
+
+/// Rows and columns: three such matrices fit a cache of 1 MB.
+const SIZE: usize = 256;
+/// Products of each thread in one run.
+const PRODUCTS: usize = 64;
+/// Runs, of which the best counts.
+const RUNS: usize = 8;
+
+/// Billions of single-precision operations a second on all threads.
+pub(super) fn gflops() -> f64 {
+    let threads = rayon::current_num_threads();
+    let values: Vec<f32> = (0..SIZE * SIZE).map(|i| (i % 7) as f32 - 3.0).collect();
+    let mut out = vec![vec![0.0f32; SIZE * SIZE]; threads];
+    let mut best = 0f64;
+    for _ in 0..RUNS {
+        let start = Instant::now();
+        out.par_iter_mut().for_each(|out| {
+            for _ in 0..PRODUCTS {
+                let factor = matrix::rows_of(&values, SIZE);
+                matrix::product(matrix::view_mut(out, SIZE), factor, factor);
+            }
+        });
+        let flop = 2.0 * (threads * PRODUCTS) as f64 * (SIZE as f64).powi(3);
+        best = best.max(1e-9 * flop / start.elapsed().as_secs_f64());
+    }
+    best
+}

@@ -1,0 +1,165 @@
+//! The same motion on the same head in several triangulations.
+
+use std::collections::HashMap;
+
+use ndarray::Array3;
+use serde_json::{Value, json};
+
+use crate::arguments::SharedArgs;
+use anyface::{
+    MotionRequest, Result,
+    audio::Waveform,
+    mesh::{
+        self, FaceOptions, LandmarkSource, Mesh,
+        simplify::{SimplifyOptions, simplify},
+    },
+    metrics::quantile,
+    progress::SILENT,
+};
+
+/// Vertices that each triangulation comes down to; the finest is the mesh cut in four as often as
+/// it stays below the last.
+const SIZES: [usize; 3] = [1_000, 4_000, 12_000];
+const FINEST: usize = 450_000;
+
+/// Differences over all frames and all vertices of the coarsest triangulation.
+pub(super) struct Spread {
+    vertices: Vec<usize>,
+    /// For each pair of triangulations: their numbers, 95 % quantile and largest difference, mm on
+    /// a human head; motion is their mean displacement's largest.
+    pairs: Vec<(usize, usize, f64, f64)>,
+    largest_motion_mm: f64,
+}
+
+/// Animates all of them.
+pub(super) fn measure(
+    shared: &SharedArgs,
+    mesh: &Mesh,
+    waveform: &Waveform,
+    options: &FaceOptions,
+) -> Result<Spread> {
+    let engine = shared.engine()?;
+    let motion = engine.motion(waveform, &MotionRequest::default(), SILENT)?;
+    let landmarks = mesh::locate_landmarks(mesh, options)?;
+    let (meshes, common) = triangulations(mesh);
+    let known = FaceOptions {
+        landmarks: Some(LandmarkSource::Positions(landmarks.positions.to_vec())),
+        ..options.clone()
+    };
+    let mut results = Vec::new();
+    let mut to_mm = 1000.0;
+    for (mesh, shared_vertices) in meshes.iter().zip(&common) {
+        let face = engine.prepare(mesh, &known, SILENT)?;
+        to_mm = 1000.0 * face.to_canonical.scale as f32;
+        let moved = engine
+            .deform(&face, &motion, SILENT)?
+            .vertices
+            .displacements;
+        results.push(at(&moved, shared_vertices));
+    }
+    let mut pairs = Vec::new();
+    for a in 0..results.len() {
+        for b in a + 1..results.len() {
+            let differences = distances(&results[a], &results[b], to_mm);
+            let most = differences.iter().copied().fold(0.0, f64::max);
+            pairs.push((a, b, quantile(&differences, 0.95), most));
+        }
+    }
+    let rest = Array3::zeros(results[0].dim());
+    let largest = distances(&results[0], &rest, to_mm)
+        .into_iter()
+        .fold(0.0, f64::max);
+    Ok(Spread {
+        vertices: meshes.iter().map(|mesh| mesh.positions.len()).collect(),
+        pairs,
+        largest_motion_mm: largest,
+    })
+}
+
+fn at(moved: &Array3<f32>, vertices: &[u32]) -> Array3<f32> {
+    Array3::from_shape_fn((moved.dim().0, vertices.len(), 3), |(t, i, x)| {
+        moved[[t, vertices[i] as usize, x]]
+    })
+}
+
+fn distances(a: &Array3<f32>, b: &Array3<f32>, to_mm: f32) -> Vec<f64> {
+    let difference = a - b;
+    let rows = difference.rows().into_iter();
+    rows.map(|d| f64::from(to_mm * d.dot(&d).sqrt())).collect()
+}
+
+/// Coarser ones, the mesh itself and a finer one; and for each the numbers of the vertices that
+/// all of them have.
+fn triangulations(mesh: &Mesh) -> (Vec<Mesh>, Vec<Vec<u32>>) {
+    let mut coarser: Vec<(Mesh, Vec<u32>)> = SIZES
+        .iter()
+        .filter(|size| **size < mesh.positions.len())
+        .map(|&size| down_to(mesh, size))
+        .collect();
+    let own: Vec<u32> = (0..mesh.positions.len() as u32).collect();
+    coarser.push((mesh.clone(), own.clone()));
+    let mut fine = mesh.clone();
+    while 4 * fine.positions.len() < FINEST {
+        fine = fine.cut_in_four();
+    }
+    coarser.push((fine, own));
+    let first = coarser[0].1.clone();
+    let number = |original: &[u32]| -> Vec<u32> {
+        let of: HashMap<u32, u32> = original.iter().copied().zip(0..).collect();
+        first.iter().map(|v| of[v]).collect()
+    };
+    let common = coarser
+        .iter()
+        .map(|(_, original)| number(original))
+        .collect();
+    (coarser.into_iter().map(|(mesh, _)| mesh).collect(), common)
+}
+
+/// A coarser mesh and the original number of each of its vertices. Landmarks are not kept on
+/// purpose: an artist's mesh has no vertex there.
+fn down_to(mesh: &Mesh, vertices: usize) -> (Mesh, Vec<u32>) {
+    let exact: Vec<[f64; 3]> = mesh.positions.iter().map(|p| p.map(f64::from)).collect();
+    let wanted = vec![1.0; exact.len()];
+    let options = SimplifyOptions {
+        vertices,
+        error: f64::INFINITY,
+    };
+    let locked = vec![false; exact.len()];
+    let simple = simplify(&exact, &mesh.triangles, &wanted, &locked, &options);
+    let mut original: Vec<u32> = simple.triangles.iter().flatten().copied().collect();
+    original.sort_unstable();
+    original.dedup();
+    let of: HashMap<u32, u32> = original.iter().copied().zip(0..).collect();
+    let coarse = Mesh {
+        positions: original
+            .iter()
+            .map(|&v| mesh.positions[v as usize])
+            .collect(),
+        triangles: simple.triangles.iter().map(|t| t.map(|v| of[&v])).collect(),
+    };
+    (coarse, original)
+}
+
+pub(super) fn json(spread: &Spread) -> Value {
+    let pairs: Vec<Value> = spread
+        .pairs
+        .iter()
+        .map(|(a, b, p95, most)| {
+            json!({"vertices": [spread.vertices[*a], spread.vertices[*b]],
+                   "p95_mm": p95, "largest_mm": most})
+        })
+        .collect();
+    json!({"largest_motion_mm": spread.largest_motion_mm, "pairs": pairs})
+}
+
+pub(super) fn text(spread: &Spread) -> String {
+    let mut text = format!(
+        "largest motion {:.1} mm; difference between triangulations, mm\n{:>10}{:>10}{:>10}{:>10}\n",
+        spread.largest_motion_mm, "vertices", "vertices", "95 %", "largest"
+    );
+    for (a, b, p95, most) in &spread.pairs {
+        let (a, b) = (spread.vertices[*a], spread.vertices[*b]);
+        text += &format!("{a:>10}{b:>10}{p95:>10.3}{most:>10.3}\n");
+    }
+    text
+}

@@ -1,0 +1,41 @@
+//! Talking to the person or the machine at the other end.
+
+use serde::Serialize;
+
+/// Where results and progress go.
+pub(super) struct Console {
+    json: bool,
+}
+
+impl Console {
+    /// `json`: results are JSON, and nothing is said of progress.
+    pub(super) fn new(json: bool) -> Self {
+        Console { json }
+    }
+
+    /// Says what is being measured and which share of the whole run is done, 0 to 1.
+    pub(super) fn stage(&self, name: &str, fraction: f32) {
+        if !self.json {
+            eprintln!("{:>3.0} % {name}", 100.0 * fraction);
+        }
+    }
+
+    /// Prints `value` as JSON, or `text`.
+    pub(super) fn value(&self, value: &impl Serialize, text: &str) {
+        match (self.json, serde_json::to_string_pretty(value)) {
+            (false, _) => println!("{}", text.trim_end()),
+            (true, Ok(json)) => println!("{json}"),
+            (true, Err(error)) => eprintln!("error: {error}"),
+        }
+    }
+}
+
+/// The command as it is given in the repository's root.
+pub(super) fn command_line() -> String {
+    let given = std::env::args().skip(1);
+    ["cargo measure".to_owned()]
+        .into_iter()
+        .chain(given)
+        .collect::<Vec<_>>()
+        .join(" ")
+}

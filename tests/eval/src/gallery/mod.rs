@@ -1,0 +1,287 @@
+//! `anyface-eval gallery`: every mesh with its landmarks, four frames and an error map, as a page.
+
+mod cells;
+mod subjects;
+
+use std::{
+    io::Write,
+    path::{Path, PathBuf},
+};
+
+use clap::Args;
+use ndarray::{Array2, Array3, Axis};
+use serde::Serialize;
+
+use self::{
+    cells::{Cells, error_mm, stretch},
+    subjects::{Subject, Truth},
+};
+use crate::{
+    arguments::{DataArgs, SharedArgs},
+    console::{Console, command_line},
+    ict::IctLandmarks,
+    pictures::Album,
+};
+use anyface::{
+    Engine, Error, PreparedFace, Result,
+    motion::{LANDMARKS, MotionClip},
+    output::write_atomically,
+    progress::SILENT,
+};
+
+/// Make a page that shows meshes with their landmarks, four frames and an error map
+#[derive(Args)]
+pub(crate) struct Gallery {
+    #[command(flatten)]
+    data: DataArgs,
+    /// The page, Markdown, with G.json and images/G/ beside it
+    #[arg(long, value_name = "G.md")]
+    out: PathBuf,
+    /// A head of one's own: head.obj and landmarks.json
+    #[arg(
+        long,
+        value_name = "DIR",
+        default_value = "rust-core/models/default_head"
+    )]
+    head: PathBuf,
+}
+
+/// What a frame shows.
+struct Expression {
+    title: &'static str,
+    /// ARKit channels.
+    channels: &'static [&'static str],
+    strength: f32,
+}
+
+const EXPRESSIONS: [Expression; 4] = [
+    Expression {
+        title: "jaw open",
+        channels: &["jawOpen"],
+        strength: 0.6,
+    },
+    Expression {
+        title: "pucker",
+        channels: &["mouthPucker"],
+        strength: 1.0,
+    },
+    Expression {
+        title: "smile",
+        channels: &["mouthSmileLeft", "mouthSmileRight"],
+        strength: 0.8,
+    },
+    Expression {
+        title: "blink",
+        channels: &["eyeBlinkLeft", "eyeBlinkRight"],
+        strength: 1.0,
+    },
+];
+
+/// What is said of a mesh.
+#[derive(Serialize)]
+struct Shown {
+    title: String,
+    vertices: usize,
+    /// Mean over the landmarks; none where no face was found.
+    confidence: Option<f32>,
+    /// Why there is no face.
+    refused: Option<String>,
+    /// Distance of the landmarks that were found from the true ones, median, on a human head.
+    landmarks_mm: Option<f32>,
+    /// Mean error over all vertices that truly move, one number an expression.
+    error_mm: Option<Vec<f32>>,
+    /// Share of triangles whose area grows or shrinks to more than three times in any frame.
+    torn_share: Option<f32>,
+    picture: Option<String>,
+}
+
+impl Gallery {
+    pub(crate) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
+        let engine = shared.engine()?;
+        let data = self.data.folder()?;
+        let motion = motion(&IctLandmarks::read(&data)?)?;
+        let stem = self.out.file_stem().unwrap_or_default().to_string_lossy();
+        let images = format!("images/{stem}");
+        let album = Album::new(self.out.with_file_name(&images))?;
+        let mut subjects = vec![subjects::default_head(&self.head)?];
+        subjects.extend(subjects::of_known_faces(&data)?);
+        subjects.extend(subjects::of_folder(&data.join("meshes"))?);
+        let count = subjects.len() as f32;
+        let mut shown = Vec::new();
+        for (k, subject) in subjects.iter().enumerate() {
+            console.stage("meshes", k as f32 / count);
+            shown.push(show(&engine, &album, subject, &motion)?);
+        }
+        let page = page(&shown, &images);
+        write_atomically(&self.out, |file| file.write_all(page.as_bytes()))?;
+        self.write_json(&self.out.with_extension("json"), &shown)?;
+        console.value(&shown, &page);
+        Ok(())
+    }
+
+    fn write_json(&self, path: &Path, shown: &[Shown]) -> Result<()> {
+        let json = serde_json::to_string_pretty(shown)
+            .map_err(|e| Error::Numerics(format!("numbers as JSON: {e}")))?;
+        write_atomically(path, |file| writeln!(file, "{json}"))
+    }
+}
+
+/// `[E, 68, 3]` canonical metres: ICT's landmarks in each expression.
+fn motion(ict: &IctLandmarks) -> Result<MotionClip> {
+    let mut displacements = Array3::zeros((EXPRESSIONS.len(), LANDMARKS, 3));
+    for (e, expression) in EXPRESSIONS.iter().enumerate() {
+        for channel in expression.channels {
+            let mode: Array2<f32> = ict.mode(channel)?.mapv(|x| x as f32);
+            displacements
+                .index_axis_mut(Axis(0), e)
+                .scaled_add(expression.strength, &mode);
+        }
+    }
+    Ok(MotionClip {
+        displacements,
+        fps: 1.0,
+    })
+}
+
+fn show(engine: &Engine, album: &Album, subject: &Subject, motion: &MotionClip) -> Result<Shown> {
+    let mut shown = Shown {
+        title: subject.title.clone(),
+        vertices: subject.mesh.positions.len(),
+        confidence: None,
+        refused: None,
+        landmarks_mm: None,
+        error_mm: None,
+        torn_share: None,
+        picture: None,
+    };
+    let face = match engine.prepare(&subject.mesh, &subject.options, SILENT) {
+        Ok(face) => face,
+        Err(Error::FaceNotFound(why)) => {
+            shown.refused = Some(why);
+            return Ok(shown);
+        }
+        Err(other) => return Err(other),
+    };
+    shown.confidence = Some(face.landmarks.confidence.iter().sum::<f32>() / LANDMARKS as f32);
+    let moved = frames(engine, subject, &face, motion)?;
+    let stretch = stretch(&subject.mesh, moved.view());
+    let torn = stretch.iter().filter(|s| **s > 3f32.ln()).count();
+    shown.torn_share = Some(torn as f32 / stretch.len().max(1) as f32);
+    let map = match &subject.truth {
+        Some(truth) => {
+            shown.landmarks_mm = Some(landmark_error(subject, &face, truth));
+            let errors = error_mm(truth, moved.view());
+            shown.error_mm = Some(errors.means);
+            errors.worst_of_vertex
+        }
+        None => cells::at_vertices(&subject.mesh, &stretch),
+    };
+    let cells = Cells {
+        mesh: &subject.mesh,
+        face: &face,
+    };
+    let scale = if subject.truth.is_some() {
+        3.0
+    } else {
+        3f32.ln()
+    };
+    let row = cells.row(moved.view(), &map, scale);
+    let name = subject.title.replace([' ', ','], "_").to_lowercase();
+    shown.picture = Some(album.picture(&name, &row)?);
+    Ok(shown)
+}
+
+/// `[E, V, 3]`, mesh units. With true motion its own landmarks lead, else ICT's.
+fn frames(
+    engine: &Engine,
+    subject: &Subject,
+    face: &PreparedFace,
+    motion: &MotionClip,
+) -> Result<Array3<f32>> {
+    let Some(truth) = &subject.truth else {
+        return Ok(engine.deform(face, motion, SILENT)?.vertices.displacements);
+    };
+    let rows = truth.landmarks.map(|v| v as usize);
+    let own = truth.displacements.select(Axis(1), &rows);
+    face.deformer.deform(own.view(), SILENT)
+}
+
+/// Median distance of the landmarks from the true ones, millimetres.
+fn landmark_error(subject: &Subject, face: &PreparedFace, truth: &Truth) -> f32 {
+    let mut distances: Vec<f32> = (0..LANDMARKS)
+        .map(|n| {
+            let own = subject.mesh.positions[truth.landmarks[n] as usize];
+            let found = face.landmarks.positions[n];
+            let squared: f32 = (0..3).map(|i| (own[i] - found[i]).powi(2)).sum();
+            truth.mm * squared.sqrt()
+        })
+        .collect();
+    distances.sort_by(f32::total_cmp);
+    distances[LANDMARKS / 2]
+}
+
+fn page(shown: &[Shown], images: &str) -> String {
+    let titles: Vec<&str> = EXPRESSIONS.iter().map(|e| e.title).collect();
+    let mut text = format!(
+        "# Meshes\n\nMade by `{}`. Each row: the landmarks; {}; and a map. Where true motion is known \
+         the map is the largest error over the four frames, grey at none, red at 3 mm; elsewhere it \
+         is how far a triangle's area changes, red at a third or three times. Heads with true motion \
+         are led by their own landmarks' true motion, all others by that of ICT's mean face.\n",
+        command_line(),
+        titles.join(", ")
+    );
+    for one in shown {
+        text += &format!("\n## {}\n{}\n", one.title, sentence(one));
+        if let Some(picture) = &one.picture {
+            text += &format!("\n![{}]({images}/{picture})\n", one.title);
+        }
+    }
+    text
+}
+
+fn sentence(one: &Shown) -> String {
+    let mut text = format!("{} vertices", one.vertices);
+    if let Some(why) = &one.refused {
+        return format!("{text}; no face: {why}.");
+    }
+    if let Some(confidence) = one.confidence {
+        text += &format!(", confidence {confidence:.2}");
+    }
+    if let Some(mm) = one.landmarks_mm {
+        text += &format!(", landmarks off by {mm:.1} mm (median)");
+    }
+    if let Some(errors) = &one.error_mm {
+        let each = EXPRESSIONS.iter().zip(errors);
+        let each: Vec<String> = each.map(|(e, mm)| format!("{} {mm:.2}", e.title)).collect();
+        text += &format!(
+            "; mean error in mm over vertices that move by more than 0.5 mm: {}",
+            each.join(", ")
+        );
+    }
+    if let Some(share) = one.torn_share {
+        text += &format!("; {:.2} % of triangles change threefold", 100.0 * share);
+    }
+    text + "."
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_refused_mesh_is_on_the_page_with_its_reason() {
+        let one = Shown {
+            title: "blob".into(),
+            vertices: 12,
+            confidence: None,
+            refused: Some("no view shows a face".into()),
+            landmarks_mm: None,
+            error_mm: None,
+            torn_share: None,
+            picture: None,
+        };
+        let page = page(&[one], "images/x");
+        assert!(page.contains("## blob\n12 vertices; no face: no view shows a face."));
+        assert!(!page.contains("!["));
+    }
+}

@@ -1,0 +1,88 @@
+//! The `anyface-eval` command: what Anyface reaches and what it costs, measured.
+//!
+//! Results go to standard output, progress and errors to standard error. Exit codes are those of
+//! the `anyface` command: 0 done, 2 usage, otherwise [`anyface::Error::exit_code`].
+
+mod arguments;
+mod bench;
+mod console;
+mod gallery;
+mod ict;
+mod pictures;
+mod quality;
+mod stopwatch;
+mod tensors;
+
+use std::process::ExitCode;
+
+use anyface::Result;
+use clap::{Parser, Subcommand};
+
+use arguments::SharedArgs;
+use console::Console;
+
+/// Measures Anyface: quality beside recordings, pictures of meshes, time of every stage.
+#[derive(Parser)]
+#[command(name = "anyface-eval", version)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+    #[command(flatten)]
+    shared: SharedArgs,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Quality(quality::Quality),
+    Gallery(gallery::Gallery),
+    Bench(bench::Bench),
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    match arguments.run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+impl Arguments {
+    fn run(&self) -> Result<()> {
+        self.shared.set_threads()?;
+        let console = Console::new(self.shared.json);
+        match &self.command {
+            Command::Quality(command) => command.run(&self.shared, &console),
+            Command::Gallery(command) => command.run(&self.shared, &console),
+            Command::Bench(command) => command.run(&self.shared, &console),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn the_documented_command_line_is_accepted() {
+        for line in [
+            "anyface-eval quality --data D --limit 3 --json",
+            "anyface-eval quality --aligned A --also B --report R.md --long",
+            "anyface-eval gallery --out G.md --no-cache",
+            "anyface-eval bench --mesh M.obj --no-proxy --runs 2 --json",
+            "anyface-eval bench --mesh M.obj --triangulations",
+        ] {
+            if let Err(error) = Arguments::try_parse_from(line.split_whitespace()) {
+                panic!("{line}: {error}");
+            }
+        }
+    }
+}

@@ -1,0 +1,224 @@
+//! Speech with phone times: folders of sound and `phones.jsonl`.
+
+use std::{
+    collections::HashMap,
+    path::{Path, PathBuf},
+};
+
+use ndarray::Array3;
+use serde::Deserialize;
+
+use super::clip::{Clip, Corpus};
+use crate::ict::IctLandmarks;
+use anyface::{Error, Result, audio::Waveform, motion::LANDMARKS};
+
+/// Frame rate at which speech without recorded motion is performed.
+const FPS: f64 = 25.0;
+/// Names that aligners give to silence.
+const SILENCES: [&str; 8] = ["", "sil", "sp", "spn", "pau", "<eps>", "_", "h#"];
+
+/// One phone; times in seconds.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Phone {
+    pub from_s: f64,
+    pub to_s: f64,
+    pub name: String,
+}
+
+impl Phone {
+    pub(super) fn is_silence(&self) -> bool {
+        SILENCES.contains(&self.name.to_lowercase().as_str())
+    }
+
+    /// p, b, m and what IPA and ARPABET make of them: stress marks go, the letter remains.
+    pub(super) fn closes_the_lips(&self) -> bool {
+        let letters = self.name.trim_start_matches(['ˈ', 'ˌ']);
+        !self.is_silence() && letters.starts_with(['p', 'b', 'm', 'P', 'B', 'M', 'ɓ'])
+    }
+}
+
+#[derive(Deserialize)]
+struct Line {
+    id: String,
+    words: Vec<Word>,
+}
+
+#[derive(Deserialize)]
+struct Word {
+    phones: Vec<TimedPhone>,
+}
+
+#[derive(Deserialize)]
+struct TimedPhone {
+    start: f64,
+    duration: f64,
+    phone: String,
+}
+
+/// One folder: the phones of its utterances in the file's order.
+struct Folder {
+    name: String,
+    path: PathBuf,
+    utterances: Vec<(String, Vec<Phone>)>,
+}
+
+/// Gives the clips of `corpora` their phones, and adds a corpus for every other folder of
+/// `aligned`, of at most `limit` utterances taken at equal distances.
+pub(super) fn attach(
+    aligned: &Path,
+    corpora: &mut Vec<Corpus>,
+    ict: &IctLandmarks,
+    limit: usize,
+) -> Result<()> {
+    for folder in folders(aligned)? {
+        match corpora.iter_mut().find(|c| c.source == folder.name) {
+            Some(corpus) => give_phones(corpus, folder),
+            None => corpora.push(speech_only(folder, ict, limit)?),
+        }
+    }
+    Ok(())
+}
+
+fn folders(aligned: &Path) -> Result<Vec<Folder>> {
+    let mut paths: Vec<PathBuf> = std::fs::read_dir(aligned)
+        .map_err(Error::io(aligned))?
+        .filter_map(|entry| entry.ok().map(|e| e.path()))
+        .filter(|path| path.join("phones.jsonl").is_file())
+        .collect();
+    paths.sort();
+    if paths.is_empty() {
+        return Err(Error::InvalidInput(format!(
+            "{}: expected sub-folders with phones.jsonl, got none",
+            aligned.display()
+        )));
+    }
+    paths.into_iter().map(read_folder).collect()
+}
+
+fn read_folder(path: PathBuf) -> Result<Folder> {
+    let file = path.join("phones.jsonl");
+    let text = std::fs::read_to_string(&file).map_err(Error::io(&file))?;
+    let lines = text
+        .lines()
+        .enumerate()
+        .filter(|(_, l)| !l.trim().is_empty());
+    let utterances = lines.map(|(number, line)| {
+        utterance(line).map_err(|e| {
+            Error::InvalidInput(format!("{}, line {}: {e}", file.display(), number + 1))
+        })
+    });
+    Ok(Folder {
+        name: path
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into(),
+        utterances: utterances.collect::<Result<_>>()?,
+        path,
+    })
+}
+
+/// Identifier and phones, silences included, in order of time.
+fn utterance(line: &str) -> std::result::Result<(String, Vec<Phone>), serde_json::Error> {
+    let line: Line = serde_json::from_str(line)?;
+    let timed = line.words.into_iter().flat_map(|word| word.phones);
+    let mut phones: Vec<Phone> = timed
+        .map(|p| Phone {
+            from_s: p.start,
+            to_s: p.start + p.duration,
+            name: p.phone,
+        })
+        .collect();
+    phones.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
+    Ok((line.id, phones))
+}
+
+fn give_phones(corpus: &mut Corpus, folder: Folder) {
+    let mut by_name: HashMap<String, Vec<Phone>> = folder.utterances.into_iter().collect();
+    for clip in &mut corpus.held_out {
+        clip.phones = by_name.remove(&clip.name).map(|phones| {
+            let moved = phones.into_iter().map(|p| Phone {
+                from_s: p.from_s - clip.start_s,
+                to_s: p.to_s - clip.start_s,
+                name: p.name,
+            });
+            moved.collect()
+        });
+    }
+}
+
+fn speech_only(folder: Folder, ict: &IctLandmarks, limit: usize) -> Result<Corpus> {
+    let count = folder.utterances.len();
+    let every = count.div_ceil(limit.max(1)).max(1);
+    let chosen = folder.utterances.into_iter().step_by(every);
+    let held_out = chosen.map(|(name, phones)| {
+        let waveform = Waveform::from_file(&sound_of(&folder.path, &name)?)?;
+        let frames = (waveform.duration_s() * FPS).ceil().max(1.0) as usize;
+        Ok(Clip {
+            name,
+            waveform,
+            start_s: 0.0,
+            motion: Array3::zeros((frames, LANDMARKS, 3)),
+            neutral: ict.neutral.clone(),
+            fps: FPS,
+            observed: Vec::new(),
+            jaw: None,
+            pucker: None,
+            phones: Some(phones),
+        })
+    });
+    Ok(Corpus {
+        source: folder.name,
+        recorded: false,
+        held_out: held_out.collect::<Result<_>>()?,
+        training: Vec::new(),
+    })
+}
+
+fn sound_of(folder: &Path, name: &str) -> Result<PathBuf> {
+    let candidates = ["ogg", "wav"].map(|ending| folder.join(format!("{name}.{ending}")));
+    candidates
+        .into_iter()
+        .find(|path| path.is_file())
+        .ok_or_else(|| {
+            Error::InvalidInput(format!(
+                "{}: expected {name}.ogg or {name}.wav",
+                folder.display()
+            ))
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn phone(name: &str) -> Phone {
+        Phone {
+            from_s: 0.0,
+            to_s: 0.1,
+            name: name.into(),
+        }
+    }
+
+    #[test]
+    fn lips_close_on_p_b_and_m_in_every_notation() {
+        for name in ["p", "ˈb", "ˌm", "pʰ", "bʱ", "mʲ", "mː", "P", "B", "M"] {
+            assert!(phone(name).closes_the_lips(), "{name}");
+        }
+        for name in ["t", "ˈn", "F", "AH0", "SIL", "pau", "sp", "ɸ", ""] {
+            assert!(!phone(name).closes_the_lips(), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_line_is_read_in_order_of_time() {
+        let line = r#"{"id": "a", "words": [
+            {"word": "up", "phones": [{"start": 0.5, "duration": 0.25, "phone": "p"}]},
+            {"word": "", "phones": [{"start": 0.0, "duration": 0.5, "phone": "SIL"}]}]}"#;
+        let (name, phones) = utterance(line).unwrap();
+        assert_eq!(name, "a");
+        assert!(phones[0].is_silence());
+        assert_eq!((phones[1].from_s, phones[1].to_s), (0.5, 0.75));
+        assert!(utterance("{}").is_err());
+    }
+}

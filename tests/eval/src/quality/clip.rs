@@ -1,0 +1,75 @@
+//! One recorded performance and the corpora they come from.
+
+use ndarray::{Array2, Array3};
+
+use super::aligned::Phone;
+use anyface::{
+    Result,
+    audio::{SAMPLE_RATE_HZ, Waveform},
+    metrics,
+};
+
+const MM: f64 = 1000.0;
+
+/// Speech and the landmark motion that belongs to it; frame `t` is second `t / fps` of the sound.
+pub(super) struct Clip {
+    pub name: String,
+    pub waveform: Waveform,
+    /// Where the sound begins in the source's own file, seconds.
+    pub start_s: f64,
+    /// `[T, 68, 3]`, displacement from the neutral face, canonical metres; zero where none was
+    /// recorded.
+    pub motion: Array3<f64>,
+    /// `[68, 3]`, metres, up to a translation.
+    pub neutral: Array2<f64>,
+    /// Frames per second.
+    pub fps: f64,
+    /// Landmarks that the recording saw.
+    pub observed: Vec<usize>,
+    /// `[T]`, the captured jawOpen weight, where there is one.
+    pub jaw: Option<Vec<f64>>,
+    /// `[T]`, the captured mouthPucker weight, where there is one.
+    pub pucker: Option<Vec<f64>>,
+    /// Phones, seconds of this clip's sound, where they are known.
+    pub phones: Option<Vec<Phone>>,
+}
+
+/// A source of speech.
+pub(super) struct Corpus {
+    pub source: String,
+    /// Whether its motion was recorded; otherwise there is nothing but sound and phones.
+    pub recorded: bool,
+    /// What the model never saw.
+    pub held_out: Vec<Clip>,
+    /// Some of what it did see, for the baselines.
+    pub training: Vec<Clip>,
+}
+
+impl Clip {
+    pub(super) fn frames(&self) -> usize {
+        self.motion.dim().0
+    }
+
+    /// Rows of the landmarks that `of` takes among those that the recording saw.
+    pub(super) fn rows(&self, of: impl Fn(usize) -> bool) -> Vec<usize> {
+        let seen = self.observed.iter().enumerate();
+        seen.filter(|(_, n)| of(**n)).map(|(row, _)| row).collect()
+    }
+
+    /// The inner-lip gap of a motion of this clip's face, `[T]` millimetres.
+    pub(super) fn gap_mm(&self, motion: metrics::Clip<'_>) -> Result<Vec<f64>> {
+        let positions: Array3<f64> = (&motion + &self.neutral) * MM;
+        metrics::lip_gap(positions.view())
+    }
+}
+
+/// The sound from `from_s` seconds on, at most `length_s` long.
+pub(super) fn cut(waveform: &Waveform, from_s: f64, length_s: f64) -> Waveform {
+    let at = |seconds: f64| (seconds * f64::from(SAMPLE_RATE_HZ)).round() as usize;
+    let count = waveform.samples.len();
+    let from = at(from_s).min(count);
+    let to = from.saturating_add(at(length_s)).min(count);
+    Waveform {
+        samples: waveform.samples[from..to].to_vec(),
+    }
+}

@@ -1,0 +1,127 @@
+//! Plots of emotion: the confusion of categories and the curves of intensity.
+
+use plotters::{
+    prelude::*,
+    style::text_anchor::{HPos, Pos, VPos},
+};
+
+use super::emotions::{INTENSITIES, IntensityCurve, Separability};
+use crate::pictures::{Album, Canvas, FONT, GRID, MODEL, OTHER, drawing};
+use anyface::Result;
+
+const CELL: i32 = 36;
+const NAMES: i32 = 92;
+const PANEL: (u32, u32) = (176, 150);
+const PANELS_IN_A_ROW: usize = 5;
+
+impl Album {
+    /// Rows: what was asked; columns: what was recognised; the darker, the more.
+    pub(super) fn confusion(&self, name: &str, found: &Separability) -> Result<String> {
+        let count = found.categories.len() as i32;
+        let side = NAMES + CELL * count + 12;
+        let size = (side as u32, side as u32 + 12);
+        self.plot(name, size, |canvas| {
+            for (asked, row) in found.confusion.iter().enumerate() {
+                let y = NAMES + CELL * asked as i32;
+                label(
+                    canvas,
+                    found.categories[asked],
+                    (NAMES - 6, y + CELL / 2),
+                    false,
+                )?;
+                label(
+                    canvas,
+                    found.categories[asked],
+                    (y + CELL / 2, NAMES - 6),
+                    true,
+                )?;
+                for (recognised, number) in row.iter().enumerate() {
+                    let share = *number as f64 / found.test_clips.max(1) as f64;
+                    cell(canvas, (NAMES + CELL * recognised as i32, y), share)?;
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// A small panel for every category.
+    pub(super) fn intensities(&self, name: &str, curves: &[IntensityCurve]) -> Result<String> {
+        let rows = curves.len().div_ceil(PANELS_IN_A_ROW).max(1);
+        let size = (PANEL.0 * PANELS_IN_A_ROW as u32, PANEL.1 * rows as u32);
+        let most = curves
+            .iter()
+            .flat_map(|c| &c.mm)
+            .copied()
+            .fold(0.1, f64::max);
+        self.plot(name, size, |canvas| {
+            let panels = canvas.split_evenly((rows, PANELS_IN_A_ROW));
+            for (panel, curve) in panels.iter().zip(curves) {
+                intensity_panel(panel, curve, 1.05 * most)?;
+            }
+            Ok(())
+        })
+    }
+}
+
+fn label(canvas: &Canvas<'_>, text: &str, at: (i32, i32), upright: bool) -> Result<()> {
+    let style = TextStyle::from((FONT, 14).into_font());
+    let style = match upright {
+        // Turned text is anchored where it begins.
+        true => TextStyle::from((FONT, 14).into_font().transform(FontTransform::Rotate270))
+            .pos(Pos::new(HPos::Left, VPos::Center)),
+        false => style.pos(Pos::new(HPos::Right, VPos::Center)),
+    };
+    canvas
+        .draw(&Text::new(text.to_owned(), at, style))
+        .map_err(drawing)
+}
+
+fn cell(canvas: &Canvas<'_>, (x, y): (i32, i32), share: f64) -> Result<()> {
+    let mix = |from: f64, to: f64| (from + (to - from) * share) as u8;
+    let colour = RGBColor(mix(246.0, 30.0), mix(248.0, 90.0), mix(250.0, 160.0));
+    let square = [(x + 1, y + 1), (x + CELL - 1, y + CELL - 1)];
+    canvas
+        .draw(&Rectangle::new(square, colour.filled()))
+        .map_err(drawing)?;
+    if share == 0.0 {
+        return Ok(());
+    }
+    let ink = if share > 0.5 { WHITE } else { BLACK };
+    let style = TextStyle::from((FONT, 13).into_font())
+        .color(&ink)
+        .pos(Pos::new(HPos::Center, VPos::Center));
+    let text = format!("{:.0}", 100.0 * share);
+    let middle = (x + CELL / 2, y + CELL / 2);
+    canvas
+        .draw(&Text::new(text, middle, style))
+        .map_err(drawing)
+}
+
+fn intensity_panel(panel: &Canvas<'_>, curve: &IntensityCurve, most: f64) -> Result<()> {
+    let last = f64::from(INTENSITIES[INTENSITIES.len() - 1]);
+    let mut chart = ChartBuilder::on(panel)
+        .margin(5)
+        .x_label_area_size(20)
+        .y_label_area_size(28)
+        .caption(curve.emotion, (FONT, 14))
+        .build_cartesian_2d(0.0..last, 0.0..most)
+        .map_err(drawing)?;
+    let mesh = &mut chart.configure_mesh();
+    mesh.x_labels(4)
+        .y_labels(4)
+        .light_line_style(WHITE)
+        .bold_line_style(GRID);
+    mesh.label_style((FONT, 11)).draw().map_err(drawing)?;
+    let colour = if curve.grows { OTHER } else { MODEL };
+    let at = [0.0].into_iter().chain(INTENSITIES);
+    let points: Vec<(f64, f64)> = at.map(f64::from).zip(curve.mm.iter().copied()).collect();
+    let dots = points.iter().map(|p| Circle::new(*p, 2, colour.filled()));
+    chart.draw_series(dots).map_err(drawing)?;
+    chart
+        .draw_series(LineSeries::new(
+            points.iter().copied(),
+            colour.stroke_width(2),
+        ))
+        .map_err(drawing)?;
+    Ok(())
+}

@@ -1,0 +1,156 @@
+//! facegood_zh: five takes of Mandarin with ARKit weights at 30 fps (MIT).
+//!
+//! Only mouth and jaw were animated: brows, eyes and the upper contour of the face are not judged.
+
+use std::path::{Path, PathBuf};
+
+use ndarray::{Array2, Array3, Axis, Slice};
+
+use super::clip::{Clip, Corpus, cut};
+use crate::ict::IctLandmarks;
+use anyface::{Error, Result, audio::Waveform, motion::LANDMARKS};
+
+const FPS: f64 = 30.0;
+/// The split counts frames at this rate.
+const SPLIT_FPS: f64 = 25.0;
+/// Share of every take that belongs to training.
+const TRAINING_SHARE: f64 = 0.85;
+
+/// Landmarks that the weights cannot move.
+fn unseen(n: usize) -> bool {
+    matches!(n, 0..=2 | 14..=26 | 36..=47)
+}
+
+/// The end of every take is held out; the first `limit` takes are read.
+pub(super) fn read(data: &Path, ict: &IctLandmarks, limit: Option<usize>) -> Result<Corpus> {
+    let folder = data.join("motion/facegood_zh");
+    let mut corpus = Corpus {
+        source: "facegood_zh".into(),
+        recorded: true,
+        held_out: Vec::new(),
+        training: Vec::new(),
+    };
+    for table in takes(&folder)?
+        .into_iter()
+        .take(limit.unwrap_or(usize::MAX))
+    {
+        let (names, weights) = read_weights(&table)?;
+        let motion = displace(&names, &weights, ict)?;
+        let [jaw, pucker] = [
+            column(&names, &weights, "jawOpen")?,
+            column(&names, &weights, "mouthPucker")?,
+        ];
+        let sound = table.to_string_lossy().replace(".arkit.csv", ".ogg");
+        let waveform = Waveform::from_file(Path::new(&sound))?;
+        let boundary_s = first_held_out_s(motion.dim().0);
+        let boundary = (boundary_s * FPS).ceil() as usize;
+        let part = |from: usize, to: usize| Clip {
+            name: take_name(&table),
+            waveform: cut(&waveform, from as f64 / FPS, (to - from) as f64 / FPS),
+            start_s: from as f64 / FPS,
+            motion: motion.slice_axis(Axis(0), Slice::from(from..to)).to_owned(),
+            neutral: ict.neutral.clone(),
+            fps: FPS,
+            observed: (0..LANDMARKS).filter(|n| !unseen(*n)).collect(),
+            jaw: Some(jaw[from..to].to_vec()),
+            pucker: Some(pucker[from..to].to_vec()),
+            phones: None,
+        };
+        corpus.held_out.push(part(boundary, motion.dim().0));
+        corpus.training.push(part(0, boundary));
+    }
+    Ok(corpus)
+}
+
+/// `1114_2_01` of `…/1114_2_01.arkit.csv`.
+fn take_name(table: &Path) -> String {
+    let name = table.file_name().unwrap_or_default().to_string_lossy();
+    name.trim_end_matches(".arkit.csv").into()
+}
+
+/// Start of the held-out end of a take of `frames` frames at 30 fps, as training cuts it.
+fn first_held_out_s(frames: usize) -> f64 {
+    let at_split_rate = ((frames - 1) as f64 / FPS * SPLIT_FPS).floor() + 1.0;
+    (TRAINING_SHARE * at_split_rate).floor() / SPLIT_FPS
+}
+
+fn takes(folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut tables: Vec<PathBuf> = std::fs::read_dir(folder)
+        .map_err(Error::io(folder))?
+        .filter_map(|entry| entry.ok().map(|e| e.path()))
+        .filter(|path| path.to_string_lossy().ends_with(".arkit.csv"))
+        .collect();
+    tables.sort();
+    match tables.is_empty() {
+        true => Err(Error::InvalidInput(format!(
+            "{}: expected files *.arkit.csv, got none",
+            folder.display()
+        ))),
+        false => Ok(tables),
+    }
+}
+
+/// Names of the columns but the first, which counts frames, and their values `[T, columns]`.
+fn read_weights(path: &Path) -> Result<(Vec<String>, Array2<f64>)> {
+    let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+    let bad = |what: &str| Error::InvalidInput(format!("{}: {what}", path.display()));
+    let mut lines = text.lines();
+    let header = lines
+        .next()
+        .ok_or_else(|| bad("expected a header, got an empty file"))?;
+    let names: Vec<String> = header.split(',').skip(1).map(|s| s.trim().into()).collect();
+    let mut values = Vec::new();
+    for line in lines.filter(|line| !line.trim().is_empty()) {
+        for cell in line.split(',').skip(1) {
+            let number = cell.trim().parse::<f64>();
+            values.push(number.map_err(|_| bad(&format!("expected a number, got {cell:?}")))?);
+        }
+    }
+    let frames = values.len() / names.len().max(1);
+    if frames < 2 {
+        return Err(bad("expected two frames or more"));
+    }
+    let table = Array2::from_shape_vec((frames, names.len()), values);
+    Ok((
+        names,
+        table.map_err(|_| bad("expected rows of equal length"))?,
+    ))
+}
+
+/// Landmark motion `[T, 68, 3]`.
+fn displace(names: &[String], weights: &Array2<f64>, ict: &IctLandmarks) -> Result<Array3<f64>> {
+    let mut motion = Array3::zeros((weights.nrows(), LANDMARKS, 3));
+    for (name, column) in names.iter().zip(weights.columns()) {
+        let mode = ict.mode(name)?;
+        for (weight, mut frame) in column.iter().zip(motion.outer_iter_mut()) {
+            frame.scaled_add(*weight, &mode);
+        }
+    }
+    Ok(motion)
+}
+
+/// One captured weight over time, `[T]`.
+fn column(names: &[String], weights: &Array2<f64>, wanted: &str) -> Result<Vec<f64>> {
+    let found = names.iter().position(|name| name == wanted);
+    let found = found.ok_or_else(|| Error::InvalidInput(format!("expected a column {wanted}")))?;
+    Ok(weights.column(found).to_vec())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_split_is_that_of_training() {
+        // 1,472 frames at 30 fps are 1,226 at 25 fps; 0.85 of them are 1,042.
+        assert!((first_held_out_s(1472) - 1042.0 / 25.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_the_weights_move_is_judged() {
+        let seen: Vec<usize> = (0..LANDMARKS).filter(|n| !unseen(*n)).collect();
+        assert!(seen.contains(&8) && seen.contains(&30) && seen.contains(&67));
+        assert!(!seen.contains(&2) && !seen.contains(&17) && !seen.contains(&40));
+        assert_eq!(seen.len(), 68 - 28);
+    }
+}

@@ -1,0 +1,215 @@
+//! Everything that is measured side by side: the model, the baselines and motion from files.
+
+use std::path::{Path, PathBuf};
+
+use ndarray::Array3;
+
+use super::{
+    baselines::Baselines,
+    clip::{Clip, Corpus},
+    speaker::{Speaker, Wish, fitted},
+};
+use anyface::{Error, Result, motion::MotionClip, output::read_landmark_motion};
+
+/// Name of the model in its default style.
+pub(super) const MODEL: &str = "model";
+/// Name of the baseline that never moves.
+const CONSTANT: &str = "constant";
+/// Name of the recording, where it is shown beside the predictors.
+pub(super) const RECORDED: &str = "recorded";
+
+/// Motion of one origin for the held-out clips of a corpus.
+pub(super) struct Predictor {
+    pub name: String,
+    /// One per held-out clip, `[T, 68, 3]` metres; none where there is no file.
+    pub motions: Vec<Option<Array3<f64>>>,
+}
+
+/// Clips with a motion for each.
+pub(super) type Pairs<'a> = Vec<(&'a Clip, &'a Array3<f64>)>;
+
+/// A corpus and what all predictors make of it.
+pub(super) struct Performed {
+    pub corpus: Corpus,
+    pub predictors: Vec<Predictor>,
+}
+
+impl Performed {
+    /// The clips that a predictor has, with its motion.
+    pub(super) fn of<'a>(
+        &'a self,
+        predictor: &'a Predictor,
+    ) -> impl Iterator<Item = (&'a Clip, &'a Array3<f64>)> {
+        let both = self.corpus.held_out.iter().zip(&predictor.motions);
+        both.filter_map(|(clip, motion)| Some((clip, motion.as_ref()?)))
+    }
+
+    /// The recording, where there is one, then all predictors that move, each as pairs of clip and
+    /// motion.
+    pub(super) fn with_recording(&self) -> Vec<(&str, Pairs<'_>)> {
+        let clips = || self.corpus.held_out.iter();
+        let recorded = (RECORDED, clips().map(|c| (c, &c.motion)).collect());
+        let others = self.predictors.iter().filter(|p| p.name != CONSTANT);
+        let others = others.map(|p| (p.name.as_str(), self.of(p).collect()));
+        let start = self.corpus.recorded.then_some(recorded);
+        start.into_iter().chain(others).collect()
+    }
+
+    /// The model's motion of every clip.
+    pub(super) fn model(&self) -> Pairs<'_> {
+        let model = self.predictors.iter().find(|p| p.name == MODEL);
+        model.map(|p| self.of(p).collect()).unwrap_or_default()
+    }
+}
+
+/// How the model is asked, and where other predictors lie.
+pub(super) struct Asked<'a> {
+    pub speaker: &'a Speaker,
+    pub wish: &'a Wish,
+    /// The styles that the weights know.
+    pub styles: &'a [String],
+    pub also: Option<&'a Path>,
+}
+
+impl Asked<'_> {
+    /// All predictors on `corpus`; `fallback` are baselines for a corpus without training clips.
+    pub(super) fn perform(
+        &self,
+        corpus: Corpus,
+        fallback: Option<&Baselines>,
+    ) -> Result<Performed> {
+        let speak = |style: Option<&String>| -> Result<Vec<Option<Array3<f64>>>> {
+            let wish = Wish {
+                style: style.cloned().or_else(|| self.wish.style.clone()),
+                ..self.wish.clone()
+            };
+            let made = corpus.held_out.iter().map(|c| self.speaker.speak(c, &wish));
+            made.map(|motion| motion.map(Some)).collect()
+        };
+        let mut predictors = vec![Predictor {
+            name: MODEL.into(),
+            motions: speak(None)?,
+        }];
+        let own = self.styles.iter().find(|style| **style == corpus.source);
+        if let (Some(own), None) = (own, &self.wish.style) {
+            predictors.push(Predictor {
+                name: format!("{MODEL}, style {own}"),
+                motions: speak(Some(own))?,
+            });
+        }
+        let fitted = match corpus.training.is_empty() {
+            true => None,
+            false => Some(Baselines::fit(&corpus.training)?),
+        };
+        if let Some(baselines) = fitted.as_ref().or(fallback) {
+            predictors.extend(by_baselines(baselines, &corpus.held_out));
+        }
+        for folder in self.also.map(sub_folders).transpose()?.unwrap_or_default() {
+            let name = folder.file_name().unwrap_or_default().to_string_lossy();
+            let motions = from_files(&folder.join(&corpus.source), &corpus.held_out)?;
+            if motions.iter().any(Option::is_some) {
+                predictors.push(Predictor {
+                    name: name.into(),
+                    motions,
+                });
+            }
+        }
+        Ok(Performed { corpus, predictors })
+    }
+}
+
+fn by_baselines(baselines: &Baselines, clips: &[Clip]) -> [Predictor; 2] {
+    let all = |of: &dyn Fn(&Clip) -> Array3<f64>| clips.iter().map(|c| Some(of(c))).collect();
+    [
+        Predictor {
+            name: CONSTANT.into(),
+            motions: all(&|clip| baselines.constant(clip)),
+        },
+        Predictor {
+            name: "loudness".into(),
+            motions: all(&|clip| baselines.loudness(clip)),
+        },
+    ]
+}
+
+fn sub_folders(folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut found: Vec<PathBuf> = std::fs::read_dir(folder)
+        .map_err(Error::io(folder))?
+        .filter_map(|entry| entry.ok().map(|e| e.path()))
+        .filter(|path| path.is_dir())
+        .collect();
+    found.sort();
+    Ok(found)
+}
+
+/// `folder/<clip>.npz` for every clip that has one.
+fn from_files(folder: &Path, clips: &[Clip]) -> Result<Vec<Option<Array3<f64>>>> {
+    let read = |clip: &Clip| {
+        let path = folder.join(format!("{}.npz", clip.name));
+        match path.is_file() {
+            true => from_file(&path, clip).map(Some),
+            false => Ok(None),
+        }
+    };
+    clips.iter().map(read).collect()
+}
+
+/// Motion in canonical metres, at the clip's rate and as long as the clip.
+fn from_file(path: &Path, clip: &Clip) -> Result<Array3<f64>> {
+    let bad = |what: &str| Error::InvalidInput(format!("{}: {what}", path.display()));
+    let file = read_landmark_motion(path)?;
+    if file.neutral.is_some() {
+        return Err(bad(
+            "expected canonical metres, got landmarks_neutral in mesh units",
+        ));
+    }
+    let motion = MotionClip {
+        fps: file.fps.unwrap_or(clip.fps),
+        displacements: file.displacements,
+    };
+    let motion = match (motion.fps - clip.fps).abs() < 1e-6 {
+        true => motion,
+        false => motion.at_rate(clip.fps, clip.frames()),
+    };
+    fitted(motion.displacements.mapv(f64::from), clip.frames())
+        .ok_or_else(|| bad("expected frames, got none"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use anyface::{audio::Waveform, motion::LANDMARKS, output::write_motion};
+    use ndarray::Array2;
+
+    fn clip(name: &str) -> Clip {
+        Clip {
+            name: name.into(),
+            waveform: Waveform {
+                samples: vec![0.0; 16_000],
+            },
+            start_s: 0.0,
+            motion: Array3::zeros((25, LANDMARKS, 3)),
+            neutral: Array2::zeros((LANDMARKS, 3)),
+            fps: 25.0,
+            observed: (0..LANDMARKS).collect(),
+            jaw: None,
+            pucker: None,
+            phones: None,
+        }
+    }
+
+    #[test]
+    fn files_are_read_where_they_are_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let motion = MotionClip {
+            displacements: ndarray::Array3::from_elem((60, LANDMARKS, 3), 0.25),
+            fps: 50.0,
+        };
+        write_motion(&folder.path().join("a.npz"), &motion).unwrap();
+        let found = from_files(folder.path(), &[clip("a"), clip("b")]).unwrap();
+        let made = found[0].as_ref().unwrap();
+        assert_eq!(made.dim(), (25, LANDMARKS, 3));
+        assert!(made.iter().all(|x| (x - 0.25).abs() < 1e-6));
+        assert!(found[1].is_none());
+    }
+}

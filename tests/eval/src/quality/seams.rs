@@ -1,0 +1,194 @@
+//! Long sounds are performed in overlapping windows: does the motion jerk where they meet?
+//!
+//! The same sound is performed twice, the second time after half a stride of silence, so that its
+//! windows meet elsewhere. At a seam of the first, the second has none, and the other way round;
+//! what one seam adds is the ratio of the two at the same frames of the same speech.
+
+use std::ops::Range;
+
+use ndarray::Array3;
+use serde::Serialize;
+
+use super::{
+    bootstrap::{Estimate, estimate},
+    clip::Clip,
+    speaker::{Speaker, Wish},
+};
+use anyface::{
+    Result,
+    audio::{SAMPLE_RATE_HZ, Waveform},
+    metrics::{rms_accelerations, rms_speeds, root_mean_square},
+    motion::LANDMARKS,
+    systems::freetalk::{ats::AtsConfig, windows},
+};
+
+/// Length of the sound, seconds.
+const LENGTH_S: f64 = 60.0;
+
+/// Motion where windows overlap against motion elsewhere; 1: no difference.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct SeamScores {
+    pub seconds: f64,
+    pub window_frames: usize,
+    pub overlap_frames: usize,
+    pub seams: usize,
+    /// Speed at seams over speed at all other frames.
+    pub speed: Option<Estimate>,
+    pub acceleration: Option<Estimate>,
+    /// Speed at seams over speed at the same frames where the windows meet elsewhere.
+    pub paired_speed: Option<Estimate>,
+    pub paired_acceleration: Option<Estimate>,
+}
+
+/// Root mean squares at one seam: of speed and of acceleration.
+#[derive(Clone, Copy)]
+struct Seam {
+    here: [f64; 2],
+    elsewhere: [f64; 2],
+    /// Over all frames without a seam, of the same performance.
+    others: [f64; 2],
+}
+
+/// `clips`: as many as make up the length, in a row; none if they do not hold a seam.
+pub(super) fn measure(
+    speaker: &Speaker,
+    wish: &Wish,
+    config: &AtsConfig,
+    clips: &[Clip],
+) -> Result<Option<SeamScores>> {
+    let fps = config.fps;
+    let sound = in_a_row(clips, fps);
+    let stride = config.window_frames - config.overlap_frames;
+    let delay = stride / 2;
+    let frames = (sound.duration_s() * fps).round() as usize;
+    let plain = speaker.perform(&sound, fps, wish)?;
+    let late = speaker.perform(&delayed(&sound, delay as f64 / fps), fps, wish)?;
+    let meet = |frames: usize| seams(frames, config.window_frames, config.overlap_frames);
+    let moved = meet(frames + delay).into_iter();
+    let moved = moved.filter_map(|r| Some(r.start.checked_sub(delay)?..r.end - delay));
+    let moved: Vec<Range<usize>> = moved.collect();
+    let late = late.slice(ndarray::s![delay.., .., ..]).to_owned();
+    let curves = [curves(&plain, fps), curves(&late, fps)];
+    let mut found = compare(&curves[0], &curves[1], &meet(frames), &moved);
+    found.extend(compare(&curves[1], &curves[0], &moved, &meet(frames)));
+    let ratio = |of: fn(&Seam) -> [f64; 2], k: usize| {
+        estimate(&found, move |seams| {
+            let here = seams.iter().map(|s| s.here[k]).collect::<Vec<_>>();
+            let against = seams.iter().map(|s| of(s)[k]).collect::<Vec<_>>();
+            let against = root_mean_square(&against);
+            (against > 0.0).then(|| root_mean_square(&here) / against)
+        })
+    };
+    Ok((!found.is_empty()).then(|| SeamScores {
+        seconds: sound.duration_s(),
+        window_frames: config.window_frames,
+        overlap_frames: config.overlap_frames,
+        seams: found.len(),
+        speed: ratio(|s| s.others, 0),
+        acceleration: ratio(|s| s.others, 1),
+        paired_speed: ratio(|s| s.elsewhere, 0),
+        paired_acceleration: ratio(|s| s.elsewhere, 1),
+    }))
+}
+
+/// Clips one after the other, each a whole number of frames long.
+fn in_a_row(clips: &[Clip], fps: f64) -> Waveform {
+    let frame = (f64::from(SAMPLE_RATE_HZ) / fps).round() as usize;
+    let most = (LENGTH_S * f64::from(SAMPLE_RATE_HZ)) as usize;
+    let mut samples: Vec<f32> = Vec::new();
+    for clip in clips {
+        let whole = clip.waveform.samples.len() / frame * frame;
+        samples.extend(&clip.waveform.samples[..whole]);
+    }
+    samples.truncate(most / frame * frame);
+    Waveform { samples }
+}
+
+fn delayed(sound: &Waveform, by_s: f64) -> Waveform {
+    let mut samples = vec![0.0; (by_s * f64::from(SAMPLE_RATE_HZ)).round() as usize];
+    samples.extend(&sound.samples);
+    Waveform { samples }
+}
+
+/// Frames that two windows share.
+fn seams(frames: usize, window: usize, overlap: usize) -> Vec<Range<usize>> {
+    let windows = windows(frames, window, overlap);
+    let pairs = windows.windows(2);
+    pairs.map(|pair| pair[1].start..pair[0].end).collect()
+}
+
+/// Speed and acceleration of all landmarks at every frame.
+fn curves(motion: &Array3<f64>, fps: f64) -> [Vec<f64>; 2] {
+    let all: Vec<usize> = (0..LANDMARKS).collect();
+    [
+        rms_speeds(motion.view(), &all, fps),
+        rms_accelerations(motion.view(), &all, fps),
+    ]
+}
+
+/// The seams of one performance that lie where the other one has none.
+fn compare(
+    own: &[Vec<f64>; 2],
+    other: &[Vec<f64>; 2],
+    seams: &[Range<usize>],
+    other_seams: &[Range<usize>],
+) -> Vec<Seam> {
+    let free = |t: usize| !seams.iter().any(|r| r.contains(&t));
+    let others = [0, 1].map(|k| {
+        let values = own[k].iter().enumerate().filter(|(t, _)| free(*t));
+        root_mean_square(&values.map(|(_, x)| *x).collect::<Vec<_>>())
+    });
+    let apart = |r: &&Range<usize>| {
+        let mut against = other_seams.iter();
+        against.all(|o| o.end <= r.start || o.start >= r.end)
+    };
+    let usable = seams.iter().filter(apart);
+    usable
+        .filter_map(|r| {
+            let at = |curves: &[Vec<f64>; 2]| -> Option<[f64; 2]> {
+                let speed = curves[0].get(r.clone())?;
+                let acceleration = curves[1].get(r.clone())?;
+                Some([root_mean_square(speed), root_mean_square(acceleration)])
+            };
+            Some(Seam {
+                here: at(own)?,
+                elsewhere: at(other)?,
+                others,
+            })
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::slice::from_ref;
+
+    #[test]
+    fn seams_are_where_windows_overlap() {
+        assert_eq!(seams(28, 12, 4), [8..12, 16..20]);
+        assert_eq!(seams(26, 12, 4), [8..12, 14..20]);
+        assert!(seams(12, 12, 4).is_empty());
+    }
+
+    #[test]
+    fn a_jerk_at_a_seam_shows_against_the_other_performance() {
+        let calm = [vec![1.0; 40], vec![1.0; 40]];
+        let mut jerky = calm.clone();
+        for curve in &mut jerky {
+            curve[10..14].fill(3.0);
+        }
+        let found = compare(&jerky, &calm, from_ref(&(10..14)), from_ref(&(20..24)));
+        assert_eq!(found.len(), 1);
+        assert_eq!(found[0].here, [3.0, 3.0]);
+        assert_eq!(found[0].elsewhere, [1.0, 1.0]);
+        assert_eq!(found[0].others, [1.0, 1.0]);
+    }
+
+    #[test]
+    fn seams_that_meet_in_both_do_not_count() {
+        let calm = [vec![1.0; 40], vec![1.0; 40]];
+        assert!(compare(&calm, &calm, from_ref(&(10..14)), from_ref(&(12..16))).is_empty());
+        assert!(compare(&calm, &calm, from_ref(&(38..44)), from_ref(&(12..16))).is_empty());
+    }
+}

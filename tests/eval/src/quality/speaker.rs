@@ -1,0 +1,80 @@
+//! The model as the report asks for it: one place where requests to the engine are made.
+
+use ndarray::{Array3, Axis, Slice};
+
+use super::clip::Clip;
+use anyface::{
+    Engine, Error, MotionRequest, Result,
+    audio::Waveform,
+    conditions::{Emotion, EmotionCurve},
+    motion::PerformanceControls,
+    progress::SILENT,
+};
+
+/// What a performance is asked to be; the default is neutral, as the model comes.
+#[derive(Clone, Default)]
+pub(super) struct Wish {
+    pub emotion: Emotion,
+    pub seed: u64,
+    /// Denoising steps; none: the model's own.
+    pub steps: Option<usize>,
+    /// Speaking style; none: the model's default.
+    pub style: Option<String>,
+}
+
+/// The engine under measurement.
+pub(super) struct Speaker {
+    pub engine: Engine,
+}
+
+impl Speaker {
+    /// Motion of any length, `[T, 68, 3]` metres: the model's own, nothing added.
+    pub(super) fn perform(
+        &self,
+        waveform: &Waveform,
+        fps: f64,
+        wish: &Wish,
+    ) -> Result<Array3<f64>> {
+        let request = MotionRequest {
+            emotion: EmotionCurve::Constant(wish.emotion),
+            fps,
+            seed: wish.seed,
+            steps: wish.steps,
+            style: wish.style.clone(),
+            controls: PerformanceControls::as_sampled(),
+        };
+        let motion = self.engine.motion(waveform, &request, SILENT)?;
+        Ok(motion.displacements.mapv(f64::from))
+    }
+
+    /// Motion for a clip's sound, as long as the clip.
+    pub(super) fn speak(&self, clip: &Clip, wish: &Wish) -> Result<Array3<f64>> {
+        let made = self.perform(&clip.waveform, clip.fps, wish)?;
+        fitted(made, clip.frames())
+            .ok_or_else(|| Error::InvalidInput(format!("{}: no frame was made", clip.name)))
+    }
+}
+
+/// The first `frames` frames, the last one held where there are fewer; none of no frames.
+pub(super) fn fitted(motion: Array3<f64>, frames: usize) -> Option<Array3<f64>> {
+    let made = motion.dim().0;
+    if made >= frames {
+        return Some(motion.slice_axis(Axis(0), Slice::from(..frames)).to_owned());
+    }
+    let rows: Vec<usize> = (0..frames).map(|t| t.min(made.saturating_sub(1))).collect();
+    (made > 0).then(|| motion.select(Axis(0), &rows))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn motion_is_cut_or_held_to_length() {
+        let motion = Array3::from_shape_fn((3, 1, 1), |(t, _, _)| t as f64);
+        let long = fitted(motion.clone(), 5).unwrap();
+        assert_eq!(long.as_slice().unwrap(), [0.0, 1.0, 2.0, 2.0, 2.0]);
+        assert_eq!(fitted(motion, 2).unwrap().as_slice().unwrap(), [0.0, 1.0]);
+        assert!(fitted(Array3::zeros((0, 1, 1)), 2).is_none());
+    }
+}
