@@ -4,7 +4,7 @@ use std::{env, path::PathBuf};
 
 fn main() {
     println!("cargo::rerun-if-env-changed=PATH");
-    for tool in ["valgrind", "cmake", "pkg-config"] {
+    for tool in ["valgrind", "cmake", "pkg-config", "dpkg-deb"] {
         let cfg = format!("has_{}", tool.replace('-', "_"));
         println!("cargo::rustc-check-cfg=cfg({cfg})");
         let place = find(tool);

@@ -14,6 +14,7 @@ from pathlib import Path
 
 GOLDENS = {
     "log_mel": "training.speech.golden_log_mel",
+    "checkpoint": "training.speech.golden_checkpoint",
     "compact_speech": "training.speech.golden_compact",
     "ats_compact": "training.systems.freetalk.golden_ats",
     "stm_static": "training.systems.freetalk.stm.golden_static",

@@ -43,7 +43,7 @@ impl AnyfaceStatus {
             Error::Weights(_) => Self::Weights,
             Error::Io { .. } => Self::Io,
             Error::Cancelled => Self::Cancelled,
-            Error::Numerics(_) | Error::Internal(_) => Self::Internal,
+            Error::Numerics(_) => Self::Internal,
         }
     }
 

@@ -1,6 +1,6 @@
-"""A talking head and a talking Suzanne: scene, animation by the extension, .blend and frames.
+"""A talking head and a talking Suzanne: scene and animation by the extension, as a .blend.
 
-Run by `cargo xtask demo` in Blender's Python module. Frames go to OUT/frames/####.png.
+Run by `cargo xtask demo` in Blender's Python module, and `render.py` after it.
 """
 
 import argparse
@@ -15,14 +15,14 @@ os.environ["BLENDER_USER_RESOURCES"] = tempfile.mkdtemp(prefix="anyface-demo-")
 
 import bpy  # noqa: E402
 
-SIZE = (640, 400)
-SAMPLES = 12
+SIZE = (560, 350)
+SAMPLES = 6
 HEAD_HEIGHT = 3.7
 FUR = (0.30, 0.16, 0.09, 1.0)
 
 
 def main() -> None:
-    """Makes everything below `--out`."""
+    """Makes the file `--out`."""
     options = arguments()
     install(options.extension)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
@@ -34,10 +34,7 @@ def main() -> None:
         animate(ob, options)
     if options.frames:
         scene.frame_end = min(scene.frame_end, scene.frame_start + options.frames - 1)
-    blend = options.out / "talking_heads.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
-    print(f"demo: wrote {blend}", flush=True)
-    render(scene, options.out / "frames")
+    bpy.ops.wm.save_as_mainfile(filepath=str(options.out))
 
 
 def arguments() -> argparse.Namespace:
@@ -50,7 +47,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--emotion", default="neutral")
     parser.add_argument("--intensity", type=float, default=0.0)
     parser.add_argument("--fps", type=int, default=25)
-    parser.add_argument("--frames", type=int, default=0, help="render at most this many")
+    parser.add_argument("--frames", type=int, default=0, help="keep at most this many")
     parser.add_argument("--out", required=True, type=Path)
     return parser.parse_args()
 
@@ -69,7 +66,11 @@ def stage(scene, fps: int) -> None:
     scene.render.engine = "CYCLES"
     scene.cycles.device = "CPU"
     scene.cycles.samples = SAMPLES
+    scene.cycles.max_bounces = 4
+    # The quick denoiser takes a third of the time of the thorough one and looks the same here.
     scene.cycles.use_denoising = True
+    scene.cycles.denoising_prefilter = scene.cycles.denoising_quality = "FAST"
+    scene.render.use_persistent_data = True
     scene.render.resolution_x, scene.render.resolution_y = SIZE
     scene.render.fps = fps
     scene.view_settings.view_transform = "Standard"
@@ -178,21 +179,6 @@ def animate(ob, options) -> None:
     if bpy.ops.anyface.generate() != {"FINISHED"}:
         raise SystemExit(f"{ob.name}: {ob.anyface.report}")
     print(f"demo: {ob.name}: {ob.anyface.report} ({time.monotonic() - began:.1f} s)", flush=True)
-
-
-def render(scene, folder: Path) -> None:
-    """Every frame as PNG."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for old in folder.glob("*.png"):
-        old.unlink()
-    total = scene.frame_end - scene.frame_start + 1
-    began = time.monotonic()
-    for done, frame in enumerate(range(scene.frame_start, scene.frame_end + 1), start=1):
-        scene.frame_set(frame)
-        scene.render.filepath = str(folder / f"{done:04d}.png")
-        bpy.ops.render.render(write_still=True)
-        left_s = (time.monotonic() - began) / done * (total - done)
-        print(f"rendered {done} of {total} frames, {left_s / 60:.1f} min left", flush=True)
 
 
 if __name__ == "__main__":

@@ -64,18 +64,27 @@ pub fn zip_name(platform: Platform) -> String {
 
 /// Builds the shared library and returns its path.
 pub fn build_library(steps: &mut Steps, release: bool) -> Result<PathBuf> {
+    let profile = if release { "release" } else { "dev" };
+    steps.run(BUILD, &mut library_build(profile))?;
+    library_of(profile)
+}
+
+/// The name of the step that builds the library.
+pub const BUILD: &str = "build the native library";
+
+/// The command that builds the shared library under a profile of Cargo.toml.
+pub fn library_build(profile: &str) -> Command {
     let mut build = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()));
-    build.args(["build", "-p", "anyface-capi"]);
-    if release {
-        build.arg("--release");
-    }
-    steps.run(
-        "build the native library",
-        build.current_dir(machine::root()),
-    )?;
-    let profile = if release { "release" } else { "debug" };
+    build.args(["build", "-p", "anyface-capi", "--profile", profile]);
+    build.current_dir(machine::root());
+    build
+}
+
+/// Where a profile leaves the shared library.
+pub fn library_of(profile: &str) -> Result<PathBuf> {
+    let folder = if profile == "dev" { "debug" } else { profile };
     let name = Platform::here()?.shared_library();
-    Ok(machine::target().join(profile).join(name))
+    Ok(machine::target().join(folder).join(name))
 }
 
 /// Puts the extension, `library` and the licences into `zip`, and has Blender's tool check it

@@ -25,6 +25,20 @@ pub struct Steps {
     failures: Vec<String>,
 }
 
+/// A command that runs beside the steps that follow, with a log of its own; dropped, it is ended.
+pub struct Started {
+    name: String,
+    began: Instant,
+    log_path: PathBuf,
+    child: Child,
+}
+
+impl Drop for Started {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+    }
+}
+
 /// What test runners report.
 #[derive(Default, Clone, Copy, Debug, PartialEq)]
 pub struct Counts {
@@ -71,6 +85,37 @@ impl Steps {
         Ok(output)
     }
 
+    /// Starts a command that must succeed in the end: [`Steps::join`] waits for it.
+    pub fn start(&mut self, name: &str, command: &mut Command) -> Result<Started> {
+        let end = format!("{}.log", name.replace(' ', "-"));
+        let log_path = self.log_path.with_extension(end);
+        let log = File::create(&log_path)?;
+        println!("start    {name}, beside what follows");
+        Ok(Started {
+            name: name.to_owned(),
+            began: Instant::now(),
+            child: spawn(name, command, &log)?,
+            log_path,
+        })
+    }
+
+    /// Waits for a command that was started.
+    pub fn join(&mut self, mut started: Started) -> Result<()> {
+        let status = watch(&started.name, &mut started.child, &started.log_path, 0)?;
+        report(&started.name, status, started.began);
+        if !status.success() {
+            print_tail(&std::fs::read_to_string(&started.log_path)?);
+            let log = started.log_path.display();
+            bail!("{} failed; the whole output is in {log}", started.name);
+        }
+        Ok(())
+    }
+
+    /// Time since the list began, such as "3 min 05 s".
+    pub fn elapsed(&self) -> String {
+        clock(self.started.elapsed())
+    }
+
     /// Runs a check: a failure is remembered, and the other checks still run.
     pub fn check(&mut self, name: &str, command: &mut Command) -> Result<()> {
         let (ok, output) = self.execute(name, command)?;
@@ -96,7 +141,7 @@ impl Steps {
             failed,
             ignored,
         } = self.counts;
-        println!("took {}", clock(self.started.elapsed()));
+        println!("took {}", self.elapsed());
         if passed + failed + ignored > 0 {
             println!("{passed} passed, {failed} failed, {ignored} skipped");
         }
@@ -111,18 +156,12 @@ impl Steps {
         let from = self.log.seek(SeekFrom::End(0))?;
         writeln!(self.log, "\n==== {name}\n{command:?}")?;
         let begun = self.log.stream_position()?;
-        let mut child = command
-            .stdin(Stdio::null())
-            .stdout(self.log.try_clone()?)
-            .stderr(self.log.try_clone()?)
-            .spawn()
-            .with_context(|| format!("starting {name}: {command:?}"))?;
+        let mut child = spawn(name, command, &self.log)?;
         let status = watch(name, &mut child, &self.log_path, begun)?;
         let mut output = Vec::new();
         self.log.seek(SeekFrom::Start(from))?;
         self.log.read_to_end(&mut output)?;
-        let word = if status.success() { "ok" } else { "FAILED" };
-        println!("{word:8} {name} ({})", clock(began.elapsed()));
+        report(name, status, began);
         Ok((
             status.success(),
             String::from_utf8_lossy(&output).into_owned(),
@@ -159,6 +198,20 @@ impl Counts {
         self.failed += other.failed;
         self.ignored += other.ignored;
     }
+}
+
+fn spawn(name: &str, command: &mut Command, log: &File) -> Result<Child> {
+    command
+        .stdin(Stdio::null())
+        .stdout(log.try_clone()?)
+        .stderr(log.try_clone()?)
+        .spawn()
+        .with_context(|| format!("starting {name}: {command:?}"))
+}
+
+fn report(name: &str, status: ExitStatus, began: Instant) {
+    let word = if status.success() { "ok" } else { "FAILED" };
+    println!("{word:8} {name} ({})", clock(began.elapsed()));
 }
 
 /// Waits for a command and shows its last line of output meanwhile, which begins at `begun` in `log`.

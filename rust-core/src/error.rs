@@ -47,9 +47,6 @@ pub enum Error {
     /// The caller's progress callback asked to stop.
     #[error("cancelled")]
     Cancelled,
-    /// A tensor operation failed: a defect in the library, not in the input.
-    #[error("internal: {0}")]
-    Internal(#[from] candle_core::Error),
 }
 
 impl Error {
@@ -69,7 +66,7 @@ impl Error {
             Error::Weights(_) => 7,
             Error::Io { .. } => 8,
             Error::Cancelled => 9,
-            Error::Numerics(_) | Error::Internal(_) => 10,
+            Error::Numerics(_) => 10,
         }
     }
 }

@@ -41,6 +41,8 @@ SHORT_S, LONG_S, ENDLESS_S = 5.0, 50.0, 300.0
 FPS, LONG_FPS = 24, 30
 VERTICES = 26_700
 TIMES = 3
+# Speech is generated and removed so often to see what memory stays.
+CYCLES = 12
 # After these many seconds of work Esc is pressed.
 ESC_AFTER_S = (0.3, 2.0, 6.0)
 TIMED = """
@@ -85,6 +87,7 @@ def main() -> None:
         headless(folder)
         estimates(folder)
         sliders(folder)
+        cycles(folder)
         refusals()
         blender = os.environ.get("ANYFACE_BLENDER")
         if blender:
@@ -218,6 +221,28 @@ def sliders(folder: Path) -> None:
     for head, rows in bench_sliders.measure(folder, empty).items():
         for case, (moved, mean, largest) in rows.items():
             line(f"{head}: {case}", f"{moved:.1f}", f"{mean:.3f}", f"{largest:.2f}")
+
+
+def cycles(folder: Path) -> None:
+    """Memory of this process after the first, the fourth and the last of many runs and removals.
+
+    The first third fills Blender's and Python's own pools.
+    """
+    ob, memory = long_head(folder), []
+    ob.anyface.sound_file = str(folder / f"{SHORT_S:.0f}.wav")
+    for _ in range(CYCLES):
+        assert bpy.ops.anyface.generate() == {"FINISHED"}
+        assert bpy.ops.anyface.remove() == {"FINISHED"}
+        memory.append(resident_mb())
+    values = (memory[0], memory[CYCLES // 3], memory[-1])
+    what = f"memory after 1, {CYCLES // 3 + 1} and {CYCLES} runs and removals"
+    line(what, *(f"{value:.0f} MB" for value in values))
+
+
+def resident_mb() -> float:
+    """Memory of this process in MB."""
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def refusals() -> None:

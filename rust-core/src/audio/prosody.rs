@@ -8,9 +8,9 @@ use super::{SAMPLE_RATE_HZ, Waveform, pitch::pitch_track};
 pub const PROSODY_FPS: f64 = 100.0;
 /// Samples between frames.
 pub(super) const HOP: usize = SAMPLE_RATE_HZ as usize / PROSODY_FPS as usize;
-/// Quieter than this is nothing.
+/// Levels below this are raised to it.
 const FLOOR_DB: f32 = -90.0;
-/// Speech loses itself in pauses this far below its loud parts.
+/// A frame this far below the loud parts of the speech belongs to a pause.
 const PAUSE_DEPTH_DB: f32 = 28.0;
 /// A stop consonant is shorter than this, a pause is not.
 const PAUSE_S: f64 = 0.25;
@@ -20,7 +20,7 @@ const SYLLABLE_DIP_DB: f32 = 2.0;
 const SYLLABLE_DEPTH_DB: f32 = 22.0;
 /// Divides vocal effort's upper band from the lower one.
 const EFFORT_SPLIT_HZ: f32 = 1000.0;
-/// Share of frames that are louder than what counts as loud.
+/// The level that this share of all frames exceeds is that of the loud parts.
 const LOUD_SHARE: f64 = 0.05;
 
 /// Tracks at [`PROSODY_FPS`]; frame `t` is centred at `(t + 1/2) / 100` seconds.

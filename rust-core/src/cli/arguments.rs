@@ -26,8 +26,8 @@ pub(super) struct SharedArgs {
     /// Folder of model files that override the embedded ones
     #[arg(long, global = true, value_name = "DIR")]
     pub weights: Option<PathBuf>,
-    /// Folder with a HuBERT or wav2vec2 config.json and model.safetensors, instead of the
-    /// embedded speech encoder
+    /// Folder with a HuBERT or wav2vec2 config.json and model.safetensors or pytorch_model.bin,
+    /// instead of the embedded speech encoder
     #[arg(long, global = true, value_name = "DIR")]
     speech: Option<PathBuf>,
     /// Folder that keeps per-mesh work between runs [default: the user's cache folder]

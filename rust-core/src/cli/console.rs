@@ -107,6 +107,5 @@ fn kind(error: &Error) -> &'static str {
         Error::Numerics(_) => "numerics",
         Error::Io { .. } => "io",
         Error::Cancelled => "cancelled",
-        Error::Internal(_) => "internal",
     }
 }

@@ -20,7 +20,8 @@ const STEP_S: f64 = 0.25;
 const WINDOW_S: f64 = 0.5;
 /// Frames quieter than this below the loud ones carry echoes and noise.
 const HEARD_DB: f32 = 25.0;
-/// Voiced frames at which the voice is believed by half: for the clip, and for a window.
+/// With so many voiced frames what they say counts by half, with more it counts more: for the clip,
+/// and for a window.
 const ENOUGH_CLIP: f32 = 50.0;
 const ENOUGH_WINDOW: f32 = 20.0;
 /// Effort of neutral readings and its spread over voices, rooms and microphones, dB.
@@ -32,11 +33,12 @@ const LIFT_SPREAD: f32 = 2.0;
 /// Changes within a clip that count as one unit of arousal.
 const LOCAL_DB: f32 = 12.0;
 const LOCAL_SEMITONES: f32 = 8.0;
-/// Arousal between these is neutral.
+/// Arousal between minus and plus this is neutral.
 const NEUTRAL: f32 = 0.4;
-/// Intensity for each unit of arousal outside.
+/// Intensity for each unit of arousal beyond [`NEUTRAL`].
 const GAIN: f32 = 0.6;
-/// "surprised", without its sense: raised brows and wide eyes are what high arousal shares.
+/// High arousal is shown as "surprised", low arousal as "calm": raised brows and wide eyes go with
+/// every high arousal, whether anybody is surprised or not.
 const AROUSED: &str = "surprised";
 const DROWSY: &str = "calm";
 

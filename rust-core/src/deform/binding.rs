@@ -12,22 +12,25 @@ use rayon::prelude::*;
 use super::{
     nearest::{PointGrid, distance},
     part_list::{PartList, skin_tree},
-    place::{Box3, Place, REACH_CM},
+    role_rules::{Box3, REACH_CM, RoleRules},
 };
 use crate::{
-    mesh::{Mesh, PartRole, SurfaceTree, reached::Reached},
+    mesh::{Mesh, PartRole, SurfaceTree, dijkstra::QueueEntry},
     motion::LANDMARKS,
 };
 
-/// Distance from the skin within which a part follows fully; it rests from [`REACH_CM`] on.
+/// A part this near to the skin follows it fully; the share falls to nothing at [`REACH_CM`].
 const FOLLOW_CM: f32 = 1.0;
-/// Vertices of a part so much further from the skin than its nearest count as its roots.
+/// The roots of a part are its vertex nearest to the skin and all that lie at most this much
+/// further from the skin.
 const ROOT_CM: f32 = 0.15;
 /// A part larger than this (hair, clothes) follows the skin vertex by vertex.
 const SMALL_CM: f32 = 6.0;
-/// Share of a mouth part's front half that surely is upper or lower jaw.
+/// The highest and the lowest vertices of a mouth part's front half, this share of them at each
+/// end, are taken to belong to the upper and to the lower jaw.
 const SURE_SHARE: f32 = 0.05;
-/// Over this difference of ways to the two jaws a mouth part passes from one to the other.
+/// A vertex of a mouth part follows one jaw alone where its path to the other is longer by this;
+/// in between it follows both.
 const PASSAGE_CM: f32 = 0.3;
 
 /// Three vertices with their shares.
@@ -69,7 +72,7 @@ pub fn bind(
         .collect();
     let surface = OnceCell::new();
     let tree = || surface.get_or_init(|| skin_tree(mesh, skin));
-    let unit = Place::of(landmarks).mouth_unit();
+    let unit = RoleRules::of(landmarks).mouth_unit();
     for (part, vertices) in list.parts.iter().zip(list.connected.vertices()) {
         let others: Vec<u32> = vertices
             .into_iter()
@@ -160,7 +163,7 @@ fn jaw_shares(mesh: &Mesh, part: &[u32], unit: f32) -> Vec<Follows> {
     let passage = PASSAGE_CM * unit;
     let share = |(up, down): (f32, f32)| match (up.is_finite(), down.is_finite()) {
         (true, true) => (0.5 + (up - down) / (2.0 * passage)).clamp(0.0, 1.0),
-        // A loose piece that no way reaches: by its height.
+        // A loose piece that holds lowest vertices alone follows the jaw, any other rests.
         (upper, lower) => f32::from(lower && !upper),
     };
     let follows = |ways| match share(ways) {
@@ -170,7 +173,7 @@ fn jaw_shares(mesh: &Mesh, part: &[u32], unit: f32) -> Vec<Follows> {
     up.into_iter().zip(down).map(follows).collect()
 }
 
-/// Ways along the edges of one part.
+/// Paths along the edges of one part.
 struct EdgeWays {
     /// Neighbours of each vertex of the part, by position in the part, with the edge's length.
     edges: Vec<Vec<(u32, f32)>>,
@@ -197,20 +200,20 @@ impl EdgeWays {
         EdgeWays { edges, number }
     }
 
-    /// Length of the shortest way of each vertex to any of `seeds` (vertices of the mesh).
+    /// Length of the shortest path from each vertex to any of `seeds` (vertices of the mesh).
     fn shortest_from(&self, seeds: &[u32]) -> Vec<f32> {
         let mut ways = vec![f32::INFINITY; self.edges.len()];
-        let mut heap: BinaryHeap<Reached> = (seeds.iter())
-            .map(|v| Reached(0.0, self.number[v], ()))
+        let mut heap: BinaryHeap<QueueEntry> = (seeds.iter())
+            .map(|v| QueueEntry(0.0, self.number[v], ()))
             .collect();
-        while let Some(Reached(way, at, ())) = heap.pop() {
+        while let Some(QueueEntry(way, at, ())) = heap.pop() {
             if way >= ways[at as usize] {
                 continue;
             }
             ways[at as usize] = way;
             for &(next, length) in &self.edges[at as usize] {
                 if way + length < ways[next as usize] {
-                    heap.push(Reached(way + length, next, ()));
+                    heap.push(QueueEntry(way + length, next, ()));
                 }
             }
         }

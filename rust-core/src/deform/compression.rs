@@ -7,14 +7,14 @@
 //! is reported is measured on the result, not estimated.
 
 mod reduced;
-mod thin;
+mod sparsify;
 
 use ndarray::{Array2, Array3};
 use rayon::prelude::*;
 
 use self::{
     reduced::{Components, Reduced},
-    thin::{MOVING, thin},
+    sparsify::{MOVING, sparsify},
 };
 use super::VertexClip;
 use crate::{
@@ -25,12 +25,13 @@ use crate::{
 
 /// Vertices whose error is measured together.
 const VERTICES_PER_TASK: usize = 128;
-/// Components of a performance that nearly suffice: where the search for their number begins.
+/// The search for the number of components begins here: a performance needs about so many.
 const FIRST_COUNT: usize = 32;
-/// Up to this many shapes nobody looks for fewer; rounds in which fewer are looked for.
+/// A clip that needs at most so many shapes is left at that; for one that needs more, so many
+/// rounds of weighting the vertices try to need fewer.
 const FEW: usize = 40;
 const ROUNDS: usize = 3;
-/// The least by which a round changes a vertex' weight.
+/// A round multiplies the weight of a vertex by at least this.
 const LEAST_EXCESS: f32 = 0.05;
 
 /// A clip as `weights · shapes`.
@@ -96,7 +97,7 @@ pub fn compress(
     let error = match best.count > MOVING {
         true => {
             let Components { weights, shapes } = &mut chosen;
-            thin(&flat, weights, shapes, max_error, best.error)
+            sparsify(&flat, weights, shapes, max_error, best.error)
         }
         false => best.error,
     };
@@ -133,7 +134,8 @@ fn choose(
         let left = errors_of_vertices(flat, &best.full, fewer, &all);
         emphasise(&mut weights, &left, max_error);
         let full = reduced.components(&weights)?;
-        // The error is largest where it was large before: only there is it measured in between.
+        // The vertices with the largest error before the round have it afterwards too: to find the
+        // number of components they are measured alone, and all vertices once at the end.
         let worst = worst_tasks(&left, &all);
         let (count, _) = fewest(flat, &full, max_error, fewer, &worst);
         let error = largest_error(flat, &full, count, &all);
@@ -146,8 +148,8 @@ fn choose(
 
 /// Gives vertices more weight the further they are from their place (`left` `[V]`, squared).
 ///
-/// Principal components make the sum of squares small; what is asked is that no vertex be far off,
-/// which iterated weights come nearer to (Lawson 1961).
+/// Principal components make the sum of squared errors small. What is asked for is a small largest
+/// error, which weights that are raised where it is large come nearer to (Lawson 1961).
 fn emphasise(weights: &mut [f32], left: &[f32], max_error: f32) {
     for (weight, left) in weights.iter_mut().zip(left) {
         let excess = (left.sqrt() / max_error.max(f32::MIN_POSITIVE)).clamp(LEAST_EXCESS, 1e3);
@@ -159,8 +161,8 @@ fn emphasise(weights: &mut [f32], left: &[f32], max_error: f32) {
 
 /// The fewest components that leave at most `max_error`, and what they leave; all where none do.
 ///
-/// What is left falls with the number of components, so it is looked for by doubling and halving
-/// from `guess` on.
+/// The error falls as components are added, so their number is found by doubling and halving,
+/// beginning with `guess`.
 fn fewest(
     flat: &Array2<f32>,
     full: &Components,
@@ -193,7 +195,8 @@ fn largest_error(flat: &Array2<f32>, full: &Components, count: usize, tasks: &[u
     squares.into_iter().fold(0.0, f32::max).sqrt()
 }
 
-/// The same for each vertex, squared; of the tasks that begin with the vertices `tasks`.
+/// The same for each vertex, squared. `tasks`: the first vertex of each group of
+/// [`VERTICES_PER_TASK`] vertices that is measured.
 fn errors_of_vertices(
     flat: &Array2<f32>,
     full: &Components,
@@ -220,7 +223,7 @@ fn errors_of_vertices(
     tasks.par_iter().map(errors_of).flatten_iter().collect()
 }
 
-/// The sixteenth of `tasks` with the largest errors; `left` holds those of all their vertices.
+/// The sixteenth of `tasks` with the largest errors; `left` holds the errors of all their vertices.
 fn worst_tasks(left: &[f32], tasks: &[usize]) -> Vec<usize> {
     let largest = |task: &[f32]| task.iter().copied().fold(0.0, f32::max);
     let errors = left.chunks(VERTICES_PER_TASK).map(largest);

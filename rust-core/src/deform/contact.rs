@@ -29,7 +29,7 @@ const SAMPLES: usize = 24;
 const PIECES: usize = 32;
 /// A rim lies no further than this from its landmarks' line.
 const RIM_CM: f32 = 0.3;
-/// Landmarks nearer than this have met, or than half their neutral distance.
+/// Two landmarks have met when they are nearer than this, or nearer than half their neutral distance.
 const MET_CM: f32 = 0.05;
 /// Rims further apart than this are not brought together: the landmarks are not on them.
 const PULL_CM: f32 = 0.3;
@@ -38,7 +38,7 @@ const PULL_CM: f32 = 0.3;
 struct Marks {
     upper: &'static [usize],
     lower: &'static [usize],
-    /// How far beside the rims a correction is felt.
+    /// Skin this far from the rims still moves a little with a correction; further away none does.
     reach_cm: f32,
 }
 

@@ -49,7 +49,7 @@ impl Corrections {
         }
     }
 
-    /// The same for `vertices` alone, rising; the rims are among them.
+    /// The corrections of `vertices` alone, in ascending order; the rims must be among them.
     fn of_vertices(&self, vertices: &[u32]) -> Corrections {
         let new = |v: u32| vertices.binary_search(&v).ok().map(|at| at as u32);
         let carried = self.carried.iter();

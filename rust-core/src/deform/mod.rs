@@ -15,9 +15,9 @@ mod landmark_weights;
 mod lids;
 mod nearest;
 mod part_list;
-mod place;
 pub mod projection;
 pub mod proxy;
+mod role_rules;
 mod skin;
 mod tension_screened_biharmonic;
 

@@ -5,7 +5,7 @@ use std::cell::OnceCell;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    place::{Box3, Place},
+    role_rules::{Box3, RoleRules},
     skin::{parts_of_skin, sewn_parts, touching_lips},
 };
 use crate::{
@@ -122,7 +122,7 @@ fn roles(
     is_skin: &[bool],
     chosen: &[Option<PartRole>],
 ) -> Vec<PartRole> {
-    let place = Place::of(landmarks);
+    let rules = RoleRules::of(landmarks);
     let known = |p: usize| match is_skin[p] {
         true => Some(PartRole::Skin),
         false => chosen[p],
@@ -135,7 +135,7 @@ fn roles(
         list.map(|&v| canonical.positions[v as usize]).collect()
     };
     (0..lists.len())
-        .map(|p| known(p).unwrap_or_else(|| place.role(&points(p), skin)))
+        .map(|p| known(p).unwrap_or_else(|| rules.role(&points(p), skin)))
         .collect()
 }
 

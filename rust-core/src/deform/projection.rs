@@ -9,10 +9,12 @@ use crate::{
     nn::matrix::{by_row_blocks, product, rows_of, view, view_mut},
 };
 
-/// What is added to the diagonal of shapes of length 1, so that doubled shapes share their part.
+/// Added to the diagonal of the products of shapes of length 1, so that two equal shapes get equal
+/// weights.
 const RIDGE: f64 = 1e-9;
 
-/// Finds the weights of a basis' shapes that come nearest to a motion of some vertices, all alike.
+/// Finds the weights with which a basis' shapes come nearest to a motion of some vertices; every
+/// vertex counts the same.
 pub struct Projection {
     /// `[K, 3S]`, each of length 1.
     shapes: Array2<f32>,

@@ -26,7 +26,7 @@ use crate::{
     motion::LANDMARKS,
 };
 
-/// Farthest that the proxy may lie from the skin, centimetres.
+/// The proxy may lie so far from the skin, centimetres.
 const ERROR_CM: f64 = 0.05;
 /// Landmarks around which the proxy is finest: lids and lips.
 const FINE: std::ops::Range<usize> = 36..68;
@@ -34,7 +34,7 @@ const FINE: std::ops::Range<usize> = 36..68;
 const EDGE_CM: [f32; 2] = [0.1, 0.2];
 /// Growth of the edge length with the distance.
 const GROWTH: f32 = 0.1;
-/// An edge of a coarse skin is split where it is so much longer than wanted.
+/// An edge of a coarse skin is split where it is so many times longer than wanted.
 const LONG: f32 = 2.0;
 
 /// The skin as it is solved on.

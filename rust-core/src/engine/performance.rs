@@ -98,7 +98,7 @@ impl Engine {
             progress,
         )?;
         if self.ats.config().closes_lips(request.style.as_deref())
-            && let Some(closed) = self.speech.closed_lips(features)?
+            && let Some(closed) = self.speech.closed_lips(features)
         {
             motion::close_lips(&mut displacements, &closed)?;
         }

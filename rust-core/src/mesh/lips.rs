@@ -11,7 +11,7 @@ use std::collections::BinaryHeap;
 use super::{
     Mesh,
     closest::{norm, sub},
-    reached::Reached,
+    dijkstra::QueueEntry,
 };
 
 /// A lip, or neither where the surface does not reach one.
@@ -45,10 +45,10 @@ pub(crate) fn lip_of_vertices(
     let mut heap = BinaryHeap::new();
     for (seeds, lip) in [(upper, Lip::Upper), (lower, Lip::Lower)] {
         for &vertex in seeds {
-            heap.push(Reached(0.0, vertex, lip));
+            heap.push(QueueEntry(0.0, vertex, lip));
         }
     }
-    while let Some(Reached(distance, vertex, lip)) = heap.pop() {
+    while let Some(QueueEntry(distance, vertex, lip)) = heap.pop() {
         if distance > radius || lips[vertex as usize].is_some() {
             continue;
         }
@@ -57,7 +57,7 @@ pub(crate) fn lip_of_vertices(
             if lips[next as usize].is_none() {
                 let here = mesh.positions[vertex as usize];
                 let length = norm(sub(mesh.positions[next as usize], here));
-                heap.push(Reached(distance + length, next, lip));
+                heap.push(QueueEntry(distance + length, next, lip));
             }
         }
     }

@@ -5,8 +5,8 @@ use std::collections::BinaryHeap;
 use super::{
     Landmarks, Mesh,
     closest::{norm, sub},
+    dijkstra::QueueEntry,
     parts::weld_seams,
-    reached::Reached,
 };
 
 /// Inner-lip landmarks that face each other, upper and lower.
@@ -126,8 +126,8 @@ impl Roads {
     fn joined(&self, mesh: &Mesh, from: u32, to: u32, reach: f32) -> bool {
         let [from, to] = [from, to].map(|v| self.sewn[v as usize]);
         let mut nearest = std::collections::HashMap::from([(from, 0.0f32)]);
-        let mut heap = BinaryHeap::from([Reached(0.0, from, ())]);
-        while let Some(Reached(distance, vertex, ())) = heap.pop() {
+        let mut heap = BinaryHeap::from([QueueEntry(0.0, from, ())]);
+        while let Some(QueueEntry(distance, vertex, ())) = heap.pop() {
             if vertex == to {
                 return true;
             }
@@ -138,7 +138,7 @@ impl Roads {
                 let known = nearest.get(&next).copied().unwrap_or(f32::MAX);
                 if there <= reach && there < known {
                     nearest.insert(next, there);
-                    heap.push(Reached(there, next, ()));
+                    heap.push(QueueEntry(there, next, ()));
                 }
             }
         }

@@ -7,7 +7,8 @@ use super::{
 
 /// Faces in a leaf.
 const LEAF: usize = 4;
-/// Halves with so many faces are divided side by side.
+/// When both halves of a box hold at least so many faces, two threads go on, one in each half;
+/// below that, starting a thread costs more than it saves.
 const SHARED: usize = 10_000;
 
 /// Number and corners.
@@ -45,13 +46,13 @@ struct Node {
 }
 
 impl SurfaceTree {
-    /// Over all faces.
+    /// The tree of all faces.
     pub fn new(mesh: &Mesh) -> SurfaceTree {
         let all: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
         SurfaceTree::of_faces(mesh, &all)
     }
 
-    /// Over some faces.
+    /// The tree of some faces.
     ///
     /// # Panics
     /// If a face does not exist.

@@ -1,12 +1,12 @@
 //! One-dimensional convolution over time as a sum of matrix products, one per tap.
 
 use faer::MatRef;
-use ndarray::{Array1, Array2, ArrayRef2};
+use ndarray::{Array1, Array2, ArrayRef2, s};
 
 use super::{Weights, elementwise::add_to_rows, matrix};
 use crate::Result;
 
-/// A strided convolution without padding over `[T, C]`; PyTorch's `nn.Conv1d`, channels last.
+/// A convolution over `[T, C]`; PyTorch's `nn.Conv1d`, channels last.
 #[derive(Debug, Clone)]
 pub struct Conv1d {
     /// `[taps · in, out]`: the taps one below the other.
@@ -14,6 +14,8 @@ pub struct Conv1d {
     bias: Array1<f32>,
     inputs: usize,
     stride: usize,
+    dilation: usize,
+    padding: usize,
 }
 
 impl Conv1d {
@@ -48,7 +50,19 @@ impl Conv1d {
             bias,
             inputs,
             stride,
+            dilation: 1,
+            padding: 0,
         }
+    }
+
+    /// The same with taps that stand `dilation` rows apart, at least 1.
+    pub fn dilated(self, dilation: usize) -> Self {
+        Conv1d { dilation, ..self }
+    }
+
+    /// The same with `padding` rows of zeros before and after the input.
+    pub fn padded(self, padding: usize) -> Self {
+        Conv1d { padding, ..self }
     }
 
     /// Number of output channels.
@@ -63,26 +77,28 @@ impl Conv1d {
 
     /// Rows of the output for `rows` rows of input.
     pub fn output_rows(&self, rows: usize) -> usize {
-        match rows >= self.taps() {
-            true => (rows - self.taps()) / self.stride + 1,
+        let (rows, reach) = (rows + 2 * self.padding, self.dilation * (self.taps() - 1));
+        match rows > reach {
+            true => (rows - reach - 1) / self.stride + 1,
             false => 0,
         }
     }
 
-    /// `x`: `[T, in]`. Returns `[T', out]` with `T' = (T − taps) / stride + 1`, each block of rows
-    /// passed through `finish` while it is in the cache.
+    /// `x`: `[T, in]`. Returns `[T', out]`, each block of rows passed through `finish` while it is
+    /// in the cache; `T' = (T + 2 padding − dilation (taps − 1) − 1) / stride + 1`.
     pub fn forward_then(
         &self,
         x: &ArrayRef2<f32>,
         finish: impl Fn(&mut [f32]) + Sync,
     ) -> Array2<f32> {
         assert_eq!(x.ncols(), self.inputs, "input channels");
-        let values = matrix::values(x);
+        let padded = (self.padding > 0).then(|| with_zeros_around(x, self.padding));
+        let values = matrix::values(padded.as_deref().unwrap_or(x));
         let outputs = self.outputs();
         matrix::by_row_blocks(self.output_rows(x.nrows()), outputs, |rows, out| {
             let from = rows.start * self.stride * self.inputs;
-            match self.inputs {
-                1 => self.one_channel(&values[from..], rows.len(), out),
+            match (self.inputs, self.dilation) {
+                (1, 1) => self.one_channel(&values[from..], rows.len(), out),
                 _ => self.sum_of_taps(&values[from..], rows.len(), out),
             }
             add_to_rows(out, self.bias.as_slice().expect("contiguous"));
@@ -106,10 +122,10 @@ impl Conv1d {
     fn sum_of_taps(&self, x: &[f32], rows: usize, out: &mut [f32]) {
         let step = self.stride * self.inputs;
         for tap in 0..self.taps() {
-            let from = tap * self.inputs;
+            let from = tap * self.dilation * self.inputs;
             let to = from + (rows - 1) * step + self.inputs;
             let x = MatRef::from_row_major_slice_with_stride(&x[from..to], rows, self.inputs, step);
-            let weight = matrix::view(&self.weight).subrows(from, self.inputs);
+            let weight = matrix::view(&self.weight).subrows(tap * self.inputs, self.inputs);
             let target = matrix::view_mut(out, self.outputs());
             match tap {
                 0 => matrix::product(target, x, weight),
@@ -119,19 +135,30 @@ impl Conv1d {
     }
 }
 
+/// `x` with `padding` rows of zeros before and after it.
+fn with_zeros_around(x: &ArrayRef2<f32>, padding: usize) -> Array2<f32> {
+    let (rows, columns) = x.dim();
+    let mut padded = Array2::zeros((rows + 2 * padding, columns));
+    padded.slice_mut(s![padding..padding + rows, ..]).assign(x);
+    padded
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// The definition, written as the sum it is.
-    fn plain(x: &Array2<f32>, weight: &[f32], shape: [usize; 3], stride: usize) -> Array2<f32> {
+    /// The definition, written as the sum it is; zeros stand beyond both ends.
+    fn plain(x: &Array2<f32>, weight: &[f32], shape: [usize; 3], steps: [usize; 3]) -> Array2<f32> {
         let [outputs, inputs, taps] = shape;
-        let rows = (x.nrows() - taps) / stride + 1;
+        let [stride, dilation, padding] = steps;
+        let rows = (x.nrows() + 2 * padding - dilation * (taps - 1) - 1) / stride + 1;
         Array2::from_shape_fn((rows, outputs), |(t, o)| {
             let mut sum = 0.0;
             for i in 0..inputs {
                 for k in 0..taps {
-                    sum += x[[t * stride + k, i]] * weight[(o * inputs + i) * taps + k];
+                    let row = (t * stride + k * dilation).checked_sub(padding);
+                    let value = row.and_then(|row| x.get([row, i])).unwrap_or(&0.0);
+                    sum += value * weight[(o * inputs + i) * taps + k];
                 }
             }
             sum
@@ -140,7 +167,15 @@ mod tests {
 
     #[test]
     fn convolution_equals_its_definition() {
-        for (inputs, taps, stride) in [(1, 10, 5), (6, 3, 2), (4, 2, 2), (5, 4, 1)] {
+        for (inputs, taps, steps) in [
+            (1, 10, [5, 1, 0]),
+            (6, 3, [2, 1, 0]),
+            (4, 2, [2, 1, 0]),
+            (5, 4, [1, 1, 0]),
+            (5, 3, [1, 8, 8]),
+            (1, 3, [1, 2, 0]),
+            (6, 5, [2, 1, 2]),
+        ] {
             let shape = [7, inputs, taps];
             let weight: Vec<f32> = (0..7 * inputs * taps)
                 .map(|i| (i as f32 * 0.37).sin())
@@ -148,9 +183,12 @@ mod tests {
             let x = Array2::from_shape_fn((203, inputs), |(t, c)| {
                 ((t * inputs + c) as f32 * 0.11).cos()
             });
-            let conv = Conv1d::from_parts(&weight, shape, Array1::zeros(7), stride);
+            let [stride, dilation, padding] = steps;
+            let conv = Conv1d::from_parts(&weight, shape, Array1::zeros(7), stride)
+                .dilated(dilation)
+                .padded(padding);
             let got = conv.forward_then(&x, |_| ());
-            let difference = &got - &plain(&x, &weight, shape, stride);
+            let difference = &got - &plain(&x, &weight, shape, steps);
             assert!(difference.iter().all(|d| d.abs() < 1e-4));
         }
     }

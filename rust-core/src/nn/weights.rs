@@ -52,10 +52,23 @@ impl Weights {
             .iter()
             .filter_map(|(name, view)| Some((name.to_owned(), read(&view)?)))
             .collect();
-        Ok(Weights {
+        Ok(Self::of(arrays))
+    }
+
+    /// From names, shapes and row-major values.
+    #[cfg(feature = "checkpoints")]
+    pub(crate) fn from_arrays(
+        arrays: impl IntoIterator<Item = (String, (Vec<usize>, Vec<f32>))>,
+    ) -> Self {
+        let named = |(name, (shape, values))| (name, Array { shape, values });
+        Self::of(arrays.into_iter().map(named).collect())
+    }
+
+    fn of(arrays: HashMap<String, Array>) -> Self {
+        Weights {
             arrays: Arc::new(arrays),
             prefix: String::new(),
-        })
+        }
     }
 
     /// Reads a safetensors file from disk.

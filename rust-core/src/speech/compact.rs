@@ -5,15 +5,23 @@
 //! when the lips are together. Long sounds are encoded in spans with
 //! enough context on both sides that the result is the same as that of the whole.
 
-use candle_core::{DType, Device, Tensor};
-use candle_nn::{LayerNorm, Linear, Module, VarBuilder};
-use ndarray::{Array1, Array2, ArrayView2, Axis, Slice};
+use ndarray::{Array1, Array2, ArrayRef2, ArrayView2, Axis, Slice};
 
 use super::{
     FeatureTrack, SpeechEncoder,
     log_mel::{BANDS, log_mel},
 };
-use crate::{Error, Result, audio::Waveform, nn::elementwise::sigmoid};
+use crate::{
+    Error, Result,
+    audio::Waveform,
+    nn::{
+        Weights,
+        conv::Conv1d,
+        elementwise::{gelu_all, sigmoid},
+        linear::Linear,
+        norm::LayerNorm,
+    },
+};
 
 const ACTIVE_QUANTILE: f64 = 0.95;
 pub(crate) const ACTIVE_RANGE: f32 = 4.0;
@@ -24,6 +32,8 @@ pub(crate) const SCALE: f32 = 4.0;
 const STRIDE: usize = 4;
 /// Output frames of a span, without its context.
 const SPAN: usize = 1024;
+/// Epsilon of PyTorch's norms.
+const EPSILON: f32 = 1e-5;
 
 /// Sizes of the encoder, as `config.json` states them.
 #[derive(Debug, Clone, PartialEq, serde::Deserialize)]
@@ -45,9 +55,9 @@ pub struct CompactConfig {
 /// The default speech encoder.
 pub struct CompactEncoder {
     config: CompactConfig,
-    stem: Conv,
+    stem: Conv1d,
     fine: Vec<ResidualBlock>,
-    down: Conv,
+    down: Conv1d,
     coarse: Vec<ResidualBlock>,
     norm: LayerNorm,
     closure: Linear,
@@ -67,27 +77,20 @@ impl CompactEncoder {
                 config.bands, config.rate_hz
             )));
         }
-        let vb = VarBuilder::from_slice_safetensors(weights, DType::F32, &Device::Cpu)
-            .map_err(|e| bad(&e))?;
-        Self::new(config, vb).map_err(|e| bad(&e))
-    }
-
-    fn new(config: CompactConfig, vb: VarBuilder<'_>) -> candle_core::Result<Self> {
+        let weights = Weights::from_bytes(weights)?;
         let channels = config.channels;
-        let blocks = |name: &str, dilations: &[usize]| {
-            let vb = vb.pp(name);
-            let block = |(i, d): (usize, &usize)| ResidualBlock::new(channels, *d, vb.pp(i));
+        let blocks = |name: &str, dilations: &[usize]| -> Result<Vec<_>> {
+            let weights = weights.pp(name);
+            let block = |(i, d): (usize, &usize)| ResidualBlock::load(&weights.pp(i), channels, *d);
             dilations.iter().enumerate().map(block).collect()
         };
-        let fine: candle_core::Result<Vec<_>> = blocks("fine", &config.fine_dilations);
-        let coarse: candle_core::Result<Vec<_>> = blocks("coarse", &config.coarse_dilations);
         Ok(CompactEncoder {
-            stem: Conv::new(config.bands, channels, 5, 2, 1, vb.pp("stem"))?,
-            fine: fine?,
-            down: Conv::new(channels, channels, 3, 2, 1, vb.pp("down"))?,
-            coarse: coarse?,
-            norm: candle_nn::layer_norm(channels, 1e-5, vb.pp("norm"))?,
-            closure: candle_nn::linear(channels, 1, vb.pp("closure"))?,
+            stem: same_length(&weights.pp("stem"), [channels, config.bands, 5], 2, 1)?,
+            fine: blocks("fine", &config.fine_dilations)?,
+            down: same_length(&weights.pp("down"), [channels, channels, 3], 2, 1)?,
+            coarse: blocks("coarse", &config.coarse_dilations)?,
+            norm: LayerNorm::load(&weights.pp("norm"), channels, EPSILON)?,
+            closure: Linear::load(&weights.pp("closure"), channels, 1)?,
             config,
         })
     }
@@ -95,10 +98,7 @@ impl CompactEncoder {
     /// Features of a normalised log-mel.
     ///
     /// `mel`: `[T, 64]` from [`normalise`]. Returns `[⌈⌈T/2⌉/2⌉, C]`.
-    ///
-    /// # Errors
-    /// `Internal` only.
-    pub fn forward(&self, mel: ArrayView2<'_, f32>) -> Result<Array2<f32>> {
+    pub fn forward(&self, mel: ArrayView2<'_, f32>) -> Array2<f32> {
         let frames = mel.nrows().div_ceil(STRIDE);
         let context = self.context();
         let mut out = Array2::zeros((frames, self.config.channels));
@@ -107,12 +107,11 @@ impl CompactEncoder {
             let first = start.saturating_sub(context);
             let last = ((end + context) * STRIDE).min(mel.nrows());
             let rows = |from: usize, to: usize| Slice::from(from..to);
-            let features =
-                self.forward_span(mel.slice_axis(Axis(0), rows(first * STRIDE, last)))?;
+            let features = self.forward_span(&mel.slice_axis(Axis(0), rows(first * STRIDE, last)));
             out.slice_axis_mut(Axis(0), rows(start, end))
                 .assign(&features.slice_axis(Axis(0), rows(start - first, end - first)));
         }
-        Ok(out)
+        out
     }
 
     /// Output frames on either side that one output frame depends on.
@@ -123,21 +122,17 @@ impl CompactEncoder {
         coarse + (fine + 1).div_ceil(2) + 1
     }
 
-    fn forward_span(&self, mel: ArrayView2<'_, f32>) -> Result<Array2<f32>> {
-        let values: Vec<f32> = mel.iter().copied().collect();
-        let mut x = Tensor::from_vec(values, mel.dim(), &Device::Cpu)?;
-        x = self.stem.forward(&x)?.gelu_erf()?;
+    fn forward_span(&self, mel: &ArrayRef2<f32>) -> Array2<f32> {
+        let mut x = self.stem.forward_then(mel, gelu_all);
         for block in &self.fine {
-            x = block.forward(&x)?;
+            block.forward_in_place(&mut x);
         }
-        x = self.down.forward(&x)?.gelu_erf()?;
+        let mut x = self.down.forward_then(&x, gelu_all);
         for block in &self.coarse {
-            x = block.forward(&x)?;
+            block.forward_in_place(&mut x);
         }
-        x = self.norm.forward(&x)?;
-        let (frames, channels) = x.dims2()?;
-        let values = x.flatten_all()?.to_vec1()?;
-        Ok(Array2::from_shape_vec((frames, channels), values).expect("the tensor's own shape"))
+        self.norm.forward_in_place(&mut x);
+        x
     }
 }
 
@@ -146,11 +141,9 @@ impl SpeechEncoder for CompactEncoder {
         self.config.channels
     }
 
-    fn closed_lips(&self, features: ArrayView2<'_, f32>) -> Result<Option<Vec<f32>>> {
-        let values: Vec<f32> = features.iter().copied().collect();
-        let x = Tensor::from_vec(values, features.dim(), &Device::Cpu)?;
-        let logits: Vec<f32> = self.closure.forward(&x)?.flatten_all()?.to_vec1()?;
-        Ok(Some(logits.into_iter().map(sigmoid).collect()))
+    fn closed_lips(&self, features: ArrayView2<'_, f32>) -> Option<Vec<f32>> {
+        let logits = self.closure.forward(&features);
+        Some(logits.into_iter().map(sigmoid).collect())
     }
 
     fn encode(&self, waveform: &Waveform) -> Result<FeatureTrack> {
@@ -159,7 +152,7 @@ impl SpeechEncoder for CompactEncoder {
         }
         let mel = normalise(log_mel(&waveform.samples));
         Ok(FeatureTrack {
-            features: self.forward(mel.view())?,
+            features: self.forward(mel.view()),
             rate_hz: self.config.rate_hz,
         })
     }
@@ -213,81 +206,34 @@ fn quantile(values: &[f32], q: f64) -> f32 {
 /// x + mix(GELU(conv(norm(x)))) on `[T, C]`; `conv` has 3 taps `dilation` apart.
 struct ResidualBlock {
     norm: LayerNorm,
-    conv: Conv,
+    conv: Conv1d,
     mix: Linear,
 }
 
 impl ResidualBlock {
-    fn new(channels: usize, dilation: usize, vb: VarBuilder<'_>) -> candle_core::Result<Self> {
+    fn load(weights: &Weights, channels: usize, dilation: usize) -> Result<Self> {
         Ok(ResidualBlock {
-            norm: candle_nn::layer_norm(channels, 1e-5, vb.pp("norm"))?,
-            conv: Conv::new(channels, channels, 3, 1, dilation, vb.pp("conv"))?,
-            mix: candle_nn::linear(channels, channels, vb.pp("mix"))?,
+            norm: LayerNorm::load(&weights.pp("norm"), channels, EPSILON)?,
+            conv: same_length(&weights.pp("conv"), [channels, channels, 3], 1, dilation)?,
+            mix: Linear::load(&weights.pp("mix"), channels, channels)?,
         })
     }
 
-    fn forward(&self, x: &Tensor) -> candle_core::Result<Tensor> {
-        let y = self.conv.forward(&self.norm.forward(x)?)?.gelu_erf()?;
-        x + self.mix.forward(&y)?
+    fn forward_in_place(&self, x: &mut Array2<f32>) {
+        let y = self.conv.forward_then(&self.norm.forward(x), gelu_all);
+        *x += &self.mix.forward(&y);
     }
 }
 
-/// A convolution over time with "same" padding of zeros, as one matrix product over its taps.
-struct Conv {
-    /// `[taps · in, out]`.
-    weight: Tensor,
-    bias: Tensor,
-    taps: usize,
+/// A convolution with `shape` `[out, in, taps]` that yields `⌈T / stride⌉` rows.
+fn same_length(
+    weights: &Weights,
+    shape: [usize; 3],
     stride: usize,
     dilation: usize,
-}
-
-impl Conv {
-    fn new(
-        channels_in: usize,
-        channels_out: usize,
-        taps: usize,
-        stride: usize,
-        dilation: usize,
-        vb: VarBuilder<'_>,
-    ) -> candle_core::Result<Self> {
-        let weight = vb
-            .get((channels_out, channels_in, taps), "weight")?
-            .permute((2, 1, 0))?
-            .contiguous()?
-            .reshape((taps * channels_in, channels_out))?;
-        Ok(Conv {
-            weight,
-            bias: vb.get(channels_out, "bias")?,
-            taps,
-            stride,
-            dilation,
-        })
-    }
-
-    /// `x`: `[T, in]`. Returns `[⌈T / stride⌉, out]`.
-    fn forward(&self, x: &Tensor) -> candle_core::Result<Tensor> {
-        let frames = x.dim(0)?.div_ceil(self.stride);
-        let pad = self.dilation * (self.taps / 2);
-        // The extra rows on the right let every tap be cut into whole strides.
-        let padded = x.pad_with_zeros(0, pad, pad + self.stride)?;
-        let tap = |k: usize| -> candle_core::Result<Tensor> {
-            let rows = padded.narrow(0, k * self.dilation, frames * self.stride)?;
-            match self.stride {
-                1 => Ok(rows),
-                stride => rows
-                    .reshape((frames, stride, ()))?
-                    .narrow(1, 0, 1)?
-                    .squeeze(1),
-            }
-        };
-        let taps = (0..self.taps)
-            .map(tap)
-            .collect::<candle_core::Result<Vec<_>>>()?;
-        Tensor::cat(&taps, 1)?
-            .matmul(&self.weight)?
-            .broadcast_add(&self.bias)
-    }
+) -> Result<Conv1d> {
+    let conv = Conv1d::load(weights, shape, stride, true)?;
+    Ok(conv.dilated(dilation).padded(dilation * (shape[2] / 2)))
 }
 
 #[cfg(test)]
@@ -355,9 +301,9 @@ mod tests {
         let (encoder, bytes) = debug_encoder();
         let file = SafeTensors::deserialize(&bytes).unwrap();
         let mel = normalise(array(&file, "input"));
-        let features = encoder.forward(mel.view()).unwrap();
+        let features = encoder.forward(mel.view());
         assert!(largest_difference(&features, &array(&file, "output")) < 1e-4);
-        let closed = encoder.closed_lips(features.view()).unwrap().unwrap();
+        let closed = encoder.closed_lips(features.view()).unwrap();
         let known = floats(&file.tensor("closed").unwrap());
         assert!(closed.iter().zip(known).all(|(a, b)| (a - b).abs() < 1e-4));
     }
@@ -369,8 +315,8 @@ mod tests {
         let mel = Array2::from_shape_fn((frames, BANDS), |(t, b)| {
             ((t * 7 + b * 13) % 101) as f32 / 50.0 - 1.0
         });
-        let whole = encoder.forward_span(mel.view()).unwrap();
-        let spans = encoder.forward(mel.view()).unwrap();
+        let whole = encoder.forward_span(&mel);
+        let spans = encoder.forward(mel.view());
         assert!(largest_difference(&whole, &spans) < 1e-5);
     }
 

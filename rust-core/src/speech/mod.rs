@@ -1,5 +1,6 @@
 //! Speech features: one trait, three encoders (compact, HuBERT, wav2vec2).
 
+mod checkpoint;
 mod compact;
 mod conv_features;
 mod encoder_config;
@@ -42,16 +43,14 @@ pub trait SpeechEncoder: Send + Sync {
 
     /// Probability at each row of `features` `[T, C]` that the lips are together for p, b or m,
     /// `[T]`; `None` where the encoder was not trained to say so.
-    ///
-    /// # Errors
-    /// `Internal` only.
-    fn closed_lips(&self, features: ArrayView2<'_, f32>) -> Result<Option<Vec<f32>>> {
+    fn closed_lips(&self, features: ArrayView2<'_, f32>) -> Option<Vec<f32>> {
         let _ = features;
-        Ok(None)
+        None
     }
 }
 
-/// Reads HuBERT or wav2vec2 from a Hugging Face folder, as its `config.json` says.
+/// Reads HuBERT or wav2vec2 from a Hugging Face folder, as its `config.json` says; the weights
+/// stand in `model.safetensors` or, with the feature `checkpoints`, in `pytorch_model.bin`.
 ///
 /// `layer` chooses a hidden state: 0 stands before the first layer; `None` is the output.
 ///

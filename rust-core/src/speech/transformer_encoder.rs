@@ -1,7 +1,7 @@
 //! What HuBERT and wav2vec2 have in common: a transformer over convolutional features.
 //!
-//! Reads a Hugging Face folder: `config.json`, `model.safetensors` under the checkpoint's own names
-//! and, where it is there, `preprocessor_config.json`. The two networks compute the same function;
+//! Reads a Hugging Face folder: `config.json`, the weights under the checkpoint's own names and,
+//! where it is there, `preprocessor_config.json`. The two networks compute the same function;
 //! they differ in training and in a few names.
 
 use std::path::Path;
@@ -10,7 +10,7 @@ use ndarray::{Array1, Array2, ArrayRef2, Axis, Slice};
 use rayon::prelude::*;
 
 use super::{
-    FeatureTrack,
+    FeatureTrack, checkpoint,
     conv_features::ConvFeatures,
     encoder_config::{EncoderConfig, read_preprocessor},
 };
@@ -71,7 +71,7 @@ impl TransformerEncoder {
             // The default of Hugging Face's feature extractor.
             false => true,
         };
-        let weights = Weights::from_file(&folder.join("model.safetensors"))?;
+        let weights = checkpoint::read(folder)?;
         Self::new(config, &weights, normalise, layer)
     }
 
@@ -281,7 +281,7 @@ impl PositionalConv {
             let size = width * width * taps;
             let weight = &weight[index * size..(index + 1) * size];
             let bias = bias.slice_axis(Axis(0), Slice::from(index * width..(index + 1) * width));
-            Conv1d::from_parts(weight, [width, width, taps], bias.to_owned(), 1)
+            Conv1d::from_parts(weight, [width, width, taps], bias.to_owned(), 1).padded(taps / 2)
         };
         let groups = (0..groups).map(group).collect();
         Ok(PositionalConv { groups })
@@ -290,18 +290,13 @@ impl PositionalConv {
     /// `x`: `[T, C]`. Returns `[T, C]`; zeros beyond the ends, one frame dropped for even taps.
     fn forward(&self, x: &ArrayRef2<f32>) -> Array2<f32> {
         let (frames, width) = (x.nrows(), self.groups[0].outputs());
-        let padding = self.groups[0].taps() / 2;
         let columns = |index: usize| Slice::from(index * width..(index + 1) * width);
         let parts: Vec<Array2<f32>> = self
             .groups
             .par_iter()
             .enumerate()
             .map(|(index, conv)| {
-                let mut padded = Array2::zeros((frames + 2 * padding, width));
-                padded
-                    .slice_axis_mut(Axis(0), Slice::from(padding..padding + frames))
-                    .assign(&x.slice_axis(Axis(1), columns(index)));
-                conv.forward_then(&padded, gelu_all)
+                conv.forward_then(&x.slice_axis(Axis(1), columns(index)), gelu_all)
             })
             .collect();
         let mut out = Array2::zeros(x.dim());

@@ -11,7 +11,8 @@ pub struct Wav2Vec2 {
 }
 
 impl Wav2Vec2 {
-    /// Reads `config.json`, `model.safetensors` and, where it is there, `preprocessor_config.json`.
+    /// Reads `config.json`, the weights as [`super::from_folder`] does and, where it is there,
+    /// `preprocessor_config.json`.
     ///
     /// `layer` chooses a hidden state: 0 stands before the first layer; `None` is the output.
     ///

@@ -8,3 +8,4 @@ mod landmarks;
 mod parts;
 mod performance;
 mod sliders;
+mod sources;

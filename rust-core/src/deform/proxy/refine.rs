@@ -16,7 +16,8 @@ use crate::mesh::{
 const AT_VERTEX_CM: f64 = 0.01;
 /// A landmark with less weight than this on a corner lies on the side across from it.
 const ON_SIDE: f64 = 0.02;
-/// Landmarks that may lie in one triangle and the search still sees all of its pieces.
+/// Up to so many landmarks may lie in one triangle; the search then still finds all pieces that the
+/// triangle was cut into.
 const MOST_CUTS: usize = 3;
 /// Rounds of splitting.
 const MOST_ROUNDS: usize = 8;
@@ -51,7 +52,7 @@ impl Refined {
                 away.push((anchor, way, n));
             }
         }
-        // In an order that a mirrored face has too.
+        // This order does not depend on left and right, so that a mirrored face is cut alike.
         away.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
         self.near = self.two_rings(away.iter().map(|place| place.0));
         for (anchor, _, n) in away {

@@ -26,18 +26,18 @@ use crate::{
 /// Half-size of the window on a face of human size, metres; the networks were trained around it.
 pub(super) const HALF_SIZE_M: f32 = 0.105;
 
-/// Room around a face when it is looked at again.
+/// A face that was found is looked at again through a window so many times its own size.
 const CLOSER: f32 = 1.35;
 const CLOSER_LOOKS: usize = 3;
 
 /// Faces taken from one picture.
 const FACES_IN_A_PICTURE: usize = 2;
 
-/// Candidates that get closer looks, and those that leave the search.
+/// So many candidates get closer looks, and so many of those are handed on.
 const LOOKED_AT: usize = 9;
 const KEPT: usize = 3;
 
-/// Poses that are looked at together, of those that promise most.
+/// So many of the most promising poses are looked at at the same time.
 const PROMISED_AT_ONCE: usize = 32;
 
 /// Views around the plane of symmetry.
@@ -47,18 +47,20 @@ const VIEWS_IN_PLANE: usize = 12;
 /// alone, which knows faces that the pose network does not.
 const WINDOWS_ON_PLANE: [f32; 4] = [0.6, 0.42, 0.3, 0.21];
 
-/// What a face in the stated pose is worth more than one in another: a tie-break.
+/// Added to the likeness of a face that looks the way the caller stated, so that it wins where two
+/// faces look alike.
 const STATED_BONUS: f32 = 0.1;
 
-/// From this likeness on no other side is looked at, or no smaller window.
+/// A face of at least `SURE` likeness ends the search from other sides, one of at least `LIKELY`
+/// that through smaller windows.
 const SURE: f32 = 0.75;
 const LIKELY: f32 = 0.5;
 
-/// About so many looks are taken at a mesh without a face.
+/// A mesh without a face takes about so many looks; progress is counted against this.
 const MOST_LOOKS: f32 = 1300.0;
 const STAGE: &str = "landmarks";
 
-/// Counts looks at a mesh; asks before each whether it is still wanted.
+/// Counts looks at a mesh, and asks the caller before each whether to go on.
 pub(super) struct Looks<'a> {
     progress: ProgressFn<'a>,
     taken: AtomicUsize,

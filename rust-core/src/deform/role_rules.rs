@@ -33,7 +33,7 @@ const HAIR_CM: (f32, f32) = (8.0, 3.5);
 pub(super) const REACH_CM: f32 = 4.0;
 
 /// Where eyes, brows and mouth are.
-pub(super) struct Place {
+pub(super) struct RoleRules {
     /// Centre and width, the subject's right eye first.
     eyes: [([f32; 3], f32); 2],
     brows_y: f32,
@@ -41,15 +41,15 @@ pub(super) struct Place {
     mouth_width: f32,
 }
 
-impl Place {
-    pub(super) fn of(landmarks: &[[f32; 3]; LANDMARKS]) -> Place {
+impl RoleRules {
+    pub(super) fn of(landmarks: &[[f32; 3]; LANDMARKS]) -> RoleRules {
         let eye = |first: usize| {
             let (a, b) = (landmarks[first], landmarks[first + 3]);
             let width = (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>().sqrt();
             (mean(&landmarks[first..first + 6]), width)
         };
         let (a, b) = (landmarks[48], landmarks[54]);
-        Place {
+        RoleRules {
             eyes: [eye(36), eye(42)],
             brows_y: mean(&landmarks[17..27])[1],
             mouth: mean(&landmarks[60..68]),
@@ -199,7 +199,7 @@ mod tests {
             .map(|c| std::array::from_fn(|i| if c >> i & 1 == 0 { low[i] } else { high[i] }))
             .collect();
         let tree = SurfaceTree::new(&skin);
-        Place::of(&landmarks).role(&corners, || &tree)
+        RoleRules::of(&landmarks).role(&corners, || &tree)
     }
 
     /// A box about a landmark's or landmarks' middle, with an offset to it, centimetres.

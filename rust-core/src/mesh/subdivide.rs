@@ -1,4 +1,4 @@
-//! The same surface with more triangles.
+//! Subdivision: the same surface with more triangles.
 
 use std::collections::HashMap;
 

@@ -1,26 +1,27 @@
-//! Weights of exactly zero where the clip stays within its error.
+//! Sets weights to exactly zero where the clip stays within its error.
 //!
-//! A host passes over shapes at zero, so what a frame costs to play is the number of weights that
-//! are not. Of the shapes that a whole performance needs, one frame does with few.
+//! Blender and other hosts skip a shape whose weight is zero, so a frame takes as long to play as it
+//! has weights that are not. A whole performance needs many shapes, one frame of it few.
 
 use ndarray::{Array2, ArrayView1};
 use rayon::prelude::*;
 
 use crate::nn::matrix::{self, product, view, view_mut};
 
-/// So many shapes may move in a frame without anybody looking for fewer.
+/// A frame in which at most so many shapes move is left as it is.
 pub(super) const MOVING: usize = 20;
-/// Regions in which the vertex is asked that a shape moves most: there its absence shows first.
+/// For each shape the error is first measured at the vertex that it moves farthest in each of so
+/// many regions: where a shape is missing, it shows there first.
 const FARTHEST: usize = 48;
 /// Frames whose error is measured together.
 const FRAMES_PER_TASK: usize = 16;
-/// Regions of a mesh, by the numbers of its vertices.
+/// The vertices of a mesh are divided, in the order of their numbers, into so many regions.
 const REGIONS: usize = 256;
 
 /// Sets the smallest weights `[T, K]` of each frame to zero until [`MOVING`] shapes move, as long as
 /// no vertex of `flat` `[T, 3V]` gets further than `max_error` from its place (where it is further
 /// before: no further). `shapes` `[3V, K]`, `error` the largest before. Returns the largest error.
-pub(super) fn thin(
+pub(super) fn sparsify(
     flat: &Array2<f32>,
     weights: &mut Array2<f32>,
     shapes: &Array2<f32>,
@@ -36,9 +37,9 @@ pub(super) fn thin(
     let full = weights.clone();
     let frames: Vec<usize> = (0..weights.nrows()).collect();
     let telling = Rows::farthest(shapes);
-    telling.thin(flat, weights, &frames, &bounds);
+    telling.sparsify(flat, weights, &frames, &bounds);
     let errors = errors_of_frames(flat, weights, shapes);
-    // Where another vertex went too far, all are asked.
+    // Frames in which a vertex that was not measured went too far are done again with all vertices.
     let mut again = frames;
     again.retain(|&t| errors[t] > bounds[t]);
     if again.is_empty() {
@@ -48,7 +49,7 @@ pub(super) fn thin(
         weights.row_mut(t).assign(&full.row(t));
     }
     let every = Rows::of((0..shapes.nrows() / 3).collect(), shapes);
-    every.thin(flat, weights, &again, &bounds);
+    every.sparsify(flat, weights, &again, &bounds);
     largest(&errors_of_frames(flat, weights, shapes))
 }
 
@@ -95,8 +96,8 @@ impl Rows {
         Rows::of(chosen, shapes)
     }
 
-    /// Thins the weights of `frames` by what happens at these vertices.
-    fn thin(
+    /// Sets weights of `frames` to zero as long as these vertices stay within their bounds.
+    fn sparsify(
         &self,
         flat: &Array2<f32>,
         weights: &mut Array2<f32>,
@@ -226,7 +227,7 @@ mod tests {
         for vertices in [30, 3000] {
             let (flat, mut weights, shapes) = motion(50, vertices);
             let before = weights.clone();
-            let error = thin(&flat, &mut weights, &shapes, 0.1, 0.0);
+            let error = sparsify(&flat, &mut weights, &shapes, 0.1, 0.0);
             let left = &flat - &weights.dot(&shapes.t());
             let there = longest_square(matrix::values(&left)).sqrt();
             assert!(
@@ -258,7 +259,7 @@ mod tests {
         assert!(!Rows::farthest(&shapes).vertices.contains(&(vertices - 1)));
         let mut weights = Array2::from_elem((3, 40), 0.04);
         let flat = weights.dot(&shapes.t());
-        let error = thin(&flat, &mut weights, &shapes, 0.05, 0.0);
+        let error = sparsify(&flat, &mut weights, &shapes, 0.05, 0.0);
         let left = &flat - &weights.dot(&shapes.t());
         assert!(longest_square(matrix::values(&left)).sqrt() <= 0.05 + 1e-6);
         assert!(error <= 0.05);
@@ -268,7 +269,7 @@ mod tests {
     fn shapes_that_all_matter_stay() {
         let (flat, weights, shapes) = motion(10, 30);
         let mut kept = weights.clone();
-        thin(&flat, &mut kept, &shapes, 0.0, 0.0);
+        sparsify(&flat, &mut kept, &shapes, 0.0, 0.0);
         assert_eq!(kept, weights);
     }
 }

@@ -1,0 +1,33 @@
+"""Renders every frame of a .blend: `render.py FILE.blend FOLDER` writes FOLDER/####.png.
+
+Run by `cargo xtask demo` in Blender's Python module. The shapes and their keys are the file's own:
+nothing of the extension is needed.
+"""
+
+import sys
+import time
+from pathlib import Path
+
+import bpy
+
+
+def main() -> None:
+    """Renders and says how long it still takes."""
+    blend, folder = sys.argv[1], Path(sys.argv[2])
+    bpy.ops.wm.open_mainfile(filepath=blend)
+    scene = bpy.context.scene
+    folder.mkdir(parents=True, exist_ok=True)
+    for old in folder.glob("*.png"):
+        old.unlink()
+    total = scene.frame_end - scene.frame_start + 1
+    began = time.monotonic()
+    for done, frame in enumerate(range(scene.frame_start, scene.frame_end + 1), start=1):
+        scene.frame_set(frame)
+        scene.render.filepath = str(folder / f"{done:04d}.png")
+        bpy.ops.render.render(write_still=True)
+        left_s = (time.monotonic() - began) / done * (total - done)
+        print(f"rendered {done} of {total} frames, {left_s / 60:.1f} min left", flush=True)
+
+
+if __name__ == "__main__":
+    main()

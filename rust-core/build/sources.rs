@@ -1,0 +1,50 @@
+//! The code and weights that per-mesh work depends on, and their name. The build script writes the
+//! name into the library, a test of the library holds what changes it.
+
+use std::{fs, io, path::Path};
+
+/// Files, and folders with all that is in them. Model cards, speech and the command are none of
+/// them: a change there leaves what is kept of a user's meshes as it was.
+pub const SOURCES: [&str; 10] = [
+    "src/engine/kept.rs",
+    "src/mesh",
+    "src/operators",
+    "src/nn",
+    "src/deform",
+    "src/systems/freetalk/stm",
+    "models/landmarks/config.json",
+    "models/landmarks/model.safetensors",
+    "models/stm_static/config.json",
+    "models/stm_static/model.safetensors",
+];
+
+/// The blake3 hash, in hexadecimal, of the names and contents of [`SOURCES`] under `root`.
+///
+/// # Errors
+/// If one of them cannot be read, or is not there.
+pub fn digest(root: &Path) -> io::Result<String> {
+    let mut hasher = blake3::Hasher::new();
+    for source in SOURCES {
+        add(&root.join(source), source, &mut hasher)
+            .map_err(|e| io::Error::other(format!("{source}: {e}")))?;
+    }
+    Ok(hasher.finalize().to_hex().to_string())
+}
+
+/// Adds what stands at `path`, under the name `name`; pieces are hashed with their lengths.
+fn add(path: &Path, name: &str, hasher: &mut blake3::Hasher) -> io::Result<()> {
+    if path.is_dir() {
+        let mut entries: Vec<_> = fs::read_dir(path)?.collect::<io::Result<_>>()?;
+        entries.sort_by_key(|entry| entry.file_name());
+        for entry in entries {
+            let name = format!("{name}/{}", entry.file_name().display());
+            add(&entry.path(), &name, hasher)?;
+        }
+        return Ok(());
+    }
+    for bytes in [name.as_bytes(), &fs::read(path)?] {
+        hasher.update(&(bytes.len() as u64).to_le_bytes());
+        hasher.update(bytes);
+    }
+    Ok(())
+}

@@ -1,0 +1,112 @@
+//! The weights of a user's encoder: `model.safetensors`, or `pytorch_model.bin` as PyTorch saves it.
+
+use std::path::Path;
+
+use crate::{Result, nn::Weights};
+
+/// The name that PyTorch's checkpoints have in a Hugging Face folder.
+const PYTORCH_FILE: &str = "pytorch_model.bin";
+
+/// Reads the one of the two files that `folder` holds; safetensors where it holds both.
+///
+/// # Errors
+/// `Io` if there is neither or it cannot be read; `Weights` if it is damaged, or PyTorch's where
+/// the library was built without the feature `checkpoints`.
+pub(super) fn read(folder: &Path) -> Result<Weights> {
+    let safetensors = folder.join("model.safetensors");
+    let pytorch = folder.join(PYTORCH_FILE);
+    match pytorch.exists() && !safetensors.exists() {
+        true => read_pytorch(&pytorch),
+        false => Weights::from_file(&safetensors),
+    }
+}
+
+/// Reads the zip archive that PyTorch writes since version 1.6; its pickle runs no code.
+#[cfg(feature = "checkpoints")]
+fn read_pytorch(path: &Path) -> Result<Weights> {
+    use crate::Error;
+    use candle_core::{DType, Tensor, pickle};
+
+    let bad = |e: candle_core::Error| {
+        Error::Weights(format!(
+            "{}: expected a whole checkpoint of PyTorch 1.6 or later: {e}",
+            path.display()
+        ))
+    };
+    let widen = |tensor: Tensor| -> candle_core::Result<_> {
+        let values = tensor.to_dtype(DType::F32)?.flatten_all()?.to_vec1()?;
+        Ok((tensor.dims().to_vec(), values))
+    };
+    std::fs::File::open(path).map_err(Error::io(path))?;
+    let tensors = pickle::read_all(path).map_err(bad)?;
+    let arrays = tensors
+        .into_iter()
+        .filter(|(_, tensor)| tensor.dtype().is_float())
+        .map(|(name, tensor)| Ok((name, widen(tensor)?)))
+        .collect::<candle_core::Result<Vec<_>>>();
+    Ok(Weights::from_arrays(arrays.map_err(bad)?))
+}
+
+#[cfg(not(feature = "checkpoints"))]
+fn read_pytorch(path: &Path) -> Result<Weights> {
+    Err(crate::Error::Weights(format!(
+        "{}: expected model.safetensors: this build lacks the feature `checkpoints`, which reads \
+         PyTorch's files",
+        path.display()
+    )))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        Error,
+        audio::Waveform,
+        nn::golden::{Golden, distance},
+        speech::from_folder,
+    };
+
+    /// A Hugging Face folder with the golden `hubert_tiny.bin`, cut to `share` of its bytes.
+    fn folder(golden: &Golden, share: f64) -> tempfile::TempDir {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/goldens/hubert_tiny.bin");
+        let bytes = std::fs::read(path).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes);
+        let kept = (bytes.len() as f64 * share) as usize;
+        write(PYTORCH_FILE, &bytes[..kept]).unwrap();
+        write("config.json", golden.metadata("config").as_bytes()).unwrap();
+        let raw = r#"{"do_normalize": false, "sampling_rate": 16000}"#;
+        write("preprocessor_config.json", raw.as_bytes()).unwrap();
+        folder
+    }
+
+    #[test]
+    #[cfg(feature = "checkpoints")]
+    fn checkpoint_of_pytorch_holds_the_arrays_of_safetensors() {
+        let golden = Golden::open("hubert_tiny");
+        let folder = folder(&golden, 1.0);
+        let weights = read(folder.path()).unwrap();
+        for full in golden.names() {
+            let Some(name) = full.strip_prefix("weights.") else {
+                continue;
+            };
+            let got = weights.values(name, &golden.shape(&full)).unwrap();
+            // The golden's layers are in half precision: 11 bits.
+            let allowed = if name.contains(".layers.") { 1e-3 } else { 0.0 };
+            for (got, expected) in got.iter().zip(golden.values(&full)) {
+                assert!((got - expected).abs() <= allowed * expected.abs() + allowed * 1e-4);
+            }
+        }
+        let encoder = from_folder(folder.path(), None).unwrap();
+        let samples = golden.values("input");
+        let track = encoder.encode(&Waveform { samples }).unwrap();
+        assert!(distance(&track.features, &golden.values("output")) < 1e-2);
+    }
+
+    #[test]
+    fn damaged_or_unreadable_checkpoint_is_a_weights_error() {
+        let folder = folder(&Golden::open("hubert_tiny"), 0.5);
+        let error = read(folder.path()).unwrap_err();
+        assert!(matches!(&error, Error::Weights(message) if message.contains(PYTORCH_FILE)));
+    }
+}
