@@ -8,13 +8,13 @@ import argparse
 TASKS = ("bake", "rig", "landmarks")
 
 
-def parser(program: str) -> argparse.ArgumentParser:
-    """All tasks; a wrong command line ends in `SystemExit` with code 2."""
+def parser(program: str, modes: str = "") -> argparse.ArgumentParser:
+    """All tasks; a wrong command line ends in `SystemExit` with code 2. `modes` is help."""
     top = argparse.ArgumentParser(prog=program, description="Makes faces talk.")
     tasks = top.add_subparsers(dest="task", required=True)
     bake = tasks.add_parser("bake", help="animate one face and save the file")
     _add_file(bake)
-    add_bake(bake)
+    add_bake(bake, modes)
     _add_result(bake)
     rig = tasks.add_parser("rig", help="give a face the 52 ARKit shapes as keys, and save the file")
     _add_file(rig)
@@ -38,7 +38,7 @@ def step_parser(task: str) -> argparse.ArgumentParser:
     return step
 
 
-def add_bake(task: argparse.ArgumentParser) -> None:
+def add_bake(task: argparse.ArgumentParser, modes: str = "") -> None:
     """Options that are left out take the values stored on the object."""
     task.add_argument("--object", required=True, help="name of the face's object")
     source = task.add_mutually_exclusive_group()
@@ -47,7 +47,7 @@ def add_bake(task: argparse.ArgumentParser) -> None:
     task.add_argument("--start", type=int, metavar="FRAME", help="first frame of --audio")
     task.add_argument("--scene", help="name of the scene (default: the active one)")
     task.add_argument("--emotion", metavar="NAME:X[,…]", help="such as happy:0.7; auto; off")
-    task.add_argument("--mode", help="basis, frames, cache, keys, arkit or csv")
+    task.add_argument("--mode", help=modes)
     task.add_argument("--error", type=float, metavar="MM", help="largest error of basis keys")
     task.add_argument("--fps", type=float, help="default: the scene's")
     task.add_argument("--seed", type=int)

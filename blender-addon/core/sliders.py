@@ -22,7 +22,7 @@ _LENGTH = struct.Struct("<I")
 _STEPS = 2047
 _OVER_TIME = "its sliders changed over time: change the curves and generate again"
 _EMOTION_OFF = "the take was made with the emotion off, which keeps brows and lids still"
-_STILL = {
+_NOTHING = {
     "articulation": "the take was made with an articulation of 0",
     "emotion": "the take was made without an emotion",
     "blinks": "nobody blinks in this take",
@@ -61,13 +61,15 @@ def place(name: str, placed: dict[str, float]) -> float:
     return 1.0 - (1.0 - placed.get("emotion", 1.0)) * (1.0 - placed.get("blinks", 1.0))
 
 
-def why_still(performance, found) -> dict[str, str]:
+def why_missing(performance, found) -> dict[str, str]:
     """Why a take has not the sliders that are not in `found`, by name."""
-    missing = {name: _STILL[name] for name in NAMES if name not in found}
+    missing = {name: _NOTHING[name] for name in NAMES if name not in found}
     if performance.control_keys:
         return dict.fromkeys(missing, _OVER_TIME)
     if performance.emotion_source == "OFF":
-        return {name: _STILL[name] if name == "articulation" else _EMOTION_OFF for name in missing}
+        return {
+            name: _NOTHING[name] if name == "articulation" else _EMOTION_OFF for name in missing
+        }
     return missing
 
 

@@ -3,7 +3,6 @@
 import numpy as np
 
 from ..core import shapes
-from ..core.errors import AnyfaceError
 from . import curves, digest, record
 from .mesh import read_key
 from .paths import value_path
@@ -36,37 +35,12 @@ def left_alone(ob, mapping: dict[str, str]) -> list[str]:
     return [key for key in wanted.values() if key in names]
 
 
-def check(ob, mapping: dict[str, str]) -> None:
-    """Raises `AnyfaceError("mesh")` where no key can be animated."""
-    if not find(ob, mapping):
-        raise AnyfaceError(
-            "mesh",
-            f"{ob.name} has no free shape key named after an ARKit shape or a viseme: write the "
-            "keys into the list, or choose Make ARKit Keys",
-        )
-
-
 def vectors(ob, names) -> np.ndarray:
     """What each key moves at value 1, `[S, V, 3]` in object space."""
     blocks = ob.data.shape_keys.key_blocks
     return np.stack(
         [read_key(blocks[name]) - read_key(blocks[name].relative_key) for name in names]
     )
-
-
-def write(ob, motion, frames: np.ndarray, ease: float, taken: record.Record) -> None:
-    """Animates the keys; curves that the artist had on them wait in his own action."""
-    blocks = ob.data.shape_keys.key_blocks
-    missing = [name for name in motion.keys if name not in blocks]
-    if missing:
-        raise AnyfaceError("mesh", f"{ob.name} has lost the key {missing[0]} meanwhile")
-    taken.values = dict.fromkeys(motion.keys, 0.0)
-    note_values(ob.data.shape_keys, taken)
-    bag = curves.key_channels(ob, taken)
-    at = np.concatenate([[frames[0] - ease], frames, [frames[-1] + ease]])
-    for number, name in enumerate(motion.keys):
-        values = np.concatenate([[0.0], motion.weights[:, number], [0.0]])
-        curves.write(bag, value_path(name), at, values)
 
 
 def note_values(shape_keys, taken: record.Record) -> None:

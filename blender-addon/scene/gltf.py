@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 import bpy
 import numpy as np
 
-from . import curves, guard, nla, record, takes
-from .mesh import read_key
+from . import curves, guard, nla, outputs, record, takes
+from .mesh import add_key, read_basis, read_key
 from .paths import value_path
 
 _STANDING = "Anyface.standing"
@@ -44,7 +44,8 @@ def before_export(_settings) -> None:
         if ob.type != "MESH" or ob.data.library is not None or ob.data.name in seen:
             continue
         seen.add(ob.data.name)
-        wanted = [taken for taken in record.everyone(ob.data.shape_keys) if taken.mode == "basis"]
+        taken = record.everyone(ob.data.shape_keys)
+        wanted = [one for one in taken if outputs.of_record(one).as_basis]
         if wanted:
             _rewrite(ob, wanted)
 
@@ -111,9 +112,7 @@ def _scale(block, factor: float, changed: _Changed) -> np.ndarray:
 
 def _add_standing(ob, bag, vector: np.ndarray, span: np.ndarray) -> str:
     """A key of the displacements `vector` `[V, 3]` that stays at 1 through the take; its name."""
-    block = ob.shape_key_add(name=_STANDING, from_mix=False)
-    block.value = 0.0
-    block.points.foreach_set("co", (read_key(block.relative_key) + vector).ravel())
+    block = add_key(ob, _STANDING, read_basis(ob.data) + vector)
     curves.write(bag, value_path(block.name), span, np.ones(2), constant=True)
     return block.name
 

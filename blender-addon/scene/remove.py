@@ -3,8 +3,7 @@
 import bpy
 
 from ..core.errors import AnyfaceError
-from . import changes, curves, digest, existing, guard, record
-from .paths import value_path
+from . import changes, curves, digest, existing, guard, outputs, record
 
 
 def remove(ob) -> bool:
@@ -45,10 +44,7 @@ def _remove_curves(shape_keys, taken: record.Record) -> None:
     animation = shape_keys.animation_data
     if animation is None:
         return
-    paths = {value_path(name) for name in (*taken.keys, *taken.values)}
-    if taken.mode == "frames":
-        paths.add("eval_time")
-    curves.remove(animation, paths)
+    curves.remove(animation, outputs.of_record(taken).paths(taken))
     existing.restore(shape_keys, taken)
     _remove_action(animation, taken)
     untouched = animation.action is None and not animation.drivers and not animation.nla_tracks
@@ -79,9 +75,7 @@ def _remove_action(animation, taken: record.Record) -> None:
 
 def _remove_keys(ob, taken: record.Record) -> None:
     shape_keys = ob.data.shape_keys
-    if taken.mode == "frames":
-        shape_keys.eval_time = 0.0
-        shape_keys.use_relative = True
+    outputs.of_record(taken).leave(shape_keys)
     ours = set(taken.keys)
     basis = shape_keys.reference_key
     others = [b for b in shape_keys.key_blocks if b.name not in ours and b != basis]

@@ -5,7 +5,7 @@ from bpy.types import Operator
 
 from ..core.errors import AnyfaceError
 from ..core.job import Job, Progress
-from ..scene import bake
+from ..scene import bake, outputs
 from . import character, running
 from .settings import from_object
 from .target import OfFace, sequencer_scene, target
@@ -80,7 +80,8 @@ class ANYFACE_OT_generate(OfFace, Operator):
 
     def _finish(self, ob, snapshot, take):
         text = bake.write(ob, snapshot, take)
-        left = character.left_behind(ob) if snapshot.settings.mode not in ("csv", "keys") else ""
+        moves_parts = outputs.of_take(take).moves_parts
+        left = character.left_behind(ob) if moves_parts else ""
         text = f"{text} ({left})" if left else text
         ob.anyface.report, ob.anyface.report_is_error = text, False
         self.report({"INFO"}, f"Anyface: {text}")

@@ -35,7 +35,7 @@ class ANYFACE_PT_output(Panel):
         layout.use_property_decorate = False
         asked = output_properties.read(ob)
         reason = _draw_modes(layout, ob, asked)
-        _draw_options(layout, ob)
+        outputs.of(ob.anyface.mode).draw(layout, ob)
         if reason:
             _draw_words(layout, reason, context.region.width, alert=True)
             return
@@ -48,7 +48,7 @@ class ANYFACE_PT_output(Panel):
 
 def _draw_modes(layout, ob, asked) -> str:
     """A button for each output, grey where it cannot work; why the chosen one cannot."""
-    reasons = {mode: outputs.why_not(ob, mode, asked) for mode in outputs.MODES}
+    reasons = {output.name: output.why_not(ob, asked) for output in outputs.ALL}
     column = layout.column(align=True)
     # Split, the names would stand beside empty buttons.
     column.use_property_split = False
@@ -62,38 +62,6 @@ def _draw_modes(layout, ob, asked) -> str:
         button.prop_enum(ob.anyface, "mode", mode)
         row.operator("anyface.why_not", text="", icon="QUESTION").reason = reason
     return reasons[ob.anyface.mode]
-
-
-def _draw_options(layout, ob) -> None:
-    mode, stored = ob.anyface.mode, ob.anyface_output
-    if mode == "basis":
-        layout.prop(ob.anyface, "error_mm", text="Error (mm)")
-    elif mode == "cache":
-        layout.prop(stored, "cache_folder")
-    elif mode == "csv":
-        layout.prop(stored, "csv_file")
-    elif mode == "arkit":
-        layout.prop(stored, "visemes")
-    elif mode == "keys":
-        _draw_mapping(layout, ob, stored)
-
-
-def _draw_mapping(layout, ob, stored) -> None:
-    row = layout.row(align=True)
-    row.operator("anyface.mapping_find", text="Find Keys")
-    row.operator("anyface.mapping_load", text="", icon="FILE_FOLDER")
-    row.operator("anyface.mapping_save", text="", icon="FILE_TICK")
-    row.operator("anyface.mapping_clear", text="", icon="X")
-    if not len(stored.mapping):
-        found = existing.find(ob, {})
-        layout.label(text=f"{len(found)} keys found by name")
-        return
-    column = layout.column(align=True)
-    for item in stored.mapping:
-        row = column.row(align=True)
-        row.label(text=item.name)
-        if ob.data.shape_keys is not None:
-            row.prop_search(item, "key", ob.data.shape_keys, "key_blocks", text="")
 
 
 def _draw_sliders(layout, ob) -> None:

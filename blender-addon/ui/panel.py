@@ -2,8 +2,8 @@
 
 from bpy.types import Panel
 
+from ..scene import outputs
 from . import running, words
-from .remove import has_take
 from .target import target
 
 
@@ -40,7 +40,7 @@ def _draw_buttons(layout, ob) -> None:
         return
     row = layout.row()
     row.scale_y = 1.4
-    again = has_take(ob)
+    again = outputs.has_take(ob)
     row.operator("anyface.generate", text="Generate Again" if again else "Generate")
     layout.operator("anyface.remove", icon="TRASH")
 

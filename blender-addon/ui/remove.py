@@ -3,15 +3,8 @@
 from bpy.types import Operator
 
 from ..core.errors import AnyfaceError
-from ..scene import cache, csv_file, record, together
+from ..scene import outputs, together
 from .target import target
-
-
-def has_take(ob) -> bool:
-    """True where `ob` (or None) carries something generated: keys, a cache, a table."""
-    if ob is None or ob.type != "MESH":
-        return False
-    return record.is_generated(ob) or cache.find(ob) is not None or csv_file.find(ob) is not None
 
 
 class ANYFACE_OT_remove(Operator):
@@ -23,15 +16,15 @@ class ANYFACE_OT_remove(Operator):
 
     @classmethod
     def poll(cls, context):
-        return has_take(target(context))
+        return outputs.has_take(target(context))
 
     def execute(self, context):
         """Removes the take of the character that the panel shows."""
         ob = target(context)
         try:
             together.remove_all(ob)
-            cache.remove(ob)
-            csv_file.remove(ob)
+            for output in outputs.ALL:
+                output.remove(ob)
         except AnyfaceError as error:
             self.report({"ERROR"}, f"Anyface: {error}")
             return {"CANCELLED"}
