@@ -145,7 +145,7 @@ class Basis:
 
     `vectors` `[K, V, 3]`, `weights` `[T, K]` within -1..1; `error_mm` is the largest distance
     of any vertex in any frame from where it should be. `sliders` is what may still be changed of
-    the take, by the names of `sliders.NAMES`; `why_missing` says in words why another one may not.
+    the take, by the names of `sliders.ALL`; `why_missing` says in words why others are not there.
     `packed` holds `sliders` as they are kept with the take.
     """
 

@@ -23,7 +23,7 @@ class Record:
     id of the face's take. `values` are keys of the artist's that are animated, as they were set
     before; `replaced_print` is the digest of the action that stands in for his. `name` is the
     take's in the panel; `adjusted` is what `adjust` has made of it. Its frames lie at `first_frame`
-    and every `frame_step` after it; `still` says why some sliders of `core.sliders` move nothing.
+    and every `frame_step` after it; `still` is `why_missing` of its basis.
     """
 
     mode: str
