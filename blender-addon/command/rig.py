@@ -29,9 +29,8 @@ def run(options: argparse.Namespace) -> dict:
         keys.add(bpy.data.objects[piece], names, moved, everything=piece == ob.name)
     still = [name for name, vector in zip(names, vectors, strict=True) if not vector.any()]
     notes = {name: note for name, note in rig.notes.items() if name in names}
-    text = f"{count} shapes" + (
-        f", {len(still)} move nothing ({', '.join(still)})" if still else ""
-    )
+    text = f"{count} shapes"
+    text += f", {len(still)} move nothing ({', '.join(still)})" if still else ""
     return {"message": text, "shapes": names, "still": still, "notes": notes}
 
 
