@@ -64,7 +64,13 @@ class SolveKeys(Plan):
         # Existing keys are those of the face; objects beside it have others.
         moved = take.frames[:, : self.vectors.shape[1]]
         solved = engine.solve(list(self.keys), self.vectors, moved, progress)
-        _check(solved.left_out, face.name)
+        if solved.left_out > _LARGEST_LEFT_OUT:
+            shown = 1.0 - solved.left_out
+            raise AnyfaceError(
+                "nothing_moved",
+                f"nothing would move: the keys of {face.name} show {shown:.0%} of the motion: "
+                "check the list of keys, or choose Basis Keys",
+            )
         motion = KeyMotion(list(self.keys.values()), solved.weights, solved.left_out)
         return replace(take, frames=None, key_motion=motion)
 
@@ -127,12 +133,3 @@ def of_piece(face: FaceMesh, moved: np.ndarray, name: str) -> tuple[np.ndarray, 
     turn = back[:3, :3].T.astype(np.float32)
     rest = face.positions[rows] @ turn + back[:3, 3].astype(np.float32)
     return rest, moved[:, rows] @ turn
-
-
-def _check(left_out: float, name: str) -> None:
-    if left_out > _LARGEST_LEFT_OUT:
-        raise AnyfaceError(
-            "nothing_moved",
-            f"nothing would move: the keys of {name} show {1.0 - left_out:.0%} of the motion: "
-            "check the list of keys, or choose Basis Keys",
-        )

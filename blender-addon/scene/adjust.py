@@ -6,7 +6,6 @@ import numpy as np
 
 from ..core import shapes, sliders
 from . import changes, curves, outputs, record, together
-from .paths import value_path
 
 # What a take of named shapes can change on its own: beginnings of the shapes' names.
 GROUPS = {
@@ -85,10 +84,12 @@ def _adjust(ob, wanted: dict[str, float]) -> None:
         _change(made["eval_time"], 1.0, moved)
     for number, name in enumerate((*taken.keys, *taken.values) if not output.finished else ()):
         factor, block = _factor(name, taken.adjusted), shape_keys.key_blocks.get(name)
-        if block is None or value_path(name) not in made:
+        if block is None or curves.value_path(name) not in made:
             continue
         more = None if added is None else (frames, factor * added[:, number])
-        low, high = _change(made[value_path(name)], factor / _factor(name, before), moved, more)
+        low, high = _change(
+            made[curves.value_path(name)], factor / _factor(name, before), moved, more
+        )
         if name in taken.keys:
             block.slider_min, block.slider_max = min(block.slider_min, low), max(1.0, high)
     record.write(shape_keys, taken)

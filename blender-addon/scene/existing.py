@@ -5,7 +5,6 @@ import numpy as np
 from ..core import shapes
 from . import curves, digest, record
 from .mesh import read_key
-from .paths import value_path
 
 # Holds the action that a copy of ours stands in for, so that it is saved with the file.
 REPLACED = "anyface_replaced"
@@ -47,7 +46,7 @@ def note_values(shape_keys, taken: record.Record) -> None:
     """Notes how the artist's keys are set now, and sets his curves on them aside."""
     blocks = shape_keys.key_blocks
     taken.values = {name: blocks[name].value for name in taken.values if name in blocks}
-    _set_action_aside(shape_keys, {value_path(name) for name in taken.values}, taken)
+    _set_action_aside(shape_keys, {curves.value_path(name) for name in taken.values}, taken)
 
 
 def restore(shape_keys, taken: record.Record) -> None:
@@ -84,7 +83,7 @@ def _put_action_back(shape_keys, taken) -> None:
         curves.delete_action(copy)
         return
     # The artist has worked in the copy since: it stays, with what we had taken out.
-    paths = {value_path(name) for name in taken.values}
+    paths = {curves.value_path(name) for name in taken.values}
     curves.copy_paths(original, curves.channels(animation, create=True), paths)
 
 
@@ -98,7 +97,7 @@ def _free(shape_keys) -> list:
         for block in shape_keys.key_blocks
         if block != shape_keys.reference_key
         and block.name not in ours
-        and value_path(block.name) not in driven
+        and curves.value_path(block.name) not in driven
         and not block.mute
         and not getattr(block, "lock_shape", False)
     ]

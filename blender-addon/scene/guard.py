@@ -5,7 +5,7 @@ from contextlib import contextmanager
 import bpy
 
 from ..core.errors import AnyfaceError
-from . import digest, record
+from . import curves, digest, record
 
 
 def check_editable(ob) -> None:
@@ -103,13 +103,11 @@ def make_single_user(ob, taken: record.Record) -> None:
         taken.shared_mesh = mesh.name
         ob.data = mesh.copy()
         taken.shared_mesh_print = digest.mesh_digest(ob.data)
-    shape_keys = ob.data.shape_keys
-    animation = shape_keys.animation_data if shape_keys is not None else None
-    action = animation.action if animation is not None else None
+    action = curves.action_of(ob.data.shape_keys)
     if action is not None and action.users - action.use_fake_user > 1:
-        taken.shared_action = action.name
-        animation.action = action.copy()
-        taken.shared_action_print = digest.action_digest(animation.action)
+        taken.shared_action, copy = action.name, action.copy()
+        ob.data.shape_keys.animation_data.action = copy
+        taken.shared_action_print = digest.action_digest(copy)
 
 
 @contextmanager

@@ -93,13 +93,7 @@ def _share_mesh_again(ob, taken: record.Record) -> None:
     copy = ob.data
     ob.data = original
     if copy.users == 0:
-        keys_copy = copy.shape_keys
-        action = _own_action(keys_copy)
+        action = curves.action_of(copy.shape_keys)
         bpy.data.meshes.remove(copy)
         if action is not None and action.users == 0:
             bpy.data.actions.remove(action)
-
-
-def _own_action(shape_keys):
-    animation = shape_keys.animation_data if shape_keys is not None else None
-    return animation.action if animation is not None else None

@@ -27,8 +27,7 @@ class ANYFACE_OT_generate(InThread, Operator):
     def finish(self, ob, snapshot, take):
         """Writes the take."""
         text = bake.write(ob, snapshot, take)
-        moves_parts = outputs.of_take(take).moves_parts
-        left = character.left_behind(ob) if moves_parts else ""
+        left = character.left_behind(ob) if outputs.of_take(take).moves_parts else ""
         text = f"{text} ({left})" if left else text
         ob.anyface.report, ob.anyface.report_is_error = text, False
         self.report({"INFO"}, f"Anyface: {text}")

@@ -15,6 +15,7 @@ class Arkit(Output):
     name = "arkit"
     label = "Make ARKit Keys"
     help = "The 52 ARKit shapes as keys of this mesh, animated"
+    options = ("visemes",)
 
     def check(self, ob, asked):
         super().check(ob, asked)
@@ -25,9 +26,6 @@ class Arkit(Output):
                 "mesh",
                 f"{ob.name} has a key {own[0]} of its own: choose Existing Keys, which animates it",
             )
-
-    def draw(self, layout, ob):
-        layout.prop(ob.anyface_output, "visemes")
 
     def cost(self, asked):
         made = len(shapes.ARKIT) + (len(shapes.VISEMES) if asked.visemes else 0)

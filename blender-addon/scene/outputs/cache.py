@@ -34,6 +34,7 @@ class Cache(Output):
         "A point cache beside the .blend and a modifier that plays it; for heavy and linked meshes"
     )
     finished = "a cache holds the finished motion: use basis keys"
+    options = ("cache_folder",)
 
     def check_object(self, ob):
         guard.check_mesh(ob)
@@ -57,17 +58,13 @@ class Cache(Output):
         super().check(ob, asked)
         check_place(asked.cache_folder)
 
-    def draw(self, layout, ob):
-        layout.prop(ob.anyface_output, "cache_folder")
-
     def cost(self, asked):
         return Cost(asked.frames * asked.vertices * VERTEX, beside=True)
 
     def plan(self, ob, asked, fps, objects):
         take = uuid.uuid4().hex[:8]
         place = Path(bpy.path.abspath(asked.cache_folder or f"//{FOLDER}"))
-        ends = {name: f"{bpy.path.clean_name(name)}_{take}{SUFFIX}" for name in objects}
-        paths = {name: str(place / end) for name, end in ends.items()}
+        paths = {n: str(place / f"{bpy.path.clean_name(n)}_{take}{SUFFIX}") for n in objects}
         return WriteCaches(paths, math.ceil(EASE_S * fps))
 
     def holds(self, take):

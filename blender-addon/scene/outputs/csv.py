@@ -25,6 +25,7 @@ class Csv(Output):
     help = "A Live Link Face CSV file; the mesh stays as it is"
     on_mesh = False
     moves_parts = False
+    options = ("csv_file",)
 
     def check_object(self, ob):
         guard.check_mesh(ob)
@@ -37,9 +38,6 @@ class Csv(Output):
             raise AnyfaceError("file", f"{path}: expected a name that ends in .csv")
         if path.exists() and not self._is_ours(ob, path):
             raise AnyfaceError("file", f"{path} exists already: choose another name or delete it")
-
-    def draw(self, layout, ob):
-        layout.prop(ob.anyface_output, "csv_file")
 
     def cost(self, asked):
         return Cost(asked.frames * _COLUMNS * _NUMBER, SOLVE_S, RIG_S, beside=True)

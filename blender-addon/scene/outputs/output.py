@@ -10,7 +10,6 @@ from ...core.estimate import Asked, Cost
 from ...core.plan import Plan
 from ...core.take import Piece, Take
 from .. import curves, guard, pieces, record
-from ..paths import value_path
 
 PREFIX = "Anyface"
 # The face comes out of rest before the first frame and goes back after the last.
@@ -36,10 +35,13 @@ class Output:
     """A way to write a take; here what holds for shape keys that are named after shapes.
 
     `name` is kept in .blend files, and in the record of a take; `label` and `help` are the menu's.
-    Only `plan` gives something to the worker thread; all else runs in Blender's own.
+    The methods stand in the order in which they are called: before the take is made, when it is
+    written, and later. Only what `plan` returns runs in the worker thread.
     """
 
     name = label = help = ""
+    # Names of its settings in `Object.anyface_output`.
+    options: tuple[str, ...] = ()
     # Few vectors within an error bound, whose weights have both signs and sliders of their own.
     as_basis = False
     # The mesh moves, and an earlier take on it goes.
@@ -48,8 +50,6 @@ class Output:
     moves_parts = True
     # Why a written take cannot be changed, or cannot wait beside others, in words.
     finished = cannot_wait = ""
-
-    # Before the take.
 
     def check_object(self, ob) -> None:
         """Raises `AnyfaceError` with the remedy where `ob`, or one beside it, cannot be written."""
@@ -69,6 +69,8 @@ class Output:
 
     def draw(self, layout, ob) -> None:
         """Draws its options."""
+        for name in self.options:
+            layout.prop(ob.anyface_output, name)
 
     def cost(self, asked: Asked) -> Cost:
         """How large it gets and what it adds to the work."""
@@ -80,8 +82,6 @@ class Output:
         `fps` are frames of the take per second, `objects` the names of the face's objects.
         """
         return Plan()
-
-    # The take is there and is to be written.
 
     def holds(self, take: Take) -> bool:
         """True where `take` was finished by its plan."""
@@ -117,11 +117,9 @@ class Output:
     def write_files(self, ob, take: Take, start_frame: float, scene_fps: float) -> None:
         """Connects files that the plan has written with `ob` and the objects beside it."""
 
-    # The take has been written.
-
     def paths(self, taken: record.Record) -> set[str]:
         """The data paths of all curves of a take."""
-        return {value_path(name) for name in (*taken.keys, *taken.values)}
+        return {curves.value_path(name) for name in (*taken.keys, *taken.values)}
 
     def leave(self, shape_keys) -> None:
         """Undoes what `write` has set on the shape keys as a whole."""
@@ -136,7 +134,7 @@ class Output:
 def write_weights(bag, names: list[str], at: np.ndarray, weights: np.ndarray) -> None:
     """Curves of the values of keys: `weights` `[T, K]`, from rest and back to it."""
     for name, column in zip(names, weights.T, strict=True):
-        curves.write(bag, value_path(name), at, np.concatenate([[0.0], column, [0.0]]))
+        curves.write(bag, curves.value_path(name), at, np.concatenate([[0.0], column, [0.0]]))
 
 
 def check_place(path: str) -> None:
