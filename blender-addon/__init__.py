@@ -27,20 +27,11 @@ from .ui import (
     takes,
 )
 
-_CLASSES = (
-    *preferences.CLASSES,
-    *generate.CLASSES,
-    *remove.CLASSES,
-    *panel.CLASSES,
-    *character.CLASSES,
-    *landmarks.CLASSES,
-    *audio.CLASSES,
-    *presets.CLASSES,
-    *performance.CLASSES,
-    *outputs.CLASSES,
-    *takes.CLASSES,
-    *scene_list.CLASSES,
-)
+_MODULES = (
+    preferences, generate, remove, panel, character, landmarks, audio, presets, performance,
+    outputs, takes, scene_list,
+)  # fmt: skip
+_CLASSES = [cls for module in _MODULES for cls in module.CLASSES]
 
 
 def register():

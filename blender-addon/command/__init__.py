@@ -9,6 +9,7 @@ import bpy
 
 from ..core import options as words
 from ..farm import batch
+from ..scene import outputs
 from . import run, shot
 
 _HANDLE = None
@@ -17,7 +18,7 @@ _HANDLE = None
 def main(arguments: list[str]) -> int:
     """Runs the command on the open file, or on the one that it names; returns its exit code."""
     try:
-        options = words.parser("anyface").parse_args(arguments)
+        options = words.parser("anyface", outputs.WORDS).parse_args(arguments)
     except SystemExit as error:
         return error.code if isinstance(error.code, int) else 2
     return start(options)

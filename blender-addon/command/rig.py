@@ -7,7 +7,7 @@ import bpy
 from ..core import finding, plan, shapes, space
 from ..core.job import Progress
 from ..core.take import FaceMesh, Rig
-from ..scene import bake, outputs, rig_keys
+from ..scene import bake, keys, outputs
 from ..ui import running
 from ..ui.settings import from_object
 from .bake import named
@@ -17,21 +17,20 @@ def run(options: argparse.Namespace) -> dict:
     """Makes the keys on the object and on those beside it; returns what goes into the report."""
     ob = named(bpy.data.objects, options.object, "object")
     settings = from_object(ob)
-    settings.mode, settings.axes = "arkit", options.axes or settings.axes
+    settings.mode, settings.axes = outputs.Arkit.name, options.axes or settings.axes
     settings.output.visemes = options.visemes
-    outputs.check(ob, settings.mode, settings.output)
+    outputs.of(settings.mode).check(ob, settings.output)
     face = bake.read_face(ob, settings)
     rig = make(face, running.engine())
     count = len(rig.names) if options.visemes else len(shapes.ARKIT)
     names, vectors = rig.names[:count], rig.vectors[:count]
     for piece in [piece.name for piece in face.pieces] or [ob.name]:
         moved = plan.of_piece(face, vectors, piece)[1]
-        rig_keys.add(bpy.data.objects[piece], names, moved, everything=piece == ob.name)
+        keys.add(bpy.data.objects[piece], names, moved, everything=piece == ob.name)
     still = [name for name, vector in zip(names, vectors, strict=True) if not vector.any()]
     notes = {name: note for name, note in rig.notes.items() if name in names}
-    text = f"{count} shapes" + (
-        f", {len(still)} move nothing ({', '.join(still)})" if still else ""
-    )
+    text = f"{count} shapes"
+    text += f", {len(still)} move nothing ({', '.join(still)})" if still else ""
     return {"message": text, "shapes": names, "still": still, "notes": notes}
 
 

@@ -273,7 +273,7 @@ class Engine(ShapeCalls, SliderCalls):
             animation = Animation(largest * mm_per_unit)
             animation.speech_mm = verdict.speech_mm(self._displacements(motion))
             shape = (frames, len(positions), 3)
-            if performance.mode == "basis":
+            if performance.error_mm is not None:
                 limit = performance.error_mm / mm_per_unit
                 made = (face, motion, clip)
                 animation.basis = self._basis(handles, made, shape, limit, watch)

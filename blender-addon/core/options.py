@@ -4,26 +4,17 @@ and of the rows of a jobs file.
 
 import argparse
 
-# What may be done with one open file.
-TASKS = ("bake", "rig", "landmarks")
 
-
-def parser(program: str) -> argparse.ArgumentParser:
-    """All tasks; a wrong command line ends in `SystemExit` with code 2."""
+def parser(program: str, modes: str = "") -> argparse.ArgumentParser:
+    """All tasks; a wrong command line ends in `SystemExit` with code 2. `modes` is help."""
     top = argparse.ArgumentParser(prog=program, description="Makes faces talk.")
     tasks = top.add_subparsers(dest="task", required=True)
-    bake = tasks.add_parser("bake", help="animate one face and save the file")
-    _add_file(bake)
-    add_bake(bake)
-    _add_result(bake)
-    rig = tasks.add_parser("rig", help="give a face the 52 ARKit shapes as keys, and save the file")
-    _add_file(rig)
-    add_rig(rig)
-    _add_result(rig)
-    landmarks = tasks.add_parser("landmarks", help="find the 68 landmarks of a face")
-    _add_file(landmarks)
-    add_landmarks(landmarks)
-    _add_result(landmarks, needed=False)
+    for name, (text, add, saves) in _TASKS.items():
+        task = tasks.add_parser(name, help=text)
+        task.add_argument("--file", metavar="FILE", help="open this .blend first")
+        add(task, modes)
+        task.add_argument("--save", required=saves, metavar="FILE", help="the .blend to write")
+        task.add_argument("--report", metavar="FILE", help="write what was done as JSON")
     batch = tasks.add_parser("batch", help="many shots, in processes here or on other machines")
     add_batch(batch)
     tasks.add_parser("shot", help="one shot of a batch, read from standard input")
@@ -33,12 +24,12 @@ def parser(program: str) -> argparse.ArgumentParser:
 def step_parser(task: str) -> argparse.ArgumentParser:
     """The options of one task as a row of a jobs file gives them: no file, nothing to save."""
     step = argparse.ArgumentParser(prog=task, exit_on_error=False, add_help=False)
-    {"bake": add_bake, "rig": add_rig, "landmarks": add_landmarks}[task](step)
+    _TASKS[task][1](step, "")
     step.set_defaults(task=task)
     return step
 
 
-def add_bake(task: argparse.ArgumentParser) -> None:
+def _add_bake(task: argparse.ArgumentParser, modes: str) -> None:
     """Options that are left out take the values stored on the object."""
     task.add_argument("--object", required=True, help="name of the face's object")
     source = task.add_mutually_exclusive_group()
@@ -47,7 +38,7 @@ def add_bake(task: argparse.ArgumentParser) -> None:
     task.add_argument("--start", type=int, metavar="FRAME", help="first frame of --audio")
     task.add_argument("--scene", help="name of the scene (default: the active one)")
     task.add_argument("--emotion", metavar="NAME:X[,…]", help="such as happy:0.7; auto; off")
-    task.add_argument("--mode", help="basis, frames, cache, keys, arkit or csv")
+    task.add_argument("--mode", help=modes)
     task.add_argument("--error", type=float, metavar="MM", help="largest error of basis keys")
     task.add_argument("--fps", type=float, help="default: the scene's")
     task.add_argument("--seed", type=int)
@@ -57,13 +48,13 @@ def add_bake(task: argparse.ArgumentParser) -> None:
     task.add_argument("--landmarks", metavar="FILE", help="JSON file with the 68 landmarks")
 
 
-def add_rig(task: argparse.ArgumentParser) -> None:
+def _add_rig(task: argparse.ArgumentParser, _modes: str) -> None:
     """Options of the shapes."""
     _add_face(task)
     task.add_argument("--visemes", action="store_true", help="the 15 Oculus visemes too")
 
 
-def add_landmarks(task: argparse.ArgumentParser) -> None:
+def _add_landmarks(task: argparse.ArgumentParser, _modes: str) -> None:
     """Options of the search; what is found is stored on the object."""
     _add_face(task)
     task.add_argument("--out", metavar="FILE", help="write the landmarks as JSON")
@@ -87,10 +78,10 @@ def add_batch(task: argparse.ArgumentParser) -> None:
     task.add_argument("--again", action="store_true", help="finished shots too")
 
 
-def _add_file(task: argparse.ArgumentParser) -> None:
-    task.add_argument("--file", metavar="FILE", help="open this .blend first")
-
-
-def _add_result(task: argparse.ArgumentParser, needed: bool = True) -> None:
-    task.add_argument("--save", required=needed, metavar="FILE", help="the .blend to write")
-    task.add_argument("--report", metavar="FILE", help="write what was done as JSON")
+# What may be done with one open file: help, what adds the options, whether it must be saved.
+_TASKS = {
+    "bake": ("animate one face and save the file", _add_bake, True),
+    "rig": ("give a face the 52 ARKit shapes as keys, and save the file", _add_rig, True),
+    "landmarks": ("find the 68 landmarks of a face", _add_landmarks, False),
+}
+TASKS = tuple(_TASKS)

@@ -31,7 +31,7 @@ def perform(
         take.frames = found.to_object(animation.displacements)
         return take
     take.basis = animation.basis
-    take.basis.still = sliders.why_still(performance, take.basis.sliders)
+    take.basis.why_missing = sliders.why_missing(performance, take.basis.sliders)
     take.basis.vectors = found.to_object(take.basis.vectors)
     return take
 

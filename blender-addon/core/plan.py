@@ -1,9 +1,9 @@
-"""What is done with a take once the face has moved: nothing, a file, or weights of shapes.
+"""What is done with a take in the worker thread, once the face has moved and before it is written.
 
-Runs in the worker thread, after `core.perform`.
+Runs after `core.perform`, without Blender.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,72 +17,99 @@ from .take import FaceMesh, KeyMotion, Rig, Take, WrittenFile
 _LARGEST_LEFT_OUT = 0.97
 
 
-@dataclass
 class Plan:
-    """How a take is to be written.
-
-    `mode` is one of `scene.outputs.MODES`. `paths` are the files of "cache" by object and the one
-    of "csv", `ease` the frames in which a cache comes out of rest. "keys" has the artist's `keys`
-    by shape name and their `vectors` `[S, V, 3]`, in object space and the same order. `visemes`:
-    "arkit" makes these as well.
-    """
-
-    mode: str = "basis"
-    paths: dict[str, str] = field(default_factory=dict)
-    ease: int = 0
-    keys: dict[str, str] = field(default_factory=dict)
-    vectors: np.ndarray | None = None
-    visemes: bool = False
+    """The take is written as it is. Other plans leave out its frames, the largest array of all."""
 
     def finish(self, face: FaceMesh, take: Take, engine, progress: Progress) -> Take:
-        """The take as this plan wants it; raises `AnyfaceError`, or `Cancelled`."""
-        if self.mode == "basis" and take.basis.sliders:
-            take.basis.packed = sliders.pack(take.basis.sliders)
-        if self.mode in ("basis", "frames"):
-            return take
-        finish = {
-            "cache": self._cache,
-            "keys": self._keys,
-            "arkit": self._arkit,
-            "csv": self._csv,
-        }[self.mode]
-        finish(face, take, engine, progress)
-        # The largest array of all; what is written needs it no more.
-        take.frames = None
+        """The take as it is to be written; raises `AnyfaceError`, or `Cancelled`."""
         return take
 
-    def _cache(self, face, take, engine, progress) -> None:
+
+class PackSliders(Plan):
+    """What the sliders of a basis change is packed, to be kept with the take."""
+
+    def finish(self, face, take, engine, progress):
+        if take.basis.sliders:
+            take.basis.packed = sliders.pack(take.basis.sliders)
+        return take
+
+
+@dataclass
+class WriteCaches(Plan):
+    """Point caches at `paths`, by object, that come out of rest within `ease` frames."""
+
+    paths: dict[str, str]
+    ease: int
+
+    def finish(self, face, take, engine, progress):
+        files = []
         for name, path in self.paths.items():
             rest, moved = of_piece(face, take.frames, name)
-            if take.files and not moved.any():
+            if files and not moved.any():
                 continue
             pc2.write(Path(path), rest, moved, self.ease, progress)
-            take.files.append(WrittenFile(name, path, len(moved), len(rest), self.ease))
+            files.append(WrittenFile(name, path, len(moved), len(rest), self.ease))
+        return replace(take, frames=None, files=files)
 
-    def _keys(self, face, take, engine, progress) -> None:
+
+@dataclass
+class SolveKeys(Plan):
+    """Weights of the artist's `keys`, by shape name; `vectors` `[S, V, 3]` in object space and the
+    same order."""
+
+    keys: dict[str, str]
+    vectors: np.ndarray
+
+    def finish(self, face, take, engine, progress):
         # Existing keys are those of the face; objects beside it have others.
         moved = take.frames[:, : self.vectors.shape[1]]
         solved = engine.solve(list(self.keys), self.vectors, moved, progress)
-        _check(solved.left_out, face.name)
-        take.key_motion = KeyMotion(list(self.keys.values()), solved.weights, solved.left_out)
+        if solved.left_out > _LARGEST_LEFT_OUT:
+            shown = 1.0 - solved.left_out
+            raise AnyfaceError(
+                "nothing_moved",
+                f"nothing would move: the keys of {face.name} show {shown:.0%} of the motion: "
+                "check the list of keys, or choose Basis Keys",
+            )
+        motion = KeyMotion(list(self.keys.values()), solved.weights, solved.left_out)
+        return replace(take, frames=None, key_motion=motion)
 
-    def _arkit(self, face, take, engine, progress) -> None:
-        rig = make_rig(face, take.space, engine, progress)
-        count = len(shapes.ARKIT)
-        solved = engine.solve(rig.names[:count], rig.vectors[:count], take.frames, progress)
-        motion = KeyMotion(rig.names[:count], solved.weights, solved.left_out, rig.vectors[:count])
-        if self.visemes:
-            motion.still = Rig(rig.names[count:], rig.vectors[count:])
-        take.key_motion = motion
 
-    def _csv(self, face, take, engine, progress) -> None:
-        rig = make_rig(face, take.space, engine, progress)
-        count = len(shapes.ARKIT)
-        names, vectors = rig.names[:count], rig.vectors[:count]
-        ((name, path),) = self.paths.items()
-        Path(path).parent.mkdir(parents=True, exist_ok=True)
-        solved = engine.solve(names, vectors, take.frames, progress, path, take.fps)
-        take.files = [WrittenFile(name, path, len(take.frames), left_out=solved.left_out)]
+@dataclass
+class MakeKeys(Plan):
+    """The ARKit shapes and their weights; with `visemes` these shapes too, without weights."""
+
+    visemes: bool
+
+    def finish(self, face, take, engine, progress):
+        arkit, visemes = _arkit(face, take, engine, progress)
+        solved = engine.solve(arkit.names, arkit.vectors, take.frames, progress)
+        motion = KeyMotion(arkit.names, solved.weights, solved.left_out, arkit.vectors)
+        motion.visemes = visemes if self.visemes else None
+        return replace(take, frames=None, key_motion=motion)
+
+
+@dataclass
+class WriteTable(Plan):
+    """Weights of the ARKit shapes as a table at `path`, for the object `name`."""
+
+    name: str
+    path: str
+
+    def finish(self, face, take, engine, progress):
+        arkit, _ = _arkit(face, take, engine, progress)
+        Path(self.path).parent.mkdir(parents=True, exist_ok=True)
+        given = (arkit.names, arkit.vectors, take.frames, progress, self.path, take.fps)
+        solved = engine.solve(*given)
+        file = WrittenFile(self.name, self.path, len(take.frames), left_out=solved.left_out)
+        return replace(take, frames=None, files=[file])
+
+
+def _arkit(face, take, engine, progress) -> tuple[Rig, Rig]:
+    """The ARKit shapes of a face, and its visemes."""
+    rig, count = make_rig(face, take.space, engine, progress), len(shapes.ARKIT)
+    arkit, visemes = slice(count), slice(count, None)
+    return tuple(Rig(rig.names[part], rig.vectors[part]) for part in (arkit, visemes))
 
 
 def make_rig(face: FaceMesh, space, engine, progress: Progress) -> Rig:
@@ -106,12 +133,3 @@ def of_piece(face: FaceMesh, moved: np.ndarray, name: str) -> tuple[np.ndarray, 
     turn = back[:3, :3].T.astype(np.float32)
     rest = face.positions[rows] @ turn + back[:3, 3].astype(np.float32)
     return rest, moved[:, rows] @ turn
-
-
-def _check(left_out: float, name: str) -> None:
-    if left_out > _LARGEST_LEFT_OUT:
-        raise AnyfaceError(
-            "nothing_moved",
-            f"nothing would move: the keys of {name} show {1.0 - left_out:.0%} of the motion: "
-            "check the list of keys, or choose Basis Keys",
-        )

@@ -1,7 +1,7 @@
 """What the sliders of a finished take change without a new run.
 
-A slider stands at 1 where the take was made. The library makes variations of the take at the knots
-of each slider; between the knots and 1 a slider is linear.
+A slider at 1 leaves the take as it was made. The library makes the take anew at some positions of
+each slider, its knots; between a knot and the next, or 1, the change is linear.
 """
 
 import json
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 NAMES = ("articulation", "emotion", "blinks")
-# What two of them change together beyond what each does alone; no slider of the artist's.
+# What moving emotion and blinks changes beyond the sum of both; the artist has no slider for it.
 TOGETHER = "emotion_and_blinks"
 # In the order of `AnyfaceSlider`.
 ALL = (*NAMES, TOGETHER)
@@ -22,7 +22,8 @@ _LENGTH = struct.Struct("<I")
 _STEPS = 2047
 _OVER_TIME = "its sliders changed over time: change the curves and generate again"
 _EMOTION_OFF = "the take was made with the emotion off, which keeps brows and lids still"
-_STILL = {
+# Why a slider would move nothing.
+_NO_EFFECT = {
     "articulation": "the take was made with an articulation of 0",
     "emotion": "the take was made without an emotion",
     "blinks": "nobody blinks in this take",
@@ -45,7 +46,7 @@ class SliderChange:
         return min(1.0, float(self.knots[0])), max(1.0, float(self.knots[-1]))
 
     def at(self, position: float) -> np.ndarray:
-        """What is added at `position`, `[T, K]`; held beyond the limits."""
+        """What is added at `position`, `[T, K]`; beyond the limits as much as at them."""
         above = int(np.searchsorted(self.knots, 1.0))
         knots = np.insert(self.knots, above, 1.0)
         place = float(np.clip(position, knots[0], knots[-1]))
@@ -55,26 +56,27 @@ class SliderChange:
 
 
 def place(name: str, placed: dict[str, float]) -> float:
-    """Where a name of `ALL` stands when `NAMES` stand at `placed`, or else at 1."""
+    """The position of a name of `ALL`; `placed` are those of `NAMES`, 1 where one is left out."""
     if name != TOGETHER:
         return placed.get(name, 1.0)
     return 1.0 - (1.0 - placed.get("emotion", 1.0)) * (1.0 - placed.get("blinks", 1.0))
 
 
-def why_still(performance, found) -> dict[str, str]:
-    """Why a take has not the sliders that are not in `found`, by name."""
-    missing = {name: _STILL[name] for name in NAMES if name not in found}
+def why_missing(performance, found) -> dict[str, str]:
+    """Why a take lacks the sliders of `NAMES` that are not in `found`, in words by name."""
+    missing = {name: _NO_EFFECT[name] for name in NAMES if name not in found}
     if performance.control_keys:
         return dict.fromkeys(missing, _OVER_TIME)
     if performance.emotion_source == "OFF":
-        return {name: _STILL[name] if name == "articulation" else _EMOTION_OFF for name in missing}
+        missing |= {name: _EMOTION_OFF for name in missing if name != "articulation"}
     return missing
 
 
 def pack(sliders: dict[str, SliderChange]) -> bytes:
     """All sliders of a take in few bytes.
 
-    Rounded, as differences from frame to frame, their low bytes before the high ones, deflated.
+    Every column is rounded to steps and stored as differences from frame to frame; all low bytes
+    stand before all high ones, which makes them easier to compress.
     """
     knots = {name: [float(knot) for knot in change.knots] for name, change in sliders.items()}
     changes = np.concatenate([change.changes for change in sliders.values()])

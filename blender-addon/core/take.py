@@ -70,8 +70,8 @@ class Performance:
     `emotion` holds `(time_s, strengths[15])` in rising order, times from the first sample; it is
     used where `emotion_source` is "GIVEN". `control_keys` holds the controls that change over time:
     name to `(times_s [N], values [N])`, linear in between. `roles` is what the artist says of the
-    mesh's parts. `mode` is "basis" or "frames"; `error_mm` the largest
-    error of a basis, on a head of human size.
+    mesh's parts. `error_mm` is the largest error of a basis, on a head of human size; with None the
+    displacements of every frame are wanted.
     """
 
     fps: float
@@ -80,8 +80,7 @@ class Performance:
     steps: int | None = None
     style: str = ""
     learned: float = 1.0
-    mode: str = "basis"
-    error_mm: float = 0.1
+    error_mm: float | None = 0.1
     emotion_source: str = "GIVEN"
     controls: Controls = field(default_factory=Controls)
     control_keys: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
@@ -146,7 +145,7 @@ class Basis:
 
     `vectors` `[K, V, 3]`, `weights` `[T, K]` within -1..1; `error_mm` is the largest distance
     of any vertex in any frame from where it should be. `sliders` is what may still be changed of
-    the take, by the names of `sliders.NAMES`; `still` says in words why another one may not.
+    the take, by the names of `sliders.ALL`; `why_missing` says in words why others are not there.
     `packed` holds `sliders` as they are kept with the take.
     """
 
@@ -154,7 +153,7 @@ class Basis:
     weights: np.ndarray
     error_mm: float
     sliders: dict[str, SliderChange] = field(default_factory=dict)
-    still: dict[str, str] = field(default_factory=dict)
+    why_missing: dict[str, str] = field(default_factory=dict)
     packed: bytes = b""
 
 
@@ -226,15 +225,15 @@ class KeyMotion:
     """A take as weights of named shape keys.
 
     `keys` `[S]` are names of keys, `weights` `[T, S]`. `vectors` `[S, V, 3]` in object space where
-    the keys are to be made, None where they are the artist's own. `still` are further keys to be
-    made, without weights. `left_out` as in `Solved`.
+    the keys are to be made, None where they are the artist's own. `visemes` are to be made as well,
+    without weights. `left_out` as in `Solved`.
     """
 
     keys: list[str]
     weights: np.ndarray
     left_out: float
     vectors: np.ndarray | None = None
-    still: Rig | None = None
+    visemes: Rig | None = None
 
 
 @dataclass

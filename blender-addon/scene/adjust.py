@@ -5,8 +5,7 @@ from functools import lru_cache
 import numpy as np
 
 from ..core import shapes, sliders
-from . import cache, changes, curves, record, together
-from .paths import value_path
+from . import changes, curves, outputs, record, together
 
 # What a take of named shapes can change on its own: beginnings of the shapes' names.
 GROUPS = {
@@ -16,8 +15,6 @@ GROUPS = {
 }
 # Weights below this are rounding.
 _NOTHING = 1e-6
-_FRAMES = "a key for every frame holds the finished motion: use basis keys"
-_CACHE = "a cache holds the finished motion: use basis keys"
 _NAMED = "it acts on basis keys; scale mouth, blinks and brows instead"
 _OLDER = "the take was made by an earlier version: generate again"
 
@@ -36,28 +33,29 @@ def adjust(ob, **wanted: float) -> None:
 
 def has_take(ob) -> bool:
     """True where `ob` carries a take in its keys or as a cache."""
-    return record.is_generated(ob) or cache.find(ob) is not None
+    return outputs.of_object(ob) is not None
 
 
 def is_named(ob) -> bool:
     """True where the take of `ob` is one of named shapes."""
-    taken = _record_of(ob)
-    return taken is not None and taken.mode not in ("basis", "frames")
+    output = outputs.of_object(ob)
+    return output is not None and not output.as_basis and not output.finished
 
 
 def names_of(ob) -> tuple[str, ...]:
     """What the panel shows of a take beside its strength: sliders, or groups of shapes."""
-    return tuple(groups_of(_record_of(ob))) if is_named(ob) else sliders.NAMES
+    return tuple(groups_of(record.read(ob.data.shape_keys))) if is_named(ob) else sliders.NAMES
 
 
 def why_not(ob, name: str) -> str:
     """Why a name of `names_of` cannot change the take of `ob`, or ""."""
-    taken = _record_of(ob)
-    if taken is None:
-        return _CACHE if cache.find(ob) is not None else "there is no take: generate one"
-    if taken.mode == "frames":
-        return _FRAMES
-    if is_named(ob):
+    output = outputs.of_object(ob)
+    if output is None:
+        return "there is no take: generate one"
+    if output.finished:
+        return output.finished
+    taken = record.read(ob.data.shape_keys)
+    if not output.as_basis:
         return "" if name in groups_of(taken) else _NAMED
     if name in changes.read(ob.data.shape_keys, taken):
         return ""
@@ -70,16 +68,12 @@ def groups_of(taken: record.Record) -> list[str]:
     return [name for name in GROUPS if name in found]
 
 
-def _record_of(ob) -> record.Record | None:
-    return record.read(ob.data.shape_keys) if record.is_generated(ob) else None
-
-
 def _adjust(ob, wanted: dict[str, float]) -> None:
     shape_keys = ob.data.shape_keys
     taken = record.read(shape_keys)
     before, shift = dict(taken.adjusted), taken.adjusted.get("shift", 0.0)
-    found = changes.read(shape_keys, taken) if taken.mode == "basis" else {}
-    taken.adjusted |= _possible(wanted, taken, found)
+    found, output = changes.read(shape_keys, taken), outputs.of_record(taken)
+    taken.adjusted |= _possible(wanted, output, found)
     moved = taken.adjusted.get("shift", 0.0) - shift
     added = _added(found, before, taken.adjusted)
     if added is not None:
@@ -88,20 +82,22 @@ def _adjust(ob, wanted: dict[str, float]) -> None:
     made = {curve.data_path: curve for curve in bag.fcurves} if bag is not None else {}
     if "eval_time" in made:
         _change(made["eval_time"], 1.0, moved)
-    for number, name in enumerate((*taken.keys, *taken.values) if taken.mode != "frames" else ()):
+    for number, name in enumerate((*taken.keys, *taken.values) if not output.finished else ()):
         factor, block = _factor(name, taken.adjusted), shape_keys.key_blocks.get(name)
-        if block is None or value_path(name) not in made:
+        if block is None or curves.value_path(name) not in made:
             continue
         more = None if added is None else (frames, factor * added[:, number])
-        low, high = _change(made[value_path(name)], factor / _factor(name, before), moved, more)
+        low, high = _change(
+            made[curves.value_path(name)], factor / _factor(name, before), moved, more
+        )
         if name in taken.keys:
             block.slider_min, block.slider_max = min(block.slider_min, low), max(1.0, high)
     record.write(shape_keys, taken)
 
 
-def _possible(wanted, taken, found) -> dict[str, float]:
+def _possible(wanted, output, found) -> dict[str, float]:
     """What is wanted and can be; of basis keys within the limits of their sliders."""
-    if taken.mode != "basis":
+    if not output.as_basis:
         groups = ("strength", "shift", *GROUPS)
         return {name: value for name, value in wanted.items() if name in groups}
     limited = {

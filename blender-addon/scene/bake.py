@@ -12,8 +12,7 @@ from ..core.job import Progress
 from ..core.plan import Plan
 from ..core.source import SoundSource
 from ..core.take import Controls, FaceMesh, Performance, Take
-from . import decode, emotion, existing, guard, mesh, outputs, pieces, sound, strips, takes
-from .outputs import MODES as MODES
+from . import decode, emotion, guard, mesh, outputs, pieces, sound, strips, takes, together
 from .outputs import OutputSettings
 
 
@@ -37,7 +36,7 @@ class Settings(Controls):
     fps: float = 0.0
     steps: int = 0
     learned: float = 1.0
-    mode: str = "basis"
+    mode: str = outputs.MODES[0]
     error_mm: float = 0.1
     axes: str = "AUTO"
     landmark_file: str = ""
@@ -79,7 +78,8 @@ class Snapshot:
 
 def read(ob, scene, settings: Settings, engine) -> Snapshot:
     """Reads mesh, sound and emotion; raises `AnyfaceError` in words for the artist."""
-    outputs.check(ob, settings.mode, settings.output)
+    output = outputs.of(settings.mode)
+    output.check(ob, settings.output)
     face = read_face(ob, settings)
     source = _find_sound(scene, settings, engine)
     scene_fps = scene.render.fps / scene.render.fps_base
@@ -90,15 +90,14 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         steps=settings.steps or None,
         style=settings.style,
         learned=settings.learned,
-        mode="basis" if settings.mode == "basis" else "frames",
-        error_mm=settings.error_mm,
+        error_mm=settings.error_mm if output.as_basis else None,
         emotion_source=settings.emotion_source,
         controls=Controls(**{item.name: getattr(settings, item.name) for item in fields(Controls)}),
         control_keys=emotion.control_keys(ob, scene, source.start_frame, strips.duration_s(source)),
         roles=face.roles,
     )
     names = [piece.name for piece in face.pieces] or [ob.name]
-    plan = outputs.plan(ob, settings.mode, settings.output, performance.fps, names)
+    plan = output.plan(ob, settings.output, performance.fps, names)
     return Snapshot(ob.name, face, source, performance, settings, plan, scene_fps, engine)
 
 
@@ -109,33 +108,29 @@ def read_face(ob, settings: Settings, editable: bool = True) -> FaceMesh:
     mesh.check_face(ob, face)
     face.axes = settings.axes
     for part in settings.parts if editable else ():
-        outputs.check_part(pieces.object_of(part, ob), settings.mode, settings.output)
+        other, output = pieces.object_of(part, ob), outputs.of(settings.mode)
+        if output.moves_parts:
+            output.check_object(other)
     pieces.add(face, ob, settings.parts, settings.loose)
     return face
 
 
 def write(ob, snapshot: Snapshot, take: Take) -> str:
     """Writes the take and says in one line what was written."""
-    if snapshot.settings.output.new_take and not take.files:
+    asked = snapshot.settings.output
+    if asked.new_take and not take.files:
         takes.keep(ob)
     start, scene_fps = snapshot.source.start_frame, snapshot.scene_fps
-    outputs.write(ob, snapshot.face.pieces, take, start, scene_fps)
+    together.write(ob, snapshot.face.pieces, take, start, scene_fps)
     notes = snapshot.source.notes + ([] if take.files else guard.notes(ob))
-    if snapshot.settings.mode == "keys":
-        notes += _left_alone(ob, snapshot.settings.output.mapping)
+    notes += outputs.of_take(take).notes(ob, asked)
     return " ".join([describe(take), *(f"({note})" for note in notes)])
-
-
-def _left_alone(ob, mapping: dict[str, str]) -> list[str]:
-    left = existing.left_alone(ob, mapping)
-    more = f" and {len(left) - 3} more" if len(left) > 3 else ""
-    return [f"driven, muted or locked, left alone: {', '.join(left[:3])}{more}"] if left else []
 
 
 def describe(take: Take) -> str:
     """One line: "150 frames, largest motion 9.1 mm, 31 basis keys, largest error 0.098 mm"."""
     text = f"{take.frame_count} frames, largest motion {take.largest_mm:.1f} mm"
-    return f"{text}, {outputs.describe(take)}"
+    return f"{text}, {outputs.of_take(take).describe(take)}"
 
 
 def _find_sound(scene, settings: Settings, engine) -> SoundSource:

@@ -16,6 +16,12 @@ _KEY_FIELDS = ("interpolation", "easing", "handle_left_type", "handle_right_type
 KEY_VECTORS = ("co", "handle_left", "handle_right")
 
 
+def value_path(name: str) -> str:
+    """The data path of the value of a shape key."""
+    escaped = name.replace("\\", "\\\\").replace('"', '\\"')
+    return f'key_blocks["{escaped}"].value'
+
+
 def channels(animation_data, create: bool = False):
     """What holds the curves (`.fcurves`, `.groups`) of this ID in its action, or None.
 
@@ -31,6 +37,12 @@ def channels(animation_data, create: bool = False):
         return None
     strip = _keyframe_strip(action, create)
     return strip.channelbag(slot, ensure=create) if strip is not None else None
+
+
+def action_of(shape_keys):
+    """The action assigned to the shape keys of a mesh (None for none), or None."""
+    animation = shape_keys.animation_data if shape_keys is not None else None
+    return animation.action if animation is not None else None
 
 
 def _keyframe_strip(action, create: bool):

@@ -56,8 +56,8 @@ def _attribute_bytes(attribute) -> bytes:
 
 def _add_keys(digest, shape_keys) -> None:
     # Values that a curve or driver sets change with the frame and say nothing.
-    still = shape_keys.animation_data is None
+    unanimated = shape_keys.animation_data is None
     for block in shape_keys.key_blocks:
         positions = read_key(block)
-        value = f"{block.value:.6f}" if still else ""
+        value = f"{block.value:.6f}" if unanimated else ""
         digest.update(f"{block.name}:{value}".encode() + positions.tobytes())

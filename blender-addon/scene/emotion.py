@@ -19,8 +19,8 @@ def emotion_keys(ob, scene, settings, start_frame: float, duration_s: float | No
     scene_fps = scene.render.fps / scene.render.fps_base
     at = sliders.times(ob, names, start_frame, scene_fps, duration_s)
     read = sliders.values(ob, scene, names, start_frame + at * scene_fps)
-    still = EMOTIONS.index(settings.emotion)
-    emotions = read.get("emotion", np.full(len(at), still))
+    chosen = EMOTIONS.index(settings.emotion)
+    emotions = read.get("emotion", np.full(len(at), chosen))
     amounts = read.get("intensity", np.full(len(at), settings.intensity))
     keys = []
     for time_s, number, amount in zip(at, emotions, amounts, strict=True):

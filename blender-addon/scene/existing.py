@@ -3,10 +3,8 @@
 import numpy as np
 
 from ..core import shapes
-from ..core.errors import AnyfaceError
 from . import curves, digest, record
 from .mesh import read_key
-from .paths import value_path
 
 # Holds the action that a copy of ours stands in for, so that it is saved with the file.
 REPLACED = "anyface_replaced"
@@ -36,16 +34,6 @@ def left_alone(ob, mapping: dict[str, str]) -> list[str]:
     return [key for key in wanted.values() if key in names]
 
 
-def check(ob, mapping: dict[str, str]) -> None:
-    """Raises `AnyfaceError("mesh")` where no key can be animated."""
-    if not find(ob, mapping):
-        raise AnyfaceError(
-            "mesh",
-            f"{ob.name} has no free shape key named after an ARKit shape or a viseme: write the "
-            "keys into the list, or choose Make ARKit Keys",
-        )
-
-
 def vectors(ob, names) -> np.ndarray:
     """What each key moves at value 1, `[S, V, 3]` in object space."""
     blocks = ob.data.shape_keys.key_blocks
@@ -54,26 +42,11 @@ def vectors(ob, names) -> np.ndarray:
     )
 
 
-def write(ob, motion, frames: np.ndarray, ease: float, taken: record.Record) -> None:
-    """Animates the keys; curves that the artist had on them wait in his own action."""
-    blocks = ob.data.shape_keys.key_blocks
-    missing = [name for name in motion.keys if name not in blocks]
-    if missing:
-        raise AnyfaceError("mesh", f"{ob.name} has lost the key {missing[0]} meanwhile")
-    taken.values = dict.fromkeys(motion.keys, 0.0)
-    note_values(ob.data.shape_keys, taken)
-    bag = curves.key_channels(ob, taken)
-    at = np.concatenate([[frames[0] - ease], frames, [frames[-1] + ease]])
-    for number, name in enumerate(motion.keys):
-        values = np.concatenate([[0.0], motion.weights[:, number], [0.0]])
-        curves.write(bag, value_path(name), at, values)
-
-
 def note_values(shape_keys, taken: record.Record) -> None:
     """Notes how the artist's keys are set now, and sets his curves on them aside."""
     blocks = shape_keys.key_blocks
     taken.values = {name: blocks[name].value for name in taken.values if name in blocks}
-    _set_action_aside(shape_keys, {value_path(name) for name in taken.values}, taken)
+    _set_action_aside(shape_keys, {curves.value_path(name) for name in taken.values}, taken)
 
 
 def restore(shape_keys, taken: record.Record) -> None:
@@ -110,7 +83,7 @@ def _put_action_back(shape_keys, taken) -> None:
         curves.delete_action(copy)
         return
     # The artist has worked in the copy since: it stays, with what we had taken out.
-    paths = {value_path(name) for name in taken.values}
+    paths = {curves.value_path(name) for name in taken.values}
     curves.copy_paths(original, curves.channels(animation, create=True), paths)
 
 
@@ -124,7 +97,7 @@ def _free(shape_keys) -> list:
         for block in shape_keys.key_blocks
         if block != shape_keys.reference_key
         and block.name not in ours
-        and value_path(block.name) not in driven
+        and curves.value_path(block.name) not in driven
         and not block.mute
         and not getattr(block, "lock_shape", False)
     ]

@@ -12,9 +12,8 @@ from dataclasses import dataclass, field
 import bpy
 import numpy as np
 
-from . import curves, guard, nla, record, takes
-from .mesh import read_key
-from .paths import value_path
+from . import curves, guard, nla, outputs, record, takes
+from .mesh import add_key, read_basis, read_key
 
 _STANDING = "Anyface.standing"
 # Marks shape keys that are changed, with the number of the change.
@@ -44,7 +43,8 @@ def before_export(_settings) -> None:
         if ob.type != "MESH" or ob.data.library is not None or ob.data.name in seen:
             continue
         seen.add(ob.data.name)
-        wanted = [taken for taken in record.everyone(ob.data.shape_keys) if taken.mode == "basis"]
+        taken = record.everyone(ob.data.shape_keys)
+        wanted = [one for one in taken if outputs.of_record(one).as_basis]
         if wanted:
             _rewrite(ob, wanted)
 
@@ -74,7 +74,7 @@ def _rewrite_take(ob, taken, changed: _Changed) -> None:
     bag = takes.channels_of(shape_keys, taken)
     standing, span = 0.0, None
     for name in taken.keys if bag is not None else ():
-        block, curve = shape_keys.key_blocks.get(name), bag.fcurves.find(value_path(name))
+        block, curve = shape_keys.key_blocks.get(name), bag.fcurves.find(curves.value_path(name))
         if block is None or curve is None or block.mute or block.vertex_group:
             continue
         before = {name: curves.places(curve, name) for name in curves.KEY_VECTORS}
@@ -111,10 +111,8 @@ def _scale(block, factor: float, changed: _Changed) -> np.ndarray:
 
 def _add_standing(ob, bag, vector: np.ndarray, span: np.ndarray) -> str:
     """A key of the displacements `vector` `[V, 3]` that stays at 1 through the take; its name."""
-    block = ob.shape_key_add(name=_STANDING, from_mix=False)
-    block.value = 0.0
-    block.points.foreach_set("co", (read_key(block.relative_key) + vector).ravel())
-    curves.write(bag, value_path(block.name), span, np.ones(2), constant=True)
+    block = add_key(ob, _STANDING, read_basis(ob.data) + vector)
+    curves.write(bag, curves.value_path(block.name), span, np.ones(2), constant=True)
     return block.name
 
 
@@ -144,6 +142,6 @@ def _put_curves_back(bag, take_id: str, changed: _Changed) -> None:
 
 def _forget(bag, names: list[str]) -> None:
     for name in names if bag is not None else ():
-        stale = bag.fcurves.find(value_path(name))
+        stale = bag.fcurves.find(curves.value_path(name))
         if stale is not None:
             bag.fcurves.remove(stale)

@@ -5,11 +5,25 @@ from contextlib import contextmanager
 import bpy
 
 from ..core.errors import AnyfaceError
-from . import digest, record
+from . import curves, digest, record
 
 
-def check_editable(ob, mode: str) -> None:
-    """Raises `AnyfaceError("mesh")` with the remedy where keys cannot be written or kept."""
+def check_editable(ob) -> None:
+    """Raises `AnyfaceError("mesh")` with the remedy where keys that add up cannot be written."""
+    check_local(ob)
+    # Keys that are played one after the other leave no room for keys that add up.
+    if ob.data.shape_keys is None or ob.data.shape_keys.use_relative:
+        return
+    if own_keys(ob.data.shape_keys):
+        raise AnyfaceError(
+            "mesh",
+            f"{ob.name}: its shape keys are absolute, and keys that add up would not show: "
+            "turn Relative on (Object Data > Shape Keys), or remove these keys",
+        )
+
+
+def check_local(ob) -> None:
+    """The same where keys of no kind can be written or kept."""
     check_mesh(ob)
     for block in (ob, ob.data):
         if block.library is not None:
@@ -27,20 +41,6 @@ def check_editable(ob, mode: str) -> None:
                 "save: choose Cache File, or make the mesh local (Object > Relations > Make Local)",
             )
     _check_animation(ob)
-    if mode == "frames" and record.read_kept(ob.data.shape_keys):
-        raise AnyfaceError(
-            "mesh",
-            f"{ob.name} has other takes, which one key per frame would stop: choose basis keys, "
-            "or delete them",
-        )
-    _check_relative(ob, mode)
-    own = [] if ob.data.shape_keys is None else own_keys(ob.data.shape_keys)
-    if mode == "frames" and own:
-        raise AnyfaceError(
-            "mesh",
-            f"{ob.name} has {len(own)} shape keys of its own ({own[0]} …), and one key per frame "
-            "would take them over: choose basis keys, which leave them alone",
-        )
 
 
 def check_mesh(ob) -> None:
@@ -50,26 +50,25 @@ def check_mesh(ob) -> None:
         raise AnyfaceError("mesh", f"expected a mesh object, got {what}: pick the face mesh")
 
 
+def check_size(ob, vertices: int) -> None:
+    """Raises `AnyfaceError("mesh")` where the mesh has changed since it was read."""
+    if vertices != len(ob.data.vertices):
+        raise AnyfaceError(
+            "mesh",
+            f"{ob.name} changed while the take was made: expected {vertices} vertices, "
+            f"got {len(ob.data.vertices)}",
+        )
+
+
 def own_keys(shape_keys) -> list[str]:
     """Names of the keys that are not ours; empty where all keys were made by us."""
+    if shape_keys is None:
+        return []
     ours = record.all_keys(shape_keys)
     names = [block.name for block in shape_keys.key_blocks if block.name not in ours]
     # A Basis that we made counts as ours as long as it is alone.
     made = any(taken.made_keys for taken in record.everyone(shape_keys))
     return [] if made and len(names) == 1 else names
-
-
-def _check_relative(ob, mode: str) -> None:
-    """Keys that are played one after the other leave no room for keys that add up."""
-    shape_keys = ob.data.shape_keys
-    if mode == "frames" or shape_keys is None or shape_keys.use_relative:
-        return
-    if own_keys(shape_keys):
-        raise AnyfaceError(
-            "mesh",
-            f"{ob.name}: its shape keys are absolute, and keys that add up would not show: "
-            "turn Relative on (Object Data > Shape Keys), or remove these keys",
-        )
 
 
 def notes(ob) -> list[str]:
@@ -104,13 +103,11 @@ def make_single_user(ob, taken: record.Record) -> None:
         taken.shared_mesh = mesh.name
         ob.data = mesh.copy()
         taken.shared_mesh_print = digest.mesh_digest(ob.data)
-    shape_keys = ob.data.shape_keys
-    animation = shape_keys.animation_data if shape_keys is not None else None
-    action = animation.action if animation is not None else None
+    action = curves.action_of(ob.data.shape_keys)
     if action is not None and action.users - action.use_fake_user > 1:
-        taken.shared_action = action.name
-        animation.action = action.copy()
-        taken.shared_action_print = digest.action_digest(animation.action)
+        taken.shared_action, copy = action.name, action.copy()
+        ob.data.shape_keys.animation_data.action = copy
+        taken.shared_action_print = digest.action_digest(copy)
 
 
 @contextmanager

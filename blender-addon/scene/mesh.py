@@ -79,6 +79,15 @@ def read_key(block) -> np.ndarray:
     return flat.reshape(-1, 3)
 
 
+def add_key(ob, name: str, positions: np.ndarray):
+    """A new shape key of `positions` `[V, 3]` at value 0."""
+    block = ob.shape_key_add(name=name, from_mix=False)
+    # From 5.0 on a new key has the value 1.
+    block.value = 0.0
+    block.points.foreach_set("co", np.ascontiguousarray(positions, dtype=np.float32).ravel())
+    return block
+
+
 def read_basis(mesh) -> np.ndarray:
     """Positions `[V, 3]` float32 of the Basis key, or of the mesh where it has no keys."""
     if mesh.shape_keys is not None:

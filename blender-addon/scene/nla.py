@@ -9,7 +9,6 @@ import bpy
 import numpy as np
 
 from . import curves, record
-from .paths import value_path
 
 REST = "anyface_rest"
 _REST_NAME = "Anyface Rest"
@@ -36,7 +35,7 @@ def leave(shape_keys, taken: record.Record, action) -> None:
     rest = shape_keys.get(REST)
     if rest is None:
         return
-    paths = {value_path(name) for name in taken.keys}
+    paths = {curves.value_path(name) for name in taken.keys}
     for bag in curves.bags(rest):
         for curve in [curve for curve in bag.fcurves if curve.data_path in paths]:
             bag.fcurves.remove(curve)
@@ -55,7 +54,7 @@ def rest_channels(shape_keys):
 def hold(bag, names: list[str]) -> None:
     """Keeps keys at 0 where no take plays them; `bag` is that of `rest_channels`."""
     for name in names:
-        curves.write(bag, value_path(name), np.zeros(1), np.zeros(1))
+        curves.write(bag, curves.value_path(name), np.zeros(1), np.zeros(1))
 
 
 def _hold_at_rest(ob, taken) -> None:

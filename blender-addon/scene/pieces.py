@@ -117,10 +117,10 @@ def _motion(take: Take):
 
 
 def _keys_cut(motion: KeyMotion, own: np.ndarray, rows: slice, back: np.ndarray) -> KeyMotion:
-    still = motion.still
-    if still is not None:
-        still = replace(still, vectors=np.ascontiguousarray(still.vectors[:, rows] @ back.T))
-    return replace(motion, vectors=own, still=still)
+    more = motion.visemes
+    if more is not None:
+        more = replace(more, vectors=np.ascontiguousarray(more.vectors[:, rows] @ back.T))
+    return replace(motion, vectors=own, visemes=more)
 
 
 def _largest(take: Take, rows: slice) -> float:

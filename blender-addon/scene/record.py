@@ -16,14 +16,14 @@ KEPT = "anyface_takes"
 class Record:
     """One generated take.
 
-    `keys` are the names of our shape keys in order; `made_keys` says that the mesh had none
-    before. The `made_*` and `shared_*` fields say what else must be undone: an action, a slot or
-    animation data of ours, copies made because mesh or action were shared (`*_print` is their
-    digest at that time). On an object beside a face, `belongs_to` is the id of the face's take.
-    `values` are keys of the artist's that are animated, as they were set
+    `mode` is the name of its output. `keys` are the names of our shape keys in order; `made_keys`
+    says that the mesh had none before. The `made_*` and `shared_*` fields say what else must be
+    undone: an action, a slot or animation data of ours, copies made because mesh or action were
+    shared (`*_print` is their digest at that time). On an object beside a face, `belongs_to` is the
+    id of the face's take. `values` are keys of the artist's that are animated, as they were set
     before; `replaced_print` is the digest of the action that stands in for his. `name` is the
     take's in the panel; `adjusted` is what `adjust` has made of it. Its frames lie at `first_frame`
-    and every `frame_step` after it; `still` says why some sliders of `core.sliders` move nothing.
+    and every `frame_step` after it; `still` is `why_missing` of its basis.
     """
 
     mode: str

@@ -3,8 +3,7 @@
 import bpy
 
 from ..core.errors import AnyfaceError
-from . import changes, curves, digest, existing, guard, record
-from .paths import value_path
+from . import changes, curves, digest, existing, guard, outputs, record
 
 
 def remove(ob) -> bool:
@@ -45,10 +44,7 @@ def _remove_curves(shape_keys, taken: record.Record) -> None:
     animation = shape_keys.animation_data
     if animation is None:
         return
-    paths = {value_path(name) for name in (*taken.keys, *taken.values)}
-    if taken.mode == "frames":
-        paths.add("eval_time")
-    curves.remove(animation, paths)
+    curves.remove(animation, outputs.of_record(taken).paths(taken))
     existing.restore(shape_keys, taken)
     _remove_action(animation, taken)
     untouched = animation.action is None and not animation.drivers and not animation.nla_tracks
@@ -79,9 +75,7 @@ def _remove_action(animation, taken: record.Record) -> None:
 
 def _remove_keys(ob, taken: record.Record) -> None:
     shape_keys = ob.data.shape_keys
-    if taken.mode == "frames":
-        shape_keys.eval_time = 0.0
-        shape_keys.use_relative = True
+    outputs.of_record(taken).leave(shape_keys)
     ours = set(taken.keys)
     basis = shape_keys.reference_key
     others = [b for b in shape_keys.key_blocks if b.name not in ours and b != basis]
@@ -99,13 +93,7 @@ def _share_mesh_again(ob, taken: record.Record) -> None:
     copy = ob.data
     ob.data = original
     if copy.users == 0:
-        keys_copy = copy.shape_keys
-        action = _own_action(keys_copy)
+        action = curves.action_of(copy.shape_keys)
         bpy.data.meshes.remove(copy)
         if action is not None and action.users == 0:
             bpy.data.actions.remove(action)
-
-
-def _own_action(shape_keys):
-    animation = shape_keys.animation_data if shape_keys is not None else None
-    return animation.action if animation is not None else None

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import bpy
 
 from ..core.errors import AnyfaceError
-from . import curves, existing, guard, nla, record, together
-from .paths import value_path
+from . import curves, existing, guard, nla, outputs, record, together
 
 _ACTION = "anyface_take_"
 
@@ -54,10 +53,9 @@ def _keep(ob) -> bool:
     taken = record.read(shape_keys)
     if taken is None:
         return False
-    if taken.mode == "frames":
-        raise AnyfaceError(
-            "mesh", f"{ob.name}: one key per frame cannot wait beside others: use basis keys"
-        )
+    cannot = outputs.of_record(taken).cannot_wait
+    if cannot:
+        raise AnyfaceError("mesh", f"{ob.name}: {cannot}")
     taken.name = taken.name or _new_name(shape_keys)
     with guard.object_mode(ob):
         record.clear(shape_keys)
@@ -158,7 +156,7 @@ def _take_out(ob, taken: record.Record):
     """Takes the curves off the character; the action in which they now are."""
     shape_keys = ob.data.shape_keys
     animation = shape_keys.animation_data
-    paths = _paths(taken)
+    paths = outputs.of_record(taken).paths(taken)
     action = animation.action
     alone = taken.made_action and all(
         curve.data_path in paths for bag in curves.bags(action) for curve in bag.fcurves
@@ -199,12 +197,9 @@ def _put_in(ob, taken: record.Record) -> None:
             animation.action_slot = action.slots[0]
         taken.made_action = True
         return
-    curves.copy_paths(action, curves.key_channels(ob, taken), _paths(taken))
+    paths = outputs.of_record(taken).paths(taken)
+    curves.copy_paths(action, curves.key_channels(ob, taken), paths)
     curves.delete_action(action)
-
-
-def _paths(taken: record.Record) -> set[str]:
-    return {value_path(name) for name in (*taken.keys, *taken.values)}
 
 
 def _new_name(shape_keys) -> str:
@@ -218,5 +213,5 @@ def _find(shape_keys, take_id: str) -> None:
 
 
 def _editable(ob):
-    guard.check_editable(ob, "basis")
+    guard.check_editable(ob)
     return ob.data.shape_keys

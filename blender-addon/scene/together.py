@@ -1,49 +1,37 @@
 """Writes one take on all the objects of a face, and takes it from all of them again."""
 
-from dataclasses import replace
-
 import bpy
 
-from ..core import shapes
 from ..core.take import Piece, Take
-from . import existing, guard, keys, pieces, record, remove
+from . import keys, outputs, pieces, record, remove
 
 
 def write(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: float) -> None:
     """Puts `take` on `ob` and on the objects beside it that move.
 
-    Nothing is written where one of them cannot be: all are checked first.
+    An earlier one goes, but for a table, which changes no mesh. Nothing is written where one of
+    the objects cannot be: all are checked first.
     """
-    mode = keys.mode_of(take)
-    alone = [(Piece(ob.name, 0, 0, None), take)]
-    if mode == "keys":
-        others = [(piece, _own_keys(take, piece)) for piece in parts[1:]]
-        cut = alone + [(piece, part) for piece, part in others if part is not None]
-    else:
-        cut = pieces.split(take, parts) if len(parts) > 1 else alone
-    for piece, _ in cut[1:]:
-        guard.check_editable(pieces.object_of(pieces.Part(piece.name), ob), mode)
+    output = outputs.of_take(take)
+    if take.files:
+        output.check_files(take)
+        if output.on_mesh:
+            remove_others(ob)
+            keys.remove_earlier(ob)
+        output.write_files(ob, take, start_frame, scene_fps)
+        return
+    (_, own), *others = output.split(take, parts) if len(parts) > 1 else [(None, take)]
+    for piece, _ in others:
+        output.check_object(pieces.object_of(pieces.Part(piece.name), ob))
     remove_others(ob)
-    first = keys.write(ob, take if len(cut) == 1 else cut[0][1], start_frame, scene_fps)
-    for piece, part in cut[1:]:
-        other = bpy.data.objects[piece.name]
+    first = keys.write(ob, own, start_frame, scene_fps)
+    for piece, part in others:
         if part is None:
             continue
+        other = bpy.data.objects[piece.name]
         taken = keys.write(other, part, start_frame, scene_fps)
         taken.belongs_to = first.id
         record.write(other.data.shape_keys, taken)
-
-
-def _own_keys(take: Take, piece: Piece) -> Take | None:
-    """The take on the keys that an object beside the face has of the same shapes, or None."""
-    other, motion = bpy.data.objects.get(piece.name), take.key_motion
-    theirs = existing.find(other, {}) if other is not None else {}
-    shared = [(key, theirs[n]) for n, key in shapes.match(motion.keys).items() if n in theirs]
-    if not shared:
-        return None
-    columns = [motion.keys.index(key) for key, _ in shared]
-    names = [name for _, name in shared]
-    return replace(take, key_motion=replace(motion, keys=names, weights=motion.weights[:, columns]))
 
 
 def remove_all(ob) -> bool:

@@ -7,6 +7,7 @@ from bpy.types import Operator, Panel, PropertyGroup
 from ..core.errors import AnyfaceError
 from ..scene import sequencer, strips
 from . import words
+from .panel import OfFacePanel
 from .target import OfFace, sequencer_scene, target
 
 
@@ -64,19 +65,11 @@ class ANYFACE_OT_use_selected_strips(OfFace, Operator):
         return {"FINISHED"}
 
 
-class ANYFACE_PT_audio(Panel):
+class ANYFACE_PT_audio(OfFacePanel, Panel):
     """What the face says."""
 
     bl_label = "Audio"
-    bl_parent_id = "ANYFACE_PT_main"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Anyface"
     bl_order = 1
-
-    @classmethod
-    def poll(cls, context):
-        return target(context) is not None
 
     def draw(self, context):
         """Draws the source, its settings and its length."""

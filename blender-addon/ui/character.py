@@ -14,6 +14,8 @@ from ..core.errors import AnyfaceError
 from ..core.take import ROLES
 from ..scene import landmarks, pieces
 from . import words
+from .operators import Acting
+from .panel import OfFacePanel
 from .target import OfFace, is_there, target
 
 _ROLE_TEXTS = {
@@ -100,27 +102,20 @@ class ANYFACE_UL_loose(UIList):
         layout.prop(item, "role", text="")
 
 
-class ANYFACE_OT_find_parts(OfFace, Operator):
+class ANYFACE_OT_find_parts(Acting, Operator):
     """Look for teeth, eyes and lashes that are objects beside the face"""
 
     bl_idname = "anyface.find_parts"
     bl_label = "Find Parts"
 
-    def execute(self, context):
+    def act(self, ob):
         """Adds what is near the head and belongs to the same collections or parent."""
-        ob = target(context)
-        try:
-            found = suggestions(ob)
-        except AnyfaceError as error:
-            self.report({"ERROR"}, f"Anyface: {error}")
-            return {"CANCELLED"}
+        found = suggestions(ob)
         known = {part.object for part in ob.anyface_face.parts}
         fresh = [part for part in found if bpy.data.objects[part.name] not in known]
         for part in fresh:
             _add(ob, bpy.data.objects[part.name], part.role)
-        names = ", ".join(part.name for part in fresh) or "none"
-        self.report({"INFO"}, f"Anyface: parts found: {names}")
-        return {"FINISHED"}
+        return f"parts found: {', '.join(part.name for part in fresh) or 'none'}"
 
 
 class ANYFACE_OT_add_parts(OfFace, Operator):
@@ -189,19 +184,11 @@ def _moves(part) -> bool:
     return part.role in ("jaw", "nearest") or (not part.role and "teeth" in part.name.lower())
 
 
-class ANYFACE_PT_character(Panel):
+class ANYFACE_PT_character(OfFacePanel, Panel):
     """The face, its landmarks, its parts."""
 
     bl_label = "Character"
-    bl_parent_id = "ANYFACE_PT_main"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Anyface"
     bl_order = 0
-
-    @classmethod
-    def poll(cls, context):
-        return target(context) is not None
 
     def draw(self, context):
         """Draws status, buttons and lists."""

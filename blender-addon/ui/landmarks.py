@@ -13,8 +13,9 @@ from ..core.errors import AnyfaceError
 from ..core.job import Job, Progress
 from ..scene import bake, guard, landmarks
 from . import character, running
+from .operators import Alone, InThread, redraw
 from .settings import from_object
-from .target import OfFace, target
+from .target import target
 
 # A landmark is taken from this far, in pixels.
 _REACH_PX = 14.0
@@ -40,84 +41,22 @@ def keep(ob, found, fixed=()) -> str:
     return landmarks.describe(landmarks.load(ob))
 
 
-class _Searching(OfFace):
-    """Runs a `Search` in a thread while Blender goes on, or at once without a window."""
-
-    @classmethod
-    def poll(cls, context):
-        if running.is_running():
-            cls.poll_message_set("Another job is running")
-            return False
-        return super().poll(context)
-
-    def fail(self, error):
-        """Shows the error where the artist looks."""
-        self.report({"ERROR"}, f"Anyface: {error}")
-        return {"CANCELLED"}
-
-
-class ANYFACE_OT_find_face(_Searching, Operator):
+class ANYFACE_OT_find_face(InThread, Operator):
     """Find the 68 landmarks of the face and keep them on its object; earlier ones are replaced"""
 
     bl_idname = "anyface.find_face"
     bl_label = "Find Face"
-    bl_options = {"REGISTER", "UNDO"}
 
-    def execute(self, context):
-        """Finds at once."""
-        ob = target(context)
-        try:
-            return self._finish(ob, search_of(ob).work(Progress()))
-        except AnyfaceError as error:
-            return self.fail(error)
+    cancelled = ""
 
-    def invoke(self, context, event):
-        """Finds in a thread."""
-        if bpy.app.background:
-            return self.execute(context)
-        ob = target(context)
-        try:
-            search = search_of(ob)
-        except AnyfaceError as error:
-            return self.fail(error)
-        self._name = ob.name
-        self._job = running.start(Job(search.work), ob.name)
-        self._timer = context.window_manager.event_timer_add(0.1, window=context.window)
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
+    def read(self, context, ob):
+        """The mesh."""
+        return search_of(ob)
 
-    def modal(self, context, event):
-        """Polls the thread; ESC cancels."""
-        redraw(context)
-        if event.type == "ESC" and event.value == "PRESS":
-            self._job.cancel()
-        if self._job.progress.cancelled:
-            self._end(context)
-            return {"CANCELLED"}
-        if event.type != "TIMER" or not self._job.done:
-            return {"PASS_THROUGH"}
-        self._end(context)
-        ob = bpy.data.objects.get(self._name)
-        try:
-            if ob is None:
-                raise AnyfaceError("mesh", f"{self._name} is gone")
-            return self._finish(ob, self._job.result())
-        except AnyfaceError as error:
-            return self.fail(error)
-
-    def cancel(self, context):
-        """Blender closes or loads another file."""
-        self._job.cancel()
-        self._end(context)
-
-    def _finish(self, ob, found):
+    def finish(self, ob, search, found):
+        """Keeps the landmarks."""
         self.report({"INFO"}, f"Anyface: {keep(ob, found)}")
         return {"FINISHED"}
-
-    def _end(self, context):
-        context.window_manager.event_timer_remove(self._timer)
-        running.finish()
-        redraw(context)
 
 
 class ANYFACE_OT_reset_landmarks(Operator):
@@ -146,31 +85,25 @@ class ANYFACE_OT_reset_landmarks(Operator):
         return {"FINISHED"}
 
 
-class ANYFACE_OT_move_landmark(_Searching, Operator):
+class ANYFACE_OT_move_landmark(Alone, Operator):
     """Put one landmark elsewhere on the face; the others follow"""
 
     bl_idname = "anyface.move_landmark"
     bl_label = "Move Landmark"
-    bl_options = {"REGISTER", "UNDO"}
 
     number: IntProperty(name="Landmark", min=0, max=67)
     place: FloatVectorProperty(name="Place", description="In the object's space", subtype="XYZ")
 
-    def execute(self, context):
+    def act(self, ob):
         """Puts the landmark on the nearest place of the surface and lets the others follow."""
-        ob = target(context)
-        try:
-            drag = landmarks.Drag(ob)
-            drag.hold(self.number)
-            drag.stored.positions[self.number] = drag.surface.nearest(self.place)
-            found = drag.search(_face_of(ob), running.engine()).work(Progress())
-            self.report({"INFO"}, f"Anyface: {keep(ob, found, drag.stored.fixed)}")
-        except AnyfaceError as error:
-            return self.fail(error)
-        return {"FINISHED"}
+        drag = landmarks.Drag(ob)
+        drag.hold(self.number)
+        drag.stored.positions[self.number] = drag.surface.nearest(self.place)
+        found = drag.search(_face_of(ob), running.engine()).work(Progress())
+        return keep(ob, found, drag.stored.fixed)
 
 
-class ANYFACE_OT_edit_landmarks(_Searching, Operator):
+class ANYFACE_OT_edit_landmarks(Alone, Operator):
     """Drag landmarks over the face with the left mouse button; Return or Esc ends"""
 
     bl_idname = "anyface.edit_landmarks"
@@ -346,14 +279,6 @@ def _paint(ob, positions: np.ndarray, fixed: set[int]) -> None:
                 shader.uniform_float("color", colour)
                 batch_for_shader(shader, kind, {"pos": points}).draw(shader)
     gpu.state.blend_set("NONE")
-
-
-def redraw(context) -> None:
-    """Draws every 3D view again."""
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
 
 
 def register() -> None:

@@ -22,12 +22,12 @@ class AnyfaceMapping(PropertyGroup):
 
 
 # The sliders have no values of their own: they read and change the take that is there.
-def _slider(name: str, label: str, words: str, still: float = 1.0, **limits):
+def _slider(name: str, label: str, words: str, unmoved: float = 1.0, **limits):
     def read_take(stored) -> float:
         ob = stored.id_data
         if not record.is_generated(ob):
-            return still
-        return record.read(ob.data.shape_keys).adjusted.get(name, still)
+            return unmoved
+        return record.read(ob.data.shape_keys).adjusted.get(name, unmoved)
 
     def change_take(stored, value: float) -> None:
         adjust.adjust(stored.id_data, **{name: value})

@@ -7,26 +7,19 @@ from bpy.props import StringProperty
 from bpy.types import Operator, Panel
 
 from ..core import shapes
-from ..core.errors import AnyfaceError
 from ..scene import adjust, estimate, existing, outputs, record
 from . import audio, output_properties, running, words
-from .target import sequencer_scene, target
+from .operators import WithFile
+from .panel import OfFacePanel
+from .target import OfFace, sequencer_scene, target
 
 
-class ANYFACE_PT_output(Panel):
+class ANYFACE_PT_output(OfFacePanel, Panel):
     """What is made, its options, its size."""
 
     bl_idname = "ANYFACE_PT_output"
     bl_label = "Output"
-    bl_parent_id = "ANYFACE_PT_main"
     bl_order = 3
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Anyface"
-
-    @classmethod
-    def poll(cls, context):
-        return target(context) is not None
 
     def draw(self, context):
         """Draws the panel."""
@@ -35,7 +28,7 @@ class ANYFACE_PT_output(Panel):
         layout.use_property_decorate = False
         asked = output_properties.read(ob)
         reason = _draw_modes(layout, ob, asked)
-        _draw_options(layout, ob)
+        outputs.of(ob.anyface.mode).draw(layout, ob)
         if reason:
             _draw_words(layout, reason, context.region.width, alert=True)
             return
@@ -48,7 +41,7 @@ class ANYFACE_PT_output(Panel):
 
 def _draw_modes(layout, ob, asked) -> str:
     """A button for each output, grey where it cannot work; why the chosen one cannot."""
-    reasons = {mode: outputs.why_not(ob, mode, asked) for mode in outputs.MODES}
+    reasons = {output.name: output.why_not(ob, asked) for output in outputs.ALL}
     column = layout.column(align=True)
     # Split, the names would stand beside empty buttons.
     column.use_property_split = False
@@ -62,38 +55,6 @@ def _draw_modes(layout, ob, asked) -> str:
         button.prop_enum(ob.anyface, "mode", mode)
         row.operator("anyface.why_not", text="", icon="QUESTION").reason = reason
     return reasons[ob.anyface.mode]
-
-
-def _draw_options(layout, ob) -> None:
-    mode, stored = ob.anyface.mode, ob.anyface_output
-    if mode == "basis":
-        layout.prop(ob.anyface, "error_mm", text="Error (mm)")
-    elif mode == "cache":
-        layout.prop(stored, "cache_folder")
-    elif mode == "csv":
-        layout.prop(stored, "csv_file")
-    elif mode == "arkit":
-        layout.prop(stored, "visemes")
-    elif mode == "keys":
-        _draw_mapping(layout, ob, stored)
-
-
-def _draw_mapping(layout, ob, stored) -> None:
-    row = layout.row(align=True)
-    row.operator("anyface.mapping_find", text="Find Keys")
-    row.operator("anyface.mapping_load", text="", icon="FILE_FOLDER")
-    row.operator("anyface.mapping_save", text="", icon="FILE_TICK")
-    row.operator("anyface.mapping_clear", text="", icon="X")
-    if not len(stored.mapping):
-        found = existing.find(ob, {})
-        layout.label(text=f"{len(found)} keys found by name")
-        return
-    column = layout.column(align=True)
-    for item in stored.mapping:
-        row = column.row(align=True)
-        row.label(text=item.name)
-        if ob.data.shape_keys is not None:
-            row.prop_search(item, "key", ob.data.shape_keys, "key_blocks", text="")
 
 
 def _draw_sliders(layout, ob) -> None:
@@ -140,16 +101,14 @@ class ANYFACE_OT_why_not(Operator):
         return {"FINISHED"}
 
 
-class _MappingOperator(Operator):
-    bl_options = {"REGISTER", "UNDO"}
-
+class _OnMapping(OfFace):
     @classmethod
     def poll(cls, context):
         ob = target(context)
         return ob is not None and ob.library is None
 
 
-class ANYFACE_OT_mapping_find(_MappingOperator):
+class ANYFACE_OT_mapping_find(_OnMapping, Operator):
     """Fill the list with the keys that are named after ARKit shapes or visemes"""
 
     bl_idname = "anyface.mapping_find"
@@ -166,7 +125,7 @@ class ANYFACE_OT_mapping_find(_MappingOperator):
         return {"FINISHED"}
 
 
-class ANYFACE_OT_mapping_clear(_MappingOperator):
+class ANYFACE_OT_mapping_clear(_OnMapping, Operator):
     """Empty the list; keys are found by name again"""
 
     bl_idname = "anyface.mapping_clear"
@@ -178,59 +137,34 @@ class ANYFACE_OT_mapping_clear(_MappingOperator):
         return {"FINISHED"}
 
 
-class ANYFACE_OT_mapping_save(_MappingOperator):
+class ANYFACE_OT_mapping_save(_OnMapping, WithFile, Operator):
     """Save the list as a JSON file"""
 
     bl_idname = "anyface.mapping_save"
     bl_label = "Save Key List"
     bl_options = {"REGISTER"}
 
-    filepath: StringProperty(subtype="FILE_PATH")
-    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
-
     def invoke(self, context, event):
         """Asks for the file."""
         self.filepath = self.filepath or f"{target(context).name}_keys.json"
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
+        return super().invoke(context, event)
 
-    def execute(self, context):
+    def act(self, ob):
         """Writes the list, or what is found by name where it is empty."""
-        ob = target(context)
         mapping = output_properties.read(ob).mapping or existing.find(ob, {})
-        path = Path(bpy.path.ensure_ext(bpy.path.abspath(self.filepath), ".json"))
-        try:
-            shapes.write(mapping, path)
-        except AnyfaceError as error:
-            self.report({"ERROR"}, f"Anyface: {error}")
-            return {"CANCELLED"}
-        return {"FINISHED"}
+        path = bpy.path.ensure_ext(bpy.path.abspath(self.filepath), ".json")
+        shapes.write(mapping, Path(path))
 
 
-class ANYFACE_OT_mapping_load(_MappingOperator):
+class ANYFACE_OT_mapping_load(_OnMapping, WithFile, Operator):
     """Load the list from a JSON file"""
 
     bl_idname = "anyface.mapping_load"
     bl_label = "Load Key List"
 
-    filepath: StringProperty(subtype="FILE_PATH")
-    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
-
-    def invoke(self, context, event):
-        """Asks for the file."""
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
-
-    def execute(self, context):
+    def act(self, ob):
         """Replaces the list by that of the file."""
-        path = Path(bpy.path.abspath(self.filepath))
-        try:
-            mapping = shapes.read(path)
-        except AnyfaceError as error:
-            self.report({"ERROR"}, f"Anyface: {error}")
-            return {"CANCELLED"}
-        _fill(target(context), mapping)
-        return {"FINISHED"}
+        _fill(ob, shapes.read(Path(bpy.path.abspath(self.filepath))))
 
 
 def _fill(ob, mapping: dict[str, str]) -> None:

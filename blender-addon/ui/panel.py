@@ -2,19 +2,35 @@
 
 from bpy.types import Panel
 
+from ..scene import outputs
 from . import running, words
-from .remove import has_take
 from .target import target
 
 
-class ANYFACE_PT_main(Panel):
+class Sidebar:
+    """Where panels lie; stands before `Panel`."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Anyface"
+
+
+class OfFacePanel(Sidebar):
+    """A panel of the character in the main one; stands before `Panel`."""
+
+    bl_parent_id = "ANYFACE_PT_main"
+
+    @classmethod
+    def poll(cls, context):
+        """False where there is no character."""
+        return target(context) is not None
+
+
+class ANYFACE_PT_main(Sidebar, Panel):
     """The face and the buttons; character, sound and performance are panels of their own in it."""
 
     bl_idname = "ANYFACE_PT_main"
     bl_label = "Anyface"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Anyface"
 
     def draw(self, context):
         """Draws the panel."""
@@ -40,7 +56,7 @@ def _draw_buttons(layout, ob) -> None:
         return
     row = layout.row()
     row.scale_y = 1.4
-    again = has_take(ob)
+    again = outputs.has_take(ob)
     row.operator("anyface.generate", text="Generate Again" if again else "Generate")
     layout.operator("anyface.remove", icon="TRASH")
 

@@ -6,24 +6,17 @@ from bpy.types import Panel
 
 from ..core.sweep import ANIMATABLE
 from ..core.take import Controls
+from .panel import OfFacePanel
 from .target import target
 
 _MORE = ("seed", "style", "fps", "steps", "learned", "axes", "landmark_file")
 
 
-class ANYFACE_PT_performance(Panel):
+class ANYFACE_PT_performance(OfFacePanel, Panel):
     """How the face speaks."""
 
     bl_label = "Performance"
-    bl_parent_id = "ANYFACE_PT_main"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Anyface"
     bl_order = 2
-
-    @classmethod
-    def poll(cls, context):
-        return target(context) is not None
 
     def draw_header_preset(self, _context):
         """Draws the presets at the right of the header."""

@@ -12,8 +12,8 @@ from bpy.types import Menu, Operator
 
 from ..core import presets
 from ..core.errors import AnyfaceError
+from .operators import Acting, WithFile
 from .preferences import PACKAGE
-from .target import OfFace, target
 
 SHIPPED = Path(__file__).resolve().parents[1] / "presets"
 
@@ -30,11 +30,14 @@ def own_folder(create: bool = False) -> Path:
 
 def everyone() -> list[presets.Preset]:
     """The shipped presets, then the artist's own."""
+    return presets.in_folder(SHIPPED) + _own()
+
+
+def _own() -> list[presets.Preset]:
     try:
-        own = presets.in_folder(own_folder())
+        return presets.in_folder(own_folder())
     except AnyfaceError:
-        own = []
-    return presets.in_folder(SHIPPED) + own
+        return []
 
 
 def apply(preset: presets.Preset, settings) -> None:
@@ -48,20 +51,7 @@ def of_settings(name: str, settings) -> presets.Preset:
     return presets.Preset(name, {item: getattr(settings, item) for item in presets.NAMES})
 
 
-class _OnFace(OfFace):
-    """Operators that say what went wrong."""
-
-    def execute(self, context):
-        """Does the work; errors go to the report."""
-        try:
-            self.report({"INFO"}, f"Anyface: {self.work(target(context).anyface)}")
-        except AnyfaceError as error:
-            self.report({"ERROR"}, f"Anyface: {error}")
-            return {"CANCELLED"}
-        return {"FINISHED"}
-
-
-class ANYFACE_OT_preset_apply(_OnFace, Operator):
+class ANYFACE_OT_preset_apply(Acting, Operator):
     """Set the performance's sliders to this preset"""
 
     bl_idname = "anyface.preset_apply"
@@ -69,14 +59,14 @@ class ANYFACE_OT_preset_apply(_OnFace, Operator):
 
     path: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
 
-    def work(self, settings):
+    def act(self, ob):
         """Reads the file and sets the sliders."""
         preset = presets.read(self.path)
-        apply(preset, settings)
+        apply(preset, ob.anyface)
         return f"preset {preset.name}"
 
 
-class ANYFACE_OT_preset_save(_OnFace, Operator):
+class ANYFACE_OT_preset_save(Acting, Operator):
     """Keep the performance's sliders as a preset of your own"""
 
     bl_idname = "anyface.preset_save"
@@ -88,14 +78,14 @@ class ANYFACE_OT_preset_save(_OnFace, Operator):
         """Asks for the name."""
         return context.window_manager.invoke_props_dialog(self)
 
-    def work(self, settings):
+    def act(self, ob):
         """Writes it into the user folder."""
         path = own_folder(create=True) / presets.file_name(self.name)
-        presets.write(of_settings(self.name, settings), path)
+        presets.write(of_settings(self.name, ob.anyface), path)
         return f"preset {self.name} saved"
 
 
-class ANYFACE_OT_preset_delete(_OnFace, Operator):
+class ANYFACE_OT_preset_delete(Acting, Operator):
     """Delete a preset of your own"""
 
     bl_idname = "anyface.preset_delete"
@@ -103,7 +93,7 @@ class ANYFACE_OT_preset_delete(_OnFace, Operator):
 
     name: StringProperty(name="Name", options={"SKIP_SAVE"})
 
-    def work(self, settings):
+    def act(self, ob):
         """Deletes its file; shipped presets stay."""
         own = {preset.name: preset for preset in presets.in_folder(own_folder())}
         if self.name not in own:
@@ -115,48 +105,35 @@ class ANYFACE_OT_preset_delete(_OnFace, Operator):
         return f"preset {self.name} deleted"
 
 
-class _WithFile(_OnFace):
-    """Operators that ask for a file."""
-
-    def invoke(self, context, event):
-        """Opens the file browser."""
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
-
-
-class ANYFACE_OT_preset_import(_WithFile, Operator):
+class ANYFACE_OT_preset_import(WithFile, Operator):
     """Take a preset's file into your presets and apply it"""
 
     bl_idname = "anyface.preset_import"
     bl_label = "Import Preset"
 
-    filepath: StringProperty(subtype="FILE_PATH")
-    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
-
-    def work(self, settings):
+    def act(self, ob):
         """Checks the file, keeps a copy of it, applies it."""
         preset = presets.read(bpy.path.abspath(self.filepath))
         presets.write(preset, own_folder(create=True) / presets.file_name(preset.name))
-        apply(preset, settings)
+        apply(preset, ob.anyface)
         return f"preset {preset.name} imported"
 
 
-class ANYFACE_OT_preset_export(_WithFile, Operator):
+class ANYFACE_OT_preset_export(WithFile, Operator):
     """Write the performance's sliders to a file for others"""
 
     bl_idname = "anyface.preset_export"
     bl_label = "Export Preset"
 
     filepath: StringProperty(subtype="FILE_PATH", default="performance.json")
-    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
 
-    def work(self, settings):
+    def act(self, ob):
         """Writes the file."""
         path = Path(bpy.path.abspath(self.filepath))
         if not path.name:
             raise AnyfaceError("file", "export: choose a file name first")
         path = path.with_suffix(presets.SUFFIX)
-        presets.write(of_settings(path.stem, settings), path)
+        presets.write(of_settings(path.stem, ob.anyface), path)
         return f"written {path}"
 
 
@@ -186,10 +163,7 @@ class ANYFACE_MT_preset_delete(Menu):
 
     def draw(self, context):
         """Draws the artist's own presets."""
-        try:
-            own = presets.in_folder(own_folder())
-        except AnyfaceError:
-            own = []
+        own = _own()
         for preset in own:
             entry = self.layout.operator("anyface.preset_delete", text=preset.name, icon="TRASH")
             entry.name = preset.name

@@ -13,6 +13,7 @@ from bpy.types import PropertyGroup
 
 from ..core.emotion import EMOTIONS, MAX_INTENSITY
 from ..core.take import Controls
+from ..scene import outputs
 from . import audio, character, output_properties
 
 _EMOTION_ITEMS = [(name, name.capitalize(), "", number) for number, name in enumerate(EMOTIONS)]
@@ -28,24 +29,6 @@ _EMOTION_SOURCES = [
     ("OFF", "Off", "Speech alone: no emotion, no blinks, no motion of brows and lids", 2),
 ]
 _DEFAULTS = Controls()
-_MODES = [
-    ("basis", "Basis Keys", "A few shape keys with animated weights; small and fast", 0),
-    (
-        "frames",
-        "Every Frame",
-        "One absolute shape key per frame; exact and large, needs a mesh without own keys",
-        1,
-    ),
-    (
-        "cache",
-        "Cache File",
-        "A point cache beside the .blend and a modifier that plays it; for heavy and linked meshes",
-        2,
-    ),
-    ("keys", "Existing Keys", "The ARKit or viseme keys that the mesh has already", 3),
-    ("arkit", "Make ARKit Keys", "The 52 ARKit shapes as keys of this mesh, animated", 4),
-    ("csv", "ARKit Table", "A Live Link Face CSV file; the mesh stays as it is", 5),
-]
 _AXES = [
     (
         "AUTO",
@@ -170,7 +153,7 @@ class AnyfaceCharacter(PropertyGroup):
         subtype="FACTOR",
         options=set(),
     )
-    mode: EnumProperty(name="Output", items=_MODES, default="basis", options=set())
+    mode: EnumProperty(name="Output", items=outputs.ITEMS, default=outputs.MODES[0], options=set())
     error_mm: FloatProperty(
         name="Largest Error",
         description="Basis keys: largest error of any vertex in any frame, in mm on a head of "

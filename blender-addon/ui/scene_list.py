@@ -4,10 +4,10 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
 from bpy.types import Operator, Panel, PropertyGroup
 
-from ..core.errors import AnyfaceError
-from ..core.job import Job, Progress
 from ..scene import scene_list, sequencer
 from . import running
+from .operators import InThread
+from .panel import Sidebar
 from .settings import from_object
 from .target import sequencer_scene
 
@@ -29,16 +29,13 @@ class AnyfaceSceneRow(PropertyGroup):
     )
 
 
-class ANYFACE_PT_scene(Panel):
+class ANYFACE_PT_scene(Sidebar, Panel):
     """Strips and characters."""
 
     bl_idname = "ANYFACE_PT_scene"
     bl_label = "Scene"
     bl_parent_id = "ANYFACE_PT_main"
     bl_order = 5
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Anyface"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
@@ -116,12 +113,11 @@ class ANYFACE_OT_scene_row_remove(Operator):
         return {"FINISHED"}
 
 
-class ANYFACE_OT_generate_scene(Operator):
+class ANYFACE_OT_generate_scene(InThread, Operator):
     """Animate every character of the list"""
 
     bl_idname = "anyface.generate_scene"
     bl_label = "Generate All"
-    bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context):
@@ -133,49 +129,12 @@ class ANYFACE_OT_generate_scene(Operator):
             return False
         return True
 
-    def execute(self, context):
-        """Everything at once: for scripts and for Blender without a window."""
-        try:
-            snapshot = self._read(context)
-            return self._finish(snapshot, snapshot.work(Progress()))
-        except AnyfaceError as error:
-            return self._fail(error)
+    def face(self, context):
+        """All those of the list."""
+        return None
 
-    def invoke(self, context, event):
-        """Reads now, works in a thread, writes when that is done."""
-        if bpy.app.background:
-            return self.execute(context)
-        try:
-            self._snapshot = self._read(context)
-        except AnyfaceError as error:
-            return self._fail(error)
-        self._job = running.start(Job(self._snapshot.work), "Scene")
-        self._timer = context.window_manager.event_timer_add(0.1, window=context.window)
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context, event):
-        """Polls the thread; ESC cancels."""
-        if event.type == "ESC" and event.value == "PRESS":
-            self._job.cancel()
-        if self._job.progress.cancelled:
-            self._end(context)
-            self.report({"INFO"}, "Anyface: cancelled")
-            return {"CANCELLED"}
-        if event.type != "TIMER" or not self._job.done:
-            return {"PASS_THROUGH"}
-        self._end(context)
-        try:
-            return self._finish(self._snapshot, self._job.result())
-        except AnyfaceError as error:
-            return self._fail(error)
-
-    def cancel(self, context):
-        """Blender closes or loads another file."""
-        self._job.cancel()
-        self._end(context)
-
-    def _read(self, context):
+    def read(self, context, _ob):
+        """The settings, the meshes and the sounds."""
         rows = []
         for row in context.scene.anyface_list:
             if row.use and row.character is not None:
@@ -185,7 +144,8 @@ class ANYFACE_OT_generate_scene(Operator):
                 rows.append((row.character, settings))
         return scene_list.read(sequencer_scene(context), rows, running.engine())
 
-    def _finish(self, snapshot, takes):
+    def finish(self, _ob, snapshot, takes):
+        """Writes the takes."""
         outcomes = scene_list.write(snapshot, takes)
         text = f"Anyface: {scene_list.in_one_line(outcomes)}"
         if not any(ok for _, ok, _ in outcomes):
@@ -194,14 +154,6 @@ class ANYFACE_OT_generate_scene(Operator):
         whole = all(ok for _, ok, _ in outcomes)
         self.report({"INFO"} if whole else {"WARNING"}, text)
         return {"FINISHED"}
-
-    def _fail(self, error):
-        self.report({"ERROR"}, f"Anyface: {error}")
-        return {"CANCELLED"}
-
-    def _end(self, context):
-        context.window_manager.event_timer_remove(self._timer)
-        running.finish()
 
 
 def register() -> None:

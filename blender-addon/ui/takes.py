@@ -3,29 +3,22 @@
 from bpy.props import StringProperty
 from bpy.types import Operator, Panel
 
-from ..core.errors import AnyfaceError
 from ..scene import record, takes
 from . import running
+from .operators import Acting
+from .panel import OfFacePanel
 from .target import target
 
 _ICONS = {"PLAYS": "RADIOBUT_ON", "WAITS": "RADIOBUT_OFF", "NLA": "NLA"}
 
 
-class ANYFACE_PT_takes(Panel):
+class ANYFACE_PT_takes(OfFacePanel, Panel):
     """Several results on one character."""
 
     bl_idname = "ANYFACE_PT_takes"
     bl_label = "Takes"
-    bl_parent_id = "ANYFACE_PT_main"
     bl_order = 4
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Anyface"
     bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context):
-        return target(context) is not None
 
     def draw(self, context):
         """Draws the list."""
@@ -43,21 +36,10 @@ class ANYFACE_PT_takes(Panel):
         layout.operator("anyface.take_keep")
 
 
-class _TakeOperator(Operator):
-    bl_options = {"REGISTER", "UNDO"}
-
+class _TakeOperator(Acting, Operator):
     @classmethod
     def poll(cls, context):
         return not running.is_running() and bool(takes.rows(target(context)))
-
-    def execute(self, context):
-        """Does it, or says why not."""
-        try:
-            self.act(target(context))
-        except AnyfaceError as error:
-            self.report({"ERROR"}, f"Anyface: {error}")
-            return {"CANCELLED"}
-        return {"FINISHED"}
 
 
 class ANYFACE_OT_take_keep(_TakeOperator):

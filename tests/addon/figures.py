@@ -120,7 +120,7 @@ class Stage:
         frames = int(np.ceil(sound.duration_s * performance.fps))
         moved = motion(frames, len(positions), self.rank, self.size)
         animation = self.take_module.Animation(self.size * 1000.0)
-        if performance.mode == "frames":
+        if performance.error_mm is None:
             animation.displacements = moved
         else:
             animation.basis = basis(self.take_module, moved)

@@ -8,7 +8,7 @@ import pytest
 
 
 def test_core_and_farm_never_import_bpy(installed):
-    paths = sorted([*(installed / "core").glob("*.py"), *(installed / "farm").glob("*.py")])
+    paths = sorted([*(installed / "core").rglob("*.py"), *(installed / "farm").rglob("*.py")])
     assert len(paths) > 10
     for path in paths:
         for node in ast.walk(ast.parse(path.read_text())):
@@ -104,7 +104,7 @@ def test_a_face_that_was_not_found_is_named_with_the_reason_first(addon):
         raise errors.AnyfaceError("face", "no face found: nothing like a nose")
 
     sound = take.Sound(np.ones(1600, dtype=np.float32), 16000, "Voice")
-    ask = (face, sound, take.Performance(24.0, mode="frames"))
+    ask = (face, sound, take.Performance(24.0, error_mm=None))
     with pytest.raises(errors.AnyfaceError, match=r"^Head: Half .*apply it\. no face .* > More > "):
         perform.perform(*ask, nowhere, addon("core.job").Progress())
 

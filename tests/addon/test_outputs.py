@@ -52,6 +52,21 @@ def files(folder):
     return sorted(path.name for path in Path(folder).rglob("*") if path.is_file())
 
 
+def test_names_and_numbers_of_outputs_are_those_in_blend_files(addon):
+    items = bpy.types.Object.bl_rna.properties["anyface"].fixed_type.properties["mode"].enum_items
+    stored = ["basis", "frames", "cache", "keys", "arkit", "csv"]
+    assert [item.identifier for item in items] == stored
+    assert [item.value for item in items] == list(range(6))
+    assert addon("scene.outputs").WORDS == "basis, frames, cache, keys, arkit or csv"
+
+
+def test_no_file_but_its_own_names_an_output(installed):
+    names = {f'"{name}"' for name in ("basis", "frames", "arkit", "csv")}
+    found = {path.name for path in (installed / "scene").rglob("*.py") for name in names
+             if name in path.read_text()}  # fmt: skip
+    assert found == {"basis.py", "frames.py", "arkit.py", "csv.py"}
+
+
 def test_a_cache_plays_every_frame_and_goes_with_remove(stage, tmp_path):
     ob = ready(tmp_path, "cache")
     before, there = everything(), files(tmp_path)

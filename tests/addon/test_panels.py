@@ -98,16 +98,14 @@ def test_outputs_that_cannot_work_are_grey_and_the_chosen_one_says_why(addon, st
 
 def test_size_and_time_are_told_before(addon, stage, tmp_path):
     estimate = addon("core.estimate")
-    found = {
-        mode: estimate.estimate(mode, 1500, 26719, 50.0, 52, False)
-        for mode in addon("scene.outputs").MODES
-    }
+    asked = estimate.Asked(1500, 26719, 50.0, keys=52)
+    found = {output.name: output.cost(asked) for output in addon("scene.outputs").ALL}
     assert found["frames"].size > 400e6 and found["cache"].size > 400e6
     assert found["basis"].size < 30e6 and found["keys"].size < found["arkit"].size < 30e6
     assert found["cache"].beside and not found["basis"].beside
-    again = estimate.estimate("basis", 1500, 26719, 50.0, 52, False, known=True)
-    assert again.seconds < found["basis"].seconds
-    text = estimate.in_words(found["basis"], 1500)
+    first, again = (estimate.seconds_of(found["basis"], asked, known) for known in (False, True))
+    assert again < first
+    text = estimate.in_words(found["basis"], asked, known=False)
     assert text.startswith("1500 frames, about 2") and "MB in the .blend" in text
 
 

@@ -1,0 +1,59 @@
+"""The ways in which a take is written: a file and a line here for each."""
+
+from ...core.errors import AnyfaceError
+from ...core.take import Take
+from .. import record
+from .arkit import Arkit
+from .basis import Basis
+from .cache import Cache
+from .csv import Csv
+from .frames import Frames
+from .keys import Keys
+from .output import Output
+from .output import OutputSettings as OutputSettings
+
+# Menus number them in this order, and .blend files keep the number; the first is the default.
+ALL: tuple[Output, ...] = (
+    Basis(),
+    Frames(),
+    Cache(),
+    Keys(),
+    Arkit(),
+    Csv(),
+)
+MODES = tuple(output.name for output in ALL)
+# "basis, frames, …": what a command line may say.
+WORDS = f"{', '.join(MODES[:-1])} or {MODES[-1]}"
+# Name, label, help and number: what a menu shows.
+ITEMS = [(output.name, output.label, output.help, n) for n, output in enumerate(ALL)]
+
+
+def of(mode: str) -> Output:
+    """The output of that name; raises `AnyfaceError("input")` for an unknown one."""
+    if mode not in MODES:
+        raise AnyfaceError("input", f"mode: expected {' or '.join(MODES)}, got {mode!r}")
+    return ALL[MODES.index(mode)]
+
+
+def of_take(take: Take) -> Output:
+    """The output that a finished take was made for."""
+    return next(output for output in ALL if output.holds(take))
+
+
+def of_record(taken: record.Record) -> Output:
+    """The output of a take in keys; those of a later version are taken for named shapes."""
+    return next((output for output in ALL if output.name == taken.mode), Output())
+
+
+def of_object(ob) -> Output | None:
+    """The output of the take that moves the mesh of `ob`, or None."""
+    if record.is_generated(ob):
+        return of_record(record.read(ob.data.shape_keys))
+    return next((output for output in ALL if output.on_mesh and output.find(ob)), None)
+
+
+def has_take(ob) -> bool:
+    """True where `ob` (or None) carries something generated: keys, a cache, a table."""
+    if ob is None or ob.type != "MESH":
+        return False
+    return record.is_generated(ob) or any(output.find(ob) for output in ALL)

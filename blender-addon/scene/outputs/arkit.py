@@ -1,0 +1,51 @@
+"""The 52 ARKit shapes, and the visemes if wanted, as animated shape keys of the mesh."""
+
+from ...core import shapes
+from ...core.errors import AnyfaceError
+from ...core.estimate import KEYFRAME, RIG_S, SOLVE_S, VERTEX, Cost
+from ...core.plan import MakeKeys
+from .. import curves, guard, mesh
+from . import keys
+from .output import Output, write_weights
+
+
+class Arkit(Output):
+    """Keys under the names of the shapes; visemes stay at 0."""
+
+    name = "arkit"
+    label = "Make ARKit Keys"
+    help = "The 52 ARKit shapes as keys of this mesh, animated"
+    options = ("visemes",)
+
+    def check(self, ob, asked):
+        super().check(ob, asked)
+        wanted = {*shapes.ARKIT, *(shapes.VISEMES if asked.visemes else ())}
+        own = [name for name in guard.own_keys(ob.data.shape_keys) if name in wanted]
+        if own:
+            raise AnyfaceError(
+                "mesh",
+                f"{ob.name} has a key {own[0]} of its own: choose Existing Keys, which animates it",
+            )
+
+    def cost(self, asked):
+        made = len(shapes.ARKIT) + (len(shapes.VISEMES) if asked.visemes else 0)
+        size = made * asked.vertices * VERTEX + len(shapes.ARKIT) * asked.frames * KEYFRAME
+        return Cost(size, SOLVE_S, RIG_S)
+
+    def plan(self, ob, asked, fps, objects):
+        return MakeKeys(asked.visemes)
+
+    def holds(self, take):
+        return take.key_motion is not None and take.key_motion.vectors is not None
+
+    def describe(self, take):
+        return keys.describe(take, "made")
+
+    def write(self, ob, take, rest, at, taken):
+        motion = take.key_motion
+        made = [*zip(motion.keys, motion.vectors, strict=True)]
+        if motion.visemes is not None:
+            made += zip(motion.visemes.names, motion.visemes.vectors, strict=True)
+        taken.keys += [mesh.add_key(ob, name, rest + vector).name for name, vector in made]
+        animated = taken.keys[: len(motion.keys)]
+        write_weights(curves.key_channels(ob, taken), animated, at, motion.weights)

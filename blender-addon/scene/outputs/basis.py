@@ -1,0 +1,54 @@
+"""A few shape keys whose animated weights add up to the motion."""
+
+from ...core.estimate import KEYFRAME, VERTEX, Cost, between
+from ...core.plan import PackSliders
+from .. import changes, curves, mesh
+from .output import PREFIX, Output, write_weights
+
+# Keys of a performance within 0.1 mm: for 5 s and for 50 s; longer ones need few more.
+_SHORT_KEYS, _LONG_KEYS = 35, 54
+# Seconds for a million vertices in a frame to find a basis, for 5 s and for 50 s.
+_SHORT_S, _LONG_S = 0.06, 0.12
+
+
+class Basis(Output):
+    """Relative keys; Blender clamps their weights, within -1..1, to the slider range."""
+
+    name = "basis"
+    label = "Basis Keys"
+    help = "A few shape keys with animated weights; small and fast"
+    as_basis = True
+
+    def draw(self, layout, ob):
+        layout.prop(ob.anyface, "error_mm", text="Error (mm)")
+
+    def cost(self, asked):
+        keys = round(between(asked.seconds, _SHORT_KEYS, _LONG_KEYS))
+        size = keys * (asked.vertices * VERTEX + asked.frames * KEYFRAME)
+        return Cost(size, between(asked.seconds, _SHORT_S, _LONG_S))
+
+    def plan(self, ob, asked, fps, objects):
+        return PackSliders()
+
+    def holds(self, take):
+        return take.basis is not None
+
+    def describe(self, take):
+        return f"{len(take.basis.vectors)} basis keys, largest error {take.basis.error_mm:.3f} mm"
+
+    def vectors(self, take):
+        return take.basis.vectors
+
+    def write(self, ob, take, rest, at, taken):
+        basis = take.basis
+        taken.first_frame = float(at[1])
+        taken.frame_step = float(at[-2] - at[1]) / max(take.frame_count - 1, 1)
+        taken.still = basis.why_missing
+        bag = curves.key_channels(ob, taken)
+        changes.write(ob.data.shape_keys, taken, basis.packed)
+        for number, vector in enumerate(basis.vectors):
+            block = mesh.add_key(ob, f"{PREFIX}.{number + 1:03d}", rest + vector)
+            taken.keys.append(block.name)
+            if basis.weights[:, number].min(initial=0.0) < 0.0:
+                block.slider_min = -1.0
+        write_weights(bag, taken.keys, at, basis.weights)

@@ -1,0 +1,136 @@
+"""A take as a point cache beside the .blend, played by a Mesh Cache modifier.
+
+The modifier's own name is the record: one that the artist renamed is his and stays.
+"""
+
+import math
+import uuid
+from pathlib import Path
+
+import bpy
+
+from ...core.errors import AnyfaceError
+from ...core.estimate import VERTEX, Cost
+from ...core.plan import WriteCaches
+from ...core.take import WrittenFile
+from .. import cache_files, guard
+from ..cache_files import FOLDER, SUFFIX
+from .output import EASE_S, Output, check_place
+
+MODIFIER = "Anyface Cache"
+# Modifiers that leave every vertex where it is.
+_HARMLESS = {
+    "COLLISION", "DATA_TRANSFER", "NORMAL_EDIT", "UV_PROJECT", "UV_WARP", "VERTEX_WEIGHT_EDIT",
+    "VERTEX_WEIGHT_MIX", "VERTEX_WEIGHT_PROXIMITY", "WEIGHTED_NORMAL",
+}  # fmt: skip
+
+
+class Cache(Output):
+    """A file for each object of the face; their names end alike, by which they belong together."""
+
+    name = "cache"
+    label = "Cache File"
+    help = (
+        "A point cache beside the .blend and a modifier that plays it; for heavy and linked meshes"
+    )
+    finished = "a cache holds the finished motion: use basis keys"
+    options = ("cache_folder",)
+
+    def check_object(self, ob):
+        guard.check_mesh(ob)
+        if ob.library is not None:
+            raise AnyfaceError(
+                "mesh",
+                f"{ob.name} is linked and takes no modifier: make a library override first "
+                "(Object > Library Override > Make)",
+            )
+        own = self.find(ob)
+        before = [m.name for m in ob.modifiers if m.type not in _HARMLESS and m != own]
+        if ob.override_library is not None and before:
+            raise AnyfaceError(
+                "mesh",
+                f"the modifier {before[0]} of the library acts before a cache could, which would "
+                "tear the face: make the object local first (Object > Relations > Make Local > "
+                "Selected Objects); its mesh and rig may stay linked",
+            )
+
+    def check(self, ob, asked):
+        super().check(ob, asked)
+        check_place(asked.cache_folder)
+
+    def cost(self, asked):
+        return Cost(asked.frames * asked.vertices * VERTEX, beside=True)
+
+    def plan(self, ob, asked, fps, objects):
+        take = uuid.uuid4().hex[:8]
+        place = Path(bpy.path.abspath(asked.cache_folder or f"//{FOLDER}"))
+        paths = {n: str(place / f"{bpy.path.clean_name(n)}_{take}{SUFFIX}") for n in objects}
+        return WriteCaches(paths, math.ceil(EASE_S * fps))
+
+    def holds(self, take):
+        return bool(take.files and take.files[0].vertices)
+
+    def describe(self, take):
+        return f"cache {', '.join(bpy.path.basename(file.path) for file in take.files)}"
+
+    def check_files(self, take):
+        for file in take.files:
+            other = bpy.data.objects.get(file.object_name)
+            guard.check_mesh(other)
+            guard.check_size(other, file.vertices)
+
+    def write_files(self, ob, take, start_frame, scene_fps):
+        for file in take.files:
+            _play(bpy.data.objects[file.object_name], file, start_frame, scene_fps / take.fps)
+
+    def find(self, ob):
+        modifier = ob.modifiers.get(MODIFIER) if ob is not None and ob.type == "MESH" else None
+        return modifier if modifier is not None and modifier.type == "MESH_CACHE" else None
+
+    def remove(self, ob):
+        """Takes modifiers and, when nobody needs them, files and our folder away.
+
+        Those of the objects beside the face go with its own.
+        """
+        own = self.find(ob)
+        found = [self.find(other) for other in bpy.data.objects] if own is not None else []
+        for modifier in [m for m in found if m is not None and _take_of(m) == _take_of(own)]:
+            path = Path(bpy.path.abspath(modifier.filepath))
+            modifier.id_data.modifiers.remove(modifier)
+            cache_files.drop(path)
+
+
+def _play(ob, file: WrittenFile, first_frame: float, frames_per_frame: float) -> None:
+    """Adds the modifier that plays `file`, before all others that may be moved.
+
+    The first frame after the ease lies at scene frame `first_frame`; a frame of the cache lasts
+    `frames_per_frame` scene frames.
+    """
+    cache_files.note_written(file.path)
+    modifier = ob.modifiers.new(MODIFIER, "MESH_CACHE")
+    modifier.cache_format = "PC2"
+    modifier.filepath = _relative(file.path)
+    modifier.interpolation = "LINEAR"
+    modifier.time_mode, modifier.play_mode = "FRAME", "SCENE"
+    modifier.forward_axis, modifier.up_axis = "POS_Y", "POS_Z"
+    modifier.frame_start = first_frame - file.ease * frames_per_frame
+    modifier.frame_scale = 1.0 / frames_per_frame
+    if ob.override_library is None:
+        ob.modifiers.move(len(ob.modifiers) - 1, 0)
+    # What moves before the cache (keys, armatures of a library) is kept and added to.
+    moved_before = ob.data.shape_keys is not None or ob.modifiers[0] != modifier
+    modifier.deform_mode = "INTEGRATE" if moved_before else "OVERWRITE"
+
+
+def _take_of(modifier) -> str:
+    return Path(modifier.filepath).stem.rpartition("_")[2]
+
+
+def _relative(path: str) -> str:
+    if not bpy.data.filepath:
+        return path
+    try:
+        return bpy.path.relpath(path)
+    except ValueError:
+        # Another drive.
+        return path

@@ -1,0 +1,89 @@
+"""A take as a table of ARKit weights; the mesh stays as it is."""
+
+import hashlib
+import json
+from pathlib import Path
+
+import bpy
+
+from ...core.errors import AnyfaceError
+from ...core.estimate import RIG_S, SOLVE_S, Cost
+from ...core.plan import WriteTable
+from .. import guard
+from .output import Output, check_place
+
+PROPERTY = "anyface_csv"
+# Bytes of a number in a table, and its columns.
+_NUMBER, _COLUMNS = 9, 63
+
+
+class Csv(Output):
+    """A custom property of the object remembers the file, so that Remove knows it."""
+
+    name = "csv"
+    label = "ARKit Table"
+    help = "A Live Link Face CSV file; the mesh stays as it is"
+    on_mesh = False
+    moves_parts = False
+    options = ("csv_file",)
+
+    def check_object(self, ob):
+        guard.check_mesh(ob)
+
+    def check(self, ob, asked):
+        super().check(ob, asked)
+        check_place(asked.csv_file)
+        path = _path_of(ob, asked.csv_file)
+        if path.suffix.lower() != ".csv":
+            raise AnyfaceError("file", f"{path}: expected a name that ends in .csv")
+        if path.exists() and not self._is_ours(ob, path):
+            raise AnyfaceError("file", f"{path} exists already: choose another name or delete it")
+
+    def cost(self, asked):
+        return Cost(asked.frames * _COLUMNS * _NUMBER, SOLVE_S, RIG_S, beside=True)
+
+    def plan(self, ob, asked, fps, objects):
+        return WriteTable(ob.name, str(_path_of(ob, asked.csv_file)))
+
+    def holds(self, take):
+        return bool(take.files and not take.files[0].vertices)
+
+    def describe(self, take):
+        (file,) = take.files
+        shown = f"{1.0 - file.left_out:.0%} of the motion shown"
+        return f"ARKit table {bpy.path.basename(file.path)}, {shown}"
+
+    def write_files(self, ob, take, start_frame, scene_fps):
+        # A linked object cannot remember it.
+        if ob.library is None:
+            path = _path_of(ob, take.files[0].path)
+            ob[PROPERTY] = json.dumps({"path": str(path), "digest": _digest(path)})
+
+    def find(self, ob):
+        try:
+            return Path(json.loads(ob[PROPERTY])["path"])
+        except (KeyError, ValueError, TypeError):
+            return None
+
+    def remove(self, ob):
+        """Deletes the table, unless somebody has changed it."""
+        path = self.find(ob)
+        if path is None or ob.library is not None:
+            return
+        if self._is_ours(ob, path):
+            path.unlink()
+        del ob[PROPERTY]
+
+    def _is_ours(self, ob, path: Path) -> bool:
+        if self.find(ob) != path or not path.is_file():
+            return False
+        return json.loads(ob[PROPERTY])["digest"] == _digest(path)
+
+
+def _path_of(ob, given: str) -> Path:
+    """Where the table goes; by default beside the .blend, named after the object."""
+    return Path(bpy.path.abspath(given or f"//{bpy.path.clean_name(ob.name)}.csv"))
+
+
+def _digest(path: Path) -> str:
+    return hashlib.blake2b(path.read_bytes(), digest_size=12).hexdigest()

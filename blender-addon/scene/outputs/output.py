@@ -1,0 +1,143 @@
+"""What all ways to write a take have in common."""
+
+from dataclasses import dataclass, field
+
+import bpy
+import numpy as np
+
+from ...core.errors import AnyfaceError
+from ...core.estimate import Asked, Cost
+from ...core.plan import Plan
+from ...core.take import Piece, Take
+from .. import curves, guard, pieces, record
+
+PREFIX = "Anyface"
+# The face comes out of rest before the first frame and goes back after the last.
+EASE_S = 0.15
+
+
+@dataclass
+class OutputSettings:
+    """What an output may be told; the fields of `ui.output_properties.AnyfaceOutput`.
+
+    An empty folder or file takes the place beside the .blend. `new_take` keeps the earlier take.
+    `mapping` is the artist's list of shape name and key; empty, keys are found by name.
+    """
+
+    cache_folder: str = ""
+    csv_file: str = ""
+    visemes: bool = False
+    new_take: bool = False
+    mapping: dict[str, str] = field(default_factory=dict)
+
+
+class Output:
+    """A way to write a take; here what holds for shape keys that are named after shapes.
+
+    `name` is kept in .blend files, and in the record of a take; `label` and `help` are the menu's.
+    The methods stand in the order in which they are called: before the take is made, when it is
+    written, and later. Only what `plan` returns runs in the worker thread.
+    """
+
+    name = label = help = ""
+    # Names of its settings in `Object.anyface_output`.
+    options: tuple[str, ...] = ()
+    # Few vectors within an error bound, whose weights have both signs and sliders of their own.
+    as_basis = False
+    # The mesh moves, and an earlier take on it goes.
+    on_mesh = True
+    # Objects beside the face follow in the same way.
+    moves_parts = True
+    # Why a written take cannot be changed, or cannot wait beside others, in words.
+    finished = cannot_wait = ""
+
+    def check_object(self, ob) -> None:
+        """Raises `AnyfaceError` with the remedy where `ob`, or one beside it, cannot be written."""
+        guard.check_editable(ob)
+
+    def check(self, ob, asked: OutputSettings) -> None:
+        """The same for the face itself, with what the output was told."""
+        self.check_object(ob)
+
+    def why_not(self, ob, asked: OutputSettings) -> str:
+        """Why it cannot work on `ob`, in words; empty where it can."""
+        try:
+            self.check(ob, asked)
+        except AnyfaceError as error:
+            return str(error)
+        return ""
+
+    def draw(self, layout, ob) -> None:
+        """Draws its options."""
+        for name in self.options:
+            layout.prop(ob.anyface_output, name)
+
+    def cost(self, asked: Asked) -> Cost:
+        """How large it gets and what it adds to the work."""
+        raise NotImplementedError
+
+    def plan(self, ob, asked: OutputSettings, fps: float, objects: list[str]) -> Plan:
+        """What the worker thread does; `check` has found nothing.
+
+        `fps` are frames of the take per second, `objects` the names of the face's objects.
+        """
+        return Plan()
+
+    def holds(self, take: Take) -> bool:
+        """True where `take` was finished by its plan."""
+        raise NotImplementedError
+
+    def describe(self, take: Take) -> str:
+        """What was made: "31 basis keys, largest error 0.098 mm"."""
+        raise NotImplementedError
+
+    def notes(self, ob, asked: OutputSettings) -> list[str]:
+        """What the artist should know besides."""
+        return []
+
+    def split(self, take: Take, parts: list[Piece]) -> list[tuple[Piece, Take | None]]:
+        """What each object of a face gets, the face itself first; None where one does not move."""
+        return pieces.split(take, parts)
+
+    def vectors(self, take: Take) -> np.ndarray | None:
+        """What becomes keys, `[K, V, 3]`; None where the artist's keys are used."""
+        return take.key_motion.vectors
+
+    def write(self, ob, take: Take, rest, at, taken: record.Record) -> None:
+        """Writes keys and curves on `ob` and notes them in `taken`.
+
+        `rest` `[V, 3]` are the positions of the Basis, `at` `[T + 2]` the scene frames of rest, of
+        each frame, and of rest again.
+        """
+        raise NotImplementedError
+
+    def check_files(self, take: Take) -> None:
+        """Raises `AnyfaceError` where files cannot be played any more."""
+
+    def write_files(self, ob, take: Take, start_frame: float, scene_fps: float) -> None:
+        """Connects files that the plan has written with `ob` and the objects beside it."""
+
+    def paths(self, taken: record.Record) -> set[str]:
+        """The data paths of all curves of a take."""
+        return {curves.value_path(name) for name in (*taken.keys, *taken.values)}
+
+    def leave(self, shape_keys) -> None:
+        """Undoes what `write` has set on the shape keys as a whole."""
+
+    def find(self, ob):
+        """What plays or names a file of `ob`; None where there is none."""
+
+    def remove(self, ob) -> None:
+        """Takes away what `find` finds, and the files behind it."""
+
+
+def write_weights(bag, names: list[str], at: np.ndarray, weights: np.ndarray) -> None:
+    """Curves of the values of keys: `weights` `[T, K]`, from rest and back to it."""
+    for name, column in zip(names, weights.T, strict=True):
+        curves.write(bag, curves.value_path(name), at, np.concatenate([[0.0], column, [0.0]]))
+
+
+def check_place(path: str) -> None:
+    """Raises `AnyfaceError("file")` for a path beside a .blend that is not saved yet."""
+    if not bpy.data.filepath and (not path or path.startswith("//")):
+        raise AnyfaceError("file", "the .blend has no place yet: save it first, or choose a path")

@@ -1,0 +1,131 @@
+"""What operators have in common: how they say what went wrong, and how they work in a thread."""
+
+import bpy
+from bpy.props import StringProperty
+
+from ..core.errors import AnyfaceError
+from ..core.job import Job, Progress
+from . import running
+from .target import OfFace, target
+
+
+class Acting(OfFace):
+    """Does `act(ob)` with the character, which may return what to tell the artist."""
+
+    def execute(self, context):
+        """Does it, or says why not."""
+        try:
+            text = self.act(target(context))
+        except AnyfaceError as error:
+            return self.fail(error)
+        if text:
+            self.report({"INFO"}, f"Anyface: {text}")
+        return {"FINISHED"}
+
+    def fail(self, error, _ob=None):
+        """Shows the error where the artist looks."""
+        self.report({"ERROR"}, f"Anyface: {error}")
+        return {"CANCELLED"}
+
+
+class WithFile(Acting):
+    """Asks for a JSON file first."""
+
+    filepath: StringProperty(subtype="FILE_PATH")
+    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+
+    def invoke(self, context, event):
+        """Opens the file browser."""
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+
+class Alone(Acting):
+    """Works only while no job runs."""
+
+    busy = "Another job is running"
+
+    @classmethod
+    def poll(cls, context):
+        """False, with the reason, where it cannot work."""
+        if running.is_running():
+            cls.poll_message_set(cls.busy)
+            return False
+        return super().poll(context)
+
+
+class InThread(Alone):
+    """Works in a thread while Blender goes on, or at once without a window.
+
+    `read(context, ob)` returns something with `work(progress)`, which is what runs in the thread;
+    `finish(ob, read, worked)` writes what that has returned.
+    """
+
+    cancelled = "cancelled"
+
+    def face(self, context):
+        """The character; None for an operator that has no single one."""
+        return target(context)
+
+    def execute(self, context):
+        """Everything at once: for scripts and for Blender without a window."""
+        ob = self.face(context)
+        try:
+            snapshot = self.read(context, ob)
+            return self.finish(ob, snapshot, snapshot.work(Progress()))
+        except AnyfaceError as error:
+            return self.fail(error, ob)
+
+    def invoke(self, context, event):
+        """Reads now, works in a thread, writes when that is done."""
+        if bpy.app.background:
+            return self.execute(context)
+        ob = self.face(context)
+        try:
+            self._snapshot = self.read(context, ob)
+        except AnyfaceError as error:
+            return self.fail(error, ob)
+        self._name = ob.name if ob is not None else ""
+        self._job = running.start(Job(self._snapshot.work), self._name or "Scene")
+        self._timer = context.window_manager.event_timer_add(0.1, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        """Polls the thread; ESC cancels."""
+        redraw(context)
+        if event.type == "ESC" and event.value == "PRESS":
+            self._job.cancel()
+        if self._job.progress.cancelled:
+            self._end(context)
+            if self.cancelled:
+                self.report({"INFO"}, f"Anyface: {self.cancelled}")
+            return {"CANCELLED"}
+        if event.type != "TIMER" or not self._job.done:
+            return {"PASS_THROUGH"}
+        self._end(context)
+        ob = bpy.data.objects.get(self._name)
+        try:
+            if self._name and ob is None:
+                raise AnyfaceError("mesh", f"{self._name} is gone")
+            return self.finish(ob, self._snapshot, self._job.result())
+        except AnyfaceError as error:
+            return self.fail(error, ob)
+
+    def cancel(self, context):
+        """Blender closes or loads another file."""
+        self._job.cancel()
+        self._end(context)
+
+    def _end(self, context):
+        context.window_manager.event_timer_remove(self._timer)
+        running.finish()
+        redraw(context)
+
+
+def redraw(context) -> None:
+    """Draws every 3D view again."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()

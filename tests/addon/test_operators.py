@@ -1,0 +1,93 @@
+"""Operators that work in a thread, under a stand-in for Blender's window."""
+
+import time
+from types import SimpleNamespace
+
+import bpy
+import pytest
+
+from figures import grid
+
+TIMER = SimpleNamespace(type="TIMER", value="NOTHING")
+ESCAPE = SimpleNamespace(type="ESC", value="PRESS")
+
+
+class Work:
+    """What runs in the thread: it waits until it is let go."""
+
+    let_go = False
+
+    def work(self, progress):
+        """Returns 7 in the end."""
+        while not self.let_go:
+            progress.check("motion", 0.5)
+            time.sleep(0.001)
+        return 7
+
+
+@pytest.fixture
+def operator(addon, monkeypatch):
+    """An operator that notes what it writes, and what it tells."""
+    operators = addon("ui.operators")
+    window = SimpleNamespace(app=SimpleNamespace(background=False), data=bpy.data)
+    monkeypatch.setattr(operators, "bpy", window)
+
+    class Operator(operators.InThread):
+        def __init__(self):
+            self.told, self.wrote, self.works = [], [], Work()
+
+        def report(self, kind, text):
+            self.told.append((*kind, text))
+
+        def read(self, context, ob):
+            return self.works
+
+        def finish(self, ob, read, worked):
+            self.wrote.append((ob.name, worked))
+            return {"FINISHED"}
+
+    return Operator()
+
+
+@pytest.fixture
+def context():
+    """A window manager that counts its timers."""
+    manager = SimpleNamespace(windows=[], timers=0)
+
+    def add(_seconds, window):
+        manager.timers += 1
+
+    def remove(_timer):
+        manager.timers -= 1
+
+    manager.event_timer_add, manager.event_timer_remove = add, remove
+    manager.modal_handler_add = lambda _operator: None
+    return SimpleNamespace(
+        window_manager=manager, window=None, scene=bpy.context.scene, object=grid()
+    )
+
+
+def test_the_result_is_written_once_the_thread_has_ended(addon, operator, context):
+    assert operator.invoke(context, TIMER) == {"RUNNING_MODAL"}
+    assert operator.modal(context, TIMER) == {"PASS_THROUGH"} and context.window_manager.timers == 1
+    assert addon("ui.running").current_name == "Head" and not operator.wrote
+    operator.works.let_go = True
+    operator._job.result()
+    assert operator.modal(context, TIMER) == {"FINISHED"} and operator.wrote == [("Head", 7)]
+    assert context.window_manager.timers == 0 and not addon("ui.running").is_running()
+
+
+def test_esc_ends_the_work_and_nothing_is_written(addon, operator, context):
+    operator.invoke(context, TIMER)
+    assert operator.modal(context, ESCAPE) == {"CANCELLED"} and not operator.wrote
+    assert operator.told == [("INFO", "Anyface: cancelled")] and context.window_manager.timers == 0
+    assert not addon("ui.running").is_running()
+
+
+def test_a_face_that_is_gone_meanwhile_is_named(operator, context):
+    operator.invoke(context, TIMER)
+    bpy.data.objects.remove(context.object)
+    operator.works.let_go = True
+    operator._job.result()
+    assert operator.modal(context, TIMER) == {"CANCELLED"} and not operator.wrote
+    assert operator.told == [("ERROR", "Anyface: Head is gone")]
