@@ -127,14 +127,6 @@ typedef enum {
     ANYFACE_CACHE_FOLDER = 2,
 } AnyfaceCache;
 
-/// What spreads landmark motion over a mesh; for `AnyfaceEngineOptions`.
-typedef enum {
-    /// Weights over the landmarks, computed once for each mesh. The default.
-    ANYFACE_DECODER_STATIC = 0,
-    /// The decoder of the FreeTalk paper, computed for each frame; slow.
-    ANYFACE_DECODER_PAPER = 1,
-} AnyfaceDecoder;
-
 /// An axis of the mesh's own frame; for `AnyfaceFaceOptions`.
 typedef enum {
     /// +x
@@ -203,6 +195,34 @@ typedef enum {
     ANYFACE_SLIDER_EMOTION_AND_BLINKS = 3,
 } AnyfaceSlider;
 
+/// What the numbers of a control mean; for `AnyfaceControl`.
+typedef enum {
+    /// Any number of the range.
+    ANYFACE_CONTROL_VALUES_REAL = 0,
+    /// Whole numbers of the range.
+    ANYFACE_CONTROL_VALUES_WHOLE = 1,
+    /// The number of one of `choices`.
+    ANYFACE_CONTROL_VALUES_CHOICE = 2,
+} AnyfaceControlValues;
+
+/// What a control acts on; for `AnyfaceControl`.
+typedef enum {
+    /// A face: set it in `AnyfaceFaceOptions`.
+    ANYFACE_CONTROL_STAGE_FACE = 0,
+    /// A performance: set it in `AnyfaceMotionOptions`.
+    ANYFACE_CONTROL_STAGE_MOTION = 1,
+} AnyfaceControlStage;
+
+/// What a viewer sees of a clip.
+typedef enum {
+    /// The mouth speaks, or was asked to rest.
+    ANYFACE_VISIBILITY_SPEAKS = 0,
+    /// Lids and brows move, the lips do not: there is likely no speech in the sound.
+    ANYFACE_VISIBILITY_LIPS_REST = 1,
+    /// Nothing moves.
+    ANYFACE_VISIBILITY_NOTHING = 2,
+} AnyfaceVisibility;
+
 /// A sound, kept as mono at 16 kHz. Never changes after it was made: any number of threads may
 /// use it at the same time.
 typedef struct AnyfaceAudio AnyfaceAudio;
@@ -222,20 +242,16 @@ typedef struct AnyfaceEngine AnyfaceEngine;
 /// Why a call failed: a status and a message in English. Owned by the caller.
 typedef struct AnyfaceError AnyfaceError;
 
-/// A mesh made ready to be animated. Never changes after it was made: any number of threads may
-/// use it at the same time.
+/// Everything known of one mesh: its landmarks, how its lips meet, what its parts are, and what moving it
+/// needs. Never changes after it was made: any number of threads may use it at the same time.
 typedef struct AnyfaceFace AnyfaceFace;
-
-/// The landmarks of a mesh, how its lips meet and what its parts are. Never changes after it was
-/// made: any number of threads may use it at the same time.
-typedef struct AnyfaceLandmarks AnyfaceLandmarks;
 
 /// A triangle mesh in the caller's own units, axes and vertex order. Never changes after it was
 /// made: any number of threads may use it at the same time.
 typedef struct AnyfaceMesh AnyfaceMesh;
 
-/// Motion of the 68 landmarks in the canonical frame: metres, +x to the subject's left, +y up,
-/// +z out of the face. Fits every face; never changes after it was made.
+/// Motion before any mesh is known, of landmarks or of what else the system moves. Fits every face; never
+/// changes after it was made.
 typedef struct AnyfaceMotion AnyfaceMotion;
 
 /// Watches and stops jobs.
@@ -288,13 +304,63 @@ typedef struct {
     const char *cache_dir;
     /// One of `AnyfaceCache`; default `ANYFACE_CACHE_USER`.
     int32_t cache;
-    /// One of `AnyfaceDecoder`; default `ANYFACE_DECODER_STATIC`.
-    int32_t decoder;
     /// Worker threads; 0, the default, takes one for each core. The result does not depend on it.
     uint32_t threads;
+    /// What turns speech into motion: a name of `anyface_system_name()`, UTF-8; NULL, the default, for
+    /// the first.
+    const char *system;
+} AnyfaceEngineOptions;
+
+/// Something that a system lets its user change. All texts live as long as the library is loaded.
+typedef struct {
+    /// Bytes of this struct in the caller's header.
+    size_t struct_size;
+    /// By which it is set, such as "blinks_per_minute".
+    const char *name;
+    /// Its name for people.
+    const char *label;
+    /// A sentence or two of help.
+    const char *help;
+    /// The unit of its numbers: "s", "per_minute", or "".
+    const char *unit;
+    /// `[choice_count]` names of a choice; NULL otherwise.
+    const char *const *choices;
+    /// Number of names of a choice.
+    size_t choice_count;
+    /// An `AnyfaceControlValues`.
+    int32_t values;
+    /// An `AnyfaceControlStage`.
+    int32_t stage;
+    /// The least number.
+    float low;
+    /// The largest number.
+    float high;
+    /// The number where nothing is set.
+    float default_value;
+    /// The number that leaves the motion as the system made it.
+    float neutral;
+    /// 1 if it may have keys over time, else 0.
+    int32_t animatable;
+    /// 0.
+    uint32_t reserved;
+} AnyfaceControl;
+
+/// What one control is set to; `anyface_system_control()` lists the controls.
+typedef struct {
+    /// Its name, such as "articulation", UTF-8.
+    const char *name;
+    /// Its value, within the control's range; of a choice the number of the name.
+    float value;
     /// Must be 0.
     uint32_t reserved;
-} AnyfaceEngineOptions;
+    /// `[key_count]` seconds, rising, at which the control has the values of `key_values`: linear in
+    /// between, held outside. NULL where it does not change over time.
+    const double *key_times_s;
+    /// `[key_count]`, within the control's range; NULL where it does not change over time.
+    const double *key_values;
+    /// Number of keys; 0 where the control does not change over time.
+    size_t key_count;
+} AnyfaceControlSetting;
 
 /// What is known of a face; prepare it with `anyface_face_options_init()`.
 ///
@@ -315,10 +381,11 @@ typedef struct {
     int32_t forward;
     /// The axis to the top of the head, one of `AnyfaceAxis`; default +y. Blender has +z.
     int32_t up;
-    /// Strength of the learned part, 0 (geometry alone) to 1, the default.
-    float learned;
-    /// Must be 0.
-    uint32_t reserved;
+    /// `[control_count]`: controls of the system that act on a face, such as "learned"; the others
+    /// stand at their defaults. They take no keys. NULL otherwise.
+    const AnyfaceControlSetting *controls;
+    /// Number of controls that are set.
+    size_t control_count;
     /// `[part_count]` numbers of parts whose role the caller knows, as `anyface_face_copy_parts()`
     /// counts them; NULL otherwise. All other parts are told by shape and place.
     const uint32_t *part_numbers;
@@ -365,27 +432,16 @@ typedef struct {
     uint64_t seed;
     /// Speaking style by name, UTF-8; NULL, the default, takes the model's own.
     const char *style;
-    /// Denoising steps; 0, the default, takes the model's own.
-    uint32_t steps;
-    /// Must be 0.
-    uint32_t reserved;
     /// An `AnyfaceEmotionSource`; default `ANYFACE_EMOTION_SOURCE_GIVEN`. With another one
     /// `emotion_count` must be 0.
     int32_t emotion_source;
-    /// Scales what speech does to mouth and jaw, 0 to 2; default 1. Closed lips stay closed.
-    float articulation;
-    /// Moves motion from lips (-1) to jaw (1); default 0.
-    float jaw_lips;
-    /// Smoothing over time in seconds, 0 to 0.1; default 0. Closed lips stay closed.
-    float smoothing_s;
-    /// Scales brows, lids and the bridge of the nose, 0 to 2; default 1. Blinks stay.
-    float upper_face;
-    /// 0 to 60; default 15.
-    float blinks_per_minute;
-    /// Scales the raises of the brows on stressed syllables, 0 to 2; default 1.
-    float brow_accents;
-    /// More motion of brows and mouth corners on the subject's right (-1) or left (1); default 0.
-    float asymmetry;
+    /// Must be 0.
+    uint32_t reserved;
+    /// `[control_count]`: controls of the system that act on a performance, such as "articulation"; the
+    /// others stand at their defaults. NULL otherwise.
+    const AnyfaceControlSetting *controls;
+    /// Number of controls that are set.
+    size_t control_count;
 } AnyfaceMotionOptions;
 
 #ifdef __cplusplus
@@ -451,7 +507,7 @@ AnyfaceStatus anyface_engine_options_init(AnyfaceEngineOptions *options, size_t 
 ///
 /// `options` may be NULL for the defaults. Free with `anyface_engine_free()`.
 /// Fails with `ANYFACE_STATUS_WEIGHTS` if a model file is missing, truncated or does not fit its
-/// config, `ANYFACE_STATUS_INVALID_INPUT` for an option out of range.
+/// config, `ANYFACE_STATUS_INVALID_INPUT` for an unknown system or an option out of range.
 AnyfaceStatus anyface_engine_new(const AnyfaceEngineOptions *options,
                                  AnyfaceEngine **out,
                                  AnyfaceError **error);
@@ -578,6 +634,32 @@ float anyface_audio_peak(const AnyfaceAudio *audio);
 /// Frees a sound that no running call uses; nothing happens for NULL.
 void anyface_audio_free(AnyfaceAudio *audio);
 
+/// Number of systems that turn speech into motion; number 0 is the default one.
+size_t anyface_system_count(void);
+
+/// The word by which a system is chosen, in `AnyfaceEngineOptions`; NULL for a number that is not below
+/// the count. Lives as long as the library is loaded.
+const char *anyface_system_name(size_t system);
+
+/// Name of a system for people, as `anyface_system_name()`.
+const char *anyface_system_label(size_t system);
+
+/// A sentence of help, as `anyface_system_name()`.
+const char *anyface_system_help(size_t system);
+
+/// Number of controls that a system understands; 0 for a number that is not below the count.
+size_t anyface_system_control_count(size_t system);
+
+/// Describes a control of a system, in the order in which a panel shows them. `struct_size` is
+/// `sizeof *out`.
+///
+/// Fails with `ANYFACE_STATUS_NULL_POINTER`, or `ANYFACE_STATUS_INVALID_INPUT` for a system or control
+/// that is not there or a size that no version had.
+AnyfaceStatus anyface_system_control(size_t system,
+                                     size_t control,
+                                     AnyfaceControl *out,
+                                     size_t struct_size);
+
 /// Sets every option to its default. `struct_size` is `sizeof *options`.
 ///
 /// Fails with `ANYFACE_STATUS_NULL_POINTER`, or `ANYFACE_STATUS_INVALID_INPUT` for a size that no
@@ -598,6 +680,24 @@ AnyfaceStatus anyface_face_new(const AnyfaceEngine *engine,
                                const AnyfaceProgress *progress,
                                AnyfaceFace **out,
                                AnyfaceError **error);
+
+/// The quick part of `anyface_face_new()`, whose result it shares through the engine's cache: where the
+/// face is, without what moving it needs. That is computed when the face is first moved.
+///
+/// Arguments and failures are those of `anyface_face_new()`.
+AnyfaceStatus anyface_face_find(const AnyfaceEngine *engine,
+                                const AnyfaceMesh *mesh,
+                                const AnyfaceFaceOptions *options,
+                                const AnyfaceProgress *progress,
+                                AnyfaceFace **out,
+                                AnyfaceError **error);
+
+/// How the lips meet, an `AnyfaceMouth`; -1 for NULL.
+int32_t anyface_face_mouth(const AnyfaceFace *face);
+
+/// Size of the mesh's unit in metres on a head of human size: what makes millimetres of displacements;
+/// 0 for NULL.
+double anyface_face_metres_per_unit(const AnyfaceFace *face);
 
 /// Number `V` of vertices of its mesh; 0 for NULL.
 size_t anyface_face_vertex_count(const AnyfaceFace *face);
@@ -636,49 +736,6 @@ AnyfaceStatus anyface_face_write_landmarks(const AnyfaceFace *face,
 /// Frees a face that no running call uses; nothing happens for NULL.
 void anyface_face_free(AnyfaceFace *face);
 
-/// Takes or finds the landmarks of a mesh: the quick part of `anyface_face_new()`, whose result it
-/// shares through the engine's cache.
-///
-/// `options` and `progress` may be NULL. The mesh may be freed afterwards. Free with
-/// `anyface_landmarks_free()`.
-/// Fails as `anyface_face_new()` does.
-AnyfaceStatus anyface_landmarks_new(const AnyfaceEngine *engine,
-                                    const AnyfaceMesh *mesh,
-                                    const AnyfaceFaceOptions *options,
-                                    const AnyfaceProgress *progress,
-                                    AnyfaceLandmarks **out,
-                                    AnyfaceError **error);
-
-/// Copies the 68 landmarks into the caller's buffers, each of which may be NULL.
-///
-/// `positions`: `[68, 3]`, mesh units and axes, on the surface. `vertices`: `[68]`, the nearest
-/// vertex of each. `confidence`: `[68]`, 0 to 1; 1 for landmarks that the caller gave or fixed.
-/// Fails with `ANYFACE_STATUS_NULL_POINTER` if `landmarks` is NULL.
-AnyfaceStatus anyface_landmarks_copy(const AnyfaceLandmarks *landmarks,
-                                     float *positions,
-                                     uint32_t *vertices,
-                                     float *confidence,
-                                     AnyfaceError **error);
-
-/// How the lips meet, an `AnyfaceMouth`; -1 for NULL.
-int32_t anyface_landmarks_mouth(const AnyfaceLandmarks *landmarks);
-
-/// Number of connected parts of the mesh, seams sewn up; 0 for NULL.
-size_t anyface_landmarks_part_count(const AnyfaceLandmarks *landmarks);
-
-/// Copies what each part is into the caller's buffers, each of which may be NULL.
-///
-/// `roles`: one `AnyfacePartRole` for each of `anyface_landmarks_part_count()` parts.
-/// `part_of_vertex`: `[V]`, the part of each vertex, `UINT32_MAX` for a vertex in no face.
-/// Fails with `ANYFACE_STATUS_NULL_POINTER` if `landmarks` is NULL.
-AnyfaceStatus anyface_landmarks_copy_parts(const AnyfaceLandmarks *landmarks,
-                                           int32_t *roles,
-                                           uint32_t *part_of_vertex,
-                                           AnyfaceError **error);
-
-/// Frees landmarks that no running call uses; nothing happens for NULL.
-void anyface_landmarks_free(AnyfaceLandmarks *landmarks);
-
 /// Name of an emotion: "neutral" (0), "happy" (1), ... "drunk" (14); NULL from
 /// `ANYFACE_EMOTION_COUNT` on. Lives as long as the library is loaded.
 const char *anyface_emotion_name(size_t index);
@@ -708,6 +765,19 @@ AnyfaceStatus anyface_motion_new(const AnyfaceEngine *engine,
                                  AnyfaceMotion **out,
                                  AnyfaceError **error);
 
+/// The same speech with other controls, another emotion for blinks and accents, or another seed of these:
+/// nothing is heard or sampled again, which takes milliseconds.
+///
+/// Style, frame rate and what else the system samples with stay those of `motion`. `options` may be NULL.
+/// Free with `anyface_motion_free()`; `motion` may go before.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a motion that the caller brought, or an option out of
+/// range.
+AnyfaceStatus anyface_motion_new_again(const AnyfaceEngine *engine,
+                                       const AnyfaceMotion *motion,
+                                       const AnyfaceMotionOptions *options,
+                                       AnyfaceMotion **out,
+                                       AnyfaceError **error);
+
 /// Motion that the caller brings: from a tracker, or edited. The array is copied.
 ///
 /// `displacements`: `[frame_count, 68, 3]` from the neutral face, canonical metres.
@@ -726,10 +796,11 @@ size_t anyface_motion_frame_count(const AnyfaceMotion *motion);
 /// Frames per second; 0 for NULL.
 double anyface_motion_fps(const AnyfaceMotion *motion);
 
-/// Copies the motion into the caller's buffer.
+/// Copies motion of landmarks into the caller's buffer.
 ///
 /// `buffer`: `[T, 68, 3]`, canonical metres; `float_count` must be `T * 68 * 3`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`, or a system that moves no
+/// landmarks.
 AnyfaceStatus anyface_motion_copy_displacements(const AnyfaceMotion *motion,
                                                 float *buffer,
                                                 size_t float_count,
@@ -782,8 +853,10 @@ double anyface_clip_fps(const AnyfaceClip *clip);
 
 /// Length of the largest displacement of any vertex in any frame, mesh units; 0 for NULL.
 ///
-/// A value near 0 means that nothing moves: say so to the user.
 float anyface_clip_largest_displacement(const AnyfaceClip *clip);
+
+/// What a viewer sees, an `AnyfaceVisibility`: tell the user where that is not the speech. -1 for NULL.
+int32_t anyface_clip_visibility(const AnyfaceClip *clip);
 
 /// Lends all displacements: `[T, V, 3]`, mesh units, added to the neutral positions.
 ///
@@ -851,7 +924,8 @@ void anyface_clip_free(AnyfaceClip *clip);
 /// does not move has no shapes. Where the error allows, no more than 20 of them have a weight other
 /// than 0 in the same frame. Free with `anyface_basis_free()`; the clip may go before.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for numbers out of range, `ANYFACE_STATUS_CANCELLED`.
-AnyfaceStatus anyface_basis_new(const AnyfaceClip *clip,
+AnyfaceStatus anyface_basis_new(const AnyfaceEngine *engine,
+                                const AnyfaceClip *clip,
                                 float max_error,
                                 size_t max_shapes,
                                 const AnyfaceProgress *progress,
@@ -933,10 +1007,10 @@ AnyfaceStatus anyface_sliders_copy_changes(const AnyfaceSliders *sliders,
 /// Frees sliders that no running call uses; nothing happens for NULL.
 void anyface_sliders_free(AnyfaceSliders *sliders);
 
-/// Takes or finds the landmarks of a mesh and makes its shapes with the built-in network. Long:
+/// Takes or finds the landmarks of a mesh and makes its shapes with the engine's network. Long:
 /// accepts a progress handle.
 ///
-/// `options` and `progress` may be NULL; the options' `learned` has no effect. The mesh may be freed
+/// `options` and `progress` may be NULL; the options' controls have no effect. The mesh may be freed
 /// afterwards. Free with `anyface_rig_free()`. Fails as `anyface_face_new()` does.
 AnyfaceStatus anyface_rig_new(const AnyfaceEngine *engine,
                               const AnyfaceMesh *mesh,
@@ -1017,7 +1091,8 @@ AnyfaceStatus anyface_weights_write(const AnyfaceWeights *weights,
 /// Frees weights that no running call uses; nothing happens for NULL.
 void anyface_weights_free(AnyfaceWeights *weights);
 
-/// Starts a performance with a neutral face.
+/// Starts a performance with a neutral face. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a system that
+/// needs the whole sound.
 ///
 /// It may outlive the engine. Free with `anyface_stream_free()`.
 AnyfaceStatus anyface_stream_new(const AnyfaceEngine *engine,

@@ -2,7 +2,7 @@
 
     python -m training.export_stm --runs runs/stm --models rust-core/models
 
-`stm_static/` and `stm_paper/` (whichever has been trained) each get model.safetensors, f16 except
+`static_weights/` and `stm_paper/` (whichever has been trained) each get model.safetensors, f16 except
 the statistics, and config.json. The model card, README.md, is written by hand.
 """
 
@@ -16,7 +16,8 @@ from pathlib import Path
 import torch
 from safetensors.torch import save_file
 
-from training.systems.freetalk.stm import paper, static_weights
+from training.deform import static_weights
+from training.systems.freetalk.stm import paper
 
 EXACT = ("feature_mean", "feature_scale", "shape_mean", "shape_basis")
 
@@ -38,14 +39,14 @@ def main() -> None:
     parser.add_argument("--models", type=Path, default=Path("rust-core/models"))
     args = parser.parse_args()
     shipped = {
-        "static": asdict(static_weights.CONFIGS["static"]),
-        "paper": asdict(paper.CONFIGS["compact"]),
+        "static_weights": ("static", asdict(static_weights.CONFIGS["static"])),
+        "stm_paper": ("paper", asdict(paper.CONFIGS["compact"])),
     }
-    for name, config in shipped.items():
-        trained = args.runs / f"{name}_both.pt"
+    for name, (kind, config) in shipped.items():
+        trained = args.runs / f"{kind}_both.pt"
         if trained.exists():
             state = torch.load(trained, map_location="cpu")
-            print(write_model(args.models / f"stm_{name}", state, config))
+            print(write_model(args.models / name, state, config))
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ GOLDENS = {
     "checkpoint": "training.speech.golden_checkpoint",
     "compact_speech": "training.speech.golden_compact",
     "ats_compact": "training.systems.freetalk.golden_ats",
-    "stm_static": "training.systems.freetalk.stm.golden_static",
+    "static_weights": "training.deform.golden_static_weights",
     "landmarks": "training.landmarks.golden",
     "pose": "training.landmarks.golden_pose",
     "stm_paper": "training.systems.freetalk.stm.golden_paper",

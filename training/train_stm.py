@@ -21,7 +21,7 @@ import torch
 from training.corpus.expressions import load_speech, training_frames
 from training.corpus.prepared import Corpus, PreparedMesh, landmark_shapes, load_or_build
 from training.systems.freetalk.stm.paper import CONFIGS as PAPER
-from training.systems.freetalk.stm.static_weights import (
+from training.deform.static_weights import (
     CONFIGS,
     FLIP,
     MIRROR,

@@ -2,10 +2,11 @@
 
 use std::ptr::null;
 
-use anyface::deform::compression::{VertexBasis, compress};
+use anyface::deform::compression::VertexBasis;
 
 use crate::{
     clip::AnyfaceClip,
+    engine::AnyfaceEngine,
     error::AnyfaceError,
     guard, pointer,
     progress::{AnyfaceProgress, watched},
@@ -50,6 +51,7 @@ impl AnyfaceBasis {
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for numbers out of range, `ANYFACE_STATUS_CANCELLED`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_basis_new(
+    engine: *const AnyfaceEngine,
     clip: *const AnyfaceClip,
     max_error: f32,
     max_shapes: usize,
@@ -59,9 +61,11 @@ pub unsafe extern "C" fn anyface_basis_new(
 ) -> AnyfaceStatus {
     let work = || {
         pointer::check_out("out", out)?;
-        let clip = &unsafe { pointer::handle("clip", clip) }?.0.vertices;
-        let reduce =
-            |watch: anyface::progress::ProgressFn<'_>| compress(clip, max_error, max_shapes, watch);
+        let engine = unsafe { pointer::handle("engine", engine) }?;
+        let clip = &unsafe { pointer::handle("clip", clip) }?.animation.vertices;
+        let reduce = |watch: anyface::progress::ProgressFn<'_>| {
+            engine.0.compress(clip, max_error, max_shapes, watch)
+        };
         let basis = unsafe { watched(progress, reduce) }?;
         unsafe { pointer::give(out, AnyfaceBasis::new(basis)) };
         Ok(())
@@ -135,7 +139,9 @@ pub unsafe extern "C" fn anyface_basis_free(basis: *mut AnyfaceBasis) {
 mod tests {
     use super::*;
     use crate::error::{anyface_error_free, anyface_error_status};
-    use anyface::{Animation, deform::VertexClip};
+    use anyface::{
+        Engine, EngineOptions, deform::VertexClip, motion::Visibility, spread::Animation,
+    };
     use ndarray::{Array3, Axis};
     use std::ptr::null_mut;
 
@@ -149,19 +155,33 @@ mod tests {
             displacements: Array3::from_shape_fn((20, 30, 3), swing),
             fps: 25.0,
         };
-        AnyfaceClip::new(Animation {
+        let animation = Animation {
             vertices,
+            brought: None,
             landmarks_neutral: [[0.0; 3]; 68],
             landmark_displacements: Array3::zeros((20, 68, 3)),
-        })
+        };
+        AnyfaceClip::new(animation, 1.0, Visibility::Speaks)
+    }
+
+    /// Asks for a basis of at most 16 shapes.
+    fn ask(
+        clip: &AnyfaceClip,
+        max_error: f32,
+        error: &mut *mut AnyfaceError,
+    ) -> (AnyfaceStatus, *mut AnyfaceBasis) {
+        let engine = AnyfaceEngine(Engine::new(EngineOptions::default()).unwrap());
+        let (mut basis, silent) = (null_mut(), std::ptr::null());
+        let status =
+            unsafe { anyface_basis_new(&engine, clip, max_error, 16, silent, &mut basis, error) };
+        (status, basis)
     }
 
     #[test]
     fn shapes_and_weights_give_the_clip_back() {
         let clip = clip();
-        let (mut basis, mut error) = (null_mut(), null_mut());
-        let status =
-            unsafe { anyface_basis_new(&clip, 1e-4, 16, std::ptr::null(), &mut basis, &mut error) };
+        let mut error = null_mut();
+        let (status, basis) = ask(&clip, 1e-4, &mut error);
         assert_eq!(status, AnyfaceStatus::Ok);
         let count = unsafe { anyface_basis_shape_count(basis) };
         assert_eq!(count, 2);
@@ -176,7 +196,13 @@ mod tests {
             assert_eq!(*anyface_basis_shapes(basis), shapes[0]);
             anyface_basis_free(basis);
         }
-        for (t, frame) in clip.0.vertices.displacements.axis_iter(Axis(0)).enumerate() {
+        for (t, frame) in clip
+            .animation
+            .vertices
+            .displacements
+            .axis_iter(Axis(0))
+            .enumerate()
+        {
             for (i, truth) in frame.iter().enumerate() {
                 let sum: f32 = (0..count)
                     .map(|k| weights[t * count + k] * shapes[k * 90 + i])
@@ -191,10 +217,8 @@ mod tests {
 
     #[test]
     fn a_negative_error_is_refused() {
-        let (mut basis, mut error) = (null_mut(), null_mut());
-        let status = unsafe {
-            anyface_basis_new(&clip(), -1.0, 16, std::ptr::null(), &mut basis, &mut error)
-        };
+        let mut error = null_mut();
+        let (status, basis) = ask(&clip(), -1.0, &mut error);
         assert_eq!((status, basis), (AnyfaceStatus::InvalidInput, null_mut()));
         assert_eq!(
             unsafe { anyface_error_status(error) },

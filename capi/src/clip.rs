@@ -2,7 +2,12 @@
 
 use std::{ffi::c_char, ptr::null};
 
-use anyface::Animation;
+use anyface::{
+    Face, Performance,
+    motion::{Motion, Visibility, lip_travel},
+    progress::ProgressFn,
+    spread::{Animation, Collector},
+};
 use ndarray::Axis;
 
 use crate::{
@@ -10,21 +15,39 @@ use crate::{
     engine::AnyfaceEngine,
     error::{AnyfaceError, Failure},
     face::AnyfaceFace,
-    growing, guard,
+    guard,
     mesh::AnyfaceMesh,
     motion::{AnyfaceMotion, AnyfaceMotionOptions},
     pointer,
     progress::{AnyfaceProgress, watched},
     status::AnyfaceStatus,
+    versioned_options,
 };
 
 /// Displacements of every vertex over time, in the mesh's own units, axes and vertex order. Never
 /// changes after it was made: any number of threads may read it at the same time.
-pub struct AnyfaceClip(pub(crate) Animation);
+pub struct AnyfaceClip {
+    pub(crate) animation: Animation,
+    /// Largest displacement of any vertex, mesh units.
+    largest: f32,
+    visibility: Visibility,
+}
+
+/// What a viewer sees of a clip.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AnyfaceVisibility {
+    /// The mouth speaks, or was asked to rest.
+    Speaks = 0,
+    /// Lids and brows move, the lips do not: there is likely no speech in the sound.
+    LipsRest = 1,
+    /// Nothing moves.
+    Nothing = 2,
+}
 
 impl AnyfaceClip {
     /// Both arrays in one piece, so that pointers into them can be lent.
-    pub(crate) fn new(mut animation: Animation) -> Self {
+    pub(crate) fn new(mut animation: Animation, largest: f32, visibility: Visibility) -> Self {
         let vertices = &mut animation.vertices.displacements;
         if !vertices.is_standard_layout() {
             *vertices = vertices.as_standard_layout().into_owned();
@@ -33,25 +56,58 @@ impl AnyfaceClip {
         if !landmarks.is_standard_layout() {
             *landmarks = landmarks.as_standard_layout().into_owned();
         }
-        AnyfaceClip(animation)
+        AnyfaceClip {
+            animation,
+            largest,
+            visibility,
+        }
+    }
+
+    /// Puts motion on a face; `performance` is where it comes from, where it was spoken.
+    fn spread(
+        engine: &AnyfaceEngine,
+        face: &Face,
+        motion: &Motion,
+        performance: Option<&Performance>,
+        watch: ProgressFn<'_>,
+    ) -> anyface::Result<Self> {
+        let mut collector = Collector::default();
+        let made = engine.0.spread(face, motion, &mut collector, watch)?;
+        let mm = 1000.0 * face.metres_per_unit() as f32;
+        let lips_mm = mm * lip_travel(made.landmarks.view());
+        // Motion that the caller brought may let the lips rest.
+        let articulation = performance.map_or(0.0, Performance::articulation);
+        let visibility = Visibility::of(mm * made.largest, lips_mm, articulation);
+        Ok(AnyfaceClip::new(
+            collector.into_animation(),
+            made.largest,
+            visibility,
+        ))
     }
 
     /// `[T, V, 3]`.
     fn vertices(&self) -> &[f32] {
-        self.0.vertices.displacements.as_slice().unwrap_or_default()
+        self.animation
+            .vertices
+            .displacements
+            .as_slice()
+            .unwrap_or_default()
     }
 
     /// `[T, 68, 3]`.
     fn landmarks(&self) -> &[f32] {
-        self.0.landmark_displacements.as_slice().unwrap_or_default()
+        self.animation
+            .landmark_displacements
+            .as_slice()
+            .unwrap_or_default()
     }
 
     fn frame_count(&self) -> usize {
-        self.0.vertices.displacements.len_of(Axis(0))
+        self.animation.vertices.displacements.len_of(Axis(0))
     }
 
     fn vertex_count(&self) -> usize {
-        self.0.vertices.displacements.len_of(Axis(1))
+        self.animation.vertices.displacements.len_of(Axis(1))
     }
 
     /// `[V, 3]` of one frame.
@@ -87,14 +143,19 @@ pub unsafe extern "C" fn anyface_engine_animate(
         let engine = unsafe { pointer::handle("engine", engine) }?;
         let face = unsafe { pointer::handle("face", face) }?;
         let audio = unsafe { pointer::handle("audio", audio) }?;
-        let request = unsafe { growing::read(options)?.to_library() }?;
-        let animation = unsafe {
-            watched(progress, |watch| {
-                let motion = engine.0.motion(&audio.0, &request, watch)?;
-                engine.0.deform(&face.face, &motion, watch)
-            })
-        }?;
-        unsafe { pointer::give(out, AnyfaceClip::new(animation)) };
+        let request = unsafe { versioned_options::read(options)?.to_library() }?;
+        let made = |watch: ProgressFn<'_>| {
+            let performance = engine.0.perform(&audio.0, &request, watch)?;
+            AnyfaceClip::spread(
+                engine,
+                &face.0,
+                &performance.motion,
+                Some(&performance),
+                watch,
+            )
+        };
+        let clip = unsafe { watched(progress, made) }?;
+        unsafe { pointer::give(out, clip) };
         Ok(())
     };
     unsafe { guard::guard(error, work) }
@@ -118,11 +179,17 @@ pub unsafe extern "C" fn anyface_clip_new(
         let engine = unsafe { pointer::handle("engine", engine) }?;
         let face = unsafe { pointer::handle("face", face) }?;
         let motion = unsafe { pointer::handle("motion", motion) }?;
-        let deform = |watch: anyface::progress::ProgressFn<'_>| {
-            engine.0.deform(&face.face, motion.clip(), watch)
+        let spread = |watch: ProgressFn<'_>| {
+            AnyfaceClip::spread(
+                engine,
+                &face.0,
+                motion.motion(),
+                motion.performance(),
+                watch,
+            )
         };
-        let animation = unsafe { watched(progress, deform) }?;
-        unsafe { pointer::give(out, AnyfaceClip::new(animation)) };
+        let clip = unsafe { watched(progress, spread) }?;
+        unsafe { pointer::give(out, clip) };
         Ok(())
     };
     unsafe { guard::guard(error, work) }
@@ -143,22 +210,25 @@ pub unsafe extern "C" fn anyface_clip_vertex_count(clip: *const AnyfaceClip) -> 
 /// Frames per second; 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_clip_fps(clip: *const AnyfaceClip) -> f64 {
-    unsafe { clip.as_ref() }.map_or(0.0, |clip| clip.0.vertices.fps)
+    unsafe { clip.as_ref() }.map_or(0.0, |clip| clip.animation.vertices.fps)
 }
 
 /// Length of the largest displacement of any vertex in any frame, mesh units; 0 for NULL.
 ///
-/// A value near 0 means that nothing moves: say so to the user.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_clip_largest_displacement(clip: *const AnyfaceClip) -> f32 {
-    let largest = |clip: &AnyfaceClip| {
-        let squares = clip.vertices().as_chunks::<3>().0.iter();
-        squares
-            .map(|[x, y, z]| x * x + y * y + z * z)
-            .fold(0.0, f32::max)
-            .sqrt()
+    unsafe { clip.as_ref() }.map_or(0.0, |clip| clip.largest)
+}
+
+/// What a viewer sees, an `AnyfaceVisibility`: tell the user where that is not the speech. -1 for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_clip_visibility(clip: *const AnyfaceClip) -> i32 {
+    let code = |clip: &AnyfaceClip| match clip.visibility {
+        Visibility::Speaks => AnyfaceVisibility::Speaks as i32,
+        Visibility::LipsRest => AnyfaceVisibility::LipsRest as i32,
+        Visibility::Nothing => AnyfaceVisibility::Nothing as i32,
     };
-    guard::guard_or(0.0, || unsafe { clip.as_ref() }.map_or(0.0, largest))
+    unsafe { clip.as_ref() }.map_or(-1, code)
 }
 
 /// Lends all displacements: `[T, V, 3]`, mesh units, added to the neutral positions.
@@ -219,7 +289,7 @@ pub unsafe extern "C" fn anyface_clip_copy_landmarks_neutral(
 ) -> AnyfaceStatus {
     let work = || {
         let clip = unsafe { pointer::handle("clip", clip) }?;
-        let values = clip.0.landmarks_neutral.as_flattened();
+        let values = clip.animation.landmarks_neutral.as_flattened();
         unsafe { pointer::copy_out("buffer", values, buffer, float_count) }
     };
     unsafe { guard::guard(error, work) }
@@ -262,7 +332,7 @@ pub unsafe extern "C" fn anyface_clip_write(
         let clip = unsafe { pointer::handle("clip", clip) }?;
         let mesh = unsafe { pointer::handle("mesh", mesh) }?;
         let path = unsafe { pointer::path("path", path) }?;
-        anyface::output::write_animation(path, &clip.0, &mesh.0)?;
+        anyface::output::write_animation(path, &clip.animation, &mesh.0)?;
         Ok(())
     };
     unsafe { guard::guard(error, work) }
@@ -286,14 +356,16 @@ mod tests {
         let transposed = |rows: usize| {
             Array3::from_shape_fn((3, rows, 2), |(c, v, t)| values((t, v, c))).reversed_axes()
         };
-        AnyfaceClip::new(Animation {
+        let animation = Animation {
             vertices: VertexClip {
                 displacements: transposed(3),
                 fps: 25.0,
             },
+            brought: None,
             landmarks_neutral: [[0.5; 3]; 68],
             landmark_displacements: transposed(68),
-        })
+        };
+        AnyfaceClip::new(animation, 211.0, Visibility::Speaks)
     }
 
     #[test]
@@ -325,8 +397,10 @@ mod tests {
     }
 
     #[test]
-    fn the_largest_displacement_is_a_length() {
-        let largest = unsafe { anyface_clip_largest_displacement(&clip()) };
-        assert!((largest - 120f32.hypot(121.0).hypot(122.0)).abs() < 1e-3);
+    fn a_clip_says_how_far_it_moves_and_what_is_seen() {
+        let clip = clip();
+        assert_eq!(unsafe { anyface_clip_largest_displacement(&clip) }, 211.0);
+        assert_eq!(unsafe { anyface_clip_visibility(&clip) }, 0);
+        assert_eq!(unsafe { anyface_clip_visibility(null()) }, -1);
     }
 }

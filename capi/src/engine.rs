@@ -2,13 +2,13 @@
 
 use std::{ffi::c_char, path::PathBuf, ptr::null};
 
-use anyface::{CachePolicy, DecoderKind, Engine, EngineOptions};
+use anyface::{CachePolicy, Engine, EngineOptions};
 
 use crate::{
     error::{AnyfaceError, Failure},
-    growing::{self, Growing},
     guard, pointer,
     status::AnyfaceStatus,
+    versioned_options::{self, Versioned},
 };
 
 /// Loaded weights and settings. Any number of threads may use one engine at the same time.
@@ -29,16 +29,6 @@ pub enum AnyfaceCache {
     Folder = 2,
 }
 
-/// What spreads landmark motion over a mesh; for `AnyfaceEngineOptions`.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum AnyfaceDecoder {
-    /// Weights over the landmarks, computed once for each mesh. The default.
-    Static = 0,
-    /// The decoder of the FreeTalk paper, computed for each frame; slow.
-    Paper = 1,
-}
-
 /// How an engine is set up; prepare it with `anyface_engine_options_init()`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
@@ -55,15 +45,14 @@ pub struct AnyfaceEngineOptions {
     pub cache_dir: *const c_char,
     /// One of `AnyfaceCache`; default `ANYFACE_CACHE_USER`.
     pub cache: i32,
-    /// One of `AnyfaceDecoder`; default `ANYFACE_DECODER_STATIC`.
-    pub decoder: i32,
     /// Worker threads; 0, the default, takes one for each core. The result does not depend on it.
     pub threads: u32,
-    /// Must be 0.
-    pub reserved: u32,
+    /// What turns speech into motion: a name of `anyface_system_name()`, UTF-8; NULL, the default, for
+    /// the first.
+    pub system: *const c_char,
 }
 
-unsafe impl Growing for AnyfaceEngineOptions {
+unsafe impl Versioned for AnyfaceEngineOptions {
     const NAME: &'static str = "anyface_engine_options";
     const FIRST_SIZE: usize = size_of::<Self>();
     fn defaults() -> Self {
@@ -73,9 +62,8 @@ unsafe impl Growing for AnyfaceEngineOptions {
             speech_dir: null(),
             cache_dir: null(),
             cache: AnyfaceCache::User as i32,
-            decoder: AnyfaceDecoder::Static as i32,
             threads: 0,
-            reserved: 0,
+            system: null(),
         }
     }
 }
@@ -84,27 +72,13 @@ impl AnyfaceEngineOptions {
     /// # Safety
     /// The strings are NULL or NUL-terminated.
     unsafe fn to_library(self) -> Result<EngineOptions, Failure> {
-        let weights = unsafe { pointer::optional_text("weights_dir", self.weights_dir) }?;
+        let models = unsafe { pointer::optional_text("weights_dir", self.weights_dir) }?;
         let speech = unsafe { pointer::optional_text("speech_dir", self.speech_dir) }?;
-        let decoder = match self.decoder {
-            code if code == AnyfaceDecoder::Static as i32 => DecoderKind::Static,
-            code if code == AnyfaceDecoder::Paper as i32 => DecoderKind::Paper,
-            code => {
-                return Err(Failure::invalid(format!(
-                    "decoder: expected 0 or 1, got {code}"
-                )));
-            }
-        };
-        if self.reserved != 0 {
-            return Err(Failure::invalid(format!(
-                "reserved: expected 0, got {}",
-                self.reserved
-            )));
-        }
+        let system = unsafe { pointer::optional_text("system", self.system) }?;
         Ok(EngineOptions {
-            weights: weights.map(PathBuf::from),
+            system: system.map(str::to_owned),
+            models: models.map(PathBuf::from),
             speech: speech.map(PathBuf::from),
-            decoder,
             cache: unsafe { self.cache_policy() }?,
             threads: (self.threads > 0).then_some(self.threads as usize),
         })
@@ -137,14 +111,14 @@ pub unsafe extern "C" fn anyface_engine_options_init(
     options: *mut AnyfaceEngineOptions,
     struct_size: usize,
 ) -> AnyfaceStatus {
-    unsafe { growing::init(options, struct_size) }
+    unsafe { versioned_options::init(options, struct_size) }
 }
 
 /// Loads the weights; takes some tenths of a second, so keep the engine.
 ///
 /// `options` may be NULL for the defaults. Free with `anyface_engine_free()`.
 /// Fails with `ANYFACE_STATUS_WEIGHTS` if a model file is missing, truncated or does not fit its
-/// config, `ANYFACE_STATUS_INVALID_INPUT` for an option out of range.
+/// config, `ANYFACE_STATUS_INVALID_INPUT` for an unknown system or an option out of range.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_engine_new(
     options: *const AnyfaceEngineOptions,
@@ -153,7 +127,7 @@ pub unsafe extern "C" fn anyface_engine_new(
 ) -> AnyfaceStatus {
     let work = || {
         pointer::check_out("out", out)?;
-        let options = unsafe { growing::read(options)?.to_library() }?;
+        let options = unsafe { versioned_options::read(options)?.to_library() }?;
         let engine = Engine::new(options)?;
         unsafe { pointer::give(out, AnyfaceEngine(engine)) };
         Ok(())
@@ -179,7 +153,7 @@ mod tests {
         let options = AnyfaceEngineOptions {
             cache,
             cache_dir,
-            ..Growing::defaults()
+            ..Versioned::defaults()
         };
         unsafe { options.cache_policy() }
     }
@@ -194,7 +168,7 @@ mod tests {
 
     #[test]
     fn no_threads_means_one_for_each_core() {
-        let options: AnyfaceEngineOptions = Growing::defaults();
+        let options: AnyfaceEngineOptions = Versioned::defaults();
         let library = unsafe { options.to_library() }.unwrap();
         assert_eq!(library, EngineOptions::default());
     }

@@ -10,19 +10,19 @@
 // One safety contract for all functions, stated once at the top of the header.
 #![allow(clippy::missing_safety_doc)]
 
-mod growing;
 mod guard;
-mod known;
 mod pointer;
+mod versioned_options;
 
 mod audio;
 mod basis;
 mod clip;
+mod controls;
 mod emotion;
 mod engine;
 mod error;
 mod face;
-mod landmarks;
+mod face_options;
 mod mesh;
 mod motion;
 mod progress;
@@ -30,5 +30,6 @@ mod rig;
 mod sliders;
 mod status;
 mod stream;
+mod system;
 mod version;
 mod weights;

@@ -1,27 +1,29 @@
-//! Speech becomes motion of 68 landmarks, before any mesh is known.
+//! Speech becomes motion, before any mesh is known.
 
-use std::{ffi::c_char, mem::offset_of, ptr::null};
+use std::{ffi::c_char, ptr::null};
 
 use anyface::{
     MotionRequest, Performance,
-    conditions::{Emotion, EmotionCurve},
-    motion::{LANDMARKS, MotionClip, PerformanceControls},
+    conditions::{Emotion, EmotionCurve, check_fps},
+    ibug::LANDMARKS,
+    motion::{LandmarkClip, Motion},
 };
 use ndarray::ArrayView3;
 
 use crate::{
     audio::AnyfaceAudio,
+    controls::{self, AnyfaceControlSetting},
     engine::AnyfaceEngine,
     error::{AnyfaceError, Failure},
-    growing::{self, Growing},
     guard, pointer,
     progress::{AnyfaceProgress, watched},
     status::AnyfaceStatus,
     version::ANYFACE_EMOTION_COUNT,
+    versioned_options::{self, Versioned},
 };
 
-/// Motion of the 68 landmarks in the canonical frame: metres, +x to the subject's left, +y up,
-/// +z out of the face. Fits every face; never changes after it was made.
+/// Motion before any mesh is known, of landmarks or of what else the system moves. Fits every face; never
+/// changes after it was made.
 pub struct AnyfaceMotion(pub(crate) Made);
 
 /// Where a motion comes from.
@@ -29,16 +31,34 @@ pub(crate) enum Made {
     /// Spoken, with all that variations of it need.
     Spoken(Box<Performance>),
     /// Brought by the caller.
-    Given(MotionClip),
+    Given(Motion),
 }
 
 impl AnyfaceMotion {
     /// The motion itself.
-    pub(crate) fn clip(&self) -> &MotionClip {
+    pub(crate) fn motion(&self) -> &Motion {
         match &self.0 {
             Made::Spoken(performance) => &performance.motion,
-            Made::Given(clip) => clip,
+            Made::Given(motion) => motion,
         }
+    }
+
+    /// What it comes from, where it was spoken.
+    pub(crate) fn performance(&self) -> Option<&Performance> {
+        match &self.0 {
+            Made::Spoken(performance) => Some(performance),
+            Made::Given(_) => None,
+        }
+    }
+
+    fn landmarks(&self) -> Result<&LandmarkClip, Failure> {
+        let motion = self.motion();
+        motion.landmarks().ok_or_else(|| {
+            Failure::invalid(format!(
+                "motion: expected motion of landmarks, got {}",
+                motion.kind()
+            ))
+        })
     }
 }
 
@@ -75,34 +95,22 @@ pub struct AnyfaceMotionOptions {
     pub seed: u64,
     /// Speaking style by name, UTF-8; NULL, the default, takes the model's own.
     pub style: *const c_char,
-    /// Denoising steps; 0, the default, takes the model's own.
-    pub steps: u32,
-    /// Must be 0.
-    pub reserved: u32,
     /// An `AnyfaceEmotionSource`; default `ANYFACE_EMOTION_SOURCE_GIVEN`. With another one
     /// `emotion_count` must be 0.
     pub emotion_source: i32,
-    /// Scales what speech does to mouth and jaw, 0 to 2; default 1. Closed lips stay closed.
-    pub articulation: f32,
-    /// Moves motion from lips (-1) to jaw (1); default 0.
-    pub jaw_lips: f32,
-    /// Smoothing over time in seconds, 0 to 0.1; default 0. Closed lips stay closed.
-    pub smoothing_s: f32,
-    /// Scales brows, lids and the bridge of the nose, 0 to 2; default 1. Blinks stay.
-    pub upper_face: f32,
-    /// 0 to 60; default 15.
-    pub blinks_per_minute: f32,
-    /// Scales the raises of the brows on stressed syllables, 0 to 2; default 1.
-    pub brow_accents: f32,
-    /// More motion of brows and mouth corners on the subject's right (-1) or left (1); default 0.
-    pub asymmetry: f32,
+    /// Must be 0.
+    pub reserved: u32,
+    /// `[control_count]`: controls of the system that act on a performance, such as "articulation"; the
+    /// others stand at their defaults. NULL otherwise.
+    pub controls: *const AnyfaceControlSetting,
+    /// Number of controls that are set.
+    pub control_count: usize,
 }
 
-unsafe impl Growing for AnyfaceMotionOptions {
+unsafe impl Versioned for AnyfaceMotionOptions {
     const NAME: &'static str = "anyface_motion_options";
-    const FIRST_SIZE: usize = offset_of!(Self, emotion_source);
+    const FIRST_SIZE: usize = size_of::<Self>();
     fn defaults() -> Self {
-        let controls = PerformanceControls::default();
         let MotionRequest { fps, seed, .. } = MotionRequest::default();
         AnyfaceMotionOptions {
             struct_size: size_of::<Self>(),
@@ -112,16 +120,10 @@ unsafe impl Growing for AnyfaceMotionOptions {
             fps,
             seed,
             style: null(),
-            steps: 0,
-            reserved: 0,
             emotion_source: AnyfaceEmotionSource::Given as i32,
-            articulation: controls.articulation,
-            jaw_lips: controls.jaw_lips,
-            smoothing_s: controls.smoothing_s,
-            upper_face: controls.upper_face,
-            blinks_per_minute: controls.blinks_per_minute,
-            brow_accents: controls.brow_accents,
-            asymmetry: controls.asymmetry,
+            reserved: 0,
+            controls: null(),
+            control_count: 0,
         }
     }
 }
@@ -141,24 +143,9 @@ impl AnyfaceMotionOptions {
             emotion: unsafe { self.emotion() }?,
             fps: self.fps,
             seed: self.seed,
-            steps: (self.steps > 0).then_some(self.steps as usize),
             style: style.map(str::to_owned),
-            controls: self.controls()?,
+            controls: unsafe { controls::read(self.controls, self.control_count) }?,
         })
-    }
-
-    fn controls(&self) -> Result<PerformanceControls, Failure> {
-        let controls = PerformanceControls {
-            articulation: self.articulation,
-            jaw_lips: self.jaw_lips,
-            smoothing_s: self.smoothing_s,
-            upper_face: self.upper_face,
-            blinks_per_minute: self.blinks_per_minute,
-            brow_accents: self.brow_accents,
-            asymmetry: self.asymmetry,
-        };
-        controls.check()?;
-        Ok(controls)
     }
 
     unsafe fn emotion(&self) -> Result<EmotionCurve, Failure> {
@@ -222,7 +209,7 @@ pub unsafe extern "C" fn anyface_motion_options_init(
     options: *mut AnyfaceMotionOptions,
     struct_size: usize,
 ) -> AnyfaceStatus {
-    unsafe { growing::init(options, struct_size) }
+    unsafe { versioned_options::init(options, struct_size) }
 }
 
 /// Speech becomes motion. Long: accepts a progress handle.
@@ -243,12 +230,41 @@ pub unsafe extern "C" fn anyface_motion_new(
         pointer::check_out("out", out)?;
         let engine = unsafe { pointer::handle("engine", engine) }?;
         let audio = unsafe { pointer::handle("audio", audio) }?;
-        let request = unsafe { growing::read(options)?.to_library() }?;
-        let perform = |watch: anyface::progress::ProgressFn<'_>| {
-            engine.0.performance(&audio.0, &request, watch)
-        };
+        let request = unsafe { versioned_options::read(options)?.to_library() }?;
+        let perform =
+            |watch: anyface::progress::ProgressFn<'_>| engine.0.perform(&audio.0, &request, watch);
         let made = Made::Spoken(Box::new(unsafe { watched(progress, perform) }?));
         unsafe { pointer::give(out, AnyfaceMotion(made)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// The same speech with other controls, another emotion for blinks and accents, or another seed of these:
+/// nothing is heard or sampled again, which takes milliseconds.
+///
+/// Style, frame rate and what else the system samples with stay those of `motion`. `options` may be NULL.
+/// Free with `anyface_motion_free()`; `motion` may go before.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a motion that the caller brought, or an option out of
+/// range.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_motion_new_again(
+    engine: *const AnyfaceEngine,
+    motion: *const AnyfaceMotion,
+    options: *const AnyfaceMotionOptions,
+    out: *mut *mut AnyfaceMotion,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let engine = unsafe { pointer::handle("engine", engine) }?;
+        let motion = unsafe { pointer::handle("motion", motion) }?;
+        let request = unsafe { versioned_options::read(options)?.to_library() }?;
+        let performance = motion.performance().ok_or_else(|| {
+            Failure::invalid("motion: expected motion that was spoken, got the caller's own")
+        })?;
+        let again = engine.0.perform_again(performance, &request)?;
+        unsafe { pointer::give(out, AnyfaceMotion(Made::Spoken(Box::new(again)))) };
         Ok(())
     };
     unsafe { guard::guard(error, work) }
@@ -280,7 +296,7 @@ pub unsafe extern "C" fn anyface_motion_new_displacements(
     unsafe { guard::guard(error, work) }
 }
 
-fn motion_from(values: &[f32], frames: usize, fps: f64) -> Result<MotionClip, Failure> {
+fn motion_from(values: &[f32], frames: usize, fps: f64) -> Result<Motion, Failure> {
     if frames == 0 {
         return Err(Failure::invalid(
             "displacements: expected at least one frame, got none",
@@ -291,36 +307,31 @@ fn motion_from(values: &[f32], frames: usize, fps: f64) -> Result<MotionClip, Fa
         let message = format!("displacements: not finite at frame {frame}, landmark {landmark}");
         return Err(Failure::invalid(message));
     }
-    if !(1.0..=240.0).contains(&fps) {
-        return Err(Failure::invalid(format!(
-            "fps: expected 1 to 240, got {fps}"
-        )));
-    }
+    check_fps(fps)?;
     let shape = (frames, LANDMARKS, 3);
     let displacements = ArrayView3::from_shape(shape, values)
         .map_err(|error| Failure::invalid(format!("displacements: {error}")))?
         .to_owned();
-    Ok(MotionClip { displacements, fps })
+    Ok(Motion::Landmarks(LandmarkClip { displacements, fps }))
 }
 
 /// Number `T` of frames; 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_motion_frame_count(motion: *const AnyfaceMotion) -> usize {
-    unsafe { motion.as_ref() }.map_or(0, |motion| {
-        motion.clip().displacements.len_of(ndarray::Axis(0))
-    })
+    unsafe { motion.as_ref() }.map_or(0, |motion| motion.motion().frames())
 }
 
 /// Frames per second; 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_motion_fps(motion: *const AnyfaceMotion) -> f64 {
-    unsafe { motion.as_ref() }.map_or(0.0, |motion| motion.clip().fps)
+    unsafe { motion.as_ref() }.map_or(0.0, |motion| motion.motion().fps())
 }
 
-/// Copies the motion into the caller's buffer.
+/// Copies motion of landmarks into the caller's buffer.
 ///
 /// `buffer`: `[T, 68, 3]`, canonical metres; `float_count` must be `T * 68 * 3`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`, or a system that moves no
+/// landmarks.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_motion_copy_displacements(
     motion: *const AnyfaceMotion,
@@ -330,7 +341,7 @@ pub unsafe extern "C" fn anyface_motion_copy_displacements(
 ) -> AnyfaceStatus {
     let work = || {
         let motion = unsafe { pointer::handle("motion", motion) }?;
-        let values = motion.clip().displacements.as_standard_layout();
+        let values = motion.landmarks()?.displacements.as_standard_layout();
         let values = values.as_slice().unwrap_or_default();
         unsafe { pointer::copy_out("buffer", values, buffer, float_count) }
     };
@@ -351,7 +362,7 @@ pub unsafe extern "C" fn anyface_motion_write(
     let work = || {
         let motion = unsafe { pointer::handle("motion", motion) }?;
         let path = unsafe { pointer::path("path", path) }?;
-        anyface::output::write_motion(path, motion.clip())?;
+        anyface::output::write_motion(path, motion.landmarks()?)?;
         Ok(())
     };
     unsafe { guard::guard(error, work) }
@@ -366,6 +377,7 @@ pub unsafe extern "C" fn anyface_motion_free(motion: *mut AnyfaceMotion) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::controls::tests::setting;
 
     fn with_emotions(strengths: &[f32], times: &[f64]) -> Result<EmotionCurve, Failure> {
         let options = AnyfaceMotionOptions {
@@ -376,14 +388,14 @@ mod tests {
                 times.as_ptr()
             },
             emotion_count: strengths.len() / ANYFACE_EMOTION_COUNT,
-            ..Growing::defaults()
+            ..Versioned::defaults()
         };
         unsafe { options.emotion() }
     }
 
     #[test]
     fn defaults_are_the_librarys() {
-        let options: AnyfaceMotionOptions = Growing::defaults();
+        let options: AnyfaceMotionOptions = Versioned::defaults();
         assert_eq!(
             unsafe { options.to_library() }.unwrap(),
             MotionRequest::default()
@@ -394,7 +406,7 @@ mod tests {
     fn emotion_from_the_voice_or_off_takes_no_rows() {
         let from = |emotion_source| AnyfaceMotionOptions {
             emotion_source,
-            ..Growing::defaults()
+            ..Versioned::defaults()
         };
         assert_eq!(unsafe { from(1).emotion() }.unwrap(), EmotionCurve::Auto);
         assert_eq!(unsafe { from(2).emotion() }.unwrap(), EmotionCurve::Off);
@@ -409,34 +421,15 @@ mod tests {
     }
 
     #[test]
-    fn controls_reach_the_library_and_are_checked() {
+    fn controls_reach_the_library() {
+        let controls = [setting(c"articulation", 1.5)];
         let options = AnyfaceMotionOptions {
-            articulation: 1.5,
-            ..Growing::defaults()
+            controls: controls.as_ptr(),
+            control_count: 1,
+            ..Versioned::defaults()
         };
         let request = unsafe { options.to_library() }.unwrap();
-        assert_eq!(request.controls.articulation, 1.5);
-        let options = AnyfaceMotionOptions {
-            asymmetry: -2.0,
-            ..Growing::defaults()
-        };
-        let message = format!("{:?}", unsafe { options.to_library() }.unwrap_err());
-        assert!(
-            message.contains("asymmetry: expected -1 to 1, got -2"),
-            "{message}"
-        );
-    }
-
-    #[test]
-    fn a_program_of_the_first_header_gets_the_default_controls() {
-        let mut old = AnyfaceMotionOptions {
-            articulation: 0.0,
-            blinks_per_minute: f32::NAN,
-            ..Growing::defaults()
-        };
-        old.struct_size = AnyfaceMotionOptions::FIRST_SIZE;
-        let read = unsafe { growing::read(&raw const old) }.unwrap();
-        assert_eq!(read.controls().unwrap(), PerformanceControls::default());
+        assert_eq!(request.controls.get("articulation"), Some(1.5));
     }
 
     #[test]
@@ -463,10 +456,8 @@ mod tests {
     #[test]
     fn motion_of_the_caller_is_checked() {
         let mut values = vec![0.001; 2 * LANDMARKS * 3];
-        assert_eq!(
-            motion_from(&values, 2, 25.0).unwrap().displacements.dim(),
-            (2, 68, 3)
-        );
+        let motion = motion_from(&values, 2, 25.0).unwrap();
+        assert_eq!(motion.values().shape(), [2, 68, 3]);
         assert!(motion_from(&[], 0, 25.0).is_err() && motion_from(&values, 2, 0.0).is_err());
         values[LANDMARKS * 3 + 7] = f32::NAN;
         let message = format!("{:?}", motion_from(&values, 2, 25.0).unwrap_err());

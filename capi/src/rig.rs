@@ -1,24 +1,25 @@
 //! The ARKit shapes and visemes of a mesh.
 
-use std::{ffi::CString, ffi::c_char, ptr::null};
+use std::{ffi::CString, ffi::c_char, ptr::null, sync::Arc};
 
-use anyface::rig::{Rig, RigModel};
+use anyface::rig::Rig;
 
 use crate::{
     engine::AnyfaceEngine,
     error::AnyfaceError,
-    face::AnyfaceFaceOptions,
-    growing, guard,
+    face_options::AnyfaceFaceOptions,
+    guard,
     mesh::AnyfaceMesh,
     pointer,
     progress::{AnyfaceProgress, watched},
     status::AnyfaceStatus,
+    versioned_options,
 };
 
 /// The 52 ARKit shapes and the 15 Oculus visemes of one mesh. Never changes after it was made: any
 /// number of threads may use it at the same time.
 pub struct AnyfaceRig {
-    rig: Rig,
+    rig: Arc<Rig>,
     names: Vec<CString>,
     notes: Vec<Option<CString>>,
 }
@@ -27,7 +28,7 @@ const fn shared_by_threads<T: Send + Sync>() {}
 const _: () = shared_by_threads::<AnyfaceRig>();
 
 impl AnyfaceRig {
-    fn new(rig: Rig) -> Self {
+    fn new(rig: Arc<Rig>) -> Self {
         let text = |text: &str| CString::new(text.replace('\0', " ")).unwrap_or_default();
         AnyfaceRig {
             names: rig.names.iter().map(|name| text(name)).collect(),
@@ -41,10 +42,10 @@ impl AnyfaceRig {
     }
 }
 
-/// Takes or finds the landmarks of a mesh and makes its shapes with the built-in network. Long:
+/// Takes or finds the landmarks of a mesh and makes its shapes with the engine's network. Long:
 /// accepts a progress handle.
 ///
-/// `options` and `progress` may be NULL; the options' `learned` has no effect. The mesh may be freed
+/// `options` and `progress` may be NULL; the options' controls have no effect. The mesh may be freed
 /// afterwards. Free with `anyface_rig_free()`. Fails as `anyface_face_new()` does.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_rig_new(
@@ -59,12 +60,12 @@ pub unsafe extern "C" fn anyface_rig_new(
         pointer::check_out("out", out)?;
         let engine = unsafe { pointer::handle("engine", engine) }?;
         let mesh = unsafe { pointer::handle("mesh", mesh) }?;
-        let options = unsafe { growing::read(options)?.to_library() }?;
-        let model = RigModel::open(None)?;
+        let options = unsafe { versioned_options::read(options)?.to_library() }?;
         let make = |watch: anyface::progress::ProgressFn<'_>| {
-            model.make(&engine.0, &mesh.0, &options, watch)
+            let face = engine.0.find(&mesh.0, &options, watch)?;
+            engine.0.rig(&face, watch)
         };
-        let (_, rig) = unsafe { watched(progress, make) }?;
+        let rig = unsafe { watched(progress, make) }?;
         unsafe { pointer::give(out, AnyfaceRig::new(rig)) };
         Ok(())
     };
@@ -148,11 +149,11 @@ mod tests {
             present: true,
             note: note.map(str::to_owned),
         };
-        AnyfaceRig::new(Rig {
+        AnyfaceRig::new(Arc::new(Rig {
             names: vec!["jawOpen".into(), "tongueOut".into()],
             deltas: Array3::from_shape_fn((2, 4, 3), |(s, v, i)| (12 * s + 3 * v + i) as f32),
             reports: vec![report("jawOpen", None), report("tongueOut", Some("none"))],
-        })
+        }))
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What a finished take may still change without a new run.
 
-use anyface::{Slider, SliderChange};
+use anyface::{SliderChange, systems::Slider};
 
 use crate::{
     basis::AnyfaceBasis,
@@ -84,11 +84,11 @@ pub unsafe extern "C" fn anyface_sliders_new(
         let engine = unsafe { pointer::handle("engine", engine) }?;
         let face = unsafe { pointer::handle("face", face) }?;
         let motion = unsafe { pointer::handle("motion", motion) }?;
-        let clip = &unsafe { pointer::handle("clip", clip) }?.0.vertices;
+        let clip = &unsafe { pointer::handle("clip", clip) }?.animation.vertices;
         let basis = &unsafe { pointer::handle("basis", basis) }?.0;
         let find = |watch: anyface::progress::ProgressFn<'_>| match &motion.0 {
             Made::Spoken(performance) => {
-                let face = &face.face;
+                let face = &face.0;
                 engine
                     .0
                     .slider_changes(face, performance, clip, basis, watch)

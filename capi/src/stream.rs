@@ -1,8 +1,6 @@
 //! Motion while somebody is speaking: samples in, frames out.
 
-use anyface::{
-    StreamOptions, conditions::Emotion, motion::LANDMARKS, systems::freetalk::stream::MotionStream,
-};
+use anyface::{conditions::Emotion, ibug::LANDMARKS, motion::MotionStream};
 
 use crate::{
     engine::AnyfaceEngine,
@@ -16,14 +14,15 @@ use crate::{
 ///
 /// The frames are the same bit for bit however the sound is cut into pushes. A stream belongs to
 /// one thread at a time.
-pub struct AnyfaceStream(MotionStream);
+pub struct AnyfaceStream(Box<dyn MotionStream>);
 
 const fn moves_between_threads<T: Send>() {}
 const _: () = moves_between_threads::<AnyfaceStream>();
 
 const FRAME_FLOATS: usize = LANDMARKS * 3;
 
-/// Starts a performance with a neutral face.
+/// Starts a performance with a neutral face. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a system that
+/// needs the whole sound.
 ///
 /// It may outlive the engine. Free with `anyface_stream_free()`.
 #[unsafe(no_mangle)]
@@ -35,7 +34,7 @@ pub unsafe extern "C" fn anyface_stream_new(
     let work = || {
         pointer::check_out("out", out)?;
         let engine = unsafe { pointer::handle("engine", engine) }?;
-        let stream = engine.0.stream(&StreamOptions::default())?;
+        let stream = engine.0.stream()?;
         unsafe { pointer::give(out, AnyfaceStream(stream)) };
         Ok(())
     };

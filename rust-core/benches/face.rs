@@ -8,14 +8,15 @@
 use std::{hint::black_box, path::PathBuf, time::Duration};
 
 use anyface::{
-    CachePolicy, Engine, EngineOptions, MotionRequest,
+    CachePolicy, Engine, EngineOptions, Face, MotionRequest,
     audio::Waveform,
     deform::{PartList, Plate, PlateWeights, Skin},
     mesh::{self, FaceOptions, LandmarkSource, Mesh},
+    motion::Motion,
     output::write_animation,
     progress::SILENT,
-    speech::{CompactEncoder, SpeechEncoder},
-    weights::ModelFiles,
+    speech::{self, SpeechEncoder},
+    spread::{Animation, Collector},
 };
 use criterion::{Criterion, criterion_group, criterion_main};
 
@@ -50,22 +51,26 @@ fn engine() -> Engine {
 
 fn speech(c: &mut Criterion) {
     let (engine, sound) = (engine(), sound());
-    let files = ModelFiles::open("compact_speech", None).expect("built in");
-    let encoder = CompactEncoder::load(&files.weights, &files.config).expect("built in");
+    let encoder = speech::compact(None).expect("built in");
     let mut group = c.benchmark_group("speech 5 s");
     group.sample_size(10);
     group.bench_function("encoder", |b| b.iter(|| encoder.encode(black_box(&sound))));
     let request = MotionRequest::default();
     group.bench_function("encoder and denoiser", |b| {
-        b.iter(|| engine.sample(black_box(&sound), &request, SILENT))
+        b.iter(|| engine.perform(black_box(&sound), &request, SILENT))
     });
     group.finish();
 }
 
+fn spread(engine: &Engine, face: &Face, motion: &Motion) -> Animation {
+    let made = Collector::collect(|sink| engine.spread(face, motion, sink, SILENT));
+    made.expect("frames")
+}
+
 fn face(c: &mut Criterion) {
     let engine = engine();
-    let motion = engine.motion(&sound(), &MotionRequest::default(), SILENT);
-    let motion = motion.expect("motion");
+    let performance = engine.perform(&sound(), &MotionRequest::default(), SILENT);
+    let motion = performance.expect("motion").motion;
     for times in [0, 2] {
         let mesh = head(times);
         let mut group = c.benchmark_group(format!("face/{}", mesh.positions.len()));
@@ -100,9 +105,9 @@ fn face(c: &mut Criterion) {
         });
         let prepared = engine.prepare(&mesh, &options, SILENT).expect("a face");
         group.bench_function("frame product, 5 s", |b| {
-            b.iter(|| engine.deform(&prepared, black_box(&motion), SILENT))
+            b.iter(|| spread(&engine, &prepared, black_box(&motion)))
         });
-        let animation = engine.deform(&prepared, &motion, SILENT).expect("frames");
+        let animation = spread(&engine, &prepared, &motion);
         let folder = tempfile::tempdir().expect("a folder");
         for name in ["o.npz", "o.pc2"] {
             let path = folder.path().join(name);

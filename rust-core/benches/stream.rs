@@ -4,21 +4,17 @@
 
 #![allow(missing_docs)] // criterion_group! makes a public function
 
-use std::{hint::black_box, sync::Arc};
+use std::hint::black_box;
 
-use anyface::{
-    systems::freetalk::stream::{MotionStream, StreamModel},
-    weights::ModelFiles,
-};
+use anyface::{Engine, EngineOptions};
 use criterion::{Criterion, criterion_group, criterion_main};
 
 /// Samples from one frame to the next.
 const FRAME: usize = 640;
 
 fn one_frame(criterion: &mut Criterion) {
-    let files = ModelFiles::open("stream", None).unwrap();
-    let model = Arc::new(StreamModel::load(&files.weights, &files.config).unwrap());
-    let mut stream = MotionStream::new(model);
+    let engine = Engine::new(EngineOptions::default()).unwrap();
+    let mut stream = engine.stream().unwrap();
     let samples: Vec<f32> = (0..100 * FRAME)
         .map(|i| (i as f32 * 0.08).sin() * (i as f32 * 0.0015).sin() * 0.5)
         .collect();

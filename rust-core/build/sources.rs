@@ -5,17 +5,18 @@ use std::{fs, io, path::Path};
 
 /// Files, and folders with all that is in them. Model cards, speech and the command are none of
 /// them: a change there leaves what is kept of a user's meshes as it was.
-pub const SOURCES: [&str; 10] = [
-    "src/engine/kept.rs",
+pub const SOURCES: [&str; 11] = [
+    "src/cache",
+    "src/face",
+    "src/ibug.rs",
     "src/mesh",
     "src/operators",
     "src/nn",
     "src/deform",
-    "src/systems/freetalk/stm",
     "models/landmarks/config.json",
     "models/landmarks/model.safetensors",
-    "models/stm_static/config.json",
-    "models/stm_static/model.safetensors",
+    "models/static_weights/config.json",
+    "models/static_weights/model.safetensors",
 ];
 
 /// The blake3 hash, in hexadecimal, of the names and contents of [`SOURCES`] under `root`.

@@ -1,17 +1,44 @@
 //! Anyface makes any face mesh talk: speech in, facial animation with emotion out, on a plain CPU.
 //!
-//! Five nouns carry the data, and the modules stand in the order in which they meet it:
+//! Nouns carry the data, and the modules stand in the order in which they meet it:
 //!
-//! [`audio::Waveform`] → [`speech::FeatureTrack`] → [`motion::MotionClip`] →
-//! [`deform::VertexClip`] → a file ([`output`]), a C buffer or shape keys.
+//! [`audio::Waveform`] → [`speech::Heard`] → [`motion::Motion`] (of a [`systems::System`]) → spread
+//! over a [`Face`] ([`spread`]) → a file ([`output`]), a C buffer or shape keys.
 //!
-//! [`Engine`] runs the whole way. Shapes in the documentation use fixed letters: `B` batch,
+//! [`Engine`] runs the whole way:
+//!
+//! ```
+//! use std::path::Path;
+//! use anyface::{Engine, EngineOptions, MotionRequest, audio::Waveform, conditions::EmotionCurve};
+//! use anyface::{mesh::{FaceOptions, Mesh}, output::ClipFile, progress::SILENT};
+//!
+//! # let folder = tempfile::tempdir().unwrap();
+//! # let (voice, out) = (folder.path().join("voice.wav"), folder.path().join("talk.npz"));
+//! # let head = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/default_head/head.obj");
+//! # let spec = hound::WavSpec { channels: 1, sample_rate: 16_000, bits_per_sample: 32,
+//! #     sample_format: hound::SampleFormat::Float };
+//! # let mut wav = hound::WavWriter::create(&voice, spec).unwrap();
+//! # (0..8000).for_each(|i| wav.write_sample((i as f32 * 0.08).sin()).unwrap());
+//! # wav.finalize().unwrap();
+//! let engine = Engine::new(EngineOptions::default())?;
+//! let mesh = Mesh::read(&head)?;
+//! let face = engine.prepare(&mesh, &FaceOptions::default(), SILENT)?;
+//! let sound = Waveform::from_file(&voice)?;
+//! let happy = MotionRequest { emotion: EmotionCurve::parse("happy:0.7")?, ..Default::default() };
+//! let made = engine.animate(&face, &sound, &happy, &mut ClipFile::new(&out)?, SILENT)?;
+//! assert_eq!(made.landmarks.dim(), (15, 68, 3));
+//! assert!(1000.0 * face.metres_per_unit() * f64::from(made.largest) > 1.0, "millimetres");
+//! # Ok::<(), anyface::Error>(())
+//! ```
+//!
+//! Shapes in the documentation use fixed letters: `B` batch,
 //! `T` motion frames, `S` samples, `C` channels, `V` vertices, `F` faces, `K` eigenpairs,
 //! `N` landmarks.
 // `deny`, not `forbid`: the slicing macro of ndarray expands to an `allow` of its own.
 #![deny(unsafe_code)]
 
 pub mod audio;
+pub mod cache;
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod conditions;
@@ -19,8 +46,11 @@ pub mod deform;
 pub mod diffusion;
 mod engine;
 mod error;
+pub mod face;
+pub mod ibug;
 pub mod mesh;
 pub mod metrics;
+pub mod models;
 pub mod motion;
 pub mod nn;
 pub mod operators;
@@ -28,11 +58,11 @@ pub mod output;
 pub mod progress;
 pub mod rig;
 pub mod speech;
+pub mod spread;
 pub mod systems;
-pub mod weights;
 
-pub use engine::{
-    Animation, CachePolicy, DecoderKind, Engine, EngineOptions, FoundFace, MotionRequest,
-    Performance, PreparedFace, Slider, SliderChange, StreamOptions,
-};
+pub use cache::CachePolicy;
+pub use conditions::MotionRequest;
+pub use engine::{Engine, EngineOptions, Performance, SliderChange};
 pub use error::{Error, Result};
+pub use face::Face;

@@ -174,7 +174,29 @@ static void options(const char *folder) {
     engine_options.weights_dir = path;
     CHECK_FAILS(anyface_engine_new(&engine_options, &engine, &error), ANYFACE_STATUS_WEIGHTS,
                 "no weights");
+    engine_options.weights_dir = NULL;
+    engine_options.system = "shouting";
+    CHECK_FAILS(anyface_engine_new(&engine_options, &engine, &error), ANYFACE_STATUS_INVALID_INPUT,
+                "shouting");
     CHECK(engine == MARK(AnyfaceEngine));
+}
+
+static void controls(void) {
+    CHECK(anyface_system_count() >= 1 && anyface_system_name(0) != NULL);
+    CHECK(anyface_system_name(anyface_system_count()) == NULL);
+    AnyfaceControl control;
+    size_t count = anyface_system_control_count(0), animatable = 0;
+    for (size_t i = 0; i < count; i++) {
+        CHECK(anyface_system_control(0, i, &control, sizeof control) == ANYFACE_STATUS_OK);
+        CHECK(control.low <= control.default_value && control.default_value <= control.high);
+        animatable += control.animatable;
+    }
+    CHECK(animatable > 0);
+    const char *name = control.name;
+    CHECK(anyface_system_control(0, count, &control, sizeof control) ==
+          ANYFACE_STATUS_INVALID_INPUT);
+    CHECK(anyface_system_control(0, 0, NULL, sizeof control) == ANYFACE_STATUS_NULL_POINTER);
+    CHECK(control.name == name);
 }
 
 static void emotions(void) {
@@ -222,7 +244,10 @@ static void missing_handles(void) {
     float value;
     CHECK_FAILS(anyface_face_new(NULL, NULL, NULL, NULL, &face, &error), null_pointer, "engine");
     CHECK_FAILS(anyface_motion_new(NULL, NULL, NULL, NULL, &motion, &error), null_pointer, "engine");
+    CHECK_FAILS(anyface_motion_new_again(NULL, NULL, NULL, &motion, &error), null_pointer, "engine");
+    CHECK_FAILS(anyface_face_find(NULL, NULL, NULL, NULL, &face, &error), null_pointer, "engine");
     CHECK_FAILS(anyface_clip_new(NULL, NULL, NULL, NULL, &clip, &error), null_pointer, "engine");
+    CHECK(anyface_clip_visibility(NULL) == -1 && anyface_face_metres_per_unit(NULL) == 0.0);
     CHECK_FAILS(anyface_engine_animate(NULL, NULL, NULL, NULL, NULL, &clip, &error), null_pointer,
                 "engine");
     CHECK_FAILS(anyface_face_copy_landmarks(NULL, &value, NULL, NULL, &error), null_pointer, "face");
@@ -264,6 +289,7 @@ int main(int argc, char **argv) {
     sounds();
     files(argv[1]);
     options(argv[1]);
+    controls();
     emotions();
     motions();
     missing_handles();

@@ -7,6 +7,7 @@
 #include "check.h"
 #include "text.h"
 
+#include <math.h>
 #include <pthread.h>
 
 static AnyfaceError *error = NULL;
@@ -28,7 +29,9 @@ static void *work(void *argument) {
     strengths[1] = job->happy;
     options.emotion_strengths = strengths;
     options.emotion_count = 1;
-    options.steps = 2;
+    AnyfaceControlSetting two_steps = {.name = "steps", .value = 2.0f};
+    options.controls = &two_steps;
+    options.control_count = 1;
     job->status = anyface_engine_animate(job->engine, job->face, job->audio, &options, NULL,
                                          &job->clip, NULL);
     return NULL;
@@ -196,12 +199,14 @@ static void found_alone(const AnyfaceEngine *engine, const AnyfaceMesh *mesh, co
     uint32_t number = CHIN;
     AnyfaceFaceOptions options;
     anyface_face_options_init(&options, sizeof options);
-    AnyfaceLandmarks *found = NULL;
-    CHECK_OK(anyface_landmarks_new(engine, mesh, &options, NULL, &found, &error));
-    CHECK_OK(anyface_landmarks_copy(found, free_ones, NULL, NULL, &error));
-    CHECK(anyface_landmarks_mouth(found) >= ANYFACE_MOUTH_OPEN);
-    CHECK(anyface_landmarks_part_count(found) == anyface_face_part_count(face));
-    anyface_landmarks_free(found);
+    AnyfaceFace *found = NULL;
+    CHECK_OK(anyface_face_find(engine, mesh, &options, NULL, &found, &error));
+    CHECK_OK(anyface_face_copy_landmarks(found, free_ones, NULL, NULL, &error));
+    CHECK(anyface_face_mouth(found) >= ANYFACE_MOUTH_OPEN);
+    CHECK(anyface_face_part_count(found) == anyface_face_part_count(face));
+    double metres = anyface_face_metres_per_unit(found), same = anyface_face_metres_per_unit(face);
+    CHECK(metres > 0.0 && fabs(metres / same - 1.0) < 0.1);
+    anyface_face_free(found);
 
     memcpy(place, free_ones + 3 * CHIN, sizeof place);
     place[0] += 0.1f * (free_ones[3 * 45] - free_ones[3 * 36]);
@@ -210,19 +215,50 @@ static void found_alone(const AnyfaceEngine *engine, const AnyfaceMesh *mesh, co
     options.fixed_positions = place;
     options.fixed_count = 1;
     found = NULL;
-    CHECK_OK(anyface_landmarks_new(engine, mesh, &options, NULL, &found, &error));
-    CHECK_OK(anyface_landmarks_copy(found, held, NULL, confidence, &error));
+    CHECK_OK(anyface_face_find(engine, mesh, &options, NULL, &found, &error));
+    CHECK_OK(anyface_face_copy_landmarks(found, held, NULL, confidence, &error));
     CHECK(held[3 * CHIN] > free_ones[3 * CHIN] && confidence[CHIN] == 1.0f);
     CHECK(held[3 * NEIGHBOUR] > free_ones[3 * NEIGHBOUR]);
-    anyface_landmarks_free(found);
+    anyface_face_free(found);
 
     number = ANYFACE_LANDMARK_COUNT;
     found = NULL;
-    CHECK_FAILS(anyface_landmarks_new(engine, mesh, &options, NULL, &found, &error),
+    CHECK_FAILS(anyface_face_find(engine, mesh, &options, NULL, &found, &error),
                 ANYFACE_STATUS_INVALID_INPUT, "below 68");
-    CHECK(found == NULL && anyface_landmarks_mouth(NULL) == -1);
-    CHECK(anyface_landmarks_part_count(NULL) == 0);
-    anyface_landmarks_free(NULL);
+    CHECK(found == NULL && anyface_face_mouth(NULL) == -1);
+    CHECK(anyface_face_part_count(NULL) == 0);
+    anyface_face_free(NULL);
+}
+
+/* The same speech with other controls, without sampling again: bit for bit a new run with them. */
+static void performed_again(const AnyfaceEngine *engine, const AnyfaceAudio *audio) {
+    const double times[2] = {0.2, 0.8}, values[2] = {0.5, 1.5};
+    const AnyfaceControlSetting settings[2] = {
+        {.name = "articulation", .value = 1.0f, .key_times_s = times, .key_values = values,
+         .key_count = 2},
+        {.name = "blinks_per_minute", .value = 0.0f},
+    };
+    AnyfaceMotionOptions plain, asked;
+    anyface_motion_options_init(&plain, sizeof plain);
+    asked = plain;
+    asked.controls = settings;
+    asked.control_count = 2;
+    AnyfaceMotion *first = NULL, *again = NULL, *anew = NULL;
+    CHECK_OK(anyface_motion_new(engine, audio, &plain, NULL, &first, &error));
+    CHECK_OK(anyface_motion_new(engine, audio, &asked, NULL, &anew, &error));
+    CHECK_OK(anyface_motion_new_again(engine, first, &asked, &again, &error));
+    size_t count = anyface_motion_frame_count(first) * 3 * ANYFACE_LANDMARK_COUNT;
+    float *moved = malloc(3 * count * sizeof *moved);
+    CHECK(moved != NULL && anyface_motion_frame_count(again) == anyface_motion_frame_count(anew));
+    CHECK_OK(anyface_motion_copy_displacements(first, moved, count, &error));
+    CHECK_OK(anyface_motion_copy_displacements(again, moved + count, count, &error));
+    CHECK_OK(anyface_motion_copy_displacements(anew, moved + 2 * count, count, &error));
+    CHECK(memcmp(moved + count, moved + 2 * count, count * sizeof *moved) == 0);
+    CHECK(memcmp(moved, moved + count, count * sizeof *moved) != 0);
+    free(moved);
+    anyface_motion_free(first);
+    anyface_motion_free(again);
+    anyface_motion_free(anew);
 }
 
 int main(int argc, char **argv) {
@@ -243,6 +279,7 @@ int main(int argc, char **argv) {
     parts(face);
     found_alone(engine, mesh, face);
     motion_of_the_host(engine, face);
+    performed_again(engine, audio);
     two_at_once(engine, face, audio);
     any_number_of_threads(mesh, &options, audio);
     cancelling(engine, face, audio);

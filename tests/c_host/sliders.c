@@ -18,7 +18,7 @@ static Take take_of(const AnyfaceEngine *engine, const AnyfaceFace *face, Anyfac
     Take take = {.motion = motion};
     CHECK_OK(anyface_clip_new(engine, face, motion, NULL, &take.clip, &error));
     float limit = 0.01f * anyface_clip_largest_displacement(take.clip);
-    CHECK_OK(anyface_basis_new(take.clip, limit, 256, NULL, &take.basis, &error));
+    CHECK_OK(anyface_basis_new(engine, take.clip, limit, 256, NULL, &take.basis, &error));
     return take;
 }
 
@@ -36,7 +36,9 @@ static Take happy(const AnyfaceEngine *engine, const AnyfaceFace *face,
     strengths[1] = 0.8f;
     options.emotion_strengths = strengths;
     options.emotion_count = 1;
-    options.blinks_per_minute = 0.0f;
+    AnyfaceControlSetting no_blinks = {.name = "blinks_per_minute", .value = 0.0f};
+    options.controls = &no_blinks;
+    options.control_count = 1;
     AnyfaceMotion *motion = NULL;
     CHECK_OK(anyface_motion_new(engine, audio, &options, NULL, &motion, &error));
     return take_of(engine, face, motion);

@@ -15,7 +15,7 @@ from training.corpus.faces import Face, align, load_ict, load_makehuman
 from training.corpus.remesh import remesh
 from training.corpus.warp import stylise
 from training.deform import tension_screened_biharmonic as plate
-from training.systems.freetalk.stm.static_weights import VertexGeometry
+from training.deform.static_weights import VertexGeometry
 
 LIPS_WITHIN_M = 0.01
 """A vertex nearer than this to a lip landmark (48 to 67) counts as lips."""

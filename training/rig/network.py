@@ -19,7 +19,7 @@ import torch
 from torch import Tensor, nn
 
 from training.rig.shapes import SHAPE_MIRROR
-from training.systems.freetalk.stm.static_weights import FLIP, LANDMARKS, MIRROR
+from training.deform.static_weights import FLIP, LANDMARKS, MIRROR
 
 SHAPES = len(SHAPE_MIRROR)
 FEATURES = 3 + 3 * LANDMARKS + LANDMARKS + LANDMARKS

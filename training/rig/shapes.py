@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from training.corpus.faces import CHANNELS, Face
-from training.systems.freetalk.stm.static_weights import MIRROR
+from training.deform.static_weights import MIRROR
 
 ON_THE_MIDLINE = ("jaw", "mouth")
 """`jawLeft` and `mouthLeft` move to a side; all other names with Left and Right lie on one."""

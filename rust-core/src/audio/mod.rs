@@ -28,6 +28,15 @@ pub const ACCEPTED_RATES_HZ: std::ops::RangeInclusive<u32> = 4_000..=384_000;
 pub const SILENCE_PEAK: f32 = 1e-3;
 
 /// Mono sound at [`SAMPLE_RATE_HZ`].
+///
+/// ```
+/// use anyface::audio::Waveform;
+///
+/// let stereo = [0.5f32; 2 * 48_000];
+/// let sound = Waveform::from_interleaved(&stereo, 2, 48_000)?;
+/// assert_eq!((sound.samples.len(), sound.duration_s()), (16_000, 1.0));
+/// # Ok::<(), anyface::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Waveform {
     /// `[S]`, nominally in [−1, 1], always finite.

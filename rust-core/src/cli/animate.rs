@@ -7,12 +7,12 @@ use clap::Args;
 use super::{
     arguments::{FaceArgs, MotionArgs, SharedArgs},
     console::Console,
-    stages::{deform_into, new_report, note_landmarks, note_mouth, read_sound, summary, timed},
+    stages::{new_report, note_face, read_sound, spread_into, summary, timed},
 };
 use crate::{
     Result,
-    mesh::{Mesh, Mouth},
-    output::{Format, warnings_of_motion, write_json},
+    mesh::Mesh,
+    output::{Format, write_json},
 };
 
 /// Animate a mesh with speech
@@ -50,23 +50,19 @@ impl Animate {
         let face = timed(&mut report, "prepare", || {
             engine.prepare(&mesh, &options, progress)
         })?;
-        note_landmarks(&mut report, &face.landmarks.confidence);
-        note_mouth(&mut report, Mouth::of(&mesh, &face.landmarks));
-        let motion = timed(&mut report, "motion", || {
-            engine.motion(&waveform, &request, progress)
+        note_face(&mut report, &face);
+        let performance = timed(&mut report, "motion", || {
+            engine.perform(&waveform, &request, progress)
         })?;
-        report.warnings.extend(warnings_of_motion(&motion));
-        let landmarks = face
-            .to_canonical
-            .displacements_to_mesh(motion.displacements.view());
-        deform_into(
+        let articulation = performance.articulation();
+        let motion = &performance.motion;
+        spread_into(
             &self.out,
-            &mesh,
             &face,
-            landmarks.view(),
-            motion.fps,
+            motion.fps(),
+            articulation,
             &mut report,
-            console,
+            |sink| engine.spread(&face, motion, sink, progress),
         )?;
         if let Some(path) = &self.report {
             write_json(path, &report)?;

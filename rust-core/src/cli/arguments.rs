@@ -6,11 +6,12 @@ use std::{
     str::FromStr,
 };
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 
-use super::controls::{ControlArgs, EmotionArgs};
+use super::controls::{EmotionArgs, FaceControls, MotionControls};
 use crate::{
-    CachePolicy, DecoderKind, Engine, EngineOptions, Error, MotionRequest, Result,
+    CachePolicy, Engine, EngineOptions, Error, MotionRequest, Result,
+    conditions::check_fps,
     mesh::{
         Axis, DEFAULT_PROXY, FaceOptions, FixedLandmark, LandmarkSource, ObjectNames, PartChoices,
         PartRole, PartSelector,
@@ -23,9 +24,12 @@ const LEAST_PROXY: usize = 500;
 /// Options of every subcommand.
 #[derive(Args)]
 pub(super) struct SharedArgs {
+    /// What turns speech into motion [default: the first that `anyface info` lists]
+    #[arg(long, global = true, value_name = "NAME")]
+    system: Option<String>,
     /// Folder of model files that override the embedded ones
     #[arg(long, global = true, value_name = "DIR")]
-    pub weights: Option<PathBuf>,
+    weights: Option<PathBuf>,
     /// Folder with a HuBERT or wav2vec2 config.json and model.safetensors or pytorch_model.bin,
     /// instead of the embedded speech encoder
     #[arg(long, global = true, value_name = "DIR")]
@@ -39,40 +43,25 @@ pub(super) struct SharedArgs {
     /// Worker threads [default: one per core]
     #[arg(long, global = true, value_name = "N")]
     threads: Option<usize>,
-    /// Decoder from landmarks to the mesh
-    #[arg(long, global = true, default_value = "static")]
-    decoder: DecoderName,
     /// Print results and errors as JSON
     #[arg(long, global = true)]
     pub json: bool,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum DecoderName {
-    /// Weights over the landmarks, computed once per mesh
-    Static,
-    /// The paper's per-frame decoder
-    Paper,
-}
-
 impl SharedArgs {
-    /// Sizes the thread pool that all parallel work shares.
-    pub(super) fn set_threads(&self) -> Result<()> {
-        match self.threads {
-            None => Ok(()),
-            Some(0) => Err(Error::InvalidInput(
-                "threads: expected 1 or more, got 0".into(),
-            )),
-            Some(threads) => rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build_global()
-                .map_err(|e| Error::InvalidInput(format!("threads: {e}"))),
-        }
+    pub(super) fn engine(&self) -> Result<Engine> {
+        Engine::new(self.options())
     }
 
-    pub(super) fn engine(&self) -> Result<Engine> {
-        Engine::new(EngineOptions {
-            weights: self.weights.clone(),
+    /// Whether an engine can be made of them, before any work is done.
+    pub(super) fn check(&self) -> Result<()> {
+        self.options().check()
+    }
+
+    fn options(&self) -> EngineOptions {
+        EngineOptions {
+            system: self.system.clone(),
+            models: self.weights.clone(),
             cache: match (&self.cache, self.no_cache) {
                 (Some(folder), _) => CachePolicy::Folder(folder.clone()),
                 (None, true) => CachePolicy::Off,
@@ -80,11 +69,7 @@ impl SharedArgs {
             },
             threads: self.threads,
             speech: self.speech.clone(),
-            decoder: match self.decoder {
-                DecoderName::Static => DecoderKind::Static,
-                DecoderName::Paper => DecoderKind::Paper,
-            },
-        })
+        }
     }
 }
 
@@ -103,9 +88,8 @@ pub(super) struct FaceArgs {
     /// Axis to the top of the head
     #[arg(long, default_value = "y", value_parser = axis, allow_hyphen_values = true)]
     up: Axis,
-    /// Strength of the learned correction, 0 (training-free) to 1
-    #[arg(long, default_value_t = 1.0)]
-    learned: f32,
+    #[command(flatten)]
+    controls: FaceControls,
     /// What a part of the mesh is, by number or by name of its object (see `anyface parts`): skin,
     /// jaw, skull, mouth, nearest, gaze or still; may be repeated
     #[arg(long = "part", value_name = "PART=ROLE", value_parser = part)]
@@ -163,7 +147,7 @@ impl FaceArgs {
             fixed,
             forward: self.forward,
             up: self.up,
-            learned: self.learned,
+            controls: self.controls.controls()?,
             parts: PartChoices {
                 names: match self
                     .parts
@@ -198,16 +182,13 @@ pub(super) struct MotionArgs {
     #[command(flatten)]
     emotion: EmotionArgs,
     #[command(flatten)]
-    controls: ControlArgs,
+    controls: MotionControls,
     /// Frames per second
     #[arg(long, default_value_t = 30.0)]
     fps: f64,
     /// Same seed, same motion
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Denoising steps [default: the model's own]
-    #[arg(long, value_name = "N")]
-    steps: Option<usize>,
     /// Speaking style by name [default: the model's own]
     #[arg(long, value_name = "NAME")]
     style: Option<String>,
@@ -215,18 +196,12 @@ pub(super) struct MotionArgs {
 
 impl MotionArgs {
     pub(super) fn request(&self) -> Result<MotionRequest> {
-        if !(1.0..=240.0).contains(&self.fps) {
-            return Err(Error::InvalidInput(format!(
-                "fps: expected 1 to 240, got {}",
-                self.fps
-            )));
-        }
+        check_fps(self.fps)?;
         Ok(MotionRequest {
             emotion: self.emotion.curve()?,
             controls: self.controls.controls()?,
             fps: self.fps,
             seed: self.seed,
-            steps: self.steps,
             style: self.style.clone(),
         })
     }

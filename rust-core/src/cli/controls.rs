@@ -1,8 +1,14 @@
-//! Flags for the controls over a performance, and for emotion.
+//! Flags for the controls of systems, drawn from their registry, and for emotion.
 
-use clap::Args;
+use std::collections::BTreeMap;
 
-use crate::{Result, conditions::EmotionCurve, motion::PerformanceControls};
+use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
+
+use crate::{
+    Result,
+    conditions::{Control, ControlStage, ControlValues, Controls, EmotionCurve},
+    systems::SYSTEMS,
+};
 
 /// What the emotion is.
 #[derive(Args)]
@@ -25,44 +31,110 @@ impl EmotionArgs {
     }
 }
 
-/// What is done to the sampled motion; the defaults are the library's.
-#[derive(Args)]
-pub(super) struct ControlArgs {
-    /// Strength of what speech does to mouth and jaw, 0 to 2; closed lips stay closed
-    #[arg(long, default_value_t = PerformanceControls::default().articulation)]
-    articulation: f32,
-    /// From lips (-1) to jaw (1)
-    #[arg(long, default_value_t = PerformanceControls::default().jaw_lips, allow_hyphen_values = true)]
-    jaw_lips: f32,
-    /// Smoothing in seconds, 0 to 0.1; closed lips stay closed
-    #[arg(long, value_name = "S", default_value_t = PerformanceControls::default().smoothing_s)]
-    smoothing: f32,
-    /// Strength of brows, lids and nose bridge, 0 to 2; blinks stay
-    #[arg(long, default_value_t = PerformanceControls::default().upper_face)]
-    upper_face: f32,
-    /// Blinks a minute, 0 to 60
-    #[arg(long, value_name = "N", default_value_t = PerformanceControls::default().blinks_per_minute)]
-    blinks: f32,
-    /// Strength of brow raises on stressed syllables, 0 to 2
-    #[arg(long, default_value_t = PerformanceControls::default().brow_accents)]
-    brow_accents: f32,
-    /// More motion of brows and mouth corners on the subject's right (-1) or left (1)
-    #[arg(long, default_value_t = PerformanceControls::default().asymmetry, allow_hyphen_values = true)]
-    asymmetry: f32,
+/// Flags of the controls that act on a face.
+pub(super) struct FaceControls(Asked);
+/// Flags of the controls that act on a performance.
+pub(super) struct MotionControls(Asked);
+
+/// Controls that were asked for, and the words that the user wrote.
+#[derive(Default)]
+struct Asked(Vec<(&'static Control, String)>);
+
+/// Every control of any system that acts on `stage`, by its flag.
+fn flags(stage: ControlStage) -> BTreeMap<String, &'static Control> {
+    let all = SYSTEMS.iter().flat_map(|system| system.controls_of(stage));
+    all.map(|control| (control.short_name().replace('_', "-"), control))
+        .collect()
 }
 
-impl ControlArgs {
-    pub(super) fn controls(&self) -> Result<PerformanceControls> {
-        let controls = PerformanceControls {
-            articulation: self.articulation,
-            jaw_lips: self.jaw_lips,
-            smoothing_s: self.smoothing,
-            upper_face: self.upper_face,
-            blinks_per_minute: self.blinks,
-            brow_accents: self.brow_accents,
-            asymmetry: self.asymmetry,
-        };
-        controls.check()?;
+fn augment(command: Command, stage: ControlStage) -> Command {
+    let arguments = flags(stage).into_iter().map(|(flag, control)| {
+        Arg::new(control.name)
+            .long(flag)
+            .value_name(value_name(control))
+            .allow_hyphen_values(control.low < 0.0)
+            .help(help(control))
+    });
+    command.args(arguments)
+}
+
+fn value_name(control: &Control) -> &'static str {
+    match (control.values, control.unit) {
+        (ControlValues::Choice(_), _) => "NAME",
+        (_, "s") => "S",
+        (ControlValues::Whole, _) | (_, "per_minute") => "N",
+        _ => "X",
+    }
+}
+
+fn help(control: &Control) -> String {
+    let Control {
+        help,
+        low,
+        high,
+        default,
+        ..
+    } = control;
+    let (range, default) = match control.values {
+        ControlValues::Choice(names) => (names.join(" or "), names[*default as usize].to_owned()),
+        _ => (format!("{low} to {high}"), default.to_string()),
+    };
+    format!(
+        "{} ({range}) [default: {default}]",
+        help.trim_end_matches('.')
+    )
+}
+
+impl Asked {
+    fn read(matches: &ArgMatches, stage: ControlStage) -> Asked {
+        let known = flags(stage).into_values();
+        let asked = known.filter_map(|control| {
+            let text = matches.get_one::<String>(control.name)?;
+            Some((control, text.clone()))
+        });
+        Asked(asked.collect())
+    }
+
+    fn controls(&self) -> Result<Controls> {
+        let mut controls = Controls::default();
+        for (control, text) in &self.0 {
+            controls.set(control.name, control.parse(text)?);
+        }
         Ok(controls)
     }
 }
+
+/// The same for both stages: clap asks for a type of its own where flags are flattened.
+macro_rules! control_flags {
+    ($name:ident, $stage:expr) => {
+        impl $name {
+            pub(super) fn controls(&self) -> Result<Controls> {
+                self.0.controls()
+            }
+        }
+
+        impl FromArgMatches for $name {
+            fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+                Ok($name(Asked::read(matches, $stage)))
+            }
+
+            fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+                *self = Self::from_arg_matches(matches)?;
+                Ok(())
+            }
+        }
+
+        impl Args for $name {
+            fn augment_args(command: Command) -> Command {
+                augment(command, $stage)
+            }
+
+            fn augment_args_for_update(command: Command) -> Command {
+                augment(command, $stage)
+            }
+        }
+    };
+}
+
+control_flags!(FaceControls, ControlStage::Face);
+control_flags!(MotionControls, ControlStage::Motion);

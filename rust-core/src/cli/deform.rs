@@ -7,11 +7,12 @@ use clap::Args;
 use super::{
     arguments::{FaceArgs, SharedArgs},
     console::Console,
-    stages::{deform_into, new_report, note_landmarks, note_mouth, summary, timed},
+    stages::{new_report, note_face, spread_into, summary, timed},
 };
 use crate::{
     Result,
-    mesh::{LandmarkSource, Mesh, Mouth},
+    mesh::{LandmarkSource, Mesh},
+    motion::{LandmarkClip, Motion},
     output::{Format, read_landmark_motion, write_json},
 };
 
@@ -53,22 +54,23 @@ impl Deform {
         let face = timed(&mut report, "prepare", || {
             engine.prepare(&mesh, &options, &|p| console.progress(p))
         })?;
-        note_landmarks(&mut report, &face.landmarks.confidence);
-        note_mouth(&mut report, Mouth::of(&mesh, &face.landmarks));
-        let landmarks = match motion.neutral {
-            Some(_) => motion.displacements,
-            None => face
-                .to_canonical
-                .displacements_to_mesh(motion.displacements.view()),
-        };
-        deform_into(
+        note_face(&mut report, &face);
+        let fps = motion.fps.unwrap_or(DEFAULT_FPS);
+        let (progress, displacements) = (&|p| console.progress(p), motion.displacements);
+        // Nothing is known of the speech, so lips may rest.
+        spread_into(
             &self.out,
-            &mesh,
             &face,
-            landmarks.view(),
-            motion.fps.unwrap_or(DEFAULT_FPS),
+            fps,
+            0.0,
             &mut report,
-            console,
+            |sink| match motion.neutral {
+                Some(_) => engine.spread_own(&face, displacements.view(), fps, sink, progress),
+                None => {
+                    let clip = LandmarkClip { displacements, fps };
+                    engine.spread(&face, &Motion::Landmarks(clip), sink, progress)
+                }
+            },
         )?;
         if let Some(path) = &self.report {
             write_json(path, &report)?;

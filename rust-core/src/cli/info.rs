@@ -3,7 +3,11 @@
 use clap::Args;
 
 use super::{arguments::SharedArgs, console::Console};
-use crate::{Result, weights::BUILT_IN};
+use crate::{
+    Result,
+    models::BuiltIn,
+    systems::{SYSTEMS, built_in_models},
+};
 
 /// Show the version, the built-in weights and their cards
 #[derive(Args)]
@@ -22,20 +26,24 @@ impl Info {
         }
         let version = env!("CARGO_PKG_VERSION");
         let threads = rayon::current_num_threads();
-        let models: Vec<_> = BUILT_IN
-            .iter()
+        let models: Vec<_> = built_in_models()
             .map(|model| serde_json::json!({"name": model.name, "card": model.card}))
             .collect();
         let value = serde_json::json!({
             "version": version,
             "threads": threads,
+            "systems": SYSTEMS.iter().map(|system| system.name).collect::<Vec<_>>(),
             "models": models,
             "meshes": ["obj", "ply"],
             "sounds": ["wav", "mp3", "flac", "ogg", "m4a", "aiff"],
             "results": ["npz", "pc2", "mdd"],
         });
-        let mut text = format!("anyface {version}, {threads} threads\nbuilt-in weights:\n");
-        for model in &BUILT_IN {
+        let mut text = format!("anyface {version}, {threads} threads\nsystems:\n");
+        for system in SYSTEMS {
+            text += &format!("  {:<16} {}\n", system.name, system.help);
+        }
+        text += "built-in weights:\n";
+        for model in built_in_models() {
             text += &format!("  {:<16} {}\n", model.name, title(model.card));
         }
         text += "`anyface info --card MODEL` prints a model's card";
@@ -54,15 +62,13 @@ fn title(card: &str) -> &str {
 }
 
 fn card(name: &str) -> Result<&'static str> {
-    BUILT_IN
-        .iter()
-        .find(|model| model.name == name)
-        .map(|model| model.card)
-        .ok_or_else(|| {
-            let known: Vec<&str> = BUILT_IN.iter().map(|model| model.name).collect();
-            crate::Error::InvalidInput(format!(
-                "model: expected one of {}, got {name:?}",
-                known.join(", ")
-            ))
-        })
+    let known: Vec<&BuiltIn> = built_in_models().collect();
+    let found = known.iter().find(|model| model.name == name);
+    found.map(|model| model.card).ok_or_else(|| {
+        let known: Vec<&str> = known.iter().map(|model| model.name).collect();
+        crate::Error::InvalidInput(format!(
+            "model: expected one of {}, got {name:?}",
+            known.join(", ")
+        ))
+    })
 }

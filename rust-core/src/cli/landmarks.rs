@@ -7,13 +7,9 @@ use clap::Args;
 use super::{
     arguments::{FaceArgs, SharedArgs, shown},
     console::Console,
-    stages::{new_report, note_landmarks, note_mouth, timed},
+    stages::{new_report, note_face, timed},
 };
-use crate::{
-    Result,
-    mesh::{LandmarkFinder, Mesh, Mouth, locate_landmarks_with},
-    output::write_atomically,
-};
+use crate::{Result, mesh::Mesh, output::write_atomically};
 
 /// Find the 68 landmarks of a mesh
 #[derive(Args)]
@@ -33,15 +29,14 @@ impl FindLandmarks {
         let options = self.face.options(&self.mesh, None)?;
         let mut report = new_report();
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
-        let found = timed(&mut report, "landmarks", || {
-            let finder = LandmarkFinder::load(shared.weights.as_deref())?;
-            locate_landmarks_with(&finder, &mesh, &options, &|p| console.progress(p))
+        let engine = timed(&mut report, "load", || shared.engine())?;
+        let face = timed(&mut report, "landmarks", || {
+            engine.find(&mesh, &options, &|p| console.progress(p))
         })?;
-        let mouth = Mouth::of(&mesh, &found);
-        let json = found.to_json_with_mouth(mouth);
+        let mouth = face.mouth();
+        let json = face.landmarks.to_json_with_mouth(mouth);
         write_atomically(&self.out, |file| file.write_all(json.as_bytes()))?;
-        note_landmarks(&mut report, &found.confidence);
-        note_mouth(&mut report, mouth);
+        note_face(&mut report, &face);
         report.out = Some(shown(&self.out));
         report.vertices = Some(mesh.positions.len());
         let [least, mean] = report.landmark_confidence.unwrap_or_default();

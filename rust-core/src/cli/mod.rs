@@ -62,7 +62,7 @@ pub fn run() -> ExitCode {
 
 impl Arguments {
     fn run(&self, console: &Console) -> Result<()> {
-        self.shared.set_threads()?;
+        self.shared.check()?;
         match &self.command {
             Command::Animate(command) => command.run(&self.shared, console),
             Command::Motion(command) => command.run(&self.shared, console),
@@ -103,7 +103,6 @@ mod tests {
             "anyface deform --mesh M.obj --motion L.npz --out O.npz --part 3=jaw --part low=skull",
             "anyface parts --mesh M.obj --landmarks L.json --part 3=jaw --json",
             "anyface info --json",
-            "anyface deform --mesh M.obj --motion L.npz --out O.npz --proxy off --threads 2",
         ] {
             let words = line.split_whitespace();
             if let Err(error) = Arguments::try_parse_from(words) {

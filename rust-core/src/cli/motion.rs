@@ -11,7 +11,8 @@ use super::{
 };
 use crate::{
     Error, Result,
-    output::{Format, largest, warnings_of_motion, write_json, write_motion},
+    motion::{self, LandmarkClip},
+    output::{Format, write_json, write_motion},
 };
 
 /// Turn speech into the motion of 68 landmarks, in metres on a human head
@@ -27,7 +28,7 @@ pub(super) struct Motion {
     #[arg(long, value_name = "R.json")]
     report: Option<PathBuf>,
     /// As the stream hears it: each frame knows a fifth of a second ahead; one style, no noise
-    #[arg(long, conflicts_with_all = ["steps", "style"])]
+    #[arg(long, conflicts_with = "style")]
     causal: bool,
     #[command(flatten)]
     motion: MotionArgs,
@@ -45,18 +46,18 @@ impl Motion {
         let mut report = new_report();
         let waveform = read_sound(&mut report, &self.audio)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
-        let motion = timed(&mut report, "motion", || {
+        let (motion, articulation) = timed(&mut report, "motion", || {
             let progress = |p| console.progress(p);
-            match self.causal {
-                true => engine.causal_motion(&waveform, &request, &progress),
-                false => engine.motion(&waveform, &request, &progress),
+            if self.causal {
+                return Ok((engine.causal_motion(&waveform, &request, &progress)?, 1.0));
             }
+            let performance = engine.perform(&waveform, &request, &progress)?;
+            let articulation = performance.articulation();
+            Ok((landmarks_of(performance.motion)?, articulation))
         })?;
-        report.warnings.extend(warnings_of_motion(&motion));
+        report.note_motion(None, motion.displacements.view(), 1.0, articulation);
         report.frames = motion.displacements.dim().0;
         report.fps = motion.fps;
-        report.largest_landmark_displacement_mm =
-            Some(1000.0 * largest(motion.displacements.view()));
         report.out = Some(shown(&self.out));
         timed(&mut report, "write", || write_motion(&self.out, &motion))?;
         if let Some(path) = &self.report {
@@ -64,5 +65,17 @@ impl Motion {
         }
         console.report(&report, &summary(&report));
         Ok(())
+    }
+}
+
+/// A file of motion holds landmarks.
+fn landmarks_of(motion: motion::Motion) -> Result<LandmarkClip> {
+    match motion {
+        motion::Motion::Landmarks(clip) => Ok(clip),
+        other => Err(Error::InvalidInput(format!(
+            "motion: expected a system that moves landmarks, got one that gives {}; animate a mesh \
+             instead",
+            other.kind()
+        ))),
     }
 }

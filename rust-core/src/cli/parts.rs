@@ -10,8 +10,7 @@ use super::{
 };
 use crate::{
     Result,
-    deform::PartList,
-    mesh::{LandmarkFinder, Mesh, ObjectNames, Part, align_to_canonical, locate_landmarks_with},
+    mesh::{Mesh, ObjectNames, Part},
 };
 
 /// List the parts of a mesh (teeth, eyes, lashes, …) and what each of them follows
@@ -29,10 +28,10 @@ impl ListParts {
         let mut options = self.face.options(&self.mesh, None)?;
         options.parts.names = ObjectNames::read(&self.mesh)?;
         let mesh = Mesh::read(&self.mesh)?;
-        let finder = LandmarkFinder::load(shared.weights.as_deref())?;
-        let landmarks = locate_landmarks_with(&finder, &mesh, &options, &|p| console.progress(p))?;
-        let to_canonical = align_to_canonical(&landmarks)?;
-        let list = PartList::find(&mesh, &landmarks, &to_canonical, &options.parts)?;
+        let face = shared
+            .engine()?
+            .find(&mesh, &options, &|p| console.progress(p))?;
+        let list = &face.parts;
         let mut text = format!(
             "{:>4} {:<8} {:>8}  {:<32} name\n",
             "part", "role", "vertices", "middle"

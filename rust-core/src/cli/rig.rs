@@ -8,13 +8,13 @@ use serde::Serialize;
 use super::{
     arguments::{FaceArgs, SharedArgs, shown},
     console::Console,
-    stages::{new_report, note_landmarks, timed},
+    stages::{new_report, note_face, timed},
 };
 use crate::{
     Error, Result,
     mesh::Mesh,
     output::{Report, write_json, write_rig, write_rig_folder},
-    rig::{RigModel, ShapeReport},
+    rig::ShapeReport,
 };
 
 /// Make the 52 ARKit shapes and 15 visemes of a head
@@ -48,13 +48,13 @@ impl MakeRig {
         let mut report = new_report();
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
         let engine = timed(&mut report, "load", || shared.engine())?;
-        let model = timed(&mut report, "load", || {
-            RigModel::open(shared.weights.as_deref())
-        })?;
         let (face, rig) = timed(&mut report, "shapes", || {
-            model.make(&engine, &mesh, &options, &|p| console.progress(p))
+            let progress = |p| console.progress(p);
+            let face = engine.find(&mesh, &options, &progress)?;
+            let rig = engine.rig(&face, &progress)?;
+            Ok((face, rig))
         })?;
-        note_landmarks(&mut report, &face.landmarks.confidence);
+        note_face(&mut report, &face);
         timed(&mut report, "write", || match as_archive {
             true => write_rig(&self.out, &rig, &mesh),
             false => write_rig_folder(&self.out, &rig, &mesh, self.source()?.as_deref()),

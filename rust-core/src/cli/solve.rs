@@ -11,10 +11,11 @@ use super::{
     stages::{new_report, timed},
 };
 use crate::{
-    Error, Result,
+    Result,
+    conditions::check_fps,
     mesh::Mesh,
     output::{Report, read_rig, read_vertex_motion, write_blend_weights, write_json},
-    rig::{ARKIT, SolveOptions, SolvedWeights, solve},
+    rig::{ARKIT, SolveOptions, SolvedWeights},
 };
 
 /// Share of the motion that may stay unexplained before the user is told.
@@ -61,7 +62,7 @@ struct SolveReport<'a> {
 }
 
 impl Solve {
-    pub(super) fn run(&self, _shared: &SharedArgs, console: &Console) -> Result<()> {
+    pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         let mut report = new_report();
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
         let rig = timed(&mut report, "read", || read_rig(&self.rig))?;
@@ -69,11 +70,7 @@ impl Solve {
             read_vertex_motion(&self.animation, &mesh)
         })?;
         let fps = self.fps.or(motion.fps).unwrap_or(30.0);
-        if !(1.0..=240.0).contains(&fps) {
-            return Err(Error::InvalidInput(format!(
-                "fps: expected 1 to 240, got {fps}"
-            )));
-        }
+        check_fps(fps)?;
         let options = SolveOptions {
             smoothness: self.smoothness,
             symmetry: self.symmetry,
@@ -86,7 +83,8 @@ impl Solve {
             .count();
         let solved = timed(&mut report, "solve", || {
             let moved = motion.displacements.view();
-            solve(&rig, shapes, moved, &options, &|p| console.progress(p))
+            let engine = shared.engine()?;
+            engine.solve(&rig, shapes, moved, &options, &|p| console.progress(p))
         })?;
         timed(&mut report, "write", || {
             write_blend_weights(&self.out, &solved, fps)

@@ -1,26 +1,20 @@
 //! The stages that subcommands put together, each timed into the report.
 
 use std::{
-    panic::resume_unwind,
     path::Path,
     time::{Duration, Instant},
 };
 
-use ndarray::{ArrayView3, Axis, Slice};
+use ndarray::Array3;
 
-use super::console::Console;
 use crate::{
-    PreparedFace, Result,
+    Face, Result,
     audio::Waveform,
-    mesh::{Mesh, Mouth},
-    output::{ClipShape, LandmarkTrack, Report, largest, warnings_of_sound, write_frames},
-    progress::Progress,
+    mesh::Mouth,
+    output::{ClipFile, Report, warnings_of_sound},
+    spread::{ClipStart, FrameSink, LandmarkTrack, SpreadReport},
 };
 
-/// Bytes of displacements that are held at a time.
-const BLOCK_BYTES: usize = 64 << 20;
-/// Motion of the mesh below which nobody sees it move, on a human head.
-const VISIBLE_MM: f32 = 0.1;
 /// Mean confidence of landmarks below which the user should look at them.
 const DOUBTFUL: f32 = 0.4;
 
@@ -57,7 +51,7 @@ pub(super) fn read_sound(report: &mut Report, path: &Path) -> Result<Waveform> {
 }
 
 /// Notes how sure the landmarks are.
-pub(super) fn note_landmarks(report: &mut Report, confidence: &[f32; 68]) {
+fn note_landmarks(report: &mut Report, confidence: &[f32; 68]) {
     let least = confidence.iter().copied().fold(f32::INFINITY, f32::min);
     let mean = confidence.iter().sum::<f32>() / confidence.len() as f32;
     report.landmark_confidence = Some([least, mean]);
@@ -70,96 +64,90 @@ pub(super) fn note_landmarks(report: &mut Report, confidence: &[f32; 68]) {
 }
 
 /// Notes how the lips meet; welded ones are worth a warning.
-pub(super) fn note_mouth(report: &mut Report, mouth: Mouth) {
+fn note_mouth(report: &mut Report, mouth: Mouth) {
     report.mouth = Some(mouth.name().into());
     if mouth == Mouth::Welded {
         report.warnings.push(mouth.sentence().into());
     }
 }
 
-/// Puts landmark motion on a prepared mesh and writes it, block by block.
-///
-/// `landmarks`: `[T, 68, 3]`, mesh units.
-pub(super) fn deform_into(
+/// A sink that times another one.
+struct TimedSink<S> {
+    inner: S,
+    spent: Duration,
+}
+
+impl<S: FrameSink> TimedSink<S> {
+    fn new(inner: S) -> Self {
+        TimedSink {
+            inner,
+            spent: Duration::ZERO,
+        }
+    }
+
+    fn timed<T>(&mut self, work: impl FnOnce(&mut S) -> T) -> T {
+        let start = Instant::now();
+        let result = work(&mut self.inner);
+        self.spent += start.elapsed();
+        result
+    }
+}
+
+impl<S: FrameSink> FrameSink for TimedSink<S> {
+    fn begin(&mut self, start: &ClipStart<'_>) -> Result<()> {
+        self.timed(|sink| sink.begin(start))
+    }
+
+    fn frames_at_once(&self, start: &ClipStart<'_>) -> usize {
+        self.inner.frames_at_once(start)
+    }
+
+    fn take(&mut self, block: Array3<f32>) -> Result<()> {
+        self.timed(|sink| sink.take(block))
+    }
+
+    fn finish(&mut self, landmarks: &LandmarkTrack<'_>) -> Result<()> {
+        self.timed(|sink| sink.finish(landmarks))
+    }
+}
+
+/// Runs `spread` into the file at `path`, and notes what it did and how long it took; `articulation` is
+/// what the lips were asked for.
+pub(super) fn spread_into(
     path: &Path,
-    mesh: &Mesh,
-    face: &PreparedFace,
-    landmarks: ArrayView3<'_, f32>,
+    face: &Face,
     fps: f64,
+    articulation: f32,
     report: &mut Report,
-    console: &Console,
+    spread: impl FnOnce(&mut dyn FrameSink) -> Result<SpreadReport>,
 ) -> Result<()> {
-    let shape = ClipShape {
-        frames: landmarks.dim().0,
-        vertices: mesh.positions.len(),
-        fps,
-    };
-    let track = LandmarkTrack {
-        neutral: &face.landmarks.positions,
-        displacements: landmarks,
-    };
-    let block = (BLOCK_BYTES / (shape.vertices * 12).max(1)).max(1);
     let started = Instant::now();
-    let (mut deforming, mut most) = (Duration::ZERO, 0.0f32);
-    let starts: Vec<usize> = (0..shape.frames).step_by(block).collect();
-    write_frames(path, &shape, mesh, &track, |sink| {
-        // The next block is made while the last one is written.
-        std::thread::scope(|scope| {
-            let make = |start: usize| {
-                let end = (start + block).min(shape.frames);
-                let share = move |p: Progress| Progress {
-                    fraction: (start as f32 + p.fraction * (end - start) as f32)
-                        / shape.frames as f32,
-                    ..p
-                };
-                let watch = Instant::now();
-                let frames = landmarks.slice_axis(Axis(0), Slice::from(start..end));
-                let moved = face
-                    .deformer
-                    .deform(frames, &|p| console.progress(share(p)))?;
-                let most = largest(moved.view());
-                Ok::<_, crate::Error>((moved, most, watch.elapsed()))
-            };
-            let mut making = starts
-                .first()
-                .map(|&start| scope.spawn(move || make(start)));
-            for index in 1..=starts.len() {
-                let Some(made) = making.take() else { break };
-                let made = made.join().unwrap_or_else(|panic| resume_unwind(panic));
-                let (moved, reach, spent) = made?;
-                let next = starts.get(index);
-                making = next.map(|&start| scope.spawn(move || make(start)));
-                deforming += spent;
-                most = most.max(reach);
-                sink(moved.view())?;
-            }
-            Ok(())
-        })
-    })?;
-    note(report, "deform", deforming);
-    note(report, "write", started.elapsed().saturating_sub(deforming));
-    note_motion(report, face, most, largest(landmarks));
+    let mut sink = TimedSink::new(ClipFile::new(path)?);
+    let made = spread(&mut sink)?;
+    note(report, "write", sink.spent);
+    note(
+        report,
+        "deform",
+        started.elapsed().saturating_sub(sink.spent),
+    );
+    let landmarks = made.landmarks.view();
+    report.note_motion(
+        Some(made.largest),
+        landmarks,
+        face.metres_per_unit(),
+        articulation,
+    );
     report.out = Some(path.display().to_string());
-    report.frames = shape.frames;
+    report.frames = made.landmarks.dim().0;
     report.fps = fps;
-    report.vertices = Some(shape.vertices);
+    report.vertices = Some(face.mesh.positions.len());
     Ok(())
 }
 
-/// Notes how far the mesh moves, and says so if the landmarks move and it does not.
-fn note_motion(report: &mut Report, face: &PreparedFace, vertices: f32, landmarks: f32) {
-    let to_mm = 1000.0 * face.to_canonical.scale as f32;
-    report.largest_displacement = Some(vertices);
-    report.largest_displacement_mm = Some(vertices * to_mm);
-    report.largest_landmark_displacement_mm = Some(landmarks * to_mm);
-    if vertices * to_mm < VISIBLE_MM && landmarks * to_mm >= VISIBLE_MM {
-        report.warnings.push(format!(
-            "the landmarks move by up to {:.2} mm but the mesh by {:.3} mm only; are the \
-             landmarks on the face?",
-            landmarks * to_mm,
-            vertices * to_mm
-        ));
-    }
+/// Notes what was found of a face.
+pub(super) fn note_face(report: &mut Report, face: &Face) {
+    note_landmarks(report, &face.landmarks.confidence);
+    note_mouth(report, face.mouth());
 }
 
 /// One line for people.

@@ -1,14 +1,18 @@
-//! What a performance is asked to be: emotion and intensity over time, speaking style.
+//! What a performance is asked to be: emotion and intensity over time, speaking style, controls.
 
+mod controls;
 mod from_voice;
 mod keys;
+mod request;
 
 use std::borrow::Cow;
 
 use crate::{Error, Result, audio::Prosody};
 use ndarray::Array2;
 
+pub use controls::{Control, ControlCurve, ControlStage, ControlValues, Controls};
 pub use from_voice::{arousal, emotion_from_voice};
+pub use request::{FPS, MotionRequest, check_fps};
 
 /// The fifteen emotion categories, in the order of the weights.
 pub const EMOTIONS: [&str; 15] = [

@@ -15,8 +15,8 @@ use super::{
     role_rules::{Box3, REACH_CM, RoleRules},
 };
 use crate::{
+    ibug::LANDMARKS,
     mesh::{Mesh, PartRole, SurfaceTree, dijkstra::QueueEntry},
-    motion::LANDMARKS,
 };
 
 /// A part this near to the skin follows it fully; the share falls to nothing at [`REACH_CM`].

@@ -14,11 +14,11 @@ use serde::{Deserialize, Serialize};
 
 use super::{binding::Follows, skin::Skin};
 use crate::{
+    ibug::LANDMARKS,
     mesh::{
         Mesh, Similarity,
         lips::{Lip, lip_of_vertices},
     },
-    motion::LANDMARKS,
 };
 
 /// Lashes stick out from the rim by no more than this.

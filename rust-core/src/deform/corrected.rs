@@ -12,7 +12,7 @@ use super::{
     contact::{Slit, slits},
     jaw::{Jaw, JawPose},
 };
-use crate::{Result, mesh::Similarity, motion::LANDMARKS, progress::ProgressFn};
+use crate::{Result, ibug::LANDMARKS, mesh::Similarity, progress::ProgressFn};
 
 /// Corrections of one mesh, applied to every frame that a decoder made.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::{Deformer, FewVertices};
 use crate::{
     Error, Result,
-    motion::LANDMARKS,
+    ibug::LANDMARKS,
     nn::matrix,
     progress::{ProgressFn, report},
 };

@@ -2,7 +2,7 @@
 //!
 //! [`Deformer`] is what every decoder offers. [`LandmarkWeights`] is the default one: fixed weights
 //! over the landmarks, shared by systems. They come from [`PlateWeights`] on the skin and from
-//! [`binding`] on everything else, by the role of each part ([`PartList`]). [`Corrected`] adds what
+//! [`binding`] on everything else, by the role of each part ([`PartList`]); [`StaticWeights`] are what is learned beside them. [`Corrected`] adds what
 //! is not linear: the jaw's rotation, lips and lids that touch. [`compression`] turns the result
 //! into a few basis shapes, [`projection`] finds other motion on them.
 
@@ -15,16 +15,21 @@ mod landmark_weights;
 mod lids;
 mod nearest;
 mod part_list;
+mod prepare;
 pub mod projection;
 pub mod proxy;
 mod role_rules;
+mod row_weights;
 mod skin;
+pub mod static_weights;
 mod tension_screened_biharmonic;
 
 pub use corrected::{Corrected, Corrections};
 pub use landmark_weights::LandmarkWeights;
 pub use part_list::PartList;
+pub use prepare::{LEARNED, SolvedSkin, static_deformer};
 pub use skin::Skin;
+pub use static_weights::{StaticWeights, VertexGeometry};
 pub use tension_screened_biharmonic::{Plate, PlateWeights, REACHES_CM};
 
 use crate::{Result, progress::ProgressFn};

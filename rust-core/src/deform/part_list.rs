@@ -10,11 +10,11 @@ use super::{
 };
 use crate::{
     Error, Result,
+    ibug::LANDMARKS,
     mesh::{
         Landmarks, Mesh, Part, PartChoices, PartRole, Parts, RoleSource, Similarity, SurfaceTree,
         parts::weld_seams,
     },
-    motion::LANDMARKS,
 };
 
 /// The connected parts of a mesh, seams sewn up, with their roles.

@@ -19,11 +19,11 @@ use rayon::prelude::*;
 use refine::Refined;
 
 use crate::{
+    ibug::LANDMARKS,
     mesh::{
         Mesh,
         simplify::{SimplifyOptions, simplify},
     },
-    motion::LANDMARKS,
 };
 
 /// The proxy may lie so far from the skin, centimetres.

@@ -13,8 +13,8 @@
 //! Lengths are canonical centimetres; those inside the mouth grow with the mouth's width.
 
 use crate::{
+    ibug::LANDMARKS,
     mesh::{PartRole, SurfaceTree},
-    motion::LANDMARKS,
 };
 
 /// Height of a mouth part beyond which it is taken to hold upper and lower jaw at once.

@@ -7,12 +7,12 @@ use super::{
 };
 use crate::{
     Error, Result,
+    ibug::LANDMARKS,
     mesh::{
         Mesh, PartRole, Parts,
         lips::{Lip, lip_of_vertices},
         parts::weld_seams,
     },
-    motion::LANDMARKS,
     operators::{NO_ROW, OperatorOptions, Operators},
 };
 

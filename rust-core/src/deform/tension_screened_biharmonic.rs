@@ -15,7 +15,7 @@ use std::ops::Range;
 use super::lids::{EYES, LidEdge};
 use crate::{
     Result,
-    motion::LANDMARKS,
+    ibug::LANDMARKS,
     operators::{Csr, Operators, SparseCholesky, edge_distance},
 };
 
@@ -175,7 +175,7 @@ mod tests {
 
     #[test]
     fn weights_match_the_python_twin() {
-        let golden = Golden::open("stm_static_debug");
+        let golden = Golden::open("static_weights_debug");
         let (operators, rows) = golden_face(&golden);
         let solved = PlateWeights::solve(&operators, &rows, Plate::default()).unwrap();
         for (got, want) in solved.remoteness.iter().zip(golden.values("remoteness")) {
@@ -188,7 +188,7 @@ mod tests {
 
     #[test]
     fn landmarks_follow_themselves_and_far_places_rest() {
-        let golden = Golden::open("stm_static_debug");
+        let golden = Golden::open("static_weights_debug");
         let (operators, rows) = golden_face(&golden);
         let solved = PlateWeights::solve(&operators, &rows, Plate::default()).unwrap();
         let row_of = |row: usize| &solved.weights[row * LANDMARKS..(row + 1) * LANDMARKS];

@@ -6,7 +6,7 @@
 
 use ndarray::{Array1, Array2, Array3, ArrayView1, ArrayView3, Axis};
 
-use super::{Engine, Performance, PreparedFace};
+use super::{Engine, Performance};
 use crate::{
     Error, Result,
     conditions::{EmotionCurve, MAX_INTENSITY},
@@ -15,11 +15,16 @@ use crate::{
         compression::VertexBasis,
         projection::{Projection, telling_vertices},
     },
-    motion::MotionClip,
+    face::Face,
+    motion::{LandmarkClip, Motion},
     progress::{Progress, ProgressFn, report},
+    systems::Slider,
 };
 
 const STAGE: &str = "sliders";
+/// Controls that sliders scale.
+const ARTICULATION: &str = "articulation";
+const BLINKS: &str = "blinks_per_minute";
 /// How far beyond the take a slider goes.
 const MOST: f32 = 2.0;
 const MOST_EMOTION: f32 = 1.5;
@@ -30,37 +35,9 @@ const MAX_CONTROL: f32 = 2.0;
 /// Frames whose vertices are in memory at one time, and vertices by which they are known.
 const FRAMES_AT_ONCE: usize = 64;
 const TELLING_VERTICES: usize = 3000;
-/// So many shapes that a frame of the take leaves at 0 move at a knot: each costs a host time.
+/// A host spends time on every shape that moves in a frame. So of the shapes that a frame of the take
+/// leaves at 0 no more than this many move at a knot, those that matter most.
 const MOVED_BESIDE: usize = 4;
-
-/// Something of a take that can be scaled; 1 is the take as it was made.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Slider {
-    /// What speech does to mouth and jaw: 0 to 2.
-    Articulation,
-    /// How strongly the emotion shows: 0 to 1.5. Blinks stay where they are.
-    Emotion,
-    /// How far the eyes close: 0 to 1.
-    Blinks,
-    /// What emotion and blinks change together beyond what each does alone: lids travel as far as the
-    /// emotion leaves them open. Stands at [`Slider::both`] of those two.
-    EmotionAndBlinks,
-}
-
-impl Slider {
-    /// All of them; the last one builds on those before it.
-    pub const ALL: [Slider; 4] = [
-        Slider::Articulation,
-        Slider::Emotion,
-        Slider::Blinks,
-        Slider::EmotionAndBlinks,
-    ];
-
-    /// Where [`Slider::EmotionAndBlinks`] stands: at 1 unless both are elsewhere, at 0 where both are.
-    pub fn both(emotion: f32, blinks: f32) -> f32 {
-        1.0 - (1.0 - emotion) * (1.0 - blinks)
-    }
-}
 
 /// What a slider adds to the weights of a take.
 #[derive(Debug, Clone, PartialEq)]
@@ -100,23 +77,29 @@ impl SliderChange {
     }
 }
 
-impl Performance {
+impl Engine {
     /// Where variations of a slider are made, rising, without 1; none where it has nothing to scale.
-    pub fn knots(&self, slider: Slider) -> Vec<f32> {
-        let (controls, emotion) = (&self.request.controls, &self.request.emotion);
+    pub fn knots(&self, performance: &Performance, slider: Slider) -> Vec<f32> {
+        let controls = &performance.request.controls;
+        if controls.change_over_time() || !self.system.sliders().contains(&slider) {
+            return Vec::new();
+        }
+        let emotion = &performance.request.emotion;
         let speech_only = *emotion == EmotionCurve::Off;
+        let value = |name| self.control(performance, name);
         let up_to = |value: f32, most: f32, limit: f32| (limit / value).min(most);
         let knots = match slider {
-            Slider::Articulation if controls.articulation > 0.0 => {
-                vec![0.0, up_to(controls.articulation, MOST, MAX_CONTROL)]
+            Slider::Articulation if value(ARTICULATION) > 0.0 => {
+                vec![0.0, up_to(value(ARTICULATION), MOST, MAX_CONTROL)]
             }
             Slider::Emotion if emotion.strongest() > 0.0 => {
                 let most = up_to(emotion.strongest(), MOST_EMOTION, MAX_INTENSITY);
                 vec![0.0, MIDDLE_EMOTION, most]
             }
-            Slider::Blinks if !speech_only && controls.blinks_per_minute > 0.0 => vec![0.0],
+            Slider::Blinks if !speech_only && value(BLINKS) > 0.0 => vec![0.0],
             Slider::EmotionAndBlinks => {
-                let parts = [Slider::Emotion, Slider::Blinks].map(|part| self.knots(part));
+                let parts =
+                    [Slider::Emotion, Slider::Blinks].map(|part| self.knots(performance, part));
                 let both = parts.iter().all(|knots| !knots.is_empty());
                 if both { vec![0.0] } else { vec![] }
             }
@@ -127,23 +110,26 @@ impl Performance {
             .filter(|knot| (knot - 1.0).abs() > 0.01)
             .collect()
     }
-}
 
-impl Engine {
+    /// What a control stood at; 0 where the system has no such control.
+    fn control(&self, performance: &Performance, name: &str) -> f32 {
+        let mut known = self.registration.controls();
+        let control = known.find(|control| control.name == name);
+        control.map_or(0.0, |control| control.value(&performance.request.controls))
+    }
+
     /// The performance with one slider at `position`; blinks are there or, at 0, not.
     ///
     /// # Errors
-    /// Those of [`Engine::motion`].
+    /// Those of [`Engine::perform`].
     pub fn varied(
         &self,
         performance: &Performance,
         slider: Slider,
         position: f32,
         progress: ProgressFn<'_>,
-    ) -> Result<MotionClip> {
+    ) -> Result<Motion> {
         let mut request = performance.request.clone();
-        let controls = &mut request.controls;
-        let scaled = |control: f32| (control * position).min(MAX_CONTROL);
         let (emotion, blinks) = match slider {
             Slider::Articulation => (false, false),
             Slider::Emotion => (true, false),
@@ -151,24 +137,21 @@ impl Engine {
             Slider::EmotionAndBlinks => (true, true),
         };
         if slider == Slider::Articulation {
-            controls.articulation = scaled(controls.articulation);
+            let scaled = self.control(performance, ARTICULATION) * position;
+            request.controls.set(ARTICULATION, scaled.min(MAX_CONTROL));
         }
         if blinks && position == 0.0 {
-            controls.blinks_per_minute = 0.0;
+            request.controls.set(BLINKS, 0.0);
         }
-        if emotion {
-            request.emotion = request.emotion.scaled(position);
-        }
-        let sampled_anew = match emotion {
-            true => Some(self.threads(|| {
-                let frames = performance.sampled.displacements.dim().0;
-                self.sample_heard(performance.features.view(), frames, &request, progress)
-            })?),
-            false => None,
-        };
-        let sampled = sampled_anew.as_ref().unwrap_or(&performance.sampled);
-        let urge = &performance.request.emotion;
-        self.perform_heard(sampled, &performance.prosody, &request, urge)
+        let (heard, urge) = (&performance.heard, &performance.request.emotion);
+        self.threads(|| match emotion {
+            false => self.controlled(&performance.sampled, heard, &request, urge),
+            true => {
+                request.emotion = request.emotion.scaled(position);
+                let sampled = self.system.sample(heard, &request, progress)?;
+                self.controlled(&sampled, heard, &request, urge)
+            }
+        })
     }
 
     /// What each slider of a take changes, in the weights of its shapes; sliders that move nothing are
@@ -180,15 +163,19 @@ impl Engine {
     /// `InvalidInput` if clip and basis do not belong to the performance; `Cancelled`.
     pub fn slider_changes(
         &self,
-        face: &PreparedFace,
+        face: &Face,
         performance: &Performance,
         clip: &VertexClip,
         basis: &VertexBasis,
         progress: ProgressFn<'_>,
     ) -> Result<Vec<SliderChange>> {
         check_take(performance, clip, basis)?;
-        let measure = Measure::new(face, clip, basis)?;
-        let ways = Slider::ALL.map(|slider| (slider, performance.knots(slider)));
+        let Some(take) = performance.motion.landmarks() else {
+            return Ok(Vec::new());
+        };
+        let deformer = self.threads(|| self.deformer(face, progress))?;
+        let measure = Measure::new(face, deformer.as_ref(), clip, basis)?;
+        let ways = Slider::ALL.map(|slider| (slider, self.knots(performance, slider)));
         let count = ways.iter().map(|(_, knots)| knots.len()).sum::<usize>();
         let mut done = 0;
         let mut out = Vec::new();
@@ -203,7 +190,10 @@ impl Engine {
                     })
                 };
                 let varied = self.varied(performance, slider, *knot, &within)?;
-                let change = self.threads(|| measure.change(&performance.motion, &varied, &within));
+                let change = match varied.landmarks() {
+                    Some(varied) => self.threads(|| measure.change(take, varied, &within)),
+                    None => return Ok(Vec::new()),
+                };
                 changes.push(match slider {
                     Slider::EmotionAndBlinks => beyond_each(change?, &out),
                     _ => change?,
@@ -228,7 +218,8 @@ impl Engine {
 
 /// What is needed to express motion of a face in the shapes of one take.
 struct Measure<'a> {
-    face: &'a PreparedFace,
+    face: &'a Face,
+    deformer: &'a dyn Deformer,
     clip: &'a VertexClip,
     basis: &'a VertexBasis,
     /// Some of the vertices, where the face's deformer offers that.
@@ -241,18 +232,20 @@ struct Measure<'a> {
 
 impl Measure<'_> {
     fn new<'a>(
-        face: &'a PreparedFace,
+        face: &'a Face,
+        deformer: &'a dyn Deformer,
         clip: &'a VertexClip,
         basis: &'a VertexBasis,
     ) -> Result<Measure<'a>> {
         let telling = telling_vertices(basis, TELLING_VERTICES);
-        let (few, vertices) = match face.deformer.of_vertices(&telling) {
+        let (few, vertices) = match deformer.of_vertices(&telling) {
             Some(FewVertices { deformer, vertices }) => (Some(deformer), vertices),
             None => (None, telling),
         };
         let projection = Projection::new(basis, &vertices)?;
         Ok(Measure {
             face,
+            deformer,
             clip,
             basis,
             few,
@@ -265,8 +258,8 @@ impl Measure<'_> {
     /// How the weights `[T, K]` of the take, whose landmark motion is `take`, change to show `varied`.
     fn change(
         &self,
-        take: &MotionClip,
-        varied: &MotionClip,
+        take: &LandmarkClip,
+        varied: &LandmarkClip,
         progress: ProgressFn<'_>,
     ) -> Result<Array2<f32>> {
         let (was, is) = (&take.displacements, &varied.displacements);
@@ -311,7 +304,7 @@ impl Measure<'_> {
         let mut moved = match &self.few {
             Some(few) => few.deform(landmarks.view(), progress)?,
             None => {
-                let all = self.face.deformer.deform(landmarks.view(), progress)?;
+                let all = self.deformer.deform(landmarks.view(), progress)?;
                 all.select(Axis(1), &vertices)
             }
         };
@@ -343,7 +336,7 @@ fn beyond_each(mut change: Array2<f32>, found: &[SliderChange]) -> Array2<f32> {
 }
 
 fn check_take(performance: &Performance, clip: &VertexClip, basis: &VertexBasis) -> Result<()> {
-    let frames = performance.motion.displacements.dim().0;
+    let frames = performance.motion.frames();
     let (clip_frames, vertices, _) = clip.displacements.dim();
     let (basis_frames, basis_vertices) = (basis.weights.nrows(), basis.shapes.dim().1);
     let belong = (frames, frames) == (clip_frames, basis_frames) && vertices == basis_vertices;

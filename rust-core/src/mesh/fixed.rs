@@ -7,7 +7,7 @@
 use std::path::Path;
 
 use super::{Mesh, landmark_file};
-use crate::{Error, Result, motion::LANDMARKS};
+use crate::{Error, Result, ibug::LANDMARKS};
 
 /// One landmark that stays where the caller puts it.
 #[derive(Debug, Clone, Copy, PartialEq)]

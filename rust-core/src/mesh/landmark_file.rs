@@ -11,7 +11,7 @@ use std::{io::Write, path::Path};
 use serde::{Deserialize, Serialize};
 
 use super::{FixedLandmark, LandmarkPlace, LandmarkSource, Landmarks, Mouth};
-use crate::{Error, Result, motion::LANDMARKS};
+use crate::{Error, Result, ibug::LANDMARKS};
 
 /// The format's version, raised when a reader of the old one would misread the new one.
 const VERSION: u32 = 1;

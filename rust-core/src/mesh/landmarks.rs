@@ -7,7 +7,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    motion::LANDMARKS,
+    ibug::LANDMARKS,
     progress::{ProgressFn, SILENT},
 };
 

@@ -28,13 +28,15 @@ pub(crate) mod vec3;
 pub use align::{Fit, Similarity};
 pub use canonical::{align_to_canonical, canonical_landmarks};
 pub use check::MeshReport;
-pub use find_landmarks::LandmarkFinder;
+pub use find_landmarks::{LandmarkFinder, MODEL as LANDMARK_MODEL};
 pub use fixed::{FixedLandmark, LandmarkPlace};
 pub use landmarks::{locate_landmarks, locate_landmarks_with};
 pub use mouth::Mouth;
 pub use parts::Parts;
 pub use roles::{ObjectNames, Part, PartChoices, PartRole, PartSelector, RoleSource};
 pub use tree::{ClosestPlace, SurfaceTree};
+
+use crate::conditions::Controls;
 
 /// A triangle mesh in the user's own units, axes and vertex order.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -127,13 +129,13 @@ pub struct FaceOptions {
     pub forward: Axis,
     /// The axis to the top of the head.
     pub up: Axis,
-    /// Strength of the learned correction, 0 (training-free) to 1.
-    pub learned: f32,
     /// What the caller says of the mesh's parts; the others are told by shape and place.
     pub parts: PartChoices,
     /// A skin of more vertices is worked on through a proxy of so many; `None` works on every
     /// vertex, however many.
     pub proxy: Option<usize>,
+    /// What the controls of faces are set to.
+    pub controls: Controls,
 }
 
 /// Vertices of the proxy on which large skins are worked on.
@@ -146,7 +148,7 @@ impl Default for FaceOptions {
             fixed: Vec::new(),
             forward: Axis::PosZ,
             up: Axis::PosY,
-            learned: 1.0,
+            controls: Controls::default(),
             parts: PartChoices::default(),
             proxy: Some(DEFAULT_PROXY),
         }

@@ -10,7 +10,7 @@ use super::{
     lips::{lip_of_landmark, lip_of_vertices},
     parts::weld_seams,
 };
-use crate::motion::LANDMARKS;
+use crate::ibug::LANDMARKS;
 
 /// How much further than the nearest surface the skin, or its own lip, may be from a landmark, as
 /// a part of the distance between the outer eye corners (7 mm on a human head), before the mesh is

@@ -2,7 +2,7 @@
 
 use ndarray::{Array3, ArrayView2, ArrayView3};
 
-use super::regions::{CHIN, LIP_COLUMNS, speaking};
+use crate::ibug::{CHIN, LIP_COLUMNS, speaking};
 
 /// Lips nearer than this over neutral count as closing, metres; as in `training/corpus/emotions.py`.
 const CLOSED_M: f32 = 1.5e-3;

@@ -7,10 +7,17 @@ use std::{collections::BTreeMap, path::Path};
 use ndarray::{Array2, Array3, ArrayView2, Axis, s};
 use serde::Deserialize;
 
-use super::{LANDMARKS, MotionClip};
-use crate::{Error, Result, conditions::EMOTIONS, nn::Weights, weights::ModelFiles};
+use super::LandmarkClip;
+use crate::{
+    Error, Result,
+    conditions::EMOTIONS,
+    ibug::LANDMARKS,
+    models::{BuiltIn, built_in},
+    nn::Weights,
+};
 
-const MODEL: &str = "face_modes";
+/// Its built-in weights.
+pub static MODEL: BuiltIn = built_in!("face_modes");
 
 /// Expression modes of the mean ICT face and the emotion prototypes.
 #[derive(Debug, Clone)]
@@ -48,9 +55,9 @@ impl FaceModes {
     /// # Errors
     /// `Weights` or `Io` if a file is missing or does not fit the other.
     pub fn open(folder: Option<&Path>) -> Result<Self> {
-        let files = ModelFiles::open(MODEL, folder)?;
+        let files = MODEL.open(folder)?;
         let config: Config = serde_json::from_str(&files.config)
-            .map_err(|error| Error::Weights(format!("{MODEL}/config.json: {error}")))?;
+            .map_err(|error| Error::Weights(format!("{}/config.json: {error}", MODEL.name)))?;
         let shape = [config.modes.len(), LANDMARKS, 3];
         let values = Weights::from_bytes(&files.weights)?.values("modes", &shape)?;
         let modes = Array3::from_shape_vec((shape[0], LANDMARKS, 3), values)
@@ -65,7 +72,10 @@ impl FaceModes {
         };
         for (row, emotion) in EMOTIONS.iter().enumerate() {
             let prototype = config.emotions.get(*emotion).ok_or_else(|| {
-                Error::Weights(format!("{MODEL}: expected the emotion {emotion}, got none"))
+                Error::Weights(format!(
+                    "{}: expected the emotion {emotion}, got none",
+                    MODEL.name
+                ))
             })?;
             let weights = prototype.lasting.iter().chain(&prototype.opening);
             let displacement = this.sum(weights)?;
@@ -81,8 +91,9 @@ impl FaceModes {
     /// `Weights` for an unknown name.
     pub fn mode(&self, name: &str) -> Result<ArrayView2<'_, f32>> {
         let known = self.names.iter().position(|known| known == name);
-        let index = known
-            .ok_or_else(|| Error::Weights(format!("{MODEL}: expected a mode {name}, got none")))?;
+        let index = known.ok_or_else(|| {
+            Error::Weights(format!("{}: expected a mode {name}, got none", MODEL.name))
+        })?;
         Ok(self.modes.index_axis(Axis(0), index))
     }
 
@@ -98,7 +109,7 @@ impl FaceModes {
             .dot(&self.emotions)
             .into_shape_with_order((affect.nrows(), LANDMARKS, 3))
             .expect("three axes a landmark");
-        MotionClip { displacements, fps }
+        LandmarkClip { displacements, fps }
             .smoothed(self.settling_s)
             .displacements
     }

@@ -1,4 +1,7 @@
-//! Motion of 68 landmarks over time, before any mesh is known.
+//! Motion over time, before any mesh is known: what a system gives.
+//!
+//! [`Motion`] has a case for each kind of motion that a system may think in. Landmarks have the tools
+//! of this folder: resampling, smoothing, and an artist's controls over a sampled clip.
 
 mod articulation;
 mod blinks;
@@ -7,29 +10,150 @@ mod chance;
 mod closures;
 mod controls;
 mod face_modes;
+mod frame_stream;
 mod perform;
-mod regions;
 mod resample;
 mod smooth;
 mod upper_face;
+mod visibility;
 
-use ndarray::Array3;
+use ndarray::{Array2, Array3, ArrayD, ArrayViewD};
 
 pub use blinks::{Blink, blinks};
 pub use brow_accents::{BrowAccent, brow_accents};
 pub use closures::close_lips;
-pub use controls::PerformanceControls;
-pub use face_modes::FaceModes;
+pub use controls::{PERFORMANCE_CONTROLS, PerformanceControls};
+pub use face_modes::{FaceModes, MODEL as FACE_MODES_MODEL};
+pub use frame_stream::{LandmarkFrame, MotionStream, stream_whole};
 pub use perform::Cues;
+pub use visibility::{SPOKEN_MM, VISIBLE_MM, Visibility, lip_travel};
 
-/// Number of iBUG landmarks `N`.
-pub const LANDMARKS: usize = 68;
+/// What a system gives: motion of one of the kinds that [`crate::spread`] can put on a mesh.
+///
+/// ```
+/// use anyface::motion::{LandmarkClip, Motion};
+///
+/// let still = LandmarkClip { displacements: ndarray::Array3::zeros((25, 68, 3)), fps: 25.0 };
+/// let motion = Motion::Landmarks(still);
+/// assert_eq!((motion.frames(), motion.fps(), motion.kind()), (25, 25.0, "landmarks"));
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub enum Motion {
+    /// Displacements of the 68 landmarks.
+    Landmarks(LandmarkClip),
+    /// Weights of named shapes, such as ARKit's.
+    Weights(WeightClip),
+    /// Displacements of every vertex of a template mesh.
+    Template(TemplateClip),
+    /// Expression codes of a parametric head.
+    Codes(CodeClip),
+}
 
 /// Landmark displacements from the neutral face.
 #[derive(Debug, Clone, PartialEq)]
-pub struct MotionClip {
+pub struct LandmarkClip {
     /// `[T, 68, 3]`, canonical metres: +x to the subject's left, +y up, +z out of the face.
     pub displacements: Array3<f32>,
     /// Frames per second.
     pub fps: f64,
+}
+
+/// Weights of named shapes over time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WeightClip {
+    /// `[S]`, such as `jawOpen`.
+    pub names: Vec<String>,
+    /// `[T, S]`; 0 is rest, 1 the whole shape.
+    pub weights: Array2<f32>,
+    /// Frames per second.
+    pub fps: f64,
+}
+
+/// Displacements of a template's vertices.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TemplateClip {
+    /// Name of the template.
+    pub template: String,
+    /// `[T, V, 3]`, canonical metres.
+    pub displacements: Array3<f32>,
+    /// Frames per second.
+    pub fps: f64,
+}
+
+/// Expression codes of a parametric head.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CodeClip {
+    /// Name of the head.
+    pub head: String,
+    /// `[T, C]`, unitless.
+    pub codes: Array2<f32>,
+    /// Frames per second.
+    pub fps: f64,
+}
+
+impl Motion {
+    /// `landmarks`, `weights`, `template` or `codes`.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Motion::Landmarks(_) => "landmarks",
+            Motion::Weights(_) => "weights",
+            Motion::Template(_) => "template",
+            Motion::Codes(_) => "codes",
+        }
+    }
+
+    /// Frames per second.
+    pub fn fps(&self) -> f64 {
+        match self {
+            Motion::Landmarks(clip) => clip.fps,
+            Motion::Weights(clip) => clip.fps,
+            Motion::Template(clip) => clip.fps,
+            Motion::Codes(clip) => clip.fps,
+        }
+    }
+
+    /// Number of frames `T`.
+    pub fn frames(&self) -> usize {
+        self.values().shape()[0]
+    }
+
+    /// The landmarks, where the motion is theirs.
+    pub fn landmarks(&self) -> Option<&LandmarkClip> {
+        match self {
+            Motion::Landmarks(clip) => Some(clip),
+            _ => None,
+        }
+    }
+
+    /// Whatever moves, the frames first.
+    pub fn values(&self) -> ArrayViewD<'_, f32> {
+        match self {
+            Motion::Landmarks(clip) => clip.displacements.view().into_dyn(),
+            Motion::Weights(clip) => clip.weights.view().into_dyn(),
+            Motion::Template(clip) => clip.displacements.view().into_dyn(),
+            Motion::Codes(clip) => clip.codes.view().into_dyn(),
+        }
+    }
+
+    /// The same kind of motion with other values; these have any number of frames.
+    ///
+    /// # Panics
+    /// If a frame of `values` has another shape than one of this motion.
+    #[must_use]
+    pub fn with_values(&self, values: ArrayD<f32>) -> Motion {
+        const FITS: &str = "a frame has the shape of the motion's own";
+        assert_eq!(values.shape()[1..], self.values().shape()[1..], "{FITS}");
+        let mut out = self.clone();
+        match &mut out {
+            Motion::Landmarks(clip) => {
+                clip.displacements = values.into_dimensionality().expect(FITS)
+            }
+            Motion::Weights(clip) => clip.weights = values.into_dimensionality().expect(FITS),
+            Motion::Template(clip) => {
+                clip.displacements = values.into_dimensionality().expect(FITS)
+            }
+            Motion::Codes(clip) => clip.codes = values.into_dimensionality().expect(FITS),
+        }
+        out
+    }
 }

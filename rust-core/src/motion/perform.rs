@@ -3,13 +3,18 @@
 use ndarray::{Array3, ArrayView2};
 
 use super::{
-    FaceModes, MotionClip, PerformanceControls,
+    FaceModes, LandmarkClip, PERFORMANCE_CONTROLS, PerformanceControls,
     articulation::{articulate, keep_closures},
     blinks::{blinks, close_lids},
     brow_accents::{brow_accents, raise_brows},
-    regions, upper_face,
+    upper_face,
 };
-use crate::{Result, audio::Prosody};
+use crate::{
+    Result,
+    audio::Prosody,
+    conditions::{ControlStage, Controls},
+    ibug,
+};
 
 /// What a performance was asked to be and how it was said.
 #[derive(Debug, Clone, Copy)]
@@ -37,11 +42,11 @@ impl FaceModes {
     /// `InvalidInput` for a control out of range.
     pub fn perform(
         &self,
-        sampled: &MotionClip,
+        sampled: &LandmarkClip,
         cues: &Cues<'_>,
         controls: &PerformanceControls,
-    ) -> Result<MotionClip> {
-        controls.check()?;
+    ) -> Result<LandmarkClip> {
+        Controls::from(*controls).check(PERFORMANCE_CONTROLS, ControlStage::Motion)?;
         let mut clip = sampled.smoothed(f64::from(controls.smoothing_s));
         self.shape_speech(&mut clip, sampled, cues, controls)?;
         let fps = clip.fps;
@@ -70,8 +75,8 @@ impl FaceModes {
 
     fn shape_speech(
         &self,
-        clip: &mut MotionClip,
-        sampled: &MotionClip,
+        clip: &mut LandmarkClip,
+        sampled: &LandmarkClip,
         cues: &Cues<'_>,
         controls: &PerformanceControls,
     ) -> Result<()> {
@@ -101,7 +106,7 @@ impl FaceModes {
 
 fn still_upper_face(moved: &mut Array3<f32>) {
     for mut frame in moved.outer_iter_mut() {
-        for n in regions::upper_face() {
+        for n in ibug::upper_face() {
             frame.row_mut(n).fill(0.0);
         }
     }

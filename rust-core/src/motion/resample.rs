@@ -2,18 +2,18 @@
 
 use ndarray::{Array3, Axis, Zip};
 
-use super::MotionClip;
+use super::LandmarkClip;
 
-impl MotionClip {
+impl LandmarkClip {
     /// The same motion as `frames` frames at `fps`; frame `t` stands at `t / fps` seconds.
     ///
     /// Catmull-Rom between the four nearest frames, so that velocity has no steps; held beyond the
     /// last frame. Between frames it may overshoot by an eighth of a step, which keeps peaks.
-    pub fn at_rate(&self, fps: f64, frames: usize) -> MotionClip {
+    pub fn at_rate(&self, fps: f64, frames: usize) -> LandmarkClip {
         let (count, landmarks, axes) = self.displacements.dim();
         let mut out = Array3::zeros((frames, landmarks, axes));
         if count == 0 {
-            return MotionClip {
+            return LandmarkClip {
                 displacements: out,
                 fps,
             };
@@ -32,7 +32,7 @@ impl MotionClip {
                     .for_each(|to, from| *to += weight * from);
             }
         }
-        MotionClip {
+        LandmarkClip {
             displacements: out,
             fps,
         }
@@ -54,8 +54,8 @@ fn catmull_rom(u: f32) -> [f32; 4] {
 mod tests {
     use super::*;
 
-    fn clip(fps: f64, values: impl Fn(f64) -> f32, frames: usize) -> MotionClip {
-        MotionClip {
+    fn clip(fps: f64, values: impl Fn(f64) -> f32, frames: usize) -> LandmarkClip {
+        LandmarkClip {
             displacements: Array3::from_shape_fn((frames, 68, 3), |(t, _, _)| {
                 values(t as f64 / fps)
             }),

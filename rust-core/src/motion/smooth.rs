@@ -2,16 +2,16 @@
 
 use ndarray::{Array3, Axis};
 
-use super::MotionClip;
+use super::LandmarkClip;
 
 /// The Gaussian is cut where it has fallen to e^(−9/2).
 const REACH_IN_DEVIATIONS: f64 = 3.0;
 
-impl MotionClip {
+impl LandmarkClip {
     /// Gaussian smoothing over time with a deviation of `deviation_s` seconds; ends are held.
     ///
     /// 0 changes nothing. 20 ms takes the edge off jitter; beyond 50 ms lips no longer close.
-    pub fn smoothed(&self, deviation_s: f64) -> MotionClip {
+    pub fn smoothed(&self, deviation_s: f64) -> LandmarkClip {
         let deviation = deviation_s * self.fps;
         let reach = (REACH_IN_DEVIATIONS * deviation).ceil() as isize;
         if deviation.is_nan() || deviation <= 0.0 || self.displacements.is_empty() {
@@ -28,7 +28,7 @@ impl MotionClip {
                 frame.scaled_add(share, &self.displacements.index_axis(Axis(0), from));
             }
         }
-        MotionClip {
+        LandmarkClip {
             displacements: out,
             fps: self.fps,
         }
@@ -39,8 +39,8 @@ impl MotionClip {
 mod tests {
     use super::*;
 
-    fn clip(value: impl Fn(usize) -> f32) -> MotionClip {
-        MotionClip {
+    fn clip(value: impl Fn(usize) -> f32) -> LandmarkClip {
+        LandmarkClip {
             displacements: Array3::from_shape_fn((30, 68, 3), |(t, _, _)| value(t)),
             fps: 30.0,
         }

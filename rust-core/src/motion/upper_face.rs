@@ -2,7 +2,7 @@
 
 use ndarray::{Array3, ArrayView2, ArrayViewMut2};
 
-use super::regions::{EYES, Eye, SIDES, upper_face};
+use crate::ibug::{EYES, Eye, SIDES, upper_face};
 use crate::{Result, motion::FaceModes};
 
 /// What the extremes of `asymmetry` add to one side and take from the other.

@@ -4,10 +4,13 @@ use faer::{Mat, Side};
 use rayon::prelude::*;
 
 use super::{
-    Arrays, Cache, CacheKey, Operators, SparseCholesky,
+    Operators, SparseCholesky,
     lanczos::{BLOCK, SymmetricOperator, largest},
 };
-use crate::{Error, Result};
+use crate::{
+    Error, Result,
+    cache::{Arrays, Cache, CacheKey},
+};
 
 /// Raised when the computation changes its results.
 const VERSION: u32 = 1;

@@ -1,5 +1,4 @@
-//! Differential operators of a mesh: Laplacian, mass, gradient, geodesics, eigenbasis; and the cache
-//! that keeps costly results between runs.
+//! Differential operators of a mesh: Laplacian, mass, gradient, geodesics, eigenbasis.
 //!
 //! ```
 //! use anyface::{mesh::Mesh, operators::{HeatGeodesics, Operators, OperatorOptions}};
@@ -18,9 +17,7 @@
 //! # Ok::<(), anyface::Error>(())
 //! ```
 
-mod arrays;
 mod build;
-pub mod cache;
 pub mod cholesky;
 mod eigenbasis;
 #[cfg(test)]
@@ -36,9 +33,7 @@ pub mod sparse;
 mod spectral;
 mod tufted;
 
-pub use arrays::{Arrays, Values};
 pub use build::{NO_ROW, OperatorOptions, Operators};
-pub use cache::{Cache, CacheKey};
 pub use cholesky::SparseCholesky;
 pub use eigenbasis::Eigenbasis;
 pub use geodesics::{HeatGeodesics, edge_distance};

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::{Cache, HeatGeodesics, OperatorOptions, Operators, edge_distance, fixtures::Golden};
-use crate::{CachePolicy, mesh::Mesh};
+use super::{HeatGeodesics, OperatorOptions, Operators, edge_distance, fixtures::Golden};
+use crate::{CachePolicy, cache::Cache, mesh::Mesh};
 
 fn read(name: &str) -> Mesh {
     let beside = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared");

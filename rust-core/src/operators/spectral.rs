@@ -2,9 +2,10 @@
 
 use ndarray::{Array1, Array2};
 
-use super::{Cache, Csr, Operators, gradient::RIDGE};
+use super::{Csr, Operators, gradient::RIDGE};
 use crate::{
     Result,
+    cache::Cache,
     nn::surface::{Entry, Surface},
 };
 

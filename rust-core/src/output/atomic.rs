@@ -3,8 +3,10 @@
 use std::{
     fs::{self, File},
     io::{self, BufWriter, Write},
-    path::Path,
+    path::{Path, PathBuf},
 };
+
+use tempfile::NamedTempFile;
 
 use crate::{Error, Result};
 
@@ -22,27 +24,39 @@ pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
 ) -> Result<()> {
-    atomically(path, |file| write(file).map_err(Error::io(path)))
-}
-
-/// The same for a closure that can fail in other ways too.
-pub(super) fn atomically(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<File>) -> Result<()>,
-) -> Result<()> {
-    refuse_special(path).map_err(Error::io(path))?;
-    let folder = match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    let temporary = temporary_in(folder).map_err(Error::io(path))?;
-    let file = temporary.reopen().map_err(Error::io(path))?;
-    let mut file = BufWriter::with_capacity(BUFFER_BYTES, file);
-    write(&mut file)?;
+    let (unfinished, mut file) = Unfinished::create(path)?;
+    write(&mut file).map_err(Error::io(path))?;
     file.flush().map_err(Error::io(path))?;
     drop(file);
-    let persisted = temporary.persist(path).map_err(|e| e.error);
-    persisted.map(drop).map_err(Error::io(path))
+    unfinished.finish()
+}
+
+/// A file in the making; dropped before [`Unfinished::finish`] it leaves nothing.
+pub(super) struct Unfinished {
+    path: PathBuf,
+    temporary: NamedTempFile,
+}
+
+impl Unfinished {
+    /// Opens a temporary file beside `path`.
+    pub(super) fn create(path: &Path) -> Result<(Unfinished, BufWriter<File>)> {
+        refuse_special(path).map_err(Error::io(path))?;
+        let folder = match path.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder,
+            _ => Path::new("."),
+        };
+        let temporary = temporary_in(folder).map_err(Error::io(path))?;
+        let file = temporary.reopen().map_err(Error::io(path))?;
+        let path = path.to_owned();
+        let file = BufWriter::with_capacity(BUFFER_BYTES, file);
+        Ok((Unfinished { path, temporary }, file))
+    }
+
+    /// Renames it to its place, when everything was written.
+    pub(super) fn finish(self) -> Result<()> {
+        let persisted = self.temporary.persist(&self.path).map_err(|e| e.error);
+        persisted.map(drop).map_err(Error::io(&self.path))
+    }
 }
 
 /// Renaming onto a device or a folder would replace the device or fail late.
@@ -56,7 +70,7 @@ fn refuse_special(path: &Path) -> io::Result<()> {
     }
 }
 
-fn temporary_in(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(".anyface-").suffix(".part");
     // tempfile makes private files; a result is an ordinary one, subject to the umask.

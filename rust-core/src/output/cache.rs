@@ -4,19 +4,17 @@ use std::io::{self, Write};
 
 use ndarray::ArrayView3;
 
-use crate::mesh::Mesh;
-
 /// Appends rest position + displacement of every vertex and frame, in the byte order of `encode`.
 pub(super) fn write_positions(
     file: &mut impl Write,
     displacements: ArrayView3<'_, f32>,
-    mesh: &Mesh,
+    rest: &[[f32; 3]],
     encode: fn(f32) -> [u8; 4],
 ) -> io::Result<()> {
-    let mut row = Vec::with_capacity(mesh.positions.len() * 12);
+    let mut row = Vec::with_capacity(rest.len() * 12);
     for frame in displacements.outer_iter() {
         row.clear();
-        for (moved, rest) in frame.outer_iter().zip(&mesh.positions) {
+        for (moved, rest) in frame.outer_iter().zip(rest) {
             for i in 0..3 {
                 row.extend_from_slice(&encode(rest[i] + moved[i]));
             }

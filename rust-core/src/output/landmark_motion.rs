@@ -5,7 +5,7 @@ use std::{fs::File, io::BufReader, path::Path};
 use ndarray::{Array2, Array3, ArrayViewD, IxDyn};
 use ndarray_npy::{NpzReader, ReadNpzError};
 
-use crate::{Error, Result, motion::LANDMARKS};
+use crate::{Error, Result, conditions::check_fps, ibug::LANDMARKS};
 
 /// Landmark motion as a file holds it.
 #[derive(Debug, Clone, PartialEq)]
@@ -92,10 +92,8 @@ fn check_finite(displacements: ArrayViewD<'_, f32>, fps: Option<f64>) -> Result<
         ));
     }
     match fps {
-        Some(fps) if !(1.0..=240.0).contains(&fps) => {
-            Err(format!("fps: expected 1 to 240, got {fps}"))
-        }
-        _ => Ok(()),
+        Some(fps) => check_fps(fps).map_err(|error| error.to_string()),
+        None => Ok(()),
     }
 }
 

@@ -7,28 +7,31 @@
 mod atomic;
 mod blend_weights;
 mod cache;
+mod clip_file;
 mod landmark_motion;
 mod mdd;
 mod npz;
 mod pc2;
 mod report;
 mod rig;
-mod stream;
 mod vertex_motion;
 
 use std::path::Path;
 
 pub use atomic::write_atomically;
 pub use blend_weights::write_blend_weights;
+pub use clip_file::ClipFile;
 pub use landmark_motion::{LandmarkMotion, read_landmark_motion};
-#[cfg(feature = "cli")]
-pub(crate) use report::largest;
-pub use report::{Report, warnings_of_motion, warnings_of_sound};
+pub use report::{Report, warnings_of_sound};
 pub use rig::{read_rig, write_rig, write_rig_folder};
-pub use stream::{ClipShape, FrameSink, LandmarkTrack, write_frames};
 pub use vertex_motion::{VertexMotion, read_vertex_motion};
 
-use crate::{Animation, Error, Result, mesh::Mesh, motion::MotionClip};
+use crate::{
+    Error, Result,
+    mesh::Mesh,
+    motion::LandmarkClip,
+    spread::{Animation, ClipStart, FrameSink, LandmarkTrack},
+};
 
 /// A kind of file that holds an animation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,23 +63,23 @@ impl Format {
     }
 }
 
-/// Writes an animation in the format that the extension of `path` names; see [`write_frames`].
+/// Writes an animation in the format that the extension of `path` names; see [`ClipFile`].
 ///
 /// # Errors
-/// Those of [`write_frames`].
+/// Those of [`ClipFile`]; then nothing is left.
 pub fn write_animation(path: &Path, animation: &Animation, mesh: &Mesh) -> Result<()> {
-    let (frames, vertices, _) = animation.vertices.displacements.dim();
-    let shape = ClipShape {
-        frames,
-        vertices,
+    let moved = &animation.vertices.displacements;
+    let mut file = ClipFile::new(path)?;
+    file.begin(&ClipStart {
+        mesh,
+        is_brought: false,
+        frames: moved.dim().0,
         fps: animation.vertices.fps,
-    };
-    let landmarks = LandmarkTrack {
+    })?;
+    file.write(moved.view())?;
+    file.finish(&LandmarkTrack {
         neutral: &animation.landmarks_neutral,
         displacements: animation.landmark_displacements.view(),
-    };
-    write_frames(path, &shape, mesh, &landmarks, |sink| {
-        sink(animation.vertices.displacements.view())
     })
 }
 
@@ -84,7 +87,7 @@ pub fn write_animation(path: &Path, animation: &Animation, mesh: &Mesh) -> Resul
 ///
 /// # Errors
 /// `InvalidInput` for an extension other than npz, `Io` if the file cannot be written.
-pub fn write_motion(path: &Path, motion: &MotionClip) -> Result<()> {
+pub fn write_motion(path: &Path, motion: &LandmarkClip) -> Result<()> {
     match Format::from_path(path)? {
         Format::Npz => write_atomically(path, |file| npz::write_motion(file, motion)),
         _ => Err(Error::InvalidInput(format!(

@@ -5,14 +5,14 @@ use std::io::{self, Seek, SeekFrom, Write};
 use ndarray::ArrayView3;
 use zip::{CompressionMethod, ZipWriter, result::ZipError, write::SimpleFileOptions};
 
-use crate::motion::{LANDMARKS, MotionClip};
+use crate::{ibug::LANDMARKS, motion::LandmarkClip};
 
 /// Bytes of one array from which its entry needs 64-bit sizes.
 const LARGE_BYTES: u64 = u32::MAX as u64 - 4096;
 /// Values that are turned into bytes at a time.
 const BATCH: usize = 1 << 16;
 
-pub(super) fn write_motion(file: impl Write + Seek, motion: &MotionClip) -> io::Result<()> {
+pub(super) fn write_motion(file: impl Write + Seek, motion: &LandmarkClip) -> io::Result<()> {
     let mut archive = Archive::new(file);
     archive.landmarks(motion.displacements.view())?;
     archive.number("fps", motion.fps)?;

@@ -2,15 +2,16 @@
 
 use std::io::{self, Write};
 
-use super::{ClipShape, cache::count};
+use super::cache::count;
+use crate::spread::ClipStart;
 
 /// One sample a frame from frame 0 on.
-pub(super) fn write_header(file: &mut impl Write, shape: &ClipShape) -> io::Result<()> {
+pub(super) fn write_header(file: &mut impl Write, start: &ClipStart<'_>) -> io::Result<()> {
     file.write_all(b"POINTCACHE2\0")?;
     file.write_all(&1i32.to_le_bytes())?;
-    file.write_all(&count(shape.vertices)?.to_le_bytes())?;
+    file.write_all(&count(start.mesh.positions.len())?.to_le_bytes())?;
     // First frame and frames to a sample.
     file.write_all(&0f32.to_le_bytes())?;
     file.write_all(&1f32.to_le_bytes())?;
-    file.write_all(&count(shape.frames)?.to_le_bytes())
+    file.write_all(&count(start.frames)?.to_le_bytes())
 }

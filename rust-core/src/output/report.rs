@@ -2,13 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use ndarray::{ArrayView3, s};
+use ndarray::ArrayView3;
 use serde::Serialize;
 
-use crate::{audio::Waveform, motion::MotionClip};
+use crate::{
+    audio::Waveform,
+    motion::{VISIBLE_MM, Visibility, lip_travel},
+};
 
-/// Motion of a landmark below which nobody sees a mouth move.
-const VISIBLE_M: f32 = 5e-4;
 /// Share of samples at full scale from which a sound counts as clipped.
 const CLIPPED_SHARE: f64 = 0.005;
 
@@ -51,15 +52,6 @@ pub struct Report {
     pub warnings: Vec<String>,
 }
 
-/// Length of the longest displacement, in the unit of `displacements` `[T, V, 3]`.
-pub(crate) fn largest(displacements: ArrayView3<'_, f32>) -> f32 {
-    let squared = displacements
-        .rows()
-        .into_iter()
-        .map(|d| d.iter().map(|x| x * x).sum::<f32>());
-    squared.fold(0.0, f32::max).sqrt()
-}
-
 /// What is wrong with a sound that can still be used.
 pub fn warnings_of_sound(waveform: &Waveform) -> Vec<String> {
     let mut warnings = Vec::new();
@@ -85,18 +77,47 @@ pub fn warnings_of_sound(waveform: &Waveform) -> Vec<String> {
     warnings
 }
 
-/// Says so when jaw and mouth move too little to be seen; blinks alone are no speech.
-pub fn warnings_of_motion(motion: &MotionClip) -> Vec<String> {
-    let jaw = largest(motion.displacements.slice(s![.., 0..17, ..]));
-    let most = jaw.max(largest(motion.displacements.slice(s![.., 48..68, ..])));
-    if most >= VISIBLE_M {
-        return Vec::new();
+impl Report {
+    /// Notes how far things move, and warns where nobody sees a face speak.
+    ///
+    /// `largest`: of any vertex, mesh units, where there is a mesh. `landmarks`: `[T, 68, 3]`, mesh units;
+    /// `metres_per_unit` goes with them. `articulation`: what the lips were asked for.
+    pub fn note_motion(
+        &mut self,
+        largest: Option<f32>,
+        landmarks: ArrayView3<'_, f32>,
+        metres_per_unit: f64,
+        articulation: f32,
+    ) {
+        let to_mm = 1000.0 * metres_per_unit as f32;
+        let moved_mm = to_mm * longest(landmarks);
+        self.largest_displacement = largest;
+        self.largest_displacement_mm = largest.map(|units| units * to_mm);
+        self.largest_landmark_displacement_mm = Some(moved_mm);
+        let seen_mm = self.largest_displacement_mm.unwrap_or(moved_mm);
+        let lips_mm = to_mm * lip_travel(landmarks);
+        self.warnings.extend(match Visibility::of(seen_mm, lips_mm, articulation) {
+            Visibility::Speaks => None,
+            Visibility::Nothing if moved_mm >= VISIBLE_MM => Some(format!(
+                "the landmarks move by up to {moved_mm:.2} mm but the mesh by {seen_mm:.3} mm only; are \
+                 the landmarks on the face?"
+            )),
+            Visibility::Nothing => Some(format!(
+                "nothing moves visibly: by {seen_mm:.3} mm on a human head at most; is there speech in \
+                 the sound, and on the channel that carries it?"
+            )),
+            Visibility::LipsRest => Some(format!(
+                "nothing moves visibly but lids and brows: the lips move by {lips_mm:.3} mm on a human \
+                 head at most; is there speech in the sound, and on the channel that carries it?"
+            )),
+        });
     }
-    vec![format!(
-        "nothing moves visibly but the eyes: the largest motion of jaw and mouth is {:.3} mm on a human head; is there \
-         speech in the sound, and on the channel that carries it?",
-        most * 1000.0
-    )]
+}
+
+/// Length of the longest displacement of `[T, N, 3]`.
+fn longest(displacements: ArrayView3<'_, f32>) -> f32 {
+    let rows = displacements.rows().into_iter();
+    rows.map(|d| d.dot(&d)).fold(0.0, f32::max).sqrt()
 }
 
 #[cfg(test)]
@@ -109,13 +130,13 @@ mod tests {
         let samples = (0..16_000).map(|i| (i as f32 * 0.1).sin() * 0.5).collect();
         assert!(warnings_of_sound(&Waveform { samples }).is_empty());
         let mut displacements = Array3::zeros((3, 68, 3));
-        displacements[[1, 8, 1]] = -0.01;
-        let motion = MotionClip {
-            displacements,
-            fps: 30.0,
-        };
-        assert!(warnings_of_motion(&motion).is_empty());
-        assert!((largest(motion.displacements.view()) - 0.01).abs() < 1e-9);
+        displacements[[1, 66, 1]] = -0.01;
+        let mut report = Report::default();
+        report.note_motion(Some(0.01), displacements.view(), 1.0, 1.0);
+        assert_eq!(report.warnings, Vec::<String>::new());
+        assert!((report.largest_landmark_displacement_mm.unwrap() - 10.0).abs() < 1e-4);
+        report.note_motion(Some(0.0), displacements.view(), 1.0, 1.0);
+        assert!(report.warnings[0].contains("are the landmarks on the face"));
     }
 
     #[test]
@@ -132,13 +153,12 @@ mod tests {
             samples: vec![0.3; 320],
         });
         assert!(short[0].contains("20 ms"), "{short:?}");
-        let still = MotionClip {
-            displacements: Array3::zeros((3, 68, 3)),
-            fps: 30.0,
-        };
-        assert!(warnings_of_motion(&still)[0].contains("nothing moves"));
-        let mut blinking = still;
-        blinking.displacements[[1, 43, 1]] = -0.008;
-        assert!(warnings_of_motion(&blinking)[0].contains("nothing moves"));
+        let mut report = Report::default();
+        let mut still = Array3::zeros((3, 68, 3));
+        report.note_motion(None, still.view(), 1.0, 1.0);
+        still[[1, 43, 1]] = -0.008;
+        report.note_motion(Some(0.008), still.view(), 1.0, 1.0);
+        assert!(report.warnings[0].contains("nothing moves visibly:"));
+        assert!(report.warnings[1].contains("but lids and brows"));
     }
 }

@@ -9,7 +9,7 @@ use std::{
 use ndarray::{Array3, ArrayView2, ArrayView3, Axis};
 use ndarray_npy::NpzReader;
 
-use super::{atomic::atomically, npz::Archive, write_atomically};
+use super::{npz::Archive, write_atomically};
 use crate::{Error, Result, mesh::Mesh, rig::Rig};
 
 /// Writes `names` `[S]` (text), `deltas` `[S, V, 3]` f32 and `neutral` `[V, 3]` f32, all in mesh
@@ -19,22 +19,17 @@ use crate::{Error, Result, mesh::Mesh, rig::Rig};
 /// `ShapeMismatch` if the mesh is not the rig's, `Io` if the file cannot be written.
 pub fn write_rig(path: &Path, rig: &Rig, mesh: &Mesh) -> Result<()> {
     check(rig, mesh)?;
-    atomically(path, |file| {
-        let io = || Error::io(path);
+    write_atomically(path, |file| {
         let mut archive = Archive::new(file);
-        archive.names(&rig.names).map_err(io())?;
-        archive
-            .start("deltas", "<f4", rig.deltas.shape())
-            .map_err(io())?;
-        archive.values(rig.deltas.view()).map_err(io())?;
+        archive.names(&rig.names)?;
+        archive.start("deltas", "<f4", rig.deltas.shape())?;
+        archive.values(rig.deltas.view())?;
         let positions = mesh.positions.as_flattened();
         let neutral = ArrayView3::from_shape((1, mesh.positions.len(), 3), positions);
         let neutral = neutral.expect("three numbers a vertex");
-        archive
-            .start("neutral", "<f4", &[mesh.positions.len(), 3])
-            .map_err(io())?;
-        archive.values(neutral).map_err(io())?;
-        archive.finish().map_err(io())
+        archive.start("neutral", "<f4", &[mesh.positions.len(), 3])?;
+        archive.values(neutral)?;
+        archive.finish()
     })
 }
 

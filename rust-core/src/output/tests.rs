@@ -3,28 +3,35 @@ use std::io::{self, Cursor, Seek, SeekFrom, Write};
 use ndarray::Array3;
 use ndarray_npy::NpzReader;
 
-use super::stream::write_to;
+use super::clip_file::Writer;
 use super::*;
-use crate::{deform::VertexClip, motion::LANDMARKS};
+use crate::{deform::VertexClip, ibug::LANDMARKS};
 
 /// Writes the sample clip into any file.
 fn write_sample(file: impl Write + Seek, format: Format) -> Result<()> {
     let (animation, mesh) = sample();
-    let shape = ClipShape {
+    let path = Path::new("clip");
+    let mut writer = Writer::begin(path, file, format, &start(&mesh))?;
+    let all = animation.vertices.displacements.view();
+    writer.write(path, all.slice_axis(ndarray::Axis(0), (..1).into()))?;
+    writer.write(path, all.slice_axis(ndarray::Axis(0), (1..).into()))?;
+    writer.finish(path, &landmarks(&animation))
+}
+
+fn start(mesh: &Mesh) -> ClipStart<'_> {
+    ClipStart {
+        mesh,
+        is_brought: false,
         frames: 4,
-        vertices: 5,
         fps: 24.0,
-    };
-    let landmarks = LandmarkTrack {
+    }
+}
+
+fn landmarks(animation: &Animation) -> LandmarkTrack<'_> {
+    LandmarkTrack {
         neutral: &animation.landmarks_neutral,
         displacements: animation.landmark_displacements.view(),
-    };
-    let path = Path::new("clip");
-    write_to(path, file, format, &shape, &mesh, &landmarks, |sink| {
-        let all = animation.vertices.displacements.view();
-        sink(all.slice_axis(ndarray::Axis(0), (..1).into()))?;
-        sink(all.slice_axis(ndarray::Axis(0), (1..).into()))
-    })
+    }
 }
 
 fn bytes_of(format: Format) -> Vec<u8> {
@@ -40,6 +47,7 @@ fn sample() -> (Animation, Mesh) {
             displacements,
             fps: 24.0,
         },
+        brought: None,
         landmarks_neutral: std::array::from_fn(|n| [n as f32, 0.5, -1.0]),
         landmark_displacements: Array3::from_shape_fn((4, LANDMARKS, 3), |(t, n, i)| {
             (t + n + i) as f32 * 0.25
@@ -71,7 +79,7 @@ fn npz_gives_back_what_was_written() {
 fn motion_files_hold_no_neutral_landmarks() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("motion.npz");
-    let motion = MotionClip {
+    let motion = LandmarkClip {
         displacements: Array3::from_elem((2, LANDMARKS, 3), 0.01),
         fps: 30.0,
     };
@@ -170,25 +178,27 @@ fn frames_are_held_to_the_announced_shape_and_failures_leave_nothing() {
     let (animation, mesh) = sample();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("clip.npz");
-    let shape = ClipShape {
-        frames: 4,
-        vertices: 5,
-        fps: 24.0,
-    };
-    let landmarks = LandmarkTrack {
-        neutral: &animation.landmarks_neutral,
-        displacements: animation.landmark_displacements.view(),
-    };
     let all = animation.vertices.displacements.view();
-    let short = write_frames(&path, &shape, &mesh, &landmarks, |sink| {
-        sink(all.slice_axis(ndarray::Axis(0), (..3).into()))
-    });
-    assert!(matches!(short, Err(Error::ShapeMismatch { .. })));
-    let cancelled = write_frames(&path, &shape, &mesh, &landmarks, |sink| {
-        sink(all)?;
-        Err(Error::Cancelled)
-    });
-    assert!(matches!(cancelled, Err(Error::Cancelled)));
+    let write = |frames: usize| {
+        let mut file = ClipFile::new(&path)?;
+        file.begin(&start(&mesh))?;
+        file.take(
+            all.slice_axis(ndarray::Axis(0), (..frames).into())
+                .to_owned(),
+        )?;
+        file.take(Array3::zeros((1, 5, 3)))?;
+        file.finish(&landmarks(&animation))
+    };
+    for frames in [2, 4] {
+        assert!(matches!(write(frames), Err(Error::ShapeMismatch { .. })));
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    write(3).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    let mut abandoned = ClipFile::new(&path).unwrap();
+    abandoned.begin(&start(&mesh)).unwrap();
+    abandoned.take(all.to_owned()).unwrap();
+    drop(abandoned);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 

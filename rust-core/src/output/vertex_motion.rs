@@ -144,7 +144,7 @@ fn moved(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Animation, deform::VertexClip, output::write_animation};
+    use crate::{deform::VertexClip, output::write_animation, spread::Animation};
 
     fn mesh() -> Mesh {
         Mesh {
@@ -161,6 +161,7 @@ mod tests {
                 }),
                 fps: 25.0,
             },
+            brought: None,
             landmarks_neutral: [[0.0; 3]; 68],
             landmark_displacements: Array3::zeros((4, 68, 3)),
         }

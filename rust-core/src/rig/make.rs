@@ -13,19 +13,18 @@ use super::{
     visemes::mixtures,
 };
 use crate::{
-    Engine, Error, PreparedFace, Result,
-    deform::{
-        Skin,
-        binding::{Follows, bind},
-    },
-    mesh::{DEFAULT_PROXY, FaceOptions, Mesh, Parts, Similarity},
-    motion::LANDMARKS,
+    Error, Result,
+    deform::{Deformer, binding::Follows},
+    face::{Face, FaceSurface},
+    ibug::LANDMARKS,
+    mesh::Similarity,
+    models::{BuiltIn, built_in},
     nn::Weights,
     progress::{ProgressFn, SILENT, report},
-    weights::ModelFiles,
 };
 
-const MODEL: &str = "rig";
+/// Its built-in weights.
+pub static MODEL: BuiltIn = built_in!("rig");
 /// Vertices whose shapes are computed at a time.
 const VERTICES_PER_TASK: usize = 1024;
 /// Landmarks whose weights are asked of the deformer at a time.
@@ -80,9 +79,9 @@ impl RigModel {
     /// # Errors
     /// `Weights` or `Io` if a file is missing, damaged, or does not fit the other.
     pub fn open(folder: Option<&std::path::Path>) -> Result<Self> {
-        let files = ModelFiles::open(MODEL, folder)?;
+        let files = MODEL.open(folder)?;
         let config: Config = serde_json::from_str(&files.config)
-            .map_err(|error| Error::Weights(format!("{MODEL}/config.json: {error}")))?;
+            .map_err(|error| Error::Weights(format!("{}/config.json: {error}", MODEL.name)))?;
         let network = RigNetwork::new(&config.network, &Weights::from_bytes(&files.weights)?)?;
         let unknown = network
             .shapes()
@@ -90,7 +89,8 @@ impl RigModel {
             .find(|name| !ARKIT.contains(&name.as_str()));
         if let Some(name) = unknown {
             return Err(Error::Weights(format!(
-                "{MODEL}/config.json: no ARKit shape {name}"
+                "{}/config.json: no ARKit shape {name}",
+                MODEL.name
             )));
         }
         Ok(RigModel {
@@ -99,33 +99,24 @@ impl RigModel {
         })
     }
 
-    /// Finds the face and makes its shapes. `options.learned` has no effect: the network here was
-    /// trained on the training-free weights.
+    /// Makes the shapes of a face. `plain` spreads landmark motion over it by the training-free
+    /// weights: with these the network was trained.
     ///
     /// # Errors
-    /// Those of [`Engine::prepare`].
-    pub fn make(
-        &self,
-        engine: &Engine,
-        mesh: &Mesh,
-        options: &FaceOptions,
-        progress: ProgressFn<'_>,
-    ) -> Result<(PreparedFace, Rig)> {
-        let options = FaceOptions {
-            learned: 0.0,
-            ..options.clone()
-        };
-        let face = engine.prepare(mesh, &options, progress)?;
+    /// `Mesh` if the landmarks lie on no usable face, `Cancelled`.
+    pub fn make(&self, face: &Face, plain: &dyn Deformer, progress: ProgressFn<'_>) -> Result<Rig> {
         report(progress, "shapes", 0.0)?;
-        let head = Head::new(mesh, &face)?;
-        let mut deltas = Array3::zeros((ARKIT.len() + VISEMES.len(), mesh.positions.len(), 3));
-        let base = landmark_weights(&face, mesh.positions.len(), progress)?;
-        self.move_skin(&head, base.view(), &mut deltas);
-        move_jaw(&head, &face, &mut deltas)?;
+        let head = face.surface()?;
+        let vertices = head.positions.len();
+        let mut deltas = Array3::zeros((ARKIT.len() + VISEMES.len(), vertices, 3));
+        let base = landmark_weights(face, plain, progress)?;
+        self.move_skin(head, base.view(), &mut deltas);
+        move_jaw(face, head, plain, &mut deltas)?;
         report(progress, "shapes", 0.8)?;
         lids::meet(&mut deltas, &head.landmarks, &face.landmarks.vertices);
-        let eyes = head.eyeballs();
-        let tongue = head.tongue();
+        let parts = &face.parts.connected;
+        let eyes = eyeballs(&head.positions, parts, &head.follows, &head.landmarks);
+        let tongue = tongue(&head.positions, parts, &head.follows, &head.landmarks);
         turn_eyes(&eyes, &head.positions, &mut deltas);
         if let TongueFound::Own(tongue) = &tongue {
             let mut shape = deltas.index_axis_mut(Axis(0), arkit("tongueOut"));
@@ -136,13 +127,17 @@ impl RigModel {
         self.mix_visemes(&mut deltas);
         to_mesh(&mut deltas, &face.to_canonical);
         report(progress, "shapes", 1.0)?;
-        let rig = Rig::new(deltas, face.to_canonical.scale as f32, &eyes, &tongue);
-        Ok((face, rig))
+        Ok(Rig::new(
+            deltas,
+            face.to_canonical.scale as f32,
+            &eyes,
+            &tongue,
+        ))
     }
 
     /// The skin and what follows it; centimetres. `base`: `[V, 68]`.
-    fn move_skin(&self, head: &Head, base: ArrayView2<'_, f32>, deltas: &mut Array3<f32>) {
-        let skin = head.skin_vertices();
+    fn move_skin(&self, head: &FaceSurface, base: ArrayView2<'_, f32>, deltas: &mut Array3<f32>) {
+        let skin = head.followed();
         let landmarks = head.landmarks.map(|p| p.map(|x| 0.1 * x));
         let pieces: Vec<Array2<f32>> = skin
             .par_chunks(VERTICES_PER_TASK)
@@ -247,70 +242,19 @@ fn note(name: &str, present: bool, eyes: &[Eyeball], tongue: &TongueFound) -> Op
     }
 }
 
-/// A mesh in canonical centimetres, and what moves each vertex.
-struct Head {
-    positions: Vec<[f32; 3]>,
-    landmarks: [[f32; 3]; LANDMARKS],
-    parts: Parts,
-    follows: Vec<Follows>,
-}
-
-impl Head {
-    fn new(mesh: &Mesh, face: &PreparedFace) -> Result<Head> {
-        let cm = |p: [f32; 3]| face.to_canonical.apply(p).map(|x| 100.0 * x);
-        let mesh = Mesh {
-            positions: mesh.positions.iter().map(|&p| cm(p)).collect(),
-            triangles: mesh.triangles.clone(),
-        };
-        let landmarks = face.landmarks.positions.map(cm);
-        let solved_on = Some(DEFAULT_PROXY);
-        let vertices = &face.landmarks.vertices;
-        let skin = Skin::find(&mesh, &landmarks, vertices, &face.parts, solved_on)?;
-        let follows = bind(&mesh, &face.parts, &skin.is_skin, &landmarks);
-        Ok(Head {
-            positions: mesh.positions,
-            landmarks,
-            parts: face.parts.connected.clone(),
-            follows,
-        })
-    }
-
-    /// Vertices that something follows, ascending.
-    fn skin_vertices(&self) -> Vec<u32> {
-        let mut used = vec![false; self.positions.len()];
-        for follows in &self.follows {
-            if let Follows::Skin(corners) = follows {
-                let felt = corners.iter().filter(|(_, share)| *share != 0.0);
-                felt.for_each(|(v, _)| used[*v as usize] = true);
-            }
-        }
-        (0..used.len() as u32)
-            .filter(|&v| used[v as usize])
-            .collect()
-    }
-
-    fn eyeballs(&self) -> Vec<Eyeball> {
-        eyeballs(&self.positions, &self.parts, &self.follows, &self.landmarks)
-    }
-
-    fn tongue(&self) -> TongueFound {
-        tongue(&self.positions, &self.parts, &self.follows, &self.landmarks)
-    }
-}
-
 /// `W`: how much each vertex moves along with each landmark, `[V, 68]`, asked of the deformer.
 fn landmark_weights(
-    face: &PreparedFace,
-    vertices: usize,
+    face: &Face,
+    plain: &dyn Deformer,
     progress: ProgressFn<'_>,
 ) -> Result<Array2<f32>> {
     // A millimetre on a human head: small enough for a deformer that bends with large motion.
     let step = (1e-3 / face.to_canonical.scale) as f32;
-    let mut out = Array2::zeros((vertices, LANDMARKS));
+    let mut out = Array2::zeros((face.mesh.positions.len(), LANDMARKS));
     for first in (0..LANDMARKS).step_by(LANDMARKS_PER_PROBE) {
         let mut probe = Array3::zeros((LANDMARKS_PER_PROBE, LANDMARKS, 3));
         (0..LANDMARKS_PER_PROBE).for_each(|i| probe[[i, first + i, 0]] = step);
-        let moved = face.deformer.deform_freely(probe.view(), SILENT)?;
+        let moved = plain.deform_freely(probe.view(), SILENT)?;
         for (i, frame) in moved.outer_iter().enumerate() {
             let column = frame.index_axis(Axis(1), 0).mapv(|x| x / step);
             out.column_mut(first + i).assign(&column);
@@ -323,14 +267,19 @@ fn landmark_weights(
 
 /// Parts that follow the jaw, as the face's own deformer moves them for the skin's landmarks, in the
 /// four shapes of the jaw: in others the chin's skin moves over a jaw at rest. Centimetres.
-fn move_jaw(head: &Head, face: &PreparedFace, deltas: &mut Array3<f32>) -> Result<()> {
+fn move_jaw(
+    face: &Face,
+    head: &FaceSurface,
+    plain: &dyn Deformer,
+    deltas: &mut Array3<f32>,
+) -> Result<()> {
     for name in ["jawOpen", "jawForward", "jawLeft", "jawRight"] {
         let mut shape = deltas.index_axis_mut(Axis(0), arkit(name));
         let motion = Array3::from_shape_fn((1, LANDMARKS, 3), |(_, n, i)| {
             0.01 * shape[[face.landmarks.vertices[n] as usize, i]]
         });
         let motion = face.to_canonical.displacements_to_mesh(motion.view());
-        let moved = face.deformer.deform(motion.view(), SILENT)?;
+        let moved = plain.deform(motion.view(), SILENT)?;
         for (v, follows) in head.follows.iter().enumerate() {
             if matches!(follows, Follows::Jaw(_)) {
                 let canonical = face
@@ -382,8 +331,11 @@ fn arkit(name: &str) -> usize {
 mod tests {
     use super::*;
     use crate::{
-        CachePolicy, EngineOptions, mesh::LandmarkSource, rig::mirrored_name,
-        systems::freetalk::stm::MIRROR,
+        CachePolicy, Engine, EngineOptions,
+        ibug::MIRROR,
+        mesh::{FaceOptions, LandmarkSource, Mesh},
+        progress::SILENT,
+        rig::mirrored_name,
     };
     use std::path::Path;
 
@@ -410,11 +362,9 @@ mod tests {
             landmarks: Some(LandmarkSource::Positions(landmarks)),
             ..FaceOptions::default()
         };
-        let model = RigModel::open(None).unwrap();
-        model
-            .make(&engine.unwrap(), mesh, &options, SILENT)
-            .unwrap()
-            .1
+        let engine = engine.unwrap();
+        let face = engine.find(mesh, &options, SILENT).unwrap();
+        Rig::clone(&engine.rig(&face, SILENT).unwrap())
     }
 
     #[test]

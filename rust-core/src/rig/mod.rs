@@ -14,6 +14,6 @@ pub mod parts;
 pub mod solve;
 mod visemes;
 
-pub use make::{Rig, RigModel, ShapeReport};
+pub use make::{MODEL, Rig, RigModel, ShapeReport};
 pub use names::{ARKIT, VISEMES, mirrored_name};
 pub use solve::{SolveOptions, SolvedWeights, solve};

@@ -17,9 +17,9 @@ use serde::Deserialize;
 use super::mirrored_name;
 use crate::{
     Error, Result,
-    motion::LANDMARKS,
+    ibug::LANDMARKS,
+    ibug::MIRROR,
     nn::{Weights, elementwise::silu_all, linear::Linear},
-    systems::freetalk::stm::MIRROR,
 };
 
 /// Position, offset from and distance to each landmark, weights.

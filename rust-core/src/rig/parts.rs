@@ -4,7 +4,7 @@
 
 use faer::{Mat, linalg::solvers::Solve};
 
-use crate::{deform::binding::Follows, mesh::Parts, motion::LANDMARKS};
+use crate::{deform::binding::Follows, ibug::LANDMARKS, mesh::Parts};
 
 /// How far an eye turns in a look at strength 1, degrees: up, down, in, out. ARKit does not say;
 /// the face models at hand do not turn their eyeballs.

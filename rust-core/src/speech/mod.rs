@@ -4,6 +4,7 @@ mod checkpoint;
 mod compact;
 mod conv_features;
 mod encoder_config;
+mod heard;
 pub mod hubert;
 mod log_mel;
 mod resample;
@@ -12,13 +13,18 @@ pub mod wav2vec2;
 
 pub(crate) use compact::{ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE};
 pub use compact::{CompactConfig, CompactEncoder, normalise};
+pub use heard::{Heard, frames_of};
 pub use log_mel::{BANDS, FRAME, HOP, MelAnalyser, log_mel};
 pub use resample::at_motion_frames;
 pub use transformer_encoder::HiddenStates;
 
 use std::path::Path;
 
-use crate::{Error, Result, audio::Waveform};
+use crate::{
+    Error, Result,
+    audio::Waveform,
+    models::{BuiltIn, built_in},
+};
 use ndarray::{Array2, ArrayView2};
 
 /// Features of a stretch of speech at a constant rate.
@@ -47,6 +53,18 @@ pub trait SpeechEncoder: Send + Sync {
         let _ = features;
         None
     }
+}
+
+/// Built-in weights of [`CompactEncoder`].
+pub static COMPACT_MODEL: BuiltIn = built_in!("compact_speech");
+
+/// The compact encoder with its built-in weights, or those of `folder`.
+///
+/// # Errors
+/// Those of [`BuiltIn::open`] and [`CompactEncoder::load`].
+pub fn compact(folder: Option<&Path>) -> Result<CompactEncoder> {
+    let files = COMPACT_MODEL.open(folder)?;
+    CompactEncoder::load(&files.weights, &files.config)
 }
 
 /// Reads HuBERT or wav2vec2 from a Hugging Face folder, as its `config.json` says; the weights

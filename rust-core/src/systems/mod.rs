@@ -1,3 +1,185 @@
-//! One folder per paper; systems never import each other.
+//! One folder per paper, and the registry of them; systems never import each other.
+//!
+//! A system is its folder, its `mod` line and its entry in [`SYSTEMS`]: take these away, and the rest
+//! compiles. `CONTRIBUTING.md` says how to add one.
 
 pub mod freetalk;
+
+mod slider;
+mod windows;
+
+use std::{path::Path, sync::Arc};
+
+use crate::{
+    Error, Result,
+    cache::Cache,
+    conditions::{Control, ControlStage, Controls, EmotionCurve, MotionRequest},
+    deform::{self, Deformer},
+    face::Face,
+    mesh,
+    models::BuiltIn,
+    motion::{self, Motion, MotionStream},
+    progress::ProgressFn,
+    rig,
+    speech::{self, Heard},
+};
+pub use slider::Slider;
+pub use windows::Windows;
+
+/// Every system, the default one first.
+pub static SYSTEMS: &[&Registration] = &[&freetalk::REGISTRATION];
+
+/// How a system is known before it is loaded.
+///
+/// ```
+/// use anyface::systems::{Registration, SYSTEMS};
+///
+/// let system = Registration::find(None)?;
+/// assert_eq!(system.name, SYSTEMS[0].name);
+/// for control in system.controls() {
+///     assert!((control.low..=control.high).contains(&control.default), "{}", control.name);
+/// }
+/// assert!(Registration::find(Some("shouting")).is_err());
+/// # Ok::<(), anyface::Error>(())
+/// ```
+pub struct Registration {
+    /// The word by which it is chosen.
+    pub name: &'static str,
+    /// Its name for people.
+    pub label: &'static str,
+    /// One sentence of help.
+    pub help: &'static str,
+    /// Its built-in models.
+    pub models: &'static [&'static BuiltIn],
+    /// The controls that it understands, in groups: those shared with others and its own.
+    pub controls: &'static [&'static [Control]],
+    /// Loads the built-in models, or those of a folder.
+    pub open: fn(Option<&Path>) -> Result<Box<dyn System>>,
+}
+
+impl Registration {
+    /// The system of this name; the default one for `None`.
+    ///
+    /// # Errors
+    /// `InvalidInput` for an unknown name.
+    pub fn find(name: Option<&str>) -> Result<&'static Registration> {
+        let mut systems = SYSTEMS.iter().copied();
+        let found = match name {
+            Some(name) => systems.find(|system| system.name == name),
+            None => systems.next(),
+        };
+        found.ok_or_else(|| {
+            let known: Vec<&str> = SYSTEMS.iter().map(|system| system.name).collect();
+            let (known, name) = (known.join(", "), name.unwrap_or_default());
+            Error::InvalidInput(format!("system: expected one of {known}, got {name:?}"))
+        })
+    }
+
+    /// All controls, in the order in which they are shown.
+    pub fn controls(&self) -> impl Iterator<Item = &'static Control> {
+        self.controls.iter().copied().flatten()
+    }
+
+    /// Controls of one stage.
+    pub fn controls_of(&self, stage: ControlStage) -> impl Iterator<Item = &'static Control> {
+        self.controls()
+            .filter(move |control| control.stage == stage)
+    }
+}
+
+/// Every model that is built in: those that serve all systems, then those of each system.
+pub fn built_in_models() -> impl Iterator<Item = &'static BuiltIn> {
+    let shared = [
+        &speech::COMPACT_MODEL,
+        &mesh::LANDMARK_MODEL,
+        &deform::static_weights::MODEL,
+        &motion::FACE_MODES_MODEL,
+        &rig::MODEL,
+    ];
+    let own = SYSTEMS
+        .iter()
+        .flat_map(|system| system.models.iter().copied());
+    shared.into_iter().chain(own)
+}
+
+/// Turns what was heard and asked into motion.
+///
+/// A performance has two halves: [`System::sample`] runs the networks, [`System::perform`] puts
+/// controls on the result and may be called again with others.
+pub trait System: Send + Sync {
+    /// Channels of the speech features that its models were trained with; `None` where any will do.
+    fn channels(&self) -> Option<usize> {
+        None
+    }
+
+    /// The motion as the models make it: `heard.frames(request.fps)` frames at `request.fps`.
+    ///
+    /// The controls of `request` were checked, and its emotion was heard in the voice where it asks
+    /// for that.
+    ///
+    /// # Errors
+    /// `InvalidInput` for an unknown style, `Cancelled`.
+    fn sample(
+        &self,
+        heard: &Heard,
+        request: &MotionRequest,
+        progress: ProgressFn<'_>,
+    ) -> Result<Motion>;
+
+    /// Puts the controls of `request` on what was sampled. Blinks come as often as under `urge`, which
+    /// is the request's own emotion unless only the strength of that is varied.
+    ///
+    /// # Errors
+    /// Those of the system.
+    fn perform(
+        &self,
+        sampled: &Motion,
+        heard: &Heard,
+        request: &MotionRequest,
+        urge: &EmotionCurve,
+    ) -> Result<Motion> {
+        let _ = (heard, request, urge);
+        Ok(sampled.clone())
+    }
+
+    /// Whether a face that is asked for with `controls` is worked on without a proxy.
+    fn works_on_every_vertex(&self, controls: &Controls) -> bool {
+        let _ = controls;
+        false
+    }
+
+    /// The system's own way to spread landmark motion over a face; `None` where that of
+    /// [`crate::deform`] serves.
+    ///
+    /// # Errors
+    /// Those of preparing it.
+    fn deformer(
+        &self,
+        face: &Face,
+        cache: &Cache,
+        progress: ProgressFn<'_>,
+    ) -> Result<Option<Arc<dyn Deformer>>> {
+        let _ = (face, cache, progress);
+        Ok(None)
+    }
+
+    /// Motion while somebody is speaking, where the system can do that.
+    fn stream(&self) -> Option<Box<dyn MotionStream>> {
+        None
+    }
+
+    /// Names of the speaking styles that its models know.
+    fn styles(&self) -> &[String] {
+        &[]
+    }
+
+    /// In which pieces it performs a long sound; `None` where it takes any length at once.
+    fn windows(&self) -> Option<Windows> {
+        None
+    }
+
+    /// What of a finished take may still be scaled without a new run.
+    fn sliders(&self) -> &'static [Slider] {
+        &[]
+    }
+}

@@ -110,7 +110,7 @@ fn requests_out_of_range_exit_with_3_before_any_work() {
         (["--fps", "nan"], "fps: expected 1 to 240"),
         (["--emotion", "joyful:1"], "expected one of neutral, happy"),
         (["--emotion", "happy:9"], "sum of at most"),
-        (["--threads", "0"], "threads: expected 1 or more"),
+        (["--threads", "0"], "threads: expected 1 to 256, got 0"),
         (
             ["--articulation", "3"],
             "articulation: expected 0 to 2, got 3",

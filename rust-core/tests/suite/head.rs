@@ -1,11 +1,12 @@
 //! The default head, and landmark motion to move it with.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, sync::LazyLock};
 
 use anyface::{
-    CachePolicy, Engine, EngineOptions, PreparedFace,
+    CachePolicy, Engine, EngineOptions, Face,
     mesh::{FaceOptions, LandmarkSource, Mesh, PartChoices},
     progress::SILENT,
+    spread::{Collector, FrameSink},
 };
 use ndarray::Array3;
 
@@ -27,6 +28,8 @@ pub fn landmarks() -> Points {
     }
 }
 
+static ENGINE: LazyLock<Engine> = LazyLock::new(engine);
+
 pub fn engine() -> Engine {
     Engine::new(EngineOptions {
         cache: CachePolicy::Off,
@@ -35,19 +38,21 @@ pub fn engine() -> Engine {
     .unwrap()
 }
 
-pub fn prepared(mesh: &Mesh, landmarks: &[[f32; 3]], parts: PartChoices) -> PreparedFace {
+pub fn prepared(mesh: &Mesh, landmarks: &[[f32; 3]], parts: PartChoices) -> Face {
     let options = FaceOptions {
         landmarks: Some(LandmarkSource::Positions(landmarks.to_vec())),
         parts,
         ..FaceOptions::default()
     };
-    engine().prepare(mesh, &options, SILENT).unwrap()
+    ENGINE.prepare(mesh, &options, SILENT).unwrap()
 }
 
 /// Displacements of one frame, `[V]`.
-pub fn moved(face: &PreparedFace, motion: &[[f32; 3]]) -> Points {
+pub fn moved(face: &Face, motion: &[[f32; 3]]) -> Points {
     let motion = Array3::from_shape_fn((1, 68, 3), |(_, n, i)| motion[n][i]);
-    let frame = face.deformer.deform(motion.view(), SILENT).unwrap();
+    let moved =
+        |sink: &mut dyn FrameSink| ENGINE.spread_own(face, motion.view(), 30.0, sink, SILENT);
+    let frame = Collector::collect(moved).unwrap().vertices.displacements;
     let rows = frame.index_axis(ndarray::Axis(0), 0);
     rows.outer_iter().map(|p| [p[0], p[1], p[2]]).collect()
 }

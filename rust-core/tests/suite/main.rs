@@ -7,5 +7,6 @@ mod imports;
 mod landmarks;
 mod parts;
 mod performance;
+mod runs;
 mod sliders;
 mod sources;

@@ -3,14 +3,14 @@
 use std::sync::LazyLock;
 
 use anyface::{
-    Error, PreparedFace,
+    Error, Face,
+    ibug::MIRROR,
     mesh::{
         FaceOptions, LandmarkSource, Mesh, ObjectNames, PartChoices, PartRole, PartSelector,
         RoleSource, SurfaceTree,
     },
     metrics::{RimCrossing, rim_crossing},
     progress::SILENT,
-    systems::freetalk::stm::MIRROR,
 };
 use ndarray::Array3;
 use proptest::prelude::*;
@@ -232,7 +232,7 @@ const LEFTWARD: [f64; 3] = [1.0, 0.0, 0.0];
 const UP: [f64; 3] = [0.0, 1.0, 0.0];
 
 /// Crossing of the mouth's rims, millimetres.
-fn mouth_crossing(face: &PreparedFace, rims: &Rims, motion: &[[f32; 3]]) -> RimCrossing {
+fn mouth_crossing(face: &Face, rims: &Rims, motion: &[[f32; 3]]) -> RimCrossing {
     let (mesh, got) = (head(), moved(face, motion));
     let clip = Array3::from_shape_fn((1, got.len(), 3), |(_, v, i)| {
         1000.0 * f64::from(mesh.positions[v][i] + got[v][i])
@@ -241,7 +241,7 @@ fn mouth_crossing(face: &PreparedFace, rims: &Rims, motion: &[[f32; 3]]) -> RimC
 }
 
 /// The default head and the rims of its mouth.
-static MOUTH: LazyLock<(PreparedFace, Rims)> = LazyLock::new(|| {
+static MOUTH: LazyLock<(Face, Rims)> = LazyLock::new(|| {
     let face = prepared(&head(), &landmarks(), PartChoices::default());
     let rims = rims(&[60, 61, 62, 63, 64], &[60, 67, 66, 65, 64], &opening());
     (face, rims)

@@ -9,12 +9,13 @@ use std::{
 use anyface::{
     CachePolicy, Engine, EngineOptions, MotionRequest,
     audio::Waveform,
-    conditions::EmotionCurve,
-    motion::PerformanceControls,
+    conditions::{ControlCurve, Controls, EmotionCurve},
+    mesh::PartChoices,
+    motion::{Motion, PerformanceControls},
     output::{LandmarkMotion, read_landmark_motion},
     progress::SILENT,
 };
-use ndarray::Array3;
+use ndarray::{Array3, Axis};
 use tempfile::TempDir;
 
 fn anyface(folder: &TempDir, line: &str) -> Output {
@@ -140,24 +141,49 @@ fn controls_need_no_new_sampling() {
     let waveform = Waveform {
         samples: babble(1.0, 16_000),
     };
-    let asked = |controls| MotionRequest {
+    let asked = |controls: PerformanceControls| MotionRequest {
         emotion: EmotionCurve::parse("sad:0.6").unwrap(),
         seed: 9,
-        controls,
+        controls: controls.into(),
         ..MotionRequest::default()
     };
-    let plain = asked(PerformanceControls::as_sampled());
-    let sampled = engine.sample(&waveform, &plain, SILENT).unwrap();
-    assert_eq!(engine.motion(&waveform, &plain, SILENT).unwrap(), sampled);
+    let run = |request: &MotionRequest| engine.perform(&waveform, request, SILENT).unwrap();
+    let plain = run(&asked(PerformanceControls::as_sampled()));
     let strong = asked(PerformanceControls {
         articulation: 1.4,
         smoothing_s: 0.02,
         blinks_per_minute: 60.0,
         ..PerformanceControls::default()
     });
-    let again = engine.perform(&sampled, &waveform, &strong).unwrap();
-    assert_eq!(engine.motion(&waveform, &strong, SILENT).unwrap(), again);
-    assert_ne!(again, sampled);
+    let again = engine.perform_again(&plain, &strong).unwrap();
+    assert_eq!(run(&strong).motion, again.motion);
+    assert_ne!(again.motion, plain.motion);
+}
+
+#[test]
+fn a_control_that_changes_over_time_is_the_run_of_its_value_where_it_stands() {
+    let engine = crate::head::engine();
+    let waveform = Waveform {
+        samples: babble(2.0, 16_000),
+    };
+    let run = |controls: Controls| {
+        let request = MotionRequest {
+            controls,
+            ..MotionRequest::default()
+        };
+        engine.perform(&waveform, &request, SILENT).unwrap().motion
+    };
+    let mut animated = Controls::default();
+    let keys = vec![(0.5, 0.5), (1.5, 1.5)];
+    animated.set_curve("articulation", ControlCurve { value: 1.0, keys });
+    let moved = run(animated);
+    let frame = |motion: &Motion, t: usize| motion.values().index_axis(Axis(0), t).to_owned();
+    for (t, value) in [(0, 0.5), (15, 0.5), (30, 1.0), (45, 1.5), (59, 1.5)] {
+        let constant = run(Controls::default().with("articulation", value));
+        assert_eq!(frame(&moved, t), frame(&constant, t), "frame {t}");
+    }
+    let (start, end) = (frame(&moved, 22), frame(&moved, 38));
+    assert_ne!(start, end);
 }
 
 #[test]
@@ -359,7 +385,23 @@ fn a_sound_without_samples_is_refused_in_words() {
             emotion,
             ..MotionRequest::default()
         };
-        let refused = engine.motion(&waveform, &request, SILENT).unwrap_err();
+        let refused = engine.perform(&waveform, &request, SILENT).err().unwrap();
         assert_eq!(refused.to_string(), "audio: expected sound, got no samples");
     }
+}
+
+#[test]
+fn shapes_come_from_the_models_of_the_engine() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("rig")).unwrap();
+    let engine = Engine::new(EngineOptions {
+        models: Some(folder.path().to_owned()),
+        cache: CachePolicy::Off,
+        ..EngineOptions::default()
+    })
+    .unwrap();
+    let (mesh, landmarks) = (crate::head::head(), crate::head::landmarks());
+    let face = crate::head::prepared(&mesh, &landmarks, PartChoices::default());
+    let refused = engine.rig(&face, SILENT).err().unwrap().to_string();
+    assert!(refused.contains("rig/model.safetensors"), "{refused}");
 }

@@ -1,16 +1,20 @@
 //! Sliders of a finished take against new runs with what they stand for.
 
 use anyface::{
-    Engine, MotionRequest, Performance, PreparedFace, Slider, SliderChange,
+    CachePolicy, Engine, Face, MotionRequest, Performance, SliderChange,
     audio::Waveform,
+    cache::Cache,
     conditions::EmotionCurve,
     deform::{
-        Deformer, VertexClip,
+        Deformer, StaticWeights, VertexClip,
         compression::{VertexBasis, compress},
+        static_deformer,
     },
     mesh::PartChoices,
-    motion::{MotionClip, PerformanceControls},
+    motion::{Motion, PerformanceControls},
     progress::SILENT,
+    spread::Collector,
+    systems::Slider,
 };
 use ndarray::{Array2, Array3, Axis};
 
@@ -30,7 +34,8 @@ fn request(emotion: &str) -> MotionRequest {
         controls: PerformanceControls {
             blinks_per_minute: 30.0,
             ..PerformanceControls::default()
-        },
+        }
+        .into(),
         ..MotionRequest::default()
     }
 }
@@ -38,7 +43,7 @@ fn request(emotion: &str) -> MotionRequest {
 /// A take of the default head with everything that its sliders need.
 struct Take {
     engine: Engine,
-    face: PreparedFace,
+    face: Face,
     performance: Performance,
     clip: VertexClip,
     basis: VertexBasis,
@@ -48,11 +53,8 @@ impl Take {
     fn new(request: &MotionRequest) -> Take {
         let engine = head::engine();
         let face = head::prepared(&head::head(), &head::landmarks(), PartChoices::default());
-        let performance = engine.performance(&voice(), request, SILENT).unwrap();
-        let clip = engine
-            .deform(&face, &performance.motion, SILENT)
-            .unwrap()
-            .vertices;
+        let performance = engine.perform(&voice(), request, SILENT).unwrap();
+        let clip = spread(&engine, &face, &performance.motion);
         let basis = compress(&clip, MAX_ERROR_M, 256, SILENT).unwrap();
         Take {
             engine,
@@ -72,18 +74,19 @@ impl Take {
     }
 
     /// Mean and largest distance, mm, of the take with changed weights from a motion of its own.
-    fn distance(&self, change: &Array2<f32>, motion: &MotionClip) -> (f32, f32) {
-        let truth = self
-            .engine
-            .deform(&self.face, motion, SILENT)
-            .unwrap()
-            .vertices;
+    fn distance(&self, change: &Array2<f32>, motion: &Motion) -> (f32, f32) {
+        let truth = spread(&self.engine, &self.face, motion);
         let basis = VertexBasis {
             weights: &self.basis.weights + change,
             ..self.basis.clone()
         };
         distance(&basis.displacements(), &truth.displacements)
     }
+}
+
+fn spread(engine: &Engine, face: &Face, motion: &Motion) -> VertexClip {
+    let made = Collector::collect(|sink| engine.spread(face, motion, sink, SILENT));
+    made.unwrap().vertices
 }
 
 fn distance(a: &Array3<f32>, b: &Array3<f32>) -> (f32, f32) {
@@ -104,15 +107,15 @@ fn of(changes: &[SliderChange], slider: Slider) -> &SliderChange {
 #[test]
 fn a_variation_is_the_run_that_it_stands_for() {
     let (engine, asked) = (head::engine(), request("happy:0.8"));
-    let performance = engine.performance(&voice(), &asked, SILENT).unwrap();
-    let run = |request: &MotionRequest| engine.motion(&voice(), request, SILENT).unwrap();
+    let performance = engine.perform(&voice(), &asked, SILENT).unwrap();
+    let run = |request: &MotionRequest| engine.perform(&voice(), request, SILENT).unwrap().motion;
     assert_eq!(performance.motion, run(&asked));
     let vary = |of: &Performance, slider, position| engine.varied(of, slider, position, SILENT);
     for (slider, position) in [(Slider::Articulation, 1.3), (Slider::Blinks, 0.0)] {
         let mut wanted = asked.clone();
         match slider {
-            Slider::Articulation => wanted.controls.articulation = position,
-            _ => wanted.controls.blinks_per_minute = position,
+            Slider::Articulation => wanted.controls.set("articulation", position),
+            _ => wanted.controls.set("blinks_per_minute", position),
         }
         assert_eq!(
             vary(&performance, slider, position).unwrap(),
@@ -122,8 +125,8 @@ fn a_variation_is_the_run_that_it_stands_for() {
     }
     // An emotion changes when the eyes blink; the slider does not.
     let mut unblinking = asked.clone();
-    unblinking.controls.blinks_per_minute = 0.0;
-    let performance = engine.performance(&voice(), &unblinking, SILENT).unwrap();
+    unblinking.controls.set("blinks_per_minute", 0.0);
+    let performance = engine.perform(&voice(), &unblinking, SILENT).unwrap();
     let wanted = MotionRequest {
         emotion: EmotionCurve::parse("happy:0.4").unwrap(),
         ..unblinking
@@ -230,7 +233,7 @@ fn blinks_change_the_frames_in_which_eyes_blink() {
     let change = of(&changes, Slider::Blinks).at(0.0);
     let mut blinking = 0;
     for (t, row) in change.outer_iter().enumerate() {
-        let frame = |motion: &MotionClip| motion.displacements.index_axis(Axis(0), t).to_owned();
+        let frame = |motion: &Motion| motion.values().index_axis(Axis(0), t).to_owned();
         let blinks = frame(&open) != frame(&take.performance.motion);
         assert_eq!(row.iter().any(|x| *x != 0.0), blinks, "frame {t}");
         blinking += usize::from(blinks);
@@ -251,20 +254,20 @@ fn what_has_nothing_to_move_has_no_slider() {
     assert_eq!(sliders(&request("neutral:1")), neutral);
     assert_eq!(sliders(&request("off")), [Slider::Articulation]);
     let mut silent = request("sad:1.5");
-    silent.controls.articulation = 0.0;
-    silent.controls.blinks_per_minute = 0.0;
+    silent.controls.set("articulation", 0.0);
+    silent.controls.set("blinks_per_minute", 0.0);
     assert_eq!(sliders(&silent), [Slider::Emotion]);
 }
 
 #[test]
 fn sliders_stop_where_their_controls_do() {
     let mut asked = request("happy:1.2");
-    asked.controls.articulation = 1.6;
-    let performance = head::engine()
-        .performance(&voice(), &asked, SILENT)
-        .unwrap();
-    assert_eq!(performance.knots(Slider::Articulation), [0.0, 1.25]);
-    assert_eq!(performance.knots(Slider::Emotion), [0.0, 0.5, 1.25]);
+    asked.controls.set("articulation", 1.6);
+    let engine = head::engine();
+    let performance = engine.perform(&voice(), &asked, SILENT).unwrap();
+    let knots = |slider| engine.knots(&performance, slider);
+    assert_eq!(knots(Slider::Articulation), [0.0, 1.25]);
+    assert_eq!(knots(Slider::Emotion), [0.0, 0.5, 1.25]);
 }
 
 #[test]
@@ -273,10 +276,16 @@ fn some_vertices_move_as_they_do_among_all() {
     let wanted: Vec<u32> = (0..take.clip.displacements.dim().1 as u32)
         .step_by(37)
         .collect();
-    let few = take.face.deformer.of_vertices(&wanted).unwrap();
+    let (weights, cache) = (
+        StaticWeights::open(None).unwrap(),
+        Cache::new(&CachePolicy::Off),
+    );
+    let deformer = static_deformer(&weights, &take.face, 1.0, &cache, SILENT).unwrap();
+    let few = deformer.of_vertices(&wanted).unwrap();
     assert!(wanted.iter().all(|v| few.vertices.binary_search(v).is_ok()));
     let landmarks = take.face.to_canonical;
-    let landmarks = landmarks.displacements_to_mesh(take.performance.motion.displacements.view());
+    let clip = take.performance.motion.landmarks().unwrap();
+    let landmarks = landmarks.displacements_to_mesh(clip.displacements.view());
     let moved = few.deformer.deform(landmarks.view(), SILENT).unwrap();
     let rows: Vec<usize> = few.vertices.iter().map(|&v| v as usize).collect();
     let all = take.clip.displacements.select(Axis(1), &rows);

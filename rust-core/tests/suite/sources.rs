@@ -52,7 +52,7 @@ fn faces_are_kept_when_cards_speech_or_command_change() {
     let root = copy();
     for name in [
         "models/landmarks/README.md",
-        "models/stm_static/README.md",
+        "models/static_weights/README.md",
         "models/ats_compact/model.safetensors",
         "src/speech/compact.rs",
         "src/cli/mod.rs",

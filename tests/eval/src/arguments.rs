@@ -41,7 +41,7 @@ impl SharedArgs {
     /// An engine with these weights.
     pub(super) fn engine(&self) -> Result<Engine> {
         Engine::new(EngineOptions {
-            weights: self.weights.clone(),
+            models: self.weights.clone(),
             speech: self.speech.clone(),
             cache: match self.no_cache {
                 true => CachePolicy::Off,

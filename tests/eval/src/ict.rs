@@ -6,7 +6,7 @@ use faer::{Mat, Side, prelude::Solve};
 use ndarray::Array2;
 
 use super::tensors::TensorFile;
-use anyface::{Error, Result, motion::LANDMARKS};
+use anyface::{Error, Result, ibug::LANDMARKS};
 
 const METRES_PER_CM: f64 = 0.01;
 /// Landmarks of the chin, which the jaw carries.

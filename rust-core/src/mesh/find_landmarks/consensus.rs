@@ -10,8 +10,8 @@ use super::{
     view::{Frame, Look, look},
 };
 use crate::{
+    ibug::LANDMARKS,
     mesh::{Similarity, canonical::stability, canonical_landmarks},
-    motion::LANDMARKS,
 };
 
 /// Angles of the views about the head's own vertical axis, as in training.

@@ -41,10 +41,15 @@ use super::{
     snap::snap_to_surface,
 };
 use crate::{
-    Error, Result, motion::LANDMARKS, nn::Weights, progress::ProgressFn, weights::ModelFiles,
+    Error, Result,
+    ibug::LANDMARKS,
+    models::{BuiltIn, built_in},
+    nn::Weights,
+    progress::ProgressFn,
 };
 
-const MODEL: &str = "landmarks";
+/// Its built-in weights.
+pub static MODEL: BuiltIn = built_in!("landmarks");
 
 /// Mean confidence below which the views saw no face.
 const LEAST_CONFIDENCE: f32 = 0.42;
@@ -116,7 +121,7 @@ impl LandmarkFinder {
     /// `Io` if one of the model's two files is missing, `Weights` if one is damaged or does not
     /// fit the other, or `folder` does not exist.
     pub fn load(folder: Option<&Path>) -> Result<LandmarkFinder> {
-        let files = ModelFiles::open(MODEL, folder)?;
+        let files = MODEL.open(folder)?;
         let weights = Weights::from_bytes(&files.weights)?;
         let config = Config::parse(&files.config)?;
         Ok(LandmarkFinder {
@@ -342,9 +347,9 @@ mod tests {
     #[test]
     fn a_truncated_model_in_a_folder_is_a_weights_error() {
         let folder = tempfile::tempdir().unwrap();
-        let model = folder.path().join(MODEL);
+        let model = folder.path().join(MODEL.name);
         std::fs::create_dir(&model).unwrap();
-        let files = ModelFiles::open(MODEL, None).unwrap();
+        let files = MODEL.open(None).unwrap();
         std::fs::write(model.join("config.json"), files.config.as_bytes()).unwrap();
         let missing = LandmarkFinder::load(Some(folder.path()));
         assert!(matches!(missing, Err(Error::Io { .. })));

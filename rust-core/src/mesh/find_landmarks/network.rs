@@ -6,7 +6,7 @@
 
 use crate::{
     Result,
-    motion::LANDMARKS,
+    ibug::LANDMARKS,
     nn::{
         Weights,
         conv2d::{Conv2d, Picture},

@@ -10,7 +10,7 @@ use faer::{
     linalg::solvers::{DenseSolveCore, Solve},
 };
 
-use crate::{Error, Result, mesh::canonical_landmarks, motion::LANDMARKS, nn::Weights};
+use crate::{Error, Result, ibug::LANDMARKS, mesh::canonical_landmarks, nn::Weights};
 
 /// Deviation and reach of what the modes leave over, metres.
 const LOCAL_M: f64 = 0.0022;
@@ -145,7 +145,7 @@ pub(super) mod tests {
 
     /// The embedded prior.
     pub fn embedded() -> ShapePrior {
-        let files = crate::weights::ModelFiles::open("landmarks", None).unwrap();
+        let files = super::super::MODEL.open(None).unwrap();
         let weights = Weights::from_bytes(&files.weights).unwrap();
         let config = super::super::Config::parse(&files.config).unwrap();
         ShapePrior::load(&weights.pp("prior"), config.prior_modes).unwrap()

@@ -6,8 +6,8 @@ use super::{
 };
 use crate::{
     Error, Result,
+    ibug::LANDMARKS,
     mesh::{Axis, Mesh, Similarity},
-    motion::LANDMARKS,
 };
 
 /// A mesh turned so that it should face +z with +y up, its box centred and of size one.

@@ -23,7 +23,7 @@ fn affect(emotion: &str) -> Array2<f32> {
 
 /// An emotion with a jaw that opens and closes three times a second, lips that round, brows that
 /// wander; at every closing the lips press by up to 0.4 mm.
-fn talking(modes: &FaceModes, emotion: &str) -> MotionClip {
+fn talking(modes: &FaceModes, emotion: &str) -> LandmarkClip {
     let mut displacements = modes.emotion(affect(emotion).view(), FPS);
     let names = ["jawOpen", "mouthPucker", "browInnerUp_L", "mouthClose"];
     let shapes = names.map(|name| modes.mode(name).unwrap());
@@ -40,7 +40,7 @@ fn talking(modes: &FaceModes, emotion: &str) -> MotionClip {
             }
         }
     }
-    MotionClip {
+    LandmarkClip {
         displacements,
         fps: FPS,
     }
@@ -68,7 +68,7 @@ fn silence() -> Prosody {
     })
 }
 
-fn performed(clip: &MotionClip, emotion: &str, controls: PerformanceControls) -> Array3<f32> {
+fn performed(clip: &LandmarkClip, emotion: &str, controls: PerformanceControls) -> Array3<f32> {
     let (affect, prosody) = (affect(emotion), speech());
     let cues = Cues {
         affect: affect.view(),
@@ -299,7 +299,7 @@ fn silence_has_blinks_and_no_accents() {
         prosody: &prosody,
         seed: 1,
     };
-    let still = MotionClip {
+    let still = LandmarkClip {
         displacements: Array3::zeros((FRAMES, 68, 3)),
         fps: FPS,
     };
@@ -372,7 +372,7 @@ fn odd_lengths_and_rates_are_fine() {
             ..Default::default()
         };
         let made = modes
-            .perform(&MotionClip { displacements, fps }, &cues, &controls)
+            .perform(&LandmarkClip { displacements, fps }, &cues, &controls)
             .unwrap();
         assert_eq!(made.displacements.dim(), (frames, 68, 3));
         assert!(made.displacements.iter().all(|x| x.is_finite()));

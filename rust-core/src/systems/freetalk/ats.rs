@@ -15,7 +15,7 @@ use crate::{
     Error, Result,
     conditions::EMOTIONS,
     diffusion::{Schedule, Spacing},
-    motion::LANDMARKS,
+    ibug::LANDMARKS,
     nn::{
         Weights,
         attention::KeysValues,
@@ -26,6 +26,7 @@ use crate::{
         timestep::timestep_embedding,
         transformer::{DecoderLayer, DecoderShape, NormOrder},
     },
+    systems::Windows,
 };
 
 /// Epsilon of PyTorch's `nn.LayerNorm`.
@@ -112,6 +113,15 @@ impl AtsConfig {
     pub fn closes_lips(&self, style: Option<&str>) -> bool {
         let style = style.unwrap_or(&self.default_style);
         self.closing_styles.iter().any(|name| name == style)
+    }
+
+    /// In which pieces a long clip is sampled.
+    pub fn windows(&self) -> Windows {
+        Windows {
+            fps: self.fps,
+            frames: self.window_frames,
+            overlap: self.overlap_frames,
+        }
     }
 
     /// Reads and checks `config.json`.

@@ -4,5 +4,7 @@ pub mod ats;
 mod sampling;
 pub mod stm;
 pub mod stream;
+mod system;
 
-pub use sampling::{AtsRequest, windows};
+pub use sampling::AtsRequest;
+pub use system::{ATS_MODEL, FreeTalk, REGISTRATION, STREAM_MODEL};

@@ -82,7 +82,7 @@ impl Ats {
         let frames = request.speech.nrows();
         let mut total = Array2::zeros((frames, config.motion_channels()));
         let mut weight = vec![0.0f32; frames];
-        let windows = windows(frames, config.window_frames, config.overlap_frames);
+        let windows = config.windows().of(frames);
         for (index, rows) in windows.iter().enumerate() {
             let part = |index: usize| index as f32 / windows.len() as f32;
             let take = |x: ArrayView2<'_, f32>| x.slice_axis(Axis(0), slice(rows)).to_owned();
@@ -139,26 +139,6 @@ impl Ats {
 
 fn slice(rows: &Range<usize>) -> Slice {
     Slice::from(rows.clone())
-}
-
-/// The windows in which a clip of `frames` frames is sampled: one every `window − overlap` frames,
-/// the last one flush with the end. A clip no longer than `window` is one window, an empty clip none.
-///
-/// # Panics
-/// If `overlap` is not below `window` and the clip is longer than one window.
-pub fn windows(frames: usize, window: usize, overlap: usize) -> Vec<Range<usize>> {
-    match frames {
-        0 => Vec::new(),
-        _ if frames <= window => vec![Range {
-            start: 0,
-            end: frames,
-        }],
-        _ => (0..frames - window)
-            .step_by(window - overlap)
-            .chain([frames - window])
-            .map(|start| start..start + window)
-            .collect(),
-    }
 }
 
 /// Weight of frame `t` in a window: rises and falls over the overlap, 1 at the clip's own ends.

@@ -8,7 +8,7 @@
 //! Guaranteed: frame `t` depends on samples below `640 t + look_ahead_samples` alone, and is the same
 //! bit for bit however the samples were cut into pushes, because every layer takes one frame at a
 //! time. State is bounded; only samples that were pushed and not yet pulled as frames pile up.
-//! Not guaranteed: equality with [`crate::Engine::motion`], which hears the whole sound.
+//! Not guaranteed: equality with [`crate::Engine::perform`], which hears the whole sound.
 
 mod config;
 mod layers;
@@ -18,13 +18,11 @@ mod tests;
 
 use std::{collections::VecDeque, sync::Arc};
 
-use ndarray::Array3;
-
 use crate::{
     Error, Result,
-    audio::Waveform,
-    conditions::{Emotion, EmotionCurve},
-    motion::{LANDMARKS, MotionClip},
+    conditions::Emotion,
+    ibug::LANDMARKS,
+    motion::{LandmarkFrame, MotionStream},
     nn::{Weights, elementwise::silu_all, linear::Linear, norm::LayerNorm},
     speech::{BANDS, FRAME, HOP, MelAnalyser},
 };
@@ -97,34 +95,6 @@ impl StreamModel {
         &self.config
     }
 
-    /// The offline causal result: a stream that gets the whole sound at once.
-    ///
-    /// Returns a clip at 25 fps with one frame for every started 1/25 s.
-    ///
-    /// # Errors
-    /// `Audio` for samples that are not finite; those of [`MotionStream::set_emotion`].
-    pub fn motion(
-        self: &Arc<Self>,
-        waveform: &Waveform,
-        emotion: &EmotionCurve,
-    ) -> Result<MotionClip> {
-        let mut stream = MotionStream::new(Arc::clone(self));
-        stream.push(&waveform.samples)?;
-        stream.finish()?;
-        let fps = self.config.fps;
-        let mut values = Vec::new();
-        loop {
-            stream.set_emotion(&emotion.at(stream.next_frame() as f64 / fps))?;
-            match stream.pull() {
-                Some(frame) => values.extend_from_slice(frame.displacements.as_flattened()),
-                None => break,
-            }
-        }
-        let shape = (values.len() / DIMS, LANDMARKS, 3);
-        let displacements = Array3::from_shape_vec(shape, values).expect("whole frames");
-        Ok(MotionClip { displacements, fps })
-    }
-
     /// What an emotion adds to every frame, `[C]`.
     fn feeling(&self, emotion: &Emotion) -> Vec<f32> {
         let strengths: Vec<f32> = emotion.mixture[1..]
@@ -140,34 +110,8 @@ impl StreamModel {
     }
 }
 
-/// The face at one instant.
-#[derive(Debug, Clone, PartialEq)]
-pub struct MotionFrame {
-    /// Number of the frame; it stands at `index / 25` seconds of the sound.
-    pub index: usize,
-    /// `[68][3]`, displacement from the neutral face in canonical metres.
-    pub displacements: [[f32; 3]; LANDMARKS],
-}
-
 /// A performance in progress: push samples, pull frames.
-///
-/// ```
-/// # use anyface::{Engine, EngineOptions, StreamOptions};
-/// # let engine = Engine::new(EngineOptions::default())?;
-/// let mut stream = engine.stream(&StreamOptions::default())?;
-/// let mut frames = 0;
-/// for chunk in [0.0f32; 16_000].chunks(160) {
-///     stream.push(chunk)?;
-///     while let Some(frame) = stream.pull() {
-///         assert_eq!(frame.index, frames);
-///         frames += 1;
-///     }
-/// }
-/// stream.finish()?;
-/// assert_eq!(frames + stream.drain().len(), 25);
-/// # Ok::<(), anyface::Error>(())
-/// ```
-pub struct MotionStream {
+pub struct CausalStream {
     model: Arc<StreamModel>,
     analyser: MelAnalyser,
     normaliser: RunningNormaliser,
@@ -187,12 +131,12 @@ pub struct MotionStream {
     row: Vec<f32>,
 }
 
-impl MotionStream {
+impl CausalStream {
     /// A neutral face before any sound.
     pub fn new(model: Arc<StreamModel>) -> Self {
         let states = |blocks: &[CausalBlock]| blocks.iter().map(CausalBlock::state).collect();
         let emotion = Emotion::default();
-        MotionStream {
+        CausalStream {
             analyser: MelAnalyser::new(),
             normaliser: RunningNormaliser::new(&model.config.normaliser),
             stem: model.stem.state(),
@@ -209,96 +153,6 @@ impl MotionStream {
             row: vec![0.0; model.config.channels],
             model,
         }
-    }
-
-    /// Takes samples: mono, 16 kHz, nominally in [−1, 1]. They are only kept; [`Self::pull`] works.
-    ///
-    /// # Errors
-    /// `InvalidInput` after [`Self::finish`]; `Audio` for samples that are not finite, none of which
-    /// is then taken.
-    pub fn push(&mut self, samples: &[f32]) -> Result<()> {
-        self.check_open("push")?;
-        if let Some(at) = samples.iter().position(|x| !x.is_finite()) {
-            let count = samples.iter().filter(|x| !x.is_finite()).count();
-            return Err(Error::Audio(format!(
-                "expected finite samples, got {count} of {} that are NaN or infinite, the first at {at}",
-                samples.len()
-            )));
-        }
-        let limited = samples.iter().map(|x| x.clamp(-LOUDEST, LOUDEST));
-        self.samples.extend(limited);
-        self.pushed += samples.len() as u64;
-        Ok(())
-    }
-
-    /// The next frame, if enough sound has arrived.
-    ///
-    /// That is so [`Self::latency_s`] after the frame's own instant, or after [`Self::finish`].
-    pub fn pull(&mut self) -> Option<MotionFrame> {
-        if self.total.is_some_and(|total| self.next_frame >= total) {
-            return None;
-        }
-        loop {
-            let mut mel = self.next_mel()?;
-            self.normaliser.hear(&mut mel);
-            if self.listen(&mel).is_some() {
-                return Some(self.perform());
-            }
-        }
-    }
-
-    /// All frames that are ready.
-    pub fn drain(&mut self) -> Vec<MotionFrame> {
-        std::iter::from_fn(|| self.pull()).collect()
-    }
-
-    /// Ends the sound: silence follows, and every frame that began can be pulled.
-    ///
-    /// There is one frame for every started 1/25 s, none where nothing was pushed.
-    ///
-    /// # Errors
-    /// `InvalidInput` if the stream was finished before.
-    pub fn finish(&mut self) -> Result<()> {
-        self.check_open("finish")?;
-        let frame = SAMPLES_PER_FRAME as u64;
-        self.total = Some(self.pushed.div_ceil(frame) as usize);
-        let silence = self.model.config.look_ahead_samples() + FRAME;
-        self.samples.extend(std::iter::repeat_n(0.0, silence));
-        Ok(())
-    }
-
-    /// Emotion from the next frame on, that is the one that the next pull returns.
-    ///
-    /// # Errors
-    /// `InvalidInput` for shares or an intensity that are not finite; the emotion stays as it was.
-    pub fn set_emotion(&mut self, emotion: &Emotion) -> Result<()> {
-        if *emotion == self.emotion {
-            return Ok(());
-        }
-        let mut values = emotion.mixture.iter().chain([&emotion.intensity]);
-        if let Some(value) = values.find(|value| !value.is_finite()) {
-            return Err(Error::InvalidInput(format!(
-                "emotion: expected finite numbers, got {value}"
-            )));
-        }
-        self.feeling = self.model.feeling(emotion);
-        self.emotion = *emotion;
-        Ok(())
-    }
-
-    /// Seconds of sound after a frame's own instant that it waits for; at most 0.2.
-    pub fn latency_s(&self) -> f64 {
-        self.model.config.look_ahead_s()
-    }
-
-    /// Number of the frame that the next pull returns.
-    pub fn next_frame(&self) -> usize {
-        self.next_frame
-    }
-
-    /// Whether the sound was ended by [`Self::finish`].
-    pub fn is_finished(&self) -> bool {
-        self.total.is_some()
     }
 
     fn check_open(&self, what: &str) -> Result<()> {
@@ -337,7 +191,7 @@ impl MotionStream {
     }
 
     /// Turns what was heard into a frame, with the emotion of now.
-    fn perform(&mut self) -> MotionFrame {
+    fn perform(&mut self) -> LandmarkFrame {
         let model = &self.model;
         for (x, feeling) in self.row.iter_mut().zip(&self.feeling) {
             *x += feeling;
@@ -352,9 +206,75 @@ impl MotionStream {
         }
         let index = self.next_frame;
         self.next_frame += 1;
-        MotionFrame {
+        LandmarkFrame {
             index,
             displacements,
         }
+    }
+}
+
+impl MotionStream for CausalStream {
+    fn push(&mut self, samples: &[f32]) -> Result<()> {
+        self.check_open("push")?;
+        if let Some(at) = samples.iter().position(|x| !x.is_finite()) {
+            let count = samples.iter().filter(|x| !x.is_finite()).count();
+            return Err(Error::Audio(format!(
+                "expected finite samples, got {count} of {} that are NaN or infinite, the first at {at}",
+                samples.len()
+            )));
+        }
+        let limited = samples.iter().map(|x| x.clamp(-LOUDEST, LOUDEST));
+        self.samples.extend(limited);
+        self.pushed += samples.len() as u64;
+        Ok(())
+    }
+
+    fn pull(&mut self) -> Option<LandmarkFrame> {
+        if self.total.is_some_and(|total| self.next_frame >= total) {
+            return None;
+        }
+        loop {
+            let mut mel = self.next_mel()?;
+            self.normaliser.hear(&mut mel);
+            if self.listen(&mel).is_some() {
+                return Some(self.perform());
+            }
+        }
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        self.check_open("finish")?;
+        let frame = SAMPLES_PER_FRAME as u64;
+        self.total = Some(self.pushed.div_ceil(frame) as usize);
+        let silence = self.model.config.look_ahead_samples() + FRAME;
+        self.samples.extend(std::iter::repeat_n(0.0, silence));
+        Ok(())
+    }
+
+    fn set_emotion(&mut self, emotion: &Emotion) -> Result<()> {
+        if *emotion == self.emotion {
+            return Ok(());
+        }
+        let mut values = emotion.mixture.iter().chain([&emotion.intensity]);
+        if let Some(value) = values.find(|value| !value.is_finite()) {
+            return Err(Error::InvalidInput(format!(
+                "emotion: expected finite numbers, got {value}"
+            )));
+        }
+        self.feeling = self.model.feeling(emotion);
+        self.emotion = *emotion;
+        Ok(())
+    }
+
+    fn latency_s(&self) -> f64 {
+        self.model.config.look_ahead_s()
+    }
+
+    fn next_frame(&self) -> usize {
+        self.next_frame
+    }
+
+    fn fps(&self) -> f64 {
+        self.model.config.fps
     }
 }

@@ -1,18 +1,17 @@
 //! The stages in the order in which a mesh and a sound meet them.
 
-use ndarray::Array3;
-
 use super::Clock;
 use crate::arguments::SharedArgs;
 use anyface::{
     MotionRequest, Result,
     audio::Waveform,
     deform::{PartList, Plate, PlateWeights, Skin},
+    ibug::LANDMARKS,
     mesh::{self, FaceOptions, LandmarkSource, Mesh},
-    motion::LANDMARKS,
     operators::{HeatGeodesics, OperatorOptions, Operators, SparseCholesky},
-    output::{ClipShape, LandmarkTrack, write_frames},
+    output::write_animation,
     progress::SILENT,
+    spread::{Animation, Collector},
 };
 
 /// Multiply-adds of a vertex and frame besides those with the 68 landmarks: three axes of the
@@ -30,7 +29,7 @@ pub(super) fn run(
     let engine = clock.time("load", None, || shared.engine())?;
     let request = MotionRequest::default();
     let motion = clock.time("speech and denoiser", None, || {
-        engine.motion(waveform, &request, SILENT)
+        engine.perform(waveform, &request, SILENT)
     })?;
     let landmarks = clock.time("landmark search", None, || {
         mesh::locate_landmarks(mesh, options)
@@ -43,15 +42,13 @@ pub(super) fn run(
     let face = clock.time("prepare, landmarks given", None, || {
         engine.prepare(mesh, &known, SILENT)
     })?;
-    let landmarks = face
-        .to_canonical
-        .displacements_to_mesh(motion.displacements.view());
-    let (frames, vertices) = (landmarks.dim().0, mesh.positions.len());
+    let motion = &motion.motion;
+    let (frames, vertices) = (motion.frames(), mesh.positions.len());
     let products = frames * vertices * (3 * LANDMARKS + CROSS);
     let moved = clock.time("frame product", Some(2e-9 * products as f64), || {
-        face.deformer.deform(landmarks.view(), SILENT)
+        Collector::collect(|sink| engine.spread(&face, motion, sink, SILENT))
     })?;
-    writing(clock, mesh, &moved, &landmarks)?;
+    writing(clock, mesh, &moved)?;
     Ok(frames)
 }
 
@@ -104,28 +101,11 @@ fn solving(
     Ok(())
 }
 
-fn writing(
-    clock: &mut Clock,
-    mesh: &Mesh,
-    moved: &Array3<f32>,
-    landmarks: &Array3<f32>,
-) -> Result<()> {
+fn writing(clock: &mut Clock, mesh: &Mesh, moved: &Animation) -> Result<()> {
     let folder = tempfile::tempdir().map_err(anyface::Error::io(std::env::temp_dir()))?;
-    let shape = ClipShape {
-        frames: moved.dim().0,
-        vertices: moved.dim().1,
-        fps: 30.0,
-    };
-    let neutral = [[0.0; 3]; LANDMARKS];
-    let track = LandmarkTrack {
-        neutral: &neutral,
-        displacements: landmarks.view(),
-    };
     for (name, file) in [("write npz", "o.npz"), ("write pc2", "o.pc2")] {
         let path = folder.path().join(file);
-        clock.time(name, None, || {
-            write_frames(&path, &shape, mesh, &track, |sink| sink(moved.view()))
-        })?;
+        clock.time(name, None, || write_animation(&path, moved, mesh))?;
     }
     Ok(())
 }

@@ -15,6 +15,7 @@ use anyface::{
     },
     metrics::quantile,
     progress::SILENT,
+    spread::Collector,
 };
 
 /// Vertices that each triangulation comes down to; the finest is the mesh cut in four as often as
@@ -39,7 +40,7 @@ pub(super) fn measure(
     options: &FaceOptions,
 ) -> Result<Spread> {
     let engine = shared.engine()?;
-    let motion = engine.motion(waveform, &MotionRequest::default(), SILENT)?;
+    let performance = engine.perform(waveform, &MotionRequest::default(), SILENT)?;
     let landmarks = mesh::locate_landmarks(mesh, options)?;
     let (meshes, common) = triangulations(mesh);
     let known = FaceOptions {
@@ -51,10 +52,9 @@ pub(super) fn measure(
     for (mesh, shared_vertices) in meshes.iter().zip(&common) {
         let face = engine.prepare(mesh, &known, SILENT)?;
         to_mm = 1000.0 * face.to_canonical.scale as f32;
-        let moved = engine
-            .deform(&face, &motion, SILENT)?
-            .vertices
-            .displacements;
+        let motion = &performance.motion;
+        let made = Collector::collect(|sink| engine.spread(&face, motion, sink, SILENT))?;
+        let moved = made.vertices.displacements;
         results.push(at(&moved, shared_vertices));
     }
     let mut pairs = Vec::new();

@@ -4,7 +4,7 @@ use ndarray::{ArrayView2, ArrayView3, Axis};
 
 use super::Truth;
 use crate::pictures::raster::{Picture, Scene};
-use anyface::{PreparedFace, mesh::Mesh};
+use anyface::{Face, mesh::Mesh};
 
 const CELL: (usize, usize) = (150, 180);
 const GAP: usize = 3;
@@ -22,7 +22,7 @@ const MARK: isize = 1;
 
 pub(super) struct Cells<'a> {
     pub mesh: &'a Mesh,
-    pub face: &'a PreparedFace,
+    pub face: &'a Face,
 }
 
 impl Cells<'_> {

@@ -23,10 +23,12 @@ use crate::{
     pictures::Album,
 };
 use anyface::{
-    Engine, Error, PreparedFace, Result,
-    motion::{LANDMARKS, MotionClip},
+    Engine, Error, Face, Result,
+    ibug::LANDMARKS,
+    motion::{LandmarkClip, Motion},
     output::write_atomically,
     progress::SILENT,
+    spread::Collector,
 };
 
 /// Make a page that shows meshes with their landmarks, four frames and an error map
@@ -127,7 +129,7 @@ impl Gallery {
 }
 
 /// `[E, 68, 3]` canonical metres: ICT's landmarks in each expression.
-fn motion(ict: &IctLandmarks) -> Result<MotionClip> {
+fn motion(ict: &IctLandmarks) -> Result<LandmarkClip> {
     let mut displacements = Array3::zeros((EXPRESSIONS.len(), LANDMARKS, 3));
     for (e, expression) in EXPRESSIONS.iter().enumerate() {
         for channel in expression.channels {
@@ -137,13 +139,13 @@ fn motion(ict: &IctLandmarks) -> Result<MotionClip> {
                 .scaled_add(expression.strength, &mode);
         }
     }
-    Ok(MotionClip {
+    Ok(LandmarkClip {
         displacements,
         fps: 1.0,
     })
 }
 
-fn show(engine: &Engine, album: &Album, subject: &Subject, motion: &MotionClip) -> Result<Shown> {
+fn show(engine: &Engine, album: &Album, subject: &Subject, motion: &LandmarkClip) -> Result<Shown> {
     let mut shown = Shown {
         title: subject.title.clone(),
         vertices: subject.mesh.positions.len(),
@@ -195,19 +197,23 @@ fn show(engine: &Engine, album: &Album, subject: &Subject, motion: &MotionClip) 
 fn frames(
     engine: &Engine,
     subject: &Subject,
-    face: &PreparedFace,
-    motion: &MotionClip,
+    face: &Face,
+    motion: &LandmarkClip,
 ) -> Result<Array3<f32>> {
     let Some(truth) = &subject.truth else {
-        return Ok(engine.deform(face, motion, SILENT)?.vertices.displacements);
+        let motion = Motion::Landmarks(motion.clone());
+        let made = Collector::collect(|sink| engine.spread(face, &motion, sink, SILENT))?;
+        return Ok(made.vertices.displacements);
     };
     let rows = truth.landmarks.map(|v| v as usize);
     let own = truth.displacements.select(Axis(1), &rows);
-    face.deformer.deform(own.view(), SILENT)
+    let own = own.view();
+    let made = Collector::collect(|sink| engine.spread_own(face, own, 1.0, sink, SILENT))?;
+    Ok(made.vertices.displacements)
 }
 
 /// Median distance of the landmarks from the true ones, millimetres.
-fn landmark_error(subject: &Subject, face: &PreparedFace, truth: &Truth) -> f32 {
+fn landmark_error(subject: &Subject, face: &Face, truth: &Truth) -> f32 {
     let mut distances: Vec<f32> = (0..LANDMARKS)
         .map(|n| {
             let own = subject.mesh.positions[truth.landmarks[n] as usize];

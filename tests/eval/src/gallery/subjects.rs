@@ -9,8 +9,8 @@ use crate::tensors::TensorFile;
 use anyface::{
     Error, Result,
     diffusion::frame_noise,
+    ibug::LANDMARKS,
     mesh::{FaceOptions, LandmarkSource, Mesh},
-    motion::LANDMARKS,
 };
 
 /// Seed of the identity, which no training drew.

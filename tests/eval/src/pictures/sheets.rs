@@ -9,10 +9,11 @@ use super::{
     raster::{Picture, Scene},
 };
 use anyface::{
-    Engine, Error, PreparedFace, Result,
+    Engine, Error, Face, Result,
     mesh::{FaceOptions, LandmarkSource, Mesh},
-    motion::MotionClip,
+    motion::{LandmarkClip, Motion},
     progress::SILENT,
+    spread::{Collector, FrameSink},
 };
 
 const CELL: (usize, usize) = (112, 132);
@@ -36,7 +37,7 @@ pub(crate) struct Row {
 /// A prepared head with its colours.
 pub(crate) struct Head {
     mesh: Mesh,
-    face: PreparedFace,
+    face: Face,
     /// `[F]`, linear.
     colours: Vec<[f32; 3]>,
     centre: [f32; 2],
@@ -76,11 +77,13 @@ impl Head {
 
     /// A picture for each frame of `[T, 68, 3]` canonical metres.
     fn frames(&self, engine: &Engine, motion: &Array3<f64>) -> Result<Vec<Picture>> {
-        let motion = MotionClip {
+        let motion = LandmarkClip {
             displacements: motion.mapv(|x| x as f32),
             fps: 1.0,
         };
-        let made = engine.deform(&self.face, &motion, SILENT)?;
+        let motion = Motion::Landmarks(motion);
+        let spread = |sink: &mut dyn FrameSink| engine.spread(&self.face, &motion, sink, SILENT);
+        let made = Collector::collect(spread)?;
         let frames = made.vertices.displacements;
         Ok(frames.axis_iter(Axis(0)).map(|f| self.draw(f)).collect())
     }

@@ -10,7 +10,7 @@ use serde::Deserialize;
 
 use super::clip::{Clip, Corpus};
 use crate::ict::IctLandmarks;
-use anyface::{Error, Result, audio::Waveform, motion::LANDMARKS};
+use anyface::{Error, Result, audio::Waveform, ibug::LANDMARKS};
 
 /// Frame rate at which speech without recorded motion is performed.
 const FPS: f64 = 25.0;

@@ -11,8 +11,8 @@ use super::{
 };
 use anyface::{
     Result,
+    ibug::LANDMARKS,
     metrics::{self, Closure, closures, quantile},
-    motion::LANDMARKS,
 };
 
 /// A gap below this share of the clip's 95 % quantile is shut.

@@ -12,7 +12,7 @@ use super::{
 use anyface::{
     Result,
     conditions::{EMOTIONS, Emotion},
-    motion::LANDMARKS,
+    ibug::LANDMARKS,
 };
 
 /// Clips of each half of the separability test.

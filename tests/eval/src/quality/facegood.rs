@@ -8,7 +8,7 @@ use ndarray::{Array2, Array3, Axis, Slice};
 
 use super::clip::{Clip, Corpus, cut};
 use crate::ict::IctLandmarks;
-use anyface::{Error, Result, audio::Waveform, motion::LANDMARKS};
+use anyface::{Error, Result, audio::Waveform, ibug::LANDMARKS};
 
 const FPS: f64 = 30.0;
 /// The split counts frames at this rate.

@@ -12,7 +12,7 @@ use ndarray::{Array2, Array3, ArrayView2, Axis, Slice};
 use super::clip::{Clip, Corpus, cut};
 use crate::{ict::IctLandmarks, tensors::TensorFile};
 use anyface::{
-    Error, Result, audio::Waveform, mesh::Similarity, metrics::quantile, motion::LANDMARKS,
+    Error, Result, audio::Waveform, ibug::LANDMARKS, mesh::Similarity, metrics::quantile,
 };
 
 const FPS: f64 = 25.0;

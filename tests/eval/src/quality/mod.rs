@@ -39,12 +39,7 @@ use crate::{
     ict::IctLandmarks,
     pictures::Album,
 };
-use anyface::{
-    Error, Result,
-    output::write_atomically,
-    systems::freetalk::ats::AtsConfig,
-    weights::{BUILT_IN, ModelFiles},
-};
+use anyface::{Error, Result, output::write_atomically, systems::built_in_models};
 use baselines::Baselines;
 use bootstrap::number;
 use clip::Corpus;
@@ -53,8 +48,6 @@ use measures::MEASURES;
 use predictors::{Asked, Performed};
 use scores::{ClipScores, Scores, scores};
 use speaker::{Speaker, Wish};
-
-const ATS_MODEL: &str = "ats_compact";
 
 /// Measure the model on recorded motion that training never saw, beside baselines
 #[derive(Args)]
@@ -143,10 +136,9 @@ impl Quality {
             engine: shared.engine()?,
         };
         let weights = shared.weights.as_deref();
-        let config = AtsConfig::from_json(&ModelFiles::open(ATS_MODEL, weights)?.config)?;
         let data = self.data.folder()?;
         let ict = IctLandmarks::read(&data)?;
-        let performed = self.perform(&speaker, &config, (&data, &ict), console)?;
+        let performed = self.perform(&speaker, (&data, &ict), console)?;
         let recorded = performed.iter().filter(|p| p.corpus.recorded);
         let sources: Vec<SourceScores> = recorded.map(|p| score(p, &ict)).collect::<Result<_>>()?;
         let table: String = sources.iter().map(table).collect();
@@ -155,7 +147,7 @@ impl Quality {
             return Ok(());
         };
         let hashes = hashes(weights)?;
-        let results = self.measure((&speaker, &config), &performed, (sources, hashes), console)?;
+        let results = self.measure(&speaker, &performed, (sources, hashes), console)?;
         self.write(path, &results, &performed, &speaker)?;
         console.value(&results, &format!("{table}\n{}", path.display()));
         Ok(())
@@ -174,7 +166,6 @@ impl Quality {
     fn perform(
         &self,
         speaker: &Speaker,
-        config: &AtsConfig,
         (data, ict): (&Path, &IctLandmarks),
         console: &Console,
     ) -> Result<Vec<Performed>> {
@@ -191,7 +182,7 @@ impl Quality {
         let asked = Asked {
             speaker,
             wish: &wish,
-            styles: &config.styles,
+            styles: speaker.engine.styles(),
             also: self.also.as_deref(),
         };
         let count = corpora.len() as f32;
@@ -206,7 +197,7 @@ impl Quality {
     /// What a report holds beside the scores of the sources.
     fn measure(
         &self,
-        (speaker, config): (&Speaker, &AtsConfig),
+        speaker: &Speaker,
         performed: &[Performed],
         (sources, weights): (Vec<SourceScores>, Vec<WeightsHash>),
         console: &Console,
@@ -237,7 +228,7 @@ impl Quality {
             separability,
             intensity,
             seeds,
-            seams: seams::measure(speaker, &wish, config, clips)?,
+            seams: seams::measure(speaker, &wish, clips)?,
             steps: steps.concat(),
             timing: timing::measure(speaker, &wish, clips, self.long)?,
         })
@@ -268,8 +259,8 @@ impl Quality {
 
 /// Of every model as `weights` overrides it.
 fn hashes(weights: Option<&Path>) -> Result<Vec<WeightsHash>> {
-    let models = BUILT_IN.iter().map(|model| {
-        let files = ModelFiles::open(model.name, weights)?;
+    let models = built_in_models().map(|model| {
+        let files = model.open(weights)?;
         let hash = blake3::hash(&files.weights).to_hex();
         Ok(WeightsHash {
             name: model.name.into(),

@@ -9,7 +9,7 @@ use super::{
     clip::{Clip, Corpus},
     speaker::{Speaker, Wish, fitted},
 };
-use anyface::{Error, Result, motion::MotionClip, output::read_landmark_motion};
+use anyface::{Error, Result, motion::LandmarkClip, output::read_landmark_motion};
 
 /// Name of the model in its default style.
 pub(super) const MODEL: &str = "model";
@@ -163,7 +163,7 @@ fn from_file(path: &Path, clip: &Clip) -> Result<Array3<f64>> {
             "expected canonical metres, got landmarks_neutral in mesh units",
         ));
     }
-    let motion = MotionClip {
+    let motion = LandmarkClip {
         fps: file.fps.unwrap_or(clip.fps),
         displacements: file.displacements,
     };
@@ -178,7 +178,7 @@ fn from_file(path: &Path, clip: &Clip) -> Result<Array3<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use anyface::{audio::Waveform, motion::LANDMARKS, output::write_motion};
+    use anyface::{audio::Waveform, ibug::LANDMARKS, output::write_motion};
     use ndarray::Array2;
 
     fn clip(name: &str) -> Clip {
@@ -201,7 +201,7 @@ mod tests {
     #[test]
     fn files_are_read_where_they_are_there() {
         let folder = tempfile::tempdir().unwrap();
-        let motion = MotionClip {
+        let motion = LandmarkClip {
             displacements: ndarray::Array3::from_elem((60, LANDMARKS, 3), 0.25),
             fps: 50.0,
         };

@@ -17,9 +17,9 @@ use super::{
 use anyface::{
     Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
+    ibug::LANDMARKS,
     metrics::{rms_accelerations, rms_speeds, root_mean_square},
-    motion::LANDMARKS,
-    systems::freetalk::{ats::AtsConfig, windows},
+    systems::Windows,
 };
 
 /// Length of the sound, seconds.
@@ -53,17 +53,19 @@ struct Seam {
 pub(super) fn measure(
     speaker: &Speaker,
     wish: &Wish,
-    config: &AtsConfig,
     clips: &[Clip],
 ) -> Result<Option<SeamScores>> {
-    let fps = config.fps;
+    let Some(windows) = speaker.engine.windows() else {
+        return Ok(None);
+    };
+    let fps = windows.fps;
     let sound = in_a_row(clips, fps);
-    let stride = config.window_frames - config.overlap_frames;
+    let stride = windows.frames - windows.overlap;
     let delay = stride / 2;
     let frames = (sound.duration_s() * fps).round() as usize;
     let plain = speaker.perform(&sound, fps, wish)?;
     let late = speaker.perform(&delayed(&sound, delay as f64 / fps), fps, wish)?;
-    let meet = |frames: usize| seams(frames, config.window_frames, config.overlap_frames);
+    let meet = |frames: usize| seams(windows, frames);
     let moved = meet(frames + delay).into_iter();
     let moved = moved.filter_map(|r| Some(r.start.checked_sub(delay)?..r.end - delay));
     let moved: Vec<Range<usize>> = moved.collect();
@@ -81,8 +83,8 @@ pub(super) fn measure(
     };
     Ok((!found.is_empty()).then(|| SeamScores {
         seconds: sound.duration_s(),
-        window_frames: config.window_frames,
-        overlap_frames: config.overlap_frames,
+        window_frames: windows.frames,
+        overlap_frames: windows.overlap,
         seams: found.len(),
         speed: ratio(|s| s.others, 0),
         acceleration: ratio(|s| s.others, 1),
@@ -111,10 +113,12 @@ fn delayed(sound: &Waveform, by_s: f64) -> Waveform {
 }
 
 /// Frames that two windows share.
-fn seams(frames: usize, window: usize, overlap: usize) -> Vec<Range<usize>> {
-    let windows = windows(frames, window, overlap);
-    let pairs = windows.windows(2);
-    pairs.map(|pair| pair[1].start..pair[0].end).collect()
+fn seams(windows: Windows, frames: usize) -> Vec<Range<usize>> {
+    let windows = windows.of(frames);
+    windows
+        .windows(2)
+        .map(|pair| pair[1].start..pair[0].end)
+        .collect()
 }
 
 /// Speed and acceleration of all landmarks at every frame.
@@ -166,9 +170,14 @@ mod tests {
 
     #[test]
     fn seams_are_where_windows_overlap() {
-        assert_eq!(seams(28, 12, 4), [8..12, 16..20]);
-        assert_eq!(seams(26, 12, 4), [8..12, 14..20]);
-        assert!(seams(12, 12, 4).is_empty());
+        let windows = Windows {
+            fps: 25.0,
+            frames: 12,
+            overlap: 4,
+        };
+        assert_eq!(seams(windows, 28), [8..12, 16..20]);
+        assert_eq!(seams(windows, 26), [8..12, 14..20]);
+        assert!(seams(windows, 12).is_empty());
     }
 
     #[test]

@@ -11,8 +11,8 @@ use super::{
 };
 use anyface::{
     Result,
+    ibug::LANDMARKS,
     metrics::{pearson, seed_deviation},
-    motion::LANDMARKS,
 };
 
 /// Performances of each clip.

@@ -12,8 +12,8 @@ use super::{
 use anyface::{
     Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
+    ibug::LANDMARKS,
     metrics::{self, quantile, rms_speeds, root_mean_square},
-    motion::LANDMARKS,
 };
 
 /// Shorter pauses do not count, seconds.

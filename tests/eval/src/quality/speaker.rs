@@ -6,8 +6,8 @@ use super::clip::Clip;
 use anyface::{
     Engine, Error, MotionRequest, Result,
     audio::Waveform,
-    conditions::{Emotion, EmotionCurve},
-    motion::PerformanceControls,
+    conditions::{Controls, Emotion, EmotionCurve},
+    motion::{Motion, PerformanceControls},
     progress::SILENT,
 };
 
@@ -35,16 +35,19 @@ impl Speaker {
         fps: f64,
         wish: &Wish,
     ) -> Result<Array3<f64>> {
+        let mut controls = Controls::from(PerformanceControls::as_sampled());
+        if let Some(steps) = wish.steps {
+            controls.set("steps", steps as f32);
+        }
         let request = MotionRequest {
             emotion: EmotionCurve::Constant(wish.emotion),
             fps,
             seed: wish.seed,
-            steps: wish.steps,
             style: wish.style.clone(),
-            controls: PerformanceControls::as_sampled(),
+            controls,
         };
-        let motion = self.engine.motion(waveform, &request, SILENT)?;
-        Ok(motion.displacements.mapv(f64::from))
+        let performance = self.engine.perform(waveform, &request, SILENT)?;
+        landmarks(performance.motion)
     }
 
     /// Motion for a clip's sound, as long as the clip.
@@ -52,6 +55,17 @@ impl Speaker {
         let made = self.perform(&clip.waveform, clip.fps, wish)?;
         fitted(made, clip.frames())
             .ok_or_else(|| Error::InvalidInput(format!("{}: no frame was made", clip.name)))
+    }
+}
+
+/// `[T, 68, 3]` metres.
+fn landmarks(motion: Motion) -> Result<Array3<f64>> {
+    match motion {
+        Motion::Landmarks(clip) => Ok(clip.displacements.mapv(f64::from)),
+        other => Err(Error::InvalidInput(format!(
+            "system: expected one that moves landmarks, got {}",
+            other.kind()
+        ))),
     }
 }
 

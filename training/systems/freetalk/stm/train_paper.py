@@ -18,7 +18,7 @@ from training.corpus.prepared import PreparedMesh
 from training.deform.surface import surface_operators, vertex_normals
 from training.nn.diffusion_net import SurfaceOperators
 from training.systems.freetalk.stm.paper import PaperConfig, PaperDecoder
-from training.systems.freetalk.stm.static_weights import FLIP, MIRROR
+from training.deform.static_weights import FLIP, MIRROR
 
 FRAMES = 4
 

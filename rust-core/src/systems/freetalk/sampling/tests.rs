@@ -1,6 +1,7 @@
 //! The denoiser and its sampler against their PyTorch twins.
 
 use super::*;
+use crate::systems::Windows;
 use crate::{
     nn::{
         Weights,
@@ -126,7 +127,12 @@ fn windows_cover_every_frame_with_some_weight() {
         (500, 32, 0),
     ] {
         let mut weight = vec![0.0; frames];
-        for rows in windows(frames, window, overlap) {
+        let windows = Windows {
+            fps: 25.0,
+            frames: window,
+            overlap,
+        };
+        for rows in windows.of(frames) {
             assert!(rows.len() <= window);
             for t in rows.clone() {
                 weight[t] += ramp(t, &rows, frames, overlap);
@@ -134,7 +140,12 @@ fn windows_cover_every_frame_with_some_weight() {
         }
         assert!(weight.iter().all(|w| *w > 0.0), "{frames} {weight:?}");
     }
-    assert!(windows(0, 32, 8).is_empty());
+    let none = Windows {
+        fps: 25.0,
+        frames: 32,
+        overlap: 8,
+    };
+    assert!(none.of(0).is_empty());
 }
 
 #[test]

@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     Error, Result,
-    motion::LANDMARKS,
+    ibug::LANDMARKS,
     nn::{
         Weights,
         diffusion_net::{DiffusionNet, DiffusionNetShape},

@@ -2,14 +2,16 @@
 
 use std::sync::Arc;
 
-use ndarray::{Array3, ArrayView3, Axis, s};
+use ndarray::{Array2, Array3, ArrayView3, Axis, s};
 
 use super::paper::{MeshFeatures, PaperDecoder};
 use crate::{
     Error, Result,
-    deform::{Deformer, LandmarkWeights},
+    cache::Cache,
+    deform::{Corrected, Deformer, LandmarkWeights, SolvedSkin, binding::Follows},
+    face::{Face, FaceSurface},
+    ibug::LANDMARKS,
     mesh::Similarity,
-    motion::LANDMARKS,
     nn::surface::Surface,
     progress::{ProgressFn, report},
 };
@@ -19,15 +21,48 @@ const FRAMES_PER_REPORT: usize = 8;
 
 /// FreeTalk's decoder on one mesh; runs the network for every frame.
 pub struct PaperFace {
-    pub(super) decoder: Arc<PaperDecoder>,
-    pub(super) features: MeshFeatures,
+    decoder: Arc<PaperDecoder>,
+    features: MeshFeatures,
     /// Of the skin, decimetres.
-    pub(super) surface: Surface,
+    surface: Surface,
     /// What the decoder adds to: the plate where the config says so, else nothing.
-    pub(super) base: LandmarkWeights,
+    base: LandmarkWeights,
     /// `[V]`, the rows of the skin that each vertex follows, and by which shares.
-    pub(super) follows: Vec<[(u32, f32); 3]>,
-    pub(super) to_canonical: Similarity,
+    follows: Vec<[(u32, f32); 3]>,
+    to_canonical: Similarity,
+}
+
+/// Prepares the decoder for one face: operators and eigenbasis of the skin (kept in `cache`) and the
+/// features of the neutral mesh. Units and axes are the mesh's own. Every vertex of the skin is worked
+/// on: the face has no proxy.
+///
+/// # Errors
+/// `Mesh` if the landmarks lie on no usable face, `Numerics` if a solve fails, `Weights` if the
+/// decoder asks for unknown inputs, `Cancelled`.
+pub fn prepare_paper(
+    decoder: Arc<PaperDecoder>,
+    face: &Face,
+    cache: &Cache,
+    progress: ProgressFn<'_>,
+) -> Result<Corrected<PaperFace>> {
+    let solved = SolvedSkin::new(face, cache, progress)?;
+    let config = decoder.config();
+    let base = solved.weights(config.base, None, 0.0);
+    let operators = &solved.surface.skin.operators;
+    let surface = operators.surface(config.eigenpairs, 10.0, cache)?;
+    report(progress, "weights", 0.9)?;
+    let inputs = vertex_inputs(solved.surface, config.inputs)?;
+    let features = decoder.encode(inputs, &surface);
+    report(progress, "weights", 1.0)?;
+    let follows = rows_followed(solved.surface);
+    Ok(solved.corrected(PaperFace {
+        decoder,
+        features,
+        surface,
+        base,
+        follows,
+        to_canonical: face.to_canonical,
+    }))
 }
 
 impl Deformer for PaperFace {
@@ -89,4 +124,47 @@ impl PaperFace {
         let metres = decimetres * 0.1;
         self.to_canonical.displacements_to_mesh(metres.view())
     }
+}
+
+/// Position, normal and, with 278 inputs, offset from and distance to each landmark. `[R, C]`.
+fn vertex_inputs(face: &FaceSurface, inputs: usize) -> Result<Array2<f32>> {
+    const RELATED: usize = 6 + 4 * LANDMARKS;
+    if inputs != 6 && inputs != RELATED {
+        return Err(Error::Weights(format!(
+            "stm_paper config.json: inputs: expected 6 or {RELATED}, got {inputs}"
+        )));
+    }
+    let (positions, landmarks) = face.decimetres();
+    let frames = face.skin.operators.tangent_frames();
+    let mut out = Array2::zeros((positions.len(), inputs));
+    for (v, mut row) in out.rows_mut().into_iter().enumerate() {
+        for axis in 0..3 {
+            row[axis] = positions[v][axis];
+            row[3 + axis] = frames[v][2][axis] as f32;
+        }
+        for n in 0..(inputs - 6) / 4 {
+            let offset: [f32; 3] = std::array::from_fn(|i| positions[v][i] - landmarks[n][i]);
+            for axis in 0..3 {
+                row[6 + 3 * n + axis] = offset[axis];
+            }
+            row[6 + 3 * LANDMARKS + n] = offset.iter().map(|x| x * x).sum::<f32>().sqrt();
+        }
+    }
+    Ok(out)
+}
+
+/// `[V]`, the rows of the skin that each vertex follows, and by which shares. For a skin without
+/// a proxy.
+fn rows_followed(face: &FaceSurface) -> Vec<[(u32, f32); 3]> {
+    let row = |(skin, share): (u32, f32)| match face.skin.spread.row(skin).next() {
+        Some((row, _)) => (row, share),
+        None => (0, 0.0),
+    };
+    let follows = face.follows.iter();
+    follows
+        .map(|follows| match *follows {
+            Follows::Skin(corners) => corners.map(row),
+            _ => [(0, 0.0); 3],
+        })
+        .collect()
 }

@@ -4,7 +4,7 @@ use crate::{
     Error, Result,
     audio::SAMPLE_RATE_HZ,
     conditions::EMOTIONS,
-    motion::LANDMARKS,
+    ibug::LANDMARKS,
     speech::{BANDS, FRAME, HOP},
 };
 

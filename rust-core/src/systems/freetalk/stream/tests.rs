@@ -7,9 +7,12 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::{
+    audio::Waveform,
+    conditions::EmotionCurve,
+    motion::stream_whole,
     nn::golden::{Golden, distance},
     speech::log_mel,
-    weights::ModelFiles,
+    systems::freetalk::STREAM_MODEL,
 };
 
 const TOLERANCE: f32 = 1e-4;
@@ -22,12 +25,12 @@ fn golden() -> (Golden, Arc<StreamModel>) {
 }
 
 fn built_in() -> Arc<StreamModel> {
-    let files = ModelFiles::open("stream", None).unwrap();
+    let files = STREAM_MODEL.open(None).unwrap();
     Arc::new(StreamModel::load(&files.weights, &files.config).unwrap())
 }
 
-fn stream() -> MotionStream {
-    MotionStream::new(golden().1)
+fn stream() -> CausalStream {
+    CausalStream::new(golden().1)
 }
 
 /// A voice-like sound that swells and fades.
@@ -41,8 +44,8 @@ fn hum(samples: usize) -> Vec<f32> {
     (0..samples).map(sample).collect()
 }
 
-fn all_at_once(model: &Arc<StreamModel>, samples: &[f32]) -> Vec<MotionFrame> {
-    let mut stream = MotionStream::new(Arc::clone(model));
+fn all_at_once(model: &Arc<StreamModel>, samples: &[f32]) -> Vec<LandmarkFrame> {
+    let mut stream = CausalStream::new(Arc::clone(model));
     stream.push(samples).unwrap();
     stream.finish().unwrap();
     stream.drain()
@@ -59,7 +62,7 @@ fn emotion_of(row: &[f32]) -> Emotion {
 fn motion_equals_the_golden_of_python() {
     let (golden, model) = golden();
     let affect = golden.matrix("affect");
-    let mut stream = MotionStream::new(model);
+    let mut stream = CausalStream::new(model);
     stream.push(&golden.values("input")).unwrap();
     stream.finish().unwrap();
     let mut got = Vec::new();
@@ -104,7 +107,7 @@ proptest! {
         let samples = hum(length);
         let whole = all_at_once(&model, &samples);
         prop_assert_eq!(whole.len(), length.div_ceil(640));
-        let mut stream = MotionStream::new(model);
+        let mut stream = CausalStream::new(model);
         let (mut frames, mut rest) = (Vec::new(), &samples[..]);
         for (turn, size) in sizes.iter().cycle().enumerate() {
             let (now, later) = rest.split_at((*size).min(rest.len()));
@@ -127,7 +130,7 @@ proptest! {
 fn samples_one_by_one_and_all_at_once_give_the_same_bits_with_the_built_in_weights() {
     let model = built_in();
     let samples = hum(16_000);
-    let mut stream = MotionStream::new(Arc::clone(&model));
+    let mut stream = CausalStream::new(Arc::clone(&model));
     let mut frames = Vec::new();
     for sample in &samples {
         stream.push(&[*sample]).unwrap();
@@ -231,7 +234,7 @@ fn a_stream_without_sound_has_no_frames() {
 fn samples_that_are_not_finite_are_refused_and_leave_no_trace() {
     let (_, model) = golden();
     let samples = hum(5_000);
-    let mut stream = MotionStream::new(Arc::clone(&model));
+    let mut stream = CausalStream::new(Arc::clone(&model));
     stream.push(&samples).unwrap();
     for bad in [f32::NAN, f32::INFINITY] {
         let message = stream.push(&[0.0, bad]).unwrap_err().to_string();
@@ -264,7 +267,7 @@ fn emotion_acts_on_the_next_frame_and_on_none_before() {
     let model = built_in();
     let samples = hum(16_000);
     let neutral = all_at_once(&model, &samples);
-    let mut stream = MotionStream::new(Arc::clone(&model));
+    let mut stream = CausalStream::new(Arc::clone(&model));
     stream.push(&samples).unwrap();
     stream.finish().unwrap();
     let mut frames: Vec<_> = (0..10).filter_map(|_| stream.pull()).collect();
@@ -289,8 +292,9 @@ fn offline_motion_follows_the_emotion_curve_bit_for_bit() {
     };
     let angry = Emotion::parse("angry:1").unwrap();
     let curve = EmotionCurve::Keys(vec![(0.1, Emotion::default()), (0.4, angry)]);
-    let clip = model.motion(&waveform, &curve).unwrap();
-    let mut stream = MotionStream::new(model);
+    let mut whole = CausalStream::new(Arc::clone(&model));
+    let clip = stream_whole(&mut whole, &waveform.samples, &curve).unwrap();
+    let mut stream = CausalStream::new(model);
     let mut frames = Vec::new();
     for chunk in waveform.samples.chunks(160) {
         stream.push(chunk).unwrap();
@@ -323,7 +327,7 @@ fn offline_motion_follows_the_emotion_curve_bit_for_bit() {
 
 #[test]
 fn a_look_ahead_of_more_than_200_ms_is_refused() {
-    let files = ModelFiles::open("stream", None).unwrap();
+    let files = STREAM_MODEL.open(None).unwrap();
     let mut config: serde_json::Value = serde_json::from_str(&files.config).unwrap();
     config["listen"][0]["dilation"] = 2.into();
     let message = StreamConfig::from_json(&config.to_string())

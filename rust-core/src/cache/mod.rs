@@ -13,8 +13,11 @@ use std::{
     time::{Duration, SystemTime},
 };
 
-use super::arrays::Arrays;
-use crate::{CachePolicy, Result};
+mod arrays;
+
+pub use arrays::{Arrays, Values};
+
+use crate::Result;
 
 /// First bytes of every entry; the digit is the version of the layout.
 const MAGIC: &[u8; 8] = b"anyface1";
@@ -23,6 +26,17 @@ const UNFINISHED: &str = "part";
 
 /// Size beyond which the least recently used entries go.
 pub const DEFAULT_MAX_BYTES: u64 = 2 << 30;
+
+/// Where per-mesh work is kept between runs.
+#[derive(Debug, Clone, PartialEq)]
+pub enum CachePolicy {
+    /// Nothing is read or written.
+    Off,
+    /// The user's cache folder.
+    UserFolder,
+    /// This folder.
+    Folder(PathBuf),
+}
 
 /// Names an entry by all that its content depends on.
 ///

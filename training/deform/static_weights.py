@@ -1,6 +1,6 @@
 """The default decoder: per-vertex weights over the 68 landmarks, fixed for a mesh.
 
-Mirrors `rust-core/src/systems/freetalk/stm/static_weights.rs`, attribute name for layer name.
+Mirrors `rust-core/src/deform/static_weights.rs`, attribute name for layer name.
 
     dV = W dL + alpha f (A dL + B C dL)
 

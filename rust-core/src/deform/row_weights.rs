@@ -3,11 +3,11 @@
 use ndarray::{Array2, ArrayViewMut1};
 use rayon::prelude::*;
 
-use super::Correction;
+use super::static_weights::Correction;
 use crate::{
     deform::{LandmarkWeights, PlateWeights},
+    ibug::LANDMARKS,
     mesh::Similarity,
-    motion::LANDMARKS,
 };
 
 const COORDINATES: usize = 3 * LANDMARKS;

@@ -12,7 +12,7 @@ from safetensors.torch import save_file
 
 from training.corpus.faces import canonical_landmarks
 from training.deform import tension_screened_biharmonic as plate
-from training.systems.freetalk.stm.static_weights import (
+from training.deform.static_weights import (
     CONFIGS,
     StaticWeights,
     VertexGeometry,
@@ -40,7 +40,7 @@ def procedural_face(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, n
 
 
 def write(out: Path, shared: Path) -> Path:
-    """Writes `stm_static_debug.safetensors`: the mesh (canonical metres), `base` [V, N],
+    """Writes `static_weights_debug.safetensors`: the mesh (canonical metres), `base` [V, N],
     `remoteness` [V], `weights.*`, `landmark_motion` [T, N, 3] m and `output` [T, V, 3] m."""
     rng = np.random.default_rng(4)
     torch.manual_seed(4)
@@ -78,13 +78,13 @@ def write(out: Path, shared: Path) -> Path:
         "landmark_motion": motion,
         "output": output,
     }
-    path = out / "stm_static_debug.safetensors"
+    path = out / "static_weights_debug.safetensors"
     save_file(
         {k: v.contiguous() for k, v in tensors.items()},
         path,
         metadata={
             "config": json.dumps(asdict(CONFIGS["debug"])),
-            "source": "python -m training.goldens stm_static; random weights, seed 4, procedural mesh",
+            "source": "python -m training.goldens static_weights; random weights, seed 4, procedural mesh",
             "tolerance": "1e-4 absolute for base and output, relative for remoteness",
         },
     )

@@ -11,7 +11,7 @@ use crate::{error::Failure, pointer, status::AnyfaceStatus};
 /// # Safety
 /// The type is `repr(C)`, its first field is `struct_size: usize`, and every pattern of bytes is a
 /// valid value of it (numbers and raw pointers only).
-pub(crate) unsafe trait Growing: Sized {
+pub(crate) unsafe trait Versioned: Sized {
     /// For messages.
     const NAME: &'static str;
     /// Length in the first published header.
@@ -24,7 +24,7 @@ pub(crate) unsafe trait Growing: Sized {
 ///
 /// # Safety
 /// `options` is NULL or points to a struct of as many bytes as its first field says.
-pub(crate) unsafe fn read<T: Growing>(options: *const T) -> Result<T, Failure> {
+pub(crate) unsafe fn read<T: Versioned>(options: *const T) -> Result<T, Failure> {
     let mut known = T::defaults();
     if options.is_null() {
         return Ok(known);
@@ -59,7 +59,19 @@ pub(crate) unsafe fn read<T: Growing>(options: *const T) -> Result<T, Failure> {
 ///
 /// # Safety
 /// `options` is NULL or valid for writes of `struct_size` bytes.
-pub(crate) unsafe fn init<T: Growing>(options: *mut T, struct_size: usize) -> AnyfaceStatus {
+pub(crate) unsafe fn init<T: Versioned>(options: *mut T, struct_size: usize) -> AnyfaceStatus {
+    unsafe { write(T::defaults(), options, struct_size) }
+}
+
+/// Writes `known` into the caller's struct of `struct_size` bytes.
+///
+/// # Safety
+/// As [`init`].
+pub(crate) unsafe fn write<T: Versioned>(
+    known: T,
+    options: *mut T,
+    struct_size: usize,
+) -> AnyfaceStatus {
     if options.is_null() {
         return AnyfaceStatus::NullPointer;
     }
@@ -67,7 +79,6 @@ pub(crate) unsafe fn init<T: Growing>(options: *mut T, struct_size: usize) -> An
     if struct_size < T::FIRST_SIZE || struct_size > ours + 4096 || !options.is_aligned() {
         return AnyfaceStatus::InvalidInput;
     }
-    let known = T::defaults();
     let to = options.cast::<u8>();
     unsafe {
         to.write_bytes(0, struct_size);
@@ -95,7 +106,7 @@ mod tests {
         seed: u64,
     }
 
-    unsafe impl Growing for First {
+    unsafe impl Versioned for First {
         const NAME: &'static str = "test_options";
         const FIRST_SIZE: usize = size_of::<First>();
         fn defaults() -> Self {
@@ -106,7 +117,7 @@ mod tests {
         }
     }
 
-    unsafe impl Growing for Second {
+    unsafe impl Versioned for Second {
         const NAME: &'static str = "test_options";
         const FIRST_SIZE: usize = size_of::<First>();
         fn defaults() -> Self {

@@ -1,6 +1,6 @@
 //! The default decoder: per-vertex weights over the 68 landmarks, fixed for a mesh.
 //!
-//! Twin of `training/systems/freetalk/stm/static_weights.py`.
+//! Twin of `training/deform/static_weights.py`.
 //!
 //! `ΔV = W ΔL + α f (A ΔL + B C ΔL)`
 //!
@@ -13,15 +13,21 @@
 //!
 //! Lengths are decimetres in the canonical frame.
 
+use std::path::Path;
+
 use ndarray::{Array1, Array2, ArrayViewMut1, s};
 use serde::Deserialize;
 
+use super::PlateWeights;
 use crate::{
     Error, Result,
-    deform::PlateWeights,
-    motion::LANDMARKS,
+    ibug::{LANDMARKS, MIRROR},
+    models::{BuiltIn, built_in},
     nn::{Weights, elementwise::silu_all, linear::Linear},
 };
+
+/// Its built-in weights.
+pub static MODEL: BuiltIn = built_in!("static_weights");
 
 /// Outputs of the network are multiplied by this, so that training starts near zero.
 const CORRECTION_SCALE: f32 = 0.1;
@@ -37,13 +43,6 @@ const SHAPE_NOISE_DM: f32 = 0.007;
 /// Position, offset from and distance to each landmark, plate weights, nearness.
 const FEATURES: usize = 3 + 3 * LANDMARKS + LANDMARKS + LANDMARKS + 1;
 const COORDINATES: usize = 3 * LANDMARKS;
-
-/// For each landmark the one on the other side of the face.
-pub const MIRROR: [usize; LANDMARKS] = [
-    16, 15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0, 26, 25, 24, 23, 22, 21, 20, 19, 18,
-    17, 27, 28, 29, 30, 35, 34, 33, 32, 31, 45, 44, 43, 42, 47, 46, 39, 38, 37, 36, 41, 40, 54, 53,
-    52, 51, 50, 49, 48, 59, 58, 57, 56, 55, 64, 63, 62, 61, 60, 67, 66, 65,
-];
 
 /// Sizes of the network, as `config.json` states them.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -103,8 +102,17 @@ impl StaticWeights {
     /// `Weights` if either is damaged or they do not fit each other.
     pub fn load(weights: &[u8], config: &str) -> Result<Self> {
         let config = serde_json::from_str(config)
-            .map_err(|e| Error::Weights(format!("stm_static: config.json: {e}")))?;
+            .map_err(|e| Error::Weights(format!("{}/config.json: {e}", MODEL.name)))?;
         Self::new(config, &Weights::from_bytes(weights)?)
+    }
+
+    /// The built-in weights, or those of `folder`.
+    ///
+    /// # Errors
+    /// Those of [`BuiltIn::open`] and [`Self::load`].
+    pub fn open(folder: Option<&Path>) -> Result<Self> {
+        let files = MODEL.open(folder)?;
+        Self::load(&files.weights, &files.config)
     }
 
     /// From weights already read.
@@ -265,25 +273,15 @@ fn relate(row: &mut ArrayViewMut1<'_, f32>, position: [f32; 3], landmarks: &[[f3
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{nn::golden::Golden, weights::ModelFiles};
+    use crate::nn::golden::Golden;
 
     fn three(values: &[f32]) -> Vec<[f32; 3]> {
         values.chunks(3).map(|p| [p[0], p[1], p[2]]).collect()
     }
 
     #[test]
-    fn mirror_is_its_own_inverse_and_keeps_the_midline() {
-        for n in 0..LANDMARKS {
-            assert_eq!(MIRROR[MIRROR[n]], n);
-        }
-        for n in [8, 27, 30, 33, 51, 57, 62, 66] {
-            assert_eq!(MIRROR[n], n);
-        }
-    }
-
-    #[test]
     fn weights_and_correction_match_the_python_twin() {
-        let golden = Golden::open("stm_static_debug");
+        let golden = Golden::open("static_weights_debug");
         let config: StaticConfig = serde_json::from_str(&golden.metadata("config")).unwrap();
         let model = StaticWeights::new(config, &golden.weights()).unwrap();
         let positions: Vec<_> = three(&golden.values("vertices"))
@@ -339,7 +337,7 @@ mod tests {
 
     #[test]
     fn embedded_weights_load_and_damaged_ones_do_not() {
-        let files = ModelFiles::open("stm_static", None).unwrap();
+        let files = MODEL.open(None).unwrap();
         let (bytes, config) = (&files.weights[..], &files.config);
         assert!(StaticWeights::load(bytes, config).is_ok());
         let half = StaticWeights::load(&bytes[..bytes.len() / 2], config);

@@ -1,0 +1,457 @@
+//! What a caller knows of a mesh, and how it wants its face to be worked on.
+
+use std::{ffi::c_char, ptr::null};
+
+use anyface::{
+    ibug::LANDMARKS,
+    mesh::{
+        Axis, FaceOptions, FixedLandmark, LandmarkPlace, LandmarkSource, ObjectNames, PartChoices,
+        PartRole, PartSelector,
+    },
+};
+
+use crate::{
+    controls::{self, AnyfaceControlSetting},
+    error::Failure,
+    pointer,
+    status::AnyfaceStatus,
+    versioned_options::{self, Versioned},
+};
+
+/// An axis of the mesh's own frame; for `AnyfaceFaceOptions`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AnyfaceAxis {
+    /// +x
+    PosX = 0,
+    /// -x
+    NegX = 1,
+    /// +y
+    PosY = 2,
+    /// -y
+    NegY = 3,
+    /// +z
+    PosZ = 4,
+    /// -z
+    NegZ = 5,
+}
+
+/// What a connected part of the mesh is and follows; for `AnyfaceFaceOptions` and
+/// `anyface_face_copy_parts()`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AnyfacePartRole {
+    /// The face itself.
+    Skin = 0,
+    /// Follows the lower jaw as a rigid body: lower teeth, lower gums, tongue.
+    Jaw = 1,
+    /// Follows the skull: upper teeth, upper gums, glasses, hair.
+    Skull = 2,
+    /// Holds both jaws: gums with a tongue, the mouth's lining.
+    Mouth = 3,
+    /// Follows the skin nearest to its roots: lashes, brows, beards.
+    Nearest = 4,
+    /// An eyeball; rests and never deforms.
+    Gaze = 5,
+    /// Nothing of the face; rests.
+    Still = 6,
+}
+
+pub(crate) const ROLES: [(AnyfacePartRole, PartRole); 7] = [
+    (AnyfacePartRole::Skin, PartRole::Skin),
+    (AnyfacePartRole::Jaw, PartRole::Jaw),
+    (AnyfacePartRole::Skull, PartRole::Skull),
+    (AnyfacePartRole::Mouth, PartRole::Mouth),
+    (AnyfacePartRole::Nearest, PartRole::Nearest),
+    (AnyfacePartRole::Gaze, PartRole::Gaze),
+    (AnyfacePartRole::Still, PartRole::Still),
+];
+
+/// What is known of a face; prepare it with `anyface_face_options_init()`.
+///
+/// Landmarks may come in one of three ways, or not at all: then the library finds them.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct AnyfaceFaceOptions {
+    /// Bytes of this struct in the caller's header; set by `anyface_face_options_init()`.
+    pub struct_size: usize,
+    /// `[68, 3]`, mesh units and axes, in the order of iBUG 300-W; each is put on the nearest
+    /// fitting place of the surface. NULL otherwise.
+    pub landmark_positions: *const f32,
+    /// `[68]` vertex numbers, NULL otherwise.
+    pub landmark_vertices: *const u32,
+    /// The text of a landmark file as `anyface_face_write_landmarks()` writes it, UTF-8. NULL
+    /// otherwise.
+    pub landmark_json: *const c_char,
+    /// The axis out of the face, one of `AnyfaceAxis`; default +z, as in OBJ and glTF. Blender
+    /// faces -y.
+    pub forward: i32,
+    /// The axis to the top of the head, one of `AnyfaceAxis`; default +y. Blender has +z.
+    pub up: i32,
+    /// `[control_count]`: controls of the system that act on a face, such as "learned"; the others
+    /// stand at their defaults. They take no keys. NULL otherwise.
+    pub controls: *const AnyfaceControlSetting,
+    /// Number of controls that are set.
+    pub control_count: usize,
+    /// `[part_count]` numbers of parts whose role the caller knows, as `anyface_face_copy_parts()`
+    /// counts them; NULL otherwise. All other parts are told by shape and place.
+    pub part_numbers: *const u32,
+    /// `[part_count]` their roles, each one of `AnyfacePartRole`; NULL otherwise.
+    pub part_roles: *const i32,
+    /// Number of parts whose role the caller knows.
+    pub part_count: usize,
+    /// `[fixed_count]` numbers, 0 to 67, of landmarks that stay where the caller puts them while the
+    /// others follow; NULL otherwise.
+    pub fixed_numbers: *const u32,
+    /// `[fixed_count, 3]` their places, mesh units and axes; each is put on the surface. NULL
+    /// otherwise.
+    pub fixed_positions: *const f32,
+    /// Number of landmarks that stay.
+    pub fixed_count: usize,
+    /// `[object_vertex_count]`: which object each vertex belongs to, for a mesh that was put together
+    /// from several (a face, its teeth, its lashes); `UINT32_MAX` for none. NULL otherwise.
+    pub object_of_vertex: *const u32,
+    /// Number of vertices of the mesh where `object_of_vertex` is given, otherwise 0.
+    pub object_vertex_count: usize,
+    /// `[object_count]`: the role of every part of an object, one of `AnyfacePartRole`, or -1 for
+    /// parts that are told by shape and place. `part_numbers` count before these. NULL otherwise.
+    pub object_roles: *const i32,
+    /// Number of objects.
+    pub object_count: usize,
+}
+
+unsafe impl Versioned for AnyfaceFaceOptions {
+    const NAME: &'static str = "anyface_face_options";
+    const FIRST_SIZE: usize = size_of::<Self>();
+    fn defaults() -> Self {
+        AnyfaceFaceOptions {
+            struct_size: size_of::<Self>(),
+            landmark_positions: null(),
+            landmark_vertices: null(),
+            landmark_json: null(),
+            forward: AnyfaceAxis::PosZ as i32,
+            up: AnyfaceAxis::PosY as i32,
+            controls: null(),
+            control_count: 0,
+            part_numbers: null(),
+            part_roles: null(),
+            part_count: 0,
+            fixed_numbers: null(),
+            fixed_positions: null(),
+            fixed_count: 0,
+            object_of_vertex: null(),
+            object_vertex_count: 0,
+            object_roles: null(),
+            object_count: 0,
+        }
+    }
+}
+
+impl AnyfaceFaceOptions {
+    /// # Safety
+    /// Every pointer is NULL or as its field says.
+    pub(crate) unsafe fn to_library(self) -> Result<FaceOptions, Failure> {
+        let forward = axis("forward", self.forward)?;
+        let up = axis("up", self.up)?;
+        if self.forward / 2 == self.up / 2 {
+            return Err(Failure::invalid(format!(
+                "up: expected an axis across forward, got {up:?} with {forward:?}"
+            )));
+        }
+        let landmarks = unsafe { self.landmarks() }?;
+        Ok(FaceOptions {
+            landmarks,
+            fixed: unsafe { fixed(&self) }?,
+            forward,
+            up,
+            controls: unsafe { controls::read(self.controls, self.control_count) }?,
+            parts: unsafe { parts(&self) }?,
+            ..FaceOptions::default()
+        })
+    }
+
+    unsafe fn landmarks(&self) -> Result<Option<LandmarkSource>, Failure> {
+        let given = [
+            self.landmark_positions.is_null(),
+            self.landmark_vertices.is_null(),
+            self.landmark_json.is_null(),
+        ];
+        match given {
+            [true, true, true] => Ok(None),
+            [false, true, true] => {
+                let positions = self.landmark_positions;
+                let values =
+                    unsafe { pointer::slice("landmark_positions", positions, LANDMARKS, 3) }?;
+                Ok(Some(LandmarkSource::Positions(
+                    values.as_chunks().0.to_vec(),
+                )))
+            }
+            [true, false, true] => {
+                let vertices = self.landmark_vertices;
+                let values =
+                    unsafe { pointer::slice("landmark_vertices", vertices, LANDMARKS, 1) }?;
+                Ok(Some(LandmarkSource::Vertices(values.to_vec())))
+            }
+            [true, true, false] => {
+                let text = unsafe { pointer::text("landmark_json", self.landmark_json) }?;
+                Ok(Some(LandmarkSource::from_json(text)?))
+            }
+            _ => Err(Failure::invalid(
+                "landmarks: expected positions, vertices or JSON, got more than one of them",
+            )),
+        }
+    }
+}
+
+fn axis(name: &str, code: i32) -> Result<Axis, Failure> {
+    const AXES: [(AnyfaceAxis, Axis); 6] = [
+        (AnyfaceAxis::PosX, Axis::PosX),
+        (AnyfaceAxis::NegX, Axis::NegX),
+        (AnyfaceAxis::PosY, Axis::PosY),
+        (AnyfaceAxis::NegY, Axis::NegY),
+        (AnyfaceAxis::PosZ, Axis::PosZ),
+        (AnyfaceAxis::NegZ, Axis::NegZ),
+    ];
+    AXES.into_iter()
+        .find(|(number, _)| *number as i32 == code)
+        .map(|(_, axis)| axis)
+        .ok_or_else(|| Failure::invalid(format!("{name}: expected 0 to 5, got {code}")))
+}
+
+/// Sets every option to its default. `struct_size` is `sizeof *options`.
+///
+/// Fails with `ANYFACE_STATUS_NULL_POINTER`, or `ANYFACE_STATUS_INVALID_INPUT` for a size that no
+/// version had.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_face_options_init(
+    options: *mut AnyfaceFaceOptions,
+    struct_size: usize,
+) -> AnyfaceStatus {
+    unsafe { versioned_options::init(options, struct_size) }
+}
+
+/// The role of an object whose parts are told by shape and place.
+const BY_SHAPE: i32 = -1;
+
+/// The landmarks that stay.
+///
+/// # Safety
+/// Every pointer of `options` is NULL or as its field says.
+unsafe fn fixed(options: &AnyfaceFaceOptions) -> Result<Vec<FixedLandmark>, Failure> {
+    let count = options.fixed_count;
+    let numbers = unsafe { pointer::slice("fixed_numbers", options.fixed_numbers, count, 1) }?;
+    let places = unsafe { pointer::slice("fixed_positions", options.fixed_positions, count, 3) }?;
+    let pairs = numbers.iter().zip(places.as_chunks().0);
+    Ok(pairs
+        .map(|(&index, &position)| FixedLandmark {
+            index: index as usize,
+            place: LandmarkPlace::Position(position),
+        })
+        .collect())
+}
+
+/// Roles of objects, then roles of single parts: of several for one part the last one counts.
+///
+/// # Safety
+/// Every pointer of `options` is NULL or as its field says.
+unsafe fn parts(options: &AnyfaceFaceOptions) -> Result<PartChoices, Failure> {
+    let count = options.part_count;
+    let numbers = unsafe { pointer::slice("part_numbers", options.part_numbers, count, 1) }?;
+    let codes = unsafe { pointer::slice("part_roles", options.part_roles, count, 1) }?;
+    let mut choices = unsafe { objects(options) }?;
+    for (&number, &code) in numbers.iter().zip(codes) {
+        let role = role("part_roles", code)?;
+        choices.roles.push((PartSelector::Number(number), role));
+    }
+    Ok(choices)
+}
+
+unsafe fn objects(options: &AnyfaceFaceOptions) -> Result<PartChoices, Failure> {
+    let (vertices, count) = (options.object_vertex_count, options.object_count);
+    let owners = options.object_of_vertex;
+    let of_vertex = unsafe { pointer::slice("object_of_vertex", owners, vertices, 1) }?;
+    let codes = unsafe { pointer::slice("object_roles", options.object_roles, count, 1) }?;
+    if let Some(wrong) = of_vertex
+        .iter()
+        .find(|&&o| o != u32::MAX && o as usize >= count)
+    {
+        return Err(Failure::invalid(format!(
+            "object_of_vertex: expected below {count} or UINT32_MAX, got {wrong}"
+        )));
+    }
+    let mut choices = PartChoices::default();
+    let used = |object: usize| of_vertex.contains(&(object as u32));
+    for (object, &code) in codes.iter().enumerate() {
+        if code != BY_SHAPE && used(object) {
+            let name = PartSelector::Name(object.to_string());
+            choices.roles.push((name, role("object_roles", code)?));
+        }
+    }
+    choices.names = ObjectNames {
+        names: (0..count).map(|object| object.to_string()).collect(),
+        of_vertex: of_vertex.to_vec(),
+    };
+    Ok(choices)
+}
+
+fn role(field: &str, code: i32) -> Result<PartRole, Failure> {
+    let known = ROLES.into_iter().find(|(known, _)| *known as i32 == code);
+    known
+        .map(|(_, role)| role)
+        .ok_or_else(|| Failure::invalid(format!("{field}: expected 0 to 6, got {code}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn options() -> AnyfaceFaceOptions {
+        Versioned::defaults()
+    }
+
+    fn refused(options: AnyfaceFaceOptions) -> bool {
+        let result = unsafe { options.to_library() };
+        result.is_err_and(|failure| failure.status() == AnyfaceStatus::InvalidInput)
+    }
+
+    #[test]
+    fn defaults_are_the_librarys() {
+        assert_eq!(
+            unsafe { options().to_library() }.unwrap(),
+            FaceOptions::default()
+        );
+    }
+
+    #[test]
+    fn axes_must_exist_and_cross() {
+        let blender = AnyfaceFaceOptions {
+            forward: AnyfaceAxis::NegY as i32,
+            up: AnyfaceAxis::PosZ as i32,
+            ..options()
+        };
+        let library = unsafe { blender.to_library() }.unwrap();
+        assert_eq!((library.forward, library.up), (Axis::NegY, Axis::PosZ));
+        assert!(refused(AnyfaceFaceOptions {
+            forward: 6,
+            ..options()
+        }));
+        assert!(refused(AnyfaceFaceOptions {
+            forward: -1,
+            ..options()
+        }));
+        assert!(refused(AnyfaceFaceOptions {
+            forward: AnyfaceAxis::NegY as i32,
+            ..options()
+        }));
+    }
+
+    #[test]
+    fn landmarks_come_in_one_way_at_a_time() {
+        let vertices: [u32; 68] = std::array::from_fn(|i| i as u32);
+        let positions = [[0.5f32; 3]; 68];
+        let by_number = AnyfaceFaceOptions {
+            landmark_vertices: vertices.as_ptr(),
+            ..options()
+        };
+        let library = unsafe { by_number.to_library() }.unwrap();
+        assert_eq!(
+            library.landmarks,
+            Some(LandmarkSource::Vertices(vertices.into()))
+        );
+        let landmark_positions = positions.as_flattened().as_ptr();
+        assert!(refused(AnyfaceFaceOptions {
+            landmark_positions,
+            ..by_number
+        }));
+        let by_place = AnyfaceFaceOptions {
+            landmark_positions,
+            ..options()
+        };
+        let library = unsafe { by_place.to_library() }.unwrap();
+        assert_eq!(
+            library.landmarks,
+            Some(LandmarkSource::Positions(positions.into()))
+        );
+        assert!(refused(AnyfaceFaceOptions {
+            landmark_json: c"[1, 2".as_ptr(),
+            ..options()
+        }));
+    }
+
+    #[test]
+    fn parts_have_the_numbers_of_the_librarys_roles() {
+        let numbers = [4u32, 2];
+        let roles = [AnyfacePartRole::Jaw as i32, AnyfacePartRole::Still as i32];
+        let chosen = AnyfaceFaceOptions {
+            part_numbers: numbers.as_ptr(),
+            part_roles: roles.as_ptr(),
+            part_count: 2,
+            ..options()
+        };
+        let library = unsafe { chosen.to_library() }.unwrap();
+        let expected = [(4, PartRole::Jaw), (2, PartRole::Still)];
+        let expected = expected.map(|(n, role)| (PartSelector::Number(n), role));
+        assert_eq!(library.parts.roles, expected);
+        let beyond = [7, 0];
+        let beyond = AnyfaceFaceOptions {
+            part_roles: beyond.as_ptr(),
+            ..chosen
+        };
+        assert!(unsafe { beyond.to_library() }.is_err());
+    }
+
+    #[test]
+    fn fixed_landmarks_reach_the_library() {
+        let (numbers, places) = ([8u32, 48], [0.0f32, 1.0, 2.0, 3.0, 4.0, 5.0]);
+        let chosen = AnyfaceFaceOptions {
+            fixed_numbers: numbers.as_ptr(),
+            fixed_positions: places.as_ptr(),
+            fixed_count: 2,
+            ..options()
+        };
+        let library = unsafe { chosen.to_library() }.unwrap();
+        let expected = [(8, [0.0, 1.0, 2.0]), (48, [3.0, 4.0, 5.0])];
+        assert_eq!(
+            library.fixed,
+            expected.map(|(index, position)| FixedLandmark {
+                index,
+                place: LandmarkPlace::Position(position)
+            })
+        );
+        let without_places = AnyfaceFaceOptions {
+            fixed_positions: std::ptr::null(),
+            ..chosen
+        };
+        assert!(unsafe { without_places.to_library() }.is_err());
+    }
+
+    #[test]
+    fn roles_of_objects_come_before_roles_of_parts() {
+        let (owners, roles) = ([0u32, 1, 1, u32::MAX, 2], [-1, 1, 5]);
+        let (number, part_role) = ([3u32], [6]);
+        let chosen = AnyfaceFaceOptions {
+            object_of_vertex: owners.as_ptr(),
+            object_vertex_count: owners.len(),
+            object_roles: roles.as_ptr(),
+            object_count: roles.len(),
+            part_numbers: number.as_ptr(),
+            part_roles: part_role.as_ptr(),
+            part_count: 1,
+            ..options()
+        };
+        let parts = unsafe { chosen.to_library() }.unwrap().parts;
+        let named = |name: &str| PartSelector::Name(name.into());
+        let expected = [
+            (named("1"), PartRole::Jaw),
+            (named("2"), PartRole::Gaze),
+            (PartSelector::Number(3), PartRole::Still),
+        ];
+        assert_eq!(parts.roles, expected);
+        assert_eq!(parts.names.of_vertex, owners);
+        let too_few = AnyfaceFaceOptions {
+            object_count: 2,
+            ..chosen
+        };
+        assert!(unsafe { too_few.to_library() }.is_err());
+    }
+}

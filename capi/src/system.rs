@@ -1,0 +1,266 @@
+//! The systems of this library and the controls that each of them understands.
+
+use std::{
+    ffi::{CString, c_char},
+    ptr::null,
+    sync::LazyLock,
+};
+
+use anyface::{
+    conditions::{Control, ControlStage, ControlValues},
+    systems::SYSTEMS,
+};
+
+use crate::{
+    guard,
+    status::AnyfaceStatus,
+    versioned_options::{self, Versioned},
+};
+
+/// What the numbers of a control mean; for `AnyfaceControl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AnyfaceControlValues {
+    /// Any number of the range.
+    Real = 0,
+    /// Whole numbers of the range.
+    Whole = 1,
+    /// The number of one of `choices`.
+    Choice = 2,
+}
+
+/// What a control acts on; for `AnyfaceControl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AnyfaceControlStage {
+    /// A face: set it in `AnyfaceFaceOptions`.
+    Face = 0,
+    /// A performance: set it in `AnyfaceMotionOptions`.
+    Motion = 1,
+}
+
+/// Something that a system lets its user change. All texts live as long as the library is loaded.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct AnyfaceControl {
+    /// Bytes of this struct in the caller's header.
+    pub struct_size: usize,
+    /// By which it is set, such as "blinks_per_minute".
+    pub name: *const c_char,
+    /// Its name for people.
+    pub label: *const c_char,
+    /// A sentence or two of help.
+    pub help: *const c_char,
+    /// The unit of its numbers: "s", "per_minute", or "".
+    pub unit: *const c_char,
+    /// `[choice_count]` names of a choice; NULL otherwise.
+    pub choices: *const *const c_char,
+    /// Number of names of a choice.
+    pub choice_count: usize,
+    /// An `AnyfaceControlValues`.
+    pub values: i32,
+    /// An `AnyfaceControlStage`.
+    pub stage: i32,
+    /// The least number.
+    pub low: f32,
+    /// The largest number.
+    pub high: f32,
+    /// The number where nothing is set.
+    pub default_value: f32,
+    /// The number that leaves the motion as the system made it.
+    pub neutral: f32,
+    /// 1 if it may have keys over time, else 0.
+    pub animatable: i32,
+    /// 0.
+    pub reserved: u32,
+}
+
+unsafe impl Versioned for AnyfaceControl {
+    const NAME: &'static str = "anyface_control";
+    const FIRST_SIZE: usize = size_of::<Self>();
+    fn defaults() -> Self {
+        AnyfaceControl {
+            struct_size: size_of::<Self>(),
+            name: null(),
+            label: null(),
+            help: null(),
+            unit: null(),
+            choices: null(),
+            choice_count: 0,
+            values: AnyfaceControlValues::Real as i32,
+            stage: AnyfaceControlStage::Motion as i32,
+            low: 0.0,
+            high: 0.0,
+            default_value: 0.0,
+            neutral: 0.0,
+            animatable: 0,
+            reserved: 0,
+        }
+    }
+}
+
+/// A system as C reads it. Its texts are never freed: they live as long as the library is loaded.
+struct Listed {
+    name: *const c_char,
+    label: *const c_char,
+    help: *const c_char,
+    controls: Vec<AnyfaceControl>,
+}
+
+// The pointers lead to texts that never change.
+unsafe impl Send for Listed {}
+unsafe impl Sync for Listed {}
+
+static LIST: LazyLock<Vec<Listed>> = LazyLock::new(|| {
+    let listed = SYSTEMS.iter().map(|system| Listed {
+        name: lasting(system.name),
+        label: lasting(system.label),
+        help: lasting(system.help),
+        controls: system.controls().map(AnyfaceControl::of).collect(),
+    });
+    listed.collect()
+});
+
+fn lasting(text: &str) -> *const c_char {
+    CString::new(text).unwrap_or_default().into_raw()
+}
+
+impl AnyfaceControl {
+    fn of(control: &Control) -> AnyfaceControl {
+        let (values, names) = match control.values {
+            ControlValues::Real => (AnyfaceControlValues::Real, &[][..]),
+            ControlValues::Whole => (AnyfaceControlValues::Whole, &[][..]),
+            ControlValues::Choice(names) => (AnyfaceControlValues::Choice, names),
+        };
+        let stage = match control.stage {
+            ControlStage::Face => AnyfaceControlStage::Face,
+            ControlStage::Motion => AnyfaceControlStage::Motion,
+        };
+        let choices: Vec<*const c_char> = names.iter().map(|name| lasting(name)).collect();
+        AnyfaceControl {
+            name: lasting(control.name),
+            label: lasting(control.label),
+            help: lasting(control.help),
+            unit: lasting(control.unit),
+            choice_count: choices.len(),
+            choices: if choices.is_empty() {
+                null()
+            } else {
+                choices.leak().as_ptr()
+            },
+            values: values as i32,
+            stage: stage as i32,
+            low: control.low,
+            high: control.high,
+            default_value: control.default,
+            neutral: control.neutral,
+            animatable: control.is_animatable.into(),
+            ..Self::defaults()
+        }
+    }
+}
+
+fn of_system(system: usize, pick: fn(&Listed) -> *const c_char) -> *const c_char {
+    guard::guard_or(null(), || LIST.get(system).map_or(null(), pick))
+}
+
+/// Number of systems that turn speech into motion; number 0 is the default one.
+#[unsafe(no_mangle)]
+pub extern "C" fn anyface_system_count() -> usize {
+    SYSTEMS.len()
+}
+
+/// The word by which a system is chosen, in `AnyfaceEngineOptions`; NULL for a number that is not below
+/// the count. Lives as long as the library is loaded.
+#[unsafe(no_mangle)]
+pub extern "C" fn anyface_system_name(system: usize) -> *const c_char {
+    of_system(system, |listed| listed.name)
+}
+
+/// Name of a system for people, as `anyface_system_name()`.
+#[unsafe(no_mangle)]
+pub extern "C" fn anyface_system_label(system: usize) -> *const c_char {
+    of_system(system, |listed| listed.label)
+}
+
+/// A sentence of help, as `anyface_system_name()`.
+#[unsafe(no_mangle)]
+pub extern "C" fn anyface_system_help(system: usize) -> *const c_char {
+    of_system(system, |listed| listed.help)
+}
+
+/// Number of controls that a system understands; 0 for a number that is not below the count.
+#[unsafe(no_mangle)]
+pub extern "C" fn anyface_system_control_count(system: usize) -> usize {
+    guard::guard_or(0, || {
+        LIST.get(system).map_or(0, |listed| listed.controls.len())
+    })
+}
+
+/// Describes a control of a system, in the order in which a panel shows them. `struct_size` is
+/// `sizeof *out`.
+///
+/// Fails with `ANYFACE_STATUS_NULL_POINTER`, or `ANYFACE_STATUS_INVALID_INPUT` for a system or control
+/// that is not there or a size that no version had.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_system_control(
+    system: usize,
+    control: usize,
+    out: *mut AnyfaceControl,
+    struct_size: usize,
+) -> AnyfaceStatus {
+    guard::guard_or(AnyfaceStatus::Panic, || {
+        let listed = LIST
+            .get(system)
+            .and_then(|listed| listed.controls.get(control));
+        match listed {
+            Some(found) => unsafe { versioned_options::write(*found, out, struct_size) },
+            None => AnyfaceStatus::InvalidInput,
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::ffi::CStr;
+
+    #[test]
+    fn every_control_of_the_registry_is_described() {
+        for (number, system) in SYSTEMS.iter().enumerate() {
+            let name = unsafe { CStr::from_ptr(anyface_system_name(number)) };
+            assert_eq!(name.to_str(), Ok(system.name));
+            assert!(
+                !anyface_system_label(number).is_null() && !anyface_system_help(number).is_null()
+            );
+            assert_eq!(
+                anyface_system_control_count(number),
+                system.controls().count()
+            );
+            for (at, control) in system.controls().enumerate() {
+                let mut out = AnyfaceControl::defaults();
+                let size = size_of::<AnyfaceControl>();
+                let status = unsafe { anyface_system_control(number, at, &mut out, size) };
+                assert_eq!(status, AnyfaceStatus::Ok);
+                let name = unsafe { CStr::from_ptr(out.name) };
+                assert_eq!(name.to_str(), Ok(control.name));
+                assert_eq!((out.low, out.high), (control.low, control.high));
+                assert_eq!(out.choices.is_null(), out.choice_count == 0);
+            }
+        }
+    }
+
+    #[test]
+    fn systems_and_controls_that_are_not_there_are_refused() {
+        let mut out = AnyfaceControl::defaults();
+        let size = size_of::<AnyfaceControl>();
+        assert!(anyface_system_name(SYSTEMS.len()).is_null());
+        assert_eq!(anyface_system_control_count(SYSTEMS.len()), 0);
+        for (system, control, size) in [(SYSTEMS.len(), 0, size), (0, usize::MAX, size), (0, 0, 3)]
+        {
+            let status = unsafe { anyface_system_control(system, control, &mut out, size) };
+            assert_eq!(status, AnyfaceStatus::InvalidInput);
+        }
+        assert!(out.name.is_null());
+    }
+}

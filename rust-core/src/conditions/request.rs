@@ -1,0 +1,51 @@
+//! All that a performance is asked to be.
+
+use std::ops::RangeInclusive;
+
+use super::{Controls, EmotionCurve};
+use crate::{Error, Result};
+
+/// Frames per second that a result may have.
+pub const FPS: RangeInclusive<f64> = 1.0..=240.0;
+
+/// What a performance is asked to be.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MotionRequest {
+    /// Emotion and intensity over time.
+    pub emotion: EmotionCurve,
+    /// Frames per second of the result, within [`FPS`].
+    pub fps: f64,
+    /// Same seed, same motion.
+    pub seed: u64,
+    /// Speaking style by name; `None` takes the model's default.
+    pub style: Option<String>,
+    /// What the system's own controls are set to.
+    pub controls: Controls,
+}
+
+impl Default for MotionRequest {
+    fn default() -> Self {
+        MotionRequest {
+            emotion: EmotionCurve::default(),
+            fps: 30.0,
+            seed: 0,
+            style: None,
+            controls: Controls::default(),
+        }
+    }
+}
+
+/// Whether a result can have this frame rate.
+///
+/// # Errors
+/// `InvalidInput` for a rate outside [`FPS`].
+pub fn check_fps(fps: f64) -> Result<()> {
+    match FPS.contains(&fps) {
+        true => Ok(()),
+        false => Err(Error::InvalidInput(format!(
+            "fps: expected {} to {}, got {fps}",
+            FPS.start(),
+            FPS.end()
+        ))),
+    }
+}

@@ -1,0 +1,372 @@
+//! The whole way as one object: weights loaded once, shared by any number of jobs.
+
+mod causal;
+mod perform;
+mod sliders;
+
+use std::{
+    path::{Path, PathBuf},
+    sync::{Arc, OnceLock},
+};
+
+use ndarray::ArrayView3;
+
+use crate::{
+    Error, Result,
+    audio::Waveform,
+    cache::{Cache, CacheKey, CachePolicy},
+    conditions::{ControlStage, MotionRequest},
+    deform::{
+        self, Deformer, LEARNED, StaticWeights, VertexClip,
+        compression::{self, VertexBasis},
+    },
+    face::Face,
+    mesh::{self, FaceOptions, LandmarkFinder, Mesh},
+    motion::Motion,
+    progress::ProgressFn,
+    rig::{self, Rig, RigModel, SolveOptions, SolvedWeights},
+    speech::{self, SpeechEncoder},
+    spread::{self, FrameSink, Spread, SpreadReport},
+    systems::{Registration, System, Windows},
+};
+pub use perform::Performance;
+pub use sliders::SliderChange;
+
+const MAX_THREADS: usize = 256;
+
+/// How an [`Engine`] is set up.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EngineOptions {
+    /// Name of the system, one of [`crate::systems::SYSTEMS`]; `None` takes the default.
+    pub system: Option<String>,
+    /// A folder of models that override the built-in ones.
+    pub models: Option<PathBuf>,
+    /// Cache of per-mesh work.
+    pub cache: CachePolicy,
+    /// Number of worker threads; `None` takes one per core.
+    pub threads: Option<usize>,
+    /// A folder of a HuBERT or wav2vec2 checkpoint as Hugging Face has it, which replaces the compact
+    /// speech encoder; the system's weights must have been trained with it.
+    pub speech: Option<PathBuf>,
+}
+
+impl Default for EngineOptions {
+    fn default() -> Self {
+        EngineOptions {
+            system: None,
+            models: None,
+            cache: CachePolicy::UserFolder,
+            threads: None,
+            speech: None,
+        }
+    }
+}
+
+/// Loaded weights and settings; `Send + Sync`, any number of jobs may run on one engine at once.
+///
+/// Sound becomes motion ([`Engine::perform`]), a mesh becomes a face ([`Engine::prepare`]), and motion
+/// is spread over the face into a sink ([`Engine::spread`]); [`Engine::animate`] is all of it.
+///
+/// ```
+/// use anyface::{CachePolicy, Engine, EngineOptions, MotionRequest, audio::Waveform};
+/// use anyface::{mesh::{FaceOptions, LandmarkSource, Mesh}, progress::SILENT, spread::Collector};
+///
+/// let head = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("models/default_head");
+/// let mesh = Mesh::read(head.join("head.obj"))?;
+/// let landmarks = Some(LandmarkSource::read(&head.join("landmarks.json"))?);
+/// let engine = Engine::new(EngineOptions { cache: CachePolicy::Off, ..Default::default() })?;
+/// let face = engine.prepare(&mesh, &FaceOptions { landmarks, ..Default::default() }, SILENT)?;
+/// let sound = Waveform { samples: (0..8000).map(|i| (i as f32 * 0.08).sin()).collect() };
+/// let asked = MotionRequest::default();
+/// let clip = Collector::collect(|sink| engine.animate(&face, &sound, &asked, sink, SILENT))?;
+/// assert_eq!(clip.vertices.displacements.dim(), (15, mesh.positions.len(), 3));
+/// # Ok::<(), anyface::Error>(())
+/// ```
+pub struct Engine {
+    registration: &'static Registration,
+    system: Box<dyn System>,
+    encoder: Arc<dyn SpeechEncoder>,
+    static_weights: StaticWeights,
+    finder: LandmarkFinder,
+    /// Loaded where shapes are asked for.
+    rig_model: OnceLock<RigModel>,
+    model_folder: Option<PathBuf>,
+    cache: Cache,
+    /// Names the models in what is kept of a mesh.
+    key_of_models: CacheKey,
+    pool: Option<rayon::ThreadPool>,
+}
+
+impl EngineOptions {
+    /// What can be checked of them before anything is loaded.
+    ///
+    /// # Errors
+    /// `InvalidInput` for an unknown system or a number of threads out of range.
+    pub fn check(&self) -> Result<()> {
+        Registration::find(self.system.as_deref())?;
+        match self.threads {
+            Some(threads) if !(1..=MAX_THREADS).contains(&threads) => Err(Error::InvalidInput(
+                format!("threads: expected 1 to {MAX_THREADS}, got {threads}"),
+            )),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Engine {
+    /// Loads the built-in models, or those of `options.models`.
+    ///
+    /// # Errors
+    /// `Weights` if a file is missing, truncated or does not fit its config; `InvalidInput` for an
+    /// unknown system or a number of threads out of range.
+    pub fn new(options: EngineOptions) -> Result<Self> {
+        options.check()?;
+        let folder = options.models.as_deref();
+        let registration = Registration::find(options.system.as_deref())?;
+        let system = (registration.open)(folder)?;
+        let encoder: Arc<dyn SpeechEncoder> = match &options.speech {
+            Some(folder) => Arc::from(speech::from_folder(folder, None)?),
+            None => Arc::new(speech::compact(folder)?),
+        };
+        if let Some(wanted) = system.channels().filter(|c| *c != encoder.channels()) {
+            return Err(Error::Weights(format!(
+                "{}: expected speech features of {wanted} channels, the encoder gives {}",
+                registration.name,
+                encoder.channels()
+            )));
+        }
+        Ok(Engine {
+            registration,
+            system,
+            encoder,
+            static_weights: StaticWeights::open(folder)?,
+            finder: LandmarkFinder::load(folder)?,
+            rig_model: OnceLock::new(),
+            cache: Cache::new(&options.cache),
+            key_of_models: key_of_models(folder)?,
+            pool: options.threads.map(thread_pool).transpose()?,
+            model_folder: options.models,
+        })
+    }
+
+    /// What the registry says of the system that performs here.
+    pub fn system(&self) -> &'static Registration {
+        self.registration
+    }
+
+    /// Names of the speaking styles that the loaded models know.
+    pub fn styles(&self) -> &[String] {
+        self.system.styles()
+    }
+
+    /// In which pieces a long sound is performed; `None` where any length is performed at once.
+    pub fn windows(&self) -> Option<Windows> {
+        self.system.windows()
+    }
+
+    /// Finds or takes the landmarks of a mesh, without what moving it needs.
+    ///
+    /// # Errors
+    /// `FaceNotFound`, `Mesh`, `InvalidInput` for landmarks that cannot be, `Cancelled`.
+    pub fn find(
+        &self,
+        mesh: &Mesh,
+        options: &FaceOptions,
+        progress: ProgressFn<'_>,
+    ) -> Result<Face> {
+        let known = self.registration.controls();
+        options.controls.check(known, ControlStage::Face)?;
+        let mut options = options.clone();
+        if self.system.works_on_every_vertex(&options.controls) {
+            options.proxy = None;
+        }
+        self.threads(|| {
+            let (cache, models) = (&self.cache, &self.key_of_models);
+            Face::find(mesh, &options, &self.finder, cache, models, progress)
+        })
+    }
+
+    /// [`Engine::find`], and everything that spreading landmark motion needs and that does not depend
+    /// on time.
+    ///
+    /// # Errors
+    /// Those of [`Engine::find`].
+    pub fn prepare(
+        &self,
+        mesh: &Mesh,
+        options: &FaceOptions,
+        progress: ProgressFn<'_>,
+    ) -> Result<Face> {
+        let face = self.find(mesh, options, progress)?;
+        self.threads(|| self.deformer(&face, progress).map(drop))?;
+        Ok(face)
+    }
+
+    /// What spreads landmark motion over a face, mesh units and axes; made once for each face.
+    fn deformer<'a>(
+        &self,
+        face: &'a Face,
+        progress: ProgressFn<'_>,
+    ) -> Result<&'a Arc<dyn Deformer>> {
+        face.deformer(|| {
+            if let Some(own) = self.system.deformer(face, &self.cache, progress)? {
+                return Ok(own);
+            }
+            let learned = LEARNED.value(&face.options.controls);
+            self.static_deformer(face, learned, progress)
+        })
+    }
+
+    fn static_deformer(
+        &self,
+        face: &Face,
+        learned: f32,
+        progress: ProgressFn<'_>,
+    ) -> Result<Arc<dyn Deformer>> {
+        let (weights, cache) = (&self.static_weights, &self.cache);
+        let made = deform::static_deformer(weights, face, learned, cache, progress)?;
+        Ok(Arc::new(made))
+    }
+
+    /// The ARKit shapes and visemes of a face; made once for each face.
+    ///
+    /// # Errors
+    /// `Weights` or `Io` if the engine's folder of models holds a rig that cannot be used, `Mesh`,
+    /// `Cancelled`.
+    pub fn rig(&self, face: &Face, progress: ProgressFn<'_>) -> Result<Arc<Rig>> {
+        let make = || {
+            let model = match self.rig_model.get() {
+                Some(model) => model,
+                None => {
+                    let model = RigModel::open(self.model_folder.as_deref())?;
+                    self.rig_model.get_or_init(|| model)
+                }
+            };
+            let plain = self.static_deformer(face, 0.0, progress)?;
+            Ok(Arc::new(model.make(face, plain.as_ref(), progress)?))
+        };
+        self.threads(|| face.rig(make).map(Arc::clone))
+    }
+
+    /// Puts motion of any kind on a face and hands the frames to `sink`, block by block.
+    ///
+    /// What the face lacks for this kind of motion is made first and stays with it.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a kind of motion that nothing puts on a mesh yet; those of the sink;
+    /// `Cancelled`.
+    pub fn spread(
+        &self,
+        face: &Face,
+        motion: &Motion,
+        sink: &mut dyn FrameSink,
+        progress: ProgressFn<'_>,
+    ) -> Result<SpreadReport> {
+        match motion {
+            Motion::Landmarks(clip) => {
+                let moved = clip.displacements.view();
+                let own = face.to_canonical.displacements_to_mesh(moved);
+                self.spread_own(face, own.view(), clip.fps, sink, progress)
+            }
+            Motion::Weights(clip) => {
+                let rig = self.rig(face, progress)?;
+                self.threads(|| {
+                    let spread = Spread::of_weights(face, &rig, clip);
+                    spread::into_sink(&spread, sink, progress)
+                })
+            }
+            Motion::Template(_) | Motion::Codes(_) => Err(spread::not_yet(motion)),
+        }
+    }
+
+    /// The same for landmark motion `[T, 68, 3]` that is in the mesh's own units and axes.
+    ///
+    /// # Errors
+    /// Those of [`Engine::spread`].
+    pub fn spread_own(
+        &self,
+        face: &Face,
+        landmarks: ArrayView3<'_, f32>,
+        fps: f64,
+        sink: &mut dyn FrameSink,
+        progress: ProgressFn<'_>,
+    ) -> Result<SpreadReport> {
+        self.threads(|| {
+            let deformer = self.deformer(face, progress)?;
+            let spread = Spread::of_landmarks(face, deformer.as_ref(), landmarks.to_owned(), fps);
+            spread::into_sink(&spread, sink, progress)
+        })
+    }
+
+    /// The whole way: sound and a face to frames in `sink`.
+    ///
+    /// # Errors
+    /// Those of [`Engine::perform`] and [`Engine::spread`].
+    pub fn animate(
+        &self,
+        face: &Face,
+        waveform: &Waveform,
+        request: &MotionRequest,
+        sink: &mut dyn FrameSink,
+        progress: ProgressFn<'_>,
+    ) -> Result<SpreadReport> {
+        let performance = self.perform(waveform, request, progress)?;
+        self.spread(face, &performance.motion, sink, progress)
+    }
+
+    /// The fewest shapes that show a clip; see [`compression::compress`].
+    ///
+    /// # Errors
+    /// Those of [`compression::compress`].
+    pub fn compress(
+        &self,
+        clip: &VertexClip,
+        max_error: f32,
+        max_shapes: usize,
+        progress: ProgressFn<'_>,
+    ) -> Result<VertexBasis> {
+        self.threads(|| compression::compress(clip, max_error, max_shapes, progress))
+    }
+
+    /// Weights of the first `shapes` shapes of a rig from motion of its vertices; see [`rig::solve`].
+    ///
+    /// # Errors
+    /// Those of [`rig::solve`].
+    pub fn solve(
+        &self,
+        rig: &Rig,
+        shapes: usize,
+        displacements: ArrayView3<'_, f32>,
+        options: &SolveOptions,
+        progress: ProgressFn<'_>,
+    ) -> Result<SolvedWeights> {
+        self.threads(|| rig::solve(rig, shapes, displacements, options, progress))
+    }
+
+    /// Runs `work` on the engine's own threads, if it has any.
+    fn threads<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        match &self.pool {
+            Some(pool) => pool.install(work),
+            None => work(),
+        }
+    }
+}
+
+/// Names the code and the models that per-mesh work depends on.
+fn key_of_models(folder: Option<&Path>) -> Result<CacheKey> {
+    let mut key = CacheKey::new("prepared", 1).text(env!("ANYFACE_SOURCES"));
+    if folder.is_some() {
+        for model in [&deform::static_weights::MODEL, &mesh::LANDMARK_MODEL] {
+            let files = model.open(folder)?;
+            key = key.bytes(&files.weights).text(&files.config);
+        }
+    }
+    Ok(key)
+}
+
+fn thread_pool(threads: usize) -> Result<rayon::ThreadPool> {
+    let builder = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    builder
+        .build()
+        .map_err(|error| Error::InvalidInput(format!("threads: {error}")))
+}

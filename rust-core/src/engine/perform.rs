@@ -1,0 +1,187 @@
+//! Sound to motion, and the same performance again with other controls.
+
+use std::{borrow::Cow, sync::Arc};
+
+use ndarray::Axis;
+
+use super::Engine;
+use crate::{
+    Result,
+    audio::Waveform,
+    conditions::{ControlCurve, ControlStage, EmotionCurve, MotionRequest, check_fps},
+    motion::Motion,
+    progress::{ProgressFn, report},
+    speech::Heard,
+};
+
+/// Pieces into which the way of a control is cut that changes over time: what controls do to motion is
+/// close to linear in their value.
+const PIECES: usize = 2;
+/// A control whose largest and least value lie nearer together does not change.
+const STILL: f64 = 1e-6;
+
+/// Motion, and all that is needed to perform it in another way.
+#[derive(Clone)]
+pub struct Performance {
+    /// The motion.
+    pub motion: Motion,
+    /// As the system made it, before any control.
+    pub(super) sampled: Motion,
+    pub(super) heard: Arc<Heard>,
+    /// What was asked, with the emotion that was heard.
+    pub(super) request: MotionRequest,
+}
+
+impl Performance {
+    /// What was asked, with the emotion that was heard in the voice.
+    pub fn request(&self) -> &MotionRequest {
+        &self.request
+    }
+
+    /// What the lips were asked for, the mean over all keys where that changes; 1 is normal.
+    pub fn articulation(&self) -> f32 {
+        const NAME: &str = "articulation";
+        let controls = &self.request.controls;
+        let Some(curve) = controls.animated(NAME) else {
+            return controls.get(NAME).unwrap_or(1.0);
+        };
+        let sum: f64 = curve.keys.iter().map(|(_, value)| value).sum();
+        (sum / curve.keys.len() as f64) as f32
+    }
+}
+
+impl Engine {
+    /// Speech to motion.
+    ///
+    /// The motion has one frame for every started `1 / fps` seconds of sound, at least one.
+    ///
+    /// # Errors
+    /// `Audio` for a sound too short to use, `InvalidInput` for a request out of range, `Cancelled`.
+    pub fn perform(
+        &self,
+        waveform: &Waveform,
+        request: &MotionRequest,
+        progress: ProgressFn<'_>,
+    ) -> Result<Performance> {
+        self.check(request)?;
+        self.threads(|| {
+            report(progress, "speech", 0.0)?;
+            let heard = Heard::of(waveform, &self.encoder)?;
+            report(progress, "speech", 1.0)?;
+            let request = self.resolved(request, &heard);
+            let sampled = self.system.sample(&heard, &request, progress)?;
+            self.finished(sampled, Arc::new(heard), request)
+        })
+    }
+
+    /// The same speech with other controls, emotion for blinks and accents, or seed of these; nothing is
+    /// heard or sampled again. Style, frame rate and whatever else the system samples with stay.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a request out of range.
+    pub fn perform_again(
+        &self,
+        performance: &Performance,
+        request: &MotionRequest,
+    ) -> Result<Performance> {
+        self.check(request)?;
+        let request = self.resolved(request, &performance.heard);
+        let (sampled, heard) = (performance.sampled.clone(), Arc::clone(&performance.heard));
+        self.threads(|| self.finished(sampled, heard, request))
+    }
+
+    fn check(&self, request: &MotionRequest) -> Result<()> {
+        check_fps(request.fps)?;
+        let known = self.registration.controls();
+        request.controls.check(known, ControlStage::Motion)
+    }
+
+    /// The request with the emotion that is heard in the voice.
+    fn resolved(&self, request: &MotionRequest, heard: &Heard) -> MotionRequest {
+        MotionRequest {
+            emotion: request.emotion.heard(&heard.prosody).into_owned(),
+            ..request.clone()
+        }
+    }
+
+    fn finished(
+        &self,
+        sampled: Motion,
+        heard: Arc<Heard>,
+        request: MotionRequest,
+    ) -> Result<Performance> {
+        let motion = self.controlled(&sampled, &heard, &request, &request.emotion)?;
+        Ok(Performance {
+            motion,
+            sampled,
+            heard,
+            request,
+        })
+    }
+
+    /// Puts the controls of `request` on what was sampled, those that change over time frame by frame.
+    pub(super) fn controlled(
+        &self,
+        sampled: &Motion,
+        heard: &Heard,
+        request: &MotionRequest,
+        urge: &EmotionCurve,
+    ) -> Result<Motion> {
+        let base = self.system.perform(sampled, heard, request, urge)?;
+        let mut moved = Cow::Borrowed(&base);
+        for control in self.registration.controls() {
+            if let Some(curve) = request.controls.animated(control.name) {
+                let at = |value: f64| {
+                    let controls = request.controls.with(control.name, value as f32);
+                    let request = MotionRequest {
+                        controls,
+                        ..request.clone()
+                    };
+                    self.system.perform(sampled, heard, &request, urge)
+                };
+                moved = Cow::Owned(along(&base, &moved, curve, at)?);
+            }
+        }
+        Ok(moved.into_owned())
+    }
+}
+
+/// `moved`, and what one control changes of `base` where it follows its curve. Between its least and
+/// its largest value lie [`PIECES`]; each frame mixes the motions at the ends of its own piece.
+fn along(
+    base: &Motion,
+    moved: &Motion,
+    curve: &ControlCurve,
+    motion_at: impl Fn(f64) -> Result<Motion>,
+) -> Result<Motion> {
+    let (frames, fps) = (base.frames(), base.fps());
+    let values: Vec<f64> = (0..frames).map(|t| curve.at(t as f64 / fps)).collect();
+    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let (base, mut out) = (base.values(), moved.values().to_owned());
+    if high - low < STILL {
+        out += &(&motion_at(low)?.values() - &base);
+        return Ok(moved.with_values(out));
+    }
+    let knot = |k: usize| match k == PIECES {
+        true => high,
+        false => low + (high - low) / PIECES as f64 * k as f64,
+    };
+    let motions = (0..=PIECES).map(|k| motion_at(knot(k)));
+    let motions = motions.collect::<Result<Vec<_>>>()?;
+    let at_knots: Vec<_> = motions.iter().map(Motion::values).collect();
+    for (t, value) in values.iter().enumerate() {
+        let place = (value - low) / (high - low) * PIECES as f64;
+        let first = (place as usize).min(PIECES - 1);
+        let share = place - first as f64;
+        let frame = |k: usize| at_knots[k].index_axis(Axis(0), t);
+        let ends = frame(first).into_iter().zip(frame(first + 1));
+        let was = base.index_axis(Axis(0), t);
+        let mut now = out.index_axis_mut(Axis(0), t);
+        for (x, ((from, to), was)) in now.iter_mut().zip(ends.zip(was)) {
+            let mixed = f64::from(*from) * (1.0 - share) + f64::from(*to) * share;
+            *x = (f64::from(*x) + (mixed - f64::from(*was))) as f32;
+        }
+    }
+    Ok(moved.with_values(out))
+}

@@ -1,0 +1,153 @@
+//! Everything known of one mesh: where its face is, and what moving it needs.
+
+mod face_cache;
+mod surface;
+
+use std::sync::{Arc, OnceLock};
+
+use crate::{
+    Result,
+    cache::{Cache, CacheKey},
+    deform::{Deformer, PartList},
+    mesh::{self, FaceOptions, LandmarkFinder, Landmarks, Mesh, Mouth, Similarity},
+    progress::{ProgressFn, report},
+    rig::Rig,
+};
+pub use surface::FaceSurface;
+
+/// A mesh, its landmarks, its place in the canonical frame, its parts, and what was computed of it
+/// since: each piece once, when it is first needed.
+///
+/// Never changes for those who look at it; any number of threads may use one face.
+///
+/// ```
+/// use anyface::{CachePolicy, Engine, EngineOptions, mesh::{FaceOptions, LandmarkSource, Mesh}};
+/// use anyface::progress::SILENT;
+///
+/// let head = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("models/default_head");
+/// let mesh = Mesh::read(head.join("head.obj"))?;
+/// let engine = Engine::new(EngineOptions { cache: CachePolicy::Off, ..Default::default() })?;
+/// let landmarks = Some(LandmarkSource::read(&head.join("landmarks.json"))?);
+/// let face = engine.find(&mesh, &FaceOptions { landmarks, ..Default::default() }, SILENT)?;
+/// assert_eq!(face.mouth().name(), "slit");
+/// assert!((face.metres_per_unit() - 1.0).abs() < 0.2);
+/// # Ok::<(), anyface::Error>(())
+/// ```
+pub struct Face {
+    /// The mesh itself.
+    pub mesh: Arc<Mesh>,
+    /// The 68 landmarks in the mesh's own units.
+    pub landmarks: Landmarks,
+    /// From the mesh's own frame to the canonical one.
+    pub to_canonical: Similarity,
+    /// The mesh's parts and what each of them is.
+    pub parts: PartList,
+    /// How the face was asked for.
+    pub options: FaceOptions,
+    /// Names the mesh and the models in what is kept of it.
+    key: CacheKey,
+    surface: OnceLock<FaceSurface>,
+    deformer: OnceLock<Arc<dyn Deformer>>,
+    rig: OnceLock<Arc<Rig>>,
+}
+
+impl Face {
+    /// Finds or takes the landmarks of a mesh, and what its parts are. `models` names what else the
+    /// result depends on.
+    ///
+    /// # Errors
+    /// `FaceNotFound`, `Mesh`, `InvalidInput` for landmarks that cannot be, `Cancelled`.
+    pub(crate) fn find(
+        mesh: &Mesh,
+        options: &FaceOptions,
+        finder: &LandmarkFinder,
+        cache: &Cache,
+        models: &CacheKey,
+        progress: ProgressFn<'_>,
+    ) -> Result<Face> {
+        report(progress, "landmarks", 0.0)?;
+        let key = face_cache::key_of(mesh, models);
+        let find = || {
+            let landmarks = mesh::locate_landmarks_with(finder, mesh, options, progress)?;
+            let to_canonical = mesh::align_to_canonical(&landmarks)?;
+            let parts = PartList::find(mesh, &landmarks, &to_canonical, &options.parts)?;
+            Ok((landmarks, parts))
+        };
+        let (landmarks, parts) = face_cache::landmarks(cache, &key, options, find)?;
+        let to_canonical = mesh::align_to_canonical(&landmarks)?;
+        report(progress, "landmarks", 1.0)?;
+        let place = (landmarks, to_canonical, parts);
+        Ok(Face::new(mesh.clone(), place, options.clone(), key))
+    }
+
+    /// A face whose place is known.
+    pub(crate) fn new(
+        mesh: Mesh,
+        (landmarks, to_canonical, parts): (Landmarks, Similarity, PartList),
+        options: FaceOptions,
+        key: CacheKey,
+    ) -> Face {
+        Face {
+            mesh: Arc::new(mesh),
+            landmarks,
+            to_canonical,
+            parts,
+            options,
+            key,
+            surface: OnceLock::new(),
+            deformer: OnceLock::new(),
+            rig: OnceLock::new(),
+        }
+    }
+
+    /// How the lips meet.
+    pub fn mouth(&self) -> Mouth {
+        Mouth::of(&self.mesh, &self.landmarks)
+    }
+
+    /// Size of the mesh's unit on a head of human size.
+    pub fn metres_per_unit(&self) -> f64 {
+        self.to_canonical.scale
+    }
+
+    /// The skin and what follows it.
+    ///
+    /// # Errors
+    /// `Mesh` if the landmarks lie on no usable face.
+    pub fn surface(&self) -> Result<&FaceSurface> {
+        once(&self.surface, || {
+            let (landmarks, to_canonical) = (&self.landmarks, &self.to_canonical);
+            let proxy = self.options.proxy;
+            FaceSurface::find(&self.mesh, landmarks, to_canonical, &self.parts, proxy)
+        })
+    }
+
+    /// What spreads landmark motion over this mesh; `make` is called where there is none yet.
+    pub(crate) fn deformer(
+        &self,
+        make: impl FnOnce() -> Result<Arc<dyn Deformer>>,
+    ) -> Result<&Arc<dyn Deformer>> {
+        once(&self.deformer, make)
+    }
+
+    /// The shapes of this mesh; `make` is called where there are none yet.
+    pub(crate) fn rig(&self, make: impl FnOnce() -> Result<Arc<Rig>>) -> Result<&Arc<Rig>> {
+        once(&self.rig, make)
+    }
+
+    /// Names this face in what is kept of it.
+    pub(crate) fn cache_key(&self) -> CacheKey {
+        face_cache::key_of_face(&self.key, self)
+    }
+}
+
+/// What is in `cell`, or what `make` makes. Two threads at once may both make it; one result stays.
+fn once<T>(cell: &OnceLock<T>, make: impl FnOnce() -> Result<T>) -> Result<&T> {
+    match cell.get() {
+        Some(made) => Ok(made),
+        None => {
+            let made = make()?;
+            Ok(cell.get_or_init(|| made))
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! The skin of a face and what everything else follows.
+
+use crate::{
+    Result,
+    deform::{
+        PartList, Skin,
+        binding::{Follows, bind},
+    },
+    ibug::LANDMARKS,
+    mesh::{Landmarks, Mesh, Similarity},
+};
+
+/// A mesh in canonical centimetres, its skin, and what moves each of its vertices.
+pub struct FaceSurface {
+    /// `[V]`, canonical centimetres.
+    pub positions: Vec<[f32; 3]>,
+    /// `[68]`, of the neutral face, canonical centimetres.
+    pub landmarks: [[f32; 3]; LANDMARKS],
+    /// The part on which landmark motion is solved.
+    pub skin: Skin,
+    /// `[V]`, what each vertex follows.
+    pub follows: Vec<Follows>,
+}
+
+impl FaceSurface {
+    /// `proxy`: skins of more vertices are worked on through so many.
+    ///
+    /// # Errors
+    /// `Mesh` if the landmarks lie on no usable face.
+    pub(super) fn find(
+        mesh: &Mesh,
+        landmarks: &Landmarks,
+        to_canonical: &Similarity,
+        parts: &PartList,
+        proxy: Option<usize>,
+    ) -> Result<FaceSurface> {
+        let cm = |p: [f32; 3]| to_canonical.apply(p).map(|x| 100.0 * x);
+        let mesh = Mesh {
+            positions: mesh.positions.iter().map(|&p| cm(p)).collect(),
+            triangles: mesh.triangles.clone(),
+        };
+        let vertices = landmarks.vertices;
+        let landmarks = landmarks.positions.map(cm);
+        let skin = Skin::find(&mesh, &landmarks, &vertices, parts, proxy)?;
+        let follows = bind(&mesh, parts, &skin.is_skin, &landmarks);
+        Ok(FaceSurface {
+            positions: mesh.positions,
+            landmarks,
+            skin,
+            follows,
+        })
+    }
+
+    /// Rows of the skin and the landmarks, decimetres: the unit of the networks.
+    pub fn decimetres(&self) -> (Vec<[f32; 3]>, [[f32; 3]; LANDMARKS]) {
+        let positions = self.skin.operators.positions.iter();
+        (
+            positions.map(|p| p.map(|x| 0.1 * x as f32)).collect(),
+            self.landmarks.map(|p| p.map(|x| 0.1 * x)),
+        )
+    }
+
+    /// Vertices of the skin that something follows, ascending.
+    pub fn followed(&self) -> Vec<u32> {
+        let mut used = vec![false; self.positions.len()];
+        for follows in &self.follows {
+            if let Follows::Skin(corners) = follows {
+                let felt = corners.iter().filter(|(_, share)| *share != 0.0);
+                felt.for_each(|(v, _)| used[*v as usize] = true);
+            }
+        }
+        (0..used.len() as u32)
+            .filter(|&v| used[v as usize])
+            .collect()
+    }
+}

@@ -1,0 +1,102 @@
+//! The 68 landmarks of iBUG 300-W: how many there are, which face each other, which belong together.
+//! Left and right are the subject's.
+
+use std::ops::Range;
+
+/// Number of landmarks `N`.
+pub const LANDMARKS: usize = 68;
+
+/// For each landmark the one on the other side of the face.
+pub const MIRROR: [usize; LANDMARKS] = [
+    16, 15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0, 26, 25, 24, 23, 22, 21, 20, 19, 18,
+    17, 27, 28, 29, 30, 35, 34, 33, 32, 31, 45, 44, 43, 42, 47, 46, 39, 38, 37, 36, 41, 40, 54, 53,
+    52, 51, 50, 49, 48, 59, 58, 57, 56, 55, 64, 63, 62, 61, 60, 67, 66, 65,
+];
+
+pub(crate) const JAW: Range<usize> = 0..17;
+pub(crate) const BROWS: Range<usize> = 17..27;
+pub(crate) const BRIDGE: Range<usize> = 27..31;
+pub(crate) const LIDS: Range<usize> = 36..48;
+pub(crate) const MOUTH: Range<usize> = 48..68;
+pub(crate) const CHIN: usize = 8;
+
+/// What lies above speech.
+pub(crate) fn upper_face() -> impl Iterator<Item = usize> {
+    BROWS.chain(BRIDGE).chain(LIDS)
+}
+
+/// What speech moves.
+pub(crate) fn speaking() -> impl Iterator<Item = usize> {
+    JAW.chain(MOUTH)
+}
+
+/// One eye: its mode, its landmarks, and its pairs of upper and lower lid.
+pub(crate) struct Eye {
+    pub(crate) mode: &'static str,
+    pub(crate) lids: Range<usize>,
+    pub(crate) pairs: [(usize, usize); 2],
+}
+
+pub(crate) static EYES: [Eye; 2] = [
+    Eye {
+        mode: "eyeBlink_R",
+        lids: 36..42,
+        pairs: [(37, 41), (38, 40)],
+    },
+    Eye {
+        mode: "eyeBlink_L",
+        lids: 42..48,
+        pairs: [(43, 47), (44, 46)],
+    },
+];
+
+/// A pair of inner lips that meet, and how much of their shift their neighbours follow.
+pub(crate) struct LipColumn {
+    /// Inner landmark first.
+    pub(crate) upper: &'static [(usize, f32)],
+    /// Inner landmark first.
+    pub(crate) lower: &'static [(usize, f32)],
+}
+
+pub(crate) static LIP_COLUMNS: [LipColumn; 3] = [
+    LipColumn {
+        upper: &[(61, 1.0), (50, 1.0), (49, 0.5)],
+        lower: &[(67, 1.0), (58, 1.0), (59, 0.5)],
+    },
+    LipColumn {
+        upper: &[(62, 1.0), (51, 1.0)],
+        lower: &[(66, 1.0), (57, 1.0)],
+    },
+    LipColumn {
+        upper: &[(63, 1.0), (52, 1.0), (53, 0.5)],
+        lower: &[(65, 1.0), (56, 1.0), (55, 0.5)],
+    },
+];
+
+/// How much asymmetry takes hold: `(right, left, share)`.
+pub(crate) const SIDES: [(usize, usize, f32); 9] = [
+    (17, 26, 1.0),
+    (18, 25, 1.0),
+    (19, 24, 1.0),
+    (20, 23, 1.0),
+    (21, 22, 1.0),
+    (48, 54, 1.0),
+    (60, 64, 1.0),
+    (49, 53, 0.5),
+    (59, 55, 0.5),
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mirror_is_its_own_inverse_and_keeps_the_midline() {
+        for n in 0..LANDMARKS {
+            assert_eq!(MIRROR[MIRROR[n]], n);
+        }
+        for n in [8, 27, 30, 33, 51, 57, 62, 66] {
+            assert_eq!(MIRROR[n], n);
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! Motion while somebody is speaking, as any system offers it.
+
+use ndarray::Array3;
+
+use super::LandmarkClip;
+use crate::{
+    Result,
+    conditions::{Emotion, EmotionCurve},
+    ibug::LANDMARKS,
+};
+
+/// All that a stream makes of a whole sound: `samples` `[S]`, mono, 16 kHz.
+///
+/// There is one frame for every started `1 / fps` seconds; the emotion is that of each frame's instant.
+///
+/// # Errors
+/// Those of [`MotionStream::push`] and [`MotionStream::set_emotion`].
+pub fn stream_whole(
+    stream: &mut dyn MotionStream,
+    samples: &[f32],
+    emotion: &EmotionCurve,
+) -> Result<LandmarkClip> {
+    stream.push(samples)?;
+    stream.finish()?;
+    let fps = stream.fps();
+    let mut values = Vec::new();
+    loop {
+        stream.set_emotion(&emotion.at(stream.next_frame() as f64 / fps))?;
+        match stream.pull() {
+            Some(frame) => values.extend_from_slice(frame.displacements.as_flattened()),
+            None => break,
+        }
+    }
+    let shape = (values.len() / (3 * LANDMARKS), LANDMARKS, 3);
+    let displacements = Array3::from_shape_vec(shape, values).expect("whole frames");
+    Ok(LandmarkClip { displacements, fps })
+}
+
+/// The face at one instant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LandmarkFrame {
+    /// Number of the frame; it stands at `index / fps` seconds of the sound.
+    pub index: usize,
+    /// `[68][3]`, displacement from the neutral face in canonical metres.
+    pub displacements: [[f32; 3]; LANDMARKS],
+}
+
+/// A performance in progress: push samples, pull frames of landmarks.
+///
+/// The frames are the same bit for bit however the samples were cut into pushes.
+///
+/// ```
+/// # use anyface::{Engine, EngineOptions};
+/// # let engine = Engine::new(EngineOptions::default())?;
+/// let mut stream = engine.stream()?;
+/// let mut frames = 0;
+/// for chunk in [0.0f32; 16_000].chunks(160) {
+///     stream.push(chunk)?;
+///     while let Some(frame) = stream.pull() {
+///         assert_eq!(frame.index, frames);
+///         frames += 1;
+///     }
+/// }
+/// stream.finish()?;
+/// assert_eq!(frames + stream.drain().len(), 25);
+/// # Ok::<(), anyface::Error>(())
+/// ```
+pub trait MotionStream: Send {
+    /// Takes samples: mono, 16 kHz, nominally in [−1, 1]. They are only kept; [`Self::pull`] works.
+    ///
+    /// # Errors
+    /// `InvalidInput` after [`Self::finish`]; `Audio` for samples that are not finite, none of which
+    /// is then taken.
+    fn push(&mut self, samples: &[f32]) -> Result<()>;
+
+    /// The next frame, or `None` until more samples are there.
+    fn pull(&mut self) -> Option<LandmarkFrame>;
+
+    /// Ends the sound: silence follows, and every frame that began can be pulled.
+    ///
+    /// # Errors
+    /// `InvalidInput` the second time.
+    fn finish(&mut self) -> Result<()>;
+
+    /// Emotion from the next frame on.
+    ///
+    /// # Errors
+    /// `InvalidInput` for an emotion that is not finite.
+    fn set_emotion(&mut self, emotion: &Emotion) -> Result<()>;
+
+    /// Number of the frame that the next [`Self::pull`] returns.
+    fn next_frame(&self) -> usize;
+
+    /// Frames per second.
+    fn fps(&self) -> f64;
+
+    /// Seconds of sound after a frame's own instant that it waits for.
+    fn latency_s(&self) -> f64;
+
+    /// All frames that are ready.
+    fn drain(&mut self) -> Vec<LandmarkFrame> {
+        std::iter::from_fn(|| self.pull()).collect()
+    }
+}

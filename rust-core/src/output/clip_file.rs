@@ -1,0 +1,164 @@
+//! A clip into a file as its frames are made.
+
+use std::{
+    fs::File,
+    io::{BufWriter, Seek, Write},
+    path::{Path, PathBuf},
+};
+
+use ndarray::{Array3, ArrayView3};
+
+use super::{Format, atomic::Unfinished, cache::write_positions, mdd, npz::Archive, pc2};
+use crate::{
+    Error, Result,
+    spread::{ClipStart, FrameSink, LandmarkTrack},
+};
+
+/// A file that takes the frames of a clip; it is there when the last one was taken, and never half.
+///
+/// npz: `displacements` `[T, V, 3]`, `landmarks_neutral` `[68, 3]`, `landmark_displacements`
+/// `[T, 68, 3]` as f32 in mesh units, and `fps`. pc2 and mdd: positions, mesh units and axes.
+///
+/// Its errors as a [`FrameSink`]: `ShapeMismatch` if the frames are not those that were announced,
+/// `Io` if the file cannot be written.
+pub struct ClipFile {
+    path: PathBuf,
+    format: Format,
+    open: Option<(Unfinished, Writer<BufWriter<File>>)>,
+}
+
+impl ClipFile {
+    /// A file of the format that the extension of `path` names; nothing is opened yet.
+    ///
+    /// # Errors
+    /// `InvalidInput` for an unknown extension.
+    pub fn new(path: &Path) -> Result<Self> {
+        Ok(ClipFile {
+            path: path.to_owned(),
+            format: Format::from_path(path)?,
+            open: None,
+        })
+    }
+
+    /// [`FrameSink::take`] of frames that stay with the caller.
+    pub(super) fn write(&mut self, block: ArrayView3<'_, f32>) -> Result<()> {
+        match &mut self.open {
+            Some((_, writer)) => writer.write(&self.path, block),
+            None => Err(Error::InvalidInput(format!(
+                "{}: expected the clip's start before its frames",
+                self.path.display()
+            ))),
+        }
+    }
+}
+
+impl FrameSink for ClipFile {
+    fn begin(&mut self, start: &ClipStart<'_>) -> Result<()> {
+        let (unfinished, file) = Unfinished::create(&self.path)?;
+        let writer = Writer::begin(&self.path, file, self.format, start)?;
+        self.open = Some((unfinished, writer));
+        Ok(())
+    }
+
+    fn take(&mut self, block: Array3<f32>) -> Result<()> {
+        self.write(block.view())
+    }
+
+    fn finish(&mut self, landmarks: &LandmarkTrack<'_>) -> Result<()> {
+        let Some((unfinished, writer)) = self.open.take() else {
+            return Ok(());
+        };
+        writer.finish(&self.path, landmarks)?;
+        unfinished.finish()
+    }
+}
+
+/// What is written, into any file: tests have full disks.
+pub(super) struct Writer<W: Write + Seek> {
+    body: Body<W>,
+    frames: usize,
+    vertices: usize,
+    fps: f64,
+    taken: usize,
+}
+
+enum Body<W: Write + Seek> {
+    Npz(Archive<W>),
+    /// Positions at rest, and how numbers are written.
+    PointCache(W, Vec<[f32; 3]>, fn(f32) -> [u8; 4]),
+}
+
+impl<W: Write + Seek> Writer<W> {
+    pub(super) fn begin(
+        path: &Path,
+        mut file: W,
+        format: Format,
+        start: &ClipStart<'_>,
+    ) -> Result<Self> {
+        let io = || Error::io(path);
+        let rest = || start.mesh.positions.clone();
+        let vertices = start.mesh.positions.len();
+        let body = match format {
+            Format::Npz => {
+                let mut archive = Archive::new(file);
+                let sizes = [start.frames, vertices, 3];
+                archive
+                    .start("displacements", "<f4", &sizes)
+                    .map_err(io())?;
+                Body::Npz(archive)
+            }
+            Format::Pc2 => {
+                pc2::write_header(&mut file, start).map_err(io())?;
+                Body::PointCache(file, rest(), f32::to_le_bytes)
+            }
+            Format::Mdd => {
+                mdd::write_header(&mut file, start).map_err(io())?;
+                Body::PointCache(file, rest(), f32::to_be_bytes)
+            }
+        };
+        Ok(Writer {
+            body,
+            frames: start.frames,
+            vertices,
+            fps: start.fps,
+            taken: 0,
+        })
+    }
+
+    /// Appends frames and holds them to what the header has announced.
+    pub(super) fn write(&mut self, path: &Path, block: ArrayView3<'_, f32>) -> Result<()> {
+        let (frames, vertices, axes) = block.dim();
+        self.taken += frames;
+        if vertices != self.vertices || axes != 3 || self.taken > self.frames {
+            return Err(self.mismatch(vertices));
+        }
+        match &mut self.body {
+            Body::Npz(archive) => archive.values(block),
+            Body::PointCache(file, rest, encode) => write_positions(file, block, rest, *encode),
+        }
+        .map_err(Error::io(path))
+    }
+
+    pub(super) fn finish(self, path: &Path, landmarks: &LandmarkTrack<'_>) -> Result<()> {
+        if self.taken != self.frames {
+            return Err(self.mismatch(self.vertices));
+        }
+        let end = match self.body {
+            Body::Npz(mut archive) => archive
+                .neutral(landmarks.neutral)
+                .and_then(|()| archive.landmarks(landmarks.displacements))
+                .and_then(|()| archive.number("fps", self.fps))
+                .and_then(|()| archive.finish()),
+            Body::PointCache(mut file, ..) => file.flush(),
+        };
+        end.map_err(Error::io(path))
+    }
+
+    fn mismatch(&self, vertices: usize) -> Error {
+        Error::ShapeMismatch {
+            what: "displacements",
+            expected: format!("[{}, {}, 3]", self.frames, self.vertices),
+            got: format!("[{}, {vertices}, 3]", self.taken),
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! Everything that is heard in one sound.
+
+use std::sync::Arc;
+
+use ndarray::{Array2, ArrayView2};
+
+use super::{FeatureTrack, SpeechEncoder, at_motion_frames};
+use crate::{
+    Result,
+    audio::{Prosody, Waveform},
+};
+
+/// A sound as systems hear it: speech features, how it was said, and how long it is.
+#[derive(Clone)]
+pub struct Heard {
+    /// Speech features at the encoder's own rate.
+    pub track: FeatureTrack,
+    /// Loudness, pitch, effort, syllables and pauses.
+    pub prosody: Prosody,
+    /// Length of the sound in seconds.
+    pub duration_s: f64,
+    encoder: Arc<dyn SpeechEncoder>,
+}
+
+impl Heard {
+    /// Listens to a sound.
+    ///
+    /// # Errors
+    /// Those of [`SpeechEncoder::encode`].
+    pub fn of(waveform: &Waveform, encoder: &Arc<dyn SpeechEncoder>) -> Result<Heard> {
+        Ok(Heard {
+            track: encoder.encode(waveform)?,
+            prosody: Prosody::of(waveform),
+            duration_s: waveform.duration_s(),
+            encoder: Arc::clone(encoder),
+        })
+    }
+
+    /// One frame for every started `1 / fps` seconds, at least one.
+    pub fn frames(&self, fps: f64) -> usize {
+        frames_of(self.duration_s, fps)
+    }
+
+    /// Speech features at the times of motion frames, `[T, C]`.
+    pub fn features(&self, fps: f64) -> Array2<f32> {
+        at_motion_frames(&self.track, self.frames(fps), fps)
+    }
+
+    /// [`SpeechEncoder::closed_lips`] of the encoder that heard the sound.
+    pub fn closed_lips(&self, features: ArrayView2<'_, f32>) -> Option<Vec<f32>> {
+        self.encoder.closed_lips(features)
+    }
+}
+
+/// One frame for every started `1 / fps` seconds of a sound, at least one.
+pub fn frames_of(duration_s: f64, fps: f64) -> usize {
+    // A millionth of a frame is rounding, not sound.
+    (duration_s * fps - 1e-6).ceil().max(1.0) as usize
+}

@@ -1,0 +1,224 @@
+//! How motion of each kind reaches a mesh.
+//!
+//! Landmarks move it through a [`Deformer`], weights through the shapes of its own [`Rig`]. Motion of a
+//! template's vertices needs a correspondence, codes a field: both kinds are carried this far and are
+//! refused here until a system brings them. A [`Spread`] makes any stretch of frames; [`into_sink`]
+//! hands them over block by block, so that a long take on a large mesh never lies in memory whole.
+
+mod sink;
+
+use std::ops::Range;
+
+use ndarray::{Array3, ArrayView2, Axis, Slice};
+use rayon::prelude::*;
+
+use crate::{
+    Error, Result,
+    deform::Deformer,
+    face::Face,
+    ibug::LANDMARKS,
+    mesh::Mesh,
+    motion::{Motion, WeightClip},
+    progress::{Progress, ProgressFn, report},
+    rig::Rig,
+};
+pub use sink::{Animation, ClipStart, Collector, FrameSink, LandmarkTrack};
+
+/// Motion on its way to one mesh.
+pub struct Spread<'a> {
+    face: &'a Face,
+    fps: f64,
+    frames: usize,
+    way: Way<'a>,
+}
+
+/// What moves the vertices.
+enum Way<'a> {
+    /// Landmark displacements `[T, 68, 3]`, mesh units and axes.
+    Landmarks(&'a dyn Deformer, Array3<f32>),
+    /// Shapes of this mesh and their weights over time.
+    Shapes(&'a Rig, Vec<(usize, usize)>, &'a WeightClip),
+}
+
+/// How far things move, over all frames.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SpreadReport {
+    /// Largest displacement of any vertex, mesh units.
+    pub largest: f32,
+    /// `[T, 68, 3]`, mesh units: what moved the mesh, or what is read off it where that was no motion
+    /// of landmarks.
+    pub landmarks: Array3<f32>,
+}
+
+impl<'a> Spread<'a> {
+    /// Motion of landmarks through a deformer.
+    ///
+    /// `landmarks`: `[T, 68, 3]`, mesh units and axes.
+    pub fn of_landmarks(
+        face: &'a Face,
+        deformer: &'a dyn Deformer,
+        landmarks: Array3<f32>,
+        fps: f64,
+    ) -> Spread<'a> {
+        Spread {
+            face,
+            fps,
+            frames: landmarks.len_of(Axis(0)),
+            way: Way::Landmarks(deformer, landmarks),
+        }
+    }
+
+    /// Weights through shapes of the mesh; those that it has no shape for move nothing.
+    pub fn of_weights(face: &'a Face, rig: &'a Rig, clip: &'a WeightClip) -> Spread<'a> {
+        let shape_of = |name: &String| rig.names.iter().position(|known| known == name);
+        let found = clip.names.iter().enumerate();
+        let pairs = found.filter_map(|(w, name)| Some((w, shape_of(name)?)));
+        Spread {
+            face,
+            fps: clip.fps,
+            frames: clip.weights.nrows(),
+            way: Way::Shapes(rig, pairs.collect(), clip),
+        }
+    }
+
+    /// The mesh whose vertices move: the face's own, unless a kind of motion brings another.
+    pub fn mesh(&self) -> &'a Mesh {
+        &self.face.mesh
+    }
+
+    /// Displacements of a stretch of frames, `[t, V, 3]`, in the units of [`Spread::mesh`].
+    ///
+    /// # Errors
+    /// `Cancelled`.
+    pub fn frames(&self, range: Range<usize>, progress: ProgressFn<'_>) -> Result<Array3<f32>> {
+        match &self.way {
+            Way::Landmarks(deformer, landmarks) => {
+                let stretch = landmarks.slice_axis(Axis(0), Slice::from(range));
+                deformer.deform(stretch, progress)
+            }
+            Way::Shapes(rig, pairs, clip) => {
+                report(progress, "deform", 0.0)?;
+                let moved = mixed(rig, pairs, clip, range);
+                report(progress, "deform", 1.0)?;
+                Ok(moved)
+            }
+        }
+    }
+}
+
+/// `Σ_s weight[t, s] · shape[s]` for a stretch of frames, `[t, V, 3]`.
+fn mixed(
+    rig: &Rig,
+    pairs: &[(usize, usize)],
+    clip: &WeightClip,
+    range: Range<usize>,
+) -> Array3<f32> {
+    let mut out = Array3::zeros((range.len(), rig.deltas.len_of(Axis(1)), 3));
+    let frames = out.axis_iter_mut(Axis(0)).into_par_iter();
+    frames.zip(range).for_each(|(mut frame, t)| {
+        for &(weight, shape) in pairs {
+            let weight = clip.weights[[t, weight]];
+            if weight != 0.0 {
+                frame.scaled_add(weight, &rig.deltas.index_axis(Axis(0), shape));
+            }
+        }
+    });
+    out
+}
+
+/// The error for kinds of motion that no system gives yet.
+pub(crate) fn not_yet(motion: &Motion) -> Error {
+    Error::InvalidInput(format!(
+        "motion: expected landmarks or weights, got {}, which nothing here can put on a mesh",
+        motion.kind()
+    ))
+}
+
+/// Makes all frames and hands them to `sink`, the next block while the last one is taken.
+///
+/// # Errors
+/// Those of [`Spread::frames`] and of the sink.
+pub fn into_sink(
+    spread: &Spread<'_>,
+    sink: &mut dyn FrameSink,
+    progress: ProgressFn<'_>,
+) -> Result<SpreadReport> {
+    let start = ClipStart {
+        mesh: spread.mesh(),
+        is_brought: !std::ptr::eq(spread.mesh(), &*spread.face.mesh),
+        frames: spread.frames,
+        fps: spread.fps,
+    };
+    sink.begin(&start)?;
+    let size = sink.frames_at_once(&start).max(1);
+    let mut stretches = (0..spread.frames)
+        .step_by(size)
+        .map(|first| first..(first + size).min(spread.frames));
+    let make = |stretch: Range<usize>| Block::make(spread, stretch, progress);
+    let mut read_off = Array3::zeros((spread.frames, LANDMARKS, 3));
+    let mut largest = 0.0f32;
+    let mut made = stretches.next().map(make);
+    while let Some(block) = made {
+        let block = block?;
+        largest = largest.max(block.largest);
+        let rows = Slice::from(block.stretch.clone());
+        let mut target = read_off.slice_axis_mut(Axis(0), rows);
+        target.assign(&at_landmarks(spread.face, &block.moved));
+        let following = stretches.next();
+        let (taken, next) = rayon::join(|| sink.take(block.moved), || following.map(make));
+        taken?;
+        made = next;
+    }
+    let landmarks = match &spread.way {
+        Way::Landmarks(_, landmarks) => landmarks.clone(),
+        Way::Shapes(..) => read_off,
+    };
+    sink.finish(&LandmarkTrack {
+        neutral: &spread.face.landmarks.positions,
+        displacements: landmarks.view(),
+    })?;
+    Ok(SpreadReport { largest, landmarks })
+}
+
+/// Some frames of a clip.
+struct Block {
+    stretch: Range<usize>,
+    /// `[t, V, 3]`.
+    moved: Array3<f32>,
+    largest: f32,
+}
+
+impl Block {
+    fn make(spread: &Spread<'_>, stretch: Range<usize>, progress: ProgressFn<'_>) -> Result<Block> {
+        let (first, count) = (stretch.start as f32, stretch.len() as f32);
+        let share = |p: Progress| Progress {
+            fraction: (first + p.fraction * count) / spread.frames as f32,
+            ..p
+        };
+        let moved = spread.frames(stretch.clone(), &|p| progress(share(p)))?;
+        let frames = moved.axis_iter(Axis(0)).into_par_iter();
+        let most = frames
+            .map(|frame| largest(frame.view()))
+            .reduce(|| 0.0, f32::max);
+        Ok(Block {
+            stretch,
+            moved,
+            largest: most,
+        })
+    }
+}
+
+/// Length of the longest displacement of `[V, 3]`.
+fn largest(frame: ArrayView2<'_, f32>) -> f32 {
+    let squared = frame
+        .rows()
+        .into_iter()
+        .map(|d| d.iter().map(|x| x * x).sum::<f32>());
+    squared.fold(0.0, f32::max).sqrt()
+}
+
+/// The vertices `[t, V, 3]` nearest to the landmarks, `[t, 68, 3]`.
+fn at_landmarks(face: &Face, moved: &Array3<f32>) -> Array3<f32> {
+    let vertices = face.landmarks.vertices.map(|v| v as usize);
+    moved.select(Axis(1), &vertices)
+}

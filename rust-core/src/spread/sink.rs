@@ -1,0 +1,144 @@
+//! Where frames go as they are made.
+
+use ndarray::{Array3, ArrayView3, Axis, concatenate};
+
+use super::SpreadReport;
+use crate::{Result, deform::VertexClip, ibug::LANDMARKS, mesh::Mesh};
+
+/// Bytes of displacements that are made at a time where a sink says nothing else.
+const BLOCK_BYTES: usize = 64 << 20;
+
+/// What is known of a clip before its first frame.
+#[derive(Debug, Clone, Copy)]
+pub struct ClipStart<'a> {
+    /// The mesh whose vertices move.
+    pub mesh: &'a Mesh,
+    /// Whether that is a mesh which the motion brings, and not the caller's.
+    pub is_brought: bool,
+    /// Number of frames `T`.
+    pub frames: usize,
+    /// Frames per second.
+    pub fps: f64,
+}
+
+/// The landmarks' part of a clip, mesh units.
+#[derive(Debug, Clone, Copy)]
+pub struct LandmarkTrack<'a> {
+    /// `[68][3]`.
+    pub neutral: &'a [[f32; 3]; LANDMARKS],
+    /// `[T, 68, 3]`.
+    pub displacements: ArrayView3<'a, f32>,
+}
+
+/// Takes the frames of a clip in order: [`FrameSink::begin`], any number of blocks, then
+/// [`FrameSink::finish`]. An error of any of them ends the run.
+pub trait FrameSink: Send {
+    /// Hears what is to come.
+    ///
+    /// # Errors
+    /// Whatever hinders the sink.
+    fn begin(&mut self, start: &ClipStart<'_>) -> Result<()>;
+
+    /// How many frames it wants to get at a time: 64 MiB of them unless it says something else.
+    fn frames_at_once(&self, start: &ClipStart<'_>) -> usize {
+        BLOCK_BYTES / (start.mesh.positions.len() * 12).max(1)
+    }
+
+    /// Takes the next frames, `[t, V, 3]` displacements in mesh units.
+    ///
+    /// # Errors
+    /// Whatever hinders the sink.
+    fn take(&mut self, block: Array3<f32>) -> Result<()>;
+
+    /// Takes the landmarks of all frames, when all frames were taken.
+    ///
+    /// # Errors
+    /// Whatever hinders the sink.
+    fn finish(&mut self, landmarks: &LandmarkTrack<'_>) -> Result<()>;
+}
+
+/// A finished performance on one mesh.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Animation {
+    /// Displacement of every vertex, mesh units.
+    pub vertices: VertexClip,
+    /// The mesh whose vertices these are, where it is not the caller's own.
+    pub brought: Option<Mesh>,
+    /// `[68][3]`, mesh units.
+    pub landmarks_neutral: [[f32; 3]; LANDMARKS],
+    /// `[T, 68, 3]`, mesh units.
+    pub landmark_displacements: Array3<f32>,
+}
+
+/// Keeps all frames in memory.
+#[derive(Default)]
+pub struct Collector {
+    fps: f64,
+    blocks: Vec<Array3<f32>>,
+    vertices: usize,
+    brought: Option<Mesh>,
+    landmarks: Option<([[f32; 3]; LANDMARKS], Array3<f32>)>,
+}
+
+impl Collector {
+    /// All frames that `run` hands to the sink that it gets.
+    ///
+    /// # Errors
+    /// Those of `run`.
+    pub fn collect(
+        run: impl FnOnce(&mut dyn FrameSink) -> Result<SpreadReport>,
+    ) -> Result<Animation> {
+        let mut collector = Collector::default();
+        run(&mut collector)?;
+        Ok(collector.into_animation())
+    }
+
+    /// The clip that was collected; one of no frames where the run did not end.
+    pub fn into_animation(mut self) -> Animation {
+        let displacements = match self.blocks.len() {
+            1 => self.blocks.remove(0),
+            0 => Array3::zeros((0, self.vertices, 3)),
+            _ => {
+                let views: Vec<_> = self.blocks.iter().map(|block| block.view()).collect();
+                concatenate(Axis(0), &views).expect("blocks of one mesh")
+            }
+        };
+        let nothing = || ([[0.0; 3]; LANDMARKS], Array3::zeros((0, LANDMARKS, 3)));
+        let (landmarks_neutral, landmark_displacements) = self.landmarks.unwrap_or_else(nothing);
+        Animation {
+            vertices: VertexClip {
+                displacements,
+                fps: self.fps,
+            },
+            brought: self.brought,
+            landmarks_neutral,
+            landmark_displacements,
+        }
+    }
+}
+
+impl FrameSink for Collector {
+    fn begin(&mut self, start: &ClipStart<'_>) -> Result<()> {
+        *self = Collector {
+            fps: start.fps,
+            vertices: start.mesh.positions.len(),
+            brought: start.is_brought.then(|| start.mesh.clone()),
+            ..Collector::default()
+        };
+        Ok(())
+    }
+
+    fn frames_at_once(&self, start: &ClipStart<'_>) -> usize {
+        start.frames
+    }
+
+    fn take(&mut self, block: Array3<f32>) -> Result<()> {
+        self.blocks.push(block);
+        Ok(())
+    }
+
+    fn finish(&mut self, landmarks: &LandmarkTrack<'_>) -> Result<()> {
+        self.landmarks = Some((*landmarks.neutral, landmarks.displacements.to_owned()));
+        Ok(())
+    }
+}

@@ -1,0 +1,206 @@
+//! FreeTalk as a [`System`]: speech to landmark motion, an artist's controls over it, a stream.
+
+use std::{
+    path::{Path, PathBuf},
+    sync::{Arc, OnceLock},
+};
+
+use super::{
+    AtsRequest,
+    ats::Ats,
+    stm::{self, paper::PaperDecoder},
+    stream::{CausalStream, StreamModel},
+};
+use crate::{
+    Result,
+    cache::Cache,
+    conditions::{Control, ControlStage, ControlValues, Controls, EmotionCurve, MotionRequest},
+    deform::{Deformer, LEARNED},
+    face::Face,
+    models::{BuiltIn, built_in},
+    motion::{
+        self, Cues, FaceModes, LandmarkClip, Motion, MotionStream, PERFORMANCE_CONTROLS,
+        PerformanceControls,
+    },
+    progress::ProgressFn,
+    speech::Heard,
+    systems::{Registration, Slider, System, Windows},
+};
+
+/// Built-in weights of the denoiser.
+pub static ATS_MODEL: BuiltIn = built_in!("ats_compact");
+/// Built-in weights of the stream.
+pub static STREAM_MODEL: BuiltIn = built_in!("stream");
+static PAPER_MODEL: BuiltIn = built_in!("stm_paper");
+
+/// Denoising steps; 0 leaves them to the model.
+static STEPS: Control = Control {
+    name: "steps",
+    label: "Steps",
+    help: "Denoising steps; 0 takes the model's own number.",
+    unit: "",
+    values: ControlValues::Whole,
+    low: 0.0,
+    high: 1000.0,
+    default: 0.0,
+    neutral: 0.0,
+    stage: ControlStage::Motion,
+    is_animatable: false,
+};
+
+/// What spreads landmark motion over a mesh.
+static DECODER: Control = Control {
+    name: "decoder",
+    label: "Decoder",
+    help: "What spreads motion over the mesh: weights that are computed once for it (static), or the \
+           paper's decoder, which runs for every frame (paper).",
+    values: ControlValues::Choice(&["static", "paper"]),
+    high: 1.0,
+    stage: ControlStage::Face,
+    ..STEPS
+};
+
+static OWN_CONTROLS: &[Control] = &[STEPS, LEARNED, DECODER];
+
+/// How the registry knows FreeTalk.
+pub static REGISTRATION: Registration = Registration {
+    name: "freetalk",
+    label: "FreeTalk",
+    help: "Speech, emotion and intensity move 68 landmarks, which move the mesh.",
+    models: &[&ATS_MODEL, &STREAM_MODEL, &PAPER_MODEL],
+    controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
+    open: |folder| Ok(Box::new(FreeTalk::open(folder)?)),
+};
+
+/// The denoiser with everything that makes a performance of its motion.
+pub struct FreeTalk {
+    ats: Ats,
+    stream: Arc<StreamModel>,
+    modes: FaceModes,
+    /// The paper's decoder, loaded where it is asked for.
+    paper: OnceLock<Arc<PaperDecoder>>,
+    folder: Option<PathBuf>,
+}
+
+impl FreeTalk {
+    /// The built-in models, or those of `folder`.
+    ///
+    /// # Errors
+    /// `Weights` or `Io` if a file is missing, truncated or does not fit its config.
+    pub fn open(folder: Option<&Path>) -> Result<Self> {
+        let files = ATS_MODEL.open(folder)?;
+        let ats = Ats::load(&files.weights, &files.config)?;
+        let files = STREAM_MODEL.open(folder)?;
+        Ok(FreeTalk {
+            ats,
+            stream: Arc::new(StreamModel::load(&files.weights, &files.config)?),
+            modes: FaceModes::open(folder)?,
+            paper: OnceLock::new(),
+            folder: folder.map(Path::to_owned),
+        })
+    }
+
+    fn paper(&self) -> Result<Arc<PaperDecoder>> {
+        if let Some(paper) = self.paper.get() {
+            return Ok(Arc::clone(paper));
+        }
+        let files = PAPER_MODEL.open(self.folder.as_deref())?;
+        let paper = PaperDecoder::load(&files.weights, &files.config)?;
+        Ok(Arc::clone(self.paper.get_or_init(|| Arc::new(paper))))
+    }
+}
+
+impl System for FreeTalk {
+    fn channels(&self) -> Option<usize> {
+        Some(self.ats.config().speech.channels)
+    }
+
+    fn sample(
+        &self,
+        heard: &Heard,
+        request: &MotionRequest,
+        progress: ProgressFn<'_>,
+    ) -> Result<Motion> {
+        let fps = self.ats.config().fps;
+        let features = heard.features(fps);
+        let affect = request.emotion.sample(features.nrows(), fps);
+        let steps = STEPS.value(&request.controls) as usize;
+        let mut displacements = self.ats.sample(
+            &AtsRequest {
+                speech: features.view(),
+                affect: affect.view(),
+                style: request.style.as_deref(),
+                seed: request.seed,
+                steps: (steps > 0).then_some(steps),
+                temperature: None,
+            },
+            progress,
+        )?;
+        if self.ats.config().closes_lips(request.style.as_deref())
+            && let Some(closed) = heard.closed_lips(features.view())
+        {
+            motion::close_lips(&mut displacements, &closed)?;
+        }
+        let clip = LandmarkClip { displacements, fps };
+        let frames = heard.frames(request.fps);
+        Ok(Motion::Landmarks(clip.at_rate(request.fps, frames)))
+    }
+
+    fn perform(
+        &self,
+        sampled: &Motion,
+        heard: &Heard,
+        request: &MotionRequest,
+        urge: &EmotionCurve,
+    ) -> Result<Motion> {
+        let Motion::Landmarks(clip) = sampled else {
+            return Ok(sampled.clone());
+        };
+        let frames = sampled.frames();
+        let affect = request.emotion.sample(frames, clip.fps);
+        let urge = urge.sample(frames, clip.fps);
+        let cues = Cues {
+            affect: affect.view(),
+            urge: urge.view(),
+            speech_only: request.emotion == EmotionCurve::Off,
+            prosody: &heard.prosody,
+            seed: request.seed,
+        };
+        let controls = PerformanceControls::from(&request.controls);
+        let performed = self.modes.perform(clip, &cues, &controls)?;
+        Ok(Motion::Landmarks(performed))
+    }
+
+    fn works_on_every_vertex(&self, controls: &Controls) -> bool {
+        DECODER.value(controls) != DECODER.default
+    }
+
+    fn deformer(
+        &self,
+        face: &Face,
+        cache: &Cache,
+        progress: ProgressFn<'_>,
+    ) -> Result<Option<Arc<dyn Deformer>>> {
+        if !self.works_on_every_vertex(&face.options.controls) {
+            return Ok(None);
+        }
+        let made = stm::prepare_paper(self.paper()?, face, cache, progress)?;
+        Ok(Some(Arc::new(made)))
+    }
+
+    fn stream(&self) -> Option<Box<dyn MotionStream>> {
+        Some(Box::new(CausalStream::new(Arc::clone(&self.stream))))
+    }
+
+    fn styles(&self) -> &[String] {
+        &self.ats.config().styles
+    }
+
+    fn windows(&self) -> Option<Windows> {
+        Some(self.ats.config().windows())
+    }
+
+    fn sliders(&self) -> &'static [Slider] {
+        &Slider::ALL
+    }
+}

@@ -1,0 +1,183 @@
+//! A system is a file or folder and its lines of the registry: without them the rest compiles, and with
+//! another one the command and the C interface know it, nothing else being changed.
+//!
+//! Both tests work in a copy of the tree; the libraries that it uses are those of this build. The library
+//! with the toy system stays in the build's folder, where the tests of the extension find it.
+
+use std::{
+    env, fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use anyface::{mesh::Mesh, output::read_vertex_motion};
+use anyface_tests::{
+    native::{profile_dir, root, succeed},
+    scene::Scene,
+};
+
+const REGISTRY: &str = "rust-core/src/systems/mod.rs";
+
+/// A copy of the crates that users get, in a folder of the build.
+struct Tree(PathBuf);
+
+impl Tree {
+    fn copied(name: &str) -> Tree {
+        let folder = profile_dir().join("trees").join(name);
+        if folder.exists() {
+            fs::remove_dir_all(&folder).unwrap();
+        }
+        for part in ["rust-core", "capi", "include"] {
+            copy(&root().join(part), &folder.join(part));
+        }
+        fs::copy(root().join("Cargo.lock"), folder.join("Cargo.lock")).unwrap();
+        let text = fs::read_to_string(root().join("Cargo.toml")).unwrap();
+        let members = text
+            .lines()
+            .find(|line| line.starts_with("members"))
+            .unwrap();
+        let text = text.replace(members, "members = [\"rust-core\", \"capi\"]");
+        fs::write(folder.join("Cargo.toml"), text).unwrap();
+        Tree(folder)
+    }
+
+    /// Replaces a text that must be in a file.
+    fn edit(&self, file: &str, from: &str, to: &str) {
+        let path = self.0.join(file);
+        let text = fs::read_to_string(&path).unwrap();
+        assert!(text.contains(from), "{file} holds no {from:?}");
+        fs::write(&path, text.replace(from, to)).unwrap();
+    }
+
+    fn cargo(&self, arguments: &[&str]) {
+        let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+        command
+            .current_dir(&self.0)
+            .args(arguments)
+            .arg("--offline");
+        let build = profile_dir();
+        succeed(command.arg("--target-dir").arg(build.parent().unwrap()));
+    }
+}
+
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap().flatten() {
+        let (path, target) = (entry.path(), to.join(entry.file_name()));
+        match path.is_dir() {
+            true => copy(&path, &target),
+            false => drop(fs::copy(&path, &target).unwrap()),
+        }
+    }
+}
+
+#[test]
+fn without_its_folder_and_its_lines_of_the_registry_the_rest_compiles() {
+    let systems = fs::read_dir(root().join("rust-core/src/systems")).unwrap();
+    let names: Vec<String> = systems
+        .flatten()
+        .filter(|entry| entry.path().is_dir())
+        .map(|entry| entry.file_name().into_string().unwrap())
+        .collect();
+    assert!(names.contains(&"freetalk".to_owned()), "{names:?}");
+    for name in names {
+        let tree = Tree::copied("without");
+        fs::remove_dir_all(tree.0.join("rust-core/src/systems").join(&name)).unwrap();
+        tree.edit(REGISTRY, &format!("pub mod {name};\n"), "");
+        tree.edit(REGISTRY, &format!("&{name}::REGISTRATION"), "");
+        tree.cargo(&["check", "--workspace"]);
+    }
+}
+
+#[test]
+fn a_toy_of_a_file_and_two_words_moves_a_mesh_through_the_command_and_c() {
+    let tree = Tree::copied("toy");
+    let toy = fs::read_to_string(root().join("tests/systems/toy.rs")).unwrap();
+    assert!(toy.lines().count() <= 100);
+    fs::write(tree.0.join("rust-core/src/systems/toy.rs"), toy).unwrap();
+    tree.edit(
+        REGISTRY,
+        "pub mod freetalk;\n",
+        "pub mod freetalk;\npub mod toy;\n",
+    );
+    tree.edit(
+        REGISTRY,
+        "&freetalk::REGISTRATION",
+        "&freetalk::REGISTRATION, &toy::REGISTRATION",
+    );
+    // Under names of their own, so that they do not take the place of this build's.
+    tree.edit(
+        "capi/Cargo.toml",
+        "name = \"anyface\"\n",
+        "name = \"anyface_toy\"\n",
+    );
+    tree.edit(
+        "rust-core/Cargo.toml",
+        "[[bin]]\nname = \"anyface\"",
+        "[[bin]]\nname = \"anyface-toy\"",
+    );
+    tree.cargo(&["build", "--workspace"]);
+    let folder = tree.0.join("run");
+    let scene = Scene::write(&folder, 1.0).unwrap();
+    let clip = folder.join("toy.npz");
+    let mut command = Command::new(profile_dir().join("anyface-toy"));
+    command.args(["animate", "--system", "toy", "--drop", "20", "--no-cache"]);
+    command
+        .arg("--mesh")
+        .arg(&scene.head)
+        .arg("--landmarks")
+        .arg(&scene.landmarks);
+    succeed(
+        command
+            .arg("--audio")
+            .arg(&scene.voice)
+            .arg("--out")
+            .arg(&clip),
+    );
+    let by_command = largest(&clip, &scene);
+    assert!(
+        (10.0..25.0).contains(&(10.0 * by_command)),
+        "{by_command} cm"
+    );
+    let by_c = through_c(&folder, &scene);
+    assert!(
+        (by_c - by_command).abs() < 1e-5 * by_command,
+        "{by_c} and {by_command}"
+    );
+}
+
+/// Length of the longest displacement of a clip, units of the mesh.
+fn largest(clip: &Path, scene: &Scene) -> f32 {
+    let moved = read_vertex_motion(clip, &Mesh::read(&scene.head).unwrap()).unwrap();
+    let rows = moved.displacements.rows().into_iter();
+    rows.map(|d| d.dot(&d)).fold(0.0f32, f32::max).sqrt()
+}
+
+/// The same as a program in C says it that knows the system by its name alone.
+fn through_c(folder: &Path, scene: &Scene) -> f32 {
+    let program = folder.join("toy");
+    let libraries = profile_dir();
+    let mut compiler = Command::new(env::var_os("CC").unwrap_or_else(|| "gcc".into()));
+    compiler
+        .args(["-std=c11", "-Wall", "-Werror"])
+        .arg("-I")
+        .arg(root().join("include"));
+    compiler
+        .arg(root().join("tests/systems/toy.c"))
+        .arg("-o")
+        .arg(&program);
+    compiler.arg("-L").arg(&libraries).arg("-lanyface_toy");
+    succeed(&mut compiler);
+    let mut command = Command::new(program);
+    command.env("LD_LIBRARY_PATH", libraries);
+    command
+        .arg(&scene.head)
+        .arg(&scene.landmarks)
+        .arg(&scene.voice);
+    let output = succeed(&mut command);
+    String::from_utf8(output.stdout)
+        .unwrap()
+        .trim()
+        .parse()
+        .unwrap()
+}

@@ -1,0 +1,41 @@
+/*
+ * Animates a head with the system "toy", its chin dropping by 20 mm, and prints the largest displacement.
+ *
+ *     toy HEAD.obj LANDMARKS.json VOICE.wav
+ */
+#include "../c_host/check.h"
+#include "../c_host/text.h"
+
+int main(int argc, char **argv) {
+    CHECK(argc == 4);
+    AnyfaceError *error = NULL;
+    AnyfaceEngineOptions engine_options;
+    anyface_engine_options_init(&engine_options, sizeof engine_options);
+    engine_options.system = "toy";
+    engine_options.cache = ANYFACE_CACHE_OFF;
+    AnyfaceEngine *engine = NULL;
+    CHECK_OK(anyface_engine_new(&engine_options, &engine, &error));
+    AnyfaceMesh *mesh = NULL;
+    AnyfaceAudio *audio = NULL;
+    CHECK_OK(anyface_mesh_read(argv[1], &mesh, &error));
+    CHECK_OK(anyface_audio_read(argv[3], &audio, &error));
+    AnyfaceFaceOptions face_options;
+    anyface_face_options_init(&face_options, sizeof face_options);
+    face_options.landmark_json = read_text(argv[2]);
+    AnyfaceFace *face = NULL;
+    CHECK_OK(anyface_face_new(engine, mesh, &face_options, NULL, &face, &error));
+    const AnyfaceControlSetting drop = {.name = "drop_mm", .value = 20.0f};
+    AnyfaceMotionOptions options;
+    anyface_motion_options_init(&options, sizeof options);
+    options.controls = &drop;
+    options.control_count = 1;
+    AnyfaceClip *clip = NULL;
+    CHECK_OK(anyface_engine_animate(engine, face, audio, &options, NULL, &clip, &error));
+    printf("%.6g\n", (double)anyface_clip_largest_displacement(clip));
+    anyface_clip_free(clip);
+    anyface_face_free(face);
+    anyface_audio_free(audio);
+    anyface_mesh_free(mesh);
+    anyface_engine_free(engine);
+    return 0;
+}
