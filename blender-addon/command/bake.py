@@ -5,7 +5,7 @@ import os
 
 import bpy
 
-from ..core import emotion
+from ..core import emotion, systems
 from ..core.errors import AnyfaceError
 from ..core.job import Progress
 from ..scene import bake
@@ -18,7 +18,8 @@ def run(options: argparse.Namespace) -> dict:
     scene = named(bpy.data.scenes, options.scene, "scene") if options.scene else None
     scene = scene or bpy.context.scene
     ob = named(bpy.data.objects, options.object, "object")
-    snapshot = bake.read(ob, scene, _settings(ob, scene, options), running.engine())
+    settings = _settings(ob, scene, options)
+    snapshot = bake.read(ob, scene, settings, running.engine(settings.system))
     take = snapshot.work(Progress())
     text = bake.write(ob, snapshot, take)
     if ob.library is None:
@@ -50,14 +51,19 @@ def _settings(ob, scene, options) -> bake.Settings:
         "error_mm": options.error,
         "fps": options.fps,
         "seed": options.seed,
-        "steps": options.steps,
         "style": options.style,
+        "system": options.system,
         "axes": options.axes,
         "landmark_file": os.path.abspath(options.landmarks) if options.landmarks else None,
     }
     for name, value in given.items():
         if value is not None:
             setattr(settings, name, value)
+    settings.held = {
+        control.name: control.number(value)
+        for control in systems.controls()
+        if (value := getattr(options, control.name)) is not None
+    }
     return settings
 
 

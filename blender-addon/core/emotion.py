@@ -4,24 +4,11 @@ import math
 
 from .errors import AnyfaceError
 
-# The order is that of the weights; a test compares it with the library's own list.
+# The order is that of the strengths; a test compares it with the library's own list.
 EMOTIONS = (
-    "neutral",
-    "happy",
-    "pleased",
-    "calm",
-    "surprised",
-    "sad",
-    "upset",
-    "ashamed",
-    "afraid",
-    "angry",
-    "disgusted",
-    "contempt",
-    "suspicious",
-    "ill",
-    "drunk",
-)
+    "neutral", "happy", "pleased", "calm", "surprised", "sad", "upset", "ashamed", "afraid",
+    "angry", "disgusted", "contempt", "suspicious", "ill", "drunk",
+)  # fmt: skip
 MAX_INTENSITY = 1.5
 
 

@@ -19,9 +19,13 @@ def find(
     `find_in` is `native.Engine.find`, or what stands in for it in a test. Raises
     `AnyfaceError("face")` where there is no face.
     """
-    seen = space.face_space(face.matrix_world, face.axes)
+    own = space.face_space(face.matrix_world, face.axes)
+    held = {number: own.points(place[None])[0] for number, place in fixed.items()}
     with naming(face):
-        return _find_in(seen, face, fixed, find_in, progress)
+        found = find_in(*own.seen(face), held, face.roles, progress)
+    back = np.linalg.inv(own.matrix)
+    found.positions = (np.asarray(found.positions, dtype=np.float64) - own.offset) @ back.T
+    return found
 
 
 @contextmanager
@@ -35,15 +39,3 @@ def naming(face: FaceMesh):
         hints = "".join(f"{hint}. " for hint in face.hints)
         text = f"{face.name}: {hints}{error} (a file with them: Performance > More > Landmarks)"
         raise AnyfaceError("face", text) from error
-
-
-def _find_in(seen, face, fixed, find_in, progress) -> Found:
-    triangles = face.triangles[:, ::-1] if seen.mirrored else face.triangles
-    landmarks = None if face.landmarks is None else seen.points(face.landmarks)
-    held = {number: seen.points(place[None])[0] for number, place in fixed.items()}
-    positions = seen.points(face.positions)
-    numbers = face.landmark_vertices
-    found = find_in(positions, triangles, landmarks, numbers, held, face.roles, progress)
-    back = np.linalg.inv(seen.matrix)
-    found.positions = (np.asarray(found.positions, dtype=np.float64) - seen.offset) @ back.T
-    return found

@@ -1,4 +1,4 @@
-"""An engine whose weights are loaded by whoever needs them first: a worker, not the interface."""
+"""An engine whose models are loaded by whoever needs them first: a worker, not the interface."""
 
 import threading
 from collections.abc import Callable
@@ -17,11 +17,11 @@ class LazyEngine:
 
     @property
     def is_loaded(self) -> bool:
-        """True once the weights are in memory."""
+        """True once the models are in memory."""
         return self._engine is not None
 
     def close(self) -> None:
-        """Frees the weights, if they were loaded."""
+        """Frees the models, if they were loaded."""
         with self._lock:
             engine, self._engine = self._engine, None
         if engine is not None:

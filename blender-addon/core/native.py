@@ -1,41 +1,31 @@
-"""The native library through ctypes: one table of functions, one class.
-
-The table follows `include/anyface.h`; a test compares the two. ctypes releases Python's lock
-during a call, so the interface of Blender goes on while a thread waits here.
-"""
+"""An engine of the native library: meshes and sounds as numpy arrays in, motion out."""
 
 import ctypes
 import os
-import sys
 from contextlib import ExitStack
-from ctypes import (
-    POINTER,
-    Structure,
-    byref,
-    c_char_p,
-    c_double,
-    c_float,
-    c_int32,
-    c_size_t,
-    c_uint32,
-    c_uint64,
-    c_void_p,
-)
-from dataclasses import asdict, replace
+from ctypes import POINTER, byref, c_char_p, c_double, c_float, c_int32, c_uint32, c_void_p
 from pathlib import Path
 
 import numpy as np
 
-from . import sweep, verdict
+from . import systems
 from .errors import AnyfaceError, Cancelled
 from .job import Progress
-from .native_shapes import SIGNATURES as SHAPE_SIGNATURES
+from .library import ControlSetting, EngineOptions, FaceOptions, MotionOptions, library_path, load
 from .native_shapes import ShapeCalls
-from .native_sliders import SIGNATURES as SLIDER_SIGNATURES
 from .native_sliders import SliderCalls
-from .take import EMOTION_SOURCES, MOUTHS, Animation, Basis, Found, PartRoles, Performance, Sound
+from .take import (
+    EMOTION_SOURCES,
+    MOUTHS,
+    VISIBILITIES,
+    Animation,
+    Basis,
+    Found,
+    PartRoles,
+    Request,
+    Sound,
+)
 
-ABI_VERSION = 1
 LANDMARKS = 68
 # Static weights over 68 landmarks give motion of rank 204 at most.
 MAX_VECTORS = 256
@@ -44,191 +34,36 @@ _NEG_Y, _POS_Z = 3, 4
 # Samples of a decoded sound are mono at this rate.
 _DECODED_RATE_HZ = 16000.0
 _CANCELLED = 9
+_FLOATS, _DOUBLES, _INDICES = POINTER(c_float), POINTER(c_double), POINTER(c_uint32)
 # `ANYFACE_CACHE_FOLDER`.
 _CACHE_IN_FOLDER = 2
 _KINDS = {3: "input", 4: "audio", 5: "mesh", 6: "face", 7: "weights", 8: "file"}
 
 
-class EngineOptions(Structure):
-    """`AnyfaceEngineOptions`."""
-
-    _fields_ = [
-        ("struct_size", c_size_t),
-        ("weights_dir", c_char_p),
-        ("speech_dir", c_char_p),
-        ("cache_dir", c_char_p),
-        ("cache", c_int32),
-        ("decoder", c_int32),
-        ("threads", c_uint32),
-        ("reserved", c_uint32),
-    ]
-
-
-class FaceOptions(Structure):
-    """`AnyfaceFaceOptions`."""
-
-    _fields_ = [
-        ("struct_size", c_size_t),
-        ("landmark_positions", POINTER(c_float)),
-        ("landmark_vertices", POINTER(c_uint32)),
-        ("landmark_json", c_char_p),
-        ("forward", c_int32),
-        ("up", c_int32),
-        ("learned", c_float),
-        ("reserved", c_uint32),
-        ("part_numbers", POINTER(c_uint32)),
-        ("part_roles", POINTER(c_int32)),
-        ("part_count", c_size_t),
-        ("fixed_numbers", POINTER(c_uint32)),
-        ("fixed_positions", POINTER(c_float)),
-        ("fixed_count", c_size_t),
-        ("object_of_vertex", POINTER(c_uint32)),
-        ("object_vertex_count", c_size_t),
-        ("object_roles", POINTER(c_int32)),
-        ("object_count", c_size_t),
-    ]
-
-
-class MotionOptions(Structure):
-    """`AnyfaceMotionOptions`."""
-
-    _fields_ = [
-        ("struct_size", c_size_t),
-        ("emotion_strengths", POINTER(c_float)),
-        ("emotion_times_s", POINTER(c_double)),
-        ("emotion_count", c_size_t),
-        ("fps", c_double),
-        ("seed", c_uint64),
-        ("style", c_char_p),
-        ("steps", c_uint32),
-        ("reserved", c_uint32),
-        ("emotion_source", c_int32),
-        ("articulation", c_float),
-        ("jaw_lips", c_float),
-        ("smoothing_s", c_float),
-        ("upper_face", c_float),
-        ("blinks_per_minute", c_float),
-        ("brow_accents", c_float),
-        ("asymmetry", c_float),
-    ]
-
-
-_FLOATS, _INDICES = POINTER(c_float), POINTER(c_uint32)
-_HANDLE, _OUT = c_void_p, POINTER(c_void_p)
-
-# Name: what it returns, what it takes. Handles are untyped pointers.
-SIGNATURES = {
-    "anyface_abi_version": (c_uint32, []),
-    "anyface_version": (c_char_p, []),
-    "anyface_emotion_name": (c_char_p, [c_size_t]),
-    "anyface_error_message": (c_char_p, [_HANDLE]),
-    "anyface_error_free": (None, [_HANDLE]),
-    "anyface_engine_options_init": (c_int32, [POINTER(EngineOptions), c_size_t]),
-    "anyface_engine_new": (c_int32, [POINTER(EngineOptions), _OUT, _OUT]),
-    "anyface_engine_free": (None, [_HANDLE]),
-    "anyface_audio_new": (c_int32, [_FLOATS, c_size_t, c_uint32, c_uint32, _OUT, _OUT]),
-    "anyface_audio_read": (c_int32, [c_char_p, _OUT, _OUT]),
-    "anyface_audio_sample_count": (c_size_t, [_HANDLE]),
-    "anyface_audio_copy_samples": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
-    "anyface_audio_free": (None, [_HANDLE]),
-    "anyface_mesh_new": (c_int32, [_FLOATS, c_size_t, _INDICES, c_size_t, _OUT, _OUT]),
-    "anyface_mesh_free": (None, [_HANDLE]),
-    "anyface_face_options_init": (c_int32, [POINTER(FaceOptions), c_size_t]),
-    "anyface_face_new": (
-        c_int32,
-        [_HANDLE, _HANDLE, POINTER(FaceOptions), _HANDLE, _OUT, _OUT],
-    ),
-    "anyface_face_free": (None, [_HANDLE]),
-    "anyface_landmarks_new": (
-        c_int32,
-        [_HANDLE, _HANDLE, POINTER(FaceOptions), _HANDLE, _OUT, _OUT],
-    ),
-    "anyface_landmarks_copy": (c_int32, [_HANDLE, _FLOATS, _INDICES, _FLOATS, _OUT]),
-    "anyface_landmarks_mouth": (c_int32, [_HANDLE]),
-    "anyface_landmarks_part_count": (c_size_t, [_HANDLE]),
-    "anyface_landmarks_copy_parts": (c_int32, [_HANDLE, POINTER(c_int32), _INDICES, _OUT]),
-    "anyface_landmarks_free": (None, [_HANDLE]),
-    "anyface_motion_options_init": (c_int32, [POINTER(MotionOptions), c_size_t]),
-    "anyface_motion_new": (
-        c_int32,
-        [_HANDLE, _HANDLE, POINTER(MotionOptions), _HANDLE, _OUT, _OUT],
-    ),
-    "anyface_motion_new_displacements": (
-        c_int32,
-        [_FLOATS, c_size_t, c_double, _OUT, _OUT],
-    ),
-    "anyface_motion_frame_count": (c_size_t, [_HANDLE]),
-    "anyface_motion_copy_displacements": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
-    "anyface_motion_free": (None, [_HANDLE]),
-    "anyface_clip_new": (c_int32, [_HANDLE, _HANDLE, _HANDLE, _HANDLE, _OUT, _OUT]),
-    "anyface_clip_copy_displacements": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
-    "anyface_clip_copy_landmark_displacements": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
-    "anyface_clip_free": (None, [_HANDLE]),
-    "anyface_clip_largest_displacement": (c_float, [_HANDLE]),
-    "anyface_basis_new": (c_int32, [_HANDLE, c_float, c_size_t, _HANDLE, _OUT, _OUT]),
-    "anyface_basis_shape_count": (c_size_t, [_HANDLE]),
-    "anyface_basis_max_error": (c_float, [_HANDLE]),
-    "anyface_basis_copy_shapes": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
-    "anyface_basis_copy_weights": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
-    "anyface_basis_free": (None, [_HANDLE]),
-    "anyface_progress_new": (_HANDLE, [c_void_p, c_void_p]),
-    "anyface_progress_read": (c_int32, [_HANDLE, POINTER(c_char_p), _FLOATS]),
-    "anyface_progress_cancel": (None, [_HANDLE]),
-    "anyface_progress_free": (None, [_HANDLE]),
-    "anyface_rig_new": (
-        c_int32,
-        [_HANDLE, _HANDLE, POINTER(FaceOptions), _HANDLE, _OUT, _OUT],
-    ),
-    **SHAPE_SIGNATURES,
-    **SLIDER_SIGNATURES,
-}
-
-
-def library_path() -> Path:
-    """The library in `lib` of the extension; `ANYFACE_LIBRARY` names another one."""
-    given = os.environ.get("ANYFACE_LIBRARY")
-    names = {"win32": "anyface.dll", "darwin": "libanyface.dylib"}
-    name = names.get(sys.platform, "libanyface.so")
-    return Path(given) if given else Path(__file__).resolve().parents[1] / "lib" / name
-
-
-def load(path: Path) -> ctypes.CDLL:
-    """The library with its functions declared; raises `AnyfaceError("weights")`."""
-    try:
-        library = ctypes.CDLL(str(path))
-        for name, (result, arguments) in SIGNATURES.items():
-            function = getattr(library, name)
-            function.restype, function.argtypes = result, arguments
-    except (OSError, AttributeError) as error:
-        raise AnyfaceError("weights", f"the native library cannot be used: {error}") from error
-    found = library.anyface_abi_version()
-    if found != ABI_VERSION:
-        raise AnyfaceError(
-            "weights", f"{path}: expected interface {ABI_VERSION}, got {found}: install it again"
-        )
-    return library
-
-
 class Engine(ShapeCalls, SliderCalls):
-    """Loaded weights; any number of threads may use one engine."""
+    """Loaded models; any number of threads may use one engine."""
 
-    def __init__(self, threads: int = 0, path: Path | None = None, cache: Path | None = None):
-        """Loads the weights; `cache` is the folder for work that depends on a mesh alone, else
-        the user's own cache folder is taken."""
-        self._library = load(path or library_path())
+    def __init__(self, threads: int = 0, cache: Path | None = None, system: str = ""):
+        """Loads the models of `system`, by default of the first one.
+
+        `cache` is the folder for work that depends on a mesh alone, else the user's own cache
+        folder is taken. Raises `AnyfaceError`.
+        """
+        self._library = load(library_path())
+        self._controls = systems.find(system, systems.read(self._library)).controls
         options = self._options(EngineOptions, "anyface_engine_options_init")
-        options.threads = threads
+        options.threads, options.system = threads, system.encode() or None
         if cache is not None:
             options.cache, options.cache_dir = _CACHE_IN_FOLDER, os.fsencode(cache)
         self._handle = self._make("anyface_engine_new", byref(options))
 
     def close(self) -> None:
-        """Frees the weights."""
+        """Frees the models."""
         handle, self._handle = self._handle, None
         self._library.anyface_engine_free(handle)
 
     def emotions(self) -> list[str]:
-        """The names of the emotions, in the order of the weights."""
+        """The names of the emotions, in the order of their strengths."""
         names = []
         while (name := self._library.anyface_emotion_name(len(names))) is not None:
             names.append(name.decode())
@@ -250,7 +85,7 @@ class Engine(ShapeCalls, SliderCalls):
         landmarks: np.ndarray | None,
         landmark_vertices: np.ndarray | None,
         sound: Sound,
-        performance: Performance,
+        request: Request,
         progress: Progress,
     ) -> Animation:
         """The whole way for one mesh that faces -Y with +Z up, in any units.
@@ -260,28 +95,32 @@ class Engine(ShapeCalls, SliderCalls):
         """
         with ExitStack() as handles:
             watch = handles.enter_context(_Watch(self._library, progress))
-            face = self._face(
-                handles, positions, triangles, landmarks, landmark_vertices, performance, watch
-            )
-            motion = self._performed(handles, sound, performance, watch)
-            clip = self._own(
-                handles, "clip", "anyface_clip_new", self._handle, face, motion, watch.handle
-            )
-            frames = self._library.anyface_motion_frame_count(motion)
-            mm_per_unit = 1000.0 * self._metres_per_unit(motion, clip)
-            largest = self._library.anyface_clip_largest_displacement(clip)
-            animation = Animation(largest * mm_per_unit)
-            animation.speech_mm = verdict.speech_mm(self._displacements(motion))
-            shape = (frames, len(positions), 3)
-            if performance.error_mm is not None:
-                limit = performance.error_mm / mm_per_unit
-                made = (face, motion, clip)
-                animation.basis = self._basis(handles, made, shape, limit, watch)
-                animation.basis.error_mm *= mm_per_unit
-            else:
-                animation.displacements = np.empty(shape, dtype=np.float32)
-                self._copy("anyface_clip_copy_displacements", clip, animation.displacements)
+            mesh = self._mesh(handles, positions, triangles)
+            options, _alive = self._face_options(landmarks, landmark_vertices, request.roles)
+            _set = self._control(options, request, systems.FACE)
+            given = (self._handle, mesh, byref(options), watch.handle)
+            face = self._own(handles, "face", "anyface_face_new", *given)
+            motion = self._motion(handles, sound, request, watch)
+            given = (self._handle, face, motion, watch.handle)
+            clip = self._own(handles, "clip", "anyface_clip_new", *given)
+            return self._animation(handles, (face, motion, clip), request, len(positions), watch)
+
+    def _animation(self, handles, made, request, vertices: int, watch) -> Animation:
+        """A face, its motion and its clip as numpy arrays."""
+        face, _, clip = made
+        mm_per_unit = 1000.0 * self._library.anyface_face_metres_per_unit(face)
+        largest = self._library.anyface_clip_largest_displacement(clip)
+        visibility = VISIBILITIES[self._library.anyface_clip_visibility(clip)]
+        animation = Animation(largest * mm_per_unit, visibility)
+        shape = (self._library.anyface_clip_frame_count(clip), vertices, 3)
+        if request.error_mm is None:
+            animation.displacements = np.empty(shape, dtype=np.float32)
+            self._copy("anyface_clip_copy_displacements", clip, animation.displacements)
             return animation
+        limit = request.error_mm / mm_per_unit
+        animation.basis = self._basis(handles, made, shape, limit, watch)
+        animation.basis.error_mm *= mm_per_unit
+        return animation
 
     def find(
         self,
@@ -303,23 +142,20 @@ class Engine(ShapeCalls, SliderCalls):
             mesh = self._mesh(handles, positions, triangles)
             options, _alive = self._face_options(landmarks, landmark_vertices, roles, fixed)
             given = (self._handle, mesh, byref(options), watch.handle)
-            found = self._own(handles, "landmarks", "anyface_landmarks_new", *given)
-            return self._found(found, len(positions))
+            face = self._own(handles, "face", "anyface_face_find", *given)
+            return self._found(face, len(positions))
 
-    def _found(self, handle, vertex_count: int) -> Found:
+    def _found(self, face, vertex_count: int) -> Found:
         places = np.empty((LANDMARKS, 3), dtype=np.float32)
         vertices = np.empty(LANDMARKS, dtype=np.uint32)
         sure = np.empty(LANDMARKS, dtype=np.float32)
         buffers = (_floats(places), _indices(vertices), _floats(sure))
-        error = c_void_p()
-        self._check(self._library.anyface_landmarks_copy(handle, *buffers, byref(error)), error)
-        roles = np.empty(self._library.anyface_landmarks_part_count(handle), dtype=np.int32)
+        self._call("anyface_face_copy_landmarks", face, *buffers)
+        roles = np.empty(self._library.anyface_face_part_count(face), dtype=np.int32)
         owners = np.empty(vertex_count, dtype=np.uint32)
         buffers = (roles.ctypes.data_as(POINTER(c_int32)), _indices(owners))
-        self._check(
-            self._library.anyface_landmarks_copy_parts(handle, *buffers, byref(error)), error
-        )
-        mouth = MOUTHS[self._library.anyface_landmarks_mouth(handle)]
+        self._call("anyface_face_copy_parts", face, *buffers)
+        mouth = MOUTHS[self._library.anyface_face_mouth(face)]
         return Found(places, vertices, sure, mouth, roles, owners)
 
     def _mesh(self, handles, positions, triangles):
@@ -355,56 +191,41 @@ class Engine(ShapeCalls, SliderCalls):
             setattr(options, name, arrays[name].ctypes.data_as(kinds[name]))
         return options, arrays
 
-    def _face(self, handles, positions, triangles, landmarks, vertices, performance, watch):
-        mesh = self._mesh(handles, positions, triangles)
-        options, _alive = self._face_options(landmarks, vertices, performance.roles)
-        options.learned = performance.learned
-        given = (self._handle, mesh, byref(options), watch.handle)
-        return self._own(handles, "face", "anyface_face_new", *given)
+    def _control(self, options, request: Request, stage: int) -> list:
+        """Sets the request's controls of a stage; returns what must live as long as the options."""
+        alive, settings = [], []
+        for control in self._controls:
+            if control.stage != stage:
+                continue
+            value = request.controls.get(control.name, control.default)
+            setting = ControlSetting(control.name.encode(), value)
+            if control.name in request.control_keys:
+                keys = request.control_keys[control.name]
+                times, values = (np.ascontiguousarray(row, dtype=np.float64) for row in keys)
+                setting.key_times_s, setting.key_values = _doubles(times), _doubles(values)
+                setting.key_count = len(times)
+                alive += [times, values]
+            settings.append(setting)
+        options.controls = (ControlSetting * len(settings))(*settings)
+        options.control_count = len(settings)
+        return [*alive, settings]
 
-    def _performed(self, handles, sound, performance, watch):
-        """The motion, with controls that change over time put on frame by frame."""
-        motion = self._motion(handles, sound, performance, watch)
-        if not performance.control_keys:
-            return motion
-
-        def sample(controls) -> np.ndarray:
-            asked = replace(performance, controls=controls)
-            with ExitStack() as own:
-                return self._displacements(self._motion(own, sound, asked, watch))
-
-        base = self._displacements(motion)
-        keys = performance.control_keys
-        moved = sweep.over_time(base, performance.fps, performance.controls, keys, sample)
-        moved = np.ascontiguousarray(moved, dtype=np.float32)
-        given = (_floats(moved), len(moved), performance.fps)
-        return self._own(handles, "motion", "anyface_motion_new_displacements", *given)
-
-    def _displacements(self, motion) -> np.ndarray:
-        """Landmark displacements `[T, 68, 3]` in metres."""
-        frames = self._library.anyface_motion_frame_count(motion)
-        moved = np.empty((frames, LANDMARKS, 3), dtype=np.float32)
-        self._copy("anyface_motion_copy_displacements", motion, moved)
-        return moved
-
-    def _motion(self, handles, sound, performance, watch):
+    def _motion(self, handles, sound, request, watch):
         samples = np.ascontiguousarray(sound.samples, dtype=np.float32)
         given = (_floats(samples), len(samples), 1, round(sound.rate_hz))
         audio = self._own(handles, "audio", "anyface_audio_new", *given)
         options = self._options(MotionOptions, "anyface_motion_options_init")
-        options.emotion_source = EMOTION_SOURCES.index(performance.emotion_source)
-        keys = performance.emotion if performance.emotion_source == "GIVEN" else []
+        options.emotion_source = EMOTION_SOURCES.index(request.emotion_source)
+        keys = request.emotion if request.emotion_source == "GIVEN" else []
         times = np.array([time for time, _ in keys], dtype=np.float64)
         rows = np.array([row for _, row in keys], dtype=np.float32)
         options.emotion_count = len(rows)
         if len(rows):
             options.emotion_strengths = _floats(rows)
-            options.emotion_times_s = times.ctypes.data_as(POINTER(c_double))
-        options.fps, options.seed = performance.fps, performance.seed
-        options.style = performance.style.encode() or None
-        options.steps = performance.steps or 0
-        for name, value in asdict(performance.controls).items():
-            setattr(options, name, value)
+            options.emotion_times_s = _doubles(times)
+        options.fps, options.seed = request.fps, request.seed
+        options.style = request.style.encode() or None
+        _alive = self._control(options, request, systems.MOTION)
         given = (self._handle, audio, byref(options), watch.handle)
         return self._own(handles, "motion", "anyface_motion_new", *given)
 
@@ -414,7 +235,7 @@ class Engine(ShapeCalls, SliderCalls):
         `limit` and the basis' error are in mesh units here.
         """
         frames, vertices, _ = shape
-        given = (made[-1], limit, MAX_VECTORS, watch.handle)
+        given = (self._handle, made[-1], limit, MAX_VECTORS, watch.handle)
         basis = self._own(handles, "basis", "anyface_basis_new", *given)
         count = self._library.anyface_basis_shape_count(basis)
         vectors = np.empty((count, vertices, 3), dtype=np.float32)
@@ -424,14 +245,6 @@ class Engine(ShapeCalls, SliderCalls):
         error = self._library.anyface_basis_max_error(basis)
         sliders = self._sliders(handles, *made, basis, weights.shape, watch)
         return Basis(vectors, weights, error, sliders)
-
-    def _metres_per_unit(self, motion, clip) -> float:
-        """The scale of the mesh, from the same motion in canonical metres and in its units."""
-        metres = self._displacements(motion)
-        units = np.empty_like(metres)
-        self._copy("anyface_clip_copy_landmark_displacements", clip, units)
-        length = float(np.linalg.norm(units))
-        return float(np.linalg.norm(metres)) / length if length > 0.0 else 1.0
 
     def _options(self, kind, init: str):
         options = kind()
@@ -450,9 +263,7 @@ class Engine(ShapeCalls, SliderCalls):
         return out
 
     def _copy(self, function: str, handle, array: np.ndarray) -> None:
-        error = c_void_p()
-        call = getattr(self._library, function)
-        self._check(call(handle, _floats(array), array.size, byref(error)), error)
+        self._call(function, handle, _floats(array), array.size)
 
     def _call(self, function: str, *arguments) -> None:
         error = c_void_p()
@@ -504,6 +315,10 @@ class _Watch:
 
 def _floats(array: np.ndarray):
     return array.ctypes.data_as(_FLOATS)
+
+
+def _doubles(array: np.ndarray):
+    return array.ctypes.data_as(_DOUBLES)
 
 
 def _indices(array: np.ndarray):

@@ -2,30 +2,14 @@
 
 import os
 from contextlib import ExitStack
-from ctypes import POINTER, byref, c_char_p, c_double, c_float, c_int32, c_size_t, c_void_p
+from ctypes import POINTER, byref, c_char_p, c_float
 
 import numpy as np
 
 from .job import Progress
 from .take import Rig, Solved
 
-_FLOATS, _HANDLE, _OUT = POINTER(c_float), c_void_p, POINTER(c_void_p)
-
-SIGNATURES = {
-    "anyface_rig_shape_count": (c_size_t, [_HANDLE]),
-    "anyface_rig_shape_name": (c_char_p, [_HANDLE, c_size_t]),
-    "anyface_rig_shape_note": (c_char_p, [_HANDLE, c_size_t]),
-    "anyface_rig_copy_shape": (c_int32, [_HANDLE, c_size_t, _FLOATS, c_size_t, _OUT]),
-    "anyface_rig_free": (None, [_HANDLE]),
-    "anyface_weights_new": (
-        c_int32,
-        [POINTER(c_char_p), _FLOATS, c_size_t, _FLOATS, c_size_t, c_size_t, _HANDLE, _OUT, _OUT],
-    ),
-    "anyface_weights_copy": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
-    "anyface_weights_left_out": (c_float, [_HANDLE]),
-    "anyface_weights_write": (c_int32, [_HANDLE, c_char_p, c_double, _OUT]),
-    "anyface_weights_free": (None, [_HANDLE]),
-}
+_FLOATS = POINTER(c_float)
 
 
 class ShapeCalls:

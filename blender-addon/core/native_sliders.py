@@ -1,23 +1,12 @@
 """The library's calls about what a finished take may still change."""
 
-from ctypes import POINTER, c_float, c_int32, c_size_t, c_void_p
+from ctypes import POINTER, c_float
 
 import numpy as np
 
 from .sliders import ALL, SliderChange
 
-_FLOATS, _HANDLE, _OUT = POINTER(c_float), c_void_p, POINTER(c_void_p)
-
-SIGNATURES = {
-    "anyface_sliders_new": (
-        c_int32,
-        [_HANDLE, _HANDLE, _HANDLE, _HANDLE, _HANDLE, _HANDLE, _OUT, _OUT],
-    ),
-    "anyface_sliders_knot_count": (c_size_t, [_HANDLE, c_int32]),
-    "anyface_sliders_copy_knots": (c_int32, [_HANDLE, c_int32, _FLOATS, c_size_t, _OUT]),
-    "anyface_sliders_copy_changes": (c_int32, [_HANDLE, c_int32, _FLOATS, c_size_t, _OUT]),
-    "anyface_sliders_free": (None, [_HANDLE]),
-}
+_FLOATS = POINTER(c_float)
 
 
 class SliderCalls:

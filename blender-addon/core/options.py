@@ -4,6 +4,8 @@ and of the rows of a jobs file.
 
 import argparse
 
+from . import systems
+
 
 def parser(program: str, modes: str = "") -> argparse.ArgumentParser:
     """All tasks; a wrong command line ends in `SystemExit` with code 2. `modes` is help."""
@@ -42,10 +44,20 @@ def _add_bake(task: argparse.ArgumentParser, modes: str) -> None:
     task.add_argument("--error", type=float, metavar="MM", help="largest error of basis keys")
     task.add_argument("--fps", type=float, help="default: the scene's")
     task.add_argument("--seed", type=int)
-    task.add_argument("--steps", type=int, help="denoising steps")
     task.add_argument("--style", help="speaking style")
     task.add_argument("--axes", choices=("AUTO", "WORLD", "LOCAL", "LOCAL_Y_UP"))
     task.add_argument("--landmarks", metavar="FILE", help="JSON file with the 68 landmarks")
+    _add_controls(task)
+
+
+def _add_controls(task: argparse.ArgumentParser) -> None:
+    """What turns speech into motion, and its controls as the library tells of them."""
+    task.add_argument("--system", choices=[system.name for system in systems.known()] or None)
+    kinds = {systems.REAL: {"type": float}, systems.WHOLE: {"type": int}}
+    for control in systems.controls():
+        kind = kinds.get(control.values, {"choices": control.choices})
+        help = control.help.replace("%", "%%")
+        task.add_argument(f"--{control.flag}", dest=control.name, help=help, **kind)
 
 
 def _add_rig(task: argparse.ArgumentParser, _modes: str) -> None:

@@ -114,11 +114,7 @@ def _arkit(face, take, engine, progress) -> tuple[Rig, Rig]:
 
 def make_rig(face: FaceMesh, space, engine, progress: Progress) -> Rig:
     """The shapes of a face in object space."""
-    landmarks = None if face.landmarks is None else space.points(face.landmarks)
-    triangles = face.triangles[:, ::-1] if space.mirrored else face.triangles
-    positions = space.points(face.positions)
-    given = (landmarks, face.landmark_vertices, face.roles)
-    rig = engine.rig(positions, triangles, *given, progress)
+    rig = engine.rig(*space.seen(face), face.roles, progress)
     rig.vectors = space.to_object(rig.vectors)
     return rig
 

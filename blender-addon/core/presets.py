@@ -9,27 +9,26 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from . import json_file
+from . import json_file, systems
 from .emotion import EMOTIONS, MAX_INTENSITY
 from .errors import AnyfaceError
 from .take import EMOTION_SOURCES
 
 VERSION = 1
 SUFFIX = ".json"
-# What a preset may hold: numbers with their range, and words with what they may be.
-NUMBERS = {
-    "intensity": (0.0, MAX_INTENSITY),
-    "articulation": (0.0, 2.0),
-    "jaw_lips": (-1.0, 1.0),
-    "smoothing_s": (0.0, 0.1),
-    "upper_face": (0.0, 2.0),
-    "blinks_per_minute": (0.0, 60.0),
-    "brow_accents": (0.0, 2.0),
-    "asymmetry": (-1.0, 1.0),
-    "learned": (0.0, 1.0),
-}
+# The words that a preset may hold, with what they may be.
 WORDS = {"emotion": EMOTIONS, "emotion_source": EMOTION_SOURCES}
-NAMES = (*WORDS, *NUMBERS)
+
+
+def numbers() -> dict[str, tuple[float, float]]:
+    """The numbers that a preset may hold, with their range: intensity, and the library's own."""
+    real = [control for control in systems.controls() if control.values == systems.REAL]
+    return {"intensity": (0.0, MAX_INTENSITY)} | {c.name: (c.low, c.high) for c in real}
+
+
+def names() -> tuple[str, ...]:
+    """All that a preset may hold."""
+    return (*WORDS, *numbers())
 
 
 @dataclass
@@ -61,10 +60,11 @@ def _checked(where: str, name: str, value):
             known = ", ".join(WORDS[name])
             raise AnyfaceError("input", f"{where}: {name}: expected one of {known}, got {value!r}")
         return value
-    if name not in NUMBERS:
-        known = ", ".join(NAMES)
+    ranges = numbers()
+    if name not in ranges:
+        known = ", ".join(names())
         raise AnyfaceError("input", f"{where}: expected some of {known}, got {name!r}")
-    low, high = NUMBERS[name]
+    low, high = ranges[name]
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if not number or not math.isfinite(value) or not low <= value <= high:
         raise AnyfaceError("input", f"{where}: {name}: expected {low:g} to {high:g}, got {value!r}")
@@ -74,7 +74,7 @@ def _checked(where: str, name: str, value):
 def write(preset: Preset, path) -> Path:
     """Writes a preset as a whole or not at all; returns its path. Raises `AnyfaceError("file")`."""
     path = Path(path)
-    values = {name: preset.values[name] for name in NAMES if name in preset.values}
+    values = {name: preset.values[name] for name in names() if name in preset.values}
     rounded = {n: round(v, 6) if isinstance(v, float) else v for n, v in values.items()}
     document = {"anyface_preset": VERSION, "name": preset.name, "values": rounded}
     json_file.write(path, document)

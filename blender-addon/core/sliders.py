@@ -62,12 +62,12 @@ def place(name: str, placed: dict[str, float]) -> float:
     return 1.0 - (1.0 - placed.get("emotion", 1.0)) * (1.0 - placed.get("blinks", 1.0))
 
 
-def why_missing(performance, found) -> dict[str, str]:
+def why_missing(request, found) -> dict[str, str]:
     """Why a take lacks the sliders of `NAMES` that are not in `found`, in words by name."""
     missing = {name: _NO_EFFECT[name] for name in NAMES if name not in found}
-    if performance.control_keys:
+    if request.control_keys:
         return dict.fromkeys(missing, _OVER_TIME)
-    if performance.emotion_source == "OFF":
+    if request.emotion_source == "OFF":
         missing |= {name: _EMOTION_OFF for name in missing if name != "articulation"}
     return missing
 

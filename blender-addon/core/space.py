@@ -27,6 +27,16 @@ class FaceSpace:
         """Positions `[N, 3]` from object space, float32."""
         return (positions @ self.matrix.T + self.offset).astype(np.float32)
 
+    def seen(self, face) -> tuple:
+        """A `take.FaceMesh` as the library is given it.
+
+        Positions `[V, 3]`, triangles `[F, 3]` in their true winding, and its landmarks as positions
+        `[68, 3]` and as vertex numbers `[68]`, None where the artist gave none.
+        """
+        landmarks = None if face.landmarks is None else self.points(face.landmarks)
+        triangles = face.triangles[:, ::-1] if self.mirrored else face.triangles
+        return self.points(face.positions), triangles, landmarks, face.landmark_vertices
+
     def to_object(self, displacements: np.ndarray) -> np.ndarray:
         """Displacements `[..., 3]` back to object space, float32."""
         inverse = np.linalg.inv(self.matrix).astype(np.float32)

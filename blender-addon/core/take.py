@@ -7,20 +7,6 @@ import numpy as np
 from .sliders import SliderChange
 from .space import FaceSpace
 
-
-@dataclass
-class Controls:
-    """What is done to the sampled motion; the fields and defaults of `AnyfaceMotionOptions`."""
-
-    articulation: float = 1.0
-    jaw_lips: float = 0.0
-    smoothing_s: float = 0.0
-    upper_face: float = 1.0
-    blinks_per_minute: float = 15.0
-    brow_accents: float = 1.0
-    asymmetry: float = 0.0
-
-
 # How the lips of a mesh meet, in the order of `AnyfaceMouth`.
 MOUTHS = ("open", "slit", "welded")
 # What a part of a mesh is, in the order of `AnyfacePartRole`.
@@ -59,17 +45,20 @@ class Found:
     part_of_vertex: np.ndarray
 
 
+# What a viewer sees of a face, in the order of `AnyfaceVisibility`.
+VISIBILITIES = ("SPEAKS", "LIPS_REST", "NOTHING")
 # Where the emotion comes from, in the order of `AnyfaceEmotionSource`.
 EMOTION_SOURCES = ("GIVEN", "VOICE", "OFF")
 
 
 @dataclass
-class Performance:
+class Request:
     """How the character is asked to speak, and how its motion is to be written.
 
     `emotion` holds `(time_s, strengths[15])` in rising order, times from the first sample; it is
-    used where `emotion_source` is "GIVEN". `control_keys` holds the controls that change over time:
-    name to `(times_s [N], values [N])`, linear in between. `roles` is what the artist says of the
+    used where `emotion_source` is "GIVEN". `controls` are numbers by the names of
+    `systems.Control`, of others the default; those in `control_keys` follow
+    `(times_s [N], values [N])` instead, linear in between. `roles` is what the artist says of the
     mesh's parts. `error_mm` is the largest error of a basis, on a head of human size; with None the
     displacements of every frame are wanted.
     """
@@ -77,12 +66,10 @@ class Performance:
     fps: float
     emotion: list[tuple[float, list[float]]] = field(default_factory=list)
     seed: int = 0
-    steps: int | None = None
     style: str = ""
-    learned: float = 1.0
     error_mm: float | None = 0.1
     emotion_source: str = "GIVEN"
-    controls: Controls = field(default_factory=Controls)
+    controls: dict[str, float] = field(default_factory=dict)
     control_keys: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     roles: PartRoles | None = None
 
@@ -162,14 +149,14 @@ class Animation:
     """What the library returns for one mesh, in the frame in which it was given.
 
     `basis` or `displacements` `[T, V, 3]` float32, as was asked. `largest_mm` is the largest
-    displacement of any vertex in any frame, on a head of human size, blinks included; `speech_mm`
-    how far the lips get from where they mostly are, None where that was not looked at.
+    displacement of any vertex in any frame, on a head of human size, blinks included; `visibility`
+    is one of `VISIBILITIES`.
     """
 
     largest_mm: float
+    visibility: str = "SPEAKS"
     basis: Basis | None = None
     displacements: np.ndarray | None = None
-    speech_mm: float | None = None
 
 
 @dataclass

@@ -4,24 +4,26 @@
 does not and may run anywhere.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 from ..core import perform
 from ..core.errors import AnyfaceError
 from ..core.job import Progress
 from ..core.plan import Plan
 from ..core.source import SoundSource
-from ..core.take import Controls, FaceMesh, Performance, Take
+from ..core.take import FaceMesh, Request, Take
 from . import decode, emotion, guard, mesh, outputs, pieces, sound, strips, takes, together
 from .outputs import OutputSettings
 
 
 @dataclass
-class Settings(Controls):
+class Settings:
     """What is asked; the fields of `ui.properties.AnyfaceCharacter` without Blender.
 
-    `strip` or `sound_file` is set. `fps` 0 takes the scene's, `steps` 0 the model's. `blend` are
-    strengths `[15]` that override emotion and intensity and their keyframes.
+    `strip` or `sound_file` is set. `fps` 0 takes the scene's. `system` is a name of
+    `core.systems`, "" the default one; `controls` are the numbers of controls by name. `blend` are
+    strengths `[15]` that override emotion and intensity and their keyframes, as `held` are controls
+    that override the others and their keyframes.
     """
 
     strip: str = ""
@@ -34,8 +36,9 @@ class Settings(Controls):
     style: str = ""
     seed: int = 0
     fps: float = 0.0
-    steps: int = 0
-    learned: float = 1.0
+    system: str = ""
+    controls: dict[str, float] = field(default_factory=dict)
+    held: dict[str, float] = field(default_factory=dict)
     mode: str = outputs.MODES[0]
     error_mm: float = 0.1
     axes: str = "AUTO"
@@ -56,7 +59,7 @@ class Snapshot:
     object_name: str
     face: FaceMesh
     source: SoundSource
-    performance: Performance
+    request: Request
     settings: Settings
     plan: Plan
     scene_fps: float
@@ -65,14 +68,8 @@ class Snapshot:
     def work(self, progress: Progress) -> Take:
         """The take; raises `AnyfaceError`."""
         progress.check("sound")
-        heard = self.source.load(decode.decoder(self.engine))
-        take = perform.perform(
-            self.face,
-            heard,
-            self.performance,
-            self.engine.animate,
-            progress,
-        )
+        voice = self.source.load(decode.decoder(self.engine))
+        take = perform.perform(self.face, voice, self.request, self.engine.animate, progress)
         return self.plan.finish(self.face, take, self.engine, progress)
 
 
@@ -83,22 +80,21 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     face = read_face(ob, settings)
     source = _find_sound(scene, settings, engine)
     scene_fps = scene.render.fps / scene.render.fps_base
-    performance = Performance(
+    when = source.start_frame, strips.duration_s(source)
+    request = Request(
         fps=settings.fps or scene_fps,
-        emotion=_emotion(ob, scene, settings, source),
+        emotion=_emotion(ob, scene, settings, when),
         seed=settings.seed,
-        steps=settings.steps or None,
         style=settings.style,
-        learned=settings.learned,
         error_mm=settings.error_mm if output.as_basis else None,
         emotion_source=settings.emotion_source,
-        controls=Controls(**{item.name: getattr(settings, item.name) for item in fields(Controls)}),
-        control_keys=emotion.control_keys(ob, scene, source.start_frame, strips.duration_s(source)),
+        controls=settings.controls | settings.held,
+        control_keys=emotion.control_keys(ob, scene, settings, *when),
         roles=face.roles,
     )
     names = [piece.name for piece in face.pieces] or [ob.name]
-    plan = output.plan(ob, settings.output, performance.fps, names)
-    return Snapshot(ob.name, face, source, performance, settings, plan, scene_fps, engine)
+    plan = output.plan(ob, settings.output, request.fps, names)
+    return Snapshot(ob.name, face, source, request, settings, plan, scene_fps, engine)
 
 
 def read_face(ob, settings: Settings, editable: bool = True) -> FaceMesh:
@@ -146,7 +142,7 @@ def _find_sound(scene, settings: Settings, engine) -> SoundSource:
     )
 
 
-def _emotion(ob, scene, settings: Settings, source: SoundSource):
+def _emotion(ob, scene, settings: Settings, when: tuple):
     if settings.blend is not None:
         return [(0.0, list(settings.blend))]
-    return emotion.emotion_keys(ob, scene, settings, source.start_frame, strips.duration_s(source))
+    return emotion.emotion_keys(ob, scene, settings, *when)

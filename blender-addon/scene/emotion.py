@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from ..core import systems
 from ..core.emotion import EMOTIONS, MAX_INTENSITY, strengths
-from ..core.sweep import ANIMATABLE
 from . import sliders
 
 
@@ -29,9 +29,11 @@ def emotion_keys(ob, scene, settings, start_frame: float, duration_s: float | No
     return keys
 
 
-def control_keys(ob, scene, start_frame: float, duration_s: float | None = None):
-    """Times `[N]` in seconds and values `[N]` of every control that has a curve or a driver."""
-    names = sliders.animated(ob, ANIMATABLE)
+def control_keys(ob, scene, settings, start_frame: float, duration_s: float | None = None):
+    """Times `[N]` in seconds and values `[N]` of every control that has a curve or a driver, those
+    that `settings` hold left out."""
+    names = [control.name for control in systems.controls() if control.is_animatable]
+    names = sliders.animated(ob, [name for name in names if name not in settings.held])
     if not names:
         return {}
     scene_fps = scene.render.fps / scene.render.fps_base

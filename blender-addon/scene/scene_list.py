@@ -29,13 +29,13 @@ class SceneSnapshot:
         return [_work(part, progress) for part in self.parts]
 
 
-def read(scene, rows, engine) -> SceneSnapshot:
-    """Reads every character; `rows` are pairs of object and `bake.Settings`.
+def read(scene, rows) -> SceneSnapshot:
+    """Reads every character; `rows` are its object, its `bake.Settings` and an engine.
 
     What cannot be read is noted in its part and keeps no other from being animated.
     """
     parts, seen = [], set()
-    for ob, settings in rows:
+    for ob, settings, engine in rows:
         part = Part(ob.name)
         try:
             if ob.name in seen:

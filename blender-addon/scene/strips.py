@@ -36,15 +36,15 @@ def as_one(scene, strips: list, decode: Decode) -> MixedSource:
 
     Raises `AnyfaceError("audio")` where all are muted.
     """
-    heard = [strip for strip in strips if not strip.mute]
+    audible = [strip for strip in strips if not strip.mute]
     muted = [strip.name for strip in strips if strip.mute]
-    if not heard:
+    if not audible:
         raise AnyfaceError("audio", f"all chosen strips are muted ({', '.join(muted)}): unmute one")
     fps = scene.render.fps / scene.render.fps_base
-    parts = [sound.from_strip(scene, strip.name, decode) for strip in heard]
+    parts = [sound.from_strip(scene, strip.name, decode) for strip in audible]
     start = min(part.start_frame for part in parts)
     places = [(part.start_frame - start) / fps for part in parts]
-    name = heard[0].name if len(heard) == 1 else f"{len(heard)} strips"
+    name = audible[0].name if len(audible) == 1 else f"{len(audible)} strips"
     notes = [f"muted and left out: {', '.join(muted)}"] if muted else []
     return MixedSource(parts, places, name, start, notes)
 
@@ -63,10 +63,10 @@ class Length:
 
 def length_of(scene, strips: list, with_muted: bool = False) -> Length | None:
     """Where strips begin and end; muted ones are left out unless `with_muted`. None without any."""
-    heard = [strip for strip in strips if with_muted or not strip.mute]
-    if not heard:
+    audible = [strip for strip in strips if with_muted or not strip.mute]
+    if not audible:
         return None
-    ends = [sequencer.ends(strip) for strip in heard]
+    ends = [sequencer.ends(strip) for strip in audible]
     first, last = min(start for start, _ in ends), max(end for _, end in ends)
     return Length(first, last, (last - first) * scene.render.fps_base / scene.render.fps)
 

@@ -20,9 +20,9 @@ class ANYFACE_OT_generate(InThread, Operator):
 
     def read(self, context, ob):
         """The settings, the mesh and the sound."""
-        engine = running.engine()
         scene = sequencer_scene(context)
-        return bake.read(ob, scene, from_object(ob, scene), engine)
+        settings = from_object(ob, scene)
+        return bake.read(ob, scene, settings, running.engine(settings.system))
 
     def finish(self, ob, snapshot, take):
         """Writes the take."""

@@ -24,14 +24,16 @@ _handle = None
 
 def search_of(ob) -> landmarks.Search:
     """A snapshot for finding the face of `ob` from nothing; raises `AnyfaceError`."""
-    face = _face_of(ob)
+    face, engine = _read(ob)
     face.landmarks = face.landmark_vertices = None
-    return landmarks.Search(face, running.engine())
+    return landmarks.Search(face, engine)
 
 
-def _face_of(ob):
+def _read(ob) -> tuple:
+    """The face of `ob`, and the engine that looks for it."""
     guard.check_mesh(ob)
-    return bake.read_face(ob, from_object(ob), editable=False)
+    settings = from_object(ob)
+    return bake.read_face(ob, settings, editable=False), running.engine(settings.system)
 
 
 def keep(ob, found, fixed=()) -> str:
@@ -99,7 +101,7 @@ class ANYFACE_OT_move_landmark(Alone, Operator):
         drag = landmarks.Drag(ob)
         drag.hold(self.number)
         drag.stored.positions[self.number] = drag.surface.nearest(self.place)
-        found = drag.search(_face_of(ob), running.engine()).work(Progress())
+        found = drag.search(*_read(ob)).work(Progress())
         return keep(ob, found, drag.stored.fixed)
 
 
@@ -172,7 +174,7 @@ class ANYFACE_OT_edit_landmarks(Alone, Operator):
     def _release(self, ob):
         """The others follow in a thread."""
         try:
-            search = self._drag.search(_face_of(ob), running.engine())
+            search = self._drag.search(*_read(ob))
         except AnyfaceError as error:
             shown.clear()
             self.fail(error)

@@ -1,15 +1,13 @@
 """Performance: emotion, controls and presets; what can change over time has a keyframe button."""
 
-from dataclasses import fields
-
 from bpy.types import Panel
 
-from ..core.sweep import ANIMATABLE
-from ..core.take import Controls
+from ..core import systems
 from .panel import OfFacePanel
 from .target import target
 
-_MORE = ("seed", "style", "fps", "steps", "learned", "axes", "landmark_file")
+_MORE = ("seed", "style", "fps")
+_OF_FACE = ("axes", "landmark_file")
 
 
 class ANYFACE_PT_performance(OfFacePanel, Panel):
@@ -26,22 +24,33 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
         """Draws emotion, controls and what is seldom needed."""
         layout, settings = self.layout, target(context).anyface
         layout.use_property_split, layout.use_property_decorate = True, True
+        if len(systems.known()) > 1:
+            layout.prop(settings, "system")
         column = layout.column(align=True)
         column.prop(settings, "emotion_source")
         if settings.emotion_source == "GIVEN":
             column.prop(settings, "emotion")
             column.prop(settings, "intensity", slider=True)
         column = layout.column(align=True)
-        for item in fields(Controls):
-            row = column.row(align=True)
-            row.use_property_decorate = item.name in ANIMATABLE
-            row.prop(settings, item.name, slider=True)
+        controls = _controls_of(settings)
+        for control in controls:
+            if control.is_slider:
+                row = column.row(align=True)
+                row.use_property_decorate = control.is_animatable
+                row.prop(settings, control.name, slider=True)
         header, body = layout.panel("anyface_more", default_closed=True)
         header.label(text="More")
         if body is not None:
             body.use_property_decorate = False
-            for name in _MORE:
-                body.prop(settings, name)
+            others = [control.name for control in controls if not control.is_slider]
+            for name in (*_MORE, *others, *_OF_FACE):
+                body.prop(settings, name, slider=True)
+
+
+def _controls_of(settings) -> tuple[systems.Control, ...]:
+    """Those of the chosen system; none where the library cannot be loaded."""
+    known = systems.known()
+    return systems.find(settings.system, known).controls if known else ()
 
 
 CLASSES = (ANYFACE_PT_performance,)

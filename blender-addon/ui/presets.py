@@ -48,7 +48,7 @@ def apply(preset: presets.Preset, settings) -> None:
 
 def of_settings(name: str, settings) -> presets.Preset:
     """The panel's sliders as a preset."""
-    return presets.Preset(name, {item: getattr(settings, item) for item in presets.NAMES})
+    return presets.Preset(name, {item: getattr(settings, item) for item in presets.names()})
 
 
 class ANYFACE_OT_preset_apply(Acting, Operator):

@@ -11,8 +11,8 @@ from bpy.props import (
 )
 from bpy.types import PropertyGroup
 
+from ..core import systems
 from ..core.emotion import EMOTIONS, MAX_INTENSITY
-from ..core.take import Controls
 from ..scene import outputs
 from . import audio, character, output_properties
 
@@ -28,7 +28,6 @@ _EMOTION_SOURCES = [
     ("VOICE", "Voice", "How aroused the voice sounds; not whether it is glad or angry", 1),
     ("OFF", "Off", "Speech alone: no emotion, no blinks, no motion of brows and lids", 2),
 ]
-_DEFAULTS = Controls()
 _AXES = [
     (
         "AUTO",
@@ -43,7 +42,10 @@ _AXES = [
 
 
 class AnyfaceCharacter(PropertyGroup):
-    """Settings of one character; `Object.anyface`."""
+    """Settings of one character; `Object.anyface`.
+
+    The library's controls stand beside these: its list is read when the extension registers.
+    """
 
     source: EnumProperty(name="Sound", items=_SOURCES, default="STRIP", options=set())
     strip: StringProperty(
@@ -69,59 +71,6 @@ class AnyfaceCharacter(PropertyGroup):
         max=MAX_INTENSITY,
         subtype="FACTOR",
     )
-    articulation: FloatProperty(
-        name="Articulation",
-        description="Strength of what speech does to mouth and jaw; closed lips stay closed. "
-        "Can be animated",
-        default=_DEFAULTS.articulation,
-        min=0.0,
-        max=2.0,
-    )
-    jaw_lips: FloatProperty(
-        name="Lips to Jaw",
-        description="-1 moves motion from the jaw to the lips, 1 from the lips to the jaw",
-        default=_DEFAULTS.jaw_lips,
-        min=-1.0,
-        max=1.0,
-    )
-    smoothing_s: FloatProperty(
-        name="Smoothing",
-        description="In seconds; closed lips stay closed",
-        default=_DEFAULTS.smoothing_s,
-        min=0.0,
-        max=0.1,
-        precision=3,
-        options=set(),
-    )
-    upper_face: FloatProperty(
-        name="Upper Face",
-        description="Strength of brows, lids and the bridge of the nose; blinks stay",
-        default=_DEFAULTS.upper_face,
-        min=0.0,
-        max=2.0,
-    )
-    blinks_per_minute: FloatProperty(
-        name="Blinks per Minute",
-        default=_DEFAULTS.blinks_per_minute,
-        min=0.0,
-        max=60.0,
-        precision=0,
-        options=set(),
-    )
-    brow_accents: FloatProperty(
-        name="Brow Accents",
-        description="Strength of the raises of the brows on stressed syllables",
-        default=_DEFAULTS.brow_accents,
-        min=0.0,
-        max=2.0,
-    )
-    asymmetry: FloatProperty(
-        name="Asymmetry",
-        description="More motion of brows and mouth corners on the right (-1) or left (1) side",
-        default=_DEFAULTS.asymmetry,
-        min=-1.0,
-        max=1.0,
-    )
     style: StringProperty(
         name="Style", description="Speaking style by name; empty takes the default", options=set()
     )
@@ -134,23 +83,6 @@ class AnyfaceCharacter(PropertyGroup):
         default=0.0,
         min=0.0,
         max=240.0,
-        options=set(),
-    )
-    steps: IntProperty(
-        name="Steps",
-        description="Denoising steps; 0 takes the model's default",
-        default=0,
-        min=0,
-        max=1000,
-        options=set(),
-    )
-    learned: FloatProperty(
-        name="Learned Detail",
-        description="Strength of the learned correction; 0 spreads motion by geometry alone",
-        default=1.0,
-        min=0.0,
-        max=1.0,
-        subtype="FACTOR",
         options=set(),
     )
     mode: EnumProperty(name="Output", items=outputs.ITEMS, default=outputs.MODES[0], options=set())
@@ -182,6 +114,9 @@ class AnyfaceCharacter(PropertyGroup):
     report_is_error: BoolProperty(options={"HIDDEN"})
 
 
+_OWN = dict(AnyfaceCharacter.__annotations__)
+
+
 class AnyfaceScene(PropertyGroup):
     """`Scene.anyface`: which character the panel shows."""
 
@@ -193,9 +128,36 @@ class AnyfaceScene(PropertyGroup):
     )
 
 
+def _of_library() -> dict:
+    """Which system speaks, and a property for each control that the library tells of."""
+    items = [
+        (system.name, system.label, system.help.rstrip("."), number)
+        for number, system in enumerate(systems.known())
+    ]
+    found = {"system": EnumProperty(name="System", items=items, options=set())} if items else {}
+    return found | {control.name: _of_control(control) for control in systems.controls()}
+
+
+def _of_control(control: systems.Control):
+    shared = {"name": control.label, "description": control.help.rstrip(".")}
+    if not control.is_animatable:
+        shared["options"] = set()
+    if control.values == systems.CHOICE:
+        items = [(name, name.capitalize(), "", at) for at, name in enumerate(control.choices)]
+        return EnumProperty(items=items, default=control.choices[int(control.default)], **shared)
+    shared |= {"default": control.default, "min": control.low, "max": control.high}
+    if control.values == systems.WHOLE:
+        whole = {name: int(shared[name]) for name in ("default", "min", "max")}
+        return IntProperty(**shared | whole)
+    # A wide range is set in whole steps, a narrow one finely.
+    span = control.high - control.low
+    return FloatProperty(precision=0 if span > 10.0 else 2 if span > 0.5 else 3, **shared)
+
+
 def register_character() -> None:
     """Adds the settings of a character to objects."""
     output_properties.register()
+    AnyfaceCharacter.__annotations__ = _OWN | _of_library()
     bpy.utils.register_class(AnyfaceCharacter)
     bpy.types.Object.anyface = PointerProperty(type=AnyfaceCharacter)
     audio.register()

@@ -1,4 +1,4 @@
-"""The one job that may run, and the engine that all jobs share."""
+"""The one job that may run, and the engines that all jobs share."""
 
 from weakref import WeakSet
 
@@ -13,19 +13,19 @@ from . import preferences
 current: Job | None = None
 # The object that the current job animates.
 current_name = ""
-_engine: LazyEngine | None = None
+# By the name of their system.
+_engines: dict[str, LazyEngine] = {}
 # Jobs whose threads may still be at work, kept by these alone: one that was cancelled is forgotten
 # before it ends.
 _started: WeakSet[Job] = WeakSet()
 
 
-def engine() -> LazyEngine:
-    """The engine; weights are loaded once, where they are used first: in the worker."""
-    global _engine
-    if _engine is None:
+def engine(system: str) -> LazyEngine:
+    """The engine of a system; models are loaded once, where they are used first: in the worker."""
+    if system not in _engines:
         threads, cache = preferences.threads(), preferences.cache_folder()
-        _engine = LazyEngine(lambda: native.Engine(threads, cache=cache))
-    return _engine
+        _engines[system] = LazyEngine(lambda: native.Engine(threads, cache, system))
+    return _engines[system]
 
 
 def start(job: Job, object_name: str) -> Job:
@@ -48,14 +48,13 @@ def finish() -> None:
 
 
 def stop() -> None:
-    """Ends all jobs and frees the engine; for the moment the add-on is disabled."""
-    global _engine
+    """Ends all jobs and frees the engines; for the moment the add-on is disabled."""
     for job in list(_started):
         job.cancel(wait_s=None)
     finish()
-    if _engine is not None:
-        _engine.close()
-        _engine = None
+    for loaded in _engines.values():
+        loaded.close()
+    _engines.clear()
 
 
 @persistent

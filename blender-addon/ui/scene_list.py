@@ -141,8 +141,8 @@ class ANYFACE_OT_generate_scene(InThread, Operator):
                 settings = from_object(row.character)
                 if row.strip:
                     settings.strip, settings.sound_file = row.strip, ""
-                rows.append((row.character, settings))
-        return scene_list.read(sequencer_scene(context), rows, running.engine())
+                rows.append((row.character, settings, running.engine(settings.system)))
+        return scene_list.read(sequencer_scene(context), rows)
 
     def finish(self, _ob, snapshot, takes):
         """Writes the takes."""

@@ -2,6 +2,7 @@
 
 from dataclasses import fields
 
+from ..core import systems
 from ..scene.bake import Settings
 from . import audio, character, output_properties
 
@@ -13,6 +14,10 @@ def from_object(ob, scene=None) -> Settings:
         item.name: getattr(stored, item.name)
         for item in fields(Settings)
         if hasattr(stored, item.name)
+    }
+    values["controls"] = {
+        control.name: control.number(getattr(stored, control.name))
+        for control in systems.controls()
     }
     settings = Settings(**values, output=output_properties.read(ob))
     audio.fill(settings, ob, scene)

@@ -63,7 +63,7 @@ def empty_file(installed):
     assert hasattr(bpy.types.Object, "anyface")
     running = importlib.import_module(f"{PACKAGE}.ui.running")
     yield
-    running._engine = None
+    running._engines.clear()
 
 
 @pytest.fixture

@@ -113,14 +113,16 @@ class Stage:
         # Names of sliders that the takes have.
         self.sliders = ()
 
-    def animate(self, positions, triangles, points, numbers, sound, performance, progress):
+    def animate(self, positions, triangles, points, numbers, sound, request, progress):
         """The displacements of `motion` in the frame that was given."""
-        self.calls.append((positions, triangles, points, numbers, sound, performance))
+        self.calls.append((positions, triangles, points, numbers, sound, request))
         progress.check("deform", 0.5)
-        frames = int(np.ceil(sound.duration_s * performance.fps))
+        frames = int(np.ceil(sound.duration_s * request.fps))
         moved = motion(frames, len(positions), self.rank, self.size)
         animation = self.take_module.Animation(self.size * 1000.0)
-        if performance.error_mm is None:
+        if animation.largest_mm < 0.05:
+            animation.visibility = "NOTHING"
+        if request.error_mm is None:
             animation.displacements = moved
         else:
             animation.basis = basis(self.take_module, moved)
@@ -194,6 +196,14 @@ class Stage:
 
     def close(self):
         """Nothing is held."""
+
+
+def stand_in(addon, engine=None):
+    """Puts `engine`, by default a new stage, in the place of the engine of every system."""
+    engine = engine or Stage(addon("core.take"))
+    names = [system.name for system in addon("core.systems").known()]
+    addon("ui.running")._engines.update(dict.fromkeys(["", *names], engine))
+    return engine
 
 
 def everything():

@@ -16,7 +16,7 @@ sys.path[:0] = [str(FOLDER), str(Path(__file__).resolve().parent)]
 
 import anyface_batch  # noqa: E402
 
-from figures import Stage  # noqa: E402
+from figures import Stage, stand_in  # noqa: E402
 
 
 class SlowStage(Stage):
@@ -33,8 +33,14 @@ class SlowStage(Stage):
 
 
 name = anyface_batch.load_extension().__name__
-take = importlib.import_module(f"{name}.core.take")
-importlib.import_module(f"{name}.ui.running")._engine = SlowStage(take)
+
+
+def addon(part):
+    """A module of the extension."""
+    return importlib.import_module(f"{name}.{part}")
+
+
+stand_in(addon, SlowStage(addon("core.take")))
 assert sys.argv[1:] == ["-b", "--command", "anyface", "shot"], sys.argv
 code = importlib.import_module(f"{name}.command").main(["shot"])
 sys.stdout.flush()

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from figures import FPS, Stage, grid, strip, write_wav
+from figures import FPS, grid, stand_in, strip, write_wav
 
 RATE = 16000
 
@@ -12,9 +12,7 @@ RATE = 16000
 @pytest.fixture
 def stage(addon):
     """A stage in the engine's place."""
-    stage = Stage(addon("core.take"))
-    addon("ui.running")._engine = stage
-    return stage
+    return stand_in(addon)
 
 
 def level(path, value, seconds=1.0):

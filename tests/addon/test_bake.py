@@ -6,15 +6,13 @@ import bpy
 import numpy as np
 import pytest
 
-from figures import Stage, everything, grid, own_keys, shape, tone
+from figures import everything, grid, own_keys, shape, stand_in, tone
 
 
 @pytest.fixture
 def stage(addon):
     """A stage in the engine's place."""
-    stage = Stage(addon("core.take"))
-    addon("ui.running")._engine = stage
-    return stage
+    return stand_in(addon)
 
 
 def ready(tmp_path, **settings):
@@ -60,14 +58,14 @@ def test_the_library_sees_the_head_in_the_world(stage, tmp_path):
     ob.scale.x = -2.0
     bpy.context.view_layer.update()
     bpy.ops.anyface.generate()
-    positions, triangles, points, numbers, _, performance = stage.calls[0]
+    positions, triangles, points, numbers, _, request = stage.calls[0]
     local = np.array([vertex.co for vertex in ob.data.vertices])
     expected = [ob.matrix_world @ vertex.co for vertex in ob.data.vertices]
     assert np.abs(positions - np.array(expected)).max() < 1e-5
     assert len(local) == len(positions) and len(triangles) == 2 * 11 * 11
     assert points is None and numbers is None
-    assert (performance.seed, performance.steps, performance.fps) == (7, 4, 24.0)
-    assert performance.emotion == [(0.0, [0, 0.5] + [0] * 13)]
+    assert (request.seed, request.controls["steps"], request.fps) == (7, 4, 24.0)
+    assert request.emotion == [(0.0, [0, 0.5] + [0] * 13)]
     # A mirrored object turns the winding: the normal of the first triangle stays outside.
     first = ob.data.polygons[0]
     assert list(triangles[0]) != list(first.vertices)[:3]

@@ -6,15 +6,13 @@ import bpy
 import numpy as np
 import pytest
 
-from figures import Stage, everything, grid, own_keys, shape, tone
+from figures import everything, grid, own_keys, shape, stand_in, tone
 
 
 @pytest.fixture
 def stage(addon):
     """A stage in the engine's place."""
-    stage = Stage(addon("core.take"))
-    addon("ui.running")._engine = stage
-    return stage
+    return stand_in(addon)
 
 
 def points_of(ob):
@@ -153,11 +151,11 @@ def test_parts_move_with_the_face_in_one_run(stage, addon, tmp_path):
     bpy.ops.anyface.find_parts()
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     assert len(stage.calls) == 1
-    positions, _, _, _, _, performance = stage.calls[0]
+    positions, _, _, _, _, request = stage.calls[0]
     world = [teeth.matrix_world @ vertex.co for vertex in teeth.data.vertices]
     assert np.abs(positions[144:] - np.array(world)).max() < 1e-6
-    assert performance.roles.object_roles == [-1, 1]
-    assert list(performance.roles.object_of_vertex) == [0] * 144 + [1] * 25
+    assert request.roles.object_roles == [-1, 1]
+    assert list(request.roles.object_of_vertex) == [0] * 144 + [1] * 25
     from figures import motion
 
     moved = motion(48, 169, size=stage.size)

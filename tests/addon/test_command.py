@@ -6,15 +6,14 @@ import bpy
 import numpy as np
 import pytest
 
-from figures import Stage, grid, tone
+from figures import grid, stand_in, tone
 from test_heads import import_head
 
 
 @pytest.fixture
 def run(addon):
     """`run("bake", …)` returns the exit code; `run.stage` is what stands in for the library."""
-    stage = Stage(addon("core.take"))
-    addon("ui.running")._engine = stage
+    stage = stand_in(addon)
 
     def call(*words):
         return addon("command").main([str(word) for word in words])
@@ -41,15 +40,25 @@ def test_bake_writes_the_file_and_the_report(run, tmp_path):
         9,
         "--steps",
         3,
+        "--jaw-lips",
+        -0.5,
+        "--blinks",
+        7,
+        "--decoder",
+        "paper",
+        "--system",
+        "freetalk",
         "--save",
         out,
         "--report",
         report,
     )
     assert code == 0
-    performance = run.stage.calls[0][5]
-    assert (performance.fps, performance.seed, performance.steps) == (12.0, 9, 3)
-    row = performance.emotion[0][1]
+    request = run.stage.calls[0][5]
+    assert (request.fps, request.seed, request.controls["steps"]) == (12.0, 9, 3)
+    names = ("jaw_lips", "blinks_per_minute", "decoder", "articulation")
+    assert [request.controls[name] for name in names] == [-0.5, 7.0, 1.0, 1.0]
+    row = request.emotion[0][1]
     assert row[1] == 0.7 and row[3] == 0.2
     told = json.loads(report.read_text())
     assert told["ok"] and told["exit_code"] == 0 and "24 frames" in told["message"]
@@ -68,6 +77,18 @@ def test_options_that_are_left_out_come_from_the_object(run, tmp_path):
     assert not ob.data.shape_keys.use_relative
     assert run("bake", "--object", "Head", "--audio", sound, "--mode", "basis", *save) == 0
     assert ob.data.shape_keys.use_relative
+
+
+def test_controls_on_the_command_line_replace_keyframes(run, tmp_path):
+    ob = grid()
+    for name in ("articulation", "asymmetry"):
+        for frame, value in ((1, 0.0), (49, 1.0)):
+            setattr(ob.anyface, name, value)
+            ob.keyframe_insert(f"anyface.{name}", frame=frame)
+    words = ("--audio", tone(tmp_path / "a.wav"), "--save", tmp_path / "o.blend")
+    assert run("bake", "--object", "Head", "--articulation", "0.5", *words) == 0
+    request = run.stage.calls[0][5]
+    assert request.controls["articulation"] == 0.5 and list(request.control_keys) == ["asymmetry"]
 
 
 def test_exit_codes_differ_by_kind(run, tmp_path, capfd):
@@ -98,7 +119,7 @@ def test_a_file_that_cannot_be_written_is_an_error(run, tmp_path):
 
 def test_rig_gives_the_shapes_of_arkit_as_keys(addon, tmp_path):
     import_head()
-    addon("ui.running")._engine = None
+    addon("ui.running")._engines.clear()
     out, report = tmp_path / "o.blend", tmp_path / "r.json"
     words = ["rig", "--object", "Head", "--save", str(out), "--report", str(report)]
     assert addon("command").main(words) == 0

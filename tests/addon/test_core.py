@@ -71,8 +71,10 @@ def test_silence_is_named_as_the_reason(addon):
         verdict.check_sound(silent)
     quiet = take.Sound(np.full(16000, 0.003, dtype=np.float32), 16000, "Voice")
     with pytest.raises(addon("core.errors").AnyfaceError, match="very quiet"):
-        verdict.check_moved(0.01, quiet, 0.0)
-    verdict.check_moved(1.0, quiet, 0.0)
+        verdict.check_seen(take.Animation(0.01, "NOTHING"), quiet, 0.0)
+    with pytest.raises(addon("core.errors").AnyfaceError, match="nothing moved but lids and brows"):
+        verdict.check_seen(take.Animation(5.0, "LIPS_REST"), quiet, 1.0)
+    verdict.check_seen(take.Animation(1.0), quiet, 0.0)
 
 
 def test_job_reports_cancels_and_fails_in_words(addon):
@@ -104,7 +106,7 @@ def test_a_face_that_was_not_found_is_named_with_the_reason_first(addon):
         raise errors.AnyfaceError("face", "no face found: nothing like a nose")
 
     sound = take.Sound(np.ones(1600, dtype=np.float32), 16000, "Voice")
-    ask = (face, sound, take.Performance(24.0, error_mm=None))
+    ask = (face, sound, take.Request(24.0, error_mm=None))
     with pytest.raises(errors.AnyfaceError, match=r"^Head: Half .*apply it\. no face .* > More > "):
         perform.perform(*ask, nowhere, addon("core.job").Progress())
 

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from figures import Stage, curves, everything, grid, own_keys, shape, tone
+from figures import curves, everything, grid, own_keys, shape, stand_in, tone
 
 START = 5
 FRAMES = (1, START, START + 7, START + 20, START + 47)
@@ -17,9 +17,7 @@ FRAMES = (1, START, START + 7, START + 20, START + 47)
 @pytest.fixture
 def stage(addon):
     """A stage in the engine's place."""
-    stage = Stage(addon("core.take"))
-    addon("ui.running")._engine = stage
-    return stage
+    return stand_in(addon)
 
 
 def gltf_out(path):

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from conftest import PACKAGE
-from figures import Stage, grid, own_keys, strip, tone
+from figures import grid, own_keys, stand_in, strip, tone
 
 ROUNDS = int(os.environ.get("ANYFACE_FUZZ", "50"))
 SEED = int(os.environ.get("ANYFACE_FUZZ_SEED", "20"))
@@ -317,7 +317,7 @@ CHANGES = (
 def hand(addon, tmp_path, monkeypatch):
     """A user in front of a head, its teeth, and two strips; the library is a stage."""
     monkeypatch.chdir(tmp_path)
-    addon("ui.running")._engine = Stage(addon("core.take"))
+    stand_in(addon)
     sounds = [tone(tmp_path / f"{name}.wav", seconds=0.5) for name in ("a", "b")]
     # 4.2 as a Python module has no sound: then there are no strips.
     with contextlib.suppress(RuntimeError):
@@ -335,7 +335,7 @@ def test_no_value_and_no_order_of_buttons_gives_a_traceback(hand, addon):
             hand.pick([hand.set_something, hand.set_in_list, hand.disturb, hand.disturb])()
         hand.look()
         (hand.press if hand.random.integers(3) else lambda: hand.call("generate"))()
-        addon("ui.running")._engine.calls.clear()
+        addon("ui.running").engine("").calls.clear()
         assert not addon("ui.running").is_running(), (number, list(hand.steps))
     print(f"{ROUNDS} rounds, {hand.finished} buttons worked, {hand.refused} refused in words")
     assert hand.finished > ROUNDS // 10 and hand.refused > 0

@@ -2,7 +2,6 @@
 
 import ctypes
 import re
-from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -22,29 +21,29 @@ NUMBERS = {
     "AnyfaceProgressFn": ctypes.c_void_p,
 }
 
+STRUCTS = (
+    "EngineOptions", "FaceOptions", "MotionOptions", "Control", "ControlSetting",
+)  # fmt: skip
+
 
 def plain(header):
     """The header without comments."""
     return re.sub(r"/\*.*?\*/|//[^\n]*", "", header, flags=re.DOTALL)
 
 
-def as_ctypes(declaration, native):
+def as_ctypes(declaration, library):
     """The ctypes type of a C declaration without its name, such as `const float *`."""
     stars = declaration.count("*")
     name = re.sub(r"\b(const|struct|enum)\b|\*", "", declaration).strip()
-    options = {
-        "AnyfaceEngineOptions": native.EngineOptions,
-        "AnyfaceFaceOptions": native.FaceOptions,
-        "AnyfaceMotionOptions": native.MotionOptions,
-    }
+    structs = {f"Anyface{struct}": getattr(library, struct) for struct in STRUCTS}
     if stars == 0:
         return None if name == "void" else NUMBERS[name]
     if name == "char":
         return [ctypes.c_char_p, ctypes.POINTER(ctypes.c_char_p)][stars - 1]
     if stars == 2:
         return ctypes.POINTER(ctypes.c_void_p)
-    if name in options or name in NUMBERS:
-        return ctypes.POINTER({**NUMBERS, **options}[name])
+    if name in structs or name in NUMBERS:
+        return ctypes.POINTER({**NUMBERS, **structs}[name])
     return ctypes.c_void_p
 
 
@@ -54,36 +53,36 @@ def split(declaration):
     return kind, name
 
 
-def functions(native):
+def functions(library):
     """Every function of the header: what it returns, what it takes."""
     pattern = r"([\w \*]+?)\b(anyface_\w+)\(([^)]*)\);"
     for result, name, text in re.findall(pattern, plain(HEADER)):
         words = [] if text.strip() in ("", "void") else text.split(",")
-        arguments = [as_ctypes(split(word)[0], native) for word in words]
-        yield name, (as_ctypes(result, native), arguments)
+        arguments = [as_ctypes(split(word)[0], library) for word in words]
+        yield name, (as_ctypes(result, library), arguments)
 
 
 def test_signatures_are_those_of_the_header(addon):
-    native = addon("core.native")
-    known = dict(functions(native))
+    library = addon("core.library")
+    known = dict(functions(library))
     assert len(known) > 40
-    for name, signature in native.SIGNATURES.items():
+    for name, signature in library.SIGNATURES.items():
         assert known[name] == signature, name
 
 
-@pytest.mark.parametrize("name", ["EngineOptions", "FaceOptions", "MotionOptions"])
+@pytest.mark.parametrize("name", STRUCTS)
 def test_structs_are_those_of_the_header(addon, name):
-    native = addon("core.native")
+    library = addon("core.library")
     body = re.search(r"struct \{([^}]*)\} Anyface" + name + ";", plain(HEADER))
     lines = [line for line in body.group(1).split(";") if line.strip()]
     fields = [split(line) for line in lines]
-    expected = [(field, as_ctypes(kind, native)) for kind, field in fields]
-    assert getattr(native, name)._fields_ == expected
+    expected = [(field, as_ctypes(kind, library)) for kind, field in fields]
+    assert getattr(library, name)._fields_ == expected
 
 
 def test_the_interface_version_is_that_of_the_header(addon):
     version = int(re.search(r"ANYFACE_ABI_VERSION (\d+)", HEADER).group(1))
-    assert version == addon("core.native").ABI_VERSION
+    assert version == addon("core.library").ABI_VERSION
 
 
 @pytest.fixture(scope="module")
@@ -102,12 +101,18 @@ def test_emotions_are_those_of_the_library(addon, engine):
     assert tuple(engine.emotions()) == addon("core.emotion").EMOTIONS
 
 
-def test_controls_have_the_librarys_defaults(addon, engine):
-    native, take = addon("core.native"), addon("core.take")
-    options = engine._options(native.MotionOptions, "anyface_motion_options_init")
-    for name, value in asdict(take.Controls()).items():
-        assert getattr(options, name) == pytest.approx(value), name
-    assert take.EMOTION_SOURCES[options.emotion_source] == "GIVEN"
+def test_controls_are_numbers_that_the_library_takes(addon, engine):
+    systems, take = addon("core.systems"), addon("core.take")
+    known = systems.find("", systems.known())
+    request = take.Request(24.0, controls={c.name: c.default for c in known.controls})
+    face, motion = ([c.name for c in known.controls if c.stage == stage] for stage in (0, 1))
+    assert "learned" in face and "articulation" in motion
+    options = addon("core.library").MotionOptions()
+    alive = engine._control(options, request, systems.MOTION)
+    names = [options.controls[at].name.decode() for at in range(options.control_count)]
+    assert names == motion and alive
+    with pytest.raises(addon("core.errors").AnyfaceError, match="expected one of freetalk"):
+        systems.find("nobody", systems.known())
 
 
 def test_sounds_are_decoded_to_mono(addon, engine, tmp_path):
@@ -123,10 +128,9 @@ def test_sounds_are_decoded_to_mono(addon, engine, tmp_path):
 
 
 def test_another_interface_version_is_refused(addon, monkeypatch):
-    native = addon("core.native")
-    monkeypatch.setattr(native, "ABI_VERSION", 99)
+    monkeypatch.setattr(addon("core.library"), "ABI_VERSION", 99)
     with pytest.raises(addon("core.errors").AnyfaceError, match="expected interface 99, got 1"):
-        native.Engine()
+        addon("core.native").Engine()
 
 
 def test_a_missing_library_is_named(addon, monkeypatch):
@@ -139,7 +143,7 @@ def test_bad_meshes_and_sounds_are_errors_in_words(addon, engine):
     take, job = addon("core.take"), addon("core.job")
     sound = take.Sound(np.zeros(16000, dtype=np.float32) + 0.1, 16000, "Voice")
     triangle = np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], dtype=np.uint32)
-    ask = take.Performance(24.0)
+    ask = take.Request(24.0)
     for mesh in (triangle, (triangle[0], triangle[1] + 5), (triangle[0] * np.nan, triangle[1])):
         with pytest.raises(addon("core.errors").AnyfaceError) as caught:
             engine.animate(*mesh, None, None, sound, ask, job.Progress())

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from figures import Stage, curves, everything, grid, motion, own_keys, shape, tone
+from figures import curves, everything, grid, motion, own_keys, shape, stand_in, tone
 
 START = 5
 
@@ -15,9 +15,7 @@ START = 5
 @pytest.fixture
 def stage(addon):
     """A stage in the engine's place."""
-    stage = Stage(addon("core.take"))
-    addon("ui.running")._engine = stage
-    return stage
+    return stand_in(addon)
 
 
 def ready(tmp_path, mode, ob=None, save=True):

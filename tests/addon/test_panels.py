@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from figures import Stage, grid, own_keys, tone
+from figures import grid, own_keys, stand_in, tone
 
 ICONS = bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys()
 
@@ -53,20 +53,20 @@ def draw_all(addon):
         selected_objects=[],
     )
     drawn = {}
-    for name in ("panel", "outputs", "takes", "scene_list"):
+    for name in ("panel", "performance", "outputs", "takes", "scene_list"):
         for cls in addon(f"ui.{name}").CLASSES:
             if not issubclass(cls, bpy.types.Panel):
                 continue
-            drawn[cls.bl_idname] = []
+            words = drawn[cls.__name__] = []
             if not hasattr(cls, "poll") or cls.poll(context):
-                cls.draw(SimpleNamespace(layout=Paper(drawn[cls.bl_idname])), context)
+                cls.draw(SimpleNamespace(layout=Paper(words)), context)
     return drawn
 
 
 @pytest.fixture
 def stage(addon):
     """A stage in the engine's place."""
-    addon("ui.running")._engine = Stage(addon("core.take"))
+    stand_in(addon)
 
 
 def test_panels_draw_without_and_with_a_face(addon, stage, tmp_path):
@@ -94,6 +94,35 @@ def test_outputs_that_cannot_work_are_grey_and_the_chosen_one_says_why(addon, st
     ob.anyface.mode = "frames"
     words = " ".join(text for text, _ in draw_all(addon)["ANYFACE_PT_output"])
     assert "choose basis keys" in words
+
+
+def test_controls_are_drawn_where_they_belong(addon, stage, monkeypatch):
+    grid()
+    shown = []
+    draw = Paper.__getattr__
+    monkeypatch.setattr(Paper, "__getattr__", lambda self, name: noting(draw(self, name), name))
+
+    def noting(call, kind):
+        def noted(*given, **named):
+            shown.extend(given[1:2] if kind == "prop" else ())
+            return call(*given, **named)
+
+        return noted
+
+    draw_all(addon)
+    assert "system" not in shown, "there is one system"
+    more = shown.index("seed")
+    assert shown.index("articulation") < shown.index("asymmetry") < more
+    assert more < shown.index("steps") < shown.index("learned") < shown.index("decoder")
+    systems = addon("core.systems")
+    known = systems.known()
+    monkeypatch.setattr(systems, "known", lambda: known * 2)
+    draw_all(addon)
+    assert "system" in shown
+    monkeypatch.setattr(systems, "known", lambda: ())
+    shown.clear()
+    draw_all(addon)
+    assert "emotion" in shown and "articulation" not in shown
 
 
 def test_size_and_time_are_told_before(addon, stage, tmp_path):

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from figures import Stage, everything, grid, own_keys, shape, strip, tone
+from figures import everything, grid, own_keys, shape, stand_in, strip, tone
 
 NAMES = ("Ann", "Bob", "Cy")
 
@@ -12,9 +12,7 @@ NAMES = ("Ann", "Bob", "Cy")
 @pytest.fixture
 def stage(addon):
     """A stage in the engine's place."""
-    stage = Stage(addon("core.take"))
-    addon("ui.running")._engine = stage
-    return stage
+    return stand_in(addon)
 
 
 def scene_of_three(tmp_path, addon):

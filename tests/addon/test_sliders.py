@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import figures
-from figures import Stage, curves, everything, film, grid, motion, shape, tone
+from figures import Stage, curves, everything, film, grid, motion, shape, stand_in, tone
 
 START = 5
 FPS = 24
@@ -21,7 +21,7 @@ def stage(addon):
     """A stage in the engine's place, whose takes have all sliders."""
     stage = Stage(addon("core.take"))
     stage.sliders = NAMES
-    addon("ui.running")._engine = stage
+    stand_in(addon, stage)
     return stage
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from conftest import PACKAGE
-from figures import Stage, everything, grid, own_keys, shape, tone
+from figures import everything, grid, own_keys, shape, stand_in, tone
 from test_keys import (
     artist_action,
     artist_driver,
@@ -31,9 +31,7 @@ from test_keys import (
 @pytest.fixture
 def stage(addon):
     """A stage in the engine's place."""
-    stage = Stage(addon("core.take"))
-    addon("ui.running")._engine = stage
-    return stage
+    return stand_in(addon)
 
 
 def artist_armature(ob):
@@ -259,7 +257,7 @@ def test_files_are_written_in_its_own_user_folder_only(addon):
     from test_heads import import_head
 
     users = Path(os.environ["XDG_CACHE_HOME"])
-    addon("ui.running")._engine = None
+    addon("ui.running")._engines.clear()
     ob, before = import_head(), sorted(users.rglob("*"))
     # A mesh that no other test has shown to the library.
     ob.data.vertices[0].co.x += 1e-4
@@ -301,9 +299,33 @@ def test_it_can_be_disabled_and_enabled_again_with_a_job_running(addon, tmp_path
     bpy.ops.preferences.addon_enable(module=PACKAGE)
     fresh = importlib.import_module(f"{PACKAGE}.ui.running")
     assert not fresh.is_running()
-    fresh._engine = Stage(addon("core.take"))
+    stand_in(addon)
     ob = speaking(grid(), tmp_path)
     assert bpy.ops.anyface.generate() == {"FINISHED"} and ob.data.shape_keys is not None
+
+
+def test_without_its_library_it_can_be_enabled_and_says_why_nothing_moves(
+    addon, tmp_path, monkeypatch
+):
+    def enable_again():
+        bpy.ops.preferences.addon_disable(module=PACKAGE)
+        addon("core.systems").known.cache_clear()
+        bpy.ops.preferences.addon_enable(module=PACKAGE)
+
+    monkeypatch.setenv("ANYFACE_LIBRARY", "/nowhere/libanyface.so")
+    enable_again()
+    try:
+        ob = speaking(grid(), tmp_path)
+        assert not hasattr(ob.anyface, "articulation") and not hasattr(ob.anyface, "system")
+        assert bpy.ops.anyface.preset_save(name="Mine") == {"FINISHED"}
+        bpy.ops.anyface.preset_delete(name="Mine")
+        with pytest.raises(RuntimeError, match="the native library cannot be used"):
+            bpy.ops.anyface.generate()
+        assert "nowhere" in ob.anyface.report
+    finally:
+        monkeypatch.undo()
+        enable_again()
+    assert ob.anyface.articulation == 1.0
 
 
 def test_a_cancelled_job_ends_before_its_engine_is_freed(addon):
@@ -318,7 +340,7 @@ def test_a_cancelled_job_ends_before_its_engine_is_freed(addon):
         free.wait(5.0)
         order.append("ended")
 
-    running._engine = Engine()
+    running._engines[""] = Engine()
     started = running.start(job.Job(deaf), "Head")
     started.cancel()
     running.finish()

@@ -1,0 +1,230 @@
+"""The native library as C describes it: its structs, one table of its functions, how it is loaded.
+
+The table follows `include/anyface.h`; a test compares the two. ctypes releases Python's lock
+during a call, so the interface of Blender goes on while a thread waits here.
+"""
+
+import ctypes
+import os
+import sys
+from ctypes import (
+    POINTER,
+    Structure,
+    c_char_p,
+    c_double,
+    c_float,
+    c_int32,
+    c_size_t,
+    c_uint32,
+    c_uint64,
+    c_void_p,
+)
+from pathlib import Path
+
+from .errors import AnyfaceError
+
+ABI_VERSION = 1
+
+
+class EngineOptions(Structure):
+    """`AnyfaceEngineOptions`."""
+
+    _fields_ = [
+        ("struct_size", c_size_t),
+        ("weights_dir", c_char_p),
+        ("speech_dir", c_char_p),
+        ("cache_dir", c_char_p),
+        ("cache", c_int32),
+        ("threads", c_uint32),
+        ("system", c_char_p),
+    ]
+
+
+class Control(Structure):
+    """`AnyfaceControl`."""
+
+    _fields_ = [
+        ("struct_size", c_size_t),
+        ("name", c_char_p),
+        ("label", c_char_p),
+        ("help", c_char_p),
+        ("unit", c_char_p),
+        ("choices", POINTER(c_char_p)),
+        ("choice_count", c_size_t),
+        ("values", c_int32),
+        ("stage", c_int32),
+        ("low", c_float),
+        ("high", c_float),
+        ("default_value", c_float),
+        ("neutral", c_float),
+        ("animatable", c_int32),
+        ("reserved", c_uint32),
+    ]
+
+
+class ControlSetting(Structure):
+    """`AnyfaceControlSetting`."""
+
+    _fields_ = [
+        ("name", c_char_p),
+        ("value", c_float),
+        ("reserved", c_uint32),
+        ("key_times_s", POINTER(c_double)),
+        ("key_values", POINTER(c_double)),
+        ("key_count", c_size_t),
+    ]
+
+
+class FaceOptions(Structure):
+    """`AnyfaceFaceOptions`."""
+
+    _fields_ = [
+        ("struct_size", c_size_t),
+        ("landmark_positions", POINTER(c_float)),
+        ("landmark_vertices", POINTER(c_uint32)),
+        ("landmark_json", c_char_p),
+        ("forward", c_int32),
+        ("up", c_int32),
+        ("controls", POINTER(ControlSetting)),
+        ("control_count", c_size_t),
+        ("part_numbers", POINTER(c_uint32)),
+        ("part_roles", POINTER(c_int32)),
+        ("part_count", c_size_t),
+        ("fixed_numbers", POINTER(c_uint32)),
+        ("fixed_positions", POINTER(c_float)),
+        ("fixed_count", c_size_t),
+        ("object_of_vertex", POINTER(c_uint32)),
+        ("object_vertex_count", c_size_t),
+        ("object_roles", POINTER(c_int32)),
+        ("object_count", c_size_t),
+    ]
+
+
+class MotionOptions(Structure):
+    """`AnyfaceMotionOptions`."""
+
+    _fields_ = [
+        ("struct_size", c_size_t),
+        ("emotion_strengths", POINTER(c_float)),
+        ("emotion_times_s", POINTER(c_double)),
+        ("emotion_count", c_size_t),
+        ("fps", c_double),
+        ("seed", c_uint64),
+        ("style", c_char_p),
+        ("emotion_source", c_int32),
+        ("reserved", c_uint32),
+        ("controls", POINTER(ControlSetting)),
+        ("control_count", c_size_t),
+    ]
+
+
+_FLOATS, _INDICES = POINTER(c_float), POINTER(c_uint32)
+_HANDLE, _OUT = c_void_p, POINTER(c_void_p)
+# What is made of a mesh takes: engine, mesh, options, progress, out, error.
+_OF_MESH = [_HANDLE, _HANDLE, POINTER(FaceOptions), _HANDLE, _OUT, _OUT]
+
+# Name: what it returns, what it takes. Handles are untyped pointers.
+SIGNATURES = {
+    "anyface_abi_version": (c_uint32, []),
+    "anyface_version": (c_char_p, []),
+    "anyface_emotion_name": (c_char_p, [c_size_t]),
+    "anyface_error_message": (c_char_p, [_HANDLE]),
+    "anyface_error_free": (None, [_HANDLE]),
+    "anyface_system_count": (c_size_t, []),
+    "anyface_system_name": (c_char_p, [c_size_t]),
+    "anyface_system_label": (c_char_p, [c_size_t]),
+    "anyface_system_help": (c_char_p, [c_size_t]),
+    "anyface_system_control_count": (c_size_t, [c_size_t]),
+    "anyface_system_control": (c_int32, [c_size_t, c_size_t, POINTER(Control), c_size_t]),
+    "anyface_engine_options_init": (c_int32, [POINTER(EngineOptions), c_size_t]),
+    "anyface_engine_new": (c_int32, [POINTER(EngineOptions), _OUT, _OUT]),
+    "anyface_engine_free": (None, [_HANDLE]),
+    "anyface_audio_new": (c_int32, [_FLOATS, c_size_t, c_uint32, c_uint32, _OUT, _OUT]),
+    "anyface_audio_read": (c_int32, [c_char_p, _OUT, _OUT]),
+    "anyface_audio_sample_count": (c_size_t, [_HANDLE]),
+    "anyface_audio_copy_samples": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
+    "anyface_audio_free": (None, [_HANDLE]),
+    "anyface_mesh_new": (c_int32, [_FLOATS, c_size_t, _INDICES, c_size_t, _OUT, _OUT]),
+    "anyface_mesh_free": (None, [_HANDLE]),
+    "anyface_face_options_init": (c_int32, [POINTER(FaceOptions), c_size_t]),
+    "anyface_face_new": (c_int32, _OF_MESH),
+    "anyface_face_find": (c_int32, _OF_MESH),
+    "anyface_face_mouth": (c_int32, [_HANDLE]),
+    "anyface_face_metres_per_unit": (c_double, [_HANDLE]),
+    "anyface_face_copy_landmarks": (c_int32, [_HANDLE, _FLOATS, _INDICES, _FLOATS, _OUT]),
+    "anyface_face_part_count": (c_size_t, [_HANDLE]),
+    "anyface_face_copy_parts": (c_int32, [_HANDLE, POINTER(c_int32), _INDICES, _OUT]),
+    "anyface_face_free": (None, [_HANDLE]),
+    "anyface_motion_options_init": (c_int32, [POINTER(MotionOptions), c_size_t]),
+    "anyface_motion_new": (
+        c_int32,
+        [_HANDLE, _HANDLE, POINTER(MotionOptions), _HANDLE, _OUT, _OUT],
+    ),
+    "anyface_motion_free": (None, [_HANDLE]),
+    "anyface_clip_new": (c_int32, [_HANDLE, _HANDLE, _HANDLE, _HANDLE, _OUT, _OUT]),
+    "anyface_clip_frame_count": (c_size_t, [_HANDLE]),
+    "anyface_clip_copy_displacements": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
+    "anyface_clip_free": (None, [_HANDLE]),
+    "anyface_clip_largest_displacement": (c_float, [_HANDLE]),
+    "anyface_clip_visibility": (c_int32, [_HANDLE]),
+    "anyface_basis_new": (
+        c_int32,
+        [_HANDLE, _HANDLE, c_float, c_size_t, _HANDLE, _OUT, _OUT],
+    ),
+    "anyface_basis_shape_count": (c_size_t, [_HANDLE]),
+    "anyface_basis_max_error": (c_float, [_HANDLE]),
+    "anyface_basis_copy_shapes": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
+    "anyface_basis_copy_weights": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
+    "anyface_basis_free": (None, [_HANDLE]),
+    "anyface_progress_new": (_HANDLE, [c_void_p, c_void_p]),
+    "anyface_progress_read": (c_int32, [_HANDLE, POINTER(c_char_p), _FLOATS]),
+    "anyface_progress_cancel": (None, [_HANDLE]),
+    "anyface_progress_free": (None, [_HANDLE]),
+    "anyface_rig_new": (c_int32, _OF_MESH),
+    "anyface_rig_shape_count": (c_size_t, [_HANDLE]),
+    "anyface_rig_shape_name": (c_char_p, [_HANDLE, c_size_t]),
+    "anyface_rig_shape_note": (c_char_p, [_HANDLE, c_size_t]),
+    "anyface_rig_copy_shape": (c_int32, [_HANDLE, c_size_t, _FLOATS, c_size_t, _OUT]),
+    "anyface_rig_free": (None, [_HANDLE]),
+    "anyface_weights_new": (
+        c_int32,
+        [POINTER(c_char_p), _FLOATS, c_size_t, _FLOATS, c_size_t, c_size_t, _HANDLE, _OUT, _OUT],
+    ),
+    "anyface_weights_copy": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
+    "anyface_weights_left_out": (c_float, [_HANDLE]),
+    "anyface_weights_write": (c_int32, [_HANDLE, c_char_p, c_double, _OUT]),
+    "anyface_weights_free": (None, [_HANDLE]),
+    "anyface_sliders_new": (
+        c_int32,
+        [_HANDLE, _HANDLE, _HANDLE, _HANDLE, _HANDLE, _HANDLE, _OUT, _OUT],
+    ),
+    "anyface_sliders_knot_count": (c_size_t, [_HANDLE, c_int32]),
+    "anyface_sliders_copy_knots": (c_int32, [_HANDLE, c_int32, _FLOATS, c_size_t, _OUT]),
+    "anyface_sliders_copy_changes": (c_int32, [_HANDLE, c_int32, _FLOATS, c_size_t, _OUT]),
+    "anyface_sliders_free": (None, [_HANDLE]),
+}
+
+
+def library_path() -> Path:
+    """The library in `lib` of the extension; `ANYFACE_LIBRARY` names another one."""
+    given = os.environ.get("ANYFACE_LIBRARY")
+    names = {"win32": "anyface.dll", "darwin": "libanyface.dylib"}
+    name = names.get(sys.platform, "libanyface.so")
+    return Path(given) if given else Path(__file__).resolve().parents[1] / "lib" / name
+
+
+def load(path: Path) -> ctypes.CDLL:
+    """The library with its functions declared; raises `AnyfaceError("weights")`."""
+    try:
+        library = ctypes.CDLL(str(path))
+        for name, (result, arguments) in SIGNATURES.items():
+            function = getattr(library, name)
+            function.restype, function.argtypes = result, arguments
+    except (OSError, AttributeError) as error:
+        raise AnyfaceError("weights", f"the native library cannot be used: {error}") from error
+    found = library.anyface_abi_version()
+    if found != ABI_VERSION:
+        raise AnyfaceError(
+            "weights", f"{path}: expected interface {ABI_VERSION}, got {found}: install it again"
+        )
+    return library

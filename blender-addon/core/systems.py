@@ -1,0 +1,116 @@
+"""The systems of the library and the controls that each of them understands.
+
+The library keeps the list; it is read once, without loading models. Panel, presets and command are
+drawn from it.
+"""
+
+from ctypes import byref, sizeof
+from dataclasses import dataclass
+from functools import cache
+
+from . import library
+from .errors import AnyfaceError
+
+# What a control acts on, as `AnyfaceControlStage`.
+FACE, MOTION = 0, 1
+# What its numbers mean, as `AnyfaceControlValues`.
+REAL, WHOLE, CHOICE = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class Control:
+    """Something that a system lets its user change.
+
+    `name` is that of the property, `flag` that of the command's option. Numbers lie from `low` to
+    `high`; those of a choice count its `choices`.
+    """
+
+    name: str
+    flag: str
+    label: str
+    help: str
+    choices: tuple[str, ...]
+    values: int
+    stage: int
+    low: float
+    high: float
+    default: float
+    is_animatable: bool
+
+    @property
+    def is_slider(self) -> bool:
+        """True for a number of a performance, which an artist moves often."""
+        return self.stage == MOTION and self.values == REAL
+
+    def number(self, value) -> float:
+        """The number of a value, which for a choice may be its name."""
+        return float(self.choices.index(value) if isinstance(value, str) else value)
+
+
+@dataclass(frozen=True)
+class System:
+    """What turns speech into motion; `controls` stand in the order in which they are shown."""
+
+    name: str
+    label: str
+    help: str
+    controls: tuple[Control, ...]
+
+
+@cache
+def known() -> tuple[System, ...]:
+    """The systems of the extension's library, the default one first; none where it cannot be
+    loaded, which the first use of an engine then says in words."""
+    try:
+        return read(library.load(library.library_path()))
+    except AnyfaceError:
+        return ()
+
+
+def controls() -> tuple[Control, ...]:
+    """The controls of all systems; one that several have serves them all."""
+    by_name = {}
+    for control in (control for system in known() for control in system.controls):
+        by_name.setdefault(control.name, control)
+    return tuple(by_name.values())
+
+
+def find(name: str, among: tuple[System, ...]) -> System:
+    """The system of this name, for "" the first. Raises `AnyfaceError("input")`."""
+    found = next((system for system in among if name in ("", system.name)), None)
+    if found is None:
+        names = ", ".join(system.name for system in among)
+        raise AnyfaceError("input", f"system: expected one of {names}, got {name!r}")
+    return found
+
+
+def read(loaded) -> tuple[System, ...]:
+    """The systems of a loaded library."""
+    return tuple(_system(loaded, number) for number in range(loaded.anyface_system_count()))
+
+
+def _system(loaded, number: int) -> System:
+    calls = (loaded.anyface_system_name, loaded.anyface_system_label, loaded.anyface_system_help)
+    name, label, text = (call(number).decode() for call in calls)
+    count = loaded.anyface_system_control_count(number)
+    return System(name, label, text, tuple(_control(loaded, number, at) for at in range(count)))
+
+
+def _control(loaded, system: int, number: int) -> Control:
+    told = library.Control()
+    if loaded.anyface_system_control(system, number, byref(told), sizeof(told)) != 0:
+        raise AnyfaceError("internal", f"the library does not tell control {number} of {system}")
+    name, unit = told.name.decode(), told.unit.decode()
+    return Control(
+        name=name,
+        flag=name.removesuffix(f"_{unit}").replace("_", "-"),
+        label=told.label.decode(),
+        help=told.help.decode(),
+        choices=tuple(told.choices[at].decode() for at in range(told.choice_count)),
+        values=told.values,
+        stage=told.stage,
+        low=told.low,
+        high=told.high,
+        default=told.default_value,
+        is_animatable=bool(told.animatable),
+    )
