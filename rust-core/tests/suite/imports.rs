@@ -2,8 +2,16 @@
 
 use std::{fs, path::Path};
 
-const BELOW_SYSTEMS: [&str; 7] = [
+const BELOW_SYSTEMS: [&str; 15] = [
+    "cache",
+    "conditions",
+    "face",
+    "metrics",
     "nn",
+    "output",
+    "rig",
+    "speech",
+    "spread",
     "diffusion",
     "operators",
     "mesh",

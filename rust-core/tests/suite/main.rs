@@ -10,3 +10,4 @@ mod performance;
 mod runs;
 mod sliders;
 mod sources;
+mod spread;
