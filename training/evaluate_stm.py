@@ -19,9 +19,9 @@ import torch
 from training.corpus.expressions import UPPER, evaluation_frames, load_speech
 from training.corpus.faces import CHANNELS
 from training.corpus.prepared import Corpus, PreparedMesh, load_or_build
+from training.deform.static_weights import CONFIGS, StaticWeights, deform
 from training.systems.freetalk.stm.paper import CONFIGS as CONFIGS_PAPER
 from training.systems.freetalk.stm.paper import PaperDecoder
-from training.deform.static_weights import CONFIGS, StaticWeights, deform
 from training.systems.freetalk.stm.train_paper import PaperMesh, paper_mesh, predict
 
 LIDS_WITHIN_DM = 0.1

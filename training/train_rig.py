@@ -18,9 +18,9 @@ import torch
 
 from training.corpus.faces import load_ict, load_makehuman
 from training.corpus.prepared import Corpus, PreparedMesh, load_or_build
+from training.deform.static_weights import FLIP
 from training.rig.network import CONFIGS, RigNetwork, SkinGeometry
 from training.rig.shapes import SHAPE_MIRROR, templates
-from training.deform.static_weights import FLIP
 
 FACES = {"both": ("ict", "makehuman"), "ict": ("ict",), "makehuman": ("makehuman",)}
 STILL_WEIGHT = 0.3

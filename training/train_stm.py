@@ -20,7 +20,6 @@ import torch
 
 from training.corpus.expressions import load_speech, training_frames
 from training.corpus.prepared import Corpus, PreparedMesh, landmark_shapes, load_or_build
-from training.systems.freetalk.stm.paper import CONFIGS as PAPER
 from training.deform.static_weights import (
     CONFIGS,
     FLIP,
@@ -28,6 +27,7 @@ from training.deform.static_weights import (
     StaticWeights,
     VertexGeometry,
 )
+from training.systems.freetalk.stm.paper import CONFIGS as PAPER
 from training.systems.freetalk.stm.train_paper import paper_mesh, train_paper
 
 SHAPES = 1500

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from training.rig.shapes import SHAPE_MIRROR
 from training.deform.static_weights import FLIP, LANDMARKS, MIRROR
+from training.rig.shapes import SHAPE_MIRROR
 
 SHAPES = len(SHAPE_MIRROR)
 FEATURES = 3 + 3 * LANDMARKS + LANDMARKS + LANDMARKS

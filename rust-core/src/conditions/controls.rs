@@ -206,14 +206,14 @@ impl ControlCurve {
         if !self.keys.is_empty() && !control.is_animatable {
             return wrong("expected one number for the whole time, got keys".into());
         }
-        if let Some(pair) = self.keys.windows(2).find(|pair| !(pair[0].0 < pair[1].0)) {
+        if self.keys.iter().any(|(time_s, _)| !time_s.is_finite()) {
+            return wrong("expected finite times, got one that is not".into());
+        }
+        if let Some(pair) = self.keys.windows(2).find(|pair| pair[0].0 >= pair[1].0) {
             let (first, second) = (pair[0].0, pair[1].0);
             return wrong(format!(
                 "expected rising times, got {first} s before {second} s"
             ));
-        }
-        if self.keys.iter().any(|(time_s, _)| !time_s.is_finite()) {
-            return wrong("expected finite times, got one that is not".into());
         }
         let mut values = self.keys.iter().map(|(_, value)| *value as f32);
         values.try_for_each(|value| control.check(value))

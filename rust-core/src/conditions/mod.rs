@@ -117,7 +117,7 @@ pub enum EmotionCurve {
     Constant(Emotion),
     /// `(time_s, emotion)` in rising order; linear in between, held outside.
     Keys(Vec<(f64, Emotion)>),
-    /// Read from the voice: see [`emotion_from_voice`]. Neutral until [`EmotionCurve::heard`].
+    /// Read from the voice: see [`emotion_from_voice`]. Neutral until [`EmotionCurve::resolved`].
     Auto,
     /// No emotion, and nothing else that speech did not cause: no blinks, no motion of the upper
     /// face.
@@ -144,7 +144,7 @@ impl EmotionCurve {
     }
 
     /// The curve itself, or for [`EmotionCurve::Auto`] what is heard in the voice.
-    pub fn heard(&self, prosody: &Prosody) -> Cow<'_, EmotionCurve> {
+    pub fn resolved(&self, prosody: &Prosody) -> Cow<'_, EmotionCurve> {
         match self {
             Self::Auto => Cow::Owned(emotion_from_voice(prosody)),
             _ => Cow::Borrowed(self),

@@ -9,6 +9,15 @@ use crate::{Error, Result};
 pub const FPS: RangeInclusive<f64> = 1.0..=240.0;
 
 /// What a performance is asked to be.
+///
+/// ```
+/// use anyface::{MotionRequest, conditions::EmotionCurve};
+///
+/// let mut request = MotionRequest { fps: 24.0, seed: 7, ..MotionRequest::default() };
+/// request.emotion = EmotionCurve::parse("happy:0.4,surprised:0.3")?;
+/// request.controls.set("articulation", 1.2);
+/// # Ok::<(), anyface::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct MotionRequest {
     /// Emotion and intensity over time.

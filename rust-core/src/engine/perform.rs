@@ -21,6 +21,20 @@ const PIECES: usize = 2;
 const STILL: f64 = 1e-6;
 
 /// Motion, and all that is needed to perform it in another way.
+///
+/// ```
+/// use anyface::{CachePolicy, Engine, EngineOptions, MotionRequest, audio::Waveform, progress::SILENT};
+///
+/// let engine = Engine::new(EngineOptions { cache: CachePolicy::Off, ..Default::default() })?;
+/// let sound = Waveform { samples: (0..16_000).map(|i| (i as f32 * 0.08).sin()).collect() };
+/// let mut request = MotionRequest::default();
+/// let plain = engine.perform(&sound, &request, SILENT)?;
+/// request.controls.set("articulation", 0.0);
+/// let quiet = engine.perform_again(&plain, &request)?;
+/// assert_eq!(quiet.motion.frames(), plain.motion.frames());
+/// assert_ne!(quiet.motion, plain.motion);
+/// # Ok::<(), anyface::Error>(())
+/// ```
 #[derive(Clone)]
 pub struct Performance {
     /// The motion.
@@ -99,7 +113,7 @@ impl Engine {
     /// The request with the emotion that is heard in the voice.
     fn resolved(&self, request: &MotionRequest, heard: &Heard) -> MotionRequest {
         MotionRequest {
-            emotion: request.emotion.heard(&heard.prosody).into_owned(),
+            emotion: request.emotion.resolved(&heard.prosody).into_owned(),
             ..request.clone()
         }
     }
@@ -125,9 +139,11 @@ impl Engine {
         sampled: &Motion,
         heard: &Heard,
         request: &MotionRequest,
-        urge: &EmotionCurve,
+        blink_emotion: &EmotionCurve,
     ) -> Result<Motion> {
-        let base = self.system.perform(sampled, heard, request, urge)?;
+        let base = self
+            .system
+            .perform(sampled, heard, request, blink_emotion)?;
         let mut moved = Cow::Borrowed(&base);
         for control in self.registration.controls() {
             if let Some(curve) = request.controls.animated(control.name) {
@@ -137,7 +153,7 @@ impl Engine {
                         controls,
                         ..request.clone()
                     };
-                    self.system.perform(sampled, heard, &request, urge)
+                    self.system.perform(sampled, heard, &request, blink_emotion)
                 };
                 moved = Cow::Owned(along(&base, &moved, curve, at)?);
             }

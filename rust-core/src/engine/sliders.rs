@@ -143,13 +143,13 @@ impl Engine {
         if blinks && position == 0.0 {
             request.controls.set(BLINKS, 0.0);
         }
-        let (heard, urge) = (&performance.heard, &performance.request.emotion);
+        let (heard, blink_emotion) = (&performance.heard, &performance.request.emotion);
         self.threads(|| match emotion {
-            false => self.controlled(&performance.sampled, heard, &request, urge),
+            false => self.controlled(&performance.sampled, heard, &request, blink_emotion),
             true => {
                 request.emotion = request.emotion.scaled(position);
                 let sampled = self.system.sample(heard, &request, progress)?;
-                self.controlled(&sampled, heard, &request, urge)
+                self.controlled(&sampled, heard, &request, blink_emotion)
             }
         })
     }

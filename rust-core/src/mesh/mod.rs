@@ -39,6 +39,15 @@ pub use tree::{ClosestPlace, SurfaceTree};
 use crate::conditions::Controls;
 
 /// A triangle mesh in the user's own units, axes and vertex order.
+///
+/// ```
+/// use anyface::mesh::Mesh;
+///
+/// let head = concat!(env!("CARGO_MANIFEST_DIR"), "/models/default_head/head.obj");
+/// let mesh = Mesh::read(head)?;
+/// assert!(mesh.triangles.iter().flatten().all(|&v| (v as usize) < mesh.positions.len()));
+/// # Ok::<(), anyface::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Mesh {
     /// `[V]`, positions in the user's units; all finite.

@@ -22,7 +22,7 @@ pub struct Cues<'a> {
     /// `[T, 16]` at the clip's rate: a mixture of 15 emotions and an intensity.
     pub affect: ArrayView2<'a, f32>,
     /// The same for the times of blinks, which stay where only the emotion's strength is changed.
-    pub urge: ArrayView2<'a, f32>,
+    pub blink_affect: ArrayView2<'a, f32>,
     /// Take away everything that speech did not cause.
     pub speech_only: bool,
     /// How the speech was said.
@@ -67,7 +67,7 @@ impl FaceModes {
         }
         if !cues.speech_only {
             let rate = controls.blinks_per_minute;
-            let blinks = blinks(cues.urge, fps, cues.prosody, rate, cues.seed);
+            let blinks = blinks(cues.blink_affect, fps, cues.prosody, rate, cues.seed);
             close_lids(moved, fps, &blinks, self)?;
         }
         Ok(clip)

@@ -83,7 +83,7 @@ pub(super) struct Writer<W: Write + Seek> {
 }
 
 enum Body<W: Write + Seek> {
-    Npz(Archive<W>),
+    Npz(Box<Archive<W>>),
     /// Positions at rest, and how numbers are written.
     PointCache(W, Vec<[f32; 3]>, fn(f32) -> [u8; 4]),
 }
@@ -105,7 +105,7 @@ impl<W: Write + Seek> Writer<W> {
                 archive
                     .start("displacements", "<f4", &sizes)
                     .map_err(io())?;
-                Body::Npz(archive)
+                Body::Npz(Box::new(archive))
             }
             Format::Pc2 => {
                 pc2::write_header(&mut file, start).map_err(io())?;

@@ -11,6 +11,17 @@ use crate::{
 };
 
 /// A sound as systems hear it: speech features, how it was said, and how long it is.
+///
+/// ```
+/// use std::sync::Arc;
+/// use anyface::{audio::Waveform, speech::{self, Heard, SpeechEncoder}};
+///
+/// let encoder: Arc<dyn SpeechEncoder> = Arc::new(speech::compact(None)?);
+/// let sound = Waveform { samples: (0..16_000).map(|i| (i as f32 * 0.08).sin()).collect() };
+/// let heard = Heard::of(&sound, &encoder)?;
+/// assert_eq!(heard.features(30.0).dim(), (heard.frames(30.0), encoder.channels()));
+/// # Ok::<(), anyface::Error>(())
+/// ```
 #[derive(Clone)]
 pub struct Heard {
     /// Speech features at the encoder's own rate.

@@ -126,7 +126,7 @@ pub trait System: Send + Sync {
         progress: ProgressFn<'_>,
     ) -> Result<Motion>;
 
-    /// Puts the controls of `request` on what was sampled. Blinks come as often as under `urge`, which
+    /// Puts the controls of `request` on what was sampled. Blinks come as often as under `blink_emotion`, which
     /// is the request's own emotion unless only the strength of that is varied.
     ///
     /// # Errors
@@ -136,9 +136,9 @@ pub trait System: Send + Sync {
         sampled: &Motion,
         heard: &Heard,
         request: &MotionRequest,
-        urge: &EmotionCurve,
+        blink_emotion: &EmotionCurve,
     ) -> Result<Motion> {
-        let _ = (heard, request, urge);
+        let _ = (heard, request, blink_emotion);
         Ok(sampled.clone())
     }
 

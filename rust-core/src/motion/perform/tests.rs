@@ -72,7 +72,7 @@ fn performed(clip: &LandmarkClip, emotion: &str, controls: PerformanceControls) 
     let (affect, prosody) = (affect(emotion), speech());
     let cues = Cues {
         affect: affect.view(),
-        urge: affect.view(),
+        blink_affect: affect.view(),
         speech_only: false,
         prosody: &prosody,
         seed: 5,
@@ -270,7 +270,7 @@ fn off_leaves_speech_alone() {
     let (affect, prosody) = (affect("neutral:0"), speech());
     let cues = Cues {
         affect: affect.view(),
-        urge: affect.view(),
+        blink_affect: affect.view(),
         speech_only: true,
         prosody: &prosody,
         seed: 5,
@@ -294,7 +294,7 @@ fn silence_has_blinks_and_no_accents() {
     let (modes, affect, prosody) = (modes(), affect("neutral:0"), silence());
     let cues = Cues {
         affect: affect.view(),
-        urge: affect.view(),
+        blink_affect: affect.view(),
         speech_only: false,
         prosody: &prosody,
         seed: 1,
@@ -319,7 +319,7 @@ fn the_same_seed_gives_the_same_and_another_seed_another_performance() {
     let with = |seed| {
         let cues = Cues {
             affect: affect.view(),
-            urge: affect.view(),
+            blink_affect: affect.view(),
             speech_only: false,
             prosody: &prosody,
             seed,
@@ -338,7 +338,7 @@ fn controls_out_of_range_are_refused() {
     let (affect, prosody) = (affect("neutral:0"), silence());
     let cues = Cues {
         affect: affect.view(),
-        urge: affect.view(),
+        blink_affect: affect.view(),
         speech_only: false,
         prosody: &prosody,
         seed: 0,
@@ -359,7 +359,7 @@ fn odd_lengths_and_rates_are_fine() {
         let affect = EmotionCurve::default().sample(frames, fps);
         let cues = Cues {
             affect: affect.view(),
-            urge: affect.view(),
+            blink_affect: affect.view(),
             speech_only: false,
             prosody: &prosody,
             seed: 0,

@@ -151,17 +151,17 @@ impl System for FreeTalk {
         sampled: &Motion,
         heard: &Heard,
         request: &MotionRequest,
-        urge: &EmotionCurve,
+        blink_emotion: &EmotionCurve,
     ) -> Result<Motion> {
         let Motion::Landmarks(clip) = sampled else {
             return Ok(sampled.clone());
         };
         let frames = sampled.frames();
         let affect = request.emotion.sample(frames, clip.fps);
-        let urge = urge.sample(frames, clip.fps);
+        let blink_affect = blink_emotion.sample(frames, clip.fps);
         let cues = Cues {
             affect: affect.view(),
-            urge: urge.view(),
+            blink_affect: blink_affect.view(),
             speech_only: request.emotion == EmotionCurve::Off,
             prosody: &heard.prosody,
             seed: request.seed,

@@ -15,10 +15,10 @@ from torch import Tensor
 
 from training.corpus.expressions import random_combinations, upper_face
 from training.corpus.prepared import PreparedMesh
+from training.deform.static_weights import FLIP, MIRROR
 from training.deform.surface import surface_operators, vertex_normals
 from training.nn.diffusion_net import SurfaceOperators
 from training.systems.freetalk.stm.paper import PaperConfig, PaperDecoder
-from training.deform.static_weights import FLIP, MIRROR
 
 FRAMES = 4
 
