@@ -3,7 +3,7 @@
 use std::ffi::c_char;
 
 use anyface::{
-    Face,
+    Engine, Face,
     deform::PartList,
     ibug::LANDMARKS,
     mesh::{Landmarks, Mouth},
@@ -12,13 +12,12 @@ use anyface::{
 use crate::{
     engine::AnyfaceEngine,
     error::{AnyfaceError, Failure},
-    face_options::{AnyfaceFaceOptions, ROLES},
+    face_options::{AnyfaceFaceOptions, ROLES, of_mesh},
     guard,
     mesh::AnyfaceMesh,
     pointer,
-    progress::{AnyfaceProgress, watched},
+    progress::AnyfaceProgress,
     status::AnyfaceStatus,
-    versioned_options,
 };
 
 /// Everything known of one mesh: its landmarks, how its lips meet, what its parts are, and what moving it
@@ -59,11 +58,7 @@ pub unsafe extern "C" fn anyface_face_new(
 ) -> AnyfaceStatus {
     let work = || {
         pointer::check_out("out", out)?;
-        let engine = unsafe { pointer::handle("engine", engine) }?;
-        let mesh = unsafe { pointer::handle("mesh", mesh) }?;
-        let options = unsafe { versioned_options::read(options)?.to_library() }?;
-        let face =
-            unsafe { watched(progress, |watch| engine.0.prepare(&mesh.0, &options, watch)) }?;
+        let face = unsafe { of_mesh(engine, mesh, options, progress, Engine::prepare) }?;
         unsafe { pointer::give(out, AnyfaceFace(face)) };
         Ok(())
     };
@@ -85,10 +80,7 @@ pub unsafe extern "C" fn anyface_face_find(
 ) -> AnyfaceStatus {
     let work = || {
         pointer::check_out("out", out)?;
-        let engine = unsafe { pointer::handle("engine", engine) }?;
-        let mesh = unsafe { pointer::handle("mesh", mesh) }?;
-        let options = unsafe { versioned_options::read(options)?.to_library() }?;
-        let face = unsafe { watched(progress, |watch| engine.0.find(&mesh.0, &options, watch)) }?;
+        let face = unsafe { of_mesh(engine, mesh, options, progress, Engine::find) }?;
         unsafe { pointer::give(out, AnyfaceFace(face)) };
         Ok(())
     };

@@ -3,17 +3,22 @@
 use std::{ffi::c_char, ptr::null};
 
 use anyface::{
+    Engine,
     ibug::LANDMARKS,
     mesh::{
-        Axis, FaceOptions, FixedLandmark, LandmarkPlace, LandmarkSource, ObjectNames, PartChoices,
-        PartRole, PartSelector,
+        Axis, FaceOptions, FixedLandmark, LandmarkPlace, LandmarkSource, Mesh, ObjectNames,
+        PartChoices, PartRole, PartSelector,
     },
+    progress::ProgressFn,
 };
 
 use crate::{
     controls::{self, AnyfaceControlSetting},
+    engine::AnyfaceEngine,
     error::Failure,
+    mesh::AnyfaceMesh,
     pointer,
+    progress::{AnyfaceProgress, watched},
     status::AnyfaceStatus,
     versioned_options::{self, Versioned},
 };
@@ -232,6 +237,23 @@ pub unsafe extern "C" fn anyface_face_options_init(
 
 /// The role of an object whose parts are told by shape and place.
 const BY_SHAPE: i32 = -1;
+
+/// What `make` makes of a caller's mesh, watched by the caller's progress handle.
+///
+/// # Safety
+/// Every pointer is NULL or valid, the pointers in `options` as their fields say.
+pub(crate) unsafe fn of_mesh<T>(
+    engine: *const AnyfaceEngine,
+    mesh: *const AnyfaceMesh,
+    options: *const AnyfaceFaceOptions,
+    progress: *const AnyfaceProgress,
+    make: impl FnOnce(&Engine, &Mesh, &FaceOptions, ProgressFn<'_>) -> anyface::Result<T>,
+) -> Result<T, Failure> {
+    let engine = unsafe { pointer::handle("engine", engine) }?;
+    let mesh = unsafe { pointer::handle("mesh", mesh) }?;
+    let options = unsafe { versioned_options::read(options)?.to_library() }?;
+    unsafe { watched(progress, |watch| make(&engine.0, &mesh.0, &options, watch)) }
+}
 
 /// The landmarks that stay.
 ///

@@ -2,18 +2,22 @@
 
 use std::{ffi::CString, ffi::c_char, ptr::null, sync::Arc};
 
-use anyface::rig::Rig;
+use anyface::{
+    Engine,
+    mesh::{FaceOptions, Mesh},
+    progress::ProgressFn,
+    rig::Rig,
+};
 
 use crate::{
     engine::AnyfaceEngine,
     error::AnyfaceError,
-    face_options::AnyfaceFaceOptions,
+    face_options::{AnyfaceFaceOptions, of_mesh},
     guard,
     mesh::AnyfaceMesh,
     pointer,
-    progress::{AnyfaceProgress, watched},
+    progress::AnyfaceProgress,
     status::AnyfaceStatus,
-    versioned_options,
 };
 
 /// The 52 ARKit shapes and the 15 Oculus visemes of one mesh. Never changes after it was made: any
@@ -58,14 +62,10 @@ pub unsafe extern "C" fn anyface_rig_new(
 ) -> AnyfaceStatus {
     let work = || {
         pointer::check_out("out", out)?;
-        let engine = unsafe { pointer::handle("engine", engine) }?;
-        let mesh = unsafe { pointer::handle("mesh", mesh) }?;
-        let options = unsafe { versioned_options::read(options)?.to_library() }?;
-        let make = |watch: anyface::progress::ProgressFn<'_>| {
-            let face = engine.0.find(&mesh.0, &options, watch)?;
-            engine.0.rig(&face, watch)
+        let make = |engine: &Engine, mesh: &Mesh, options: &FaceOptions, watch: ProgressFn<'_>| {
+            engine.rig(&engine.find(mesh, options, watch)?, watch)
         };
-        let rig = unsafe { watched(progress, make) }?;
+        let rig = unsafe { of_mesh(engine, mesh, options, progress, make) }?;
         unsafe { pointer::give(out, AnyfaceRig::new(rig)) };
         Ok(())
     };

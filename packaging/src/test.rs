@@ -28,7 +28,7 @@ const TOOLS: &[&str] = &[
 /// installed, Blender 3.
 const ROOM: u64 = 20;
 
-/// Runs all tests; about 25 minutes from a clean checkout on two cores, 8 when built.
+/// Runs all tests; about half an hour from a clean checkout on two cores, 8 minutes when built.
 #[derive(Args)]
 pub struct Test {
     /// Leave out the parts that install PyTorch and Blender.

@@ -69,30 +69,27 @@ impl CacheKey {
     /// Adds single-precision numbers, bit by bit.
     #[must_use]
     pub fn f32s<'a>(self, values: impl IntoIterator<Item = &'a f32>) -> CacheKey {
-        let mut bytes = Vec::new();
-        values
-            .into_iter()
-            .for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
-        self.bytes(&bytes)
+        self.numbers(values, |v| v.to_le_bytes())
     }
 
     /// Adds double-precision numbers, bit by bit.
     #[must_use]
     pub fn f64s<'a>(self, values: impl IntoIterator<Item = &'a f64>) -> CacheKey {
-        let mut bytes = Vec::new();
-        values
-            .into_iter()
-            .for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
-        self.bytes(&bytes)
+        self.numbers(values, |v| v.to_le_bytes())
     }
 
     /// Adds whole numbers.
     #[must_use]
     pub fn u32s<'a>(self, values: impl IntoIterator<Item = &'a u32>) -> CacheKey {
-        let mut bytes = Vec::new();
-        values
-            .into_iter()
-            .for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
+        self.numbers(values, |v| v.to_le_bytes())
+    }
+
+    fn numbers<const N: usize, T>(
+        self,
+        values: impl IntoIterator<Item = T>,
+        encode: fn(T) -> [u8; N],
+    ) -> CacheKey {
+        let bytes: Vec<u8> = values.into_iter().flat_map(encode).collect();
         self.bytes(&bytes)
     }
 

@@ -65,7 +65,7 @@ impl Deform {
             0.0,
             &mut report,
             |sink| match motion.neutral {
-                Some(_) => engine.spread_own(&face, displacements.view(), fps, sink, progress),
+                Some(_) => engine.spread_own(&face, displacements, fps, sink, progress),
                 None => {
                     let clip = LandmarkClip { displacements, fps };
                     engine.spread(&face, &Motion::Landmarks(clip), sink, progress)

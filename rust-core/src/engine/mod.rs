@@ -9,7 +9,7 @@ use std::{
     sync::{Arc, OnceLock},
 };
 
-use ndarray::ArrayView3;
+use ndarray::{Array3, ArrayView3};
 
 use crate::{
     Error, Result,
@@ -266,7 +266,7 @@ impl Engine {
             Motion::Landmarks(clip) => {
                 let moved = clip.displacements.view();
                 let own = face.to_canonical.displacements_to_mesh(moved);
-                self.spread_own(face, own.view(), clip.fps, sink, progress)
+                self.spread_own(face, own, clip.fps, sink, progress)
             }
             Motion::Weights(clip) => {
                 let rig = self.rig(face, progress)?;
@@ -286,14 +286,14 @@ impl Engine {
     pub fn spread_own(
         &self,
         face: &Face,
-        landmarks: ArrayView3<'_, f32>,
+        landmarks: Array3<f32>,
         fps: f64,
         sink: &mut dyn FrameSink,
         progress: ProgressFn<'_>,
     ) -> Result<SpreadReport> {
         self.threads(|| {
             let deformer = self.deformer(face, progress)?;
-            let spread = Spread::of_landmarks(face, deformer.as_ref(), landmarks.to_owned(), fps);
+            let spread = Spread::of_landmarks(face, deformer.as_ref(), landmarks, fps);
             spread::into_sink(&spread, sink, progress)
         })
     }

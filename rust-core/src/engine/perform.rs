@@ -47,11 +47,6 @@ pub struct Performance {
 }
 
 impl Performance {
-    /// What was asked, with the emotion that was heard in the voice.
-    pub fn request(&self) -> &MotionRequest {
-        &self.request
-    }
-
     /// What the lips were asked for, the mean over all keys where that changes; 1 is normal.
     pub fn articulation(&self) -> f32 {
         const NAME: &str = "articulation";

@@ -46,6 +46,7 @@ pub struct Face {
     pub options: FaceOptions,
     /// Names the mesh and the models in what is kept of it.
     key: CacheKey,
+    mouth: OnceLock<Mouth>,
     surface: OnceLock<FaceSurface>,
     deformer: OnceLock<Arc<dyn Deformer>>,
     rig: OnceLock<Arc<Rig>>,
@@ -94,6 +95,7 @@ impl Face {
             parts,
             options,
             key,
+            mouth: OnceLock::new(),
             surface: OnceLock::new(),
             deformer: OnceLock::new(),
             rig: OnceLock::new(),
@@ -102,7 +104,8 @@ impl Face {
 
     /// How the lips meet.
     pub fn mouth(&self) -> Mouth {
-        Mouth::of(&self.mesh, &self.landmarks)
+        let find = || Mouth::of(&self.mesh, &self.landmarks);
+        *self.mouth.get_or_init(find)
     }
 
     /// Size of the mesh's unit on a head of human size.

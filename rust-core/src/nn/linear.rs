@@ -30,15 +30,6 @@ impl Linear {
         Ok(Self::from_parts(&weight, bias))
     }
 
-    /// Reads `weight` `[out, in]` of a layer without a bias.
-    ///
-    /// # Errors
-    /// `Weights` if it is missing or has another shape.
-    pub fn load_no_bias(weights: &Weights, inputs: usize, outputs: usize) -> Result<Self> {
-        let weight = weights.matrix("weight", outputs, inputs)?;
-        Ok(Self::from_parts(&weight, Array1::zeros(outputs)))
-    }
-
     /// From a weight `[out, in]` and a bias `[out]`.
     ///
     /// # Panics

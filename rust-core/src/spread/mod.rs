@@ -155,24 +155,25 @@ pub fn into_sink(
         .step_by(size)
         .map(|first| first..(first + size).min(spread.frames));
     let make = |stretch: Range<usize>| Block::make(spread, stretch, progress);
-    let mut read_off = Array3::zeros((spread.frames, LANDMARKS, 3));
+    let mut landmarks = match &spread.way {
+        Way::Landmarks(_, landmarks) => landmarks.clone(),
+        Way::Shapes(..) => Array3::zeros((spread.frames, LANDMARKS, 3)),
+    };
     let mut largest = 0.0f32;
     let mut made = stretches.next().map(make);
     while let Some(block) = made {
         let block = block?;
         largest = largest.max(block.largest);
-        let rows = Slice::from(block.stretch.clone());
-        let mut target = read_off.slice_axis_mut(Axis(0), rows);
-        target.assign(&at_landmarks(spread.face, &block.moved));
+        if let Way::Shapes(..) = spread.way {
+            let rows = Slice::from(block.stretch);
+            let mut target = landmarks.slice_axis_mut(Axis(0), rows);
+            target.assign(&at_landmarks(spread.face, &block.moved));
+        }
         let following = stretches.next();
         let (taken, next) = rayon::join(|| sink.take(block.moved), || following.map(make));
         taken?;
         made = next;
     }
-    let landmarks = match &spread.way {
-        Way::Landmarks(_, landmarks) => landmarks.clone(),
-        Way::Shapes(..) => read_off,
-    };
     sink.finish(&LandmarkTrack {
         neutral: &spread.face.landmarks.positions,
         displacements: landmarks.view(),

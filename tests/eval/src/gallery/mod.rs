@@ -207,7 +207,6 @@ fn frames(
     };
     let rows = truth.landmarks.map(|v| v as usize);
     let own = truth.displacements.select(Axis(1), &rows);
-    let own = own.view();
     let made = Collector::collect(|sink| engine.spread_own(face, own, 1.0, sink, SILENT))?;
     Ok(made.vertices.displacements)
 }
