@@ -3,12 +3,12 @@
     python -m training.fit_teacher --data ../shared/data --out runs/teacher
 
 Fits on the training clips of grid_s1 (phones by pocketsphinx) and writes
-`training/corpus/teacher.json`. Measured features are lip gap, mouth width, chin, upper and lower
-inner lip, corners and protrusion; all but the gap are compared after each clip's mean is taken
-away, as the recording keeps a pose of its own there. The loss is 1 − Lin's concordance, whose best
-answer has the recording's own amplitude. Frames of p, b and m are left out: the video under-reports
-closure. A prior pulls every segment towards `articulation`; what the features of all segments share
-is fitted too, so segments that GRID lacks move with their kin.
+`training/corpus/teacher.json`. Components of motion and measures of it are lip gap, mouth width, chin,
+upper and lower inner lip, corners and protrusion; all but the gap are compared after each clip's mean
+is taken away, as the recording keeps a pose of its own there. The loss is 1 − Lin's concordance, whose
+best answer has the recording's own amplitude. Frames of p, b and m are left out: there the teacher
+closes the lips by rule. What the articulatory features of all segments share is fitted beside what
+each has of its own, so segments that GRID lacks move with their kin.
 """
 
 import argparse
@@ -20,34 +20,24 @@ import torch
 from torch import Tensor, nn
 
 from training.corpus import articulation
-from training.corpus.aligned import read_grid_speech, speak
-from training.corpus.articulation import CHANNELS, GROUP_OF, GROUPS
+from training.corpus.aligned import read_grid_speech
+from training.corpus.articulation import COMPONENTS
 from training.corpus.clip import FPS, Clip
-from training.corpus.espeak import Espeak
-from training.corpus.facegood import read_arkit
 from training.corpus.grid import read_grid
-from training.corpus.ict import IctLandmarks
-from training.corpus.phones import FEATURES, SEGMENTS, Phone, bilabials, feature_table
-from training.corpus.teacher import PARAMETERS, Teacher, row_of
+from training.corpus.mirror import symmetrise
+from training.corpus.phones import FEATURES, SEGMENTS, Phone, bilabials, feature_table, split
+from training.corpus.teacher import LOWER_FACE, PARAMETERS, row_of
 from training.teacher_report import report
 
-MEASURES = ("gap", "width", "chin", "upper", "lower", "corners", "protrusion")
-SHARES = (3.0, 1.0, 1.0, 0.3, 0.7, 0.1, 0.1)
+MEASURES = ("gap", *COMPONENTS)
+SHARES = (3.0, 1.0, 1.5, 0.7, 0.5, 0.7, 0.3)
 VELOCITY_SHARE = 1.0
 PRIOR = 2e-4
-SPREAD = {"strength": 0.7, "rate": 0.4}
-"""Standard deviation of the prior in nepers."""
-TARGET_SPREAD = (0.08, 0.02, 0.06, 0.06, 0.06, 0.03, 0.05, 0.02, 0.015, 0.015, 0.01, 0.015, 0.015)
-"""Standard deviation of each channel's prior in ARKit weight. Where channels do alike in the front
-view of 68 points (press and shrug, funnel and pucker), a narrow prior keeps the textbook's share.
-That the mouth is narrower in speech than at rest is left to what all segments share."""
-ROUNDING, UNROUNDED_SPREAD = slice(2, 4), 0.015
-SCALE_SPREAD = (1e-3, 0.05, 0.05, 0.2, 0.2, 0.2, 0.2)
-"""How far the speaker's own scale of each measure may stray, in nepers; it is not saved."""
+SPREAD = {"strength": 0.7, "rate": 0.4, "own": 0.7, "kin": 2.0}
+"""Standard deviation of the prior: nepers; deviations of the component's own motion."""
 SLOWEST_HZ, FASTEST_HZ = 6.0, 60.0
-SOFT = 0.01
-SMALL = ("kin", "own", "rest", "lead")
-MATCHED = ("jawOpen", "mouthFunnel", "mouthPucker", "mouthLowerDown")
+LEAST_SEEN = 20
+"""Segments heard less often than this have nothing of their own."""
 
 
 def measures(motion: np.ndarray) -> np.ndarray:
@@ -55,64 +45,64 @@ def measures(motion: np.ndarray) -> np.ndarray:
     x, y, z = np.moveaxis(motion * 1e3, -1, 0)
     columns = [
         y[..., 62] - y[..., 66],
-        x[..., 54] - x[..., 48],
         -y[..., 8],
+        x[..., 54] - x[..., 48],
+        z[..., 48:68].mean(axis=-1),
         y[..., 61:64].mean(axis=-1),
         y[..., 65:68].mean(axis=-1),
         (y[..., 48] + y[..., 54]) / 2,
-        (z[..., 51] + z[..., 57] - z[..., 48] - z[..., 54]) / 2,
     ]
     return np.stack(columns, axis=-1)
 
 
-def spreads(rounded: np.ndarray) -> Tensor:
-    """`TARGET_SPREAD` for each row, [R, C]; only rows that are `rounded` [R] learn rounding freely."""
-    table = np.tile(np.array(TARGET_SPREAD, np.float32), (len(rounded), 1))
-    table[~rounded, ROUNDING] = UNROUNDED_SPREAD
-    return torch.from_numpy(table)
+def measure_basis(clips: list[Clip]) -> np.ndarray:
+    """Patterns of landmark motion [K, 68, 3] in metres, each for one deviation of its measure.
+
+    Each pattern is the regression of all that the patterns before it leave on the next measure.
+    """
+    moved = np.concatenate([symmetrise(c.motion)[c.weight[:, 0] > 0] for c in clips]).astype(np.float64)
+    rest = np.zeros_like(moved)
+    rest[:, LOWER_FACE] = moved[:, LOWER_FACE]
+    rest = (rest - rest.mean(axis=0)).reshape(len(rest), -1)
+    basis = []
+    for k in range(1, len(MEASURES)):
+        score = measures(rest.reshape(-1, 68, 3))[:, k]
+        score = score / score.std()
+        pattern = score @ rest / len(rest)
+        rest = rest - score[:, None] * pattern
+        basis.append(pattern.reshape(68, 3))
+    return np.stack(basis).astype(np.float32)
 
 
 class Dominance(nn.Module):
     """The teacher of `corpus.teacher` with gradients, over a batch of utterances."""
 
-    def __init__(self, ict: IctLandmarks):
+    def __init__(self, basis: np.ndarray, seen: np.ndarray):
         super().__init__()
         table = feature_table()
         f = dict(zip(FEATURES, table.T, strict=True))
         extra = np.stack([f["round"] * f["high"], f["front"] * f["high"] * f["vowel"]], axis=1)
         speech = np.concatenate([table[:, 1:], extra, np.ones((len(table), 1))], axis=1)
-        speech *= (1.0 - f["silence"] - (f["closed"] == 1.0))[:, None]
+        speech *= (1.0 - f["silence"])[:, None]
+        self.basis = basis
         self.register_buffer("features", torch.tensor(speech, dtype=torch.float32))
-        self.register_buffer("fitted", (self.features.abs().sum(1, keepdim=True) > 0).float())
-        self.register_buffer("targets0", torch.from_numpy(articulation.targets()))
+        self.register_buffer("seen", torch.from_numpy(seen[:, None].astype(np.float32)))
         self.register_buffer("strengths0", torch.from_numpy(articulation.strengths()).log())
         self.register_buffer("rates0", torch.from_numpy(articulation.rates()).log())
-        self.register_buffer("own_spread", spreads(f["round"] > 0.2))
-        names = [*FEATURES[1:], "round high", "front high", "all"]
-        self.register_buffer(
-            "kin_spread", spreads(np.array(["round" in name or name == "all" for name in names]))
-        )
-        sides = [(f"{n}_L", f"{n}_R") if f"{n}_L" in ict.modes else (n,) for n in CHANNELS]
-        modes = [sum(ict.mode(side) for side in both) for both in sides]
-        self.register_buffer("effect", torch.from_numpy(measures(np.stack(modes))).float())
-        n, c, g = len(SEGMENTS), len(CHANNELS), len(GROUPS)
-        self.kin = nn.Parameter(torch.zeros(speech.shape[1], c))
-        self.own = nn.Parameter(torch.zeros(n, c))
-        self.strength = nn.Parameter(torch.zeros(n, g))
-        self.rate = nn.Parameter(torch.zeros(2, n, g))
+        self.register_buffer("effect", torch.from_numpy(measures(basis)).float())
+        n, k = len(SEGMENTS), len(COMPONENTS)
+        self.kin = nn.Parameter(torch.zeros(speech.shape[1], k))
+        self.own = nn.Parameter(torch.zeros(n, k))
+        self.strength = nn.Parameter(torch.zeros(n, k))
+        self.rate = nn.Parameter(torch.zeros(2, n, k))
         self.lead = nn.Parameter(torch.tensor(0.0))
-        self.rest = nn.Parameter(torch.zeros(c))
-        self.scale = nn.Parameter(torch.zeros(len(MEASURES)))
 
     def targets(self) -> Tensor:
-        """[N, C], never negative."""
-        start = torch.log(torch.expm1((self.targets0 / SOFT).clamp_min(0.05))) * SOFT
-        moved = start + self.features @ self.kin + self.own * self.fitted
-        free = nn.functional.softplus(moved / SOFT) * SOFT
-        return torch.where(self.fitted > 0, free, self.targets0)
+        """[N, K]; the pause rests."""
+        return self.features @ self.kin + self.own * self.seen
 
     def shapes(self) -> tuple[Tensor, Tensor, Tensor]:
-        """Strengths [N, G], rates [2, N, G], lead in seconds."""
+        """Strengths [N, K], rates [2, N, K], lead in seconds."""
         strengths = (self.strengths0 + self.strength).clamp(-4, 4).exp()
         rates = (self.rates0 + self.rate).exp().clamp(SLOWEST_HZ, FASTEST_HZ)
         return strengths, rates, self.lead.clamp(-0.1, 0.1)
@@ -126,22 +116,12 @@ class Dominance(nn.Module):
         fall = torch.exp(-before * rates[0][index][:, None] - after * rates[1][index][:, None])
         dominance = (strengths[index] * real[..., None])[:, None] * fall + 1e-9 * real[:, None, :, None]
         dominance = dominance / dominance.sum(2, keepdim=True)
-        targets = self.targets() + nn.functional.one_hot(torch.tensor(0), len(SEGMENTS))[:, None] * self.rest
-        picked = targets[index]
-        groups = [torch.bmm(dominance[..., g], picked[..., GROUP_OF == g]) for g in range(len(GROUPS))]
-        order = np.argsort(np.concatenate([np.flatnonzero(g == GROUP_OF) for g in range(len(GROUPS))]))
-        return torch.cat(groups, dim=2)[..., order] @ self.effect * self.scale.exp()
+        blended = torch.einsum("btsk,bsk->btk", dominance, self.targets()[index])
+        return blended @ self.effect
 
     def prior(self) -> Tensor:
         """Sum of squares in units of `SPREAD`."""
-        spread = torch.tensor(TARGET_SPREAD)
-        total = (self.kin / self.kin_spread).square().sum() + (self.own / self.own_spread).square().sum()
-        total += sum((getattr(self, name) / s).square().sum() for name, s in SPREAD.items())
-        return (
-            total
-            + (self.scale / torch.tensor(SCALE_SPREAD)).square().sum()
-            + (self.rest / spread).square().sum()
-        )
+        return sum((getattr(self, name) / spread).square().sum() for name, spread in SPREAD.items())
 
 
 def concordance(a: Tensor, b: Tensor, weight: Tensor) -> Tensor:
@@ -165,13 +145,13 @@ def fit(model: Dominance, clips: list[tuple[Clip, list[Phone]]], epochs: int, se
     core, half, index = padded(clips)
     truth, weight = (torch.zeros(len(clips), frames, len(MEASURES)) for _ in range(2))
     for k, (clip, phones) in enumerate(clips):
-        truth[k, : len(clip.motion)] = torch.from_numpy(measures(clip.motion)).float()
+        truth[k, : len(clip.motion)] = torch.from_numpy(measures(symmetrise(clip.motion))).float()
         weight[k, : len(clip.motion)] = torch.from_numpy(
             clip.weight[:, :1] * spoken_open(clip, phones)[:, None]
         )
-    small = [p for name, p in model.named_parameters() if name in SMALL]
-    large = [p for name, p in model.named_parameters() if name not in SMALL]
-    optimiser = torch.optim.Adam([{"params": large, "lr": 0.01}, {"params": small, "lr": 0.002}])
+    slow = [{"params": [model.lead], "lr": 0.002}]
+    fast = [{"params": [p for p in model.parameters() if p is not model.lead], "lr": 0.02}]
+    optimiser = torch.optim.Adam(fast + slow)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, epochs)
     generator = torch.Generator().manual_seed(seed)
     for epoch in range(epochs):
@@ -219,40 +199,30 @@ def spoken_open(clip: Clip, phones: list[Phone]) -> np.ndarray:
     return kept
 
 
-def save(model: Dominance, gains: dict[str, np.ndarray], path: Path) -> None:
-    """The parameters as rounded numbers; the recording's own rest face is left out."""
+def heard_often(clips: list[tuple[Clip, list[Phone]]]) -> np.ndarray:
+    """Which segments the clips hold at least `LEAST_SEEN` times, [N] bool; never the pause."""
+    found = [SEGMENTS.index(s) for _, phones in clips for phone in phones for _, _, s in split(phone)]
+    counts = np.bincount(found, minlength=len(SEGMENTS))
+    counts[0] = 0
+    return counts >= LEAST_SEEN
+
+
+def save(model: Dominance, path: Path) -> None:
+    """The parameters as rounded numbers, the basis in millimetres."""
     with torch.no_grad():
         strengths, rates, lead = (x.detach().numpy() for x in model.shapes())
         targets = model.targets().numpy()
     fields = {
         "segments": list(SEGMENTS),
-        "channels": list(CHANNELS),
+        "components": list(COMPONENTS),
         "lead_s": round(float(lead), 4),
-        "gains": {name: np.round(values, 3).tolist() for name, values in gains.items()},
-        "targets": np.round(targets.astype(float), 4).tolist(),
+        "basis": np.round(model.basis.reshape(len(COMPONENTS), -1).astype(float) * 1e3, 3).tolist(),
+        "targets": np.round(targets.astype(float), 3).tolist(),
         "strengths": np.round(strengths.astype(float), 3).tolist(),
         "rates": np.round(rates.astype(float), 2).tolist(),
     }
     lines = [f'"{key}": {json.dumps(value, ensure_ascii=False)}' for key, value in fields.items()]
     path.write_text("{\n" + ",\n".join(lines) + "\n}\n")
-
-
-def mandarin_gains(data: Path, teacher: Teacher) -> np.ndarray:
-    """Gain of each channel [C] that gives Mandarin speech the recorded 95th percentiles.
-
-    facegood_zh has no phone times, so made Mandarin speech stands in for its sentences; training
-    parts of the takes only. Channels that its capture lacks or uses in another way keep 1.
-    """
-    spoken = speak(Espeak(), "cmn", 2.0, seed=3)
-    made = np.concatenate([teacher.channels(u.phones, len(u.samples) // 640) for u in spoken])
-    takes = [read_arkit(p) for p in sorted((data / "motion/facegood_zh").glob("*.arkit.csv"))]
-    gains = np.ones(len(CHANNELS))
-    for name in MATCHED:
-        key = name if name in takes[0] else f"{name}Left"
-        truth = np.concatenate([take[key][: int(0.85 * len(take[key]))] for take in takes])
-        column = CHANNELS.index(name)
-        gains[column] = np.quantile(truth, 0.95) / max(np.quantile(made[:, column], 0.95), 0.01)
-    return gains.clip(0.5, 2.5)
 
 
 def main() -> None:
@@ -261,22 +231,18 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--out", type=Path, default=Path("runs/teacher"))
     parser.add_argument("--parameters", type=Path, default=PARAMETERS)
-    parser.add_argument("--epochs", type=int, default=80)
+    parser.add_argument("--epochs", type=int, default=60)
     parser.add_argument("--report-only", action="store_true")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    model = Dominance(IctLandmarks(arguments.data))
-    flat = {"grid_s1": np.ones(len(CHANNELS))}
-    save(model, flat, arguments.out / "guess.json")
     phones = {u.name: u.phones for u in read_grid_speech(arguments.data)}
     clips = [(clip, phones[clip.name]) for clip in read_grid(arguments.data) if clip.name in phones]
     if not arguments.report_only:
-        fit(model, [pair for pair in clips if not pair[0].held_out], arguments.epochs)
-        save(model, flat, arguments.parameters)
-        teacher = Teacher.load(arguments.data, path=arguments.parameters)
-        both = flat | {"facegood_zh": mandarin_gains(arguments.data, teacher)}
-        save(model, both, arguments.parameters)
+        known = [pair for pair in clips if not pair[0].held_out]
+        model = Dominance(measure_basis([clip for clip, _ in known]), heard_often(known))
+        fit(model, known, arguments.epochs)
+        save(model, arguments.parameters)
     report(arguments.data, arguments.out, [p for p in clips if p[0].held_out], arguments.parameters)
 
 

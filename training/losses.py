@@ -7,7 +7,7 @@ LIPS = list(range(48, 68))
 JAW = list(range(4, 13))
 VELOCITY = 0.3
 ACCELERATION = 0.1
-SCALE_M = {"grid_s1": 1.6e-3, "facegood_zh": 4.0e-3, "taught": 3.0e-3}
+SCALE_M = {"grid_s1": 3.2e-3, "facegood_zh": 4.0e-3, "taught": 3.2e-3}
 
 
 def landmark_weights() -> Tensor:
@@ -42,6 +42,28 @@ def lip_gap(motion: Tensor) -> Tensor:
 def chin_drop(motion: Tensor) -> Tensor:
     """Downward motion of the chin, landmark 8, [..., 204] → [...]."""
     return -motion[..., 3 * 8 + 1]
+
+
+def mouth_width(motion: Tensor) -> Tensor:
+    """Distance of the mouth's corners along x, landmark 54 from 48, [..., 204] → [...]."""
+    return motion[..., 3 * 54] - motion[..., 3 * 48]
+
+
+def protrusion(motion: Tensor) -> Tensor:
+    """Mean forward motion of all lip landmarks, [..., 204] → [...]."""
+    return motion[..., 3 * LIPS[0] + 2 : 3 * LIPS[-1] + 3 : 3].mean(dim=-1)
+
+
+FEATURES = {"gap": lip_gap, "width": mouth_width, "chin": chin_drop, "protrusion": protrusion}
+"""What a viewer sees of a speaking mouth, each [..., 204] → [...] in the motion's unit."""
+SHARES = {"gap": 1.0, "width": 0.7, "chin": 0.5, "protrusion": 0.5}
+
+
+def feature_concordance(prediction: Tensor, truth: Tensor) -> tuple[Tensor, dict[str, float]]:
+    """Weighted sum of `concordance_loss` of every feature, [B, T, 204] millimetres or alike."""
+    parts = {name: concordance_loss(of(prediction), of(truth)) for name, of in FEATURES.items()}
+    total = sum(SHARES[name] * part for name, part in parts.items())
+    return total, {name: part.item() for name, part in parts.items()}
 
 
 def concordance_loss(prediction: Tensor, truth: Tensor) -> Tensor:

@@ -86,11 +86,8 @@ def closure_elsewhere(teacher: Teacher, data: Path) -> dict[str, float]:
 
 
 def report(data: Path, out: Path, clips: list[tuple[Clip, list[Phone]]], fitted: Path) -> None:
-    """Prints before and after the fit, saves `report.json` and a picture."""
-    teachers = {
-        "guess": Teacher.load(data, path=out / "guess.json"),
-        "fitted": Teacher.load(data, path=fitted),
-    }
+    """Prints what the fit is worth, as it is and clear; saves `report.json` and a picture."""
+    teachers = {"fitted": Teacher.load(fitted, clear=False), "clear": Teacher.load(fitted)}
     results = {}
     for name, teacher in teachers.items():
         motions = [teacher.motion(phones, len(clip.motion)) for clip, phones in clips]
@@ -102,7 +99,7 @@ def report(data: Path, out: Path, clips: list[tuple[Clip, list[Phone]]], fitted:
 
 
 def plot(teachers: dict[str, Teacher], clips: list[tuple[Clip, list[Phone]]], path: Path) -> None:
-    """Gap of guess, fit and recording with the phones below."""
+    """Gap of fit, clear speech and recording with the phones below."""
     import matplotlib
 
     matplotlib.use("Agg")

@@ -82,7 +82,7 @@ def main() -> None:
     encoder = CompactEncoder(CompactConfig(**saved["encoder_config"])).eval()
     encoder.load_state_dict(saved["encoder"])
     data, cache, left = arguments.data, arguments.cache, tuple(arguments.leave_speech)
-    teacher = Teacher.load(data)
+    teacher = Teacher.load()
     entries = bank.load(data, cache, arguments.voices)
     entries += spoken.load(data, cache, arguments.minutes, left, teacher, arguments.reader)
     sampler = WindowSampler(entries, list(SHARES), list(SHARES.values()), arguments.seed, AugmentOptions())

@@ -22,8 +22,8 @@ from training.corpus.closures import closures_met
 from training.corpus.teacher import Teacher
 from training.corpus.windows import AugmentOptions, Batch, WindowSampler, plain_options
 from training.losses import (
-    chin_drop,
-    concordance_loss,
+    FEATURES,
+    feature_concordance,
     landmark_weights,
     lip_gap,
     motion_loss,
@@ -65,28 +65,39 @@ def loss_of(model: SpeechToMotion, batch: Batch, sources: list[str], weight: tor
         features = model.dropout(model.encoder(batch.mel))
         prediction = model.read_out(features, batch.source).float()
         said = model.phones.loss(features, batch.phones)
-    truth = batch.closed / scale
+    truth = batch.motion / scale
     motion = motion_loss(prediction - truth, batch.weight * weight)
     seen = batch.weight.amax(dim=(1, 2)) > 0
-    gap = concordance_loss(lip_gap(prediction)[seen], lip_gap(truth)[seen])
-    parts = {"motion": motion.item(), "gap": gap.item(), "said": said.item()}
-    return motion + CONCORDANCE * gap + ARTICULATION * said, parts
+    agreement, parts = feature_concordance(prediction[seen], truth[seen])
+    parts |= {"motion": motion.item(), "said": said.item()}
+    return motion + CONCORDANCE * agreement + ARTICULATION * said, parts
 
 
 @torch.no_grad()
-def gap_scores(model: SpeechToMotion, entries, source: int) -> dict[str, float]:
-    """Lip-gap r, pooled and mean over clips, and chin r, of one read-out."""
+def motion_scores(model: SpeechToMotion, entries, source: int) -> dict[str, float]:
+    """r by clip and slope of every feature, of one read-out."""
     model.eval()
-    pairs, jaws = [], []
+    pairs = []
     for entry in entries:
         mel = normalise(entry.mels[0].float())[None]
-        prediction = model(mel, torch.tensor([source]))[0]
-        pairs.append((lip_gap(prediction), lip_gap(entry.motion)))
-        jaws.append((chin_drop(prediction), chin_drop(entry.motion)))
+        pairs.append((model(mel, torch.tensor([source]))[0], entry.motion))
     model.train()
-    each = [torch.corrcoef(torch.stack(pair))[0, 1] for pair in pairs]
-    mean = float(torch.stack(each).nanmean())
-    return {"r": pooled_r(pairs), "r_clip": mean, "r_jaw": pooled_r(jaws)}
+    return feature_scores(pairs)
+
+
+def feature_scores(pairs) -> dict[str, float]:
+    """r by clip, and slope of predicted over true within clips, of every feature.
+
+    `pairs`: predicted and true motion [T, 204] of each clip.
+    """
+    report = {}
+    for name, of in FEATURES.items():
+        centred = [[of(x) - of(x).mean() for x in pair] for pair in pairs]
+        each = torch.stack([torch.corrcoef(torch.stack(pair))[0, 1] for pair in centred])
+        made, true = (torch.cat(x) for x in zip(*centred, strict=True))
+        report[f"{name} r"] = float(each.nanmean())
+        report[f"{name} slope"] = float((made * true).mean() / true.square().mean())
+    return report
 
 
 @torch.no_grad()
@@ -103,12 +114,6 @@ def closure_scores(model: SpeechToMotion, entries, source: int) -> dict[str, flo
     return {f"{label} closed": float(np.mean(found)) for label, found in sorted(met.items())}
 
 
-def pooled_r(pairs) -> float:
-    """Pearson r over the frames of all pairs of tracks."""
-    pooled = [torch.cat(x) for x in zip(*pairs, strict=True)]
-    return float(torch.corrcoef(torch.stack(pooled))[0, 1])
-
-
 def validate(model, entries, sources: list[str]) -> dict[str, float]:
     """Held-out clips of trained sources; every clip of a source left out (each read-out)."""
     heard = [e for e in entries if e.source == spoken.SOURCE and e.held_out]
@@ -120,7 +125,7 @@ def validate(model, entries, sources: list[str]) -> dict[str, float]:
         for index, source in enumerate(s for s in sources if s != spoken.SOURCE):
             if known and source != name:
                 continue
-            scores = gap_scores(model, chosen[:120], index)
+            scores = motion_scores(model, chosen[:60], index)
             label = name if known else f"{name}<-{source}"
             report |= {f"{label} {key}": round(value, 3) for key, value in scores.items()}
     return report
@@ -138,7 +143,7 @@ def train(arguments) -> Path:
     entries = bank.load(arguments.data, arguments.cache, voices, limit=limit)
     if arguments.targets != "none" and not debug:
         left = tuple(arguments.leave_speech)
-        teacher = Teacher.load(arguments.data) if arguments.teacher else None
+        teacher = Teacher.load() if arguments.teacher else None
         speech = (arguments.minutes, left, teacher, arguments.reader)
         entries += spoken.load(arguments.data, arguments.cache, *speech)
     sources = [s for s in SHARES if s in {e.source for e in entries} and s not in arguments.leave_out]

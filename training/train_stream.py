@@ -3,7 +3,7 @@
     python -m training.train_stream --data ../shared/data --models rust-core/models --out runs/stream
 
 The teacher is the encoder and denoiser in `--models`, or with `--ats` those of a finished run. It
-performs every clip once, neutral and in moods; that is kept under `--out`. `--speech DIR ...` adds
+performs every clip once; that is kept under `--out`. `--speech DIR ...` adds
 folders of speech without motion, which the teacher alone judges: more voices than were captured;
 `--minutes` adds recorded and synthetic speech of many languages (`training/corpus/spoken.py`).
 Seeded; resumes from `--out/last.pt`; `--config debug` takes a minute.
@@ -18,9 +18,9 @@ from torch import nn
 
 from training.corpus import bank, lessons, spoken
 from training.corpus.lesson_windows import DIMS, LessonBatch, LessonSampler
-from training.corpus.lessons import SILENCE, FullModel, Lesson
+from training.corpus.lessons import FullModel, Lesson
 from training.export import load_models
-from training.losses import concordance_loss, landmark_weights, lip_gap, motion_loss
+from training.losses import feature_concordance, landmark_weights, motion_loss
 from training.speech.compact import ACTIVE_QUANTILE, CompactConfig, CompactEncoder, clip_colour
 from training.systems.freetalk.ats import AtsConfig, AtsDenoiser
 from training.systems.freetalk.stream import (
@@ -30,8 +30,7 @@ from training.systems.freetalk.stream import (
     normalise_running,
     perform,
 )
-from training.train_ats import gap_report
-from training.train_speech import log, resume
+from training.train_speech import feature_scores, log, resume
 
 SHARES = {"grid_s1": 0.65, "facegood_zh": 0.35}
 CONCORDANCE = 0.2
@@ -49,13 +48,13 @@ def load_teacher(arguments) -> FullModel:
         encoder.load_state_dict(saved["encoder"])
         denoiser = AtsDenoiser(AtsConfig.from_json(saved["config"])).eval()
         denoiser.load_state_dict(saved["state"])
-    return FullModel(encoder, denoiser, arguments.moods, arguments.seed)
+    return FullModel(encoder, denoiser)
 
 
 def config_for(found: list[Lesson], debug: bool) -> StreamConfig:
     """The configuration, with the mean colour and peak of the training voices as the prior."""
     config = debug_config() if debug else StreamConfig()
-    mels = [x.mels[0].float() for x in found if not x.held_out and x.source != SILENCE]
+    mels = [x.mels[0].float() for x in found if not x.held_out]
     colour = torch.stack([clip_colour(mel) for mel in mels]).mean(dim=0)
     peaks = [torch.quantile(mel.mean(dim=1), ACTIVE_QUANTILE) for mel in mels]
     config.normaliser.prior_colour = [round(x, 3) for x in colour.tolist()]
@@ -65,7 +64,7 @@ def config_for(found: list[Lesson], debug: bool) -> StreamConfig:
 
 def shares_of(found: list[Lesson], speech_share: float) -> dict[str, float]:
     """How often each source is drawn: speech without motion, if any, gets `speech_share`."""
-    others = sorted({x.source for x in found} - {SILENCE, *SHARES})
+    others = sorted({x.source for x in found} - {*SHARES})
     captured = 1.0 - speech_share if others else 1.0
     shares = {source: captured * share for source, share in SHARES.items()}
     seconds = {source: sum(len(x.motion) for x in found if x.source == source) for source in others}
@@ -74,35 +73,29 @@ def shares_of(found: list[Lesson], speech_share: float) -> dict[str, float]:
 
 
 def loss_of(model: StreamNet, batch: LessonBatch, weight: torch.Tensor):
-    """Motion loss against the captured and the taught motion, and concordance of the lip gap."""
+    """Motion loss against the captured and the taught motion, and concordance of what a viewer sees."""
     mel = normalise_running(batch.mel, model.config.normaliser, batch.heard)
     with torch.autocast("cpu", torch.bfloat16):
-        prediction = model(mel, batch.strengths).float()
+        prediction = model(mel).float()
     captured = motion_loss((prediction - batch.captured) / batch.scale, batch.weight * weight)
     everywhere = weight.expand_as(batch.taught)
     taught = motion_loss((prediction - batch.taught) / batch.scale, everywhere)
     motion = CAPTURED_SHARE * captured + (1.0 - CAPTURED_SHARE) * taught
-    gap = concordance_loss(lip_gap(prediction) * 1e3, lip_gap(batch.captured) * 1e3)
-    parts = {"captured": captured.item(), "taught": taught.item(), "gap": gap.item()}
-    return motion + CONCORDANCE * gap, parts
+    agreement, parts = feature_concordance(prediction * 1e3, batch.captured * 1e3)
+    return motion + CONCORDANCE * agreement, {"captured": captured.item(), "taught": taught.item()} | parts
 
 
 @torch.no_grad()
 def validate(model: StreamNet, found: list[Lesson]) -> dict[str, float]:
-    """Lip-gap r on unseen clips: with the capture where there is one, and with the teacher."""
+    """r and slope of every feature on unseen clips: with the capture where there is one, else the teacher."""
     model.eval()
     report = {}
     for source in sorted({x.source for x in found if x.held_out}):
         chosen = [x for x in found if x.held_out and x.source == source][:HELD_OUT_CLIPS]
-        truth, taught = [], []
-        for lesson in chosen:
-            strengths = torch.zeros(len(lesson.motion), lesson.moods.shape[1])
-            own = lip_gap(perform(model, lesson.mels[0].float(), strengths))
-            truth.append((own, lip_gap(lesson.motion)))
-            taught.append((own, lip_gap(lesson.taught[0].float())))
-        if source in SHARES:
-            report |= {f"{source} {key}": value for key, value in gap_report(truth).items()}
-        report[f"{source} teacher r"] = gap_report(taught)["r"]
+        made = [perform(model, lesson.mels[0].float()) for lesson in chosen]
+        true = [x.motion if source in SHARES else x.taught.float() for x in chosen]
+        scores = feature_scores(list(zip(made, true, strict=True)))
+        report |= {f"{source} {key}": value for key, value in scores.items()}
     model.train()
     return report
 
@@ -124,10 +117,9 @@ def prepare(arguments) -> list[Lesson]:
 def new_model(arguments, found: list[Lesson]) -> StreamNet:
     """A student that starts at the mean and deviation of the taught motion."""
     model = StreamNet(config_for(found, arguments.config == "debug"))
-    taught = torch.cat([x.taught[0].float() for x in found if x.source != SILENCE])
-    moods = torch.cat([x.taught[1:].float().flatten(0, 1)[::4] for x in found])
+    taught = torch.cat([x.taught.float() for x in found])
     model.mean.copy_(taught.mean(dim=0))
-    model.std.copy_((taught.var(dim=0) + moods.square().mean(dim=0)).sqrt().clamp_min(2e-4))
+    model.std.copy_(taught.std(dim=0).clamp_min(2e-4))
     assert model.std.shape == (DIMS,)
     return model
 
@@ -187,7 +179,6 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument("--config", choices=["stream", "debug"], default="stream")
     parser.add_argument("--voices", type=int, default=7)
-    parser.add_argument("--moods", type=int, default=2)
     parser.add_argument("--steps", type=int, default=1500)
     parser.add_argument("--batch", type=int, default=16)
     parser.add_argument("--frames", type=int, default=112)

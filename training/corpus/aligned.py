@@ -17,9 +17,8 @@ from pathlib import Path
 import numpy as np
 import soundfile
 
-from training.corpus.clip import FPS, read_sound
+from training.corpus.clip import read_sound
 from training.corpus.espeak import Espeak
-from training.corpus.grid import DROPPED
 from training.corpus.phones import PAUSE, Phone
 from training.corpus.split import grid_held_out
 
@@ -112,14 +111,14 @@ def read_kathleen(data: Path, limit: int | None = None) -> list[Utterance]:
 
 
 def read_grid_speech(data: Path, chosen: set[str] | None = None) -> list[Utterance]:
-    """The words of grid_s1, aligned; like its motion without the first frame of video."""
+    """The words of grid_s1, aligned."""
     folder, aligner, found, words = data / "motion/grid_s1", Aligner(), [], {}
     for line in (folder / "words.tsv").read_text().splitlines():
         name, _, _, word = line.split("\t")
         words.setdefault(name, []).append(word)
     held_out = grid_held_out(list(words))
     for name in sorted(words if chosen is None else chosen & set(words)):
-        samples = read_sound(folder / "audio" / f"{name}.ogg")[int(DROPPED / FPS * 16000) :]
+        samples = read_sound(folder / "audio" / f"{name}.ogg")
         text = " ".join(w for w in words[name] if w not in ("sil", "sp"))
         phones = aligner.align(samples, text)
         if phones:

@@ -10,7 +10,6 @@ import torch
 
 from training.corpus.aligned import Utterance, read_grid_speech
 from training.corpus.clip import FPS, MEL_PER_FRAME, Clip, fit_frames
-from training.corpus.closures import corrected
 from training.corpus.facegood import read_facegood
 from training.corpus.grid import read_grid
 from training.corpus.mirror import symmetrise
@@ -21,7 +20,7 @@ from training.speech.log_mel import log_mel
 READERS = {"grid_s1": read_grid, "facegood_zh": read_facegood}
 MEL_HZ = FPS * MEL_PER_FRAME
 UNKNOWN = -1
-VERSION = 6
+VERSION = 7
 
 
 @dataclass
@@ -29,9 +28,8 @@ class Entry:
     """One clip, ready for training.
 
     `mels` [voices, 4 T, 64] f16 raw log-mel, voice 0 is the recording itself; `motion`
-    [T, 204] f32 metres (left-right symmetrised); `closed` the same with lips that meet at p, b
-    and m where the phones are known; `weight` [T, 204] f32; `phones` [4 T] int16, the segment
-    that sounds at each mel frame, −1 where nobody knows.
+    [T, 204] f32 metres (left-right symmetrised); `weight` [T, 204] f32; `phones` [4 T] int16, the
+    segment that sounds at each mel frame, −1 where nobody knows.
     """
 
     name: str
@@ -39,7 +37,6 @@ class Entry:
     held_out: bool
     mels: torch.Tensor
     motion: torch.Tensor
-    closed: torch.Tensor
     weight: torch.Tensor
     phones: torch.Tensor
 
@@ -98,15 +95,9 @@ def _entry(clip: Clip, said: Utterance | None, voices: int, random: np.random.Ge
     fitted = torch.stack([fit_frames(mel, MEL_PER_FRAME * frames) for mel in mels])
     motion = symmetrise(clip.motion)
     weight = torch.from_numpy(clip.weight).repeat_interleave(3, dim=1)
-    closed, phones = motion, np.full(MEL_PER_FRAME * frames, UNKNOWN, np.int16)
+    phones = np.full(MEL_PER_FRAME * frames, UNKNOWN, np.int16)
     if said is not None:
-        closed = corrected(motion, symmetrise_points(clip.neutral), said.phones)
         phones = segment_track(said.phones, len(phones), MEL_HZ)
-    flat = [torch.from_numpy(x.astype(np.float32)).flatten(1) for x in (motion, closed)]
+    flat = torch.from_numpy(motion.astype(np.float32)).flatten(1)
     heard = torch.from_numpy(phones)
-    return Entry(clip.name, clip.source, clip.held_out, fitted.half(), *flat, weight, heard)
-
-
-def symmetrise_points(neutral: np.ndarray) -> np.ndarray:
-    """A neutral [68, 3] without its lopsidedness, for heights only."""
-    return symmetrise(neutral[None])[0]
+    return Entry(clip.name, clip.source, clip.held_out, fitted.half(), flat, weight, heard)

@@ -1,22 +1,11 @@
-"""Lips that meet: what video landmarks leave open at p, b and m is closed for training.
-
-In grid_s1 the inner lips are 2.2 mm apart (median) where the phones say that they touch, because
-the tracker draws the contour around closed lips; at rest they are 0.6 mm apart. The dip itself is
-there and in time (5 ms early), so the target keeps the shape of the recorded motion: a constant is
-taken off the gap, and what is left at a closure is drawn in around the recorded minimum. The
-corrected gap still correlates with the recorded one at 0.986.
-"""
+"""Lips that meet: where the sound says p, b or m, and whether they do."""
 
 import numpy as np
 import torch
 
-from training.corpus.clip import FPS, MEL_PER_FRAME
-from training.corpus.phones import BILABIALS, Phone, bilabials
+from training.corpus.clip import MEL_PER_FRAME
+from training.corpus.phones import BILABIALS
 
-SLACK_S = 0.04
-OFFSET_M = 1.2e-3
-DRAWN_SHARE = 0.8
-WIDTH_FRAMES = 1.0
 INNER_UPPER, INNER_LOWER = (61, 62, 63), (67, 66, 65)
 OUTER_UPPER, OUTER_LOWER = (49, 50, 51, 52, 53), (59, 58, 57, 56, 55)
 OUTER_SHARES = (0.4, 0.8, 1.0, 0.8, 0.4)
@@ -30,30 +19,10 @@ TOUCHING_M = -0.5e-3
 BEFORE_FRAMES = 2
 
 
-def corrected(motion: np.ndarray, neutral: np.ndarray, phones: list[Phone]) -> np.ndarray:
-    """Motion [T, 68, 3] in metres whose lips meet where `phones` say so; see the module."""
-    gaps = inner_gaps(motion, neutral)
-    drawn = drawn_in(gaps[:, 1], phones)
-    wanted = np.maximum(gaps - OFFSET_M, np.minimum(gaps, 0.0)) * (1.0 - DRAWN_SHARE * drawn[:, None])
-    return narrowed(motion, gaps - wanted)
-
-
 def inner_gaps(motion: np.ndarray, neutral: np.ndarray) -> np.ndarray:
     """Opening of the three inner lip pairs, [T, 3] metres."""
     height = motion[..., 1] + neutral[:, 1]
     return height[:, list(INNER_UPPER)] - height[:, list(INNER_LOWER)]
-
-
-def drawn_in(gap: np.ndarray, phones: list[Phone]) -> np.ndarray:
-    """1 at the recorded minimum of each closure, a bell around it, 0 elsewhere, [T]."""
-    time_s, frames = np.arange(len(gap)) / FPS, np.arange(len(gap))
-    drawn = np.zeros(len(gap))
-    for start, end in bilabials(phones):
-        inside = np.flatnonzero((time_s >= start - SLACK_S) & (time_s <= end + SLACK_S))
-        if len(inside):
-            middle = inside[gap[inside].argmin()]
-            drawn = np.maximum(drawn, np.exp(-0.5 * ((frames - middle) / WIDTH_FRAMES) ** 2))
-    return drawn
 
 
 def narrowed(motion: np.ndarray, by: np.ndarray) -> np.ndarray:

@@ -1,7 +1,9 @@
-"""grid_s1: 909 clips of one man reading GRID sentences, landmarks estimated from video.
+"""grid_s1: 909 clips of one man reading GRID sentences, his face tracked in the video.
 
-GRID corpus, CC BY 4.0 (Cooke, Barker, Cunningham & Shao 2006). Depth is weak and full closure is
-under-reported; frame 0 of every clip has another crop and is dropped.
+GRID corpus, CC BY 4.0 (Cooke, Barker, Cunningham & Shao 2006); tracked by MediaPipe Face Landmarker
+v2 (Apache-2.0), each frame by itself. The motion of the head is taken out already. Depth is a
+monocular estimate. His lids blink and look down at what he reads, which his voice does not cause:
+the landmarks of the eyes rest and carry no weight.
 """
 
 import json
@@ -12,58 +14,53 @@ import numpy as np
 from safetensors import safe_open
 from scipy.ndimage import gaussian_filter1d
 
-from training.corpus.clip import FPS, Clip, inner_gap, read_sound
+from training.corpus.clip import Clip, inner_gap, read_sound
 from training.corpus.ict import IctLandmarks
 from training.corpus.split import grid_held_out
 
 SOURCE = "grid_s1"
-STABLE = [0, 16, 27, 28, 29, 30, 36, 39, 42, 45]
+TRACK = "face_track.safetensors"
+UNITS_PER_CM = 2000.0
 SMOOTHING_FRAMES = 0.6
-LOST_CM = 4.0
 REST_SHARE = 0.05
-DROPPED = 1
+EDGE_FRAMES = 6
+EYES = list(range(36, 48))
 
 
 def read_grid(data: Path) -> list[Clip]:
     """All clips; motion is scaled and turned so that the speaker's neutral fits ICT's."""
     folder = data / "motion" / SOURCE
-    with safe_open(folder / "landmarks68.safetensors", "np") as file:
-        landmarks = file.get_tensor("landmarks").astype(np.float32) / 2000.0
+    with safe_open(folder / TRACK, "np") as file:
+        landmarks = file.get_tensor("landmarks").astype(np.float32) / UNITS_PER_CM
+        seen = file.get_tensor("found").astype(bool)
         offsets = file.get_tensor("clip_offsets")
         names = json.loads(file.metadata()["clips"])
-    spans = [slice(a + DROPPED, b) for a, b in pairwise(offsets)]
-    tracks, lost = _clean([landmarks[span] for span in spans], np.median(landmarks, axis=0))
-    neutral = rest_template(tracks)
+    spans = [slice(a, b) for a, b in pairwise(offsets)]
+    tracks = [_smooth(_fill(landmarks[span], ~seen[span])) for span in spans]
+    neutral = rest_template(tracks, [seen[span] for span in spans])
     scale, turn = similarity(neutral, IctLandmarks(data).neutral * 100.0)
     held_out = grid_held_out(names)
     clips = []
-    for name, track, bad in zip(names, tracks, lost, strict=True):
-        samples = read_sound(folder / "audio" / f"{name}.ogg")
+    for name, track, span in zip(names, tracks, spans, strict=True):
+        motion = ((track - neutral) @ turn.T * (scale * 0.01)).astype(np.float32)
+        weight = np.repeat(seen[span, None], 68, axis=1).astype(np.float32)
+        motion[:, EYES], weight[:, EYES] = 0.0, 0.0
         clips.append(
             Clip(
                 name=name,
                 source=SOURCE,
                 held_out=name in held_out,
-                samples=samples[int(DROPPED / FPS * 16000) :],
-                motion=((track - neutral) @ turn.T * (scale * 0.01)).astype(np.float32),
-                weight=np.repeat(~bad[:, None], 68, axis=1).astype(np.float32),
+                samples=read_sound(folder / "audio" / f"{name}.ogg"),
+                motion=motion,
+                weight=weight,
                 neutral=(neutral @ turn.T * (scale * 0.01)).astype(np.float32),
             )
         )
     return clips
 
 
-def _clean(tracks: list[np.ndarray], median: np.ndarray):
-    """Fills lost frames, smooths lightly, removes each clip's residual pose."""
-    cleaned, lost = [], []
-    for track in tracks:
-        bad = np.abs(track - median).max(axis=(1, 2)) > LOST_CM
-        filled = _fill(track, bad)
-        smooth = gaussian_filter1d(filled, SMOOTHING_FRAMES, axis=0, mode="nearest")
-        turn, shift = rigid(np.median(smooth, axis=0)[STABLE], median[STABLE])
-        cleaned.append(smooth @ turn.T + shift)
-        lost.append(bad)
-    return cleaned, lost
+def _smooth(track: np.ndarray) -> np.ndarray:
+    return gaussian_filter1d(track, SMOOTHING_FRAMES, axis=0, mode="nearest")
 
 
 def _fill(track: np.ndarray, bad: np.ndarray) -> np.ndarray:
@@ -76,15 +73,15 @@ def _fill(track: np.ndarray, bad: np.ndarray) -> np.ndarray:
     return np.stack(columns, axis=1).reshape(track.shape)
 
 
-def rest_template(tracks: list[np.ndarray]) -> np.ndarray:
+def rest_template(tracks: list[np.ndarray], seen: list[np.ndarray]) -> np.ndarray:
     """Neutral face [68, 3]: the silent face with its lips together.
 
     The first and last quarter second of a GRID clip are silent; there the mouth is at rest, often
     slightly open. A line through every coordinate against the inner-lip gap of these frames is
-    read at the 5 % quantile of gaps. (The plain median of the frames with the smallest gaps
-    inherits the head pose of the few sessions they come from: 1 mm to one side.)
+    read at the 5 % quantile of gaps.
     """
-    edges = np.concatenate([np.concatenate([track[:6], track[-6:]]) for track in tracks])
+    ends = [np.r_[:EDGE_FRAMES, len(t) - EDGE_FRAMES : len(t)] for t in tracks]
+    edges = np.concatenate([t[e][s[e]] for t, s, e in zip(tracks, seen, ends, strict=True)])
     gap = inner_gap(edges, np.zeros((68, 3), np.float32))
     slope, height = np.polyfit(gap, edges.reshape(len(edges), -1), 1)
     return (height + slope * np.quantile(gap, REST_SHARE)).reshape(68, 3)

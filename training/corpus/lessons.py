@@ -1,7 +1,7 @@
 """What the streaming student learns from: speech, and what the teacher makes of it.
 
 A lesson is a clip of the bank, or speech of which no motion was captured, with the motion that the
-full model (encoder and denoiser) performs on it: neutral, and in some random moods.
+full model (encoder and denoiser) performs on it.
 """
 
 import hashlib
@@ -23,14 +23,11 @@ from training.corpus.clip import MEL_PER_FRAME, fit_frames
 from training.corpus.closures import lips_closed
 from training.corpus.revoice import revoice
 from training.speech.compact import CompactEncoder, normalise
-from training.speech.log_mel import FLOOR, SAMPLE_RATE_HZ, log_mel
-from training.systems.freetalk.ats import AtsDenoiser, strengths
+from training.speech.log_mel import SAMPLE_RATE_HZ, log_mel
+from training.systems.freetalk.ats import AtsDenoiser, neutral_affect
 from training.systems.freetalk.sampling import sample_motion
 
-VERSION = 2
-SILENCE = "silence"
-SILENT_LESSONS = 40
-SILENT_FRAMES = 60
+VERSION = 3
 HELD_OUT_EVERY = 10
 SOUNDS = {".wav", ".ogg", ".flac", ".mp3"}
 SHORTEST_S = 0.5
@@ -38,23 +35,21 @@ SHORTEST_S = 0.5
 
 @dataclass
 class Lesson(Entry):
-    """A clip with its teacher.
+    """A clip with its teacher's motion `taught` [T, 204] f16, metres.
 
-    `taught` [1 + K, T, 204] f16, metres: neutral, then what each of K moods adds to it. `moods`
-    [K, 14] f32 strengths. Where no motion was captured, `weight` is 0 throughout.
+    Where no motion was captured, `weight` is 0 throughout.
     """
 
     taught: Tensor
-    moods: Tensor
 
 
 class FullModel:
-    """The full model, asked for neutral and for moods."""
+    """The full model in its default style."""
 
-    def __init__(self, encoder: CompactEncoder, denoiser: AtsDenoiser, moods: int, seed: int):
-        self.encoder, self.denoiser, self.count = encoder, denoiser, moods
-        self.random = np.random.default_rng(seed)
+    def __init__(self, encoder: CompactEncoder, denoiser: AtsDenoiser):
+        self.encoder, self.denoiser = encoder, denoiser
         self.style = denoiser.config.styles.index(denoiser.config.default_style)
+        self.closes = denoiser.config.default_style in denoiser.config.closing_styles
 
     def digest(self) -> str:
         """Changes with the weights and the sampling."""
@@ -66,36 +61,13 @@ class FullModel:
 
     @torch.no_grad()
     def teach(self, entry: Entry) -> Lesson:
-        """Performs a clip in its own voice; one mood holds for the whole clip."""
-        frames = len(entry.motion)
-        mel = fit_frames(entry.mels[0].float(), MEL_PER_FRAME * frames)
+        """Performs a clip in its own voice."""
+        mel = fit_frames(entry.mels[0].float(), MEL_PER_FRAME * len(entry.motion))
         speech = self.encoder(normalise(mel)[None])[0]
-        affects = [self._mood() for _ in range(self.count)]
-        neutral = self._perform(speech, neutral_mood())
-        added = [self._perform(speech, mood) - neutral for mood in affects]
-        taught = torch.stack([neutral, *added]).half()
-        return Lesson(**vars(entry), taught=taught, moods=strengths(torch.stack(affects)))
-
-    def _perform(self, speech: Tensor, mood: Tensor) -> Tensor:
-        affect = mood.expand(len(speech), -1)
-        motion = sample_motion(self.denoiser, speech, affect, self.style)
-        return lips_closed(motion, self.encoder.closed(speech))
-
-    def _mood(self) -> Tensor:
-        """One or two emotions at a common intensity up to 1.5, [16]."""
-        mood = torch.zeros(16)
-        first, second = self.random.choice(np.arange(1, 15), 2, replace=False)
-        share = self.random.uniform() if self.random.random() < 0.35 else 1.0
-        mood[first], mood[second] = share, 1.0 - share
-        mood[15] = self.random.uniform(0.3, 1.5)
-        return mood
-
-
-def neutral_mood() -> Tensor:
-    """[16]."""
-    mood = torch.zeros(16)
-    mood[0] = 1.0
-    return mood
+        motion = sample_motion(self.denoiser, speech, neutral_affect(1, len(speech))[0], self.style)
+        if self.closes:
+            motion = lips_closed(motion, self.encoder.closed(speech))
+        return Lesson(**vars(entry), taught=motion.half())
 
 
 def load(
@@ -110,12 +82,12 @@ def load(
 
     `entries`: the bank. `speech`: folders of sound without motion, at most `limit` files of each.
     """
-    groups = {"captured": lambda: entries, SILENCE: silent_entries}
+    groups = {"captured": lambda: entries}
     groups |= {str(path): lambda path=path: speech_entries(path, limit) for path in speech}
     lessons = []
     for name, found in groups.items():
         voices = [[e.name, len(e.mels)] for e in entries] if name == "captured" else limit
-        key = json.dumps([VERSION, bank.VERSION, name, voices, teacher.digest(), teacher.count])
+        key = json.dumps([VERSION, bank.VERSION, name, voices, teacher.digest()])
         path = folder / f"lessons-{hashlib.sha256(key.encode()).hexdigest()[:12]}.pt"
         if not path.exists():
             taught = [teacher.teach(entry) for entry in found()]
@@ -125,14 +97,6 @@ def load(
             partial.rename(path)
         lessons += [Lesson(**fields) for fields in torch.load(path)]
     return lessons
-
-
-def silent_entries() -> list[Entry]:
-    """Nothing is said: the moods alone move the face."""
-    mel = torch.full((1, MEL_PER_FRAME * SILENT_FRAMES, 64), FLOOR).log().half()
-    still, ones = torch.zeros(SILENT_FRAMES, 204), torch.ones(SILENT_FRAMES, 204)
-    names = [f"silence{i}" for i in range(SILENT_LESSONS)]
-    return [Entry(name, SILENCE, False, mel, still, still, ones, unknown(mel)) for name in names]
 
 
 def unknown(mels: Tensor) -> Tensor:
@@ -159,7 +123,7 @@ def speech_entries(folder: Path, limit: int | None, voices: int = 2) -> list[Ent
             mels += [torch.from_numpy(revoice(samples, chance)) for _ in range(voices - 1)]
         fitted = torch.stack([fit_frames(mel, MEL_PER_FRAME * frames) for mel in mels]).half()
         nothing = torch.zeros(frames, 204)
-        known = (nothing, nothing, nothing, unknown(fitted))
+        known = (nothing, nothing, unknown(fitted))
         entries.append(Entry(path.name, folder.name, held_out, fitted, *known))
     return entries
 

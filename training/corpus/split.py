@@ -3,9 +3,8 @@
 * grid_s1: clips in sorted order of their names; those whose index is a multiple of 10 are held
   out (91 of 909: the first, the eleventh, …). Every clip counts, damaged ones too.
 * facegood_zh: the end of every take. With T frames at 25 fps, frames from ⌊0.85 T⌋ on are held
-  out, with the sound from that frame's second on. (Holding out the take 1114_3_15 instead would
-  test another manner of speech than was trained: its mouth stands open 7.6 mm on average, that
-  of the other four 3.5 mm.)
+  out, with the sound from that frame's second on. What a take is worth that training never heard is
+  measured by training without it (`leave_clips`).
 """
 
 GRID_EVERY = 10
@@ -15,6 +14,12 @@ FACEGOOD_TRAINING_SHARE = 0.85
 def grid_held_out(names: list[str]) -> set[str]:
     """Held-out clips among all clip names of grid_s1."""
     return set(sorted(names)[::GRID_EVERY])
+
+
+def leave_clips(entries, beginnings: list[str]) -> None:
+    """Holds out the entries whose names begin so, for training without a whole take."""
+    for entry in entries:
+        entry.held_out = entry.held_out or any(entry.name.startswith(b) for b in beginnings)
 
 
 def facegood_first_held_out(frames: int) -> int:

@@ -32,7 +32,7 @@ from training.speech.log_mel import log_mel
 SOURCE = "taught"
 TEXTS = {"en-us": "kathleen_en", "en-gb-scotland": "kathleen_en", "de": "kerstin_de", "nl": "nathalie_nl"}
 RECORDED = {"nathalie_nl": read_nathalie, "kathleen_en": read_kathleen}
-VERSION = 2
+VERSION = 3
 
 
 def load(
@@ -105,7 +105,6 @@ def entry(utterance: Utterance, teacher, random: np.random.Generator) -> Entry:
         SOURCE,
         utterance.held_out,
         fit_frames(mel, MEL_PER_FRAME * frames).half()[None],
-        motion,
         motion,
         weight.expand(frames, 204),
         torch.from_numpy(phones),

@@ -1,14 +1,15 @@
-"""Phones with times → ARKit weights → motion of ICT's landmarks: a co-articulation teacher.
+"""Phones with times → motion of the 68 landmarks: a co-articulation teacher.
 
-Dominance functions of Cohen & Massaro 1993: every segment s has a target T_s for each channel and a
-dominance `D_s(t) = α_s exp(-θ_s |τ|)` for each group of channels, with θ_s of its own before and
-after (their exponent c is 1); a channel is `Σ D_s T_s / Σ D_s`. Pauses are segments whose targets
-are the rest face.
+Dominance functions of Cohen & Massaro 1993: every segment s has a target T_s for each component of
+mouth motion and a dominance `D_s(t) = α_s exp(-θ_s |τ|)`, with θ_s of its own before and after (their
+exponent c is 1); a component is `Σ D_s T_s / Σ D_s`. Pauses are segments whose target is the rest face.
 Differs: τ is the distance from the segment's core (its middle half; all but 0.12 s at either end
 of a pause), not from its centre. p, b and m override the sum: their lips meet.
 
-`training.fit_teacher` fits targets, α and θ to the recorded motion of grid_s1 and writes
-`teacher.json`. Recorded channels and ranges that the fit does not see stay near `articulation`.
+The components are patterns of grid_s1's landmarks (`measure_basis`), so the teacher moves as that
+speaker does. `training.fit_teacher` fits T, α and θ to his recorded motion and writes `teacher.json`.
+Reading aloud at speed, he hardly tells vowels apart; clear speech does (Lindblom 1990), so `CLARITY`
+moves the targets of vowels as a textbook orders them.
 """
 
 import json
@@ -17,10 +18,10 @@ from pathlib import Path
 
 import numpy as np
 
-from training.corpus.articulation import CHANNELS, GROUP_OF
+from training.corpus.articulation import COMPONENTS
 from training.corpus.clip import FPS
-from training.corpus.ict import IctLandmarks
-from training.corpus.phones import PAUSE, SEGMENTS, Phone, bilabials, split
+from training.corpus.closures import inner_gaps, narrowed
+from training.corpus.phones import FEATURES, PAUSE, SEGMENTS, Phone, bilabials, feature_table, split
 
 PARAMETERS = Path(__file__).with_name("teacher.json")
 CORE_SHARE = 0.25
@@ -28,18 +29,19 @@ PAUSE_EDGE_S = 0.12
 SHORTEST_PAUSE_S = 0.01
 CHUNK_FRAMES = 200
 REACH_S = 1.0
-INNER_PAIRS = ((61, 67), (62, 66), (63, 65))
 CLOSE_BEFORE_S, CLOSE_AFTER_S, EDGE_S = 0.05, 0.05, 0.01
 CLOSED_GAP_M = -0.2e-3
-SMALLEST_GAP_M = 0.1e-3
-YIELDING = {
-    "jawOpen": 0.75,
-    "mouthFunnel": 0.75,
-    "mouthLowerDown": 0.8,
-    "mouthUpperUp": 0.8,
-    "mouthShrugUpper": 0.8,
+LEAST_GAP_M = -0.5e-3
+"""Openings over that of the neutral face: where lips meet, and how far they are pressed at most."""
+CLARITY = {
+    "chin": {"open": 0.9},
+    "lower": {"open": -0.7},
+    "width": {"round": -1.2, "front": 0.5},
+    "protrusion": {"round": 1.3},
 }
-"""Share that a channel gives up where the lips close; `mouthClose` closes what is left."""
+"""What a feature of a vowel adds to its components, in deviations of his motion; our own choice."""
+MIDDLE = {"open": 0.5, "round": 0.0, "front": 0.0}
+LOWER_FACE = [*range(3, 14), *range(31, 36), *range(48, 68)]
 
 
 @dataclass
@@ -75,32 +77,30 @@ def row_of(phones: list[Phone], duration_s: float) -> Row:
 
 @dataclass
 class Teacher:
-    """Fitted parameters and ICT's modes.
+    """Fitted parameters.
 
-    `targets` [N, C]; `strengths` [N, G]; `rates` [2, N, G] in 1/s, before and after; `gains` [C].
-    The face runs `lead_s` ahead of the phones.
+    `basis` [K, 68, 3] metres; `targets` [N, K]; `strengths` [N, K]; `rates` [2, N, K] in 1/s, before
+    and after. The face runs `lead_s` ahead of the phones.
     """
 
+    basis: np.ndarray
     targets: np.ndarray
     strengths: np.ndarray
     rates: np.ndarray
     lead_s: float
-    gains: np.ndarray
-    ict: IctLandmarks
 
     @staticmethod
-    def load(
-        data: Path | str = "../shared/data", style: str = "grid_s1", path: Path = PARAMETERS
-    ) -> "Teacher":
-        """The fitted teacher with the ranges of one style: grid_s1 or facegood_zh."""
+    def load(path: Path = PARAMETERS, clear: bool = True) -> "Teacher":
+        """The fitted teacher, as he speaks or `clear`."""
         saved = json.loads(Path(path).read_text())
-        if saved["segments"] != list(SEGMENTS) or saved["channels"] != list(CHANNELS):
-            raise ValueError(f"{path}: expected today's segments and channels, got others; fit again")
-        if style not in saved["gains"]:
-            raise ValueError(f"style: expected one of {', '.join(saved['gains'])}, got {style}")
-        arrays = {k: np.array(saved[k], np.float32) for k in ("targets", "strengths", "rates")}
-        gains = np.array(saved["gains"][style], np.float32)
-        return Teacher(**arrays, lead_s=saved["lead_s"], gains=gains, ict=IctLandmarks(Path(data)))
+        if saved["segments"] != list(SEGMENTS) or saved["components"] != list(COMPONENTS):
+            raise ValueError(f"{path}: expected today's segments and components, got others; fit again")
+        arrays = {k: np.array(saved[k], np.float32) for k in ("basis", "targets", "strengths", "rates")}
+        arrays["basis"] = arrays["basis"].reshape(len(COMPONENTS), 68, 3) * 1e-3
+        teacher = Teacher(**arrays, lead_s=saved["lead_s"])
+        if clear:
+            teacher.targets = clearer(teacher.targets)
+        return teacher
 
     def motion(
         self, phones: list[Phone], frames: int, fps: float = FPS, random: np.random.Generator | None = None
@@ -109,42 +109,17 @@ class Teacher:
 
         `random` varies amplitude, balance and sharpness from utterance to utterance.
         """
-        weights = self.channels(phones, frames, fps, random)
-        modes = np.stack([self._mode(name) for name in CHANNELS]).reshape(len(CHANNELS), -1)
-        return (weights.astype(np.float32) @ modes).reshape(frames, 68, 3)
-
-    def weights(
-        self, phones: list[Phone], frames: int, fps: float = FPS, random: np.random.Generator | None = None
-    ) -> dict[str, np.ndarray]:
-        """ARKit weights by name, each [T] in 0 … 1."""
-        found = {}
-        for name, column in zip(CHANNELS, self.channels(phones, frames, fps, random).T, strict=True):
-            sides = ("Left", "Right") if f"{name}_L" in self.ict.modes else ("",)
-            found |= {f"{name}{side}": column for side in sides}
-        return found
-
-    def channels(self, phones, frames: int, fps: float = FPS, random=None) -> np.ndarray:
-        """Weights [T, C], lips closed for p, b and m."""
-        gains, sharpness = self._variation(random)
+        gains, sharpness = _variation(random)
         seconds = np.arange(frames) / fps
         row = row_of(phones, frames / fps)
         chunks = range(0, frames, CHUNK_FRAMES)
         smooth = [self._blend(row, seconds[a : a + CHUNK_FRAMES], sharpness) for a in chunks]
-        weights = np.concatenate([np.zeros((0, len(CHANNELS))), *smooth]) * gains
-        return self._close(weights.clip(0.0, 1.0), closure(phones, seconds))
-
-    def _variation(self, random) -> tuple[np.ndarray, float]:
-        """Gains [C] and sharpness of the dominance for one utterance."""
-        if random is None:
-            return self.gains, 1.0
-        amplitude, balance = random.uniform(0.8, 1.2), random.uniform(-0.15, 0.15)
-        group = amplitude * np.array(
-            [1 + balance, 1.0, random.uniform(0.85, 1.2), random.uniform(0.7, 1.3), 1 - 2 * balance]
-        )
-        return self.gains * group[GROUP_OF], random.uniform(0.85, 1.2)
+        weights = np.concatenate([np.zeros((0, len(COMPONENTS))), *smooth]) * gains
+        moved = (weights.astype(np.float32) @ self.basis.reshape(len(COMPONENTS), -1)).reshape(-1, 68, 3)
+        return met(moved, closure(phones, seconds))
 
     def _blend(self, row: Row, seconds: np.ndarray, sharpness: float) -> np.ndarray:
-        """Σ D T / Σ D at some neighbouring times, [t, C]."""
+        """Σ D T / Σ D at some neighbouring times, [t, K]."""
         at = seconds + self.lead_s
         near = (row.core_s + row.half_s > at[0] - REACH_S) & (row.core_s - row.half_s < at[-1] + REACH_S)
         index = row.index[near]
@@ -153,30 +128,34 @@ class Teacher:
         fall = np.exp(-sharpness * (before * self.rates[0][index] + after * self.rates[1][index]))
         dominance = self.strengths[index] * fall + 1e-9
         dominance /= dominance.sum(axis=1, keepdims=True)
-        return np.einsum("tsc,sc->tc", dominance[..., GROUP_OF], self.targets[index])
+        return np.einsum("tsk,sk->tk", dominance, self.targets[index])
 
-    def _close(self, weights: np.ndarray, shut: np.ndarray) -> np.ndarray:
-        """Weights [T, C] whose lips meet where `shut` [T] is 1 and never cross."""
-        weights = weights.copy()
-        for name, share in YIELDING.items():
-            weights[:, CHANNELS.index(name)] *= 1.0 - share * shut
-        gaps = np.array([[self._gap(name, pair) for pair in INNER_PAIRS] for name in CHANNELS])
-        jaw, close = CHANNELS.index("jawOpen"), CHANNELS.index("mouthClose")
-        surplus = (weights @ gaps)[:, 1] - CLOSED_GAP_M
-        weights[:, close] += shut * np.maximum(surplus, 0.0) / -gaps[close, 1]
-        rest = np.array([self.ict.neutral[a, 1] - self.ict.neutral[b, 1] for a, b in INNER_PAIRS])
-        missing = (SMALLEST_GAP_M - rest - weights @ gaps) / gaps[jaw]
-        weights[:, jaw] += np.maximum(missing.max(axis=1), 0.0)
-        return weights
 
-    def _gap(self, channel: str, pair: tuple[int, int]) -> float:
-        mode = self._mode(channel)
-        return float(mode[pair[0], 1] - mode[pair[1], 1])
+def _variation(random) -> tuple[np.ndarray, float]:
+    """Gains [K] and sharpness of the dominance for one utterance."""
+    if random is None:
+        return np.ones(len(COMPONENTS)), 1.0
+    gains = random.uniform(0.85, 1.2) * random.uniform(0.85, 1.15, len(COMPONENTS))
+    return gains, random.uniform(0.85, 1.2)
 
-    def _mode(self, channel: str) -> np.ndarray:
-        if f"{channel}_L" in self.ict.modes:
-            return self.ict.modes[f"{channel}_L"] + self.ict.modes[f"{channel}_R"]
-        return self.ict.modes[channel]
+
+def clearer(targets: np.ndarray) -> np.ndarray:
+    """Targets [N, K] with vowels moved by `CLARITY`."""
+    f = dict(zip(FEATURES, feature_table().T, strict=True))
+    f["front"] = f["front"] * (1.0 - f["round"])
+    out = targets.copy()
+    for component, shares in CLARITY.items():
+        added = sum(share * (f[name] - MIDDLE[name]) for name, share in shares.items())
+        out[:, COMPONENTS.index(component)] += added * f["vowel"]
+    return out
+
+
+def met(motion: np.ndarray, shut: np.ndarray) -> np.ndarray:
+    """Motion [T, 68, 3] whose lips meet where `shut` [T] is 1 and are never pressed too far."""
+    gaps = inner_gaps(motion, np.zeros((68, 3), motion.dtype))
+    wanted = gaps - shut[:, None] * np.maximum(gaps - CLOSED_GAP_M, 0.0)
+    wanted = np.maximum(wanted, LEAST_GAP_M)
+    return narrowed(motion, (gaps - wanted).astype(motion.dtype))
 
 
 def closure(phones: list[Phone], seconds: np.ndarray) -> np.ndarray:

@@ -37,13 +37,12 @@ class AugmentOptions:
 class Batch:
     """One training batch.
 
-    `mel` [B, 4 T, 64] normalised; `motion` as recorded, `closed` with lips that meet, `weight`
-    [B, T, 204]; `phones` [B, 4 T] segments, −1 unknown; `source` [B] index.
+    `mel` [B, 4 T, 64] normalised; `motion` and `weight` [B, T, 204]; `phones` [B, 4 T] segments, −1
+    unknown; `source` [B] index.
     """
 
     mel: Tensor
     motion: Tensor
-    closed: Tensor
     weight: Tensor
     phones: Tensor
     source: Tensor
@@ -95,12 +94,12 @@ class WindowSampler:
         while total < frames:
             parts.append(self._part(self.sources[index], frames - total))
             total += len(parts[-1][1])
-        mel, motion, closed, weight, phones = (torch.cat(part) for part in zip(*parts, strict=True))
+        mel, motion, weight, phones = (torch.cat(part) for part in zip(*parts, strict=True))
         fine = self.per_frame * frames
-        return mel[:fine], motion[:frames], closed[:frames], weight[:frames], phones[:fine], index
+        return mel[:fine], motion[:frames], weight[:frames], phones[:fine], index
 
     def _part(self, source: str, wanted: int):
-        """One clip, or a stretch of a long one: normalised mel, motion, closed, weight, phones."""
+        """One clip, or a stretch of a long one: normalised mel, motion, weight, phones."""
         group = self.entries[source]
         lengths = np.array([len(e.motion) for e in group], dtype=float)
         entry = group[self.random.choice(len(group), p=lengths / lengths.sum())]
@@ -113,9 +112,7 @@ class WindowSampler:
         start = self.random.uniform(0, max(len(entry.motion) - taken * tempo - 1, 0))
         first, last = int(start), min(int(start + taken * tempo) + 2, len(entry.motion))
         position = start - first + torch.arange(taken) * tempo
-        moving = [
-            interpolate(x[first:last].float(), position) for x in (entry.motion, entry.closed, entry.weight)
-        ]
+        moving = [interpolate(x[first:last].float(), position) for x in (entry.motion, entry.weight)]
         span = slice(self.per_frame * first, self.per_frame * last)
         fine = self.per_frame * (start - first) + torch.arange(self.per_frame * taken) * tempo
         mel = interpolate(entry.mels[voice, span].float(), fine)
@@ -195,7 +192,7 @@ class WindowSampler:
             mel = torch.from_numpy(np.log(np.maximum(wobble, 1e-4))).float()
             mel = (mel - clip_colour(mel)) / SCALE + self._smooth(0.1)
         still, phones = torch.zeros(frames, 204), torch.zeros(len(mel), dtype=torch.int16)
-        return mel, still, still, torch.ones(frames, 204), phones
+        return mel, still, torch.ones(frames, 204), phones
 
 
 def interpolate(x: Tensor, position: Tensor) -> Tensor:

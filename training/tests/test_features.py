@@ -22,7 +22,7 @@ class RandomSpeech:
         motion = torch.randn(80, 204).cumsum(0) * 1e-4
         features = torch.randn(1, 80, 768).half()
         phones = torch.full((80,), UNKNOWN, dtype=torch.int16)
-        return Entry(source, source, False, features, motion, motion, torch.ones(80, 204), phones)
+        return Entry(source, source, False, features, motion, torch.ones(80, 204), phones)
 
     def sampler(self, sources, shares, seed):
         """Windows of the two clips."""

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from training.corpus import articulation
-from training.corpus.articulation import CHANNELS
+from training.corpus.articulation import COMPONENTS
 from training.corpus.phones import SEGMENTS, Phone
-from training.corpus.teacher import INNER_PAIRS, PARAMETERS, Teacher, closure, row_of
-from training.tests.test_parity import SHARED, needs_shared
+from training.corpus.teacher import LEAST_GAP_M, PARAMETERS, Teacher, closure, row_of
 
 
 def speech(count: int, seed: int) -> list[Phone]:
@@ -30,7 +28,7 @@ def gap(motion: np.ndarray) -> np.ndarray:
 @pytest.fixture(scope="module")
 def teacher() -> Teacher:
     """The fitted teacher."""
-    return Teacher.load(SHARED / "data")
+    return Teacher.load()
 
 
 def test_pauses_fill_what_nobody_speaks():
@@ -51,19 +49,11 @@ def test_parameters_are_small_and_cover_every_segment():
     saved = json.loads(PARAMETERS.read_text())
     assert PARAMETERS.stat().st_size < 60_000
     targets = np.array(saved["targets"])
-    assert targets.shape == (len(SEGMENTS), len(CHANNELS))
-    assert (targets[0] == 0).all() and targets.min() >= 0 and targets.max() < 1
+    assert targets.shape == (len(SEGMENTS), len(COMPONENTS))
+    assert (targets[0] == 0).all() and np.abs(targets).max() < 6
     assert np.array(saved["rates"]).min() > 0 and np.array(saved["strengths"]).min() > 0
 
 
-def test_guess_opens_for_a_and_rounds_for_u():
-    table = dict(zip(SEGMENTS, articulation.targets(), strict=True))
-    jaw, pucker = CHANNELS.index("jawOpen"), CHANNELS.index("mouthPucker")
-    assert table["a"][jaw] > table["e"][jaw] > table["i"][jaw]
-    assert table["u"][pucker] > 0.3 > 0.15 > table["i"][pucker]
-
-
-@needs_shared
 def test_lips_meet_at_p_b_m_and_never_cross(teacher):
     for seed in range(8):
         random = np.random.default_rng(seed) if seed % 2 else None
@@ -72,12 +62,10 @@ def test_lips_meet_at_p_b_m_and_never_cross(teacher):
         shut = closure(phones, np.arange(250) / 25.0)
         assert (shut == 1).sum() > 3
         assert gap(motion)[shut == 1].max() < 0.01
-        shape = motion + teacher.ict.neutral
-        for upper, lower in INNER_PAIRS:
-            assert (shape[:, upper, 1] - shape[:, lower, 1]).min() > 0
+        for upper, lower in ((61, 67), (62, 66), (63, 65)):
+            assert (motion[:, upper, 1] - motion[:, lower, 1]).min() > LEAST_GAP_M - 1e-6
 
 
-@needs_shared
 def test_a_closure_takes_a_frame_or_two(teacher):
     phones = [Phone(0.2, 0.4, "a"), Phone(0.6, 0.1, "p"), Phone(0.7, 0.4, "a")]
     opened = gap(teacher.motion(phones, 35))
@@ -85,45 +73,41 @@ def test_a_closure_takes_a_frame_or_two(teacher):
     assert opened[14:17].min() < 0.0
 
 
-@needs_shared
 def test_silence_is_the_neutral_face(teacher):
     motion = teacher.motion([Phone(1.0, 0.3, "a")], 75)
     assert np.abs(motion[:12]).max() < 3e-4 and np.abs(motion[60:]).max() < 3e-4
     assert gap(motion).max() > 3.0
 
 
-@needs_shared
 def test_open_vowels_open_more_and_u_is_narrower_than_i(teacher):
     def held(vowel):
         motion = teacher.motion([Phone(0.4, 0.6, vowel)], 40)[18]
         return gap(motion[None])[0], (motion[54, 0] - motion[48, 0]) * 1e3
 
-    assert held("ɑ")[0] > held("ɪ")[0] and held("ɛ")[0] > held("i")[0]
-    assert held("i")[1] - held("u")[1] > 1.0
+    assert held("ɑ")[0] > held("i")[0] + 2.0 and held("ɛ")[0] > held("i")[0]
+    assert held("i")[1] - held("u")[1] > 5.0
 
 
-@needs_shared
-def test_weights_give_the_motion_and_long_speech_its_parts(teacher):
+def test_long_speech_gives_what_its_parts_give(teacher):
     phones = speech(90, 3)
-    motion = teacher.motion(phones, 420)
-    np.testing.assert_allclose(teacher.ict.displace(teacher.weights(phones, 420)), motion, atol=1e-6)
-    slow = teacher.channels(phones, 840, 50.0)[::2]
-    np.testing.assert_allclose(teacher.channels(phones, 420), slow, atol=1e-3)
+    slow = teacher.motion(phones, 840, 50.0)[::2]
+    np.testing.assert_allclose(teacher.motion(phones, 420), slow, atol=1e-5)
 
 
-@needs_shared
 def test_random_utterances_differ_and_repeat_with_their_seed(teacher):
     phones = speech(30, 4)
     a, b, c = (teacher.motion(phones, 100, random=np.random.default_rng(s)) for s in (1, 1, 2))
     assert np.array_equal(a, b) and np.abs(a - c).max() > 5e-4
 
 
-@needs_shared
 def test_fitted_model_with_gradients_is_the_teacher():
     from training.fit_teacher import Dominance, measures, padded
 
-    model = Dominance(Teacher.load(SHARED / "data").ict)
-    guess = Teacher.load(SHARED / "data")
+    guess = Teacher.load(clear=False)
+    model = Dominance(guess.basis, np.ones(len(SEGMENTS), bool))
+    torch.manual_seed(0)
+    torch.nn.init.normal_(model.kin[:, :4])
+    torch.nn.init.constant_(model.kin[-1:, COMPONENTS.index("chin")], 3.0)
     guess.targets = model.targets().detach().numpy()
     strengths, rates, lead = (x.detach().numpy() for x in model.shapes())
     guess.strengths, guess.rates, guess.lead_s = strengths, rates, float(lead)
@@ -133,5 +117,8 @@ def test_fitted_model_with_gradients_is_the_teacher():
         motion = np.zeros((80, 68, 3), np.float32)
 
     made = model(*padded([(Silent(), phones)]), 80)[0].detach().numpy()
-    np.testing.assert_allclose(made, measures(guess.motion(phones, 80)), atol=0.05)
+    open_lips = made[:, 0] > 0.0
+    taught = measures(guess.motion(phones, 80))
+    np.testing.assert_allclose(made[open_lips], taught[open_lips], atol=0.05)
+    assert open_lips.sum() > 20
     assert torch.isfinite(model.prior())

@@ -245,3 +245,10 @@ def strengths(affect: Tensor) -> Tensor:
     """
     count = affect.shape[-1] - 1
     return affect[..., 1:count] * affect[..., count:]
+
+
+def neutral_affect(count: int, frames: int) -> Tensor:
+    """Conditions [B, T, 16] of neutral speech."""
+    affect = torch.zeros(count, frames, 16)
+    affect[..., 0] = 1.0
+    return affect
