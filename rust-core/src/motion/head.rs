@@ -17,18 +17,18 @@ use crate::audio::Prosody;
 /// Number of this process among the streams of a seed.
 const STREAM: u64 = u64::MAX - 2;
 /// Deviation of the drift about x, y and z, degrees, while somebody speaks.
-const DRIFT_DEG: [f64; 3] = [0.45, 0.34, 0.17];
+const DRIFT_DEG: [f64; 3] = [0.45, 0.48, 0.25];
 const DRIFT_HZ: (f64, f64) = (0.1, 0.8);
 /// Share of the drift that stays in pauses.
 const DRIFT_AT_REST: f64 = 0.5;
 /// How far the posture of one phrase may lie from rest, degrees.
-const POSTURE_DEG: [f64; 3] = [0.6, 0.8, 0.35];
+const POSTURE_DEG: [f64; 3] = [0.6, 1.1, 0.5];
 /// How long a change of posture takes, seconds.
 const POSTURE_S: f64 = 0.9;
 /// The head stands this much lower in pauses than in phrases, degrees.
 const SINK_DEG: f64 = 0.8;
 /// How far a nod goes on any syllable, and more of it for each deviation of prominence, degrees.
-const NOD_DEG: f64 = 0.75;
+const NOD_DEG: f64 = 0.85;
 const STRESS_DEG: f64 = 0.72;
 const MOST_NOD_DEG: f64 = 2.4;
 /// The head rises before it nods: share, and time before the nod, seconds.
@@ -40,7 +40,7 @@ const LATE_S: f64 = 0.03;
 /// Beyond this time nothing is left of a nod, seconds.
 const NOD_REACH_S: f64 = 0.6;
 /// Share of a nod that goes sideways, at most, about y and z.
-const SIDEWAYS: [f64; 2] = [0.35, 0.2];
+const SIDEWAYS: [f64; 2] = [0.6, 0.4];
 /// Farther no rotation goes about x, y and z at strength 1, degrees: the reach of a clip in 20.
 const MOST_DEG: [f64; 3] = [3.0, 2.6, 1.5];
 /// The head rises with the breath before a phrase by this much, degrees, and so long before it.
