@@ -148,9 +148,10 @@ class Basis:
 class Life:
     """Head and eyes beside a take.
 
-    `head` `[T, 3]` rotation vectors about canonical axes (+x to the subject's left, +y up, +z out of
-    the face), radians; `gaze` `[T, 2, 2]`: right eye, left eye; yaw to the left and pitch up. `way` `[3, 4]`
-    leads from the frame in which the mesh was given to the canonical one, metres on a human head.
+    `head` `[T, 3]` rotation vectors about canonical axes (+x to the subject's left, +y up, +z out
+    of the face), radians; `gaze` `[T, 2, 2]`: right eye, left eye; yaw to the left and pitch up.
+    `way` `[3, 4]` leads from the frame in which the mesh was given to the canonical one, metres on
+    a human head.
     """
 
     head: np.ndarray

@@ -18,7 +18,7 @@ def of_vectors(vectors: np.ndarray) -> np.ndarray:
 
 
 def of_gaze(angles: np.ndarray) -> np.ndarray:
-    """Rotation vectors `[T, 3]`, canonical axes, of yaw to the left and pitch up `[T, 2]`, radians."""
+    """Rotation vectors `[T, 3]`, canonical axes, of yaw to the left and pitch up `[T, 2]`."""
     zeros = np.zeros(len(angles))
     yaw = of_vectors(np.column_stack([zeros, angles[:, 0], zeros]))
     pitch = of_vectors(np.column_stack([-angles[:, 1], zeros, zeros]))
@@ -53,13 +53,13 @@ def matrices(turns: np.ndarray) -> np.ndarray:
 
 
 def angles_to(points: np.ndarray, eye: np.ndarray) -> np.ndarray:
-    """Yaw to the left and pitch up `[T, 2]` from an eye `[3]` to points `[T, 3]`, canonical frame."""
+    """Yaw to the left and pitch up `[T, 2]` from an eye `[3]` to points `[T, 3]`, canonical."""
     x, y, z = (points - eye).T
     return np.column_stack([np.arctan2(x, z), np.arctan2(y, np.hypot(x, z))])
 
 
 def to_object(gaze: np.ndarray, points: np.ndarray, eye: np.ndarray) -> np.ndarray:
-    """Gaze `[T, 2]` of one eye `[3]` that rests on points `[T, 3]` instead of on the library's partner.
+    """Gaze `[T, 2]` of one eye `[3]` that rests on points `[T, 3]`, not on the library's partner.
 
     All in the canonical frame, metres and radians; leaps and looks away stay.
     """

@@ -18,9 +18,9 @@ from . import curves, mesh, pieces, remove, turning
 from .outputs.output import EASE_S
 
 # On the character: its name among all; on what it turns: a list of `Entry`.
-OWNER, ENTRIES = "anyface_life_of", "anyface_life"
+OWNER, ENTRIES = "anyface_owner", "anyface_turned"
 # On what waits or stands alone: the action that holds the curves.
-_ACTION = "anyface_life_"
+_ACTION = "anyface_turned_"
 # Controls of the library that *Life* turns off together.
 CONTROLS = ("head_motion", "gaze", "breath", "variety", "blinks_per_minute")
 # No eye turns farther than this, radians: yaw and pitch.
@@ -90,6 +90,9 @@ def check(ob, settings) -> None:
             _bone(asked.eye_armature, name)
     if asked.look_at:
         _object(asked.look_at, "the eyes look at")
+    # What cannot be turned says so before anything is made.
+    still = Life(np.zeros((1, 3)), np.zeros((1, 2, 2)), np.eye(3, 4))
+    _turned(ob, still, settings, np.arange(3.0))
 
 
 def write(ob, take: Take, settings, start_frame: float, scene_fps: float) -> list[str]:
@@ -116,20 +119,25 @@ def write(ob, take: Take, settings, start_frame: float, scene_fps: float) -> lis
 def release(ob) -> None:
     """Lets go of everything that the playing take of `ob` turns, as it was before."""
     for other, entries in _owned(ob):
-        for entry in [entry for entry in entries if not entry.take]:
+        for entry in _of(ob, entries, ""):
+            entries = [kept for kept in entries if kept is not entry]
+            _inherit(entries, entry)
             _take_off(other, entry)
-            _store(other, [kept for kept in entries if kept != entry])
+        _store(other, entries)
     _delete_alone(ob, "now")
-    if OWNER in ob and not _owned(ob) and not any(key.startswith(_ACTION) for key in _own(ob)):
+    names = ob.keys()
+    if OWNER in ob and not _owned(ob) and not any(name.startswith(_ACTION) for name in names):
         del ob[OWNER]
+    bpy.context.view_layer.update()
 
 
 def keep(ob, take_id: str) -> None:
     """The playing take waits: its curves lie in an action that a property points to."""
     for other, entries in _owned(ob):
-        for entry in [entry for entry in entries if not entry.take]:
+        for entry in _of(ob, entries, ""):
             action, bag = curves.new_action(f"{other.name} {take_id}", "OBJECT")
             curves.copy_paths(other.animation_data.action, bag, set(entry.before))
+            _inherit([kept for kept in entries if kept is not entry], entry)
             _take_off(other, entry)
             entry.take = take_id
             other[_ACTION + take_id] = action
@@ -142,7 +150,7 @@ def keep(ob, take_id: str) -> None:
 def play(ob, take_id: str) -> None:
     """A take that waits plays again."""
     for other, entries in _owned(ob):
-        for entry in [entry for entry in entries if entry.take == take_id]:
+        for entry in _of(ob, entries, take_id):
             action = other.get(_ACTION + take_id)
             del other[_ACTION + take_id]
             entry.take = ""
@@ -164,9 +172,9 @@ def _turned(ob, life: Life, settings, at) -> dict:
         other = _object(asked.head_object, "the head turns")
         one = asked.head == "BONE"
         channels = (
-            [turning.of_bone(other, asked.head_bone, vectors)]
+            [turning.of_bone(other, asked.head_bone, vectors, _mine(ob, other))]
             if one
-            else turning.of_object(other, vectors)
+            else turning.of_object(other, vectors, _mine(ob, other))
         )
         found.setdefault(other, []).extend(channels)
     for side in range(2) if asked.gaze != "NONE" else ():
@@ -178,13 +186,19 @@ def _turned(ob, life: Life, settings, at) -> dict:
         vectors = _eased(turn.of_gaze(angles)) @ axes.T
         if asked.gaze == "BONES":
             armature = _object(asked.eye_armature, "the eyes turn")
-            bone = turning.of_bone(armature, asked.eye_bones[side], vectors)
+            bone = turning.of_bone(armature, asked.eye_bones[side], vectors, _mine(ob, armature))
             found.setdefault(armature, []).append(bone)
             continue
         for eye in _eyes(ob, life, settings)[side]:
-            channels = turning.of_object(eye, vectors, mesh.corners(eye).mean(axis=0))
+            middle = mesh.corners(eye).mean(axis=0)
+            channels = turning.of_object(eye, vectors, _mine(ob, eye), middle)
             found.setdefault(eye, []).extend(channels)
     return found
+
+
+def _mine(ob, other) -> set[str]:
+    """Data paths on an object that the playing take of `ob` has already."""
+    return {path for entry in _of(ob, _entries(other), "") for path in entry.before}
 
 
 def _eased(vectors: np.ndarray) -> np.ndarray:
@@ -297,8 +311,19 @@ def _owner(ob) -> str:
     return ob[OWNER]
 
 
-def _own(ob) -> list[str]:
-    return [key for key in ob.keys() if key.startswith(_ACTION) and key != OWNER]
+def _of(ob, entries: list[Entry], take_id: str) -> list[Entry]:
+    """What one take of `ob` has put on an object."""
+    return [e for e in entries if e.owner == ob.get(OWNER) and e.take == take_id]
+
+
+def _inherit(others: list[Entry], gone: Entry) -> None:
+    """What was made for one and still serves another is undone with that."""
+    playing = [entry for entry in others if not entry.take]
+    if not playing:
+        return
+    for name in ("made_action", "made_slot", "made_animation_data"):
+        setattr(playing[0], name, getattr(playing[0], name) or getattr(gone, name))
+        setattr(gone, name, False)
 
 
 def _owned(ob) -> list[tuple]:

@@ -25,11 +25,12 @@ class Channel:
     before: list[float] = field(default_factory=list)
 
 
-def of_object(ob, vectors: np.ndarray, centre=None) -> list[Channel]:
+def of_object(ob, vectors: np.ndarray, mine: set[str], centre=None) -> list[Channel]:
     """The channels that turn `ob` by rotation vectors `[T, 3]` about the world's axes.
 
-    It turns about its origin, or about `centre` `[3]` in the world where that lies elsewhere. Raises
-    `AnyfaceError("mesh")` where it cannot be turned in this way.
+    Curves on the data paths `mine` may be there. It turns about its origin, or about `centre` `[3]`
+    in the world where that lies elsewhere. Raises `AnyfaceError("mesh")` where it cannot be turned
+    in this way.
     """
     parent = np.array(ob.matrix_world) @ _inverse(ob.matrix_basis, ob.name)
     turns = turn.of_vectors(vectors @ _rotation(parent, ob.name))
@@ -45,10 +46,10 @@ def of_object(ob, vectors: np.ndarray, centre=None) -> list[Channel]:
         if np.abs(shift).max(initial=0.0) > 1e-6:
             before = list(ob.delta_location)
             channels.append(Channel("delta_location", shift + before, before))
-    return [_free(ob, channel, ob.name) for channel in channels]
+    return [_free(ob, channel, mine, ob.name) for channel in channels]
 
 
-def of_bone(armature, name: str, vectors: np.ndarray) -> Channel:
+def of_bone(armature, name: str, vectors: np.ndarray, mine: set[str]) -> Channel:
     """The channel that turns a pose bone by rotation vectors `[T, 3]` about the world's axes.
 
     Raises `AnyfaceError("mesh")` for a bone that is not there, or whose rotation has keyframes.
@@ -63,7 +64,13 @@ def of_bone(armature, name: str, vectors: np.ndarray) -> Channel:
     found = getattr(bone, f"rotation_{kind}")
     rest = found.to_quaternion() if kind == _EULER else found
     path = bone.path_from_id(f"rotation_{kind}")
-    return _free(armature, Channel(path, _values(turns, rest, bone.rotation_mode), list(found)), what)
+    channel = Channel(path, _values(turns, rest, bone.rotation_mode), list(found))
+    return _free(armature, channel, mine, what)
+
+
+def eulers(turns: np.ndarray) -> np.ndarray:
+    """XYZ angles `[T, 3]` of quaternions `[T, 4]`, without jumps."""
+    return _values(turns, Quaternion(), "XYZ")
 
 
 def put_back(ob, channels: dict[str, list[float]]) -> None:
@@ -97,13 +104,13 @@ def _kind(mode: str, what: str) -> str:
     return _QUATERNION if mode == "QUATERNION" else _EULER
 
 
-def _free(ob, channel: Channel, what: str) -> Channel:
+def _free(ob, channel: Channel, mine: set[str], what: str) -> Channel:
     """The channel, where neither a keyframe nor a driver of the artist's has it."""
     animation = ob.animation_data
     bag = curves.channels(animation)
     taken = [*(bag.fcurves if bag is not None else ())]
     taken += animation.drivers if animation is not None else ()
-    if any(curve.data_path == channel.path for curve in taken):
+    if channel.path not in mine and any(curve.data_path == channel.path for curve in taken):
         raise AnyfaceError(
             "mesh",
             f"{what} has keyframes or drivers on {channel.path}: pick an empty or a bone that has "

@@ -98,8 +98,8 @@ pub struct AnyfaceMotionOptions {
     pub emotion_count: usize,
     /// Frames per second of the result, 1 to 240; default 30.
     pub fps: f64,
-    /// The same seed gives the same motion; default 0. Draws blinks, brow accents, head, gaze and variety, and the noise of
-    /// models that sample with noise, which the built-in one does not.
+    /// The same seed gives the same motion; default 0. Draws blinks, brow accents, head, gaze and
+    /// variety, and the noise of models that sample with noise, which the built-in one does not.
     pub seed: u64,
     /// Speaking style by name, UTF-8; NULL, the default, takes the model's own.
     pub style: *const c_char,
