@@ -15,6 +15,7 @@ from .ui import (
     character,
     generate,
     landmarks,
+    life,
     outputs,
     panel,
     performance,
@@ -29,7 +30,7 @@ from .ui import (
 
 _MODULES = (
     preferences, generate, remove, panel, character, landmarks, audio, presets, performance,
-    outputs, takes, scene_list,
+    life, outputs, takes, scene_list,
 )  # fmt: skip
 _CLASSES = [cls for module in _MODULES for cls in module.CLASSES]
 

@@ -427,8 +427,8 @@ typedef struct {
     size_t emotion_count;
     /// Frames per second of the result, 1 to 240; default 30.
     double fps;
-    /// The same seed gives the same motion; default 0. Draws blinks and brow accents, and the noise of
-    /// models that sample with noise, which the built-in one does not.
+    /// The same seed gives the same motion; default 0. Draws blinks, brow accents, head, gaze and
+    /// variety, and the noise of models that sample with noise, which the built-in one does not.
     uint64_t seed;
     /// Speaking style by name, UTF-8; NULL, the default, takes the model's own.
     const char *style;
@@ -699,6 +699,17 @@ int32_t anyface_face_mouth(const AnyfaceFace *face);
 /// 0 for NULL.
 double anyface_face_metres_per_unit(const AnyfaceFace *face);
 
+/// Copies the way from the mesh's frame to the canonical one, in which head and gaze of a motion are given:
+/// metres on a head of human size, +x to the subject's left, +y up, +z out of the face, origin between the
+/// jaw's hinges.
+///
+/// `matrix`: `[3, 4]`, rows: `canonical = matrix * (x, y, z, 1)`, a scaled rotation and a shift. `float_count`
+/// must be 12. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+AnyfaceStatus anyface_face_copy_to_canonical(const AnyfaceFace *face,
+                                             float *matrix,
+                                             size_t float_count,
+                                             AnyfaceError **error);
+
 /// Number `V` of vertices of its mesh; 0 for NULL.
 size_t anyface_face_vertex_count(const AnyfaceFace *face);
 
@@ -806,8 +817,29 @@ AnyfaceStatus anyface_motion_copy_displacements(const AnyfaceMotion *motion,
                                                 size_t float_count,
                                                 AnyfaceError **error);
 
-/// Writes the motion as npz for numpy: `landmark_displacements` `[T, 68, 3]`, canonical metres, and
-/// `fps`.
+/// Copies the rotation of the head into the caller's buffer; 0 throughout where nothing was spoken.
+///
+/// `buffer`: `[T, 3]`: rotation vectors in radians about canonical axes through the origin between the
+/// jaw's hinges; about +x nods down, about +y turns to the subject's left, about +z tilts to the subject's
+/// right. `float_count` must be `T * 3`. The displacements do not hold it.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+AnyfaceStatus anyface_motion_copy_head(const AnyfaceMotion *motion,
+                                       float *buffer,
+                                       size_t float_count,
+                                       AnyfaceError **error);
+
+/// Copies the rotation of the eyes into the caller's buffer; 0 throughout where nothing was spoken.
+///
+/// `buffer`: `[T, 2, 2]`: right eye, left eye; yaw to the subject's left and pitch up, radians against the
+/// head. `float_count` must be `T * 4`. The displacements of the lids follow it.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+AnyfaceStatus anyface_motion_copy_gaze(const AnyfaceMotion *motion,
+                                       float *buffer,
+                                       size_t float_count,
+                                       AnyfaceError **error);
+
+/// Writes the motion as npz for numpy: `landmark_displacements` `[T, 68, 3]`, canonical metres, `fps`,
+/// and for motion that was spoken `head` `[T, 3]` and `gaze` `[T, 2, 2]`.
 ///
 /// `path`: UTF-8, ends in .npz. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending,
 /// `ANYFACE_STATUS_IO` if the file cannot be written; then nothing is left of it.
@@ -903,7 +935,8 @@ AnyfaceStatus anyface_clip_copy_landmark_displacements(const AnyfaceClip *clip,
 /// Writes the clip as a file whose kind follows from the end of its name.
 ///
 /// .npz for numpy: `displacements` `[T, V, 3]`, `landmarks_neutral` `[68, 3]`,
-/// `landmark_displacements` `[T, 68, 3]`, mesh units, and `fps`. .pc2 and .mdd: point caches of
+/// `landmark_displacements` `[T, 68, 3]`, mesh units, `fps`, and for motion that was spoken `head` `[T, 3]`
+/// and `gaze` `[T, 2, 2]` as `anyface_motion_copy_head()` and `_gaze()` give them. .pc2 and .mdd: point caches of
 /// positions for Blender, Maya, Houdini and others.
 /// `mesh`: the mesh of the clip's face. `path`: UTF-8.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or another mesh,

@@ -21,6 +21,7 @@ from .take import (
     Animation,
     Basis,
     Found,
+    Life,
     PartRoles,
     Request,
     Sound,
@@ -113,6 +114,7 @@ class Engine(ShapeCalls, SliderCalls):
         visibility = VISIBILITIES[self._library.anyface_clip_visibility(clip)]
         animation = Animation(largest * mm_per_unit, visibility)
         shape = (self._library.anyface_clip_frame_count(clip), vertices, 3)
+        animation.life = self._life(made, shape[0])
         if request.error_mm is None:
             animation.displacements = np.empty(shape, dtype=np.float32)
             self._copy("anyface_clip_copy_displacements", clip, animation.displacements)
@@ -121,6 +123,16 @@ class Engine(ShapeCalls, SliderCalls):
         animation.basis = self._basis(handles, made, shape, limit, watch)
         animation.basis.error_mm *= mm_per_unit
         return animation
+
+    def _life(self, made, frames: int) -> Life:
+        face, motion, _ = made
+        head = np.empty((frames, 3), dtype=np.float32)
+        gaze = np.empty((frames, 2, 2), dtype=np.float32)
+        way = np.empty((3, 4), dtype=np.float32)
+        self._copy("anyface_motion_copy_head", motion, head)
+        self._copy("anyface_motion_copy_gaze", motion, gaze)
+        self._copy("anyface_face_copy_to_canonical", face, way)
+        return Life(head, gaze, way)
 
     def find(
         self,

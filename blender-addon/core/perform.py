@@ -1,6 +1,7 @@
 """The whole way of one character: snapshot in, take out. Runs in a worker thread."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from . import finding, sliders, space, verdict
 from .job import Progress
@@ -26,6 +27,9 @@ def perform(
     verdict.check_seen(animation, sound, intensity)
     progress.check("write")
     take = Take(request.fps, animation.largest_mm, space=found)
+    if animation.life is not None:
+        way = found.from_world(face.matrix_world)
+        take.life = replace(animation.life, way=animation.life.way @ way)
     if animation.basis is None:
         take.frames = found.to_object(animation.displacements)
         return take

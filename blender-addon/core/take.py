@@ -145,6 +145,21 @@ class Basis:
 
 
 @dataclass
+class Life:
+    """Head and eyes beside a take.
+
+    `head` `[T, 3]` rotation vectors about canonical axes (+x to the subject's left, +y up, +z out
+    of the face), radians; `gaze` `[T, 2, 2]`: right eye, left eye; yaw to the left and pitch up.
+    `way` `[3, 4]` leads from the frame in which the mesh was given to the canonical one, metres on
+    a human head.
+    """
+
+    head: np.ndarray
+    gaze: np.ndarray
+    way: np.ndarray
+
+
+@dataclass
 class Animation:
     """What the library returns for one mesh, in the frame in which it was given.
 
@@ -157,6 +172,7 @@ class Animation:
     visibility: str = "SPEAKS"
     basis: Basis | None = None
     displacements: np.ndarray | None = None
+    life: Life | None = None
 
 
 @dataclass
@@ -165,7 +181,7 @@ class Take:
 
     One of `basis`, `frames` (`[T, V, 3]`, object units), `key_motion` and `files` is set.
     `largest_mm` is the largest displacement of any vertex. `space` is the frame in which the face
-    was found.
+    was found. Head and eyes lie in `life`; its `way` leads from the world to the canonical frame.
     """
 
     fps: float
@@ -175,6 +191,7 @@ class Take:
     key_motion: "KeyMotion | None" = None
     files: "list[WrittenFile]" = field(default_factory=list)
     space: FaceSpace | None = None
+    life: Life | None = None
 
     @property
     def frame_count(self) -> int:

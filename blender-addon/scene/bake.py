@@ -12,7 +12,7 @@ from ..core.job import Progress
 from ..core.plan import Plan
 from ..core.source import SoundSource
 from ..core.take import FaceMesh, Request, Take
-from . import decode, emotion, guard, mesh, outputs, pieces, sound, strips, takes, together
+from . import decode, emotion, guard, life, mesh, outputs, pieces, sound, strips, takes, together
 from .outputs import OutputSettings
 
 
@@ -50,6 +50,7 @@ class Settings:
     parts: list[pieces.Part] = field(default_factory=list)
     loose: dict[int, str] = field(default_factory=dict)
     output: OutputSettings = field(default_factory=OutputSettings)
+    life: life.LifeSettings = field(default_factory=life.LifeSettings)
 
 
 @dataclass
@@ -77,6 +78,8 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     """Reads mesh, sound and emotion; raises `AnyfaceError` in words for the artist."""
     output = outputs.of(settings.mode)
     output.check(ob, settings.output)
+    life.check(ob, settings)
+    settings.held = life.held(settings) | settings.held
     face = read_face(ob, settings)
     source = _find_sound(scene, settings, engine)
     scene_fps = scene.render.fps / scene.render.fps_base
@@ -118,9 +121,10 @@ def write(ob, snapshot: Snapshot, take: Take) -> str:
         takes.keep(ob)
     start, scene_fps = snapshot.source.start_frame, snapshot.scene_fps
     together.write(ob, snapshot.face.pieces, take, start, scene_fps)
+    turned = life.write(ob, take, snapshot.settings, start, scene_fps)
     notes = snapshot.source.notes + ([] if take.files else guard.notes(ob))
     notes += outputs.of_take(take).notes(ob, asked)
-    return " ".join([describe(take), *(f"({note})" for note in notes)])
+    return " ".join([describe(take), *(f"({note})" for note in [*turned, *notes])])
 
 
 def describe(take: Take) -> str:

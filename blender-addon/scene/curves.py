@@ -62,12 +62,17 @@ def find(animation_data, data_path: str):
     return bag.fcurves.find(data_path) if bag is not None else None
 
 
-def write(bag, data_path: str, frames: np.ndarray, values: np.ndarray, constant=False) -> None:
-    """A new curve with keys at `frames` `[T]`, linear in between (or held)."""
-    stale = bag.fcurves.find(data_path)
+def write(
+    bag, data_path: str, frames: np.ndarray, values: np.ndarray, constant=False, index=0
+) -> None:
+    """A new curve with keys at `frames` `[T]`, linear in between (or held).
+
+    `index` is the element of a property that has several.
+    """
+    stale = bag.fcurves.find(data_path, index=index)
     if stale is not None:
         bag.fcurves.remove(stale)
-    curve = bag.fcurves.new(data_path)
+    curve = bag.fcurves.new(data_path, index=index)
     curve.group = bag.groups.get(_GROUP) or bag.groups.new(_GROUP)
     points = curve.keyframe_points
     points.add(len(frames))
@@ -136,12 +141,12 @@ def key_channels(ob, taken):
     return own_channels(animation, f"{ob.name} {_GROUP}", "KEY", taken)
 
 
-def new_action(name: str):
-    """A new action for shape keys, and what holds its curves."""
+def new_action(name: str, id_type: str = "KEY"):
+    """A new action for shape keys or another kind of ID, and what holds its curves."""
     action = bpy.data.actions.new(name)
     if not LAYERED:
         return action, action
-    slot = action.slots.new(id_type="KEY", name=name)
+    slot = action.slots.new(id_type=id_type, name=name)
     strip = action.layers.new("Layer").strips.new(type="KEYFRAME")
     return action, strip.channelbag(slot, ensure=True)
 
@@ -162,10 +167,11 @@ def put(curve, named: dict[str, np.ndarray]) -> None:
 
 def copy(source, bag) -> None:
     """A curve with the keys of `source`, in `bag`; one that is there already goes."""
-    stale = bag.fcurves.find(source.data_path)
+    place = {"data_path": source.data_path, "index": source.array_index}
+    stale = bag.fcurves.find(**place)
     if stale is not None:
         bag.fcurves.remove(stale)
-    made = bag.fcurves.new(source.data_path)
+    made = bag.fcurves.new(**place)
     made.extrapolation, made.mute, made.lock = source.extrapolation, source.mute, source.lock
     if source.group is not None:
         name = source.group.name

@@ -46,13 +46,14 @@ def _remove_curves(shape_keys, taken: record.Record) -> None:
         return
     curves.remove(animation, outputs.of_record(taken).paths(taken))
     existing.restore(shape_keys, taken)
-    _remove_action(animation, taken)
+    release_action(animation, taken)
     untouched = animation.action is None and not animation.drivers and not animation.nla_tracks
     if taken.made_animation_data and untouched:
         shape_keys.animation_data_clear()
 
 
-def _remove_action(animation, taken: record.Record) -> None:
+def release_action(animation, taken) -> None:
+    """Takes the action or slot away that was made for what `taken` records, if it is empty."""
     action = animation.action
     if action is None:
         return

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import bpy
 
 from ..core.errors import AnyfaceError
-from . import curves, existing, guard, nla, outputs, record, together
+from . import curves, existing, guard, life, nla, outputs, record, together
 
 _ACTION = "anyface_take_"
 
@@ -42,7 +42,10 @@ def keep(ob) -> bool:
     So do the takes of the objects beside the face.
     """
     others = together.others_of(ob)
+    current = record.read(_editable(ob))
     kept = _keep(ob)
+    if kept:
+        life.keep(ob, current.id)
     for other in others if kept else ():
         _keep(other)
     return kept
@@ -73,6 +76,7 @@ def switch(ob, take_id: str) -> None:
     _find(shape_keys, take_id)
     keep(ob)
     _play(ob, take_id)
+    life.play(ob, take_id)
     for other, taken in _beside(take_id):
         _play(other, taken.id)
 

@@ -3,7 +3,7 @@
 import bpy
 
 from ..core.take import Piece, Take
-from . import keys, outputs, pieces, record, remove
+from . import keys, life, outputs, pieces, record, remove
 
 
 def write(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: float) -> None:
@@ -37,6 +37,7 @@ def write(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: flo
 def remove_all(ob) -> bool:
     """Takes the take from `ob` and from the objects beside it; False where there was none."""
     others = remove_others(ob)
+    life.release(ob)
     return remove.remove(ob) or others
 
 

@@ -3,6 +3,7 @@
 from bpy.types import Panel
 
 from ..core import systems
+from ..scene.life import CONTROLS
 from .panel import OfFacePanel
 from .target import target
 
@@ -32,7 +33,7 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
             column.prop(settings, "emotion")
             column.prop(settings, "intensity", slider=True)
         column = layout.column(align=True)
-        controls = _controls_of(settings)
+        controls = [c for c in controls_of(settings) if c.name not in CONTROLS]
         for control in controls:
             if control.is_slider:
                 row = column.row(align=True)
@@ -47,7 +48,7 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
                 body.prop(settings, name, slider=True)
 
 
-def _controls_of(settings) -> tuple[systems.Control, ...]:
+def controls_of(settings) -> tuple[systems.Control, ...]:
     """Those of the chosen system; none where the library cannot be loaded."""
     known = systems.known()
     return systems.find(settings.system, known).controls if known else ()

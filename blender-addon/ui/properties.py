@@ -14,7 +14,7 @@ from bpy.types import PropertyGroup
 from ..core import systems
 from ..core.emotion import EMOTIONS, MAX_INTENSITY
 from ..scene import outputs
-from . import audio, character, output_properties
+from . import audio, character, life, output_properties
 
 _EMOTION_ITEMS = [(name, name.capitalize(), "", number) for number, name in enumerate(EMOTIONS)]
 _SOURCES = [
@@ -162,6 +162,7 @@ def register_character() -> None:
     bpy.types.Object.anyface = PointerProperty(type=AnyfaceCharacter)
     audio.register()
     character.register()
+    life.register()
 
 
 def register() -> None:
@@ -173,6 +174,7 @@ def register() -> None:
 
 def unregister() -> None:
     """Takes them away; values stay in the file."""
+    life.unregister()
     character.unregister()
     audio.unregister()
     del bpy.types.Scene.anyface

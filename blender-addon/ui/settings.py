@@ -4,7 +4,7 @@ from dataclasses import fields
 
 from ..core import systems
 from ..scene.bake import Settings
-from . import audio, character, output_properties
+from . import audio, character, life, output_properties
 
 
 def from_object(ob, scene=None) -> Settings:
@@ -22,4 +22,5 @@ def from_object(ob, scene=None) -> Settings:
     settings = Settings(**values, output=output_properties.read(ob))
     audio.fill(settings, ob, scene)
     character.fill(settings, ob)
+    settings.life = life.read(ob)
     return settings

@@ -4,7 +4,7 @@ use std::{ffi::c_char, ptr::null};
 
 use anyface::{
     Face, Performance,
-    motion::{Motion, Visibility, lip_travel},
+    motion::{Life, Motion, Visibility, lip_travel},
     progress::ProgressFn,
     spread::{Animation, Collector},
 };
@@ -31,6 +31,8 @@ pub struct AnyfaceClip {
     /// Largest displacement of any vertex, mesh units.
     largest: f32,
     visibility: Visibility,
+    /// Head and eyes, where the motion was spoken.
+    life: Option<Life>,
 }
 
 /// What a viewer sees of a clip.
@@ -60,6 +62,7 @@ impl AnyfaceClip {
             animation,
             largest,
             visibility,
+            life: None,
         }
     }
 
@@ -78,11 +81,11 @@ impl AnyfaceClip {
         // Motion that the caller brought may let the lips rest.
         let articulation = performance.map_or(0.0, Performance::articulation);
         let visibility = Visibility::of(mm * made.largest, lips_mm, articulation);
-        Ok(AnyfaceClip::new(
-            collector.into_animation(),
-            made.largest,
-            visibility,
-        ))
+        let life = performance.map(|performance| performance.life.clone());
+        Ok(AnyfaceClip {
+            life,
+            ..AnyfaceClip::new(collector.into_animation(), made.largest, visibility)
+        })
     }
 
     /// `[T, V, 3]`.
@@ -316,7 +319,8 @@ pub unsafe extern "C" fn anyface_clip_copy_landmark_displacements(
 /// Writes the clip as a file whose kind follows from the end of its name.
 ///
 /// .npz for numpy: `displacements` `[T, V, 3]`, `landmarks_neutral` `[68, 3]`,
-/// `landmark_displacements` `[T, 68, 3]`, mesh units, and `fps`. .pc2 and .mdd: point caches of
+/// `landmark_displacements` `[T, 68, 3]`, mesh units, `fps`, and for motion that was spoken `head` `[T, 3]`
+/// and `gaze` `[T, 2, 2]` as `anyface_motion_copy_head()` and `_gaze()` give them. .pc2 and .mdd: point caches of
 /// positions for Blender, Maya, Houdini and others.
 /// `mesh`: the mesh of the clip's face. `path`: UTF-8.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or another mesh,
@@ -332,7 +336,7 @@ pub unsafe extern "C" fn anyface_clip_write(
         let clip = unsafe { pointer::handle("clip", clip) }?;
         let mesh = unsafe { pointer::handle("mesh", mesh) }?;
         let path = unsafe { pointer::path("path", path) }?;
-        anyface::output::write_animation(path, &clip.animation, &mesh.0)?;
+        anyface::output::write_animation(path, &clip.animation, clip.life.as_ref(), &mesh.0)?;
         Ok(())
     };
     unsafe { guard::guard(error, work) }

@@ -105,6 +105,31 @@ pub unsafe extern "C" fn anyface_face_metres_per_unit(face: *const AnyfaceFace) 
     unsafe { face.as_ref() }.map_or(0.0, |face| face.0.metres_per_unit())
 }
 
+/// Copies the way from the mesh's frame to the canonical one, in which head and gaze of a motion are given:
+/// metres on a head of human size, +x to the subject's left, +y up, +z out of the face, origin between the
+/// jaw's hinges.
+///
+/// `matrix`: `[3, 4]`, rows: `canonical = matrix * (x, y, z, 1)`, a scaled rotation and a shift. `float_count`
+/// must be 12. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_face_copy_to_canonical(
+    face: *const AnyfaceFace,
+    matrix: *mut f32,
+    float_count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let way = unsafe { pointer::handle("face", face) }?.0.to_canonical;
+        let row = |i: usize| {
+            let [x, y, z] = way.rotation[i].map(|cosine| (way.scale * cosine) as f32);
+            [x, y, z, way.translation[i] as f32]
+        };
+        let values = [row(0), row(1), row(2)];
+        unsafe { pointer::copy_out("matrix", values.as_flattened(), matrix, float_count) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
 /// Number `V` of vertices of its mesh; 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_face_vertex_count(face: *const AnyfaceFace) -> usize {

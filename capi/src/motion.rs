@@ -1,12 +1,12 @@
 //! Speech becomes motion, before any mesh is known.
 
-use std::{ffi::c_char, ptr::null};
+use std::{borrow::Cow, ffi::c_char, ptr::null};
 
 use anyface::{
     MotionRequest, Performance,
     conditions::{Emotion, EmotionCurve, check_fps},
     ibug::LANDMARKS,
-    motion::{LandmarkClip, Motion},
+    motion::{LandmarkClip, Life, Motion},
 };
 use ndarray::ArrayView3;
 
@@ -51,6 +51,14 @@ impl AnyfaceMotion {
         }
     }
 
+    /// Head and eyes; still where the caller brought the motion.
+    fn life(&self) -> Cow<'_, Life> {
+        match self.performance() {
+            Some(performance) => Cow::Borrowed(&performance.life),
+            None => Cow::Owned(Life::still(self.motion().frames())),
+        }
+    }
+
     fn landmarks(&self) -> Result<&LandmarkClip, Failure> {
         let motion = self.motion();
         motion.landmarks().ok_or_else(|| {
@@ -90,8 +98,8 @@ pub struct AnyfaceMotionOptions {
     pub emotion_count: usize,
     /// Frames per second of the result, 1 to 240; default 30.
     pub fps: f64,
-    /// The same seed gives the same motion; default 0. Draws blinks and brow accents, and the noise of
-    /// models that sample with noise, which the built-in one does not.
+    /// The same seed gives the same motion; default 0. Draws blinks, brow accents, head, gaze and
+    /// variety, and the noise of models that sample with noise, which the built-in one does not.
     pub seed: u64,
     /// Speaking style by name, UTF-8; NULL, the default, takes the model's own.
     pub style: *const c_char,
@@ -348,8 +356,49 @@ pub unsafe extern "C" fn anyface_motion_copy_displacements(
     unsafe { guard::guard(error, work) }
 }
 
-/// Writes the motion as npz for numpy: `landmark_displacements` `[T, 68, 3]`, canonical metres, and
-/// `fps`.
+/// Copies the rotation of the head into the caller's buffer; 0 throughout where nothing was spoken.
+///
+/// `buffer`: `[T, 3]`: rotation vectors in radians about canonical axes through the origin between the
+/// jaw's hinges; about +x nods down, about +y turns to the subject's left, about +z tilts to the subject's
+/// right. `float_count` must be `T * 3`. The displacements do not hold it.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_motion_copy_head(
+    motion: *const AnyfaceMotion,
+    buffer: *mut f32,
+    float_count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let life = unsafe { pointer::handle("motion", motion) }?.life();
+        let values = life.head.as_slice().unwrap_or_default();
+        unsafe { pointer::copy_out("buffer", values, buffer, float_count) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Copies the rotation of the eyes into the caller's buffer; 0 throughout where nothing was spoken.
+///
+/// `buffer`: `[T, 2, 2]`: right eye, left eye; yaw to the subject's left and pitch up, radians against the
+/// head. `float_count` must be `T * 4`. The displacements of the lids follow it.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_motion_copy_gaze(
+    motion: *const AnyfaceMotion,
+    buffer: *mut f32,
+    float_count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let life = unsafe { pointer::handle("motion", motion) }?.life();
+        let values = life.gaze.as_slice().unwrap_or_default();
+        unsafe { pointer::copy_out("buffer", values, buffer, float_count) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Writes the motion as npz for numpy: `landmark_displacements` `[T, 68, 3]`, canonical metres, `fps`,
+/// and for motion that was spoken `head` `[T, 3]` and `gaze` `[T, 2, 2]`.
 ///
 /// `path`: UTF-8, ends in .npz. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending,
 /// `ANYFACE_STATUS_IO` if the file cannot be written; then nothing is left of it.
@@ -362,7 +411,8 @@ pub unsafe extern "C" fn anyface_motion_write(
     let work = || {
         let motion = unsafe { pointer::handle("motion", motion) }?;
         let path = unsafe { pointer::path("path", path) }?;
-        anyface::output::write_motion(path, motion.landmarks()?)?;
+        let life = motion.performance().map(|performance| &performance.life);
+        anyface::output::write_motion(path, motion.landmarks()?, life)?;
         Ok(())
     };
     unsafe { guard::guard(error, work) }

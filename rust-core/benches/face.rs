@@ -112,7 +112,7 @@ fn face(c: &mut Criterion) {
         for name in ["o.npz", "o.pc2"] {
             let path = folder.path().join(name);
             group.bench_function(format!("write {name}"), |b| {
-                b.iter(|| write_animation(&path, black_box(&animation), &mesh))
+                b.iter(|| write_animation(&path, black_box(&animation), None, &mesh))
             });
         }
         group.finish();

@@ -8,7 +8,14 @@ import numpy as np
 
 FPS = 24
 # Property groups of the panel, which up to 4.5 lie among the custom properties.
-SETTINGS = {"anyface", "anyface_audio", "anyface_face", "anyface_output", "anyface_list"}
+SETTINGS = {
+    "anyface",
+    "anyface_audio",
+    "anyface_face",
+    "anyface_life_settings",
+    "anyface_list",
+    "anyface_output",
+}
 
 
 def grid(name="Head", side=12, scale=0.2):

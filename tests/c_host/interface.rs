@@ -56,6 +56,13 @@ fn sliders_of_a_take_say_what_they_change() {
 }
 
 #[test]
+fn head_and_eyes_come_beside_a_motion() {
+    run_both_ways("tests/c_host/life.c", |folder| {
+        vec![text(&scene(folder).voice), text(&folder.join("motion.npz"))]
+    });
+}
+
+#[test]
 fn a_stream_gives_the_same_bits_however_the_sound_is_cut() {
     run_both_ways("tests/c_host/stream.c", |folder| {
         vec![text(&scene(folder).voice)]

@@ -174,6 +174,16 @@ static void landmarks(const AnyfaceFace *face) {
     uint32_t vertices[ANYFACE_LANDMARK_COUNT];
     CHECK_OK(anyface_face_copy_landmarks(face, positions, vertices, confidence, &error));
     CHECK(positions[3 * 8 + 1] < positions[3 * 27 + 1]); /* the chin is below the nose */
+    float way[12], scale = 0.0f, tip = 0.0f;
+    CHECK_OK(anyface_face_copy_to_canonical(face, way, 12, &error));
+    for (int i = 0; i < 3; i++) {
+        scale += way[4 + i] * way[4 + i];
+        tip += way[8 + i] * positions[3 * 30 + i];
+    }
+    CHECK(fabs(sqrt(scale) / anyface_face_metres_per_unit(face) - 1.0) < 1e-5);
+    CHECK(tip + way[11] > 0.05f); /* metres out of the face, from the jaw's hinges */
+    CHECK_FAILS(anyface_face_copy_to_canonical(face, way, 9, &error), ANYFACE_STATUS_INVALID_INPUT,
+                "12");
     for (int i = 0; i < ANYFACE_LANDMARK_COUNT; i++) {
         CHECK(vertices[i] < anyface_face_vertex_count(face) && confidence[i] == 1.0f);
     }

@@ -24,7 +24,7 @@ pub(super) struct Animate {
     /// The speech: WAV, MP3, FLAC, Ogg Vorbis, M4A or AIFF
     #[arg(long, value_name = "A")]
     audio: PathBuf,
-    /// The result: .npz (arrays), .pc2 or .mdd (point caches)
+    /// The result: .npz (arrays, with the rotation of head and eyes beside them), .pc2 or .mdd (point caches)
     #[arg(long, value_name = "O")]
     out: PathBuf,
     /// Also write a report of the run
@@ -61,6 +61,7 @@ impl Animate {
             &face,
             motion.fps(),
             articulation,
+            Some(&performance.life),
             &mut report,
             |sink| engine.spread(&face, motion, sink, progress),
         )?;

@@ -63,6 +63,7 @@ impl Deform {
             &face,
             fps,
             0.0,
+            None,
             &mut report,
             |sink| match motion.neutral {
                 Some(_) => engine.spread_own(&face, displacements, fps, sink, progress),

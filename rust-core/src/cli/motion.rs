@@ -21,7 +21,7 @@ pub(super) struct Motion {
     /// The speech: WAV, MP3, FLAC, Ogg Vorbis, M4A or AIFF
     #[arg(long, value_name = "A")]
     audio: PathBuf,
-    /// The result, .npz: landmark_displacements [T, 68, 3] and fps
+    /// The result, .npz: landmark_displacements [T, 68, 3], head [T, 3], gaze [T, 2, 2] and fps
     #[arg(long, value_name = "O.npz")]
     out: PathBuf,
     /// Also write a report of the run
@@ -46,20 +46,24 @@ impl Motion {
         let mut report = new_report();
         let waveform = read_sound(&mut report, &self.audio)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
-        let (motion, articulation) = timed(&mut report, "motion", || {
+        let (motion, life, articulation) = timed(&mut report, "motion", || {
             let progress = |p| console.progress(p);
             if self.causal {
-                return Ok((engine.causal_motion(&waveform, &request, &progress)?, 1.0));
+                let motion = engine.causal_motion(&waveform, &request, &progress)?;
+                return Ok((motion, None, 1.0));
             }
             let performance = engine.perform(&waveform, &request, &progress)?;
             let articulation = performance.articulation();
-            Ok((landmarks_of(performance.motion)?, articulation))
+            let motion = landmarks_of(performance.motion)?;
+            Ok((motion, Some(performance.life), articulation))
         })?;
         report.note_motion(None, motion.displacements.view(), 1.0, articulation);
         report.frames = motion.displacements.dim().0;
         report.fps = motion.fps;
         report.out = Some(shown(&self.out));
-        timed(&mut report, "write", || write_motion(&self.out, &motion))?;
+        timed(&mut report, "write", || {
+            write_motion(&self.out, &motion, life.as_ref())
+        })?;
         if let Some(path) = &self.report {
             write_json(path, &report)?;
         }

@@ -11,6 +11,7 @@ use crate::{
     Face, Result,
     audio::Waveform,
     mesh::Mouth,
+    motion::Life,
     output::{ClipFile, Report, warnings_of_sound},
     spread::{ClipStart, FrameSink, LandmarkTrack, SpreadReport},
 };
@@ -112,17 +113,18 @@ impl<S: FrameSink> FrameSink for TimedSink<S> {
 }
 
 /// Runs `spread` into the file at `path`, and notes what it did and how long it took; `articulation` is
-/// what the lips were asked for.
+/// what the lips were asked for, `life` what is written beside the frames.
 pub(super) fn spread_into(
     path: &Path,
     face: &Face,
     fps: f64,
     articulation: f32,
+    life: Option<&Life>,
     report: &mut Report,
     spread: impl FnOnce(&mut dyn FrameSink) -> Result<SpreadReport>,
 ) -> Result<()> {
     let started = Instant::now();
-    let mut sink = TimedSink::new(ClipFile::new(path)?);
+    let mut sink = TimedSink::new(ClipFile::new(path)?.with_life(life));
     let made = spread(&mut sink)?;
     note(report, "write", sink.spent);
     note(

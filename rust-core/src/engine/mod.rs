@@ -22,7 +22,7 @@ use crate::{
     },
     face::Face,
     mesh::{self, FaceOptions, LandmarkFinder, Mesh},
-    motion::Motion,
+    motion::{FaceModes, Motion},
     progress::ProgressFn,
     rig::{self, Rig, RigModel, SolveOptions, SolvedWeights},
     speech::{self, SpeechEncoder},
@@ -88,6 +88,8 @@ pub struct Engine {
     encoder: Arc<dyn SpeechEncoder>,
     static_weights: StaticWeights,
     finder: LandmarkFinder,
+    /// How lids go with eyes that look up and down.
+    face_modes: FaceModes,
     /// Loaded where shapes are asked for.
     rig_model: OnceLock<RigModel>,
     model_folder: Option<PathBuf>,
@@ -141,6 +143,7 @@ impl Engine {
             encoder,
             static_weights: StaticWeights::open(folder)?,
             finder: LandmarkFinder::load(folder)?,
+            face_modes: FaceModes::open(folder)?,
             rig_model: OnceLock::new(),
             cache: Cache::new(&options.cache),
             key_of_models: key_of_models(folder)?,

@@ -8,8 +8,8 @@ use super::Engine;
 use crate::{
     Result,
     audio::Waveform,
-    conditions::{ControlCurve, ControlStage, EmotionCurve, MotionRequest, check_fps},
-    motion::Motion,
+    conditions::{Control, ControlCurve, ControlStage, EmotionCurve, MotionRequest, check_fps},
+    motion::{Life, LifeStrengths, Motion},
     progress::{ProgressFn, report},
     speech::Heard,
 };
@@ -20,7 +20,12 @@ const PIECES: usize = 2;
 /// A control whose largest and least value lie nearer together does not change.
 const STILL: f64 = 1e-6;
 
-/// Motion, and all that is needed to perform it in another way.
+/// Controls of what lives beside the face.
+const HEAD: &str = "head_motion";
+const GAZE: &str = "gaze";
+const BREATH: &str = "breath";
+
+/// Motion with head and gaze, and all that is needed to perform it in another way.
 ///
 /// ```
 /// use anyface::{CachePolicy, Engine, EngineOptions, MotionRequest, audio::Waveform, progress::SILENT};
@@ -39,6 +44,8 @@ const STILL: f64 = 1e-6;
 pub struct Performance {
     /// The motion.
     pub motion: Motion,
+    /// Head and eyes beside it, as many frames.
+    pub life: Life,
     /// As the system made it, before any control.
     pub(super) sampled: Motion,
     pub(super) heard: Arc<Heard>,
@@ -119,28 +126,60 @@ impl Engine {
         heard: Arc<Heard>,
         request: MotionRequest,
     ) -> Result<Performance> {
-        let motion = self.controlled(&sampled, &heard, &request, &request.emotion)?;
+        let (motion, life) = self.controlled(&sampled, &heard, &request, &request.emotion)?;
         Ok(Performance {
             motion,
+            life,
             sampled,
             heard,
             request,
         })
     }
 
-    /// Puts the controls of `request` on what was sampled, those that change over time frame by frame.
+    /// Head and eyes beside `motion`; still where only speech is asked for.
+    fn life(&self, motion: &Motion, heard: &Heard, request: &MotionRequest) -> Life {
+        let (frames, fps) = (motion.frames(), motion.fps());
+        if request.emotion == EmotionCurve::Off {
+            return Life::still(frames);
+        }
+        let at = |name: &str, time_s: f64| match request.controls.animated(name) {
+            Some(curve) => curve.at(time_s),
+            None => f64::from(self.control(request, name)),
+        };
+        let strengths = |t: usize| {
+            let time_s = t as f64 / fps;
+            LifeStrengths {
+                head: at(HEAD, time_s),
+                gaze: at(GAZE, time_s),
+                breath: at(BREATH, time_s),
+            }
+        };
+        let strengths: Vec<LifeStrengths> = (0..frames).map(strengths).collect();
+        Life::perform(&heard.prosody, request.seed, fps, &strengths)
+    }
+
+    /// What a control is asked to be; 0 where the system has no such control.
+    pub(super) fn control(&self, request: &MotionRequest, name: &str) -> f32 {
+        let mut known = self.registration.controls();
+        let control = known.find(|control| control.name == name);
+        control.map_or(0.0, |control| control.value(&request.controls))
+    }
+
+    /// Puts the controls of `request` on what was sampled, those that change over time frame by frame; lids
+    /// follow the gaze.
     pub(super) fn controlled(
         &self,
         sampled: &Motion,
         heard: &Heard,
         request: &MotionRequest,
         blink_emotion: &EmotionCurve,
-    ) -> Result<Motion> {
+    ) -> Result<(Motion, Life)> {
         let base = self
             .system
             .perform(sampled, heard, request, blink_emotion)?;
         let mut moved = Cow::Borrowed(&base);
-        for control in self.registration.controls() {
+        let on_motion = |control: &&Control| ![HEAD, GAZE].contains(&control.name);
+        for control in self.registration.controls().filter(on_motion) {
             if let Some(curve) = request.controls.animated(control.name) {
                 let at = |value: f64| {
                     let controls = request.controls.with(control.name, value as f32);
@@ -153,7 +192,13 @@ impl Engine {
                 moved = Cow::Owned(along(&base, &moved, curve, at)?);
             }
         }
-        Ok(moved.into_owned())
+        let mut moved = moved.into_owned();
+        let life = self.life(&moved, heard, request);
+        if let Motion::Landmarks(clip) = &mut moved {
+            self.face_modes
+                .follow_gaze(&mut clip.displacements, life.gaze.view())?;
+        }
+        Ok((moved, life))
     }
 }
 

@@ -86,7 +86,7 @@ impl Engine {
         }
         let emotion = &performance.request.emotion;
         let speech_only = *emotion == EmotionCurve::Off;
-        let value = |name| self.control(performance, name);
+        let value = |name| self.control(&performance.request, name);
         let up_to = |value: f32, most: f32, limit: f32| (limit / value).min(most);
         let knots = match slider {
             Slider::Articulation if value(ARTICULATION) > 0.0 => {
@@ -111,13 +111,6 @@ impl Engine {
             .collect()
     }
 
-    /// What a control stood at; 0 where the system has no such control.
-    fn control(&self, performance: &Performance, name: &str) -> f32 {
-        let mut known = self.registration.controls();
-        let control = known.find(|control| control.name == name);
-        control.map_or(0.0, |control| control.value(&performance.request.controls))
-    }
-
     /// The performance with one slider at `position`; blinks are there or, at 0, not.
     ///
     /// # Errors
@@ -137,21 +130,22 @@ impl Engine {
             Slider::EmotionAndBlinks => (true, true),
         };
         if slider == Slider::Articulation {
-            let scaled = self.control(performance, ARTICULATION) * position;
+            let scaled = self.control(&performance.request, ARTICULATION) * position;
             request.controls.set(ARTICULATION, scaled.min(MAX_CONTROL));
         }
         if blinks && position == 0.0 {
             request.controls.set(BLINKS, 0.0);
         }
         let (heard, blink_emotion) = (&performance.heard, &performance.request.emotion);
-        self.threads(|| match emotion {
+        let (varied, _) = self.threads(|| match emotion {
             false => self.controlled(&performance.sampled, heard, &request, blink_emotion),
             true => {
                 request.emotion = request.emotion.scaled(position);
                 let sampled = self.system.sample(heard, &request, progress)?;
                 self.controlled(&sampled, heard, &request, blink_emotion)
             }
-        })
+        })?;
+        Ok(varied)
     }
 
     /// What each slider of a take changes, in the weights of its shapes; sliders that move nothing are

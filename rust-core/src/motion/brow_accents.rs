@@ -108,7 +108,7 @@ pub(super) fn raise_brows(
 }
 
 /// How far each syllable stands out of the clip in level and pitch, in deviations: `(frame, value)`.
-fn prominences(prosody: &Prosody) -> Vec<(usize, f32)> {
+pub(super) fn prominences(prosody: &Prosody) -> Vec<(usize, f32)> {
     let level: Vec<f32> = prosody
         .nuclei
         .iter()

@@ -9,7 +9,8 @@ macro_rules! performance_controls {
         neutral $neutral:literal, $animatable:ident, $help:literal;)*) => {
         /// Controls over sampled landmark motion; changing one needs no new sampling.
         ///
-        /// The default changes nothing but adds natural blinks and subtle raises of the brows.
+        /// The default adds what lives around speech: blinks, raises of the brows, head, gaze, breath, and the
+        /// slow changes that make one take differ from another.
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub struct PerformanceControls {
             $(#[doc = $help] pub $name: f32,)*
@@ -78,6 +79,16 @@ performance_controls! {
         "Strength of the raises of the brows on stressed syllables.";
     asymmetry: "Asymmetry", "", [-1.0, 1.0], default 0.0, neutral 0.0, true,
         "More motion of brows and mouth corners on the subject's right (-1) or left (1) side.";
+    head_motion: "Head Motion", "", [0.0, 2.0], default 1.0, neutral 0.0, true,
+        "Strength of the head's nods on stressed syllables, of its drift and posture; a track beside the \
+         face.";
+    gaze: "Gaze", "", [0.0, 2.0], default 1.0, neutral 0.0, true,
+        "Strength of the eyes' leaps, rests and looks away; a track beside the face, which the lids follow.";
+    breath: "Breath", "", [0.0, 2.0], default 1.0, neutral 0.0, true,
+        "How far lips part and the head rises before phrases; lips that close stay closed.";
+    variety: "Variety", "", [0.0, 2.0], default 1.0, neutral 0.0, true,
+        "How much takes of different seeds differ in opening, width, sides and brows; closed lips stay \
+         closed.";
 }
 
 #[cfg(test)]

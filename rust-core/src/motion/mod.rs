@@ -5,16 +5,23 @@
 
 mod articulation;
 mod blinks;
+mod breath;
 mod brow_accents;
 mod chance;
 mod closures;
 mod controls;
 mod face_modes;
 mod frame_stream;
+mod gaze;
+mod head;
+mod life;
 mod perform;
+mod phrases;
 mod resample;
+mod slow_noise;
 mod smooth;
 mod upper_face;
+mod variety;
 mod visibility;
 
 use ndarray::{Array2, Array3, ArrayD, ArrayViewD};
@@ -25,6 +32,7 @@ pub use closures::close_lips;
 pub use controls::{PERFORMANCE_CONTROLS, PerformanceControls};
 pub use face_modes::{FaceModes, MODEL as FACE_MODES_MODEL};
 pub use frame_stream::{LandmarkFrame, MotionStream, stream_whole};
+pub use life::{Life, LifeStrengths};
 pub use perform::Cues;
 pub use visibility::{SPOKEN_MM, VISIBLE_MM, Visibility, lip_travel};
 

@@ -6,8 +6,10 @@ use super::{
     FaceModes, LandmarkClip, PERFORMANCE_CONTROLS, PerformanceControls,
     articulation::{articulate, keep_closures},
     blinks::{blinks, close_lids},
+    breath::breathe,
     brow_accents::{brow_accents, raise_brows},
     upper_face,
+    variety::Variety,
 };
 use crate::{
     Result,
@@ -27,15 +29,16 @@ pub struct Cues<'a> {
     pub speech_only: bool,
     /// How the speech was said.
     pub prosody: &'a Prosody,
-    /// Same seed, same blinks and accents.
+    /// Same seed, same blinks, accents and variety.
     pub seed: u64,
 }
 
 impl FaceModes {
     /// The clip with `controls` put on it; the same whatever the number of threads.
     ///
-    /// In this order: smoothing, articulation and the share of jaw and lips, closures as they were,
-    /// brow accents, the upper face's scale, asymmetry, blinks. With
+    /// In this order: smoothing, variety of the mouth, articulation and the share of jaw and lips, closures
+    /// as they were, breath, variety of the brows, brow accents, the upper face's scale, asymmetry, blinks.
+    /// Head and gaze are no landmarks: see [`super::Life`]. With
     /// [`PerformanceControls::as_sampled`] the clip comes back as it was, unless `speech_only`.
     ///
     /// # Errors
@@ -48,12 +51,23 @@ impl FaceModes {
     ) -> Result<LandmarkClip> {
         Controls::from(*controls).check(PERFORMANCE_CONTROLS, ControlStage::Motion)?;
         let mut clip = sampled.smoothed(f64::from(controls.smoothing_s));
+        let variety = Variety::draw(cues.prosody, cues.seed);
+        if controls.variety > 0.0 && !cues.speech_only {
+            variety.vary_mouth(&mut clip.displacements, sampled.fps, controls.variety);
+        }
         self.shape_speech(&mut clip, sampled, cues, controls)?;
         let fps = clip.fps;
         let moved = &mut clip.displacements;
         if cues.speech_only {
             still_upper_face(moved);
         } else {
+            if controls.breath > 0.0 {
+                let (before, strength) = (sampled.displacements.view(), controls.breath);
+                breathe(moved, before, fps, cues.prosody, self, strength)?;
+            }
+            if controls.variety > 0.0 {
+                variety.vary_brows(moved, fps, self, controls.variety)?;
+            }
             if controls.brow_accents > 0.0 {
                 let accents = brow_accents(cues.prosody, cues.seed);
                 raise_brows(moved, fps, &accents, self, controls.brow_accents)?;
@@ -97,7 +111,7 @@ impl FaceModes {
                 jaw_lips,
             );
         }
-        if shaped || controls.smoothing_s > 0.0 {
+        if shaped || controls.smoothing_s > 0.0 || controls.variety > 0.0 {
             keep_closures(&mut clip.displacements, sampled.displacements.view());
         }
         Ok(())

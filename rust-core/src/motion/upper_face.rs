@@ -7,6 +7,8 @@ use crate::{Result, motion::FaceModes};
 
 /// What the extremes of `asymmetry` add to one side and take from the other.
 const MOST_LOPSIDED: f32 = 0.5;
+/// How far the lower lid goes with the upper one when the eyes look down: so in the tracked face of grid_s1.
+const LOWER_LID_SHARE: f32 = 0.12;
 
 /// Scales the motion of the upper face; lids that would pass through one another just close.
 ///
@@ -69,6 +71,18 @@ impl<'a> Lids<'a> {
     pub(super) fn bring_forward(&self, frame: &mut ArrayViewMut2<'_, f32>, by: f32) {
         for (upper, _) in self.eye.pairs {
             frame[[upper, 2]] += by;
+        }
+    }
+
+    /// Lowers the upper lid by `down` metres along the way of a blink, the lower one a little, as far as the
+    /// lids are open.
+    pub(super) fn follow(&self, frame: &mut ArrayViewMut2<'_, f32>, down: f32) {
+        let open = (1.0 - self.closure(frame)).clamp(0.0, 1.0);
+        for (upper, lower) in self.eye.pairs {
+            let way = self.mode.row(upper);
+            let weight = open * down / -way[1];
+            frame.row_mut(upper).scaled_add(weight, &way);
+            frame[[lower, 1]] -= LOWER_LID_SHARE * open * down;
         }
     }
 

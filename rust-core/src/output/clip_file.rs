@@ -11,19 +11,22 @@ use ndarray::{Array3, ArrayView3};
 use super::{Format, atomic::Unfinished, cache::write_positions, mdd, npz::Archive, pc2};
 use crate::{
     Error, Result,
+    motion::Life,
     spread::{ClipStart, FrameSink, LandmarkTrack},
 };
 
 /// A file that takes the frames of a clip; it is there when the last one was taken, and never half.
 ///
 /// npz: `displacements` `[T, V, 3]`, `landmarks_neutral` `[68, 3]`, `landmark_displacements`
-/// `[T, 68, 3]` as f32 in mesh units, and `fps`. pc2 and mdd: positions, mesh units and axes.
+/// `[T, 68, 3]` as f32 in mesh units, `fps`, and where they are known `head` `[T, 3]` and `gaze` `[T, 2, 2]` as
+/// [`Life`] has them: in canonical axes, and not in the displacements. pc2 and mdd: positions, mesh units and axes.
 ///
 /// Its errors as a [`FrameSink`]: `ShapeMismatch` if the frames are not those that were announced,
 /// `Io` if the file cannot be written.
 pub struct ClipFile {
     path: PathBuf,
     format: Format,
+    life: Option<Life>,
     open: Option<(Unfinished, Writer<BufWriter<File>>)>,
 }
 
@@ -36,8 +39,16 @@ impl ClipFile {
         Ok(ClipFile {
             path: path.to_owned(),
             format: Format::from_path(path)?,
+            life: None,
             open: None,
         })
+    }
+
+    /// The same with head and gaze, for formats that hold them.
+    #[must_use]
+    pub fn with_life(mut self, life: Option<&Life>) -> Self {
+        self.life = life.cloned();
+        self
     }
 
     /// [`FrameSink::take`] of frames that stay with the caller.
@@ -68,7 +79,7 @@ impl FrameSink for ClipFile {
         let Some((unfinished, writer)) = self.open.take() else {
             return Ok(());
         };
-        writer.finish(&self.path, landmarks)?;
+        writer.finish(&self.path, landmarks, self.life.as_ref())?;
         unfinished.finish()
     }
 }
@@ -139,7 +150,12 @@ impl<W: Write + Seek> Writer<W> {
         .map_err(Error::io(path))
     }
 
-    pub(super) fn finish(self, path: &Path, landmarks: &LandmarkTrack<'_>) -> Result<()> {
+    pub(super) fn finish(
+        self,
+        path: &Path,
+        landmarks: &LandmarkTrack<'_>,
+        life: Option<&Life>,
+    ) -> Result<()> {
         if self.taken != self.frames {
             return Err(self.mismatch(self.vertices));
         }
@@ -147,6 +163,7 @@ impl<W: Write + Seek> Writer<W> {
             Body::Npz(mut archive) => archive
                 .neutral(landmarks.neutral)
                 .and_then(|()| archive.landmarks(landmarks.displacements))
+                .and_then(|()| life.map_or(Ok(()), |life| archive.life(life)))
                 .and_then(|()| archive.number("fps", self.fps))
                 .and_then(|()| archive.finish()),
             Body::PointCache(mut file, ..) => file.flush(),

@@ -29,7 +29,7 @@ pub use vertex_motion::{VertexMotion, read_vertex_motion};
 use crate::{
     Error, Result,
     mesh::Mesh,
-    motion::LandmarkClip,
+    motion::{LandmarkClip, Life},
     spread::{Animation, ClipStart, FrameSink, LandmarkTrack},
 };
 
@@ -67,9 +67,14 @@ impl Format {
 ///
 /// # Errors
 /// Those of [`ClipFile`]; then nothing is left.
-pub fn write_animation(path: &Path, animation: &Animation, mesh: &Mesh) -> Result<()> {
+pub fn write_animation(
+    path: &Path,
+    animation: &Animation,
+    life: Option<&Life>,
+    mesh: &Mesh,
+) -> Result<()> {
     let moved = &animation.vertices.displacements;
-    let mut file = ClipFile::new(path)?;
+    let mut file = ClipFile::new(path)?.with_life(life);
     file.begin(&ClipStart {
         mesh,
         is_brought: false,
@@ -83,13 +88,14 @@ pub fn write_animation(path: &Path, animation: &Animation, mesh: &Mesh) -> Resul
     })
 }
 
-/// Writes landmark motion as npz: `landmark_displacements` `[T, 68, 3]` in canonical metres, `fps`.
+/// Writes landmark motion as npz: `landmark_displacements` `[T, 68, 3]` in canonical metres, `fps`, and
+/// `head` and `gaze` as [`Life`] has them.
 ///
 /// # Errors
 /// `InvalidInput` for an extension other than npz, `Io` if the file cannot be written.
-pub fn write_motion(path: &Path, motion: &LandmarkClip) -> Result<()> {
+pub fn write_motion(path: &Path, motion: &LandmarkClip, life: Option<&Life>) -> Result<()> {
     match Format::from_path(path)? {
-        Format::Npz => write_atomically(path, |file| npz::write_motion(file, motion)),
+        Format::Npz => write_atomically(path, |file| npz::write_motion(file, motion, life)),
         _ => Err(Error::InvalidInput(format!(
             "{}: expected a name that ends in .npz for landmark motion",
             path.display()

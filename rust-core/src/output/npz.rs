@@ -2,19 +2,27 @@
 
 use std::io::{self, Seek, SeekFrom, Write};
 
-use ndarray::ArrayView3;
+use ndarray::{ArrayView3, Axis};
 use zip::{CompressionMethod, ZipWriter, result::ZipError, write::SimpleFileOptions};
 
-use crate::{ibug::LANDMARKS, motion::LandmarkClip};
+use crate::{
+    ibug::LANDMARKS,
+    motion::{LandmarkClip, Life},
+};
 
 /// Bytes of one array from which its entry needs 64-bit sizes.
 const LARGE_BYTES: u64 = u32::MAX as u64 - 4096;
 /// Values that are turned into bytes at a time.
 const BATCH: usize = 1 << 16;
 
-pub(super) fn write_motion(file: impl Write + Seek, motion: &LandmarkClip) -> io::Result<()> {
+pub(super) fn write_motion(
+    file: impl Write + Seek,
+    motion: &LandmarkClip,
+    life: Option<&Life>,
+) -> io::Result<()> {
     let mut archive = Archive::new(file);
     archive.landmarks(motion.displacements.view())?;
+    life.map_or(Ok(()), |life| archive.life(life))?;
     archive.number("fps", motion.fps)?;
     archive.finish()
 }
@@ -46,6 +54,14 @@ impl<W: Write + Seek> Archive<W> {
         self.start("landmarks_neutral", "<f4", &[LANDMARKS, 3])?;
         let landmarks = ArrayView3::from_shape((1, LANDMARKS, 3), landmarks.as_flattened());
         self.values(landmarks.map_err(io::Error::other)?)
+    }
+
+    /// `head`, `[T, 3]`, and `gaze`, `[T, 2, 2]`.
+    pub(super) fn life(&mut self, life: &Life) -> io::Result<()> {
+        self.start("head", "<f4", life.head.shape())?;
+        self.values(life.head.view().insert_axis(Axis(0)))?;
+        self.start("gaze", "<f4", life.gaze.shape())?;
+        self.values(life.gaze.view())
     }
 
     /// A scalar of double precision.

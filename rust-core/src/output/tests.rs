@@ -15,7 +15,7 @@ fn write_sample(file: impl Write + Seek, format: Format) -> Result<()> {
     let all = animation.vertices.displacements.view();
     writer.write(path, all.slice_axis(ndarray::Axis(0), (..1).into()))?;
     writer.write(path, all.slice_axis(ndarray::Axis(0), (1..).into()))?;
-    writer.finish(path, &landmarks(&animation))
+    writer.finish(path, &landmarks(&animation), None)
 }
 
 fn start(mesh: &Mesh) -> ClipStart<'_> {
@@ -65,7 +65,7 @@ fn npz_gives_back_what_was_written() {
     let (animation, mesh) = sample();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("clip.npz");
-    write_animation(&path, &animation, &mesh).unwrap();
+    write_animation(&path, &animation, None, &mesh).unwrap();
     let mut npz = NpzReader::new(std::fs::File::open(&path).unwrap()).unwrap();
     let displacements: Array3<f32> = npz.by_name("displacements").unwrap();
     assert_eq!(displacements, animation.vertices.displacements);
@@ -83,11 +83,19 @@ fn motion_files_hold_no_neutral_landmarks() {
         displacements: Array3::from_elem((2, LANDMARKS, 3), 0.01),
         fps: 30.0,
     };
-    write_motion(&path, &motion).unwrap();
+    let life = Life {
+        head: ndarray::array![[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]],
+        gaze: Array3::from_shape_fn((2, 2, 2), |(t, e, i)| (4 * t + 2 * e + i) as f32),
+    };
+    write_motion(&path, &motion, Some(&life)).unwrap();
+    let mut npz = NpzReader::new(std::fs::File::open(&path).unwrap()).unwrap();
+    let head: ndarray::Array2<f32> = npz.by_name("head").unwrap();
+    let gaze: Array3<f32> = npz.by_name("gaze").unwrap();
+    assert_eq!((head, gaze), (life.head, life.gaze));
     let read = read_landmark_motion(&path).unwrap();
     assert_eq!(read.neutral, None);
     assert_eq!(read.displacements, motion.displacements);
-    assert!(write_motion(&folder.path().join("motion.pc2"), &motion).is_err());
+    assert!(write_motion(&folder.path().join("motion.pc2"), &motion, None).is_err());
 }
 
 #[test]
@@ -118,10 +126,12 @@ fn mdd_holds_times_and_positions_big_endian() {
 fn unknown_extensions_and_foreign_meshes_are_refused() {
     let (animation, mut mesh) = sample();
     let folder = tempfile::tempdir().unwrap();
-    let error = write_animation(&folder.path().join("clip.abc"), &animation, &mesh).unwrap_err();
+    let error =
+        write_animation(&folder.path().join("clip.abc"), &animation, None, &mesh).unwrap_err();
     assert!(error.to_string().contains(".npz, .pc2 or .mdd"), "{error}");
     mesh.positions.pop();
-    let error = write_animation(&folder.path().join("clip.pc2"), &animation, &mesh).unwrap_err();
+    let error =
+        write_animation(&folder.path().join("clip.pc2"), &animation, None, &mesh).unwrap_err();
     assert_eq!(
         error.to_string(),
         "displacements: expected [4, 4, 3], got [4, 5, 3]"

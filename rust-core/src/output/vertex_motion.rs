@@ -176,7 +176,7 @@ mod tests {
             ("a.mdd", Some(25.0)),
         ] {
             let path = folder.path().join(name);
-            write_animation(&path, &clip(), &mesh()).unwrap();
+            write_animation(&path, &clip(), None, &mesh()).unwrap();
             let read = read_vertex_motion(&path, &mesh()).unwrap();
             assert_eq!(read.displacements, clip().vertices.displacements, "{name}");
             match (read.fps, fps) {
@@ -193,7 +193,7 @@ mod tests {
         larger.positions.push([2.0; 3]);
         for name in ["a.npz", "a.pc2", "a.mdd"] {
             let path = folder.path().join(name);
-            write_animation(&path, &clip(), &mesh()).unwrap();
+            write_animation(&path, &clip(), None, &mesh()).unwrap();
             let error = read_vertex_motion(&path, &larger).unwrap_err();
             assert!(
                 matches!(error, Error::ShapeMismatch { .. }),

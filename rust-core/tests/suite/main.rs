@@ -6,6 +6,7 @@ mod head;
 mod imports;
 mod kept_faces;
 mod landmarks;
+mod life;
 mod parts;
 mod performance;
 mod runs;

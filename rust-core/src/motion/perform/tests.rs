@@ -104,10 +104,14 @@ fn gap(displacements: &Array3<f32>, t: usize, (up, low): (usize, usize)) -> f32 
 }
 
 #[test]
-fn as_sampled_changes_nothing_and_the_default_adds_blinks_and_brows_alone() {
+fn as_sampled_changes_nothing_and_without_variety_the_default_adds_blinks_and_brows_alone() {
     let clip = talking(&modes(), "happy:0.6");
     assert_eq!(performed(&clip, "happy:0.6", plain()), clip.displacements);
-    let made = performed(&clip, "happy:0.6", PerformanceControls::default());
+    let controls = PerformanceControls {
+        variety: 0.0,
+        ..Default::default()
+    };
+    let made = performed(&clip, "happy:0.6", controls);
     let moved = changed(&made, &clip.displacements);
     assert!(!moved.is_empty());
     assert!(
@@ -124,7 +128,14 @@ fn each_control_moves_its_own_landmarks() {
     let upper = |n: usize| (17..31).contains(&n) || (36..48).contains(&n);
     let brows = |n: usize| (17..27).contains(&n);
     let sides = |n: usize| brows(n) || [48, 49, 53, 54, 55, 59, 60, 64].contains(&n);
-    let cases: [(PerformanceControls, &dyn Fn(usize) -> bool); 6] = [
+    let cases: [(PerformanceControls, &dyn Fn(usize) -> bool); 7] = [
+        (
+            PerformanceControls {
+                variety: 1.5,
+                ..plain()
+            },
+            &|n| speaking(n) || brows(n),
+        ),
         (
             PerformanceControls {
                 articulation: 1.7,

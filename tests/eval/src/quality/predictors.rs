@@ -205,7 +205,7 @@ mod tests {
             displacements: ndarray::Array3::from_elem((60, LANDMARKS, 3), 0.25),
             fps: 50.0,
         };
-        write_motion(&folder.path().join("a.npz"), &motion).unwrap();
+        write_motion(&folder.path().join("a.npz"), &motion, None).unwrap();
         let found = from_files(folder.path(), &[clip("a"), clip("b")]).unwrap();
         let made = found[0].as_ref().unwrap();
         assert_eq!(made.dim(), (25, LANDMARKS, 3));

@@ -1,0 +1,93 @@
+/*
+ * Head and eyes beside a performance: what they say, how strengths reach them, and what is refused.
+ *
+ *     life VOICE.wav MOTION.npz
+ */
+#include "check.h"
+
+static AnyfaceError *error = NULL;
+
+static AnyfaceMotion *spoken(const AnyfaceEngine *engine, const AnyfaceAudio *audio, float head,
+                             float gaze) {
+    AnyfaceControlSetting settings[2] = {{.name = "head_motion", .value = head},
+                                         {.name = "gaze", .value = gaze}};
+    AnyfaceMotionOptions options;
+    anyface_motion_options_init(&options, sizeof options);
+    options.controls = settings;
+    options.control_count = 2;
+    AnyfaceMotion *motion = NULL;
+    CHECK_OK(anyface_motion_new(engine, audio, &options, NULL, &motion, &error));
+    return motion;
+}
+
+static float largest(const float *values, size_t count) {
+    float most = 0.0f;
+    for (size_t i = 0; i < count; i++) {
+        float size = values[i] < 0.0f ? -values[i] : values[i];
+        most = size > most ? size : most;
+    }
+    return most;
+}
+
+/* The largest angle of the head and of the eyes, radians. */
+static void angles(const AnyfaceMotion *motion, float *head, float *gaze) {
+    size_t frames = anyface_motion_frame_count(motion);
+    float *turns = malloc(7 * frames * sizeof *turns);
+    CHECK(turns != NULL && frames > 0);
+    CHECK_OK(anyface_motion_copy_head(motion, turns, 3 * frames, &error));
+    CHECK_OK(anyface_motion_copy_gaze(motion, turns + 3 * frames, 4 * frames, &error));
+    *head = largest(turns, 3 * frames);
+    *gaze = largest(turns + 3 * frames, 4 * frames);
+    free(turns);
+}
+
+static void wrong_calls(const AnyfaceMotion *motion) {
+    float *none = NULL;
+    float few[3] = {7.0f, 7.0f, 7.0f};
+    CHECK_FAILS(anyface_motion_copy_head(motion, none, 3, &error), ANYFACE_STATUS_INVALID_INPUT,
+                "expected");
+    CHECK_FAILS(anyface_motion_copy_gaze(motion, few, 3, &error), ANYFACE_STATUS_INVALID_INPUT,
+                "expected");
+    CHECK(few[0] == 7.0f);
+}
+
+int main(int argc, char **argv) {
+    CHECK(argc == 3);
+    AnyfaceEngine *engine = NULL;
+    AnyfaceAudio *audio = NULL;
+    CHECK_OK(anyface_engine_new(NULL, &engine, &error));
+    CHECK_OK(anyface_audio_read(argv[1], &audio, &error));
+
+    AnyfaceMotion *motion = spoken(engine, audio, 1.0f, 1.0f);
+    float head = 0.0f, gaze = 0.0f;
+    angles(motion, &head, &gaze);
+    CHECK(head > 0.001f && head < 0.09f);
+    CHECK(gaze > 0.01f && gaze < 0.4f);
+    wrong_calls(motion);
+    CHECK_OK(anyface_motion_write(motion, argv[2], &error));
+
+    AnyfaceMotionOptions still;
+    anyface_motion_options_init(&still, sizeof still);
+    AnyfaceControlSetting off[2] = {{.name = "head_motion", .value = 0.0f},
+                                    {.name = "gaze", .value = 0.0f}};
+    still.controls = off;
+    still.control_count = 2;
+    AnyfaceMotion *again = NULL;
+    CHECK_OK(anyface_motion_new_again(engine, motion, &still, &again, &error));
+    angles(again, &head, &gaze);
+    CHECK(head == 0.0f && gaze == 0.0f);
+    anyface_motion_free(again);
+    anyface_motion_free(motion);
+
+    static float moved[2 * 3 * ANYFACE_LANDMARK_COUNT];
+    AnyfaceMotion *given = NULL;
+    CHECK_OK(anyface_motion_new_displacements(moved, 2, 24.0, &given, &error));
+    angles(given, &head, &gaze);
+    CHECK(head == 0.0f && gaze == 0.0f);
+    anyface_motion_free(given);
+
+    anyface_audio_free(audio);
+    anyface_engine_free(engine);
+    puts("ok");
+    return 0;
+}
