@@ -1,4 +1,4 @@
-"""Facts about cleaning, splits, emotion and the losses; the slow ones need ../shared."""
+"""Facts about cleaning, splits and the losses; the slow ones need ../shared."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from training.corpus.facegood import resample
 from training.corpus.grid import rigid, similarity
 from training.corpus.mirror import mirror, permutation, symmetrise
 from training.corpus.split import facegood_first_held_out, grid_held_out
-from training.losses import concordance_loss, lip_gap, motion_loss
+from training.losses import concordance_loss, motion_loss
 from training.tests.test_parity import SHARED, needs_shared
 
 
@@ -53,24 +53,6 @@ def test_losses_are_zero_for_the_truth_only():
     row = truth[..., 0]
     assert concordance_loss(row, row) < 1e-6
     assert concordance_loss(row * 0.5, row) > 0.1
-
-
-@needs_shared
-def test_emotion_leaves_plosives_closed_and_neutral_alone():
-    from training.corpus.emotions import EmotionSynthesiser
-
-    emotions = EmotionSynthesiser(SHARED / "data", 0)
-    motion = torch.zeros(1, 60, 204)
-    motion[..., 3 * 66 + 1] = -8e-3
-    motion[:, 29:31, 3 * 66 + 1] = 0.0
-    affect = torch.zeros(1, 60, 16)
-    affect[..., 4], affect[..., 15] = 1.0, 1.0
-    felt = emotions.apply(motion, affect)
-    opened = lip_gap(felt) - lip_gap(motion)
-    assert opened[0, 10] > 3e-3
-    assert opened[0, 30] < 0.3 * opened[0, 10]
-    affect[..., 15] = 0.0
-    assert torch.equal(emotions.apply(motion, affect), motion)
 
 
 @needs_shared
