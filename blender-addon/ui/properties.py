@@ -25,7 +25,12 @@ _SOURCES = [
 ]
 _EMOTION_SOURCES = [
     ("GIVEN", "Panel", "The emotion and intensity below", 0),
-    ("VOICE", "Voice", "How aroused the voice sounds; not whether it is glad or angry", 1),
+    (
+        "VOICE",
+        "Auto (arousal)",
+        "How excited the voice sounds, not which feeling it has: glad and angry voices look alike",
+        1,
+    ),
     ("OFF", "Off", "Speech alone: no emotion, no blinks, no motion of brows and lids", 2),
 ]
 _AXES = [

@@ -1,4 +1,4 @@
-"""Facts about cleaning, splits, emotion and the losses; the slow ones need ../shared."""
+"""Facts about cleaning, splits and the losses; the slow ones need ../shared."""
 
 import numpy as np
 import pytest

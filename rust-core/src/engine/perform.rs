@@ -90,8 +90,9 @@ impl Engine {
         })
     }
 
-    /// The same speech with other controls, emotion for blinks and accents, or seed of these; nothing is
-    /// heard or sampled again. Style, frame rate and whatever else the system samples with stay.
+    /// The same speech with other controls, another emotion, or seed of blinks and accents; nothing is
+    /// heard or sampled again. Style, frame rate and whatever else the system samples with stay, among
+    /// that the emotion where [`crate::systems::System::samples_emotion`].
     ///
     /// # Errors
     /// `InvalidInput` for a request out of range.

@@ -137,10 +137,13 @@ impl Engine {
             request.controls.set(BLINKS, 0.0);
         }
         let (heard, blink_emotion) = (&performance.heard, &performance.request.emotion);
-        let (varied, _) = self.threads(|| match emotion {
+        if emotion {
+            request.emotion = request.emotion.scaled(position);
+        }
+        let resampled = emotion && self.system.samples_emotion();
+        let (varied, _) = self.threads(|| match resampled {
             false => self.controlled(&performance.sampled, heard, &request, blink_emotion),
             true => {
-                request.emotion = request.emotion.scaled(position);
                 let sampled = self.system.sample(heard, &request, progress)?;
                 self.controlled(&sampled, heard, &request, blink_emotion)
             }

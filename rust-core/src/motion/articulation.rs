@@ -1,17 +1,17 @@
 //! How strongly the mouth speaks, and whether jaw or lips do it; lips that met still meet.
 
-use ndarray::{Array3, ArrayView2, ArrayView3};
+use ndarray::{Array3, ArrayView2, ArrayView3, ArrayViewMut2};
 
 use crate::ibug::{CHIN, LIP_COLUMNS, speaking};
 
-/// Lips nearer than this over neutral count as closing, metres; as in `training/corpus/emotions.py`.
+/// Lips nearer than this over neutral count as closing, metres.
 const CLOSED_M: f32 = 1.5e-3;
 /// Share that the extremes of `jaw_lips` take from one and give to the other.
 const MOST_SHIFTED: f32 = 0.5;
 
 /// Scales speech around the emotion's expression: `emotion + a ((1 + b) jaw + (1 − b) lips)`.
 ///
-/// The jaw's part is the chin's drop over the emotion times `jaw_open`, scaled to a chin that drops by
+/// `articulation` `[T]` is `a` of each frame. The jaw's part is the chin's drop over the emotion times `jaw_open`, scaled to a chin that drops by
 /// one; the lips' part is the rest. `b` is half of `jaw_lips`.
 ///
 /// # Shapes and units
@@ -20,12 +20,13 @@ pub(super) fn articulate(
     moved: &mut Array3<f32>,
     emotion: ArrayView3<'_, f32>,
     jaw_open: ArrayView2<'_, f32>,
-    articulation: f32,
+    articulation: &[f32],
     jaw_lips: f32,
 ) {
     let shift = MOST_SHIFTED * jaw_lips;
     let reach = jaw_open[[CHIN, 1]];
-    for (mut frame, emotion) in moved.outer_iter_mut().zip(emotion.outer_iter()) {
+    let frames = moved.outer_iter_mut().zip(emotion.outer_iter());
+    for ((mut frame, emotion), articulation) in frames.zip(articulation) {
         let opening = (frame[[CHIN, 1]] - emotion[[CHIN, 1]]) / reach;
         for n in speaking() {
             for axis in 0..3 {
@@ -45,19 +46,34 @@ pub(super) fn articulate(
 /// the outer lip goes with the inner one. Both `[T, 68, 3]`, canonical metres.
 pub(super) fn keep_closures(moved: &mut Array3<f32>, sampled: ArrayView3<'_, f32>) {
     for (mut frame, sampled) in moved.outer_iter_mut().zip(sampled.outer_iter()) {
-        for column in &LIP_COLUMNS {
-            let (up, low) = (column.upper[0].0, column.lower[0].0);
-            let had = sampled[[up, 1]] - sampled[[low, 1]];
-            let has = frame[[up, 1]] - frame[[low, 1]];
-            let closed = (1.0 - had / CLOSED_M).clamp(0.0, 1.0);
-            let free = has.max(had.min(0.0));
-            let half = 0.5 * (free + closed * (had - free) - has);
-            for (n, share) in column.upper {
-                frame[[*n, 1]] += share * half;
-            }
-            for (n, share) in column.lower {
-                frame[[*n, 1]] -= share * half;
-            }
+        keep_gap(&mut frame, sampled, closedness, 0.0);
+    }
+}
+
+/// How nearly lips are closed at a gap over that of the neutral face, metres: 0 to 1.
+pub(super) fn closedness(gap: f32) -> f32 {
+    (1.0 - gap / CLOSED_M).clamp(0.0, 1.0)
+}
+
+/// Moves the lips of a frame the part `closed(had)` of the way to the gap that they had, and further
+/// where they lie deeper in one another than they did, and than `least`.
+pub(super) fn keep_gap(
+    frame: &mut ArrayViewMut2<'_, f32>,
+    sampled: ArrayView2<'_, f32>,
+    closed: impl Fn(f32) -> f32,
+    least: f32,
+) {
+    for column in &LIP_COLUMNS {
+        let (up, low) = (column.upper[0].0, column.lower[0].0);
+        let had = sampled[[up, 1]] - sampled[[low, 1]];
+        let has = frame[[up, 1]] - frame[[low, 1]];
+        let free = has.max(had.min(least));
+        let half = 0.5 * (free + closed(had) * (had - free) - has);
+        for (n, share) in column.upper {
+            frame[[*n, 1]] += share * half;
+        }
+        for (n, share) in column.lower {
+            frame[[*n, 1]] -= share * half;
         }
     }
 }

@@ -14,12 +14,12 @@ use crate::{Result, audio::Prosody};
 /// Number of this process among the streams of a seed.
 const STREAM: u64 = u64::MAX - 1;
 /// Flecha-García 2010.
-const LEAD_S: f64 = 0.06;
-const ONSET_S: f64 = 0.12;
+pub(super) const LEAD_S: f64 = 0.06;
+pub(super) const ONSET_S: f64 = 0.12;
 const APEX_S: f64 = 0.08;
 const OFFSET_S: f64 = 0.25;
 /// Prominence, in deviations, from which a syllable may count as stressed.
-const STRESSED: f32 = 0.6;
+pub(super) const STRESSED: f32 = 0.6;
 /// Chance of a raise for each deviation of prominence, at most.
 const CHANCE: f64 = 0.3;
 const MOST_CHANCE: f64 = 0.75;
@@ -44,11 +44,11 @@ pub struct BrowAccent {
 }
 
 impl BrowAccent {
-    fn end_s(&self) -> f64 {
+    pub(super) fn end_s(&self) -> f64 {
         self.start_s + ONSET_S + APEX_S + OFFSET_S
     }
 
-    fn at(&self, time_s: f64) -> f32 {
+    pub(super) fn at(&self, time_s: f64) -> f32 {
         let rising = (time_s - self.start_s) / ONSET_S;
         let falling = (self.end_s() - time_s) / OFFSET_S;
         let x = rising.min(falling).clamp(0.0, 1.0) as f32;

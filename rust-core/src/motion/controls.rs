@@ -9,8 +9,9 @@ macro_rules! performance_controls {
         neutral $neutral:literal, $animatable:ident, $help:literal;)*) => {
         /// Controls over sampled landmark motion; changing one needs no new sampling.
         ///
-        /// The default adds what lives around speech: blinks, raises of the brows, head, gaze, breath, and the
-        /// slow changes that make one take differ from another.
+        /// The default opens the mouth as far as the voice's effort says and adds what lives around speech:
+        /// blinks, raises of the brows, head, gaze, breath, and the slow changes that make one take differ
+        /// from another.
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub struct PerformanceControls {
             $(#[doc = $help] pub $name: f32,)*
@@ -67,6 +68,9 @@ performance_controls! {
     articulation: "Articulation", "", [0.0, 2.0], default 1.0, neutral 1.0, true,
         "Strength of what speech does to mouth and jaw, around the emotion's own expression; closed \
          lips stay closed.";
+    effort: "Effort", "", [0.0, 2.0], default 1.0, neutral 0.0, true,
+        "How much a voice that shouts opens the mouth further, and one that whispers less; closed lips stay \
+         closed.";
     jaw_lips: "Lips to Jaw", "", [-1.0, 1.0], default 0.0, neutral 0.0, true,
         "-1 halves the jaw's share and gives the lips half more, 1 the other way round.";
     smoothing_s: "Smoothing", "s", [0.0, 0.1], default 0.0, neutral 0.0, false,

@@ -10,6 +10,8 @@ mod brow_accents;
 mod chance;
 mod closures;
 mod controls;
+mod effort;
+mod expression;
 mod face_modes;
 mod frame_stream;
 mod gaze;
@@ -30,6 +32,10 @@ pub use blinks::{Blink, blinks};
 pub use brow_accents::{BrowAccent, brow_accents};
 pub use closures::close_lips;
 pub use controls::{PERFORMANCE_CONTROLS, PerformanceControls};
+pub use effort::effort_gain;
+pub use expression::{
+    CausalExpression, EmotionOrigin, Expressions, MODEL as EXPRESSIONS_MODEL,
+};
 pub use face_modes::{FaceModes, MODEL as FACE_MODES_MODEL};
 pub use frame_stream::{LandmarkFrame, MotionStream, stream_whole};
 pub use life::{Life, LifeStrengths};

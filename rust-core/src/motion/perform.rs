@@ -3,11 +3,12 @@
 use ndarray::{Array3, ArrayView2};
 
 use super::{
-    FaceModes, LandmarkClip, PERFORMANCE_CONTROLS, PerformanceControls,
+    EmotionOrigin, Expressions, FaceModes, LandmarkClip, PERFORMANCE_CONTROLS, PerformanceControls,
     articulation::{articulate, keep_closures},
     blinks::{blinks, close_lids},
     breath::breathe,
     brow_accents::{brow_accents, raise_brows},
+    effort::effort_gain,
     upper_face,
     variety::Variety,
 };
@@ -25,6 +26,10 @@ pub struct Cues<'a> {
     pub affect: ArrayView2<'a, f32>,
     /// The same for the times of blinks, which stay where only the emotion's strength is changed.
     pub blink_affect: ArrayView2<'a, f32>,
+    /// The expressions of these emotions, and whether the clip shows them already.
+    pub expressions: &'a Expressions,
+    /// Where the clip's emotion comes from.
+    pub emotion_origin: EmotionOrigin,
     /// Take away everything that speech did not cause.
     pub speech_only: bool,
     /// How the speech was said.
@@ -36,10 +41,11 @@ pub struct Cues<'a> {
 impl FaceModes {
     /// The clip with `controls` put on it; the same whatever the number of threads.
     ///
-    /// In this order: smoothing, variety of the mouth, articulation and the share of jaw and lips, closures
-    /// as they were, breath, variety of the brows, brow accents, the upper face's scale, asymmetry, blinks.
-    /// Head and gaze are no landmarks: see [`super::Life`]. With
-    /// [`PerformanceControls::as_sampled`] the clip comes back as it was, unless `speech_only`.
+    /// In this order: smoothing, variety of the mouth, articulation with effort and the share of jaw and
+    /// lips, closures as they were, the expression where the clip has none, breath, variety of the brows,
+    /// brow accents, the upper face's scale, asymmetry, blinks. Head and gaze are no landmarks: see
+    /// [`super::Life`]. With [`PerformanceControls::as_sampled`] the clip comes back with its expression,
+    /// unless `speech_only`.
     ///
     /// # Errors
     /// `InvalidInput` for a control out of range.
@@ -56,6 +62,9 @@ impl FaceModes {
             variety.vary_mouth(&mut clip.displacements, sampled.fps, controls.variety);
         }
         self.shape_speech(&mut clip, sampled, cues, controls)?;
+        if cues.emotion_origin == EmotionOrigin::Added && !cues.speech_only {
+            cues.expressions.add(&mut clip, cues, self)?;
+        }
         let fps = clip.fps;
         let moved = &mut clip.displacements;
         if cues.speech_only {
@@ -97,19 +106,20 @@ impl FaceModes {
         let PerformanceControls {
             articulation,
             jaw_lips,
+            effort,
             ..
         } = *controls;
-        let shaped = articulation != 1.0 || jaw_lips != 0.0;
+        let frames = clip.displacements.dim().0;
+        let mut gain = effort_gain(cues.prosody, frames, clip.fps, effort);
+        gain.iter_mut().for_each(|gain| *gain *= articulation);
+        let shaped = gain.iter().any(|gain| *gain != 1.0) || jaw_lips != 0.0;
         if shaped {
-            let emotion = self.emotion(cues.affect, clip.fps);
-            let (emotion, jaw) = (emotion.view(), self.mode("jawOpen")?);
-            articulate(
-                &mut clip.displacements,
-                emotion,
-                jaw,
-                articulation,
-                jaw_lips,
-            );
+            let emotion = match cues.emotion_origin {
+                EmotionOrigin::Learned => cues.expressions.alone(cues.affect, clip.fps),
+                EmotionOrigin::Added => Array3::zeros(clip.displacements.dim()),
+            };
+            let jaw = self.mode("jawOpen")?;
+            articulate(&mut clip.displacements, emotion.view(), jaw, &gain, jaw_lips);
         }
         if shaped || controls.smoothing_s > 0.0 || controls.variety > 0.0 {
             keep_closures(&mut clip.displacements, sampled.displacements.view());

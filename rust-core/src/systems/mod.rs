@@ -94,6 +94,7 @@ pub fn built_in_models() -> impl Iterator<Item = &'static BuiltIn> {
         &mesh::LANDMARK_MODEL,
         &deform::static_weights::MODEL,
         &motion::FACE_MODES_MODEL,
+        &motion::EXPRESSIONS_MODEL,
         &rig::MODEL,
     ];
     let own = SYSTEMS
@@ -125,6 +126,11 @@ pub trait System: Send + Sync {
         request: &MotionRequest,
         progress: ProgressFn<'_>,
     ) -> Result<Motion>;
+
+    /// Whether another emotion needs another [`System::sample`]; else [`System::perform`] shows it.
+    fn samples_emotion(&self) -> bool {
+        true
+    }
 
     /// Puts the controls of `request` on what was sampled. Blinks come as often as under `blink_emotion`, which
     /// is the request's own emotion unless only the strength of that is varied.

@@ -69,6 +69,8 @@ class AtsConfig:
     """Everything that inference has to know; saved as config.json.
 
     In `closing_styles` lips meet where the speech encoder says so; the other styles are as recorded.
+    `emotion` is "learned" where the network was trained on emotional motion, "added" where it speaks
+    neutrally and the expression is added to what it gives.
     """
 
     system: str = "freetalk"
@@ -88,6 +90,7 @@ class AtsConfig:
     diffusion: Diffusion = field(default_factory=Diffusion)
     sampling: Sampling = field(default_factory=Sampling)
     emotions: list[str] = field(default_factory=lambda: list(EMOTIONS))
+    emotion: str = "learned"
     styles: list[str] = field(default_factory=lambda: ["grid_s1", "facegood_zh", "taught", ANY_STYLE])
     default_style: str = ANY_STYLE
     closing_styles: list[str] = field(default_factory=lambda: ["taught", ANY_STYLE])
@@ -108,7 +111,7 @@ class AtsConfig:
 
 def compact_config() -> AtsConfig:
     """The default model."""
-    return AtsConfig()
+    return AtsConfig(emotion="added")
 
 
 def paper_config() -> AtsConfig:

@@ -1,4 +1,4 @@
-"""Golden of the streaming student: samples and changing emotion to normalised mel and motion."""
+"""Golden of the streaming student: samples to normalised mel and motion."""
 
 import json
 from pathlib import Path
@@ -10,7 +10,6 @@ from safetensors.torch import save_file
 from training.speech.golden_compact import randomise_norms
 from training.speech.golden_log_mel import chirp_signal
 from training.speech.log_mel import HOP, log_mel
-from training.systems.freetalk.ats import strengths
 from training.systems.freetalk.stream import StreamNet, debug_config, normalise_running, speak
 
 COMMAND = "python -m training.goldens stream"
@@ -18,9 +17,9 @@ COMMAND = "python -m training.goldens stream"
 
 @torch.no_grad()
 def write(out: Path, shared: Path) -> Path:
-    """`weights.*`, `input` [S], `affect` [T, 16] → `normalised` [R, 64], `output` [T, 3N] metres.
+    """`weights.*`, `input` [S] → `normalised` [R, 64], `output` [T, 3N] metres.
 
-    The emotion is neutral at first and changes at frame 9. `shared` is not used.
+    `shared` is not used.
     """
     torch.manual_seed(17)
     config = debug_config()
@@ -30,16 +29,12 @@ def write(out: Path, shared: Path) -> Path:
     model.std.copy_(torch.rand(model.std.shape) + 0.5)
     samples = torch.cat([chirp_signal(9000), 0.05 * chirp_signal(3345)])
     frames = -(-len(samples) // 640)
-    affect = torch.zeros(frames, 16)
-    affect[:9, 0] = 1.0
-    affect[9:, :15] = torch.softmax(torch.randn(15), dim=0)
-    affect[9:, 15] = 0.8
     rows = config.mel_rows(frames)
     mel = log_mel(F.pad(samples, (0, HOP * rows - len(samples))))[None, :rows]
     tensors = {f"weights.{key}": value for key, value in model.state_dict().items()}
-    tensors |= {"input": samples, "affect": affect}
+    tensors["input"] = samples
     tensors["normalised"] = normalise_running(mel, config.normaliser)[0]
-    tensors["output"] = speak(model, samples, strengths(affect))
+    tensors["output"] = speak(model, samples, frames)
     path = out / "stream_debug.safetensors"
     metadata = {"config": json.dumps(config.to_json()), "tolerance": "1e-4", "command": COMMAND}
     save_file({key: value.contiguous() for key, value in tensors.items()}, path, metadata)

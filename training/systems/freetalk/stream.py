@@ -2,8 +2,8 @@
 
 A small convolutional network that imitates encoder and denoiser together. Log-mel at 100 Hz passes a
 running normalisation, a strided stem to 50 Hz, a strided step to 25 Hz, blocks that look a little
-ahead (`listen`), and blocks that look back only (`perform`). Emotion enters between the two, so that
-a change of it acts on the very next frame. Every layer is fed with zeros before the first frame and
+ahead (`listen`), and blocks that look back only (`perform`). It speaks neutrally; the expression is added
+to what it gives. Every layer is fed with zeros before the first frame and
 with the sound itself after the last, hence a frame depends on its look-ahead alone, not on where the
 sound was cut. Twin of `rust-core/src/systems/freetalk/stream.rs`.
 """
@@ -14,10 +14,9 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from training.nn.embedding import Mlp
 from training.speech.compact import ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE
 from training.speech.log_mel import BANDS, FLOOR, FRAME, HOP, SAMPLE_RATE_HZ, log_mel
-from training.systems.freetalk.ats import EMOTIONS, LANDMARKS
+from training.systems.freetalk.ats import LANDMARKS
 
 MEL_PER_FRAME = 4
 STEM_TAPS = 5
@@ -70,7 +69,6 @@ class StreamConfig:
     fine: list[Block] = field(default_factory=lambda: _blocks((1, 1)))
     listen: list[Block] = field(default_factory=lambda: _blocks((1, 1), (1, 1), (1, 1), (3, 0)))
     perform: list[Block] = field(default_factory=lambda: _blocks((1, 0), (2, 0), (4, 0)))
-    emotions: list[str] = field(default_factory=lambda: list(EMOTIONS))
     normaliser: Normaliser = field(default_factory=Normaliser)
 
     def to_json(self) -> dict:
@@ -183,7 +181,7 @@ class CausalBlock(nn.Module):
 
 
 class StreamNet(nn.Module):
-    """Normalised log-mel and emotion strengths to landmark displacements in metres."""
+    """Normalised log-mel to landmark displacements in metres."""
 
     def __init__(self, config: StreamConfig):
         super().__init__()
@@ -193,21 +191,20 @@ class StreamNet(nn.Module):
         self.fine = nn.ModuleList(CausalBlock(channels, block) for block in config.fine)
         self.down = nn.Conv1d(channels, channels, TAPS, stride=2)
         self.listen = nn.ModuleList(CausalBlock(channels, block) for block in config.listen)
-        self.affect_mlp = Mlp(len(config.emotions) - 1, channels, channels)
         self.perform = nn.ModuleList(CausalBlock(channels, block) for block in config.perform)
         self.norm = nn.LayerNorm(channels)
         self.head = nn.Linear(channels, dims)
         self.register_buffer("mean", torch.zeros(dims))
         self.register_buffer("std", torch.ones(dims))
 
-    def forward(self, mel: Tensor, strengths: Tensor) -> Tensor:
-        """`mel` [B, R, 64] normalised, `strengths` [B, T, 14] → displacements [B, T, 3N], metres.
+    def forward(self, mel: Tensor) -> Tensor:
+        """`mel` [B, R, 64] normalised → displacements [B, T, 3N], metres.
 
         R is `config.mel_rows(T)`: the look-ahead of the last frame included.
         """
-        wanted = self.config.mel_rows(strengths.shape[1])
-        if mel.shape[1] != wanted:
-            raise ValueError(f"mel frames: expected {wanted}, got {mel.shape[1]}")
+        first = self.config.mel_rows(1)
+        if mel.shape[1] < first or (mel.shape[1] - first) % MEL_PER_FRAME:
+            raise ValueError(f"mel frames: expected {first} + {MEL_PER_FRAME} k, got {mel.shape[1]}")
         x = F.pad(mel.transpose(1, 2), (STEM_TAPS - 1 - STEM_AHEAD, 0))
         x = F.gelu(self.stem(x)).transpose(1, 2)
         for block in self.fine:
@@ -216,7 +213,6 @@ class StreamNet(nn.Module):
         x = F.gelu(self.down(x)).transpose(1, 2)
         for block in self.listen:
             x = block(x)
-        x = x + self.affect_mlp(strengths)
         for block in self.perform:
             x = block(x)
         return self.head(self.norm(x)) * self.std + self.mean
@@ -229,18 +225,17 @@ def pad_mel(mel: Tensor, rows: int) -> Tensor:
 
 
 @torch.no_grad()
-def perform(model: StreamNet, mel: Tensor, strengths: Tensor) -> Tensor:
+def perform(model: StreamNet, mel: Tensor, frames: int) -> Tensor:
     """The offline causal result of one clip.
 
-    `mel` [R, 64] raw log-mel of the sound with silence after it, `strengths` [T, 14]. Returns
-    [T, 3N] metres.
+    `mel` [R, 64] raw log-mel of the sound with silence after it. Returns [T, 3N] metres, T = `frames`.
     """
-    padded = pad_mel(mel, model.config.mel_rows(len(strengths)))[None]
-    return model(normalise_running(padded, model.config.normaliser), strengths[None])[0]
+    padded = pad_mel(mel, model.config.mel_rows(frames))[None]
+    return model(normalise_running(padded, model.config.normaliser))[0]
 
 
-def speak(model: StreamNet, samples: Tensor, strengths: Tensor) -> Tensor:
-    """Samples [S] at 16 kHz → [T, 3N] metres for the T rows of `strengths` [T, 14]."""
-    rows = model.config.mel_rows(len(strengths))
+def speak(model: StreamNet, samples: Tensor, frames: int) -> Tensor:
+    """Samples [S] at 16 kHz → the first `frames` frames, [T, 3N] metres."""
+    rows = model.config.mel_rows(frames)
     mel = log_mel(F.pad(samples, (0, max(HOP * rows - len(samples), 0))))
-    return perform(model, mel, strengths)
+    return perform(model, mel, frames)

@@ -17,6 +17,10 @@ fn modes() -> FaceModes {
     FaceModes::open(None).unwrap()
 }
 
+fn expressions() -> Expressions {
+    Expressions::open(None).unwrap()
+}
+
 fn affect(emotion: &str) -> Array2<f32> {
     EmotionCurve::Constant(Emotion::parse(emotion).unwrap()).sample(FRAMES, FPS)
 }
@@ -24,7 +28,7 @@ fn affect(emotion: &str) -> Array2<f32> {
 /// An emotion with a jaw that opens and closes three times a second, lips that round, brows that
 /// wander; at every closing the lips press by up to 0.4 mm.
 fn talking(modes: &FaceModes, emotion: &str) -> LandmarkClip {
-    let mut displacements = modes.emotion(affect(emotion).view(), FPS);
+    let mut displacements = expressions().alone(affect(emotion).view(), FPS);
     let names = ["jawOpen", "mouthPucker", "browInnerUp_L", "mouthClose"];
     let shapes = names.map(|name| modes.mode(name).unwrap());
     for (t, mut frame) in displacements.outer_iter_mut().enumerate() {
@@ -73,6 +77,8 @@ fn performed(clip: &LandmarkClip, emotion: &str, controls: PerformanceControls) 
     let cues = Cues {
         affect: affect.view(),
         blink_affect: affect.view(),
+        expressions: &expressions(),
+        emotion_origin: EmotionOrigin::Learned,
         speech_only: false,
         prosody: &prosody,
         seed: 5,
@@ -109,6 +115,7 @@ fn as_sampled_changes_nothing_and_without_variety_the_default_adds_blinks_and_br
     assert_eq!(performed(&clip, "happy:0.6", plain()), clip.displacements);
     let controls = PerformanceControls {
         variety: 0.0,
+        effort: 0.0,
         ..Default::default()
     };
     let made = performed(&clip, "happy:0.6", controls);
@@ -196,7 +203,7 @@ fn each_control_moves_its_own_landmarks() {
 fn articulation_scales_speech_around_the_emotion() {
     let modes = modes();
     let clip = talking(&modes, "happy:0.8");
-    let emotion = modes.emotion(affect("happy:0.8").view(), FPS);
+    let emotion = expressions().alone(affect("happy:0.8").view(), FPS);
     let controls = |articulation| PerformanceControls {
         articulation,
         ..plain()
@@ -282,13 +289,17 @@ fn off_leaves_speech_alone() {
     let cues = Cues {
         affect: affect.view(),
         blink_affect: affect.view(),
+        expressions: &expressions(),
+        emotion_origin: EmotionOrigin::Learned,
         speech_only: true,
         prosody: &prosody,
         seed: 5,
     };
-    let made = modes()
-        .perform(&clip, &cues, &PerformanceControls::default())
-        .unwrap();
+    let controls = PerformanceControls {
+        effort: 0.0,
+        ..Default::default()
+    };
+    let made = modes().perform(&clip, &cues, &controls).unwrap();
     for (n, motion) in made.displacements.axis_iter(ndarray::Axis(1)).enumerate() {
         let upper = (17..31).contains(&n) || (36..48).contains(&n);
         let wanted = clip.displacements.index_axis(ndarray::Axis(1), n);
@@ -306,6 +317,8 @@ fn silence_has_blinks_and_no_accents() {
     let cues = Cues {
         affect: affect.view(),
         blink_affect: affect.view(),
+        expressions: &expressions(),
+        emotion_origin: EmotionOrigin::Learned,
         speech_only: false,
         prosody: &prosody,
         seed: 1,
@@ -331,6 +344,8 @@ fn the_same_seed_gives_the_same_and_another_seed_another_performance() {
         let cues = Cues {
             affect: affect.view(),
             blink_affect: affect.view(),
+            expressions: &expressions(),
+            emotion_origin: EmotionOrigin::Learned,
             speech_only: false,
             prosody: &prosody,
             seed,
@@ -350,6 +365,8 @@ fn controls_out_of_range_are_refused() {
     let cues = Cues {
         affect: affect.view(),
         blink_affect: affect.view(),
+        expressions: &expressions(),
+        emotion_origin: EmotionOrigin::Learned,
         speech_only: false,
         prosody: &prosody,
         seed: 0,
@@ -371,6 +388,8 @@ fn odd_lengths_and_rates_are_fine() {
         let cues = Cues {
             affect: affect.view(),
             blink_affect: affect.view(),
+            expressions: &expressions(),
+            emotion_origin: EmotionOrigin::Learned,
             speech_only: false,
             prosody: &prosody,
             seed: 0,

@@ -16,6 +16,7 @@ use crate::{
     conditions::EMOTIONS,
     diffusion::{Schedule, Spacing},
     ibug::LANDMARKS,
+    motion::EmotionOrigin,
     nn::{
         Weights,
         attention::KeysValues,
@@ -98,6 +99,9 @@ pub struct AtsConfig {
     pub sampling: Sampling,
     /// Emotion categories; always those of [`EMOTIONS`].
     pub emotions: Vec<String>,
+    /// Whether the network shows emotion itself; one that does not is asked for neutral motion.
+    #[serde(default)]
+    pub emotion: EmotionOrigin,
     /// Speaking styles by name.
     pub styles: Vec<String>,
     /// The style of a request that names none.

@@ -2,8 +2,9 @@
 //!
 //! A small convolutional network that imitates encoder and denoiser together (it was trained on what
 //! they perform). Log-mel passes a running normalisation, a strided stem to 50 Hz, a strided step to
-//! 25 Hz, blocks that look a little ahead, and blocks that look back only; emotion enters between the
-//! two, so a change acts on the very next frame. Twin of `training/systems/freetalk/stream.py`.
+//! 25 Hz, blocks that look a little ahead, and blocks that look back only. Twin of
+//! `training/systems/freetalk/stream.py`. It speaks neutrally; the expression is added to each frame, so
+//! a change of emotion acts on the very next one.
 //!
 //! Guaranteed: frame `t` depends on samples below `640 t + look_ahead_samples` alone, and is the same
 //! bit for bit however the samples were cut into pushes, because every layer takes one frame at a
@@ -20,10 +21,11 @@ use std::{collections::VecDeque, sync::Arc};
 
 use crate::{
     Error, Result,
+    audio::SAMPLE_RATE_HZ,
     conditions::Emotion,
     ibug::LANDMARKS,
-    motion::{LandmarkFrame, MotionStream},
-    nn::{Weights, elementwise::silu_all, linear::Linear, norm::LayerNorm},
+    motion::{CausalExpression, LandmarkFrame, MotionStream},
+    nn::{Weights, linear::Linear, norm::LayerNorm},
     speech::{BANDS, FRAME, HOP, MelAnalyser},
 };
 pub use config::{Block, NormaliserConfig, StreamConfig};
@@ -33,6 +35,8 @@ use normaliser::RunningNormaliser;
 
 const EPSILON: f32 = 1e-5;
 const DIMS: usize = 3 * LANDMARKS;
+/// Time from one mel frame to the next, seconds.
+const MEL_S: f64 = HOP as f64 / SAMPLE_RATE_HZ as f64;
 /// Beyond this a sample is limited, so that its square stays a number.
 const LOUDEST: f32 = 1e4;
 
@@ -43,8 +47,6 @@ pub struct StreamModel {
     fine: Vec<CausalBlock>,
     down: Halving,
     listen: Vec<CausalBlock>,
-    linear1: Linear,
-    linear2: Linear,
     perform: Vec<CausalBlock>,
     norm: LayerNorm,
     head: Linear,
@@ -72,15 +74,11 @@ impl StreamModel {
             blocks.iter().enumerate().map(block).collect()
         };
         let stem = [channels, config.bands, STEM_TAPS];
-        let affect = weights.pp("affect_mlp");
-        let feelings = config.emotions.len() - 1;
         Ok(StreamModel {
             stem: Halving::load(&weights.pp("stem"), stem, STEM_AHEAD)?,
             fine: blocks("fine", &config.fine)?,
             down: Halving::load(&weights.pp("down"), [channels, channels, TAPS], DOWN_AHEAD)?,
             listen: blocks("listen", &config.listen)?,
-            linear1: Linear::load(&affect.pp("linear1"), feelings, channels)?,
-            linear2: Linear::load(&affect.pp("linear2"), channels, channels)?,
             perform: blocks("perform", &config.perform)?,
             norm: LayerNorm::load(&weights.pp("norm"), channels, EPSILON)?,
             head: Linear::load(&weights.pp("head"), channels, DIMS)?,
@@ -94,20 +92,6 @@ impl StreamModel {
     pub fn config(&self) -> &StreamConfig {
         &self.config
     }
-
-    /// What an emotion adds to every frame, `[C]`.
-    fn feeling(&self, emotion: &Emotion) -> Vec<f32> {
-        let strengths: Vec<f32> = emotion.mixture[1..]
-            .iter()
-            .map(|share| share * emotion.intensity)
-            .collect();
-        let mut hidden = vec![0.0; self.config.channels];
-        let mut out = hidden.clone();
-        self.linear1.forward_row(&strengths, &mut hidden);
-        silu_all(&mut hidden);
-        self.linear2.forward_row(&hidden, &mut out);
-        out
-    }
 }
 
 /// A performance in progress: push samples, pull frames.
@@ -120,8 +104,10 @@ pub struct CausalStream {
     down: HalvingState,
     listen: Vec<BlockState>,
     perform: Vec<BlockState>,
+    expression: CausalExpression,
     emotion: Emotion,
-    feeling: Vec<f32>,
+    /// Seconds since somebody was last heard to speak.
+    quiet_s: f64,
     /// From the start of the next mel frame on.
     samples: VecDeque<f32>,
     pushed: u64,
@@ -133,9 +119,8 @@ pub struct CausalStream {
 
 impl CausalStream {
     /// A neutral face before any sound.
-    pub fn new(model: Arc<StreamModel>) -> Self {
+    pub fn new(model: Arc<StreamModel>, expression: CausalExpression) -> Self {
         let states = |blocks: &[CausalBlock]| blocks.iter().map(CausalBlock::state).collect();
-        let emotion = Emotion::default();
         CausalStream {
             analyser: MelAnalyser::new(),
             normaliser: RunningNormaliser::new(&model.config.normaliser),
@@ -144,8 +129,9 @@ impl CausalStream {
             down: model.down.state(),
             listen: states(&model.listen),
             perform: states(&model.perform),
-            emotion,
-            feeling: model.feeling(&emotion),
+            expression,
+            emotion: Emotion::default(),
+            quiet_s: f64::INFINITY,
             samples: VecDeque::from([0.0; FRAME / 2]),
             pushed: 0,
             next_frame: 0,
@@ -193,9 +179,6 @@ impl CausalStream {
     /// Turns what was heard into a frame, with the emotion of now.
     fn perform(&mut self) -> LandmarkFrame {
         let model = &self.model;
-        for (x, feeling) in self.row.iter_mut().zip(&self.feeling) {
-            *x += feeling;
-        }
         through(&model.perform, &mut self.perform, &mut self.row).expect("blocks that look back");
         model.norm.forward_rows(&mut self.row);
         let mut displacements = [[0.0; 3]; LANDMARKS];
@@ -206,10 +189,12 @@ impl CausalStream {
         }
         let index = self.next_frame;
         self.next_frame += 1;
-        LandmarkFrame {
+        let mut frame = LandmarkFrame {
             index,
             displacements,
-        }
+        };
+        self.expression.add(&mut frame, &self.emotion, self.quiet_s);
+        frame
     }
 }
 
@@ -235,7 +220,8 @@ impl MotionStream for CausalStream {
         }
         loop {
             let mut mel = self.next_mel()?;
-            self.normaliser.hear(&mut mel);
+            let is_active = self.normaliser.hear(&mut mel);
+            self.quiet_s = if is_active { 0.0 } else { self.quiet_s + MEL_S };
             if self.listen(&mel).is_some() {
                 return Some(self.perform());
             }
@@ -261,7 +247,6 @@ impl MotionStream for CausalStream {
                 "emotion: expected finite numbers, got {value}"
             )));
         }
-        self.feeling = self.model.feeling(emotion);
         self.emotion = *emotion;
         Ok(())
     }

@@ -19,7 +19,7 @@ use crate::{
     face::Face,
     models::{BuiltIn, built_in},
     motion::{
-        self, Cues, FaceModes, LandmarkClip, Motion, MotionStream, PERFORMANCE_CONTROLS,
+        self, CausalExpression, Cues, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, MotionStream, PERFORMANCE_CONTROLS,
         PerformanceControls,
     },
     progress::ProgressFn,
@@ -76,7 +76,8 @@ pub static REGISTRATION: Registration = Registration {
 pub struct FreeTalk {
     ats: Ats,
     stream: Arc<StreamModel>,
-    modes: FaceModes,
+    modes: Arc<FaceModes>,
+    expressions: Arc<Expressions>,
     /// The paper's decoder, loaded where it is asked for.
     paper: OnceLock<Arc<PaperDecoder>>,
     folder: Option<PathBuf>,
@@ -94,7 +95,8 @@ impl FreeTalk {
         Ok(FreeTalk {
             ats,
             stream: Arc::new(StreamModel::load(&files.weights, &files.config)?),
-            modes: FaceModes::open(folder)?,
+            modes: Arc::new(FaceModes::open(folder)?),
+            expressions: Arc::new(Expressions::open(folder)?),
             paper: OnceLock::new(),
             folder: folder.map(Path::to_owned),
         })
@@ -123,7 +125,11 @@ impl System for FreeTalk {
     ) -> Result<Motion> {
         let fps = self.ats.config().fps;
         let features = heard.features(fps);
-        let affect = request.emotion.sample(features.nrows(), fps);
+        let asked = match self.ats.config().emotion {
+            EmotionOrigin::Learned => &request.emotion,
+            EmotionOrigin::Added => &EmotionCurve::Off,
+        };
+        let affect = asked.sample(features.nrows(), fps);
         let steps = STEPS.value(&request.controls) as usize;
         let mut displacements = self.ats.sample(
             &AtsRequest {
@@ -162,6 +168,8 @@ impl System for FreeTalk {
         let cues = Cues {
             affect: affect.view(),
             blink_affect: blink_affect.view(),
+            expressions: &self.expressions,
+            emotion_origin: self.ats.config().emotion,
             speech_only: request.emotion == EmotionCurve::Off,
             prosody: &heard.prosody,
             seed: request.seed,
@@ -169,6 +177,10 @@ impl System for FreeTalk {
         let controls = PerformanceControls::from(&request.controls);
         let performed = self.modes.perform(clip, &cues, &controls)?;
         Ok(Motion::Landmarks(performed))
+    }
+
+    fn samples_emotion(&self) -> bool {
+        self.ats.config().emotion == EmotionOrigin::Learned
     }
 
     fn works_on_every_vertex(&self, controls: &Controls) -> bool {
@@ -189,7 +201,9 @@ impl System for FreeTalk {
     }
 
     fn stream(&self) -> Option<Box<dyn MotionStream>> {
-        Some(Box::new(CausalStream::new(Arc::clone(&self.stream))))
+        let (expressions, modes) = (Arc::clone(&self.expressions), Arc::clone(&self.modes));
+        let expression = CausalExpression::new(expressions, modes, self.stream.config().fps);
+        Some(Box::new(CausalStream::new(Arc::clone(&self.stream), expression)))
     }
 
     fn styles(&self) -> &[String] {

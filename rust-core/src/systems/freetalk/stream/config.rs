@@ -3,7 +3,6 @@
 use crate::{
     Error, Result,
     audio::SAMPLE_RATE_HZ,
-    conditions::EMOTIONS,
     ibug::LANDMARKS,
     speech::{BANDS, FRAME, HOP},
 };
@@ -35,12 +34,10 @@ pub struct StreamConfig {
     pub channels: usize,
     /// Blocks at 50 Hz.
     pub fine: Vec<Block>,
-    /// Blocks at 25 Hz before the emotion is known.
+    /// Blocks at 25 Hz that may look ahead.
     pub listen: Vec<Block>,
-    /// Blocks at 25 Hz that know the emotion; they look back only.
+    /// Blocks at 25 Hz that look back only.
     pub perform: Vec<Block>,
-    /// Emotion categories, those of [`EMOTIONS`].
-    pub emotions: Vec<String>,
     /// Constants of the running normalisation.
     pub normaliser: NormaliserConfig,
 }
@@ -104,12 +101,6 @@ impl StreamConfig {
         };
         if fixed != (LANDMARKS, 25.0, BANDS) {
             expected("landmarks, fps, bands", "68, 25, 64", format!("{fixed:?}"))
-        } else if self.emotions != EMOTIONS {
-            expected(
-                "emotions",
-                &format!("{EMOTIONS:?}"),
-                format!("{:?}", self.emotions),
-            )
         } else if self.channels == 0 || self.normaliser.prior_colour.len() != BANDS {
             let got = (self.channels, self.normaliser.prior_colour.len());
             expected("channels, prior_colour", "some, 64", format!("{got:?}"))

@@ -31,8 +31,9 @@ impl RunningNormaliser {
         }
     }
 
-    /// Hears one frame of raw log-mel and normalises it, in place.
-    pub fn hear(&mut self, row: &mut [f32; BANDS]) {
+    /// Hears one frame of raw log-mel and normalises it, in place; whether it is loud enough to be the
+    /// voice.
+    pub fn hear(&mut self, row: &mut [f32; BANDS]) -> bool {
         let config = &self.config;
         let level = mean(row);
         let fresh = (1.0 - self.frames / config.start_frames).max(0.0);
@@ -43,7 +44,8 @@ impl RunningNormaliser {
             QUANTILE - 1.0
         };
         self.peak += step * share;
-        if level >= (self.peak - ACTIVE_RANGE).max(QUIETEST_LEVEL) {
+        let is_active = level >= (self.peak - ACTIVE_RANGE).max(QUIETEST_LEVEL);
+        if is_active {
             self.frames = (self.frames + 1.0).min(config.memory_frames);
             let rate = 1.0 / (self.frames + config.prior_frames).min(config.memory_frames);
             for (colour, x) in self.colour.iter_mut().zip(row.iter()) {
@@ -55,6 +57,7 @@ impl RunningNormaliser {
         for (x, colour) in row.iter_mut().zip(&self.colour) {
             *x = (*x - (colour + raise)).max(DEEPEST) / SCALE;
         }
+        is_active
     }
 }
 

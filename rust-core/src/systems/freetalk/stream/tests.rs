@@ -9,7 +9,7 @@ use super::*;
 use crate::{
     audio::Waveform,
     conditions::EmotionCurve,
-    motion::stream_whole,
+    motion::{Expressions, FaceModes, stream_whole},
     nn::golden::{Golden, distance},
     speech::log_mel,
     systems::freetalk::STREAM_MODEL,
@@ -29,8 +29,15 @@ fn built_in() -> Arc<StreamModel> {
     Arc::new(StreamModel::load(&files.weights, &files.config).unwrap())
 }
 
+fn of(model: &Arc<StreamModel>) -> CausalStream {
+    let (expressions, modes) = (Expressions::open(None), FaceModes::open(None));
+    let (expressions, modes) = (Arc::new(expressions.unwrap()), Arc::new(modes.unwrap()));
+    let expression = CausalExpression::new(expressions, modes, model.config.fps);
+    CausalStream::new(Arc::clone(model), expression)
+}
+
 fn stream() -> CausalStream {
-    CausalStream::new(golden().1)
+    of(&golden().1)
 }
 
 /// A voice-like sound that swells and fades.
@@ -44,37 +51,27 @@ fn hum(samples: usize) -> Vec<f32> {
     (0..samples).map(sample).collect()
 }
 
-fn all_at_once(model: &Arc<StreamModel>, samples: &[f32]) -> Vec<LandmarkFrame> {
-    let mut stream = CausalStream::new(Arc::clone(model));
+fn felt_at_once(model: &Arc<StreamModel>, samples: &[f32], emotion: &Emotion) -> Vec<LandmarkFrame> {
+    let mut stream = of(model);
+    stream.set_emotion(emotion).unwrap();
     stream.push(samples).unwrap();
     stream.finish().unwrap();
     stream.drain()
 }
 
-fn emotion_of(row: &[f32]) -> Emotion {
-    Emotion {
-        mixture: std::array::from_fn(|e| row[e]),
-        intensity: row[15],
-    }
+fn all_at_once(model: &Arc<StreamModel>, samples: &[f32]) -> Vec<LandmarkFrame> {
+    felt_at_once(model, samples, &Emotion::default())
 }
 
 #[test]
 fn motion_equals_the_golden_of_python() {
     let (golden, model) = golden();
-    let affect = golden.matrix("affect");
-    let mut stream = CausalStream::new(model);
+    let mut stream = of(&model);
     stream.push(&golden.values("input")).unwrap();
     stream.finish().unwrap();
-    let mut got = Vec::new();
-    for row in affect.outer_iter() {
-        stream
-            .set_emotion(&emotion_of(row.as_slice().unwrap()))
-            .unwrap();
-        let frame = stream.pull().unwrap();
-        got.extend_from_slice(frame.displacements.as_flattened());
-    }
-    assert_eq!(stream.pull(), None);
-    let difference = distance(&got, &golden.values("output"));
+    let frames = stream.drain();
+    let got = frames.iter().flat_map(|frame| frame.displacements.as_flattened());
+    let difference = distance(got, &golden.values("output"));
     assert!(difference < TOLERANCE, "{difference}");
 }
 
@@ -107,7 +104,7 @@ proptest! {
         let samples = hum(length);
         let whole = all_at_once(&model, &samples);
         prop_assert_eq!(whole.len(), length.div_ceil(640));
-        let mut stream = CausalStream::new(model);
+        let mut stream = of(&model);
         let (mut frames, mut rest) = (Vec::new(), &samples[..]);
         for (turn, size) in sizes.iter().cycle().enumerate() {
             let (now, later) = rest.split_at((*size).min(rest.len()));
@@ -130,7 +127,9 @@ proptest! {
 fn samples_one_by_one_and_all_at_once_give_the_same_bits_with_the_built_in_weights() {
     let model = built_in();
     let samples = hum(16_000);
-    let mut stream = CausalStream::new(Arc::clone(&model));
+    let angry = Emotion::parse("angry:1.2").unwrap();
+    let mut stream = of(&model);
+    stream.set_emotion(&angry).unwrap();
     let mut frames = Vec::new();
     for sample in &samples {
         stream.push(&[*sample]).unwrap();
@@ -138,7 +137,7 @@ fn samples_one_by_one_and_all_at_once_give_the_same_bits_with_the_built_in_weigh
     }
     stream.finish().unwrap();
     frames.extend(stream.drain());
-    assert_eq!(frames, all_at_once(&model, &samples));
+    assert_eq!(frames, felt_at_once(&model, &samples, &angry));
 }
 
 #[test]
@@ -234,7 +233,7 @@ fn a_stream_without_sound_has_no_frames() {
 fn samples_that_are_not_finite_are_refused_and_leave_no_trace() {
     let (_, model) = golden();
     let samples = hum(5_000);
-    let mut stream = CausalStream::new(Arc::clone(&model));
+    let mut stream = of(&model);
     stream.push(&samples).unwrap();
     for bad in [f32::NAN, f32::INFINITY] {
         let message = stream.push(&[0.0, bad]).unwrap_err().to_string();
@@ -267,7 +266,7 @@ fn emotion_acts_on_the_next_frame_and_on_none_before() {
     let model = built_in();
     let samples = hum(16_000);
     let neutral = all_at_once(&model, &samples);
-    let mut stream = CausalStream::new(Arc::clone(&model));
+    let mut stream = of(&model);
     stream.push(&samples).unwrap();
     stream.finish().unwrap();
     let mut frames: Vec<_> = (0..10).filter_map(|_| stream.pull()).collect();
@@ -292,9 +291,9 @@ fn offline_motion_follows_the_emotion_curve_bit_for_bit() {
     };
     let angry = Emotion::parse("angry:1").unwrap();
     let curve = EmotionCurve::Keys(vec![(0.1, Emotion::default()), (0.4, angry)]);
-    let mut whole = CausalStream::new(Arc::clone(&model));
+    let mut whole = of(&model);
     let clip = stream_whole(&mut whole, &waveform.samples, &curve).unwrap();
-    let mut stream = CausalStream::new(model);
+    let mut stream = of(&model);
     let mut frames = Vec::new();
     for chunk in waveform.samples.chunks(160) {
         stream.push(chunk).unwrap();
@@ -416,9 +415,9 @@ mod twin {
         config: &StreamConfig,
         weights: &Weights,
         samples: &[f32],
-        affect: &Rows,
+        frames: usize,
     ) -> Rows {
-        let (frames, channels) = (affect.nrows(), config.channels);
+        let channels = config.channels;
         let x = mel(config, samples, frames);
         let shape = [channels, BANDS, STEM_TAPS];
         let x = gelu(conv(&weights.pp("stem"), &x, shape, (1, STEM_AHEAD, 2)));
@@ -426,13 +425,7 @@ mod twin {
         let shape = [channels, channels, TAPS];
         let x = gelu(conv(&weights.pp("down"), &x, shape, (1, DOWN_AHEAD, 2)));
         let x = blocks(&weights.pp("listen"), x, &config.listen);
-        let felt =
-            Array2::from_shape_fn((frames, 14), |(t, e)| affect[[t, e + 1]] * affect[[t, 15]]);
-        let affect = weights.pp("affect_mlp");
-        let hidden =
-            linear(&affect.pp("linear1"), &felt, channels).mapv(|x| x / (1.0 + (-x).exp()));
-        let x = x.slice(ndarray::s![..frames, ..]).to_owned()
-            + linear(&affect.pp("linear2"), &hidden, channels);
+        let x = x.slice(ndarray::s![..frames, ..]).to_owned();
         let x = norm(
             &weights.pp("norm"),
             &blocks(&weights.pp("perform"), x, &config.perform),
@@ -448,9 +441,7 @@ fn the_stream_equals_whole_clip_convolutions() {
     for length in [1, 640, 641, 9_999] {
         let samples = hum(length);
         let frames = all_at_once(&model, &samples);
-        let mut affect = Array2::zeros((frames.len(), 16));
-        affect.column_mut(0).fill(1.0);
-        let slow = twin::motion(&model.config, &golden.weights(), &samples, &affect);
+        let slow = twin::motion(&model.config, &golden.weights(), &samples, frames.len());
         assert_eq!(slow.nrows(), frames.len());
         let fast = frames
             .iter()

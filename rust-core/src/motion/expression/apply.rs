@@ -1,0 +1,122 @@
+//! Neutral speech to the same with its expression.
+
+use ndarray::{ArrayView2, ArrayViewMut2};
+
+use super::{
+    dynamics::{Wandering, accent_at, accents, region},
+    lips::{self, Closures},
+    table::{Expressions, Strengths},
+};
+use crate::{
+    Result,
+    conditions::EMOTIONS,
+    motion::{
+        Cues, FaceModes, LandmarkClip,
+        upper_face::{Lids, lids},
+    },
+};
+
+/// Deviation of the smoothing that slurs speech, seconds.
+pub(super) const SLUR_S: f64 = 0.08;
+/// Share of what parts the lips that is gone where they close.
+const YIELD: f32 = 0.7;
+/// How far an expression closes the lids without bending, and at most; a blink closes the rest.
+const LIDS_LINEAR: f32 = 0.65;
+const LIDS_MOST: f32 = 0.9;
+
+/// All that an expression needs to know of one frame.
+pub(super) struct Moment {
+    pub(super) strengths: Strengths,
+    /// Factors on the regions.
+    pub(super) regions: [f32; 4],
+    /// 1 at a closure.
+    pub(super) yielding: f32,
+    /// 0 where the lips rest.
+    pub(super) speaking: f32,
+}
+
+impl Expressions {
+    /// Adds the expression that `cues` ask for to motion that speaks neutrally; where nothing is shown,
+    /// no bit changes.
+    ///
+    /// # Errors
+    /// `Weights` where `modes` lack the lids.
+    pub fn add(&self, clip: &mut LandmarkClip, cues: &Cues<'_>, modes: &FaceModes) -> Result<()> {
+        let fps = clip.fps;
+        let strengths = self.followed(cues.affect, fps);
+        if !strengths.iter().any(is_shown) {
+            return Ok(());
+        }
+        let smooth = clip.smoothed(SLUR_S).displacements;
+        let closures = Closures::of(&clip.displacements, fps);
+        let (eyes, accents) = (lids(modes)?, accents(cues.prosody));
+        let mut wandering = Wandering::new(cues.seed);
+        let frames = clip.displacements.outer_iter_mut().zip(smooth.outer_iter());
+        for (t, (mut frame, smooth)) in frames.enumerate() {
+            let time_s = t as f64 / fps;
+            let accent = accent_at(&accents, time_s);
+            let moment = Moment {
+                strengths: strengths[t],
+                regions: wandering.at(time_s).map(|factor| factor + accent),
+                yielding: closures.yielding[t],
+                speaking: closures.speaking[t],
+            };
+            self.show(&mut frame, smooth, &moment, &eyes);
+        }
+        Ok(())
+    }
+
+    /// One frame: the manner of speaking, the expression, lips and lids that do not pass.
+    ///
+    /// `frame`, `smooth`: `[68, 3]`, canonical metres, as spoken and smoothed over time.
+    pub(super) fn show(
+        &self,
+        frame: &mut ArrayViewMut2<'_, f32>,
+        smooth: ArrayView2<'_, f32>,
+        moment: &Moment,
+        eyes: &[Lids<'_>; 2],
+    ) {
+        if !is_shown(&moment.strengths) {
+            return;
+        }
+        let spoken = frame.to_owned();
+        let manner = self.manner(&moment.strengths);
+        manner.speak(frame, smooth, 1.0 - moment.yielding);
+        self.displace(frame, moment);
+        lips::hold(frame, spoken.view(), moment.speaking);
+        for eye in eyes {
+            let (was, is) = (eye.closure(&spoken), eye.closure(frame));
+            let most = bent(is).max(was);
+            if is > most {
+                eye.close(frame, most - is);
+            }
+        }
+    }
+
+    fn displace(&self, frame: &mut ArrayViewMut2<'_, f32>, moment: &Moment) {
+        let free = 1.0 - YIELD * moment.yielding;
+        for e in 1..EMOTIONS.len() {
+            let strength = moment.strengths[e];
+            if strength == 0.0 {
+                continue;
+            }
+            for ((n, axis), x) in frame.indexed_iter_mut() {
+                let moved = self.lasting[[e, 3 * n + axis]] + free * self.opening[[e, 3 * n + axis]];
+                *x += strength * moment.regions[region(n)] * moved;
+            }
+        }
+    }
+}
+
+fn is_shown(strengths: &Strengths) -> bool {
+    strengths[1..].iter().any(|strength| *strength > 0.0)
+}
+
+/// A closure of the lids, 1 where they meet, that comes no nearer to that than [`LIDS_MOST`].
+fn bent(closure: f32) -> f32 {
+    let room = LIDS_MOST - LIDS_LINEAR;
+    match closure > LIDS_LINEAR {
+        true => LIDS_LINEAR + room * ((closure - LIDS_LINEAR) / room).tanh(),
+        false => closure,
+    }
+}

@@ -1,0 +1,91 @@
+//! The same frame by frame, without knowing what comes.
+
+use std::sync::Arc;
+
+use ndarray::{Array2, ArrayViewMut2};
+
+use super::{
+    apply::{Moment, SLUR_S},
+    dynamics::{Follower, Wandering},
+    lips,
+    table::Expressions,
+};
+use crate::{
+    conditions::Emotion,
+    ibug::LANDMARKS,
+    motion::{FaceModes, LandmarkFrame, upper_face::lids},
+};
+
+/// So long after the last sound the lips rest, seconds.
+const REST_AFTER_S: f64 = 0.35;
+/// How fast the lips leave rest and come to it, per second.
+const WAKE_PER_S: f32 = 8.0;
+const REST_PER_S: f32 = 3.0;
+/// Time constant with which what parts the lips comes back after a closure, seconds.
+const RELEASE_S: f64 = 0.06;
+
+/// Adds expressions to a stream of frames; a change of emotion acts on the frame that comes next.
+///
+/// Differs from [`Expressions::add`]: stressed syllables do not count, for they stand out only of what
+/// follows, speech is slurred by what was, and the lips rest when the sound does.
+pub struct CausalExpression {
+    table: Arc<Expressions>,
+    modes: Arc<FaceModes>,
+    fps: f64,
+    follower: Follower,
+    wandering: Wandering,
+    /// What was spoken, smoothed with a pole at [`SLUR_S`]: `[68, 3]`, canonical metres.
+    smooth: Option<Array2<f32>>,
+    yielding: f32,
+    speaking: f32,
+}
+
+impl CausalExpression {
+    /// Settled at the first frame's emotion, lips at rest.
+    pub fn new(table: Arc<Expressions>, modes: Arc<FaceModes>, fps: f64) -> Self {
+        CausalExpression {
+            table,
+            modes,
+            fps,
+            follower: Follower::default(),
+            wandering: Wandering::new(0),
+            smooth: None,
+            yielding: 0.0,
+            speaking: 0.0,
+        }
+    }
+
+    /// Adds the expression to the next frame; `quiet_s` is how long nobody has spoken.
+    pub fn add(&mut self, frame: &mut LandmarkFrame, emotion: &Emotion, quiet_s: f64) {
+        let time_s = frame.index as f64 / self.fps;
+        let flat = frame.displacements.as_flattened_mut();
+        let mut frame = ArrayViewMut2::from_shape((LANDMARKS, 3), flat).expect("68 landmarks");
+        let asked = emotion.mixture.map(|share| share * emotion.intensity);
+        let strengths = self.follower.step(&asked, &self.table, self.fps);
+        self.hear(&frame, quiet_s);
+        let moment = Moment {
+            strengths,
+            regions: self.wandering.at(time_s),
+            yielding: self.yielding,
+            speaking: self.speaking,
+        };
+        let smooth = self.smooth.as_ref().expect("hear was called").view();
+        let eyes = lids(&self.modes).expect("both lids, checked when the modes were opened");
+        self.table.show(&mut frame, smooth, &moment, &eyes);
+    }
+
+    /// Follows what is spoken.
+    fn hear(&mut self, frame: &ArrayViewMut2<'_, f32>, quiet_s: f64) {
+        let keep = |time_s: f64| (-1.0 / (time_s * self.fps)).exp() as f32;
+        let (slur, release) = (keep(SLUR_S), keep(RELEASE_S));
+        let smooth = self.smooth.get_or_insert_with(|| frame.to_owned());
+        smooth.zip_mut_with(frame, |slow, now| *slow = now + slur * (*slow - now));
+        let step = match quiet_s < REST_AFTER_S {
+            true => WAKE_PER_S,
+            false => -REST_PER_S,
+        };
+        self.speaking = (self.speaking + step / self.fps as f32).clamp(0.0, 1.0);
+        let closed = self.speaking * lips::closed_lips(frame.view());
+        self.yielding = closed.max(closed + release * (self.yielding - closed));
+    }
+}

@@ -1,0 +1,154 @@
+//! How an expression comes, stays and goes.
+
+use super::table::{Expressions, Strengths};
+use crate::{
+    audio::Prosody,
+    conditions::EMOTIONS,
+    ibug::{BROWS, LANDMARKS, LIDS, MOUTH},
+    motion::{
+        brow_accents::{BrowAccent, LEAD_S, ONSET_S, STRESSED, prominences},
+        chance::Chance,
+    },
+};
+
+/// A critically damped motion has done nine tenths of its way after so many time constants.
+const TIME_CONSTANTS: f64 = 3.89;
+/// A strength below this that is not asked for is none.
+const NOTHING: f32 = 1e-3;
+/// Numbers of the wandering among the streams of a seed: the first, one for each region.
+const STREAM: u64 = u64::MAX - 100;
+/// Time between the values through which a region wanders.
+const WANDER_S: f64 = 0.8;
+/// How far a region wanders from what is asked, at most.
+const WANDER: f32 = 0.06;
+/// How much a stressed syllable adds for each deviation of prominence, and at most.
+const ACCENT: f32 = 0.05;
+const MOST_ACCENT: f32 = 0.1;
+/// Brows; lids; nose; jaw and mouth.
+const REGIONS: usize = 4;
+
+/// Strengths on their way to what is asked; each starts settled.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Follower {
+    state: Option<[Damped; EMOTIONS.len()]>,
+}
+
+/// A strength and how fast it changes.
+#[derive(Debug, Clone, Copy)]
+struct Damped {
+    value: f64,
+    per_s: f64,
+}
+
+impl Follower {
+    /// One frame later.
+    pub(super) fn step(&mut self, asked: &Strengths, table: &Expressions, fps: f64) -> Strengths {
+        let state = self.state.get_or_insert_with(|| {
+            asked.map(|value| Damped {
+                value: f64::from(value),
+                per_s: 0.0,
+            })
+        });
+        for ((damped, asked), manner) in state.iter_mut().zip(asked).zip(&table.manners) {
+            let is_rising = f64::from(*asked) > damped.value;
+            let slower = if is_rising { 1.0 } else { table.offset_over_onset };
+            damped.step(*asked, slower * manner.onset_s / TIME_CONSTANTS, 1.0 / fps);
+        }
+        state.map(|damped| damped.value as f32)
+    }
+}
+
+impl Damped {
+    /// The exact solution of `x'' = (asked − x) / τ² − 2 x' / τ` over `step_s`.
+    fn step(&mut self, asked: f32, time_constant_s: f64, step_s: f64) {
+        let target = f64::from(asked);
+        let away = self.value - target;
+        let pull = self.per_s + away / time_constant_s;
+        let decay = (-step_s / time_constant_s).exp();
+        self.value = (target + (away + pull * step_s) * decay).max(0.0);
+        self.per_s = (self.per_s - pull * step_s / time_constant_s) * decay;
+        if asked == 0.0 && self.value < f64::from(NOTHING) && self.per_s <= 0.0 {
+            (self.value, self.per_s) = (0.0, 0.0);
+        }
+    }
+}
+
+/// The apex of an expression, which is never frozen: each region wanders by itself, slowly and by a
+/// few hundredths. The same seed, the same way.
+pub(super) struct Wandering([Wanderer; REGIONS]);
+
+/// A smooth curve through random values; asked for at rising times.
+struct Wanderer {
+    chance: Chance,
+    /// Number of the value before now.
+    index: usize,
+    before: f32,
+    after: f32,
+}
+
+impl Wandering {
+    pub(super) fn new(seed: u64) -> Self {
+        Wandering(std::array::from_fn(|region| {
+            let mut chance = Chance::new(seed, STREAM + region as u64);
+            let mut value = || chance.between(-1.0, 1.0) as f32;
+            let (before, after) = (value(), value());
+            Wanderer {
+                chance,
+                index: 0,
+                before,
+                after,
+            }
+        }))
+    }
+
+    /// Factors on each region's expression at a time that does not lie before the last one.
+    pub(super) fn at(&mut self, time_s: f64) -> [f32; REGIONS] {
+        let place = time_s / WANDER_S;
+        std::array::from_fn(|region| 1.0 + WANDER * self.0[region].at(place))
+    }
+}
+
+impl Wanderer {
+    fn at(&mut self, place: f64) -> f32 {
+        while place >= (self.index + 1) as f64 {
+            self.before = self.after;
+            self.after = self.chance.between(-1.0, 1.0) as f32;
+            self.index += 1;
+        }
+        let x = (place - self.index as f64) as f32;
+        self.before + (self.after - self.before) * x * x * (3.0 - 2.0 * x)
+    }
+}
+
+/// What the region of landmark `n` is among the factors of [`Wandering::at`].
+pub(super) fn region(n: usize) -> usize {
+    debug_assert!(n < LANDMARKS);
+    match n {
+        n if BROWS.contains(&n) => 0,
+        n if LIDS.contains(&n) => 1,
+        n if (BROWS.end..MOUTH.start).contains(&n) => 2,
+        _ => 3,
+    }
+}
+
+/// Where stressed syllables make an expression grow; their shape is that of raises of the brows.
+pub(super) fn accents(prosody: &Prosody) -> Vec<BrowAccent> {
+    let stressed = prominences(prosody)
+        .into_iter()
+        .filter(|(_, prominence)| *prominence >= STRESSED);
+    stressed
+        .map(|(frame, prominence)| BrowAccent {
+            start_s: (Prosody::time_s(frame) - LEAD_S - ONSET_S).max(0.0),
+            weight: (ACCENT * prominence).min(MOST_ACCENT),
+        })
+        .collect()
+}
+
+/// What the strongest accent of an instant adds to an expression of 1.
+pub(super) fn accent_at(accents: &[BrowAccent], time_s: f64) -> f32 {
+    let from = accents.partition_point(|accent| accent.end_s() < time_s);
+    let near = accents[from..]
+        .iter()
+        .take_while(|accent| accent.start_s <= time_s);
+    near.map(|accent| accent.at(time_s)).fold(0.0, f32::max)
+}

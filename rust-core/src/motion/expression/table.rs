@@ -1,0 +1,109 @@
+//! What each emotion does to the face, and how it speaks, as the model folder states them.
+
+use std::{collections::BTreeMap, path::Path};
+
+use ndarray::{Array2, Array3, ArrayView2, s};
+use serde::Deserialize;
+
+use super::{dynamics::Follower, manner::Manner};
+use crate::{
+    Error, Result,
+    conditions::EMOTIONS,
+    ibug::LANDMARKS,
+    models::{BuiltIn, built_in},
+    nn::Weights,
+};
+
+/// Its built-in weights.
+pub static MODEL: BuiltIn = built_in!("expressions");
+
+/// Strength of each category of [`EMOTIONS`]; that of neutral is not looked at.
+pub(super) type Strengths = [f32; EMOTIONS.len()];
+
+/// The expression of every emotion at intensity 1 and its manner of speaking.
+///
+/// Twin of `training/corpus/{emotions,manner}.py`, written by `training/export_expressions.py`.
+#[derive(Debug, Clone)]
+pub struct Expressions {
+    /// `[15, 204]`, canonical metres: what lasts through speech.
+    pub(super) lasting: Array2<f32>,
+    /// `[15, 204]`, canonical metres: what parts or stretches the lips.
+    pub(super) opening: Array2<f32>,
+    /// `[15]`.
+    pub(super) manners: Vec<Manner>,
+    /// How much longer an emotion takes to go than to come.
+    pub(super) offset_over_onset: f64,
+}
+
+#[derive(Deserialize)]
+struct Config {
+    emotions: BTreeMap<String, Manner>,
+    offset_over_onset: f64,
+}
+
+impl Expressions {
+    /// The built-in table, or that of `folder/expressions`.
+    ///
+    /// # Errors
+    /// `Weights` or `Io` if a file is missing, does not fit the other or lacks an emotion.
+    pub fn open(folder: Option<&Path>) -> Result<Self> {
+        let files = MODEL.open(folder)?;
+        let wrong = |what: String| Error::Weights(format!("{}/config.json: {what}", MODEL.name));
+        let config: Config =
+            serde_json::from_str(&files.config).map_err(|error| wrong(error.to_string()))?;
+        let manner = |emotion: &&str| {
+            let found = config.emotions.get(*emotion).copied();
+            let manner = found.ok_or_else(|| wrong(format!("expected {emotion}, got none")))?;
+            match manner.onset_s > 0.0 && config.offset_over_onset > 0.0 {
+                true => Ok(manner),
+                false => Err(wrong(format!("{emotion}: expected times above 0, got {manner:?}"))),
+            }
+        };
+        let weights = Weights::from_bytes(&files.weights)?;
+        let part = |name: &str| -> Result<Array2<f32>> {
+            let values = weights.values(name, &[EMOTIONS.len(), LANDMARKS, 3])?;
+            let shape = (EMOTIONS.len(), LANDMARKS * 3);
+            Ok(Array2::from_shape_vec(shape, values).expect("the shape was checked by the reader"))
+        };
+        Ok(Expressions {
+            lasting: part("lasting")?,
+            opening: part("opening")?,
+            manners: EMOTIONS.iter().map(manner).collect::<Result<_>>()?,
+            offset_over_onset: config.offset_over_onset,
+        })
+    }
+
+    /// What a lasting mixture does to a face that does not speak, `[68, 3]`, canonical metres.
+    ///
+    /// `strengths`: of each emotion, 1 is its full expression.
+    pub fn whole(&self, strengths: &[f32; EMOTIONS.len()]) -> Array2<f32> {
+        let strengths = ndarray::aview1(strengths);
+        let moved = strengths.dot(&self.lasting) + strengths.dot(&self.opening);
+        let shape = (LANDMARKS, 3);
+        moved.into_shape_with_order(shape).expect("three axes a landmark")
+    }
+
+    /// The same over time without anything that speech does to it, `[T, 68, 3]`.
+    ///
+    /// `affect`: `[T, 16]`, mixture and intensity. This is what speech is told from where a network
+    /// learned emotion itself.
+    pub fn alone(&self, affect: ArrayView2<'_, f32>, fps: f64) -> Array3<f32> {
+        let strengths = self.followed(affect, fps);
+        let mut out = Array3::zeros((strengths.len(), LANDMARKS, 3));
+        for (mut frame, strengths) in out.outer_iter_mut().zip(&strengths) {
+            frame.assign(&self.whole(strengths));
+        }
+        out
+    }
+
+    /// What the face shows of what is asked, `affect` `[T, 16]`: `[T]`, settled at the start.
+    pub(super) fn followed(&self, affect: ArrayView2<'_, f32>, fps: f64) -> Vec<Strengths> {
+        let mut follower = Follower::default();
+        let kinds = EMOTIONS.len();
+        let asked = &affect.slice(s![.., ..kinds]) * &affect.slice(s![.., kinds..]);
+        asked
+            .outer_iter()
+            .map(|row| follower.step(&std::array::from_fn(|e| row[e]), self, fps))
+            .collect()
+    }
+}
