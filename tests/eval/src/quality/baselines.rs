@@ -110,8 +110,7 @@ mod tests {
             neutral: Array2::zeros((LANDMARKS, 3)),
             fps: 25.0,
             observed: (0..LANDMARKS).collect(),
-            jaw: None,
-            pucker: None,
+            judged: 0..50,
             phones: None,
         }
     }

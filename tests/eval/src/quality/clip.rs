@@ -1,5 +1,7 @@
 //! One recorded performance and the corpora they come from.
 
+use std::ops::Range;
+
 use ndarray::{Array2, Array3};
 
 use super::aligned::Phone;
@@ -24,12 +26,10 @@ pub(super) struct Clip {
     pub neutral: Array2<f64>,
     /// Frames per second.
     pub fps: f64,
-    /// Landmarks that the recording saw.
+    /// Landmarks whose distance from the recorded ones is judged.
     pub observed: Vec<usize>,
-    /// `[T]`, the captured jawOpen weight, where there is one.
-    pub jaw: Option<Vec<f64>>,
-    /// `[T]`, the captured mouthPucker weight, where there is one.
-    pub pucker: Option<Vec<f64>>,
+    /// Frames that are judged: the longest stretch in which none was lost.
+    pub judged: Range<usize>,
     /// Phones, seconds of this clip's sound, where they are known.
     pub phones: Option<Vec<Phone>>,
 }
@@ -43,6 +43,13 @@ pub(super) struct Corpus {
     pub held_out: Vec<Clip>,
     /// Some of what it did see, for the baselines.
     pub training: Vec<Clip>,
+}
+
+impl Corpus {
+    /// Whether espeak-ng spoke it.
+    pub(super) fn is_synthetic(&self) -> bool {
+        self.source.starts_with("espeak_")
+    }
 }
 
 impl Clip {

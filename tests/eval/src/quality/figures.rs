@@ -55,7 +55,7 @@ impl Figures {
         for source in performed.iter().filter(|p| p.corpus.recorded) {
             out.plots_of(album, source)?;
         }
-        if let Some(found) = results.separability.first() {
+        if let Some(found) = &results.reading {
             out.confusion = Some(album.confusion("confusion", found)?);
         }
         if !results.intensity.is_empty() {
