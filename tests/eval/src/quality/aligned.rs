@@ -176,6 +176,7 @@ fn speech_only(folder: Folder, ict: &IctLandmarks, limit: usize) -> Result<Corpu
             waveform,
             start_s: 0.0,
             motion: Array3::zeros((frames, LANDMARKS, 3)),
+            speaker: ict.neutral.clone(),
             neutral: ict.neutral.clone(),
             fps: FPS,
             observed: Vec::new(),

@@ -1,17 +1,15 @@
 //! Lip closure on p, b and m, where phone times are known.
 
-use ndarray::Array3;
 use serde::Serialize;
 
 use super::{
     aligned::Phone,
     bootstrap::{Estimate, estimate},
-    clip::Clip,
+    clip::{Clip, gap_mm, rest_gap_mm},
     predictors::Performed,
 };
 use anyface::{
     Result,
-    ibug::LANDMARKS,
     metrics::{self, Closure, closures, quantile},
 };
 
@@ -113,8 +111,9 @@ pub(super) fn score<'a>(
     let mut records = Vec::new();
     for (clip, motion) in pairs {
         if let Some(phones) = &clip.phones {
-            let gap = clip.gap_mm(motion)?;
-            records.push(record(&gap, rest_mm(clip)?, clip.fps, &windows(phones)));
+            let face = clip.face(name);
+            let (gap, rest_mm) = (gap_mm(face, motion)?, rest_gap_mm(face)?);
+            records.push(record(&gap, rest_mm, clip.fps, &windows(phones)));
         }
     }
     let share = |of: &[&Record], is: fn(&Record, &Closure) -> bool| {
@@ -148,12 +147,6 @@ pub(super) fn score<'a>(
     })
 }
 
-/// The inner-lip gap of the neutral face, mm.
-pub(super) fn rest_mm(clip: &Clip) -> Result<f64> {
-    let still = Array3::zeros((1, LANDMARKS, 3));
-    Ok(clip.gap_mm(still.view())?[0])
-}
-
 fn record(gap: &[f64], rest_mm: f64, fps: f64, windows: &[(f64, f64)]) -> Record {
     let closed = gap.iter().filter(|g| **g - rest_mm <= CLOSED_MM);
     Record {
@@ -167,6 +160,8 @@ fn record(gap: &[f64], rest_mm: f64, fps: f64, windows: &[(f64, f64)]) -> Record
 #[cfg(test)]
 mod tests {
     use super::*;
+    use anyface::ibug::LANDMARKS;
+    use ndarray::{Array2, Array3};
 
     fn phone(from_s: f64, to_s: f64, name: &str) -> Phone {
         Phone {
@@ -217,7 +212,8 @@ mod tests {
                 },
                 start_s: 0.0,
                 motion,
-                neutral: ndarray::Array2::zeros((LANDMARKS, 3)),
+                speaker: Array2::zeros((LANDMARKS, 3)),
+                neutral: Array2::zeros((LANDMARKS, 3)),
                 fps: 25.0,
                 observed: Vec::new(),
                 judged: 0..50,

@@ -47,6 +47,7 @@ pub(super) fn read(data: &Path, ict: &IctLandmarks, limit: Option<usize>) -> Res
             waveform: cut(&waveform, from as f64 / FPS, (to - from) as f64 / FPS),
             start_s: from as f64 / FPS,
             motion: motion.slice_axis(Axis(0), Slice::from(from..to)).to_owned(),
+            speaker: ict.neutral.clone(),
             neutral: ict.neutral.clone(),
             fps: FPS,
             observed: (0..LANDMARKS).filter(|n| !unseen(*n)).collect(),

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ndarray::Array3;
+use ndarray::{Array2, Array3};
 use serde::Serialize;
 
 use super::{
@@ -139,11 +139,11 @@ fn onsets(states: impl Iterator<Item = bool>) -> usize {
     count
 }
 
-/// Opening of the lids of `[T, 68, 3]` motion of a clip's face, as a share of its 95 % quantile.
-fn lids(clip: &Clip, motion: &Array3<f64>) -> Vec<f64> {
+/// Opening of the lids of `[T, 68, 3]` motion of a face, as a share of its 95 % quantile.
+fn lids(face: &Array2<f64>, motion: &Array3<f64>) -> Vec<f64> {
     let opening = |t: usize, [a, b]: [usize; 2]| {
         let along = |i: usize| {
-            let at = |n: usize| clip.neutral[[n, i]] + motion[[t, n, i]];
+            let at = |n: usize| face[[n, i]] + motion[[t, n, i]];
             at(a) - at(b)
         };
         (0..3).map(|i| along(i).powi(2)).sum::<f64>().sqrt()
@@ -160,7 +160,7 @@ fn performed(speaker: &Speaker, wish: &Wish, clip: &Clip) -> Result<Surroundings
     Ok(Surroundings {
         head: None,
         gaze: None,
-        lids: lids(clip, &motion),
+        lids: lids(&clip.neutral, &motion),
     })
 }
 
@@ -177,7 +177,7 @@ fn recorded(data: &Path, clips: &[Clip]) -> Result<Vec<Surroundings>> {
         let angle = |t: usize, axis: usize| {
             (f64::from(head[t * shape[1] + axis]) * RADIANS_PER_UNIT).to_degrees()
         };
-        let opening = lids(clip, &clip.motion);
+        let opening = lids(&clip.speaker, &clip.motion);
         Surroundings {
             head: Some(
                 frames()

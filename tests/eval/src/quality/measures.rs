@@ -129,7 +129,7 @@ static FEATURES: [[Measure; 4]; 4] = [
     of_feature!(
         PROTRUSION,
         "protrusion",
-        "the lips' protrusion, mean z of 51 and 57 minus that of 48 and 54"
+        "the lips' protrusion, mean z of 51 and 57"
     ),
 ];
 

@@ -195,7 +195,7 @@ impl Quality {
             asked.perform_plainly(grid::read(data, ict, self.limit)?)?,
             asked.perform_plainly(ends)?,
         ];
-        performed.extend(asked.from_files_alone(whole)?);
+        performed.extend(asked.files_alone(whole)?);
         let sources: Vec<SourceScores> = performed.iter().map(score).collect::<Result<_>>()?;
         let features = || measures().take(FEATURE_ROWS);
         let table: String = sources.iter().map(|s| table(s, features())).collect();
@@ -243,10 +243,7 @@ impl Quality {
             console.stage("sources", 0.3 * k as f32 / count);
             asked.perform(corpus, Some(&fallback))
         });
-        Ok((
-            performed.collect::<Result<_>>()?,
-            asked.from_files_alone(whole)?,
-        ))
+        Ok((performed.collect::<Result<_>>()?, asked.files_alone(whole)?))
     }
 
     /// What a report holds beside the scores of the sources.

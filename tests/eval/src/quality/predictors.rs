@@ -142,7 +142,7 @@ impl Asked<'_> {
     }
 
     /// A corpus for which there are files alone; none where there are no files.
-    pub(super) fn from_files_alone(&self, corpus: Corpus) -> Result<Option<Performed>> {
+    pub(super) fn files_alone(&self, corpus: Corpus) -> Result<Option<Performed>> {
         let predictors = self.read_files(&corpus)?;
         Ok((!predictors.is_empty()).then_some(Performed { corpus, predictors }))
     }
@@ -233,6 +233,7 @@ mod tests {
             },
             start_s: 0.0,
             motion: Array3::zeros((25, LANDMARKS, 3)),
+            speaker: Array2::zeros((LANDMARKS, 3)),
             neutral: Array2::zeros((LANDMARKS, 3)),
             fps: 25.0,
             observed: (0..LANDMARKS).collect(),

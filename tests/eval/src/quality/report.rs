@@ -170,8 +170,10 @@ fn recorded_source(page: &mut Page, source: &SourceScores) {
 fn definitions(page: &mut Page) {
     page.block("## Definitions");
     page.block(
-        "Landmarks are numbered as iBUG-68. Only landmarks that the recording saw are judged. \
-         Means over clips are weighted by frames.",
+        "Landmarks are numbered as iBUG-68. Only landmarks and frames that the recording saw are \
+         judged; lids of grid_s1, which blink and read, are not. Distances compare displacements from \
+         rest; features are those of the recording on its speaker's face, of a prediction on the one \
+         that models move. Means over clips are weighted by frames.",
     );
     let rows = measures().map(|m| vec![m.title.to_owned(), m.definition.to_owned()]);
     page.table(&["measure", "what it is"], rows.collect::<Vec<_>>());

@@ -68,8 +68,8 @@ impl ClipScores {
             false => Some(metrics::face_dynamics_deviation(p, g, &upper)?.signed),
         };
         let judged = |curve: Vec<f64>| curve[clip.judged.clone()].to_vec();
-        let made = features::of(clip, prediction)?.map(judged);
-        let recorded = features::of(clip, clip.motion.view())?.map(judged);
+        let made = features::of(&clip.neutral, prediction)?.map(judged);
+        let recorded = features::of(&clip.speaker, clip.motion.view())?.map(judged);
         let (gap, truth) = (&made[features::GAP], &recorded[features::GAP]);
         Ok(ClipScores {
             frames: clip.judged.len() as f64,

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::{
     bootstrap::{Estimate, estimate},
-    clip::{Clip, Corpus},
+    clip::{Clip, Corpus, gap_mm},
     closures::windows,
     scores::{lips, upper},
     speaker::{Speaker, Wish},
@@ -93,7 +93,7 @@ fn record(speaker: &Speaker, wish: &Wish, clip: &Clip) -> Result<Record> {
     let region = |of: fn(usize) -> bool| (0..LANDMARKS).filter(|n| of(*n)).collect::<Vec<_>>();
     let gaps: Vec<Vec<f64>> = views
         .iter()
-        .map(|motion| clip.gap_mm(*motion))
+        .map(|motion| gap_mm(&clip.neutral, *motion))
         .collect::<Result<_>>()?;
     let pairs = (0..gaps.len()).flat_map(|a| (0..a).map(move |b| (a, b)));
     let r: Vec<f64> = pairs.map(|(a, b)| pearson(&gaps[a], &gaps[b])).collect();

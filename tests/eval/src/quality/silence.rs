@@ -4,8 +4,7 @@ use serde::Serialize;
 
 use super::{
     bootstrap::{Estimate, estimate},
-    clip::Clip,
-    closures::rest_mm,
+    clip::{Clip, gap_mm, rest_gap_mm},
     predictors::Performed,
     scores::lips,
     speaker::{Speaker, Wish},
@@ -71,7 +70,7 @@ pub(super) fn measure(performed: &[Performed]) -> Result<Vec<SilenceScores>> {
         for (name, motions) in source.with_recording() {
             let records = motions
                 .iter()
-                .filter_map(|(clip, motion)| record(clip, motion.view()).transpose());
+                .filter_map(|(clip, motion)| record(name, clip, motion.view()).transpose());
             let records: Vec<Record> = records.collect::<Result<_>>()?;
             let row = score(&source.corpus.source, name, &records);
             out.extend((row.clips > 0).then_some(row));
@@ -103,12 +102,13 @@ fn score(source: &str, predictor: &str, records: &[Record]) -> SilenceScores {
     }
 }
 
-fn record(clip: &Clip, motion: metrics::Clip<'_>) -> Result<Option<Record>> {
+fn record(name: &str, clip: &Clip, motion: metrics::Clip<'_>) -> Result<Option<Record>> {
     let pauses = pauses(clip);
     if pauses.is_empty() {
         return Ok(None);
     }
-    let (gap, rest) = (clip.gap_mm(motion)?, rest_mm(clip)?);
+    let face = clip.face(name);
+    let (gap, rest) = (gap_mm(face, motion)?, rest_gap_mm(face)?);
     let region: Vec<usize> = (0..LANDMARKS).filter(|n| lips(*n)).collect();
     let mut out = Record {
         pauses_s: pauses.iter().map(|(from, to)| to - from).sum(),

@@ -65,7 +65,7 @@ pub(super) fn measure(performed: &[Performed]) -> Result<Vec<VowelScores>> {
 }
 
 fn record(clip: &Clip, motion: metrics::Clip<'_>) -> Result<Record> {
-    let curves = features::of(clip, motion)?;
+    let curves = features::of(&clip.neutral, motion)?;
     let mut out = Record::default();
     for phone in clip.phones.iter().flatten() {
         let vowel = phone
