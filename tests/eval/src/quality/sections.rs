@@ -90,7 +90,7 @@ pub(super) fn reading(page: &mut Page, results: &Results) {
     page.block(format!(
         "Blind reading: a linear discriminant that learned nothing but ICT's own expression modes, \
          mixed at full strength as the Facial Action Coding System describes six emotions and none, \
-         over speaking mouths, sees the heads' motion at the landmarks in stills of the model at \
+         over speaking mouths and with 1 mm of noise on every coordinate, sees the heads' motion at the landmarks in stills of the model at \
          intensity 1. Of such mixes, drawn anew, it names {} %; of the model's stills on all heads \
          {} %. Chance is {} %. Anger is what most stills are read as on {} of {} heads, sadness on {}.",
         number(reading.own_percent, 0),
