@@ -10,7 +10,9 @@ const SEARCH_S: f64 = 0.1;
 /// One closure that phonetics asks for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Closure {
-    /// Smallest gap within the window as a share of the clip's 95 % quantile.
+    /// Smallest gap within the window, in the gap's unit.
+    pub gap: f64,
+    /// The same as a share of the clip's 95 % quantile.
     pub gap_share: f64,
     /// The gap's minimum, up to 0.1 s outside the window, minus the window's middle, seconds.
     pub offset_s: f64,
@@ -26,6 +28,7 @@ pub fn closures(gap: &[f64], fps: f64, windows: &[(f64, f64)]) -> Vec<Closure> {
         let smallest = minimum(gap, fps, from, to)?;
         let place = minimum(gap, fps, from - SEARCH_S, to + SEARCH_S)?.0;
         Some(Closure {
+            gap: smallest.1,
             gap_share: if open > 0.0 { smallest.1 / open } else { 1.0 },
             offset_s: place - 0.5 * (from + to),
         })
@@ -68,6 +71,8 @@ mod tests {
         let found = closures(&gap(), 25.0, &[(0.96, 1.04), (1.96, 2.04), (2.4, 2.6)]);
         let shares: Vec<f64> = found.iter().map(|c| c.gap_share).collect();
         assert_eq!(shares, [0.0, 0.5, 1.0]);
+        let gaps: Vec<f64> = found.iter().map(|c| c.gap).collect();
+        assert_eq!(gaps, [0.0, 5.0, 10.0]);
         assert!(found[0].offset_s.abs() < 1e-9);
     }
 

@@ -48,11 +48,22 @@ impl Moments {
         })
     }
 
+    /// Sum of products of both curves' differences from their means; 0 where either is constant.
+    ///
+    /// Over the second curve's scatter it is the least-squares slope of the first over the second.
+    pub fn joint_scatter(&self) -> f64 {
+        let [a, b] = self.scatter();
+        match a > 0.0 && b > 0.0 {
+            true => self.product - self.sum[0] * self.sum[1] / self.count,
+            false => 0.0,
+        }
+    }
+
     /// Pearson's r, −1 to 1; 0 where either curve is constant.
     pub fn r(&self) -> f64 {
         let [a, b] = self.scatter();
         match a > 0.0 && b > 0.0 {
-            true => (self.product - self.sum[0] * self.sum[1] / self.count) / (a * b).sqrt(),
+            true => self.joint_scatter() / (a * b).sqrt(),
             false => 0.0,
         }
     }
@@ -83,6 +94,14 @@ mod tests {
         let (a, _) = curves();
         assert_eq!(Moments::of(&a, &[7.1; 60]).r(), 0.0);
         assert_eq!(Moments::default().r(), 0.0);
+    }
+
+    #[test]
+    fn joint_scatter_gives_the_slope_of_a_line() {
+        let (a, _) = curves();
+        let line: Vec<f64> = a.iter().map(|x| 0.3 * x - 2.0).collect();
+        let moments = Moments::of(&line, &a);
+        assert!((moments.joint_scatter() / moments.scatter()[1] - 0.3).abs() < 1e-9);
     }
 
     #[test]

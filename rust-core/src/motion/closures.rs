@@ -1,7 +1,7 @@
 //! Lips that touch where the sound says p, b or m.
 //!
-//! Video landmarks under-report closure, and whatever is trained by squared error blurs it; the
-//! speech encoder's own read-out of closure does not. Twin of `lips_closed` in
+//! Whatever is trained by squared error blurs closure, which lasts a frame or two; the speech
+//! encoder's own read-out of it does not. Twin of `lips_closed` in
 //! `training/corpus/closures.py`.
 
 use ndarray::Array3;

@@ -2,31 +2,12 @@
 
 use std::{collections::HashMap, path::Path};
 
-use faer::{Mat, Side, prelude::Solve};
 use ndarray::Array2;
 
 use super::tensors::TensorFile;
 use anyface::{Error, Result, ibug::LANDMARKS};
 
 const METRES_PER_CM: f64 = 0.01;
-/// Landmarks of the chin, which the jaw carries.
-const CHIN: std::ops::Range<usize> = 6..11;
-const MOUTH: std::ops::Range<usize> = 48..LANDMARKS;
-/// Modes that share the mouth's motion between them when its pucker is asked for, the pucker first.
-const MOUTH_MODES: [&str; 9] = [
-    "mouthPucker",
-    "mouthFunnel",
-    "jawOpen",
-    "mouthClose",
-    "mouthSmile",
-    "mouthStretch",
-    "mouthFrown",
-    "mouthLowerDown",
-    "mouthUpperUp",
-];
-/// Damping of that fit, as a share of the modes' mean power.
-const DAMPING: f64 = 1e-3;
-
 /// `[68, 3]` each, metres, canonical axes.
 pub(super) struct IctLandmarks {
     pub neutral: Array2<f64>,
@@ -74,41 +55,5 @@ impl IctLandmarks {
                 "ICT has no expression mode {name}"
             ))),
         }
-    }
-
-    /// The jawOpen weight that comes closest to the chin's motion, at every frame of `[T, 68, 3]`.
-    pub(super) fn jaw_open(&self, motion: anyface::metrics::Clip<'_>) -> Result<Vec<f64>> {
-        let mode = self.mode("jawOpen")?;
-        let chin = || CHIN.flat_map(|n| (0..3).map(move |i| (n, i)));
-        let power: f64 = chin().map(|(n, i)| mode[[n, i]].powi(2)).sum();
-        let along =
-            |t: usize| -> f64 { chin().map(|(n, i)| motion[[t, n, i]] * mode[[n, i]]).sum() };
-        Ok((0..motion.dim().0).map(|t| along(t) / power).collect())
-    }
-
-    /// The mouthPucker weight of the least-squares fit of [`MOUTH_MODES`] to mouth and chin, at
-    /// every frame of `[T, 68, 3]`.
-    pub(super) fn pucker(&self, motion: anyface::metrics::Clip<'_>) -> Result<Vec<f64>> {
-        let modes: Vec<Array2<f64>> = MOUTH_MODES
-            .iter()
-            .map(|name| self.mode(name))
-            .collect::<Result<_>>()?;
-        let place = || MOUTH.chain(CHIN).flat_map(|n| (0..3).map(move |i| (n, i)));
-        let dot =
-            |a: &Array2<f64>, b: &Array2<f64>| -> f64 { place().map(|at| a[at] * b[at]).sum() };
-        let power = modes.iter().map(|m| dot(m, m)).sum::<f64>() / modes.len() as f64;
-        let normal = Mat::from_fn(modes.len(), modes.len(), |a, b| {
-            dot(&modes[a], &modes[b]) + if a == b { DAMPING * power } else { 0.0 }
-        });
-        let right = Mat::from_fn(modes.len(), motion.dim().0, |m, t| {
-            place()
-                .map(|(n, i)| modes[m][[n, i]] * motion[[t, n, i]])
-                .sum()
-        });
-        let solved = normal
-            .llt(Side::Lower)
-            .map_err(|e| Error::Numerics(format!("the mouth's modes: {e:?}")))?
-            .solve(&right);
-        Ok((0..motion.dim().0).map(|t| solved[(0, t)]).collect())
     }
 }

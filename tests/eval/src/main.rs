@@ -76,6 +76,7 @@ mod tests {
         for line in [
             "anyface-eval quality --data D --limit 3 --json",
             "anyface-eval quality --aligned A --also B --report R.md --long",
+            "anyface-eval quality --data D --weights W --quick --also B",
             "anyface-eval gallery --out G.md --no-cache",
             "anyface-eval bench --mesh M.obj --no-proxy --runs 2 --json",
             "anyface-eval bench --mesh M.obj --triangulations",

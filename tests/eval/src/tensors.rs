@@ -51,6 +51,7 @@ impl TensorFile {
                 .chunks_exact(2)
                 .map(|b| f32::from(i16::from_le_bytes([b[0], b[1]])))
                 .collect(),
+            Dtype::U8 => data.iter().map(|b| f32::from(*b)).collect(),
             // Indices here are far below 2^24, so f32 holds them exactly.
             Dtype::I32 => data
                 .chunks_exact(4)

@@ -107,7 +107,7 @@ pub struct AtsConfig {
     /// The style of a request that names none.
     pub default_style: String,
     /// Styles in which lips meet where the speech encoder hears p, b or m; the others move as they
-    /// were recorded, and video under-reports closure.
+    /// were recorded.
     #[serde(default)]
     pub closing_styles: Vec<String>,
 }

@@ -30,6 +30,23 @@ impl Phone {
         SILENCES.contains(&self.name.to_lowercase().as_str())
     }
 
+    /// f, v and their like, in IPA and ARPABET.
+    pub(super) fn is_labiodental(&self) -> bool {
+        let letters = self.name.trim_start_matches(['ˈ', 'ˌ']);
+        letters.starts_with(['f', 'v', 'ʋ', 'ɱ', 'F', 'V'])
+    }
+
+    /// The letter of a vowel without stress and length, none for diphthongs and everything else.
+    pub(super) fn plain_vowel(&self) -> Option<char> {
+        let letters = self.name.trim_start_matches(['ˈ', 'ˌ']);
+        let mut letters = letters.trim_end_matches(['ː', 'ˑ']).chars();
+        match (letters.next(), letters.next()) {
+            (Some('ɑ'), None) => Some('a'),
+            (Some(letter @ ('a' | 'i' | 'u')), None) => Some(letter),
+            _ => None,
+        }
+    }
+
     /// p, b, m and what IPA and ARPABET make of them: stress marks go, the letter remains.
     pub(super) fn closes_the_lips(&self) -> bool {
         let letters = self.name.trim_start_matches(['ˈ', 'ˌ']);
@@ -159,11 +176,11 @@ fn speech_only(folder: Folder, ict: &IctLandmarks, limit: usize) -> Result<Corpu
             waveform,
             start_s: 0.0,
             motion: Array3::zeros((frames, LANDMARKS, 3)),
+            speaker: ict.neutral.clone(),
             neutral: ict.neutral.clone(),
             fps: FPS,
             observed: Vec::new(),
-            jaw: None,
-            pucker: None,
+            judged: 0..frames,
             phones: Some(phones),
         })
     });
@@ -208,6 +225,33 @@ mod tests {
         for name in ["t", "ˈn", "F", "AH0", "SIL", "pau", "sp", "ɸ", ""] {
             assert!(!phone(name).closes_the_lips(), "{name}");
         }
+    }
+
+    #[test]
+    fn vowels_and_labiodentals_are_told_from_the_rest() {
+        let vowels = ["ˈiː", "i", "u", "ˌɑː", "aɪ", "ɪ", "y", "IY1"];
+        let found = vowels.map(|name| phone(name).plain_vowel());
+        let wanted = [
+            Some('i'),
+            Some('i'),
+            Some('u'),
+            Some('a'),
+            None,
+            None,
+            None,
+            None,
+        ];
+        assert_eq!(found, wanted);
+        assert!(
+            ["f", "v", "ʋ", "F", "fː"]
+                .iter()
+                .all(|n| phone(n).is_labiodental())
+        );
+        assert!(
+            ["w", "θ", "β", "ɸ", ""]
+                .iter()
+                .all(|n| !phone(n).is_labiodental())
+        );
     }
 
     #[test]

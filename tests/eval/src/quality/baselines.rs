@@ -107,11 +107,11 @@ mod tests {
             waveform,
             start_s: 0.0,
             motion,
+            speaker: Array2::zeros((LANDMARKS, 3)),
             neutral: Array2::zeros((LANDMARKS, 3)),
             fps: 25.0,
             observed: (0..LANDMARKS).collect(),
-            jaw: None,
-            pucker: None,
+            judged: 0..50,
             phones: None,
         }
     }

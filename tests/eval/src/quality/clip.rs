@@ -1,8 +1,10 @@
 //! One recorded performance and the corpora they come from.
 
+use std::ops::Range;
+
 use ndarray::{Array2, Array3};
 
-use super::aligned::Phone;
+use super::{aligned::Phone, predictors::RECORDED};
 use anyface::{
     Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
@@ -20,16 +22,16 @@ pub(super) struct Clip {
     /// `[T, 68, 3]`, displacement from the neutral face, canonical metres; zero where none was
     /// recorded.
     pub motion: Array3<f64>,
-    /// `[68, 3]`, metres, up to a translation.
+    /// `[68, 3]`, metres, up to a translation: the face of the speaker at rest.
+    pub speaker: Array2<f64>,
+    /// The same of the face that models move, ICT's.
     pub neutral: Array2<f64>,
     /// Frames per second.
     pub fps: f64,
-    /// Landmarks that the recording saw.
+    /// Landmarks whose distance from the recorded ones is judged.
     pub observed: Vec<usize>,
-    /// `[T]`, the captured jawOpen weight, where there is one.
-    pub jaw: Option<Vec<f64>>,
-    /// `[T]`, the captured mouthPucker weight, where there is one.
-    pub pucker: Option<Vec<f64>>,
+    /// Frames that are judged: the longest stretch in which none was lost.
+    pub judged: Range<usize>,
     /// Phones, seconds of this clip's sound, where they are known.
     pub phones: Option<Vec<Phone>>,
 }
@@ -45,6 +47,13 @@ pub(super) struct Corpus {
     pub training: Vec<Clip>,
 }
 
+impl Corpus {
+    /// Whether espeak-ng spoke it.
+    pub(super) fn is_synthetic(&self) -> bool {
+        self.source.starts_with("espeak_")
+    }
+}
+
 impl Clip {
     pub(super) fn frames(&self) -> usize {
         self.motion.dim().0
@@ -56,11 +65,26 @@ impl Clip {
         seen.filter(|(_, n)| of(**n)).map(|(row, _)| row).collect()
     }
 
-    /// The inner-lip gap of a motion of this clip's face, `[T]` millimetres.
-    pub(super) fn gap_mm(&self, motion: metrics::Clip<'_>) -> Result<Vec<f64>> {
-        let positions: Array3<f64> = (&motion + &self.neutral) * MM;
-        metrics::lip_gap(positions.view())
+    /// The face at rest on which a predictor's motion is judged: the recording moves the speaker's,
+    /// all others the one that models move.
+    pub(super) fn face(&self, predictor: &str) -> &Array2<f64> {
+        match predictor == RECORDED {
+            true => &self.speaker,
+            false => &self.neutral,
+        }
     }
+}
+
+/// The inner-lip gap of `[T, 68, 3]` motion of a face `[68, 3]`, metres: `[T]` millimetres.
+pub(super) fn gap_mm(face: &Array2<f64>, motion: metrics::Clip<'_>) -> Result<Vec<f64>> {
+    let positions: Array3<f64> = (&motion + face) * MM;
+    metrics::lip_gap(positions.view())
+}
+
+/// The inner-lip gap of a face at rest, millimetres.
+pub(super) fn rest_gap_mm(face: &Array2<f64>) -> Result<f64> {
+    let still = Array3::zeros((1, face.nrows(), 3));
+    Ok(gap_mm(face, still.view())?[0])
 }
 
 /// The sound from `from_s` seconds on, at most `length_s` long.

@@ -1,20 +1,20 @@
 //! Lip closure on p, b and m, where phone times are known.
 
-use ndarray::Array3;
 use serde::Serialize;
 
 use super::{
     aligned::Phone,
     bootstrap::{Estimate, estimate},
-    clip::Clip,
+    clip::{Clip, gap_mm, rest_gap_mm},
     predictors::Performed,
 };
 use anyface::{
     Result,
-    ibug::LANDMARKS,
     metrics::{self, Closure, closures, quantile},
 };
 
+/// Lips this near to how they lie at rest are closed, millimetres.
+pub(super) const CLOSED_MM: f64 = 0.5;
 /// A gap below this share of the clip's 95 % quantile is shut.
 pub(super) const SHUT: f64 = 0.15;
 /// The lips begin to close before the phone by half of what comes before it, within these limits,
@@ -29,14 +29,16 @@ pub(super) struct ClosureScores {
     pub predictor: String,
     pub clips: usize,
     pub closures: usize,
-    /// Closures that happen, %.
+    /// Closures within [`CLOSED_MM`] of the neutral face's own gap, %.
+    pub closed_percent: Option<Estimate>,
+    /// Closures within [`SHUT`] of the clip's wide gaps, %.
     pub shut_percent: Option<Estimate>,
-    /// The same with the neutral face's own gap taken off first, %.
-    pub shut_from_rest_percent: Option<Estimate>,
+    /// Median of the smallest gap above the neutral face's, mm.
+    pub gap_mm: Option<Estimate>,
     /// Median distance of the gap's minimum from the middle of its window, ms.
     pub timing_ms: Option<Estimate>,
-    /// Frames of all clips with the lips shut from rest, %: what chance would reach.
-    pub time_shut_percent: Option<Estimate>,
+    /// Frames of all clips with closed lips, %: what chance would reach.
+    pub time_closed_percent: Option<Estimate>,
 }
 
 /// All predictors on one source.
@@ -49,9 +51,17 @@ pub(super) struct SourceClosures {
 /// What one clip holds.
 struct Record {
     closures: Vec<Closure>,
-    from_rest: Vec<Closure>,
+    /// The neutral face's own gap, mm.
+    rest_mm: f64,
     frames: f64,
-    frames_shut: f64,
+    frames_closed: f64,
+}
+
+impl Record {
+    /// Smallest gaps of the closures above rest, mm.
+    fn gaps_mm(&self) -> impl Iterator<Item = f64> {
+        self.closures.iter().map(|c| c.gap - self.rest_mm)
+    }
 }
 
 /// From and to of the closures that the phones of a clip ask for, seconds: from half of the phone
@@ -101,50 +111,57 @@ pub(super) fn score<'a>(
     let mut records = Vec::new();
     for (clip, motion) in pairs {
         if let Some(phones) = &clip.phones {
-            let gap = clip.gap_mm(motion)?;
-            let rest = clip.gap_mm(Array3::zeros((1, LANDMARKS, 3)).view())?[0];
-            records.push(record(&gap, rest, clip.fps, &windows(phones)));
+            let face = clip.face(name);
+            let (gap, rest_mm) = (gap_mm(face, motion)?, rest_gap_mm(face)?);
+            records.push(record(&gap, rest_mm, clip.fps, &windows(phones)));
         }
     }
-    let share = |of: &[&Record], list: fn(&Record) -> &Vec<Closure>| {
-        let found = || of.iter().flat_map(|r| list(r));
-        let shut = found().filter(|c| c.gap_share < SHUT).count() as f64;
+    let share = |of: &[&Record], is: fn(&Record, &Closure) -> bool| {
+        let found = || {
+            of.iter()
+                .flat_map(|r| r.closures.iter().map(move |c| is(r, c)))
+        };
+        let shut = found().filter(|is| *is).count() as f64;
         (found().count() > 0).then(|| PER_CENT * shut / found().count() as f64)
     };
+    let median = |values: Vec<f64>| (!values.is_empty()).then(|| quantile(&values, 0.5));
     let timing = |of: &[&Record]| {
         let found = of.iter().flat_map(|r| &r.closures);
-        let errors: Vec<f64> = found.map(|c| c.offset_s.abs() * MS).collect();
-        (!errors.is_empty()).then(|| quantile(&errors, 0.5))
+        median(found.map(|c| c.offset_s.abs() * MS).collect())
     };
-    let time_shut = |of: &[&Record]| {
+    let gap = |of: &[&Record]| median(of.iter().flat_map(|r| r.gaps_mm()).collect());
+    let time_closed = |of: &[&Record]| {
         let sum = |f: fn(&Record) -> f64| of.iter().map(|r| f(r)).sum::<f64>();
-        (!of.is_empty()).then(|| PER_CENT * sum(|r| r.frames_shut) / sum(|r| r.frames))
+        (!of.is_empty()).then(|| PER_CENT * sum(|r| r.frames_closed) / sum(|r| r.frames))
     };
+    let closed = |of: &[&Record]| share(of, |r, c| c.gap - r.rest_mm <= CLOSED_MM);
     Ok(ClosureScores {
         predictor: name.into(),
         clips: records.len(),
         closures: records.iter().map(|r| r.closures.len()).sum(),
-        shut_percent: estimate(&records, |of| share(of, |r| &r.closures)),
-        shut_from_rest_percent: estimate(&records, |of| share(of, |r| &r.from_rest)),
+        closed_percent: estimate(&records, closed),
+        shut_percent: estimate(&records, |of| share(of, |_, c| c.gap_share < SHUT)),
+        gap_mm: estimate(&records, gap),
         timing_ms: estimate(&records, timing),
-        time_shut_percent: estimate(&records, time_shut),
+        time_closed_percent: estimate(&records, time_closed),
     })
 }
 
-fn record(gap: &[f64], rest: f64, fps: f64, windows: &[(f64, f64)]) -> Record {
-    let opened: Vec<f64> = gap.iter().map(|g| g - rest).collect();
-    let limit = SHUT * quantile(&opened, 0.95);
+fn record(gap: &[f64], rest_mm: f64, fps: f64, windows: &[(f64, f64)]) -> Record {
+    let closed = gap.iter().filter(|g| **g - rest_mm <= CLOSED_MM);
     Record {
         closures: closures(gap, fps, windows),
-        from_rest: closures(&opened, fps, windows),
+        rest_mm,
         frames: gap.len() as f64,
-        frames_shut: opened.iter().filter(|g| **g < limit).count() as f64,
+        frames_closed: closed.count() as f64,
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use anyface::ibug::LANDMARKS;
+    use ndarray::{Array2, Array3};
 
     fn phone(from_s: f64, to_s: f64, name: &str) -> Phone {
         Phone {
@@ -172,22 +189,42 @@ mod tests {
     }
 
     #[test]
-    fn shut_frames_and_closures_are_counted() {
+    fn closed_frames_and_closures_are_counted_from_rest() {
         let mut gap = vec![10.0; 100];
-        gap[25..30].fill(1.0);
-        let found = record(&gap, 0.0, 25.0, &[(1.0, 1.16), (2.0, 2.2)]);
-        assert_eq!(found.frames_shut, 5.0);
-        let shares: Vec<f64> = found.closures.iter().map(|c| c.gap_share).collect();
-        assert_eq!(shares, [0.1, 1.0]);
+        gap[25..30].fill(2.4);
+        let found = record(&gap, 2.0, 25.0, &[(1.0, 1.16), (2.0, 2.2)]);
+        assert_eq!(found.frames_closed, 5.0);
+        let gaps: Vec<f64> = found.gaps_mm().collect();
+        assert!((gaps[0] - 0.4).abs() < 1e-9 && (gaps[1] - 8.0).abs() < 1e-9);
     }
 
     #[test]
-    fn lips_that_rest_apart_are_shut_at_rest() {
-        let mut gap = vec![6.0; 100];
-        gap[25..30].fill(2.0);
-        let found = record(&gap, 2.0, 25.0, &[(1.0, 1.16)]);
-        assert_eq!(found.from_rest[0].gap_share, 0.0);
-        assert!(found.closures[0].gap_share > SHUT);
-        assert_eq!(found.frames_shut, 5.0);
+    fn a_gap_of_half_a_millimetre_is_closed_and_a_wider_one_is_not() {
+        let clip = |least_m: f64| {
+            let mut motion = Array3::zeros((50, LANDMARKS, 3));
+            for t in 0..50 {
+                motion[[t, 66, 1]] = if t == 25 { -least_m } else { -0.010 };
+            }
+            Clip {
+                name: "test".into(),
+                waveform: anyface::audio::Waveform {
+                    samples: Vec::new(),
+                },
+                start_s: 0.0,
+                motion,
+                speaker: Array2::zeros((LANDMARKS, 3)),
+                neutral: Array2::zeros((LANDMARKS, 3)),
+                fps: 25.0,
+                observed: Vec::new(),
+                judged: 0..50,
+                phones: Some(vec![phone(0.95, 1.05, "p")]),
+            }
+        };
+        for (least_m, percent) in [(0.0004, 100.0), (0.0008, 0.0)] {
+            let clip = clip(least_m);
+            let found = score("", [(&clip, clip.motion.view())].into_iter()).unwrap();
+            assert_eq!(found.closed_percent.unwrap().value, percent);
+            assert_eq!(found.shut_percent.unwrap().value, 100.0);
+        }
     }
 }

@@ -5,7 +5,10 @@ use plotters::{
     style::text_anchor::{HPos, Pos, VPos},
 };
 
-use super::emotions::{INTENSITIES, IntensityCurve, Separability};
+use super::{
+    emotions::{INTENSITIES, IntensityCurve},
+    reading::Reading,
+};
 use crate::pictures::{Album, Canvas, FONT, GRID, MODEL, OTHER, drawing};
 use anyface::Result;
 
@@ -15,29 +18,24 @@ const PANEL: (u32, u32) = (176, 150);
 const PANELS_IN_A_ROW: usize = 5;
 
 impl Album {
-    /// Rows: what was asked; columns: what was recognised; the darker, the more.
-    pub(super) fn confusion(&self, name: &str, found: &Separability) -> Result<String> {
-        let count = found.categories.len() as i32;
-        let side = NAMES + CELL * count + 12;
-        let size = (side as u32, side as u32 + 12);
-        self.plot(name, size, |canvas| {
-            for (asked, row) in found.confusion.iter().enumerate() {
-                let y = NAMES + CELL * asked as i32;
-                label(
-                    canvas,
-                    found.categories[asked],
-                    (NAMES - 6, y + CELL / 2),
-                    false,
-                )?;
-                label(
-                    canvas,
-                    found.categories[asked],
-                    (y + CELL / 2, NAMES - 6),
-                    true,
-                )?;
-                for (recognised, number) in row.iter().enumerate() {
-                    let share = *number as f64 / found.test_clips.max(1) as f64;
-                    cell(canvas, (NAMES + CELL * recognised as i32, y), share)?;
+    /// Rows: what was performed, over all heads; columns: what was read; the darker, the more.
+    pub(super) fn confusion(&self, name: &str, found: &Reading) -> Result<String> {
+        let (rows, columns) = (found.answers.len() as i32 - 1, found.answers.len() as i32);
+        let size = (NAMES + CELL * columns + 12, NAMES + CELL * rows + 24);
+        let stills: usize = found.heads.iter().map(|head| head.stills).sum();
+        self.plot(name, (size.0 as u32, size.1 as u32), |canvas| {
+            for (column, answer) in (0..).zip(&found.answers) {
+                let x = NAMES + CELL * column + CELL / 2;
+                label(canvas, answer, (x, NAMES - 6), true)?;
+            }
+            for (row, emotion) in (0..).zip(&found.answers[1..]) {
+                let y = NAMES + CELL * row;
+                label(canvas, emotion, (NAMES - 6, y + CELL / 2), false)?;
+                for column in 0..columns {
+                    let of_head = found.heads.iter().map(|h| &h.confusion[row as usize]);
+                    let read: usize = of_head.map(|counts| counts[column as usize]).sum();
+                    let share = read as f64 / stills.max(1) as f64;
+                    cell(canvas, (NAMES + CELL * column, y), share)?;
                 }
             }
             Ok(())

@@ -10,6 +10,8 @@ use super::clip::{Clip, Corpus, cut};
 use crate::ict::IctLandmarks;
 use anyface::{Error, Result, audio::Waveform, ibug::LANDMARKS};
 
+/// Name of the source that holds whole takes.
+pub(super) const WHOLE_TAKES: &str = "facegood_zh_whole";
 const FPS: f64 = 30.0;
 /// The split counts frames at this rate.
 const SPLIT_FPS: f64 = 25.0;
@@ -21,25 +23,21 @@ fn unseen(n: usize) -> bool {
     matches!(n, 0..=2 | 14..=26 | 36..=47)
 }
 
-/// The end of every take is held out; the first `limit` takes are read.
-pub(super) fn read(data: &Path, ict: &IctLandmarks, limit: Option<usize>) -> Result<Corpus> {
+/// The end of every take is held out, then whole takes, for models that never saw the take; the
+/// first `limit` takes are read.
+pub(super) fn read(data: &Path, ict: &IctLandmarks, limit: Option<usize>) -> Result<[Corpus; 2]> {
     let folder = data.join("motion/facegood_zh");
-    let mut corpus = Corpus {
-        source: "facegood_zh".into(),
+    let empty = |source: &str| Corpus {
+        source: source.into(),
         recorded: true,
         held_out: Vec::new(),
         training: Vec::new(),
     };
-    for table in takes(&folder)?
-        .into_iter()
-        .take(limit.unwrap_or(usize::MAX))
-    {
+    let (mut ends, mut whole) = (empty("facegood_zh"), empty(WHOLE_TAKES));
+    let tables = takes(&folder)?.into_iter();
+    for table in tables.take(limit.unwrap_or(usize::MAX)) {
         let (names, weights) = read_weights(&table)?;
         let motion = displace(&names, &weights, ict)?;
-        let [jaw, pucker] = [
-            column(&names, &weights, "jawOpen")?,
-            column(&names, &weights, "mouthPucker")?,
-        ];
         let sound = table.to_string_lossy().replace(".arkit.csv", ".ogg");
         let waveform = Waveform::from_file(Path::new(&sound))?;
         let boundary_s = first_held_out_s(motion.dim().0);
@@ -49,17 +47,19 @@ pub(super) fn read(data: &Path, ict: &IctLandmarks, limit: Option<usize>) -> Res
             waveform: cut(&waveform, from as f64 / FPS, (to - from) as f64 / FPS),
             start_s: from as f64 / FPS,
             motion: motion.slice_axis(Axis(0), Slice::from(from..to)).to_owned(),
+            speaker: ict.neutral.clone(),
             neutral: ict.neutral.clone(),
             fps: FPS,
             observed: (0..LANDMARKS).filter(|n| !unseen(*n)).collect(),
-            jaw: Some(jaw[from..to].to_vec()),
-            pucker: Some(pucker[from..to].to_vec()),
+            judged: 0..to - from,
             phones: None,
         };
-        corpus.held_out.push(part(boundary, motion.dim().0));
-        corpus.training.push(part(0, boundary));
+        let end = motion.dim().0;
+        ends.held_out.push(part(boundary, end));
+        ends.training.push(part(0, boundary));
+        whole.held_out.push(part(0, end));
     }
-    Ok(corpus)
+    Ok([ends, whole])
 }
 
 /// `1114_2_01` of `…/1114_2_01.arkit.csv`.
@@ -127,13 +127,6 @@ fn displace(names: &[String], weights: &Array2<f64>, ict: &IctLandmarks) -> Resu
         }
     }
     Ok(motion)
-}
-
-/// One captured weight over time, `[T]`.
-fn column(names: &[String], weights: &Array2<f64>, wanted: &str) -> Result<Vec<f64>> {
-    let found = names.iter().position(|name| name == wanted);
-    let found = found.ok_or_else(|| Error::InvalidInput(format!("expected a column {wanted}")))?;
-    Ok(weights.column(found).to_vec())
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use ndarray::{Array3, Axis};
 
 use super::{
     Results,
-    clip::Clip,
+    clip::{Clip, gap_mm},
     emotions::with_emotion,
     predictors::{MODEL, Performed, RECORDED},
     scores::SEGMENT,
@@ -55,7 +55,7 @@ impl Figures {
         for source in performed.iter().filter(|p| p.corpus.recorded) {
             out.plots_of(album, source)?;
         }
-        if let Some(found) = results.separability.first() {
+        if let Some(found) = &results.reading {
             out.confusion = Some(album.confusion("confusion", found)?);
         }
         if !results.intensity.is_empty() {
@@ -95,7 +95,7 @@ impl Figures {
             let mut all = Vec::new();
             let mut spectrum = Spectrum::default();
             for (clip, motion) in motions {
-                let gap = clip.gap_mm(motion.view())?;
+                let gap = gap_mm(clip.face(predictor), motion.view())?;
                 spectrum.add(&Spectrum::of(&gap, clip.fps, SEGMENT));
                 all.extend(gap);
             }
@@ -169,8 +169,8 @@ fn track<'a>(clip: &'a Clip, motion: &Array3<f64>) -> Result<Track<'a>> {
         title: clip.name.clone(),
         waveform: &clip.waveform,
         fps: clip.fps,
-        recorded: clip.gap_mm(clip.motion.view())?,
-        model: clip.gap_mm(motion.view())?,
+        recorded: gap_mm(&clip.speaker, clip.motion.view())?,
+        model: gap_mm(&clip.neutral, motion.view())?,
     })
 }
 

@@ -1,26 +1,28 @@
-//! grid_s1: 909 clips of one man, landmarks estimated from video at 25 fps.
+//! grid_s1: 909 clips of one man, tracked frame by frame by MediaPipe Face Landmarker at 25 fps.
 //!
 //! GRID corpus, CC BY 4.0 (Cooke, Barker, Cunningham & Shao 2006). Cleaned as in
-//! `training/corpus/grid.py`: frame 0 has another crop and is dropped, lost frames are filled, the
-//! rest is smoothed lightly and freed of each clip's residual pose; then the speaker's neutral is
-//! scaled and turned to fit ICT's.
+//! `training/corpus/grid.py`: the pose of the head is already removed, lost frames are filled and not
+//! judged, the rest is smoothed lightly; then the speaker's neutral is scaled and turned to fit
+//! ICT's. The eyes blink and look down at the text, which has nothing to do with speech: their
+//! landmarks are not judged.
 
-use std::path::Path;
+use std::{ops::Range, path::Path};
 
 use ndarray::{Array2, Array3, ArrayView2, Axis, Slice};
 
-use super::clip::{Clip, Corpus, cut};
+use super::clip::{Clip, Corpus};
 use crate::{ict::IctLandmarks, tensors::TensorFile};
 use anyface::{
     Error, Result, audio::Waveform, ibug::LANDMARKS, mesh::Similarity, metrics::quantile,
 };
 
-const FPS: f64 = 25.0;
+/// Where the track lies in the data folder.
+pub(super) const TRACK: &str = "motion/grid_s1/face_track.safetensors";
+/// Frame rate of the video.
+pub(super) const FPS: f64 = 25.0;
 const UNITS_PER_CM: f64 = 2000.0;
 const METRES_PER_CM: f64 = 0.01;
-const STABLE: [usize; 10] = [0, 16, 27, 28, 29, 30, 36, 39, 42, 45];
 const SMOOTHING_FRAMES: f64 = 0.6;
-const LOST_CM: f64 = 4.0;
 const REST_SHARE: f64 = 0.05;
 /// Silent frames at either end of a clip.
 const EDGE_FRAMES: usize = 6;
@@ -28,153 +30,137 @@ const EVERY: usize = 10;
 /// Clips of this index within every ten fit the baselines.
 const FOR_BASELINES: usize = 5;
 /// Eyes, nose and mouth.
-const INNER: std::ops::Range<usize> = 27..LANDMARKS;
+const INNER: Range<usize> = 27..LANDMARKS;
+const EYES: Range<usize> = 36..48;
+
+/// One clip as it was tracked.
+struct Track {
+    /// `[T, 68, 3]` centimetres, filled and smoothed.
+    landmarks: Array3<f64>,
+    /// `[T]`, whether the tracker saw the face.
+    found: Vec<bool>,
+}
 
 /// Every tenth clip by name is held out; the first `limit` of them are read.
 pub(super) fn read(data: &Path, ict: &IctLandmarks, limit: Option<usize>) -> Result<Corpus> {
-    let folder = data.join("motion/grid_s1");
-    let file = TensorFile::read(&folder.join("landmarks68.safetensors"))?;
+    let file = TensorFile::read(&data.join(TRACK))?;
     let names = file.words("clips")?;
-    let tracks = clean(&read_tracks(&file, names.len())?)?;
+    let tracks = read_tracks(&file, names.len())?;
     let neutral = rest_template(&tracks);
     let (scale, turn) = fit_to_ict(&neutral, ict)?;
     let place = |landmarks: ArrayView2<'_, f64>| landmarks.dot(&turn.t()) * (scale * METRES_PER_CM);
-    let mut sorted: Vec<usize> = (0..names.len()).collect();
-    sorted.sort_by_key(|c| &names[*c]);
     let chosen = |remainder: usize| {
-        let clips = sorted.iter().skip(remainder).step_by(EVERY).copied();
-        clips.take(limit.unwrap_or(usize::MAX)).collect::<Vec<_>>()
+        let clips = every_tenth(&names, remainder);
+        clips.into_iter().take(limit.unwrap_or(usize::MAX))
     };
     let load = |c: usize| -> Result<Clip> {
-        let sound = folder.join("audio").join(format!("{}.ogg", names[c]));
-        let mut motion = Array3::zeros(tracks[c].dim());
-        for (from, mut to) in tracks[c].outer_iter().zip(motion.outer_iter_mut()) {
+        let sound = format!("motion/grid_s1/audio/{}.ogg", names[c]);
+        let track = &tracks[c];
+        let mut motion = Array3::zeros(track.landmarks.dim());
+        for (from, mut to) in track.landmarks.outer_iter().zip(motion.outer_iter_mut()) {
             to.assign(&place((&from - &neutral).view()));
         }
         Ok(Clip {
             name: names[c].clone(),
-            waveform: cut(
-                &Waveform::from_file(&sound)?,
-                1.0 / FPS,
-                f64::from(u16::MAX),
-            ),
-            start_s: 1.0 / FPS,
+            waveform: Waveform::from_file(&data.join(sound))?,
+            start_s: 0.0,
             motion,
-            neutral: place(neutral.view()),
+            speaker: place(neutral.view()),
+            neutral: ict.neutral.clone(),
             fps: FPS,
-            observed: (0..LANDMARKS).collect(),
-            jaw: None,
-            pucker: None,
+            observed: (0..LANDMARKS).filter(|n| !EYES.contains(n)).collect(),
+            judged: longest_run(&track.found),
             phones: None,
         })
     };
     Ok(Corpus {
         source: "grid_s1".into(),
         recorded: true,
-        held_out: chosen(0).into_iter().map(load).collect::<Result<_>>()?,
-        training: chosen(FOR_BASELINES)
-            .into_iter()
-            .map(load)
-            .collect::<Result<_>>()?,
+        held_out: chosen(0).map(load).collect::<Result<_>>()?,
+        training: chosen(FOR_BASELINES).map(load).collect::<Result<_>>()?,
     })
 }
 
-/// Every clip without its first frame, `[T, 68, 3]` centimetres.
-fn read_tracks(file: &TensorFile, clips: usize) -> Result<Vec<Array3<f64>>> {
-    let (values, shape) = file.floats("landmarks")?;
+/// Clips whose index in the order of names leaves `remainder` on division by ten; 0: held out.
+pub(super) fn every_tenth(names: &[String], remainder: usize) -> Vec<usize> {
+    let mut sorted: Vec<usize> = (0..names.len()).collect();
+    sorted.sort_by_key(|c| &names[*c]);
+    let chosen = sorted.iter().skip(remainder).step_by(EVERY);
+    chosen.copied().collect()
+}
+
+/// First frame of each clip, and the end of the last.
+pub(super) fn spans(file: &TensorFile, clips: usize) -> Result<Vec<Range<usize>>> {
     let (offsets, _) = file.floats("clip_offsets")?;
-    if shape.len() != 3 || shape[1..] != [LANDMARKS, 3] || offsets.len() != clips + 1 {
-        return Err(file.bad("expected landmarks [frames, 68, 3] and one offset per clip and end"));
-    }
-    let values = values
-        .into_iter()
-        .map(|x| f64::from(x) / UNITS_PER_CM)
-        .collect();
-    let all = Array3::from_shape_vec((shape[0], LANDMARKS, 3), values)
-        .map_err(|e| file.bad(&e.to_string()))?;
-    let spans = offsets
+    let spans: Vec<_> = offsets
         .windows(2)
-        .map(|w| (w[0] as usize + 1, w[1] as usize));
-    spans
-        .map(|(from, to)| match from < to && to <= shape[0] {
-            true => Ok(all.slice_axis(Axis(0), Slice::from(from..to)).to_owned()),
-            false => Err(file.bad("expected offsets in rising order")),
-        })
-        .collect()
-}
-
-fn clean(tracks: &[Array3<f64>]) -> Result<Vec<Array3<f64>>> {
-    let median = median_face(tracks);
-    tracks
-        .iter()
-        .map(|track| {
-            let smooth = smoothed(&filled(track, &median));
-            let middle = median_face(std::slice::from_ref(&smooth));
-            let pick = |face: &Array2<f64>| points(face, STABLE.into_iter());
-            let pose = Similarity::fit(&pick(&middle), &pick(&median), None)?.similarity;
-            Ok(moved(&smooth, &pose, &middle, &median))
-        })
-        .collect()
-}
-
-/// Turns a track and puts the mean of its stable landmarks where the median face has it.
-fn moved(
-    track: &Array3<f64>,
-    pose: &Similarity,
-    middle: &Array2<f64>,
-    median: &Array2<f64>,
-) -> Array3<f64> {
-    let turn = Array2::from_shape_fn((3, 3), |(i, j)| pose.rotation[i][j]);
-    let centre = |face: &Array2<f64>| {
-        let sum = |i: usize| STABLE.iter().map(|n| face[[*n, i]]).sum::<f64>();
-        ndarray::arr1(&[sum(0), sum(1), sum(2)]) / STABLE.len() as f64
-    };
-    let shift = centre(median) - turn.dot(&centre(middle));
-    let mut out = Array3::zeros(track.dim());
-    for (from, mut to) in track.outer_iter().zip(out.outer_iter_mut()) {
-        to.assign(&(from.dot(&turn.t()) + &shift));
-    }
-    out
-}
-
-/// Median over all frames of every coordinate.
-fn median_face(tracks: &[Array3<f64>]) -> Array2<f64> {
-    Array2::from_shape_fn((LANDMARKS, 3), |(n, i)| {
-        let frames = tracks.iter().flat_map(|track| track.outer_iter());
-        let values: Vec<f64> = frames.map(|frame| frame[[n, i]]).collect();
-        quantile(&values, 0.5)
-    })
-}
-
-/// Linear interpolation over frames in which some coordinate is far from the median face.
-fn filled(track: &Array3<f64>, median: &Array2<f64>) -> Array3<f64> {
-    let lost = |frame: ArrayView2<'_, f64>| {
-        let mut pairs = frame.iter().zip(median);
-        pairs.any(|(x, m)| (x - m).abs() > LOST_CM)
-    };
-    let good: Vec<usize> = (0..track.dim().0)
-        .filter(|t| !lost(track.index_axis(Axis(0), *t)))
+        .map(|w| w[0] as usize..w[1] as usize)
         .collect();
-    let mut out = track.clone();
-    if good.is_empty() || good.len() == track.dim().0 {
-        return out;
+    match spans.len() == clips && spans.iter().all(|span| !span.is_empty()) {
+        true => Ok(spans),
+        false => Err(file.bad(&format!(
+            "clip_offsets: expected {} rising frame numbers, got {}",
+            clips + 1,
+            offsets.len()
+        ))),
     }
-    for t in 0..track.dim().0 {
+}
+
+fn read_tracks(file: &TensorFile, clips: usize) -> Result<Vec<Track>> {
+    let (values, shape) = file.floats("landmarks")?;
+    let (found, _) = file.floats("found")?;
+    let spans = spans(file, clips)?;
+    let frames = spans.last().map_or(0, |span| span.end);
+    if shape != [frames, LANDMARKS, 3] || found.len() != frames {
+        return Err(file.bad(&format!(
+            "expected landmarks [{frames}, 68, 3] and found [{frames}], got {shape:?} and [{}]",
+            found.len()
+        )));
+    }
+    let values = values.into_iter().map(|x| f64::from(x) / UNITS_PER_CM);
+    let all = Array3::from_shape_vec((frames, LANDMARKS, 3), values.collect())
+        .map_err(|e| file.bad(&e.to_string()))?;
+    let track = |span: Range<usize>| {
+        let found: Vec<bool> = found[span.clone()].iter().map(|x| *x > 0.0).collect();
+        let raw = all.slice_axis(Axis(0), Slice::from(span)).to_owned();
+        Track {
+            landmarks: smoothed(&filled(&raw, &found)),
+            found,
+        }
+    };
+    Ok(spans.into_iter().map(track).collect())
+}
+
+/// The longest stretch of frames that were found.
+fn longest_run(found: &[bool]) -> Range<usize> {
+    let mut best = 0..0;
+    let mut start = 0;
+    for end in 1..=found.len() {
+        if !found[end - 1] {
+            start = end;
+        } else if end - start > best.len() {
+            best = start..end;
+        }
+    }
+    best
+}
+
+/// Linear interpolation over lost frames, ends held.
+fn filled(track: &Array3<f64>, found: &[bool]) -> Array3<f64> {
+    let good: Vec<usize> = (0..found.len()).filter(|t| found[*t]).collect();
+    let (Some(first), Some(last)) = (good.first(), good.last()) else {
+        return track.clone();
+    };
+    let mut out = track.clone();
+    for t in (0..found.len()).filter(|t| !found[*t]) {
         let next = good.partition_point(|g| *g < t);
-        let after = good[next.min(good.len() - 1)];
-        let before = if after <= t {
-            after
-        } else {
-            good[next.saturating_sub(1)].min(after)
-        };
-        let share = match after > before && t > before {
+        let after = good.get(next).unwrap_or(last);
+        let before = next.checked_sub(1).map_or(first, |k| &good[k]);
+        let share = match after > before {
             true => (t - before) as f64 / (after - before) as f64,
             false => 0.0,
         };
-        let (a, b) = (
-            track.index_axis(Axis(0), before),
-            track.index_axis(Axis(0), after),
-        );
+        let [a, b] = [before, after].map(|g| track.index_axis(Axis(0), *g));
         out.index_axis_mut(Axis(0), t)
             .assign(&(&a * (1.0 - share) + &b * share));
     }
@@ -202,12 +188,13 @@ fn smoothed(track: &Array3<f64>) -> Array3<f64> {
 ///
 /// The ends of a clip are silent; there the mouth is at rest, often slightly open. A line through
 /// every coordinate over the inner-lip gap of these frames is read at the 5 % quantile of gaps.
-fn rest_template(tracks: &[Array3<f64>]) -> Array2<f64> {
+fn rest_template(tracks: &[Track]) -> Array2<f64> {
     let mut edges = Vec::new();
     for track in tracks {
-        let frames = track.dim().0;
+        let frames = track.found.len();
         let ends = (0..EDGE_FRAMES.min(frames)).chain(frames.saturating_sub(EDGE_FRAMES)..frames);
-        edges.extend(ends.map(|t| track.index_axis(Axis(0), t)));
+        let seen = ends.filter(|t| track.found[*t]);
+        edges.extend(seen.map(|t| track.landmarks.index_axis(Axis(0), t)));
     }
     let gap = |face: &ArrayView2<'_, f64>| {
         let squared = (0..3).map(|i| (face[[62, i]] - face[[66, i]]).powi(2));
@@ -270,12 +257,12 @@ mod tests {
     #[test]
     fn lost_frames_are_bridged_and_ends_held() {
         let clean = track(9);
-        let median = median_face(std::slice::from_ref(&clean));
         let mut broken = clean.clone();
-        for t in [0, 3, 4, 8] {
+        let found: Vec<bool> = (0..9).map(|t| ![0, 3, 4, 8].contains(&t)).collect();
+        for t in (0..9).filter(|t| !found[*t]) {
             broken[[t, 5, 1]] += 10.0;
         }
-        let out = filled(&broken, &median);
+        let out = filled(&broken, &found);
         assert!((out[[3, 5, 1]] - clean[[3, 5, 1]]).abs() < 1e-12);
         assert!((out[[4, 7, 2]] - clean[[4, 7, 2]]).abs() < 1e-12);
         assert_eq!(out[[0, 5, 1]], clean[[1, 5, 1]]);
@@ -284,9 +271,38 @@ mod tests {
     }
 
     #[test]
+    fn the_longest_stretch_without_a_lost_frame_is_judged() {
+        let found = [false, true, true, false, true, true, true, false];
+        assert_eq!(longest_run(&found), 4..7);
+        assert_eq!(longest_run(&[true; 3]), 0..3);
+        assert!(longest_run(&[false; 3]).is_empty());
+    }
+
+    #[test]
     fn smoothing_keeps_constants_and_lines() {
         let track = track(12);
         let smooth = smoothed(&track);
         assert!((smooth[[6, 3, 1]] - track[[6, 3, 1]]).abs() < 1e-12);
+    }
+
+    #[test]
+    fn lost_frames_leave_the_rest_alone() {
+        let mut face = track(40);
+        for t in 0..40 {
+            face[[t, 66, 1]] -= 0.02 * t as f64;
+        }
+        let clean = Track {
+            landmarks: face.clone(),
+            found: vec![true; 40],
+        };
+        face.index_axis_mut(Axis(0), 0).fill(50.0);
+        let mut found = vec![true; 40];
+        found[0] = false;
+        let broken = Track {
+            landmarks: face,
+            found,
+        };
+        let difference = rest_template(&[clean]) - rest_template(&[broken]);
+        assert!(difference.iter().all(|x| x.abs() < 0.05));
     }
 }

@@ -1,6 +1,9 @@
 //! The rows of the table: what each number is, and how clips give it together.
 
-use super::scores::ClipScores;
+use super::{
+    features::{CHIN_DROP, GAP, PROTRUSION, WIDTH},
+    scores::ClipScores,
+};
 use anyface::metrics::{LagCurve, Moments, Spectrum};
 
 const MS: f64 = 1000.0;
@@ -15,13 +18,14 @@ pub(super) struct Measure {
     pub of: fn(&[&ClipScores]) -> Option<f64>,
 }
 
-/// Sum of the correlations' moments, where every clip has them.
-fn pooled(clips: &[&ClipScores], of: fn(&ClipScores) -> Option<&Moments>) -> Option<Moments> {
-    let mut sum = Moments::default();
-    for clip in clips {
-        sum.add(of(clip)?);
-    }
-    (sum.count > 0.0).then_some(sum)
+/// Sum over clips of a feature's scatter within clips: predicted, recorded and joint.
+fn scatter(clips: &[&ClipScores], feature: usize) -> [f64; 3] {
+    clips.iter().fold([0.0; 3], |sum, clip| {
+        let moments = &clip.features[feature];
+        let [made, recorded] = moments.scatter();
+        let own = [made, recorded, moments.joint_scatter()];
+        std::array::from_fn(|k| sum[k] + own[k])
+    })
 }
 
 /// Mean over clips, weighted by frames, of what every clip has.
@@ -34,26 +38,26 @@ fn mean(clips: &[&ClipScores], of: impl Fn(&ClipScores) -> Option<f64>) -> Optio
     (frames > 0.0).then(|| sum / frames)
 }
 
-fn gap_r(clips: &[&ClipScores]) -> Option<f64> {
-    Some(pooled(clips, |c| Some(&c.gap))?.r())
+fn r_by_clip<const FEATURE: usize>(clips: &[&ClipScores]) -> Option<f64> {
+    mean(clips, |clip| Some(clip.features[FEATURE].r()))
 }
 
-fn width_r(clips: &[&ClipScores]) -> Option<f64> {
-    Some(pooled(clips, |c| Some(&c.width))?.r())
+fn r<const FEATURE: usize>(clips: &[&ClipScores]) -> Option<f64> {
+    let mut sum = Moments::default();
+    clips
+        .iter()
+        .for_each(|clip| sum.add(&clip.features[FEATURE]));
+    (sum.count > 0.0).then(|| sum.r())
 }
 
-fn jaw_r(clips: &[&ClipScores]) -> Option<f64> {
-    Some(pooled(clips, |c| c.jaw.as_ref())?.r())
-}
-
-fn pucker_r(clips: &[&ClipScores]) -> Option<f64> {
-    Some(pooled(clips, |c| c.pucker.as_ref())?.r())
+fn slope<const FEATURE: usize>(clips: &[&ClipScores]) -> Option<f64> {
+    let [_, recorded, joint] = scatter(clips, FEATURE);
+    (recorded > 0.0).then(|| joint / recorded)
 }
 
 /// Root of the ratio of the scatters within clips.
-fn amplitude(clips: &[&ClipScores], of: fn(&ClipScores) -> &Moments) -> Option<f64> {
-    let sum = |k: usize| clips.iter().map(|c| of(c).scatter()[k]).sum::<f64>();
-    let (made, recorded) = (sum(0), sum(1));
+fn amplitude<const FEATURE: usize>(clips: &[&ClipScores]) -> Option<f64> {
+    let [made, recorded, _] = scatter(clips, FEATURE);
     (recorded > 0.0).then(|| (made / recorded).sqrt())
 }
 
@@ -80,53 +84,56 @@ fn band_ratio(clips: &[&ClipScores], low: f64, high: f64) -> Option<f64> {
     (recorded > 0.0).then(|| made / recorded)
 }
 
-/// In the order of the table.
-pub(super) static MEASURES: [Measure; 22] = [
-    Measure {
-        key: "lip_gap_r",
-        title: "lip-gap r",
-        digits: 3,
-        definition: "Pearson r of the inner-lip gap ‖62 − 66‖, all frames of all clips together",
-        of: gap_r,
-    },
-    Measure {
-        key: "lip_gap_r_by_clip",
-        title: "lip-gap r, by clip",
-        digits: 3,
-        definition: "the same within each clip, averaged",
-        of: |c| mean(c, |c| Some(c.gap.r())),
-    },
-    Measure {
-        key: "width_r",
-        title: "mouth-width r",
-        digits: 3,
-        definition: "Pearson r of the mouth's width ‖48 − 54‖, all frames together",
-        of: width_r,
-    },
-    Measure {
-        key: "width_r_by_clip",
-        title: "mouth-width r, by clip",
-        digits: 3,
-        definition: "the same within each clip, averaged",
-        of: |c| mean(c, |c| Some(c.width.r())),
-    },
-    Measure {
-        key: "jaw_r",
-        title: "jawOpen r",
-        digits: 3,
-        definition: "Pearson r of the captured jawOpen weight with the jawOpen weight that comes \
-                     closest to the chin's motion (landmarks 6 to 10), least squares",
-        of: jaw_r,
-    },
-    Measure {
-        key: "pucker_r",
-        title: "pucker r",
-        digits: 3,
-        definition: "Pearson r of the captured mouthPucker weight with the mouthPucker weight of \
-                     the least-squares fit of nine ICT modes to mouth and chin (landmarks 48 to \
-                     67, 6 to 10)",
-        of: pucker_r,
-    },
+/// The four numbers of one feature.
+macro_rules! of_feature {
+    ($feature:ident, $name:literal, $definition:literal) => {
+        [
+            Measure {
+                key: concat!($name, "_r_by_clip"),
+                title: concat!($name, " r, by clip"),
+                digits: 3,
+                definition: concat!("Pearson r within each clip, averaged, of ", $definition),
+                of: r_by_clip::<$feature>,
+            },
+            Measure {
+                key: concat!($name, "_r"),
+                title: concat!($name, " r"),
+                digits: 3,
+                definition: "the same over all frames of all clips together",
+                of: r::<$feature>,
+            },
+            Measure {
+                key: concat!($name, "_slope"),
+                title: concat!($name, " slope"),
+                digits: 2,
+                definition: "least-squares slope of the prediction over the recording within clips: \
+                             summed joint scatter over summed scatter of the recording; 1: as large",
+                of: slope::<$feature>,
+            },
+            Measure {
+                key: concat!($name, "_amplitude"),
+                title: concat!($name, " amplitude"),
+                digits: 2,
+                definition: "standard deviation within clips, predicted over recorded",
+                of: amplitude::<$feature>,
+            },
+        ]
+    };
+}
+
+/// r, slope and amplitude of the four features, in their order.
+static FEATURES: [[Measure; 4]; 4] = [
+    of_feature!(GAP, "gap", "the inner-lip gap ‖62 − 66‖"),
+    of_feature!(WIDTH, "width", "the mouth's width ‖48 − 54‖"),
+    of_feature!(CHIN_DROP, "chin", "the chin's fall, −y of landmark 8"),
+    of_feature!(
+        PROTRUSION,
+        "protrusion",
+        "the lips' protrusion, mean z of 51 and 57"
+    ),
+];
+
+static OTHERS: [Measure; 9] = [
     Measure {
         key: "lag_ms",
         title: "lag, ms",
@@ -134,20 +141,6 @@ pub(super) static MEASURES: [Measure; 22] = [
         definition: "delay of the lip gap at its best correlation, within 5 frames either way, \
                      between frames by a parabola; positive: the prediction is late",
         of: lag_ms,
-    },
-    Measure {
-        key: "gap_amplitude",
-        title: "lip-gap amplitude",
-        digits: 2,
-        definition: "standard deviation of the lip gap within clips, predicted over recorded",
-        of: |c| amplitude(c, |c| &c.gap),
-    },
-    Measure {
-        key: "width_amplitude",
-        title: "mouth-width amplitude",
-        digits: 2,
-        definition: "the same of the mouth's width",
-        of: |c| amplitude(c, |c| &c.width),
     },
     Measure {
         key: "power_0_3_hz",
@@ -172,18 +165,11 @@ pub(super) static MEASURES: [Measure; 22] = [
         of: |c| band_ratio(c, 6.0, 12.0),
     },
     Measure {
-        key: "lve_mm2",
-        title: "LVE, mm²",
-        digits: 2,
-        definition: "lip vertex error: mean over frames of the largest squared distance of a lip \
-                     landmark (48 to 67) from the recorded one",
-        of: |c| mean(c, |c| Some(c.lve_mm2)),
-    },
-    Measure {
         key: "lve_root_mm",
         title: "√LVE, mm",
         digits: 2,
-        definition: "its square root",
+        definition: "root of the lip vertex error: mean over frames of the largest squared distance \
+                     of a lip landmark (48 to 67) from the recorded one",
         of: |c| mean(c, |c| Some(c.lve_mm2)).map(f64::sqrt),
     },
     Measure {
@@ -194,47 +180,18 @@ pub(super) static MEASURES: [Measure; 22] = [
         of: |c| mean(c, |c| Some(c.mve_mm)),
     },
     Measure {
-        key: "eve_mm2",
-        title: "EVE, mm²",
-        digits: 2,
-        definition: "LVE's formula over brows and eyes (17 to 26, 36 to 47)",
-        of: |c| mean(c, |c| c.eve_mm2),
-    },
-    Measure {
         key: "fdd_mm2",
         title: "FDD, mm²",
         digits: 2,
-        definition: "upper-face dynamics deviation: mean over brows and eyes of the deviation \
+        definition: "upper-face dynamics deviation: mean over brows (17 to 26) of the deviation \
                      over time of ‖displacement‖², recorded minus predicted; positive: too still",
         of: |c| mean(c, |c| c.fdd_mm2),
-    },
-    Measure {
-        key: "dtw_mm",
-        title: "DTW, mm",
-        digits: 0,
-        definition: "dynamic time warping: smallest sum of distances of lip frames (60 numbers \
-                     each) along a monotone path",
-        of: |c| mean(c, |c| Some(c.dtw_mm)),
-    },
-    Measure {
-        key: "dfd_mm",
-        title: "DFD, mm",
-        digits: 1,
-        definition: "discrete Fréchet distance of the same frames",
-        of: |c| mean(c, |c| Some(c.dfd_mm)),
-    },
-    Measure {
-        key: "delta_m_mm2",
-        title: "δM, mm²",
-        digits: 3,
-        definition: "mean ‖ΔP − ΔG‖², Δ the change to the next frame",
-        of: |c| mean(c, |c| Some(c.delta_m_mm2)),
     },
     Measure {
         key: "delta_cd",
         title: "δCd",
         digits: 3,
-        definition: "mean 1 − cos(ΔP, ΔG); a still face has 1",
+        definition: "mean 1 − cos(ΔP, ΔG), Δ the change to the next frame; a still face has 1",
         of: |c| mean(c, |c| Some(c.delta_cd)),
     },
     Measure {
@@ -245,3 +202,60 @@ pub(super) static MEASURES: [Measure; 22] = [
         of: |c| (!c.is_empty()).then_some(c.len() as f64),
     },
 ];
+
+/// The first so many of [`measures`] are those of the features.
+pub(super) const FEATURE_ROWS: usize = 16;
+
+/// In the order of the table.
+pub(super) fn measures() -> impl Iterator<Item = &'static Measure> {
+    FEATURES.iter().flatten().chain(&OTHERS)
+}
+
+/// r by clip and slope of each feature: what a table at a glance shows.
+pub(super) fn pairs() -> impl Iterator<Item = [&'static Measure; 2]> {
+    FEATURES.iter().map(|feature| [&feature[0], &feature[2]])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use anyface::metrics::Spectrum;
+
+    fn clip(made: &[f64], recorded: &[f64]) -> ClipScores {
+        ClipScores {
+            frames: made.len() as f64,
+            features: [Moments::of(made, recorded); 4],
+            lag: LagCurve::default(),
+            frame_s: 0.04,
+            spectrum: [Spectrum::default(), Spectrum::default()],
+            lve_mm2: 0.0,
+            mve_mm: 0.0,
+            fdd_mm2: None,
+            delta_cd: 0.0,
+        }
+    }
+
+    #[test]
+    fn slope_and_amplitude_are_those_within_clips() {
+        let recorded = [1.0, 4.0, 2.0, 9.0];
+        let half = |shift: f64| recorded.map(|x| 0.5 * x + shift);
+        let clips = [clip(&half(0.0), &recorded), clip(&half(30.0), &recorded)];
+        let all: Vec<&ClipScores> = clips.iter().collect();
+        assert!((slope::<GAP>(&all).unwrap() - 0.5).abs() < 1e-9);
+        assert!((amplitude::<GAP>(&all).unwrap() - 0.5).abs() < 1e-9);
+        assert!((r_by_clip::<GAP>(&all).unwrap() - 1.0).abs() < 1e-9);
+        assert!(r::<GAP>(&all).unwrap() < 0.5);
+    }
+
+    #[test]
+    fn every_measure_has_a_key_of_its_own() {
+        let mut keys: Vec<&str> = measures().map(|m| m.key).collect();
+        let count = keys.len();
+        keys.sort_unstable();
+        keys.dedup();
+        assert_eq!(keys.len(), count);
+        assert_eq!(pairs().count(), 4);
+        let titles: Vec<&str> = measures().take(FEATURE_ROWS).map(|m| m.title).collect();
+        assert_eq!(titles[FEATURE_ROWS - 1], "protrusion amplitude");
+    }
+}

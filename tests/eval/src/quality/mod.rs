@@ -9,21 +9,30 @@ mod bootstrap;
 mod classifier;
 mod clip;
 mod closures;
+mod effort;
 mod emotion_plots;
 mod emotions;
 mod facegood;
+mod features;
 mod figures;
 mod grid;
+mod heads;
+mod labiodentals;
+mod life;
 mod measures;
 mod predictors;
+mod reading;
 mod report;
 mod scores;
 mod seams;
+mod sections;
 mod seeds;
 mod silence;
 mod speaker;
 mod steps;
 mod timing;
+mod voices;
+mod vowels;
 
 use std::{
     io::Write,
@@ -44,7 +53,8 @@ use baselines::Baselines;
 use bootstrap::number;
 use clip::Corpus;
 use figures::Figures;
-use measures::MEASURES;
+use heads::Head;
+use measures::{FEATURE_ROWS, Measure, measures};
 use predictors::{Asked, Performed};
 use scores::{ClipScores, Scores, scores};
 use speaker::{Speaker, Wish};
@@ -63,6 +73,10 @@ pub(super) struct Quality {
     /// Folder of further predictors, each with <source>/<clip>.npz as `anyface motion` writes them
     #[arg(long, value_name = "DIR")]
     also: Option<PathBuf>,
+    /// Print r and slope of the default model's gap, width, chin and protrusion, nothing else, in
+    /// seconds; with --also those of its files
+    #[arg(long, conflicts_with = "report")]
+    quick: bool,
     /// Also time 1, 5 and 20 minutes of sound
     #[arg(long, requires = "report")]
     long: bool,
@@ -122,7 +136,11 @@ struct Results {
     closures: Vec<closures::SourceClosures>,
     silence: Vec<silence::SilenceScores>,
     digital_silence: Option<silence::DigitalSilence>,
-    separability: Vec<emotions::Separability>,
+    vowels: Vec<vowels::VowelScores>,
+    labiodentals: Vec<labiodentals::LabiodentalScores>,
+    effort: Vec<effort::EffortScores>,
+    life: Vec<life::LifeScores>,
+    reading: Option<reading::Reading>,
     intensity: Vec<emotions::IntensityCurve>,
     seeds: Vec<seeds::SeedScores>,
     seams: Option<seams::SeamScores>,
@@ -134,23 +152,64 @@ impl Quality {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         let speaker = Speaker {
             engine: shared.engine()?,
+            weights: shared.weights.clone(),
         };
         let weights = shared.weights.as_deref();
         let data = self.data.folder()?;
         let ict = IctLandmarks::read(&data)?;
-        let performed = self.perform(&speaker, (&data, &ict), console)?;
-        let recorded = performed.iter().filter(|p| p.corpus.recorded);
-        let sources: Vec<SourceScores> = recorded.map(|p| score(p, &ict)).collect::<Result<_>>()?;
-        let table: String = sources.iter().map(table).collect();
+        if self.quick {
+            return self.print_quickly(&speaker, (&data, &ict), console);
+        }
+        let (performed, whole) = self.perform(&speaker, (&data, &ict), console)?;
+        let recorded = performed.iter().chain(&whole).filter(|p| p.corpus.recorded);
+        let sources: Vec<SourceScores> = recorded.map(score).collect::<Result<_>>()?;
+        let table: String = sources.iter().map(|s| table(s, measures())).collect();
         let Some(path) = &self.report else {
             console.value(&sources, &table);
             return Ok(());
         };
         let hashes = hashes(weights)?;
-        let results = self.measure(&speaker, &performed, (sources, hashes), console)?;
+        let results = self.measure(
+            &speaker,
+            &performed,
+            (sources, hashes),
+            (&data, &ict),
+            console,
+        )?;
         self.write(path, &results, &performed, &speaker)?;
         console.value(&results, &format!("{table}\n{}", path.display()));
         Ok(())
+    }
+
+    /// The model's features on recorded clips.
+    fn print_quickly(
+        &self,
+        speaker: &Speaker,
+        (data, ict): (&Path, &IctLandmarks),
+        console: &Console,
+    ) -> Result<()> {
+        let wish = self.wish();
+        let asked = self.asked(speaker, &wish);
+        let [ends, whole] = facegood::read(data, ict, self.limit)?;
+        let mut performed = vec![
+            asked.perform_plainly(grid::read(data, ict, self.limit)?)?,
+            asked.perform_plainly(ends)?,
+        ];
+        performed.extend(asked.files_alone(whole)?);
+        let sources: Vec<SourceScores> = performed.iter().map(score).collect::<Result<_>>()?;
+        let features = || measures().take(FEATURE_ROWS);
+        let table: String = sources.iter().map(|s| table(s, features())).collect();
+        console.value(&sources, &table);
+        Ok(())
+    }
+
+    fn asked<'a>(&'a self, speaker: &'a Speaker, wish: &'a Wish) -> Asked<'a> {
+        Asked {
+            speaker,
+            wish,
+            styles: speaker.engine.styles(),
+            also: self.also.as_deref(),
+        }
     }
 
     fn wish(&self) -> Wish {
@@ -162,36 +221,29 @@ impl Quality {
         }
     }
 
-    /// All predictors on all sources.
+    /// All predictors on all sources, and on whole takes those of files, where there are any.
     fn perform(
         &self,
         speaker: &Speaker,
         (data, ict): (&Path, &IctLandmarks),
         console: &Console,
-    ) -> Result<Vec<Performed>> {
-        let mut corpora = vec![
-            grid::read(data, ict, self.limit)?,
-            facegood::read(data, ict, self.limit)?,
-        ];
+    ) -> Result<(Vec<Performed>, Option<Performed>)> {
+        let [ends, whole] = facegood::read(data, ict, self.limit)?;
+        let mut corpora = vec![grid::read(data, ict, self.limit)?, ends];
         let fallback = Baselines::fit(&corpora[0].training)?;
         if let Some(folder) = &self.aligned {
             let limit = self.limit.unwrap_or(self.aligned_limit);
             aligned::attach(folder, &mut corpora, ict, limit)?;
         }
         let wish = self.wish();
-        let asked = Asked {
-            speaker,
-            wish: &wish,
-            styles: speaker.engine.styles(),
-            also: self.also.as_deref(),
-        };
+        let asked = self.asked(speaker, &wish);
         let count = corpora.len() as f32;
         let each = corpora.into_iter().enumerate();
-        each.map(|(k, corpus): (usize, Corpus)| {
-            console.stage("sources", k as f32 / count);
+        let performed = each.map(|(k, corpus): (usize, Corpus)| {
+            console.stage("sources", 0.3 * k as f32 / count);
             asked.perform(corpus, Some(&fallback))
-        })
-        .collect()
+        });
+        Ok((performed.collect::<Result<_>>()?, asked.files_alone(whole)?))
     }
 
     /// What a report holds beside the scores of the sources.
@@ -200,32 +252,59 @@ impl Quality {
         speaker: &Speaker,
         performed: &[Performed],
         (sources, weights): (Vec<SourceScores>, Vec<WeightsHash>),
+        (data, ict): (&Path, &IctLandmarks),
         console: &Console,
     ) -> Result<Results> {
         let wish = self.wish();
-        let ict = IctLandmarks::read(&self.data.folder()?)?;
         let recorded = || performed.iter().map(|p| &p.corpus).filter(|c| c.recorded);
         // The first source is the one with many short neutral clips.
         let clips = &performed[0].corpus.held_out;
+        let stage = |name, fraction| console.stage(name, fraction);
+        stage("closures", 0.3);
         let closures = closures::measure(performed)?;
-        console.stage("emotion", 0.2);
-        let separability = emotions::separability(speaker, &wish, clips)?;
-        let intensity = emotions::intensity(speaker, &wish, clips)?;
-        console.stage("seeds", 0.5);
+        let vowels = vowels::measure(performed)?;
+        stage("labiodentals", 0.4);
+        let labiodentals = labiodentals::measure(&speaker.engine, (data, ict), performed)?;
+        stage("effort", 0.5);
+        let spoken = performed.iter().map(|p| &p.corpus);
+        let spoken = spoken.filter(|c| !c.recorded && !c.is_synthetic());
+        let spoken: Vec<_> = spoken.flat_map(|c| &c.held_out).collect();
+        let effort = effort::measure(speaker, &wish, (data, &spoken), self.limit)?;
+        let life = life::measure(speaker, &wish, data, clips)?;
+        stage("emotion", 0.6);
+        let reading = match self.head.is_dir() {
+            true => {
+                let heads = Head::three(&speaker.engine, data, &self.head)?;
+                let speech = &performed[1].corpus.training;
+                Some(reading::measure(
+                    speaker,
+                    &wish,
+                    &heads,
+                    ict,
+                    (speech, clips),
+                )?)
+            }
+            false => None,
+        };
+        let intensity = emotions::intensity(speaker, &wish, speaker.weights.as_deref(), clips)?;
+        stage("seeds", 0.8);
         let seeds = recorded().map(|c| seeds::measure(speaker, &wish, c));
         let seeds = seeds.collect::<Result<_>>()?;
-        console.stage("steps", 0.6);
-        let steps = recorded().map(|c| steps::measure(speaker, &wish, c, &ict));
+        let steps = recorded().map(|c| steps::measure(speaker, &wish, c));
         let steps: Vec<Vec<_>> = steps.collect::<Result<_>>()?;
-        console.stage("long", 0.9);
+        stage("long sounds and pictures", 0.9);
         Ok(Results {
             command: command_line(),
             weights,
             sources,
             closures,
-            silence: silence::measure(performed),
+            silence: silence::measure(performed)?,
             digital_silence: Some(silence::nothing(speaker, &wish)?),
-            separability,
+            vowels,
+            labiodentals,
+            effort,
+            life,
+            reading,
             intensity,
             seeds,
             seams: seams::measure(speaker, &wish, clips)?,
@@ -270,12 +349,12 @@ fn hashes(weights: Option<&Path>) -> Result<Vec<WeightsHash>> {
     models.collect()
 }
 
-fn score(performed: &Performed, ict: &IctLandmarks) -> Result<SourceScores> {
+fn score(performed: &Performed) -> Result<SourceScores> {
     let corpus = &performed.corpus;
     let predictors = performed.predictors.iter().map(|predictor| {
         let clips = performed.of(predictor);
         let clips: Vec<ClipScores> = clips
-            .map(|(clip, motion)| ClipScores::new(clip, motion.view(), ict))
+            .map(|(clip, motion)| ClipScores::new(clip, motion.view()))
             .collect::<Result<_>>()?;
         Ok(PredictorScores {
             name: predictor.name.clone(),
@@ -285,13 +364,13 @@ fn score(performed: &Performed, ict: &IctLandmarks) -> Result<SourceScores> {
     Ok(SourceScores {
         source: corpus.source.clone(),
         clips: corpus.held_out.len(),
-        frames: corpus.held_out.iter().map(clip::Clip::frames).sum(),
+        frames: corpus.held_out.iter().map(|clip| clip.judged.len()).sum(),
         predictors: predictors.collect::<Result<_>>()?,
     })
 }
 
 /// One source as an aligned table: a row for each measure, a column for each predictor.
-fn table(result: &SourceScores) -> String {
+fn table(result: &SourceScores, rows: impl Iterator<Item = &'static Measure>) -> String {
     let mut text = format!(
         "{}: {} held-out clips, {} frames\n{:<24}",
         result.source, result.clips, result.frames, ""
@@ -299,7 +378,7 @@ fn table(result: &SourceScores) -> String {
     for predictor in &result.predictors {
         text += &format!("{:>26}", predictor.name);
     }
-    for measure in &MEASURES {
+    for measure in rows {
         text += &format!("\n{:<24}", measure.title);
         for predictor in &result.predictors {
             let cell = predictor.scores.get(measure.key);
@@ -315,17 +394,17 @@ mod tests {
     use super::*;
 
     /// r of the lip gap that loudness alone reaches.
-    fn loudness_r(corpus: &Corpus, ict: &IctLandmarks) -> f64 {
+    fn loudness_r(corpus: &Corpus) -> f64 {
         let baselines = Baselines::fit(&corpus.training).unwrap();
         let clips: Vec<ClipScores> = corpus
             .held_out
             .iter()
-            .map(|clip| ClipScores::new(clip, baselines.loudness(clip).view(), ict).unwrap())
+            .map(|clip| ClipScores::new(clip, baselines.loudness(clip).view()).unwrap())
             .collect();
         let found = scores(&clips);
         let error = found["lve_root_mm"].value;
         assert!(error > 0.5 && error < 10.0, "{error}");
-        found["lip_gap_r"].value
+        found["gap_r"].value
     }
 
     #[test]
@@ -337,11 +416,11 @@ mod tests {
         let ict = IctLandmarks::read(&data).unwrap();
         let grid = grid::read(&data, &ict, None).unwrap();
         assert_eq!(grid.held_out.len(), 91);
-        let r = loudness_r(&grid, &ict);
+        let r = loudness_r(&grid);
         assert!((0.55..0.75).contains(&r), "grid_s1: {r}");
-        let facegood = facegood::read(&data, &ict, None).unwrap();
-        assert_eq!(facegood.held_out.len(), 5);
-        let r = loudness_r(&facegood, &ict);
+        let [ends, whole] = facegood::read(&data, &ict, None).unwrap();
+        assert_eq!((ends.held_out.len(), whole.held_out.len()), (5, 5));
+        let r = loudness_r(&ends);
         assert!((0.7..0.9).contains(&r), "facegood_zh: {r}");
     }
 }

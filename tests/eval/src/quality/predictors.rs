@@ -1,4 +1,13 @@
-//! Everything that is measured side by side: the model, the baselines and motion from files.
+//! Everything that is measured side by side: the model, its stream, the baselines and motion from
+//! files.
+//!
+//! A folder of files is a folder for each predictor, in it one for each source and in that
+//! `<clip>.npz` with `landmarks` `[T, 68, 3]`, canonical metres from rest, and `fps`, which may be
+//! any: what `anyface motion` and `training` write. Frame 0 is the first frame of the clip: of
+//! `grid_s1` second 0 of its sound, of `facegood_zh` the first at 30 fps from second
+//! ⌊0.85 T⌋ / 25 of the take on, T its length in frames at 25 fps; `facegood_zh_whole` holds whole
+//! takes, second 0 first, for models that were trained without the take or without the source.
+//! Clips without a file are left out.
 
 use std::path::{Path, PathBuf};
 
@@ -13,6 +22,8 @@ use anyface::{Error, Result, motion::LandmarkClip, output::read_landmark_motion}
 
 /// Name of the model in its default style.
 pub(super) const MODEL: &str = "model";
+/// Name of the model's causal stream.
+const STREAM: &str = "stream";
 /// Name of the baseline that never moves.
 const CONSTANT: &str = "constant";
 /// Name of the recording, where it is shown beside the predictors.
@@ -97,6 +108,16 @@ impl Asked<'_> {
                 motions: speak(Some(own))?,
             });
         }
+        if corpus.recorded {
+            let made = corpus
+                .held_out
+                .iter()
+                .map(|c| self.speaker.stream(c).map(Some));
+            predictors.push(Predictor {
+                name: STREAM.into(),
+                motions: made.collect::<Result<_>>()?,
+            });
+        }
         let fitted = match corpus.training.is_empty() {
             true => None,
             false => Some(Baselines::fit(&corpus.training)?),
@@ -104,17 +125,40 @@ impl Asked<'_> {
         if let Some(baselines) = fitted.as_ref().or(fallback) {
             predictors.extend(by_baselines(baselines, &corpus.held_out));
         }
+        predictors.extend(self.read_files(&corpus)?);
+        Ok(Performed { corpus, predictors })
+    }
+
+    /// The model in the style that was asked for, and files.
+    pub(super) fn perform_plainly(&self, corpus: Corpus) -> Result<Performed> {
+        let speak = |clip| self.speaker.speak(clip, self.wish).map(Some);
+        let motions = corpus.held_out.iter().map(speak);
+        let mut predictors = vec![Predictor {
+            name: MODEL.into(),
+            motions: motions.collect::<Result<_>>()?,
+        }];
+        predictors.extend(self.read_files(&corpus)?);
+        Ok(Performed { corpus, predictors })
+    }
+
+    /// A corpus for which there are files alone; none where there are no files.
+    pub(super) fn files_alone(&self, corpus: Corpus) -> Result<Option<Performed>> {
+        let predictors = self.read_files(&corpus)?;
+        Ok((!predictors.is_empty()).then_some(Performed { corpus, predictors }))
+    }
+
+    /// The predictors that have a file for some clip of `corpus`.
+    fn read_files(&self, corpus: &Corpus) -> Result<Vec<Predictor>> {
+        let mut found = Vec::new();
         for folder in self.also.map(sub_folders).transpose()?.unwrap_or_default() {
             let name = folder.file_name().unwrap_or_default().to_string_lossy();
             let motions = from_files(&folder.join(&corpus.source), &corpus.held_out)?;
-            if motions.iter().any(Option::is_some) {
-                predictors.push(Predictor {
-                    name: name.into(),
-                    motions,
-                });
-            }
+            found.extend(motions.iter().any(Option::is_some).then_some(Predictor {
+                name: name.into(),
+                motions,
+            }));
         }
-        Ok(Performed { corpus, predictors })
+        Ok(found)
     }
 }
 
@@ -189,11 +233,11 @@ mod tests {
             },
             start_s: 0.0,
             motion: Array3::zeros((25, LANDMARKS, 3)),
+            speaker: Array2::zeros((LANDMARKS, 3)),
             neutral: Array2::zeros((LANDMARKS, 3)),
             fps: 25.0,
             observed: (0..LANDMARKS).collect(),
-            jaw: None,
-            pucker: None,
+            judged: 0..25,
             phones: None,
         }
     }

@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use ndarray::{Array3, Axis};
+use ndarray::{Axis, Slice};
 
 use super::{
     bootstrap::{Estimate, estimate},
     clip::Clip,
-    measures::MEASURES,
+    features,
+    measures::measures,
 };
-use crate::ict::IctLandmarks;
 use anyface::{
     Result,
     metrics::{self, LagCurve, Moments, Spectrum},
@@ -28,11 +28,8 @@ pub(super) type Scores = BTreeMap<&'static str, Estimate>;
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ClipScores {
     pub frames: f64,
-    /// Inner-lip gap, predicted and recorded; and so on.
-    pub gap: Moments,
-    pub width: Moments,
-    pub jaw: Option<Moments>,
-    pub pucker: Option<Moments>,
+    /// Predicted and recorded, of each feature.
+    pub features: [Moments; features::COUNT],
     pub lag: LagCurve,
     /// Seconds of a frame.
     pub frame_s: f64,
@@ -40,11 +37,8 @@ pub(super) struct ClipScores {
     pub spectrum: [Spectrum; 2],
     pub lve_mm2: f64,
     pub mve_mm: f64,
-    pub eve_mm2: Option<f64>,
+    /// Where brows were recorded.
     pub fdd_mm2: Option<f64>,
-    pub dtw_mm: f64,
-    pub dfd_mm: f64,
-    pub delta_m_mm2: f64,
     pub delta_cd: f64,
 }
 
@@ -59,61 +53,41 @@ pub(super) fn upper(n: usize) -> bool {
 
 impl ClipScores {
     /// `prediction`: `[T, 68, 3]` metres, as long as the clip.
-    pub(super) fn new(
-        clip: &Clip,
-        prediction: metrics::Clip<'_>,
-        ict: &IctLandmarks,
-    ) -> Result<Self> {
+    pub(super) fn new(clip: &Clip, prediction: metrics::Clip<'_>) -> Result<Self> {
         // Only what the recording saw is judged.
-        let seen = |motion: metrics::Clip<'_>| motion.select(Axis(1), &clip.observed) * MM;
+        let frames = Slice::from(clip.judged.clone());
+        let seen = |motion: metrics::Clip<'_>| {
+            let stretch = motion.slice_axis(Axis(0), frames);
+            stretch.select(Axis(1), &clip.observed) * MM
+        };
         let (p, g) = (seen(prediction), seen(clip.motion.view()));
         let (p, g) = (p.view(), g.view());
         let (lips, upper) = (clip.rows(lips), clip.rows(upper));
-        let (eve, fdd) = match upper.is_empty() {
-            true => (None, None),
-            false => (
-                Some(metrics::eye_vertex_error(p, g, &upper)?),
-                Some(metrics::face_dynamics_deviation(p, g, &upper)?.signed),
-            ),
+        let fdd = match upper.is_empty() {
+            true => None,
+            false => Some(metrics::face_dynamics_deviation(p, g, &upper)?.signed),
         };
-        let gaps = [clip.gap_mm(prediction)?, clip.gap_mm(clip.motion.view())?];
-        let widths = [
-            width_mm(clip, prediction)?,
-            width_mm(clip, clip.motion.view())?,
-        ];
-        let against = |made: Result<Vec<f64>>, captured: &Option<Vec<f64>>| match captured {
-            Some(captured) => made.map(|made| Some(Moments::of(&made, captured))),
-            None => Ok(None),
-        };
+        let judged = |curve: Vec<f64>| curve[clip.judged.clone()].to_vec();
+        let made = features::of(&clip.neutral, prediction)?.map(judged);
+        let recorded = features::of(&clip.speaker, clip.motion.view())?.map(judged);
+        let (gap, truth) = (&made[features::GAP], &recorded[features::GAP]);
         Ok(ClipScores {
-            frames: clip.frames() as f64,
-            gap: Moments::of(&gaps[0], &gaps[1]),
-            width: Moments::of(&widths[0], &widths[1]),
-            jaw: against(ict.jaw_open(prediction), &clip.jaw)?,
-            pucker: against(ict.pucker(prediction), &clip.pucker)?,
-            lag: LagCurve::of(&gaps[0], &gaps[1], LAG_REACH),
+            frames: clip.judged.len() as f64,
+            features: std::array::from_fn(|k| Moments::of(&made[k], &recorded[k])),
+            lag: LagCurve::of(gap, truth, LAG_REACH),
             frame_s: 1.0 / clip.fps,
-            spectrum: gaps.map(|gap| Spectrum::of(&gap, clip.fps, SEGMENT)),
+            spectrum: [gap, truth].map(|gap| Spectrum::of(gap, clip.fps, SEGMENT)),
             lve_mm2: metrics::lip_vertex_error(p, g, &lips)?,
             mve_mm: metrics::mean_vertex_error(p, g)?,
-            eve_mm2: eve,
             fdd_mm2: fdd,
-            dtw_mm: metrics::dynamic_time_warping(p, g, &lips)?,
-            dfd_mm: metrics::discrete_frechet_distance(p, g, &lips)?,
-            delta_m_mm2: metrics::delta_m(p, g)?,
             delta_cd: metrics::delta_cd(p, g)?,
         })
     }
 }
 
-fn width_mm(clip: &Clip, motion: metrics::Clip<'_>) -> Result<Vec<f64>> {
-    let positions: Array3<f64> = (&motion + &clip.neutral) * MM;
-    metrics::mouth_width(positions.view())
-}
-
 /// Every measure of `clips` with its interval; those that the clips do not hold are left out.
 pub(super) fn scores(clips: &[ClipScores]) -> Scores {
-    let found = MEASURES.iter().filter_map(|measure| {
+    let found = measures().filter_map(|measure| {
         let value = estimate(clips, measure.of)?;
         Some((measure.key, value))
     });

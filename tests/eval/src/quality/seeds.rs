@@ -1,18 +1,19 @@
-//! What the seed changes: a little of the face, not the sync.
+//! What the seed changes: how the face takes it, not whether the lips close.
 
 use ndarray::Array3;
 use serde::Serialize;
 
 use super::{
     bootstrap::{Estimate, estimate},
-    clip::{Clip, Corpus},
+    clip::{Clip, Corpus, gap_mm},
+    closures::windows,
     scores::{lips, upper},
     speaker::{Speaker, Wish},
 };
 use anyface::{
     Result,
     ibug::LANDMARKS,
-    metrics::{pearson, seed_deviation},
+    metrics::{closures, pearson, seed_deviation},
 };
 
 /// Performances of each clip.
@@ -30,15 +31,24 @@ pub(super) struct SeedScores {
     pub upper_mm: Option<Estimate>,
     /// Pearson r of the lip gap between seeds, mean over pairs.
     pub gap_r: Option<Estimate>,
+    /// Largest difference between seeds of the smallest gap of one closure, over all closures, mm;
+    /// none without phone times.
+    pub closure_mm: Option<f64>,
 }
 
 struct Record {
     lips_mm: f64,
     upper_mm: f64,
     gap_r: f64,
+    closure_mm: Option<f64>,
 }
 
+/// With the controls that a user gets who changes nothing.
 pub(super) fn measure(speaker: &Speaker, wish: &Wish, corpus: &Corpus) -> Result<SeedScores> {
+    let wish = &Wish {
+        default_controls: true,
+        ..wish.clone()
+    };
     let clips = corpus.held_out.iter().take(CLIPS);
     let records: Vec<Record> = clips
         .map(|clip| record(speaker, wish, clip))
@@ -55,7 +65,18 @@ pub(super) fn measure(speaker: &Speaker, wish: &Wish, corpus: &Corpus) -> Result
         lips_mm: mean(|r| r.lips_mm),
         upper_mm: mean(|r| r.upper_mm),
         gap_r: mean(|r| r.gap_r),
+        closure_mm: records.iter().filter_map(|r| r.closure_mm).reduce(f64::max),
     })
+}
+
+/// Largest difference between curves of the gap of the smallest value within one window, mm.
+fn closure_difference(gaps: &[Vec<f64>], fps: f64, windows: &[(f64, f64)]) -> Option<f64> {
+    let found: Vec<_> = gaps.iter().map(|gap| closures(gap, fps, windows)).collect();
+    let each = (0..found.first()?.len()).map(|k| {
+        let of_seeds = || found.iter().map(|closures| closures[k].gap);
+        of_seeds().fold(f64::MIN, f64::max) - of_seeds().fold(f64::MAX, f64::min)
+    });
+    each.reduce(f64::max)
 }
 
 fn record(speaker: &Speaker, wish: &Wish, clip: &Clip) -> Result<Record> {
@@ -72,13 +93,32 @@ fn record(speaker: &Speaker, wish: &Wish, clip: &Clip) -> Result<Record> {
     let region = |of: fn(usize) -> bool| (0..LANDMARKS).filter(|n| of(*n)).collect::<Vec<_>>();
     let gaps: Vec<Vec<f64>> = views
         .iter()
-        .map(|motion| clip.gap_mm(*motion))
+        .map(|motion| gap_mm(&clip.neutral, *motion))
         .collect::<Result<_>>()?;
     let pairs = (0..gaps.len()).flat_map(|a| (0..a).map(move |b| (a, b)));
     let r: Vec<f64> = pairs.map(|(a, b)| pearson(&gaps[a], &gaps[b])).collect();
+    let windows = clip.phones.as_deref().map(windows).unwrap_or_default();
     Ok(Record {
+        closure_mm: closure_difference(&gaps, clip.fps, &windows),
         lips_mm: MM * seed_deviation(&views, &region(lips))?,
         upper_mm: MM * seed_deviation(&views, &region(upper))?,
         gap_r: r.iter().sum::<f64>() / r.len() as f64,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_closure_that_differs_most_counts() {
+        let mut gaps = vec![vec![5.0; 50]; 3];
+        for (gap, least) in gaps.iter_mut().zip([0.1, 0.4, 0.2]) {
+            gap[10] = least;
+            gap[30] = 1.0;
+        }
+        let found = closure_difference(&gaps, 25.0, &[(0.36, 0.44), (1.16, 1.24)]);
+        assert!((found.unwrap() - 0.3).abs() < 1e-9);
+        assert_eq!(closure_difference(&gaps, 25.0, &[]), None);
+    }
 }

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{
     bootstrap::{Estimate, estimate},
-    clip::Clip,
+    clip::{Clip, gap_mm, rest_gap_mm},
     predictors::Performed,
     scores::lips,
     speaker::{Speaker, Wish},
@@ -31,7 +31,6 @@ const ABOVE_QUIET: f64 = 2.0;
 const NOTHING_S: f64 = 4.0;
 const NOTHING_FPS: f64 = 25.0;
 const MM: f64 = 1000.0;
-const PER_CENT: f64 = 100.0;
 
 /// One predictor on one source.
 #[derive(Debug, Clone, Serialize)]
@@ -43,8 +42,8 @@ pub(super) struct SilenceScores {
     pub pauses_s: f64,
     pub speech_mm_per_s: Option<Estimate>,
     pub pause_mm_per_s: Option<Estimate>,
-    /// Pause over speech, %.
-    pub percent: Option<Estimate>,
+    /// Median inner-lip gap in pauses above the neutral face's own, mm.
+    pub gap_mm: Option<Estimate>,
 }
 
 /// The model in four seconds of zeros.
@@ -55,27 +54,29 @@ pub(super) struct DigitalSilence {
     pub offset_mm: f64,
 }
 
-/// Sums of squared speeds and their numbers.
+/// Sums of squared speeds and their numbers, and gaps above rest in pauses, mm.
 #[derive(Default)]
 struct Record {
+    gaps_mm: Vec<f64>,
     pause: (f64, f64),
     speech: (f64, f64),
     pauses_s: f64,
 }
 
 /// All predictors on all sources; clips without a pause are passed over.
-pub(super) fn measure(performed: &[Performed]) -> Vec<SilenceScores> {
+pub(super) fn measure(performed: &[Performed]) -> Result<Vec<SilenceScores>> {
     let mut out = Vec::new();
     for source in performed {
         for (name, motions) in source.with_recording() {
             let records = motions
                 .iter()
-                .filter_map(|(clip, motion)| record(clip, motion.view()));
-            let row = score(&source.corpus.source, name, &records.collect::<Vec<_>>());
+                .filter_map(|(clip, motion)| record(name, clip, motion.view()).transpose());
+            let records: Vec<Record> = records.collect::<Result<_>>()?;
+            let row = score(&source.corpus.source, name, &records);
             out.extend((row.clips > 0).then_some(row));
         }
     }
-    out
+    Ok(out)
 }
 
 fn score(source: &str, predictor: &str, records: &[Record]) -> SilenceScores {
@@ -86,9 +87,9 @@ fn score(source: &str, predictor: &str, records: &[Record]) -> SilenceScores {
     };
     let pause = |of: &[&Record]| rms(of, |r| r.pause);
     let speech = |of: &[&Record]| rms(of, |r| r.speech);
-    let ratio = |of: &[&Record]| {
-        let (pause, speech) = (pause(of)?, speech(of)?);
-        (speech > 0.0).then(|| PER_CENT * pause / speech)
+    let gap = |of: &[&Record]| {
+        let gaps: Vec<f64> = of.iter().flat_map(|r| &r.gaps_mm).copied().collect();
+        (!gaps.is_empty()).then(|| quantile(&gaps, 0.5))
     };
     SilenceScores {
         source: source.into(),
@@ -97,15 +98,17 @@ fn score(source: &str, predictor: &str, records: &[Record]) -> SilenceScores {
         pauses_s: records.iter().map(|r| r.pauses_s).sum(),
         speech_mm_per_s: estimate(records, speech),
         pause_mm_per_s: estimate(records, pause),
-        percent: estimate(records, ratio),
+        gap_mm: estimate(records, gap),
     }
 }
 
-fn record(clip: &Clip, motion: metrics::Clip<'_>) -> Option<Record> {
+fn record(name: &str, clip: &Clip, motion: metrics::Clip<'_>) -> Result<Option<Record>> {
     let pauses = pauses(clip);
     if pauses.is_empty() {
-        return None;
+        return Ok(None);
     }
+    let face = clip.face(name);
+    let (gap, rest) = (gap_mm(face, motion)?, rest_gap_mm(face)?);
     let region: Vec<usize> = (0..LANDMARKS).filter(|n| lips(*n)).collect();
     let mut out = Record {
         pauses_s: pauses.iter().map(|(from, to)| to - from).sum(),
@@ -116,14 +119,17 @@ fn record(clip: &Clip, motion: metrics::Clip<'_>) -> Option<Record> {
         let inside = |&(a, b): &(f64, f64)| from >= a + MARGIN_S && to <= b - MARGIN_S;
         let outside = |&(a, b): &(f64, f64)| to <= a || from >= b;
         let part = match (pauses.iter().any(inside), pauses.iter().all(outside)) {
-            (true, _) => &mut out.pause,
+            (true, _) => {
+                out.gaps_mm.push(gap[t] - rest);
+                &mut out.pause
+            }
             (_, true) => &mut out.speech,
             _ => continue,
         };
         part.0 += (speed * MM).powi(2);
         part.1 += 1.0;
     }
-    (out.pause.1 > 0.0 && out.speech.1 > 0.0).then_some(out)
+    Ok((out.pause.1 > 0.0 && out.speech.1 > 0.0).then_some(out))
 }
 
 /// From and to of the pauses of a clip, seconds: by its phones, else by its level.

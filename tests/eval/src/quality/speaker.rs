@@ -1,5 +1,7 @@
 //! The model as the report asks for it: one place where requests to the engine are made.
 
+use std::path::PathBuf;
+
 use ndarray::{Array3, Axis, Slice};
 
 use super::clip::Clip;
@@ -20,22 +22,29 @@ pub(super) struct Wish {
     pub steps: Option<usize>,
     /// Speaking style; none: the model's default.
     pub style: Option<String>,
+    /// With all that a user gets who changes nothing; otherwise the model's own motion alone.
+    pub default_controls: bool,
 }
 
 /// The engine under measurement.
 pub(super) struct Speaker {
     pub engine: Engine,
+    /// Folder of model files that override the embedded ones.
+    pub weights: Option<PathBuf>,
 }
 
 impl Speaker {
-    /// Motion of any length, `[T, 68, 3]` metres: the model's own, nothing added.
+    /// Motion of any length, `[T, 68, 3]` metres.
     pub(super) fn perform(
         &self,
         waveform: &Waveform,
         fps: f64,
         wish: &Wish,
     ) -> Result<Array3<f64>> {
-        let mut controls = Controls::from(PerformanceControls::as_sampled());
+        let mut controls = match wish.default_controls {
+            true => Controls::default(),
+            false => Controls::from(PerformanceControls::as_sampled()),
+        };
         if let Some(steps) = wish.steps {
             controls.set("steps", steps as f32);
         }
@@ -52,10 +61,25 @@ impl Speaker {
 
     /// Motion for a clip's sound, as long as the clip.
     pub(super) fn speak(&self, clip: &Clip, wish: &Wish) -> Result<Array3<f64>> {
-        let made = self.perform(&clip.waveform, clip.fps, wish)?;
-        fitted(made, clip.frames())
-            .ok_or_else(|| Error::InvalidInput(format!("{}: no frame was made", clip.name)))
+        as_long_as(clip, self.perform(&clip.waveform, clip.fps, wish)?)
     }
+
+    /// What the causal stream makes of a clip's sound, as long as the clip.
+    pub(super) fn stream(&self, clip: &Clip) -> Result<Array3<f64>> {
+        let request = MotionRequest {
+            fps: clip.fps,
+            ..MotionRequest::default()
+        };
+        let made = self
+            .engine
+            .causal_motion(&clip.waveform, &request, SILENT)?;
+        as_long_as(clip, made.displacements.mapv(f64::from))
+    }
+}
+
+fn as_long_as(clip: &Clip, motion: Array3<f64>) -> Result<Array3<f64>> {
+    fitted(motion, clip.frames())
+        .ok_or_else(|| Error::InvalidInput(format!("{}: no frame was made", clip.name)))
 }
 
 /// `[T, 68, 3]` metres.

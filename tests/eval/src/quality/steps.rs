@@ -10,11 +10,11 @@ use super::{
     scores::{ClipScores, scores},
     speaker::{Speaker, Wish},
 };
-use crate::{ict::IctLandmarks, stopwatch::Stopwatch};
+use crate::stopwatch::Stopwatch;
 use anyface::Result;
 
 /// Numbers of DDIM steps.
-const STEPS: [usize; 6] = [1, 2, 4, 10, 20, 100];
+const STEPS: [usize; 4] = [1, 2, 4, 20];
 const CLIPS: usize = 20;
 
 /// One source at one number of steps.
@@ -23,21 +23,16 @@ pub(super) struct StepScores {
     pub source: String,
     pub steps: usize,
     pub clips: usize,
-    pub lip_gap_r: Option<Estimate>,
+    pub gap_r_by_clip: Option<Estimate>,
+    pub gap_slope: Option<Estimate>,
     pub gap_amplitude: Option<Estimate>,
     /// Where phone times are known.
-    pub shut_percent: Option<Estimate>,
-    pub shut_from_rest_percent: Option<Estimate>,
+    pub closed_percent: Option<Estimate>,
     /// Seconds of processor time to a second of sound.
     pub work_per_second: f64,
 }
 
-pub(super) fn measure(
-    speaker: &Speaker,
-    wish: &Wish,
-    corpus: &Corpus,
-    ict: &IctLandmarks,
-) -> Result<Vec<StepScores>> {
+pub(super) fn measure(speaker: &Speaker, wish: &Wish, corpus: &Corpus) -> Result<Vec<StepScores>> {
     let every = corpus.held_out.len().div_ceil(CLIPS).max(1);
     let clips: Vec<&Clip> = corpus.held_out.iter().step_by(every).collect();
     STEPS
@@ -47,7 +42,7 @@ pub(super) fn measure(
                 steps: Some(steps),
                 ..wish.clone()
             };
-            let mut found = at_steps(speaker, &wish, &clips, ict)?;
+            let mut found = at_steps(speaker, &wish, &clips)?;
             found.source = corpus.source.clone();
             found.steps = steps;
             Ok(found)
@@ -55,12 +50,7 @@ pub(super) fn measure(
         .collect()
 }
 
-fn at_steps(
-    speaker: &Speaker,
-    wish: &Wish,
-    clips: &[&Clip],
-    ict: &IctLandmarks,
-) -> Result<StepScores> {
+fn at_steps(speaker: &Speaker, wish: &Wish, clips: &[&Clip]) -> Result<StepScores> {
     let stopwatch = Stopwatch::start();
     let motions: Vec<Array3<f64>> = clips
         .iter()
@@ -69,7 +59,7 @@ fn at_steps(
     let work_s = stopwatch.work_s();
     let pairs = || clips.iter().zip(&motions).map(|(c, m)| (*c, m.view()));
     let records: Vec<ClipScores> = pairs()
-        .map(|(clip, motion)| ClipScores::new(clip, motion, ict))
+        .map(|(clip, motion)| ClipScores::new(clip, motion))
         .collect::<Result<_>>()?;
     let found = scores(&records);
     let closed = closures::score("", pairs())?;
@@ -78,10 +68,10 @@ fn at_steps(
         source: String::new(),
         steps: 0,
         clips: clips.len(),
-        lip_gap_r: found.get("lip_gap_r").copied(),
+        gap_r_by_clip: found.get("gap_r_by_clip").copied(),
+        gap_slope: found.get("gap_slope").copied(),
         gap_amplitude: found.get("gap_amplitude").copied(),
-        shut_percent: closed.shut_percent,
-        shut_from_rest_percent: closed.shut_from_rest_percent,
+        closed_percent: closed.closed_percent,
         work_per_second: work_s / sound_s.max(f64::MIN_POSITIVE),
     })
 }

@@ -1,0 +1,205 @@
+//! Whether effort in the voice moves the mouth: the same actor says the same sentence with different
+//! feelings (Berlin Database of Emotional Speech, Burkhardt et al. 2005, CC0), and one recording is
+//! made into a whisper and a shout.
+
+use std::{collections::BTreeMap, path::Path};
+
+use serde::Serialize;
+
+use super::{
+    bootstrap::{Estimate, estimate},
+    clip::Clip,
+    speaker::{Speaker, Wish},
+    voices::{shouted, whispered},
+};
+use anyface::{Error, Result, audio::Waveform, metrics::quantile};
+
+/// The effortful feeling, and those it is held against.
+const LOUD: &str = "anger";
+const SOFT: [&str; 3] = ["sadness", "boredom", "neutral"];
+/// At most so many recordings are whispered and shouted.
+const MADE: usize = 16;
+const FPS: f64 = 25.0;
+const CHIN: usize = 8;
+const WIDE: f64 = 0.95;
+const MM: f64 = 1000.0;
+
+/// One kind of pair: an effortful voice against a soft one.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct EffortScores {
+    pub pair: String,
+    pub pairs: usize,
+    /// Median of the chin's fall, 95 % quantile of a recording, in either voice, mm.
+    pub loud_mm: Option<Estimate>,
+    pub soft_mm: Option<Estimate>,
+    /// Geometric mean of the pairs' ratios.
+    pub ratio: Option<Estimate>,
+}
+
+/// A line of `clips.tsv`.
+struct Recording {
+    name: String,
+    feeling: String,
+    /// Actor and sentence.
+    key: (String, String),
+}
+
+/// The model hears nothing but the voice: its emotion stays neutral. `spoken` is what is whispered
+/// and shouted; `limit`: actors and sentences.
+pub(super) fn measure(
+    speaker: &Speaker,
+    wish: &Wish,
+    (data, spoken): (&Path, &[&Clip]),
+    limit: Option<usize>,
+) -> Result<Vec<EffortScores>> {
+    let wish = Wish {
+        default_controls: true,
+        ..wish.clone()
+    };
+    let mut out = acted(speaker, &wish, data, limit)?;
+    out.push(made(speaker, &wish, spoken)?);
+    Ok(out)
+}
+
+/// A shout against a whisper, both made of the same recording.
+fn made(speaker: &Speaker, wish: &Wish, spoken: &[&Clip]) -> Result<EffortScores> {
+    let every = spoken.len().div_ceil(MADE).max(1);
+    let chosen = spoken.iter().step_by(every);
+    let pairs = chosen.map(|clip| {
+        let loud = fall_mm(speaker, wish, &shouted(&clip.waveform))?;
+        Ok([loud, fall_mm(speaker, wish, &whispered(&clip.waveform))?])
+    });
+    let pairs: Vec<[f64; 2]> = pairs.collect::<Result<_>>()?;
+    Ok(score("a made shout against a made whisper".into(), &pairs))
+}
+
+/// Anger against the other feelings.
+fn acted(
+    speaker: &Speaker,
+    wish: &Wish,
+    data: &Path,
+    limit: Option<usize>,
+) -> Result<Vec<EffortScores>> {
+    let folder = data.join("speech/emodb_de");
+    let said = by_actor_and_sentence(read(&folder.join("clips.tsv"))?);
+    let mut falls: BTreeMap<&'static str, Vec<[f64; 2]>> = BTreeMap::new();
+    for feelings in said.values().take(limit.unwrap_or(usize::MAX)) {
+        let fall = |feeling: &str| -> Result<Option<f64>> {
+            let found = feelings.iter().find(|r| r.feeling == feeling);
+            let measured = found.map(|r| {
+                let sound = Waveform::from_file(&folder.join(format!("{}.ogg", r.name)))?;
+                fall_mm(speaker, wish, &sound)
+            });
+            measured.transpose()
+        };
+        let Some(loud) = fall(LOUD)? else { continue };
+        for against in SOFT {
+            let pair = fall(against)?.map(|soft| [loud, soft]);
+            falls.entry(against).or_default().extend(pair);
+        }
+    }
+    let rows = SOFT.map(|against| {
+        let pairs = falls.get(against).map_or(&[][..], Vec::as_slice);
+        score(format!("{LOUD} against {against}"), pairs)
+    });
+    Ok(rows.into())
+}
+
+/// 95 % quantile of how far the chin falls, millimetres.
+fn fall_mm(speaker: &Speaker, wish: &Wish, sound: &Waveform) -> Result<f64> {
+    let motion = speaker.perform(sound, FPS, wish)?;
+    let falls: Vec<f64> = motion
+        .outer_iter()
+        .map(|frame| -MM * frame[[CHIN, 1]])
+        .collect();
+    Ok(quantile(&falls, WIDE))
+}
+
+fn score(pair: String, pairs: &[[f64; 2]]) -> EffortScores {
+    let median = |k: usize| {
+        estimate(pairs, move |of| {
+            let values: Vec<f64> = of.iter().map(|pair| pair[k]).collect();
+            (!values.is_empty()).then(|| quantile(&values, 0.5))
+        })
+    };
+    let ratio = |of: &[&[f64; 2]]| {
+        let sum: f64 = of.iter().map(|[loud, soft]| (loud / soft).ln()).sum();
+        (!of.is_empty()).then(|| (sum / of.len() as f64).exp())
+    };
+    EffortScores {
+        pair,
+        pairs: pairs.len(),
+        loud_mm: median(0),
+        soft_mm: median(1),
+        ratio: estimate(pairs, ratio),
+    }
+}
+
+fn by_actor_and_sentence(recordings: Vec<Recording>) -> BTreeMap<(String, String), Vec<Recording>> {
+    let mut out: BTreeMap<_, Vec<Recording>> = BTreeMap::new();
+    for recording in recordings {
+        out.entry(recording.key.clone())
+            .or_default()
+            .push(recording);
+    }
+    out
+}
+
+/// Columns are found by their titles.
+fn read(path: &Path) -> Result<Vec<Recording>> {
+    let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+    let mut lines = text
+        .lines()
+        .map(|line| line.split('\t').collect::<Vec<_>>());
+    let titles = lines.next().unwrap_or_default();
+    let place = |title: &str| {
+        titles.iter().position(|t| *t == title).ok_or_else(|| {
+            Error::InvalidInput(format!(
+                "{}: expected a column {title}, got {titles:?}",
+                path.display()
+            ))
+        })
+    };
+    let columns = [
+        place("clip")?,
+        place("feeling")?,
+        place("actor")?,
+        place("sentence")?,
+    ];
+    let rows = lines.filter(|cells| cells.len() == titles.len());
+    let recording = |cells: Vec<&str>| {
+        let [name, feeling, actor, sentence] = columns.map(|column| cells[column].to_owned());
+        Recording {
+            name,
+            feeling,
+            key: (actor, sentence),
+        }
+    };
+    Ok(rows.map(recording).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ratios_are_averaged_as_ratios() {
+        let found = score("".into(), &[[2.0, 1.0], [4.0, 8.0], [8.0, 1.0]]);
+        assert!((found.ratio.unwrap().value - 2.0).abs() < 1e-12);
+        assert_eq!(found.loud_mm.unwrap().value, 4.0);
+        assert_eq!(score("".into(), &[]).ratio, None);
+    }
+
+    #[test]
+    fn recordings_are_matched_by_actor_and_sentence() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("clips.tsv");
+        let text = "clip\tactor\tsentence\tfeeling\na\t03\tb01\tanger\nb\t03\tb01\tsadness\nc\t08\tb01\tanger\n";
+        std::fs::write(&path, text).unwrap();
+        let found = by_actor_and_sentence(read(&path).unwrap());
+        assert_eq!(found.len(), 2);
+        assert_eq!(found[&("03".to_owned(), "b01".to_owned())].len(), 2);
+        std::fs::write(&path, "clip\tactor\n").unwrap();
+        assert!(read(&path).is_err());
+    }
+}

@@ -1,0 +1,108 @@
+//! Heads of three makers: what landmark motion becomes on a mesh.
+
+use std::path::Path;
+
+use ndarray::{Array3, Axis};
+
+use crate::tensors::TensorFile;
+use anyface::{
+    Engine, Face, Result,
+    ibug::LANDMARKS,
+    mesh::{FaceOptions, LandmarkSource, Mesh},
+    motion::{LandmarkClip, Motion},
+    progress::SILENT,
+    spread::{Collector, FrameSink},
+};
+
+const MM: f64 = 1000.0;
+
+/// A prepared head.
+pub(super) struct Head {
+    pub title: &'static str,
+    face: Face,
+}
+
+impl Head {
+    /// ICT's mean head, MakeHuman's, and the default head in `folder`.
+    pub(super) fn three(engine: &Engine, data: &Path, folder: &Path) -> Result<Vec<Self>> {
+        let options = FaceOptions {
+            landmarks: Some(LandmarkSource::read(&folder.join("landmarks.json"))?),
+            ..FaceOptions::default()
+        };
+        let mesh = Mesh::read(folder.join("head.obj"))?;
+        let makehuman = data.join("faces/makehuman_head.safetensors");
+        Ok(vec![
+            Self::ict(engine, data)?,
+            Self::of_tensors(engine, "MakeHuman", &makehuman)?,
+            Head {
+                title: "default head",
+                face: engine.prepare(&mesh, &options, SILENT)?,
+            },
+        ])
+    }
+
+    /// ICT's mean head.
+    pub(super) fn ict(engine: &Engine, data: &Path) -> Result<Self> {
+        let path = data.join("faces/ict_facekit.safetensors");
+        Self::of_tensors(engine, "ICT", &path)
+    }
+
+    /// A head with its own landmarks.
+    fn of_tensors(engine: &Engine, title: &'static str, path: &Path) -> Result<Self> {
+        let file = TensorFile::read(path)?;
+        let (neutral, _) = file.floats("neutral")?;
+        let (triangles, _) = file.floats("triangles")?;
+        let (landmarks, _) = file.floats("landmarks68")?;
+        let rows: Vec<u32> = triangles.iter().map(|x| *x as u32).collect();
+        let mesh = Mesh::from_arrays(
+            neutral
+                .chunks_exact(3)
+                .map(|p| [p[0], p[1], p[2]])
+                .collect(),
+            rows.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
+        )?;
+        let vertices = landmarks.iter().map(|x| *x as u32).collect();
+        let options = FaceOptions {
+            landmarks: Some(LandmarkSource::Vertices(vertices)),
+            ..FaceOptions::default()
+        };
+        Ok(Head {
+            title,
+            face: engine.prepare(&mesh, &options, SILENT)?,
+        })
+    }
+
+    /// Vertices under landmark motion `[T, 68, 3]` metres: displacements `[T, V, 3]`, mesh units.
+    pub(super) fn moved(&self, engine: &Engine, motion: &Array3<f64>) -> Result<Array3<f32>> {
+        let motion = Motion::Landmarks(LandmarkClip {
+            displacements: motion.mapv(|x| x as f32),
+            fps: 1.0,
+        });
+        let spread = |sink: &mut dyn FrameSink| engine.spread(&self.face, &motion, sink, SILENT);
+        Ok(Collector::collect(spread)?.vertices.displacements)
+    }
+
+    /// How the mesh itself moves at its landmarks under landmark motion `[T, 68, 3]` metres:
+    /// `[T, 68, 3]`, millimetres along the canonical axes on a head of human size.
+    pub(super) fn landmarks(&self, engine: &Engine, motion: &Array3<f64>) -> Result<Array3<f64>> {
+        let vertices = self.face.landmarks.vertices.map(|v| v as usize);
+        let found = self.moved(engine, motion)?.select(Axis(1), &vertices);
+        let (turn, scale) = (
+            self.face.to_canonical.rotation,
+            self.face.to_canonical.scale,
+        );
+        Ok(Array3::from_shape_fn(found.dim(), |(t, n, i)| {
+            let along = (0..3).map(|j| turn[i][j] * f64::from(found[[t, n, j]]));
+            MM * scale * along.sum::<f64>()
+        }))
+    }
+}
+
+/// Whole frames of motion, one under the other, `[T, 68, 3]`.
+pub(super) fn stacked(frames: &[ndarray::ArrayView2<'_, f64>]) -> Array3<f64> {
+    let mut out = Array3::zeros((frames.len(), LANDMARKS, 3));
+    for (from, mut to) in frames.iter().zip(out.outer_iter_mut()) {
+        to.assign(from);
+    }
+    out
+}

@@ -1,0 +1,250 @@
+//! f and v: does the lower lip reach the upper teeth, and tuck in under them?
+//!
+//! Measured on ICT's mean head, whose teeth are where teeth are: motion is spread over its mesh, and
+//! the nearest vertex of the lower lip counts.
+
+use std::path::Path;
+
+use ndarray::{Array3, ArrayView2, Axis};
+use serde::Serialize;
+
+use super::{
+    bootstrap::{Estimate, estimate},
+    clip::Clip,
+    heads::{Head, stacked},
+    predictors::{MODEL, Performed, RECORDED},
+};
+use crate::{ict::IctLandmarks, tensors::TensorFile};
+use anyface::{Engine, Result, metrics::quantile};
+
+/// Vertices of ICT's upper teeth.
+const UPPER_TEETH: std::ops::Range<usize> = 17_039..19_247;
+/// Vertices of its skin, lips inside and out, and of the mouth's socket.
+const SKIN: std::ops::Range<usize> = 0..14_062;
+/// The edge of the incisors: this near to the middle, this near to the lowest and to the foremost
+/// tooth, centimetres.
+const EDGE_CM: [f32; 3] = [0.35, 0.15, 0.45];
+/// The lower lip is what its roll moves by this share of its largest motion, this near to the middle
+/// in centimetres.
+const ROLLED: f32 = 0.3;
+const LIP_HALF_WIDTH_CM: f32 = 0.6;
+/// The lip may reach the teeth this long before the sound, seconds.
+const LEAD_S: f64 = 0.04;
+/// Middle of the lower lip, inside and outside.
+const LOWER_LIP: [usize; 2] = [66, 57];
+/// At most so many of one source are measured.
+const MOST: usize = 150;
+/// Frames that are spread at once.
+const BATCH: usize = 50;
+const MM: f64 = 1000.0;
+const MM_PER_CM: f64 = 10.0;
+
+/// One predictor on one source.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct LabiodentalScores {
+    pub source: String,
+    pub predictor: String,
+    pub count: usize,
+    /// Median of the smallest distance from the lower lip to the edge of the upper incisors.
+    pub distance_mm: Option<Estimate>,
+    /// Median of how far the lower lip lies behind its place at rest in that frame.
+    pub tuck_mm: Option<Estimate>,
+}
+
+/// ICT's head with what of it is measured.
+struct Mouth {
+    head: Head,
+    /// Vertices of the lower lip.
+    lip: Vec<usize>,
+    /// `[lip]`, their places at rest, centimetres.
+    rest_cm: Vec<[f32; 3]>,
+    edge_cm: Vec<[f32; 3]>,
+    /// `[68, 3]` metres.
+    neutral: ndarray::Array2<f64>,
+}
+
+/// One f or v.
+struct Record {
+    distance_mm: f64,
+    tuck_mm: f64,
+}
+
+/// The recording and the model on every source with f and v; all languages of espeak-ng together.
+pub(super) fn measure(
+    engine: &Engine,
+    (data, ict): (&Path, &IctLandmarks),
+    performed: &[Performed],
+) -> Result<Vec<LabiodentalScores>> {
+    let mouth = Mouth::read(engine, data, ict)?;
+    let mut out = Vec::new();
+    let mut made = Vec::new();
+    for source in performed {
+        for (name, pairs) in source.with_recording() {
+            let frames = || {
+                pairs
+                    .iter()
+                    .flat_map(|&(clip, motion)| mouth.nearest_frames(clip, motion))
+            };
+            match (name, source.corpus.is_synthetic()) {
+                (MODEL, true) => made.extend(frames()),
+                (MODEL | RECORDED, false) => {
+                    let frames: Vec<_> = frames().collect();
+                    out.extend(mouth.score(engine, (&source.corpus.source, name), &frames)?);
+                }
+                _ => {}
+            }
+        }
+    }
+    out.extend(mouth.score(engine, ("all of espeak-ng", MODEL), &made)?);
+    Ok(out)
+}
+
+impl Mouth {
+    fn read(engine: &Engine, data: &Path, ict: &IctLandmarks) -> Result<Self> {
+        let file = TensorFile::read(&data.join("faces/ict_facekit.safetensors"))?;
+        let (neutral, shape) = file.floats("neutral")?;
+        let names = file.words("expression_names")?;
+        let (modes, _) = file.floats("expression")?;
+        let roll = names.iter().position(|name| name == "mouthRollLower");
+        let roll = roll.ok_or_else(|| file.bad("expected a mode mouthRollLower, got none"))?;
+        let at =
+            |values: &[f32], v: usize| -> [f32; 3] { std::array::from_fn(|i| values[3 * v + i]) };
+        let teeth: Vec<[f32; 3]> = UPPER_TEETH.map(|v| at(&neutral, v)).collect();
+        let rolled = &modes[roll * 3 * shape[0]..(roll + 1) * 3 * shape[0]];
+        let lip = lower_lip(SKIN.map(|v| (at(&neutral, v), at(rolled, v))));
+        Ok(Mouth {
+            head: Head::ict(engine, data)?,
+            rest_cm: lip.iter().map(|v| at(&neutral, *v)).collect(),
+            lip,
+            edge_cm: incisor_edge(&teeth),
+            neutral: ict.neutral.clone(),
+        })
+    }
+
+    /// Of every f and v of a clip the frame in which the lower lip's landmark is nearest to the teeth.
+    fn nearest_frames<'a>(&self, clip: &Clip, motion: &'a Array3<f64>) -> Vec<ArrayView2<'a, f64>> {
+        let edge = |i: usize| {
+            let sum: f32 = self.edge_cm.iter().map(|p| p[i]).sum();
+            f64::from(sum) / self.edge_cm.len() as f64 / 100.0
+        };
+        let distance = |t: &usize| -> f64 {
+            let along = |i: usize| self.neutral[[66, i]] + motion[[*t, 66, i]] - edge(i);
+            (1..3).map(|i| along(i).powi(2)).sum()
+        };
+        let phones = clip.phones.iter().flatten().filter(|p| p.is_labiodental());
+        let nearest = phones.filter_map(|phone| {
+            let from = ((phone.from_s - LEAD_S) * clip.fps).ceil().max(0.0) as usize;
+            let to = ((phone.to_s * clip.fps).floor() as usize + 1).min(clip.frames());
+            (from..to).min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        });
+        nearest.map(|t| motion.index_axis(Axis(0), t)).collect()
+    }
+
+    /// None without frames.
+    fn score(
+        &self,
+        engine: &Engine,
+        (source, predictor): (&str, &str),
+        frames: &[ArrayView2<'_, f64>],
+    ) -> Result<Option<LabiodentalScores>> {
+        let every = frames.len().div_ceil(MOST).max(1);
+        let chosen: Vec<_> = frames.iter().step_by(every).cloned().collect();
+        let mut records = Vec::new();
+        for batch in chosen.chunks(BATCH) {
+            let motion = stacked(batch);
+            let moved = self.head.moved(engine, &motion)?.select(Axis(1), &self.lip);
+            for (t, lip) in moved.outer_iter().enumerate() {
+                let back = LOWER_LIP.map(|n| -motion[[t, n, 2]]);
+                records.push(Record {
+                    distance_mm: MM_PER_CM * self.distance_cm(lip),
+                    tuck_mm: MM * 0.5 * (back[0] + back[1]),
+                });
+            }
+        }
+        let median = |of: fn(&Record) -> f64| {
+            estimate(&records, move |records| {
+                let values: Vec<f64> = records.iter().map(|r| of(r)).collect();
+                (!values.is_empty()).then(|| quantile(&values, 0.5))
+            })
+        };
+        Ok((!records.is_empty()).then(|| LabiodentalScores {
+            source: source.into(),
+            predictor: predictor.into(),
+            count: frames.len(),
+            distance_mm: median(|r| r.distance_mm),
+            tuck_mm: median(|r| r.tuck_mm),
+        }))
+    }
+
+    /// From the nearest vertex of the displaced lip, `[lip, 3]` centimetres, to the incisors.
+    fn distance_cm(&self, displaced: ArrayView2<'_, f32>) -> f64 {
+        let lip = self.rest_cm.iter().zip(displaced.rows());
+        let squares = lip.flat_map(|(rest, moved)| {
+            let at: [f32; 3] = std::array::from_fn(|i| rest[i] + moved[i]);
+            self.edge_cm
+                .iter()
+                .map(move |edge| squared_distance(at, *edge))
+        });
+        f64::from(squares.fold(f32::MAX, f32::min)).sqrt()
+    }
+}
+
+fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
+    (0..3).map(|i| (a[i] - b[i]).powi(2)).sum()
+}
+
+/// Vertices of the lower lip among pairs of place and motion under its roll, centimetres.
+fn lower_lip(vertices: impl Iterator<Item = ([f32; 3], [f32; 3])>) -> Vec<usize> {
+    let length = |m: [f32; 3]| squared_distance(m, [0.0; 3]).sqrt();
+    let all: Vec<(f32, f32)> = vertices
+        .map(|(at, moved)| (at[0].abs(), length(moved)))
+        .collect();
+    let most = all.iter().map(|(_, moved)| *moved).fold(0.0, f32::max);
+    let inside = |(x, moved): &(f32, f32)| *x < LIP_HALF_WIDTH_CM && *moved > ROLLED * most;
+    (0..all.len()).filter(|v| inside(&all[*v])).collect()
+}
+
+/// Lowest vertices of the middle front teeth.
+fn incisor_edge(teeth: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    let front = teeth.iter().map(|p| p[2]).fold(f32::MIN, f32::max) - EDGE_CM[2];
+    let near = |p: &&[f32; 3]| p[0].abs() < EDGE_CM[0] && p[2] > front;
+    let low = teeth
+        .iter()
+        .filter(near)
+        .map(|p| p[1])
+        .fold(f32::MAX, f32::min)
+        + EDGE_CM[1];
+    teeth
+        .iter()
+        .filter(near)
+        .filter(|p| p[1] < low)
+        .copied()
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_edge_is_the_lowest_of_the_middle_front() {
+        let teeth = [
+            [0.1, -3.5, 10.6],
+            [0.1, -3.45, 10.7],
+            [0.1, -2.0, 10.75],
+            [0.1, -3.6, 8.0],
+            [2.0, -3.6, 10.7],
+        ];
+        assert_eq!(incisor_edge(&teeth), teeth[..2]);
+    }
+
+    #[test]
+    fn the_lip_is_what_rolls_near_the_middle() {
+        let vertices = [
+            ([0.0; 3], [0.0, 1.0, 0.0]),
+            ([0.0; 3], [0.0, 0.1, 0.0]),
+            ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]),
+        ];
+        assert_eq!(lower_lip(vertices.into_iter()), [0]);
+    }
+}

@@ -1,0 +1,139 @@
+//! Whether vowels look different: width, protrusion and opening of i, u and a at their middles.
+
+use serde::Serialize;
+
+use super::{
+    bootstrap::{Estimate, estimate},
+    clip::Clip,
+    features::{self, GAP, PROTRUSION, WIDTH},
+    predictors::Performed,
+};
+use anyface::{Result, metrics};
+
+const VOWELS: [char; 3] = ['i', 'u', 'a'];
+/// Shorter vowels have no middle to speak of, seconds.
+const SHORTEST_S: f64 = 0.04;
+/// Fewer of one vowel are not compared.
+const LEAST: usize = 5;
+
+/// The model on one source with known phones.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct VowelScores {
+    pub source: String,
+    /// Numbers of i, u and a.
+    pub counts: [usize; 3],
+    /// Mean width of i minus that of u.
+    pub width_i_u_mm: Option<Estimate>,
+    /// Mean protrusion of u minus that of i.
+    pub protrusion_u_i_mm: Option<Estimate>,
+    /// Mean gap of a minus that of i.
+    pub gap_a_i_mm: Option<Estimate>,
+}
+
+/// Of one clip: number and summed features of each vowel.
+#[derive(Default)]
+struct Record {
+    counts: [usize; 3],
+    sums: [[f64; features::COUNT]; 3],
+}
+
+/// Every source that is spoken only and has enough vowels, then all languages of espeak-ng together.
+pub(super) fn measure(performed: &[Performed]) -> Result<Vec<VowelScores>> {
+    let mut out = Vec::new();
+    let mut made = Vec::new();
+    for source in performed.iter().filter(|p| !p.corpus.recorded) {
+        let pairs = source.model();
+        let pairs = pairs
+            .iter()
+            .map(|(clip, motion)| record(clip, motion.view()));
+        let records: Vec<Record> = pairs.collect::<Result<_>>()?;
+        let row = score(&source.corpus.source, &records);
+        out.extend(
+            row.counts
+                .iter()
+                .all(|count| *count >= LEAST)
+                .then_some(row),
+        );
+        if source.corpus.is_synthetic() {
+            made.extend(records);
+        }
+    }
+    if !made.is_empty() {
+        out.push(score("all of espeak-ng", &made));
+    }
+    Ok(out)
+}
+
+fn record(clip: &Clip, motion: metrics::Clip<'_>) -> Result<Record> {
+    let curves = features::of(&clip.neutral, motion)?;
+    let mut out = Record::default();
+    for phone in clip.phones.iter().flatten() {
+        let vowel = phone
+            .plain_vowel()
+            .filter(|_| phone.to_s - phone.from_s >= SHORTEST_S);
+        let place = vowel.and_then(|letter| VOWELS.iter().position(|v| *v == letter));
+        if let Some(vowel) = place {
+            let middle = 0.5 * (phone.from_s + phone.to_s) * clip.fps;
+            out.counts[vowel] += 1;
+            for (sum, curve) in out.sums[vowel].iter_mut().zip(&curves) {
+                *sum += between_frames(curve, middle);
+            }
+        }
+    }
+    Ok(out)
+}
+
+/// The value of a curve at a frame number that need not be whole; ends are held.
+fn between_frames(curve: &[f64], frame: f64) -> f64 {
+    let last = curve.len().saturating_sub(1);
+    let frame = frame.clamp(0.0, last as f64);
+    let before = frame as usize;
+    let share = frame - before as f64;
+    curve[before] * (1.0 - share) + curve[(before + 1).min(last)] * share
+}
+
+fn score(source: &str, records: &[Record]) -> VowelScores {
+    let difference = |more: char, less: char, feature: usize| {
+        let mean = move |of: &[&Record], letter: char| {
+            let vowel = VOWELS.iter().position(|v| *v == letter)?;
+            let count: usize = of.iter().map(|r| r.counts[vowel]).sum();
+            let sum: f64 = of.iter().map(|r| r.sums[vowel][feature]).sum();
+            (count > 0).then(|| sum / count as f64)
+        };
+        estimate(records, move |of| Some(mean(of, more)? - mean(of, less)?))
+    };
+    VowelScores {
+        source: source.into(),
+        counts: [0, 1, 2].map(|v| records.iter().map(|r| r.counts[v]).sum()),
+        width_i_u_mm: difference('i', 'u', WIDTH),
+        protrusion_u_i_mm: difference('u', 'i', PROTRUSION),
+        gap_a_i_mm: difference('a', 'i', GAP),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn differences_are_between_means_of_all_vowels() {
+        let record = |counts, gaps: [f64; 3]| Record {
+            counts,
+            sums: gaps.map(|gap| [gap, 0.0, 0.0, 0.0]),
+        };
+        let records = [
+            record([1, 0, 2], [2.0, 0.0, 16.0]),
+            record([1, 1, 0], [4.0, 1.0, 0.0]),
+        ];
+        let found = score("", &records);
+        assert_eq!(found.counts, [2, 1, 2]);
+        assert!((found.gap_a_i_mm.unwrap().value - 5.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn curves_are_read_between_frames() {
+        let curve = [0.0, 2.0, 6.0];
+        let found = [-1.0, 0.5, 1.25, 9.0].map(|frame| between_frames(&curve, frame));
+        assert_eq!(found, [0.0, 1.0, 3.0, 6.0]);
+    }
+}
