@@ -25,10 +25,11 @@ SMOOTHING_FRAMES = 0.6
 REST_SHARE = 0.05
 EDGE_FRAMES = 6
 EYES = list(range(36, 48))
+INNER = slice(27, 68)
 
 
 def read_grid(data: Path) -> list[Clip]:
-    """All clips; motion is scaled and turned so that the speaker's neutral fits ICT's."""
+    """All clips; motion is turned so that the speaker's neutral fits ICT's, and keeps its size."""
     folder = data / "motion" / SOURCE
     with safe_open(folder / TRACK, "np") as file:
         landmarks = file.get_tensor("landmarks").astype(np.float32) / UNITS_PER_CM
@@ -38,11 +39,11 @@ def read_grid(data: Path) -> list[Clip]:
     spans = [slice(a, b) for a, b in pairwise(offsets)]
     tracks = [_smooth(_fill(landmarks[span], ~seen[span])) for span in spans]
     neutral = rest_template(tracks, [seen[span] for span in spans])
-    scale, turn = similarity(neutral, IctLandmarks(data).neutral * 100.0)
+    turn, _ = rigid(neutral[INNER], 100.0 * IctLandmarks(data).neutral[INNER])
     held_out = grid_held_out(names)
     clips = []
     for name, track, span in zip(names, tracks, spans, strict=True):
-        motion = ((track - neutral) @ turn.T * (scale * 0.01)).astype(np.float32)
+        motion = ((track - neutral) @ turn.T * 0.01).astype(np.float32)
         weight = np.repeat(seen[span, None], 68, axis=1).astype(np.float32)
         motion[:, EYES], weight[:, EYES] = 0.0, 0.0
         clips.append(
@@ -53,7 +54,7 @@ def read_grid(data: Path) -> list[Clip]:
                 samples=read_sound(folder / "audio" / f"{name}.ogg"),
                 motion=motion,
                 weight=weight,
-                neutral=(neutral @ turn.T * (scale * 0.01)).astype(np.float32),
+                neutral=(neutral @ turn.T * 0.01).astype(np.float32),
             )
         )
     return clips
@@ -94,11 +95,3 @@ def rigid(source: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarra
     sign = np.diag([1.0, 1.0, np.sign(np.linalg.det(vt.T @ u.T))])
     turn = vt.T @ sign @ u.T
     return turn, target.mean(axis=0) - source.mean(axis=0) @ turn.T
-
-
-def similarity(source: np.ndarray, target: np.ndarray) -> tuple[float, np.ndarray]:
-    """Scale and rotation between two landmark sets [68, 3] (eyes, nose, mouth; Umeyama 1991)."""
-    inner = slice(27, 68)
-    turn, _ = rigid(source[inner], target[inner])
-    spread = [np.linalg.norm(x[inner] - x[inner].mean(axis=0)) for x in (source, target)]
-    return float(spread[1] / spread[0]), turn

@@ -13,7 +13,7 @@ use anyface::{
     Result,
     conditions::{EMOTIONS, Emotion},
     ibug::LANDMARKS,
-    motion::FaceModes,
+    motion::Expressions,
 };
 
 /// Clips on which intensity is measured, and as many others that choose the landmarks.
@@ -47,7 +47,7 @@ pub(super) fn intensity(
     weights: Option<&Path>,
     clips: &[Clip],
 ) -> Result<Vec<IntensityCurve>> {
-    let table = FaceModes::open(weights)?;
+    let table = Expressions::open(weights)?;
     let count = INTENSITY_CLIPS.min(clips.len() / 2);
     if count == 0 {
         return Ok(Vec::new());
@@ -85,11 +85,11 @@ pub(super) fn intensity(
 }
 
 /// What the table of expressions says of a category at intensity 1, `[68, 3]` metres.
-fn prototype(table: &FaceModes, category: usize) -> Array2<f64> {
+fn prototype(table: &Expressions, category: usize) -> Array2<f64> {
     let mut affect = Array2::zeros((1, EMOTIONS.len() + 1));
     affect[[0, category]] = 1.0;
     affect[[0, EMOTIONS.len()]] = 1.0;
-    let settled = table.emotion(affect.view(), 25.0);
+    let settled = table.alone(affect.view(), 25.0);
     settled.index_axis(Axis(0), 0).mapv(f64::from)
 }
 

@@ -2,8 +2,8 @@
 //!
 //! GRID corpus, CC BY 4.0 (Cooke, Barker, Cunningham & Shao 2006). Cleaned as in
 //! `training/corpus/grid.py`: the pose of the head is already removed, lost frames are filled and not
-//! judged, the rest is smoothed lightly; then the speaker's neutral is scaled and turned to fit
-//! ICT's. The eyes blink and look down at the text, which has nothing to do with speech: their
+//! judged, the rest is smoothed lightly; then it is turned so that the speaker's
+//! neutral fits ICT's, and keeps its size. The eyes blink and look down at the text, which has nothing to do with speech: their
 //! landmarks are not judged.
 
 use std::{ops::Range, path::Path};
@@ -13,7 +13,7 @@ use ndarray::{Array2, Array3, ArrayView2, Axis, Slice};
 use super::clip::{Clip, Corpus};
 use crate::{ict::IctLandmarks, tensors::TensorFile};
 use anyface::{
-    Error, Result, audio::Waveform, ibug::LANDMARKS, mesh::Similarity, metrics::quantile,
+    Result, audio::Waveform, ibug::LANDMARKS, mesh::Similarity, metrics::quantile,
 };
 
 /// Where the track lies in the data folder.
@@ -47,8 +47,8 @@ pub(super) fn read(data: &Path, ict: &IctLandmarks, limit: Option<usize>) -> Res
     let names = file.words("clips")?;
     let tracks = read_tracks(&file, names.len())?;
     let neutral = rest_template(&tracks);
-    let (scale, turn) = fit_to_ict(&neutral, ict)?;
-    let place = |landmarks: ArrayView2<'_, f64>| landmarks.dot(&turn.t()) * (scale * METRES_PER_CM);
+    let turn = turn_to_ict(&neutral, ict)?;
+    let place = |landmarks: ArrayView2<'_, f64>| landmarks.dot(&turn.t()) * METRES_PER_CM;
     let chosen = |remainder: usize| {
         let clips = every_tenth(&names, remainder);
         clips.into_iter().take(limit.unwrap_or(usize::MAX))
@@ -213,30 +213,12 @@ fn rest_template(tracks: &[Track]) -> Array2<f64> {
     mean + slope * (quantile(&gaps, REST_SHARE) - mean_gap)
 }
 
-/// Scale and rotation from the speaker's neutral to ICT's, by eyes, nose and mouth.
-fn fit_to_ict(neutral: &Array2<f64>, ict: &IctLandmarks) -> Result<(f64, Array2<f64>)> {
+/// Rotation from the speaker's neutral to ICT's, by eyes, nose and mouth.
+fn turn_to_ict(neutral: &Array2<f64>, ict: &IctLandmarks) -> Result<Array2<f64>> {
     let target = &ict.neutral / METRES_PER_CM;
     let fit = Similarity::fit(&points(neutral, INNER), &points(&target, INNER), None)?;
     let rotation = fit.similarity.rotation;
-    let ratio = spread(&target) / spread(neutral);
-    match ratio.is_finite() {
-        true => Ok((
-            ratio,
-            Array2::from_shape_fn((3, 3), |(i, j)| rotation[i][j]),
-        )),
-        false => Err(Error::InvalidInput(
-            "grid_s1: the neutral face is a point".into(),
-        )),
-    }
-}
-
-/// Root of the summed squared distances of the inner landmarks from their mean.
-fn spread(face: &Array2<f64>) -> f64 {
-    let inner = face.slice_axis(Axis(0), Slice::from(INNER));
-    match inner.mean_axis(Axis(0)) {
-        Some(mean) => (&inner - &mean).mapv(|x| x * x).sum().sqrt(),
-        None => 0.0,
-    }
+    Ok(Array2::from_shape_fn((3, 3), |(i, j)| rotation[i][j]))
 }
 
 fn points(face: &Array2<f64>, rows: impl Iterator<Item = usize>) -> Vec<[f32; 3]> {

@@ -2,7 +2,7 @@
 //! files.
 //!
 //! A folder of files is a folder for each predictor, in it one for each source and in that
-//! `<clip>.npz` with `landmarks` `[T, 68, 3]`, canonical metres from rest, and `fps`, which may be
+//! `<clip>.npz` with `landmark_displacements` `[T, 68, 3]`, canonical metres from rest, and `fps`, which may be
 //! any: what `anyface motion` and `training` write. Frame 0 is the first frame of the clip: of
 //! `grid_s1` second 0 of its sound, of `facegood_zh` the first at 30 fps from second
 //! ⌊0.85 T⌋ / 25 of the take on, T its length in frames at 25 fps; `facegood_zh_whole` holds whole
