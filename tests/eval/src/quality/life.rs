@@ -9,7 +9,7 @@ use super::{
     bootstrap::{Estimate, estimate},
     clip::Clip,
     grid::{FPS, TRACK, every_tenth, spans},
-    speaker::{Speaker, Wish},
+    speaker::{Speaker, Wish, landmarks},
 };
 use crate::tensors::TensorFile;
 use anyface::{Result, metrics::quantile};
@@ -156,7 +156,8 @@ fn lids(face: &Array2<f64>, motion: &Array3<f64>) -> Vec<f64> {
 
 /// What the engine performs around the mouth for a clip's sound.
 fn performed(speaker: &Speaker, wish: &Wish, clip: &Clip) -> Result<Surroundings> {
-    let motion = speaker.speak(clip, wish)?;
+    let performance = speaker.performance(&clip.waveform, FPS, wish)?;
+    let motion = landmarks(performance.motion)?;
     Ok(Surroundings {
         head: None,
         gaze: None,

@@ -6,7 +6,7 @@ use ndarray::{Array3, Axis, Slice};
 
 use super::clip::Clip;
 use anyface::{
-    Engine, Error, MotionRequest, Result,
+    Engine, Error, MotionRequest, Performance, Result,
     audio::Waveform,
     conditions::{Controls, Emotion, EmotionCurve},
     motion::{Motion, PerformanceControls},
@@ -41,6 +41,16 @@ impl Speaker {
         fps: f64,
         wish: &Wish,
     ) -> Result<Array3<f64>> {
+        landmarks(self.performance(waveform, fps, wish)?.motion)
+    }
+
+    /// All that the engine performs.
+    pub(super) fn performance(
+        &self,
+        waveform: &Waveform,
+        fps: f64,
+        wish: &Wish,
+    ) -> Result<Performance> {
         let mut controls = match wish.default_controls {
             true => Controls::default(),
             false => Controls::from(PerformanceControls::as_sampled()),
@@ -55,8 +65,7 @@ impl Speaker {
             style: wish.style.clone(),
             controls,
         };
-        let performance = self.engine.perform(waveform, &request, SILENT)?;
-        landmarks(performance.motion)
+        self.engine.perform(waveform, &request, SILENT)
     }
 
     /// Motion for a clip's sound, as long as the clip.
@@ -83,7 +92,7 @@ fn as_long_as(clip: &Clip, motion: Array3<f64>) -> Result<Array3<f64>> {
 }
 
 /// `[T, 68, 3]` metres.
-fn landmarks(motion: Motion) -> Result<Array3<f64>> {
+pub(super) fn landmarks(motion: Motion) -> Result<Array3<f64>> {
     match motion {
         Motion::Landmarks(clip) => Ok(clip.displacements.mapv(f64::from)),
         other => Err(Error::InvalidInput(format!(
