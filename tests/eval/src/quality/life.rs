@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ndarray::{Array2, Array3};
+use ndarray::{Array2, Array3, ArrayView1, ArrayView2};
 use serde::Serialize;
 
 use super::{
@@ -157,10 +157,17 @@ fn lids(face: &Array2<f64>, motion: &Array3<f64>) -> Vec<f64> {
 /// What the engine performs around the mouth for a clip's sound.
 fn performed(speaker: &Speaker, wish: &Wish, clip: &Clip) -> Result<Surroundings> {
     let performance = speaker.performance(&clip.waveform, FPS, wish)?;
+    let life = &performance.life;
+    let turn = |row: ArrayView1<'_, f32>| [0, 1, 2].map(|axis| f64::from(row[axis]).to_degrees());
+    let between = |eyes: ArrayView2<'_, f32>| {
+        [0, 1].map(|axis| f64::from(0.5 * (eyes[[0, axis]] + eyes[[1, axis]])).to_degrees())
+    };
+    let (head, gaze) = (life.head.outer_iter(), life.gaze.outer_iter());
+    let (head, gaze) = (head.map(turn).collect(), gaze.map(between).collect());
     let motion = landmarks(performance.motion)?;
     Ok(Surroundings {
-        head: None,
-        gaze: None,
+        head: Some(head),
+        gaze: Some(gaze),
         lids: lids(&clip.neutral, &motion),
     })
 }
