@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Quaternion, Vector
 
+import test_heads as heads
 from figures import Stage, curves, everything, grid, stand_in, tone
+from test_heads import voice  # noqa: F401 - a fixture
+from test_pieces import with_parts
 
 START = 5
 NOD, TURN, TILT = 0.05, 0.03, 0.02
@@ -328,3 +331,26 @@ def test_rotations_are_those_of_mathutils(addon):
     back = turn.to_vectors(turn.of_vectors(vectors * 0.5))
     assert np.abs(back - vectors * 0.5).max() < 1e-9
     assert degrees(turn.of_gaze(np.array([[0.0, 0.1]]))[0, 0]) < 0.0
+
+
+def test_a_real_head_nods_and_its_eyeball_looks_about(voice):  # noqa: F811
+    ob = heads.ready(heads.import_head(), voice[0])
+    _, eye = with_parts(ob)
+    control = empty("Control", (0.2, 0.0, 0.5))
+    bpy.ops.anyface.find_parts()
+    stored = ob.anyface_life_settings
+    stored.head, stored.head_object = "OBJECT", control
+    bpy.context.scene.frame_set(1)
+    before = everything()
+    rests = {other: world(other, 1) for other in (control, eye)}
+    generate(ob)
+    frames = range(1, 1 + int(24 * len(voice[1]) / voice[2]))
+    head = np.degrees([turned(control, frame, rests[control]) for frame in frames])
+    looks = np.degrees([turned(eye, frame, rests[eye]) for frame in frames])
+    # In the world about +X nods, about +Z turns to the left, about -Y tilts to the right shoulder.
+    assert 0.1 < head[:, 0].std() < 2.0 and 0.02 < head[:, 2].std() < 2.0
+    assert np.abs(head).max() < 4.0
+    assert 0.5 < np.ptp(looks[:, 2]) and np.abs(looks).max() < 20.0
+    bpy.context.scene.frame_set(1)
+    bpy.ops.anyface.remove()
+    assert everything() == before

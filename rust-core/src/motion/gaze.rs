@@ -238,7 +238,7 @@ mod tests {
                 (0.02..0.07).contains(&(stretch.end - stretch.start)),
                 "{size}"
             );
-            let after = [0.001, 0.1, 0.3].map(|wait| gaze.at(stretch.end + wait, STILL));
+            let after = [0.001, 0.1, 0.2].map(|wait| gaze.at(stretch.end + wait, STILL));
             assert!(after[0] == after[1] && after[1] == after[2]);
         }
     }
