@@ -13,6 +13,7 @@ from ..core.plan import Plan
 from ..core.source import SoundSource
 from ..core.take import FaceMesh, Request, Take
 from . import decode, emotion, guard, life, mesh, outputs, pieces, sound, strips, takes, together
+from .life import LifeSettings
 from .outputs import OutputSettings
 
 
@@ -50,7 +51,7 @@ class Settings:
     parts: list[pieces.Part] = field(default_factory=list)
     loose: dict[int, str] = field(default_factory=dict)
     output: OutputSettings = field(default_factory=OutputSettings)
-    life: life.LifeSettings = field(default_factory=life.LifeSettings)
+    life: LifeSettings = field(default_factory=LifeSettings)
 
 
 @dataclass

@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Quaternion, Vector
 
+import test_heads as heads
 from figures import Stage, curves, everything, grid, stand_in, tone
+from test_heads import voice  # noqa: F401 - a fixture
+from test_pieces import with_parts
 
 START = 5
 NOD, TURN, TILT = 0.05, 0.03, 0.02
@@ -89,9 +92,9 @@ def test_an_empty_turns_as_the_head_however_it_stands(stage, tmp_path, mode):
     control.rotation_mode = mode
     bpy.context.view_layer.update()
     bpy.context.scene.frame_set(1)
-    before, rest = everything(), world(control, 1)
     stored = ob.anyface_life_settings
     stored.head, stored.head_object = "OBJECT", control
+    before, rest = everything(), world(control, 1)
     generate(ob)
     assert "Control turn" in ob.anyface.report
     assert np.abs(turned(control, START + 10, rest) - head_in_world()).max() < 1e-4
@@ -110,10 +113,10 @@ def test_the_artists_own_keys_stay_and_add_up(stage, tmp_path):
         control.keyframe_insert("rotation_euler", frame=frame)
     action = control.animation_data.action
     bpy.context.scene.frame_set(1)
-    before, own = everything(), world(control, 20)
-    bpy.context.scene.frame_set(1)
     stored = ob.anyface_life_settings
     stored.head, stored.head_object = "OBJECT", control
+    before, own = everything(), world(control, 20)
+    bpy.context.scene.frame_set(1)
     generate(ob)
     assert control.animation_data.action == action
     assert np.abs(turned(control, 20, own) - head_in_world()).max() < 1e-4
@@ -154,11 +157,11 @@ def test_bones_turn_as_head_and_eyes(stage, tmp_path, mode):
     for bone in rig.pose.bones:
         bone.rotation_mode = mode
     bpy.context.scene.frame_set(1)
-    before, rest = everything(), {n: bone_world(rig, n, 1) for n in ("Head", "Eye.R", "Eye.L")}
     stored = ob.anyface_life_settings
     stored.head, stored.head_armature, stored.head_bone = "BONE", rig, "Head"
     stored.gaze, stored.eye_armature = "BONES", rig
     stored.eye_bone_right, stored.eye_bone_left = "Eye.R", "Eye.L"
+    before, rest = everything(), {n: bone_world(rig, n, 1) for n in ("Head", "Eye.R", "Eye.L")}
     generate(ob)
     at = START + 10
 
@@ -183,9 +186,9 @@ def test_a_bone_with_keyframes_of_its_own_is_refused_before_anything_is_made(sta
     ob = ready(tmp_path)
     rig = armature()
     rig.pose.bones["Head"].keyframe_insert("rotation_quaternion", frame=1)
-    before = everything()
     stored = ob.anyface_life_settings
     stored.head, stored.head_armature, stored.head_bone = "BONE", rig, "Head"
+    before = everything()
     bpy.context.view_layer.objects.active = ob
     with pytest.raises(RuntimeError, match="keyframes or drivers"):
         bpy.ops.anyface.generate()
@@ -279,9 +282,9 @@ def test_takes_bring_their_heads_along(stage, addon, tmp_path):
     ob = ready(tmp_path)
     control = empty("Control")
     bpy.context.scene.frame_set(1)
-    before, rest = everything(), world(control, 1)
     stored = ob.anyface_life_settings
     stored.head, stored.head_object = "OBJECT", control
+    before, rest = everything(), world(control, 1)
     ob.anyface_output.new_take = True
     generate(ob)
     bpy.context.scene.frame_set(1)
@@ -301,7 +304,6 @@ def test_takes_bring_their_heads_along(stage, addon, tmp_path):
 def test_two_characters_on_one_armature_let_go_of_their_own(stage, tmp_path):
     rig = armature()
     bpy.context.scene.frame_set(1)
-    before_rig = everything()
     faces = [ready(tmp_path, name) for name in ("One", "Two")]
     for ob, bone in zip(faces, ("Head", "Eye.L"), strict=True):
         stored = ob.anyface_life_settings
@@ -316,7 +318,6 @@ def test_two_characters_on_one_armature_let_go_of_their_own(stage, tmp_path):
         action = rig.animation_data.action if rig.animation_data is not None else None
         assert len({curve.data_path for curve in curves(action)}) == left
     assert rig.animation_data is None and "anyface_turned" not in rig
-    assert before_rig
 
 
 def test_rotations_are_those_of_mathutils(addon):
@@ -330,3 +331,26 @@ def test_rotations_are_those_of_mathutils(addon):
     back = turn.to_vectors(turn.of_vectors(vectors * 0.5))
     assert np.abs(back - vectors * 0.5).max() < 1e-9
     assert degrees(turn.of_gaze(np.array([[0.0, 0.1]]))[0, 0]) < 0.0
+
+
+def test_a_real_head_nods_and_its_eyeball_looks_about(voice):  # noqa: F811
+    ob = heads.ready(heads.import_head(), voice[0])
+    _, eye = with_parts(ob)
+    control = empty("Control", (0.2, 0.0, 0.5))
+    bpy.ops.anyface.find_parts()
+    stored = ob.anyface_life_settings
+    stored.head, stored.head_object = "OBJECT", control
+    bpy.context.scene.frame_set(1)
+    before = everything()
+    rests = {other: world(other, 1) for other in (control, eye)}
+    generate(ob)
+    frames = range(1, 1 + int(24 * len(voice[1]) / voice[2]))
+    head = np.degrees([turned(control, frame, rests[control]) for frame in frames])
+    looks = np.degrees([turned(eye, frame, rests[eye]) for frame in frames])
+    # In the world about +X nods, about +Z turns to the left, about -Y tilts to the right shoulder.
+    assert 0.1 < head[:, 0].std() < 2.0 and 0.02 < head[:, 2].std() < 2.0
+    assert np.abs(head).max() < 4.0
+    assert 0.5 < np.ptp(looks[:, 2]) and np.abs(looks).max() < 20.0
+    bpy.context.scene.frame_set(1)
+    bpy.ops.anyface.remove()
+    assert everything() == before

@@ -94,6 +94,10 @@ STORED = {
     "blinks_per_minute": (0.0, 60.0, 15.0, False),
     "brow_accents": (0.0, 2.0, 1.0, True),
     "asymmetry": (-1.0, 1.0, 0.0, True),
+    "head_motion": (0.0, 2.0, 1.0, True),
+    "gaze": (0.0, 2.0, 1.0, True),
+    "breath": (0.0, 2.0, 1.0, True),
+    "variety": (0.0, 2.0, 1.0, True),
     "steps": (0, 1000, 0, False),
     "learned": (0.0, 1.0, 1.0, False),
 }

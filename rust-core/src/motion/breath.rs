@@ -16,7 +16,7 @@ use crate::{Result, audio::Prosody, ibug::speaking};
 const PARTED_M: f32 = 2.0e-3;
 /// They begin this long before the voice, seconds, and need so long.
 const BEFORE_S: f64 = 0.55;
-const OPENING_S: f64 = 0.3;
+const OPENING_S: f64 = 0.42;
 /// How long they take to give way to speech.
 const CLOSING_S: f64 = 0.12;
 /// Lips nearer than this over neutral are closed, metres.

@@ -27,8 +27,8 @@ const FACE_DEG: [([f64; 2], f64); 3] = [([-1.5, 0.0], 0.4), ([1.5, 0.0], 0.4), (
 /// How far beside these points the eyes land, degrees.
 const SCATTER_DEG: f64 = 0.5;
 /// How long the eyes rest on the partner and beside: least and mean of what is drawn, seconds.
-const REST_S: (f64, f64) = (0.35, 1.5);
-const AWAY_S: (f64, f64) = (0.35, 0.8);
+const REST_S: (f64, f64) = (0.3, 1.2);
+const AWAY_S: (f64, f64) = (0.3, 0.8);
 /// Chance that a leap goes beside the partner, and the same where a phrase begins.
 const AWAY: f64 = 0.12;
 const AWAY_AT_START: f64 = 0.4;
@@ -238,7 +238,7 @@ mod tests {
                 (0.02..0.07).contains(&(stretch.end - stretch.start)),
                 "{size}"
             );
-            let after = [0.001, 0.1, 0.3].map(|wait| gaze.at(stretch.end + wait, STILL));
+            let after = [0.001, 0.1, 0.2].map(|wait| gaze.at(stretch.end + wait, STILL));
             assert!(after[0] == after[1] && after[1] == after[2]);
         }
     }

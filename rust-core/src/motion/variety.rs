@@ -23,13 +23,13 @@ const STREAM: u64 = u64::MAX - 4;
 const MOUTH_HZ: (f64, f64) = (0.2, 0.8);
 const BROWS_HZ: (f64, f64) = (0.12, 0.6);
 /// Deviation of the scale of a take throughout, and of its changes, across, up and out of the face.
-const TAKE: [f64; 3] = [0.06, 0.05, 0.06];
-const CHANGE: [f64; 3] = [0.12, 0.10, 0.12];
+const TAKE: [f64; 3] = [0.08, 0.06, 0.08];
+const CHANGE: [f64; 3] = [0.16, 0.13, 0.16];
 /// Deviation of what one side of the mouth opens more than the other.
 const SIDE: f64 = 0.04;
 /// Deviation of the mouth's shift to a side, and of the corners' tilt, metres.
-const SHIFT_M: f64 = 0.26e-3;
-const TILT_M: f64 = 0.20e-3;
+const SHIFT_M: f64 = 0.32e-3;
+const TILT_M: f64 = 0.26e-3;
 /// Deviation of the weight of raised and of knit brows.
 const RAISE: f64 = 0.09;
 const KNIT: f64 = 0.05;
@@ -222,7 +222,7 @@ mod tests {
                 (0..FRAMES).map(|t| f64::from(gap(moved, t))).collect()
             };
             let r = crate::metrics::pearson(&gaps(&plain), &gaps(&take));
-            assert!(r > 0.98, "r {r}");
+            assert!(r > 0.97, "r {r}");
         }
     }
 
