@@ -63,7 +63,9 @@ fn neutral_at_any_strength_is_no_expression() {
 #[test]
 fn another_emotion_needs_no_new_sampling() {
     let engine = head::engine();
-    let first = engine.perform(&voice(), &asked("happy:0.4"), SILENT).unwrap();
+    let first = engine
+        .perform(&voice(), &asked("happy:0.4"), SILENT)
+        .unwrap();
     let again = engine.perform_again(&first, &asked("angry:1.3")).unwrap();
     let anew = landmarks(&engine, &asked("angry:1.3"));
     assert_eq!(again.motion.landmarks().unwrap().displacements, anew);
