@@ -176,7 +176,8 @@ typedef enum {
 typedef enum {
     /// `emotion_strengths`; the default.
     ANYFACE_EMOTION_SOURCE_GIVEN = 0,
-    /// Read from the voice: how aroused it sounds, not whether it is glad or angry.
+    /// Arousal: how excited the voice sounds, not which feeling it has; glad, afraid and angry voices
+    /// all widen the eyes and raise the brows.
     ANYFACE_EMOTION_SOURCE_VOICE = 1,
     /// No emotion and nothing else that speech did not cause: no blinks, no motion of brows and lids.
     ANYFACE_EMOTION_SOURCE_OFF = 2,
@@ -776,10 +777,11 @@ AnyfaceStatus anyface_motion_new(const AnyfaceEngine *engine,
                                  AnyfaceMotion **out,
                                  AnyfaceError **error);
 
-/// The same speech with other controls, another emotion for blinks and accents, or another seed of these:
-/// nothing is heard or sampled again, which takes milliseconds.
+/// The same speech with other controls, another emotion, or another seed of blinks and accents: nothing is
+/// heard or sampled again, which takes milliseconds.
 ///
-/// Style, frame rate and what else the system samples with stay those of `motion`. `options` may be NULL.
+/// Style, frame rate and what else the system samples with stay those of `motion`; for weights that
+/// learned emotion themselves (the built-in ones did not) so does what they show of it. `options` may be NULL.
 /// Free with `anyface_motion_free()`; `motion` may go before.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a motion that the caller brought, or an option out of
 /// range.

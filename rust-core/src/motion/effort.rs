@@ -28,6 +28,8 @@ const VOICED: (f32, f32) = (0.15, 0.4);
 /// Frames this far below the loud ones are no speech; what lies nearer is its strong part.
 const SPEECH_DB: f32 = 20.0;
 const STRONG_DB: f32 = 12.0;
+/// Where nothing is louder than that nobody speaks, dB of full scale.
+const SILENT_DB: f32 = -70.0;
 /// A phrase of so many frames counts as much as the whole clip does.
 const PHRASE: f32 = 200.0;
 /// Less speech than that says little about whisper, frames.
@@ -49,7 +51,7 @@ struct Stretch {
 /// about 1.3 for shouting, 0.75 for whisper. `effort` is their exponent; at 0 they are 1.
 pub fn effort_gain(prosody: &Prosody, frames: usize, fps: f64, effort: f32) -> Vec<f32> {
     let whole = Stretch::of(prosody, 0..prosody.level_db.len());
-    if effort == 0.0 || whole.speech == 0.0 {
+    if effort == 0.0 || whole.speech == 0.0 || prosody.loud_db < SILENT_DB {
         return vec![1.0; frames];
     }
     let phrases: Vec<(Range<usize>, f32)> = phrases(prosody)
@@ -65,7 +67,10 @@ pub fn effort_gain(prosody: &Prosody, frames: usize, fps: f64, effort: f32) -> V
 
 /// The stretches between the middles of the pauses.
 fn phrases(prosody: &Prosody) -> impl Iterator<Item = Range<usize>> {
-    let middles = prosody.pauses.iter().map(|p| usize::midpoint(p.start, p.end));
+    let middles = prosody
+        .pauses
+        .iter()
+        .map(|p| usize::midpoint(p.start, p.end));
     let edges: Vec<usize> = std::iter::once(0)
         .chain(middles)
         .chain([prosody.level_db.len()])
@@ -92,7 +97,7 @@ impl Stretch {
         let mut pitches = Vec::new();
         for t in frames {
             let below_db = prosody.loud_db - prosody.level_db[t];
-            if !(below_db < SPEECH_DB) {
+            if below_db >= SPEECH_DB {
                 continue;
             }
             sum.speech += 1.0;
@@ -193,7 +198,11 @@ mod tests {
     #[test]
     fn effort_is_the_exponent_and_silence_has_none() {
         let prosody = spoken([-3.0; 2], [280.0; 2]);
-        assert!(effort_gain(&prosody, 9, 25.0, 0.0).iter().all(|gain| *gain == 1.0));
+        assert!(
+            effort_gain(&prosody, 9, 25.0, 0.0)
+                .iter()
+                .all(|gain| *gain == 1.0)
+        );
         let twice = effort_gain(&prosody, 250, 25.0, 2.0)[50];
         assert!((twice - ends(&prosody)[0].powi(2)).abs() < 1e-5);
         let silence = Prosody::of(&Waveform {

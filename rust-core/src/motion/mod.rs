@@ -33,9 +33,7 @@ pub use brow_accents::{BrowAccent, brow_accents};
 pub use closures::close_lips;
 pub use controls::{PERFORMANCE_CONTROLS, PerformanceControls};
 pub use effort::effort_gain;
-pub use expression::{
-    CausalExpression, EmotionOrigin, Expressions, MODEL as EXPRESSIONS_MODEL,
-};
+pub use expression::{CausalExpression, EmotionOrigin, Expressions, MODEL as EXPRESSIONS_MODEL};
 pub use face_modes::{FaceModes, MODEL as FACE_MODES_MODEL};
 pub use frame_stream::{LandmarkFrame, MotionStream, stream_whole};
 pub use life::{Life, LifeStrengths};

@@ -119,7 +119,13 @@ impl FaceModes {
                 EmotionOrigin::Added => Array3::zeros(clip.displacements.dim()),
             };
             let jaw = self.mode("jawOpen")?;
-            articulate(&mut clip.displacements, emotion.view(), jaw, &gain, jaw_lips);
+            articulate(
+                &mut clip.displacements,
+                emotion.view(),
+                jaw,
+                &gain,
+                jaw_lips,
+            );
         }
         if shaped || controls.smoothing_s > 0.0 || controls.variety > 0.0 {
             keep_closures(&mut clip.displacements, sampled.displacements.view());

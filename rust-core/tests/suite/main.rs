@@ -2,6 +2,7 @@
 
 mod command;
 mod damaged;
+mod expressions;
 mod head;
 mod imports;
 mod kept_faces;

@@ -24,6 +24,9 @@ const YIELD: f32 = 0.7;
 const LIDS_LINEAR: f32 = 0.65;
 const LIDS_MOST: f32 = 0.9;
 
+/// How far an expression brings one end of an eye ahead of the other on the way to closing, metres.
+const UNEVEN_M: f32 = 0.25e-3;
+
 /// All that an expression needs to know of one frame.
 pub(super) struct Moment {
     pub(super) strengths: Strengths,
@@ -90,6 +93,7 @@ impl Expressions {
             if is > most {
                 eye.close(frame, most - is);
             }
+            eye.even(frame, UNEVEN_M);
         }
     }
 
@@ -101,7 +105,8 @@ impl Expressions {
                 continue;
             }
             for ((n, axis), x) in frame.indexed_iter_mut() {
-                let moved = self.lasting[[e, 3 * n + axis]] + free * self.opening[[e, 3 * n + axis]];
+                let moved =
+                    self.lasting[[e, 3 * n + axis]] + free * self.opening[[e, 3 * n + axis]];
                 *x += strength * moment.regions[region(n)] * moved;
             }
         }

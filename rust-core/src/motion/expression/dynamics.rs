@@ -51,7 +51,11 @@ impl Follower {
         });
         for ((damped, asked), manner) in state.iter_mut().zip(asked).zip(&table.manners) {
             let is_rising = f64::from(*asked) > damped.value;
-            let slower = if is_rising { 1.0 } else { table.offset_over_onset };
+            let slower = if is_rising {
+                1.0
+            } else {
+                table.offset_over_onset
+            };
             damped.step(*asked, slower * manner.onset_s / TIME_CONSTANTS, 1.0 / fps);
         }
         state.map(|damped| damped.value as f32)

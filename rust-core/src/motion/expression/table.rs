@@ -56,7 +56,9 @@ impl Expressions {
             let manner = found.ok_or_else(|| wrong(format!("expected {emotion}, got none")))?;
             match manner.onset_s > 0.0 && config.offset_over_onset > 0.0 {
                 true => Ok(manner),
-                false => Err(wrong(format!("{emotion}: expected times above 0, got {manner:?}"))),
+                false => Err(wrong(format!(
+                    "{emotion}: expected times above 0, got {manner:?}"
+                ))),
             }
         };
         let weights = Weights::from_bytes(&files.weights)?;
@@ -80,7 +82,9 @@ impl Expressions {
         let strengths = ndarray::aview1(strengths);
         let moved = strengths.dot(&self.lasting) + strengths.dot(&self.opening);
         let shape = (LANDMARKS, 3);
-        moved.into_shape_with_order(shape).expect("three axes a landmark")
+        moved
+            .into_shape_with_order(shape)
+            .expect("three axes a landmark")
     }
 
     /// The same over time without anything that speech does to it, `[T, 68, 3]`.

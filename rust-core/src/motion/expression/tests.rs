@@ -143,7 +143,10 @@ fn any_two_emotions_differ() {
         for second in &EMOTIONS[a + 1..] {
             let between = prototype(first) - prototype(second);
             let apart = between.map_axis(Axis(1), |d| d.dot(&d).sqrt());
-            assert!(apart.iter().copied().fold(0.0, f32::max) > 2e-3, "{first} {second}");
+            assert!(
+                apart.iter().copied().fold(0.0, f32::max) > 2e-3,
+                "{first} {second}"
+            );
             let square = apart.mapv(|x| x * x).mean().unwrap();
             assert!(square.sqrt() > 0.8e-3, "{first} {second}");
         }
@@ -193,7 +196,10 @@ fn closed_lips_stay_closed_and_none_pass() {
         for (spoken, shown) in clip.displacements.outer_iter().zip(moved.outer_iter()) {
             for (had, has) in inner_gaps(spoken).into_iter().zip(inner_gaps(shown)) {
                 assert!(has > -0.51e-3, "{emotion}:{strength} lips pass: {has}");
-                assert!(had > 0.0 || has < 0.1e-3, "{emotion}:{strength} opens: {has}");
+                assert!(
+                    had > 0.0 || has < 0.1e-3,
+                    "{emotion}:{strength} opens: {has}"
+                );
             }
         }
     }
@@ -232,8 +238,8 @@ fn lids_never_cross_even_where_they_blink_at_full_strength() {
                 }
             }
         }
-        assert!(least > -0.5e-3, "{emotion}: {least}");
-        assert!(least < 0.6e-3, "{emotion}: a blink leaves {least}");
+        assert!(least > -0.3e-3, "{emotion}: {least}");
+        assert!(least < 0.3e-3, "{emotion}: a blink leaves {least}");
     }
 }
 
@@ -261,8 +267,13 @@ fn an_emotion_comes_within_its_onset_smoothly_and_goes_slower() {
     let onset_s = frames_until(&comes, 31, 0.9) as f64 / FPS;
     let offset_s = frames_until(&goes, 31, 0.9) as f64 / FPS;
     assert!((0.3..0.42).contains(&onset_s), "{onset_s}");
-    assert!(offset_s > 1.4 * onset_s && offset_s < 2.0 * onset_s, "{offset_s}");
-    let steps = comes.windows(2).map(|pair| ((pair[1] - pair[0]) / comes[149]).abs());
+    assert!(
+        offset_s > 1.4 * onset_s && offset_s < 2.0 * onset_s,
+        "{offset_s}"
+    );
+    let steps = comes
+        .windows(2)
+        .map(|pair| ((pair[1] - pair[0]) / comes[149]).abs());
     assert!(steps.fold(0.0, f32::max) < 0.2);
     assert_eq!(goes[149], 0.0);
 }
@@ -296,7 +307,11 @@ fn the_apex_is_not_frozen_and_follows_the_seed() {
     let track = brow(1);
     let mean = track.iter().sum::<f32>() / 600.0;
     let variance = track.iter().map(|x| (x / mean - 1.0).powi(2)).sum::<f32>() / 600.0;
-    assert!((0.01..0.06).contains(&variance.sqrt()), "{}", variance.sqrt());
+    assert!(
+        (0.01..0.06).contains(&variance.sqrt()),
+        "{}",
+        variance.sqrt()
+    );
     let fastest = track.windows(2).map(|p| ((p[1] - p[0]) / mean).abs());
     assert!(fastest.fold(0.0, f32::max) < 0.01);
     assert_eq!(track, brow(1));
@@ -308,8 +323,12 @@ fn stressed_syllables_make_it_grow() {
     let frames = (10.0 * PROSODY_FPS) as usize;
     let strong = |t: usize| (400..450).contains(&t);
     let prosody = Prosody {
-        level_db: (0..frames).map(|t| if strong(t) { -12.0 } else { -25.0 }).collect(),
-        pitch_hz: (0..frames).map(|t| if strong(t) { 190.0 } else { 120.0 }).collect(),
+        level_db: (0..frames)
+            .map(|t| if strong(t) { -12.0 } else { -25.0 })
+            .collect(),
+        pitch_hz: (0..frames)
+            .map(|t| if strong(t) { 190.0 } else { 120.0 })
+            .collect(),
         effort_db: vec![-9.0; frames],
         loud_db: -12.0,
         nuclei: (0..20).map(|k| 50 * k + 25).collect(),
@@ -328,17 +347,32 @@ fn anger_and_joy_speak_larger_and_faster_and_sadness_smaller_as_speakers_do() {
     let clip = talking(4.0);
     let measures = |emotion: &str| {
         let moved = felt(&clip, emotion);
-        let gaps: Vec<f32> = moved.outer_iter().map(|frame| inner_gaps(frame)[1]).collect();
+        let gaps: Vec<f32> = moved
+            .outer_iter()
+            .map(|frame| inner_gaps(frame)[1])
+            .collect();
         let high = gaps.iter().copied().fold(f32::NEG_INFINITY, f32::max);
         let low = gaps.iter().copied().fold(f32::INFINITY, f32::min);
         let speed: f32 = gaps.windows(2).map(|p| (p[1] - p[0]).abs()).sum();
         (high - low, speed)
     };
     let (range, speed) = measures("neutral:0");
-    for (emotion, least, most) in [("angry:1", 1.1, 1.5), ("happy:1", 1.08, 1.4), ("sad:1", 0.65, 0.95)] {
+    for (emotion, least, most) in [
+        ("angry:1", 1.1, 1.5),
+        ("happy:1", 1.08, 1.4),
+        ("sad:1", 0.65, 0.95),
+    ] {
         let (own, own_speed) = measures(emotion);
-        assert!((least..most).contains(&(own / range)), "{emotion}: {}", own / range);
-        assert!((least..1.6).contains(&(own_speed / speed)), "{emotion}: {}", own_speed / speed);
+        assert!(
+            (least..most).contains(&(own / range)),
+            "{emotion}: {}",
+            own / range
+        );
+        assert!(
+            (least..1.6).contains(&(own_speed / speed)),
+            "{emotion}: {}",
+            own_speed / speed
+        );
     }
 }
 
@@ -369,7 +403,10 @@ fn a_stream_acts_on_the_next_frame_keeps_closures_and_shows_all() {
     let change = 60;
     for emotion in &EMOTIONS[1..] {
         let full = Emotion::parse(&format!("{emotion}:1")).unwrap();
-        let shown = streamed(&clip, |t| if t < change { Emotion::default() } else { full });
+        let shown = streamed(
+            &clip,
+            |t| if t < change { Emotion::default() } else { full },
+        );
         let before = s![..change, .., ..];
         assert_eq!(shown.slice(before), clip.displacements.slice(before));
         assert_ne!(
@@ -382,7 +419,10 @@ fn a_stream_acts_on_the_next_frame_keeps_closures_and_shows_all() {
         assert!((0.94..1.06).contains(&share), "{emotion}: {share}");
         for (spoken, shown) in clip.displacements.outer_iter().zip(shown.outer_iter()) {
             let (had, has) = (inner_gaps(spoken)[1], inner_gaps(shown)[1]);
-            assert!(has > -0.51e-3 && (had > 0.0 || has < 0.1e-3), "{emotion}: {has}");
+            assert!(
+                has > -0.51e-3 && (had > 0.0 || has < 0.1e-3),
+                "{emotion}: {has}"
+            );
         }
     }
 }
@@ -404,5 +444,8 @@ fn a_stream_starts_settled_and_rests_when_nobody_speaks() {
     let first = frames.next().unwrap();
     assert!(first[22][1] > 7e-3 && gap(first) > 4e-3);
     let last = frames.last().unwrap();
-    assert!(gap(last) < 0.1e-3, "lips that are closed in speech stay closed");
+    assert!(
+        gap(last) < 0.1e-3,
+        "lips that are closed in speech stay closed"
+    );
 }

@@ -19,8 +19,8 @@ use crate::{
     face::Face,
     models::{BuiltIn, built_in},
     motion::{
-        self, CausalExpression, Cues, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, MotionStream, PERFORMANCE_CONTROLS,
-        PerformanceControls,
+        self, CausalExpression, Cues, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion,
+        MotionStream, PERFORMANCE_CONTROLS, PerformanceControls,
     },
     progress::ProgressFn,
     speech::Heard,
@@ -203,7 +203,10 @@ impl System for FreeTalk {
     fn stream(&self) -> Option<Box<dyn MotionStream>> {
         let (expressions, modes) = (Arc::clone(&self.expressions), Arc::clone(&self.modes));
         let expression = CausalExpression::new(expressions, modes, self.stream.config().fps);
-        Some(Box::new(CausalStream::new(Arc::clone(&self.stream), expression)))
+        Some(Box::new(CausalStream::new(
+            Arc::clone(&self.stream),
+            expression,
+        )))
     }
 
     fn styles(&self) -> &[String] {

@@ -51,7 +51,11 @@ fn hum(samples: usize) -> Vec<f32> {
     (0..samples).map(sample).collect()
 }
 
-fn felt_at_once(model: &Arc<StreamModel>, samples: &[f32], emotion: &Emotion) -> Vec<LandmarkFrame> {
+fn felt_at_once(
+    model: &Arc<StreamModel>,
+    samples: &[f32],
+    emotion: &Emotion,
+) -> Vec<LandmarkFrame> {
     let mut stream = of(model);
     stream.set_emotion(emotion).unwrap();
     stream.push(samples).unwrap();
@@ -70,7 +74,9 @@ fn motion_equals_the_golden_of_python() {
     stream.push(&golden.values("input")).unwrap();
     stream.finish().unwrap();
     let frames = stream.drain();
-    let got = frames.iter().flat_map(|frame| frame.displacements.as_flattened());
+    let got = frames
+        .iter()
+        .flat_map(|frame| frame.displacements.as_flattened());
     let difference = distance(got, &golden.values("output"));
     assert!(difference < TOLERANCE, "{difference}");
 }
