@@ -20,7 +20,7 @@ from training.speech.log_mel import log_mel
 READERS = {"grid_s1": read_grid, "facegood_zh": read_facegood}
 MEL_HZ = FPS * MEL_PER_FRAME
 UNKNOWN = -1
-VERSION = 7
+VERSION = 8
 
 
 @dataclass

@@ -105,7 +105,7 @@ fn writing(clock: &mut Clock, mesh: &Mesh, moved: &Animation) -> Result<()> {
     let folder = tempfile::tempdir().map_err(anyface::Error::io(std::env::temp_dir()))?;
     for (name, file) in [("write npz", "o.npz"), ("write pc2", "o.pc2")] {
         let path = folder.path().join(file);
-        clock.time(name, None, || write_animation(&path, moved, mesh))?;
+        clock.time(name, None, || write_animation(&path, moved, None, mesh))?;
     }
     Ok(())
 }
