@@ -92,7 +92,7 @@ def validate(model: StreamNet, found: list[Lesson]) -> dict[str, float]:
     report = {}
     for source in sorted({x.source for x in found if x.held_out}):
         chosen = [x for x in found if x.held_out and x.source == source][:HELD_OUT_CLIPS]
-        made = [perform(model, lesson.mels[0].float()) for lesson in chosen]
+        made = [perform(model, x.mels[0].float(), len(x.motion)) for x in chosen]
         true = [x.motion if source in SHARES else x.taught.float() for x in chosen]
         scores = feature_scores(list(zip(made, true, strict=True)))
         report |= {f"{source} {key}": value for key, value in scores.items()}

@@ -12,7 +12,6 @@ changes articulation; `training.export_expressions` writes both for `rust-core/s
 from pathlib import Path
 
 import numpy as np
-from torch import Tensor, zeros
 
 from training.corpus.ict import IctLandmarks
 from training.systems.freetalk.ats import EMOTIONS
@@ -67,23 +66,6 @@ PROTOTYPES = {
     "ill": {"1": 0.3, "4": 0.5, "7": 0.35, "9": 0.2, "15": 0.35, "45": 0.4},
     "drunk": {"1": 0.4, "2": 0.3, "12": 0.1, "12L": 0.35, "26": 0.06, "45": 0.35, "45L": 0.15},
 }
-
-
-class EmotionSynthesiser:
-    """Neutral conditions for training windows, whose motion stays as it was recorded."""
-
-    def __init__(self, data: Path, seed: int):
-        """`data` and `seed` are not used."""
-
-    def draw(self, count: int, frames: int) -> Tensor:
-        """Conditions [B, T, 16]: mixture of 15 and intensity, all neutral."""
-        affect = zeros(count, frames, 16)
-        affect[..., 0] = 1.0
-        return affect
-
-    def apply(self, motion: Tensor, affect: Tensor) -> Tensor:
-        """The motion [B, T, 204] itself."""
-        return motion
 
 
 def expressions(data: Path) -> tuple[np.ndarray, np.ndarray]:

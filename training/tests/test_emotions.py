@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from safetensors.numpy import load_file
 
-from training.corpus.emotions import PROTOTYPES, YIELDING, EmotionSynthesiser, expressions
+from training.corpus.emotions import PROTOTYPES, YIELDING, expressions
 from training.corpus.manner import MANNERS
 from training.export_expressions import config
 from training.systems.freetalk.ats import EMOTIONS
@@ -36,9 +36,3 @@ def test_only_the_mouth_and_jaw_yield():
     _, opening = expressions(SHARED / "data")
     still = np.setdiff1d(np.arange(68), YIELDING)
     assert (opening[:, still] == 0).all() and (opening[EMOTIONS.index("disgusted")] != 0).any()
-
-
-def test_training_windows_are_neutral():
-    affect = EmotionSynthesiser(SHARED / "data", 0).draw(2, 9)
-    assert affect.shape == (2, 9, 16)
-    assert (affect[..., 0] == 1).all() and (affect[..., 1:] == 0).all()
