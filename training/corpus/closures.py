@@ -13,7 +13,6 @@ UPPER_SHARE = 0.35
 """Part of a closing motion that the upper lip makes."""
 MET_SHARE = 0.15
 SURE_FROM, SURE_AT = 0.1, 0.35
-BESIDE = 0.4
 TOUCHING_M = -0.5e-3
 """Opening over that of the neutral face at which lips touch in speech."""
 BEFORE_FRAMES = 2
@@ -40,13 +39,10 @@ def lips_closed(motion: torch.Tensor, probability: torch.Tensor) -> torch.Tensor
     """Motion [T, 204] whose lips touch where `probability` [T] says p, b or m.
 
     Twin of `rust-core/src/motion/closures.rs`. A smooth step from 0.1 to 0.35 decides how far the
-    gap of each inner lip pair goes to where lips touch; it never widens. The frames before and
-    after go two fifths of the way, as lips need time.
+    gap of each inner lip pair goes to where lips touch; it never widens.
     """
     share = ((probability - SURE_FROM) / (SURE_AT - SURE_FROM)).clamp(0, 1)
     share = share * share * (3 - 2 * share)
-    near = torch.nn.functional.max_pool1d(share[None], 3, 1, 1)[0]
-    share = torch.maximum(share, BESIDE * near)
     points = motion.unflatten(-1, (68, 3)).numpy()
     gaps = inner_gaps(points, np.zeros((68, 3), points.dtype))
     by = share.numpy()[:, None] * np.maximum(gaps - TOUCHING_M, 0.0)
