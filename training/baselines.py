@@ -33,7 +33,7 @@ def write(path: Path, motion: np.ndarray) -> None:
 
 def write_teacher(data: Path, out: Path) -> int:
     """Every held-out clip whose words could be aligned; returns their number."""
-    teacher = Teacher.load(data)
+    teacher = Teacher.load(clear=False)
     held_out = [u for u in read_grid_speech(data) if u.held_out]
     for utterance in held_out:
         frames = -(-len(utterance.samples) // SAMPLES_PER_FRAME)

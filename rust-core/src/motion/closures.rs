@@ -4,9 +4,7 @@
 //! encoder's own read-out of it does not. Twin of `lips_closed` in
 //! `training/corpus/closures.py`.
 
-use ndarray::Array3;
-
-use crate::{Error, Result};
+use super::LandmarkClip;
 
 /// Probabilities between which the lips go from as they are to touching.
 const SURE_FROM: f32 = 0.1;
@@ -26,25 +24,16 @@ const OUTER: [((usize, usize), usize, f32); 5] = [
 /// Part of a closing motion that the upper lip makes.
 const UPPER_SHARE: f32 = 0.35;
 
-/// Closes the lips of a motion `[T, 68, 3]` (canonical metres) where `probability` `[T]` is high.
+/// Closes the lips of a clip where `probability` is high: `[T']`, frame `t` at `t / rate_hz` seconds.
 ///
 /// A smooth step from 0.1 to 0.35 decides how far the gap of each inner pair goes to where lips
-/// touch; it never widens. The frames beside stay as the network made them, which moves as recorded lips
-/// do, and so do the corners.
-///
-/// # Errors
-/// `ShapeMismatch` if there is not one probability a frame.
-pub fn close_lips(displacements: &mut Array3<f32>, probability: &[f32]) -> Result<()> {
-    let frames = displacements.dim().0;
-    if probability.len() != frames {
-        return Err(Error::ShapeMismatch {
-            what: "probability of closed lips",
-            expected: format!("[{frames}]"),
-            got: format!("[{}]", probability.len()),
-        });
-    }
-    for (t, mut face) in displacements.outer_iter_mut().enumerate() {
-        let share = smooth_step(probability[t]);
+/// touch; it never widens. Frames where nothing closes stay as the network made them, which moves as
+/// recorded lips do, and so do the corners. Between its frames the probability goes straight, so that
+/// a closure of one of them is met at any frame rate. Nothing happens without a probability.
+pub fn close_lips(clip: &mut LandmarkClip, probability: &[f32], rate_hz: f64) {
+    let fps = clip.fps;
+    for (t, mut face) in clip.displacements.outer_iter_mut().enumerate() {
+        let share = smooth_step(between(probability, t as f64 / fps * rate_hz));
         if share == 0.0 {
             continue;
         }
@@ -63,7 +52,17 @@ pub fn close_lips(displacements: &mut Array3<f32>, probability: &[f32]) -> Resul
             narrow(pair, part * by[follows]);
         }
     }
-    Ok(())
+}
+
+/// A track at a fractional frame, held beyond its end; 0 where it is empty.
+fn between(track: &[f32], position: f64) -> f32 {
+    let Some(last) = track.len().checked_sub(1) else {
+        return 0.0;
+    };
+    let position = position.min(last as f64);
+    let before = position.floor() as usize;
+    let share = (position - before as f64) as f32;
+    track[before] + share * (track[(before + 1).min(last)] - track[before])
 }
 
 /// How far the lips go to touching.
@@ -74,48 +73,78 @@ fn smooth_step(probability: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use ndarray::Array3;
+
     use super::*;
 
-    /// Three frames of an open mouth, 10 mm at the inner lips.
-    fn open() -> Array3<f32> {
-        let mut motion = Array3::zeros((3, 68, 3));
-        for t in 0..3 {
+    /// Frames of an open mouth, 10 mm at the inner lips.
+    fn open(frames: usize, fps: f64) -> LandmarkClip {
+        let mut displacements = Array3::zeros((frames, 68, 3));
+        for mut frame in displacements.outer_iter_mut() {
             for lower in [55, 56, 57, 58, 59, 65, 66, 67] {
-                motion[[t, lower, 1]] = -0.01;
+                frame[[lower, 1]] = -0.01;
             }
         }
-        motion
+        LandmarkClip { displacements, fps }
+    }
+
+    fn gap(clip: &LandmarkClip, t: usize, (upper, lower): (usize, usize)) -> f32 {
+        clip.displacements[[t, upper, 1]] - clip.displacements[[t, lower, 1]]
     }
 
     #[test]
     fn sure_closures_touch_and_unlikely_ones_change_nothing() {
-        let mut motion = open();
-        close_lips(&mut motion, &[0.9, 0.1, 0.1]).unwrap();
-        for (upper, lower) in INNER {
-            let gap = |t| motion[[t, upper, 1]] - motion[[t, lower, 1]];
-            assert!((gap(0) - TOUCHING).abs() < 1e-7, "{}", gap(0));
+        let mut clip = open(3, 25.0);
+        close_lips(&mut clip, &[0.9, 0.1, 0.1], 25.0);
+        for pair in INNER {
+            assert!((gap(&clip, 0, pair) - TOUCHING).abs() < 1e-7);
         }
-        let later = |m: &Array3<f32>| m.slice(ndarray::s![1.., .., ..]).to_owned();
-        assert_eq!(later(&motion), later(&open()));
+        let later = |clip: &LandmarkClip| {
+            clip.displacements
+                .slice(ndarray::s![1.., .., ..])
+                .to_owned()
+        };
+        assert_eq!(later(&clip), later(&open(3, 25.0)));
+    }
+
+    #[test]
+    fn a_closure_of_one_frame_is_met_at_any_rate() {
+        for fps in [24.0, 25.0, 29.97, 30.0, 48.0, 60.0] {
+            for at in 3..12 {
+                let mut clip = open(fps as usize, fps);
+                let mut probability = [0.0; 25];
+                probability[at] = 0.9;
+                close_lips(&mut clip, &probability, 25.0);
+                let gaps = (0..fps as usize).map(|t| gap(&clip, t, INNER[1]));
+                let least = gaps.fold(f32::INFINITY, f32::min);
+                assert!(
+                    least < 0.0,
+                    "{fps} frames a second, closure at {at}: {least}"
+                );
+            }
+        }
     }
 
     #[test]
     fn lips_that_are_closer_already_stay() {
-        let mut motion = Array3::zeros((1, 68, 3));
-        motion[[0, 66, 1]] = 0.002;
-        motion[[0, 65, 1]] = 0.002;
-        motion[[0, 67, 1]] = 0.002;
-        let before = motion.clone();
-        close_lips(&mut motion, &[1.0]).unwrap();
-        assert_eq!(motion, before);
+        let mut clip = open(1, 25.0);
+        clip.displacements.fill(0.0);
+        for lower in [65, 66, 67] {
+            clip.displacements[[0, lower, 1]] = 0.002;
+        }
+        let before = clip.clone();
+        close_lips(&mut clip, &[1.0], 25.0);
+        assert_eq!(clip, before);
     }
 
     #[test]
     fn corners_and_the_rest_of_the_face_stay() {
-        let mut motion = open();
-        close_lips(&mut motion, &[1.0, 1.0, 1.0]).unwrap();
-        let moved = |n: &usize| motion[[0, *n, 1]] != open()[[0, *n, 1]];
-        let found: Vec<usize> = (0..68).filter(moved).collect();
+        let mut clip = open(1, 25.0);
+        close_lips(&mut clip, &[1.0], 25.0);
+        let (made, before) = (clip.displacements, open(1, 25.0).displacements);
+        let found: Vec<usize> = (0..68)
+            .filter(|n| made[[0, *n, 1]] != before[[0, *n, 1]])
+            .collect();
         assert_eq!(
             found,
             [
@@ -126,19 +155,20 @@ mod tests {
 
     #[test]
     fn closing_is_the_same_on_both_sides() {
-        let mut motion = open();
-        close_lips(&mut motion, &[0.2, 0.3, 0.1]).unwrap();
+        let mut clip = open(1, 25.0);
+        close_lips(&mut clip, &[0.2], 25.0);
         for (left, right) in [(61, 63), (67, 65), (49, 53), (59, 55), (50, 52), (58, 56)] {
-            assert_eq!(motion[[0, left, 1]], motion[[0, right, 1]]);
+            assert_eq!(
+                clip.displacements[[0, left, 1]],
+                clip.displacements[[0, right, 1]]
+            );
         }
     }
 
     #[test]
-    fn wrong_lengths_are_refused() {
-        let message = close_lips(&mut open(), &[0.5]).unwrap_err().to_string();
-        assert!(
-            message.contains("[3]") && message.contains("[1]"),
-            "{message}"
-        );
+    fn without_a_probability_nothing_closes() {
+        let mut clip = open(3, 25.0);
+        close_lips(&mut clip, &[], 25.0);
+        assert_eq!(clip, open(3, 25.0));
     }
 }

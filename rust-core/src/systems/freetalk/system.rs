@@ -131,7 +131,7 @@ impl System for FreeTalk {
         };
         let affect = asked.sample(features.nrows(), fps);
         let steps = STEPS.value(&request.controls) as usize;
-        let mut displacements = self.ats.sample(
+        let displacements = self.ats.sample(
             &AtsRequest {
                 speech: features.view(),
                 affect: affect.view(),
@@ -142,14 +142,14 @@ impl System for FreeTalk {
             },
             progress,
         )?;
+        let frames = heard.frames(request.fps);
+        let mut clip = LandmarkClip { displacements, fps }.at_rate(request.fps, frames);
         if self.ats.config().closes_lips(request.style.as_deref())
             && let Some(closed) = heard.closed_lips(features.view())
         {
-            motion::close_lips(&mut displacements, &closed)?;
+            motion::close_lips(&mut clip, &closed, fps);
         }
-        let clip = LandmarkClip { displacements, fps };
-        let frames = heard.frames(request.fps);
-        Ok(Motion::Landmarks(clip.at_rate(request.fps, frames)))
+        Ok(Motion::Landmarks(clip))
     }
 
     fn perform(
