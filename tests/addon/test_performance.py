@@ -98,6 +98,7 @@ STORED = {
     "gaze": (0.0, 2.0, 1.0, True),
     "breath": (0.0, 2.0, 1.0, True),
     "variety": (0.0, 2.0, 1.0, True),
+    "effort": (0.0, 2.0, 1.0, True),
     "steps": (0, 1000, 0, False),
     "learned": (0.0, 1.0, 1.0, False),
 }
