@@ -147,7 +147,7 @@ fn sliders_come_near_to_new_runs() {
         (Slider::Articulation, 0.5, 0.09, 0.8),
         (Slider::Emotion, 0.5, 0.11, 0.9),
         (Slider::Emotion, 0.0, 0.2, 1.4),
-        (Slider::Blinks, 0.0, 0.03, 0.3),
+        (Slider::Blinks, 0.0, 0.03, 0.5),
     ] {
         let truth = take
             .engine
