@@ -2,9 +2,9 @@
 
     python -m training.train_closure --data ../shared/data --run runs/ats/ats.pt
 
-Video under-reports closure and every squared error blurs it, so p, b and m are read from the sound
-itself: a logistic read-out of the encoder's features, trained on all speech with phones. The run
-file is written again with it.
+A closure lasts a frame or two of video, smoothing lifts it and every squared error blurs it, so p,
+b and m are read from the sound itself: a logistic read-out of the encoder's features, trained on all
+speech with phones. The run file is written again with it.
 """
 
 import argparse

@@ -24,14 +24,20 @@ def inner_gaps(motion: np.ndarray, neutral: np.ndarray) -> np.ndarray:
     return height[:, list(INNER_UPPER)] - height[:, list(INNER_LOWER)]
 
 
-def narrowed(motion: np.ndarray, by: np.ndarray) -> np.ndarray:
+def inner_depths(motion: np.ndarray) -> np.ndarray:
+    """How far the upper lip is before the lower one at the inner pairs, [T, 3] of the motion's unit."""
+    return motion[:, list(INNER_UPPER), 2] - motion[:, list(INNER_LOWER), 2]
+
+
+def narrowed(motion: np.ndarray, height: np.ndarray, depth: np.ndarray) -> np.ndarray:
     """Brings upper and lower lip together by [T, 3] metres at the inner pairs; corners stay."""
     out = motion.copy()
-    outer = by @ np.array([[1, 1, 0, 0, 0], [0, 0, 1, 0, 0], [0, 0, 0, 1, 1]], by.dtype)
-    outer = outer * np.array(OUTER_SHARES, by.dtype)
-    for upper, lower, amount in ((INNER_UPPER, INNER_LOWER, by), (OUTER_UPPER, OUTER_LOWER, outer)):
-        out[:, list(upper), 1] -= UPPER_SHARE * amount
-        out[:, list(lower), 1] += (1.0 - UPPER_SHARE) * amount
+    spread = np.array([[1, 1, 0, 0, 0], [0, 0, 1, 0, 0], [0, 0, 0, 1, 1]]) * np.array(OUTER_SHARES)
+    for axis, by in ((1, height), (2, depth)):
+        outer = by @ spread.astype(by.dtype)
+        for upper, lower, amount in ((INNER_UPPER, INNER_LOWER, by), (OUTER_UPPER, OUTER_LOWER, outer)):
+            out[:, list(upper), axis] -= UPPER_SHARE * amount
+            out[:, list(lower), axis] += (1.0 - UPPER_SHARE) * amount
     return out
 
 
@@ -39,14 +45,16 @@ def lips_closed(motion: torch.Tensor, probability: torch.Tensor) -> torch.Tensor
     """Motion [T, 204] whose lips touch where `probability` [T] says p, b or m.
 
     Twin of `rust-core/src/motion/closures.rs`. A smooth step from 0.1 to 0.35 decides how far the
-    gap of each inner lip pair goes to where lips touch; it never widens.
+    gap of each inner lip pair goes to where lips touch, and how far one lip comes forward to the
+    other; it never widens.
     """
     share = ((probability - SURE_FROM) / (SURE_AT - SURE_FROM)).clamp(0, 1)
     share = share * share * (3 - 2 * share)
     points = motion.unflatten(-1, (68, 3)).numpy()
     gaps = inner_gaps(points, np.zeros((68, 3), points.dtype))
-    by = share.numpy()[:, None] * np.maximum(gaps - TOUCHING_M, 0.0)
-    return torch.from_numpy(narrowed(points, by)).flatten(1)
+    share = share.numpy()[:, None]
+    closed = narrowed(points, share * np.maximum(gaps - TOUCHING_M, 0.0), share * inner_depths(points))
+    return torch.from_numpy(closed).flatten(1)
 
 
 def closures_met(opening: torch.Tensor, phones: torch.Tensor) -> list[bool]:

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from training.corpus.bank import READERS, UNKNOWN, Entry, few
 from training.corpus.mirror import symmetrise
-from training.corpus.windows import WindowSampler, plain_options
+from training.corpus.windows import AugmentOptions, WindowSampler
 
 Encode = Callable[[Tensor, int], Tensor]
 
@@ -22,10 +22,10 @@ class FeatureSampler(WindowSampler):
     per_frame = 1
 
     def __init__(self, entries: list[Entry], sources: list[str], shares: list[float], seed: int):
-        super().__init__(entries, sources, shares, seed, plain_options())
-        self.augment.tempo_octaves = 0.2
+        options = AugmentOptions(as_recorded_share=0.0, tempo_octaves=0.2, silent_share=0.0)
+        super().__init__(entries, sources, shares, seed, options)
 
-    def _prepare(self, mel: Tensor, source: str, name: str, voice: int) -> Tensor:
+    def _prepare(self, mel: Tensor, colour: Tensor, bare: bool) -> Tensor:
         return mel
 
 
@@ -39,6 +39,6 @@ def feature_entries(data: Path, sources: list[str], encode: Encode, limit: int |
             weight = torch.from_numpy(clip.weight).repeat_interleave(3, dim=1)
             phones = torch.full((len(motion),), UNKNOWN, dtype=torch.int16)
             heard = features[None].half()
-            fields = (clip.name, source, clip.held_out, heard, motion, motion, weight, phones)
+            fields = (clip.name, source, clip.held_out, heard, motion, weight, phones)
             entries.append(Entry(*fields))
     return entries

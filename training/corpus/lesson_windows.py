@@ -86,9 +86,9 @@ class LessonSampler(WindowSampler):
             heard.frames[row] = known
         return heard
 
-    def _normalised(self, mel: Tensor, colour: Tensor) -> Tensor:
+    def _prepare(self, mel: Tensor, colour: Tensor, bare: bool) -> Tensor:
         """Another room, noise and tract, as raw log-mel: the normalisation runs over windows."""
-        return super()._normalised(mel, colour) * SCALE + colour
+        return super()._prepare(mel, colour, bare) * SCALE + colour
 
     def _silence(self, frames: int):
         """Digital silence or steady noise over a resting face."""

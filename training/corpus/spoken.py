@@ -32,7 +32,7 @@ from training.speech.log_mel import log_mel
 SOURCE = "taught"
 TEXTS = {"en-us": "kathleen_en", "en-gb-scotland": "kathleen_en", "de": "kerstin_de", "nl": "nathalie_nl"}
 RECORDED = {"nathalie_nl": read_nathalie, "kathleen_en": read_kathleen}
-VERSION = 3
+VERSION = 4
 
 
 def load(

@@ -20,7 +20,7 @@ import numpy as np
 
 from training.corpus.articulation import COMPONENTS
 from training.corpus.clip import FPS
-from training.corpus.closures import inner_gaps, narrowed
+from training.corpus.closures import inner_depths, inner_gaps, narrowed
 from training.corpus.phones import FEATURES, PAUSE, SEGMENTS, Phone, bilabials, feature_table, split
 
 PARAMETERS = Path(__file__).with_name("teacher.json")
@@ -155,7 +155,8 @@ def met(motion: np.ndarray, shut: np.ndarray) -> np.ndarray:
     gaps = inner_gaps(motion, np.zeros((68, 3), motion.dtype))
     wanted = gaps - shut[:, None] * np.maximum(gaps - CLOSED_GAP_M, 0.0)
     wanted = np.maximum(wanted, LEAST_GAP_M)
-    return narrowed(motion, (gaps - wanted).astype(motion.dtype))
+    depths = shut[:, None] * inner_depths(motion)
+    return narrowed(motion, (gaps - wanted).astype(motion.dtype), depths.astype(motion.dtype))
 
 
 def closure(phones: list[Phone], seconds: np.ndarray) -> np.ndarray:

@@ -16,8 +16,13 @@ BANDS = 64
 
 @dataclass
 class AugmentOptions:
-    """How far training input may stray from the recordings."""
+    """How far training input may stray from the recordings.
 
+    `as_recorded_share` of the stretches are left alone: with none of them lip gaps of held-out clips
+    of grid_s1 stayed at r 0.93, which a small network on the bare recordings passes in three minutes.
+    """
+
+    as_recorded_share: float = 0.4
     tempo_octaves: float = 0.3
     band_shift: float = 2.5
     band_stretch: float = 0.06
@@ -50,7 +55,7 @@ class Batch:
 
 def plain_options() -> AugmentOptions:
     """The recordings as they are."""
-    return AugmentOptions(0.0, 0.0, 0.0, 0.0, (9.0, 9.0), 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+    return AugmentOptions(as_recorded_share=1.0, silent_share=0.0)
 
 
 class WindowSampler:
@@ -103,9 +108,10 @@ class WindowSampler:
         group = self.entries[source]
         lengths = np.array([len(e.motion) for e in group], dtype=float)
         entry = group[self.random.choice(len(group), p=lengths / lengths.sum())]
-        own = self.random.random() < self.augment.own_voice_share or len(entry.mels) == 1
+        bare = self.random.random() < self.augment.as_recorded_share
+        own = bare or self.random.random() < self.augment.own_voice_share or len(entry.mels) == 1
         voice = 0 if own else int(self.random.integers(1, len(entry.mels)))
-        octaves = self.augment.tempo_octaves
+        octaves = 0.0 if bare else self.augment.tempo_octaves
         tempo = 2.0 ** self.random.uniform(-octaves, octaves)
         available = int(len(entry.motion) / tempo)
         taken = min(available, wanted) if available > 150 else available
@@ -117,11 +123,11 @@ class WindowSampler:
         fine = self.per_frame * (start - first) + torch.arange(self.per_frame * taken) * tempo
         mel = interpolate(entry.mels[voice, span].float(), fine)
         phones = entry.phones[span][fine.round().long().clamp_max(span.stop - span.start - 1)]
-        return self._prepare(mel, source, entry.name, voice), *moving, phones
+        return self._prepare(mel, self.colours[source, entry.name][voice], bare), *moving, phones
 
-    def _prepare(self, mel: Tensor, source: str, name: str, voice: int) -> Tensor:
+    def _prepare(self, mel: Tensor, colour: Tensor, bare: bool) -> Tensor:
         """Raw log-mel of a stretch → what the encoder sees."""
-        return self._normalised(mel, self.colours[source, name][voice])
+        return (mel - colour).clamp_min(DEEPEST) / SCALE if bare else self._normalised(mel, colour)
 
     def _normalised(self, mel: Tensor, colour: Tensor) -> Tensor:
         """Adds a room and noise to raw log-mel, then normalises it as `compact.normalise` would."""

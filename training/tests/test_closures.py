@@ -7,6 +7,7 @@ from training.corpus.closures import (
     TOUCHING_M,
     bilabial_frames,
     closures_met,
+    inner_depths,
     inner_gaps,
     lips_closed,
     narrowed,
@@ -27,9 +28,10 @@ def open_mouth(frames: int, gap_m: float = 0.01) -> np.ndarray:
 def test_narrowing_takes_the_gap_that_is_asked_and_leaves_the_corners():
     motion = open_mouth(2)
     by = np.array([[0.004, 0.006, 0.004], [0.0, 0.0, 0.0]], np.float32)
-    out = narrowed(motion, by)
+    out = narrowed(motion, by, 0.5 * by)
     change = inner_gaps(motion, np.zeros((68, 3))) - inner_gaps(out, np.zeros((68, 3)))
     np.testing.assert_allclose(change, by, atol=1e-7)
+    np.testing.assert_allclose(inner_depths(motion) - inner_depths(out), 0.5 * by, atol=1e-7)
     assert (out[:, [48, 54, 60, 64]] == motion[:, [48, 54, 60, 64]]).all()
     assert (out[1] == motion[1]).all()
 
@@ -39,6 +41,13 @@ def test_sure_closures_touch_and_the_others_stay():
     gap = lip_gap(lips_closed(motion, torch.tensor([0.9, 0.1, 0.1])))
     wanted = [TOUCHING_M, 0.01, 0.01]
     np.testing.assert_allclose(gap.numpy(), wanted, atol=1e-7)
+
+
+def test_closed_lips_meet_in_depth_too():
+    motion = open_mouth(1)
+    motion[:, [65, 66, 67], 2] = -0.003
+    closed = lips_closed(torch.from_numpy(motion).flatten(1), torch.tensor([0.9]))
+    np.testing.assert_allclose(inner_depths(closed.unflatten(1, (68, 3)).numpy()), 0.0, atol=1e-7)
 
 
 def test_a_closure_counts_only_in_its_own_frames():

@@ -27,7 +27,7 @@ const UPPER_SHARE: f32 = 0.35;
 /// Closes the lips of a clip where `probability` is high: `[T']`, frame `t` at `t / rate_hz` seconds.
 ///
 /// A smooth step from 0.1 to 0.35 decides how far the gap of each inner pair goes to where lips
-/// touch; it never widens. Frames where nothing closes stay as the network made them, which moves as
+/// touch, and how far one lip comes forward to the other; it never widens. Frames where nothing closes stay as the network made them, which moves as
 /// recorded lips do, and so do the corners. Between its frames the probability goes straight, so that
 /// a closure of one of them is met at any frame rate. Nothing happens without a probability.
 pub fn close_lips(clip: &mut LandmarkClip, probability: &[f32], rate_hz: f64) {
@@ -38,18 +38,20 @@ pub fn close_lips(clip: &mut LandmarkClip, probability: &[f32], rate_hz: f64) {
             continue;
         }
         let by = INNER.map(|(upper, lower)| {
-            let gap = face[[upper, 1]] - face[[lower, 1]];
-            share * (gap - TOUCHING).max(0.0)
+            let apart = |axis| face[[upper, axis]] - face[[lower, axis]];
+            [share * (apart(1) - TOUCHING).max(0.0), share * apart(2)]
         });
-        let mut narrow = |(upper, lower): (usize, usize), by: f32| {
-            face[[upper, 1]] -= UPPER_SHARE * by;
-            face[[lower, 1]] += (1.0 - UPPER_SHARE) * by;
+        let mut narrow = |(upper, lower): (usize, usize), [height, depth]: [f32; 2], part: f32| {
+            for (axis, by) in [(1, part * height), (2, part * depth)] {
+                face[[upper, axis]] -= UPPER_SHARE * by;
+                face[[lower, axis]] += (1.0 - UPPER_SHARE) * by;
+            }
         };
         for (pair, by) in INNER.into_iter().zip(by) {
-            narrow(pair, by);
+            narrow(pair, by, 1.0);
         }
         for (pair, follows, part) in OUTER {
-            narrow(pair, part * by[follows]);
+            narrow(pair, by[follows], part);
         }
     }
 }
@@ -105,6 +107,19 @@ mod tests {
                 .to_owned()
         };
         assert_eq!(later(&clip), later(&open(3, 25.0)));
+    }
+
+    #[test]
+    fn lips_that_close_meet_in_depth_too() {
+        let mut clip = open(1, 25.0);
+        for lower in [65, 66, 67] {
+            clip.displacements[[0, lower, 2]] = -0.003;
+        }
+        close_lips(&mut clip, &[0.9], 25.0);
+        for (upper, lower) in INNER {
+            let apart = clip.displacements[[0, upper, 2]] - clip.displacements[[0, lower, 2]];
+            assert!(apart.abs() < 1e-7, "{apart}");
+        }
     }
 
     #[test]
