@@ -56,6 +56,16 @@ def load_models(models: Path, name: str = "compact") -> tuple[CompactEncoder, At
     return encoder.eval(), denoiser.eval()
 
 
+def load_run(run: Path) -> tuple[CompactEncoder, AtsDenoiser]:
+    """Encoder and denoiser of a finished run, ready for inference."""
+    saved = torch.load(run, map_location="cpu")
+    encoder = CompactEncoder(CompactConfig(**saved["encoder_config"])).eval()
+    encoder.load_state_dict(saved["encoder"])
+    denoiser = AtsDenoiser(AtsConfig.from_json(saved["config"])).eval()
+    denoiser.load_state_dict(saved["state"])
+    return encoder, denoiser
+
+
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

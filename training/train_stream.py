@@ -19,10 +19,9 @@ from torch import nn
 from training.corpus import bank, lessons, spoken
 from training.corpus.lesson_windows import DIMS, LessonBatch, LessonSampler
 from training.corpus.lessons import FullModel, Lesson
-from training.export import load_models
+from training.export import load_models, load_run
 from training.losses import feature_concordance, landmark_weights, motion_loss
-from training.speech.compact import ACTIVE_QUANTILE, CompactConfig, CompactEncoder, clip_colour
-from training.systems.freetalk.ats import AtsConfig, AtsDenoiser
+from training.speech.compact import ACTIVE_QUANTILE, clip_colour
 from training.systems.freetalk.stream import (
     StreamConfig,
     StreamNet,
@@ -40,15 +39,8 @@ HELD_OUT_CLIPS = 60
 
 def load_teacher(arguments) -> FullModel:
     """The full model of `--ats`, or of `--models`."""
-    if arguments.ats is None:
-        encoder, denoiser = load_models(arguments.models)
-    else:
-        saved = torch.load(arguments.ats, map_location="cpu")
-        encoder = CompactEncoder(CompactConfig(**saved["encoder_config"])).eval()
-        encoder.load_state_dict(saved["encoder"])
-        denoiser = AtsDenoiser(AtsConfig.from_json(saved["config"])).eval()
-        denoiser.load_state_dict(saved["state"])
-    return FullModel(encoder, denoiser)
+    found = load_models(arguments.models) if arguments.ats is None else load_run(arguments.ats)
+    return FullModel(*found)
 
 
 def config_for(found: list[Lesson], debug: bool) -> StreamConfig:
