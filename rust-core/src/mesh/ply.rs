@@ -8,11 +8,14 @@ use ply_rs_bw::{
 use super::Mesh;
 use crate::{Error, Result};
 
-/// A vertex or a face, whichever the file's element is.
+/// Ends one strip in a list of triangle strips.
+const STRIP_END: i64 = -1;
+
+/// A vertex, a face or a list of triangle strips, whichever the file's element is.
 #[derive(Debug, Default)]
 struct Record {
     position: [f32; 3],
-    corners: Vec<u32>,
+    corners: Vec<i64>,
 }
 
 impl PropertyAccess for Record {
@@ -26,7 +29,7 @@ impl PropertyAccess for Record {
             "y" => 1,
             "z" => 2,
             "vertex_indices" | "vertex_index" => {
-                return match property.to_u32_list() {
+                return match integers(property) {
                     Some(corners) => {
                         self.corners = corners;
                         PropertyAccessResult::Set
@@ -46,7 +49,19 @@ impl PropertyAccess for Record {
     }
 }
 
-/// Parses a PLY file; elements other than `vertex` and `face` are passed over.
+/// The values of an integer list, negative ones too.
+fn integers(property: Property) -> Option<Vec<i64>> {
+    match property {
+        Property::ListInt(values) => Some(values.into_iter().map(i64::from).collect()),
+        Property::ListShort(values) => Some(values.into_iter().map(i64::from).collect()),
+        Property::ListChar(values) => Some(values.into_iter().map(i64::from).collect()),
+        other => Some(other.to_u32_list()?.into_iter().map(i64::from).collect()),
+    }
+}
+
+/// Parses a PLY file: `vertex`, `face` and `tristrips` (triangle strips in one list with −1 between
+/// them, every other triangle turned, as the Stanford repository writes them). Other elements are
+/// passed over.
 pub(super) fn parse_ply(bytes: &[u8]) -> Result<Mesh> {
     let mut source = bytes;
     let file = Parser::<Record>::new()
@@ -65,9 +80,29 @@ pub(super) fn parse_ply(bytes: &[u8]) -> Result<Mesh> {
         triangles: Vec::with_capacity(2 * records("face").len()),
     };
     for face in records("face") {
-        mesh.add_polygon(&face.corners)?;
+        mesh.add_polygon(&vertex_numbers(&face.corners)?)?;
+    }
+    for strips in records("tristrips") {
+        for strip in strips.corners.split(|corner| *corner == STRIP_END) {
+            let strip = vertex_numbers(strip)?;
+            for (index, corners) in strip.windows(3).enumerate() {
+                let [a, b, c] = [corners[0], corners[1], corners[2]];
+                // A corner that repeats sews strips together and spans no triangle.
+                if a != b && b != c && a != c {
+                    mesh.add_polygon(&if index % 2 == 0 { [a, b, c] } else { [b, a, c] })?;
+                }
+            }
+        }
     }
     Ok(mesh)
+}
+
+fn vertex_numbers(corners: &[i64]) -> Result<Vec<u32>> {
+    let number = |&corner| {
+        u32::try_from(corner)
+            .map_err(|_| Error::Mesh(format!("PLY: expected vertex numbers from 0, got {corner}")))
+    };
+    corners.iter().map(number).collect()
 }
 
 #[cfg(test)]
@@ -113,6 +148,18 @@ end_header
         assert_eq!(a.triangles.len(), 3);
         assert_eq!(a, parse_ply(&binary).unwrap());
         assert!(parse_ply(&binary[..binary.len() - 3]).is_err());
+    }
+
+    #[test]
+    fn strips_and_lists_counted_in_integers_are_read() {
+        let ascii = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\n\
+            property float z\nelement tristrips 1\nproperty list int int vertex_indices\nend_header\n\
+            0 0 0\n1 0 0\n0 1 0\n1 1 0\n2 1 0\n9 0 1 2 3 -1 1 4 3 3\n";
+        let mesh = parse_ply(ascii.as_bytes()).unwrap();
+        assert_eq!(mesh.triangles, [[0, 1, 2], [2, 1, 3], [1, 4, 3]]);
+        let wrong = ascii.replace("9 0 1 2 3 -1", "9 0 1 2 3 -7");
+        let message = parse_ply(wrong.as_bytes()).unwrap_err().to_string();
+        assert!(message.contains("got -7"), "{message}");
     }
 
     #[test]
