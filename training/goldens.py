@@ -18,6 +18,7 @@ GOLDENS = {
     "compact_speech": "training.speech.golden_compact",
     "ats_compact": "training.systems.freetalk.golden_ats",
     "static_weights": "training.deform.golden_static_weights",
+    "creases": "training.deform.golden_creases",
     "landmarks": "training.landmarks.golden",
     "pose": "training.landmarks.golden_pose",
     "stm_paper": "training.systems.freetalk.stm.golden_paper",

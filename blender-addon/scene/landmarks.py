@@ -17,6 +17,15 @@ COUNT = 68
 # Chains and loops of iBUG 300-W, as they are drawn.
 CHAINS = (range(17), range(17, 22), range(22, 27), range(27, 31), range(31, 36))
 LOOPS = (range(36, 42), range(42, 48), range(48, 60), range(60, 68))
+REGIONS = {
+    "mouth": range(48, 68),
+    "eyes": range(36, 48),
+    "brows": range(17, 27),
+    "nose": range(27, 36),
+    "jaw": range(17),
+}
+DOUBTFUL = 0.4
+"""Mean confidence of a region's landmarks below which an artist should look at them."""
 
 
 @dataclass
@@ -33,6 +42,13 @@ class Stored:
     def sure(self) -> float:
         """The mean confidence, 0 to 1."""
         return float(self.confidence.mean())
+
+    @property
+    def doubtful(self) -> list[str]:
+        """Names of the regions that an artist should look at; none that is all put by hand."""
+        held = np.isin(np.arange(COUNT), list(self.fixed))
+        confidence = np.where(held, 1.0, self.confidence)
+        return [name for name, own in REGIONS.items() if confidence[list(own)].mean() < DOUBTFUL]
 
 
 def load(ob) -> Stored | None:
@@ -94,7 +110,14 @@ def describe(stored: Stored) -> str:
         text += f"; lips: {stored.mouth}"
     if stored.fixed:
         text += f"; {len(stored.fixed)} put by hand"
+    if stored.doubtful:
+        text += f"; not sure of {_and(stored.doubtful)}: drag the orange points"
     return text
+
+
+def _and(names: list[str]) -> str:
+    """"jaw", "brows and jaw", "eyes, brows and jaw"."""
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 @dataclass

@@ -211,9 +211,7 @@ def status(ob) -> tuple[str, str]:
         return str(error), "ERROR"
     if stored is None:
         return "Landmarks are found when needed", "INFO"
-    unsure = stored.sure < 0.4
-    words = landmarks.describe(stored)
-    return (words + "; have a look" if unsure else words), "ERROR" if unsure else "CHECKMARK"
+    return landmarks.describe(stored), "ERROR" if stored.doubtful else "CHECKMARK"
 
 
 def _draw_status(layout, ob, width: int) -> None:

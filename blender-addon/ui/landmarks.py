@@ -255,15 +255,21 @@ def _draw() -> None:
     except AnyfaceError:
         return
     if stored is not None:
-        _paint(ob, shown.get(ob.name, stored.positions), stored.fixed)
+        _paint(ob, shown.get(ob.name, stored.positions), stored)
 
 
-def _paint(ob, positions: np.ndarray, fixed: set[int]) -> None:
+def kinds(stored: landmarks.Stored) -> tuple[list[int], list[int], list[int]]:
+    """Numbers of the landmarks that were found, that are doubtful and that were put by hand."""
+    doubtful = {n for name in stored.doubtful for n in landmarks.REGIONS[name]} - stored.fixed
+    found = set(range(landmarks.COUNT)) - stored.fixed - doubtful
+    return sorted(found), sorted(doubtful), sorted(stored.fixed)
+
+
+def _paint(ob, positions: np.ndarray, stored: landmarks.Stored) -> None:
     import gpu
     from gpu_extras.batch import batch_for_shader
 
-    loose = [positions[n].tolist() for n in range(landmarks.COUNT) if n not in fixed]
-    held = [positions[n].tolist() for n in sorted(fixed)]
+    found, doubtful, held = (positions[numbers].tolist() for numbers in kinds(stored))
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")
     shader.bind()
     gpu.state.depth_test_set("NONE")
@@ -271,8 +277,9 @@ def _paint(ob, positions: np.ndarray, fixed: set[int]) -> None:
         gpu.matrix.multiply_matrix(ob.matrix_world)
         layers = (
             ("LINES", segments(positions), (0.1, 0.8, 1.0, 0.5)),
-            ("POINTS", loose, (0.1, 0.9, 1.0, 1.0)),
-            ("POINTS", held, (1.0, 0.6, 0.1, 1.0)),
+            ("POINTS", found, (0.1, 0.9, 1.0, 1.0)),
+            ("POINTS", doubtful, (1.0, 0.5, 0.0, 1.0)),
+            ("POINTS", held, (0.3, 1.0, 0.3, 1.0)),
         )
         gpu.state.blend_set("ALPHA")
         gpu.state.point_size_set(7.0)

@@ -13,6 +13,15 @@ pub const MIRROR: [usize; LANDMARKS] = [
     52, 51, 50, 49, 48, 59, 58, 57, 56, 55, 64, 63, 62, 61, 60, 67, 66, 65,
 ];
 
+/// The parts of a face, as they are told to users.
+pub const REGIONS: [(&str, Range<usize>); 5] = [
+    ("mouth", MOUTH),
+    ("eyes", LIDS),
+    ("brows", BROWS),
+    ("nose", 27..36),
+    ("jaw", JAW),
+];
+
 pub(crate) const JAW: Range<usize> = 0..17;
 pub(crate) const BROWS: Range<usize> = 17..27;
 pub(crate) const BRIDGE: Range<usize> = 27..31;

@@ -36,15 +36,31 @@ def test_find_face_stores_the_landmarks_and_says_so(stage, addon):
     assert (text, icon) == ("face found, 68 landmarks, 97 %; lips: slit", "CHECKMARK")
 
 
-def test_an_unsure_face_asks_for_a_look(stage, addon):
+def test_doubtful_regions_are_named_and_drawn(stage, addon):
     ob = grid()
     bpy.ops.anyface.find_face()
     document = json.loads(ob["anyface_landmarks"])
     for row in document["landmarks"]:
-        row["confidence"] = 0.2
+        row["confidence"] = 0.2 if row["index"] < 27 else 0.9
+    document["landmarks"][3]["fixed"] = True
     ob["anyface_landmarks"] = json.dumps(document)
     text, icon = addon("ui.character").status(ob)
-    assert "20 %" in text and "have a look" in text and icon == "ERROR"
+    assert text.endswith("not sure of brows and jaw: drag the orange points") and icon == "ERROR"
+    stored = addon("scene.landmarks").load(ob)
+    found, doubtful, held = addon("ui.landmarks").kinds(stored)
+    assert (held, found) == ([3], list(range(27, 68)))
+    assert doubtful == [n for n in range(27) if n != 3]
+
+
+def test_a_region_put_by_hand_is_not_doubtful(stage, addon):
+    ob = grid()
+    bpy.ops.anyface.find_face()
+    document = json.loads(ob["anyface_landmarks"])
+    for row in document["landmarks"]:
+        row["confidence"], row["fixed"] = (0.2, True) if row["index"] < 17 else (0.9, False)
+    ob["anyface_landmarks"] = json.dumps(document)
+    text, icon = addon("ui.character").status(ob)
+    assert text.endswith("17 put by hand") and icon == "CHECKMARK"
 
 
 def test_stored_landmarks_reach_the_library(stage, tmp_path):

@@ -22,7 +22,7 @@ class AugmentOptions:
     of grid_s1 stayed at r 0.93, which a small network on the bare recordings passes in three minutes.
     """
 
-    as_recorded_share: float = 0.4
+    as_recorded_share: float = 0.5
     tempo_octaves: float = 0.3
     band_shift: float = 2.5
     band_stretch: float = 0.06

@@ -10,13 +10,14 @@ use ndarray::Array3;
 use crate::{
     Face, Result,
     audio::Waveform,
+    ibug::REGIONS,
     mesh::Mouth,
     motion::Life,
     output::{ClipFile, Report, warnings_of_sound},
     spread::{ClipStart, FrameSink, LandmarkTrack, SpreadReport},
 };
 
-/// Mean confidence of landmarks below which the user should look at them.
+/// Mean confidence of a region's landmarks below which the user should look at them.
 const DOUBTFUL: f32 = 0.4;
 
 /// An empty report of this version.
@@ -56,10 +57,22 @@ fn note_landmarks(report: &mut Report, confidence: &[f32; 68]) {
     let least = confidence.iter().copied().fold(f32::INFINITY, f32::min);
     let mean = confidence.iter().sum::<f32>() / confidence.len() as f32;
     report.landmark_confidence = Some([least, mean]);
-    if mean < DOUBTFUL {
+    let doubtful: Vec<String> = REGIONS
+        .into_iter()
+        .map(|(name, own)| {
+            (
+                name,
+                confidence[own.clone()].iter().sum::<f32>() / own.len() as f32,
+            )
+        })
+        .filter(|(_, sure)| *sure < DOUBTFUL)
+        .map(|(name, sure)| format!("{name} {sure:.2}"))
+        .collect();
+    if !doubtful.is_empty() {
         report.warnings.push(format!(
-            "the landmarks are uncertain (mean confidence {mean:.2}); check them with `anyface \
-             landmarks`, or give them with --landmarks"
+            "landmarks are uncertain (confidence of {}); check them with `anyface landmarks`, or \
+             give them with --landmarks",
+            doubtful.join(", ")
         ));
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! [`Deformer`] is what every decoder offers. [`LandmarkWeights`] is the default one: fixed weights
 //! over the landmarks, shared by systems. They come from [`PlateWeights`] on the skin and from
-//! [`binding`] on everything else, by the role of each part ([`PartList`]); [`StaticWeights`] are what is learned beside them. [`Corrected`] adds what
+//! [`binding`] on everything else, by the role of each part ([`PartList`]); beside them [`StaticWeights`]
+//! are what is learned, [`Creases`] what another face shows between the landmarks. [`Corrected`] adds what
 //! is not linear: the jaw's rotation, lips and lids that touch. [`compression`] turns the result
 //! into a few basis shapes, [`projection`] finds other motion on them.
 
@@ -10,6 +11,7 @@ pub mod binding;
 pub mod compression;
 mod contact;
 mod corrected;
+pub mod creases;
 pub mod jaw;
 mod landmark_weights;
 mod lids;
@@ -25,6 +27,7 @@ pub mod static_weights;
 mod tension_screened_biharmonic;
 
 pub use corrected::{Corrected, Corrections};
+pub use creases::Creases;
 pub use landmark_weights::LandmarkWeights;
 pub use part_list::PartList;
 pub use prepare::{LEARNED, SolvedSkin, static_deformer};

@@ -42,6 +42,25 @@ impl<'a> PointGrid<'a> {
         best.filter(|&(_, d)| d <= limit)
     }
 
+    /// Numbers and distances of the `most` nearest points within `limit`, nearest first.
+    pub fn within(&self, query: [f32; 3], limit: f32, most: usize) -> Vec<(u32, f32)> {
+        let [low, high] = [-limit, limit].map(|by| cell_of(query.map(|x| x + by), self.cell));
+        let mut found = Vec::new();
+        for x in low[0]..=high[0] {
+            for y in low[1]..=high[1] {
+                for z in low[2]..=high[2] {
+                    let cell = self.cells.get(&[x, y, z]).into_iter().flatten();
+                    let near = cell.map(|&i| (i, distance(self.points[i as usize], query)));
+                    found.extend(near.filter(|(_, d)| *d <= limit));
+                }
+            }
+        }
+        // Ties go to the smaller number, whatever the order of the cells.
+        found.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+        found.truncate(most);
+        found
+    }
+
     fn search_ring(&self, query: [f32; 3], c: [i32; 3], ring: i32, best: &mut Option<(u32, f32)>) {
         for x in -ring..=ring {
             for y in -ring..=ring {
@@ -96,6 +115,25 @@ mod tests {
             let found = grid.nearest(query, 20.0).unwrap();
             assert_eq!(found.1, plain);
             assert_eq!(grid.nearest(query, plain * 0.99), None);
+        }
+    }
+
+    #[test]
+    fn the_nearest_few_are_those_of_a_plain_search() {
+        let mut rng = ChaCha8Rng::seed_from_u64(2);
+        let mut point = || std::array::from_fn(|_| rng.random_range(-1.0..1.0f32));
+        let points: Vec<[f32; 3]> = (0..500).map(|_| point()).collect();
+        let grid = PointGrid::new(&points, 0.15);
+        for _ in 0..100 {
+            let query = point();
+            let mut plain: Vec<(u32, f32)> = (0u32..)
+                .zip(&points)
+                .map(|(i, &p)| (i, distance(p, query)))
+                .filter(|(_, d)| *d <= 0.4)
+                .collect();
+            plain.sort_by(|a, b| a.1.total_cmp(&b.1));
+            plain.truncate(8);
+            assert_eq!(grid.within(query, 0.4, 8), plain);
         }
     }
 }

@@ -3,7 +3,7 @@
 use ndarray::Array2;
 
 use super::{
-    Corrected, Corrections, LandmarkWeights, Plate, PlateWeights, Skin, StaticWeights,
+    Corrected, Corrections, Creases, LandmarkWeights, Plate, PlateWeights, Skin, StaticWeights,
     VertexGeometry, binding::Follows, row_weights::RowWeights, static_weights::Correction,
 };
 use crate::{
@@ -44,7 +44,7 @@ pub static LEARNED: Control = Control {
 /// # Errors
 /// `Mesh` if the landmarks lie on no usable face, `Numerics` if the solve fails, `Cancelled`.
 pub fn static_deformer(
-    weights: &StaticWeights,
+    (weights, creases): (&StaticWeights, &Creases),
     face: &Face,
     learned: f32,
     cache: &Cache,
@@ -53,7 +53,7 @@ pub fn static_deformer(
     let solve = || {
         let solved = SolvedSkin::new(face, cache, progress)?;
         let strength = learned * solved.familiarity(weights);
-        let correction = (strength > 0.0).then(|| solved.correction(weights));
+        let correction = (strength > 0.0).then(|| solved.correction(weights, creases));
         let decoder = solved.weights(true, correction.as_ref(), strength);
         report(progress, "weights", 1.0)?;
         Ok(solved.corrected(decoder))
@@ -99,14 +99,18 @@ impl<'a> SolvedSkin<'a> {
         })
     }
 
-    /// The learned part of the weights on the skin.
-    fn correction(&self, weights: &StaticWeights) -> Correction {
+    /// The learned part of the weights on the skin, creases with it.
+    fn correction(&self, weights: &StaticWeights, creases: &Creases) -> Correction {
         let (positions, landmarks) = self.surface.decimetres();
-        weights.correction(&VertexGeometry {
+        let frames = self.surface.skin.operators.tangent_frames();
+        let normals: Vec<[f32; 3]> = frames.iter().map(|f| f[2].map(|x| x as f32)).collect();
+        let carried = creases.carried_to(&positions, &normals, &landmarks);
+        let learned = weights.correction(&VertexGeometry {
             positions: &positions,
             landmarks: &landmarks,
             plate: &self.plate,
-        })
+        });
+        learned.beside(&carried, creases.motion())
     }
 
     /// How far the learned part is to be relied on.
@@ -265,7 +269,9 @@ mod tests {
         let parts = PartList::find(mesh, landmarks, to, &options.parts).unwrap();
         let key = CacheKey::new("test", 1);
         let face = Face::new(mesh.clone(), (landmarks.clone(), *to, parts), options, key);
-        static_deformer(&built_in(), &face, learned, &Cache::new(cache), SILENT).unwrap()
+        let (weights, creases) = (built_in(), Creases::open(None).unwrap());
+        let cache = Cache::new(cache);
+        static_deformer((&weights, &creases), &face, learned, &cache, SILENT).unwrap()
     }
 
     fn motion() -> Array3<f32> {

@@ -15,7 +15,7 @@
 
 use std::path::Path;
 
-use ndarray::{Array1, Array2, ArrayViewMut1, s};
+use ndarray::{Array1, Array2, ArrayViewMut1, Axis, concatenate, s};
 use serde::Deserialize;
 
 use super::PlateWeights;
@@ -89,10 +89,32 @@ pub struct VertexGeometry<'a> {
 pub struct Correction {
     /// `A`: `[R', 68]`.
     pub mix: Array2<f32>,
-    /// `B`: `[R', 3 · 2R]`, axis by axis; seen, then reflected.
+    /// `B`: `[R', 3 · 2R]`, axis by axis; seen, then reflected, then what was set [`Self::beside`].
     pub cross: Array2<f32>,
-    /// `C`: `[2R, 204]`.
+    /// `C`: `[2R, 204]`, and so on.
     pub motion: Array2<f32>,
+}
+
+impl Correction {
+    /// The same with other combinations below its own: `cross` `[R', 3 K]`, `motion` `[K, 204]`.
+    pub fn beside(self, cross: &Array2<f32>, motion: &Array2<f32>) -> Correction {
+        let (old, own) = (self.motion.nrows(), motion.nrows());
+        let mut both = Array2::zeros((cross.nrows(), 3 * (old + own)));
+        for axis in 0..3 {
+            let first = axis * (old + own);
+            let parts = [(&self.cross, old, first), (cross, own, first + old)];
+            for (from, rank, first) in parts {
+                let columns = from.slice(s![.., axis * rank..(axis + 1) * rank]);
+                both.slice_mut(s![.., first..first + rank]).assign(&columns);
+            }
+        }
+        let motions = [self.motion.view(), motion.view()];
+        Correction {
+            mix: self.mix,
+            cross: both,
+            motion: concatenate(Axis(0), &motions).expect("204 columns each"),
+        }
+    }
 }
 
 impl StaticWeights {

@@ -17,7 +17,7 @@ use crate::{
     cache::{Cache, CacheKey, CachePolicy},
     conditions::{ControlStage, MotionRequest},
     deform::{
-        self, Deformer, LEARNED, StaticWeights, VertexClip,
+        self, Creases, Deformer, LEARNED, StaticWeights, VertexClip,
         compression::{self, VertexBasis},
     },
     face::Face,
@@ -87,6 +87,7 @@ pub struct Engine {
     system: Box<dyn System>,
     encoder: Arc<dyn SpeechEncoder>,
     static_weights: StaticWeights,
+    creases: Creases,
     finder: LandmarkFinder,
     /// How lids go with eyes that look up and down.
     face_modes: FaceModes,
@@ -142,6 +143,7 @@ impl Engine {
             system,
             encoder,
             static_weights: StaticWeights::open(folder)?,
+            creases: Creases::open(folder)?,
             finder: LandmarkFinder::load(folder)?,
             face_modes: FaceModes::open(folder)?,
             rig_model: OnceLock::new(),
@@ -226,8 +228,8 @@ impl Engine {
         learned: f32,
         progress: ProgressFn<'_>,
     ) -> Result<Arc<dyn Deformer>> {
-        let (weights, cache) = (&self.static_weights, &self.cache);
-        let made = deform::static_deformer(weights, face, learned, cache, progress)?;
+        let models = (&self.static_weights, &self.creases);
+        let made = deform::static_deformer(models, face, learned, &self.cache, progress)?;
         Ok(Arc::new(made))
     }
 
@@ -359,7 +361,12 @@ impl Engine {
 fn key_of_models(folder: Option<&Path>) -> Result<CacheKey> {
     let mut key = CacheKey::new("prepared", 1).text(env!("ANYFACE_SOURCES"));
     if folder.is_some() {
-        for model in [&deform::static_weights::MODEL, &mesh::LANDMARK_MODEL] {
+        let of_meshes = [
+            &deform::static_weights::MODEL,
+            &deform::creases::MODEL,
+            &mesh::LANDMARK_MODEL,
+        ];
+        for model in of_meshes {
             let files = model.open(folder)?;
             key = key.bytes(&files.weights).text(&files.config);
         }

@@ -93,6 +93,7 @@ pub fn built_in_models() -> impl Iterator<Item = &'static BuiltIn> {
         &speech::COMPACT_MODEL,
         &mesh::LANDMARK_MODEL,
         &deform::static_weights::MODEL,
+        &deform::creases::MODEL,
         &motion::FACE_MODES_MODEL,
         &motion::EXPRESSIONS_MODEL,
         &rig::MODEL,

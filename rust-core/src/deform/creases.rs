@@ -1,0 +1,250 @@
+//! Creases: what the skin between the landmarks does, carried over from one face by correspondence.
+//!
+//! Twin of `training/deform/creases.py`.
+//!
+//! `ΔV = … + s(v) B(v) C ΔL`
+//!
+//! 68 landmarks cannot say how the skin folds between the brows, beside the nose and over the cheeks,
+//! and a network over them smooths it away. On a reference face the residual of every point is a linear
+//! function of the landmarks' motion; `C` are its combinations and `B` its values at points of that
+//! face's surface. For another face the points are carried over by interpolating the shift of the 68
+//! landmarks with the radial basis `|r|` (Hardy 1971); a vertex takes what the nearest points say whose
+//! skin faces the same way, and less where they lie far from it.
+//!
+//! Lengths are decimetres in the canonical frame.
+
+use std::path::Path;
+
+use faer::{Mat, linalg::solvers::Solve};
+use ndarray::Array2;
+use rayon::prelude::*;
+use serde::Deserialize;
+
+use super::nearest::{PointGrid, distance};
+use crate::{
+    Error, Result,
+    ibug::LANDMARKS,
+    models::{BuiltIn, built_in},
+    nn::Weights,
+};
+
+/// Its built-in weights.
+pub static MODEL: BuiltIn = built_in!("creases");
+
+/// Points that a vertex listens to.
+const NEIGHBOURS: usize = 8;
+/// Added to distances, so that a point that is hit exactly does not stand alone, decimetres.
+const SOFT_DM: f32 = 0.003;
+/// Distance of the nearest point up to which a vertex follows wholly, and from which not at all.
+const FULL_WITHIN_DM: f32 = 0.06;
+const GONE_AT_DM: f32 = 0.12;
+const CELL_DM: f32 = 0.04;
+const COORDINATES: usize = 3 * LANDMARKS;
+
+#[derive(Deserialize)]
+struct Config {
+    points: usize,
+    rank: usize,
+}
+
+/// The creases of the reference face.
+#[derive(Debug, Clone)]
+pub struct Creases {
+    /// `[P]`.
+    points: Vec<[f32; 3]>,
+    /// `[P]`, unit.
+    normals: Vec<[f32; 3]>,
+    landmarks: [[f32; 3]; LANDMARKS],
+    /// `B`: `[P, 3 K]`, axis by axis.
+    cross: Array2<f32>,
+    /// `C`: `[K, 204]`.
+    motion: Array2<f32>,
+}
+
+impl Creases {
+    /// The built-in creases, or those of `folder`.
+    ///
+    /// # Errors
+    /// `Weights` or `Io` if a file is missing, damaged, or does not fit the other.
+    pub fn open(folder: Option<&Path>) -> Result<Self> {
+        let files = MODEL.open(folder)?;
+        Self::load(&Weights::from_bytes(&files.weights)?, &files.config)
+    }
+
+    fn load(weights: &Weights, config: &str) -> Result<Self> {
+        let Config { points, rank } = serde_json::from_str(config)
+            .map_err(|error| Error::Weights(format!("{}/config.json: {error}", MODEL.name)))?;
+        let places = |name: &str, count| -> Result<Vec<[f32; 3]>> {
+            let values = weights.values(name, &[count, 3])?;
+            Ok(values.as_chunks::<3>().0.to_vec())
+        };
+        let landmarks = places("landmarks", LANDMARKS)?;
+        for (n, at) in landmarks.iter().enumerate() {
+            if let Some(other) = landmarks[..n].iter().position(|other| other == at) {
+                let message = format!("{}: expected 68 places, {other} is {n}", MODEL.name);
+                return Err(Error::Weights(message));
+            }
+        }
+        let cross = weights.values("cross", &[points, 3, rank])?;
+        Ok(Creases {
+            points: places("points", points)?,
+            normals: places("normals", points)?,
+            landmarks: std::array::from_fn(|n| landmarks[n]),
+            cross: Array2::from_shape_vec((points, 3 * rank), cross)
+                .expect("checked by the reader"),
+            motion: weights.matrix("motion", rank, COORDINATES)?,
+        })
+    }
+
+    /// `C`: `[K, 204]`, over landmark coordinates x0, y0, z0, x1, …
+    pub fn motion(&self) -> &Array2<f32> {
+        &self.motion
+    }
+
+    /// `s B` of a face, `[V, 3 K]`, axis by axis. Skin whose normals point inwards counts as turned.
+    ///
+    /// `positions`, `normals`: `[V]`; `landmarks`: of the neutral face.
+    pub fn carried_to(
+        &self,
+        positions: &[[f32; 3]],
+        normals: &[[f32; 3]],
+        landmarks: &[[f32; 3]; LANDMARKS],
+    ) -> Array2<f32> {
+        let points = self.warped(landmarks);
+        let grid = PointGrid::new(&points, CELL_DM);
+        let near: Vec<Vec<(u32, f32)>> = positions
+            .par_iter()
+            .map(|&p| grid.within(p, GONE_AT_DM, NEIGHBOURS))
+            .collect();
+        let facing = |v: usize, (p, _): &(u32, f32)| dot(normals[v], self.normals[*p as usize]);
+        let outwards: f32 = (0..near.len())
+            .filter_map(|v| Some(facing(v, near[v].first()?)))
+            .sum();
+        let side = if outwards < 0.0 { -1.0 } else { 1.0 };
+        let mut out = Array2::zeros((positions.len(), self.cross.ncols()));
+        let rows = out.outer_iter_mut().into_par_iter().zip(near.par_iter());
+        rows.enumerate().for_each(|(v, (mut row, near))| {
+            let weight = |found: &(u32, f32)| {
+                ((side * facing(v, found)).max(0.0) / (found.1 + SOFT_DM)).powi(2)
+            };
+            let total: f32 = near.iter().map(weight).sum();
+            if total <= 0.0 {
+                return;
+            }
+            let fade = (GONE_AT_DM - near[0].1) / (GONE_AT_DM - FULL_WITHIN_DM);
+            for found in near {
+                let share = fade.clamp(0.0, 1.0) * weight(found) / total;
+                row.scaled_add(share, &self.cross.row(found.0 as usize));
+            }
+        });
+        out
+    }
+
+    /// The points where the face of `landmarks` has them.
+    fn warped(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> Vec<[f32; 3]> {
+        let size = LANDMARKS + 1;
+        let radial = |a: [f32; 3], b: [f32; 3]| -f64::from(distance(a, b));
+        let system = Mat::from_fn(size, size, |i, j| match (i < LANDMARKS, j < LANDMARKS) {
+            (true, true) => radial(self.landmarks[i], self.landmarks[j]),
+            (false, false) => 0.0,
+            _ => 1.0,
+        });
+        let shift = Mat::from_fn(size, 3, |i, axis| match i < LANDMARKS {
+            true => f64::from(landmarks[i][axis] - self.landmarks[i][axis]),
+            false => 0.0,
+        });
+        let weights = system.partial_piv_lu().solve(&shift);
+        let moved = |&point: &[f32; 3]| {
+            let mut shift = [0, 1, 2].map(|axis| weights[(LANDMARKS, axis)]);
+            for (n, &landmark) in self.landmarks.iter().enumerate() {
+                let radial = radial(point, landmark);
+                (0..3).for_each(|axis| shift[axis] += radial * weights[(n, axis)]);
+            }
+            std::array::from_fn(|axis| point[axis] + shift[axis] as f32)
+        };
+        self.points.par_iter().map(moved).collect()
+    }
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{ibug::MIRROR, nn::golden::Golden};
+
+    fn places(golden: &Golden, name: &str) -> Vec<[f32; 3]> {
+        golden.values(name).as_chunks::<3>().0.to_vec()
+    }
+
+    fn golden() -> (Golden, Creases) {
+        let golden = Golden::open("creases_debug");
+        let creases = Creases::load(&golden.weights(), &golden.metadata("config")).unwrap();
+        (golden, creases)
+    }
+
+    #[test]
+    fn carried_creases_match_the_python_twin() {
+        let (golden, creases) = golden();
+        let landmarks = places(&golden, "landmarks");
+        let (positions, normals) = (places(&golden, "positions"), places(&golden, "normals"));
+        let landmarks = std::array::from_fn(|n| landmarks[n]);
+        let got = creases.carried_to(&positions, &normals, &landmarks);
+        let expected = golden.values("carried");
+        assert!(expected.iter().any(|x| x.abs() > 0.1));
+        assert_eq!(got.len(), expected.len());
+        for (a, b) in got.iter().zip(&expected) {
+            assert!((a - b).abs() < 1e-3, "expected {b}, got {a}");
+        }
+        let inwards: Vec<_> = normals.iter().map(|n| n.map(|x| -x)).collect();
+        assert_eq!(got, creases.carried_to(&positions, &inwards, &landmarks));
+    }
+
+    #[test]
+    fn far_from_the_face_nothing_moves() {
+        let (_, creases) = golden();
+        let far = [[0.0, 3.0, 0.0], [f32::MAX; 3]];
+        let moved = creases.carried_to(&far, &[[0.0, 0.0, 1.0]; 2], &creases.landmarks);
+        assert!(moved.iter().all(|x| *x == 0.0));
+    }
+
+    #[test]
+    fn the_shipped_creases_are_the_same_on_both_sides() {
+        let creases = Creases::open(None).unwrap();
+        let flip = |p: [f32; 3]| [-p[0], p[1], p[2]];
+        let landmarks = creases.landmarks;
+        for n in 0..LANDMARKS {
+            assert!(distance(flip(landmarks[MIRROR[n]]), landmarks[n]) < 1e-4);
+        }
+        let (points, normals) = (&creases.points[..200], &creases.normals[..200]);
+        let reflected = |list: &[[f32; 3]]| list.iter().map(|&p| flip(p)).collect::<Vec<_>>();
+        let here = creases.carried_to(points, normals, &landmarks);
+        let there = creases.carried_to(&reflected(points), &reflected(normals), &landmarks);
+        // Anger on one side alone, and on the other.
+        let rank = creases.motion.nrows();
+        let mut brow = ndarray::Array1::zeros(COORDINATES);
+        for n in 22..27 {
+            brow[3 * n + 1] = -0.05;
+        }
+        let mut other = ndarray::Array1::zeros(COORDINATES);
+        for n in 0..LANDMARKS {
+            other[3 * n + 1] = brow[3 * MIRROR[n] + 1];
+        }
+        let (one, two) = (creases.motion.dot(&brow), creases.motion.dot(&other));
+        let mut largest = 0.0f32;
+        for v in 0..points.len() {
+            for axis in 0..3 {
+                let sum = |b: &Array2<f32>, c: &ndarray::Array1<f32>| -> f32 {
+                    (0..rank).map(|k| b[[v, axis * rank + k]] * c[k]).sum()
+                };
+                let sign = if axis == 0 { -1.0 } else { 1.0 };
+                let (a, b) = (sum(&here, &one), sign * sum(&there, &two));
+                largest = largest.max(a.abs());
+                assert!((a - b).abs() < 1e-3, "{a} here, {b} there (dm)");
+            }
+        }
+        assert!(largest > 5e-3, "{largest}");
+    }
+}

@@ -1,0 +1,53 @@
+"""Creases: what the skin between the landmarks does, carried over from one face by correspondence.
+
+Mirrors `rust-core/src/deform/creases.rs`.
+
+    dV = ... + s(v) B(v) C dL
+
+68 landmarks cannot say how the skin folds between the brows, beside the nose and over the cheeks, and
+a network over them smooths it away. On a reference face the residual of every point is a linear
+function of the landmarks' motion; C are its K combinations and B its values at P points of that face's
+surface. For another face the points are carried over by interpolating the shift of the 68 landmarks
+with the radial basis |r|; a vertex takes what the nearest points say whose skin faces the same way, and
+less where they lie far from it.
+
+Lengths are decimetres in the canonical frame. Shapes: `V` vertices, `P` points, `N` = 68, `K` rank.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import RBFInterpolator
+from scipy.spatial import cKDTree
+
+NEIGHBOURS = 8
+SOFT_DM = 0.003
+"""Added to distances, so that a point that is hit exactly does not stand alone."""
+FULL_WITHIN_DM, GONE_AT_DM = 0.06, 0.12
+"""Distance of the nearest point up to which a vertex follows wholly, and from which not at all."""
+
+
+@dataclass
+class Creases:
+    """points, normals: [P, 3]. landmarks: [N, 3], of the reference. cross: [P, 3, K]. motion: [K, 3N]."""
+
+    points: np.ndarray
+    normals: np.ndarray
+    landmarks: np.ndarray
+    cross: np.ndarray
+    motion: np.ndarray
+
+    def transferred(self, positions: np.ndarray, normals: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
+        """`s B` of a face. positions, normals: [V, 3]. landmarks: [N, 3]. Returns [V, 3, K]."""
+        shift = RBFInterpolator(self.landmarks, landmarks - self.landmarks, kernel="linear", degree=0)
+        points = self.points + shift(self.points)
+        distance, index = cKDTree(points).query(positions, NEIGHBOURS, distance_upper_bound=GONE_AT_DM)
+        index = np.minimum(index, len(points) - 1)
+        agreement = np.einsum("vkx,vx->vk", self.normals[index], normals).clip(0.0)
+        weight = (agreement / (distance + SOFT_DM)) ** 2
+        total = weight.sum(1, keepdims=True)
+        near = ((GONE_AT_DM - distance[:, :1]) / (GONE_AT_DM - FULL_WITHIN_DM)).clip(0.0, 1.0)
+        weight = np.where(total > 0.0, near * weight / np.maximum(total, 1e-12), 0.0)
+        return np.einsum("vk,vkxr->vxr", weight, self.cross[index])

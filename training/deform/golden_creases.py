@@ -1,0 +1,45 @@
+"""Golden of creases: random points over a procedural face, and what another face takes of them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+from safetensors.numpy import save_file
+
+from training.deform.creases import Creases
+from training.deform.golden_static_weights import procedural_face
+
+POINTS, RANK = 300, 3
+
+
+def write(out: Path, shared: Path) -> Path:
+    """Writes `creases_debug.safetensors`: `weights.*`, `positions`, `normals` [V, 3], `landmarks` [N, 3]
+    of the other face, dm, and `carried` [V, 3, K]."""
+    rng = np.random.default_rng(6)
+    vertices, _, numbers = procedural_face(rng)
+    vertices = 10.0 * vertices.astype(np.float64)
+    normals = np.array([0.0, 0.0, 1.0]) + rng.normal(0.0, 0.6, vertices.shape)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    chosen = rng.choice(len(vertices), POINTS, replace=False)
+    motion = rng.normal(0.0, 1.0, (RANK, 204))
+    cross = rng.normal(0.0, 1.0, (POINTS, 3, RANK))
+    reference = vertices[numbers] + rng.normal(0.0, 0.02, (68, 3))
+    creases = Creases(vertices[chosen], normals[chosen], reference, cross, motion)
+    other = vertices * [1.1, 0.9, 1.05] + rng.normal(0.0, 0.01, vertices.shape)
+    carried = creases.transferred(other, normals, other[numbers])
+    tensors = {f"weights.{k}": v for k, v in vars(creases).items()}
+    tensors |= {"positions": other, "normals": normals, "landmarks": other[numbers], "carried": carried}
+    path = out / "creases_debug.safetensors"
+    save_file(
+        {k: np.ascontiguousarray(v, dtype=np.float32) for k, v in tensors.items()},
+        path,
+        metadata={
+            "config": json.dumps({"points": POINTS, "rank": RANK}),
+            "source": "python -m training.goldens creases; random weights, seed 6, procedural mesh",
+            "tolerance": "1e-3 absolute: weights of points that are hit exactly are steep",
+        },
+    )
+    path.chmod(0o644)
+    return path
