@@ -2,6 +2,7 @@
 
 import numpy as np
 import torch
+from torch.nn.functional import max_pool1d
 
 from training.corpus.clip import MEL_PER_FRAME
 from training.corpus.phones import BILABIALS
@@ -12,7 +13,9 @@ OUTER_SHARES = (0.4, 0.8, 1.0, 0.8, 0.4)
 UPPER_SHARE = 0.35
 """Part of a closing motion that the upper lip makes."""
 MET_SHARE = 0.15
-SURE_FROM, SURE_AT = 0.1, 0.35
+SURE_FROM, SURE_AT = 0.2, 0.35
+PEAK_FRAMES, PEAK_SHARE = 2, 0.75
+"""Frames to either side among which a probability has to come near the highest, and how near."""
 TOUCHING_M = -0.5e-3
 """Opening over that of the neutral face at which lips touch in speech."""
 BEFORE_FRAMES = 2
@@ -44,10 +47,12 @@ def narrowed(motion: np.ndarray, height: np.ndarray, depth: np.ndarray) -> np.nd
 def lips_closed(motion: torch.Tensor, probability: torch.Tensor) -> torch.Tensor:
     """Motion [T, 204] whose lips touch where `probability` [T] says p, b or m.
 
-    Twin of `rust-core/src/motion/closures.rs`. A smooth step from 0.1 to 0.35 decides how far the
-    gap of each inner lip pair goes to where lips touch, and how far one lip comes forward to the
-    other; it never widens.
+    Twin of `rust-core/src/motion/closures.rs`. Where the probability is three quarters of the highest
+    within two frames, a smooth step from 0.2 to 0.35 decides how far the gap of each inner lip pair
+    goes to where lips touch, and how far one lip comes forward to the other; it never widens.
     """
+    highest = max_pool1d(probability[None], 2 * PEAK_FRAMES + 1, 1, PEAK_FRAMES)[0]
+    probability = torch.where(probability >= PEAK_SHARE * highest, probability, 0.0)
     share = ((probability - SURE_FROM) / (SURE_AT - SURE_FROM)).clamp(0, 1)
     share = share * share * (3 - 2 * share)
     points = motion.unflatten(-1, (68, 3)).numpy()

@@ -27,7 +27,7 @@ from training.speech.log_mel import SAMPLE_RATE_HZ, log_mel
 from training.systems.freetalk.ats import AtsDenoiser, neutral_affect
 from training.systems.freetalk.sampling import sample_motion
 
-VERSION = 3
+VERSION = 4
 HELD_OUT_EVERY = 10
 SOUNDS = {".wav", ".ogg", ".flac", ".mp3"}
 SHORTEST_S = 0.5

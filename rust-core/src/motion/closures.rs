@@ -7,8 +7,12 @@
 use super::LandmarkClip;
 
 /// Probabilities between which the lips go from as they are to touching.
-const SURE_FROM: f32 = 0.1;
+const SURE_FROM: f32 = 0.2;
 const SURE_AT: f32 = 0.35;
+/// Frames to either side among which a probability has to come near the highest, and how near: the
+/// foot of a peak is no closure.
+const PEAK_FRAMES: usize = 2;
+const PEAK_SHARE: f32 = 0.75;
 /// Opening over that of the neutral face at which lips touch in speech, metres.
 const TOUCHING: f32 = -0.5e-3;
 /// Upper and lower landmark of the three inner lip pairs.
@@ -26,12 +30,13 @@ const UPPER_SHARE: f32 = 0.35;
 
 /// Closes the lips of a clip where `probability` is high: `[T']`, frame `t` at `t / rate_hz` seconds.
 ///
-/// A smooth step from 0.1 to 0.35 decides how far the gap of each inner pair goes to where lips
+/// Where the probability is three quarters of the highest within two frames, a smooth step from 0.2 to
+/// 0.35 decides how far the gap of each inner pair goes to where lips
 /// touch, and how far one lip comes forward to the other; it never widens. Frames where nothing closes stay as the network made them, which moves as
 /// recorded lips do, and so do the corners. Between its frames the probability goes straight, so that
 /// a closure of one of them is met at any frame rate. Nothing happens without a probability.
 pub fn close_lips(clip: &mut LandmarkClip, probability: &[f32], rate_hz: f64) {
-    let fps = clip.fps;
+    let (fps, probability) = (clip.fps, &peaks(probability));
     for (t, mut face) in clip.displacements.outer_iter_mut().enumerate() {
         let share = smooth_step(between(probability, t as f64 / fps * rate_hz));
         if share == 0.0 {
@@ -54,6 +59,21 @@ pub fn close_lips(clip: &mut LandmarkClip, probability: &[f32], rate_hz: f64) {
             narrow(pair, by[follows], part);
         }
     }
+}
+
+/// The probability where it comes near its highest, 0 elsewhere.
+fn peaks(probability: &[f32]) -> Vec<f32> {
+    let near_highest = |(t, &here): (usize, &f32)| {
+        let last = (t + PEAK_FRAMES + 1).min(probability.len());
+        let around = &probability[t.saturating_sub(PEAK_FRAMES)..last];
+        let highest = around.iter().fold(0.0f32, |a, b| a.max(*b));
+        if here >= PEAK_SHARE * highest {
+            here
+        } else {
+            0.0
+        }
+    };
+    probability.iter().enumerate().map(near_highest).collect()
 }
 
 /// A track at a fractional frame, held beyond its end; 0 where it is empty.
@@ -169,9 +189,17 @@ mod tests {
     }
 
     #[test]
+    fn the_foot_of_a_peak_closes_nothing() {
+        let mut clip = open(5, 25.0);
+        close_lips(&mut clip, &[0.0, 0.5, 0.9, 0.8, 0.3], 25.0);
+        let closed: Vec<bool> = (0..5).map(|t| gap(&clip, t, INNER[1]) < 0.0).collect();
+        assert_eq!(closed, [false, false, true, true, false]);
+    }
+
+    #[test]
     fn closing_is_the_same_on_both_sides() {
         let mut clip = open(1, 25.0);
-        close_lips(&mut clip, &[0.2], 25.0);
+        close_lips(&mut clip, &[0.3], 25.0);
         for (left, right) in [(61, 63), (67, 65), (49, 53), (59, 55), (50, 52), (58, 56)] {
             assert_eq!(
                 clip.displacements[[0, left, 1]],
