@@ -10,11 +10,16 @@ use super::{
     Deformer, FewVertices,
     binding::Follows,
     contact::{Slit, mouth_slit},
-    eye_opening::Head,
-    eyelids::{Eyelids, eyelids},
+    eyes::{Eyelids, Head, eyelids},
     jaw::{Jaw, JawPose},
 };
-use crate::{Result, face::FaceSurface, mesh::Similarity, ibug::LANDMARKS, progress::ProgressFn};
+use crate::{
+    Result,
+    face::{Face, FaceSurface},
+    ibug::LANDMARKS,
+    mesh::{PartRole, Similarity},
+    progress::ProgressFn,
+};
 
 /// Corrections of one mesh, applied to every frame that a decoder made.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -30,12 +35,16 @@ pub struct Corrections {
 }
 
 impl Corrections {
-    /// `surface`: of the neutral face; `eyeballs`: the triangles of parts that are eyes.
-    pub fn new(
-        surface: &FaceSurface,
-        eyeballs: &[[u32; 3]],
-        to_canonical: &Similarity,
-    ) -> Corrections {
+    /// Of a face with its surface.
+    pub fn new(face: &Face, surface: &FaceSurface) -> Corrections {
+        let Face {
+            mesh,
+            parts,
+            to_canonical,
+            ..
+        } = face;
+        let is_eye = |t: &&[u32; 3]| parts.is(t[0] as usize, PartRole::Gaze);
+        let eyeballs: Vec<[u32; 3]> = mesh.triangles.iter().filter(is_eye).copied().collect();
         let FaceSurface {
             positions,
             landmarks,
@@ -46,7 +55,7 @@ impl Corrections {
             positions,
             landmarks,
             skin: &skin.surface.triangles,
-            eyeballs,
+            eyeballs: &eyeballs,
         };
         let jaw = Jaw::of(landmarks);
         let from_hinge = |p: [f32; 3]| std::array::from_fn(|i| p[i] - jaw.hinge[i]);
@@ -57,7 +66,7 @@ impl Corrections {
         });
         Corrections {
             mouth: mouth_slit(skin, landmarks, follows, to_canonical),
-            lids: eyelids(&head, skin, follows, to_canonical),
+            lids: eyelids(&head, skin, &parts.connected, follows, to_canonical),
             to_canonical: *to_canonical,
             carried: carried.collect(),
             jaw,
@@ -89,7 +98,7 @@ impl Corrections {
         }
     }
 
-    /// Landmarks `[T, 68, 3]` for the decoder: lids travel as far as this face's eyes are open.
+    /// Landmarks `[T, 68, 3]` for the decoder: lids of eyes that are sculpted shut rest.
     fn own_landmarks(&self, landmarks: &Array3<f32>) -> Array3<f32> {
         let mut own = landmarks.clone();
         for mut frame in own.outer_iter_mut() {

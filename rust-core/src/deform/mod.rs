@@ -2,17 +2,16 @@
 //!
 //! [`Deformer`] is what every decoder offers. [`LandmarkWeights`] is the default one: fixed weights
 //! over the landmarks, shared by systems. They come from [`PlateWeights`] on the skin and from
-//! [`binding`] on everything else, by the role of each part ([`PartList`]); [`StaticWeights`] are what is learned beside them. [`Corrected`] adds what
-//! is not linear: the jaw's rotation, lips and lids that touch. [`compression`] turns the result
-//! into a few basis shapes, [`projection`] finds other motion on them.
+//! [`binding`] on everything else, by the role of each part ([`PartList`]); [`StaticWeights`] are what is
+//! learned beside them. [`Corrected`] adds what is not linear: the jaw's rotation, lips that touch, lids that
+//! slide over their eyeballs. [`compression`] turns the result into a few basis shapes, [`projection`] finds
+//! other motion on them.
 
 pub mod binding;
 pub mod compression;
 mod contact;
 mod corrected;
-mod eye_opening;
-mod eyeball;
-mod eyelids;
+mod eyes;
 pub mod jaw;
 mod landmark_weights;
 mod lids;
@@ -28,6 +27,7 @@ pub mod static_weights;
 mod tension_screened_biharmonic;
 
 pub use corrected::{Corrected, Corrections};
+pub(crate) use eyes::Openings;
 pub use landmark_weights::LandmarkWeights;
 pub use part_list::PartList;
 pub use prepare::{LEARNED, SolvedSkin, static_deformer};

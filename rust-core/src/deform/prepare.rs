@@ -12,7 +12,6 @@ use crate::{
     conditions::{Control, ControlStage, ControlValues},
     face::{Face, FaceSurface},
     ibug::LANDMARKS,
-    mesh::PartRole,
     progress::{ProgressFn, report},
 };
 
@@ -117,13 +116,9 @@ impl<'a> SolvedSkin<'a> {
 
     /// `decoder` with what a frame of this face needs beyond it.
     pub fn corrected<D>(&self, decoder: D) -> Corrected<D> {
-        let Face { mesh, parts, .. } = self.face;
-        let is_eye = |t: &&[u32; 3]| parts.is(t[0] as usize, PartRole::Gaze);
-        let eyeballs: Vec<[u32; 3]> = mesh.triangles.iter().filter(is_eye).copied().collect();
-        let corrections = Corrections::new(self.surface, &eyeballs, &self.face.to_canonical);
         Corrected {
             decoder,
-            corrections,
+            corrections: Corrections::new(self.face, self.surface),
         }
     }
 

@@ -63,6 +63,15 @@ impl FrontView {
         [at(self.low[0], column), at(self.low[1], row)]
     }
 
+    /// Column and row of the cell that a point lies in, or of the nearest one.
+    pub fn cell_at(&self, point: [f32; 2]) -> [usize; 2] {
+        let counts = [self.columns, self.rows];
+        std::array::from_fn(|i| {
+            let cell = ((point[i] - self.low[i]) / self.cell).max(0.0) as usize;
+            cell.min(counts[i].saturating_sub(1))
+        })
+    }
+
     /// Draws one triangle, seen from either side.
     pub fn draw(&mut self, [a, b, c]: [[f32; 3]; 3], kind: u8) {
         let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);

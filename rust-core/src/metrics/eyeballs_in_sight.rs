@@ -68,11 +68,7 @@ mod tests {
     fn square(points: &mut Vec<[f32; 3]>, centre: [f32; 3], half: [f32; 2]) -> [[u32; 3]; 2] {
         let first = points.len() as u32;
         for (x, y) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
-            points.push([
-                centre[0] + x * half[0],
-                centre[1] + y * half[1],
-                centre[2],
-            ]);
+            points.push([centre[0] + x * half[0], centre[1] + y * half[1], centre[2]]);
         }
         [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|v| v + first))
     }

@@ -284,9 +284,8 @@ fn some_vertices_move_as_they_do_among_all() {
     let deformer = static_deformer(&weights, &take.face, 1.0, &cache, SILENT).unwrap();
     let few = deformer.of_vertices(&wanted).unwrap();
     assert!(wanted.iter().all(|v| few.vertices.binary_search(v).is_ok()));
-    let landmarks = take.face.to_canonical;
     let clip = take.performance.motion.landmarks().unwrap();
-    let landmarks = landmarks.displacements_to_mesh(clip.displacements.view());
+    let landmarks = take.face.own_motion(clip.displacements.view());
     let moved = few.deformer.deform(landmarks.view(), SILENT).unwrap();
     let rows: Vec<usize> = few.vertices.iter().map(|&v| v as usize).collect();
     let all = take.clip.displacements.select(Axis(1), &rows);

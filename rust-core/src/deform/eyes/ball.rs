@@ -85,9 +85,8 @@ fn least_squares(points: &[[f32; 3]]) -> Option<([f32; 3], f32)> {
     let mean: [f64; 3] = std::array::from_fn(|i| sum(&|p| p[i]));
     let from = |p: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| p[i] - mean[i]) };
     let square = |p: [f64; 3]| p.iter().map(|x| x * x).sum::<f64>();
-    let matrix: [[f64; 3]; 3] = std::array::from_fn(|i| {
-        std::array::from_fn(|j| 2.0 * sum(&|p| from(p)[i] * from(p)[j]))
-    });
+    let matrix: [[f64; 3]; 3] =
+        std::array::from_fn(|i| std::array::from_fn(|j| 2.0 * sum(&|p| from(p)[i] * from(p)[j])));
     let right: [f64; 3] = std::array::from_fn(|i| sum(&|p| from(p)[i] * square(from(p))));
     let offset = solve(&matrix, right)?;
     let radius = (sum(&|p| square(from(p))) + square(offset)).sqrt();
