@@ -146,7 +146,7 @@ fn sliders_come_near_to_new_runs() {
         (Slider::Articulation, 1.3, 0.06, 0.6),
         (Slider::Articulation, 0.5, 0.09, 0.8),
         (Slider::Emotion, 0.5, 0.11, 0.9),
-        (Slider::Emotion, 0.0, 0.2, 1.4),
+        (Slider::Emotion, 0.0, 0.2, 1.7),
         (Slider::Blinks, 0.0, 0.03, 0.5),
     ] {
         let truth = take

@@ -15,7 +15,7 @@ use crate::{
 };
 
 /// Lids keep at least this distance from the ball, and at most so much of it is added to what they had.
-const CLEAR_CM: (f32, f32) = (0.015, 0.12);
+const CLEAR_CM: (f32, f32) = (0.01, 0.04);
 /// A part whose roots mostly lie so near to the edge of one lid, on an eye of usual size, is lashes.
 const LASH_CM: f32 = 0.35;
 const LASH_SHARE: f32 = 0.8;

@@ -27,9 +27,9 @@ pub(crate) use openings::Openings;
 /// What the upper lid does of a change of the opening; the lower lid does the rest.
 const UPPER_SHARE: f32 = 0.9;
 /// From this share of closing on the opening is exactly what the landmarks ask for.
-const EXACT_FROM: f32 = 0.3;
+const EXACT_FROM: f32 = 0.5;
 /// Shut lids overlap by this much, so that no sliver between two vertices of their edges stays open.
-const OVERLAP_CM: f32 = 0.04;
+const OVERLAP_CM: f32 = 0.03;
 /// The upper lid then lies this far before the lower one: two edges at one depth would cross in a zigzag.
 const BEFORE_CM: f32 = 0.03;
 /// From this share of closing on they begin to.
@@ -115,10 +115,18 @@ struct Turns {
     roll: [f32; 2],
     /// Displacements of the edges in the end.
     edges: [[[f32; 3]; SAMPLES]; 2],
-    /// How far both lids are lifted off the ball.
-    lift: [f32; 2],
+    lift: [Lift; 2],
     /// By which share the eye's opening is decided here.
     hold: f32,
+}
+
+/// How a lid lies over the ball.
+#[derive(Clone, Copy)]
+struct Lift {
+    /// How much further out than in the neutral face.
+    out: f32,
+    /// By which share it is drawn in where the decoder has it further out than that.
+    hug: f32,
 }
 
 impl Eyelids {
@@ -191,7 +199,10 @@ impl Eyelids {
         let hold = ease(closed / EXACT_FROM);
         let shut = ease((closed - OVERLAP_FROM) / (1.0 - OVERLAP_FROM));
         let overlap = shut * OVERLAP_CM / self.ball.radius;
-        let lift = [BEFORE_CM * shut, 0.0].map(|before| before + hold * self.lift);
+        let lift = [BEFORE_CM * shut, 0.0].map(|before| Lift {
+            out: before + hold * self.lift,
+            hug: shut,
+        });
         let made = self.rims.each_ref().map(|rim| self.elevations(rim, frame));
         let change: [f32; SAMPLES] = std::array::from_fn(|k| {
             let rest = self.rims[0].rest[k] - self.rims[1].rest[k];
@@ -210,7 +221,7 @@ impl Eyelids {
             std::array::from_fn(|k| {
                 let rim: &Rim = &self.rims[lid];
                 let moved = self.edge_moved(rim, k, frame);
-                let change = self.slide(rim.edge[k], moved, added[lid][k], (1.0, lift[lid]));
+                let change = self.slide(rim.edge[k], moved, added[lid][k], 1.0, lift[lid]);
                 std::array::from_fn(|i| moved[i] + change[i])
             })
         });
@@ -260,7 +271,7 @@ impl Eyelids {
         };
         let slide = || {
             let angle = share * between_samples(&turns.added[lid], at);
-            self.slide(place, moved, angle, (share, turns.lift[lid]))
+            self.slide(place, moved, angle, share, turns.lift[lid])
         };
         match touched.stem {
             None => slide(),
@@ -284,7 +295,8 @@ impl Eyelids {
         place: [f32; 3],
         moved: [f32; 3],
         angle: f32,
-        (share, lift): (f32, f32),
+        share: f32,
+        lift: Lift,
     ) -> [f32; 3] {
         let came: [f32; 3] = std::array::from_fn(|i| place[i] + moved[i]);
         let turned = turn(came, angle);
@@ -293,8 +305,8 @@ impl Eyelids {
             (length, length - self.ball.radius_below(p, length))
         };
         let ((length, height), (_, before)) = (over(turned), over(place));
-        let lacking = (before + lift - height).max(0.0);
-        let scale = 1.0 + share * lacking / length.max(1e-6);
+        let lacking = before + lift.out - height;
+        let scale = 1.0 + share * lacking.max(lift.hug * lacking) / length.max(1e-6);
         std::array::from_fn(|i| scale * turned[i] - came[i])
     }
 }
