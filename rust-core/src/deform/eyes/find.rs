@@ -78,26 +78,7 @@ impl Neutral<'_> {
     /// The vertices nearest to a lid's edge, and the edge between them.
     fn rim(&self, lid: usize) -> Option<Rim> {
         let edge = &self.opening.edges[lid];
-        let mut nearest = [(f32::INFINITY, 0u32, [0.0f32; 3]); SAMPLES];
-        for (v, &p) in self.head.positions.iter().enumerate() {
-            let p = self.opening.frame.local(p);
-            let far = dot(p, p) > (2.0 * self.opening.width).powi(2);
-            if far || !self.skin.is_skin[v] || self.lid_of(p) != lid as u8 {
-                continue;
-            }
-            for (best, at) in nearest.iter_mut().zip(edge) {
-                let offset: [f32; 3] = std::array::from_fn(|i| p[i] - at[i]);
-                let away = dot(offset, offset);
-                if away < best.0 {
-                    *best = (away, v as u32, p);
-                }
-            }
-        }
-        let reach = (RIM_OF_WIDTH * self.opening.width).powi(2);
-        let mut vertices: Vec<RimVertex> = (nearest.iter())
-            .filter(|(away, ..)| *away < reach)
-            .map(|&(_, vertex, place)| RimVertex { vertex, place })
-            .collect();
+        let mut vertices = self.nearest_to(edge, lid as u8);
         vertices.sort_by(|a, b| a.place[0].total_cmp(&b.place[0]));
         vertices.dedup_by_key(|v| v.vertex);
         if vertices.len() < 2 {
@@ -110,6 +91,29 @@ impl Neutral<'_> {
             rest: edge.iter().map(|p| elevation(*p)).collect(),
             vertices,
         })
+    }
+
+    /// The vertex of a lid's skin nearest to each sample of its edge, where one is near.
+    fn nearest_to(&self, edge: &[[f32; 3]; SAMPLES], lid: u8) -> Vec<RimVertex> {
+        let mut nearest = [(f32::INFINITY, 0u32, [0.0f32; 3]); SAMPLES];
+        for (v, &p) in self.head.positions.iter().enumerate() {
+            let p = self.opening.frame.local(p);
+            let far = dot(p, p) > (2.0 * self.opening.width).powi(2);
+            if far || !self.skin.is_skin[v] || self.lid_of(p) != lid {
+                continue;
+            }
+            for (best, at) in nearest.iter_mut().zip(edge) {
+                let offset: [f32; 3] = std::array::from_fn(|i| p[i] - at[i]);
+                let away = dot(offset, offset);
+                if away < best.0 {
+                    *best = (away, v as u32, p);
+                }
+            }
+        }
+        let reach = (RIM_OF_WIDTH * self.opening.width).powi(2);
+        let near = nearest.iter().filter(|(away, ..)| *away < reach);
+        near.map(|&(_, vertex, place)| RimVertex { vertex, place })
+            .collect()
     }
 
     /// On which lid a point lies: 0 the upper one, 1 the lower one.
@@ -195,7 +199,7 @@ impl Neutral<'_> {
             };
             counts[2] += 1;
             if let Some((place, _)) = self.root(v) {
-                let away = [0, 1].map(|lid| self.from_edge(lid, place).0);
+                let away = [0, 1].map(|lid| self.off_edge(lid, place).0);
                 let lid = usize::from(away[1] < away[0]);
                 counts[lid] += usize::from(away[lid] < LASH_CM * self.size());
             }
@@ -219,7 +223,7 @@ impl Neutral<'_> {
     }
 
     /// Distance of a place from a lid's edge, and how far it lies behind it.
-    fn from_edge(&self, lid: u8, place: [f32; 3]) -> (f32, f32) {
+    fn off_edge(&self, lid: u8, place: [f32; 3]) -> (f32, f32) {
         let edge = &self.opening.edges[usize::from(lid)];
         let pieces = edge.windows(2).map(|ends| nearest_on(place, ends));
         let nearest = pieces.min_by(|a, b| a.0.total_cmp(&b.0));
@@ -239,7 +243,7 @@ impl Neutral<'_> {
         if lid == BETWEEN_LIDS {
             return 1.0;
         }
-        let (distance, behind) = self.from_edge(lid, place);
+        let (distance, behind) = self.off_edge(lid, place);
         let size = self.size();
         follow_share(f64::from(distance / size), f64::from(behind / size)) as f32
     }

@@ -198,21 +198,12 @@ impl Eyelids {
     fn turns(&self, closed: f32, frame: &[f32]) -> Turns {
         let hold = ease(closed / EXACT_FROM);
         let shut = ease((closed - OVERLAP_FROM) / (1.0 - OVERLAP_FROM));
-        let overlap = shut * OVERLAP_CM / self.ball.radius;
         let lift = [BEFORE_CM * shut, 0.0].map(|before| Lift {
             out: before + hold * self.lift,
             hug: shut,
         });
         let made = self.rims.each_ref().map(|rim| self.elevations(rim, frame));
-        let change: [f32; SAMPLES] = std::array::from_fn(|k| {
-            let rest = self.rims[0].rest[k] - self.rims[1].rest[k];
-            let wanted = rest * (1.0 - closed) - overlap.min(0.5 * rest.max(0.0));
-            hold * (wanted - (made[0][k] - made[1][k]))
-        });
-        let most = beside(&change, |before, here, after| before.min(here).min(after));
-        let change = beside(&most, |before, here, after| {
-            0.25 * before + 0.5 * here + 0.25 * after
-        });
+        let change = self.lacking(closed, shut, &made).map(|x| hold * x);
         let added = [UPPER_SHARE, UPPER_SHARE - 1.0].map(|share| change.map(|x| share * x));
         let whole: [[f32; SAMPLES]; 2] = std::array::from_fn(|lid| {
             std::array::from_fn(|k| made[lid][k] + added[lid][k] - self.rims[lid].rest[k])
@@ -235,6 +226,24 @@ impl Eyelids {
             lift,
             hold,
         }
+    }
+
+    /// What the openings that a decoder made lack to those that are asked for, radians; `made`: elevations of
+    /// both edges.
+    fn lacking(&self, closed: f32, shut: f32, made: &[[f32; SAMPLES]; 2]) -> [f32; SAMPLES] {
+        let overlap = shut * OVERLAP_CM / self.ball.radius;
+        let change: [f32; SAMPLES] = std::array::from_fn(|k| {
+            let rest = self.rims[0].rest[k] - self.rims[1].rest[k];
+            let wanted = rest * (1.0 - closed) - overlap.min(0.5 * rest.max(0.0));
+            wanted - (made[0][k] - made[1][k])
+        });
+        // Where lids shut, nothing between the samples stays open.
+        let most = beside(&change, |before, here, after| {
+            here + shut * (before.min(here).min(after) - here)
+        });
+        beside(&most, |before, here, after| {
+            0.25 * before + 0.5 * here + 0.25 * after
+        })
     }
 
     /// What the decoder made of a place of an edge: its displacement in the eye's frame.

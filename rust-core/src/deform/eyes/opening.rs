@@ -239,39 +239,19 @@ fn picture(
 }
 
 /// The edges of the eyeball's part that is seen, and on to the corners of the eye; `None` where nothing is.
+/// `marks`: the landmarks of the corners.
 fn seen(view: &FrontView, marks: [[f32; 3]; 2], width: f32) -> Option<[[[f32; 3]; SAMPLES]; 2]> {
-    let runs: Vec<Option<(usize, usize)>> = (0..view.columns())
-        .map(|column| longest_run(view.rows(), |row| view.kind(column, row) == BALL))
-        .collect();
-    let (first, last) = longest_run(runs.len(), |column| runs[column].is_some())?;
+    let rows = |column| longest_run(view.rows(), |row| view.kind(column, row) == BALL);
+    let (first, last) = longest_run(view.columns(), |column| rows(column).is_some())?;
     if last - first < SAMPLES {
         return None;
     }
-    let at = |column: usize| -> Option<[[f32; 3]; 2]> {
-        let (low, high) = runs[column]?;
-        let rows = [(high, high + 1), (low, low.saturating_sub(1))];
-        Some(rows.map(|(row, beside)| {
-            let lid = beside.min(view.rows() - 1);
-            let [x, y] = view.centre(column, row);
-            match view.kind(column, lid) {
-                SKIN => [x, y, view.depth(column, lid)],
-                _ => [x, y, view.depth(column, row)],
-            }
-        }))
-    };
+    let at = |column: usize| rows(column).map(|run| lids_beside(view, column, run));
     let ends = [at(first)?, at(last)?];
-    let corner = |end: usize, side: f32| {
-        let [upper, lower] = ends[end];
-        match side * (marks[end][0] - upper[0]) > CORNER * width {
-            true => marks[end],
-            // The landmark lies within what is seen: the corner is just beside that.
-            false => std::array::from_fn(|i| {
-                let beside = if i == 0 { side * CORNER * width } else { 0.0 };
-                0.5 * (upper[i] + lower[i]) + beside
-            }),
-        }
-    };
-    let corners = [corner(0, -1.0), corner(1, 1.0)];
+    let corners = [(0, -1.0), (1, 1.0)].map(|(end, side)| {
+        let least = CORNER * width * side;
+        corner(marks[end], ends[end], least)
+    });
     let mut edges = [[[0.0; 3]; SAMPLES]; 2];
     for k in 0..SAMPLES {
         let along = k as f32 / (SAMPLES - 1) as f32;
@@ -281,28 +261,51 @@ fn seen(view: &FrontView, marks: [[f32; 3]; 2], width: f32) -> Option<[[[f32; 3]
             None => at(view.cell_at([x, 0.0])[0])?,
             Some(end) => {
                 let whole = (ends[end][0][0] - corners[end][0]).abs().max(1e-6);
-                let share = outside[end] / whole;
-                ends[end].map(|edge| {
-                    std::array::from_fn(|i| edge[i] + share * (corners[end][i] - edge[i]))
-                })
+                ends[end].map(|edge| mixed(edge, corners[end], outside[end] / whole))
             }
         };
         (0..2).for_each(|lid| edges[lid][k] = [x, found[lid][1], found[lid][2]]);
     }
-    for _ in 0..SMOOTHINGS {
-        edges = edges.map(|edge| {
-            std::array::from_fn(|k| {
-                let (before, after) = (edge[k.saturating_sub(1)], edge[(k + 1).min(SAMPLES - 1)]);
-                let mean = |i: usize| 0.25 * before[i] + 0.5 * edge[k][i] + 0.25 * after[i];
-                match k {
-                    0 => edge[k],
-                    k if k == SAMPLES - 1 => edge[k],
-                    k => [edge[k][0], mean(1), mean(2)],
-                }
-            })
-        });
-    }
+    (0..SMOOTHINGS).for_each(|_| edges = edges.map(|edge| smoothed(&edge)));
     Some(edges)
+}
+
+/// The skin above and below a column of cells that show the eyeball.
+fn lids_beside(view: &FrontView, column: usize, (low, high): (usize, usize)) -> [[f32; 3]; 2] {
+    [(high, high + 1), (low, low.saturating_sub(1))].map(|(row, beside)| {
+        let lid = beside.min(view.rows() - 1);
+        let [x, y] = view.centre(column, row);
+        match view.kind(column, lid) {
+            SKIN => [x, y, view.depth(column, lid)],
+            _ => [x, y, view.depth(column, row)],
+        }
+    })
+}
+
+/// The corner of an eye beyond an end of what is seen of its eyeball: its landmark, unless that lies not as
+/// far out as `least`.
+fn corner(mark: [f32; 3], [upper, lower]: [[f32; 3]; 2], least: f32) -> [f32; 3] {
+    if (mark[0] - upper[0]) * least.signum() > least.abs() {
+        return mark;
+    }
+    let middle = mixed(upper, lower, 0.5);
+    [middle[0] + least, middle[1], middle[2]]
+}
+
+fn mixed(a: [f32; 3], b: [f32; 3], share: f32) -> [f32; 3] {
+    std::array::from_fn(|i| a[i] + share * (b[i] - a[i]))
+}
+
+/// An edge with each sample's height and depth drawn to those beside it; its ends stay.
+fn smoothed(edge: &[[f32; 3]; SAMPLES]) -> [[f32; 3]; SAMPLES] {
+    std::array::from_fn(|k| {
+        if k == 0 || k == SAMPLES - 1 {
+            return edge[k];
+        }
+        let between = mixed(edge[k - 1], edge[k + 1], 0.5);
+        let [_, y, z] = mixed(edge[k], between, 0.5);
+        [edge[k][0], y, z]
+    })
 }
 
 /// Whether the skin between two curves is a shut lid; `view`: of skin alone.
