@@ -163,6 +163,18 @@ pub(super) fn spread_into(
 pub(super) fn note_face(report: &mut Report, face: &Face) {
     note_landmarks(report, &face.landmarks.confidence);
     note_mouth(report, face.mouth());
+    report.warnings.extend(shut_eyes_sentence(face));
+}
+
+/// That eyes are sculpted shut, where they are.
+pub(super) fn shut_eyes_sentence(face: &Face) -> Option<String> {
+    let which = match face.shut_eyes() {
+        [false, false] => return None,
+        [true, true] => "both eyes are",
+        [true, false] => "the right eye is",
+        [false, true] => "the left eye is",
+    };
+    Some(format!("{which} sculpted shut: nothing blinks there"))
 }
 
 /// One line for people.

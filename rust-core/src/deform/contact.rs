@@ -1,7 +1,7 @@
-//! Lips and lids that touch: their rims neither pass through one another nor stay apart.
+//! Lips that touch: their rims neither pass through one another nor stay apart.
 //!
-//! Weights over landmarks do not know that two rims face each other. For each slit (the mouth, each
-//! eye) the rims are found once: of the vertices near the landmarks of a rim the lowest of the upper
+//! Weights over landmarks do not know that two rims face each other. The rims of the mouth
+//! are found once: of the vertices near the landmarks of a rim the lowest of the upper
 //! one and the highest of the lower one, from corner to corner. In each frame the gap between them is
 //! looked at in [`SAMPLES`] places; where it is less than nothing (or than it was in the neutral face)
 //! both rims give way by half, and where the landmarks have met and the rims have not, both come
@@ -21,7 +21,7 @@ use crate::{
     },
 };
 
-/// Lashes stick out from the rim by no more than this.
+/// Beards stick out from the rim by no more than this.
 const REACH_OF_PARTS_CM: f32 = 2.0;
 /// Places from corner to corner at which a gap is looked at.
 const SAMPLES: usize = 24;
@@ -42,23 +42,11 @@ struct Marks {
     reach_cm: f32,
 }
 
-const SLITS: [Marks; 3] = [
-    Marks {
-        upper: &[60, 61, 62, 63, 64],
-        lower: &[60, 67, 66, 65, 64],
-        reach_cm: 1.2,
-    },
-    Marks {
-        upper: &[36, 37, 38, 39],
-        lower: &[36, 41, 40, 39],
-        reach_cm: 0.6,
-    },
-    Marks {
-        upper: &[42, 43, 44, 45],
-        lower: &[42, 47, 46, 45],
-        reach_cm: 0.6,
-    },
-];
+const MOUTH: Marks = Marks {
+    upper: &[60, 61, 62, 63, 64],
+    lower: &[60, 67, 66, 65, 64],
+    reach_cm: 1.2,
+};
 
 /// Two numbers of vertices or landmarks with their shares.
 type Between = [(u32, f32); 2];
@@ -73,7 +61,7 @@ struct Sample {
     marks_gap: f32,
 }
 
-/// The rims of mouth or eye, and what moves with them.
+/// The rims of the mouth, and what moves with them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Slit {
     /// Unit vector from the lower to the upper rim, the mesh's own axes.
@@ -98,15 +86,15 @@ struct NeutralFace<'a> {
     follows: &'a [Follows],
 }
 
-/// Finds the slits of a face; those without two rims are left out.
+/// Finds the mouth's slit; `None` where it has no two rims.
 ///
 /// `landmarks`: of the neutral face, canonical centimetres.
-pub(super) fn slits(
+pub(super) fn mouth_slit(
     skin: &Skin,
     landmarks: &[[f32; 3]; LANDMARKS],
     follows: &[Follows],
     to_canonical: &Similarity,
-) -> Vec<Slit> {
+) -> Option<Slit> {
     let face = NeutralFace {
         mesh: &skin.surface,
         landmarks,
@@ -114,10 +102,7 @@ pub(super) fn slits(
         sewn: &skin.sewn,
         follows,
     };
-    let found = SLITS.iter();
-    found
-        .filter_map(|marks| face.slit(marks, to_canonical))
-        .collect()
+    face.slit(&MOUTH, to_canonical)
 }
 
 impl NeutralFace<'_> {

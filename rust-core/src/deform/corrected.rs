@@ -7,12 +7,19 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Deformer, FewVertices, Skin,
+    Deformer, FewVertices,
     binding::Follows,
-    contact::{Slit, slits},
+    contact::{Slit, mouth_slit},
+    eyes::{Eyelids, Head, eyelids},
     jaw::{Jaw, JawPose},
 };
-use crate::{Result, ibug::LANDMARKS, mesh::Similarity, progress::ProgressFn};
+use crate::{
+    Result,
+    face::{Face, FaceSurface},
+    ibug::LANDMARKS,
+    mesh::{PartRole, Similarity},
+    progress::ProgressFn,
+};
 
 /// Corrections of one mesh, applied to every frame that a decoder made.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -21,19 +28,35 @@ pub struct Corrections {
     jaw: Jaw,
     /// Vertex, share and offset from the jaw's hinge (canonical centimetres) of what the jaw carries.
     carried: Vec<(u32, f32, [f32; 3])>,
-    /// Mouth and eyes, where their rims were found.
-    slits: Vec<Slit>,
+    /// The mouth, where its rims were found.
+    mouth: Option<Slit>,
+    /// The eyes, where their lids were found.
+    lids: Vec<Eyelids>,
 }
 
 impl Corrections {
-    /// `positions`: `[V]`, `landmarks`: of the neutral face, both canonical centimetres.
-    pub fn new(
-        positions: &[[f32; 3]],
-        skin: &Skin,
-        follows: &[Follows],
-        landmarks: &[[f32; 3]; LANDMARKS],
-        to_canonical: &Similarity,
-    ) -> Corrections {
+    /// Of a face with its surface.
+    pub fn new(face: &Face, surface: &FaceSurface) -> Corrections {
+        let Face {
+            mesh,
+            parts,
+            to_canonical,
+            ..
+        } = face;
+        let is_eye = |t: &&[u32; 3]| parts.is(t[0] as usize, PartRole::Gaze);
+        let eyeballs: Vec<[u32; 3]> = mesh.triangles.iter().filter(is_eye).copied().collect();
+        let FaceSurface {
+            positions,
+            landmarks,
+            skin,
+            follows,
+        } = surface;
+        let head = Head {
+            positions,
+            landmarks,
+            skin: &skin.surface.triangles,
+            eyeballs: &eyeballs,
+        };
         let jaw = Jaw::of(landmarks);
         let from_hinge = |p: [f32; 3]| std::array::from_fn(|i| p[i] - jaw.hinge[i]);
         let carried = follows.iter().zip(positions).enumerate();
@@ -42,7 +65,8 @@ impl Corrections {
             _ => None,
         });
         Corrections {
-            slits: slits(skin, landmarks, follows, to_canonical),
+            mouth: mouth_slit(skin, landmarks, follows, to_canonical),
+            lids: eyelids(&head, skin, &parts.connected, follows, to_canonical),
             to_canonical: *to_canonical,
             carried: carried.collect(),
             jaw,
@@ -57,7 +81,8 @@ impl Corrections {
             carried: carried
                 .filter_map(|&(v, share, from)| Some((new(v)?, share, from)))
                 .collect(),
-            slits: self.slits.iter().map(|slit| slit.renumbered(new)).collect(),
+            mouth: self.mouth.as_ref().map(|slit| slit.renumbered(new)),
+            lids: self.lids.iter().map(|lids| lids.renumbered(new)).collect(),
             ..self.clone()
         }
     }
@@ -65,9 +90,28 @@ impl Corrections {
     /// Corrects the displacements of one frame, `[V * 3]`; `landmarks`: `[204]`. Mesh units.
     fn apply(&self, landmarks: &[f32], frame: &mut [f32]) {
         self.carry(landmarks, frame);
-        for slit in &self.slits {
+        if let Some(slit) = &self.mouth {
             slit.apply(landmarks, frame);
         }
+        for lids in &self.lids {
+            lids.apply(landmarks, frame);
+        }
+    }
+
+    /// Landmarks `[T, 68, 3]` for the decoder: lids of eyes that are sculpted shut rest.
+    fn own_landmarks(&self, landmarks: &Array3<f32>) -> Array3<f32> {
+        let mut own = landmarks.clone();
+        for mut frame in own.outer_iter_mut() {
+            let frame = frame.as_slice_mut().expect("standard layout");
+            self.lids.iter().for_each(|lids| lids.own_landmarks(frame));
+        }
+        own
+    }
+
+    /// Vertices by which the openings of mouth and eyes are known.
+    fn rims(&self) -> impl Iterator<Item = u32> {
+        let mouth = self.mouth.iter().flat_map(Slit::rims);
+        mouth.chain(self.lids.iter().flat_map(Eyelids::rims))
     }
 
     /// Moves what follows the jaw.
@@ -108,7 +152,7 @@ pub struct Corrected<D> {
 
 impl<D: Deformer> Deformer for Corrected<D> {
     fn of_vertices(&self, wanted: &[u32]) -> Option<FewVertices> {
-        let rims = self.corrections.slits.iter().flat_map(Slit::rims);
+        let rims = self.corrections.rims();
         let wanted: BTreeSet<u32> = wanted.iter().copied().chain(rims).collect();
         let few = self.decoder.of_vertices(&Vec::from_iter(wanted))?;
         let corrections = self.corrections.of_vertices(&few.vertices);
@@ -126,8 +170,13 @@ impl<D: Deformer> Deformer for Corrected<D> {
         landmarks: ArrayView3<'_, f32>,
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
-        let mut out = self.decoder.deform(landmarks, progress)?;
-        let landmarks = landmarks.as_standard_layout();
+        if landmarks.dim().1 != LANDMARKS || landmarks.dim().2 != 3 {
+            // The decoder says what it expected.
+            return self.decoder.deform(landmarks, progress);
+        }
+        let landmarks = landmarks.as_standard_layout().into_owned();
+        let own = self.corrections.own_landmarks(&landmarks);
+        let mut out = self.decoder.deform(own.view(), progress)?;
         let frames = landmarks.outer_iter().into_par_iter();
         frames
             .zip(out.axis_iter_mut(Axis(0)).into_par_iter())

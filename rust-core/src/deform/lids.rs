@@ -60,14 +60,27 @@ impl LidEdge {
         let Some((squared, nearest)) = by_distance.min_by(|a, b| a.0.total_cmp(&b.0)) else {
             return 0.0;
         };
-        let distance = squared.sqrt();
-        if distance >= INNER_CM.1 {
-            return 0.0;
-        }
-        let behind = nearest[2] - point[2];
-        let inner = ((behind - BEHIND_CM.0) / (BEHIND_CM.1 - BEHIND_CM.0)).clamp(0.0, 1.0);
-        ease_out(distance, OUTER_CM) * (1.0 - inner) + ease_out(distance, INNER_CM) * inner
+        follow_share(squared.sqrt(), nearest[2] - point[2])
     }
+
+    /// The edges of the upper and of the lower lid, each from the first corner to the other.
+    pub fn both(&self) -> [Vec<[f64; 3]>; 2] {
+        let half = self.points.len() / 2;
+        let upper = self.points[..=half].to_vec();
+        let mut lower = self.points[half..].to_vec();
+        lower.push(upper[0]);
+        lower.reverse();
+        [upper, lower]
+    }
+}
+
+/// By which share skin follows a lid whose edge lies `distance` away and `behind` before it.
+pub fn follow_share(distance: f64, behind: f64) -> f64 {
+    if distance >= INNER_CM.1 {
+        return 0.0;
+    }
+    let inner = ((behind - BEHIND_CM.0) / (BEHIND_CM.1 - BEHIND_CM.0)).clamp(0.0, 1.0);
+    ease_out(distance, OUTER_CM) * (1.0 - inner) + ease_out(distance, INNER_CM) * inner
 }
 
 /// 1 up to the span's start, 0 from its end on, smooth between.

@@ -4,14 +4,15 @@
 //! over the landmarks, shared by systems. They come from [`PlateWeights`] on the skin and from
 //! [`binding`] on everything else, by the role of each part ([`PartList`]); beside them [`StaticWeights`]
 //! are what is learned, [`Creases`] what another face shows between the landmarks. [`Corrected`] adds what
-//! is not linear: the jaw's rotation, lips and lids that touch. [`compression`] turns the result
-//! into a few basis shapes, [`projection`] finds other motion on them.
+//! is not linear: the jaw's rotation, lips that touch, lids that slide over their eyeballs. [`compression`]
+//! turns the result into a few basis shapes, [`projection`] finds other motion on them.
 
 pub mod binding;
 pub mod compression;
 mod contact;
 mod corrected;
 pub mod creases;
+mod eyes;
 pub mod jaw;
 mod landmark_weights;
 mod lids;
@@ -28,6 +29,7 @@ mod tension_screened_biharmonic;
 
 pub use corrected::{Corrected, Corrections};
 pub use creases::Creases;
+pub(crate) use eyes::Openings;
 pub use landmark_weights::LandmarkWeights;
 pub use part_list::PartList;
 pub use prepare::{LEARNED, SolvedSkin, static_deformer};

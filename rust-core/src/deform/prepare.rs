@@ -120,16 +120,9 @@ impl<'a> SolvedSkin<'a> {
 
     /// `decoder` with what a frame of this face needs beyond it.
     pub fn corrected<D>(&self, decoder: D) -> Corrected<D> {
-        let FaceSurface {
-            positions,
-            landmarks,
-            skin,
-            follows,
-        } = self.surface;
-        let to_canonical = &self.face.to_canonical;
         Corrected {
             decoder,
-            corrections: Corrections::new(positions, skin, follows, landmarks, to_canonical),
+            corrections: Corrections::new(self.face, self.surface),
         }
     }
 

@@ -269,8 +269,7 @@ impl Engine {
     ) -> Result<SpreadReport> {
         match motion {
             Motion::Landmarks(clip) => {
-                let moved = clip.displacements.view();
-                let own = face.to_canonical.displacements_to_mesh(moved);
+                let own = face.own_motion(clip.displacements.view());
                 self.spread_own(face, own, clip.fps, sink, progress)
             }
             Motion::Weights(clip) => {

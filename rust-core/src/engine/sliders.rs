@@ -296,7 +296,7 @@ impl Measure<'_> {
         frames: &[usize],
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
-        let landmarks = self.face.to_canonical.displacements_to_mesh(landmarks);
+        let landmarks = self.face.own_motion(landmarks);
         let vertices: Vec<usize> = self.vertices.iter().map(|&v| v as usize).collect();
         let mut moved = match &self.few {
             Some(few) => few.deform(landmarks.view(), progress)?,

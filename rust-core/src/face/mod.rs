@@ -5,10 +5,12 @@ mod surface;
 
 use std::sync::{Arc, OnceLock};
 
+use ndarray::{Array3, ArrayView3};
+
 use crate::{
     Result,
     cache::{Cache, CacheKey},
-    deform::{Deformer, PartList},
+    deform::{Deformer, Openings, PartList},
     mesh::{self, FaceOptions, LandmarkFinder, Landmarks, Mesh, Mouth, Similarity},
     progress::{ProgressFn, report},
     rig::Rig,
@@ -47,6 +49,7 @@ pub struct Face {
     /// Names the mesh and the models in what is kept of it.
     key: CacheKey,
     mouth: OnceLock<Mouth>,
+    openings: OnceLock<Openings>,
     surface: OnceLock<FaceSurface>,
     deformer: OnceLock<Arc<dyn Deformer>>,
     rig: OnceLock<Arc<Rig>>,
@@ -96,6 +99,7 @@ impl Face {
             options,
             key,
             mouth: OnceLock::new(),
+            openings: OnceLock::new(),
             surface: OnceLock::new(),
             deformer: OnceLock::new(),
             rig: OnceLock::new(),
@@ -106,6 +110,25 @@ impl Face {
     pub fn mouth(&self) -> Mouth {
         let find = || Mouth::of(&self.mesh, &self.landmarks);
         *self.mouth.get_or_init(find)
+    }
+
+    /// Whether the subject's right and left eye are sculpted shut: such an eye does not blink.
+    pub fn shut_eyes(&self) -> [bool; 2] {
+        self.openings().shut()
+    }
+
+    /// Canonical motion of landmarks `[T, 68, 3]`, metres, as motion of this face's own, in the mesh's
+    /// units and axes: lids travel by the share that is asked for of as far as its eyes are open.
+    pub fn own_motion(&self, landmarks: ArrayView3<'_, f32>) -> Array3<f32> {
+        let mut own = landmarks.to_owned();
+        self.openings().to_own(&mut own);
+        self.to_canonical.displacements_to_mesh(own.view())
+    }
+
+    fn openings(&self) -> &Openings {
+        let (to_canonical, parts) = (&self.to_canonical, &self.parts);
+        let find = || Openings::of(&self.mesh, &self.landmarks, to_canonical, parts);
+        self.openings.get_or_init(find)
     }
 
     /// Size of the mesh's unit on a head of human size.

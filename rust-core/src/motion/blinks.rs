@@ -45,8 +45,8 @@ const INTENSITY: usize = 15;
 /// How much an emotion at intensity 1 changes the rate; our own choice.
 const EMOTION_GAIN: f32 = 0.3;
 
-/// How far a lid on its way leaves the straight line, metres: it slides over a ball of 12 mm radius,
-/// and a chord of 10 mm stands 1.1 mm off its arc.
+/// How far a lid halfway from open to shut leaves the straight line, metres: it slides over a ball of
+/// 12 mm radius, and a chord of 10 mm stands 1.1 mm off its arc.
 const ARC: f32 = 1.1e-3;
 
 /// One closing of both eyes.
@@ -143,9 +143,11 @@ pub(super) fn close_lids(
             let mut frame = moved.index_axis_mut(ndarray::Axis(0), t);
             for (eye, right) in eyes.iter().zip([true, false]) {
                 let weight = blink.closure(t as f64 / fps, right);
-                let more = weight * (1.0 - eye.closure(&frame)).max(0.0);
-                eye.close(&mut frame, more);
-                eye.bring_forward(&mut frame, ARC * 4.0 * more * (1.0 - more));
+                let way = (1.0 - eye.closure(&frame)).max(0.0);
+                eye.close(&mut frame, weight * way);
+                // The height of an arc over its chord grows with the square of the chord.
+                let arc = ARC * way * way;
+                eye.bring_forward(&mut frame, arc * 4.0 * weight * (1.0 - weight));
             }
         }
     }

@@ -7,6 +7,7 @@ mod head;
 mod imports;
 mod kept_faces;
 mod landmarks;
+mod lids;
 mod life;
 mod parts;
 mod performance;

@@ -288,8 +288,9 @@ fn lids_that_close_meet() {
             let v = face.landmarks.vertices[n] as usize;
             face.landmarks.positions[n][1] + got[v][1]
         });
+        // Shut lids overlap a little, so that nothing between two vertices of their edges stays open.
         assert!(
-            (u - l).abs() < 3e-4,
+            (u - l).abs() < 1e-3,
             "{upper} over {lower}: {} mm",
             1000.0 * (u - l)
         );
@@ -326,7 +327,7 @@ fn a_mirrored_head_makes_the_mirrored_motion() {
     );
     let off = one.iter().zip(&other).map(|(a, b)| mm(flip(a), *b));
     let off = off.fold(0.0, f32::max);
-    // Every step is symmetric but for the order of sums: rounding of displacements of 20 mm in f32,
-    // a hundred additions long, stays under a micrometre.
-    assert!(off < 1e-3, "{off} mm");
+    // Every step is symmetric but for the order of sums, and for the cells of 0.2 mm in which an eye's opening
+    // is seen.
+    assert!(off < 0.02, "{off} mm");
 }

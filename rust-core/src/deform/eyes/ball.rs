@@ -1,0 +1,165 @@
+//! The ball that the lids of one eye slide over: a sphere with the bulge of the cornea.
+//!
+//! Points are those of an eye's own frame about the centre of the ball: across from corner to corner, up,
+//! and out of the face. Lengths are canonical centimetres.
+
+use serde::{Deserialize, Serialize};
+
+/// Of an eyeball to the width of its eye: 12 mm to 28 mm on human heads.
+const RADIUS_OF_WIDTH: f32 = 0.43;
+/// A radius that differs more from that is not believed, as factors.
+const RADIUS_RANGE: (f32, f32) = (0.7, 2.0);
+/// Points this far within the first fit belong to the inside of the eye, as a share of the radius.
+const INSIDE: f32 = 0.93;
+/// The cornea stands out by no more than this, as a share of the radius.
+const MOST_BULGE: f32 = 0.25;
+/// The eye turns, its cornea with it: the bulge is full this far beside its edge and gone so far beside it.
+const TURN_DEG: (f32, f32) = (6.0, 22.0);
+
+/// A sphere about the origin of its eye's frame that bulges to the front.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct Eyeball {
+    pub radius: f32,
+    /// How far the cornea stands out of the sphere.
+    bulge: f32,
+    /// Cosines from the front axis at which the bulge is full, and gone.
+    edge: (f32, f32),
+}
+
+impl Eyeball {
+    /// Of a sphere of `radius`; `points`: of the eye's surface.
+    pub(super) fn new(radius: f32, points: &[[f32; 3]]) -> Eyeball {
+        let front = points.iter().filter_map(|&p| {
+            let length = dot(p, p).sqrt();
+            let cosine = p[2] / length;
+            (cosine > 0.5).then_some((cosine, length - radius))
+        });
+        let front: Vec<(f32, f32)> = front.collect();
+        let bulge = front.iter().fold(0.0f32, |most, (_, out)| most.max(*out));
+        let standing = front.iter().filter(|(_, out)| *out > 0.2 * bulge);
+        let widest = standing.fold(1.0f32, |least, (cosine, _)| least.min(*cosine));
+        let beside = |turn: f32| (widest.clamp(-1.0, 1.0).acos() + turn.to_radians()).cos();
+        Eyeball {
+            radius,
+            bulge: bulge.min(MOST_BULGE * radius),
+            edge: (beside(TURN_DEG.0), beside(TURN_DEG.1)),
+        }
+    }
+
+    /// Distance from the centre to the surface below a point at distance `length`.
+    pub(super) fn radius_below(&self, p: [f32; 3], length: f32) -> f32 {
+        let (full, gone) = self.edge;
+        let share = ((p[2] / length.max(1e-6) - gone) / (full - gone).max(1e-6)).clamp(0.0, 1.0);
+        self.radius + self.bulge * share * share * (3.0 - 2.0 * share)
+    }
+}
+
+/// Centre and radius of the sphere that fits the outermost of `points` best in the sense of least squares,
+/// where it can be an eyeball behind an eye of this `width`.
+pub(super) fn fit_sphere(points: &[[f32; 3]], width: f32) -> Option<([f32; 3], f32)> {
+    let (centre, radius) = least_squares(points)?;
+    let outer = points.iter().copied().filter(|p| {
+        let offset: [f32; 3] = std::array::from_fn(|i| p[i] - centre[i]);
+        dot(offset, offset).sqrt() > INSIDE * radius
+    });
+    let (centre, radius) = least_squares(&Vec::from_iter(outer))?;
+    let usual = radius_of(width);
+    let range = RADIUS_RANGE.0 * usual..RADIUS_RANGE.1 * usual;
+    range.contains(&radius).then_some((centre, radius))
+}
+
+/// Radius of the ball behind an eye of this width.
+pub(super) fn radius_of(width: f32) -> f32 {
+    RADIUS_OF_WIDTH * width
+}
+
+/// The algebraic fit: `|p|² = 2 c·p + k`, about the mean of the points.
+fn least_squares(points: &[[f32; 3]]) -> Option<([f32; 3], f32)> {
+    if points.len() < 8 {
+        return None;
+    }
+    let count = points.len() as f64;
+    let sum = |of: &dyn Fn([f64; 3]) -> f64| -> f64 {
+        points.iter().map(|p| of(p.map(f64::from))).sum::<f64>() / count
+    };
+    let mean: [f64; 3] = std::array::from_fn(|i| sum(&|p| p[i]));
+    let from = |p: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| p[i] - mean[i]) };
+    let square = |p: [f64; 3]| p.iter().map(|x| x * x).sum::<f64>();
+    let matrix: [[f64; 3]; 3] =
+        std::array::from_fn(|i| std::array::from_fn(|j| 2.0 * sum(&|p| from(p)[i] * from(p)[j])));
+    let right: [f64; 3] = std::array::from_fn(|i| sum(&|p| from(p)[i] * square(from(p))));
+    let offset = solve(&matrix, right)?;
+    let radius = (sum(&|p| square(from(p))) + square(offset)).sqrt();
+    let centre = std::array::from_fn(|i| (mean[i] + offset[i]) as f32);
+    Some((centre, radius as f32))
+}
+
+/// Cramer's rule; `None` where the matrix is near singular: the points lie in a plane.
+fn solve(matrix: &[[f64; 3]; 3], right: [f64; 3]) -> Option<[f64; 3]> {
+    let determinant = |m: &[[f64; 3]; 3]| {
+        let minor = |a: usize, b: usize| m[1][a] * m[2][b] - m[1][b] * m[2][a];
+        m[0][0] * minor(1, 2) - m[0][1] * minor(0, 2) + m[0][2] * minor(0, 1)
+    };
+    let whole = determinant(matrix);
+    let size = (matrix[0][0] + matrix[1][1] + matrix[2][2]) / 3.0;
+    (whole.abs() > 1e-3 * size.powi(3)).then(|| {
+        std::array::from_fn(|column| {
+            let mut replaced = *matrix;
+            (0..3).for_each(|row| replaced[row][column] = right[row]);
+            determinant(&replaced) / whole
+        })
+    })
+}
+
+pub(super) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points of a sphere's front half with a cornea of another sphere before it, and an iris inside.
+    fn eye(centre: [f32; 3]) -> Vec<[f32; 3]> {
+        let turns = (0..40).flat_map(|i| (0..20).map(move |j| (i as f32 * 0.157, j as f32 * 0.1)));
+        turns
+            .flat_map(|(about, away)| {
+                let way = [
+                    away.sin() * about.cos(),
+                    away.sin() * about.sin(),
+                    away.cos(),
+                ];
+                let out = 1.2 + 0.1 * (1.0 - away / 0.5).max(0.0);
+                let at = |r: f32| std::array::from_fn(|i| centre[i] + r * way[i]);
+                [Some(at(out)), (away < 0.4).then(|| at(0.8))]
+            })
+            .flatten()
+            .collect()
+    }
+
+    #[test]
+    fn the_sphere_is_found_beside_iris_and_cornea() {
+        let (centre, radius) = fit_sphere(&eye([3.0, 4.0, 7.0]), 2.8).unwrap();
+        assert!((radius - 1.2).abs() < 0.05, "{radius}");
+        let off = (0..3).map(|i| (centre[i] - [3.0, 4.0, 7.0][i]).abs());
+        assert!(off.fold(0.0, f32::max) < 0.06, "{centre:?}");
+    }
+
+    #[test]
+    fn what_can_be_no_eyeball_is_refused() {
+        assert_eq!(fit_sphere(&eye([0.0; 3]), 20.0), None);
+        let flat: Vec<[f32; 3]> = (0..50).map(|k| [k as f32, (k * k) as f32, 0.0]).collect();
+        assert_eq!(fit_sphere(&flat, 2.8), None);
+    }
+
+    #[test]
+    fn every_point_of_the_eye_lies_within_the_bulged_ball() {
+        let points = eye([0.0; 3]);
+        let ball = Eyeball::new(1.2, &points);
+        for p in points {
+            let length = dot(p, p).sqrt();
+            assert!(length < ball.radius_below(p, length) + 1e-4, "{p:?}");
+        }
+        assert_eq!(ball.radius_below([1.2, 0.0, 0.0], 1.2), 1.2);
+    }
+}

@@ -1,0 +1,105 @@
+//! What of some surfaces is seen from the front: a picture of depths without perspective.
+
+/// Kind of a cell that nothing covers.
+pub const NOTHING: u8 = 0;
+
+/// Square cells over a rectangle, each with the nearest surface over its centre; +z is nearer.
+///
+/// ```
+/// use anyface::mesh::FrontView;
+///
+/// let mut view = FrontView::new([0.0, 0.0], [4.0, 4.0], 1.0);
+/// view.draw([[0.0, 0.0, 1.0], [9.0, 0.0, 1.0], [0.0, 9.0, 1.0]], 1);
+/// view.draw([[0.0, 0.0, 2.0], [2.2, 0.0, 2.0], [0.0, 2.2, 2.0]], 2);
+/// assert_eq!((view.kind(0, 0), view.kind(3, 3), view.depth(0, 0)), (2, 1, 2.0));
+/// ```
+#[derive(Debug, Clone)]
+pub struct FrontView {
+    low: [f32; 2],
+    cell: f32,
+    columns: usize,
+    rows: usize,
+    /// Depth and kind, row by row.
+    nearest: Vec<(f32, u8)>,
+}
+
+impl FrontView {
+    /// An empty picture from `low` to `high` with cells of side `cell`.
+    pub fn new(low: [f32; 2], high: [f32; 2], cell: f32) -> FrontView {
+        let count = |i: usize| ((high[i] - low[i]) / cell).ceil().max(0.0) as usize;
+        let (columns, rows) = (count(0), count(1));
+        FrontView {
+            low,
+            cell,
+            columns,
+            rows,
+            nearest: vec![(f32::NEG_INFINITY, NOTHING); columns * rows],
+        }
+    }
+
+    /// Number of columns, from the left.
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// Number of rows, from below.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// What is seen in a cell, [`NOTHING`] where nothing is.
+    pub fn kind(&self, column: usize, row: usize) -> u8 {
+        self.nearest[row * self.columns + column].1
+    }
+
+    /// Depth of what is seen in a cell, minus infinity where nothing is.
+    pub fn depth(&self, column: usize, row: usize) -> f32 {
+        self.nearest[row * self.columns + column].0
+    }
+
+    /// Centre of a cell.
+    pub fn centre(&self, column: usize, row: usize) -> [f32; 2] {
+        let at = |low: f32, k: usize| low + (k as f32 + 0.5) * self.cell;
+        [at(self.low[0], column), at(self.low[1], row)]
+    }
+
+    /// Column and row of the cell that a point lies in, or of the nearest one.
+    pub fn cell_at(&self, point: [f32; 2]) -> [usize; 2] {
+        let counts = [self.columns, self.rows];
+        std::array::from_fn(|i| {
+            let cell = ((point[i] - self.low[i]) / self.cell).max(0.0) as usize;
+            cell.min(counts[i].saturating_sub(1))
+        })
+    }
+
+    /// Draws one triangle, seen from either side.
+    pub fn draw(&mut self, [a, b, c]: [[f32; 3]; 3], kind: u8) {
+        let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
+        if area == 0.0 {
+            return;
+        }
+        let span = |i: usize, count: usize| {
+            let low = a[i].min(b[i]).min(c[i]) - self.low[i];
+            let high = a[i].max(b[i]).max(c[i]) - self.low[i];
+            let last = (high / self.cell + 0.5).floor().clamp(0.0, count as f32);
+            (low / self.cell - 0.5).ceil().clamp(0.0, count as f32) as usize..last as usize
+        };
+        let (columns, rows) = (span(0, self.columns), span(1, self.rows));
+        for row in rows {
+            for column in columns.clone() {
+                let [x, y] = self.centre(column, row);
+                let of_a = ((b[0] - x) * (c[1] - y) - (c[0] - x) * (b[1] - y)) / area;
+                let of_b = ((c[0] - x) * (a[1] - y) - (a[0] - x) * (c[1] - y)) / area;
+                let of_c = 1.0 - of_a - of_b;
+                if of_a.min(of_b).min(of_c) < -1e-6 {
+                    continue;
+                }
+                let depth = of_a * a[2] + of_b * b[2] + of_c * c[2];
+                let cell = &mut self.nearest[row * self.columns + column];
+                if depth > cell.0 {
+                    *cell = (depth, kind);
+                }
+            }
+        }
+    }
+}

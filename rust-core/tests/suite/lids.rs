@@ -1,0 +1,246 @@
+//! Blinks under several emotions: shut eyes are shut, and no eyeball comes through a lid.
+
+use anyface::{
+    Face,
+    audio::{Prosody, Waveform},
+    conditions::EmotionCurve,
+    mesh::{FaceOptions, LandmarkSource, Mesh, PartChoices, PartRole},
+    metrics::{EyeballsInSight, eyeballs_in_sight},
+    motion::{
+        Cues, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, PerformanceControls,
+    },
+    progress::SILENT,
+    spread::Collector,
+};
+use ndarray::{Array3, ArrayView2, Axis};
+
+use crate::head::{self, closing};
+
+const FPS: f64 = 30.0;
+const FRAMES: usize = 120;
+/// Shares of what is seen of the eyeballs at rest.
+const SHUT: f64 = 0.05;
+const THROUGH_LIDS: f64 = 0.005;
+
+/// A silent face that feels something and blinks often.
+fn blinking(emotion: &str) -> LandmarkClip {
+    let affect = EmotionCurve::parse(emotion).unwrap().sample(FRAMES, FPS);
+    let expressions = Expressions::open(None).unwrap();
+    let prosody = Prosody::of(&Waveform {
+        samples: vec![0.0; 64_000],
+    });
+    let cues = Cues {
+        affect: affect.view(),
+        blink_affect: affect.view(),
+        expressions: &expressions,
+        emotion_origin: EmotionOrigin::Added,
+        speech_only: false,
+        prosody: &prosody,
+        seed: 3,
+    };
+    let still = LandmarkClip {
+        displacements: Array3::zeros((FRAMES, 68, 3)),
+        fps: FPS,
+    };
+    let controls = PerformanceControls {
+        blinks_per_minute: 60.0,
+        ..PerformanceControls::default()
+    };
+    let modes = FaceModes::open(None).unwrap();
+    modes.perform(&still, &cues, &controls).unwrap()
+}
+
+/// By which share the lids of both eyes are asked to close.
+fn asked(frame: ArrayView2<'_, f32>) -> f32 {
+    let modes = FaceModes::open(None).unwrap();
+    let way = |pairs: &[(usize, usize)], moved: ArrayView2<'_, f32>| -> f32 {
+        pairs
+            .iter()
+            .map(|&(u, l)| moved[[l, 1]] - moved[[u, 1]])
+            .sum()
+    };
+    let [right, left] = [
+        ("eyeBlink_R", &head::LIDS[..2]),
+        ("eyeBlink_L", &head::LIDS[2..]),
+    ]
+    .map(|(mode, pairs)| way(pairs, frame) / way(pairs, modes.mode(mode).unwrap()));
+    right.min(left)
+}
+
+/// Skin and eyeballs of a head.
+struct Eyes {
+    skin: Vec<[u32; 3]>,
+    eyeballs: Vec<[u32; 3]>,
+    cell: f32,
+}
+
+impl Eyes {
+    fn of(face: &Face) -> Eyes {
+        let role = |t: &&[u32; 3]| {
+            let part = face.parts.of_vertex()[t[0] as usize] as usize;
+            face.parts.parts.get(part).map(|part| part.role)
+        };
+        let of = |wanted| {
+            let all = face.mesh.triangles.iter();
+            all.filter(|t| role(t) == Some(wanted)).copied().collect()
+        };
+        Eyes {
+            skin: of(PartRole::Skin),
+            eyeballs: of(PartRole::Gaze),
+            cell: (2e-4 / face.metres_per_unit()) as f32,
+        }
+    }
+
+    fn sight(&self, positions: &[[f32; 3]]) -> EyeballsInSight {
+        eyeballs_in_sight(positions, &self.skin, &self.eyeballs, self.cell)
+    }
+}
+
+/// What is seen of the eyeballs in each frame, and at rest, where +z is out of the face.
+fn sights(face: &Face, clip: &LandmarkClip) -> (Vec<EyeballsInSight>, f64) {
+    let motion = Motion::Landmarks(clip.clone());
+    let engine = head::engine();
+    let made = Collector::collect(|sink| engine.spread(face, &motion, sink, SILENT)).unwrap();
+    let eyes = Eyes::of(face);
+    let frames = made.vertices.displacements.axis_iter(Axis(0)).map(|frame| {
+        let moved = face.mesh.positions.iter().zip(frame.rows());
+        let posed: Vec<[f32; 3]> = moved
+            .map(|(p, d)| std::array::from_fn(|i| p[i] + d[i]))
+            .collect();
+        eyes.sight(&posed)
+    });
+    (frames.collect(), eyes.sight(&face.mesh.positions).area)
+}
+
+/// Every blink under every emotion ends shut, and no frame shows an eyeball through a lid.
+fn check_blinks(face: &Face) {
+    for emotion in ["neutral:0", "surprised:1", "afraid:1", "happy:1"] {
+        let clip = blinking(emotion);
+        let (seen, rest) = sights(face, &clip);
+        assert!(rest > 0.0, "eyes that are open at rest");
+        let mut shut = 0;
+        for (t, sight) in seen.iter().enumerate() {
+            let share = sight.area / rest;
+            if asked(clip.displacements.index_axis(Axis(0), t)) > 0.999 {
+                shut += 1;
+                assert!(share < SHUT, "{emotion}, frame {t}: {share} in sight");
+            }
+            let through = sight.through_lids / rest;
+            assert!(
+                through < THROUGH_LIDS,
+                "{emotion}, frame {t}: {through} through the lids"
+            );
+        }
+        assert!(shut >= 3, "{emotion}: {shut} frames with shut eyes");
+    }
+}
+
+#[test]
+fn the_default_head_shuts_its_eyes_under_every_emotion() {
+    check_blinks(&head::prepared(
+        &head::head(),
+        &head::landmarks(),
+        PartChoices::default(),
+    ));
+}
+
+/// The default head with eyes opened half as far, and half as far again: the way of the lids is the head's own.
+#[test]
+fn eyes_that_are_open_less_or_more_shut_as_well() {
+    let marks = head::landmarks();
+    let face = head::prepared(&head::head(), &marks, PartChoices::default());
+    for opened in [-0.4f32, 0.5] {
+        let way: Vec<[f32; 3]> = closing(&marks, &head::LIDS, 0.0)
+            .iter()
+            .map(|d| d.map(|x| -opened * x))
+            .collect();
+        let moved = head::moved(&face, &way);
+        let mut mesh = head::head();
+        for (p, d) in mesh.positions.iter_mut().zip(&moved) {
+            *p = head::sum(*p, *d);
+        }
+        let marks: head::Points = face
+            .landmarks
+            .vertices
+            .iter()
+            .map(|&v| mesh.positions[v as usize])
+            .collect();
+        let other = head::prepared(&mesh, &marks, PartChoices::default());
+        let (at_rest, before) = (Eyes::of(&other), Eyes::of(&face));
+        let open = at_rest.sight(&mesh.positions).area / before.sight(&face.mesh.positions).area;
+        assert!((open - 1.0 - f64::from(opened)).abs() < 0.3, "{open}");
+        check_blinks(&other);
+    }
+}
+
+/// By half of its way a blink closes half of the opening.
+#[test]
+fn lids_close_by_the_share_that_is_asked_for() {
+    let face = head::prepared(&head::head(), &head::landmarks(), PartChoices::default());
+    let modes = FaceModes::open(None).unwrap();
+    let shares = [0.35f32, 0.5, 0.75];
+    let displacements = Array3::from_shape_fn((shares.len(), 68, 3), |(t, n, i)| {
+        let both = ["eyeBlink_L", "eyeBlink_R"].map(|name| modes.mode(name).unwrap()[[n, i]]);
+        match (36..48).contains(&n) {
+            true => shares[t] * (both[0] + both[1]),
+            false => 0.0,
+        }
+    });
+    let (seen, rest) = sights(
+        &face,
+        &LandmarkClip {
+            displacements,
+            fps: FPS,
+        },
+    );
+    for (sight, asked) in seen.iter().zip(shares) {
+        let open = sight.area / rest;
+        let wanted = 1.0 - f64::from(asked);
+        assert!((open - wanted).abs() < 0.12, "{asked}: {open} open");
+    }
+}
+
+/// ICT FaceKit's neutral head, centimetres, with its landmarks.
+fn ict() -> (Mesh, LandmarkSource) {
+    let shared = std::env::var_os("ANYFACE_SHARED").map_or_else(
+        || std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared"),
+        std::path::PathBuf::from,
+    );
+    let bytes = std::fs::read(shared.join("data/faces/ict_facekit.safetensors")).unwrap();
+    let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+    let words = |name: &str| -> Vec<[u8; 4]> {
+        let tensor = file.tensor(name).unwrap();
+        tensor
+            .data()
+            .chunks_exact(4)
+            .map(|b| b.try_into().unwrap())
+            .collect()
+    };
+    let three = |values: Vec<f32>| values.chunks(3).map(|p| [p[0], p[1], p[2]]).collect();
+    let numbers = |name: &str| words(name).into_iter().map(u32::from_le_bytes);
+    let corners: Vec<u32> = numbers("triangles").collect();
+    let mesh = Mesh {
+        positions: three(
+            words("neutral")
+                .into_iter()
+                .map(f32::from_le_bytes)
+                .collect(),
+        ),
+        triangles: corners.chunks(3).map(|t| [t[0], t[1], t[2]]).collect(),
+    };
+    (
+        mesh,
+        LandmarkSource::Vertices(numbers("landmarks68").collect()),
+    )
+}
+
+#[test]
+#[ignore = "needs ../shared"]
+fn the_face_model_shuts_its_eyes_under_every_emotion() {
+    let (mesh, landmarks) = ict();
+    let options = FaceOptions {
+        landmarks: Some(landmarks),
+        ..FaceOptions::default()
+    };
+    check_blinks(&head::engine().prepare(&mesh, &options, SILENT).unwrap());
+}
