@@ -93,7 +93,9 @@ impl Animate {
         if face.mouth() != Mouth::Welded {
             return engine.prepare(&face.mesh, &face.options, progress);
         }
-        let opened = timed(report, "open", || mesh::open_mouth(&face.mesh, &face.landmarks))?;
+        let opened = timed(report, "open", || {
+            mesh::open_mouth(&face.mesh, &face.landmarks)
+        })?;
         let out = open_mouth::beside(&self.out);
         timed(report, "write", || {
             open_mouth::write(&out, &self.mesh, &face.mesh, &opened)

@@ -40,7 +40,9 @@ impl OpenMouth {
             engine.find(&mesh, &options, &|p| console.progress(p))
         })?;
         let opened = timed(&mut report, "open", || open_mouth(&mesh, &face.landmarks))?;
-        timed(&mut report, "write", || write(&self.out, &self.mesh, &mesh, &opened))?;
+        timed(&mut report, "write", || {
+            write(&self.out, &self.mesh, &mesh, &opened)
+        })?;
         note_face(&mut report, &face);
         report.warnings.clear();
         report.mouth = Some("slit".into());
@@ -59,7 +61,10 @@ impl OpenMouth {
 }
 
 fn check_name(path: &Path) -> Result<()> {
-    match path.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj")) {
+    match path
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("obj"))
+    {
         true => Ok(()),
         false => Err(Error::InvalidInput(format!(
             "{}: expected a name that ends in .obj",
@@ -85,7 +90,9 @@ pub(super) fn beside(result: &Path) -> PathBuf {
 /// How the opened mesh is prepared after its face was found.
 pub(super) fn options_after(face: &Face, opened: &OpenedMouth) -> FaceOptions {
     let mut options = face.options.clone();
-    options.landmarks = Some(LandmarkSource::Positions(opened.landmarks.positions.to_vec()));
+    options.landmarks = Some(LandmarkSource::Positions(
+        opened.landmarks.positions.to_vec(),
+    ));
     options.fixed.clear();
     let names = &mut options.parts.names.of_vertex;
     if !names.is_empty() {

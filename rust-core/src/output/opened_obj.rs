@@ -12,6 +12,9 @@ use crate::{
 /// Vertex, texture and normal numbers of a corner, from 0.
 type Corner = [Option<usize>; 3];
 
+/// Group of the bag's faces, and their material where the file has materials.
+const BAG: &str = "mouth_inside";
+
 /// Words of an OBJ file for vertices, texture coordinates and normals.
 const KINDS: [&str; 3] = ["v", "vt", "vn"];
 
@@ -28,15 +31,24 @@ pub fn write_opened_obj(
 ) -> Result<()> {
     let text = match source {
         Some(source) => Rewriter::new(source, old, opened).text(),
-        None => plain(&opened.mesh),
+        None => plain(opened),
     };
-    write_atomically(path, |file| std::io::Write::write_all(file, text.as_bytes()))
+    write_atomically(path, |file| {
+        std::io::Write::write_all(file, text.as_bytes())
+    })
 }
 
-fn plain(mesh: &Mesh) -> String {
-    let mut text = String::new();
-    mesh.positions.iter().for_each(|p| add_numbers(&mut text, "v", p));
-    for [a, b, c] in &mesh.triangles {
+fn plain(opened: &OpenedMouth) -> String {
+    let mut text = String::from("g head\n");
+    opened
+        .mesh
+        .positions
+        .iter()
+        .for_each(|p| add_numbers(&mut text, "v", p));
+    for (number, [a, b, c]) in opened.mesh.triangles.iter().enumerate() {
+        if number == opened.first_bag_triangle {
+            let _ = writeln!(text, "g {BAG}");
+        }
         let _ = writeln!(text, "f {} {} {}", a + 1, b + 1, c + 1);
     }
     text
@@ -63,6 +75,12 @@ struct Rewriter<'a> {
     pieces: Vec<Vec<usize>>,
     /// Of vertices, texture coordinates and normals in the whole file.
     count: [usize; 3],
+    /// Lines in force that name a group and a material.
+    group: String,
+    material: Option<String>,
+    /// Faces of the bag that are still to be written.
+    bag: String,
+    bag_left: usize,
 }
 
 impl<'a> Rewriter<'a> {
@@ -77,6 +95,10 @@ impl<'a> Rewriter<'a> {
         Rewriter {
             source,
             count,
+            group: "g head".into(),
+            material: None,
+            bag: String::new(),
+            bag_left: opened.triangle_sources.len() - opened.first_bag_triangle,
             old,
             opened,
             lines: Default::default(),
@@ -100,6 +122,11 @@ impl<'a> Rewriter<'a> {
                 let corners: Vec<Corner> = corners.map(|w| self.corner(w)).collect();
                 triangle = self.add_polygon(&corners, triangle, &mut rest);
             } else {
+                match word {
+                    "g" => self.group = line.to_owned(),
+                    "usemtl" => self.material = Some(line.to_owned()),
+                    _ => {}
+                }
                 rest.push_str(line);
                 rest.push('\n');
             }
@@ -142,11 +169,15 @@ impl<'a> Rewriter<'a> {
         let of_skin = own.iter().filter(|&&n| n < self.opened.first_bag_triangle);
         let is_whole = of_skin.count() == triangles.len();
         if is_whole {
-            let renamed: Vec<Corner> = corners.iter().map(|c| self.renamed(c, first..next)).collect();
+            let renamed: Vec<Corner> = corners
+                .iter()
+                .map(|c| self.renamed(c, first..next))
+                .collect();
             write_face(text, &renamed);
         }
         for number in own {
-            if is_whole && number < self.opened.first_bag_triangle {
+            let in_bag = number >= self.opened.first_bag_triangle;
+            if is_whole && !in_bag {
                 continue;
             }
             let from = self.opened.triangle_sources[number];
@@ -160,9 +191,32 @@ impl<'a> Rewriter<'a> {
                     self.mixed(vertex, &around, from.corners[k])
                 })
                 .collect();
-            write_face(text, &mixed);
+            match in_bag {
+                true => write_face(&mut self.bag, &mixed),
+                false => write_face(text, &mixed),
+            }
+            self.bag_left -= usize::from(in_bag);
+        }
+        if self.bag_left == 0 && !self.bag.is_empty() {
+            self.add_bag(text);
         }
         next
+    }
+
+    /// Writes the bag as a group of its own, and what was in force before behind it.
+    fn add_bag(&mut self, text: &mut String) {
+        let bag = std::mem::take(&mut self.bag);
+        let _ = writeln!(text, "g {BAG}");
+        if self.material.is_some() {
+            let _ = writeln!(text, "usemtl {BAG}");
+        }
+        let _ = write!(
+            text,
+            "{bag}{}\n{}",
+            self.group,
+            self.material.as_deref().unwrap_or("")
+        );
+        text.push_str(if self.material.is_some() { "\n" } else { "" });
     }
 
     /// A corner of a polygon that was not cut, with the number of its vertex now.
@@ -171,8 +225,14 @@ impl<'a> Rewriter<'a> {
             let new = self.opened.mesh.triangles[self.pieces[t][0]];
             self.old.triangles[t].into_iter().zip(new)
         });
-        let now = own.into_iter().find(|(old, _)| Some(*old as usize) == corner[0]);
-        [now.map_or(corner[0], |(_, new)| Some(new as usize)), corner[1], corner[2]]
+        let now = own
+            .into_iter()
+            .find(|(old, _)| Some(*old as usize) == corner[0]);
+        [
+            now.map_or(corner[0], |(_, new)| Some(new as usize)),
+            corner[1],
+            corner[2],
+        ]
     }
 
     /// A corner between those of a triangle; adds texture coordinates and normals that are in between.
@@ -190,7 +250,10 @@ impl<'a> Rewriter<'a> {
             let mut value = vec![0.0f32; size];
             for (number, share) in numbers.iter().zip(shares) {
                 let from = self.values[kind].get(*number).into_iter().flatten();
-                value.iter_mut().zip(from).for_each(|(to, x)| *to += share * x);
+                value
+                    .iter_mut()
+                    .zip(from)
+                    .for_each(|(to, x)| *to += share * x);
             }
             if kind == 2 {
                 let length = value.iter().map(|x| x * x).sum::<f32>().sqrt().max(1e-12);
@@ -210,7 +273,13 @@ fn write_face(text: &mut String, corners: &[Corner]) {
         let _ = match (texture, normal) {
             (None, None) => write!(text, " {}", shown(vertex)),
             (_, None) => write!(text, " {}/{}", shown(vertex), shown(texture)),
-            _ => write!(text, " {}/{}/{}", shown(vertex), shown(texture), shown(normal)),
+            _ => write!(
+                text,
+                " {}/{}/{}",
+                shown(vertex),
+                shown(texture),
+                shown(normal)
+            ),
         };
     }
     text.push('\n');

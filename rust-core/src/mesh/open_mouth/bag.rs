@@ -114,7 +114,11 @@ fn depth(mesh: &Mesh, frame: &MouthFrame, middle: [f64; 3]) -> f64 {
         let depth = (u * a[2] + v * b[2] + w * c[2]) / (u + v + w);
         (is_hit && depth > LIPS).then_some(depth)
     };
-    let nearest = mesh.triangles.iter().filter_map(behind).fold(f64::INFINITY, f64::min);
+    let nearest = mesh
+        .triangles
+        .iter()
+        .filter_map(behind)
+        .fold(f64::INFINITY, f64::min);
     (SHARE_OF_HEAD * nearest).clamp(LEAST_DEPTH, DEPTH)
 }
 

@@ -5,10 +5,7 @@ use std::collections::{HashMap, HashSet};
 use super::{TriangleSource, patch::Patch, trace::Node};
 use crate::{
     Error, Result,
-    mesh::{
-        Mesh,
-        vec3::distance,
-    },
+    mesh::{Mesh, vec3::distance},
 };
 
 /// A triangle of the new mesh inside of one of the old.
@@ -97,7 +94,8 @@ impl CutMesh {
         self.positions.push(std::array::from_fn(|i| {
             (0..3).map(|k| shares[k] * points[k][i]).sum::<f64>() as f32
         }));
-        self.sources.push([0, 1, 2].map(|k| (corners[k], shares[k] as f32)));
+        self.sources
+            .push([0, 1, 2].map(|k| (corners[k], shares[k] as f32)));
         self.positions.len() as u32 - 1
     }
 
@@ -146,7 +144,9 @@ impl CutMesh {
         for piece in &self.pieces {
             for (corner, shares) in piece.corners.iter().zip(piece.shares) {
                 if rims.contains(corner) {
-                    beside.entry(self.key_of(*corner)).or_insert((piece.source, shares));
+                    beside
+                        .entry(self.key_of(*corner))
+                        .or_insert((piece.source, shares));
                 }
             }
         }
@@ -239,7 +239,11 @@ impl<'a> Splitter<'a> {
             let (v, w) = (vertices[k], vertices[next]);
             let made = self.made.entry((v.min(w), v.max(w)));
             let vertex = *made.or_insert_with(|| {
-                let (first, second) = if v < w { (1.0 - to_next, to_next) } else { (to_next, 1.0 - to_next) };
+                let (first, second) = if v < w {
+                    (1.0 - to_next, to_next)
+                } else {
+                    (to_next, 1.0 - to_next)
+                };
                 cut.add(mesh, [v.min(w), v.max(w), v], [first, second, 0.0])
             });
             rim.push((vertex, self.patch.points.len() as u32 + place, shares));
@@ -253,14 +257,18 @@ impl<'a> Splitter<'a> {
 fn triangles_of(rim: &[Corner], first_place: u32, positions: &[[f32; 3]]) -> Vec<[Corner; 3]> {
     let is_place = |c: &Corner| c.1 >= first_place;
     let at = |i: usize| rim[i % rim.len()];
-    let Some(start) = (0..rim.len()).find(|&i| is_place(&at(i)) && !is_place(&at(i + 2)) || rim.len() == 3)
+    let Some(start) =
+        (0..rim.len()).find(|&i| is_place(&at(i)) && !is_place(&at(i + 2)) || rim.len() == 3)
     else {
         return fan_of_all(rim);
     };
     match rim.len() {
         3 => vec![[rim[0], rim[1], rim[2]]],
         // The place, then the three corners.
-        4 => vec![[at(start), at(start + 1), at(start + 2)], [at(start), at(start + 2), at(start + 3)]],
+        4 => vec![
+            [at(start), at(start + 1), at(start + 2)],
+            [at(start), at(start + 2), at(start + 3)],
+        ],
         5 => {
             // Two places with one corner between them: found from the second of them.
             let second = (0..5).find(|&i| is_place(&at(i)) && is_place(&at(i + 3)));
@@ -284,7 +292,9 @@ fn triangles_of(rim: &[Corner], first_place: u32, positions: &[[f32; 3]]) -> Vec
 }
 
 fn fan_of_all(rim: &[Corner]) -> Vec<[Corner; 3]> {
-    (1..rim.len() - 1).map(|i| [rim[0], rim[i], rim[i + 1]]).collect()
+    (1..rim.len() - 1)
+        .map(|i| [rim[0], rim[i], rim[i + 1]])
+        .collect()
 }
 
 /// Which side of the line every corner on it belongs to.
@@ -344,7 +354,11 @@ impl Banks {
             false => [0, 1],
             true => [1, 0],
         };
-        let hole = || Error::Mesh("expected skin on both sides of the line between the lips, got a hole".into());
+        let hole = || {
+            Error::Mesh(
+                "expected skin on both sides of the line between the lips, got a hole".into(),
+            )
+        };
         let corner_of = |number: u32, n: usize| {
             let points = cut.pieces[number as usize].points;
             let k = points.iter().position(|p| *p == point(n));
@@ -352,7 +366,11 @@ impl Banks {
         };
         let bank = |side: usize| -> Result<Vec<(u32, usize)>> {
             (0..line.len())
-                .map(|n| sides[n.min(line.len() - 2)][side].map(|number| corner_of(number, n)).ok_or_else(hole))
+                .map(|n| {
+                    sides[n.min(line.len() - 2)][side]
+                        .map(|number| corner_of(number, n))
+                        .ok_or_else(hole)
+                })
                 .collect()
         };
         let (upper, lower) = (bank(with)?, bank(against)?);
@@ -360,7 +378,11 @@ impl Banks {
         for n in 1..line.len() - 1 {
             let ends = [point(n - 1), point(n + 1)];
             let groups = fans(cut, &around[n], ends);
-            let group_of = |piece: Option<u32>| groups.iter().position(|g| g.iter().any(|(p, _)| Some(*p) == piece));
+            let group_of = |piece: Option<u32>| {
+                groups
+                    .iter()
+                    .position(|g| g.iter().any(|(p, _)| Some(*p) == piece))
+            };
             let seeds = [n - 1, n].map(|s| group_of(sides[s][against]));
             let others = [n - 1, n].map(|s| group_of(sides[s][with]));
             for (g, group) in groups.iter().enumerate() {
@@ -368,7 +390,9 @@ impl Banks {
                     (true, false) => true,
                     (false, true) => false,
                     _ => {
-                        let thirds = group.iter().flat_map(|&(p, _)| cut.pieces[p as usize].points);
+                        let thirds = group
+                            .iter()
+                            .flat_map(|&(p, _)| cut.pieces[p as usize].points);
                         thirds.map(|p| above(position(p))).sum::<f64>() < 0.0
                     }
                 };
@@ -396,7 +420,8 @@ fn fans(cut: &CutMesh, around: &[(u32, usize)], ends: [u32; 2]) -> Vec<Vec<(u32,
         let sides = others(corner);
         let touches = |group: &Vec<(u32, usize)>| {
             let all = group.iter().flat_map(others);
-            all.into_iter().any(|p| sides.contains(&p) && !ends.contains(&p))
+            all.into_iter()
+                .any(|p| sides.contains(&p) && !ends.contains(&p))
         };
         let (joined, apart): (Vec<_>, Vec<_>) = groups.into_iter().partition(touches);
         groups = apart;

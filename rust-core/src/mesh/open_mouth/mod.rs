@@ -152,7 +152,10 @@ impl OpenedMouth {
         for (target, sources) in out.chunks_mut(channels.max(1)).zip(&self.vertex_sources) {
             for &(v, share) in sources {
                 let from = &values[v as usize * channels..][..channels];
-                target.iter_mut().zip(from).for_each(|(to, x)| *to += share * x);
+                target
+                    .iter_mut()
+                    .zip(from)
+                    .for_each(|(to, x)| *to += share * x);
             }
         }
         Ok(out)
@@ -164,7 +167,11 @@ impl OpenedMouth {
     /// # Errors
     /// `ShapeMismatch` if the last source names a corner that has no value.
     pub fn carry_corners(&self, values: &[f32], channels: usize) -> Result<Vec<f32>> {
-        let most = self.triangle_sources.iter().map(|s| s.triangle as usize + 1).max();
+        let most = self
+            .triangle_sources
+            .iter()
+            .map(|s| s.triangle as usize + 1)
+            .max();
         let needed = 3 * channels * most.unwrap_or(0);
         if values.len() < needed {
             return Err(Error::ShapeMismatch {
@@ -177,7 +184,11 @@ impl OpenedMouth {
         for source in &self.triangle_sources {
             let from = &values[3 * channels * source.triangle as usize..][..3 * channels];
             for shares in source.corners {
-                let mixed = |c: usize| (0..3).map(|k| shares[k] * from[k * channels + c]).sum::<f32>();
+                let mixed = |c: usize| {
+                    (0..3)
+                        .map(|k| shares[k] * from[k * channels + c])
+                        .sum::<f32>()
+                };
                 out.extend((0..channels).map(mixed));
             }
         }
@@ -197,7 +208,11 @@ fn landmarks_on_rims(cut: &CutMesh, landmarks: &Landmarks, frame: &MouthFrame) -
     let mut out = landmarks.clone();
     let local = |v: u32| frame.local(cut.positions[v as usize].map(f64::from));
     for n in 60..68 {
-        let rim = if (61..64).contains(&n) { &cut.upper } else { &cut.lower };
+        let rim = if (61..64).contains(&n) {
+            &cut.upper
+        } else {
+            &cut.lower
+        };
         let wanted = frame.local(landmarks.positions[n].map(f64::from))[0];
         let inner = match n {
             60 => 0..1,

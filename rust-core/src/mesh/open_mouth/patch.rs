@@ -11,8 +11,10 @@ use crate::{
     },
 };
 
-/// Skin this far from the middle of the mouth is looked at, in widths of the mouth.
+/// Skin this far from the middle of the mouth is looked at, in widths of the mouth, and so many times
+/// less far up and down.
 const REACH: f64 = 0.85;
+const FLATTER: f64 = 1.6;
 /// Landmarks of the lips: those that say which surface is the skin.
 const LIPS: std::ops::Range<usize> = 48..68;
 
@@ -46,7 +48,12 @@ impl MouthFrame {
         let middle = |of: [usize; 3]| -> [f64; 3] {
             std::array::from_fn(|i| of.iter().map(|&n| at(n)[i]).sum::<f64>() / 3.0)
         };
-        let of_head = upright(to_canonical.inverse().rotate([0.0, 1.0, 0.0]).map(f64::from));
+        let of_head = upright(
+            to_canonical
+                .inverse()
+                .rotate([0.0, 1.0, 0.0])
+                .map(f64::from),
+        );
         let of_lips = upright(sub(middle([50, 51, 52]), middle([56, 57, 58])));
         let up = match dot(of_head, of_lips) > 0.3 {
             true => upright([0, 1, 2].map(|i| of_head[i] + of_lips[i])),
@@ -93,7 +100,7 @@ impl Patch {
             .collect();
         let near = |v: u32| {
             let [x, y, z] = local[v as usize];
-            norm([x - 0.5, y, z]) < REACH
+            norm([x - 0.5, FLATTER * y, z]) < REACH
         };
         let faces: Vec<u32> = (0..mesh.triangles.len() as u32)
             .filter(|&f| mesh.triangles[f as usize].iter().any(|&v| near(v)))
@@ -111,7 +118,10 @@ impl Patch {
             points: Vec::new(),
         };
         for (&face, t) in faces.iter().zip(&sewn_triangles) {
-            if parts.of_vertex[t[0] as usize] != skin || t[0] == t[1] || t[1] == t[2] || t[2] == t[0]
+            if parts.of_vertex[t[0] as usize] != skin
+                || t[0] == t[1]
+                || t[1] == t[2]
+                || t[2] == t[0]
             {
                 continue;
             }
@@ -130,13 +140,19 @@ impl Patch {
     pub fn edge_near(&self, p: [f64; 3]) -> f64 {
         let length = |t: &[u32; 3]| -> f64 {
             let [a, b, c] = t.map(|v| self.points[v as usize]);
-            [sub(a, b), sub(b, c), sub(c, a)].map(norm).into_iter().fold(0.0, f64::max)
+            [sub(a, b), sub(b, c), sub(c, a)]
+                .map(norm)
+                .into_iter()
+                .fold(0.0, f64::max)
         };
         let away = |t: &[u32; 3]| -> f64 {
             let corners = t.map(|v| norm(sub(self.points[v as usize], p)));
             corners.into_iter().fold(f64::INFINITY, f64::min)
         };
-        let nearest = self.triangles.iter().min_by(|a, b| away(a).total_cmp(&away(b)));
+        let nearest = self
+            .triangles
+            .iter()
+            .min_by(|a, b| away(a).total_cmp(&away(b)));
         nearest.map_or(0.0, length)
     }
 }

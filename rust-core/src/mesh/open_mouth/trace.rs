@@ -66,7 +66,9 @@ pub(super) fn trace(patch: &Patch, line: &SeamLine, corners: [[f64; 3]; 2]) -> R
     let heights: Vec<f64> = heights.map(|p| p[1] - line.height(p[0])).collect();
     let heat = Heat::of(patch);
     for length in SMOOTHED_OVER {
-        let smooth = heat.as_ref().and_then(|heat| heat.smoothed(&heights, length));
+        let smooth = heat
+            .as_ref()
+            .and_then(|heat| heat.smoothed(&heights, length));
         let level = Level::of(patch, smooth.as_deref().unwrap_or(&heights));
         if let Some(found) = level.line(corners) {
             return Ok(found);
@@ -102,16 +104,28 @@ impl Heat {
     /// `(M + ℓ² L) x = M h`: heights that differ over less than `ℓ` are evened out.
     fn smoothed(&self, heights: &[f64], length: f64) -> Option<Vec<f64>> {
         let operators = &self.operators;
-        let flow = operators.laplacian.combine(length * length, 0.0, &operators.laplacian).ok()?;
+        let flow = operators
+            .laplacian
+            .combine(length * length, 0.0, &operators.laplacian)
+            .ok()?;
         let system = flow.add_diagonal(1.0, &operators.mass).ok()?;
         let rows = operators.vertex_of_row.iter().zip(&operators.mass);
         let mut values: Vec<f64> = rows.map(|(&v, m)| m * heights[v as usize]).collect();
-        SparseCholesky::factor(&system).ok()?.solve_in_place(&mut values, 1);
+        SparseCholesky::factor(&system)
+            .ok()?
+            .solve_in_place(&mut values, 1);
         let of_point = |(v, &row): (usize, &u32)| match row {
             NO_ROW => heights[v],
             row => values[row as usize],
         };
-        Some(operators.row_of_vertex.iter().enumerate().map(of_point).collect())
+        Some(
+            operators
+                .row_of_vertex
+                .iter()
+                .enumerate()
+                .map(of_point)
+                .collect(),
+        )
     }
 }
 
@@ -144,7 +158,10 @@ impl<'a> Level<'a> {
                     met.push(Node::Edge(a, b, x / (x - y)));
                 }
             }
-            let met: Vec<u32> = met.into_iter().map(|n| level.number(&mut numbers, n)).collect();
+            let met: Vec<u32> = met
+                .into_iter()
+                .map(|n| level.number(&mut numbers, n))
+                .collect();
             for (i, &a) in met.iter().enumerate() {
                 for &b in &met[i + 1..] {
                     level.links[a as usize].push((b, face as u32));
@@ -207,7 +224,12 @@ impl<'a> Level<'a> {
         let (low, high) = (corners[0][0] - 0.15, corners[1][0] + 0.15);
         let length: f64 = way
             .windows(2)
-            .map(|ends| distance(self.positions[ends[0] as usize], self.positions[ends[1] as usize]))
+            .map(|ends| {
+                distance(
+                    self.positions[ends[0] as usize],
+                    self.positions[ends[1] as usize],
+                )
+            })
             .sum();
         let inside = |&n: &u32| (low..high).contains(&self.positions[n as usize][0]);
         way.iter().all(inside) && length < 3.0
@@ -265,7 +287,11 @@ impl<'a> Level<'a> {
     /// An end inside of a triangle, and whether it lies beyond the way's last node.
     fn end(&self, way: &[u32], corner: [f64; 3], last: bool) -> Option<(Node, bool)> {
         let at = if last { way.len() - 1 } else { 0 };
-        let inner = if last { at.checked_sub(1) } else { (at + 1 < way.len()).then_some(1) }?;
+        let inner = if last {
+            at.checked_sub(1)
+        } else {
+            (at + 1 < way.len()).then_some(1)
+        }?;
         let (tip, before) = (way[at], way[inner]);
         let p = self.positions[tip as usize];
         let ways = self.links[tip as usize].iter();

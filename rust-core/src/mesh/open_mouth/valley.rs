@@ -163,11 +163,14 @@ fn cheapest_way(depths: &Depths) -> Vec<i64> {
                 (costs[from] + step * step, from)
             };
             let ways = reach.map(through);
-            ways.min_by(|a, b| a.0.total_cmp(&b.0)).expect("its own row is in reach")
+            ways.min_by(|a, b| a.0.total_cmp(&b.0))
+                .expect("its own row is in reach")
         };
         let found: Vec<(f64, usize)> = (0..rows).map(best).collect();
         let next = found.iter().enumerate();
-        let next = next.map(|(row, (cost, _))| cost + own(column, row)).collect();
+        let next = next
+            .map(|(row, (cost, _))| cost + own(column, row))
+            .collect();
         came_from.push(found.into_iter().map(|(_, from)| from).collect());
         costs = next;
     }
@@ -202,7 +205,10 @@ mod tests {
         }
         for (row, column) in (0..rows - 1).flat_map(|r| (0..columns - 1).map(move |c| (r, c))) {
             let a = row * columns + column;
-            patch.triangles.extend([[a, a + 1, a + columns], [a + 1, a + columns + 1, a + columns]]);
+            patch.triangles.extend([
+                [a, a + 1, a + columns],
+                [a + 1, a + columns + 1, a + columns],
+            ]);
         }
         patch.faces = (0..patch.triangles.len() as u32).collect();
         patch
@@ -219,7 +225,11 @@ mod tests {
         let line = SeamLine::find(&grooved(bow, 0.06), &level_landmarks());
         for place in [0.2, 0.35, 0.5, 0.65, 0.8] {
             let got = line.height(place);
-            assert!((got - bow(place)).abs() < 0.008, "{place}: {got}, {}", bow(place));
+            assert!(
+                (got - bow(place)).abs() < 0.008,
+                "{place}: {got}, {}",
+                bow(place)
+            );
         }
         assert!(line.height(0.0).abs() < 0.01 && line.height(1.0).abs() < 0.01);
     }
@@ -230,13 +240,20 @@ mod tests {
         inner[2][1] = 0.05;
         inner[6][1] = 0.03;
         let line = SeamLine::find(&grooved(|_| 0.0, 0.0), &inner);
-        assert!((line.height(0.5) - 0.04).abs() < 0.012, "{}", line.height(0.5));
+        assert!(
+            (line.height(0.5) - 0.04).abs() < 0.012,
+            "{}",
+            line.height(0.5)
+        );
         assert!(line.height(0.02).abs() < 0.006);
     }
 
     #[test]
     fn a_symmetric_groove_gives_a_symmetric_line() {
-        let line = SeamLine::find(&grooved(|x| 0.03 * (x - 0.5).abs(), 0.05), &level_landmarks());
+        let line = SeamLine::find(
+            &grooved(|x| 0.03 * (x - 0.5).abs(), 0.05),
+            &level_landmarks(),
+        );
         for place in [0.05, 0.2, 0.4] {
             let [a, b] = [place, 1.0 - place].map(|x| line.height(x));
             assert!((a - b).abs() < 0.5 * ROW, "{a} {b}");
