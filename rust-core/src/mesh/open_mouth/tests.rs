@@ -1,9 +1,14 @@
+use std::path::PathBuf;
+
+use ndarray::Array3;
+
 use super::*;
 use crate::{
-    Error,
+    CachePolicy, Engine, EngineOptions, Error,
     mesh::{FaceOptions, LandmarkSource, locate_landmarks, parts::weld_seams},
+    progress::SILENT,
+    spread::Collector,
 };
-use std::path::PathBuf;
 
 /// Half the width, and lowest and highest place of what is drawn of the default head, metres.
 const SIDE: f32 = 0.085;
@@ -125,7 +130,7 @@ impl Mask {
         let number = |c: usize, r: usize| (r * self.columns + c) as u32;
         for (r, c) in (0..self.rows - 1).flat_map(|r| (0..self.columns - 1).map(move |c| (r, c))) {
             let [p, q, s, t] = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j)| number(c + i, r + j));
-            mesh.triangles.extend(match 2 * c < self.columns {
+            mesh.triangles.extend(match 2 * c < self.columns - 1 {
                 true => [[p, q, s], [p, s, t]],
                 false => [[p, q, t], [q, s, t]],
             });
@@ -357,4 +362,97 @@ fn lips_that_part_already_are_left_alone() {
     let error = open_mouth(&mesh, &found).unwrap_err();
     assert!(matches!(error, Error::InvalidInput(_)));
     assert!(error.to_string().contains("part already (slit)"), "{error}");
+}
+
+/// A wide open mouth on a head of human size, metres.
+fn wide_open() -> Array3<f32> {
+    let mut moved = Array3::zeros((1, 68, 3));
+    for (n, share) in [
+        (55, 0.8),
+        (56, 1.0),
+        (57, 1.05),
+        (58, 1.0),
+        (59, 0.8),
+        (65, 1.0),
+        (66, 1.05),
+        (67, 1.0),
+    ] {
+        moved[[0, n, 1]] = -0.022 * share;
+        moved[[0, n, 2]] = -0.007 * share;
+    }
+    for n in 4..=12usize {
+        let share = 1.0 - n.abs_diff(8) as f32 / 6.0;
+        moved[[0, n, 1]] = -0.022 * share;
+        moved[[0, n, 2]] = -0.012 * share;
+    }
+    for n in [48, 54, 60, 64] {
+        moved[[0, n, 1]] = -0.008;
+    }
+    moved
+}
+
+/// Displacements of the vertices, `[V]`, when a mouth opens wide.
+fn moved(mesh: &Mesh, landmarks: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    let engine = Engine::new(EngineOptions {
+        cache: CachePolicy::Off,
+        ..EngineOptions::default()
+    });
+    let options = FaceOptions {
+        landmarks: Some(LandmarkSource::Positions(landmarks.to_vec())),
+        ..FaceOptions::default()
+    };
+    let engine = engine.unwrap();
+    let face = engine.prepare(mesh, &options, SILENT).unwrap();
+    let clip = Collector::collect(|sink| engine.spread_own(&face, wide_open(), 30.0, sink, SILENT));
+    let made = clip.unwrap().vertices.displacements;
+    made.as_slice().unwrap().as_chunks::<3>().0.to_vec()
+}
+
+#[test]
+fn opened_lips_part_by_what_the_landmarks_say() {
+    let mask = Mask::new(90, 110);
+    let (_, opened) = mask.opened();
+    let landmarks = &opened.landmarks;
+    let ways = moved(&opened.mesh, &landmarks.positions);
+    let asked = wide_open();
+    for (upper, lower) in [(61, 67), (62, 66), (63, 65)] {
+        let [a, b] = [upper, lower].map(|n| ways[landmarks.vertices[n] as usize][1]);
+        let wanted = asked[[0, upper, 1]] - asked[[0, lower, 1]];
+        assert!((a - b) > 0.85 * wanted, "{upper}: {} of {wanted}", a - b);
+    }
+    // In between no place of the rim stays behind.
+    let range = |n: usize| landmarks.positions[n][0];
+    for (&u, &l) in opened.upper_rim.iter().zip(&opened.lower_rim) {
+        let x = opened.mesh.positions[u as usize][0];
+        if x > range(61) && x < range(63) {
+            let gap = ways[u as usize][1] - ways[l as usize][1];
+            assert!(gap > 0.85 * 0.022, "{x}: {gap}");
+        }
+    }
+}
+
+#[test]
+fn lips_that_stay_one_surface_are_not_pulled_apart() {
+    let mask = Mask::new(90, 110);
+    let mesh = mask.mesh();
+    let ways = moved(&mesh, &mask.landmarks);
+    let mut posed = mesh.clone();
+    for (p, way) in posed.positions.iter_mut().zip(&ways) {
+        *p = std::array::from_fn(|i| p[i] + way[i]);
+    }
+    let found = mask.found(&mesh);
+    let middle = found.positions[62];
+    let width = found.positions[54][0] - found.positions[48][0];
+    let near = |t: &[u32; 3]| {
+        let p = mesh.positions[t[0] as usize];
+        (p[0] - middle[0]).hypot(p[1] - middle[1]) < 0.75 * width
+    };
+    let growth = mesh.face_areas().into_iter().zip(posed.face_areas());
+    let growth = growth.zip(&mesh.triangles).filter(|(_, t)| near(t));
+    let growth: Vec<f64> = growth.map(|((before, after), _)| after / before).collect();
+    let torn = growth.iter().filter(|g| **g > 2.0).count();
+    assert!(torn * 200 <= growth.len(), "{torn} of {}", growth.len());
+    // The borders of the lips still show that the mouth is open.
+    let [a, b] = [51, 57].map(|n| ways[found.vertices[n] as usize][1]);
+    assert!(a - b > 0.004, "{}", a - b);
 }

@@ -15,8 +15,10 @@ const ROW: f64 = 0.004;
 const RANGE: i64 = 24;
 /// What is above and below is looked at so far away, in rows (1.2, 2.4 and 4 mm).
 const FLANKS: [i64; 3] = [6, 12, 20];
-/// A valley of this depth outweighs one standard deviation from the landmarks' line, in widths.
-const DEEP: f64 = 0.02;
+/// A valley of this depth outweighs one standard deviation from the landmarks' line, in widths; one
+/// deeper than so many times that is a hole, not lips.
+const DEEP: f64 = 0.015;
+const DEEPEST: f64 = 8.0;
 /// Standard deviation of the landmarks' line, in rows: in the middle, and at the corners.
 const TRUST: [f64; 2] = [14.0, 2.0];
 /// Standard deviation of a step between two columns against the landmarks' line, in rows.
@@ -151,7 +153,7 @@ fn cheapest_way(depths: &Depths) -> Vec<i64> {
         let offset = row as i64 - RANGE;
         let inward = 2.0 * place(column).min(1.0 - place(column));
         let trust = TRUST[1] + (TRUST[0] - TRUST[1]) * inward.min(0.5) / 0.5;
-        (offset as f64 / trust).powi(2) - (depths.valley(column, offset) / DEEP).min(3.0)
+        (offset as f64 / trust).powi(2) - (depths.valley(column, offset) / DEEP).min(DEEPEST)
     };
     let mut costs: Vec<f64> = (0..rows).map(|row| own(0, row)).collect();
     let mut came_from: Vec<Vec<usize>> = Vec::new();
