@@ -130,19 +130,21 @@ pub unsafe extern "C" fn anyface_opened_mouth_copy_triangle_sources(
 
 /// Copies the landmarks of the new mesh, those of the inner lips on the rim of their own lip.
 ///
-/// `buffer`: `[68, 3]`, mesh units; `float_count` must be 204. Fails with `ANYFACE_STATUS_INVALID_INPUT`
-/// for another `float_count`.
+/// `positions`: `[68, 3]`, mesh units. `vertices`: `[68]`, numbers of the nearest vertices.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_opened_mouth_copy_landmarks(
     opened: *const AnyfaceOpenedMouth,
-    buffer: *mut f32,
-    float_count: usize,
+    positions: *mut f32,
+    vertices: *mut u32,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
     let work = || {
         let landmarks = &unsafe { pointer::handle("opened", opened) }?.0.landmarks;
-        let values = landmarks.positions.as_flattened();
-        unsafe { pointer::copy_out("buffer", values, buffer, float_count) }
+        let places = landmarks.positions.as_flattened();
+        let numbers = &landmarks.vertices;
+        pointer::check_room("vertices", vertices, numbers.len(), 1)?;
+        unsafe { pointer::copy_out("positions", places, positions, places.len()) }?;
+        unsafe { pointer::copy_out("vertices", numbers, vertices, numbers.len()) }
     };
     unsafe { guard::guard(error, work) }
 }
@@ -225,7 +227,7 @@ mod tests {
         let (opened, mut error) = (example(), null_mut());
         let (mut numbers, mut shares) = (vec![0u32; 12], vec![0.0f32; 18]);
         unsafe {
-            let [n, s] = [numbers.as_mut_ptr(), null_mut()];
+            let (n, s): (*mut u32, *mut u32) = (numbers.as_mut_ptr(), null_mut());
             let status = anyface_opened_mouth_copy_vertex_sources(
                 &opened,
                 n,
@@ -248,6 +250,18 @@ mod tests {
             let status = anyface_opened_mouth_copy_rims(&opened, n, s, 2, &mut error);
             assert_eq!(status, AnyfaceStatus::NullPointer);
             anyface_error_free(error);
+            let (mut places, mut nearest) = (vec![0.0f32; 204], vec![9u32; 68]);
+            let (p, v): (*mut f32, *mut u32) = (places.as_mut_ptr(), null_mut());
+            error = null_mut();
+            let status = anyface_opened_mouth_copy_landmarks(&opened, p, v, &mut error);
+            assert_eq!(status, AnyfaceStatus::NullPointer);
+            anyface_error_free(error);
+            let v = nearest.as_mut_ptr();
+            let status = anyface_opened_mouth_copy_landmarks(&opened, p, v, null_mut());
+            assert_eq!(
+                (status, places[203], nearest[67]),
+                (AnyfaceStatus::Ok, 0.25, 0)
+            );
             assert_eq!(anyface_opened_mouth_rim_count(&opened), 2);
             assert_eq!(anyface_opened_mouth_first_inside_vertex(&opened), 4);
             assert_eq!(anyface_opened_mouth_first_inside_triangle(null()), 0);

@@ -20,7 +20,7 @@ const FLANKS: [i64; 3] = [6, 12, 20];
 const DEEP: f64 = 0.015;
 const DEEPEST: f64 = 8.0;
 /// Standard deviation of the landmarks' line, in rows: in the middle, and at the corners.
-const TRUST: [f64; 2] = [14.0, 2.0];
+const TRUST: [f64; 2] = [20.0, 2.0];
 /// Standard deviation of a step between two columns against the landmarks' line, in rows.
 const STEP: f64 = 1.5;
 /// Passes of a binomial filter over the line that was found.
