@@ -50,10 +50,10 @@ class OpenedMouth:
     """A mesh whose lips were parted: old vertices first, where they were; old triangles in their
     order, those that were cut in pieces, then the mouth's inside.
 
-    `positions` `[V, 3]`, `triangles` `[F, 3]`, `landmarks` `[68, 3]` near `landmark_vertices`. Each vertex is a mixture of the
-    old ones `vertex_sources` `[V, 3]` with `vertex_shares` `[V, 3]`; each triangle lies in the old one
-    `triangle_sources` `[F]`, whose corners have `corner_shares` `[F, 3, 3]` at each of its own. From
-    `first_inside_triangle` on it is the mouth's inside.
+    `positions` `[V, 3]`, `triangles` `[F, 3]`, `landmarks` `[68, 3]` near `landmark_vertices`. Each
+    vertex is a mixture of the old `vertex_sources` `[V, 3]` with `vertex_shares` `[V, 3]`. Each
+    triangle lies in the old one `triangle_sources` `[F]`, whose corners have `corner_shares`
+    `[F, 3, 3]` in each of its own; from `first_inside_triangle` on it is inside of the mouth.
     """
 
     positions: np.ndarray

@@ -19,6 +19,15 @@ _COLOUR = (0.16, 0.03, 0.03, 1.0)
 _NORMALS = "anyface_normals"
 
 
+def is_welded(ob) -> bool:
+    """Whether the lips of `ob` were found to be one surface."""
+    try:
+        stored = landmarks.load(ob)
+    except AnyfaceError:
+        return False
+    return stored is not None and stored.mouth == "welded"
+
+
 @dataclass
 class Opening:
     """A snapshot for opening a mouth; `work` needs nothing of Blender: any thread may run it."""
@@ -126,7 +135,8 @@ class _Rewriter:
         if material is None:
             material = bpy.data.materials.new(INSIDE)
             material.diffuse_color = _COLOUR
-            material.use_nodes = True
+            if material.node_tree is None:
+                material.use_nodes = True
             shader = material.node_tree.nodes.get("Principled BSDF")
             if shader is not None:
                 shader.inputs["Base Color"].default_value = _COLOUR
@@ -157,24 +167,29 @@ class _Rewriter:
             verts.ensure_lookup_table()
 
     def _replace_faces(self, inside: int) -> None:
-        changed, pieces = self._changed()
-        gone = [self._bm.faces[number] for number in changed]
+        changed, beside, pieces = self._changed()
+        self._faces = {number: self._bm.faces[number] for number in beside}
+        gone = [self._faces[number] for number in changed]
         edges = {edge for face in gone for edge in face.edges}
-        loops = self._loops_of(changed)
+        loops = self._loops_of(beside)
         for number in changed:
             self._cut(number, pieces, loops)
         first = self._opened.first_inside_triangle
-        for new in range(first, len(self._opened.triangles)):
-            face = self._add(new, loops)
-            if face is not None:
-                face.material_index = inside
+        news = range(first, len(self._opened.triangles))
+        bag = {face for face in (self._add(new, loops) for new in news) if face is not None}
+        for face in bag:
+            face.material_index = inside
         bmesh.ops.delete(self._bm, geom=gone, context="FACES_ONLY")
         for edge in edges:
             if not edge.link_faces:
                 self._bm.edges.remove(edge)
+        # The lips keep their shading: the inside turns away from them in a sharp edge.
+        for edge in {edge for face in bag for edge in face.edges}:
+            edge.smooth = all(face in bag for face in edge.link_faces)
 
-    def _changed(self) -> tuple[list[int], dict[int, list[int]]]:
-        """Polygons at the mouth, and by old triangle what has become of those in them."""
+    def _changed(self) -> tuple[list[int], list[int], dict[int, list[int]]]:
+        """Polygons that change, these and others beside the mouth's inside, and by old triangle the
+        new ones of what changes."""
         opened, first = self._opened, self._opened.first_inside_triangle
         sources = opened.triangle_sources[:first].astype(np.int64)
         counts = np.bincount(sources, minlength=len(self._old))
@@ -182,21 +197,21 @@ class _Rewriter:
         touched = np.zeros(len(self._old), dtype=bool)
         touched[sources[~same]] = True
         touched |= counts != 1
-        # Faces of the inside look up their texture beside the lips.
-        touched[opened.triangle_sources[first:]] = True
         changed = np.unique(self._polygons[touched])
+        touched[opened.triangle_sources[first:]] = True
+        beside = np.unique(self._polygons[touched])
         of_changed = np.isin(self._polygons[sources], changed)
         pieces = {}
         for new in np.flatnonzero(of_changed).tolist():
             pieces.setdefault(int(sources[new]), []).append(new)
-        return changed.tolist(), pieces
+        return changed.tolist(), beside.tolist(), pieces
 
     def _loops_of(self, polygons: list[int]) -> dict:
         """Loops of polygons by their number in the mesh."""
         out = {}
         for number in polygons:
             start = self._mesh.polygons[number].loop_start
-            for offset, loop in enumerate(self._bm.faces[number].loops):
+            for offset, loop in enumerate(self._faces[number].loops):
                 out[start + offset] = loop
         return out
 
@@ -211,12 +226,8 @@ class _Rewriter:
         for t in triangles:
             pairs = zip(self._old[t], self._opened.triangles[pieces[t][0]], strict=True)
             renamed.update((int(a), int(b)) for a, b in pairs)
-        old = self._bm.faces[polygon]
-        if all(a == b for a, b in renamed.items()):
-            # Untouched after all: it stays, under a new number.
-            corners = [loop.vert for loop in old.loops]
-        else:
-            corners = [self._bm.verts[renamed[loop.vert.index]] for loop in old.loops]
+        old = self._faces[polygon]
+        corners = [self._bm.verts[renamed[loop.vert.index]] for loop in old.loops]
         self._new_face(corners, [[(loop, 1.0)] for loop in old.loops], old)
 
     def _add(self, new: int, loops: dict):
@@ -236,15 +247,22 @@ class _Rewriter:
             face = self._bm.faces.new(corners, like)
         except ValueError:
             return None
-        layers = self._bm.loops.layers
         for loop, sources in zip(face.loops, mixed, strict=True):
-            loop.copy_from(max(sources, key=lambda pair: pair[1])[0])
-            for layer in layers.uv.values():
-                loop[layer].uv = _sum(share * source[layer].uv for source, share in sources)
-            if self._normals is not None:
-                layer = layers.float_vector[self._normals]
-                loop[layer] = _sum(share * source[layer] for source, share in sources)
+            self._mix_loop(loop, sources)
         return face
+
+    def _mix_loop(self, loop, sources) -> None:
+        """Layers of a new corner: numbers in between, all else from the nearest old corner."""
+        layers = self._bm.loops.layers
+        for layer in layers.uv.values():
+            loop[layer].uv = _sum(share * source[layer].uv for source, share in sources)
+        for kind in (layers.float, layers.float_vector, layers.float_color, layers.color):
+            for layer in kind.values():
+                loop[layer] = _sum(share * source[layer] for source, share in sources)
+        nearest = max(sources, key=lambda pair: pair[1])[0]
+        for kind in (layers.int, layers.bool, layers.string):
+            for layer in kind.values():
+                loop[layer] = nearest[layer]
 
 
 def _mix_groups(vertex, sources, layer) -> None:
