@@ -271,10 +271,10 @@ mod tests {
     #[test]
     fn wrong_sizes_are_refused() {
         let (opened, mut error) = (example(), null_mut());
-        let mut buffer = vec![0.0f32; 203];
+        let mut buffer = vec![0u32; 6];
         unsafe {
-            let status =
-                anyface_opened_mouth_copy_landmarks(&opened, buffer.as_mut_ptr(), 203, &mut error);
+            let to = buffer.as_mut_ptr();
+            let status = anyface_opened_mouth_copy_rims(&opened, to, to.add(3), 3, &mut error);
             assert_eq!(status, AnyfaceStatus::InvalidInput);
             assert_eq!(anyface_error_status(error), AnyfaceStatus::InvalidInput);
             anyface_error_free(error);
