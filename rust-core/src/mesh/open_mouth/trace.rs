@@ -21,7 +21,7 @@ use crate::{
 /// Lengths over which heights are smoothed, in widths of the mouth, one after the other.
 const SMOOTHED_OVER: [f64; 5] = [0.01, 0.03, 0.06, 0.12, 0.25];
 /// A crossing so near the end of an edge, as a part of it, goes through the vertex instead.
-const SNAP: f64 = 0.12;
+const SNAP: f64 = 0.18;
 /// The line may end so far from a corner, in widths, beside the length of an edge there.
 const MISS: f64 = 0.06;
 /// A piece of the line is cut for a corner inside of it, but not nearer to its ends than this part.
