@@ -284,3 +284,114 @@ fn write_face(text: &mut String, corners: &[Corner]) {
     }
     text.push('\n');
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{Landmarks, TriangleSource};
+
+    const SOURCE: &str = "mtllib head.mtl
+o head
+v 0 0 0
+v 1 0 0
+v 1 1 0
+v 0 1 0
+v 2 0 0
+vt 0 0
+vt 0.4 0
+vt 0.8 0
+vt 0 1
+usemtl skin
+f 1/1 2/2 3/3 4/4
+f -4/2 -1/3 -3/4
+usemtl eyes
+f 1/1 2/2 4/3
+";
+
+    /// The second face cut in two between vertices 2 and 5, and one face of a bag.
+    fn opened() -> (Mesh, OpenedMouth) {
+        let old = Mesh::parse(SOURCE.as_bytes()).unwrap();
+        let own = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let half = [0.5, 0.5, 0.0];
+        let source = |triangle: u32, corners: [[f32; 3]; 3]| TriangleSource { triangle, corners };
+        let mut positions = old.positions.clone();
+        positions.extend([[1.5, 0.0, 0.0], [1.5, 0.0, -1.0]]);
+        let opened = OpenedMouth {
+            mesh: Mesh {
+                positions,
+                triangles: vec![
+                    [0, 1, 2],
+                    [0, 2, 3],
+                    [1, 5, 2],
+                    [5, 4, 2],
+                    [0, 1, 3],
+                    [5, 1, 6],
+                ],
+            },
+            landmarks: Landmarks {
+                positions: [[0.0; 3]; 68],
+                vertices: [0; 68],
+                confidence: [1.0; 68],
+            },
+            vertex_sources: Vec::new(),
+            triangle_sources: vec![
+                source(0, own),
+                source(1, own),
+                source(2, [own[0], half, own[2]]),
+                source(2, [half, own[1], own[2]]),
+                source(3, own),
+                source(2, [half; 3]),
+            ],
+            first_bag_vertex: 6,
+            first_bag_triangle: 5,
+            upper_rim: Vec::new(),
+            lower_rim: Vec::new(),
+        };
+        (old, opened)
+    }
+
+    #[test]
+    fn faces_away_from_the_mouth_and_all_other_lines_stay() {
+        let (old, opened) = opened();
+        let text = Rewriter::new(SOURCE, &old, &opened).text();
+        for line in [
+            "mtllib head.mtl",
+            "o head",
+            "f 1/1 2/2 3/3 4/4",
+            "f 1/1 2/2 4/3",
+        ] {
+            assert!(text.lines().any(|l| l == line), "{line} in\n{text}");
+        }
+        let read = Mesh::parse(text.as_bytes()).unwrap();
+        assert_eq!(read.positions, opened.mesh.positions);
+        let mut triangles = opened.mesh.triangles.clone();
+        triangles.swap(4, 5);
+        assert_eq!(read.triangles, triangles);
+    }
+
+    #[test]
+    fn new_corners_have_texture_coordinates_in_between() {
+        let (old, opened) = opened();
+        let text = Rewriter::new(SOURCE, &old, &opened).text();
+        let values: Vec<&str> = text.lines().filter(|l| l.starts_with("vt ")).collect();
+        assert_eq!(values[..4], ["vt 0 0", "vt 0.4 0", "vt 0.8 0", "vt 0 1"]);
+        assert!(values[4..].iter().all(|l| *l == "vt 0.6 0"), "{values:?}");
+        assert!(text.contains("f 2/2 6/5 3/4"), "{text}");
+    }
+
+    #[test]
+    fn the_inside_has_a_material_of_its_own_and_the_next_face_its_old_one() {
+        let (old, opened) = opened();
+        let text = Rewriter::new(SOURCE, &old, &opened).text();
+        let at = |line: &str| text.lines().position(|l| l == line).unwrap();
+        assert!(at("usemtl skin") < at("usemtl mouth_inside"));
+        assert_eq!(at("g mouth_inside") + 1, at("usemtl mouth_inside"));
+        let after = text.lines().skip(at("usemtl mouth_inside") + 2);
+        assert_eq!(
+            after.collect::<Vec<_>>(),
+            ["g head", "usemtl skin", "usemtl eyes", "f 1/1 2/2 4/3"]
+        );
+        let plain = plain(&opened);
+        assert_eq!(Mesh::parse(plain.as_bytes()).unwrap(), opened.mesh);
+    }
+}

@@ -19,8 +19,8 @@ use super::{Landmarks, Mesh, Mouth, align_to_canonical};
 use crate::{Error, Result};
 use bag::sew_bag;
 use cut::CutMesh;
-use patch::{MouthFrame, Patch};
-use trace::trace;
+use patch::{MouthFrame, Patch, Sewing};
+use trace::{Node, trace};
 use valley::SeamLine;
 
 /// Fewest vertices of a slit that can open, both corners included.
@@ -85,11 +85,15 @@ pub fn open_mouth(mesh: &Mesh, landmarks: &Landmarks) -> Result<OpenedMouth> {
     }
     let to_canonical = align_to_canonical(landmarks)?;
     let frame = MouthFrame::of(landmarks, &to_canonical)?;
-    let patch = Patch::around(mesh, landmarks, &frame)?;
     let inner: [[f64; 3]; 8] =
         std::array::from_fn(|i| frame.local(landmarks.positions[60 + i].map(f64::from)));
-    let seam = SeamLine::find(&patch, &inner);
-    let line = trace(&patch, &seam, [inner[0], inner[4]])?;
+    let found = |sewing: Sewing| -> Result<(Patch, SeamLine, Vec<Node>)> {
+        let patch = Patch::around(mesh, landmarks, &frame, sewing)?;
+        let seam = SeamLine::find(&patch, &inner);
+        let line = trace(&patch, &seam, [inner[0], inner[4]])?;
+        Ok((patch, seam, line))
+    };
+    let (patch, seam, line) = found(Sewing::Seams).or_else(|_| found(Sewing::Places))?;
     if line.len() < LEAST_VERTICES {
         return Err(Error::Mesh(
             "expected triangles smaller than the mouth, got one as wide as it".into(),

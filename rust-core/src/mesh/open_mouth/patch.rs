@@ -81,6 +81,15 @@ impl MouthFrame {
     }
 }
 
+/// Which vertices at one place are taken for one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Sewing {
+    /// Those along texture seams.
+    Seams,
+    /// All: where hard edges and corners of several textures meet no seam is told from a rim.
+    Places,
+}
+
 /// The skin around a mouth, its texture seams sewn up.
 pub(super) struct Patch {
     /// `[F']`, numbers of its triangles in the mesh.
@@ -94,7 +103,12 @@ pub(super) struct Patch {
 impl Patch {
     /// # Errors
     /// `Mesh` where no landmark of the lips lies on a surface.
-    pub fn around(mesh: &Mesh, landmarks: &Landmarks, frame: &MouthFrame) -> Result<Patch> {
+    pub fn around(
+        mesh: &Mesh,
+        landmarks: &Landmarks,
+        frame: &MouthFrame,
+        sewing: Sewing,
+    ) -> Result<Patch> {
         let local: Vec<[f64; 3]> = (0..mesh.positions.len() as u32)
             .map(|v| frame.local(mesh.point(v)))
             .collect();
@@ -106,7 +120,10 @@ impl Patch {
             .filter(|&f| mesh.triangles[f as usize].iter().any(|&v| near(v)))
             .collect();
         let triangles: Vec<[u32; 3]> = faces.iter().map(|&f| mesh.triangles[f as usize]).collect();
-        let sewn = weld_seams(&mesh.positions, &triangles, &[]);
+        let sewn = match sewing {
+            Sewing::Seams => weld_seams(&mesh.positions, &triangles, &[]),
+            Sewing::Places => same_places(&mesh.positions, &triangles),
+        };
         let sewn_triangles = triangles.iter().map(|t| t.map(|v| sewn[v as usize]));
         let sewn_triangles: Vec<[u32; 3]> = sewn_triangles.collect();
         let parts = Parts::of(mesh.positions.len(), &sewn_triangles);
@@ -155,6 +172,21 @@ impl Patch {
             .min_by(|a, b| away(a).total_cmp(&away(b)));
         nearest.map_or(0.0, length)
     }
+}
+
+/// `[V]`: of the corners of some triangles the first at the same place; all others for themselves.
+fn same_places(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<u32> {
+    let mut used: Vec<u32> = triangles.as_flattened().to_vec();
+    used.sort_unstable();
+    used.dedup();
+    let mut sewn: Vec<u32> = (0..positions.len() as u32).collect();
+    let mut first = HashMap::new();
+    for v in used {
+        // Adding zero makes −0 and 0 one place.
+        let place = positions[v as usize].map(|x| (x + 0.0).to_bits());
+        sewn[v as usize] = *first.entry(place).or_insert(v);
+    }
+    sewn
 }
 
 /// The part that holds most landmarks of the lips.

@@ -24,6 +24,9 @@ const SMOOTHED_OVER: [f64; 5] = [0.01, 0.03, 0.06, 0.12, 0.25];
 const SNAP: f64 = 0.18;
 /// The line may end so far from a corner, in widths, beside the length of an edge there.
 const MISS: f64 = 0.06;
+/// The line goes no further beyond a corner, in widths, and is no longer than this.
+const BEYOND: f64 = 0.3;
+const LONGEST: f64 = 3.0;
 /// A piece of the line is cut for a corner inside of it, but not nearer to its ends than this part.
 const TRIM: f64 = 0.15;
 
@@ -221,7 +224,7 @@ impl<'a> Level<'a> {
 
     /// Whether a way stays on the front of the mouth: nowhere far beyond its corners.
     fn is_between(&self, way: &[u32], corners: [[f64; 3]; 2]) -> bool {
-        let (low, high) = (corners[0][0] - 0.15, corners[1][0] + 0.15);
+        let (low, high) = (corners[0][0] - BEYOND, corners[1][0] + BEYOND);
         let length: f64 = way
             .windows(2)
             .map(|ends| {
@@ -232,7 +235,7 @@ impl<'a> Level<'a> {
             })
             .sum();
         let inside = |&n: &u32| (low..high).contains(&self.positions[n as usize][0]);
-        way.iter().all(inside) && length < 3.0
+        way.iter().all(inside) && length < LONGEST
     }
 
     /// For every node that a start reaches, the one before it on the shortest way.
