@@ -260,8 +260,9 @@ class _Rewriter:
             for layer in kind.values():
                 loop[layer] = _sum(share * source[layer] for source, share in sources)
         nearest = max(sources, key=lambda pair: pair[1])[0]
-        for kind in (layers.int, layers.bool, layers.string):
-            for layer in kind.values():
+        # Blender 4.2 gives no access to layers of booleans.
+        for kind in ("int", "bool", "string"):
+            for layer in getattr(layers, kind).values() if hasattr(layers, kind) else ():
                 loop[layer] = nearest[layer]
 
 
