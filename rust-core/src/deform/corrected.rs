@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use ndarray::{Array3, ArrayView3, Axis};
+use ndarray::{Array3, ArrayView3, Axis, CowArray, Ix3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -12,12 +12,13 @@ use super::{
     contact::{Slit, mouth_slit},
     eyes::{Eyelids, Head, eyelids},
     jaw::{Jaw, JawPose},
+    joined_lips::JoinedLips,
 };
 use crate::{
     Result,
     face::{Face, FaceSurface},
     ibug::LANDMARKS,
-    mesh::{PartRole, Similarity},
+    mesh::{Mouth, PartRole, Similarity},
     progress::ProgressFn,
 };
 
@@ -30,6 +31,8 @@ pub struct Corrections {
     carried: Vec<(u32, f32, [f32; 3])>,
     /// The mouth, where its rims were found.
     mouth: Option<Slit>,
+    /// Where the lips are one surface.
+    joined: Option<JoinedLips>,
     /// The eyes, where their lids were found.
     lids: Vec<Eyelids>,
 }
@@ -64,8 +67,11 @@ impl Corrections {
             Follows::Jaw(share) => Some((v as u32, share, from_hinge(p))),
             _ => None,
         });
+        let can_part = face.mouth() != Mouth::Welded;
+        let rims = || mouth_slit(skin, landmarks, follows, to_canonical);
         Corrections {
-            mouth: mouth_slit(skin, landmarks, follows, to_canonical),
+            mouth: can_part.then(rims).flatten(),
+            joined: JoinedLips::of(face.mouth(), landmarks),
             lids: eyelids(&head, skin, &parts.connected, follows, to_canonical),
             to_canonical: *to_canonical,
             carried: carried.collect(),
@@ -84,6 +90,14 @@ impl Corrections {
             mouth: self.mouth.as_ref().map(|slit| slit.renumbered(new)),
             lids: self.lids.iter().map(|lids| lids.renumbered(new)).collect(),
             ..self.clone()
+        }
+    }
+
+    /// What the landmarks ask of lips that are as these are. `landmarks`: `[T, 68, 3]`.
+    fn asked<'a>(&self, landmarks: ArrayView3<'a, f32>) -> CowArray<'a, f32, Ix3> {
+        match &self.joined {
+            Some(joined) if landmarks.dim().1 == LANDMARKS => joined.apply(landmarks).into(),
+            _ => landmarks.into(),
         }
     }
 
@@ -174,7 +188,8 @@ impl<D: Deformer> Deformer for Corrected<D> {
             // The decoder says what it expected.
             return self.decoder.deform(landmarks, progress);
         }
-        let landmarks = landmarks.as_standard_layout().into_owned();
+        let asked = self.corrections.asked(landmarks);
+        let landmarks = asked.as_standard_layout().into_owned();
         let own = self.corrections.own_landmarks(&landmarks);
         let mut out = self.decoder.deform(own.view(), progress)?;
         let frames = landmarks.outer_iter().into_par_iter();
@@ -195,6 +210,7 @@ impl<D: Deformer> Deformer for Corrected<D> {
         landmarks: ArrayView3<'_, f32>,
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
-        self.decoder.deform(landmarks, progress)
+        let landmarks = self.corrections.asked(landmarks);
+        self.decoder.deform(landmarks.view(), progress)
     }
 }

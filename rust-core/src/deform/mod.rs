@@ -14,6 +14,7 @@ mod corrected;
 pub mod creases;
 mod eyes;
 pub mod jaw;
+mod joined_lips;
 mod landmark_weights;
 mod lids;
 mod nearest;
