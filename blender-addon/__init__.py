@@ -16,6 +16,7 @@ from .ui import (
     generate,
     landmarks,
     life,
+    mouth,
     outputs,
     panel,
     performance,
@@ -29,8 +30,8 @@ from .ui import (
 )
 
 _MODULES = (
-    preferences, generate, remove, panel, character, landmarks, audio, presets, performance,
-    life, outputs, takes, scene_list,
+    preferences, generate, remove, panel, character, landmarks, mouth, audio, presets,
+    performance, life, outputs, takes, scene_list,
 )  # fmt: skip
 _CLASSES = [cls for module in _MODULES for cls in module.CLASSES]
 

@@ -255,6 +255,13 @@ typedef struct AnyfaceMesh AnyfaceMesh;
 /// changes after it was made.
 typedef struct AnyfaceMotion AnyfaceMotion;
 
+/// A mesh whose lips were one surface and can part now, and what each of its pieces was before. Never
+/// changes after it was made: any number of threads may use it at the same time.
+///
+/// Old vertices come first, with their numbers and where they were. Old triangles stand in their order,
+/// those that were cut in pieces; then the mouth's inside.
+typedef struct AnyfaceOpenedMouth AnyfaceOpenedMouth;
+
 /// Watches and stops jobs.
 ///
 /// Handed to a long call, it can be read and cancelled from any other thread while the call runs.
@@ -747,6 +754,76 @@ AnyfaceStatus anyface_face_write_landmarks(const AnyfaceFace *face,
 
 /// Frees a face that no running call uses; nothing happens for NULL.
 void anyface_face_free(AnyfaceFace *face);
+
+/// Parts the lips of a face along the valley between them and sews the inside of a mouth behind them. At
+/// rest the surface stays the same.
+///
+/// Free with `anyface_opened_mouth_free()`. The new mesh is made ready as any other, with the landmarks of
+/// `anyface_opened_mouth_copy_landmarks()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if the lips part already or the landmarks name no mouth,
+/// `ANYFACE_STATUS_MESH` if no line leads from corner to corner between the lips.
+AnyfaceStatus anyface_opened_mouth_new(const AnyfaceFace *face,
+                                       AnyfaceOpenedMouth **out,
+                                       AnyfaceError **error);
+
+/// The new mesh, a copy: `V` vertices and `F` triangles. Free with `anyface_mesh_free()`.
+AnyfaceStatus anyface_opened_mouth_mesh(const AnyfaceOpenedMouth *opened,
+                                        AnyfaceMesh **out,
+                                        AnyfaceError **error);
+
+/// Number of the first vertex of the mouth's inside; 0 for NULL.
+size_t anyface_opened_mouth_first_inside_vertex(const AnyfaceOpenedMouth *opened);
+
+/// Number of the first triangle of the mouth's inside; 0 for NULL.
+size_t anyface_opened_mouth_first_inside_triangle(const AnyfaceOpenedMouth *opened);
+
+/// Copies of which old vertices each vertex is a mixture, for groups and shape keys. Vertices of the
+/// mouth's inside take what lies before them at the lips.
+///
+/// `vertices`: `[V, 3]`, numbers of old vertices. `shares`: `[V, 3]`, sum 1. `count` must be `V * 3`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
+AnyfaceStatus anyface_opened_mouth_copy_vertex_sources(const AnyfaceOpenedMouth *opened,
+                                                       uint32_t *vertices,
+                                                       float *shares,
+                                                       size_t count,
+                                                       AnyfaceError **error);
+
+/// Copies which old triangle each triangle was cut from, for materials, and where in it its corners lie,
+/// for texture coordinates and normals.
+///
+/// `triangles`: `[F]`, numbers of old triangles. `shares`: `[F, 3, 3]`, for each corner the shares of the
+/// old triangle's corners, sum 1. `triangle_count` must be `F`, `share_count` `F * 9`. Fails with
+/// `ANYFACE_STATUS_INVALID_INPUT` for other counts.
+AnyfaceStatus anyface_opened_mouth_copy_triangle_sources(const AnyfaceOpenedMouth *opened,
+                                                         uint32_t *triangles,
+                                                         size_t triangle_count,
+                                                         float *shares,
+                                                         size_t share_count,
+                                                         AnyfaceError **error);
+
+/// Copies the landmarks of the new mesh, those of the inner lips on the rim of their own lip.
+///
+/// `positions`: `[68, 3]`, mesh units. `vertices`: `[68]`, numbers of the nearest vertices.
+AnyfaceStatus anyface_opened_mouth_copy_landmarks(const AnyfaceOpenedMouth *opened,
+                                                  float *positions,
+                                                  uint32_t *vertices,
+                                                  AnyfaceError **error);
+
+/// Number of vertices on the rim of each lip, both corners included; 0 for NULL.
+size_t anyface_opened_mouth_rim_count(const AnyfaceOpenedMouth *opened);
+
+/// Copies the vertices of both rims from the subject's right corner of the mouth to the left one.
+///
+/// `upper`, `lower`: vertex numbers, each of `count`, which must be that of the rims. Fails with
+/// `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
+AnyfaceStatus anyface_opened_mouth_copy_rims(const AnyfaceOpenedMouth *opened,
+                                             uint32_t *upper,
+                                             uint32_t *lower,
+                                             size_t count,
+                                             AnyfaceError **error);
+
+/// Frees an opened mouth that no running call uses; nothing happens for NULL.
+void anyface_opened_mouth_free(AnyfaceOpenedMouth *opened);
 
 /// Name of an emotion: "neutral" (0), "happy" (1), ... "drunk" (14); NULL from
 /// `ANYFACE_EMOTION_COUNT` on. Lives as long as the library is loaded.

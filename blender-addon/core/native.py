@@ -12,6 +12,7 @@ from . import systems
 from .errors import AnyfaceError, Cancelled
 from .job import Progress
 from .library import ControlSetting, EngineOptions, FaceOptions, MotionOptions, library_path, load
+from .native_mouth import MouthCalls
 from .native_shapes import ShapeCalls
 from .native_sliders import SliderCalls
 from .take import (
@@ -41,7 +42,7 @@ _CACHE_IN_FOLDER = 2
 _KINDS = {3: "input", 4: "audio", 5: "mesh", 6: "face", 7: "weights", 8: "file"}
 
 
-class Engine(ShapeCalls, SliderCalls):
+class Engine(MouthCalls, ShapeCalls, SliderCalls):
     """Loaded models; any number of threads may use one engine."""
 
     def __init__(self, threads: int = 0, cache: Path | None = None, system: str = ""):

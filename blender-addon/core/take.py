@@ -45,6 +45,28 @@ class Found:
     part_of_vertex: np.ndarray
 
 
+@dataclass
+class OpenedMouth:
+    """A mesh whose lips were parted: old vertices first, where they were; old triangles in their
+    order, those that were cut in pieces, then the mouth's inside.
+
+    `positions` `[V, 3]`, `triangles` `[F, 3]`, `landmarks` `[68, 3]` near `landmark_vertices`. Each
+    vertex is a mixture of the old `vertex_sources` `[V, 3]` with `vertex_shares` `[V, 3]`. Each
+    triangle lies in the old one `triangle_sources` `[F]`, whose corners have `corner_shares`
+    `[F, 3, 3]` in each of its own; from `first_inside_triangle` on it is inside of the mouth.
+    """
+
+    positions: np.ndarray
+    triangles: np.ndarray
+    landmarks: np.ndarray
+    landmark_vertices: np.ndarray
+    vertex_sources: np.ndarray
+    vertex_shares: np.ndarray
+    triangle_sources: np.ndarray
+    corner_shares: np.ndarray
+    first_inside_triangle: int
+
+
 # What a viewer sees of a face, in the order of `AnyfaceVisibility`.
 VISIBILITIES = ("SPEAKS", "LIPS_REST", "NOTHING")
 # Where the emotion comes from, in the order of `AnyfaceEmotionSource`.

@@ -12,7 +12,7 @@ from bpy.types import Object, Operator, Panel, PropertyGroup, UIList
 
 from ..core.errors import AnyfaceError
 from ..core.take import ROLES
-from ..scene import landmarks, pieces
+from ..scene import landmarks, mouth, pieces
 from . import words
 from .operators import Acting
 from .panel import OfFacePanel
@@ -196,6 +196,8 @@ class ANYFACE_PT_character(OfFacePanel, Panel):
         layout.use_property_split, layout.use_property_decorate = True, False
         _draw_status(layout, ob, context.region.width)
         layout.operator("anyface.find_face", icon="VIEWZOOM")
+        if mouth.is_welded(ob):
+            layout.operator("anyface.open_mouth", icon="MOD_BOOLEAN")
         row = layout.row(align=True)
         row.operator("anyface.edit_landmarks", icon="EDITMODE_HLT")
         row.operator("anyface.reset_landmarks", text="", icon="LOOP_BACK")

@@ -25,6 +25,7 @@ mod face;
 mod face_options;
 mod mesh;
 mod motion;
+mod open_mouth;
 mod progress;
 mod rig;
 mod sliders;

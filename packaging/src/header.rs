@@ -20,6 +20,7 @@ const SOURCES: &[&str] = &[
     "controls",
     "face_options",
     "face",
+    "open_mouth",
     "emotion",
     "motion",
     "clip",

@@ -7,12 +7,13 @@ use clap::Args;
 use super::{
     arguments::{FaceArgs, MotionArgs, SharedArgs},
     console::Console,
+    open_mouth,
     stages::{new_report, note_face, read_sound, spread_into, summary, timed},
 };
 use crate::{
-    Result,
-    mesh::Mesh,
-    output::{Format, write_json},
+    Engine, Face, Result,
+    mesh::{self, Mesh, Mouth},
+    output::{Format, Report, write_json},
 };
 
 /// Animate a mesh with speech
@@ -30,6 +31,10 @@ pub(super) struct Animate {
     /// Also write a report of the run
     #[arg(long, value_name = "R.json")]
     report: Option<PathBuf>,
+    /// Part lips that are one surface first; the new mesh is written beside the result, its name with
+    /// _open_mouth.obj behind it
+    #[arg(long)]
+    open_mouth: bool,
     #[command(flatten)]
     face: FaceArgs,
     #[command(flatten)]
@@ -47,9 +52,13 @@ impl Animate {
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
         let progress = &|p| console.progress(p);
         let engine = timed(&mut report, "load", || shared.engine())?;
-        let face = timed(&mut report, "prepare", || {
-            engine.prepare(&mesh, &options, progress)
+        let mut face = timed(&mut report, "prepare", || match self.open_mouth {
+            true => engine.find(&mesh, &options, progress),
+            false => engine.prepare(&mesh, &options, progress),
         })?;
+        if self.open_mouth {
+            face = self.opened(&engine, &face, &mut report, console)?;
+        }
         note_face(&mut report, &face);
         let performance = timed(&mut report, "motion", || {
             engine.perform(&waveform, &request, progress)
@@ -70,5 +79,30 @@ impl Animate {
         }
         console.report(&report, &summary(&report));
         Ok(())
+    }
+
+    /// The same face with lips that part; its mesh is written beside the result.
+    fn opened(
+        &self,
+        engine: &Engine,
+        face: &Face,
+        report: &mut Report,
+        console: &Console,
+    ) -> Result<Face> {
+        let progress = &|p| console.progress(p);
+        if face.mouth() != Mouth::Welded {
+            return engine.prepare(&face.mesh, &face.options, progress);
+        }
+        let opened = timed(report, "open", || {
+            mesh::open_mouth(&face.mesh, &face.landmarks)
+        })?;
+        let out = open_mouth::beside(&self.out);
+        timed(report, "write", || {
+            open_mouth::write(&out, &self.mesh, &face.mesh, &opened)
+        })?;
+        let options = open_mouth::options_after(face, &opened);
+        timed(report, "prepare", || {
+            engine.prepare(&opened.mesh, &options, progress)
+        })
     }
 }

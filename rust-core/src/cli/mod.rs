@@ -11,6 +11,7 @@ mod deform;
 mod info;
 mod landmarks;
 mod motion;
+mod open_mouth;
 mod parts;
 mod rig;
 mod solve;
@@ -40,6 +41,7 @@ enum Command {
     Motion(motion::Motion),
     Deform(deform::Deform),
     Landmarks(landmarks::FindLandmarks),
+    OpenMouth(open_mouth::OpenMouth),
     Rig(rig::MakeRig),
     Solve(solve::Solve),
     Parts(parts::ListParts),
@@ -68,6 +70,7 @@ impl Arguments {
             Command::Motion(command) => command.run(&self.shared, console),
             Command::Deform(command) => command.run(&self.shared, console),
             Command::Landmarks(command) => command.run(&self.shared, console),
+            Command::OpenMouth(command) => command.run(&self.shared, console),
             Command::Rig(command) => command.run(&self.shared, console),
             Command::Solve(command) => command.run(&self.shared, console),
             Command::Parts(command) => command.run(&self.shared, console),
@@ -98,6 +101,8 @@ mod tests {
             "anyface motion --audio A.wav --out O.npz --emotion sad:1 --causal",
             "anyface deform --mesh M.obj --motion L.npz --out O.npz",
             "anyface landmarks --mesh M.obj --out L.json --forward -y --up z",
+            "anyface open-mouth --mesh M.obj --out O.obj --landmarks L.json",
+            "anyface animate --mesh M.obj --audio A.wav --out O.npz --open-mouth",
             "anyface rig --mesh M.obj --out R.npz --report R.json --landmarks L.json",
             "anyface solve --mesh M.obj --animation A.mdd --rig R.npz --out W.csv --fps 60",
             "anyface deform --mesh M.obj --motion L.npz --out O.npz --part 3=jaw --part low=skull",

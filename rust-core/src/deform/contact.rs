@@ -16,7 +16,7 @@ use super::{binding::Follows, skin::Skin};
 use crate::{
     ibug::LANDMARKS,
     mesh::{
-        Mesh, Similarity,
+        Mesh, Mouth, Similarity,
         lips::{Lip, lip_of_vertices},
     },
 };
@@ -42,6 +42,7 @@ struct Marks {
     reach_cm: f32,
 }
 
+/// The mouth first.
 const SLITS: [Marks; 3] = [
     Marks {
         upper: &[60, 61, 62, 63, 64],
@@ -98,7 +99,7 @@ struct NeutralFace<'a> {
     follows: &'a [Follows],
 }
 
-/// Finds the slits of a face; those without two rims are left out.
+/// Finds the slits of a face; those without two rims are left out, and a mouth that has none.
 ///
 /// `landmarks`: of the neutral face, canonical centimetres.
 pub(super) fn slits(
@@ -106,6 +107,7 @@ pub(super) fn slits(
     landmarks: &[[f32; 3]; LANDMARKS],
     follows: &[Follows],
     to_canonical: &Similarity,
+    mouth: Mouth,
 ) -> Vec<Slit> {
     let face = NeutralFace {
         mesh: &skin.surface,
@@ -114,7 +116,8 @@ pub(super) fn slits(
         sewn: &skin.sewn,
         follows,
     };
-    let found = SLITS.iter();
+    let first = usize::from(mouth == Mouth::Welded);
+    let found = SLITS[first..].iter();
     found
         .filter_map(|marks| face.slit(marks, to_canonical))
         .collect()

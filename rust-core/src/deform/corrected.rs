@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use ndarray::{Array3, ArrayView3, Axis};
+use ndarray::{Array3, ArrayView3, Axis, CowArray, Ix3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -11,8 +11,14 @@ use super::{
     binding::Follows,
     contact::{Slit, slits},
     jaw::{Jaw, JawPose},
+    joined_lips::JoinedLips,
 };
-use crate::{Result, ibug::LANDMARKS, mesh::Similarity, progress::ProgressFn};
+use crate::{
+    Result,
+    ibug::LANDMARKS,
+    mesh::{Mouth, Similarity},
+    progress::ProgressFn,
+};
 
 /// Corrections of one mesh, applied to every frame that a decoder made.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -23,16 +29,20 @@ pub struct Corrections {
     carried: Vec<(u32, f32, [f32; 3])>,
     /// Mouth and eyes, where their rims were found.
     slits: Vec<Slit>,
+    /// Where the lips are one surface.
+    joined: Option<JoinedLips>,
 }
 
 impl Corrections {
-    /// `positions`: `[V]`, `landmarks`: of the neutral face, both canonical centimetres.
+    /// `positions`: `[V]`, `landmarks`: of the neutral face, both canonical centimetres; `mouth`: how
+    /// its lips meet.
     pub fn new(
         positions: &[[f32; 3]],
         skin: &Skin,
         follows: &[Follows],
         landmarks: &[[f32; 3]; LANDMARKS],
         to_canonical: &Similarity,
+        mouth: Mouth,
     ) -> Corrections {
         let jaw = Jaw::of(landmarks);
         let from_hinge = |p: [f32; 3]| std::array::from_fn(|i| p[i] - jaw.hinge[i]);
@@ -42,7 +52,8 @@ impl Corrections {
             _ => None,
         });
         Corrections {
-            slits: slits(skin, landmarks, follows, to_canonical),
+            slits: slits(skin, landmarks, follows, to_canonical, mouth),
+            joined: JoinedLips::of(mouth, landmarks),
             to_canonical: *to_canonical,
             carried: carried.collect(),
             jaw,
@@ -59,6 +70,14 @@ impl Corrections {
                 .collect(),
             slits: self.slits.iter().map(|slit| slit.renumbered(new)).collect(),
             ..self.clone()
+        }
+    }
+
+    /// What the landmarks ask of lips that are as these are. `landmarks`: `[T, 68, 3]`.
+    fn asked<'a>(&self, landmarks: ArrayView3<'a, f32>) -> CowArray<'a, f32, Ix3> {
+        match &self.joined {
+            Some(joined) if landmarks.dim().1 == LANDMARKS => joined.apply(landmarks).into(),
+            _ => landmarks.into(),
         }
     }
 
@@ -126,7 +145,8 @@ impl<D: Deformer> Deformer for Corrected<D> {
         landmarks: ArrayView3<'_, f32>,
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
-        let mut out = self.decoder.deform(landmarks, progress)?;
+        let landmarks = self.corrections.asked(landmarks);
+        let mut out = self.decoder.deform(landmarks.view(), progress)?;
         let landmarks = landmarks.as_standard_layout();
         let frames = landmarks.outer_iter().into_par_iter();
         frames
@@ -146,6 +166,7 @@ impl<D: Deformer> Deformer for Corrected<D> {
         landmarks: ArrayView3<'_, f32>,
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
-        self.decoder.deform(landmarks, progress)
+        let landmarks = self.corrections.asked(landmarks);
+        self.decoder.deform(landmarks.view(), progress)
     }
 }

@@ -11,6 +11,7 @@ pub mod compression;
 mod contact;
 mod corrected;
 pub mod jaw;
+mod joined_lips;
 mod landmark_weights;
 mod lids;
 mod nearest;

@@ -122,10 +122,10 @@ impl<'a> SolvedSkin<'a> {
             skin,
             follows,
         } = self.surface;
-        let to_canonical = &self.face.to_canonical;
+        let (to_canonical, mouth) = (&self.face.to_canonical, self.face.mouth());
         Corrected {
             decoder,
-            corrections: Corrections::new(positions, skin, follows, landmarks, to_canonical),
+            corrections: Corrections::new(positions, skin, follows, landmarks, to_canonical, mouth),
         }
     }
 

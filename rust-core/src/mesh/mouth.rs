@@ -78,9 +78,9 @@ impl Mouth {
             Mouth::Open => "the mouth is open: its lips part and close",
             Mouth::Slit => "the lips are a closed slit: they part",
             Mouth::Welded => {
-                "the lips are one surface and cannot part: the jaw, lip corners, pucker, cheeks, \
-                 brows and lids still move; cut the mesh along the line between the lips (inner \
-                 landmarks 60 to 64) to let the mouth open"
+                "the lips are one surface and cannot part: they move as one, and the jaw, lip \
+                 corners, pucker, cheeks, brows and lids still move; open the mouth (anyface \
+                 open-mouth) to let the lips part"
             }
         }
     }

@@ -7,7 +7,7 @@ const MAX_CLIPPED: usize = 1024;
 
 /// Appends the triangles of one polygon: a fan where it is convex, clipped ears where it is not.
 /// Repeated corners in a row are dropped; fewer than three corners give nothing.
-pub(super) fn triangulate(positions: &[[f32; 3]], polygon: &[u32], out: &mut Vec<[u32; 3]>) {
+pub(crate) fn triangulate(positions: &[[f32; 3]], polygon: &[u32], out: &mut Vec<[u32; 3]>) {
     if let [a, b, c] = *polygon {
         out.push([a, b, c]);
         return;

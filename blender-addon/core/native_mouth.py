@@ -1,0 +1,62 @@
+"""The library's calls about lips that are one surface: parting them."""
+
+from contextlib import ExitStack
+from ctypes import POINTER, byref, c_float, c_uint32
+
+import numpy as np
+
+from .job import Progress
+from .take import OpenedMouth
+
+_FLOATS, _INDICES = POINTER(c_float), POINTER(c_uint32)
+
+
+class MouthCalls:
+    """What `native.Engine` knows of mouths."""
+
+    def open_mouth(
+        self, positions, triangles, landmarks, landmark_vertices, progress: Progress
+    ) -> OpenedMouth:
+        """Parts the lips of a mesh and sews the inside of a mouth behind them.
+
+        The arguments are those of `native.Engine.find`. Raises `AnyfaceError`, or `Cancelled`.
+        """
+        with ExitStack() as handles:
+            watch = handles.enter_context(self._watch(progress))
+            mesh = self._mesh(handles, positions, triangles)
+            options, _alive = self._face_options(landmarks, landmark_vertices, None)
+            given = (self._handle, mesh, byref(options), watch.handle)
+            face = self._own(handles, "face", "anyface_face_find", *given)
+            opened = self._own(handles, "opened_mouth", "anyface_opened_mouth_new", face)
+            new = self._own(handles, "mesh", "anyface_opened_mouth_mesh", opened)
+            return self._opened(opened, new)
+
+    def _opened(self, opened, mesh) -> OpenedMouth:
+        vertices = self._library.anyface_mesh_vertex_count(mesh)
+        faces = self._library.anyface_mesh_triangle_count(mesh)
+        out = OpenedMouth(
+            positions=np.empty((vertices, 3), dtype=np.float32),
+            triangles=np.empty((faces, 3), dtype=np.uint32),
+            landmarks=np.empty((68, 3), dtype=np.float32),
+            landmark_vertices=np.empty(68, dtype=np.uint32),
+            vertex_sources=np.empty((vertices, 3), dtype=np.uint32),
+            vertex_shares=np.empty((vertices, 3), dtype=np.float32),
+            triangle_sources=np.empty(faces, dtype=np.uint32),
+            corner_shares=np.empty((faces, 3, 3), dtype=np.float32),
+            first_inside_triangle=self._library.anyface_opened_mouth_first_inside_triangle(opened),
+        )
+        self._copy("anyface_mesh_copy_positions", mesh, out.positions)
+        self._call("anyface_mesh_copy_triangles", mesh, *_sized(out.triangles, _INDICES))
+        places = out.landmarks.ctypes.data_as(_FLOATS)
+        nearest = out.landmark_vertices.ctypes.data_as(_INDICES)
+        self._call("anyface_opened_mouth_copy_landmarks", opened, places, nearest)
+        numbers = out.vertex_sources.ctypes.data_as(_INDICES)
+        shares = _sized(out.vertex_shares, _FLOATS)
+        self._call("anyface_opened_mouth_copy_vertex_sources", opened, numbers, *shares)
+        pair = (*_sized(out.triangle_sources, _INDICES), *_sized(out.corner_shares, _FLOATS))
+        self._call("anyface_opened_mouth_copy_triangle_sources", opened, *pair)
+        return out
+
+
+def _sized(array: np.ndarray, kind) -> tuple:
+    return array.ctypes.data_as(kind), array.size

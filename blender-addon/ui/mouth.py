@@ -1,0 +1,44 @@
+"""Open Mouth: lips that are one surface, parted."""
+
+from bpy.types import Operator
+
+from ..scene import guard, mesh, mouth
+from . import running
+from .operators import InThread
+from .settings import from_object
+from .target import target
+
+
+class ANYFACE_OT_open_mouth(InThread, Operator):
+    """Part lips that are one surface and sew the inside of a mouth behind them"""
+
+    bl_idname = "anyface.open_mouth"
+    bl_label = "Open Mouth"
+
+    cancelled = ""
+
+    @classmethod
+    def poll(cls, context):
+        """False, with the reason, where there is nothing to part."""
+        if not super().poll(context):
+            return False
+        if not mouth.is_welded(target(context)):
+            cls.poll_message_set("Find the face first; this parts lips that are one surface")
+            return False
+        return True
+
+    def read(self, context, ob):
+        """The mesh and its landmarks."""
+        guard.check_local(ob)
+        settings = from_object(ob)
+        face = mesh.read_face(ob, settings.landmark_file)
+        face.axes = settings.axes
+        return mouth.Opening(face, running.engine(settings.system))
+
+    def finish(self, ob, opening, opened):
+        """Changes the mesh."""
+        self.report({"INFO"}, f"Anyface: {mouth.write(ob, opening.face, opened)}")
+        return {"FINISHED"}
+
+
+CLASSES = (ANYFACE_OT_open_mouth,)

@@ -1,0 +1,283 @@
+//! Lips that are one surface, parted.
+
+use anyface::mesh::{OpenedMouth, open_mouth};
+
+use crate::{
+    error::AnyfaceError, face::AnyfaceFace, guard, mesh::AnyfaceMesh, pointer,
+    status::AnyfaceStatus,
+};
+
+/// A mesh whose lips were one surface and can part now, and what each of its pieces was before. Never
+/// changes after it was made: any number of threads may use it at the same time.
+///
+/// Old vertices come first, with their numbers and where they were. Old triangles stand in their order,
+/// those that were cut in pieces; then the mouth's inside.
+pub struct AnyfaceOpenedMouth(OpenedMouth);
+
+const fn shared_by_threads<T: Send + Sync>() {}
+const _: () = shared_by_threads::<AnyfaceOpenedMouth>();
+
+/// Parts the lips of a face along the valley between them and sews the inside of a mouth behind them. At
+/// rest the surface stays the same.
+///
+/// Free with `anyface_opened_mouth_free()`. The new mesh is made ready as any other, with the landmarks of
+/// `anyface_opened_mouth_copy_landmarks()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if the lips part already or the landmarks name no mouth,
+/// `ANYFACE_STATUS_MESH` if no line leads from corner to corner between the lips.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_opened_mouth_new(
+    face: *const AnyfaceFace,
+    out: *mut *mut AnyfaceOpenedMouth,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let face = &unsafe { pointer::handle("face", face) }?.0;
+        let opened = open_mouth(&face.mesh, &face.landmarks)?;
+        unsafe { pointer::give(out, AnyfaceOpenedMouth(opened)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// The new mesh, a copy: `V` vertices and `F` triangles. Free with `anyface_mesh_free()`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_opened_mouth_mesh(
+    opened: *const AnyfaceOpenedMouth,
+    out: *mut *mut AnyfaceMesh,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let mesh = unsafe { pointer::handle("opened", opened) }?.0.mesh.clone();
+        unsafe { pointer::give(out, AnyfaceMesh(mesh)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Number of the first vertex of the mouth's inside; 0 for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_opened_mouth_first_inside_vertex(
+    opened: *const AnyfaceOpenedMouth,
+) -> usize {
+    unsafe { opened.as_ref() }.map_or(0, |opened| opened.0.first_bag_vertex)
+}
+
+/// Number of the first triangle of the mouth's inside; 0 for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_opened_mouth_first_inside_triangle(
+    opened: *const AnyfaceOpenedMouth,
+) -> usize {
+    unsafe { opened.as_ref() }.map_or(0, |opened| opened.0.first_bag_triangle)
+}
+
+/// Copies of which old vertices each vertex is a mixture, for groups and shape keys. Vertices of the
+/// mouth's inside take what lies before them at the lips.
+///
+/// `vertices`: `[V, 3]`, numbers of old vertices. `shares`: `[V, 3]`, sum 1. `count` must be `V * 3`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_opened_mouth_copy_vertex_sources(
+    opened: *const AnyfaceOpenedMouth,
+    vertices: *mut u32,
+    shares: *mut f32,
+    count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let sources = &unsafe { pointer::handle("opened", opened) }?
+            .0
+            .vertex_sources;
+        let all = || sources.as_flattened().iter();
+        let numbers: Vec<u32> = all().map(|(vertex, _)| *vertex).collect();
+        let weights: Vec<f32> = all().map(|(_, share)| *share).collect();
+        pointer::check_room("shares", shares, count, 1)?;
+        unsafe { pointer::copy_out("vertices", &numbers, vertices, count) }?;
+        unsafe { pointer::copy_out("shares", &weights, shares, count) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Copies which old triangle each triangle was cut from, for materials, and where in it its corners lie,
+/// for texture coordinates and normals.
+///
+/// `triangles`: `[F]`, numbers of old triangles. `shares`: `[F, 3, 3]`, for each corner the shares of the
+/// old triangle's corners, sum 1. `triangle_count` must be `F`, `share_count` `F * 9`. Fails with
+/// `ANYFACE_STATUS_INVALID_INPUT` for other counts.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_opened_mouth_copy_triangle_sources(
+    opened: *const AnyfaceOpenedMouth,
+    triangles: *mut u32,
+    triangle_count: usize,
+    shares: *mut f32,
+    share_count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let sources = &unsafe { pointer::handle("opened", opened) }?
+            .0
+            .triangle_sources;
+        let numbers: Vec<u32> = sources.iter().map(|source| source.triangle).collect();
+        let weights = sources.iter().flat_map(|source| source.corners).flatten();
+        let weights: Vec<f32> = weights.collect();
+        pointer::check_room("shares", shares, share_count, 1)?;
+        unsafe { pointer::copy_out("triangles", &numbers, triangles, triangle_count) }?;
+        unsafe { pointer::copy_out("shares", &weights, shares, share_count) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Copies the landmarks of the new mesh, those of the inner lips on the rim of their own lip.
+///
+/// `positions`: `[68, 3]`, mesh units. `vertices`: `[68]`, numbers of the nearest vertices.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_opened_mouth_copy_landmarks(
+    opened: *const AnyfaceOpenedMouth,
+    positions: *mut f32,
+    vertices: *mut u32,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let landmarks = &unsafe { pointer::handle("opened", opened) }?.0.landmarks;
+        let places = landmarks.positions.as_flattened();
+        let numbers = &landmarks.vertices;
+        pointer::check_room("vertices", vertices, numbers.len(), 1)?;
+        unsafe { pointer::copy_out("positions", places, positions, places.len()) }?;
+        unsafe { pointer::copy_out("vertices", numbers, vertices, numbers.len()) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Number of vertices on the rim of each lip, both corners included; 0 for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_opened_mouth_rim_count(
+    opened: *const AnyfaceOpenedMouth,
+) -> usize {
+    unsafe { opened.as_ref() }.map_or(0, |opened| opened.0.upper_rim.len())
+}
+
+/// Copies the vertices of both rims from the subject's right corner of the mouth to the left one.
+///
+/// `upper`, `lower`: vertex numbers, each of `count`, which must be that of the rims. Fails with
+/// `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_opened_mouth_copy_rims(
+    opened: *const AnyfaceOpenedMouth,
+    upper: *mut u32,
+    lower: *mut u32,
+    count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let opened = &unsafe { pointer::handle("opened", opened) }?.0;
+        pointer::check_room("lower", lower, count, 1)?;
+        unsafe { pointer::copy_out("upper", &opened.upper_rim, upper, count) }?;
+        unsafe { pointer::copy_out("lower", &opened.lower_rim, lower, count) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Frees an opened mouth that no running call uses; nothing happens for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_opened_mouth_free(opened: *mut AnyfaceOpenedMouth) {
+    unsafe { guard::free(opened) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::{anyface_error_free, anyface_error_status};
+    use anyface::mesh::{Landmarks, Mesh, TriangleSource};
+    use std::ptr::{null, null_mut};
+
+    /// Two triangles, of which the second was cut from the first.
+    fn example() -> AnyfaceOpenedMouth {
+        let source = |corners| TriangleSource {
+            triangle: 0,
+            corners,
+        };
+        let own = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        AnyfaceOpenedMouth(OpenedMouth {
+            mesh: Mesh {
+                positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.5, 0.5, 0.0]],
+                triangles: vec![[0, 1, 3], [0, 3, 2]],
+            },
+            landmarks: Landmarks {
+                positions: [[0.25; 3]; 68],
+                vertices: [0; 68],
+                confidence: [1.0; 68],
+            },
+            vertex_sources: vec![
+                [(0, 1.0), (0, 0.0), (0, 0.0)],
+                [(1, 1.0), (1, 0.0), (1, 0.0)],
+                [(2, 1.0), (2, 0.0), (2, 0.0)],
+                [(1, 0.5), (2, 0.5), (1, 0.0)],
+            ],
+            triangle_sources: vec![source([own[0], own[1], [0.0, 0.5, 0.5]]), source(own)],
+            first_bag_vertex: 4,
+            first_bag_triangle: 2,
+            upper_rim: vec![0, 3],
+            lower_rim: vec![0, 3],
+        })
+    }
+
+    #[test]
+    fn sources_landmarks_and_rims_are_copied() {
+        let (opened, mut error) = (example(), null_mut());
+        let (mut numbers, mut shares) = (vec![0u32; 12], vec![0.0f32; 18]);
+        unsafe {
+            let (n, s): (*mut u32, *mut u32) = (numbers.as_mut_ptr(), null_mut());
+            let status = anyface_opened_mouth_copy_vertex_sources(
+                &opened,
+                n,
+                shares.as_mut_ptr(),
+                12,
+                &mut error,
+            );
+            assert_eq!(status, AnyfaceStatus::Ok);
+            assert_eq!((numbers[9..].to_vec(), shares[9]), (vec![1, 2, 1], 0.5));
+            let status = anyface_opened_mouth_copy_triangle_sources(
+                &opened,
+                n,
+                2,
+                shares.as_mut_ptr(),
+                18,
+                &mut error,
+            );
+            assert_eq!(status, AnyfaceStatus::Ok);
+            assert_eq!((numbers[1], shares[8], shares[17]), (0, 0.5, 1.0));
+            let status = anyface_opened_mouth_copy_rims(&opened, n, s, 2, &mut error);
+            assert_eq!(status, AnyfaceStatus::NullPointer);
+            anyface_error_free(error);
+            let (mut places, mut nearest) = (vec![0.0f32; 204], vec![9u32; 68]);
+            let (p, v): (*mut f32, *mut u32) = (places.as_mut_ptr(), null_mut());
+            error = null_mut();
+            let status = anyface_opened_mouth_copy_landmarks(&opened, p, v, &mut error);
+            assert_eq!(status, AnyfaceStatus::NullPointer);
+            anyface_error_free(error);
+            let v = nearest.as_mut_ptr();
+            let status = anyface_opened_mouth_copy_landmarks(&opened, p, v, null_mut());
+            assert_eq!(
+                (status, places[203], nearest[67]),
+                (AnyfaceStatus::Ok, 0.25, 0)
+            );
+            assert_eq!(anyface_opened_mouth_rim_count(&opened), 2);
+            assert_eq!(anyface_opened_mouth_first_inside_vertex(&opened), 4);
+            assert_eq!(anyface_opened_mouth_first_inside_triangle(null()), 0);
+        }
+    }
+
+    #[test]
+    fn wrong_sizes_are_refused() {
+        let (opened, mut error) = (example(), null_mut());
+        let mut buffer = vec![0u32; 6];
+        unsafe {
+            let to = buffer.as_mut_ptr();
+            let status = anyface_opened_mouth_copy_rims(&opened, to, to.add(3), 3, &mut error);
+            assert_eq!(status, AnyfaceStatus::InvalidInput);
+            assert_eq!(anyface_error_status(error), AnyfaceStatus::InvalidInput);
+            anyface_error_free(error);
+        }
+    }
+}

@@ -1,0 +1,150 @@
+//! Lips that are one surface: what landmarks that part mean for skin that cannot.
+//!
+//! Landmarks of the two lips move apart when a mouth opens. On a surface without a slit they lie a
+//! few millimetres from each other, and following them would draw out the skin in between. So the
+//! opening of the lips' borders is spread over all the skin from the nose to the chin, which then
+//! stretches evenly: the skin above the lips, the lips and the skin below each take the share of it that
+//! their own length is of the whole. The inner rims move as one seam in between; corners, width,
+//! protrusion and jaw stay as asked.
+//!
+//! The result is linear in the landmarks and mixes no axes.
+
+use ndarray::{Array3, ArrayView3};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    ibug::LANDMARKS,
+    mesh::{
+        Mouth,
+        closest::{norm, sub},
+    },
+};
+
+/// Landmarks of the lips' borders that face each other, upper and lower, from the subject's right to
+/// the left.
+const BORDERS: [(usize, usize); 5] = [(49, 59), (50, 58), (51, 57), (52, 56), (53, 55)];
+/// The same of the inner lips, and the pair of borders that each lies between.
+const INNER: [(usize, usize, usize); 3] = [(61, 67, 1), (62, 66, 2), (63, 65, 3)];
+/// Below the nose, middle of the upper and of the lower lip's border, chin.
+const PROFILE: [usize; 4] = [33, 51, 57, 8];
+
+/// How landmarks of lips that are one surface are moved instead.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct JoinedLips {
+    /// Shares of an opening that the skin above the lips, the lips and the skin below take; their sum
+    /// is 1.
+    shares: [f32; 3],
+    /// Of each inner pair: the part of the way from the upper to the lower border at which it meets.
+    heights: [f32; 3],
+}
+
+impl JoinedLips {
+    /// `None` where the lips can part. `landmarks`: of the neutral face, any unit.
+    pub(super) fn of(mouth: Mouth, landmarks: &[[f32; 3]; LANDMARKS]) -> Option<JoinedLips> {
+        if mouth != Mouth::Welded {
+            return None;
+        }
+        let length = |i: usize| norm(sub(landmarks[PROFILE[i]], landmarks[PROFILE[i + 1]]));
+        let lengths = [0, 1, 2].map(length);
+        let whole: f32 = lengths.iter().sum::<f32>().max(f32::MIN_POSITIVE);
+        Some(JoinedLips {
+            shares: lengths.map(|part| part / whole),
+            heights: INNER.map(|inner| height_of_seam(landmarks, inner)),
+        })
+    }
+
+    /// Displacements that keep the lips together. `landmarks`: `[T, 68, 3]`, any unit and axes.
+    pub(super) fn apply(&self, landmarks: ArrayView3<'_, f32>) -> Array3<f32> {
+        let mut out = landmarks.to_owned();
+        let [above, _, below] = self.shares;
+        for mut moved in out.outer_iter_mut() {
+            for axis in 0..3 {
+                for (upper, lower) in BORDERS {
+                    let opening = moved[[upper, axis]] - moved[[lower, axis]];
+                    moved[[upper, axis]] -= above * opening;
+                    moved[[lower, axis]] += below * opening;
+                }
+                for ((upper, lower, pair), height) in INNER.into_iter().zip(self.heights) {
+                    let [a, b] = [BORDERS[pair].0, BORDERS[pair].1].map(|n| moved[[n, axis]]);
+                    let seam = a + height * (b - a);
+                    (moved[[upper, axis]], moved[[lower, axis]]) = (seam, seam);
+                }
+            }
+        }
+        out
+    }
+}
+
+/// The part of the way from the upper lip's border to the lower one's at which an inner pair meets.
+fn height_of_seam(
+    landmarks: &[[f32; 3]; LANDMARKS],
+    (upper, lower, pair): (usize, usize, usize),
+) -> f32 {
+    let seam = std::array::from_fn(|i| 0.5 * (landmarks[upper][i] + landmarks[lower][i]));
+    let above = norm(sub(landmarks[BORDERS[pair].0], seam));
+    let below = norm(sub(landmarks[BORDERS[pair].1], seam));
+    above / (above + below).max(f32::MIN_POSITIVE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::canonical_landmarks;
+
+    fn opening() -> Array3<f32> {
+        let mut moved = Array3::zeros((1, LANDMARKS, 3));
+        for n in (55..60).chain(65..68).chain(6..11) {
+            moved[[0, n, 1]] = -0.02;
+        }
+        moved
+    }
+
+    #[test]
+    fn lips_that_part_are_left_alone() {
+        for mouth in [Mouth::Open, Mouth::Slit] {
+            assert_eq!(JoinedLips::of(mouth, canonical_landmarks()), None);
+        }
+    }
+
+    #[test]
+    fn inner_lips_move_as_one_and_the_skin_stretches_evenly() {
+        let rest = canonical_landmarks();
+        let joined = JoinedLips::of(Mouth::Welded, rest).unwrap();
+        let moved = joined.apply(opening().view());
+        let way = |n: usize| moved[[0, n, 1]];
+        for (upper, lower, _) in INNER {
+            assert!((way(upper) - way(lower)).abs() < 1e-6);
+            assert!(way(upper) < -0.002);
+        }
+        let longer = PROFILE.windows(2).map(|ends| {
+            let [a, b] = [ends[0], ends[1]];
+            let before = norm(sub(rest[a], rest[b]));
+            (way(a) - way(b)) / before
+        });
+        let longer: Vec<f32> = longer.collect();
+        for stretch in &longer {
+            assert!((stretch - longer[0]).abs() < 0.01, "{longer:?}");
+        }
+    }
+
+    #[test]
+    fn what_opens_nothing_stays() {
+        let joined = JoinedLips::of(Mouth::Welded, canonical_landmarks()).unwrap();
+        let mut moved = Array3::zeros((2, LANDMARKS, 3));
+        moved.fill(0.004);
+        moved[[1, 48, 0]] = 0.01;
+        let kept = joined.apply(moved.view());
+        for (a, b) in kept.iter().zip(&moved) {
+            assert!((a - b).abs() < 1e-8, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn corners_and_chin_are_never_shifted() {
+        let joined = JoinedLips::of(Mouth::Welded, canonical_landmarks()).unwrap();
+        let moved = joined.apply(opening().view());
+        for n in [8, 33, 48, 54, 60, 64] {
+            assert_eq!(moved[[0, n, 1]], opening()[[0, n, 1]]);
+        }
+    }
+}

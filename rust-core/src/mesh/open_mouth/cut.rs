@@ -1,0 +1,431 @@
+//! The mesh cut along a line over its surface, and the two banks parted.
+
+use std::collections::{HashMap, HashSet};
+
+use super::{TriangleSource, patch::Patch, trace::Node};
+use crate::{
+    Error, Result,
+    mesh::{Mesh, vec3::distance},
+};
+
+/// A triangle of the new mesh inside of one of the old.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Piece {
+    pub corners: [u32; 3],
+    /// Triangle of the old mesh.
+    pub source: u32,
+    /// Of each corner the shares of the source's corners.
+    pub shares: [[f32; 3]; 3],
+    /// Of each corner the point of the patch or, counted on from these, the place on the line.
+    points: [u32; 3],
+}
+
+/// A mesh in the making: old vertices first, where they were.
+pub(super) struct CutMesh {
+    pub positions: Vec<[f32; 3]>,
+    /// Old vertices and their shares, three for each vertex.
+    pub sources: Vec<[(u32, f32); 3]>,
+    /// Of the old triangles in their order.
+    pub pieces: Vec<Piece>,
+    /// The banks from the right corner to the left one; they share both ends.
+    pub upper: Vec<u32>,
+    pub lower: Vec<u32>,
+    /// Whether faces of the mesh look inward.
+    pub is_inside_out: bool,
+}
+
+/// A corner of a piece: vertex, point, shares of the source's corners.
+type Corner = (u32, u32, [f64; 3]);
+
+impl CutMesh {
+    /// Cuts and parts. `above`: height of a place in the mouth's frame over the seam.
+    ///
+    /// # Errors
+    /// `Mesh` where the line has no surface on one of its sides.
+    pub fn new(
+        mesh: &Mesh,
+        patch: &Patch,
+        line: &[Node],
+        above: impl Fn([f64; 3]) -> f64,
+    ) -> Result<CutMesh> {
+        let own = (0..mesh.positions.len() as u32).map(|v| [(v, 1.0), (v, 0.0), (v, 0.0)]);
+        let mut cut = CutMesh {
+            positions: mesh.positions.clone(),
+            sources: own.collect(),
+            pieces: Vec::with_capacity(mesh.triangles.len() + 4 * line.len()),
+            upper: Vec::new(),
+            lower: Vec::new(),
+            is_inside_out: false,
+        };
+        let in_patch = cut.split(mesh, patch, line);
+        cut.part(patch, line, &in_patch, above)?;
+        Ok(cut)
+    }
+
+    /// Splits every triangle that the line crosses. Returns the pieces of the patch.
+    fn split(&mut self, mesh: &Mesh, patch: &Patch, line: &[Node]) -> Vec<u32> {
+        let mut splitter = Splitter::new(patch, line);
+        let mut of_face = vec![None; mesh.triangles.len()];
+        for (number, &face) in patch.faces.iter().enumerate() {
+            of_face[face as usize] = Some(number as u32);
+        }
+        let mut in_patch = Vec::new();
+        for (face, &corners) in mesh.triangles.iter().enumerate() {
+            let first = self.pieces.len() as u32;
+            match of_face[face] {
+                Some(number) => splitter.split(self, mesh, face as u32, number),
+                None => self.pieces.push(Piece {
+                    corners,
+                    source: face as u32,
+                    shares: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+                    points: [u32::MAX; 3],
+                }),
+            }
+            if of_face[face].is_some() {
+                in_patch.extend(first..self.pieces.len() as u32);
+            }
+        }
+        in_patch
+    }
+
+    /// A new vertex in between of old ones.
+    fn add(&mut self, mesh: &Mesh, corners: [u32; 3], shares: [f64; 3]) -> u32 {
+        let points = corners.map(|v| mesh.point(v));
+        self.positions.push(std::array::from_fn(|i| {
+            (0..3).map(|k| shares[k] * points[k][i]).sum::<f64>() as f32
+        }));
+        self.sources
+            .push([0, 1, 2].map(|k| (corners[k], shares[k] as f32)));
+        self.positions.len() as u32 - 1
+    }
+
+    /// Gives the lower bank vertices of its own.
+    fn part(
+        &mut self,
+        patch: &Patch,
+        line: &[Node],
+        in_patch: &[u32],
+        above: impl Fn([f64; 3]) -> f64,
+    ) -> Result<()> {
+        let banks = Banks::new(self, patch, line, in_patch, above)?;
+        self.is_inside_out = banks.is_inside_out;
+        let (mut lower_copy, mut used_above) = (HashMap::new(), HashMap::new());
+        for &(piece, corner, is_lower) in &banks.corners {
+            let vertex = self.pieces[piece as usize].corners[corner];
+            *used_above.entry(vertex).or_insert(false) |= !is_lower;
+        }
+        for &(piece, corner, is_lower) in &banks.corners {
+            let vertex = self.pieces[piece as usize].corners[corner];
+            if !is_lower || !used_above[&vertex] {
+                continue;
+            }
+            let own = *lower_copy.entry(vertex).or_insert_with(|| {
+                self.positions.push(self.positions[vertex as usize]);
+                self.sources.push(self.sources[vertex as usize]);
+                self.positions.len() as u32 - 1
+            });
+            self.pieces[piece as usize].corners[corner] = own;
+        }
+        let vertex = |&(piece, corner): &(u32, usize)| self.pieces[piece as usize].corners[corner];
+        self.upper = banks.upper.iter().map(vertex).collect();
+        self.lower = banks.lower.iter().map(vertex).collect();
+        // Texture seams may give the ends several vertices: both banks take one.
+        let last = line.len() - 1;
+        (self.lower[0], self.lower[last]) = (self.upper[0], self.upper[last]);
+        Ok(())
+    }
+}
+
+impl CutMesh {
+    /// Where the faces of a bag take their material and texture: the piece beside the rim before them.
+    pub fn sources_of_bag(&self, bag: &[[u32; 3]]) -> Vec<TriangleSource> {
+        let rims: HashSet<u32> = self.upper.iter().chain(&self.lower).copied().collect();
+        let mut beside = HashMap::new();
+        for piece in &self.pieces {
+            for (corner, shares) in piece.corners.iter().zip(piece.shares) {
+                if rims.contains(corner) {
+                    beside
+                        .entry(self.key_of(*corner))
+                        .or_insert((piece.source, shares));
+                }
+            }
+        }
+        let of_face = |face: &[u32; 3]| {
+            let (triangle, shares) = beside[&self.key_of(face[0])];
+            TriangleSource {
+                triangle,
+                corners: [shares; 3],
+            }
+        };
+        bag.iter().map(of_face).collect()
+    }
+
+    /// Names what a vertex is made of.
+    fn key_of(&self, vertex: u32) -> [(u32, u32); 3] {
+        self.sources[vertex as usize].map(|(v, share)| (v, share.to_bits()))
+    }
+}
+
+/// Cuts triangles at the places of a line.
+struct Splitter<'a> {
+    patch: &'a Patch,
+    /// Places on edges of the patch: number on the line, and the share of the greater point.
+    on_edge: HashMap<(u32, u32), (u32, f64)>,
+    /// Ends inside of triangles: number on the line, and its shares.
+    inside: HashMap<u32, (u32, [f64; 3])>,
+    /// Vertices made on edges of the mesh.
+    made: HashMap<(u32, u32), u32>,
+}
+
+impl<'a> Splitter<'a> {
+    fn new(patch: &'a Patch, line: &[Node]) -> Self {
+        let (mut on_edge, mut inside) = (HashMap::new(), HashMap::new());
+        for (n, node) in line.iter().enumerate() {
+            match *node {
+                Node::Vertex(_) => {}
+                Node::Edge(a, b, t) => drop(on_edge.insert((a, b), (n as u32, t))),
+                Node::Inside(f, shares) => drop(inside.insert(f, (n as u32, shares))),
+            }
+        }
+        Splitter {
+            patch,
+            on_edge,
+            inside,
+            made: HashMap::new(),
+        }
+    }
+
+    /// Appends the pieces of a triangle, `number` in the patch.
+    fn split(&mut self, cut: &mut CutMesh, mesh: &Mesh, face: u32, number: u32) {
+        let rim = self.rim(cut, mesh, face, number);
+        let push = |cut: &mut CutMesh, corners: [Corner; 3]| {
+            cut.pieces.push(Piece {
+                corners: corners.map(|c| c.0),
+                source: face,
+                shares: corners.map(|c| c.2.map(|x| x as f32)),
+                points: corners.map(|c| c.1),
+            });
+        };
+        if let Some(&(place, shares)) = self.inside.get(&number) {
+            let vertex = cut.add(mesh, mesh.triangles[face as usize], shares);
+            let middle = (vertex, self.patch.points.len() as u32 + place, shares);
+            for (i, &corner) in rim.iter().enumerate() {
+                push(cut, [corner, rim[(i + 1) % rim.len()], middle]);
+            }
+            return;
+        }
+        for corners in triangles_of(&rim, self.patch.points.len() as u32, &cut.positions) {
+            push(cut, corners);
+        }
+    }
+
+    /// The corners of a triangle and the places on its edges, all around.
+    fn rim(&mut self, cut: &mut CutMesh, mesh: &Mesh, face: u32, number: u32) -> Vec<Corner> {
+        let vertices = mesh.triangles[face as usize];
+        let points = self.patch.triangles[number as usize];
+        let mut rim = Vec::with_capacity(5);
+        for k in 0..3 {
+            let next = (k + 1) % 3;
+            let mut shares = [0.0; 3];
+            shares[k] = 1.0;
+            rim.push((vertices[k], points[k], shares));
+            let (a, b) = (points[k], points[next]);
+            let Some(&(place, t)) = self.on_edge.get(&(a.min(b), a.max(b))) else {
+                continue;
+            };
+            let to_next = if a < b { t } else { 1.0 - t };
+            shares[k] = 1.0 - to_next;
+            shares[next] = to_next;
+            let (v, w) = (vertices[k], vertices[next]);
+            let made = self.made.entry((v.min(w), v.max(w)));
+            let vertex = *made.or_insert_with(|| {
+                let (first, second) = if v < w {
+                    (1.0 - to_next, to_next)
+                } else {
+                    (to_next, 1.0 - to_next)
+                };
+                cut.add(mesh, [v.min(w), v.max(w), v], [first, second, 0.0])
+            });
+            rim.push((vertex, self.patch.points.len() as u32 + place, shares));
+        }
+        rim
+    }
+}
+
+/// A triangle with places on up to two of its edges as triangles. `first_place`: points from here on
+/// are such places.
+fn triangles_of(rim: &[Corner], first_place: u32, positions: &[[f32; 3]]) -> Vec<[Corner; 3]> {
+    let is_place = |c: &Corner| c.1 >= first_place;
+    let at = |i: usize| rim[i % rim.len()];
+    let Some(start) =
+        (0..rim.len()).find(|&i| is_place(&at(i)) && !is_place(&at(i + 2)) || rim.len() == 3)
+    else {
+        return fan_of_all(rim);
+    };
+    match rim.len() {
+        3 => vec![[rim[0], rim[1], rim[2]]],
+        // The place, then the three corners.
+        4 => vec![
+            [at(start), at(start + 1), at(start + 2)],
+            [at(start), at(start + 2), at(start + 3)],
+        ],
+        5 => {
+            // Two places with one corner between them: found from the second of them.
+            let second = (0..5).find(|&i| is_place(&at(i)) && is_place(&at(i + 3)));
+            let Some(second) = second else {
+                return fan_of_all(rim);
+            };
+            let [n2, d, e, n1, c] = [0, 1, 2, 3, 4].map(|k| at(second + k));
+            let away = |a: &Corner, b: &Corner| {
+                let [p, q] = [a, b].map(|c| positions[c.0 as usize].map(f64::from));
+                distance(p, q)
+            };
+            let mut out = vec![[n1, c, n2]];
+            match away(&n2, &e) < away(&d, &n1) {
+                true => out.extend([[n2, d, e], [n2, e, n1]]),
+                false => out.extend([[n2, d, n1], [d, e, n1]]),
+            }
+            out
+        }
+        _ => fan_of_all(rim),
+    }
+}
+
+fn fan_of_all(rim: &[Corner]) -> Vec<[Corner; 3]> {
+    (1..rim.len() - 1)
+        .map(|i| [rim[0], rim[i], rim[i + 1]])
+        .collect()
+}
+
+/// Which side of the line every corner on it belongs to.
+struct Banks {
+    /// Piece, corner of the piece, whether it lies on the lower bank.
+    corners: Vec<(u32, usize, bool)>,
+    /// For each place of the line a piece and its corner on that bank.
+    upper: Vec<(u32, usize)>,
+    lower: Vec<(u32, usize)>,
+    is_inside_out: bool,
+}
+
+impl Banks {
+    fn new(
+        cut: &CutMesh,
+        patch: &Patch,
+        line: &[Node],
+        in_patch: &[u32],
+        above: impl Fn([f64; 3]) -> f64,
+    ) -> Result<Banks> {
+        let count = patch.points.len() as u32;
+        let point = |n: usize| match line[n] {
+            Node::Vertex(v) => v,
+            _ => count + n as u32,
+        };
+        let place: HashMap<u32, usize> = (0..line.len()).map(|n| (point(n), n)).collect();
+        let position = |p: u32| match p.checked_sub(count) {
+            Some(n) => line[n as usize].position(patch),
+            None => patch.points[p as usize],
+        };
+        // Pieces along the line: those whose side runs with it, and those whose side runs against it.
+        let mut sides = vec![[None; 2]; line.len() - 1];
+        let mut height = 0.0;
+        let mut around = vec![Vec::new(); line.len()];
+        for &number in in_patch {
+            let points = cut.pieces[number as usize].points;
+            for k in 0..3 {
+                let Some(&n) = place.get(&points[k]) else {
+                    continue;
+                };
+                around[n].push((number, k));
+                let Some(&next) = place.get(&points[(k + 1) % 3]) else {
+                    continue;
+                };
+                let third = above(position(points[(k + 2) % 3]));
+                if next == n + 1 {
+                    sides[n][0] = Some(number);
+                    height += third;
+                } else if next + 1 == n {
+                    sides[next][1] = Some(number);
+                    height -= third;
+                }
+            }
+        }
+        let is_inside_out = height < 0.0;
+        let [with, against] = match is_inside_out {
+            false => [0, 1],
+            true => [1, 0],
+        };
+        let hole = || {
+            Error::Mesh(
+                "expected skin on both sides of the line between the lips, got a hole".into(),
+            )
+        };
+        let corner_of = |number: u32, n: usize| {
+            let points = cut.pieces[number as usize].points;
+            let k = points.iter().position(|p| *p == point(n));
+            (number, k.expect("a piece along the line has its places"))
+        };
+        let bank = |side: usize| -> Result<Vec<(u32, usize)>> {
+            (0..line.len())
+                .map(|n| {
+                    sides[n.min(line.len() - 2)][side]
+                        .map(|number| corner_of(number, n))
+                        .ok_or_else(hole)
+                })
+                .collect()
+        };
+        let (upper, lower) = (bank(with)?, bank(against)?);
+        let mut corners = Vec::new();
+        for n in 1..line.len() - 1 {
+            let ends = [point(n - 1), point(n + 1)];
+            let groups = fans(cut, &around[n], ends);
+            let group_of = |piece: Option<u32>| {
+                groups
+                    .iter()
+                    .position(|g| g.iter().any(|(p, _)| Some(*p) == piece))
+            };
+            let seeds = [n - 1, n].map(|s| group_of(sides[s][against]));
+            let others = [n - 1, n].map(|s| group_of(sides[s][with]));
+            for (g, group) in groups.iter().enumerate() {
+                let is_lower = match (seeds.contains(&Some(g)), others.contains(&Some(g))) {
+                    (true, false) => true,
+                    (false, true) => false,
+                    _ => {
+                        let thirds = group
+                            .iter()
+                            .flat_map(|&(p, _)| cut.pieces[p as usize].points);
+                        thirds.map(|p| above(position(p))).sum::<f64>() < 0.0
+                    }
+                };
+                corners.extend(group.iter().map(|&(piece, k)| (piece, k, is_lower)));
+            }
+        }
+        Ok(Banks {
+            corners,
+            upper,
+            lower,
+            is_inside_out,
+        })
+    }
+}
+
+/// The pieces around a place in groups that hang together without crossing the line; `ends`: its
+/// neighbours on the line.
+fn fans(cut: &CutMesh, around: &[(u32, usize)], ends: [u32; 2]) -> Vec<Vec<(u32, usize)>> {
+    let others = |&(piece, k): &(u32, usize)| {
+        let points = cut.pieces[piece as usize].points;
+        [points[(k + 1) % 3], points[(k + 2) % 3]]
+    };
+    let mut groups: Vec<Vec<(u32, usize)>> = Vec::new();
+    for corner in around {
+        let sides = others(corner);
+        let touches = |group: &Vec<(u32, usize)>| {
+            let all = group.iter().flat_map(others);
+            all.into_iter()
+                .any(|p| sides.contains(&p) && !ends.contains(&p))
+        };
+        let (joined, apart): (Vec<_>, Vec<_>) = groups.into_iter().partition(touches);
+        groups = apart;
+        groups.push(joined.into_iter().flatten().chain([*corner]).collect());
+    }
+    groups
+}

@@ -1,0 +1,208 @@
+//! The surface around a mouth, in the mouth's own frame.
+
+use std::collections::HashMap;
+
+use crate::{
+    Error, Result,
+    mesh::{
+        Landmarks, Mesh, Parts, Similarity,
+        parts::{NO_PART, weld_seams},
+        vec3::{cross, dot, norm, sub, unit},
+    },
+};
+
+/// Skin this far from the middle of the mouth is looked at, in widths of the mouth, and so many times
+/// less far up and down.
+const REACH: f64 = 0.85;
+const FLATTER: f64 = 1.6;
+/// Landmarks of the lips: those that say which surface is the skin.
+const LIPS: std::ops::Range<usize> = 48..68;
+
+/// Where the mouth is: the length of its axes is the way between the inner corners.
+pub(super) struct MouthFrame {
+    /// The subject's right corner, mesh units.
+    pub start: [f64; 3],
+    /// Unit vectors: to the left corner, up, out of the face.
+    pub axes: [[f64; 3]; 3],
+    /// Between the inner corners, mesh units.
+    pub width: f64,
+}
+
+impl MouthFrame {
+    /// Up is half the head's and half the way from the lower to the upper lip.
+    pub fn of(landmarks: &Landmarks, to_canonical: &Similarity) -> Result<MouthFrame> {
+        let at = |n: usize| landmarks.positions[n].map(f64::from);
+        let (start, way) = (at(60), sub(at(64), at(60)));
+        let (width, whole) = (norm(way), norm(sub(at(54), at(48))));
+        if !width.is_finite() || width < 0.3 * whole || whole <= 0.0 {
+            return Err(Error::InvalidInput(format!(
+                "landmarks 60 and 64: expected the inner corners of the mouth about as far apart as \
+                 48 and 54 ({whole:.4}), got {width:.4}"
+            )));
+        }
+        let across = unit(way);
+        let upright = |v: [f64; 3]| -> [f64; 3] {
+            let along = dot(v, across);
+            unit(std::array::from_fn(|i| v[i] - along * across[i]))
+        };
+        let middle = |of: [usize; 3]| -> [f64; 3] {
+            std::array::from_fn(|i| of.iter().map(|&n| at(n)[i]).sum::<f64>() / 3.0)
+        };
+        let of_head = upright(
+            to_canonical
+                .inverse()
+                .rotate([0.0, 1.0, 0.0])
+                .map(f64::from),
+        );
+        let of_lips = upright(sub(middle([50, 51, 52]), middle([56, 57, 58])));
+        let up = match dot(of_head, of_lips) > 0.3 {
+            true => upright([0, 1, 2].map(|i| of_head[i] + of_lips[i])),
+            false => of_head,
+        };
+        Ok(MouthFrame {
+            start,
+            axes: [across, up, cross(across, up)],
+            width,
+        })
+    }
+
+    /// Across, up and out, in widths of the mouth from its right corner.
+    pub fn local(&self, p: [f64; 3]) -> [f64; 3] {
+        let offset = sub(p, self.start);
+        self.axes.map(|axis| dot(axis, offset) / self.width)
+    }
+
+    /// The way back.
+    pub fn point(&self, local: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|i| {
+            let along: f64 = (0..3).map(|k| self.axes[k][i] * local[k]).sum();
+            self.start[i] + self.width * along
+        })
+    }
+}
+
+/// Which vertices at one place are taken for one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Sewing {
+    /// Those along texture seams.
+    Seams,
+    /// All: where hard edges and corners of several textures meet no seam is told from a rim.
+    Places,
+}
+
+/// The skin around a mouth, its texture seams sewn up.
+pub(super) struct Patch {
+    /// `[F']`, numbers of its triangles in the mesh.
+    pub faces: Vec<u32>,
+    /// `[F', 3]`, over its own points.
+    pub triangles: Vec<[u32; 3]>,
+    /// `[P, 3]`, in the mouth's frame.
+    pub points: Vec<[f64; 3]>,
+}
+
+impl Patch {
+    /// # Errors
+    /// `Mesh` where no landmark of the lips lies on a surface.
+    pub fn around(
+        mesh: &Mesh,
+        landmarks: &Landmarks,
+        frame: &MouthFrame,
+        sewing: Sewing,
+    ) -> Result<Patch> {
+        let local: Vec<[f64; 3]> = (0..mesh.positions.len() as u32)
+            .map(|v| frame.local(mesh.point(v)))
+            .collect();
+        let near = |v: u32| {
+            let [x, y, z] = local[v as usize];
+            norm([x - 0.5, FLATTER * y, z]) < REACH
+        };
+        let faces: Vec<u32> = (0..mesh.triangles.len() as u32)
+            .filter(|&f| mesh.triangles[f as usize].iter().any(|&v| near(v)))
+            .collect();
+        let triangles: Vec<[u32; 3]> = faces.iter().map(|&f| mesh.triangles[f as usize]).collect();
+        let sewn = match sewing {
+            Sewing::Seams => weld_seams(&mesh.positions, &triangles, &[]),
+            Sewing::Places => same_places(&mesh.positions, &triangles),
+        };
+        let sewn_triangles = triangles.iter().map(|t| t.map(|v| sewn[v as usize]));
+        let sewn_triangles: Vec<[u32; 3]> = sewn_triangles.collect();
+        let parts = Parts::of(mesh.positions.len(), &sewn_triangles);
+        let skin = most_landmarks(&parts, &sewn, landmarks)?;
+        let mut numbers = HashMap::new();
+        let mut patch = Patch {
+            faces: Vec::new(),
+            triangles: Vec::new(),
+            points: Vec::new(),
+        };
+        for (&face, t) in faces.iter().zip(&sewn_triangles) {
+            if parts.of_vertex[t[0] as usize] != skin
+                || t[0] == t[1]
+                || t[1] == t[2]
+                || t[2] == t[0]
+            {
+                continue;
+            }
+            patch.faces.push(face);
+            patch.triangles.push(t.map(|v| {
+                *numbers.entry(v).or_insert_with(|| {
+                    patch.points.push(local[v as usize]);
+                    patch.points.len() as u32 - 1
+                })
+            }));
+        }
+        Ok(patch)
+    }
+
+    /// Length of the longest edge near a point of the mouth's frame, in widths.
+    pub fn edge_near(&self, p: [f64; 3]) -> f64 {
+        let length = |t: &[u32; 3]| -> f64 {
+            let [a, b, c] = t.map(|v| self.points[v as usize]);
+            [sub(a, b), sub(b, c), sub(c, a)]
+                .map(norm)
+                .into_iter()
+                .fold(0.0, f64::max)
+        };
+        let away = |t: &[u32; 3]| -> f64 {
+            let corners = t.map(|v| norm(sub(self.points[v as usize], p)));
+            corners.into_iter().fold(f64::INFINITY, f64::min)
+        };
+        let nearest = self
+            .triangles
+            .iter()
+            .min_by(|a, b| away(a).total_cmp(&away(b)));
+        nearest.map_or(0.0, length)
+    }
+}
+
+/// `[V]`: of the corners of some triangles the first at the same place; all others for themselves.
+fn same_places(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<u32> {
+    let mut used: Vec<u32> = triangles.as_flattened().to_vec();
+    used.sort_unstable();
+    used.dedup();
+    let mut sewn: Vec<u32> = (0..positions.len() as u32).collect();
+    let mut first = HashMap::new();
+    for v in used {
+        // Adding zero makes −0 and 0 one place.
+        let place = positions[v as usize].map(|x| (x + 0.0).to_bits());
+        sewn[v as usize] = *first.entry(place).or_insert(v);
+    }
+    sewn
+}
+
+/// The part that holds most landmarks of the lips.
+fn most_landmarks(parts: &Parts, sewn: &[u32], landmarks: &Landmarks) -> Result<u32> {
+    let mut counts = vec![0; parts.count];
+    for n in LIPS {
+        let part = parts.of_vertex[sewn[landmarks.vertices[n] as usize] as usize];
+        if part != NO_PART {
+            counts[part as usize] += 1;
+        }
+    }
+    let most = (0..parts.count).max_by_key(|&part| (counts[part], std::cmp::Reverse(part)));
+    match most.filter(|&part| counts[part] > 0) {
+        Some(part) => Ok(part as u32),
+        None => Err(Error::Mesh(
+            "expected landmarks of the lips on a surface, got none".into(),
+        )),
+    }
+}

@@ -1,0 +1,264 @@
+//! Where the lips meet: the valley between them, seen from the front.
+//!
+//! The patch is drawn into a grid of depths over the mouth's frame. In each column from corner to
+//! corner a place counts as a valley as far as it lies behind the mean of what is above and below it;
+//! the cheapest way through the grid from one corner to the other (dynamic programming) follows the
+//! valley, keeps near the line that the inner-lip landmarks draw, and does not jump.
+
+use super::patch::Patch;
+
+/// Columns from corner to corner, both corners included.
+const COLUMNS: usize = 49;
+/// Height of a row, in widths of the mouth (0.2 mm).
+const ROW: f64 = 0.004;
+/// The valley lies no further than this from the landmarks' line, in rows (5 mm).
+const RANGE: i64 = 24;
+/// What is above and below is looked at so far away, in rows (1.2, 2.4 and 4 mm).
+const FLANKS: [i64; 3] = [6, 12, 20];
+/// A valley of this depth outweighs one standard deviation from the landmarks' line, in widths; one
+/// deeper than so many times that is a hole, not lips.
+const DEEP: f64 = 0.015;
+const DEEPEST: f64 = 8.0;
+/// Standard deviation of the landmarks' line, in rows: in the middle, and at the corners.
+const TRUST: [f64; 2] = [20.0, 2.0];
+/// Standard deviation of a step between two columns against the landmarks' line, in rows.
+const STEP: f64 = 3.0;
+/// Passes of a binomial filter over the line that was found.
+const SMOOTHING: usize = 12;
+
+/// Height of the seam over the way from corner to corner.
+pub(super) struct SeamLine {
+    heights: Vec<f64>,
+}
+
+impl SeamLine {
+    /// `inner`: landmarks 60 to 67 in the mouth's frame.
+    pub fn find(patch: &Patch, inner: &[[f64; 3]; 8]) -> SeamLine {
+        let expected: Vec<f64> = (0..COLUMNS).map(|c| drawn(inner, place(c))).collect();
+        let depths = Depths::of(patch, &expected);
+        let offsets = cheapest_way(&depths);
+        let heights = expected.iter().zip(offsets);
+        let mut heights: Vec<f64> = heights.map(|(h, rows)| h + ROW * rows as f64).collect();
+        for _ in 0..SMOOTHING {
+            let old = heights.clone();
+            for c in 1..COLUMNS - 1 {
+                heights[c] = 0.25 * old[c - 1] + 0.5 * old[c] + 0.25 * old[c + 1];
+            }
+        }
+        SeamLine { heights }
+    }
+
+    /// Height at a place, 0 at the right corner and 1 at the left one, level beyond.
+    pub fn height(&self, place: f64) -> f64 {
+        let at = (place.clamp(0.0, 1.0) * (COLUMNS - 1) as f64).min((COLUMNS - 1) as f64 - 1e-9);
+        let (first, rest) = (at as usize, at.fract());
+        self.heights[first] * (1.0 - rest) + self.heights[first + 1] * rest
+    }
+}
+
+fn place(column: usize) -> f64 {
+    column as f64 / (COLUMNS - 1) as f64
+}
+
+/// Height of the line through the corners and the middles of the inner pairs.
+fn drawn(inner: &[[f64; 3]; 8], place: f64) -> f64 {
+    let middle = |a: usize, b: usize| [0, 1].map(|i| 0.5 * (inner[a][i] + inner[b][i]));
+    let mut knots = vec![[0.0, inner[0][1]]];
+    for knot in [middle(1, 7), middle(2, 6), middle(3, 5)] {
+        if knot[0] > knots[knots.len() - 1][0] + 0.05 && knot[0] < 0.95 {
+            knots.push(knot);
+        }
+    }
+    knots.push([1.0, inner[4][1]]);
+    let after = knots.partition_point(|knot| knot[0] < place);
+    let after = after.clamp(1, knots.len() - 1);
+    let ([x0, y0], [x1, y1]) = (knots[after - 1], knots[after]);
+    y0 + (y1 - y0) * ((place - x0) / (x1 - x0)).clamp(0.0, 1.0)
+}
+
+/// Depth of the foremost surface, rows counted from the expected line of each column.
+struct Depths {
+    /// `[COLUMNS, ROWS]`, out of the face; minus infinity where nothing is.
+    values: Vec<f64>,
+}
+
+/// Rows that a column holds on either side of the expected line.
+const HALF: i64 = RANGE + FLANKS[2];
+const ROWS: usize = 2 * HALF as usize + 1;
+
+impl Depths {
+    fn of(patch: &Patch, expected: &[f64]) -> Depths {
+        let mut depths = Depths {
+            values: vec![f64::NEG_INFINITY; COLUMNS * ROWS],
+        };
+        for t in &patch.triangles {
+            depths.draw(t.map(|v| patch.points[v as usize]), expected);
+        }
+        depths
+    }
+
+    /// Keeps what of a triangle lies in front.
+    fn draw(&mut self, [a, b, c]: [[f64; 3]; 3], expected: &[f64]) {
+        let twice = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        if twice.abs() < 1e-12 {
+            return;
+        }
+        let (low, high) = range([a[0], b[0], c[0]]);
+        let scale = (COLUMNS - 1) as f64;
+        let first = (low * scale).ceil().max(0.0) as usize;
+        let last = (high * scale).floor().min(scale);
+        for column in first..COLUMNS {
+            if column as f64 > last {
+                break;
+            }
+            let (low, high) = range([a[1], b[1], c[1]].map(|y| (y - expected[column]) / ROW));
+            let rows = (low.ceil() as i64).max(-HALF)..=(high.floor() as i64).min(HALF);
+            for row in rows {
+                let (x, y) = (place(column), expected[column] + ROW * row as f64);
+                let v = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / twice;
+                let w = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / twice;
+                if v >= -1e-9 && w >= -1e-9 && v + w <= 1.0 + 1e-9 {
+                    let slot = &mut self.values[column * ROWS + (row + HALF) as usize];
+                    *slot = slot.max((1.0 - v - w) * a[2] + v * b[2] + w * c[2]);
+                }
+            }
+        }
+    }
+
+    fn at(&self, column: usize, row: i64) -> f64 {
+        self.values[column * ROWS + (row + HALF) as usize]
+    }
+
+    /// How far a place lies behind what is beside it; 0 where that is not known.
+    fn valley(&self, column: usize, row: i64) -> f64 {
+        let here = self.at(column, row);
+        let behind = |away: i64| {
+            let beside = 0.5 * (self.at(column, row + away) + self.at(column, row - away));
+            beside - here
+        };
+        let known = FLANKS.map(behind).into_iter().filter(|v| v.is_finite());
+        known.fold(0.0, f64::max)
+    }
+}
+
+fn range(values: [f64; 3]) -> (f64, f64) {
+    let low = values.into_iter().fold(f64::INFINITY, f64::min);
+    (low, values.into_iter().fold(f64::NEG_INFINITY, f64::max))
+}
+
+/// Rows from the expected line, one for each column.
+fn cheapest_way(depths: &Depths) -> Vec<i64> {
+    let rows = (2 * RANGE + 1) as usize;
+    let own = |column: usize, row: usize| -> f64 {
+        let offset = row as i64 - RANGE;
+        let inward = 2.0 * place(column).min(1.0 - place(column));
+        let trust = TRUST[1] + (TRUST[0] - TRUST[1]) * inward.min(0.5) / 0.5;
+        (offset as f64 / trust).powi(2) - (depths.valley(column, offset) / DEEP).min(DEEPEST)
+    };
+    let mut costs: Vec<f64> = (0..rows).map(|row| own(0, row)).collect();
+    let mut came_from: Vec<Vec<usize>> = Vec::new();
+    for column in 1..COLUMNS {
+        let best = |row: usize| -> (f64, usize) {
+            let reach = row.saturating_sub(6)..=(row + 6).min(rows - 1);
+            let through = |from: usize| {
+                let step = (row as f64 - from as f64) / STEP;
+                (costs[from] + step * step, from)
+            };
+            let ways = reach.map(through);
+            ways.min_by(|a, b| a.0.total_cmp(&b.0))
+                .expect("its own row is in reach")
+        };
+        let found: Vec<(f64, usize)> = (0..rows).map(best).collect();
+        let next = found.iter().enumerate();
+        let next = next
+            .map(|(row, (cost, _))| cost + own(column, row))
+            .collect();
+        came_from.push(found.into_iter().map(|(_, from)| from).collect());
+        costs = next;
+    }
+    let end = (0..rows).min_by(|&a, &b| costs[a].total_cmp(&costs[b]));
+    let mut row = end.expect("there are rows");
+    let mut way = vec![row as i64 - RANGE];
+    for from in came_from.iter().rev() {
+        row = from[row];
+        way.push(row as i64 - RANGE);
+    }
+    way.reverse();
+    way
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sheet from corner to corner with a groove of the given depth at `height(x)`, in widths.
+    fn grooved(height: impl Fn(f64) -> f64, depth: f64) -> Patch {
+        let (columns, rows) = (81u32, 81u32);
+        let mut patch = Patch {
+            faces: Vec::new(),
+            triangles: Vec::new(),
+            points: Vec::new(),
+        };
+        for (row, column) in (0..rows).flat_map(|r| (0..columns).map(move |c| (r, c))) {
+            let x = f64::from(column) / 40.0 - 0.5;
+            let y = f64::from(row) * 0.01 - 0.4;
+            let away = (y - height(x)) / 0.04;
+            patch.points.push([x, y, -depth * (-away * away).exp()]);
+        }
+        for (row, column) in (0..rows - 1).flat_map(|r| (0..columns - 1).map(move |c| (r, c))) {
+            let a = row * columns + column;
+            patch.triangles.extend([
+                [a, a + 1, a + columns],
+                [a + 1, a + columns + 1, a + columns],
+            ]);
+        }
+        patch.faces = (0..patch.triangles.len() as u32).collect();
+        patch
+    }
+
+    fn level_landmarks() -> [[f64; 3]; 8] {
+        let x = [0.0, 0.25, 0.5, 0.75, 1.0, 0.75, 0.5, 0.25];
+        x.map(|x| [x, 0.0, 0.0])
+    }
+
+    #[test]
+    fn the_line_follows_a_valley_beside_the_landmarks() {
+        let bow = |x: f64| 0.04 * (std::f64::consts::PI * x).sin();
+        let line = SeamLine::find(&grooved(bow, 0.06), &level_landmarks());
+        for place in [0.2, 0.35, 0.5, 0.65, 0.8] {
+            let got = line.height(place);
+            assert!(
+                (got - bow(place)).abs() < 0.01,
+                "{place}: {got}, {}",
+                bow(place)
+            );
+        }
+        assert!(line.height(0.0).abs() < 0.01 && line.height(1.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn without_a_valley_it_is_the_line_of_the_landmarks() {
+        let mut inner = level_landmarks();
+        inner[2][1] = 0.05;
+        inner[6][1] = 0.03;
+        let line = SeamLine::find(&grooved(|_| 0.0, 0.0), &inner);
+        assert!(
+            (line.height(0.5) - 0.04).abs() < 0.012,
+            "{}",
+            line.height(0.5)
+        );
+        assert!(line.height(0.02).abs() < 0.006);
+    }
+
+    #[test]
+    fn a_symmetric_groove_gives_a_symmetric_line() {
+        let line = SeamLine::find(
+            &grooved(|x| 0.03 * (x - 0.5).abs(), 0.05),
+            &level_landmarks(),
+        );
+        for place in [0.05, 0.2, 0.4] {
+            let [a, b] = [place, 1.0 - place].map(|x| line.height(x));
+            assert!((a - b).abs() < 0.5 * ROW, "{a} {b}");
+        }
+    }
+}
