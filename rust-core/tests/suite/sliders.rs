@@ -277,11 +277,12 @@ fn some_vertices_move_as_they_do_among_all() {
     let wanted: Vec<u32> = (0..take.clip.displacements.dim().1 as u32)
         .step_by(37)
         .collect();
-    let (weights, cache) = (
+    let (weights, creases) = (
         StaticWeights::open(None).unwrap(),
-        Cache::new(&CachePolicy::Off),
+        Creases::open(None).unwrap(),
     );
-    let deformer = static_deformer(&weights, &take.face, 1.0, &cache, SILENT).unwrap();
+    let (models, cache) = ((&weights, &creases), Cache::new(&CachePolicy::Off));
+    let deformer = static_deformer(models, &take.face, 1.0, &cache, SILENT).unwrap();
     let few = deformer.of_vertices(&wanted).unwrap();
     assert!(wanted.iter().all(|v| few.vertices.binary_search(v).is_ok()));
     let clip = take.performance.motion.landmarks().unwrap();
