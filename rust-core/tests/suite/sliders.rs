@@ -6,7 +6,7 @@ use anyface::{
     cache::Cache,
     conditions::EmotionCurve,
     deform::{
-        Deformer, StaticWeights, VertexClip,
+        Creases, Deformer, StaticWeights, VertexClip,
         compression::{VertexBasis, compress},
         static_deformer,
     },
