@@ -231,7 +231,7 @@ def score(rng: np.random.Generator, creases: Creases, data: Path, models: Path) 
     for mesh in map(prepare, people):
         rest = mesh.geometry.positions.numpy().astype(np.float64)
         marks = mesh.geometry.landmarks.numpy().astype(np.float64)
-        cross = creases.transferred(rest, normals_of(rest, mesh.triangles), marks)
+        cross = creases.transferred(rest, mesh.triangles, marks)
         between = np.linalg.norm(rest - marks[[21, 22]].mean(0), axis=1) < 0.2
         centres = [marks[list(c)].mean(0) for c in ((36, 48, 31), (45, 54, 35))]
         cheeks = np.min([np.linalg.norm(rest - c, axis=1) for c in centres], axis=0) < 0.25

@@ -8,8 +8,8 @@ Mirrors `rust-core/src/deform/creases.rs`.
 a network over them smooths it away. On a reference face the residual of every point is a linear
 function of the landmarks' motion; C are its K combinations and B its values at P points of that face's
 surface. For another face the points are carried over by interpolating the shift of the 68 landmarks
-with the radial basis |r|; a vertex takes what the nearest points say whose skin faces the same way, and
-less where they lie far from it.
+with the radial basis |r|; a vertex takes what the nearest points say whose skin lies in its own plane,
+and less where they lie far from it.
 
 Lengths are decimetres in the canonical frame. Shapes: `V` vertices, `P` points, `N` = 68, `K` rank.
 """
@@ -39,15 +39,26 @@ class Creases:
     cross: np.ndarray
     motion: np.ndarray
 
-    def transferred(self, positions: np.ndarray, normals: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
-        """`s B` of a face. positions, normals: [V, 3]. landmarks: [N, 3]. Returns [V, 3, K]."""
+    def transferred(self, positions: np.ndarray, triangles: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
+        """`s B` of a face. positions: [V, 3]. triangles: [F, 3]. landmarks: [N, 3]. Returns [V, 3, K]."""
         shift = RBFInterpolator(self.landmarks, landmarks - self.landmarks, kernel="linear", degree=0)
         points = self.points + shift(self.points)
         distance, index = cKDTree(points).query(positions, NEIGHBOURS, distance_upper_bound=GONE_AT_DM)
         index = np.minimum(index, len(points) - 1)
-        agreement = np.einsum("vkx,vx->vk", self.normals[index], normals).clip(0.0)
-        weight = (agreement / (distance + SOFT_DM)) ** 2
+        normals = self.normals[index]
+        along = np.einsum("vkx,vxy,vky->vk", normals, planes(positions, triangles), normals)
+        weight = along / (distance + SOFT_DM) ** 2
         total = weight.sum(1, keepdims=True)
         near = ((GONE_AT_DM - distance[:, :1]) / (GONE_AT_DM - FULL_WITHIN_DM)).clip(0.0, 1.0)
         weight = np.where(total > 0.0, near * weight / np.maximum(total, 1e-12), 0.0)
         return np.einsum("vk,vkxr->vxr", weight, self.cross[index])
+
+
+def planes(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """How the triangles about each vertex face, whatever their order: mean of n nᵀ, [V, 3, 3]."""
+    edges = positions[triangles[:, 1:]] - positions[triangles[:, :1]]
+    normal = np.cross(edges[:, 0], edges[:, 1])
+    out = np.zeros((len(positions), 3, 3))
+    for corner in triangles.T:
+        np.add.at(out, corner, normal[:, :, None] * normal[:, None])
+    return out / np.trace(out, axis1=1, axis2=2)[:, None, None].clip(1e-30)

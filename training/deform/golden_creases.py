@@ -15,10 +15,10 @@ POINTS, RANK = 300, 3
 
 
 def write(out: Path, shared: Path) -> Path:
-    """Writes `creases_debug.safetensors`: `weights.*`, `positions`, `normals` [V, 3], `landmarks` [N, 3]
-    of the other face, dm, and `carried` [V, 3, K]."""
+    """Writes `creases_debug.safetensors`: `weights.*`, `positions` [V, 3], `triangles` [F, 3] and
+    `landmarks` [N, 3] of the other face, dm, and `carried` [V, 3, K]."""
     rng = np.random.default_rng(6)
-    vertices, _, numbers = procedural_face(rng)
+    vertices, triangles, numbers = procedural_face(rng)
     vertices = 10.0 * vertices.astype(np.float64)
     normals = np.array([0.0, 0.0, 1.0]) + rng.normal(0.0, 0.6, vertices.shape)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -28,12 +28,13 @@ def write(out: Path, shared: Path) -> Path:
     reference = vertices[numbers] + rng.normal(0.0, 0.02, (68, 3))
     creases = Creases(vertices[chosen], normals[chosen], reference, cross, motion)
     other = vertices * [1.1, 0.9, 1.05] + rng.normal(0.0, 0.01, vertices.shape)
-    carried = creases.transferred(other, normals, other[numbers])
+    carried = creases.transferred(other, triangles, other[numbers])
     tensors = {f"weights.{k}": v for k, v in vars(creases).items()}
-    tensors |= {"positions": other, "normals": normals, "landmarks": other[numbers], "carried": carried}
+    tensors |= {"positions": other, "landmarks": other[numbers], "carried": carried}
     path = out / "creases_debug.safetensors"
     save_file(
-        {k: np.ascontiguousarray(v, dtype=np.float32) for k, v in tensors.items()},
+        {k: np.ascontiguousarray(v, dtype=np.float32) for k, v in tensors.items()}
+        | {"triangles": triangles.astype(np.int32)},
         path,
         metadata={
             "config": json.dumps({"points": POINTS, "rank": RANK}),

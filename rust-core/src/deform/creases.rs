@@ -9,7 +9,7 @@
 //! function of the landmarks' motion; `C` are its combinations and `B` its values at points of that
 //! face's surface. For another face the points are carried over by interpolating the shift of the 68
 //! landmarks with the radial basis `|r|` (Hardy 1971); a vertex takes what the nearest points say whose
-//! skin faces the same way, and less where they lie far from it.
+//! skin lies in its own plane, and less where they lie far from it.
 //!
 //! Lengths are decimetres in the canonical frame.
 
@@ -101,31 +101,27 @@ impl Creases {
         &self.motion
     }
 
-    /// `s B` of a face, `[V, 3 K]`, axis by axis. Skin whose normals point inwards counts as turned.
+    /// `s B` of a face, `[V, 3 K]`, axis by axis. Which side of a triangle is its front does not matter.
     ///
-    /// `positions`, `normals`: `[V]`; `landmarks`: of the neutral face.
+    /// `positions`: `[V]`; `triangles`: of them; `landmarks`: of the neutral face.
     pub fn carried_to(
         &self,
         positions: &[[f32; 3]],
-        normals: &[[f32; 3]],
+        triangles: &[[u32; 3]],
         landmarks: &[[f32; 3]; LANDMARKS],
     ) -> Array2<f32> {
+        let planes = planes(positions, triangles);
         let points = self.warped(landmarks);
         let grid = PointGrid::new(&points, CELL_DM);
         let near: Vec<Vec<(u32, f32)>> = positions
             .par_iter()
             .map(|&p| grid.within(p, GONE_AT_DM, NEIGHBOURS))
             .collect();
-        let facing = |v: usize, (p, _): &(u32, f32)| dot(normals[v], self.normals[*p as usize]);
-        let outwards: f32 = (0..near.len())
-            .filter_map(|v| Some(facing(v, near[v].first()?)))
-            .sum();
-        let side = if outwards < 0.0 { -1.0 } else { 1.0 };
         let mut out = Array2::zeros((positions.len(), self.cross.ncols()));
         let rows = out.outer_iter_mut().into_par_iter().zip(near.par_iter());
         rows.enumerate().for_each(|(v, (mut row, near))| {
-            let weight = |found: &(u32, f32)| {
-                ((side * facing(v, found)).max(0.0) / (found.1 + SOFT_DM)).powi(2)
+            let weight = |&(p, distance): &(u32, f32)| {
+                planes[v].along(self.normals[p as usize]) / (distance + SOFT_DM).powi(2)
             };
             let total: f32 = near.iter().map(weight).sum();
             if total <= 0.0 {
@@ -166,8 +162,52 @@ impl Creases {
     }
 }
 
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+/// How the triangles about a vertex face, whatever their order: `Σ n nᵀ` of their doubled areas' vectors,
+/// upper triangle row by row.
+#[derive(Debug, Clone, Copy, Default)]
+struct Planes([f32; 6]);
+
+impl Planes {
+    fn add(&mut self, [x, y, z]: [f32; 3]) {
+        let products = [x * x, x * y, x * z, y * y, y * z, z * z];
+        self.0.iter_mut().zip(products).for_each(|(a, b)| *a += b);
+    }
+
+    /// Mean square of the cosine between the triangles' normals and a unit vector, 0 to 1.
+    fn along(&self, [x, y, z]: [f32; 3]) -> f32 {
+        let [xx, xy, xz, yy, yz, zz] = self.0;
+        let size = xx + yy + zz;
+        let along = xx * x * x + yy * y * y + zz * z * z;
+        let across = 2.0 * (xy * x * y + xz * x * z + yz * y * z);
+        match size > 0.0 {
+            true => ((along + across) / size).max(0.0),
+            false => 0.0,
+        }
+    }
+}
+
+fn planes(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<Planes> {
+    let mut planes = vec![Planes::default(); positions.len()];
+    for triangle in triangles {
+        let [a, b, c] = triangle.map(|v| positions[v as usize]);
+        let normal = cross(sub(b, a), sub(c, a));
+        triangle
+            .iter()
+            .for_each(|&v| planes[v as usize].add(normal));
+    }
+    planes
+}
+
+fn sub(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    std::array::from_fn(|i| a[i] - b[i])
+}
+
+fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
 }
 
 #[cfg(test)]
@@ -189,24 +229,33 @@ mod tests {
     fn carried_creases_match_the_python_twin() {
         let (golden, creases) = golden();
         let landmarks = places(&golden, "landmarks");
-        let (positions, normals) = (places(&golden, "positions"), places(&golden, "normals"));
+        let positions = places(&golden, "positions");
+        let corners = golden.integers("triangles");
+        let mut triangles: Vec<[u32; 3]> = corners
+            .chunks(3)
+            .map(|t| [t[0] as u32, t[1] as u32, t[2] as u32])
+            .collect();
         let landmarks = std::array::from_fn(|n| landmarks[n]);
-        let got = creases.carried_to(&positions, &normals, &landmarks);
+        let got = creases.carried_to(&positions, &triangles, &landmarks);
         let expected = golden.values("carried");
         assert!(expected.iter().any(|x| x.abs() > 0.1));
         assert_eq!(got.len(), expected.len());
         for (a, b) in got.iter().zip(&expected) {
             assert!((a - b).abs() < 1e-3, "expected {b}, got {a}");
         }
-        let inwards: Vec<_> = normals.iter().map(|n| n.map(|x| -x)).collect();
-        assert_eq!(got, creases.carried_to(&positions, &inwards, &landmarks));
+        let turned = triangles.iter_mut().step_by(3);
+        turned.for_each(|triangle| triangle.swap(0, 2));
+        let again = creases.carried_to(&positions, &triangles, &landmarks);
+        for (a, b) in again.iter().zip(&got) {
+            assert!((a - b).abs() < 1e-4, "expected {b}, got {a}");
+        }
     }
 
     #[test]
     fn far_from_the_face_nothing_moves() {
         let (_, creases) = golden();
-        let far = [[0.0, 3.0, 0.0], [f32::MAX; 3]];
-        let moved = creases.carried_to(&far, &[[0.0, 0.0, 1.0]; 2], &creases.landmarks);
+        let far = [[0.0, 3.0, 0.0], [0.1, 3.0, 0.0], [f32::MAX; 3]];
+        let moved = creases.carried_to(&far, &[[0, 1, 2]], &creases.landmarks);
         assert!(moved.iter().all(|x| *x == 0.0));
     }
 
@@ -218,10 +267,22 @@ mod tests {
         for n in 0..LANDMARKS {
             assert!(distance(flip(landmarks[MIRROR[n]]), landmarks[n]) < 1e-4);
         }
-        let (points, normals) = (&creases.points[..200], &creases.normals[..200]);
-        let reflected = |list: &[[f32; 3]]| list.iter().map(|&p| flip(p)).collect::<Vec<_>>();
-        let here = creases.carried_to(points, normals, &landmarks);
-        let there = creases.carried_to(&reflected(points), &reflected(normals), &landmarks);
+        // Small triangles on the surface, and their mirror images.
+        let around = |(p, n): (&[f32; 3], &[f32; 3])| {
+            let along = cross(*n, [1.0, 0.3, 0.0]).map(|x| 0.01 * x);
+            let beside = cross(*n, along);
+            [
+                *p,
+                std::array::from_fn(|i| p[i] + along[i]),
+                std::array::from_fn(|i| p[i] + beside[i]),
+            ]
+        };
+        let surface = creases.points[..200].iter().zip(&creases.normals);
+        let points: Vec<[f32; 3]> = surface.flat_map(around).collect();
+        let triangles: Vec<[u32; 3]> = (0..200).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        let reflected: Vec<[f32; 3]> = points.iter().map(|&p| flip(p)).collect();
+        let here = creases.carried_to(&points, &triangles, &landmarks);
+        let there = creases.carried_to(&reflected, &triangles, &landmarks);
         // Anger on one side alone, and on the other.
         let rank = creases.motion.nrows();
         let mut brow = ndarray::Array1::zeros(COORDINATES);

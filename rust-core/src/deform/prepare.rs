@@ -102,9 +102,8 @@ impl<'a> SolvedSkin<'a> {
     /// The learned part of the weights on the skin, creases with it.
     fn correction(&self, weights: &StaticWeights, creases: &Creases) -> Correction {
         let (positions, landmarks) = self.surface.decimetres();
-        let frames = self.surface.skin.operators.tangent_frames();
-        let normals: Vec<[f32; 3]> = frames.iter().map(|f| f[2].map(|x| x as f32)).collect();
-        let carried = creases.carried_to(&positions, &normals, &landmarks);
+        let triangles = &self.surface.skin.operators.triangles;
+        let carried = creases.carried_to(&positions, triangles, &landmarks);
         let learned = weights.correction(&VertexGeometry {
             positions: &positions,
             landmarks: &landmarks,

@@ -184,7 +184,7 @@ fn emotion_and_blinks_go_together() {
     );
     // The largest distance is that of speech, which anger changes in more than one step.
     assert!(
-        found.1 < 1.4 && found.0 < each_alone.0 - 0.002,
+        found.1 < 1.9 && found.0 < each_alone.0 - 0.002,
         "{each_alone:?} {found:?}"
     );
     // Nothing of it while one of the two is as the take was made.
