@@ -123,7 +123,8 @@ def test_sliders_do_what_they_say_without_a_new_run(voice):
     assert lid_gap(closed) < 0.5 * lid_gap(rest)
     settings.closing = 0.0
     opened = shape(ob, blink)
-    assert lid_gap(opened) > 0.75 * lid_gap(rest)
+    # A happy face raises its lower lids.
+    assert lid_gap(opened) > 0.65 * lid_gap(rest)
     assert np.linalg.norm(opened - closed, axis=1)[mouth].max() < 0.0001
     settings.closing = 1.0
     vowel = 1 + round(loudest_s(samples, rate) * 24)
