@@ -28,6 +28,7 @@ from training.corpus.faces import CHANNELS, Face, align, load_ict, load_makehuma
 from training.corpus.prepared import PreparedMesh, prepare
 from training.deform.creases import Creases
 from training.deform.static_weights import MIRROR, StaticConfig, StaticWeights, deform
+from training.deform.surface import vertex_normals
 
 NOISE_DM = 0.005
 RANK = 18
@@ -203,20 +204,12 @@ def write_model(folder: Path, creases: Creases) -> None:
     (folder / "config.json").write_text(json.dumps(config, indent=1) + "\n")
 
 
-def normals_of(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Unit normals of vertices, [V, 3]."""
-    edges = vertices[triangles[:, 1:]] - vertices[triangles[:, :1]]
-    cross, out = np.cross(edges[:, 0], edges[:, 1]), np.zeros_like(vertices)
-    for corner in triangles.T:
-        np.add.at(out, corner, cross)
-    return out / np.linalg.norm(out, axis=1, keepdims=True).clip(1e-12)
-
-
 def turned(face: PreparedMesh, moved: np.ndarray, truth: np.ndarray, where: np.ndarray) -> float:
     """Least-squares slope of the change of normals over the true one, one frame, at `where` [V]."""
     rest = face.geometry.positions.numpy().astype(np.float64)
     made, true = (
-        normals_of(rest + d, face.triangles) - normals_of(rest, face.triangles) for d in (moved, truth)
+        vertex_normals(rest + d, face.triangles) - vertex_normals(rest, face.triangles)
+        for d in (moved, truth)
     )
     return float((made * true)[where].sum() / (true[where] ** 2).sum())
 
@@ -267,7 +260,7 @@ def main() -> None:
     creases = measure(np.random.default_rng(0), args.data, args.models)
     write_model(args.models / "creases", creases)
     if args.score:
-        score(np.random.default_rng(77), creases, args.data, args.models)
+        score(np.random.default_rng(2026), creases, args.data, args.models)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ pub const MIRROR: [usize; LANDMARKS] = [
     52, 51, 50, 49, 48, 59, 58, 57, 56, 55, 64, 63, 62, 61, 60, 67, 66, 65,
 ];
 
-/// The parts of a face, as they are told to users.
+/// The parts of a face, as they are told to users. Twin of `REGIONS` in `blender-addon/scene/landmarks.py`.
 pub const REGIONS: [(&str, Range<usize>); 5] = [
     ("mouth", MOUTH),
     ("eyes", LIDS),
@@ -28,6 +28,12 @@ pub(crate) const BRIDGE: Range<usize> = 27..31;
 pub(crate) const LIDS: Range<usize> = 36..48;
 pub(crate) const MOUTH: Range<usize> = 48..68;
 pub(crate) const CHIN: usize = 8;
+
+/// Inner lips that face each other, upper and lower, from the subject's right to the left.
+pub(crate) const INNER_LIPS: [(usize, usize); 3] = [(61, 67), (62, 66), (63, 65)];
+/// The same of the lips' borders.
+pub(crate) const OUTER_LIPS: [(usize, usize); 5] =
+    [(49, 59), (50, 58), (51, 57), (52, 56), (53, 55)];
 
 /// What lies above speech.
 pub(crate) fn upper_face() -> impl Iterator<Item = usize> {

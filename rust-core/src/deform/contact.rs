@@ -17,6 +17,7 @@ use crate::{
     ibug::LANDMARKS,
     mesh::{
         Mesh, Similarity,
+        closest::{dot, nearest_between, norm, sub},
         lips::{Lip, lip_of_vertices},
     },
 };
@@ -387,15 +388,7 @@ impl Line {
     }
 }
 
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 /// Distance from a point to the straight way between two others.
 fn from_piece(p: [f32; 3], a: [f32; 3], b: [f32; 3]) -> f32 {
-    let way: [f32; 3] = std::array::from_fn(|i| b[i] - a[i]);
-    let offset: [f32; 3] = std::array::from_fn(|i| p[i] - a[i]);
-    let along = (dot(offset, way) / dot(way, way).max(1e-12)).clamp(0.0, 1.0);
-    let rest: [f32; 3] = std::array::from_fn(|i| offset[i] - along * way[i]);
-    dot(rest, rest).sqrt()
+    norm(sub(p, nearest_between(p, a, b)))
 }

@@ -24,6 +24,7 @@ use super::nearest::{PointGrid, distance};
 use crate::{
     Error, Result,
     ibug::LANDMARKS,
+    mesh::closest::{cross, sub},
     models::{BuiltIn, built_in},
     nn::Weights,
 };
@@ -196,18 +197,6 @@ fn planes(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<Planes> {
             .for_each(|&v| planes[v as usize].add(normal));
     }
     planes
-}
-
-fn sub(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|i| a[i] - b[i])
-}
-
-fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
 }
 
 #[cfg(test)]

@@ -13,18 +13,15 @@ use ndarray::{Array3, ArrayView3};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    ibug::LANDMARKS,
+    ibug::{INNER_LIPS, LANDMARKS, OUTER_LIPS},
     mesh::{
         Mouth,
         closest::{norm, sub},
     },
 };
 
-/// Landmarks of the lips' borders that face each other, upper and lower, from the subject's right to
-/// the left.
-const BORDERS: [(usize, usize); 5] = [(49, 59), (50, 58), (51, 57), (52, 56), (53, 55)];
-/// The same of the inner lips, and the pair of borders that each lies between.
-const INNER: [(usize, usize, usize); 3] = [(61, 67, 1), (62, 66, 2), (63, 65, 3)];
+/// Of each inner pair the pair of borders that it lies between.
+const BORDER_OF_INNER: [usize; 3] = [1, 2, 3];
 /// Below the nose, middle of the upper and of the lower lip's border, chin.
 const PROFILE: [usize; 4] = [33, 51, 57, 8];
 
@@ -49,7 +46,7 @@ impl JoinedLips {
         let whole: f32 = lengths.iter().sum::<f32>().max(f32::MIN_POSITIVE);
         Some(JoinedLips {
             shares: lengths.map(|part| part / whole),
-            heights: INNER.map(|inner| height_of_seam(landmarks, inner)),
+            heights: std::array::from_fn(|i| height_of_seam(landmarks, i)),
         })
     }
 
@@ -59,14 +56,15 @@ impl JoinedLips {
         let [above, _, below] = self.shares;
         for mut moved in out.outer_iter_mut() {
             for axis in 0..3 {
-                for (upper, lower) in BORDERS {
+                for (upper, lower) in OUTER_LIPS {
                     let opening = moved[[upper, axis]] - moved[[lower, axis]];
                     moved[[upper, axis]] -= above * opening;
                     moved[[lower, axis]] += below * opening;
                 }
-                for ((upper, lower, pair), height) in INNER.into_iter().zip(self.heights) {
-                    let [a, b] = [BORDERS[pair].0, BORDERS[pair].1].map(|n| moved[[n, axis]]);
-                    let seam = a + height * (b - a);
+                for (i, (upper, lower)) in INNER_LIPS.into_iter().enumerate() {
+                    let (above, below) = OUTER_LIPS[BORDER_OF_INNER[i]];
+                    let [a, b] = [above, below].map(|n| moved[[n, axis]]);
+                    let seam = a + self.heights[i] * (b - a);
                     (moved[[upper, axis]], moved[[lower, axis]]) = (seam, seam);
                 }
             }
@@ -76,13 +74,12 @@ impl JoinedLips {
 }
 
 /// The part of the way from the upper lip's border to the lower one's at which an inner pair meets.
-fn height_of_seam(
-    landmarks: &[[f32; 3]; LANDMARKS],
-    (upper, lower, pair): (usize, usize, usize),
-) -> f32 {
+fn height_of_seam(landmarks: &[[f32; 3]; LANDMARKS], inner: usize) -> f32 {
+    let (upper, lower) = INNER_LIPS[inner];
+    let (border_above, border_below) = OUTER_LIPS[BORDER_OF_INNER[inner]];
     let seam = std::array::from_fn(|i| 0.5 * (landmarks[upper][i] + landmarks[lower][i]));
-    let above = norm(sub(landmarks[BORDERS[pair].0], seam));
-    let below = norm(sub(landmarks[BORDERS[pair].1], seam));
+    let above = norm(sub(landmarks[border_above], seam));
+    let below = norm(sub(landmarks[border_below], seam));
     above / (above + below).max(f32::MIN_POSITIVE)
 }
 
@@ -112,7 +109,7 @@ mod tests {
         let joined = JoinedLips::of(Mouth::Welded, rest).unwrap();
         let moved = joined.apply(opening().view());
         let way = |n: usize| moved[[0, n, 1]];
-        for (upper, lower, _) in INNER {
+        for (upper, lower) in INNER_LIPS {
             assert!((way(upper) - way(lower)).abs() < 1e-6);
             assert!(way(upper) < -0.002);
         }

@@ -117,8 +117,22 @@ pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
+pub(crate) fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    std::array::from_fn(|i| {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        a[j] * b[k] - a[k] * b[j]
+    })
+}
+
 pub(crate) fn norm(a: [f32; 3]) -> f32 {
     dot(a, a).sqrt()
+}
+
+/// The nearest point to `p` on the straight way between two others.
+pub(crate) fn nearest_between(p: [f32; 3], a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    let way = sub(b, a);
+    let along = (dot(sub(p, a), way) / dot(way, way).max(1e-12)).clamp(0.0, 1.0);
+    std::array::from_fn(|i| a[i] + along * way[i])
 }
 
 #[cfg(test)]

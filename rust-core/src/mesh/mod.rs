@@ -23,6 +23,7 @@ mod read;
 mod roles;
 pub mod simplify;
 mod snap;
+pub(crate) mod sphere;
 mod subdivide;
 pub(crate) mod tree;
 pub(crate) mod vec3;

@@ -5,6 +5,7 @@
 //! `training/corpus/closures.py`.
 
 use super::LandmarkClip;
+use crate::ibug::{INNER_LIPS, OUTER_LIPS};
 
 /// Probabilities between which the lips go from as they are to touching.
 const SURE_FROM: f32 = 0.2;
@@ -15,26 +16,18 @@ const PEAK_FRAMES: usize = 2;
 const PEAK_SHARE: f32 = 0.75;
 /// Opening over that of the neutral face at which lips touch in speech, metres.
 const TOUCHING: f32 = -0.5e-3;
-/// Upper and lower landmark of the three inner lip pairs.
-const INNER: [(usize, usize); 3] = [(61, 67), (62, 66), (63, 65)];
-/// Outer pairs, the inner pair that each follows, and how far.
-const OUTER: [((usize, usize), usize, f32); 5] = [
-    ((49, 59), 0, 0.4),
-    ((50, 58), 0, 0.8),
-    ((51, 57), 1, 1.0),
-    ((52, 56), 2, 0.8),
-    ((53, 55), 2, 0.4),
-];
+/// Of each outer pair the inner pair that it follows, and how far.
+const FOLLOWS: [(usize, f32); 5] = [(0, 0.4), (0, 0.8), (1, 1.0), (2, 0.8), (2, 0.4)];
 /// Part of a closing motion that the upper lip makes.
 const UPPER_SHARE: f32 = 0.35;
 
 /// Closes the lips of a clip where `probability` is high: `[T']`, frame `t` at `t / rate_hz` seconds.
 ///
 /// Where the probability is three quarters of the highest within two frames, a smooth step from 0.2 to
-/// 0.35 decides how far the gap of each inner pair goes to where lips
-/// touch, and how far one lip comes forward to the other; it never widens. Frames where nothing closes stay as the network made them, which moves as
-/// recorded lips do, and so do the corners. Between its frames the probability goes straight, so that
-/// a closure of one of them is met at any frame rate. Nothing happens without a probability.
+/// 0.35 decides how far the gap of each inner pair goes to where lips touch, and how far one lip comes
+/// forward to the other; it never widens. Frames where nothing closes stay as the network made them, which
+/// moves as recorded lips do, and so do the corners. Between its frames the probability goes straight, so
+/// that a closure of one of them is met at any frame rate. Nothing happens without a probability.
 pub fn close_lips(clip: &mut LandmarkClip, probability: &[f32], rate_hz: f64) {
     let (fps, probability) = (clip.fps, &peaks(probability));
     for (t, mut face) in clip.displacements.outer_iter_mut().enumerate() {
@@ -42,7 +35,7 @@ pub fn close_lips(clip: &mut LandmarkClip, probability: &[f32], rate_hz: f64) {
         if share == 0.0 {
             continue;
         }
-        let by = INNER.map(|(upper, lower)| {
+        let by = INNER_LIPS.map(|(upper, lower)| {
             let apart = |axis| face[[upper, axis]] - face[[lower, axis]];
             [share * (apart(1) - TOUCHING).max(0.0), share * apart(2)]
         });
@@ -52,10 +45,10 @@ pub fn close_lips(clip: &mut LandmarkClip, probability: &[f32], rate_hz: f64) {
                 face[[lower, axis]] += (1.0 - UPPER_SHARE) * by;
             }
         };
-        for (pair, by) in INNER.into_iter().zip(by) {
+        for (pair, by) in INNER_LIPS.into_iter().zip(by) {
             narrow(pair, by, 1.0);
         }
-        for (pair, follows, part) in OUTER {
+        for (pair, (follows, part)) in OUTER_LIPS.into_iter().zip(FOLLOWS) {
             narrow(pair, by[follows], part);
         }
     }
@@ -118,7 +111,7 @@ mod tests {
     fn sure_closures_touch_and_unlikely_ones_change_nothing() {
         let mut clip = open(3, 25.0);
         close_lips(&mut clip, &[0.9, 0.1, 0.1], 25.0);
-        for pair in INNER {
+        for pair in INNER_LIPS {
             assert!((gap(&clip, 0, pair) - TOUCHING).abs() < 1e-7);
         }
         let later = |clip: &LandmarkClip| {
@@ -136,7 +129,7 @@ mod tests {
             clip.displacements[[0, lower, 2]] = -0.003;
         }
         close_lips(&mut clip, &[0.9], 25.0);
-        for (upper, lower) in INNER {
+        for (upper, lower) in INNER_LIPS {
             let apart = clip.displacements[[0, upper, 2]] - clip.displacements[[0, lower, 2]];
             assert!(apart.abs() < 1e-7, "{apart}");
         }
@@ -150,7 +143,7 @@ mod tests {
                 let mut probability = [0.0; 25];
                 probability[at] = 0.9;
                 close_lips(&mut clip, &probability, 25.0);
-                let gaps = (0..fps as usize).map(|t| gap(&clip, t, INNER[1]));
+                let gaps = (0..fps as usize).map(|t| gap(&clip, t, INNER_LIPS[1]));
                 let least = gaps.fold(f32::INFINITY, f32::min);
                 assert!(
                     least < 0.0,
@@ -192,7 +185,7 @@ mod tests {
     fn the_foot_of_a_peak_closes_nothing() {
         let mut clip = open(5, 25.0);
         close_lips(&mut clip, &[0.0, 0.5, 0.9, 0.8, 0.3], 25.0);
-        let closed: Vec<bool> = (0..5).map(|t| gap(&clip, t, INNER[1]) < 0.0).collect();
+        let closed: Vec<bool> = (0..5).map(|t| gap(&clip, t, INNER_LIPS[1]) < 0.0).collect();
         assert_eq!(closed, [false, false, true, true, false]);
     }
 

@@ -2,9 +2,11 @@
 //!
 //! Lengths are canonical centimetres.
 
-use faer::{Mat, linalg::solvers::Solve};
-
-use crate::{deform::binding::Follows, ibug::LANDMARKS, mesh::Parts};
+use crate::{
+    deform::binding::Follows,
+    ibug::LANDMARKS,
+    mesh::{Parts, sphere::fit_sphere},
+};
 
 /// How far an eye turns in a look at strength 1, degrees: up, down, in, out. ARKit does not say;
 /// the face models at hand do not turn their eyeballs.
@@ -108,7 +110,7 @@ fn eyeball(
         std::array::from_fn(|i| lids.iter().map(|p| p[i]).sum::<f32>() / lids.len() as f32);
     let width = distance(lids[0], lids[3]);
     let fits = |part: &Vec<u32>| {
-        let (centre, radius, off) = sphere(part.iter().map(|&v| positions[v as usize]))?;
+        let (centre, radius, off) = fit_sphere(part.iter().map(|&v| positions[v as usize]))?;
         let sideways = (0..2).all(|i| (centre[i] - opening[i]).abs() < 0.5 * width);
         let behind = opening[2] - centre[2];
         let right_size = radius > EYE_RADIUS.0 * width && radius < EYE_RADIUS.1 * width;
@@ -134,36 +136,6 @@ fn eyeball(
         radius,
         vertices: turning.flatten().copied().collect(),
     })
-}
-
-/// Least-squares sphere: centre, radius and root mean square of the distances from it.
-fn sphere(points: impl Iterator<Item = [f32; 3]> + Clone) -> Option<([f32; 3], f32, f32)> {
-    let count = points.clone().count();
-    if count < 8 {
-        return None;
-    }
-    let mut mean = [0.0f64; 3];
-    for p in points.clone() {
-        (0..3).for_each(|i| mean[i] += f64::from(p[i]) / count as f64);
-    }
-    // |p|² = 2 c·p + (r² − |c|²), about the mean so that the system is well scaled.
-    let (mut normal, mut right) = (Mat::<f64>::zeros(4, 4), Mat::<f64>::zeros(4, 1));
-    for p in points.clone() {
-        let q: [f64; 3] = std::array::from_fn(|i| f64::from(p[i]) - mean[i]);
-        let row = [2.0 * q[0], 2.0 * q[1], 2.0 * q[2], 1.0];
-        let value: f64 = q.iter().map(|x| x * x).sum();
-        for i in 0..4 {
-            right[(i, 0)] += row[i] * value;
-            (0..4).for_each(|j| normal[(i, j)] += row[i] * row[j]);
-        }
-    }
-    let x = normal.partial_piv_lu().solve(&right);
-    let offset = [x[(0, 0)], x[(1, 0)], x[(2, 0)]];
-    let radius = (x[(3, 0)] + offset.iter().map(|x| x * x).sum::<f64>()).sqrt() as f32;
-    let centre: [f32; 3] = std::array::from_fn(|i| (mean[i] + offset[i]) as f32);
-    let off: f32 = points.map(|p| (distance(p, centre) - radius).powi(2)).sum();
-    let off = (off / count as f32).sqrt();
-    (radius.is_finite() && off.is_finite()).then_some((centre, radius, off))
 }
 
 /// What a mesh has for a tongue.
@@ -273,7 +245,7 @@ mod tests {
 
     #[test]
     fn a_sphere_is_found_from_its_points() {
-        let (centre, radius, off) = sphere(ball([3.0, 3.5, 8.0], 1.5).into_iter()).unwrap();
+        let (centre, radius, off) = fit_sphere(ball([3.0, 3.5, 8.0], 1.5).into_iter()).unwrap();
         for (got, want) in centre.iter().zip([3.0, 3.5, 8.0]) {
             assert!((got - want).abs() < 1e-4);
         }

@@ -5,6 +5,12 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::ease;
+use crate::mesh::{
+    closest::{norm, sub},
+    sphere,
+};
+
 /// Of an eyeball to the width of its eye: 12 mm to 28 mm on human heads.
 const RADIUS_OF_WIDTH: f32 = 0.43;
 /// A radius that differs more from that is not believed, as factors.
@@ -30,7 +36,7 @@ impl Eyeball {
     /// Of a sphere of `radius`; `points`: of the eye's surface.
     pub(super) fn new(radius: f32, points: &[[f32; 3]]) -> Eyeball {
         let front = points.iter().filter_map(|&p| {
-            let length = dot(p, p).sqrt();
+            let length = norm(p);
             let cosine = p[2] / length;
             (cosine > 0.5).then_some((cosine, length - radius))
         });
@@ -49,20 +55,18 @@ impl Eyeball {
     /// Distance from the centre to the surface below a point at distance `length`.
     pub(super) fn radius_below(&self, p: [f32; 3], length: f32) -> f32 {
         let (full, gone) = self.edge;
-        let share = ((p[2] / length.max(1e-6) - gone) / (full - gone).max(1e-6)).clamp(0.0, 1.0);
-        self.radius + self.bulge * share * share * (3.0 - 2.0 * share)
+        let share = (p[2] / length.max(1e-6) - gone) / (full - gone).max(1e-6);
+        self.radius + self.bulge * ease(share)
     }
 }
 
 /// Centre and radius of the sphere that fits the outermost of `points` best in the sense of least squares,
 /// where it can be an eyeball behind an eye of this `width`.
-pub(super) fn fit_sphere(points: &[[f32; 3]], width: f32) -> Option<([f32; 3], f32)> {
-    let (centre, radius) = least_squares(points)?;
-    let outer = points.iter().copied().filter(|p| {
-        let offset: [f32; 3] = std::array::from_fn(|i| p[i] - centre[i]);
-        dot(offset, offset).sqrt() > INSIDE * radius
-    });
-    let (centre, radius) = least_squares(&Vec::from_iter(outer))?;
+pub(super) fn fit_eyeball(points: &[[f32; 3]], width: f32) -> Option<([f32; 3], f32)> {
+    let points = points.iter().copied();
+    let (centre, radius, _) = sphere::fit_sphere(points.clone())?;
+    let outer = points.filter(|p| norm(sub(*p, centre)) > INSIDE * radius);
+    let (centre, radius, _) = sphere::fit_sphere(outer)?;
     let usual = radius_of(width);
     let range = RADIUS_RANGE.0 * usual..RADIUS_RANGE.1 * usual;
     range.contains(&radius).then_some((centre, radius))
@@ -71,48 +75,6 @@ pub(super) fn fit_sphere(points: &[[f32; 3]], width: f32) -> Option<([f32; 3], f
 /// Radius of the ball behind an eye of this width.
 pub(super) fn radius_of(width: f32) -> f32 {
     RADIUS_OF_WIDTH * width
-}
-
-/// The algebraic fit: `|p|² = 2 c·p + k`, about the mean of the points.
-fn least_squares(points: &[[f32; 3]]) -> Option<([f32; 3], f32)> {
-    if points.len() < 8 {
-        return None;
-    }
-    let count = points.len() as f64;
-    let sum = |of: &dyn Fn([f64; 3]) -> f64| -> f64 {
-        points.iter().map(|p| of(p.map(f64::from))).sum::<f64>() / count
-    };
-    let mean: [f64; 3] = std::array::from_fn(|i| sum(&|p| p[i]));
-    let from = |p: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| p[i] - mean[i]) };
-    let square = |p: [f64; 3]| p.iter().map(|x| x * x).sum::<f64>();
-    let matrix: [[f64; 3]; 3] =
-        std::array::from_fn(|i| std::array::from_fn(|j| 2.0 * sum(&|p| from(p)[i] * from(p)[j])));
-    let right: [f64; 3] = std::array::from_fn(|i| sum(&|p| from(p)[i] * square(from(p))));
-    let offset = solve(&matrix, right)?;
-    let radius = (sum(&|p| square(from(p))) + square(offset)).sqrt();
-    let centre = std::array::from_fn(|i| (mean[i] + offset[i]) as f32);
-    Some((centre, radius as f32))
-}
-
-/// Cramer's rule; `None` where the matrix is near singular: the points lie in a plane.
-fn solve(matrix: &[[f64; 3]; 3], right: [f64; 3]) -> Option<[f64; 3]> {
-    let determinant = |m: &[[f64; 3]; 3]| {
-        let minor = |a: usize, b: usize| m[1][a] * m[2][b] - m[1][b] * m[2][a];
-        m[0][0] * minor(1, 2) - m[0][1] * minor(0, 2) + m[0][2] * minor(0, 1)
-    };
-    let whole = determinant(matrix);
-    let size = (matrix[0][0] + matrix[1][1] + matrix[2][2]) / 3.0;
-    (whole.abs() > 1e-3 * size.powi(3)).then(|| {
-        std::array::from_fn(|column| {
-            let mut replaced = *matrix;
-            (0..3).for_each(|row| replaced[row][column] = right[row]);
-            determinant(&replaced) / whole
-        })
-    })
-}
-
-pub(super) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[cfg(test)]
@@ -139,7 +101,7 @@ mod tests {
 
     #[test]
     fn the_sphere_is_found_beside_iris_and_cornea() {
-        let (centre, radius) = fit_sphere(&eye([3.0, 4.0, 7.0]), 2.8).unwrap();
+        let (centre, radius) = fit_eyeball(&eye([3.0, 4.0, 7.0]), 2.8).unwrap();
         assert!((radius - 1.2).abs() < 0.05, "{radius}");
         let off = (0..3).map(|i| (centre[i] - [3.0, 4.0, 7.0][i]).abs());
         assert!(off.fold(0.0, f32::max) < 0.06, "{centre:?}");
@@ -147,9 +109,9 @@ mod tests {
 
     #[test]
     fn what_can_be_no_eyeball_is_refused() {
-        assert_eq!(fit_sphere(&eye([0.0; 3]), 20.0), None);
+        assert_eq!(fit_eyeball(&eye([0.0; 3]), 20.0), None);
         let flat: Vec<[f32; 3]> = (0..50).map(|k| [k as f32, (k * k) as f32, 0.0]).collect();
-        assert_eq!(fit_sphere(&flat, 2.8), None);
+        assert_eq!(fit_eyeball(&flat, 2.8), None);
     }
 
     #[test]
@@ -157,7 +119,7 @@ mod tests {
         let points = eye([0.0; 3]);
         let ball = Eyeball::new(1.2, &points);
         for p in points {
-            let length = dot(p, p).sqrt();
+            let length = norm(p);
             assert!(length < ball.radius_below(p, length) + 1e-4, "{p:?}");
         }
         assert_eq!(ball.radius_below([1.2, 0.0, 0.0], 1.2), 1.2);

@@ -3,15 +3,16 @@
 //! Lengths are canonical centimetres.
 
 use super::{
-    BETWEEN_LIDS, Between, Eyelids, Rim, RimVertex, Stem, Touched,
-    ball::dot,
-    between_samples, elevation,
+    BETWEEN_LIDS, Between, Eyelids, Rim, RimVertex, Stem, Touched, between_samples, elevation,
     opening::{EyeFrame, Head, Opening, SAMPLES},
 };
 use crate::{
     deform::{binding::Follows, lids::follow_share, skin::Skin},
     ibug::{EYES, Eye},
-    mesh::{Parts, Similarity, canonical_landmarks},
+    mesh::{
+        Parts, Similarity, canonical_landmarks,
+        closest::{dot, nearest_between, norm, sub},
+    },
 };
 
 /// Lids keep at least this distance from the ball, and at most so much of it is added to what they had.
@@ -103,14 +104,13 @@ impl Neutral<'_> {
                 continue;
             }
             for (best, at) in nearest.iter_mut().zip(edge) {
-                let offset: [f32; 3] = std::array::from_fn(|i| p[i] - at[i]);
-                let away = dot(offset, offset);
+                let away = norm(sub(p, *at));
                 if away < best.0 {
                     *best = (away, v as u32, p);
                 }
             }
         }
-        let reach = (RIM_OF_WIDTH * self.opening.width).powi(2);
+        let reach = RIM_OF_WIDTH * self.opening.width;
         let near = nearest.iter().filter(|(away, ..)| *away < reach);
         near.map(|&(_, vertex, place)| RimVertex { vertex, place })
             .collect()
@@ -225,17 +225,19 @@ impl Neutral<'_> {
     /// Distance of a place from a lid's edge, and how far it lies behind it.
     fn off_edge(&self, lid: u8, place: [f32; 3]) -> (f32, f32) {
         let edge = &self.opening.edges[usize::from(lid)];
-        let pieces = edge.windows(2).map(|ends| nearest_on(place, ends));
+        let pieces = edge.windows(2).map(|ends| {
+            let nearest = nearest_between(place, ends[0], ends[1]);
+            (norm(sub(place, nearest)), nearest)
+        });
         let nearest = pieces.min_by(|a, b| a.0.total_cmp(&b.0));
-        let (squared, nearest) = nearest.expect("an edge has more than one sample");
-        (squared.sqrt(), nearest[2] - place[2])
+        let (distance, nearest) = nearest.expect("an edge has more than one sample");
+        (distance, nearest[2] - place[2])
     }
 
     /// Width of this eye to that of the canonical face.
     fn size(&self) -> f32 {
         let marks = canonical_landmarks();
-        let usual: [f32; 3] = std::array::from_fn(|i| 100.0 * (marks[45][i] - marks[42][i]));
-        self.opening.width / dot(usual, usual).sqrt()
+        self.opening.width / (100.0 * norm(sub(marks[45], marks[42])))
     }
 
     /// By which share a place follows its lid.
@@ -252,7 +254,7 @@ impl Neutral<'_> {
     /// triangles between them cut into it by the square of their size.
     fn lift(&self, rims: &[Rim; 2]) -> f32 {
         let heights = rims.iter().flat_map(|rim| &rim.vertices).map(|v| {
-            let length = dot(v.place, v.place).sqrt();
+            let length = norm(v.place);
             length - self.opening.ball.radius_below(v.place, length)
         });
         let mut heights: Vec<f32> = heights.collect();
@@ -273,14 +275,4 @@ fn between(vertices: &[RimVertex], across: f32) -> Between {
     let (a, b) = (vertices[after - 1].place[0], vertices[after].place[0]);
     let along = ((across - a) / (b - a).max(1e-6)).clamp(0.0, 1.0);
     [(after as u32 - 1, 1.0 - along), (after as u32, along)]
-}
-
-/// Squared distance to the straight way between two points, and the nearest point on it.
-fn nearest_on(p: [f32; 3], ends: &[[f32; 3]]) -> (f32, [f32; 3]) {
-    let way: [f32; 3] = std::array::from_fn(|i| ends[1][i] - ends[0][i]);
-    let offset: [f32; 3] = std::array::from_fn(|i| p[i] - ends[0][i]);
-    let along = (dot(offset, way) / dot(way, way).max(1e-12)).clamp(0.0, 1.0);
-    let nearest: [f32; 3] = std::array::from_fn(|i| ends[0][i] + along * way[i]);
-    let rest: [f32; 3] = std::array::from_fn(|i| p[i] - nearest[i]);
-    (dot(rest, rest), nearest)
 }

@@ -16,13 +16,12 @@ mod openings;
 
 use serde::{Deserialize, Serialize};
 
-use self::{
-    ball::{Eyeball, dot},
-    opening::SAMPLES,
-};
+use self::{ball::Eyeball, opening::SAMPLES};
 pub(super) use find::eyelids;
 pub(super) use opening::Head;
 pub(crate) use openings::Openings;
+
+use crate::mesh::closest::{dot, norm};
 
 /// What the upper lid does of a change of the opening; the lower lid does the rest.
 const UPPER_SHARE: f32 = 0.9;
@@ -310,7 +309,7 @@ impl Eyelids {
         let came: [f32; 3] = std::array::from_fn(|i| place[i] + moved[i]);
         let turned = turn(came, angle);
         let over = |p: [f32; 3]| {
-            let length = dot(p, p).sqrt();
+            let length = norm(p);
             (length, length - self.ball.radius_below(p, length))
         };
         let ((length, height), (_, before)) = (over(turned), over(place));

@@ -5,8 +5,18 @@
 //! the sphere of the skin between them or one of usual size. A shut upper lid stands out over the lower one
 //! at the lower landmarks, and there is no edge at the upper ones. Lengths are canonical centimetres.
 
-use super::ball::{Eyeball, dot, fit_sphere, radius_of};
-use crate::{deform::lids::LidEdge, ibug::LANDMARKS, mesh::FrontView};
+use super::{
+    Mix,
+    ball::{Eyeball, fit_eyeball, radius_of},
+};
+use crate::{
+    deform::lids::LidEdge,
+    ibug::LANDMARKS,
+    mesh::{
+        FrontView,
+        closest::{cross, dot, norm, sub},
+    },
+};
 
 /// Places from corner to corner at which an opening is measured.
 pub(super) const SAMPLES: usize = 24;
@@ -72,30 +82,26 @@ pub(super) struct Opening {
 impl EyeFrame {
     /// About the middle between the corners; `None` where these are no corners of an eye.
     fn between(start: [f32; 3], end: [f32; 3]) -> Option<(EyeFrame, f32)> {
-        let way: [f32; 3] = std::array::from_fn(|i| end[i] - start[i]);
-        let width = dot(way, way).sqrt();
+        let way = sub(end, start);
+        let width = norm(way);
         if width < 0.1 || way[2].abs() > SIDEWAYS * width {
             return None;
         }
         let across = way.map(|x| x / width);
         let up: [f32; 3] = std::array::from_fn(|i| f32::from(i == 1) - across[1] * across[i]);
-        let size = dot(up, up).sqrt();
+        let size = norm(up);
         if size < 0.5 {
             return None;
         }
         let up = up.map(|x| x / size);
-        let front = std::array::from_fn(|i| {
-            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-            across[j] * up[k] - across[k] * up[j]
-        });
         let origin = std::array::from_fn(|i| start[i] + 0.5 * way[i]);
-        let axes = [across, up, front];
+        let axes = [across, up, cross(across, up)];
         Some((EyeFrame { origin, axes }, width))
     }
 
     /// A point's coordinates in this frame.
     pub(super) fn local(&self, p: [f32; 3]) -> [f32; 3] {
-        let offset = std::array::from_fn(|i| p[i] - self.origin[i]);
+        let offset = sub(p, self.origin);
         self.axes.map(|axis| dot(axis, offset))
     }
 
@@ -124,7 +130,7 @@ impl Opening {
             moved.collect()
         };
         let eyeball = locals(head.eyeballs, &middle);
-        if let Some((centre, radius)) = fit_sphere(eyeball.as_flattened(), width) {
+        if let Some((centre, radius)) = fit_eyeball(eyeball.as_flattened(), width) {
             let frame = middle.about(centre);
             let (skin, eyeball) = (locals(head.skin, &frame), locals(head.eyeballs, &frame));
             let view = picture(&skin, &eyeball, frame.local(middle.origin), width);
@@ -188,7 +194,7 @@ fn without_eyeball(head: &Head<'_>, middle: &EyeFrame, marks: &[[f32; 3]], width
     let own = head.positions.iter().map(|p| opening.frame.local(*p));
     let own = own.filter(|p| opening.is_between(*p) && p[2] > 0.0);
     let own: Vec<[f32; 3]> = own.collect();
-    if let Some((centre, radius)) = fit_sphere(&own, width)
+    if let Some((centre, radius)) = fit_eyeball(&own, width)
         && centre[2] < depth - 0.5 * radius
     {
         opening.frame = opening.frame.about(centre);
@@ -261,7 +267,7 @@ fn seen(view: &FrontView, marks: [[f32; 3]; 2], width: f32) -> Option<[[[f32; 3]
             None => at(view.cell_at([x, 0.0])[0])?,
             Some(end) => {
                 let whole = (ends[end][0][0] - corners[end][0]).abs().max(1e-6);
-                ends[end].map(|edge| mixed(edge, corners[end], outside[end] / whole))
+                ends[end].map(|edge| edge.mixed(corners[end], outside[end] / whole))
             }
         };
         (0..2).for_each(|lid| edges[lid][k] = [x, found[lid][1], found[lid][2]]);
@@ -288,12 +294,8 @@ fn corner(mark: [f32; 3], [upper, lower]: [[f32; 3]; 2], least: f32) -> [f32; 3]
     if (mark[0] - upper[0]) * least.signum() > least.abs() {
         return mark;
     }
-    let middle = mixed(upper, lower, 0.5);
+    let middle = upper.mixed(lower, 0.5);
     [middle[0] + least, middle[1], middle[2]]
-}
-
-fn mixed(a: [f32; 3], b: [f32; 3], share: f32) -> [f32; 3] {
-    std::array::from_fn(|i| a[i] + share * (b[i] - a[i]))
 }
 
 /// An edge with each sample's height and depth drawn to those beside it; its ends stay.
@@ -302,8 +304,8 @@ fn smoothed(edge: &[[f32; 3]; SAMPLES]) -> [[f32; 3]; SAMPLES] {
         if k == 0 || k == SAMPLES - 1 {
             return edge[k];
         }
-        let between = mixed(edge[k - 1], edge[k + 1], 0.5);
-        let [_, y, z] = mixed(edge[k], between, 0.5);
+        let between = edge[k - 1].mixed(edge[k + 1], 0.5);
+        let [_, y, z] = edge[k].mixed(between, 0.5);
         [edge[k][0], y, z]
     })
 }
