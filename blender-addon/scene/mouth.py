@@ -120,7 +120,6 @@ class _Rewriter:
         self._bm = bmesh.new()
         try:
             self._bm.from_mesh(self._mesh)
-            self._bm.verts.ensure_lookup_table()
             self._bm.faces.ensure_lookup_table()
             self._add_vertices()
             self._replace_faces(inside)
@@ -147,7 +146,7 @@ class _Rewriter:
 
     def _add_vertices(self) -> None:
         """New vertices are mixtures of the old ones; in a shape key they move as these do."""
-        verts, layers = self._bm.verts, self._bm.verts.layers
+        layers, old = self._bm.verts.layers, list(self._bm.verts)
         groups, shapes = layers.deform.active, layers.shape.values()
         new = zip(
             self._opened.positions[self._count :].tolist(),
@@ -156,15 +155,15 @@ class _Rewriter:
             strict=True,
         )
         for place, numbers, shares in new:
-            sources = [(verts[n], s) for n, s in zip(numbers, shares, strict=True) if s > 0.0]
-            vertex = verts.new(place, max(sources, key=lambda pair: pair[1])[0])
+            sources = [(old[n], s) for n, s in zip(numbers, shares, strict=True) if s > 0.0]
+            vertex = self._bm.verts.new(place, max(sources, key=lambda pair: pair[1])[0])
             if groups is not None:
                 _mix_groups(vertex, sources, groups)
             for layer in shapes:
                 vertex[layer] = vertex.co
                 for source, share in sources:
                     vertex[layer] += share * (source[layer] - source[shapes[0]])
-            verts.ensure_lookup_table()
+        self._bm.verts.ensure_lookup_table()
 
     def _replace_faces(self, inside: int) -> None:
         changed, beside, pieces = self._changed()
