@@ -12,6 +12,7 @@ pub mod compression;
 mod contact;
 mod corrected;
 pub mod creases;
+mod eye_parts;
 mod eyes;
 pub mod jaw;
 mod joined_lips;

@@ -130,12 +130,15 @@ fn roles(
     let tree = OnceCell::new();
     let skin =
         || tree.get_or_init(|| skin_tree(canonical, &skin_vertices(lists, is_skin, canonical)));
-    let points = |p: usize| -> Vec<[f32; 3]> {
+    let unknown: Vec<usize> = (0..lists.len()).filter(|&p| known(p).is_none()).collect();
+    let points = |&p: &usize| -> Vec<[f32; 3]> {
         let list = lists[p].iter();
         list.map(|&v| canonical.positions[v as usize]).collect()
     };
+    let points: Vec<Vec<[f32; 3]>> = unknown.iter().map(points).collect();
+    let mut told = rules.roles(&points, skin).into_iter();
     (0..lists.len())
-        .map(|p| known(p).unwrap_or_else(|| rules.role(&points(p), skin)))
+        .map(|p| known(p).unwrap_or_else(|| told.next().expect("a role for each unknown part")))
         .collect()
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Simple rules of thumb, in this order:
 //!
-//! - roundish or small in an eye: an eyeball or what covers it;
+//! - round and in a socket: an eye, with what lies on it or in it (see `eye_parts`);
 //! - behind the lips: below the line between the lips it follows the jaw, above it the skull; taller
 //!   than [`TALL_CM`], such as gums with a tongue, it holds both;
 //! - a plate before an eye, or a frame across both that hangs below them: glasses;
@@ -12,6 +12,7 @@
 //!
 //! Lengths are canonical centimetres; those inside the mouth grow with the mouth's width.
 
+use super::eye_parts::EyeParts;
 use crate::{
     ibug::LANDMARKS,
     mesh::{PartRole, SurfaceTree},
@@ -34,6 +35,7 @@ pub(super) const REACH_CM: f32 = 4.0;
 
 /// Where eyes, brows and mouth are.
 pub(super) struct RoleRules {
+    landmarks: [[f32; 3]; LANDMARKS],
     /// Centre and width, the subject's right eye first.
     eyes: [([f32; 3], f32); 2],
     brows_y: f32,
@@ -50,6 +52,7 @@ impl RoleRules {
         };
         let (a, b) = (landmarks[48], landmarks[54]);
         RoleRules {
+            landmarks: *landmarks,
             eyes: [eye(36), eye(42)],
             brows_y: mean(&landmarks[17..27])[1],
             mouth: mean(&landmarks[60..68]),
@@ -57,17 +60,25 @@ impl RoleRules {
         }
     }
 
-    /// The role of a part; `points`: of its vertices, `skin`: gives the face's surface, asked only
+    /// The roles of parts, given by the points of their vertices; `skin` gives the face's surface, asked only
     /// where it matters.
-    pub(super) fn role<'a>(
+    pub(super) fn roles<'a>(
         &self,
-        points: &[[f32; 3]],
-        skin: impl FnOnce() -> &'a SurfaceTree,
-    ) -> PartRole {
+        parts: &[Vec<[f32; 3]>],
+        skin: impl Fn() -> &'a SurfaceTree,
+    ) -> Vec<PartRole> {
+        let eyes = EyeParts::new(&self.landmarks, self.eyes, self.brows_y).find(parts, &skin);
+        let each = parts.iter().zip(eyes);
+        each.map(|(points, is_eye)| match is_eye {
+            true => PartRole::Gaze,
+            false => self.role(points, &skin),
+        })
+        .collect()
+    }
+
+    /// The role of a part that is no eye.
+    fn role<'a>(&self, points: &[[f32; 3]], skin: impl Fn() -> &'a SurfaceTree) -> PartRole {
         let bounds = Box3::of(points.iter().copied());
-        if self.is_eye(&bounds) {
-            return PartRole::Gaze;
-        }
         if self.is_in_mouth(&bounds) {
             return self.jaw_or_skull(&bounds);
         }
@@ -79,18 +90,6 @@ impl RoleRules {
             true => PartRole::Nearest,
             false => PartRole::Still,
         }
-    }
-
-    /// Roundish, or smaller than the opening, and within reach of an eyeball's place.
-    fn is_eye(&self, bounds: &Box3) -> bool {
-        self.eyes.iter().any(|&(centre, width)| {
-            let middle = bounds.middle();
-            let beside = (0..2).all(|i| (middle[i] - centre[i]).abs() < 0.6 * width);
-            let depth = middle[2] - centre[2];
-            let near = beside && depth > -1.2 * width && depth < 0.3 * width;
-            let round = bounds.smallest() > 0.55 * width;
-            near && bounds.largest() < 2.0 * width && (round || bounds.largest() < 0.6 * width)
-        })
     }
 
     /// Within the mouth's width, behind the lips.
@@ -166,7 +165,7 @@ impl Box3 {
         })
     }
 
-    fn middle(&self) -> [f32; 3] {
+    pub(super) fn middle(&self) -> [f32; 3] {
         std::array::from_fn(|i| 0.5 * (self.low[i] + self.high[i]))
     }
 
@@ -178,7 +177,7 @@ impl Box3 {
         self.extents().into_iter().fold(0.0, f32::max)
     }
 
-    fn smallest(&self) -> f32 {
+    pub(super) fn smallest(&self) -> f32 {
         self.extents().into_iter().fold(f32::INFINITY, f32::min)
     }
 }
@@ -199,7 +198,7 @@ mod tests {
             .map(|c| std::array::from_fn(|i| if c >> i & 1 == 0 { low[i] } else { high[i] }))
             .collect();
         let tree = SurfaceTree::new(&skin);
-        RoleRules::of(&landmarks).role(&corners, || &tree)
+        RoleRules::of(&landmarks).roles(&[corners], || &tree)[0]
     }
 
     /// A box about a landmark's or landmarks' middle, with an offset to it, centimetres.
