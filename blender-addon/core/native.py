@@ -17,7 +17,7 @@ from .native_shapes import ShapeCalls
 from .native_sliders import SliderCalls
 from .take import (
     EMOTION_SOURCES,
-    MOUTHS,
+    MOUTHS, SHUT_EYES,
     VISIBILITIES,
     Animation,
     Basis,
@@ -169,7 +169,8 @@ class Engine(MouthCalls, ShapeCalls, SliderCalls):
         buffers = (roles.ctypes.data_as(POINTER(c_int32)), _indices(owners))
         self._call("anyface_face_copy_parts", face, *buffers)
         mouth = MOUTHS[self._library.anyface_face_mouth(face)]
-        return Found(places, vertices, sure, mouth, roles, owners)
+        shut = SHUT_EYES[self._library.anyface_face_shut_eyes(face)]
+        return Found(places, vertices, sure, mouth, shut, roles, owners)
 
     def _mesh(self, handles, positions, triangles):
         positions = np.ascontiguousarray(positions, dtype=np.float32)

@@ -9,6 +9,8 @@ from .space import FaceSpace
 
 # How the lips of a mesh meet, in the order of `AnyfaceMouth`.
 MOUTHS = ("open", "slit", "welded")
+SHUT_EYES = ("", "right eye", "left eye", "eyes")
+"""Eyes that are sculpted shut, in the order of the C library's code."""
 # What a part of a mesh is, in the order of `AnyfacePartRole`.
 ROLES = ("skin", "jaw", "skull", "mouth", "nearest", "gaze", "still")
 # The role of an object whose parts are told by shape and place.
@@ -33,14 +35,15 @@ class PartRoles:
 class Found:
     """Where a face is, in the frame in which its mesh was given.
 
-    `positions` `[68, 3]`, `vertices` `[68]`, `confidence` `[68]` 0 to 1; `mouth` one of `MOUTHS`;
-    `part_roles` an index into `ROLES` for each part, `part_of_vertex` `[V]`.
+    `positions` `[68, 3]`, `vertices` `[68]`, `confidence` `[68]` 0 to 1; `mouth` one of `MOUTHS`,
+    `shut_eyes` one of `SHUT_EYES`; `part_roles` an index into `ROLES` for each part, `part_of_vertex` `[V]`.
     """
 
     positions: np.ndarray
     vertices: np.ndarray
     confidence: np.ndarray
     mouth: str
+    shut_eyes: str
     part_roles: np.ndarray
     part_of_vertex: np.ndarray
 

@@ -36,6 +36,7 @@ class Stored:
     positions: np.ndarray
     confidence: np.ndarray
     mouth: str = ""
+    shut_eyes: str = ""
     fixed: set[int] = field(default_factory=set)
 
     @property
@@ -64,6 +65,7 @@ def load(ob) -> Stored | None:
     if rows is not None:
         stored.confidence = np.array([row.get("confidence", 1.0) for row in rows["landmarks"]])
         stored.mouth = rows.get("mouth", "")
+        stored.shut_eyes = rows.get("shut_eyes", "")
         stored.fixed = {row["index"] for row in rows["landmarks"] if row.get("fixed")}
     return stored
 
@@ -93,6 +95,7 @@ def store(ob, found: Found, fixed=()) -> None:
         rows.append(row | ({"fixed": True} if number in fixed else {}))
     confidence = round(float(found.confidence.mean()), 4)
     document = {"version": 1, "confidence": confidence, "mouth": found.mouth, "landmarks": rows}
+    document["shut_eyes"] = found.shut_eyes
     document["box"] = mesh.box_of(mesh.read_basis(ob.data)).round(6).tolist()
     ob[mesh.LANDMARKS_PROPERTY] = json.dumps(document)
 
@@ -108,6 +111,8 @@ def describe(stored: Stored) -> str:
     text = f"face found, {COUNT} landmarks, {round(100 * stored.sure)} %"
     if stored.mouth:
         text += f"; lips: {stored.mouth}"
+    if stored.shut_eyes:
+        text += f"; {stored.shut_eyes} sculpted shut: nothing blinks there"
     if stored.fixed:
         text += f"; {len(stored.fixed)} put by hand"
     if stored.doubtful:

@@ -98,6 +98,17 @@ pub unsafe extern "C" fn anyface_face_mouth(face: *const AnyfaceFace) -> i32 {
     guard::guard_or(-1, || unsafe { face.as_ref() }.map_or(-1, code))
 }
 
+/// Which eyes are sculpted shut, and so never blink: 0 none, 1 the subject's right one, 2 the left one, 3 both;
+/// -1 for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_face_shut_eyes(face: *const AnyfaceFace) -> i32 {
+    let code = |face: &AnyfaceFace| {
+        let [right, left] = face.0.shut_eyes();
+        i32::from(right) + 2 * i32::from(left)
+    };
+    guard::guard_or(-1, || unsafe { face.as_ref() }.map_or(-1, code))
+}
+
 /// Size of the mesh's unit in metres on a head of human size: what makes millimetres of displacements;
 /// 0 for NULL.
 #[unsafe(no_mangle)]

@@ -173,6 +173,34 @@ fn eyes_that_are_open_less_or_more_shut_as_well() {
     }
 }
 
+/// The default head as its own blink of both eyes, or of one, leaves it.
+fn asleep(pairs: &[(usize, usize)]) -> (Mesh, head::Points) {
+    let marks = head::landmarks();
+    let face = head::prepared(&head::head(), &marks, PartChoices::default());
+    let moved = head::moved(&face, &closing(&marks, pairs, 0.0));
+    let mut mesh = head::head();
+    for (p, d) in mesh.positions.iter_mut().zip(&moved) {
+        *p = head::sum(*p, *d);
+    }
+    let vertices = face.landmarks.vertices.iter();
+    let marks = vertices.map(|&v| mesh.positions[v as usize]).collect();
+    (mesh, marks)
+}
+
+#[test]
+fn eyes_that_are_sculpted_shut_are_noticed_one_by_one() {
+    for (pairs, shut) in [
+        (&head::LIDS[..0], [false, false]),
+        (&head::LIDS[..2], [true, false]),
+        (&head::LIDS[2..], [false, true]),
+        (&head::LIDS[..], [true, true]),
+    ] {
+        let (mesh, marks) = asleep(pairs);
+        let face = head::prepared(&mesh, &marks, PartChoices::default());
+        assert_eq!(face.shut_eyes(), shut);
+    }
+}
+
 /// By half of its way a blink closes half of the opening.
 #[test]
 fn lids_close_by_the_share_that_is_asked_for() {

@@ -135,15 +135,16 @@ impl Opening {
             let (skin, eyeball) = (locals(head.skin, &frame), locals(head.eyeballs, &frame));
             let view = picture(&skin, &eyeball, frame.local(middle.origin), width);
             let corners = [marks[0], marks[3]].map(|p| frame.local(p));
-            if let Some(edges) = seen(&view, corners, width) {
-                return Some(Opening {
-                    frame,
-                    ball: Eyeball::new(radius, eyeball.as_flattened()),
-                    width,
-                    edges,
-                    is_shut: mean_height(&edges) < LEAST_OPEN * width,
-                });
-            }
+            // Of an eyeball behind shut lids nothing is seen.
+            let seen = seen(&view, corners, width);
+            let edges = seen.unwrap_or_else(|| curves(&frame, marks));
+            return Some(Opening {
+                frame,
+                ball: Eyeball::new(radius, eyeball.as_flattened()),
+                width,
+                edges,
+                is_shut: seen.is_none() || mean_height(&edges) < LEAST_OPEN * width,
+            });
         }
         let view = picture(&locals(head.skin, &middle), &[], [0.0; 3], width);
         let mut opening = without_eyeball(head, &middle, marks, width);
