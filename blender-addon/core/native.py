@@ -17,7 +17,8 @@ from .native_shapes import ShapeCalls
 from .native_sliders import SliderCalls
 from .take import (
     EMOTION_SOURCES,
-    MOUTHS, SHUT_EYES,
+    MOUTHS,
+    SHUT_EYES,
     VISIBILITIES,
     Animation,
     Basis,
@@ -92,8 +93,8 @@ class Engine(MouthCalls, ShapeCalls, SliderCalls):
     ) -> Animation:
         """The whole way for one mesh that faces -Y with +Z up, in any units.
 
-        `positions` `[V, 3]` float32, `triangles` `[F, 3]` uint32, `landmarks` `[68, 3]` or
-        `landmark_vertices` `[68]` or neither. Raises `AnyfaceError`, or `Cancelled`.
+        `positions` `[V, 3]` float32, `triangles` `[F, 3]` uint32, `landmarks` `[68, 3]`,
+        `landmark_vertices` `[68]`, both or neither. Raises `AnyfaceError`, or `Cancelled`.
         """
         with ExitStack() as handles:
             watch = handles.enter_context(_Watch(self._library, progress))
@@ -185,7 +186,7 @@ class Engine(MouthCalls, ShapeCalls, SliderCalls):
         arrays = {}
         if landmarks is not None:
             arrays["landmark_positions"] = np.asarray(landmarks, dtype=np.float32)
-        elif vertices is not None:
+        if vertices is not None:
             arrays["landmark_vertices"] = np.asarray(vertices, dtype=np.uint32)
         if fixed:
             options.fixed_count = len(fixed)

@@ -36,7 +36,8 @@ class Found:
     """Where a face is, in the frame in which its mesh was given.
 
     `positions` `[68, 3]`, `vertices` `[68]`, `confidence` `[68]` 0 to 1; `mouth` one of `MOUTHS`,
-    `shut_eyes` one of `SHUT_EYES`; `part_roles` an index into `ROLES` for each part, `part_of_vertex` `[V]`.
+    `shut_eyes` one of `SHUT_EYES`; `part_roles` an index into `ROLES` for each part,
+    `part_of_vertex` `[V]`.
     """
 
     positions: np.ndarray

@@ -115,7 +115,7 @@ def read_triangles(mesh) -> np.ndarray:
 
 
 def read_landmarks(ob, path: str = "") -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Landmarks that the artist gave: positions `[68, 3]` in object space, or vertices `[68]`.
+    """Landmarks that the artist gave: positions `[68, 3]` in object space, vertices `[68]` or both.
 
     `path` names a JSON file. Without it the custom property `anyface_landmarks` of the object or
     its mesh holds JSON or the path of such a file: 68 positions, 68 vertex numbers,
@@ -129,7 +129,7 @@ def read_landmarks(ob, path: str = "") -> tuple[np.ndarray | None, np.ndarray | 
     elif hasattr(value, "to_list"):
         value = value.to_list()
     if isinstance(value, dict) and "landmarks" in value:
-        value = _from_file(value["landmarks"], ob, value.get("box"))
+        return _from_file(value["landmarks"], ob, value.get("box"))
     return _as_landmarks(value)
 
 
@@ -143,28 +143,32 @@ def _load(text: str, ob):
 
 
 def _from_file(rows, ob, box=None):
-    """Positions or vertex numbers from the rows of a landmark file.
+    """Positions with vertex numbers from the rows of a landmark file, or those numbers alone.
 
     The file is in the axes and units of the mesh that was measured; an importer may have turned
     or scaled it since. Vertex numbers hold all the same. Where the mesh still fills the `box` in
-    which it was measured, positions hold however coarse it is.
+    which it was measured, positions hold however coarse it is. Beside them the numbers tell rims of
+    lips apart that lie in one place.
     """
     try:
         rows = sorted(rows, key=lambda row: row["index"])
         positions = np.array([row["position"] for row in rows], dtype=np.float64)
-        vertices = [int(row["vertex"]) for row in rows]
-    except (TypeError, KeyError, ValueError) as error:
+        vertices = np.array([row["vertex"] for row in rows], dtype=np.uint32)
+    except (TypeError, KeyError, ValueError, OverflowError) as error:
         raise AnyfaceError("input", f"{LANDMARKS_PROPERTY}: not a landmark file: {error}") from None
+    if len(vertices) != 68:
+        return _as_landmarks(positions)
     basis = read_basis(ob.data)
     if box is not None and np.shape(box) == (2, 3):
         near = 1e-3 * np.ptp(basis, axis=0).max()
         if np.abs(box_of(basis) - np.array(box)).max() <= near:
-            return positions
-    if positions.ndim != 2 or max(vertices) >= len(basis):
-        return positions
+            return _as_landmarks(positions)[0], vertices
+    if positions.ndim != 2 or vertices.max() >= len(basis):
+        return _as_landmarks(positions)
     size = np.ptp(positions, axis=0).max()
     apart = np.linalg.norm(basis[vertices] - positions, axis=1).max()
-    return positions if apart < 0.05 * size else vertices
+    found, _ = _as_landmarks(positions)
+    return (found if apart < 0.05 * size else None), vertices
 
 
 def _as_landmarks(value) -> tuple[np.ndarray | None, np.ndarray | None]:

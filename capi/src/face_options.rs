@@ -81,9 +81,10 @@ pub struct AnyfaceFaceOptions {
     /// Bytes of this struct in the caller's header; set by `anyface_face_options_init()`.
     pub struct_size: usize,
     /// `[68, 3]`, mesh units and axes, in the order of iBUG 300-W; each is put on the nearest
-    /// fitting place of the surface. NULL otherwise.
+    /// fitting place of the surface, unless its vertex is given as well. NULL otherwise.
     pub landmark_positions: *const f32,
-    /// `[68]` vertex numbers, NULL otherwise.
+    /// `[68]` vertex numbers, NULL otherwise. With positions: a point at the very place of its vertex stays
+    /// on that vertex, as those of `anyface_opened_mouth_copy_landmarks()` on rims that touch.
     pub landmark_vertices: *const u32,
     /// The text of a landmark file as `anyface_face_write_landmarks()` writes it, UTF-8. NULL
     /// otherwise.
@@ -184,27 +185,38 @@ impl AnyfaceFaceOptions {
         match given {
             [true, true, true] => Ok(None),
             [false, true, true] => {
-                let positions = self.landmark_positions;
-                let values =
-                    unsafe { pointer::slice("landmark_positions", positions, LANDMARKS, 3) }?;
-                Ok(Some(LandmarkSource::Positions(
-                    values.as_chunks().0.to_vec(),
-                )))
+                let positions = unsafe { self.positions() }?;
+                Ok(Some(LandmarkSource::Positions(positions.to_vec())))
             }
             [true, false, true] => {
-                let vertices = self.landmark_vertices;
-                let values =
-                    unsafe { pointer::slice("landmark_vertices", vertices, LANDMARKS, 1) }?;
-                Ok(Some(LandmarkSource::Vertices(values.to_vec())))
+                let vertices = unsafe { self.vertices() }?;
+                Ok(Some(LandmarkSource::Vertices(vertices.to_vec())))
+            }
+            [false, false, true] => {
+                let positions = unsafe { self.positions() }?.iter().copied();
+                let vertices = unsafe { self.vertices() }?.iter().copied();
+                Ok(Some(LandmarkSource::Known(
+                    positions.zip(vertices).collect(),
+                )))
             }
             [true, true, false] => {
                 let text = unsafe { pointer::text("landmark_json", self.landmark_json) }?;
                 Ok(Some(LandmarkSource::from_json(text)?))
             }
             _ => Err(Failure::invalid(
-                "landmarks: expected positions, vertices or JSON, got more than one of them",
+                "landmarks: expected positions, vertices, both of them, or JSON; got JSON with another",
             )),
         }
+    }
+
+    unsafe fn positions(&self) -> Result<&[[f32; 3]], Failure> {
+        let positions = self.landmark_positions;
+        let values = unsafe { pointer::slice("landmark_positions", positions, LANDMARKS, 3) }?;
+        Ok(values.as_chunks().0)
+    }
+
+    unsafe fn vertices(&self) -> Result<&[u32], Failure> {
+        unsafe { pointer::slice("landmark_vertices", self.landmark_vertices, LANDMARKS, 1) }
     }
 }
 
@@ -368,7 +380,7 @@ mod tests {
     }
 
     #[test]
-    fn landmarks_come_in_one_way_at_a_time() {
+    fn landmarks_come_as_places_numbers_both_or_text() {
         let vertices: [u32; 68] = std::array::from_fn(|i| i as u32);
         let positions = [[0.5f32; 3]; 68];
         let by_number = AnyfaceFaceOptions {
@@ -381,10 +393,13 @@ mod tests {
             Some(LandmarkSource::Vertices(vertices.into()))
         );
         let landmark_positions = positions.as_flattened().as_ptr();
-        assert!(refused(AnyfaceFaceOptions {
+        let library = AnyfaceFaceOptions {
             landmark_positions,
             ..by_number
-        }));
+        };
+        let library = unsafe { library.to_library() }.unwrap();
+        let pairs = positions.into_iter().zip(vertices).collect();
+        assert_eq!(library.landmarks, Some(LandmarkSource::Known(pairs)));
         let by_place = AnyfaceFaceOptions {
             landmark_positions,
             ..options()

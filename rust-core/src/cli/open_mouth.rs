@@ -90,9 +90,7 @@ pub(super) fn beside(result: &Path) -> PathBuf {
 /// How the opened mesh is prepared after its face was found.
 pub(super) fn options_after(face: &Face, opened: &OpenedMouth) -> FaceOptions {
     let mut options = face.options.clone();
-    options.landmarks = Some(LandmarkSource::Positions(
-        opened.landmarks.positions.to_vec(),
-    ));
+    options.landmarks = Some(LandmarkSource::from(&opened.landmarks));
     options.fixed.clear();
     let names = &mut options.parts.names.of_vertex;
     if !names.is_empty() {

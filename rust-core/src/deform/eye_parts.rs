@@ -295,11 +295,10 @@ mod tests {
             ellipsoid(behind(right), [1.26; 3], cap),
             ball(behind(right), 0.4),
             lashes(behind(right)),
-            ellipsoid(behind(right), [1.3, 1.3, 1.3], |w| {
-                w[1] > 0.3 && w[1] < 0.5 && w[2] > 0.2
-            }),
+            strip,
+            corner,
         ];
-        assert_eq!(found(&parts), [true, true, true, true, false, false]);
+        assert_eq!(found(&parts), [true, true, true, true, false, false, false]);
     }
 
     #[test]

@@ -164,6 +164,10 @@ pub(super) fn fixed_from_json(text: &str) -> Result<Vec<FixedLandmark>> {
 
 fn from_document(document: Document) -> Result<LandmarkSource> {
     let entries = slots(document)?;
+    let both = collect(&entries, |e| e.position.zip(e.vertex));
+    if let Ok(pairs) = both {
+        return Ok(LandmarkSource::Known(pairs));
+    }
     collect(&entries, |e| e.position)
         .map(LandmarkSource::Positions)
         .or_else(|_| collect(&entries, |e| e.vertex).map(LandmarkSource::Vertices))
@@ -220,7 +224,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("l.json");
         landmarks().write(&path).unwrap();
-        let expected = LandmarkSource::Positions(landmarks().positions.into());
+        let expected = LandmarkSource::from(&landmarks());
         assert_eq!(LandmarkSource::read(&path).unwrap(), expected);
     }
 
@@ -231,7 +235,7 @@ mod tests {
         assert_eq!(value["mouth"], "welded");
         let confidence = value["confidence"].as_f64().unwrap() as f32;
         assert!((confidence - landmarks().overall_confidence()).abs() < 1e-6);
-        let expected = LandmarkSource::Positions(landmarks().positions.into());
+        let expected = LandmarkSource::from(&landmarks());
         assert_eq!(LandmarkSource::from_json(&text).unwrap(), expected);
     }
 

@@ -1,5 +1,7 @@
 //! Landmarks that a caller gives, checked and put on the surface; or found by the library.
 
+use std::collections::HashSet;
+
 use super::{
     FaceOptions, LandmarkFinder, LandmarkSource, Landmarks, Mesh,
     closest::{norm, sub},
@@ -14,6 +16,8 @@ use crate::{
 /// A landmark may lie this far from the surface, as a part of the distance between the outer eye
 /// corners (9 cm on a human head): hand-placed points float by a centimetre or so.
 const FAR_IN_EYE_DISTANCES: f32 = 0.25;
+/// A point this near to its vertex lies at it; files round to nine digits.
+const AT_VERTEX_IN_EYE_DISTANCES: f32 = 1e-6;
 
 /// The 68 landmarks of a mesh: the caller's, put on the surface, or found by the library.
 ///
@@ -46,6 +50,7 @@ pub fn locate_landmarks_with(
     let given = match &options.landmarks {
         Some(LandmarkSource::Positions(positions)) => from_positions(mesh, positions)?,
         Some(LandmarkSource::Vertices(vertices)) => from_vertices(mesh, vertices)?,
+        Some(LandmarkSource::Known(pairs)) => from_pairs(mesh, pairs)?,
         None => return finder.find(mesh, options.forward, options.up, fixed, progress),
     };
     match fixed.is_empty() {
@@ -105,6 +110,23 @@ fn from_vertices(mesh: &Mesh, vertices: &[u32]) -> Result<Landmarks> {
         vertices,
         confidence: [1.0; LANDMARKS],
     })
+}
+
+/// [`from_positions`], where a point that lies at its vertex stays on it.
+fn from_pairs(mesh: &Mesh, pairs: &[([f32; 3], u32)]) -> Result<Landmarks> {
+    let (positions, vertices): (Vec<[f32; 3]>, Vec<u32>) = pairs.iter().copied().unzip();
+    let mut known = from_positions(mesh, &positions)?;
+    let reach = AT_VERTEX_IN_EYE_DISTANCES * eye_distance(&known.positions);
+    let used: HashSet<u32> = mesh.triangles.as_flattened().iter().copied().collect();
+    for (i, (point, vertex)) in positions.iter().zip(vertices).enumerate() {
+        let place = mesh.positions.get(vertex as usize);
+        let place =
+            place.filter(|place| norm(sub(**place, *point)) <= reach && used.contains(&vertex));
+        if let Some(place) = place {
+            (known.positions[i], known.vertices[i]) = (*place, vertex);
+        }
+    }
+    Ok(known)
 }
 
 fn sixty_eight<T: Copy>(given: &[T], expected: &str) -> Result<[T; LANDMARKS]> {
@@ -189,6 +211,34 @@ mod tests {
         points[30][2] = f32::NAN;
         let error = locate(&confetti(), LandmarkSource::Positions(points)).unwrap_err();
         assert!(error.to_string().contains("not finite"), "{error}");
+    }
+
+    #[test]
+    fn points_at_their_vertices_stay_on_them() {
+        let mesh = confetti();
+        let found = locate(&mesh, LandmarkSource::Vertices((0..68).collect())).unwrap();
+        let mut pairs: Vec<_> = found
+            .positions
+            .iter()
+            .copied()
+            .zip(found.vertices)
+            .collect();
+        let known = locate(&mesh, LandmarkSource::Known(pairs.clone())).unwrap();
+        assert_eq!(
+            (known.positions, known.vertices),
+            (found.positions, found.vertices)
+        );
+        assert_eq!(
+            LandmarkSource::from(&known),
+            LandmarkSource::Known(pairs.clone())
+        );
+        // A stale number changes nothing.
+        pairs
+            .iter_mut()
+            .for_each(|pair| pair.1 = 1_000_000 - pair.1);
+        let stale = locate(&mesh, LandmarkSource::Known(pairs)).unwrap();
+        let plain = locate(&mesh, LandmarkSource::Positions(found.positions.into())).unwrap();
+        assert_eq!(stale, plain);
     }
 
     #[test]

@@ -79,6 +79,17 @@ pub enum LandmarkSource {
     Positions(Vec<[f32; 3]>),
     /// 68 vertex numbers.
     Vertices(Vec<u32>),
+    /// 68 points, each with a vertex number. A point at the very place of its vertex stays on that vertex:
+    /// two rims of closed lips lie in one place, and a point alone names neither. All others are put on the
+    /// nearest fitting place of the surface, as if the number were not there.
+    Known(Vec<([f32; 3], u32)>),
+}
+
+impl From<&Landmarks> for LandmarkSource {
+    fn from(known: &Landmarks) -> LandmarkSource {
+        let pairs = known.positions.iter().copied().zip(known.vertices);
+        LandmarkSource::Known(pairs.collect())
+    }
 }
 
 /// An axis of the mesh's own frame.

@@ -349,6 +349,7 @@ mod tests {
                 .iter()
                 .map(|&v| mesh.positions[v as usize])
                 .collect(),
+            LandmarkSource::Known(pairs) => pairs.iter().map(|pair| pair.0).collect(),
         };
         (mesh, landmarks)
     }

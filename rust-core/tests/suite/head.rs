@@ -23,8 +23,8 @@ pub fn head() -> Mesh {
 
 pub fn landmarks() -> Points {
     match LandmarkSource::read(&folder().join("landmarks.json")).unwrap() {
-        LandmarkSource::Positions(positions) => positions,
-        other => panic!("expected positions, got {other:?}"),
+        LandmarkSource::Known(pairs) => pairs.iter().map(|pair| pair.0).collect(),
+        other => panic!("expected positions with their vertices, got {other:?}"),
     }
 }
 

@@ -27,8 +27,8 @@ fn head() -> Mesh {
 
 fn truth() -> Vec<[f32; 3]> {
     match LandmarkSource::read(&default_head().join("landmarks.json")).unwrap() {
-        LandmarkSource::Positions(positions) => positions,
-        other => panic!("expected positions, got {other:?}"),
+        LandmarkSource::Known(pairs) => pairs.iter().map(|pair| pair.0).collect(),
+        other => panic!("expected positions with their vertices, got {other:?}"),
     }
 }
 

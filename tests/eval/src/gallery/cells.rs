@@ -1,28 +1,111 @@
 //! The pictures of one mesh, seen upright in the canonical frame.
 
+use std::ops::Range;
+
 use ndarray::{ArrayView2, ArrayView3, Axis};
 
 use super::Truth;
 use crate::pictures::raster::{Picture, Scene};
-use anyface::{Face, mesh::Mesh};
+use anyface::{
+    Face,
+    mesh::{Mesh, PartRole},
+};
 
-const CELL: (usize, usize) = (150, 180);
 const GAP: usize = 3;
-/// Canonical metres of half a picture's height, and its middle in view space.
-const HALF_HEIGHT_M: f32 = 0.135;
-const MIDDLE_M: [f32; 2] = [-0.022, -0.015];
-/// The head turns this far, radians.
-const YAW: f32 = 0.3;
 const SKIN: [f32; 3] = [0.55, 0.5, 0.47];
+const EYEBALL: [f32; 3] = [0.82, 0.86, 0.95];
 const HOT: [f32; 3] = [0.8, 0.03, 0.02];
 /// A vertex that truly moves less is not counted, millimetres.
 const LEAST_MOTION_MM: f32 = 0.5;
 /// Half the side of a landmark's mark, pixels.
 const MARK: isize = 1;
 
+/// From where a cell is drawn.
+#[derive(Clone, Copy)]
+pub(super) struct View {
+    /// Pixels.
+    pub size: (usize, usize),
+    /// Canonical metres of half a picture's height, and its middle in view space.
+    pub half_height_m: f32,
+    pub middle_m: [f32; 2],
+    /// The head turns this far, radians.
+    pub yaw: f32,
+}
+
+impl View {
+    /// The whole face, turned a little.
+    const FACE: View = View {
+        size: (150, 180),
+        half_height_m: 0.135,
+        middle_m: [-0.022, -0.015],
+        yaw: 0.3,
+    };
+
+    /// Landmarks large, from the front; `metres`: half the height.
+    pub(super) fn about(
+        face: &Face,
+        marks: Range<usize>,
+        size: (usize, usize),
+        metres: f32,
+    ) -> View {
+        let view = View {
+            size,
+            half_height_m: metres,
+            middle_m: [0.0; 2],
+            yaw: 0.0,
+        };
+        view.turned(face, marks, 0.0)
+    }
+
+    /// The same with the head turned, radians.
+    pub(super) fn turned(self, face: &Face, marks: Range<usize>, yaw: f32) -> View {
+        let view = View { yaw, ..self };
+        let count = marks.len() as f32;
+        let marks = &face.landmarks.positions[marks];
+        let seen = marks.iter().map(|p| view.seen(face, *p));
+        let middle_m = seen.fold([0.0; 2], |sum, [x, y, _]| {
+            [sum[0] + x / count, sum[1] + y / count]
+        });
+        View { middle_m, ..view }
+    }
+
+    /// A point of the mesh in the picture's space.
+    fn seen(&self, face: &Face, point: [f32; 3]) -> [f32; 3] {
+        let [x, y, z] = face.to_canonical.apply(point);
+        let (sin, cos) = self.yaw.sin_cos();
+        // The face lies some centimetres before the axis: keeps it in the middle.
+        [cos * x + sin * (z - 0.09), y, cos * z - sin * x]
+    }
+}
+
 pub(super) struct Cells<'a> {
     pub mesh: &'a Mesh,
     pub face: &'a Face,
+}
+
+/// Pictures of one size beside one another.
+pub(super) fn beside(cells: &[Picture]) -> Picture {
+    let width: usize = cells.iter().map(|cell| cell.width + GAP).sum();
+    let height = cells.iter().map(|cell| cell.height).max().unwrap_or(0);
+    let mut row = Picture::white(width, height);
+    let mut left = 0;
+    for cell in cells {
+        row.place(cell, left, 0);
+        left += cell.width + GAP;
+    }
+    row
+}
+
+/// Rows under one another.
+pub(super) fn under(rows: &[Picture]) -> Picture {
+    let width = rows.iter().map(|row| row.width).max().unwrap_or(0);
+    let mut whole = Picture::white(width, rows.iter().map(|row| row.height + GAP).sum());
+    let mut top = 0;
+    for row in rows {
+        whole.place(row, 0, top);
+        top += row.height + GAP;
+    }
+    whole
 }
 
 impl Cells<'_> {
@@ -31,30 +114,23 @@ impl Cells<'_> {
         let plain = vec![SKIN; self.mesh.triangles.len()];
         let mut cells = vec![self.neutral(&plain)];
         for frame in moved.axis_iter(Axis(0)) {
-            cells.push(self.draw(Some(frame), &plain));
+            cells.push(self.draw(Some(frame), &plain, &View::FACE));
         }
-        let colours: Vec<_> = self
-            .mesh
-            .triangles
-            .iter()
-            .map(|t| heat(t, map, scale))
-            .collect();
-        cells.push(self.draw(None, &colours));
-        let width = cells.len() * (CELL.0 + GAP);
-        let mut row = Picture::white(width, CELL.1);
-        for (k, cell) in cells.iter().enumerate() {
-            row.place(cell, k * (CELL.0 + GAP), 0);
-        }
-        row
+        let triangles = self.mesh.triangles.iter();
+        let colours: Vec<_> = triangles.map(|t| heat(t, map, scale)).collect();
+        cells.push(self.draw(None, &colours, &View::FACE));
+        beside(&cells)
     }
 
     fn neutral(&self, colours: &[[f32; 3]]) -> Picture {
-        let mut picture = self.draw(None, colours);
-        let pixels = 0.5 * CELL.1 as f32 / HALF_HEIGHT_M;
+        let view = View::FACE;
+        let mut picture = self.draw(None, colours, &view);
+        let (width, height) = (view.size.0 as f32, view.size.1 as f32);
+        let pixels = 0.5 * height / view.half_height_m;
         for landmark in self.face.landmarks.positions {
-            let [x, y, _] = self.seen(landmark);
-            let column = (0.5 * CELL.0 as f32 + (x - MIDDLE_M[0]) * pixels) as isize;
-            let row = (0.5 * CELL.1 as f32 - (y - MIDDLE_M[1]) * pixels) as isize;
+            let [x, y, _] = view.seen(self.face, landmark);
+            let column = (0.5 * width + (x - view.middle_m[0]) * pixels) as isize;
+            let row = (0.5 * height - (y - view.middle_m[1]) * pixels) as isize;
             for (dx, dy) in (-MARK..=MARK).flat_map(|x| (-MARK..=MARK).map(move |y| (x, y))) {
                 if let (Ok(x), Ok(y)) = ((column + dx).try_into(), (row + dy).try_into()) {
                     picture.darken(x, y, 0.85);
@@ -64,29 +140,38 @@ impl Cells<'_> {
         picture
     }
 
-    /// A point of the mesh in the picture's space.
-    fn seen(&self, point: [f32; 3]) -> [f32; 3] {
-        let [x, y, z] = self.face.to_canonical.apply(point);
-        let (sin, cos) = YAW.sin_cos();
-        // The face lies some centimetres before the axis: keeps it in the middle.
-        [cos * x + sin * (z - 0.09), y, cos * z - sin * x]
+    /// One frame `[V, 3]`, or the neutral face, with eyeballs in their own colour.
+    pub(super) fn close_up(&self, moved: Option<ArrayView2<'_, f32>>, view: &View) -> Picture {
+        let is_eyeball = |t: &[u32; 3]| {
+            let part = self.face.parts.of_vertex()[t[0] as usize] as usize;
+            let part = self.face.parts.parts.get(part);
+            part.is_some_and(|part| part.role == PartRole::Gaze)
+        };
+        let colour = |t| if is_eyeball(t) { EYEBALL } else { SKIN };
+        let colours: Vec<_> = self.mesh.triangles.iter().map(colour).collect();
+        self.draw(moved, &colours, view)
     }
 
-    fn draw(&self, moved: Option<ArrayView2<'_, f32>>, colours: &[[f32; 3]]) -> Picture {
+    fn draw(
+        &self,
+        moved: Option<ArrayView2<'_, f32>>,
+        colours: &[[f32; 3]],
+        view: &View,
+    ) -> Picture {
         let mut mesh = self.mesh.clone();
         for (v, point) in mesh.positions.iter_mut().enumerate() {
             let offset = |i: usize| moved.as_ref().map_or(0.0, |m| m[[v, i]]);
-            *point = self.seen(std::array::from_fn(|i| point[i] + offset(i)));
+            *point = view.seen(self.face, std::array::from_fn(|i| point[i] + offset(i)));
         }
         let scene = Scene {
             normals: &mesh.vertex_normals(),
             points: &mesh.positions,
             triangles: &mesh.triangles,
             colours,
-            centre: MIDDLE_M,
-            half_height: HALF_HEIGHT_M,
+            centre: view.middle_m,
+            half_height: view.half_height_m,
         };
-        scene.draw(CELL.0, CELL.1)
+        scene.draw(view.size.0, view.size.1)
     }
 }
 

@@ -1,6 +1,10 @@
 //! `anyface-eval gallery`: every mesh with its landmarks, four frames and an error map, as a page.
 
+mod blinks;
 mod cells;
+mod creases;
+mod expressions;
+mod mouths;
 mod subjects;
 
 use std::{
@@ -9,18 +13,19 @@ use std::{
 };
 
 use clap::Args;
-use ndarray::{Array2, Array3, Axis};
+use ndarray::{Array2, Array3, Axis, s};
 use serde::Serialize;
 
 use self::{
     cells::{Cells, error_mm, stretch},
+    expressions::{FEELINGS, MOVEMENTS},
     subjects::{Subject, Truth},
 };
 use crate::{
     arguments::{DataArgs, SharedArgs},
     console::{Console, command_line},
     ict::IctLandmarks,
-    pictures::Album,
+    pictures::{Album, raster::Picture},
 };
 use anyface::{
     Engine, Error, Face, Result,
@@ -46,38 +51,13 @@ pub(crate) struct Gallery {
         default_value = "rust-core/models/default_head"
     )]
     head: PathBuf,
+    /// A folder of further meshes, such as heads of characters
+    #[arg(long, value_name = "DIR")]
+    also: Option<PathBuf>,
 }
 
-/// What a frame shows.
-struct Expression {
-    title: &'static str,
-    /// ARKit channels.
-    channels: &'static [&'static str],
-    strength: f32,
-}
-
-const EXPRESSIONS: [Expression; 4] = [
-    Expression {
-        title: "jaw open",
-        channels: &["jawOpen"],
-        strength: 0.6,
-    },
-    Expression {
-        title: "pucker",
-        channels: &["mouthPucker"],
-        strength: 1.0,
-    },
-    Expression {
-        title: "smile",
-        channels: &["mouthSmileLeft", "mouthSmileRight"],
-        strength: 0.8,
-    },
-    Expression {
-        title: "blink",
-        channels: &["eyeBlinkLeft", "eyeBlinkRight"],
-        strength: 1.0,
-    },
-];
+/// Of the movements those of the mouth come first.
+const MOUTH: usize = 3;
 
 /// What is said of a mesh.
 #[derive(Serialize)]
@@ -108,13 +88,25 @@ impl Gallery {
         let mut subjects = vec![subjects::default_head(&self.head)?];
         subjects.extend(subjects::of_known_faces(&data)?);
         subjects.extend(subjects::of_folder(&data.join("meshes"))?);
+        if let Some(folder) = &self.also {
+            subjects.extend(subjects::of_folder(folder)?);
+        }
         let count = subjects.len() as f32;
         let mut shown = Vec::new();
         for (k, subject) in subjects.iter().enumerate() {
             console.stage("meshes", k as f32 / count);
             shown.push(show(&engine, &album, subject, &motion)?);
         }
-        let page = page(&shown, &images);
+        let scene = Scenes {
+            engine: &engine,
+            album: &album,
+            images: &images,
+        };
+        console.stage("close-ups", 0.0);
+        let page = page(&shown, &images)
+            + &scene.blinks(&subjects)?
+            + &scene.creases(&subjects::with_feelings(&data)?)?
+            + &scene.mouths(&subjects, &motion)?;
         write_atomically(&self.out, |file| file.write_all(page.as_bytes()))?;
         self.write_json(&self.out.with_extension("json"), &shown)?;
         console.value(&shown, &page);
@@ -130,13 +122,13 @@ impl Gallery {
 
 /// `[E, 68, 3]` canonical metres: ICT's landmarks in each expression.
 fn motion(ict: &IctLandmarks) -> Result<LandmarkClip> {
-    let mut displacements = Array3::zeros((EXPRESSIONS.len(), LANDMARKS, 3));
-    for (e, expression) in EXPRESSIONS.iter().enumerate() {
-        for channel in expression.channels {
+    let mut displacements = Array3::zeros((MOVEMENTS.len(), LANDMARKS, 3));
+    for (e, expression) in MOVEMENTS.iter().enumerate() {
+        for (channel, weight) in expression.channels {
             let mode: Array2<f32> = ict.mode(channel)?.mapv(|x| x as f32);
             displacements
                 .index_axis_mut(Axis(0), e)
-                .scaled_add(expression.strength, &mode);
+                .scaled_add(*weight, &mode);
         }
     }
     Ok(LandmarkClip {
@@ -226,7 +218,7 @@ fn landmark_error(subject: &Subject, face: &Face, truth: &Truth) -> f32 {
 }
 
 fn page(shown: &[Shown], images: &str) -> String {
-    let titles: Vec<&str> = EXPRESSIONS.iter().map(|e| e.title).collect();
+    let titles: Vec<&str> = MOVEMENTS.iter().map(|e| e.title).collect();
     let mut text = format!(
         "# Meshes\n\nMade by `{}`. Each row: the landmarks; {}; and a map. Where true motion is known \
          the map is the largest error over the four frames, grey at none, red at 3 mm; elsewhere it \
@@ -256,7 +248,7 @@ fn sentence(one: &Shown) -> String {
         text += &format!(", landmarks off by {mm:.1} mm (median)");
     }
     if let Some(errors) = &one.error_mm {
-        let each = EXPRESSIONS.iter().zip(errors);
+        let each = MOVEMENTS.iter().zip(errors);
         let each: Vec<String> = each.map(|(e, mm)| format!("{} {mm:.2}", e.title)).collect();
         text += &format!(
             "; mean error in mm over vertices that move by more than 0.5 mm: {}",
@@ -267,6 +259,117 @@ fn sentence(one: &Shown) -> String {
         text += &format!("; {:.2} % of triangles change threefold", 100.0 * share);
     }
     text + "."
+}
+
+/// The sections of close-ups.
+struct Scenes<'a> {
+    engine: &'a Engine,
+    album: &'a Album,
+    images: &'a str,
+}
+
+impl Scenes<'_> {
+    fn section(&self, title: &str, name: &str, text: &str, picture: &Picture) -> Result<String> {
+        let name = name.replace([' ', ','], "_").to_lowercase();
+        let file = self.album.picture(&name, picture)?;
+        Ok(format!(
+            "\n## {title}\n{text}\n\n![{title}]({}/{file})\n",
+            self.images
+        ))
+    }
+
+    fn blinks(&self, subjects: &[Subject]) -> Result<String> {
+        let mut text = format!(
+            "\n# Blinks\n\nOpen, half shut and shut under each emotion at full strength: {}.\n",
+            blinks::titles()
+        );
+        let whole = |s: &&Subject| {
+            s.truth.is_some() || s.title == "default head" || s.title == "lee_perry_smith"
+        };
+        let whole = |s: &&Subject| whole(s) && !s.title.ends_with("found");
+        for subject in subjects.iter().filter(whole) {
+            let made = blinks::blinks(self.engine, subject)?;
+            let seen = made.in_sight.map(|shares| {
+                let each = shares.iter().map(|share| format!("{:.1}", 100.0 * share));
+                format!("{} %", each.collect::<Vec<_>>().join(", "))
+            });
+            let text_of = match seen {
+                Some(seen) => format!("Of the eyeballs in sight when shut: {seen}."),
+                None => "Its eyes are part of the skin.".into(),
+            };
+            let name = format!("blinks {}", subject.title);
+            text += &self.section(
+                &format!("Blinks, {}", subject.title),
+                &name,
+                &text_of,
+                &made.picture,
+            )?;
+        }
+        Ok(text)
+    }
+
+    fn creases(&self, subjects: &[Subject]) -> Result<String> {
+        let titles: Vec<&str> = FEELINGS.iter().map(|e| e.title).collect();
+        let mut text = format!(
+            "\n# Creases\n\nTruth above, made from its 68 landmarks below: {}.\n",
+            titles.join(", ")
+        );
+        for subject in subjects {
+            let Some(made) = creases::feelings(self.engine, subject)? else {
+                continue;
+            };
+            let each = made.error_mm.iter().map(|mm| format!("{mm:.2}"));
+            let said = format!(
+                "Mean error over vertices that move by more than 0.5 mm: {} mm. Normals turn along the true \
+                 turn by {:.2} of it between the brows, {:.2} on the cheeks.",
+                each.collect::<Vec<_>>().join(", "),
+                made.turned[0],
+                made.turned[1]
+            );
+            let name = format!("creases {}", subject.title);
+            text += &self.section(
+                &format!("Creases, {}", subject.title),
+                &name,
+                &said,
+                &made.picture,
+            )?;
+        }
+        Ok(text)
+    }
+
+    fn mouths(&self, subjects: &[Subject], motion: &LandmarkClip) -> Result<String> {
+        let titles: Vec<&str> = MOVEMENTS[..MOUTH].iter().map(|e| e.title).collect();
+        let mut text = format!(
+            "\n# Lips that are one surface\n\nAt rest, {}; untouched above, with an opened mouth below, from \
+             the front and turned.\n",
+            titles.join(", ")
+        );
+        let motion = LandmarkClip {
+            displacements: motion.displacements.slice(s![..MOUTH, .., ..]).to_owned(),
+            fps: motion.fps,
+        };
+        for subject in subjects {
+            let Some(made) = mouths::welded_lips(self.engine, subject, &motion)? else {
+                continue;
+            };
+            let parted = match &made.parted {
+                Ok(share) => format!("opened, the lips part by {share:.2} of what is asked"),
+                Err(why) => format!("not opened: {why}"),
+            };
+            let said = format!(
+                "Untouched, {:.2} % of the mouth's triangles grow beyond twice their area; {parted}.",
+                100.0 * made.grown
+            );
+            let name = format!("lips {}", subject.title);
+            text += &self.section(
+                &format!("Lips, {}", subject.title),
+                &name,
+                &said,
+                &made.picture,
+            )?;
+        }
+        Ok(text)
+    }
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ndarray::{Array2, Array3, Axis};
 
-use super::EXPRESSIONS;
+use super::expressions::{Expression, FEELINGS, MOVEMENTS};
 use crate::tensors::TensorFile;
 use anyface::{
     Error, Result,
@@ -75,14 +75,8 @@ pub(super) fn default_head(folder: &Path) -> Result<Subject> {
 /// with landmarks that are found.
 pub(super) fn of_known_faces(data: &Path) -> Result<Vec<Subject>> {
     let faces = [
-        (
-            "ICT, unseen identity",
-            ict(&data.join("faces/ict_facekit.safetensors"))?,
-        ),
-        (
-            "MakeHuman",
-            makehuman(&data.join("faces/makehuman_head.safetensors"))?,
-        ),
+        ("ICT, unseen identity", ict(data, &MOVEMENTS)?),
+        ("MakeHuman", makehuman(data, &MOVEMENTS)?),
     ];
     let twice = faces.into_iter().flat_map(|(name, (mesh, truth))| {
         [true, false].map(|given| Subject {
@@ -104,8 +98,26 @@ pub(super) fn of_known_faces(data: &Path) -> Result<Vec<Subject>> {
     Ok(twice.collect())
 }
 
-fn ict(path: &Path) -> Result<(Mesh, Truth)> {
-    let file = TensorFile::read(path)?;
+/// The same two with six feelings, each with its own landmarks.
+pub(super) fn with_feelings(data: &Path) -> Result<Vec<Subject>> {
+    let faces = [
+        ("ICT, unseen identity", ict(data, &FEELINGS)?),
+        ("MakeHuman", makehuman(data, &FEELINGS)?),
+    ];
+    let subjects = faces.into_iter().map(|(name, (mesh, truth))| Subject {
+        title: name.into(),
+        mesh,
+        options: FaceOptions {
+            landmarks: Some(LandmarkSource::Vertices(truth.landmarks.to_vec())),
+            ..FaceOptions::default()
+        },
+        truth: Some(truth),
+    });
+    Ok(subjects.collect())
+}
+
+fn ict(data: &Path, expressions: &[Expression]) -> Result<(Mesh, Truth)> {
+    let file = TensorFile::read(&data.join("faces/ict_facekit.safetensors"))?;
     let (mut neutral, shape) = file.floats("neutral")?;
     let (identity, people) = file.floats("identity")?;
     let coefficients = frame_noise(IDENTITY_SEED, 0, 1, people[0]);
@@ -116,27 +128,36 @@ fn ict(path: &Path) -> Result<(Mesh, Truth)> {
     }
     let names = file.words("expression_names")?;
     let (modes, _) = file.floats("expression")?;
-    let key = |name: &str| {
+    let number = |name: &str| names.iter().position(|n| n == name);
+    let key = |name: &str| -> Vec<usize> {
         let sided = name.replace("Left", "_L").replace("Right", "_R");
-        names.iter().position(|n| *n == sided || n == name)
+        if let Some(one) = number(name).or_else(|| number(&sided)) {
+            return vec![one];
+        }
+        // A name without a side, such as `browInnerUp`, is both sides together.
+        let sides = ["_L", "_R"].into_iter();
+        sides
+            .filter_map(|side| number(&format!("{name}{side}")))
+            .collect()
     };
-    face(&file, (neutral, &modes), &key, 10.0)
+    face(&file, (neutral, &modes), expressions, &key, 10.0)
 }
 
-fn makehuman(path: &Path) -> Result<(Mesh, Truth)> {
-    let file = TensorFile::read(path)?;
+fn makehuman(data: &Path, expressions: &[Expression]) -> Result<(Mesh, Truth)> {
+    let file = TensorFile::read(&data.join("faces/makehuman_head.safetensors"))?;
     let (neutral, _) = file.floats("neutral")?;
     let names = file.words("names")?;
     let (modes, _) = file.floats("deltas")?;
-    let key = |name: &str| names.iter().position(|n| n == name);
-    face(&file, (neutral, &modes), &key, 100.0)
+    let key = |name: &str| names.iter().position(|n| n == name).into_iter().collect();
+    face(&file, (neutral, &modes), expressions, &key, 100.0)
 }
 
-/// `key`: the number of a channel's mode. `mm`: of the file's unit.
+/// `key`: the numbers of a channel's modes. `mm`: of the file's unit.
 fn face(
     file: &TensorFile,
     (neutral, modes): (Vec<f32>, &[f32]),
-    key: &dyn Fn(&str) -> Option<usize>,
+    expressions: &[Expression],
+    key: &dyn Fn(&str) -> Vec<usize>,
     mm: f32,
 ) -> Result<(Mesh, Truth)> {
     let (triangles, _) = file.floats("triangles")?;
@@ -150,16 +171,20 @@ fn face(
         whole.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
     )?;
     let vertices = mesh.positions.len();
-    let mut displacements = Array3::zeros((EXPRESSIONS.len(), vertices, 3));
-    for (e, expression) in EXPRESSIONS.iter().enumerate() {
-        for channel in expression.channels {
-            let mode = key(channel)
-                .ok_or_else(|| file.bad(&format!("expected a mode {channel}, got none")))?;
-            let values = &modes[mode * 3 * vertices..(mode + 1) * 3 * vertices];
-            let values = Array2::from_shape_fn((vertices, 3), |(v, i)| values[3 * v + i]);
-            displacements
-                .index_axis_mut(Axis(0), e)
-                .scaled_add(expression.strength, &values);
+    let mut displacements = Array3::zeros((expressions.len(), vertices, 3));
+    for (e, expression) in expressions.iter().enumerate() {
+        for (channel, weight) in expression.channels {
+            let found = key(channel);
+            if found.is_empty() {
+                return Err(file.bad(&format!("expected a mode {channel}, got none")));
+            }
+            for mode in found {
+                let values = &modes[mode * 3 * vertices..(mode + 1) * 3 * vertices];
+                let values = Array2::from_shape_fn((vertices, 3), |(v, i)| values[3 * v + i]);
+                displacements
+                    .index_axis_mut(Axis(0), e)
+                    .scaled_add(*weight, &values);
+            }
         }
     }
     let landmarks = landmarks.iter().map(|x| *x as u32).collect::<Vec<_>>();

@@ -1,0 +1,153 @@
+//! Eyes in close-up, half shut and shut, under every emotion.
+
+use ndarray::{Array3, ArrayView2, Axis};
+
+use super::{
+    cells::{Cells, View, beside, under},
+    subjects::Subject,
+};
+use crate::pictures::raster::Picture;
+use anyface::{
+    Engine, Face, Result,
+    audio::{Prosody, Waveform},
+    conditions::EmotionCurve,
+    mesh::PartRole,
+    metrics::eyeballs_in_sight,
+    motion::{
+        Cues, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, PerformanceControls,
+    },
+    progress::SILENT,
+    spread::Collector,
+};
+
+const EMOTIONS: [&str; 7] = [
+    "neutral",
+    "happy",
+    "sad",
+    "angry",
+    "afraid",
+    "surprised",
+    "disgusted",
+];
+const FPS: f64 = 30.0;
+const FRAMES: usize = 90;
+const SAMPLES_PER_S: f64 = 16_000.0;
+const BLINKS_PER_MINUTE: f32 = 60.0;
+/// Side of a cell in which eyeballs are counted, metres.
+const CELL_M: f64 = 2e-4;
+const SIZE: (usize, usize) = (220, 90);
+const HALF_HEIGHT_M: f32 = 0.023;
+
+/// Blinks of one head.
+pub(super) struct Blinks {
+    pub picture: Picture,
+    /// Share of what is seen of the eyeballs at rest that is seen when shut, an emotion after the other; none
+    /// for a head without eyeballs.
+    pub in_sight: Option<Vec<f64>>,
+}
+
+/// The emotions in words.
+pub(super) fn titles() -> String {
+    EMOTIONS.join(", ")
+}
+
+pub(super) fn blinks(engine: &Engine, subject: &Subject) -> Result<Blinks> {
+    let face = engine.prepare(&subject.mesh, &subject.options, SILENT)?;
+    let cells = Cells {
+        mesh: &subject.mesh,
+        face: &face,
+    };
+    let view = View::about(&face, 36..48, SIZE, HALF_HEIGHT_M);
+    let mut rows: [Vec<Picture>; 3] = Default::default();
+    let mut in_sight = Vec::new();
+    for emotion in EMOTIONS {
+        let clip = blinking(&format!("{emotion}:1"))?;
+        let openings = openings(&clip);
+        let most = (0..FRAMES).max_by(|a, b| openings[*a].total_cmp(&openings[*b]));
+        let open = most.unwrap_or(0);
+        let shut = (0..FRAMES).min_by(|a, b| openings[*a].total_cmp(&openings[*b]));
+        let shut = shut.unwrap_or(0);
+        let middle = 0.5 * (openings[open] + openings[shut]);
+        let away = |t: &usize| (openings[*t] - middle).abs();
+        let half = (0..FRAMES).min_by(|a, b| away(a).total_cmp(&away(b)));
+        let motion = Motion::Landmarks(LandmarkClip {
+            displacements: clip
+                .displacements
+                .select(Axis(0), &[open, half.unwrap_or(0), shut]),
+            fps: FPS,
+        });
+        let made = Collector::collect(|sink| engine.spread(&face, &motion, sink, SILENT))?;
+        let frames = made.vertices.displacements;
+        for (row, frame) in rows.iter_mut().zip(frames.outer_iter()) {
+            row.push(cells.close_up(Some(frame), &view));
+        }
+        in_sight.extend(seen(&face, frames.index_axis(Axis(0), 2)));
+    }
+    let rows: Vec<Picture> = rows.iter().map(|row| beside(row)).collect();
+    Ok(Blinks {
+        picture: under(&rows),
+        in_sight: (in_sight.len() == EMOTIONS.len()).then_some(in_sight),
+    })
+}
+
+/// A silent face that feels something and blinks often.
+fn blinking(emotion: &str) -> Result<LandmarkClip> {
+    let affect = EmotionCurve::parse(emotion)?.sample(FRAMES, FPS);
+    let expressions = Expressions::open(None)?;
+    let silence = vec![0.0; (FRAMES as f64 / FPS * SAMPLES_PER_S) as usize];
+    let prosody = Prosody::of(&Waveform { samples: silence });
+    let cues = Cues {
+        affect: affect.view(),
+        blink_affect: affect.view(),
+        expressions: &expressions,
+        emotion_origin: EmotionOrigin::Added,
+        speech_only: false,
+        prosody: &prosody,
+        seed: 3,
+    };
+    let still = LandmarkClip {
+        displacements: Array3::zeros((FRAMES, 68, 3)),
+        fps: FPS,
+    };
+    let controls = PerformanceControls {
+        blinks_per_minute: BLINKS_PER_MINUTE,
+        ..PerformanceControls::default()
+    };
+    FaceModes::open(None)?.perform(&still, &cues, &controls)
+}
+
+/// How far the lids rise apart in each frame, metres.
+fn openings(clip: &LandmarkClip) -> Vec<f32> {
+    let pairs = [(37, 41), (38, 40), (43, 47), (44, 46)];
+    let frames = clip.displacements.outer_iter();
+    let of = |frame: ArrayView2<'_, f32>| {
+        pairs
+            .iter()
+            .map(|&(u, l)| frame[[u, 1]] - frame[[l, 1]])
+            .sum()
+    };
+    frames.map(of).collect()
+}
+
+/// What is seen of the eyeballs in a frame to what is seen at rest; `None` without eyeballs. The mesh is
+/// upright with +z out of the face, as the heads of a gallery are.
+fn seen(face: &Face, frame: ArrayView2<'_, f32>) -> Option<f64> {
+    let of = |wanted| -> Vec<[u32; 3]> {
+        let role = |t: &&[u32; 3]| {
+            let part = face.parts.of_vertex()[t[0] as usize] as usize;
+            face.parts.parts.get(part).map(|part| part.role) == Some(wanted)
+        };
+        face.mesh.triangles.iter().filter(role).copied().collect()
+    };
+    let (skin, eyeballs) = (of(PartRole::Skin), of(PartRole::Gaze));
+    if eyeballs.is_empty() {
+        return None;
+    }
+    let cell = (CELL_M / face.metres_per_unit()) as f32;
+    let area = |positions: &[[f32; 3]]| eyeballs_in_sight(positions, &skin, &eyeballs, cell).area;
+    let moved = face.mesh.positions.iter().zip(frame.rows());
+    let posed: Vec<[f32; 3]> = moved
+        .map(|(p, d)| std::array::from_fn(|i| p[i] + d[i]))
+        .collect();
+    Some(area(&posed) / area(&face.mesh.positions))
+}

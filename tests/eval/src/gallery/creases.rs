@@ -1,0 +1,116 @@
+//! Feelings beside the truth: what skin does between the landmarks.
+
+use ndarray::{ArrayView2, ArrayView3, Axis};
+
+use super::{
+    cells::{Cells, View, beside, error_mm, under},
+    subjects::Subject,
+};
+use crate::pictures::raster::Picture;
+use anyface::{Engine, Face, Result, mesh::Mesh, progress::SILENT, spread::Collector};
+
+const SIZE: (usize, usize) = (200, 150);
+const HALF_HEIGHT_M: f32 = 0.055;
+/// A vertex is of a region within this distance of its middle, millimetres.
+const REGION_MM: f32 = 18.0;
+/// Normals that truly turn by less than this are not counted, as the length of their change.
+const LEAST_TURN: f32 = 0.05;
+
+/// Feelings on a face whose true motion is known.
+pub(super) struct Feelings {
+    pub picture: Picture,
+    /// Mean error over the vertices that truly move, one a feeling, millimetres.
+    pub error_mm: Vec<f32>,
+    /// Turn of the normals between the brows, and on the cheeks, along the true turn, of it.
+    pub turned: [f32; 2],
+}
+
+/// `None` for a subject without a truth.
+pub(super) fn feelings(engine: &Engine, subject: &Subject) -> Result<Option<Feelings>> {
+    let Some(truth) = &subject.truth else {
+        return Ok(None);
+    };
+    let face = engine.prepare(&subject.mesh, &subject.options, SILENT)?;
+    let rows = truth.landmarks.map(|v| v as usize);
+    let own = truth.displacements.select(Axis(1), &rows);
+    let made = Collector::collect(|sink| engine.spread_own(&face, own, 1.0, sink, SILENT))?;
+    let made = made.vertices.displacements;
+    let cells = Cells {
+        mesh: &subject.mesh,
+        face: &face,
+    };
+    let view = View::about(&face, 17..48, SIZE, HALF_HEIGHT_M);
+    let row = |frames: ArrayView3<'_, f32>| {
+        let cells = frames
+            .outer_iter()
+            .map(|frame| cells.close_up(Some(frame), &view));
+        beside(&cells.collect::<Vec<_>>())
+    };
+    let between_brows = near(&face, truth.mm, [21, 22]);
+    let cheeks = [[41, 48], [46, 54]].map(|marks| near(&face, truth.mm, marks));
+    let turned = [between_brows, cheeks.concat()].map(|region| {
+        turn(
+            &subject.mesh,
+            &region,
+            truth.displacements.view(),
+            made.view(),
+        )
+    });
+    Ok(Some(Feelings {
+        picture: under(&[row(truth.displacements.view()), row(made.view())]),
+        error_mm: error_mm(truth, made.view()).means,
+        turned,
+    }))
+}
+
+/// Vertices about the middle between two landmarks.
+fn near(face: &Face, mm: f32, marks: [usize; 2]) -> Vec<usize> {
+    let middle: [f32; 3] = std::array::from_fn(|i| {
+        0.5 * marks
+            .map(|n| face.landmarks.positions[n][i])
+            .iter()
+            .sum::<f32>()
+    });
+    let away = |p: &[f32; 3]| {
+        mm * (0..3)
+            .map(|i| (p[i] - middle[i]).powi(2))
+            .sum::<f32>()
+            .sqrt()
+    };
+    let all = face.mesh.positions.iter().enumerate();
+    all.filter(|(_, p)| away(p) < REGION_MM)
+        .map(|(v, _)| v)
+        .collect()
+}
+
+/// Turn of normals along the true turn, of it, over all frames.
+fn turn(
+    mesh: &Mesh,
+    region: &[usize],
+    truth: ArrayView3<'_, f32>,
+    made: ArrayView3<'_, f32>,
+) -> f32 {
+    let rest = mesh.vertex_normals();
+    let normals = |frame: ArrayView2<'_, f32>| {
+        let mut posed = mesh.clone();
+        for (point, offset) in posed.positions.iter_mut().zip(frame.rows()) {
+            (0..3).for_each(|i| point[i] += offset[i]);
+        }
+        posed.vertex_normals()
+    };
+    let (mut along, mut whole) = (0.0f32, 0.0f32);
+    for (truth, made) in truth.outer_iter().zip(made.outer_iter()) {
+        let (truth, made) = (normals(truth), normals(made));
+        for &v in region {
+            let turned =
+                |of: &[[f32; 3]]| -> [f32; 3] { std::array::from_fn(|i| of[v][i] - rest[v][i]) };
+            let (truth, made) = (turned(&truth), turned(&made));
+            let squared: f32 = truth.iter().map(|x| x * x).sum();
+            if squared > LEAST_TURN * LEAST_TURN {
+                whole += squared;
+                along += (0..3).map(|i| truth[i] * made[i]).sum::<f32>();
+            }
+        }
+    }
+    along / whole.max(f32::MIN_POSITIVE)
+}

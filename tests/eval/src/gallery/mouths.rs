@@ -1,0 +1,135 @@
+//! Lips that are one surface: untouched, and opened.
+
+use ndarray::{Array3, ArrayView3};
+
+use super::{
+    cells::{Cells, View, beside, under},
+    subjects::Subject,
+};
+use crate::pictures::raster::Picture;
+use anyface::{
+    Engine, Error, Face, Result,
+    mesh::{FaceOptions, LandmarkSource, Mesh, Mouth, open_mouth},
+    motion::{LandmarkClip, Motion},
+    progress::SILENT,
+    spread::Collector,
+};
+
+const SIZE: (usize, usize) = (220, 170);
+const HALF_HEIGHT_M: f32 = 0.045;
+/// Turned, radians: what a bag or a pulled skin looks like from the side.
+const TURNED: f32 = 0.7;
+/// Triangles this near to the mouth's landmarks are of the mouth, of the mouth's width.
+const NEAR: f32 = 0.6;
+
+/// One head whose lips are one surface.
+pub(super) struct WeldedLips {
+    pub picture: Picture,
+    /// Share of the mouth's triangles that grow beyond twice their area in any frame, untouched.
+    pub grown: f32,
+    /// By how much the inner lips part in the first frame, of what the landmarks say; why not.
+    pub parted: std::result::Result<f32, String>,
+}
+
+/// `None` for a head without a face, or one whose lips part.
+pub(super) fn welded_lips(
+    engine: &Engine,
+    subject: &Subject,
+    motion: &LandmarkClip,
+) -> Result<Option<WeldedLips>> {
+    let face = match engine.prepare(&subject.mesh, &subject.options, SILENT) {
+        Ok(face) if face.mouth() == Mouth::Welded => face,
+        Ok(_) | Err(Error::FaceNotFound(_)) => return Ok(None),
+        Err(other) => return Err(other),
+    };
+    let untouched = frames(engine, &face, motion)?;
+    let mut rows = rows(&subject.mesh, &face, untouched.view());
+    let grown = grown(&subject.mesh, &face, untouched.view());
+    let parted = match opened(engine, &face)? {
+        Err(why) => Err(why),
+        Ok(opened) => {
+            let frames = frames(engine, &opened, motion)?;
+            rows.extend(self::rows(&opened.mesh, &opened, frames.view()));
+            Ok(parting(&opened, frames.view(), motion))
+        }
+    };
+    Ok(Some(WeldedLips {
+        picture: under(&rows),
+        grown,
+        parted,
+    }))
+}
+
+/// The same head with its mouth opened, or why it cannot be.
+fn opened(engine: &Engine, face: &Face) -> Result<std::result::Result<Face, String>> {
+    let opened = match open_mouth(&face.mesh, &face.landmarks) {
+        Ok(opened) => opened,
+        Err(why) => return Ok(Err(why.to_string())),
+    };
+    let options = FaceOptions {
+        landmarks: Some(LandmarkSource::from(&opened.landmarks)),
+        ..FaceOptions::default()
+    };
+    engine.prepare(&opened.mesh, &options, SILENT).map(Ok)
+}
+
+fn frames(engine: &Engine, face: &Face, motion: &LandmarkClip) -> Result<Array3<f32>> {
+    let motion = Motion::Landmarks(motion.clone());
+    let made = Collector::collect(|sink| engine.spread(face, &motion, sink, SILENT))?;
+    Ok(made.vertices.displacements)
+}
+
+/// From the front and turned: at rest, then each frame.
+fn rows(mesh: &Mesh, face: &Face, frames: ArrayView3<'_, f32>) -> Vec<Picture> {
+    let cells = Cells { mesh, face };
+    let front = View::about(face, 48..68, SIZE, HALF_HEIGHT_M);
+    let turned = front.turned(face, 48..68, TURNED);
+    let row = |view: &View| {
+        let rest = std::iter::once(cells.close_up(None, view));
+        let moved = frames
+            .outer_iter()
+            .map(|frame| cells.close_up(Some(frame), view));
+        let row: Vec<Picture> = rest.chain(moved).collect();
+        beside(&row)
+    };
+    vec![row(&front), row(&turned)]
+}
+
+/// Share of the triangles about the mouth that grow beyond twice their area in any frame.
+fn grown(mesh: &Mesh, face: &Face, frames: ArrayView3<'_, f32>) -> f32 {
+    let marks = &face.landmarks.positions;
+    let away = |a: [f32; 3], b: [f32; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>().sqrt();
+    let reach = NEAR * away(marks[48], marks[54]);
+    let near = |t: &[u32; 3]| {
+        let p = mesh.positions[t[0] as usize];
+        marks[48..68].iter().any(|m| away(*m, p) < reach)
+    };
+    let neutral = mesh.face_areas();
+    let twice = |f: usize| {
+        frames.outer_iter().any(|frame| {
+            let corners = mesh.triangles[f].map(|v| -> [f32; 3] {
+                std::array::from_fn(|i| mesh.positions[v as usize][i] + frame[[v as usize, i]])
+            });
+            let posed = Mesh {
+                positions: corners.to_vec(),
+                triangles: vec![[0, 1, 2]],
+            };
+            posed.face_areas()[0] > 2.0 * neutral[f]
+        })
+    };
+    let of_mouth: Vec<usize> = (0..mesh.triangles.len())
+        .filter(|&f| near(&mesh.triangles[f]))
+        .collect();
+    let many = of_mouth.iter().filter(|&&f| twice(f)).count();
+    many as f32 / of_mouth.len().max(1) as f32
+}
+
+/// By how much the middle of the inner lips parts in the first frame, of what the landmarks say.
+fn parting(face: &Face, frames: ArrayView3<'_, f32>, motion: &LandmarkClip) -> f32 {
+    let [upper, lower] = [62, 66].map(|n| face.landmarks.vertices[n] as usize);
+    let frame = frames.index_axis(ndarray::Axis(0), 0);
+    let apart: [f32; 3] = std::array::from_fn(|i| frame[[upper, i]] - frame[[lower, i]]);
+    let made = face.to_canonical.rotate(apart)[1] * face.to_canonical.scale as f32;
+    let asked = motion.displacements[[0, 62, 1]] - motion.displacements[[0, 66, 1]];
+    made / asked
+}
