@@ -1,8 +1,9 @@
 //! `anyface deform`: landmark motion from a file on a mesh.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
+use ndarray::{Array2, Axis};
 
 use super::{
     arguments::{FaceArgs, SharedArgs},
@@ -10,10 +11,11 @@ use super::{
     stages::{new_report, note_face, spread_into, summary, timed},
 };
 use crate::{
-    Result,
+    Engine, Error, Face, Result,
+    ibug::LANDMARKS,
     mesh::{LandmarkSource, Mesh},
     motion::{LandmarkClip, Motion},
-    output::{Format, read_landmark_motion, write_json},
+    output::{Format, LandmarkMotion, read_landmark_motion, write_attention, write_json},
 };
 
 /// Frame rate of motion files that do not state theirs.
@@ -33,6 +35,10 @@ pub(super) struct Deform {
     /// The result: .npz (arrays), .pc2 or .mdd (point caches)
     #[arg(long, value_name = "O")]
     out: PathBuf,
+    /// Also write by which share each vertex attends to each landmark, mean over the frames: .npz with
+    /// attention [V, 68]. Needs --decoder paper and motion in mesh units
+    #[arg(long, value_name = "A.npz")]
+    attention: Option<PathBuf>,
     /// Also write a report of the run
     #[arg(long, value_name = "R.json")]
     report: Option<PathBuf>,
@@ -55,6 +61,9 @@ impl Deform {
             engine.prepare(&mesh, &options, &|p| console.progress(p))
         })?;
         note_face(&mut report, &face);
+        if let Some(path) = &self.attention {
+            self.write_attention(path, &engine, &face, &motion, console)?;
+        }
         let fps = motion.fps.unwrap_or(DEFAULT_FPS);
         let (progress, displacements) = (&|p| console.progress(p), motion.displacements);
         // Nothing is known of the speech, so lips may rest.
@@ -78,5 +87,29 @@ impl Deform {
         }
         console.report(&report, &summary(&report));
         Ok(())
+    }
+
+    /// Frame by frame: all at once would be as large as ten clips.
+    fn write_attention(
+        &self,
+        path: &Path,
+        engine: &Engine,
+        face: &Face,
+        motion: &LandmarkMotion,
+        console: &Console,
+    ) -> Result<()> {
+        if motion.neutral.is_none() {
+            return Err(Error::InvalidInput(format!(
+                "{}: expected landmarks_neutral for --attention, got none",
+                self.motion.display()
+            )));
+        }
+        let mut mean = Array2::zeros((face.mesh.positions.len(), LANDMARKS));
+        let frames = motion.displacements.dim().0;
+        for frame in motion.displacements.axis_chunks_iter(Axis(0), 1) {
+            let shares = engine.attention(face, frame, &|p| console.progress(p))?;
+            mean.scaled_add(1.0 / frames as f32, &shares.index_axis(Axis(0), 0));
+        }
+        write_attention(path, mean.view())
     }
 }

@@ -205,6 +205,10 @@ impl<D: Deformer> Deformer for Corrected<D> {
         Ok(out)
     }
 
+    fn attention(&self, landmarks: ArrayView3<'_, f32>) -> Option<Array3<f32>> {
+        self.decoder.attention(landmarks)
+    }
+
     fn deform_freely(
         &self,
         landmarks: ArrayView3<'_, f32>,

@@ -63,6 +63,13 @@ pub trait Deformer: Send + Sync {
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>>;
 
+    /// By which share each vertex attends to each landmark, `[T, V, 68]`; `None` for a deformer without
+    /// attention. Vertices that follow no skin have zeros.
+    fn attention(&self, landmarks: ArrayView3<'_, f32>) -> Option<Array3<f32>> {
+        let _ = landmarks;
+        None
+    }
+
     /// A deformer of `wanted` vertices, rising, and of those that it needs beside them; `None` where one
     /// vertex costs as much as all.
     fn of_vertices(&self, wanted: &[u32]) -> Option<FewVertices> {
@@ -100,6 +107,10 @@ impl Deformer for Box<dyn Deformer> {
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
         self.as_ref().deform(landmarks, progress)
+    }
+
+    fn attention(&self, landmarks: ArrayView3<'_, f32>) -> Option<Array3<f32>> {
+        self.as_ref().attention(landmarks)
     }
 
     fn of_vertices(&self, wanted: &[u32]) -> Option<FewVertices> {

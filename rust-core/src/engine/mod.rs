@@ -302,6 +302,24 @@ impl Engine {
         })
     }
 
+    /// By which share each vertex attends to each landmark, `[T, V, 68]`, for landmark motion `[T, 68, 3]` in
+    /// the mesh's own units and axes. FreeTalk's figure 7 shows a landmark's column.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a face whose decoder has no attention, otherwise those of [`Engine::spread`].
+    pub fn attention(
+        &self,
+        face: &Face,
+        landmarks: ArrayView3<'_, f32>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array3<f32>> {
+        let shares = self.threads(|| Ok(self.deformer(face, progress)?.attention(landmarks)))?;
+        shares.ok_or_else(|| {
+            let message = "attention: expected a decoder that has one (paper), got one without";
+            Error::InvalidInput(message.into())
+        })
+    }
+
     /// The whole way: sound and a face to frames in `sink`.
     ///
     /// # Errors

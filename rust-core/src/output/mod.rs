@@ -28,6 +28,8 @@ pub use report::{Report, warnings_of_sound};
 pub use rig::{read_rig, write_rig, write_rig_folder};
 pub use vertex_motion::{VertexMotion, read_vertex_motion};
 
+use ndarray::ArrayView2;
+
 use crate::{
     Error, Result,
     mesh::Mesh,
@@ -100,6 +102,20 @@ pub fn write_motion(path: &Path, motion: &LandmarkClip, life: Option<&Life>) -> 
         Format::Npz => write_atomically(path, |file| npz::write_motion(file, motion, life)),
         _ => Err(Error::InvalidInput(format!(
             "{}: expected a name that ends in .npz for landmark motion",
+            path.display()
+        ))),
+    }
+}
+
+/// Writes by which share each vertex attends to each landmark as npz: `attention` `[V, 68]`.
+///
+/// # Errors
+/// `InvalidInput` for an extension other than npz, `Io` if the file cannot be written.
+pub fn write_attention(path: &Path, attention: ArrayView2<'_, f32>) -> Result<()> {
+    match Format::from_path(path)? {
+        Format::Npz => write_atomically(path, |file| npz::write_attention(file, attention)),
+        _ => Err(Error::InvalidInput(format!(
+            "{}: expected a name that ends in .npz for attention",
             path.display()
         ))),
     }

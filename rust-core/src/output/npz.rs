@@ -2,7 +2,7 @@
 
 use std::io::{self, Seek, SeekFrom, Write};
 
-use ndarray::{ArrayView3, Axis};
+use ndarray::{ArrayView2, ArrayView3, Axis};
 use zip::{CompressionMethod, ZipWriter, result::ZipError, write::SimpleFileOptions};
 
 use crate::{
@@ -24,6 +24,17 @@ pub(super) fn write_motion(
     archive.landmarks(motion.displacements.view())?;
     life.map_or(Ok(()), |life| archive.life(life))?;
     archive.number("fps", motion.fps)?;
+    archive.finish()
+}
+
+/// `attention`, `[V, 68]`.
+pub(super) fn write_attention(
+    file: impl Write + Seek,
+    attention: ArrayView2<'_, f32>,
+) -> io::Result<()> {
+    let mut archive = Archive::new(file);
+    archive.start("attention", "<f4", attention.shape())?;
+    archive.values(attention.insert_axis(Axis(0)))?;
     archive.finish()
 }
 

@@ -162,6 +162,55 @@ fn missing_files_exit_with_8_and_their_name() {
     refused(&folder, &arguments, IO, "l.npz");
 }
 
+/// The paper's heat maps: shares of 68 landmarks for each vertex of the skin, from the command.
+#[test]
+fn attention_of_the_papers_decoder_is_written_and_other_decoders_have_none() {
+    let folder = folder_with_sound(&hum(0.2), 16_000);
+    let head = crate::head::folder();
+    let (mesh, marks) = (head.join("head.obj"), head.join("landmarks.json"));
+    let on_head = |first: &[&str], rest: &[&str]| {
+        let head = [
+            "--mesh",
+            mesh.to_str().unwrap(),
+            "--landmarks",
+            marks.to_str().unwrap(),
+        ];
+        let arguments = [first, &head, &["--no-cache"], rest].concat();
+        anyface(folder.path(), &arguments)
+    };
+    let made = on_head(&["animate", "--audio", "a.wav", "--out", "o.npz"], &[]);
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    let deform = [
+        "deform",
+        "--motion",
+        "o.npz",
+        "--out",
+        "p.pc2",
+        "--attention",
+        "a.npz",
+    ];
+    let refused = on_head(&deform, &[]);
+    assert_eq!(refused.status.code(), Some(INVALID_INPUT));
+    assert!(
+        text(&refused.stderr).contains("paper"),
+        "{}",
+        text(&refused.stderr)
+    );
+    let made = on_head(&deform, &["--decoder", "paper"]);
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    let file = fs::File::open(folder.path().join("a.npz")).unwrap();
+    let mut npz = ndarray_npy::NpzReader::new(file).unwrap();
+    let shares: ndarray::Array2<f32> = npz.by_name("attention").unwrap();
+    assert_eq!(shares.ncols(), 68);
+    let sums: Vec<f32> = shares.rows().into_iter().map(|row| row.sum()).collect();
+    // Eyeballs and teeth follow no skin.
+    assert!(
+        sums.iter()
+            .all(|sum| (sum - 1.0).abs() < 1e-4 || *sum == 0.0)
+    );
+    assert!(sums.iter().filter(|sum| **sum > 0.5).count() > 4_000);
+}
+
 #[test]
 fn meshes_that_cannot_be_used_exit_with_5() {
     let folder = folder_with_sound(&hum(0.5), 16_000);

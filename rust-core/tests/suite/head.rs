@@ -12,7 +12,7 @@ use ndarray::Array3;
 
 pub type Points = Vec<[f32; 3]>;
 
-fn folder() -> PathBuf {
+pub fn folder() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("models/default_head")
 }
 

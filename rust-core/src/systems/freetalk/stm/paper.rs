@@ -17,7 +17,7 @@
 
 use std::ops::Range;
 
-use ndarray::{Array1, Array2, Array3, ArrayRef2, ArrayView3, Axis, s};
+use ndarray::{Array1, Array2, Array3, ArrayRef2, ArrayView2, ArrayView3, Axis, s};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -34,6 +34,9 @@ use crate::{
     },
 };
 
+/// Most bytes of the features of frames that are decoded at once, and most frames.
+const BATCH_BYTES: usize = 64 << 20;
+const MOST_FRAMES: usize = 8;
 /// Numbers of a displacement vector of all landmarks.
 const MOTION: usize = 3 * LANDMARKS;
 
@@ -246,6 +249,34 @@ impl PaperDecoder {
             })
     }
 
+    /// By which share each vertex attends to each landmark (eq. 13), mean over the heads, `[T, V, 68]`: the
+    /// heat maps of figure 7.
+    ///
+    /// `landmarks`: `[T, 68, 3]`, displacements in decimetres.
+    pub fn attention(&self, mesh: &MeshFeatures, landmarks: ArrayView3<'_, f32>) -> Array3<f32> {
+        let frames = self.read_landmarks(landmarks);
+        let vertices = mesh.query.nrows();
+        let mut out = Array3::zeros((frames.len(), vertices, LANDMARKS));
+        for (mut shares, frame) in out.outer_iter_mut().zip(&frames) {
+            for head in 0..self.config.heads {
+                let weights = self.head_weights(&mesh.query, frame, head, 0..vertices);
+                let weights = ArrayView2::from_shape((vertices, LANDMARKS), &weights);
+                shares.scaled_add(
+                    1.0 / self.config.heads as f32,
+                    &weights.expect("68 a vertex"),
+                );
+            }
+        }
+        out
+    }
+
+    /// How many frames are decoded at once on a mesh of so many vertices: their features fill at most
+    /// [`BATCH_BYTES`], or are those of one frame.
+    pub fn frames_at_once(&self, vertices: usize) -> usize {
+        let bytes = size_of::<f32>() * self.config.width * vertices.max(1);
+        (BATCH_BYTES / bytes).clamp(1, MOST_FRAMES)
+    }
+
     /// Graph network, index encoding and the projections of the attention, eqs. 12 and 13.
     fn read_landmarks(&self, landmarks: ArrayView3<'_, f32>) -> Vec<FrameFeatures> {
         let (count, latent) = (landmarks.len_of(Axis(0)), self.config.latent);
@@ -330,19 +361,38 @@ impl PaperDecoder {
     ) -> Vec<f32> {
         let latent = self.config.latent;
         let per_head = latent / self.config.heads;
-        let scale = 1.0 / (per_head as f32).sqrt();
         let mut attended = vec![0.0; rows.len() * latent];
-        let mut weights = vec![0.0; rows.len() * LANDMARKS];
-        for first in (0..latent).step_by(per_head) {
-            let query = view(query).submatrix(rows.start, first, rows.len(), per_head);
-            let [key, value] = [&frame.key, &frame.value].map(|x| view(x).subcols(first, per_head));
-            let target = view_mut(&mut weights, LANDMARKS);
-            matrix::scaled_product(target, scale, query, key.transpose());
-            weights.chunks_exact_mut(LANDMARKS).for_each(softmax);
+        for head in 0..self.config.heads {
+            let first = head * per_head;
+            let weights = self.head_weights(query, frame, head, rows.clone());
+            let value = view(&frame.value).subcols(first, per_head);
             let target = view_mut(&mut attended, latent).subcols_mut(first, per_head);
             matrix::product(target, rows_of(&weights, LANDMARKS), value);
         }
         attended
+    }
+
+    /// `softmax(q kᵀ / √d)` of one head, `[rows, 68]`.
+    fn head_weights(
+        &self,
+        query: &ArrayRef2<f32>,
+        frame: &FrameFeatures,
+        head: usize,
+        rows: Range<usize>,
+    ) -> Vec<f32> {
+        let per_head = self.config.latent / self.config.heads;
+        let scale = 1.0 / (per_head as f32).sqrt();
+        let query = view(query).submatrix(rows.start, head * per_head, rows.len(), per_head);
+        let key = view(&frame.key).subcols(head * per_head, per_head);
+        let mut weights = vec![0.0; rows.len() * LANDMARKS];
+        matrix::scaled_product(
+            view_mut(&mut weights, LANDMARKS),
+            scale,
+            query,
+            key.transpose(),
+        );
+        weights.chunks_exact_mut(LANDMARKS).for_each(softmax);
+        weights
     }
 }
 
@@ -378,6 +428,28 @@ mod tests {
         let got = decoder.decode(&mesh, landmarks.view(), &surface);
         let error = distance(&got, &golden.cube("output"));
         assert!(error < 1e-4, "output {error}");
+    }
+
+    #[test]
+    fn attention_shares_sum_to_one_and_differ_between_frames() {
+        let golden = Golden::open("stm_paper_debug");
+        let (decoder, surface) = (decoder(&golden), golden.surface());
+        let mesh = decoder.encode(golden.matrix("vertex_inputs"), &surface);
+        let shares = decoder.attention(&mesh, golden.cube("landmarks").view());
+        assert_eq!(shares.dim().1, surface.vertices());
+        for row in shares.rows() {
+            assert!((row.sum() - 1.0).abs() < 1e-5 && row.iter().all(|share| *share >= 0.0));
+        }
+        assert_ne!(shares.index_axis(Axis(0), 0), shares.index_axis(Axis(0), 1));
+    }
+
+    #[test]
+    fn a_batch_holds_as_many_frames_as_fit_and_one_at_least() {
+        let decoder = decoder(&Golden::open("stm_paper_debug"));
+        let frame = 4 * decoder.config().width;
+        assert_eq!(decoder.frames_at_once(3 * BATCH_BYTES / frame), 1);
+        assert_eq!(decoder.frames_at_once(BATCH_BYTES / frame / 3), 3);
+        assert_eq!(decoder.frames_at_once(1), MOST_FRAMES);
     }
 
     #[test]

@@ -16,9 +16,6 @@ use crate::{
     progress::{ProgressFn, report},
 };
 
-/// Frames decoded between two looks at the progress callback.
-const FRAMES_PER_REPORT: usize = 8;
-
 /// FreeTalk's decoder on one mesh; runs the network for every frame.
 pub struct PaperFace {
     decoder: Arc<PaperDecoder>,
@@ -80,9 +77,10 @@ impl Deformer for PaperFace {
             });
         }
         let mut out = self.base.deform(landmarks, crate::progress::SILENT)?;
-        for first in (0..frames).step_by(FRAMES_PER_REPORT) {
+        let batch = self.decoder.frames_at_once(self.surface.vertices());
+        for first in (0..frames).step_by(batch) {
             report(progress, "deform", first as f32 / frames as f32)?;
-            let range = s![first..(first + FRAMES_PER_REPORT).min(frames), .., ..];
+            let range = s![first..(first + batch).min(frames), .., ..];
             let decimetres = self.to_decimetres(landmarks.slice(range));
             let moved = self
                 .decoder
@@ -102,6 +100,20 @@ impl Deformer for PaperFace {
         }
         report(progress, "deform", 1.0)?;
         Ok(out)
+    }
+
+    fn attention(&self, landmarks: ArrayView3<'_, f32>) -> Option<Array3<f32>> {
+        let decimetres = self.to_decimetres(landmarks);
+        let of_skin = self.decoder.attention(&self.features, decimetres.view());
+        let mut out = Array3::zeros((of_skin.dim().0, self.follows.len(), LANDMARKS));
+        for (mut shares, skin) in out.outer_iter_mut().zip(of_skin.outer_iter()) {
+            for (mut row, follows) in shares.outer_iter_mut().zip(&self.follows) {
+                for &(from, share) in follows.iter().filter(|(_, share)| *share != 0.0) {
+                    row.scaled_add(share, &skin.row(from as usize));
+                }
+            }
+        }
+        Some(out)
     }
 }
 
