@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 
 from ..core import shapes, sliders
-from . import changes, curves, outputs, record, together
+from . import changes, copies, curves, guard, outputs, record, together
 
 # What a take of named shapes can change on its own: beginnings of the shapes' names.
 GROUPS = {
@@ -26,6 +26,7 @@ def adjust(ob, **wanted: float) -> None:
     a name of `sliders.NAMES` changes basis keys as a new run would, within its limits, where
     `why_not` has no objection. All count from the take as it was made; what is not named stays.
     """
+    copies.settle()
     for part in (ob, *together.others_of(ob)):
         if record.is_generated(part):
             _adjust(part, wanted)
@@ -69,6 +70,7 @@ def groups_of(taken: record.Record) -> list[str]:
 
 
 def _adjust(ob, wanted: dict[str, float]) -> None:
+    guard.own(ob)
     shape_keys = ob.data.shape_keys
     taken = record.read(shape_keys)
     before, shift = dict(taken.adjusted), taken.adjusted.get("shift", 0.0)

@@ -6,13 +6,29 @@ does not and may run anywhere.
 
 from dataclasses import dataclass, field
 
+import bpy
+
 from ..core import perform
 from ..core.errors import AnyfaceError
 from ..core.job import Progress
 from ..core.plan import Plan
 from ..core.source import SoundSource
 from ..core.take import FaceMesh, Request, Take
-from . import decode, emotion, guard, life, mesh, outputs, pieces, sound, strips, takes, together
+from . import (
+    decode,
+    emotion,
+    guard,
+    identity,
+    life,
+    mesh,
+    outputs,
+    pieces,
+    sound,
+    stored,
+    strips,
+    takes,
+    together,
+)
 from .life import LifeSettings
 from .outputs import OutputSettings
 
@@ -66,6 +82,9 @@ class Snapshot:
     plan: Plan
     scene_fps: float
     engine: object = field(repr=False)
+    # What is said besides, and the panel's settings as they were.
+    notes: list[str] = field(default_factory=list)
+    asked: dict = field(default_factory=dict)
 
     def work(self, progress: Progress) -> Take:
         """The take; raises `AnyfaceError`."""
@@ -81,6 +100,7 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     output.check(ob, settings.output)
     life.check(ob, settings)
     settings.held = life.held(settings) | settings.held
+    notes = _leave_out_foreign(ob, settings)
     face = read_face(ob, settings)
     source = _find_sound(scene, settings, engine)
     scene_fps = scene.render.fps / scene.render.fps_base
@@ -98,7 +118,20 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     )
     names = [piece.name for piece in face.pieces] or [ob.name]
     plan = output.plan(ob, settings.output, request.fps, names)
-    return Snapshot(ob.name, face, source, request, settings, plan, scene_fps, engine)
+    found = face, source, request, settings, plan, scene_fps, engine
+    return Snapshot(ob.name, *found, notes, stored.read(ob))
+
+
+def _leave_out_foreign(ob, settings: Settings) -> list[str]:
+    """Takes parts that speak with another face out of `settings`, and says so."""
+    notes = []
+    for part in list(settings.parts):
+        other = bpy.data.objects.get(part.name)
+        owner = identity.face_of(other) if outputs.has_take(other) else None
+        if owner not in (None, ob):
+            settings.parts.remove(part)
+            notes.append(f"{part.name} belongs to {owner.name} and was left out")
+    return notes
 
 
 def read_face(ob, settings: Settings, editable: bool = True) -> FaceMesh:
@@ -123,9 +156,11 @@ def write(ob, snapshot: Snapshot, take: Take) -> str:
     start, scene_fps = snapshot.source.start_frame, snapshot.scene_fps
     together.write(ob, snapshot.face.pieces, take, start, scene_fps)
     turned = life.write(ob, take, snapshot.settings, start, scene_fps)
-    notes = snapshot.source.notes + ([] if take.files else guard.notes(ob))
+    notes = snapshot.notes + snapshot.source.notes + ([] if take.files else guard.notes(ob))
     notes += outputs.of_take(take).notes(ob, asked)
-    return " ".join([describe(take), *(f"({note})" for note in [*turned, *notes])])
+    text = " ".join([describe(take), *(f"({note})" for note in [*turned, *notes])])
+    stored.note(ob, snapshot.asked, text)
+    return text
 
 
 def describe(take: Take) -> str:

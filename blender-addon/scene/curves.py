@@ -194,6 +194,29 @@ def copy_paths(source, bag, data_paths: set[str]) -> None:
             copy(curve, bag)
 
 
+def own_action(block, action) -> None:
+    """Where others use `action` too, all that `block` plays and keeps of it becomes a copy."""
+    if action is None:
+        return
+    animation = block.animation_data
+    tracks = animation.nla_tracks if animation is not None else ()
+    strips = [strip for track in tracks for strip in track.strips if strip.action == action]
+    names = [name for name, value in block.items() if value == action]
+    plays = animation is not None and animation.action == action
+    if action.users - action.use_fake_user <= len(strips) + len(names) + plays:
+        return
+    copy = action.copy()
+    for name in names:
+        block[name] = copy
+    if plays:
+        animation.action = copy
+    for strip in strips:
+        handle = strip.action_slot_handle if LAYERED else 0
+        strip.action = copy
+        if LAYERED:
+            strip.action_slot = next(slot for slot in copy.slots if slot.handle == handle)
+
+
 def delete_action(action) -> None:
     """Deletes an action that nobody else uses."""
     if action is not None and action.users - action.use_fake_user == 0:

@@ -7,7 +7,7 @@ from . import curves, digest, record
 from .mesh import read_key
 
 # Holds the action that a copy of ours stands in for, so that it is saved with the file.
-REPLACED = "anyface_replaced"
+REPLACED = record.REPLACED_ACTION
 
 
 def find(ob, mapping: dict[str, str]) -> dict[str, str]:

@@ -26,9 +26,6 @@ def write(ob, take: Take, start_frame: float, scene_fps: float) -> record.Record
         with guard.selection_kept(ob):
             taken = record.Record(output.name)
             guard.make_single_user(ob, taken)
-            if ob.data.shape_keys is None:
-                ob.shape_key_add(name="Basis", from_mix=False)
-                taken.made_keys = True
             record.write(ob.data.shape_keys, taken)
             output.write(ob, take, mesh.read_basis(ob.data), at, taken)
             record.write(ob.data.shape_keys, taken)

@@ -3,7 +3,7 @@
 import bpy
 
 from ..core.take import Piece, Take
-from . import keys, life, outputs, pieces, record, remove
+from . import identity, keys, life, outputs, pieces, record, remove
 
 
 def write(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: float) -> None:
@@ -32,6 +32,7 @@ def write(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: flo
         taken = keys.write(other, part, start_frame, scene_fps)
         taken.belongs_to = first.id
         record.write(other.data.shape_keys, taken)
+        identity.join(ob, other)
 
 
 def remove_all(ob) -> bool:
@@ -54,6 +55,6 @@ def others_of(ob) -> list:
     if not record.is_generated(ob):
         return []
     own = record.read(ob.data.shape_keys).id
-    meshes = [other for other in bpy.data.objects if other.type == "MESH" and other != ob]
+    meshes = [other for other in identity.parts_of(ob) if other.type == "MESH"]
     records = [(other, record.read(other.data.shape_keys)) for other in meshes]
     return [other for other, taken in records if taken is not None and taken.belongs_to == own]

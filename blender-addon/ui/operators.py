@@ -5,6 +5,7 @@ from bpy.props import StringProperty
 
 from ..core.errors import AnyfaceError
 from ..core.job import Job, Progress
+from ..scene import copies
 from . import running
 from .target import OfFace, target
 
@@ -14,6 +15,7 @@ class Acting(OfFace):
 
     def execute(self, context):
         """Does it, or says why not."""
+        copies.settle()
         try:
             text = self.act(target(context))
         except AnyfaceError as error:

@@ -13,7 +13,7 @@ from bpy.types import PropertyGroup
 
 from ..core import systems
 from ..core.emotion import EMOTIONS, MAX_INTENSITY
-from ..scene import outputs
+from ..scene import identity, outputs
 from . import audio, character, life, output_properties
 
 _EMOTION_ITEMS = [(name, name.capitalize(), "", number) for number, name in enumerate(EMOTIONS)]
@@ -161,6 +161,7 @@ def _of_control(control: systems.Control):
 
 def register_character() -> None:
     """Adds the settings of a character to objects."""
+    identity.register()
     output_properties.register()
     AnyfaceCharacter.__annotations__ = _OWN | _of_library()
     bpy.utils.register_class(AnyfaceCharacter)
@@ -187,3 +188,4 @@ def unregister() -> None:
     bpy.utils.unregister_class(AnyfaceScene)
     bpy.utils.unregister_class(AnyfaceCharacter)
     output_properties.unregister()
+    identity.unregister()

@@ -3,12 +3,14 @@
 from dataclasses import fields
 
 from ..core import systems
+from ..scene import copies
 from ..scene.bake import Settings
 from . import audio, character, life, output_properties
 
 
 def from_object(ob, scene=None) -> Settings:
     """The settings stored on `ob`; the only strip of `scene` speaks where none was chosen."""
+    copies.settle()
     stored = ob.anyface
     values = {
         item.name: getattr(stored, item.name)
