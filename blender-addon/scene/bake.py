@@ -85,6 +85,8 @@ class Snapshot:
     # What is said besides, and the panel's settings as they were.
     notes: list[str] = field(default_factory=list)
     asked: dict = field(default_factory=dict)
+    # The numbers of all objects that take part, by their names at that time.
+    numbers: dict[str, int] = field(default_factory=dict)
 
     def work(self, progress: Progress) -> Take:
         """The take; raises `AnyfaceError`."""
@@ -119,7 +121,30 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     names = [piece.name for piece in face.pieces] or [ob.name]
     plan = output.plan(ob, settings.output, request.fps, names)
     found = face, source, request, settings, plan, scene_fps, engine
-    return Snapshot(ob.name, *found, notes, stored.read(ob))
+    return Snapshot(ob.name, *found, notes, stored.read(ob), _numbers(names, settings))
+
+
+def _numbers(names: list[str], settings: Settings) -> dict[str, int]:
+    every = {*names, *(part.name for part in settings.parts), *life.names(settings.life)}
+    found = {name: bpy.data.objects.get(name) for name in every if name}
+    return {name: identity.number(ob) for name, ob in found.items() if ob is not None}
+
+
+def _follow_names(snapshot: Snapshot, take: Take) -> None:
+    """Calls the objects of a take what they are called now; raises `AnyfaceError("mesh")` where
+    one is gone."""
+    now = {}
+    for name, number in snapshot.numbers.items():
+        ob = identity.with_number(number, name)
+        if ob is None:
+            raise AnyfaceError("mesh", f"{name} is gone")
+        now[name] = ob.name
+    for piece in (*snapshot.face.pieces, *snapshot.settings.parts):
+        piece.name = now[piece.name]
+    for file in take.files:
+        file.object_name = now[file.object_name]
+    life.rename(snapshot.settings.life, now)
+    snapshot.numbers = {now[name]: number for name, number in snapshot.numbers.items()}
 
 
 def _leave_out_foreign(ob, settings: Settings) -> list[str]:
@@ -150,6 +175,7 @@ def read_face(ob, settings: Settings, editable: bool = True) -> FaceMesh:
 
 def write(ob, snapshot: Snapshot, take: Take) -> str:
     """Writes the take and says in one line what was written."""
+    _follow_names(snapshot, take)
     asked = snapshot.settings.output
     if asked.new_take and not take.files:
         takes.keep(ob)

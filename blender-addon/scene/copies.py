@@ -10,10 +10,17 @@ from bpy.app.handlers import persistent
 from . import identity, life
 
 
+# What an override of an object may have for itself.
+_GROUPS = (
+    "anyface", "anyface_audio", "anyface_face", "anyface_life_settings", "anyface_output",
+)  # fmt: skip
+
+
 def settle() -> None:
     """Tells copies from originals since the last time; does nothing where there are none."""
     bearers = {}
     for ob in bpy.data.objects:
+        _prepare_override(ob)
         found = identity.read(ob) if ob.library is None else None
         if found is not None:
             bearers.setdefault(found.id, []).append((ob, found))
@@ -28,6 +35,14 @@ def settle() -> None:
             identity.write(ob, identity.read(ob))
     if copies:
         _renew(copies, originals)
+
+
+def _prepare_override(ob) -> None:
+    """Blender compares an override with its linked object value by value only where both have the
+    group of values; reading it makes one."""
+    linked = ob.override_library.reference if ob.override_library is not None else None
+    for name in _GROUPS if linked is not None else ():
+        getattr(linked, name)
 
 
 def _original(members: list[tuple]):

@@ -53,8 +53,13 @@ def number(ob) -> int:
     return getattr(ob, "session_uid", 0)
 
 
-def with_number(wanted: int):
-    """The object of that number, or None."""
+def with_number(wanted: int, name: str):
+    """The object of that number, whatever it is called now; None where it is gone.
+
+    Blender versions that number nothing know it by its `name`.
+    """
+    if not wanted:
+        return bpy.data.objects.get(name)
     return next((ob for ob in bpy.data.objects if number(ob) == wanted), None)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..core.take import Take
 from . import guard, mesh, outputs, record, remove
-from .outputs.output import EASE_S
+from .outputs.output import times
 
 
 def write(ob, take: Take, start_frame: float, scene_fps: float) -> record.Record:
@@ -19,8 +19,7 @@ def write(ob, take: Take, start_frame: float, scene_fps: float) -> record.Record
     if made is not None:
         guard.check_size(ob, made.shape[1])
     frames = start_frame + np.arange(take.frame_count) * (scene_fps / take.fps)
-    ease = EASE_S * scene_fps
-    at = np.concatenate([[frames[0] - ease], frames, [frames[-1] + ease]])
+    at = times(frames, scene_fps)
     with guard.object_mode(ob):
         remove_earlier(ob)
         with guard.selection_kept(ob):

@@ -14,7 +14,7 @@ from ..core import turn
 from ..core.errors import AnyfaceError
 from ..core.take import Life, Take
 from . import curves, identity, mesh, pieces, remove, turning
-from .outputs.output import EASE_S
+from .outputs.output import times
 
 # On what a character turns: a list of `Entry`.
 ENTRIES = "anyface_turned"
@@ -67,6 +67,18 @@ class Entry:
     shared_action_print: str = ""
 
 
+def names(asked: LifeSettings) -> list[str]:
+    """The names of all objects that take part."""
+    return [asked.head_object, *asked.eyes, asked.eye_armature, asked.look_at]
+
+
+def rename(asked: LifeSettings, now: dict[str, str]) -> None:
+    """Objects have got other names: `now` by the old one."""
+    for name in ("head_object", "eye_armature", "look_at"):
+        setattr(asked, name, now.get(getattr(asked, name), getattr(asked, name)))
+    asked.eyes = tuple(now.get(name, name) for name in asked.eyes)
+
+
 def held(settings) -> dict[str, float]:
     """Controls that hold whatever the panel says: all of *Life* off, or no head to turn."""
     asked = settings.life
@@ -103,8 +115,7 @@ def write(ob, take: Take, settings, start_frame: float, scene_fps: float) -> lis
     if take.life is None or not asked.use:
         return []
     frames = start_frame + np.arange(take.frame_count) * (scene_fps / take.fps)
-    ease = EASE_S * scene_fps
-    at = np.concatenate([[frames[0] - ease], frames, [frames[-1] + ease]])
+    at = times(frames, scene_fps)
     turned = _turned(ob, take.life, settings, at)
     for other, channels in turned.items():
         _put(ob, other, channels, at)

@@ -7,14 +7,17 @@ from bpy.types import Operator, Panel, PropertyGroup
 from ..core.errors import AnyfaceError
 from ..scene import sequencer, strips
 from . import words
+from .overridable import kinds, overridable
 from .panel import OfFacePanel
 from .target import OfFace, sequencer_scene, target
 
 
+@overridable
 class AnyfaceStrip(PropertyGroup):
     """A chosen strip; its name says which."""
 
 
+@overridable
 class AnyfaceAudio(PropertyGroup):
     """`Object.anyface_audio`: which strips speak together."""
 
@@ -151,7 +154,7 @@ def register() -> None:
     """Adds the settings to objects."""
     bpy.utils.register_class(AnyfaceStrip)
     bpy.utils.register_class(AnyfaceAudio)
-    bpy.types.Object.anyface_audio = PointerProperty(type=AnyfaceAudio)
+    bpy.types.Object.anyface_audio = PointerProperty(type=AnyfaceAudio, override=kinds())
 
 
 def unregister() -> None:

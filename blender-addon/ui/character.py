@@ -12,9 +12,10 @@ from bpy.types import Object, Operator, Panel, PropertyGroup, UIList
 
 from ..core.errors import AnyfaceError
 from ..core.take import ROLES
-from ..scene import landmarks, mouth, pieces
+from ..scene import identity, landmarks, mouth, pieces
 from . import words
 from .operators import Acting
+from .overridable import kinds, overridable
 from .panel import OfFacePanel
 from .target import OfFace, is_there, target
 
@@ -31,6 +32,7 @@ _ROLE_ITEMS = [("AUTO", "By Shape", "Told by shape and place", 0)]
 _ROLE_ITEMS += [(n, n.capitalize(), _ROLE_TEXTS[n], k + 1) for k, n in enumerate(ROLES)]
 
 
+@overridable
 class AnyfacePart(PropertyGroup):
     """An object beside the face."""
 
@@ -38,6 +40,7 @@ class AnyfacePart(PropertyGroup):
     role: EnumProperty(name="Role", items=_ROLE_ITEMS, default="AUTO", options=set())
 
 
+@overridable
 class AnyfaceLoose(PropertyGroup):
     """A connected part of the face mesh itself; `found` is what it was told to be."""
 
@@ -47,6 +50,7 @@ class AnyfaceLoose(PropertyGroup):
     role: EnumProperty(name="Role", items=_ROLE_ITEMS, default="AUTO", options=set())
 
 
+@overridable
 class AnyfaceFace(PropertyGroup):
     """`Object.anyface_face`: what the face consists of."""
 
@@ -167,7 +171,9 @@ def suggestions(ob) -> list:
     for collection in ob.users_collection:
         near |= set(collection.objects)
     centre, radius = landmarks.head(ob)
-    return pieces.suggest(ob, sorted(near, key=lambda other: other.name), centre, radius)
+    found = pieces.suggest(ob, sorted(near, key=lambda other: other.name), centre, radius)
+    owners = [identity.face_of(bpy.data.objects[part.name]) for part in found]
+    return [part for part, owner in zip(found, owners, strict=True) if owner in (None, ob)]
 
 
 def left_behind(ob) -> str:
@@ -244,7 +250,7 @@ def register() -> None:
     """Adds the settings to objects."""
     for cls in (AnyfacePart, AnyfaceLoose, AnyfaceFace):
         bpy.utils.register_class(cls)
-    bpy.types.Object.anyface_face = PointerProperty(type=AnyfaceFace)
+    bpy.types.Object.anyface_face = PointerProperty(type=AnyfaceFace, override=kinds())
 
 
 def unregister() -> None:

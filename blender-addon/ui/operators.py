@@ -5,7 +5,7 @@ from bpy.props import StringProperty
 
 from ..core.errors import AnyfaceError
 from ..core.job import Job, Progress
-from ..scene import copies
+from ..scene import copies, identity
 from . import running
 from .target import OfFace, target
 
@@ -87,7 +87,7 @@ class InThread(Alone):
             self._snapshot = self.read(context, ob)
         except AnyfaceError as error:
             return self.fail(error, ob)
-        self._name = ob.name if ob is not None else ""
+        self._name, self._number = (ob.name, identity.number(ob)) if ob is not None else ("", 0)
         self._job = running.start(Job(self._snapshot.work), self._name or "Scene")
         self._timer = context.window_manager.event_timer_add(0.1, window=context.window)
         context.window_manager.modal_handler_add(self)
@@ -99,14 +99,15 @@ class InThread(Alone):
         if event.type == "ESC" and event.value == "PRESS":
             self._job.cancel()
         if self._job.progress.cancelled:
+            why = running.why_cancelled
             self._end(context)
-            if self.cancelled:
-                self.report({"INFO"}, f"Anyface: {self.cancelled}")
+            if why or self.cancelled:
+                self.report({"INFO"}, f"Anyface: {why or self.cancelled}")
             return {"CANCELLED"}
         if event.type != "TIMER" or not self._job.done:
             return {"PASS_THROUGH"}
         self._end(context)
-        ob = bpy.data.objects.get(self._name)
+        ob = identity.with_number(self._number, self._name)
         try:
             if self._name and ob is None:
                 raise AnyfaceError("mesh", f"{self._name} is gone")

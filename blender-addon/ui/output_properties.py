@@ -12,8 +12,10 @@ from bpy.types import PropertyGroup
 
 from ..scene import adjust, record
 from ..scene.outputs import OutputSettings
+from .overridable import kinds, overridable
 
 
+@overridable
 class AnyfaceMapping(PropertyGroup):
     """One row of the mapping list: a shape and the key that shows it."""
 
@@ -39,6 +41,7 @@ def _slider(name: str, label: str, words: str, unmoved: float = 1.0, **limits):
     )
 
 
+@overridable
 class AnyfaceOutput(PropertyGroup):
     """Settings of the output."""
 
@@ -102,7 +105,7 @@ def register() -> None:
     """Adds the settings to objects."""
     bpy.utils.register_class(AnyfaceMapping)
     bpy.utils.register_class(AnyfaceOutput)
-    bpy.types.Object.anyface_output = PointerProperty(type=AnyfaceOutput)
+    bpy.types.Object.anyface_output = PointerProperty(type=AnyfaceOutput, override=kinds())
 
 
 def unregister() -> None:

@@ -15,6 +15,7 @@ from ..core import systems
 from ..core.emotion import EMOTIONS, MAX_INTENSITY
 from ..scene import identity, outputs
 from . import audio, character, life, output_properties
+from .overridable import kinds, overridable
 
 _EMOTION_ITEMS = [(name, name.capitalize(), "", number) for number, name in enumerate(EMOTIONS)]
 _SOURCES = [
@@ -164,8 +165,8 @@ def register_character() -> None:
     identity.register()
     output_properties.register()
     AnyfaceCharacter.__annotations__ = _OWN | _of_library()
-    bpy.utils.register_class(AnyfaceCharacter)
-    bpy.types.Object.anyface = PointerProperty(type=AnyfaceCharacter)
+    bpy.utils.register_class(overridable(AnyfaceCharacter))
+    bpy.types.Object.anyface = PointerProperty(type=AnyfaceCharacter, override=kinds())
     audio.register()
     character.register()
     life.register()

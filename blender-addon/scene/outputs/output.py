@@ -16,6 +16,16 @@ PREFIX = "Anyface"
 EASE_S = 0.15
 
 
+def times(frames: np.ndarray, scene_fps: float) -> np.ndarray:
+    """Scene frames of rest, of each frame of a take `[T]`, and of rest again, `[T + 2]`.
+
+    It rests at whole frames, where keys can be seen and taken hold of.
+    """
+    ease = EASE_S * scene_fps
+    first, last = np.floor(frames[0] - ease), np.ceil(frames[-1] + ease)
+    return np.concatenate([[first], frames, [last]])
+
+
 @dataclass
 class OutputSettings:
     """What an output may be told; the fields of `ui.output_properties.AnyfaceOutput`.
