@@ -86,7 +86,8 @@ def _face_of(part, original, faces: list):
 
 def _drop_foreign_parts(face) -> None:
     rows = face.anyface_face.parts
-    for at in reversed(range(len(rows))):
+    # An override keeps the rows of its library; such parts are left out when it speaks.
+    for at in reversed(range(len(rows) if face.override_library is None else 0)):
         owner = identity.face_of(rows[at].object) if rows[at].object is not None else None
         if owner not in (None, face):
             rows.remove(at)

@@ -1,7 +1,6 @@
 """Meshes, sounds and a stand-in for the library, for tests of what is around it."""
 
 import importlib
-import json
 import wave
 from pathlib import Path
 
@@ -312,8 +311,11 @@ def belongings(ob):
         rows.append(f"modifier {modifier.type} {modifier.name}")
         if modifier.type == "MESH_CACHE":
             rows.append(_file(modifier.filepath))
-    if ob.get("anyface_csv"):
-        rows.append(_file(json.loads(ob["anyface_csv"])["path"]))
+    outputs = importlib.import_module("bl_ext.user_default.anyface.scene.outputs")
+    # A copy brings the note of a table along, and the table is the other's.
+    table = outputs.of("csv").find(ob)
+    if table is not None:
+        rows.append(_file(table))
     if ob.type == "MESH":
         rows += _owned_keys(ob.data)
     return rows
