@@ -9,7 +9,6 @@ from bpy.app.handlers import persistent
 
 from . import identity, life
 
-
 # What an override of an object may have for itself.
 _GROUPS = (
     "anyface", "anyface_audio", "anyface_face", "anyface_life_settings", "anyface_output",

@@ -64,13 +64,18 @@ def with_number(wanted: int, name: str):
 
 
 def is_copy(ob, found: Identity) -> bool:
-    """True where `found` was written on another object since the file was opened."""
+    """True where `found` was written on another object since the file was opened, or comes from
+    the linked object that `ob` overrides."""
+    linked = ob.override_library.reference if ob.override_library is not None else None
+    inherited = read(linked) if linked is not None else None
+    if inherited is not None and inherited.id == found.id:
+        return True
     return found.session == _session and found.number != number(ob)
 
 
 def is_current(ob, found: Identity) -> bool:
     """True where `found` was written on `ob` itself since the file was opened."""
-    return found.session == _session and found.number == number(ob)
+    return found.session == _session and not is_copy(ob, found)
 
 
 def known(ob) -> str:

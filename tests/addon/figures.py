@@ -359,5 +359,5 @@ def _curve_rows(action):
 
 
 def _file(path):
-    path = Path(bpy.path.abspath(path))
+    path = Path(bpy.path.abspath(str(path)))
     return f"{path.name} {hash(path.read_bytes()) if path.is_file() else 'gone'}"

@@ -44,7 +44,8 @@ class Copier:
         """One step; then whatever the step was not about is as it was."""
         step = self.pick((self.generate, self.generate, self.remove, self.copy, self.instance,
                           self.alone, self.scene, self.rename, self.link, self.override, self.undo,
-                          self.save_as, self.keep, self.switch, self.adjust, self.thin))  # fmt: skip
+                          self.save_as, self.keep, self.switch, self.adjust,
+                          self.thin))  # fmt: skip
         before = _state()
         self.steps.append(step.__name__)
         touched = step()
@@ -209,6 +210,7 @@ def test_nothing_of_another_object_ever_changes(addon, tmp_path):
         if not hand.local():
             pytest.fail(f"no face is left: {list(hand.steps)}")
         hand.round()
-    print(f"{ROUNDS} rounds, {hand.acted} buttons worked, {len(list(tmp_path.rglob('*.pc2')))} files")
+    files = len(list(tmp_path.rglob("*.pc2")))
+    print(f"{ROUNDS} rounds, {hand.acted} buttons worked, {files} files")
     assert hand.acted > ROUNDS // 10
     assert Path(bpy.data.filepath).parent == tmp_path
