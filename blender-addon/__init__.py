@@ -15,6 +15,7 @@ from .ui import (
     caches,
     character,
     generate,
+    key_list,
     landmarks,
     life,
     mouth,
@@ -32,7 +33,7 @@ from .ui import (
 
 _MODULES = (
     preferences, generate, remove, panel, character, landmarks, mouth, audio, presets,
-    performance, life, outputs, caches, takes, scene_list,
+    performance, life, outputs, key_list, caches, takes, scene_list,
 )  # fmt: skip
 _CLASSES = [cls for module in _MODULES for cls in module.CLASSES]
 

@@ -252,7 +252,8 @@ class KeyMotion:
 
     `keys` `[S]` are names of keys, `weights` `[T, S]`. `vectors` `[S, V, 3]` in object space where
     the keys are to be made, None where they are the artist's own. `visemes` are to be made as well,
-    without weights. `left_out` as in `Solved`.
+    without weights. `left_out` as in `Solved`. Of the artist's keys, `shape_weights` `[T, N]` are
+    those of the `shapes` `[N]` that they show.
     """
 
     keys: list[str]
@@ -260,6 +261,8 @@ class KeyMotion:
     left_out: float
     vectors: np.ndarray | None = None
     visemes: Rig | None = None
+    shapes: list[str] = field(default_factory=list)
+    shape_weights: np.ndarray | None = None
 
 
 @dataclass

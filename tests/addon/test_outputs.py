@@ -276,11 +276,11 @@ def test_the_list_of_keys_is_found_edited_saved_and_loaded(stage, tmp_path):
     assert bpy.ops.anyface.mapping_find() == {"FINISHED"}
     rows = ob.anyface_output.mapping
     assert len(rows) == 2 * stage.rank
-    first = rows[0].name
+    first = rows[0].shape
     rows[0].key = "Mole"
     path = str(tmp_path / "keys.json")
     assert bpy.ops.anyface.mapping_save(filepath=path) == {"FINISHED"}
-    assert json.loads(Path(path).read_text())["keys"][first] == "Mole"
+    assert json.loads(Path(path).read_text())["keys"][0] == [first, "Mole", 1.0]
     assert bpy.ops.anyface.mapping_clear() == {"FINISHED"} and not len(rows)
     assert bpy.ops.anyface.mapping_load(filepath=path) == {"FINISHED"}
     assert rows[0].key == "Mole" and len(rows) == 2 * stage.rank

@@ -24,7 +24,8 @@ class Arkit(Output):
         if own:
             raise AnyfaceError(
                 "mesh",
-                f"{ob.name} has a key {own[0]} of its own: choose Existing Keys, which animates it",
+                f"{ob.name} has a key {own[0]} of its own: choose Existing Keys, which animates "
+                "it, or where it is driven Basis Keys, which add to it",
             )
 
     def cost(self, asked):

@@ -7,6 +7,7 @@ import numpy as np
 
 from ...core.errors import AnyfaceError
 from ...core.estimate import Asked, Cost
+from ...core.key_names import Pair
 from ...core.plan import Plan
 from ...core.take import Piece, Take
 from .. import curves, guard, pieces, record
@@ -31,14 +32,14 @@ class OutputSettings:
     """What an output may be told; the fields of `ui.output_properties.AnyfaceOutput`.
 
     An empty folder or file takes the place beside the .blend. `new_take` keeps the earlier take.
-    `mapping` is the artist's list of shape name and key; empty, keys are found by name.
+    `mapping` is the artist's list of shapes and keys; empty, keys are found by name.
     """
 
     cache_folder: str = ""
     csv_file: str = ""
     visemes: bool = False
     new_take: bool = False
-    mapping: dict[str, str] = field(default_factory=dict)
+    mapping: list[Pair] = field(default_factory=list)
 
 
 class Output:
