@@ -204,6 +204,7 @@ class Take:
     One of `basis`, `frames` (`[T, V, 3]`, object units), `key_motion` and `files` is set.
     `largest_mm` is the largest displacement of any vertex. `space` is the frame in which the face
     was found. Head and eyes lie in `life`; its `way` leads from the world to the canonical frame.
+    `largest_of` is the largest displacement of each piece of the face, mm, where there are several.
     """
 
     fps: float
@@ -214,6 +215,7 @@ class Take:
     files: "list[WrittenFile]" = field(default_factory=list)
     space: FaceSpace | None = None
     life: Life | None = None
+    largest_of: list[float] = field(default_factory=list)
 
     @property
     def frame_count(self) -> int:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import bpy
 
-from ..core import perform
+from ..core import measure, perform
 from ..core.errors import AnyfaceError
 from ..core.job import Progress
 from ..core.plan import Plan
@@ -93,7 +93,11 @@ class Snapshot:
         progress.check("sound")
         voice = self.source.load(decode.decoder(self.engine))
         take = perform.perform(self.face, voice, self.request, self.engine.animate, progress)
-        return self.plan.finish(self.face, take, self.engine, progress)
+        take = self.plan.finish(self.face, take, self.engine, progress)
+        moved = take.frames is not None or take.basis is not None or take.key_motion is not None
+        if len(self.face.pieces) > 1 and moved and outputs.of_take(take).moves_parts:
+            take.largest_of = measure.largest(take, self.face.pieces, progress)
+        return take
 
 
 def read(ob, scene, settings: Settings, engine) -> Snapshot:
@@ -174,13 +178,25 @@ def read_face(ob, settings: Settings, editable: bool = True) -> FaceMesh:
 
 
 def write(ob, snapshot: Snapshot, take: Take) -> str:
-    """Writes the take and says in one line what was written."""
+    """Writes the take at once and says in one line what was written."""
+    steps = landing(ob, snapshot, take)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as ended:
+            return ended.value
+
+
+def landing(ob, snapshot: Snapshot, take: Take):
+    """Writes the take in short steps, yielding between them; returns in one line what was written.
+
+    Closed at a yield it has changed nothing: the last step alone touches what there is.
+    """
     _follow_names(snapshot, take)
     asked = snapshot.settings.output
-    if asked.new_take and not take.files:
-        takes.keep(ob)
     start, scene_fps = snapshot.source.start_frame, snapshot.scene_fps
-    together.write(ob, snapshot.face.pieces, take, start, scene_fps)
+    before = (lambda: takes.keep(ob)) if asked.new_take and not take.files else None
+    yield from together.landing(ob, snapshot.face.pieces, take, start, scene_fps, before)
     turned = life.write(ob, take, snapshot.settings, start, scene_fps)
     notes = snapshot.notes + snapshot.source.notes + ([] if take.files else guard.notes(ob))
     notes += outputs.of_take(take).notes(ob, asked)

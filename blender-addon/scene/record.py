@@ -50,6 +50,8 @@ class Record:
     frame_step: float = 1.0
     still: dict[str, str] = field(default_factory=dict)
     asked: dict = field(default_factory=dict)
+    # Curves that were made beforehand, until they are written; no field of a record.
+    prepared = None
 
 
 def read(shape_keys) -> Record | None:

@@ -6,11 +6,14 @@ from ..core.take import Piece, Take
 from . import identity, keys, life, outputs, pieces, record, remove
 
 
-def write(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: float) -> None:
-    """Puts `take` on `ob` and on the objects beside it that move.
+def landing(
+    ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: float, before=None
+):
+    """Puts `take` on `ob` and on the objects beside it that move, in steps: yields between them.
 
     An earlier one goes, but for a table, which changes no mesh. Nothing is written where one of
-    the objects cannot be: all are checked first.
+    the objects cannot be: all are checked first. Closed at a yield it has changed nothing.
+    `before` is called when nothing can go wrong any more.
     """
     output = outputs.of_take(take)
     if take.files:
@@ -21,18 +24,39 @@ def write(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: flo
         output.write_files(ob, take, start_frame, scene_fps)
         return
     (_, own), *others = output.split(take, parts) if len(parts) > 1 else [(None, take)]
-    for piece, _ in others:
-        output.check_object(pieces.object_of(pieces.Part(piece.name), ob))
-    remove_others(ob)
-    first = keys.write(ob, own, start_frame, scene_fps)
     for piece, part in others:
-        if part is None:
-            continue
-        other = bpy.data.objects[piece.name]
-        taken = keys.write(other, part, start_frame, scene_fps)
+        other = pieces.object_of(pieces.Part(piece.name), ob)
+        output.check_object(other)
+        if part is not None:
+            keys.check(other, part)
+    keys.check(ob, own)
+    moving = [(ob, own)]
+    moving += [(bpy.data.objects[p.name], part) for p, part in others if part is not None]
+    prepared = yield from _prepare(moving, start_frame, scene_fps)
+    if before is not None:
+        before()
+    remove_others(ob)
+    first = keys.write(ob, own, start_frame, scene_fps, prepared[0])
+    for (other, part), curves in zip(moving[1:], prepared[1:], strict=True):
+        taken = keys.write(other, part, start_frame, scene_fps, curves)
         taken.belongs_to = first.id
         record.write(other.data.shape_keys, taken)
         identity.join(ob, other)
+
+
+def _prepare(moving: list[tuple], start_frame: float, scene_fps: float):
+    """The curves of each object and its take, made in steps; closed it leaves nothing."""
+    prepared = []
+    try:
+        for other, part in moving:
+            made = yield from keys.prepare(other, part, start_frame, scene_fps)
+            prepared.append(made)
+    except BaseException:
+        for made in prepared:
+            if made is not None:
+                made.drop()
+        raise
+    return prepared
 
 
 def remove_all(ob) -> bool:

@@ -24,9 +24,16 @@ class ANYFACE_OT_generate(InThread, Operator):
         settings = from_object(ob, scene)
         return bake.read(ob, scene, settings, running.engine(settings.system))
 
+    def land(self, ob, snapshot, take):
+        """Writes the take in steps."""
+        text = yield from bake.landing(ob, snapshot, take)
+        return self._tell(ob, take, text)
+
     def finish(self, ob, snapshot, take):
         """Writes the take."""
-        text = bake.write(ob, snapshot, take)
+        return self._tell(ob, take, bake.write(ob, snapshot, take))
+
+    def _tell(self, ob, take, text: str):
         left = character.left_behind(ob) if outputs.of_take(take).moves_parts else ""
         text = f"{text} ({left})" if left else text
         ob.anyface.report, ob.anyface.report_is_error = text, False

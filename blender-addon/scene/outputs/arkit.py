@@ -4,7 +4,7 @@ from ...core import shapes
 from ...core.errors import AnyfaceError
 from ...core.estimate import KEYFRAME, RIG_S, SOLVE_S, VERTEX, Cost
 from ...core.plan import MakeKeys
-from .. import curves, guard, mesh, record
+from .. import guard, mesh, record
 from . import keys
 from .output import Output, write_weights
 
@@ -49,7 +49,7 @@ class Arkit(Output):
             made += zip(motion.visemes.names, motion.visemes.vectors, strict=True)
         taken.keys += [_key(ob, name, rest + vector).name for name, vector in made]
         animated = taken.keys[: len(motion.keys)]
-        write_weights(curves.key_channels(ob, taken), animated, at, motion.weights)
+        write_weights(ob, taken, animated, at, motion.weights)
 
 
 def _key(ob, name: str, positions):

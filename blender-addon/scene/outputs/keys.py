@@ -9,7 +9,7 @@ from ...core.errors import AnyfaceError
 from ...core.estimate import KEYFRAME, SOLVE_S, Cost
 from ...core.plan import SolveKeys
 from ...core.take import Piece, Take
-from .. import curves, existing
+from .. import existing
 from .output import Output, write_weights
 
 
@@ -85,7 +85,7 @@ class Keys(Output):
             raise AnyfaceError("mesh", f"{ob.name} has lost the key {missing[0]} meanwhile")
         taken.values = dict.fromkeys(motion.keys, 0.0)
         existing.note_values(ob.data.shape_keys, taken)
-        write_weights(curves.key_channels(ob, taken), motion.keys, at, motion.weights)
+        write_weights(ob, taken, motion.keys, at, motion.weights)
 
 
 def describe(take: Take, what: str) -> str:

@@ -114,6 +114,11 @@ class Output:
         """What becomes keys, `[K, V, 3]`; None where the artist's keys are used."""
         return take.key_motion.vectors
 
+    def weights(self, take: Take) -> np.ndarray | None:
+        """What is animated, `[T, K]`; its curves may be prepared. None where there is but one."""
+        motion = take.basis if take.basis is not None else take.key_motion
+        return motion.weights if motion is not None else None
+
     def write(self, ob, take: Take, rest, at, taken: record.Record) -> None:
         """Writes keys and curves on `ob` and notes them in `taken`.
 
@@ -142,10 +147,21 @@ class Output:
         """Takes away what `find` finds, and the files behind it."""
 
 
-def write_weights(bag, names: list[str], at: np.ndarray, weights: np.ndarray) -> None:
-    """Curves of the values of keys: `weights` `[T, K]`, from rest and back to it."""
+def write_weights(ob, taken: record.Record, names: list[str], at, weights: np.ndarray) -> None:
+    """Curves of the values of keys: `weights` `[T, K]`, from rest and back to it.
+
+    Those that were prepared are used, where no action of the artist's has to hold them.
+    """
+    shape_keys = ob.data.shape_keys
+    if taken.prepared is not None and shape_keys.animation_data is None:
+        shape_keys.animation_data_create()
+        taken.made_animation_data = True
+    if taken.prepared is not None and taken.prepared.play(shape_keys, names):
+        taken.made_action = True
+        return
+    bag = curves.key_channels(ob, taken)
     for name, column in zip(names, weights.T, strict=True):
-        curves.write(bag, curves.value_path(name), at, np.concatenate([[0.0], column, [0.0]]))
+        curves.write(bag, curves.value_path(name), at, curves.from_rest(column))
 
 
 def check_place(path: str) -> None:
