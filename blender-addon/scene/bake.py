@@ -32,6 +32,8 @@ from . import (
 from .life import LifeSettings
 from .outputs import OutputSettings
 
+NO_SOUND = "no sound: choose a sound strip under Audio, or set Sound to File and choose one"
+
 
 @dataclass
 class Settings:
@@ -219,9 +221,7 @@ def _find_sound(scene, settings: Settings, engine) -> SoundSource:
         return sound.from_strip(scene, settings.strip, decode.decoder(engine))
     if settings.sound_file:
         return sound.from_file(settings.sound_file, settings.start_frame)
-    raise AnyfaceError(
-        "audio", "no sound: choose a sound strip under Audio, or set Sound to File and choose one"
-    )
+    raise AnyfaceError("audio", NO_SOUND)
 
 
 def _emotion(ob, scene, settings: Settings, when: tuple):

@@ -5,7 +5,7 @@ from bpy.props import CollectionProperty, IntProperty, PointerProperty
 from bpy.types import Operator, Panel, PropertyGroup
 
 from ..core.errors import AnyfaceError
-from ..scene import sequencer, strips
+from ..scene import bake, sequencer, strips
 from . import words
 from .overridable import kinds, overridable
 from .panel import OfFacePanel
@@ -103,6 +103,18 @@ def _draw_strips(column, ob, scene) -> None:
         column.prop(ob.anyface_audio, "channel")
     else:
         column.operator("anyface.use_selected_strips")
+
+
+def why_not(ob, scene) -> str:
+    """Why nothing can be heard, in words; empty where something can."""
+    source = ob.anyface.source
+    if source == "FILE":
+        chosen = bool(ob.anyface.sound_file)
+    elif source == "STRIP":
+        chosen = bool(strip_of(ob, scene))
+    else:
+        chosen = source == "CHANNEL" or len(ob.anyface_audio.chosen) > 0
+    return "" if chosen else bake.NO_SOUND
 
 
 def lines(ob, scene) -> list[tuple[str, str]]:

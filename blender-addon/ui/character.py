@@ -2,6 +2,7 @@
 
 import bpy
 from bpy.props import (
+    BoolProperty,
     CollectionProperty,
     EnumProperty,
     IntProperty,
@@ -56,6 +57,8 @@ class AnyfaceFace(PropertyGroup):
 
     parts: CollectionProperty(type=AnyfacePart)
     part_index: IntProperty(options=set())
+    # Parts were looked for, or chosen: from then on the list is the artist's.
+    looked: BoolProperty(options={"HIDDEN"})
     loose: CollectionProperty(type=AnyfaceLoose)
     loose_index: IntProperty(options=set())
 
@@ -114,12 +117,8 @@ class ANYFACE_OT_find_parts(Acting, Operator):
 
     def act(self, ob):
         """Adds what is near the head and belongs to the same collections or parent."""
-        found = suggestions(ob)
-        known = {part.object for part in ob.anyface_face.parts}
-        fresh = [part for part in found if bpy.data.objects[part.name] not in known]
-        for part in fresh:
-            _add(ob, bpy.data.objects[part.name], part.role)
-        return f"parts found: {', '.join(part.name for part in fresh) or 'none'}"
+        fresh = _add_found(ob, suggestions(ob))
+        return f"parts found: {', '.join(fresh) or 'none'}"
 
 
 class ANYFACE_OT_add_parts(OfFace, Operator):
@@ -155,11 +154,29 @@ class ANYFACE_OT_drop_part(OfFace, Operator):
             self.report({"ERROR"}, "Anyface: choose a part in the list first")
             return {"CANCELLED"}
         face.parts.remove(face.part_index)
+        face.looked = True
         face.part_index = max(0, min(face.part_index, len(face.parts) - 1))
         return {"FINISHED"}
 
 
+def take_along(ob) -> list[str]:
+    """Adds teeth, tongue and lashes to a face whose parts nobody has looked at yet; their names."""
+    if ob.anyface_face.looked or len(ob.anyface_face.parts) or ob.library is not None:
+        return []
+    return _add_found(ob, [part for part in suggestions(ob) if _moves(part)])
+
+
+def _add_found(ob, found: list[pieces.Part]) -> list[str]:
+    known = {part.object for part in ob.anyface_face.parts}
+    fresh = [part for part in found if bpy.data.objects[part.name] not in known]
+    for part in fresh:
+        _add(ob, bpy.data.objects[part.name], part.role)
+    ob.anyface_face.looked = True
+    return [part.name for part in fresh]
+
+
 def _add(ob, other, role: str) -> None:
+    ob.anyface_face.looked = True
     part = ob.anyface_face.parts.add()
     part.object, part.name, part.role = other, other.name, role or "AUTO"
 

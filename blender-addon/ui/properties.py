@@ -126,6 +126,9 @@ _OWN = dict(AnyfaceCharacter.__annotations__)
 class AnyfaceScene(PropertyGroup):
     """`Scene.anyface`: which character the panel shows."""
 
+    # Playback was set to follow the sound: from then on it is the artist's.
+    synced: BoolProperty(options={"HIDDEN"})
+
     character: PointerProperty(
         name="Face",
         description="The face mesh; empty takes the active object",
