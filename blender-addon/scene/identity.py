@@ -12,6 +12,8 @@ from dataclasses import asdict, dataclass, field, fields
 import bpy
 from bpy.props import StringProperty
 
+from ..core.errors import AnyfaceError
+
 PROPERTY = "anyface_identity"
 # Another one for every file that is opened: numbers of objects hold as long.
 _session = ""
@@ -85,7 +87,12 @@ def known(ob) -> str:
 
 
 def of(ob) -> str:
-    """The id of `ob`, which gets one where it has none of its own."""
+    """The id of `ob`, which gets one where it has none of its own.
+
+    Raises `AnyfaceError("mesh")` for linked objects, which cannot keep one.
+    """
+    if ob.library is not None:
+        raise AnyfaceError("mesh", f"{ob.name} is linked: pick an object of this file")
     if not known(ob):
         write(ob, Identity())
     return read(ob).id

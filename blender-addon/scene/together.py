@@ -6,9 +6,7 @@ from ..core.take import Piece, Take
 from . import identity, keys, life, outputs, pieces, record, remove
 
 
-def landing(
-    ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: float, before=None
-):
+def landing(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: float, before=None):
     """Puts `take` on `ob` and on the objects beside it that move, in steps: yields between them.
 
     An earlier one goes, but for a table, which changes no mesh. Nothing is written where one of

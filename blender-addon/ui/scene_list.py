@@ -159,7 +159,10 @@ class ANYFACE_OT_generate_scene(InThread, Operator):
         for ob, strips in said.items():
             settings = from_object(ob)
             if strips:
-                settings.strips, settings.strip, settings.sound_file = strips, "", ""
+                # A single strip is heard even if it is muted.
+                alone = len(strips) == 1
+                settings.strip, settings.strips = (strips[0], []) if alone else ("", strips)
+                settings.sound_file, settings.channel = "", 0
             rows.append((ob, settings, running.engine(settings.system)))
         return scene_list.read(sequencer_scene(context), rows)
 
