@@ -104,7 +104,9 @@ def _cut(take: Take, piece: Piece, largest: float) -> Take:
     rows = slice(piece.first, piece.first + piece.count)
     back = np.linalg.inv(piece.matrix[:3, :3]).astype(np.float32)
     moved = take.frames if take.frames is not None else _motion(take).vectors
-    own = np.ascontiguousarray(moved[:, rows] @ back.T)
+    own = np.ascontiguousarray(moved[:, rows])
+    if not np.array_equal(back, np.eye(3)):
+        own = own @ back.T
     if take.frames is not None:
         return replace(take, frames=own, largest_mm=largest)
     if take.key_motion is not None:

@@ -45,9 +45,10 @@ class Basis(Output):
         taken.frame_step = float(at[-2] - at[1]) / max(take.frame_count - 1, 1)
         taken.still = basis.why_missing
         changes.write(ob.data.shape_keys, taken, basis.packed)
+        lowest = basis.weights.min(axis=0, initial=0.0)
         for number, vector in enumerate(basis.vectors):
             block = mesh.add_key(ob, f"{PREFIX}.{number + 1:03d}", rest + vector)
             taken.keys.append(block.name)
-            if basis.weights[:, number].min(initial=0.0) < 0.0:
+            if lowest[number] < 0.0:
                 block.slider_min = -1.0
         write_weights(ob, taken, taken.keys, at, basis.weights)
