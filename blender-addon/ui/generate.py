@@ -23,7 +23,9 @@ class ANYFACE_OT_generate(InThread, Operator):
         """False, with the reason, without a face or a sound."""
         if not super().poll(context):
             return False
-        reason = audio.why_not(target(context), sequencer_scene(context))
+        ob = target(context)
+        # A linked face can be given none: it is told so when the button is pressed.
+        reason = audio.why_not(ob, sequencer_scene(context)) if ob.library is None else ""
         if reason:
             cls.poll_message_set(reason)
         return not reason

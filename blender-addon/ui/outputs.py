@@ -55,7 +55,7 @@ def _draw_modes(layout, ob, asked) -> str:
 def _draw_sliders(layout, ob) -> None:
     """What can be changed of the take that is there; what cannot is grey, with the reason."""
     column = layout.column(align=True)
-    column.label(text="Without a new run")
+    column.label(text="Change This Take")
     stored, in_keys = ob.anyface_output, record.is_generated(ob)
     if in_keys:
         column.prop(stored, "strength", slider=True)

@@ -25,7 +25,7 @@ _SOURCES = [
     ("CHOSEN", "Several", "The strips that you chose, as one take", 3),
 ]
 _EMOTION_SOURCES = [
-    ("GIVEN", "Panel", "The emotion and intensity below", 0),
+    ("GIVEN", "Chosen", "The emotion and intensity below", 0),
     (
         "VOICE",
         "Auto (arousal)",
