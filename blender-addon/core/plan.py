@@ -55,12 +55,14 @@ class WriteCaches(Plan):
 @dataclass
 class SolveKeys(Plan):
     """Weights of the artist's `keys` `[K]`, whose displacements are `vectors` `[K, V, 3]` in object
-    space; at weight 1 of a shape of `shapes` `[S]` they stand at `factors` `[S, K]`."""
+    space; at weight 1 of a shape of `shapes` `[S]` they stand at `factors` `[S, K]`.
+    `shown` is the shape that each shows most of."""
 
     shapes: list[str]
     keys: list[str]
     factors: np.ndarray
     vectors: np.ndarray
+    shown: dict[str, str]
 
     def finish(self, face, take, engine, progress):
         # Existing keys are those of the face; objects beside it have others.
@@ -77,6 +79,7 @@ class SolveKeys(Plan):
         weights = np.clip(solved.weights @ self.factors, 0.0, 1.0).astype(np.float32)
         motion = KeyMotion(self.keys, weights, solved.left_out)
         motion.shapes, motion.shape_weights = self.shapes, solved.weights
+        motion.shown = self.shown
         return replace(take, frames=None, key_motion=motion)
 
 

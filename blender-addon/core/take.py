@@ -255,7 +255,7 @@ class KeyMotion:
     `keys` `[S]` are names of keys, `weights` `[T, S]`. `vectors` `[S, V, 3]` in object space where
     the keys are to be made, None where they are the artist's own. `visemes` are to be made as well,
     without weights. `left_out` as in `Solved`. Of the artist's keys, `shape_weights` `[T, N]` are
-    those of the `shapes` `[N]` that they show.
+    those of the `shapes` `[N]` that they show, `shown` the one that each key shows most of.
     """
 
     keys: list[str]
@@ -265,6 +265,7 @@ class KeyMotion:
     visemes: Rig | None = None
     shapes: list[str] = field(default_factory=list)
     shape_weights: np.ndarray | None = None
+    shown: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass

@@ -65,7 +65,7 @@ def why_not(ob, name: str) -> str:
 
 def groups_of(taken: record.Record) -> list[str]:
     """The groups that a take has shapes of."""
-    found = [_group(name) for name in (*taken.keys, *taken.values)]
+    found = [_group(taken.shown.get(name, name)) for name in (*taken.keys, *taken.values)]
     return [name for name in GROUPS if name in found]
 
 
@@ -85,12 +85,13 @@ def _adjust(ob, wanted: dict[str, float]) -> None:
     if "eval_time" in made:
         _change(made["eval_time"], 1.0, moved)
     for number, name in enumerate((*taken.keys, *taken.values) if not output.finished else ()):
-        factor, block = _factor(name, taken.adjusted), shape_keys.key_blocks.get(name)
+        shown = taken.shown.get(name, name)
+        factor, block = _factor(shown, taken.adjusted), shape_keys.key_blocks.get(name)
         if block is None or curves.value_path(name) not in made:
             continue
         more = None if added is None else (frames, factor * added[:, number])
         low, high = _change(
-            made[curves.value_path(name)], factor / _factor(name, before), moved, more
+            made[curves.value_path(name)], factor / _factor(shown, before), moved, more
         )
         if name in taken.keys:
             block.slider_min, block.slider_max = min(block.slider_min, low), max(1.0, high)

@@ -39,6 +39,12 @@ def factors(pairs: list[Pair]) -> tuple[list[str], np.ndarray]:
     return shown, found
 
 
+def shown_by(pairs: list[Pair]) -> dict[str, str]:
+    """The shape that each key shows most of."""
+    most = sorted(pairs, key=lambda pair: pair.factor)
+    return {pair.key: pair.shape for pair in most}
+
+
 def left_alone(ob, mapping: list[Pair]) -> list[str]:
     """Keys that show a shape too and are not animated: driven, muted or locked ones."""
     shape_keys = ob.data.shape_keys

@@ -28,7 +28,7 @@ class Record:
     before; `replaced_print` is the digest of the action that stands in for his. `name` is the
     take's in the panel; `adjusted` is what `adjust` has made of it. Its frames lie at `first_frame`
     and every `frame_step` after it; `still` is `why_missing` of its basis. `asked` are the panel's
-    settings and its report.
+    settings and its report; `shown` are shapes by the artist's keys that show them.
     """
 
     mode: str
@@ -50,6 +50,7 @@ class Record:
     frame_step: float = 1.0
     still: dict[str, str] = field(default_factory=dict)
     asked: dict = field(default_factory=dict)
+    shown: dict[str, str] = field(default_factory=dict)
     # Curves that were made beforehand, until they are written; no field of a record.
     prepared = None
 

@@ -98,6 +98,10 @@ def test_a_head_of_another_tool_speaks_without_a_list(stage, tmp_path):
     assert "6 keys driven" in ob.anyface.report
     assert (curve(ob, "MouthNarrow_Left") == curve(ob, "MouthNarrow_Right")).all()
     assert np.abs(shape(ob, START + 20) - shape(ob, START - 30)).max() > 1e-4
+    lids, lips = curve(ob, "Blink_Left"), curve(ob, "MouthNarrow_Left")
+    ob.anyface_output.blinks = 0.5
+    assert np.abs(curve(ob, "Blink_Left") - 0.5 * lids).max() < 1e-5 and lids.max() > 0.0
+    assert (curve(ob, "MouthNarrow_Left") == lips).all()
     bpy.context.scene.frame_set(1)
     bpy.ops.anyface.remove()
     assert everything() == before

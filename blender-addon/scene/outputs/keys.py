@@ -62,7 +62,8 @@ class Keys(Output):
         pairs = existing.find(ob, asked.mapping)
         keys = existing.names_of(pairs)
         shown, factors = existing.factors(pairs)
-        return SolveKeys(shown, keys, factors, existing.vectors(ob, keys))
+        vectors = existing.vectors(ob, keys)
+        return SolveKeys(shown, keys, factors, vectors, existing.shown_by(pairs))
 
     def holds(self, take):
         return take.key_motion is not None and take.key_motion.vectors is None
@@ -84,6 +85,7 @@ class Keys(Output):
         if missing:
             raise AnyfaceError("mesh", f"{ob.name} has lost the key {missing[0]} meanwhile")
         taken.values = dict.fromkeys(motion.keys, 0.0)
+        taken.shown = motion.shown
         existing.note_values(ob.data.shape_keys, taken)
         write_weights(ob, taken, motion.keys, at, motion.weights)
 
@@ -104,9 +106,8 @@ def _of_object(take: Take, piece: Piece) -> Take | None:
     shown, factors = existing.factors(shared)
     own = motion.shape_weights[:, [motion.shapes.index(shape) for shape in shown]]
     weights = np.clip(own @ factors, 0.0, 1.0)
-    return replace(
-        take, key_motion=replace(motion, keys=existing.names_of(shared), weights=weights)
-    )
+    keys, shows = existing.names_of(shared), existing.shown_by(shared)
+    return replace(take, key_motion=replace(motion, keys=keys, weights=weights, shown=shows))
 
 
 def _some(names: list[str]) -> str:
