@@ -58,8 +58,6 @@ def write(
             output.write(ob, take, mesh.read_basis(ob.data), at, taken)
             record.write(ob.data.shape_keys, taken)
             ob.data.update()
-            if prepared is not None:
-                prepared.drop()
             return taken
 
 

@@ -30,31 +30,30 @@ def landing(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: f
     keys.check(ob, own)
     moving = [(ob, own)]
     moving += [(bpy.data.objects[p.name], part) for p, part in others if part is not None]
-    prepared = yield from _prepare(moving, start_frame, scene_fps)
-    if before is not None:
-        before()
-    remove_others(ob)
-    first = keys.write(ob, own, start_frame, scene_fps, prepared[0])
-    for (other, part), curves in zip(moving[1:], prepared[1:], strict=True):
-        taken = keys.write(other, part, start_frame, scene_fps, curves)
-        taken.belongs_to = first.id
-        record.write(other.data.shape_keys, taken)
-        identity.join(ob, other)
-
-
-def _prepare(moving: list[tuple], start_frame: float, scene_fps: float):
-    """The curves of each object and its take, made in steps; closed it leaves nothing."""
     prepared = []
     try:
         for other, part in moving:
             made = yield from keys.prepare(other, part, start_frame, scene_fps)
             prepared.append(made)
-    except BaseException:
+        if before is not None:
+            before()
+        _write(moving, start_frame, scene_fps, prepared)
+    finally:
         for made in prepared:
             if made is not None:
                 made.drop()
-        raise
-    return prepared
+
+
+def _write(moving: list[tuple], start_frame: float, scene_fps: float, prepared: list) -> None:
+    """Writes the takes of a face and of what moves beside it, with curves that were prepared."""
+    (ob, own), *others = moving
+    remove_others(ob)
+    first = keys.write(ob, own, start_frame, scene_fps, prepared[0])
+    for (other, part), made in zip(others, prepared[1:], strict=True):
+        taken = keys.write(other, part, start_frame, scene_fps, made)
+        taken.belongs_to = first.id
+        record.write(other.data.shape_keys, taken)
+        identity.join(ob, other)
 
 
 def remove_all(ob) -> bool:

@@ -167,3 +167,24 @@ def operator_on(addon, monkeypatch):
     )
     timer = SimpleNamespace(type="TIMER", value="NOTHING")
     return Operator(), context, timer, SimpleNamespace(type="ESC", value="PRESS")
+
+
+def test_what_was_prepared_goes_where_it_cannot_be_used(stage, tmp_path):
+    ob = grid()
+    ob.anyface.source, ob.anyface.sound_file = "FILE", tone(tmp_path / "tone.wav")
+    ob.anyface.mode = "frames"
+    bpy.ops.anyface.generate()
+    bpy.context.scene.frame_set(1)
+    before = everything()
+    ob.anyface.mode, ob.anyface_output.new_take = "basis", True
+    with pytest.raises(RuntimeError, match="cannot wait"):
+        bpy.ops.anyface.generate()
+    bpy.context.scene.frame_set(1)
+    assert everything() == before
+    ob.anyface_output.new_take = False
+    own = bpy.data.actions.new("Own")
+    bpy.ops.anyface.remove()
+    own_keys(ob, "Smile").animation_data_create().action = own
+    count = len(bpy.data.actions)
+    bpy.ops.anyface.generate()
+    assert len(bpy.data.actions) == count, "the curves lie in the artist's action"
