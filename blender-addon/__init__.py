@@ -7,13 +7,15 @@ library (no bpy, any thread) → `scene.bake.write` (shape keys and their curves
 import bpy
 
 from . import command
-from .scene import cache_files
+from .scene import copies
 from .scene.gltf import after_export as glTF2_post_export_callback  # noqa: F401 - glTF's exporter
 from .scene.gltf import before_export as glTF2_pre_export_callback  # noqa: F401 - calls them
 from .ui import (
     audio,
+    caches,
     character,
     generate,
+    key_list,
     landmarks,
     life,
     mouth,
@@ -31,7 +33,7 @@ from .ui import (
 
 _MODULES = (
     preferences, generate, remove, panel, character, landmarks, mouth, audio, presets,
-    performance, life, outputs, takes, scene_list,
+    performance, life, outputs, key_list, caches, takes, scene_list,
 )  # fmt: skip
 _CLASSES = [cls for module in _MODULES for cls in module.CLASSES]
 
@@ -45,12 +47,12 @@ def register():
     landmarks.register()
     command.register()
     running.register()
-    cache_files.register()
+    copies.register()
 
 
 def unregister():
     """Blender disables the add-on; a running job is cancelled first."""
-    cache_files.unregister()
+    copies.unregister()
     running.unregister()
     command.unregister()
     landmarks.unregister()

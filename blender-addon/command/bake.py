@@ -7,10 +7,10 @@ import bpy
 
 from ..core import emotion, systems
 from ..core.errors import AnyfaceError
-from ..core.job import Progress
 from ..scene import bake
 from ..ui import running
 from ..ui.settings import from_object
+from . import telling
 
 
 def run(options: argparse.Namespace) -> dict:
@@ -20,7 +20,7 @@ def run(options: argparse.Namespace) -> dict:
     ob = named(bpy.data.objects, options.object, "object")
     settings = _settings(ob, scene, options)
     snapshot = bake.read(ob, scene, settings, running.engine(settings.system))
-    take = snapshot.work(Progress())
+    take = telling.work(snapshot, quiet=getattr(options, "quiet", True))
     text = bake.write(ob, snapshot, take)
     if ob.library is None:
         ob.anyface.report, ob.anyface.report_is_error = text, False

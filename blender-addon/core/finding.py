@@ -1,5 +1,6 @@
 """Where a face is, in the artist's own space, and what to say where none is found."""
 
+import hashlib
 from collections.abc import Callable
 from contextlib import contextmanager
 
@@ -9,6 +10,9 @@ from . import space
 from .errors import AnyfaceError
 from .job import Progress
 from .take import FaceMesh, Found
+
+# What was said of meshes in which no face was found, by their digests.
+_failed: dict[str, str] = {}
 
 
 def find(
@@ -21,11 +25,39 @@ def find(
     """
     own = space.face_space(face.matrix_world, face.axes)
     held = {number: own.points(place[None])[0] for number, place in fixed.items()}
-    with naming(face):
+    with naming(face) if held else searching(face):
         found = find_in(*own.seen(face), held, face.roles, progress)
     back = np.linalg.inv(own.matrix)
     found.positions = (np.asarray(found.positions, dtype=np.float64) - own.offset) @ back.T
     return found
+
+
+@contextmanager
+def searching(face: FaceMesh):
+    """As `naming`, and what has no face is not searched again: it says so at once."""
+    key = _digest(face)
+    with naming(face):
+        if key in _failed:
+            raise AnyfaceError("face", _failed[key])
+        try:
+            yield
+        except AnyfaceError as error:
+            if error.kind == "face":
+                _failed[key] = str(error)
+            raise
+
+
+def _digest(face: FaceMesh) -> str:
+    """A digest of all that a search depends on."""
+    digest = hashlib.blake2b(face.axes.encode(), digest_size=12)
+    roles = face.roles
+    told = [] if roles is None else [roles.object_of_vertex, roles.object_roles]
+    told += [] if roles is None else [roles.numbers, roles.number_roles]
+    for values in (face.positions, face.triangles, face.matrix_world, *told):
+        digest.update(np.ascontiguousarray(values).tobytes())
+    for values in (face.landmarks, face.landmark_vertices):
+        digest.update(b"-" if values is None else np.ascontiguousarray(values).tobytes())
+    return digest.hexdigest()
 
 
 @contextmanager

@@ -83,6 +83,11 @@ class Job:
         self.progress.cancel()
         self._thread.join(wait_s)
 
+    def wait(self, seconds: float) -> bool:
+        """Waits for the thread's end, `seconds` at most; True once it has ended."""
+        self._thread.join(seconds)
+        return self.done
+
     def result(self):
         """What the work returned; raises the `AnyfaceError` that it raised."""
         self._thread.join()

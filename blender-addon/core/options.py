@@ -17,6 +17,7 @@ def parser(program: str, modes: str = "") -> argparse.ArgumentParser:
         add(task, modes)
         task.add_argument("--save", required=saves, metavar="FILE", help="the .blend to write")
         task.add_argument("--report", metavar="FILE", help="write what was done as JSON")
+        task.add_argument("--quiet", action="store_true", help="do not tell how far it is")
     batch = tasks.add_parser("batch", help="many shots, in processes here or on other machines")
     add_batch(batch)
     tasks.add_parser("shot", help="one shot of a batch, read from standard input")

@@ -20,7 +20,7 @@ def perform(
     """
     verdict.check_sound(sound)
     found = space.face_space(face.matrix_world, face.axes)
-    with finding.naming(face):
+    with finding.searching(face):
         animation = animate(*found.seen(face), sound, request, progress)
     # Category 0 is neutral.
     intensity = max((sum(row[1:]) for _, row in request.emotion), default=0.0)

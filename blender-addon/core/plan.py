@@ -54,16 +54,21 @@ class WriteCaches(Plan):
 
 @dataclass
 class SolveKeys(Plan):
-    """Weights of the artist's `keys`, by shape name; `vectors` `[S, V, 3]` in object space and the
-    same order."""
+    """Weights of the artist's `keys` `[K]`, whose displacements are `vectors` `[K, V, 3]` in object
+    space; at weight 1 of a shape of `shapes` `[S]` they stand at `factors` `[S, K]`.
+    `shown` is the shape that each shows most of."""
 
-    keys: dict[str, str]
+    shapes: list[str]
+    keys: list[str]
+    factors: np.ndarray
     vectors: np.ndarray
+    shown: dict[str, str]
 
     def finish(self, face, take, engine, progress):
         # Existing keys are those of the face; objects beside it have others.
         moved = take.frames[:, : self.vectors.shape[1]]
-        solved = engine.solve(list(self.keys), self.vectors, moved, progress)
+        vectors = np.tensordot(self.factors, self.vectors, axes=1).astype(np.float32)
+        solved = engine.solve(self.shapes, vectors, moved, progress)
         if solved.left_out > _LARGEST_LEFT_OUT:
             shown = 1.0 - solved.left_out
             raise AnyfaceError(
@@ -71,7 +76,10 @@ class SolveKeys(Plan):
                 f"nothing would move: the keys of {face.name} show {shown:.0%} of the motion: "
                 "check the list of keys, or choose Basis Keys",
             )
-        motion = KeyMotion(list(self.keys.values()), solved.weights, solved.left_out)
+        weights = np.clip(solved.weights @ self.factors, 0.0, 1.0).astype(np.float32)
+        motion = KeyMotion(self.keys, weights, solved.left_out)
+        motion.shapes, motion.shape_weights = self.shapes, solved.weights
+        motion.shown = self.shown
         return replace(take, frames=None, key_motion=motion)
 
 

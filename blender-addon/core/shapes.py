@@ -2,9 +2,6 @@
 
 import re
 
-from . import json_file
-from .errors import AnyfaceError
-
 # The order is that of the library; a test compares the two.
 ARKIT = (
     "eyeBlinkLeft", "eyeLookDownLeft", "eyeLookInLeft", "eyeLookOutLeft", "eyeLookUpLeft",
@@ -37,14 +34,17 @@ def match(keys: list[str]) -> dict[str, str]:
     known = _spellings()
     found: dict[str, str] = {}
     for key in keys:
-        name = next((known[text] for text in _suffixes(key) if text in known), None)
+        name = next((known[text] for text in suffixes(key) if text in known), None)
         if name is not None and name not in found:
             found[name] = key
     return {name: found[name] for name in (*ARKIT, *VISEMES) if name in found}
 
 
-def _suffixes(key: str) -> list[str]:
-    """`Head.eye_Blink_L` gives `headeyeblinkl`, `eyeblinkl`, `blinkl`, `l`."""
+def suffixes(key: str) -> list[str]:
+    """A name and its ends behind each separator, in small letters without any.
+
+    `Head.eye_Blink_L` gives `headeyeblinkl`, `eyeblinkl`, `blinkl`, `l`.
+    """
     tokens = [token.lower() for token in re.split(r"[^0-9A-Za-z]+", key) if token]
     return ["".join(tokens[first:]) for first in range(len(tokens))]
 
@@ -62,24 +62,3 @@ def _spellings() -> dict[str, str]:
         for text in (sound, _VRCHAT.get(sound, sound)):
             spellings |= {f"viseme{text}": name, f"v{text}": name, f"vis{text}": name}
     return spellings
-
-
-def write(mapping: dict[str, str], path) -> None:
-    """Writes a mapping file; raises `AnyfaceError("file")`."""
-    json_file.write(path, {"version": 1, "keys": mapping})
-
-
-def read(path) -> dict[str, str]:
-    """Reads what `write` writes; raises `AnyfaceError`, "file" or "input"."""
-    document = json_file.read(path)
-    try:
-        mapping = document["keys"]
-        rows = {str(name): str(key) for name, key in mapping.items()}
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise AnyfaceError("input", f"not a mapping file: {error}") from None
-    unknown = [name for name in rows if name not in ARKIT and name not in VISEMES]
-    if unknown:
-        raise AnyfaceError(
-            "input", f"mapping: expected ARKit shapes or visemes, got {', '.join(unknown[:3])}"
-        )
-    return rows

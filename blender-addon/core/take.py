@@ -208,6 +208,7 @@ class Take:
     One of `basis`, `frames` (`[T, V, 3]`, object units), `key_motion` and `files` is set.
     `largest_mm` is the largest displacement of any vertex. `space` is the frame in which the face
     was found. Head and eyes lie in `life`; its `way` leads from the world to the canonical frame.
+    `largest_of` is the largest displacement of each piece of the face, mm, where there are several.
     """
 
     fps: float
@@ -218,6 +219,7 @@ class Take:
     files: "list[WrittenFile]" = field(default_factory=list)
     space: FaceSpace | None = None
     life: Life | None = None
+    largest_of: list[float] = field(default_factory=list)
 
     @property
     def frame_count(self) -> int:
@@ -256,7 +258,8 @@ class KeyMotion:
 
     `keys` `[S]` are names of keys, `weights` `[T, S]`. `vectors` `[S, V, 3]` in object space where
     the keys are to be made, None where they are the artist's own. `visemes` are to be made as well,
-    without weights. `left_out` as in `Solved`.
+    without weights. `left_out` as in `Solved`. Of the artist's keys, `shape_weights` `[T, N]` are
+    those of the `shapes` `[N]` that they show, `shown` the one that each key shows most of.
     """
 
     keys: list[str]
@@ -264,6 +267,9 @@ class KeyMotion:
     left_out: float
     vectors: np.ndarray | None = None
     visemes: Rig | None = None
+    shapes: list[str] = field(default_factory=list)
+    shape_weights: np.ndarray | None = None
+    shown: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass

@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 
 from ..core import shapes, sliders
-from . import changes, curves, outputs, record, together
+from . import changes, copies, curves, guard, outputs, record, together
 
 # What a take of named shapes can change on its own: beginnings of the shapes' names.
 GROUPS = {
@@ -26,6 +26,7 @@ def adjust(ob, **wanted: float) -> None:
     a name of `sliders.NAMES` changes basis keys as a new run would, within its limits, where
     `why_not` has no objection. All count from the take as it was made; what is not named stays.
     """
+    copies.settle()
     for part in (ob, *together.others_of(ob)):
         if record.is_generated(part):
             _adjust(part, wanted)
@@ -64,11 +65,12 @@ def why_not(ob, name: str) -> str:
 
 def groups_of(taken: record.Record) -> list[str]:
     """The groups that a take has shapes of."""
-    found = [_group(name) for name in (*taken.keys, *taken.values)]
+    found = [_group(taken.shown.get(name, name)) for name in (*taken.keys, *taken.values)]
     return [name for name in GROUPS if name in found]
 
 
 def _adjust(ob, wanted: dict[str, float]) -> None:
+    guard.own(ob)
     shape_keys = ob.data.shape_keys
     taken = record.read(shape_keys)
     before, shift = dict(taken.adjusted), taken.adjusted.get("shift", 0.0)
@@ -83,12 +85,13 @@ def _adjust(ob, wanted: dict[str, float]) -> None:
     if "eval_time" in made:
         _change(made["eval_time"], 1.0, moved)
     for number, name in enumerate((*taken.keys, *taken.values) if not output.finished else ()):
-        factor, block = _factor(name, taken.adjusted), shape_keys.key_blocks.get(name)
+        shown = taken.shown.get(name, name)
+        factor, block = _factor(shown, taken.adjusted), shape_keys.key_blocks.get(name)
         if block is None or curves.value_path(name) not in made:
             continue
         more = None if added is None else (frames, factor * added[:, number])
         low, high = _change(
-            made[curves.value_path(name)], factor / _factor(name, before), moved, more
+            made[curves.value_path(name)], factor / _factor(shown, before), moved, more
         )
         if name in taken.keys:
             block.slider_min, block.slider_max = min(block.slider_min, low), max(1.0, high)

@@ -6,15 +6,33 @@ does not and may run anywhere.
 
 from dataclasses import dataclass, field
 
-from ..core import perform
+import bpy
+
+from ..core import measure, perform
 from ..core.errors import AnyfaceError
 from ..core.job import Progress
 from ..core.plan import Plan
 from ..core.source import SoundSource
 from ..core.take import FaceMesh, Request, Take
-from . import decode, emotion, guard, life, mesh, outputs, pieces, sound, strips, takes, together
+from . import (
+    decode,
+    emotion,
+    guard,
+    identity,
+    life,
+    mesh,
+    outputs,
+    pieces,
+    sound,
+    stored,
+    strips,
+    takes,
+    together,
+)
 from .life import LifeSettings
 from .outputs import OutputSettings
+
+NO_SOUND = "no sound: choose a sound strip under Audio, or set Sound to File and choose one"
 
 
 @dataclass
@@ -66,13 +84,22 @@ class Snapshot:
     plan: Plan
     scene_fps: float
     engine: object = field(repr=False)
+    # What is said besides, and the panel's settings as they were.
+    notes: list[str] = field(default_factory=list)
+    asked: dict = field(default_factory=dict)
+    # The numbers of all objects that take part, by their names at that time.
+    numbers: dict[str, int] = field(default_factory=dict)
 
     def work(self, progress: Progress) -> Take:
         """The take; raises `AnyfaceError`."""
         progress.check("sound")
         voice = self.source.load(decode.decoder(self.engine))
         take = perform.perform(self.face, voice, self.request, self.engine.animate, progress)
-        return self.plan.finish(self.face, take, self.engine, progress)
+        take = self.plan.finish(self.face, take, self.engine, progress)
+        moved = take.frames is not None or take.basis is not None or take.key_motion is not None
+        if len(self.face.pieces) > 1 and moved and outputs.of_take(take).moves_parts:
+            take.largest_of = measure.largest(take, self.face.pieces, progress)
+        return take
 
 
 def read(ob, scene, settings: Settings, engine) -> Snapshot:
@@ -81,6 +108,7 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     output.check(ob, settings.output)
     life.check(ob, settings)
     settings.held = life.held(settings) | settings.held
+    notes = _leave_out_foreign(ob, settings)
     face = read_face(ob, settings)
     source = _find_sound(scene, settings, engine)
     scene_fps = scene.render.fps / scene.render.fps_base
@@ -98,7 +126,43 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     )
     names = [piece.name for piece in face.pieces] or [ob.name]
     plan = output.plan(ob, settings.output, request.fps, names)
-    return Snapshot(ob.name, face, source, request, settings, plan, scene_fps, engine)
+    found = face, source, request, settings, plan, scene_fps, engine
+    return Snapshot(ob.name, *found, notes, stored.read(ob), _numbers(names, settings))
+
+
+def _numbers(names: list[str], settings: Settings) -> dict[str, int]:
+    every = {*names, *(part.name for part in settings.parts), *life.names(settings.life)}
+    found = {name: bpy.data.objects.get(name) for name in every if name}
+    return {name: identity.number(ob) for name, ob in found.items() if ob is not None}
+
+
+def _follow_names(snapshot: Snapshot, take: Take) -> None:
+    """Calls the objects of a take what they are called now; raises `AnyfaceError("mesh")` where
+    one is gone."""
+    now = {}
+    for name, number in snapshot.numbers.items():
+        ob = identity.with_number(number, name)
+        if ob is None:
+            raise AnyfaceError("mesh", f"{name} is gone")
+        now[name] = ob.name
+    for piece in (*snapshot.face.pieces, *snapshot.settings.parts):
+        piece.name = now[piece.name]
+    for file in take.files:
+        file.object_name = now[file.object_name]
+    life.rename(snapshot.settings.life, now)
+    snapshot.numbers = {now[name]: number for name, number in snapshot.numbers.items()}
+
+
+def _leave_out_foreign(ob, settings: Settings) -> list[str]:
+    """Takes parts that speak with another face out of `settings`, and says so."""
+    notes = []
+    for part in list(settings.parts):
+        other = bpy.data.objects.get(part.name)
+        owner = identity.face_of(other) if outputs.has_take(other) else None
+        if owner not in (None, ob):
+            settings.parts.remove(part)
+            notes.append(f"{part.name} belongs to {owner.name} and was left out")
+    return notes
 
 
 def read_face(ob, settings: Settings, editable: bool = True) -> FaceMesh:
@@ -116,16 +180,31 @@ def read_face(ob, settings: Settings, editable: bool = True) -> FaceMesh:
 
 
 def write(ob, snapshot: Snapshot, take: Take) -> str:
-    """Writes the take and says in one line what was written."""
+    """Writes the take at once and says in one line what was written."""
+    steps = landing(ob, snapshot, take)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as ended:
+            return ended.value
+
+
+def landing(ob, snapshot: Snapshot, take: Take):
+    """Writes the take in short steps, yielding between them; returns in one line what was written.
+
+    Closed at a yield it has changed nothing: the last step alone touches what there is.
+    """
+    _follow_names(snapshot, take)
     asked = snapshot.settings.output
-    if asked.new_take and not take.files:
-        takes.keep(ob)
     start, scene_fps = snapshot.source.start_frame, snapshot.scene_fps
-    together.write(ob, snapshot.face.pieces, take, start, scene_fps)
+    before = (lambda: takes.keep(ob)) if asked.new_take and not take.files else None
+    yield from together.landing(ob, snapshot.face.pieces, take, start, scene_fps, before)
     turned = life.write(ob, take, snapshot.settings, start, scene_fps)
-    notes = snapshot.source.notes + ([] if take.files else guard.notes(ob))
+    notes = snapshot.notes + snapshot.source.notes + ([] if take.files else guard.notes(ob))
     notes += outputs.of_take(take).notes(ob, asked)
-    return " ".join([describe(take), *(f"({note})" for note in [*turned, *notes])])
+    text = " ".join([describe(take), *(f"({note})" for note in [*turned, *notes])])
+    stored.note(ob, snapshot.asked, text)
+    return text
 
 
 def describe(take: Take) -> str:
@@ -142,9 +221,7 @@ def _find_sound(scene, settings: Settings, engine) -> SoundSource:
         return sound.from_strip(scene, settings.strip, decode.decoder(engine))
     if settings.sound_file:
         return sound.from_file(settings.sound_file, settings.start_frame)
-    raise AnyfaceError(
-        "audio", "no sound: choose a sound strip under Audio, or set Sound to File and choose one"
-    )
+    raise AnyfaceError("audio", NO_SOUND)
 
 
 def _emotion(ob, scene, settings: Settings, when: tuple):

@@ -1,111 +1,123 @@
-"""The files of removed caches: kept as long as an undo or the saved .blend may need them.
+"""Point caches on disk: how they are named, and which of them nobody plays any more.
 
-Without a window nothing is undone, and a file goes at once. With one it goes when the .blend is
-closed or Blender ends, once the .blend was saved without it; earlier only where such files pile up.
+A name tells the version of the .blend, the object and the take, so no run writes over another's
+file. Nothing deletes one but *Remove Unused Caches*, and only where no .blend beside it names it.
 """
 
+import gzip
+import mmap
+import re
+import uuid
 from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
-from bpy.app.handlers import persistent
+
+from ..core.errors import AnyfaceError
 
 # Folders of this name are ours and go when they are empty.
 FOLDER = "anyface_cache"
 SUFFIX = ".pc2"
-# More than these bytes are not kept for undo alone.
-LIMIT = 4_000_000_000
+_OURS = re.compile(r".+_[0-9a-f]{8}\.pc2")
+_GZIP, _ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
 
 
 @dataclass
-class Waiting:
-    """A file that no modifier plays; `saved_in` is the .blend on disk that still does, or ""."""
+class Unused:
+    """`files` that may go, and the `unread` .blend files for whose sake others stay."""
 
-    path: Path
-    saved_in: str
+    files: list[Path]
+    unread: list[Path]
 
-
-_waiting: list[Waiting] = []
-# Files written since the .blend was saved: on disk it does not know them.
-_fresh: set[str] = set()
-
-
-def note_written(path: str) -> None:
-    """A modifier has begun to play `path`."""
-    _fresh.add(str(path))
+    @property
+    def megabytes(self) -> float:
+        """How much room deleting them gives, MB."""
+        return sum(path.stat().st_size for path in self.files) / 1e6
 
 
-def drop(path: Path) -> None:
-    """The modifier that played `path` is gone."""
-    if path.suffix != SUFFIX:
-        return
-    if not _has_undo():
-        _delete(path)
-        return
-    _waiting.append(Waiting(path, "" if str(path) in _fresh else bpy.data.filepath))
-    _keep_within(LIMIT)
+def names(objects: list[str]) -> dict[str, str]:
+    """File names of a new take by the name of each object."""
+    version = Path(bpy.data.filepath).stem or "untitled"
+    take = uuid.uuid4().hex[:8]
+    clean = bpy.path.clean_name
+    return {name: f"{clean(version)}_{clean(name)}_{take}{SUFFIX}" for name in objects}
 
 
-def purge() -> None:
-    """Deletes what nobody needs any more; undo ends here."""
-    _keep_within(0)
-    _waiting.clear()
-    _fresh.clear()
+def take_of(path: str) -> str:
+    """What the names of all files of a take have in common."""
+    return Path(path).stem.rpartition("_")[2]
 
 
-def _keep_within(limit: int) -> None:
-    """Deletes files that only an undo could ask for, the oldest first, until `limit` bytes stay."""
+def unused() -> Unused:
+    """The caches beside this .blend, and in folders that it plays from, that no .blend names.
+
+    Files are looked for where the folder of the caches lies, in folders there, and in those beside.
+    """
     played = _played()
-    spare = [w for w in _waiting if not w.saved_in and str(w.path) not in played]
-    sizes = [w.path.stat().st_size if w.path.is_file() else 0 for w in spare]
-    for number, waiting in enumerate(spare):
-        if limit and sum(sizes[number:]) <= limit:
+    folders = {path.parent for path in played}
+    if bpy.data.filepath:
+        folders.add(Path(bpy.data.filepath).parent / FOLDER)
+    found = Unused([], [])
+    for folder in sorted(folder for folder in folders if folder.is_dir()):
+        files = [path for path in folder.iterdir() if _OURS.fullmatch(path.name)]
+        spare = [path for path in files if path.resolve() not in played]
+        _add_unnamed(spare, folder.parent, found)
+    return found
+
+
+def delete(files: list[Path]) -> None:
+    """Deletes caches, and our folders where they are empty then."""
+    try:
+        for path in files:
+            path.unlink(missing_ok=True)
+    except OSError as error:
+        raise AnyfaceError("file", f"{path}: {error.strerror or error}") from error
+    for folder in {path.parent for path in files}:
+        if folder.name == FOLDER and folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
+
+
+def _add_unnamed(spare: list[Path], beside: Path, found: Unused) -> None:
+    """Adds those of `spare` that no .blend near `beside`, backups included, names."""
+    places = (beside.glob("*.blend*"), beside.glob("*/*.blend*"), beside.parent.glob("*/*.blend*"))
+    for blend in {path for place in places for path in place if path.is_file()} if spare else ():
+        named = _named_in(blend, [path.name for path in spare])
+        if named is None:
+            found.unread.append(blend)
             return
-        _delete(waiting.path)
-        _waiting.remove(waiting)
+        spare = [path for path in spare if path.name not in named]
+    found.files += spare
 
 
-def _has_undo() -> bool:
-    return not bpy.app.background
+def _named_in(blend: Path, wanted: list[str]) -> set[str] | None:
+    """The file names among `wanted` that a .blend holds; None where it cannot be read here."""
+    try:
+        with open(blend, "rb") as file:
+            start = file.read(4)
+            if start == _ZSTD:
+                content = _unzstd(blend)
+            elif start.startswith(_GZIP):
+                content = gzip.decompress(blend.read_bytes())
+            else:
+                content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) if start else b""
+            return {name for name in wanted if content.find(name.encode()) >= 0}
+    except (OSError, EOFError, ValueError, ImportError):
+        return None
 
 
-def _delete(path: Path) -> None:
-    if str(path) in _played():
-        return
-    path.unlink(missing_ok=True)
-    if path.parent.name == FOLDER and path.parent.is_dir() and not any(path.parent.iterdir()):
-        path.parent.rmdir()
+def _unzstd(blend: Path) -> bytes:
+    import zstandard
+
+    try:
+        with open(blend, "rb") as file:
+            unpacked = zstandard.ZstdDecompressor().stream_reader(file, read_across_frames=True)
+            return unpacked.read()
+    except zstandard.ZstdError as error:
+        raise ValueError(str(error)) from error
 
 
-def _played() -> set[str]:
+def _played() -> set[Path]:
     modifiers = (modifier for ob in bpy.data.objects for modifier in ob.modifiers)
-    return {bpy.path.abspath(m.filepath) for m in modifiers if m.type == "MESH_CACHE"}
-
-
-@persistent
-def _on_save(path: str = "", *_) -> None:
-    """The .blend on disk plays what is played now; one of another name plays what it did."""
-    if path and Path(path) != Path(bpy.data.filepath):
-        return
-    _fresh.clear()
-    for waiting in _waiting:
-        if waiting.saved_in == bpy.data.filepath:
-            waiting.saved_in = ""
-
-
-@persistent
-def _on_load(*_) -> None:
-    purge()
-
-
-def register() -> None:
-    """Watches for the .blend being saved and another being opened."""
-    bpy.app.handlers.save_post.append(_on_save)
-    bpy.app.handlers.load_pre.append(_on_load)
-
-
-def unregister() -> None:
-    """Blender ends, or the add-on is disabled."""
-    purge()
-    bpy.app.handlers.save_post.remove(_on_save)
-    bpy.app.handlers.load_pre.remove(_on_load)
+    caches = [modifier for modifier in modifiers if modifier.type == "MESH_CACHE"]
+    paths = [bpy.path.abspath(m.filepath, library=m.id_data.library) for m in caches if m.filepath]
+    return {Path(path).resolve() for path in paths}

@@ -4,6 +4,8 @@ Up to 4.3 an action holds its curves itself; from 4.4 on they lie in the channel
 and 5.0 has no other way.
 """
 
+from contextlib import suppress
+
 import bpy
 import numpy as np
 
@@ -13,6 +15,7 @@ _CONSTANT, _LINEAR = 0, 1
 _GROUP = "Anyface"
 # What a keyframe holds beside its place.
 _KEY_FIELDS = ("interpolation", "easing", "handle_left_type", "handle_right_type")
+_PREPARED = "anyface_{}"
 KEY_VECTORS = ("co", "handle_left", "handle_right")
 
 
@@ -81,6 +84,45 @@ def write(
     kind = _CONSTANT if constant else _LINEAR
     points.foreach_set("interpolation", np.full(len(frames), kind, dtype=np.int32))
     curve.update()
+
+
+class Prepared:
+    """Curves of keys in an action that nobody plays yet: they are made one by one beforehand."""
+
+    def __init__(self, name: str):
+        self.action, self._bag = new_action(name)
+
+    def make(self, frames: np.ndarray, weights: np.ndarray):
+        """Makes a curve for each column of `weights` `[T, K]`, from rest and back to it at
+        `frames` `[T + 2]`; yields after each."""
+        for number, column in enumerate(weights.T):
+            write(self._bag, _PREPARED.format(number), frames, from_rest(column))
+            yield
+
+    def play(self, shape_keys, names: list[str]) -> bool:
+        """Gives the curves to the keys called `names`, in the order in which they were made; False
+        where they cannot be used: the artist's keys play an action already."""
+        animation, self_action = shape_keys.animation_data, self.action
+        if animation is None or animation.action is not None or self_action is None:
+            return False
+        made = [self._bag.fcurves.find(_PREPARED.format(n)) for n in range(len(names))]
+        for curve, name in zip(made, names, strict=True):
+            curve.data_path = value_path(name)
+        animation.action, self.action = self_action, None
+        if LAYERED and animation.action_slot is None:
+            animation.action_slot = self_action.slots[0]
+        return True
+
+    def drop(self) -> None:
+        """Deletes what was not used; an undo may have done so already."""
+        with suppress(ReferenceError):
+            delete_action(self.action)
+        self.action = None
+
+
+def from_rest(values: np.ndarray) -> np.ndarray:
+    """Values `[T]` of a take with rest before and after, `[T + 2]`."""
+    return np.concatenate([[0.0], values, [0.0]])
 
 
 def remove(animation_data, data_paths: set[str]) -> None:
@@ -192,6 +234,29 @@ def copy_paths(source, bag, data_paths: set[str]) -> None:
     for curve in [curve for other in bags(source) for curve in other.fcurves]:
         if curve.data_path in data_paths:
             copy(curve, bag)
+
+
+def own_action(block, action) -> None:
+    """Where others use `action` too, all that `block` plays and keeps of it becomes a copy."""
+    if action is None:
+        return
+    animation = block.animation_data
+    tracks = animation.nla_tracks if animation is not None else ()
+    strips = [strip for track in tracks for strip in track.strips if strip.action == action]
+    names = [name for name, value in block.items() if value == action]
+    plays = animation is not None and animation.action == action
+    if action.users - action.use_fake_user <= len(strips) + len(names) + plays:
+        return
+    copy = action.copy()
+    for name in names:
+        block[name] = copy
+    if plays:
+        animation.action = copy
+    for strip in strips:
+        handle = strip.action_slot_handle if LAYERED else 0
+        strip.action = copy
+        if LAYERED:
+            strip.action_slot = next(slot for slot in copy.slots if slot.handle == handle)
 
 
 def delete_action(action) -> None:

@@ -13,7 +13,7 @@ def describe(ob, scene, seconds: float | None, settings, given: outputs.OutputSe
     if seconds is None:
         return "Size and time follow from the sound"
     frames = math.ceil(seconds * (settings.fps or scene_fps))
-    keys = len(existing.find(ob, given.mapping))
+    keys = len(existing.names_of(existing.find(ob, given.mapping)))
     asked = estimate.Asked(frames, len(ob.data.vertices), seconds, keys, given.visemes)
     cost = outputs.of(settings.mode).cost(asked)
     return estimate.in_words(cost, asked, outputs.has_take(ob))

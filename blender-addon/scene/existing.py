@@ -2,36 +2,59 @@
 
 import numpy as np
 
-from ..core import shapes
+from ..core import key_names
+from ..core.key_names import Pair
 from . import curves, digest, record
 from .mesh import read_key
 
 # Holds the action that a copy of ours stands in for, so that it is saved with the file.
-REPLACED = "anyface_replaced"
+REPLACED = record.REPLACED_ACTION
 
 
-def find(ob, mapping: dict[str, str]) -> dict[str, str]:
-    """Shape name: key, for the keys that can be animated; `mapping` empty finds them by name.
+def find(ob, mapping: list[Pair]) -> list[Pair]:
+    """The pairs whose keys can be animated; `mapping` empty finds them by name.
 
     Keys that a driver moves, muted and locked ones are left to the artist.
     """
     shape_keys = ob.data.shape_keys
     if shape_keys is None:
-        return {}
+        return []
     free = [block.name for block in _free(shape_keys)]
     if not mapping:
-        return _one_kind(shapes.match(free))
-    return {name: key for name, key in mapping.items() if key in free}
+        return key_names.guess(free)[1]
+    return [pair for pair in mapping if pair.key in free]
 
 
-def left_alone(ob, mapping: dict[str, str]) -> list[str]:
+def names_of(pairs: list[Pair]) -> list[str]:
+    """The keys of pairs, each once."""
+    return list(dict.fromkeys(pair.key for pair in pairs))
+
+
+def factors(pairs: list[Pair]) -> tuple[list[str], np.ndarray]:
+    """The shapes of pairs `[S]`, and how far each moves each of `names_of`, `[S, K]`."""
+    shown, keys = list(dict.fromkeys(pair.shape for pair in pairs)), names_of(pairs)
+    found = np.zeros((len(shown), len(keys)), dtype=np.float32)
+    for pair in pairs:
+        found[shown.index(pair.shape), keys.index(pair.key)] += pair.factor
+    return shown, found
+
+
+def shown_by(pairs: list[Pair]) -> dict[str, str]:
+    """The shape that each key shows most of."""
+    most = sorted(pairs, key=lambda pair: pair.factor)
+    return {pair.key: pair.shape for pair in most}
+
+
+def left_alone(ob, mapping: list[Pair]) -> list[str]:
     """Keys that show a shape too and are not animated: driven, muted or locked ones."""
     shape_keys = ob.data.shape_keys
+    if shape_keys is None:
+        return []
     free = {block.name for block in _free(shape_keys)}
     names = [block.name for block in shape_keys.key_blocks if block.name not in free]
     ours = record.all_keys(shape_keys)
-    wanted = mapping or _one_kind(shapes.match([name for name in names if name not in ours]))
-    return [key for key in wanted.values() if key in names]
+    wanted = mapping or key_names.guess([name for name in names if name not in ours])[1]
+    return [key for key in names_of(wanted) if key in names]
 
 
 def vectors(ob, names) -> np.ndarray:
@@ -101,10 +124,3 @@ def _free(shape_keys) -> list:
         and not block.mute
         and not getattr(block, "lock_shape", False)
     ]
-
-
-def _one_kind(found: dict[str, str]) -> dict[str, str]:
-    """ARKit shapes or visemes, whichever there are more of: both at once would move twice."""
-    arkit = {name: key for name, key in found.items() if name in shapes.ARKIT}
-    visemes = {name: key for name, key in found.items() if name in shapes.VISEMES}
-    return arkit if len(arkit) >= len(visemes) else visemes

@@ -96,18 +96,43 @@ def _check_animation(ob) -> None:
         )
 
 
-def make_single_user(ob, taken: record.Record) -> None:
-    """Gives `ob` its own mesh and its keys their own action, and writes down where from."""
+def own(ob) -> None:
+    """Gives `ob` what it plays for itself, where other objects use its mesh or its actions too."""
     mesh = ob.data
+    if not record.everyone(mesh.shape_keys):
+        return
     if mesh.users - mesh.use_fake_user > 1:
-        taken.shared_mesh = mesh.name
+        with object_mode(ob):
+            ob.data = mesh.copy()
+    shape_keys = ob.data.shape_keys
+    found = [value for name, value in shape_keys.items() if name not in record.ORIGINALS]
+    found = [action for action in found if isinstance(action, bpy.types.Action)]
+    for action in {*found, curves.action_of(shape_keys)}:
+        curves.own_action(shape_keys, action)
+
+
+def make_single_user(ob, taken: record.Record) -> None:
+    """Gives `ob` its own mesh, its keys their own action, and a Basis where it has no keys.
+
+    The keys point to the originals, to which Remove goes back: so these stay as they are, whoever
+    else is animated meanwhile.
+    """
+    mesh, action = ob.data, curves.action_of(ob.data.shape_keys)
+    shared = mesh.users - mesh.use_fake_user > 1
+    if shared:
         ob.data = mesh.copy()
         taken.shared_mesh_print = digest.mesh_digest(ob.data)
-    action = curves.action_of(ob.data.shape_keys)
     if action is not None and action.users - action.use_fake_user > 1:
-        taken.shared_action, copy = action.name, action.copy()
+        copy = action.copy()
         ob.data.shape_keys.animation_data.action = copy
         taken.shared_action_print = digest.action_digest(copy)
+    if ob.data.shape_keys is None:
+        ob.shape_key_add(name="Basis", from_mix=False)
+        taken.made_keys = True
+    if shared:
+        ob.data.shape_keys[record.SHARED_MESH] = mesh
+    if taken.shared_action_print:
+        ob.data.shape_keys[record.SHARED_ACTION] = action
 
 
 @contextmanager

@@ -3,32 +3,57 @@
 import numpy as np
 
 from ..core.take import Take
-from . import guard, mesh, outputs, record, remove
-from .outputs.output import EASE_S
+from . import curves, guard, mesh, outputs, record, remove
+from .outputs.output import times
 
 
-def write(ob, take: Take, start_frame: float, scene_fps: float) -> record.Record:
-    """Puts `take` on `ob` with its first frame at `start_frame`; an earlier take goes.
-
-    Frame `t` lies at `start_frame + t · scene_fps / take.fps`. Nothing is written where its output
-    objects or the mesh has changed since it was read.
-    """
+def check(ob, take: Take) -> None:
+    """Raises `AnyfaceError` where its output objects, or the mesh has changed since it was read."""
     output = outputs.of_take(take)
     output.check_object(ob)
     made = output.vectors(take)
     if made is not None:
         guard.check_size(ob, made.shape[1])
-    frames = start_frame + np.arange(take.frame_count) * (scene_fps / take.fps)
-    ease = EASE_S * scene_fps
-    at = np.concatenate([[frames[0] - ease], frames, [frames[-1] + ease]])
+
+
+def prepare(ob, take: Take, start_frame: float, scene_fps: float):
+    """Makes the curves of a take beforehand, yielding after each; returns `curves.Prepared`.
+
+    Closed before its end it leaves nothing.
+    """
+    weights = outputs.of_take(take).weights(take)
+    if weights is None:
+        return None
+    prepared = curves.Prepared(f"{ob.name} Anyface")
+    try:
+        yield from prepared.make(_times(take, start_frame, scene_fps), weights)
+    except BaseException:
+        prepared.drop()
+        raise
+    return prepared
+
+
+def _times(take: Take, start_frame: float, scene_fps: float) -> np.ndarray:
+    """Scene frames of rest, each frame and rest again; frame `t` lies at
+    `start_frame + t · scene_fps / take.fps`."""
+    return times(start_frame + np.arange(take.frame_count) * (scene_fps / take.fps), scene_fps)
+
+
+def write(
+    ob, take: Take, start_frame: float, scene_fps: float, prepared: curves.Prepared | None = None
+) -> record.Record:
+    """Puts `take` on `ob` with its first frame at `start_frame`; an earlier take goes.
+
+    Nothing is written where `check` objects. Curves that were `prepared` are used.
+    """
+    check(ob, take)
+    output, at = outputs.of_take(take), _times(take, start_frame, scene_fps)
     with guard.object_mode(ob):
         remove_earlier(ob)
         with guard.selection_kept(ob):
             taken = record.Record(output.name)
+            taken.prepared = prepared
             guard.make_single_user(ob, taken)
-            if ob.data.shape_keys is None:
-                ob.shape_key_add(name="Basis", from_mix=False)
-                taken.made_keys = True
             record.write(ob.data.shape_keys, taken)
             output.write(ob, take, mesh.read_basis(ob.data), at, taken)
             record.write(ob.data.shape_keys, taken)

@@ -1,11 +1,10 @@
 """Head and eyes of a take: which objects or bones they turn, and how they are let go again.
 
 Nothing of it is in the skin. What was written on an object stands in a custom property of it,
-beside the name of the character's property that says whose it is; Remove takes exactly that away.
+beside the id of the character whose it is; Remove takes exactly that away.
 """
 
 import json
-import uuid
 from dataclasses import asdict, dataclass, field, fields
 
 import bpy
@@ -14,11 +13,11 @@ import numpy as np
 from ..core import turn
 from ..core.errors import AnyfaceError
 from ..core.take import Life, Take
-from . import curves, mesh, pieces, remove, turning
-from .outputs.output import EASE_S
+from . import curves, identity, mesh, pieces, remove, turning
+from .outputs.output import times
 
-# On the character: its name among all; on what it turns: a list of `Entry`.
-OWNER, ENTRIES = "anyface_owner", "anyface_turned"
+# On what a character turns: a list of `Entry`.
+ENTRIES = "anyface_turned"
 # On what waits or stands alone: the action that holds the curves.
 _ACTION = "anyface_turned_"
 # Controls of the library that *Life* turns off together.
@@ -65,8 +64,19 @@ class Entry:
     made_action: bool = False
     made_slot: bool = False
     made_animation_data: bool = False
-    shared_action: str = ""
     shared_action_print: str = ""
+
+
+def names(asked: LifeSettings) -> list[str]:
+    """The names of all objects that take part."""
+    return [asked.head_object, *asked.eyes, asked.eye_armature, asked.look_at]
+
+
+def rename(asked: LifeSettings, now: dict[str, str]) -> None:
+    """Objects have got other names: `now` by the old one."""
+    for name in ("head_object", "eye_armature", "look_at"):
+        setattr(asked, name, now.get(getattr(asked, name), getattr(asked, name)))
+    asked.eyes = tuple(now.get(name, name) for name in asked.eyes)
 
 
 def held(settings) -> dict[str, float]:
@@ -105,8 +115,7 @@ def write(ob, take: Take, settings, start_frame: float, scene_fps: float) -> lis
     if take.life is None or not asked.use:
         return []
     frames = start_frame + np.arange(take.frame_count) * (scene_fps / take.fps)
-    ease = EASE_S * scene_fps
-    at = np.concatenate([[frames[0] - ease], frames, [frames[-1] + ease]])
+    at = times(frames, scene_fps)
     turned = _turned(ob, take.life, settings, at)
     for other, channels in turned.items():
         _put(ob, other, channels, at)
@@ -125,9 +134,6 @@ def release(ob) -> None:
             _take_off(other, entry)
         _store(other, entries)
     _delete_alone(ob, "now")
-    names = ob.keys()
-    if OWNER in ob and not _owned(ob) and not any(name.startswith(_ACTION) for name in names):
-        del ob[OWNER]
     bpy.context.view_layer.update()
 
 
@@ -161,6 +167,30 @@ def play(ob, take_id: str) -> None:
     if _ACTION + "own_" + take_id in ob:
         ob[_ACTION + "now"] = ob[_ACTION + "own_" + take_id]
         del ob[_ACTION + "own_" + take_id]
+
+
+def follow(copy, copies: dict[str, list]) -> None:
+    """What turns on a `copy` belongs to the copy of its character; `copies` are objects by old id.
+
+    Where the character was not copied, the curves are the artist's from now on.
+    """
+    kept = []
+    for entry in _entries(copy):
+        faces = copies.get(entry.owner, [])
+        found = faces if len(faces) == 1 else [face for face in faces if _names(face, copy)]
+        if found:
+            entry.owner = identity.known(found[0])
+            kept.append(entry)
+    if ENTRIES in copy:
+        _store(copy, kept)
+
+
+def _names(face, other) -> bool:
+    """Whether the settings of `face` name another object."""
+    stored = face.anyface_life_settings
+    kinds = [prop.identifier for prop in stored.bl_rna.properties if prop.type == "POINTER"]
+    found = [getattr(stored, kind) for kind in kinds]
+    return other in [*found, *(row.object for row in face.anyface_face.parts)]
 
 
 def _turned(ob, life: Life, settings, at) -> dict:
@@ -250,7 +280,8 @@ def _eyes(ob, life: Life, settings) -> tuple[list, list]:
 
 
 def _put(ob, other, channels, at) -> None:
-    entry = Entry(_owner(ob), before={channel.path: channel.before for channel in channels})
+    identity.of(other)
+    entry = Entry(identity.of(ob), before={channel.path: channel.before for channel in channels})
     bag = _channels(other, entry)
     for channel in channels:
         for index, column in enumerate(channel.values.T):
@@ -266,6 +297,9 @@ def _channels(other, entry: Entry):
         other.animation_data_create()
         entry.made_animation_data = True
     action = other.animation_data.action
+    if _entries(other):
+        curves.own_action(other, action)
+        action = other.animation_data.action
     if action is not None and not curves.LAYERED and action.users - action.use_fake_user > 1:
         raise AnyfaceError("mesh", f"{other.name} shares its action: make it single-user first")
     return curves.own_channels(other.animation_data, f"{other.name} Anyface", "OBJECT", entry)
@@ -274,6 +308,7 @@ def _channels(other, entry: Entry):
 def _take_off(other, entry: Entry) -> None:
     animation = other.animation_data
     if animation is not None:
+        curves.own_action(other, animation.action)
         curves.remove(animation, set(entry.before))
         remove.release_action(animation, entry)
         idle = animation.action is None and not animation.drivers and not animation.nla_tracks
@@ -285,7 +320,6 @@ def _take_off(other, entry: Entry) -> None:
 
 def _alone(ob, life: Life, at):
     """The head's rotation in an action of its own, which any object may be given."""
-    _owner(ob)
     action, bag = curves.new_action(f"{ob.name} Head", "OBJECT")
     action.use_fake_user = True
     vectors = _eased(life.head) @ _axes(life).T
@@ -301,19 +335,12 @@ def _delete_alone(ob, name: str) -> None:
     if action is None:
         return
     del ob[_ACTION + name]
-    action.use_fake_user = False
     curves.delete_action(action)
-
-
-def _owner(ob) -> str:
-    if OWNER not in ob:
-        ob[OWNER] = uuid.uuid4().hex[:12]
-    return ob[OWNER]
 
 
 def _of(ob, entries: list[Entry], take_id: str) -> list[Entry]:
     """What one take of `ob` has put on an object."""
-    return [e for e in entries if e.owner == ob.get(OWNER) and e.take == take_id]
+    return [e for e in entries if e.owner == identity.known(ob) and e.take == take_id]
 
 
 def _inherit(others: list[Entry], gone: Entry) -> None:
@@ -328,8 +355,8 @@ def _inherit(others: list[Entry], gone: Entry) -> None:
 
 def _owned(ob) -> list[tuple]:
     """The objects that takes of `ob` turn, and everything that is on them."""
-    owner = ob.get(OWNER)
-    if owner is None:
+    owner = identity.known(ob)
+    if not owner:
         return []
     found = [(other, _entries(other)) for other in bpy.data.objects]
     return [(o, entries) for o, entries in found if any(e.owner == owner for e in entries)]

@@ -35,7 +35,9 @@ def leave(shape_keys, taken: record.Record, action) -> None:
     rest = shape_keys.get(REST)
     if rest is None:
         return
-    paths = {curves.value_path(name) for name in taken.keys}
+    others = [other for other in record.everyone(shape_keys) if other.in_nla]
+    used = {name for other in others if other.id != taken.id for name in other.keys}
+    paths = {curves.value_path(name) for name in taken.keys if name not in used}
     for bag in curves.bags(rest):
         for curve in [curve for curve in bag.fcurves if curve.data_path in paths]:
             bag.fcurves.remove(curve)

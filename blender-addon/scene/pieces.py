@@ -9,7 +9,9 @@ from dataclasses import dataclass, replace
 import bpy
 import numpy as np
 
+from ..core import measure
 from ..core.errors import AnyfaceError
+from ..core.job import Progress
 from ..core.take import BY_SHAPE, ROLES, FaceMesh, KeyMotion, PartRoles, Piece, Take
 from . import mesh, rest
 
@@ -89,21 +91,22 @@ def split(take: Take, pieces: list[Piece]) -> list[tuple[Piece, Take | None]]:
 
     The face itself always has one.
     """
+    largest = take.largest_of or measure.largest(take, pieces, Progress())
     out = []
     for number, piece in enumerate(pieces):
-        back = np.linalg.inv(piece.matrix[:3, :3]).astype(np.float32)
-        rows = slice(piece.first, piece.first + piece.count)
-        part = _cut(take, rows, back)
-        out.append((piece, part if number == 0 or part.largest_mm >= STILL_MM else None))
+        moves = number == 0 or largest[number] >= STILL_MM
+        out.append((piece, _cut(take, piece, largest[number]) if moves else None))
     return out
 
 
-def _cut(take: Take, rows: slice, back: np.ndarray) -> Take:
-    """The vertices `rows` of a take, turned by `back` `[3, 3]` into their object's space."""
+def _cut(take: Take, piece: Piece, largest: float) -> Take:
+    """The vertices of a piece, turned into its object's own space; they move by `largest` mm."""
+    rows = slice(piece.first, piece.first + piece.count)
+    back = np.linalg.inv(piece.matrix[:3, :3]).astype(np.float32)
     moved = take.frames if take.frames is not None else _motion(take).vectors
-    share = _largest(take, rows) / max(_largest(take, slice(None)), 1e-20)
-    own = np.ascontiguousarray(moved[:, rows] @ back.T)
-    largest = take.largest_mm * share
+    own = np.ascontiguousarray(moved[:, rows])
+    if not np.array_equal(back, np.eye(3)):
+        own = own @ back.T
     if take.frames is not None:
         return replace(take, frames=own, largest_mm=largest)
     if take.key_motion is not None:
@@ -121,19 +124,6 @@ def _keys_cut(motion: KeyMotion, own: np.ndarray, rows: slice, back: np.ndarray)
     if more is not None:
         more = replace(more, vectors=np.ascontiguousarray(more.vectors[:, rows] @ back.T))
     return replace(motion, vectors=own, visemes=more)
-
-
-def _largest(take: Take, rows: slice) -> float:
-    """The largest displacement of the vertices `rows` in any frame, object units."""
-    if take.frames is not None:
-        moved = take.frames[:, rows]
-        return float(np.sqrt((moved**2).sum(axis=2).max(initial=0.0)))
-    vectors = _motion(take).vectors[:, rows]
-    largest = 0.0
-    for row in _motion(take).weights:
-        moved = np.tensordot(row, vectors, axes=1)
-        largest = max(largest, float((moved**2).sum(axis=1).max(initial=0.0)))
-    return largest**0.5
 
 
 def suggest(ob, objects, centre, radius: float) -> list[Part]:

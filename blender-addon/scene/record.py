@@ -10,6 +10,10 @@ from dataclasses import asdict, dataclass, field, fields
 PROPERTY = "anyface"
 # Takes that wait beside the current one, as a list of records.
 KEPT = "anyface_takes"
+# What of the artist's waits while something of ours stands in for it: pointers.
+SHARED_MESH, SHARED_ACTION = "anyface_shared_mesh", "anyface_shared_action"
+REPLACED_ACTION = "anyface_replaced"
+ORIGINALS = (SHARED_MESH, SHARED_ACTION, REPLACED_ACTION)
 
 
 @dataclass
@@ -19,11 +23,12 @@ class Record:
     `mode` is the name of its output. `keys` are the names of our shape keys in order; `made_keys`
     says that the mesh had none before. The `made_*` and `shared_*` fields say what else must be
     undone: an action, a slot or animation data of ours, copies made because mesh or action were
-    shared (`*_print` is their digest at that time). On an object beside a face, `belongs_to` is the
+    shared (their digests at that time). On an object beside a face, `belongs_to` is the
     id of the face's take. `values` are keys of the artist's that are animated, as they were set
     before; `replaced_print` is the digest of the action that stands in for his. `name` is the
     take's in the panel; `adjusted` is what `adjust` has made of it. Its frames lie at `first_frame`
-    and every `frame_step` after it; `still` is `why_missing` of its basis.
+    and every `frame_step` after it; `still` is `why_missing` of its basis. `asked` are the panel's
+    settings and its report; `shown` are shapes by the artist's keys that show them.
     """
 
     mode: str
@@ -33,9 +38,7 @@ class Record:
     made_animation_data: bool = False
     made_action: bool = False
     made_slot: bool = False
-    shared_action: str = ""
     shared_action_print: str = ""
-    shared_mesh: str = ""
     shared_mesh_print: str = ""
     belongs_to: str = ""
     values: dict[str, float] = field(default_factory=dict)
@@ -46,6 +49,10 @@ class Record:
     first_frame: float = 0.0
     frame_step: float = 1.0
     still: dict[str, str] = field(default_factory=dict)
+    asked: dict = field(default_factory=dict)
+    shown: dict[str, str] = field(default_factory=dict)
+    # Curves that were made beforehand, until they are written; no field of a record.
+    prepared = None
 
 
 def read(shape_keys) -> Record | None:

@@ -17,14 +17,16 @@ def remove(ob) -> bool:
         return False
     if ob.library is not None or ob.data.library is not None:
         raise AnyfaceError("mesh", f"{ob.name} is linked: remove the take in its own file")
-    taken = record.read(ob.data.shape_keys)
     with guard.object_mode(ob), guard.selection_kept(ob):
+        guard.own(ob)
+        taken = record.read(ob.data.shape_keys)
         record.clear(ob.data.shape_keys)
         changes.clear(ob.data.shape_keys, taken)
         _inherit(ob.data.shape_keys, taken)
         _remove_curves(ob.data.shape_keys, taken)
+        shared = _original(ob.data.shape_keys, record.SHARED_MESH, taken.shared_mesh_print)
         _remove_keys(ob, taken)
-        _share_mesh_again(ob, taken)
+        _share_mesh_again(ob, shared, taken)
     ob.data.update()
     return True
 
@@ -34,7 +36,7 @@ def _inherit(shape_keys, taken: record.Record) -> None:
     kept = record.read_kept(shape_keys)
     if not kept:
         return
-    for name in ("made_keys", "made_animation_data", "shared_mesh", "shared_mesh_print"):
+    for name in ("made_keys", "made_animation_data", "shared_mesh_print"):
         setattr(kept[0], name, getattr(kept[0], name) or getattr(taken, name))
         setattr(taken, name, type(getattr(taken, name))())
     record.write_kept(shape_keys, kept)
@@ -46,18 +48,29 @@ def _remove_curves(shape_keys, taken: record.Record) -> None:
         return
     curves.remove(animation, outputs.of_record(taken).paths(taken))
     existing.restore(shape_keys, taken)
-    release_action(animation, taken)
+    original = _original(shape_keys, record.SHARED_ACTION, taken.shared_action_print)
+    release_action(animation, taken, original)
     untouched = animation.action is None and not animation.drivers and not animation.nla_tracks
     if taken.made_animation_data and untouched:
         shape_keys.animation_data_clear()
 
 
-def release_action(animation, taken) -> None:
-    """Takes the action or slot away that was made for what `taken` records, if it is empty."""
+def _original(shape_keys, name: str, wanted: str):
+    """What a copy of ours has stood in for, where `wanted` says so; it is kept no longer."""
+    found = shape_keys.get(name) if wanted else None
+    if found is not None:
+        del shape_keys[name]
+    return found
+
+
+def release_action(animation, taken, original=None) -> None:
+    """Takes the action or slot away that was made for what `taken` records, if it is empty.
+
+    An `original` for which it stood in is played again, unless somebody has changed the copy.
+    """
     action = animation.action
     if action is None:
         return
-    original = bpy.data.actions.get(taken.shared_action) if taken.shared_action else None
     if original is not None and digest.action_digest(action) == taken.shared_action_print:
         animation.action = original
         if taken.made_slot:
@@ -77,7 +90,7 @@ def release_action(animation, taken) -> None:
 def _remove_keys(ob, taken: record.Record) -> None:
     shape_keys = ob.data.shape_keys
     outputs.of_record(taken).leave(shape_keys)
-    ours = set(taken.keys)
+    ours = set(taken.keys) - record.all_keys(shape_keys)
     basis = shape_keys.reference_key
     others = [b for b in shape_keys.key_blocks if b.name not in ours and b != basis]
     if taken.made_keys and not others:
@@ -87,8 +100,7 @@ def _remove_keys(ob, taken: record.Record) -> None:
         ob.shape_key_remove(block)
 
 
-def _share_mesh_again(ob, taken: record.Record) -> None:
-    original = bpy.data.meshes.get(taken.shared_mesh) if taken.shared_mesh else None
+def _share_mesh_again(ob, original, taken: record.Record) -> None:
     if original is None or digest.mesh_digest(ob.data) != taken.shared_mesh_print:
         return
     copy = ob.data

@@ -2,11 +2,9 @@
 
 from dataclasses import dataclass
 
-import bpy
-
 from ..core.errors import AnyfaceError, Cancelled
 from ..core.job import Progress
-from . import bake
+from . import bake, identity
 
 
 @dataclass
@@ -14,6 +12,7 @@ class Part:
     """One character of the scene; `error` says why it was left out."""
 
     object_name: str
+    number: int
     snapshot: bake.Snapshot | None = None
     error: AnyfaceError | None = None
 
@@ -34,16 +33,13 @@ def read(scene, rows) -> SceneSnapshot:
 
     What cannot be read is noted in its part and keeps no other from being animated.
     """
-    parts, seen = [], set()
+    parts = []
     for ob, settings, engine in rows:
-        part = Part(ob.name)
+        part = Part(ob.name, identity.number(ob))
         try:
-            if ob.name in seen:
-                raise AnyfaceError("input", f"{ob.name} is in the list twice")
             part.snapshot = bake.read(ob, scene, settings, engine)
         except AnyfaceError as error:
             part.error = error
-        seen.add(ob.name)
         parts.append(part)
     return SceneSnapshot(parts)
 
@@ -72,7 +68,7 @@ def _work(part: Part, progress: Progress):
 
 
 def _write(part: Part, take) -> tuple[str, bool, str]:
-    ob = bpy.data.objects.get(part.object_name)
+    ob = identity.with_number(part.number, part.object_name)
     try:
         if isinstance(take, AnyfaceError):
             raise take

@@ -6,10 +6,8 @@ of the shape keys points to that action, so that it is saved and may be renamed.
 
 from dataclasses import dataclass
 
-import bpy
-
 from ..core.errors import AnyfaceError
-from . import curves, existing, guard, life, nla, outputs, record, together
+from . import curves, existing, guard, identity, life, nla, outputs, record, stored, together
 
 _ACTION = "anyface_take_"
 
@@ -77,8 +75,9 @@ def switch(ob, take_id: str) -> None:
     keep(ob)
     _play(ob, take_id)
     life.play(ob, take_id)
-    for other, taken in _beside(take_id):
+    for other, taken in _beside(ob, take_id):
         _play(other, taken.id)
+    stored.bring_back(ob)
 
 
 def channels_of(shape_keys, taken: record.Record):
@@ -89,11 +88,11 @@ def channels_of(shape_keys, taken: record.Record):
     return curves.channels(shape_keys.animation_data)
 
 
-def _beside(take_id: str) -> list[tuple]:
-    """The objects that have a part of a take, and its record there."""
-    meshes = [ob for ob in bpy.data.objects if ob.type == "MESH"]
-    found = [(ob, taken) for ob in meshes for taken in record.everyone(ob.data.shape_keys)]
-    return [(ob, taken) for ob, taken in found if taken.belongs_to == take_id]
+def _beside(ob, take_id: str) -> list[tuple]:
+    """The objects that have a part of a take of `ob`, and its record there."""
+    meshes = [part for part in identity.parts_of(ob) if part.type == "MESH"]
+    found = [(part, taken) for part in meshes for taken in record.everyone(part.data.shape_keys)]
+    return [(part, taken) for part, taken in found if taken.belongs_to == take_id]
 
 
 def _play(ob, take_id: str) -> None:
@@ -129,13 +128,13 @@ def push_down(ob, take_id: str) -> None:
     current = record.read(shape_keys)
     if current is not None and current.id == take_id:
         keep(ob)
-    for other, taken in _beside(take_id):
+    for other, taken in _beside(ob, take_id):
         _push(other, taken.id)
     _push(ob, take_id)
 
 
 def _push(ob, take_id: str) -> None:
-    shape_keys = ob.data.shape_keys
+    shape_keys = _editable(ob)
     kept = record.read_kept(shape_keys)
     taken = next((taken for taken in kept if taken.id == take_id), None)
     if taken is None or taken.in_nla:
@@ -218,4 +217,5 @@ def _find(shape_keys, take_id: str) -> None:
 
 def _editable(ob):
     guard.check_editable(ob)
+    guard.own(ob)
     return ob.data.shape_keys

@@ -3,14 +3,15 @@
 import bpy
 
 from ..core.take import Piece, Take
-from . import keys, life, outputs, pieces, record, remove
+from . import identity, keys, life, outputs, pieces, record, remove
 
 
-def write(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: float) -> None:
-    """Puts `take` on `ob` and on the objects beside it that move.
+def landing(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: float, before=None):
+    """Puts `take` on `ob` and on the objects beside it that move, in steps: yields between them.
 
     An earlier one goes, but for a table, which changes no mesh. Nothing is written where one of
-    the objects cannot be: all are checked first.
+    the objects cannot be: all are checked first. Closed at a yield it has changed nothing.
+    `before` is called when nothing can go wrong any more.
     """
     output = outputs.of_take(take)
     if take.files:
@@ -21,17 +22,38 @@ def write(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: flo
         output.write_files(ob, take, start_frame, scene_fps)
         return
     (_, own), *others = output.split(take, parts) if len(parts) > 1 else [(None, take)]
-    for piece, _ in others:
-        output.check_object(pieces.object_of(pieces.Part(piece.name), ob))
-    remove_others(ob)
-    first = keys.write(ob, own, start_frame, scene_fps)
     for piece, part in others:
-        if part is None:
-            continue
-        other = bpy.data.objects[piece.name]
-        taken = keys.write(other, part, start_frame, scene_fps)
+        other = pieces.object_of(pieces.Part(piece.name), ob)
+        output.check_object(other)
+        if part is not None:
+            keys.check(other, part)
+    keys.check(ob, own)
+    moving = [(ob, own)]
+    moving += [(bpy.data.objects[p.name], part) for p, part in others if part is not None]
+    prepared = []
+    try:
+        for other, part in moving:
+            made = yield from keys.prepare(other, part, start_frame, scene_fps)
+            prepared.append(made)
+        if before is not None:
+            before()
+        _write(moving, start_frame, scene_fps, prepared)
+    finally:
+        for made in prepared:
+            if made is not None:
+                made.drop()
+
+
+def _write(moving: list[tuple], start_frame: float, scene_fps: float, prepared: list) -> None:
+    """Writes the takes of a face and of what moves beside it, with curves that were prepared."""
+    (ob, own), *others = moving
+    remove_others(ob)
+    first = keys.write(ob, own, start_frame, scene_fps, prepared[0])
+    for (other, part), made in zip(others, prepared[1:], strict=True):
+        taken = keys.write(other, part, start_frame, scene_fps, made)
         taken.belongs_to = first.id
         record.write(other.data.shape_keys, taken)
+        identity.join(ob, other)
 
 
 def remove_all(ob) -> bool:
@@ -54,6 +76,6 @@ def others_of(ob) -> list:
     if not record.is_generated(ob):
         return []
     own = record.read(ob.data.shape_keys).id
-    meshes = [other for other in bpy.data.objects if other.type == "MESH" and other != ob]
+    meshes = [other for other in identity.parts_of(ob) if other.type == "MESH"]
     records = [(other, record.read(other.data.shape_keys)) for other in meshes]
     return [other for other, taken in records if taken is not None and taken.belongs_to == own]

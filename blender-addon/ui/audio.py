@@ -5,16 +5,19 @@ from bpy.props import CollectionProperty, IntProperty, PointerProperty
 from bpy.types import Operator, Panel, PropertyGroup
 
 from ..core.errors import AnyfaceError
-from ..scene import sequencer, strips
+from ..scene import bake, sequencer, strips
 from . import words
+from .overridable import kinds, overridable
 from .panel import OfFacePanel
 from .target import OfFace, sequencer_scene, target
 
 
+@overridable
 class AnyfaceStrip(PropertyGroup):
     """A chosen strip; its name says which."""
 
 
+@overridable
 class AnyfaceAudio(PropertyGroup):
     """`Object.anyface_audio`: which strips speak together."""
 
@@ -102,6 +105,18 @@ def _draw_strips(column, ob, scene) -> None:
         column.operator("anyface.use_selected_strips")
 
 
+def why_not(ob, scene) -> str:
+    """Why nothing can be heard, in words; empty where something can."""
+    source = ob.anyface.source
+    if source == "FILE":
+        chosen = bool(ob.anyface.sound_file)
+    elif source == "STRIP":
+        chosen = bool(strip_of(ob, scene))
+    else:
+        chosen = source == "CHANNEL" or len(ob.anyface_audio.chosen) > 0
+    return "" if chosen else bake.NO_SOUND
+
+
 def lines(ob, scene) -> list[tuple[str, str]]:
     """What is to be said of the chosen sound, each text with its icon."""
     if ob.anyface.source == "FILE":
@@ -151,7 +166,7 @@ def register() -> None:
     """Adds the settings to objects."""
     bpy.utils.register_class(AnyfaceStrip)
     bpy.utils.register_class(AnyfaceAudio)
-    bpy.types.Object.anyface_audio = PointerProperty(type=AnyfaceAudio)
+    bpy.types.Object.anyface_audio = PointerProperty(type=AnyfaceAudio, override=kinds())
 
 
 def unregister() -> None:

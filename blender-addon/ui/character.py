@@ -2,6 +2,7 @@
 
 import bpy
 from bpy.props import (
+    BoolProperty,
     CollectionProperty,
     EnumProperty,
     IntProperty,
@@ -12,9 +13,10 @@ from bpy.types import Object, Operator, Panel, PropertyGroup, UIList
 
 from ..core.errors import AnyfaceError
 from ..core.take import ROLES
-from ..scene import landmarks, mouth, pieces
+from ..scene import identity, landmarks, mouth, pieces
 from . import words
 from .operators import Acting
+from .overridable import kinds, overridable
 from .panel import OfFacePanel
 from .target import OfFace, is_there, target
 
@@ -31,6 +33,7 @@ _ROLE_ITEMS = [("AUTO", "By Shape", "Told by shape and place", 0)]
 _ROLE_ITEMS += [(n, n.capitalize(), _ROLE_TEXTS[n], k + 1) for k, n in enumerate(ROLES)]
 
 
+@overridable
 class AnyfacePart(PropertyGroup):
     """An object beside the face."""
 
@@ -38,6 +41,7 @@ class AnyfacePart(PropertyGroup):
     role: EnumProperty(name="Role", items=_ROLE_ITEMS, default="AUTO", options=set())
 
 
+@overridable
 class AnyfaceLoose(PropertyGroup):
     """A connected part of the face mesh itself; `found` is what it was told to be."""
 
@@ -47,11 +51,14 @@ class AnyfaceLoose(PropertyGroup):
     role: EnumProperty(name="Role", items=_ROLE_ITEMS, default="AUTO", options=set())
 
 
+@overridable
 class AnyfaceFace(PropertyGroup):
     """`Object.anyface_face`: what the face consists of."""
 
     parts: CollectionProperty(type=AnyfacePart)
     part_index: IntProperty(options=set())
+    # Parts were looked for, or chosen: from then on the list is the artist's.
+    looked: BoolProperty(options={"HIDDEN"})
     loose: CollectionProperty(type=AnyfaceLoose)
     loose_index: IntProperty(options=set())
 
@@ -110,12 +117,8 @@ class ANYFACE_OT_find_parts(Acting, Operator):
 
     def act(self, ob):
         """Adds what is near the head and belongs to the same collections or parent."""
-        found = suggestions(ob)
-        known = {part.object for part in ob.anyface_face.parts}
-        fresh = [part for part in found if bpy.data.objects[part.name] not in known]
-        for part in fresh:
-            _add(ob, bpy.data.objects[part.name], part.role)
-        return f"parts found: {', '.join(part.name for part in fresh) or 'none'}"
+        fresh = _add_found(ob, suggestions(ob))
+        return f"parts found: {', '.join(fresh) or 'none'}"
 
 
 class ANYFACE_OT_add_parts(OfFace, Operator):
@@ -151,11 +154,29 @@ class ANYFACE_OT_drop_part(OfFace, Operator):
             self.report({"ERROR"}, "Anyface: choose a part in the list first")
             return {"CANCELLED"}
         face.parts.remove(face.part_index)
+        face.looked = True
         face.part_index = max(0, min(face.part_index, len(face.parts) - 1))
         return {"FINISHED"}
 
 
+def take_along(ob) -> list[str]:
+    """Adds teeth, tongue and lashes to a face whose parts nobody has looked at yet; their names."""
+    if ob.anyface_face.looked or len(ob.anyface_face.parts) or ob.library is not None:
+        return []
+    return _add_found(ob, [part for part in suggestions(ob) if _moves(part)])
+
+
+def _add_found(ob, found: list[pieces.Part]) -> list[str]:
+    known = {part.object for part in ob.anyface_face.parts}
+    fresh = [part for part in found if bpy.data.objects[part.name] not in known]
+    for part in fresh:
+        _add(ob, bpy.data.objects[part.name], part.role)
+    ob.anyface_face.looked = True
+    return [part.name for part in fresh]
+
+
 def _add(ob, other, role: str) -> None:
+    ob.anyface_face.looked = True
     part = ob.anyface_face.parts.add()
     part.object, part.name, part.role = other, other.name, role or "AUTO"
 
@@ -167,7 +188,9 @@ def suggestions(ob) -> list:
     for collection in ob.users_collection:
         near |= set(collection.objects)
     centre, radius = landmarks.head(ob)
-    return pieces.suggest(ob, sorted(near, key=lambda other: other.name), centre, radius)
+    found = pieces.suggest(ob, sorted(near, key=lambda other: other.name), centre, radius)
+    owners = [identity.face_of(bpy.data.objects[part.name]) for part in found]
+    return [part for part, owner in zip(found, owners, strict=True) if owner in (None, ob)]
 
 
 def left_behind(ob) -> str:
@@ -244,7 +267,7 @@ def register() -> None:
     """Adds the settings to objects."""
     for cls in (AnyfacePart, AnyfaceLoose, AnyfaceFace):
         bpy.utils.register_class(cls)
-    bpy.types.Object.anyface_face = PointerProperty(type=AnyfaceFace)
+    bpy.types.Object.anyface_face = PointerProperty(type=AnyfaceFace, override=kinds())
 
 
 def unregister() -> None:

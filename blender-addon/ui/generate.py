@@ -3,11 +3,11 @@
 import bpy
 from bpy.types import Operator
 
-from ..scene import bake, outputs
-from . import character, running
+from ..scene import bake, outputs, stored
+from . import audio, character, running
 from .operators import InThread, redraw
 from .settings import from_object
-from .target import sequencer_scene
+from .target import sequencer_scene, target
 
 
 class ANYFACE_OT_generate(InThread, Operator):
@@ -18,18 +18,42 @@ class ANYFACE_OT_generate(InThread, Operator):
 
     busy = "Another face is being animated"
 
+    @classmethod
+    def poll(cls, context):
+        """False, with the reason, without a face or a sound."""
+        if not super().poll(context):
+            return False
+        ob = target(context)
+        # A linked face can be given none: it is told so when the button is pressed.
+        reason = audio.why_not(ob, sequencer_scene(context)) if ob.library is None else ""
+        if reason:
+            cls.poll_message_set(reason)
+        return not reason
+
     def read(self, context, ob):
-        """The settings, the mesh and the sound."""
+        """The settings, the mesh and the sound; teeth and tongue come along."""
         scene = sequencer_scene(context)
+        outputs.of(ob.anyface.mode).check_object(ob)
+        self._along = character.take_along(ob)
         settings = from_object(ob, scene)
         return bake.read(ob, scene, settings, running.engine(settings.system))
 
+    def land(self, ob, snapshot, take):
+        """Writes the take in steps."""
+        text = yield from bake.landing(ob, snapshot, take)
+        return self._tell(ob, snapshot, take, text)
+
     def finish(self, ob, snapshot, take):
         """Writes the take."""
-        text = bake.write(ob, snapshot, take)
+        return self._tell(ob, snapshot, take, bake.write(ob, snapshot, take))
+
+    def _tell(self, ob, snapshot, take, text: str):
         left = character.left_behind(ob) if outputs.of_take(take).moves_parts else ""
         text = f"{text} ({left})" if left else text
+        for more in _said_once(self._along, bpy.context.scene):
+            text = f"{text} ({more})"
         ob.anyface.report, ob.anyface.report_is_error = text, False
+        stored.note(ob, snapshot.asked, text)
         self.report({"INFO"}, f"Anyface: {text}")
         return {"FINISHED"}
 
@@ -40,6 +64,17 @@ class ANYFACE_OT_generate(InThread, Operator):
             ob.anyface.report, ob.anyface.report_is_error = str(error), True
         redraw(bpy.context)
         return super().fail(error)
+
+
+def _said_once(along: list[str], scene) -> list[str]:
+    """What was done for the artist with the first take, in words."""
+    found = [f"together with {', '.join(along)}: Character > Parts"] if along else []
+    if not scene.anyface.synced:
+        scene.anyface.synced = True
+        if scene.sync_mode != "AUDIO_SYNC":
+            scene.sync_mode = "AUDIO_SYNC"
+            found.append("Playback is set to Sync to Audio")
+    return found
 
 
 class ANYFACE_OT_cancel(Operator):

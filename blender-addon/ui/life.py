@@ -6,6 +6,7 @@ from bpy.types import Object, Operator, Panel, PropertyGroup
 
 from ..scene import life
 from .operators import Acting
+from .overridable import kinds, overridable
 from .panel import OfFacePanel
 from .performance import controls_of
 from .target import is_there, target
@@ -27,6 +28,7 @@ def _of(kind: str):
     return lambda _self, ob: ob.type == kind
 
 
+@overridable
 class AnyfaceLife(PropertyGroup):
     """`Object.anyface_life_settings`: what head and eyes turn."""
 
@@ -152,7 +154,7 @@ class ANYFACE_OT_life_release(Acting, Operator):
 def register() -> None:
     """Adds the settings to objects."""
     bpy.utils.register_class(AnyfaceLife)
-    bpy.types.Object.anyface_life_settings = PointerProperty(type=AnyfaceLife)
+    bpy.types.Object.anyface_life_settings = PointerProperty(type=AnyfaceLife, override=kinds())
 
 
 def unregister() -> None:

@@ -1,12 +1,18 @@
 """What operators have in common: how they say what went wrong, and how they work in a thread."""
 
+import time
+
 import bpy
 from bpy.props import StringProperty
 
 from ..core.errors import AnyfaceError
 from ..core.job import Job, Progress
+from ..scene import copies, identity
 from . import running
 from .target import OfFace, target
+
+# So long a take is written before the interface is asked again, seconds.
+SLICE_S = 0.02
 
 
 class Acting(OfFace):
@@ -14,6 +20,7 @@ class Acting(OfFace):
 
     def execute(self, context):
         """Does it, or says why not."""
+        copies.settle()
         try:
             text = self.act(target(context))
         except AnyfaceError as error:
@@ -58,10 +65,12 @@ class InThread(Alone):
     """Works in a thread while Blender goes on, or at once without a window.
 
     `read(context, ob)` returns something with `work(progress)`, which is what runs in the thread;
-    `finish(ob, read, worked)` writes what that has returned.
+    `finish(ob, read, worked)` writes what that has returned. Where this takes long, `land` of the
+    same arguments does it in steps: a generator that has changed nothing until its last step.
     """
 
     cancelled = "cancelled"
+    _landing = None
 
     def face(self, context):
         """The character; None for an operator that has no single one."""
@@ -85,7 +94,7 @@ class InThread(Alone):
             self._snapshot = self.read(context, ob)
         except AnyfaceError as error:
             return self.fail(error, ob)
-        self._name = ob.name if ob is not None else ""
+        self._name, self._number = (ob.name, identity.number(ob)) if ob is not None else ("", 0)
         self._job = running.start(Job(self._snapshot.work), self._name or "Scene")
         self._timer = context.window_manager.event_timer_add(0.1, window=context.window)
         context.window_manager.modal_handler_add(self)
@@ -97,20 +106,45 @@ class InThread(Alone):
         if event.type == "ESC" and event.value == "PRESS":
             self._job.cancel()
         if self._job.progress.cancelled:
+            why = running.why_cancelled
             self._end(context)
-            if self.cancelled:
-                self.report({"INFO"}, f"Anyface: {self.cancelled}")
+            if why or self.cancelled:
+                self.report({"INFO"}, f"Anyface: {why or self.cancelled}")
             return {"CANCELLED"}
         if event.type != "TIMER" or not self._job.done:
             return {"PASS_THROUGH"}
-        self._end(context)
-        ob = bpy.data.objects.get(self._name)
+        ob = identity.with_number(self._number, self._name)
         try:
             if self._name and ob is None:
                 raise AnyfaceError("mesh", f"{self._name} is gone")
-            return self.finish(ob, self._snapshot, self._job.result())
+            if self._landing is None:
+                self._landing = self.land(ob, self._snapshot, self._job.result())
+                self._hurry(context)
+            return self._slice(context)
         except AnyfaceError as error:
+            self._end(context)
             return self.fail(error, ob)
+
+    def land(self, ob, read, worked):
+        """Everything at once, in one step."""
+        return self.finish(ob, read, worked)
+        yield
+
+    def _slice(self, context):
+        """Writes for a moment; the interface has the next one."""
+        ends = time.perf_counter() + SLICE_S
+        try:
+            while time.perf_counter() < ends:
+                next(self._landing)
+        except StopIteration as ended:
+            self._end(context)
+            return ended.value
+        return {"PASS_THROUGH"}
+
+    def _hurry(self, context):
+        """From now on Blender asks more often."""
+        context.window_manager.event_timer_remove(self._timer)
+        self._timer = context.window_manager.event_timer_add(SLICE_S, window=context.window)
 
     def cancel(self, context):
         """Blender closes or loads another file."""
@@ -119,6 +153,8 @@ class InThread(Alone):
 
     def _end(self, context):
         context.window_manager.event_timer_remove(self._timer)
+        if self._landing is not None:
+            self._landing.close()
         running.finish()
         redraw(context)
 

@@ -4,21 +4,41 @@ import bpy
 from bpy.props import (
     BoolProperty,
     CollectionProperty,
+    EnumProperty,
     FloatProperty,
+    IntProperty,
     PointerProperty,
     StringProperty,
 )
 from bpy.types import PropertyGroup
 
+from ..core import shapes
+from ..core.key_names import Pair
 from ..scene import adjust, record
 from ..scene.outputs import OutputSettings
+from .overridable import kinds, overridable
+
+_SHAPES = [(name, name, "", at) for at, name in enumerate((*shapes.ARKIT, *shapes.VISEMES))]
 
 
+@overridable
 class AnyfaceMapping(PropertyGroup):
-    """One row of the mapping list: a shape and the key that shows it."""
+    """One row of the mapping list: a shape and a key that shows it."""
 
-    name: StringProperty(name="Shape", description="An ARKit shape or a viseme", options=set())
+    shape: EnumProperty(
+        name="Shape", description="An ARKit shape or a viseme", items=_SHAPES, options=set()
+    )
     key: StringProperty(name="Key", description="The shape key of this mesh", options=set())
+    factor: FloatProperty(
+        name="Share",
+        description="Where the key stands when the shape is at 1; shares of several shapes on one "
+        "key add up",
+        default=1.0,
+        min=0.0,
+        soft_max=1.0,
+        max=4.0,
+        options=set(),
+    )
 
 
 # The sliders have no values of their own: they read and change the take that is there.
@@ -39,6 +59,7 @@ def _slider(name: str, label: str, words: str, unmoved: float = 1.0, **limits):
     )
 
 
+@overridable
 class AnyfaceOutput(PropertyGroup):
     """Settings of the output."""
 
@@ -75,6 +96,7 @@ class AnyfaceOutput(PropertyGroup):
     blinks: _slider("blinks", "Blinks", "Scales the blinks")
     brows: _slider("brows", "Brows", "Scales the brows")
     mapping: CollectionProperty(type=AnyfaceMapping, options=set())
+    mapping_index: IntProperty(options=set())
 
 
 def slider_of(ob, name: str) -> str:
@@ -88,7 +110,7 @@ def slider_of(ob, name: str) -> str:
 def read(ob) -> OutputSettings:
     """The settings of `ob` without Blender."""
     stored = ob.anyface_output
-    mapping = {row.name: row.key for row in stored.mapping if row.name and row.key}
+    mapping = [Pair(row.shape, row.key, row.factor) for row in stored.mapping if row.key]
     return OutputSettings(
         cache_folder=stored.cache_folder,
         csv_file=stored.csv_file,
@@ -102,7 +124,7 @@ def register() -> None:
     """Adds the settings to objects."""
     bpy.utils.register_class(AnyfaceMapping)
     bpy.utils.register_class(AnyfaceOutput)
-    bpy.types.Object.anyface_output = PointerProperty(type=AnyfaceOutput)
+    bpy.types.Object.anyface_output = PointerProperty(type=AnyfaceOutput, override=kinds())
 
 
 def unregister() -> None:

@@ -1,17 +1,12 @@
-"""The output panel: what can be made here, how large it gets, and the list of keys."""
+"""The output panel: what can be made here, and how large it gets."""
 
-from pathlib import Path
-
-import bpy
 from bpy.props import StringProperty
 from bpy.types import Operator, Panel
 
-from ..core import shapes
-from ..scene import adjust, estimate, existing, outputs, record
+from ..scene import adjust, estimate, outputs, record
 from . import audio, output_properties, running, words
-from .operators import WithFile
 from .panel import OfFacePanel
-from .target import OfFace, sequencer_scene, target
+from .target import sequencer_scene, target
 
 
 class ANYFACE_PT_output(OfFacePanel, Panel):
@@ -60,7 +55,7 @@ def _draw_modes(layout, ob, asked) -> str:
 def _draw_sliders(layout, ob) -> None:
     """What can be changed of the take that is there; what cannot is grey, with the reason."""
     column = layout.column(align=True)
-    column.label(text="Without a new run")
+    column.label(text="Change This Take")
     stored, in_keys = ob.anyface_output, record.is_generated(ob)
     if in_keys:
         column.prop(stored, "strength", slider=True)
@@ -101,85 +96,4 @@ class ANYFACE_OT_why_not(Operator):
         return {"FINISHED"}
 
 
-class _OnMapping(OfFace):
-    @classmethod
-    def poll(cls, context):
-        ob = target(context)
-        return ob is not None and ob.library is None
-
-
-class ANYFACE_OT_mapping_find(_OnMapping, Operator):
-    """Fill the list with the keys that are named after ARKit shapes or visemes"""
-
-    bl_idname = "anyface.mapping_find"
-    bl_label = "Find Keys"
-
-    def execute(self, context):
-        """Replaces the list."""
-        ob = target(context)
-        found = existing.find(ob, {})
-        if not found:
-            self.report({"WARNING"}, "Anyface: no key is named after an ARKit shape or a viseme")
-            return {"CANCELLED"}
-        _fill(ob, found)
-        return {"FINISHED"}
-
-
-class ANYFACE_OT_mapping_clear(_OnMapping, Operator):
-    """Empty the list; keys are found by name again"""
-
-    bl_idname = "anyface.mapping_clear"
-    bl_label = "Clear"
-
-    def execute(self, context):
-        """Empties the list."""
-        target(context).anyface_output.mapping.clear()
-        return {"FINISHED"}
-
-
-class ANYFACE_OT_mapping_save(_OnMapping, WithFile, Operator):
-    """Save the list as a JSON file"""
-
-    bl_idname = "anyface.mapping_save"
-    bl_label = "Save Key List"
-    bl_options = {"REGISTER"}
-
-    def invoke(self, context, event):
-        """Asks for the file."""
-        self.filepath = self.filepath or f"{target(context).name}_keys.json"
-        return super().invoke(context, event)
-
-    def act(self, ob):
-        """Writes the list, or what is found by name where it is empty."""
-        mapping = output_properties.read(ob).mapping or existing.find(ob, {})
-        path = bpy.path.ensure_ext(bpy.path.abspath(self.filepath), ".json")
-        shapes.write(mapping, Path(path))
-
-
-class ANYFACE_OT_mapping_load(_OnMapping, WithFile, Operator):
-    """Load the list from a JSON file"""
-
-    bl_idname = "anyface.mapping_load"
-    bl_label = "Load Key List"
-
-    def act(self, ob):
-        """Replaces the list by that of the file."""
-        _fill(ob, shapes.read(Path(bpy.path.abspath(self.filepath))))
-
-
-def _fill(ob, mapping: dict[str, str]) -> None:
-    rows = ob.anyface_output.mapping
-    rows.clear()
-    for name, key in mapping.items():
-        row = rows.add()
-        row.name, row.key = name, key
-
-
-CLASSES = (
-    ANYFACE_OT_why_not,
-    ANYFACE_OT_mapping_find,
-    ANYFACE_OT_mapping_clear,
-    ANYFACE_OT_mapping_save,
-    ANYFACE_OT_mapping_load,
-    ANYFACE_PT_output,
-)
+CLASSES = (ANYFACE_OT_why_not, ANYFACE_PT_output)

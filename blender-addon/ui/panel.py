@@ -51,7 +51,7 @@ def _draw_buttons(layout, ob) -> None:
     if running.is_running():
         stage, fraction = running.current.progress.at
         row = layout.row()
-        row.progress(factor=fraction, text=f"{running.current_name}: {stage or 'starting'}")
+        row.progress(factor=fraction, text=f"{running.current_name}: {words.of_stage(stage)}")
         row.operator("anyface.cancel", text="", icon="X")
         return
     row = layout.row()

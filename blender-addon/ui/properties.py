@@ -13,8 +13,9 @@ from bpy.types import PropertyGroup
 
 from ..core import systems
 from ..core.emotion import EMOTIONS, MAX_INTENSITY
-from ..scene import outputs
+from ..scene import identity, outputs
 from . import audio, character, life, output_properties
+from .overridable import kinds, overridable
 
 _EMOTION_ITEMS = [(name, name.capitalize(), "", number) for number, name in enumerate(EMOTIONS)]
 _SOURCES = [
@@ -24,7 +25,7 @@ _SOURCES = [
     ("CHOSEN", "Several", "The strips that you chose, as one take", 3),
 ]
 _EMOTION_SOURCES = [
-    ("GIVEN", "Panel", "The emotion and intensity below", 0),
+    ("GIVEN", "Chosen", "The emotion and intensity below", 0),
     (
         "VOICE",
         "Auto (arousal)",
@@ -125,6 +126,9 @@ _OWN = dict(AnyfaceCharacter.__annotations__)
 class AnyfaceScene(PropertyGroup):
     """`Scene.anyface`: which character the panel shows."""
 
+    # Playback was set to follow the sound: from then on it is the artist's.
+    synced: BoolProperty(options={"HIDDEN"})
+
     character: PointerProperty(
         name="Face",
         description="The face mesh; empty takes the active object",
@@ -161,10 +165,11 @@ def _of_control(control: systems.Control):
 
 def register_character() -> None:
     """Adds the settings of a character to objects."""
+    identity.register()
     output_properties.register()
     AnyfaceCharacter.__annotations__ = _OWN | _of_library()
-    bpy.utils.register_class(AnyfaceCharacter)
-    bpy.types.Object.anyface = PointerProperty(type=AnyfaceCharacter)
+    bpy.utils.register_class(overridable(AnyfaceCharacter))
+    bpy.types.Object.anyface = PointerProperty(type=AnyfaceCharacter, override=kinds())
     audio.register()
     character.register()
     life.register()
@@ -187,3 +192,4 @@ def unregister() -> None:
     bpy.utils.unregister_class(AnyfaceScene)
     bpy.utils.unregister_class(AnyfaceCharacter)
     output_properties.unregister()
+    identity.unregister()

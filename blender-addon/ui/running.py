@@ -13,6 +13,8 @@ from . import preferences
 current: Job | None = None
 # The object that the current job animates.
 current_name = ""
+# Why the current job ends early, where the artist has not said so.
+why_cancelled = ""
 # By the name of their system.
 _engines: dict[str, LazyEngine] = {}
 # Jobs whose threads may still be at work, kept by these alone: one that was cancelled is forgotten
@@ -43,8 +45,8 @@ def is_running() -> bool:
 
 def finish() -> None:
     """Forgets the current job."""
-    global current, current_name
-    current, current_name = None, ""
+    global current, current_name, why_cancelled
+    current, current_name, why_cancelled = None, "", ""
 
 
 def stop() -> None:
@@ -65,12 +67,25 @@ def _on_load(*_) -> None:
     finish()
 
 
+@persistent
+def _on_undo(*_) -> None:
+    """Mesh and settings are others than those that were read."""
+    global why_cancelled
+    if current is not None:
+        why_cancelled = "cancelled: something was undone meanwhile"
+        current.cancel()
+
+
 def register() -> None:
-    """Watches for files being opened."""
+    """Watches for files being opened, and for undo."""
     bpy.app.handlers.load_pre.append(_on_load)
+    bpy.app.handlers.undo_post.append(_on_undo)
+    bpy.app.handlers.redo_post.append(_on_undo)
 
 
 def unregister() -> None:
     """Stops the job and the watching."""
     stop()
     bpy.app.handlers.load_pre.remove(_on_load)
+    bpy.app.handlers.undo_post.remove(_on_undo)
+    bpy.app.handlers.redo_post.remove(_on_undo)

@@ -1,5 +1,7 @@
 """The list of a scene's characters and their strips, and the button that animates them all."""
 
+import re
+
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
 from bpy.types import Operator, Panel, PropertyGroup
@@ -87,15 +89,30 @@ class ANYFACE_OT_scene_fill(Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context):
-        """Adds rows; characters whose panel names the strip are filled in."""
+        """Adds rows with the character whose panel names the strip, or who is named in it."""
         rows = context.scene.anyface_list
         there = {row.strip for row in rows}
-        speakers = {ob.anyface.strip: ob for ob in context.scene.objects if ob.type == "MESH"}
         for strip in sequencer.sound_strips(sequencer_scene(context)):
             if strip.name not in there:
                 row = rows.add()
-                row.strip, row.character = strip.name, speakers.get(strip.name)
+                row.strip, row.character = strip.name, _speaker(strip.name, context.scene)
         return {"FINISHED"}
+
+
+def _speaker(strip: str, scene):
+    """The mesh that speaks a strip; its name may stand anywhere in that of the strip."""
+    meshes = [ob for ob in scene.objects if ob.type == "MESH"]
+    for ob in meshes:
+        if ob.anyface.strip == strip:
+            return ob
+    said, named = f" {_words(strip)} ", [ob for ob in meshes if _words(ob.name)]
+    named = [ob for ob in named if f" {_words(ob.name)} " in said]
+    return max(named, key=lambda ob: len(ob.name), default=None)
+
+
+def _words(name: str) -> str:
+    """ "Anna_01.wav" is "anna 01 wav"."""
+    return " ".join(re.findall(r"[^\W\d_]+|\d+", name.lower()))
 
 
 class ANYFACE_OT_scene_row_remove(Operator):
@@ -135,13 +152,18 @@ class ANYFACE_OT_generate_scene(InThread, Operator):
 
     def read(self, context, _ob):
         """The settings, the meshes and the sounds."""
-        rows = []
+        said, rows = {}, []
         for row in context.scene.anyface_list:
             if row.use and row.character is not None:
-                settings = from_object(row.character)
-                if row.strip:
-                    settings.strip, settings.sound_file = row.strip, ""
-                rows.append((row.character, settings, running.engine(settings.system)))
+                said.setdefault(row.character, []).extend([row.strip] if row.strip else [])
+        for ob, strips in said.items():
+            settings = from_object(ob)
+            if strips:
+                # A single strip is heard even if it is muted.
+                alone = len(strips) == 1
+                settings.strip, settings.strips = (strips[0], []) if alone else ("", strips)
+                settings.sound_file, settings.channel = "", 0
+            rows.append((ob, settings, running.engine(settings.system)))
         return scene_list.read(sequencer_scene(context), rows)
 
     def finish(self, _ob, snapshot, takes):

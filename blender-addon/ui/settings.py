@@ -3,12 +3,18 @@
 from dataclasses import fields
 
 from ..core import systems
+from ..scene import copies, existing, outputs
 from ..scene.bake import Settings
 from . import audio, character, life, output_properties
+
+# As many keys as these with known names are a face that was made to speak.
+_MANY_KEYS = 10
 
 
 def from_object(ob, scene=None) -> Settings:
     """The settings stored on `ob`; the only strip of `scene` speaks where none was chosen."""
+    copies.settle()
+    _start_with_keys(ob)
     stored = ob.anyface
     values = {
         item.name: getattr(stored, item.name)
@@ -24,3 +30,11 @@ def from_object(ob, scene=None) -> Settings:
     character.fill(settings, ob)
     settings.life = life.read(ob)
     return settings
+
+
+def _start_with_keys(ob) -> None:
+    """A face that has many keys with known names speaks with these, until the artist chooses."""
+    if ob.library is not None or ob.type != "MESH" or ob.anyface.is_property_set("mode"):
+        return
+    if len(existing.names_of(existing.find(ob, []))) >= _MANY_KEYS:
+        ob.anyface.mode = outputs.Keys.name

@@ -1,12 +1,45 @@
 """Which object and which sequencer the panel is about."""
 
+from ..core import key_names
+from ..scene import outputs
+from ..scene.mesh import LANDMARKS_PROPERTY
+
+# Words in the names of heads, the best one first.
+_HEADS = ("head", "face", "body")
+# So many keys with known names are those of a face.
+_KNOWN_KEYS = 3
+
 
 def target(context):
-    """The character that the panel shows: the picked one, else the active object; None where that
-    is no mesh."""
+    """The character that the panel shows: the picked one, else the active object, or the head of
+    an active armature; None where that is no mesh."""
     picked = context.scene.anyface.character
     shown = picked if is_there(picked) else context.object
+    if shown is not None and shown.type == "ARMATURE":
+        shown = _head_of(shown, context.scene)
     return shown if shown is not None and shown.type == "MESH" else None
+
+
+def _head_of(armature, scene):
+    """The mesh on an armature that is most likely its face, or None."""
+    meshes = [ob for ob in scene.objects if ob.type == "MESH" and _hangs_on(ob, armature)]
+    return max(meshes, key=_likeness, default=None)
+
+
+def _hangs_on(ob, armature) -> bool:
+    if ob.parent == armature:
+        return True
+    return any(m.type == "ARMATURE" and m.object == armature for m in ob.modifiers)
+
+
+def _likeness(ob) -> tuple:
+    """How much speaks for a mesh: a take, landmarks, keys that speak, its name, its size."""
+    blocks = ob.data.shape_keys.key_blocks if ob.data.shape_keys is not None else ()
+    known = len(key_names.guess([block.name for block in blocks])[1]) if blocks else 0
+    name = ob.name.lower()
+    word = next((-at for at, word in enumerate(_HEADS) if word in name), -len(_HEADS))
+    taken = outputs.has_take(ob), LANDMARKS_PROPERTY in ob, known >= _KNOWN_KEYS
+    return *taken, word, len(ob.data.vertices)
 
 
 class OfFace:

@@ -9,6 +9,26 @@ import bpy
 _LETTER_PX, _ICON_PX, _EDGE_PX = 6.3, 20, 44
 # A panel narrower than this many letters is being folded away.
 _LEAST_LETTERS = 20
+# What the library's stages do, for an artist.
+_STAGES = {
+    "sound": "reading the sound",
+    "speech": "listening to the voice",
+    "motion": "performing",
+    "landmarks": "finding the face",
+    "operators": "getting to know the mesh",
+    "weights": "getting to know the mesh",
+    "deform": "moving the mesh",
+    "compress": "making few keys of it",
+    "sliders": "trying its sliders",
+    "rig": "making shapes",
+    "solve": "fitting the keys",
+    "write": "writing",
+}
+
+
+def of_stage(name: str) -> str:
+    """What is being done; "starting" before the first stage."""
+    return _STAGES.get(name, name) or "starting"
 
 
 def draw(layout, text: str, width: int, icon: str = "NONE") -> None:

@@ -64,6 +64,7 @@ def empty_file(installed):
     running = importlib.import_module(f"{PACKAGE}.ui.running")
     yield
     running._engines.clear()
+    importlib.import_module(f"{PACKAGE}.core.finding")._failed.clear()
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 import importlib
 import wave
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -12,6 +13,7 @@ SETTINGS = {
     "anyface",
     "anyface_audio",
     "anyface_face",
+    "anyface_identity",
     "anyface_life_settings",
     "anyface_list",
     "anyface_output",
@@ -281,3 +283,81 @@ def shape(ob, frame):
     points = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
     mesh.vertices.foreach_get("co", points)
     return points.reshape(-1, 3)
+
+
+def select(*objects):
+    """Selects these alone, the first one active."""
+    for ob in bpy.context.view_layer.objects:
+        ob.select_set(ob in objects)
+    bpy.context.view_layer.objects.active = objects[0]
+
+
+def duplicate(*objects, linked=False):
+    """Shift-D, or Alt-D: the copies in the same order."""
+    names = [ob.name for ob in objects]
+    there = set(bpy.data.objects)
+    select(*objects)
+    assert bpy.ops.object.duplicate(linked=linked) == {"FINISHED"}
+    fresh = [ob for ob in bpy.data.objects if ob not in there]
+    return [next(ob for ob in fresh if ob.name.startswith(name.split(".")[0])) for name in names]
+
+
+def belongings(ob):
+    """All that `ob` shows and keeps, whatever it is called: keys, curves, takes, files, as text."""
+    rows = [f"delta {tuple(ob.delta_rotation_euler)} {tuple(ob.delta_location)}"]
+    rows += [f"part {part.object}" for part in ob.anyface_face.parts]
+    rows += _owned_curves(ob.animation_data)
+    for modifier in ob.modifiers:
+        rows.append(f"modifier {modifier.type} {modifier.name}")
+        if modifier.type == "MESH_CACHE":
+            rows.append(_file(modifier.filepath))
+    outputs = importlib.import_module("bl_ext.user_default.anyface.scene.outputs")
+    # A copy brings the note of a table along, and the table is the other's.
+    table = outputs.of("csv").find(ob)
+    if table is not None:
+        rows.append(_file(table))
+    if ob.type == "MESH":
+        rows += _owned_keys(ob.data)
+    return rows
+
+
+def _owned_keys(mesh):
+    points = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
+    mesh.vertices.foreach_get("co", points)
+    rows = [f"mesh {hash(points.tobytes())}"]
+    if mesh.shape_keys is None:
+        return rows
+    action = getattr(mesh.shape_keys.animation_data, "action", None)
+    animated = {curve.data_path for curve in curves(action)}
+    for block in mesh.shape_keys.key_blocks:
+        points = np.empty(len(block.points) * 3, dtype=np.float32)
+        block.points.foreach_get("co", points)
+        value = "" if block.path_from_id("value") in animated else f"{block.value:.5f}"
+        rows.append(f"key {block.name} {value} {block.mute} {hash(points.tobytes())}")
+    for name in sorted(mesh.shape_keys.keys()):
+        kept = mesh.shape_keys[name]
+        if isinstance(kept, bpy.types.Action):
+            rows += [f"waits {row}" for row in _curve_rows(kept)]
+    return rows + _owned_curves(mesh.shape_keys.animation_data)
+
+
+def _owned_curves(animation):
+    if animation is None:
+        return []
+    rows = _curve_rows(animation.action)
+    for track in animation.nla_tracks:
+        for strip in track.strips:
+            rows += [f"strip {strip.name}", *_curve_rows(strip.action)]
+    return rows
+
+
+def _curve_rows(action):
+    return [
+        f"curve {c.data_path} {[tuple(round(x, 5) for x in p.co) for p in c.keyframe_points]}"
+        for c in curves(action)
+    ]
+
+
+def _file(path):
+    path = Path(bpy.path.abspath(str(path)))
+    return f"{path.name} {hash(path.read_bytes()) if path.is_file() else 'gone'}"

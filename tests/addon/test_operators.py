@@ -91,3 +91,21 @@ def test_a_face_that_is_gone_meanwhile_is_named(operator, context):
     operator._job.result()
     assert operator.modal(context, TIMER) == {"CANCELLED"} and not operator.wrote
     assert operator.told == [("ERROR", "Anyface: Head is gone")]
+
+
+def test_a_face_that_is_renamed_while_the_thread_works_is_found(addon, operator, context):
+    operator.invoke(context, TIMER)
+    context.object.name = "Kopf"
+    operator.works.let_go = True
+    operator._job.result()
+    assert operator.modal(context, TIMER) == {"FINISHED"} and operator.wrote == [("Kopf", 7)]
+
+
+def test_an_undo_meanwhile_cancels_with_a_word(addon, operator, context):
+    operator.invoke(context, TIMER)
+    bpy.ops.ed.undo_push(message="before")
+    context.object.location.x = 1.0
+    bpy.ops.ed.undo_push(message="moved")
+    bpy.ops.ed.undo()
+    assert operator.modal(context, TIMER) == {"CANCELLED"} and not operator.wrote
+    assert operator.told == [("INFO", "Anyface: cancelled: something was undone meanwhile")]

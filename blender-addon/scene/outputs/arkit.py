@@ -4,13 +4,13 @@ from ...core import shapes
 from ...core.errors import AnyfaceError
 from ...core.estimate import KEYFRAME, RIG_S, SOLVE_S, VERTEX, Cost
 from ...core.plan import MakeKeys
-from .. import curves, guard, mesh
+from .. import guard, mesh, record
 from . import keys
 from .output import Output, write_weights
 
 
 class Arkit(Output):
-    """Keys under the names of the shapes; visemes stay at 0."""
+    """Keys under the names of the shapes; visemes stay at 0. All takes play on the same keys."""
 
     name = "arkit"
     label = "Make ARKit Keys"
@@ -24,7 +24,8 @@ class Arkit(Output):
         if own:
             raise AnyfaceError(
                 "mesh",
-                f"{ob.name} has a key {own[0]} of its own: choose Existing Keys, which animates it",
+                f"{ob.name} has a key {own[0]} of its own: choose Existing Keys, which animates "
+                "it, or where it is driven Basis Keys, which add to it",
             )
 
     def cost(self, asked):
@@ -46,6 +47,14 @@ class Arkit(Output):
         made = [*zip(motion.keys, motion.vectors, strict=True)]
         if motion.visemes is not None:
             made += zip(motion.visemes.names, motion.visemes.vectors, strict=True)
-        taken.keys += [mesh.add_key(ob, name, rest + vector).name for name, vector in made]
+        taken.keys += [_key(ob, name, rest + vector).name for name, vector in made]
         animated = taken.keys[: len(motion.keys)]
-        write_weights(curves.key_channels(ob, taken), animated, at, motion.weights)
+        write_weights(ob, taken, animated, at, motion.weights)
+
+
+def _key(ob, name: str, positions):
+    """The key of a shape: that of another take of ours, as it is, or a new one."""
+    shape_keys = ob.data.shape_keys
+    if name in record.all_keys(shape_keys) and name in shape_keys.key_blocks:
+        return shape_keys.key_blocks[name]
+    return mesh.add_key(ob, name, positions)

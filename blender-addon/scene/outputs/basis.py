@@ -2,7 +2,7 @@
 
 from ...core.estimate import KEYFRAME, VERTEX, Cost, between
 from ...core.plan import PackSliders
-from .. import changes, curves, mesh
+from .. import changes, mesh
 from .output import PREFIX, Output, write_weights
 
 # Keys of a performance within 0.1 mm: for 5 s and for 50 s; longer ones need few more.
@@ -44,11 +44,11 @@ class Basis(Output):
         taken.first_frame = float(at[1])
         taken.frame_step = float(at[-2] - at[1]) / max(take.frame_count - 1, 1)
         taken.still = basis.why_missing
-        bag = curves.key_channels(ob, taken)
         changes.write(ob.data.shape_keys, taken, basis.packed)
+        lowest = basis.weights.min(axis=0, initial=0.0)
         for number, vector in enumerate(basis.vectors):
             block = mesh.add_key(ob, f"{PREFIX}.{number + 1:03d}", rest + vector)
             taken.keys.append(block.name)
-            if basis.weights[:, number].min(initial=0.0) < 0.0:
+            if lowest[number] < 0.0:
                 block.slider_min = -1.0
-        write_weights(bag, taken.keys, at, basis.weights)
+        write_weights(ob, taken, taken.keys, at, basis.weights)

@@ -4,7 +4,6 @@ The modifier's own name is the record: one that the artist renamed is his and st
 """
 
 import math
-import uuid
 from pathlib import Path
 
 import bpy
@@ -13,8 +12,7 @@ from ...core.errors import AnyfaceError
 from ...core.estimate import VERTEX, Cost
 from ...core.plan import WriteCaches
 from ...core.take import WrittenFile
-from .. import cache_files, guard
-from ..cache_files import FOLDER, SUFFIX
+from .. import cache_files, guard, identity
 from .output import EASE_S, Output, check_place
 
 MODIFIER = "Anyface Cache"
@@ -58,13 +56,16 @@ class Cache(Output):
         super().check(ob, asked)
         check_place(asked.cache_folder)
 
+    def draw(self, layout, ob):
+        super().draw(layout, ob)
+        layout.operator("anyface.remove_unused_caches", icon="TRASH")
+
     def cost(self, asked):
         return Cost(asked.frames * asked.vertices * VERTEX, beside=True)
 
     def plan(self, ob, asked, fps, objects):
-        take = uuid.uuid4().hex[:8]
-        place = Path(bpy.path.abspath(asked.cache_folder or f"//{FOLDER}"))
-        paths = {n: str(place / f"{bpy.path.clean_name(n)}_{take}{SUFFIX}") for n in objects}
+        place = Path(bpy.path.abspath(asked.cache_folder or f"//{cache_files.FOLDER}"))
+        paths = {name: str(place / file) for name, file in cache_files.names(objects).items()}
         return WriteCaches(paths, math.ceil(EASE_S * fps))
 
     def holds(self, take):
@@ -81,23 +82,25 @@ class Cache(Output):
 
     def write_files(self, ob, take, start_frame, scene_fps):
         for file in take.files:
-            _play(bpy.data.objects[file.object_name], file, start_frame, scene_fps / take.fps)
+            other = bpy.data.objects[file.object_name]
+            _play(other, file, start_frame, scene_fps / take.fps)
+            if other != ob:
+                identity.join(ob, other)
 
     def find(self, ob):
         modifier = ob.modifiers.get(MODIFIER) if ob is not None and ob.type == "MESH" else None
         return modifier if modifier is not None and modifier.type == "MESH_CACHE" else None
 
     def remove(self, ob):
-        """Takes modifiers and, when nobody needs them, files and our folder away.
-
-        Those of the objects beside the face go with its own.
-        """
+        """Takes the modifier away, and those of the objects beside the face; the files stay."""
         own = self.find(ob)
-        found = [self.find(other) for other in bpy.data.objects] if own is not None else []
-        for modifier in [m for m in found if m is not None and _take_of(m) == _take_of(own)]:
-            path = Path(bpy.path.abspath(modifier.filepath))
+        if own is None:
+            return
+        take = cache_files.take_of(own.filepath)
+        found = [self.find(other) for other in identity.parts_of(ob)]
+        beside = [m for m in found if m is not None and cache_files.take_of(m.filepath) == take]
+        for modifier in (own, *beside):
             modifier.id_data.modifiers.remove(modifier)
-            cache_files.drop(path)
 
 
 def _play(ob, file: WrittenFile, first_frame: float, frames_per_frame: float) -> None:
@@ -106,7 +109,6 @@ def _play(ob, file: WrittenFile, first_frame: float, frames_per_frame: float) ->
     The first frame after the ease lies at scene frame `first_frame`; a frame of the cache lasts
     `frames_per_frame` scene frames.
     """
-    cache_files.note_written(file.path)
     modifier = ob.modifiers.new(MODIFIER, "MESH_CACHE")
     modifier.cache_format = "PC2"
     modifier.filepath = _relative(file.path)
@@ -120,10 +122,6 @@ def _play(ob, file: WrittenFile, first_frame: float, frames_per_frame: float) ->
     # What moves before the cache (keys, armatures of a library) is kept and added to.
     moved_before = ob.data.shape_keys is not None or ob.modifiers[0] != modifier
     modifier.deform_mode = "INTEGRATE" if moved_before else "OVERWRITE"
-
-
-def _take_of(modifier) -> str:
-    return Path(modifier.filepath).stem.rpartition("_")[2]
 
 
 def _relative(path: str) -> str:

@@ -9,7 +9,7 @@ import bpy
 from ...core.errors import AnyfaceError
 from ...core.estimate import RIG_S, SOLVE_S, Cost
 from ...core.plan import WriteTable
-from .. import guard
+from .. import guard, identity
 from .output import Output, check_place
 
 PROPERTY = "anyface_csv"
@@ -57,11 +57,14 @@ class Csv(Output):
         # A linked object cannot remember it.
         if ob.library is None:
             path = _path_of(ob, take.files[0].path)
-            ob[PROPERTY] = json.dumps({"path": str(path), "digest": _digest(path)})
+            noted = {"path": str(path), "digest": _digest(path), "owner": identity.of(ob)}
+            ob[PROPERTY] = json.dumps(noted)
 
     def find(self, ob):
         try:
-            return Path(json.loads(ob[PROPERTY])["path"])
+            noted = json.loads(ob[PROPERTY])
+            # A copy of the object brings the note along, and the table is still the other's.
+            return Path(noted["path"]) if noted["owner"] == identity.known(ob) else None
         except (KeyError, ValueError, TypeError):
             return None
 

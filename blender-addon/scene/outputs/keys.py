@@ -3,13 +3,13 @@
 from dataclasses import replace
 
 import bpy
+import numpy as np
 
-from ...core import shapes
 from ...core.errors import AnyfaceError
 from ...core.estimate import KEYFRAME, SOLVE_S, Cost
 from ...core.plan import SolveKeys
 from ...core.take import Piece, Take
-from .. import curves, existing
+from .. import existing
 from .output import Output, write_weights
 
 
@@ -23,35 +23,47 @@ class Keys(Output):
 
     def check(self, ob, asked):
         super().check(ob, asked)
-        if not existing.find(ob, asked.mapping):
+        if existing.find(ob, asked.mapping):
+            return
+        left = existing.left_alone(ob, asked.mapping)
+        if left:
             raise AnyfaceError(
                 "mesh",
-                f"{ob.name} has no free shape key named after an ARKit shape or a viseme: write "
-                "the keys into the list, or choose Make ARKit Keys",
+                f"{ob.name}: {_some(left)} are driven, muted or locked: choose Basis Keys, which "
+                "add to them, or free them",
             )
+        raise AnyfaceError(
+            "mesh",
+            f"{ob.name} has no free shape key whose name is known: press Find Keys or + and pick "
+            "the keys by hand, or choose Make ARKit Keys",
+        )
 
     def draw(self, layout, ob):
         row, stored = layout.row(align=True), ob.anyface_output
         row.operator("anyface.mapping_find", text="Find Keys")
+        row.operator_menu_enum("anyface.mapping_preset", "preset", text="Names")
         row.operator("anyface.mapping_load", text="", icon="FILE_FOLDER")
         row.operator("anyface.mapping_save", text="", icon="FILE_TICK")
         row.operator("anyface.mapping_clear", text="", icon="X")
         if not len(stored.mapping):
-            layout.label(text=f"{len(existing.find(ob, {}))} keys found by name")
-            return
-        column = layout.column(align=True)
-        for item in stored.mapping:
-            row = column.row(align=True)
-            row.label(text=item.name)
-            if ob.data.shape_keys is not None:
-                row.prop_search(item, "key", ob.data.shape_keys, "key_blocks", text="")
+            found = existing.names_of(existing.find(ob, []))
+            layout.label(text=f"{len(found)} keys found by name")
+        row = layout.row()
+        rows = stored, "mapping", stored, "mapping_index"
+        row.template_list("ANYFACE_UL_mapping", "", *rows, rows=4)
+        buttons = row.column(align=True)
+        buttons.operator("anyface.mapping_add", text="", icon="ADD")
+        buttons.operator("anyface.mapping_remove", text="", icon="REMOVE")
 
     def cost(self, asked):
         return Cost(asked.keys * asked.frames * KEYFRAME, SOLVE_S)
 
     def plan(self, ob, asked, fps, objects):
-        keys = existing.find(ob, asked.mapping)
-        return SolveKeys(keys, existing.vectors(ob, keys.values()))
+        pairs = existing.find(ob, asked.mapping)
+        keys = existing.names_of(pairs)
+        shown, factors = existing.factors(pairs)
+        vectors = existing.vectors(ob, keys)
+        return SolveKeys(shown, keys, factors, vectors, existing.shown_by(pairs))
 
     def holds(self, take):
         return take.key_motion is not None and take.key_motion.vectors is None
@@ -61,8 +73,7 @@ class Keys(Output):
 
     def notes(self, ob, asked):
         left = existing.left_alone(ob, asked.mapping)
-        more = f" and {len(left) - 3} more" if len(left) > 3 else ""
-        return [f"driven, muted or locked, left alone: {', '.join(left[:3])}{more}"] if left else []
+        return [f"driven, muted or locked, left alone: {_some(left)}"] if left else []
 
     def split(self, take, parts):
         others = [(piece, _of_object(take, piece)) for piece in parts[1:]]
@@ -74,8 +85,9 @@ class Keys(Output):
         if missing:
             raise AnyfaceError("mesh", f"{ob.name} has lost the key {missing[0]} meanwhile")
         taken.values = dict.fromkeys(motion.keys, 0.0)
+        taken.shown = motion.shown
         existing.note_values(ob.data.shape_keys, taken)
-        write_weights(curves.key_channels(ob, taken), motion.keys, at, motion.weights)
+        write_weights(ob, taken, motion.keys, at, motion.weights)
 
 
 def describe(take: Take, what: str) -> str:
@@ -87,10 +99,18 @@ def describe(take: Take, what: str) -> str:
 def _of_object(take: Take, piece: Piece) -> Take | None:
     """The take on the keys that an object beside the face has of the same shapes, or None."""
     other, motion = bpy.data.objects.get(piece.name), take.key_motion
-    theirs = existing.find(other, {}) if other is not None else {}
-    shared = [(key, theirs[n]) for n, key in shapes.match(motion.keys).items() if n in theirs]
+    theirs = existing.find(other, []) if other is not None else []
+    shared = [pair for pair in theirs if pair.shape in motion.shapes]
     if not shared:
         return None
-    columns = [motion.keys.index(key) for key, _ in shared]
-    names = [name for _, name in shared]
-    return replace(take, key_motion=replace(motion, keys=names, weights=motion.weights[:, columns]))
+    shown, factors = existing.factors(shared)
+    own = motion.shape_weights[:, [motion.shapes.index(shape) for shape in shown]]
+    weights = np.clip(own @ factors, 0.0, 1.0)
+    keys, shows = existing.names_of(shared), existing.shown_by(shared)
+    return replace(take, key_motion=replace(motion, keys=keys, weights=weights, shown=shows))
+
+
+def _some(names: list[str]) -> str:
+    """Three names, and how many more there are."""
+    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    return f"{', '.join(names[:3])}{more}"

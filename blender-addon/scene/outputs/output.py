@@ -7,6 +7,7 @@ import numpy as np
 
 from ...core.errors import AnyfaceError
 from ...core.estimate import Asked, Cost
+from ...core.key_names import Pair
 from ...core.plan import Plan
 from ...core.take import Piece, Take
 from .. import curves, guard, pieces, record
@@ -16,19 +17,29 @@ PREFIX = "Anyface"
 EASE_S = 0.15
 
 
+def times(frames: np.ndarray, scene_fps: float) -> np.ndarray:
+    """Scene frames of rest, of each frame of a take `[T]`, and of rest again, `[T + 2]`.
+
+    It rests at whole frames, where keys can be seen and taken hold of.
+    """
+    ease = EASE_S * scene_fps
+    first, last = np.floor(frames[0] - ease), np.ceil(frames[-1] + ease)
+    return np.concatenate([[first], frames, [last]])
+
+
 @dataclass
 class OutputSettings:
     """What an output may be told; the fields of `ui.output_properties.AnyfaceOutput`.
 
     An empty folder or file takes the place beside the .blend. `new_take` keeps the earlier take.
-    `mapping` is the artist's list of shape name and key; empty, keys are found by name.
+    `mapping` is the artist's list of shapes and keys; empty, keys are found by name.
     """
 
     cache_folder: str = ""
     csv_file: str = ""
     visemes: bool = False
     new_take: bool = False
-    mapping: dict[str, str] = field(default_factory=dict)
+    mapping: list[Pair] = field(default_factory=list)
 
 
 class Output:
@@ -103,6 +114,11 @@ class Output:
         """What becomes keys, `[K, V, 3]`; None where the artist's keys are used."""
         return take.key_motion.vectors
 
+    def weights(self, take: Take) -> np.ndarray | None:
+        """What is animated, `[T, K]`; its curves may be prepared. None where there is but one."""
+        motion = take.basis if take.basis is not None else take.key_motion
+        return motion.weights if motion is not None else None
+
     def write(self, ob, take: Take, rest, at, taken: record.Record) -> None:
         """Writes keys and curves on `ob` and notes them in `taken`.
 
@@ -131,10 +147,21 @@ class Output:
         """Takes away what `find` finds, and the files behind it."""
 
 
-def write_weights(bag, names: list[str], at: np.ndarray, weights: np.ndarray) -> None:
-    """Curves of the values of keys: `weights` `[T, K]`, from rest and back to it."""
+def write_weights(ob, taken: record.Record, names: list[str], at, weights: np.ndarray) -> None:
+    """Curves of the values of keys: `weights` `[T, K]`, from rest and back to it.
+
+    Those that were prepared are used, where no action of the artist's has to hold them.
+    """
+    shape_keys = ob.data.shape_keys
+    if taken.prepared is not None and shape_keys.animation_data is None:
+        shape_keys.animation_data_create()
+        taken.made_animation_data = True
+    if taken.prepared is not None and taken.prepared.play(shape_keys, names):
+        taken.made_action = True
+        return
+    bag = curves.key_channels(ob, taken)
     for name, column in zip(names, weights.T, strict=True):
-        curves.write(bag, curves.value_path(name), at, np.concatenate([[0.0], column, [0.0]]))
+        curves.write(bag, curves.value_path(name), at, curves.from_rest(column))
 
 
 def check_place(path: str) -> None:

@@ -1,0 +1,120 @@
+"""What shape keys are called in tools that artists use, and which shape each of them shows.
+
+A list for each tool lies in `key_names/*.json`: a shape of ours, then the names that stand for it,
+the best one first, each alone or with the share that the shape has of the key. "a + b" are keys
+that move together.
+"""
+
+import json
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from . import json_file, shapes
+from .errors import AnyfaceError
+
+_FOLDER = Path(__file__).resolve().parent.parent / "key_names"
+# Fewer keys than these of a list are a coincidence.
+_FEWEST = 3
+# Names shorter than this are meant whole, not as the end of a longer one.
+_SHORT = 4
+ARKIT, OCULUS = "ARKit", "Oculus"
+
+
+@dataclass
+class Pair:
+    """A shape that a key shows: at weight 1 of the shape the key stands at `factor`.
+
+    A key may show several shapes, whose shares add up, and a shape may move several keys.
+    """
+
+    shape: str
+    key: str
+    factor: float = 1.0
+
+
+def presets() -> list[str]:
+    """The names of all lists, ARKit and Oculus first."""
+    return [ARKIT, OCULUS, *_lists()]
+
+
+def pairs(preset: str, keys: list[str]) -> list[Pair]:
+    """The pairs of a list for the `keys` that a mesh has."""
+    if preset in (ARKIT, OCULUS):
+        kind = shapes.ARKIT if preset == ARKIT else shapes.VISEMES
+        return [Pair(n, key) for n, key in shapes.match(keys).items() if n in kind]
+    known = _spellings(keys)
+    found = []
+    for shape, names in _lists()[preset].items():
+        fitting = ([Pair(shape, known[_plain(n)], factor) for n in every if _plain(n) in known]
+                   for every, factor in names)  # fmt: skip
+        found += next((some for some in fitting if some), [])
+    return found
+
+
+def guess(keys: list[str]) -> tuple[str, list[Pair]]:
+    """The list that knows most of the `keys`, and its pairs; ("", []) where none fits."""
+    best = "", []
+    for preset in presets():
+        found = pairs(preset, keys)
+        fewest = 1 if preset in (ARKIT, OCULUS) else _FEWEST
+        count = len({pair.key for pair in found})
+        if count >= fewest and count > len({pair.key for pair in best[1]}):
+            best = preset, found
+    return best
+
+
+def write(found: list[Pair], path) -> None:
+    """Writes a list of keys; raises `AnyfaceError("file")`."""
+    rows = [[pair.shape, pair.key, pair.factor] for pair in found]
+    json_file.write(path, {"version": 2, "keys": rows})
+
+
+def read(path) -> list[Pair]:
+    """Reads what `write` writes and wrote before; raises `AnyfaceError`, "file" or "input"."""
+    document = json_file.read(path)
+    try:
+        rows = document["keys"]
+        rows = [(*row, 1.0) for row in rows.items()] if isinstance(rows, dict) else rows
+        found = [Pair(str(shape), str(key), float(factor)) for shape, key, factor in rows]
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise AnyfaceError("input", f"not a mapping file: {error}") from None
+    every = {*shapes.ARKIT, *shapes.VISEMES}
+    unknown = [pair.shape for pair in found if pair.shape not in every]
+    if unknown:
+        raise AnyfaceError(
+            "input", f"mapping: expected ARKit shapes or visemes, got {', '.join(unknown[:3])}"
+        )
+    return found
+
+
+@lru_cache(maxsize=1)
+def _lists() -> dict[str, dict[str, list[tuple[list[str], float]]]]:
+    found = {}
+    for path in sorted(_FOLDER.glob("*.json")):
+        document = json.loads(path.read_text(encoding="utf-8"))
+        found[document["label"]] = {
+            shape: [_alternative(*([name] if isinstance(name, str) else name)) for name in names]
+            for shape, names in document["keys"].items()
+        }
+    return found
+
+
+def _alternative(name: str, factor: float = 1.0) -> tuple[list[str], float]:
+    """The keys that a name of a list stands for: "a + b" are two that move together."""
+    return name.split(" + "), factor
+
+
+def _spellings(keys: list[str]) -> dict[str, str]:
+    """Keys by what they may be read as: their name, or its end behind a separator."""
+    found = {_plain(key): key for key in reversed(keys)}
+    for key in keys:
+        for text in shapes.suffixes(key)[1:]:
+            if len(text) >= _SHORT:
+                found.setdefault(text, key)
+    return found
+
+
+def _plain(name: str) -> str:
+    """A name without case and separators."""
+    return "".join(letter for letter in name.lower() if letter.isalnum())

@@ -1,0 +1,38 @@
+"""How far the pieces of a face move, measured before a take is written."""
+
+import numpy as np
+
+from .job import Progress
+from .take import Piece, Take
+
+# Vertices that are looked at together.
+_BLOCK = 256
+
+
+def largest(take: Take, pieces: list[Piece], progress: Progress) -> list[float]:
+    """The largest displacement in any frame of each piece, mm: the largest of all is that of the
+    take. Raises `Cancelled`."""
+    found = [_largest(take, slice(p.first, p.first + p.count), progress) for p in pieces]
+    return [take.largest_mm * each / max(*found, 1e-20) for each in found]
+
+
+def _largest(take: Take, rows: slice, progress: Progress) -> float:
+    """The largest displacement of the vertices `rows` in any frame, object units."""
+    if take.frames is not None:
+        squares = ((frame[rows] ** 2).sum(axis=1).max(initial=0.0) for frame in take.frames)
+        return max(squares, default=0.0) ** 0.5
+    motion = take.basis if take.basis is not None else take.key_motion
+    vectors = motion.vectors[:, rows]
+    # No vertex goes farther than all its keys together, each at its largest weight.
+    most = np.abs(motion.weights).max(axis=0, initial=0.0)
+    bounds = most @ np.linalg.norm(vectors, axis=2)
+    order, best = np.argsort(-bounds), 0.0
+    for first in range(0, len(order), _BLOCK):
+        some = order[first : first + _BLOCK]
+        if bounds[some[0]] <= best:
+            break
+        progress.check("write", first / len(order))
+        flat = np.ascontiguousarray(vectors[:, some]).reshape(len(vectors), -1)
+        moved = (motion.weights @ flat).reshape(len(motion.weights), -1, 3)
+        best = max(best, float(np.einsum("tvc,tvc->tv", moved, moved).max(initial=0.0)) ** 0.5)
+    return best

@@ -1,0 +1,115 @@
+"""Notices duplicates: each gets an identity of its own, and what was copied with it stays with it.
+
+Blender keeps the list of parts of a face right where teeth are duplicated along with it; a head
+that is duplicated alone leaves its teeth to the first one.
+"""
+
+import bpy
+from bpy.app.handlers import persistent
+
+from . import identity, life
+
+# What an override of an object may have for itself.
+_GROUPS = (
+    "anyface", "anyface_audio", "anyface_face", "anyface_life_settings", "anyface_output",
+)  # fmt: skip
+
+
+def settle() -> None:
+    """Tells copies from originals since the last time; does nothing where there are none."""
+    bearers = {}
+    for ob in bpy.data.objects:
+        _prepare_override(ob)
+        found = identity.read(ob) if ob.library is None else None
+        if found is not None:
+            bearers.setdefault(found.id, []).append((ob, found))
+    originals, copies = {}, {}
+    for own, members in bearers.items():
+        originals[own] = _original(members)
+        made = [ob for ob, _ in members if ob != originals[own]]
+        if made:
+            copies[own] = sorted(made, key=lambda ob: ob.name)
+    for ob in originals.values():
+        if ob is not None:
+            identity.write(ob, identity.read(ob))
+    if copies:
+        _renew(copies, originals)
+
+
+def _prepare_override(ob) -> None:
+    """Blender compares an override with its linked object value by value only where both have the
+    group of values; reading it makes one."""
+    linked = ob.override_library.reference if ob.override_library is not None else None
+    for name in _GROUPS if linked is not None else ():
+        getattr(linked, name)
+
+
+def _original(members: list[tuple]):
+    """The object that an identity was written for; None where only copies of it are left."""
+    for ob, found in members:
+        if identity.is_current(ob, found):
+            return ob
+    unsure = [pair for pair in members if not identity.is_copy(*pair)]
+    named = [ob for ob, found in unsure if found.name == ob.name]
+    named += sorted((ob for ob, _ in unsure), key=lambda ob: ob.name)
+    return named[0] if named else None
+
+
+def _renew(copies: dict[str, list], originals: dict) -> None:
+    """Gives copies, by the id that they bear, identities of their own."""
+    before = {ob: identity.read(ob) for made in copies.values() for ob in made}
+    for ob in before:
+        identity.write(ob, identity.Identity())
+    for ob, found in before.items():
+        face = _face_of(ob, originals.get(found.id), copies.get(found.face, []))
+        if face is not None:
+            identity.join(face, ob)
+    for ob in before:
+        life.follow(ob, copies)
+        _drop_foreign_parts(ob)
+
+
+def _face_of(part, original, faces: list):
+    """The one of copied `faces` to which the copy of a part belongs, or None."""
+    for face in faces:
+        if any(row.object == part for row in face.anyface_face.parts):
+            return face
+    # Scripts copy objects without what points to them.
+    for face in faces:
+        for row in face.anyface_face.parts if original is not None else ():
+            if row.object == original:
+                row.object, row.name = part, part.name
+                return face
+    return faces[0] if len(faces) == 1 else None
+
+
+def _drop_foreign_parts(face) -> None:
+    rows = face.anyface_face.parts
+    # An override keeps the rows of its library; such parts are left out when it speaks.
+    for at in reversed(range(len(rows) if face.override_library is None else 0)):
+        owner = identity.face_of(rows[at].object) if rows[at].object is not None else None
+        if owner not in (None, face):
+            rows.remove(at)
+
+
+@persistent
+def _on_load(*_) -> None:
+    identity.begin_session()
+    settle()
+
+
+@persistent
+def _on_save(*_) -> None:
+    settle()
+
+
+def register() -> None:
+    """Watches files being opened and saved."""
+    bpy.app.handlers.load_post.append(_on_load)
+    bpy.app.handlers.save_pre.append(_on_save)
+
+
+def unregister() -> None:
+    """Stops watching."""
+    bpy.app.handlers.load_post.remove(_on_load)
+    bpy.app.handlers.save_pre.remove(_on_save)

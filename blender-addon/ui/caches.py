@@ -1,0 +1,44 @@
+"""Remove Unused Caches."""
+
+from bpy.types import Operator
+
+from ..core.errors import AnyfaceError
+from ..scene import cache_files
+
+
+class ANYFACE_OT_remove_unused_caches(Operator):
+    """Delete cache files that neither this file nor a .blend near it plays"""
+
+    bl_idname = "anyface.remove_unused_caches"
+    bl_label = "Remove Unused Caches"
+    bl_options = {"REGISTER"}
+
+    def invoke(self, context, event):
+        """Says how many there are, and asks."""
+        found = cache_files.unused()
+        if not found.files:
+            return self.execute(context)
+        self._words = f"Delete {len(found.files)} files ({found.megabytes:,.0f} MB)?"
+        return context.window_manager.invoke_props_dialog(self, title=self.bl_label)
+
+    def draw(self, context):
+        """Shows what will go."""
+        self.layout.label(text=self._words, icon="TRASH")
+        self.layout.label(text="No .blend near them plays them. Undo cannot bring them back.")
+
+    def execute(self, context):
+        """Deletes them."""
+        found = cache_files.unused()
+        try:
+            cache_files.delete(found.files)
+        except AnyfaceError as error:
+            self.report({"ERROR"}, f"Anyface: {error}")
+            return {"CANCELLED"}
+        if found.unread:
+            text = f"{found.unread[0].name} cannot be read here: caches beside it stay"
+            self.report({"WARNING"}, f"Anyface: {text}")
+        self.report({"INFO"}, f"Anyface: {len(found.files)} unused caches deleted")
+        return {"FINISHED"}
+
+
+CLASSES = (ANYFACE_OT_remove_unused_caches,)

@@ -1,0 +1,190 @@
+"""Long takes: what takes long is done in the thread, the rest in slices that can be cancelled."""
+
+import time
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+
+from figures import everything, grid, own_keys, shape, stand_in, tone
+
+START = 5
+MINUTES = 3.0
+
+
+@pytest.fixture
+def stage(addon):
+    """A stage in the engine's place."""
+    return stand_in(addon)
+
+
+def snapshot_of(addon, stage, tmp_path, seconds=2.0, side=12):
+    """A head with teeth, what was read of them, and their take."""
+    bpy.context.scene.render.fps = 24
+    teeth = grid("Teeth_low", 5, 0.05)
+    ob = grid("Head", side)
+    ob.anyface.source, ob.anyface.start_frame = "FILE", START
+    ob.anyface.sound_file = tone(tmp_path / "tone.wav", seconds)
+    part = ob.anyface_face.parts.add()
+    part.object, part.name, part.role = teeth, teeth.name, "jaw"
+    settings = addon("ui.settings").from_object(ob)
+    snapshot = addon("scene.bake").read(ob, bpy.context.scene, settings, stage)
+    return ob, snapshot, snapshot.work(addon("core.job").Progress())
+
+
+def long_take(addon, vertices, keys=56):
+    """A basis of smooth weights over some minutes."""
+    take, random = addon("core.take"), np.random.default_rng(1)
+    frames = int(MINUTES * 60 * 24)
+    weights = random.uniform(-1, 1, (frames, keys)).astype(np.float32)
+    vectors = random.normal(size=(keys, vertices, 3)).astype(np.float32) * 1e-3
+    return take.Take(24.0, 9.0, basis=take.Basis(vectors, weights, 0.1))
+
+
+def test_the_largest_motion_of_each_piece_is_exact(addon):
+    measure, take_module = addon("core.measure"), addon("core.take")
+    random = np.random.default_rng(3)
+    vectors = random.normal(size=(7, 900, 3)).astype(np.float32)
+    vectors *= random.uniform(0.01, 1.0, (1, 900, 1)).astype(np.float32) ** 4
+    weights = random.uniform(-1, 1, (50, 7)).astype(np.float32)
+    moved = np.linalg.norm(np.tensordot(weights, vectors, axes=1), axis=2)
+    take = take_module.Take(24.0, 9.0, basis=take_module.Basis(vectors, weights, 0.1))
+    places = (("a", 0, 600), ("b", 600, 300))
+    pieces = [take_module.Piece(*place, np.eye(4)) for place in places]
+    silent = addon("core.job").Progress()
+    found = measure.largest(take, pieces, silent)
+    expected = [moved[:, :600].max(), moved[:, 600:].max()]
+    assert np.abs(np.array(found) - 9.0 * np.array(expected) / max(expected)).max() < 1e-4
+    frames = take_module.Take(24.0, 9.0, frames=np.tensordot(weights, vectors, axes=1))
+    assert measure.largest(frames, pieces, silent) == pytest.approx(found, rel=1e-4)
+
+
+def test_landing_a_long_take_blocks_for_moments_only(addon, stage, tmp_path):
+    ob, snapshot, _ = snapshot_of(addon, stage, tmp_path, side=80)
+    take = long_take(addon, 80 * 80 + 25)
+    take.largest_of = addon("core.measure").largest(
+        take, snapshot.face.pieces, addon("core.job").Progress()
+    )
+    landing, steps, began = addon("scene.bake").landing(ob, snapshot, take), [], time.perf_counter()
+    for _ in landing:
+        steps.append(time.perf_counter() - began)
+        began = time.perf_counter()
+    steps.append(time.perf_counter() - began)
+    print(f"{len(steps)} steps, longest {1e3 * max(steps):.0f} ms, all {sum(steps):.2f} s")
+    assert len(steps) > 100 and max(steps) < 0.5
+    weights = take.basis.weights
+    action = ob.data.shape_keys.animation_data.action
+    assert len(weights) == 4320 and action.frame_range[1] > START + 4319
+
+
+def test_in_slices_it_is_the_same_take(addon, stage, tmp_path):
+    ob, snapshot, take = snapshot_of(addon, stage, tmp_path)
+    bake = addon("scene.bake")
+    own_keys(ob, "Smile")
+    bpy.context.scene.frame_set(1)
+    before = everything()
+    bake.write(ob, snapshot, take)
+    whole, moved = everything(), shape(ob, START + 20)
+    bpy.context.scene.frame_set(1)
+    bpy.ops.anyface.remove()
+    bpy.context.scene.frame_set(1)
+    assert everything() == before
+    for _ in bake.landing(ob, snapshot, take):
+        pass
+    assert np.array_equal(shape(ob, START + 20), moved)
+    bpy.context.scene.frame_set(1)
+    assert len(everything()) == len(whole)
+    bpy.ops.anyface.remove()
+    bpy.context.scene.frame_set(1)
+    assert everything() == before
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_cancelled_while_it_lands_nothing_has_changed(addon, stage, tmp_path, again):
+    ob, snapshot, take = snapshot_of(addon, stage, tmp_path)
+    bake = addon("scene.bake")
+    if again:
+        bake.write(ob, snapshot, take)
+    bpy.context.scene.frame_set(1)
+    before = everything()
+    landing = bake.landing(ob, snapshot, take)
+    for _ in range(5):
+        next(landing)
+    landing.close()
+    bpy.context.scene.frame_set(1)
+    assert everything() == before
+
+
+def test_esc_while_it_lands_leaves_the_face_as_it_was(addon, operator_on):
+    operator, context, timer, escape = operator_on
+    operator.invoke(context, timer)
+    operator._job.result()
+    assert operator.modal(context, timer) == {"PASS_THROUGH"}
+    assert operator.steps and addon("ui.running").is_running()
+    assert operator.modal(context, escape) == {"CANCELLED"}
+    assert operator.closed and not addon("ui.running").is_running()
+    assert context.window_manager.timers == 0
+
+
+@pytest.fixture
+def operator_on(addon, monkeypatch):
+    """An operator whose result lands in endless slices, under a stand-in for a window."""
+    operators = addon("ui.operators")
+    window = SimpleNamespace(app=SimpleNamespace(background=False), data=bpy.data)
+    monkeypatch.setattr(operators, "bpy", window)
+
+    class Operator(operators.InThread):
+        def __init__(self):
+            self.steps, self.closed = 0, False
+
+        def report(self, kind, text):
+            """Says nothing."""
+
+        def read(self, context, ob):
+            return SimpleNamespace(work=lambda progress: 7)
+
+        def land(self, ob, read, worked):
+            try:
+                while True:
+                    self.steps += 1
+                    time.sleep(0.002)
+                    yield
+            finally:
+                self.closed = True
+
+    manager = SimpleNamespace(windows=[], timers=0, modal_handler_add=lambda _: None)
+
+    def add(_seconds, window):
+        manager.timers += 1
+
+    def remove(_timer):
+        manager.timers -= 1
+
+    manager.event_timer_add, manager.event_timer_remove = add, remove
+    context = SimpleNamespace(
+        window_manager=manager, window=None, scene=bpy.context.scene, object=grid()
+    )
+    timer = SimpleNamespace(type="TIMER", value="NOTHING")
+    return Operator(), context, timer, SimpleNamespace(type="ESC", value="PRESS")
+
+
+def test_what_was_prepared_goes_where_it_cannot_be_used(stage, tmp_path):
+    ob = grid()
+    ob.anyface.source, ob.anyface.sound_file = "FILE", tone(tmp_path / "tone.wav")
+    ob.anyface.mode = "frames"
+    bpy.ops.anyface.generate()
+    bpy.context.scene.frame_set(1)
+    before = everything()
+    ob.anyface.mode, ob.anyface_output.new_take = "basis", True
+    with pytest.raises(RuntimeError, match="cannot wait"):
+        bpy.ops.anyface.generate()
+    bpy.context.scene.frame_set(1)
+    assert everything() == before
+    ob.anyface_output.new_take = False
+    own = bpy.data.actions.new("Own")
+    bpy.ops.anyface.remove()
+    own_keys(ob, "Smile").animation_data_create().action = own
+    count = len(bpy.data.actions)
+    bpy.ops.anyface.generate()
+    assert len(bpy.data.actions) == count, "the curves lie in the artist's action"
