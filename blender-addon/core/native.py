@@ -171,7 +171,7 @@ class Engine(MouthCalls, ShapeCalls, SliderCalls):
         self._call("anyface_face_copy_parts", face, *buffers)
         mouth = MOUTHS[self._library.anyface_face_mouth(face)]
         shut = SHUT_EYES[self._library.anyface_face_shut_eyes(face)]
-        return Found(places, vertices, sure, mouth, shut, roles, owners)
+        return Found(places, vertices, sure, mouth, roles, owners, shut)
 
     def _mesh(self, handles, positions, triangles):
         positions = np.ascontiguousarray(positions, dtype=np.float32)

@@ -44,9 +44,9 @@ class Found:
     vertices: np.ndarray
     confidence: np.ndarray
     mouth: str
-    shut_eyes: str
     part_roles: np.ndarray
     part_of_vertex: np.ndarray
+    shut_eyes: str = ""
 
 
 @dataclass
