@@ -220,6 +220,18 @@ def test_the_emotion_reaches_the_motion(voice):
     assert np.linalg.norm(faces[0][corner] - faces[1][corner]) > 0.003
 
 
+def test_suzanne_is_found():
+    bpy.ops.mesh.primitive_monkey_add(rotation=(0.4, -0.3, 1.0), location=(1, 2, 3), size=0.3)
+    ob = bpy.context.object
+    assert bpy.ops.anyface.find_face() == {"FINISHED"}
+    rows = json.loads(ob["anyface_landmarks"])["landmarks"]
+    truth = np.array(json.loads(SUZANNE.read_text())) * 0.15
+    height = np.linalg.norm(truth[8] - truth[[19, 24]].mean(0))
+    miss = np.linalg.norm(np.array([row["position"] for row in rows]) - truth, axis=1) / height
+    assert miss[48:68].mean() < 0.04, f"mouth {miss[48:68].mean():.3f} of the face's height"
+    assert miss[36:48].mean() < 0.06, f"eyes {miss[36:48].mean():.3f} of the face's height"
+
+
 def test_suzanne_speaks_with_given_landmarks(voice):
     bpy.ops.mesh.primitive_monkey_add()
     ob = ready(bpy.context.object, voice[0])

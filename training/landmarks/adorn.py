@@ -196,7 +196,8 @@ def mouth_on(rng: np.random.Generator, marks: np.ndarray) -> list:
     thick = 0.5 * max(np.ptp(marks[48:60, 1]) * 0.3, 0.0015) * rng.uniform(0.6, 1.2)
     if rng.random() < 0.5:
         return [tube(marks[[48, 60, 61, 62, 63, 64, 54]], thick, False, 6)]
-    return [tube(0.5 * (marks[48:60] + marks[[60, 61, 61, 62, 63, 63, 64, 65, 65, 66, 67, 67]]), thick, True, 6)]
+    inner = marks[[60, 61, 61, 62, 63, 63, 64, 65, 65, 66, 67, 67]]
+    return [tube(0.5 * (marks[48:60] + inner), thick, True, 6)]
 
 
 def melted(rng: np.random.Generator, head: Head, centre: np.ndarray, sigma: float) -> Head:

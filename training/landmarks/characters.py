@@ -147,7 +147,8 @@ def add_muzzle(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:
 
 def add_eyes(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:
     """Sockets, bulges, raised rims or lids about both eyes."""
-    kind = rng.choice(["ball", "socket", "rim", "bulge", "lids", "goggle"], p=[0.1, 0.2, 0.3, 0.15, 0.15, 0.1])
+    kinds = ["bulge", "socket", "rim", "bulge", "lids", "goggle"]
+    kind = rng.choice(kinds, p=[0.1, 0.2, 0.3, 0.15, 0.15, 0.1])
     depth, width, gap = rng.uniform(0.004, 0.02), rng.uniform(0.12, 0.4), rng.uniform(1.05, 1.5)
     for middle, wide, high in adorn.eyes_of(flat):
 
@@ -162,9 +163,7 @@ def add_eyes(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:
             r = radius_of(xy, middle, wide, high)
             return depth * np.sqrt(np.maximum(1 - r**2, 0)) - 0.3 * depth * (r < 1.15) * (r > 1)
 
-        clay.heights += {"ball": [bulge], "socket": [socket], "rim": [rim, socket], "bulge": [bulge]}.get(
-            kind, [rim, bulge]
-        )
+        clay.heights += {"socket": [socket], "rim": [rim, socket], "bulge": [bulge]}.get(kind, [rim, bulge])
     if kind == "goggle":
         mask = flat[36:48].mean(0), 0.6 * np.ptp(flat[36:48, 0]), rng.uniform(0.8, 2) * np.ptp(flat[36:48, 1])
         step = rng.uniform(0.003, 0.012)
@@ -197,8 +196,8 @@ def add_nose(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:
         clay.heights.append(bridge)
     if rng.random() < 0.4:
         for x in (flat[32, 0], flat[34, 0]):
-            hole = [x, 0.5 * (flat[30, 1] + flat[33, 1])]
-            clay.heights.append(lambda xy, hole=hole: -0.5 * out * (radius_of(xy, hole, 0.35 * wide, 0.3 * high) < 1))
+            hole = [x, 0.5 * (flat[30, 1] + flat[33, 1])], 0.35 * wide, 0.3 * high
+            clay.heights.append(lambda xy, hole=hole: -0.5 * out * (radius_of(xy, *hole) < 1))
 
 
 def add_mouth(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:
@@ -247,9 +246,12 @@ def character(rng: np.random.Generator) -> Head:
     return stuck_on(rng, head)
 
 
+STUCK_ON = ((adorn.eyeballs, 0.6), (adorn.rims, 0.25), (adorn.brows, 0.25), (adorn.side_ears, 0.5))
+
+
 def stuck_on(rng: np.random.Generator, head: Head) -> Head:
     """Separate shapes on a clay head: balls for eyes, rims, bars for brows, a ball for a nose."""
-    for add, chance in ((adorn.eyeballs, 0.6), (adorn.rims, 0.25), (adorn.brows, 0.25), (adorn.side_ears, 0.5)):
+    for add, chance in STUCK_ON:
         if rng.random() < chance:
             head = add(rng, head)
     if rng.random() < 0.25:

@@ -37,7 +37,7 @@ def head_number(number: int, faces: samples.Faces, held_out: np.ndarray) -> samp
 def thing_number(number: int, faces: samples.Faces, held_out: np.ndarray):
     """Points and triangles of the faceless thing of a number, and the name of its kind."""
     make = KINDS[number % len(KINDS)]
-    points, triangles = make(np.random.default_rng([4343, number]), faces, held_out)
+    points, triangles = make(np.random.default_rng([4353, number]), faces, held_out)
     return points, triangles, make.__name__
 
 
@@ -71,7 +71,7 @@ def things(anyface: list, folder: Path, faces, held_out: np.ndarray, count: int)
     taken = []
     for number in range(count):
         points, triangles, name = thing_number(number, faces, held_out)
-        turn = pose_pool.any_rotation(np.random.default_rng([4344, number]))
+        turn = pose_pool.any_rotation(np.random.default_rng([4354, number]))
         if find(anyface, folder, points @ turn.T, triangles) is not None:
             taken.append(number)
             print(f"number {number}, {name}, was taken for a face", flush=True)

@@ -57,7 +57,8 @@ def assembly(rng: np.random.Generator) -> Head:
 
 def headless(rng: np.random.Generator) -> Head:
     """A body on two or four legs that ends at the neck."""
-    return joined(body(rng, four_legs=rng.random() < 0.4) + [limb(rng, [0, -0.12, -0.03], [0, -0.05, -0.03], 0.04)])
+    trunk = body(rng, four_legs=rng.random() < 0.4)
+    return joined([*trunk, limb(rng, [0, -0.12, -0.03], [0, -0.05, -0.03], 0.04)])
 
 
 def featureless(rng: np.random.Generator) -> Head:

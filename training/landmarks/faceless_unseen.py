@@ -35,11 +35,13 @@ def chair(rng: np.random.Generator, _faces, _held) -> Mesh:
     """A seat, four legs and a back of one plate or some bars."""
     w, h, thick = rng.uniform(0.15, 0.3), rng.uniform(0.2, 0.5), rng.uniform(0.01, 0.03)
     parts = [box([0, 0, 0], [w, thick, w])]
-    parts += [box([x * w * 0.9, -h / 2, z * w * 0.9], [thick, h / 2, thick]) for x in (-1, 1) for z in (-1, 1)]
+    corners = [(0.9 * w * x, 0.9 * w * z) for x in (-1, 1) for z in (-1, 1)]
+    parts += [box([x, -h / 2, z], [thick, h / 2, thick]) for x, z in corners]
     if rng.random() < 0.5:
         parts.append(box([0, h / 2, -w], [w, h / 2, thick]))
     else:
-        parts += [box([x * w, h / 2, -w], [thick, h / 2, thick]) for x in np.linspace(-1, 1, rng.integers(2, 6))]
+        bars = np.linspace(-w, w, rng.integers(2, 6))
+        parts += [box([x, h / 2, -w], [thick, h / 2, thick]) for x in bars]
         parts.append(box([0, h, -w], [w, thick * 2, thick]))
     return joined(parts)
 
@@ -85,7 +87,7 @@ def tree(rng: np.random.Generator, _faces, _held) -> Mesh:
         more = []
         for foot, way, thick in ends:
             parts.append(cone(foot, foot + way * 1.2, thick, 6))
-            more += [(foot + way, 0.7 * way + rng.normal(0, 0.3, 3) * np.linalg.norm(way), 0.6 * thick)] * 1
+            more += [(foot + way, 0.7 * way + rng.normal(0, 0.3, 3) * np.linalg.norm(way), 0.6 * thick)]
             more += [(foot + way, 0.7 * way + rng.normal(0, 0.4, 3) * np.linalg.norm(way), 0.6 * thick)]
         ends = more
     return joined(parts)
@@ -100,7 +102,8 @@ def torso(rng: np.random.Generator, faces: Faces, _held) -> Mesh:
     parts = [(points, triangles)]
     if rng.random() < 0.6:
         reach = rng.uniform(0.2, 0.6)
-        parts += [cone([s * 0.18, -0.1, 0], [s * (0.25 + 0.3 * reach), -0.1 - reach, 0.05], 0.06) for s in (-1, 1)]
+        hands = [[s * (0.25 + 0.3 * reach), -0.1 - reach, 0.05] for s in (-1, 1)]
+        parts += [cone([np.sign(tip[0]) * 0.18, -0.1, 0], tip, 0.06) for tip in hands]
     return joined(parts)
 
 
@@ -139,7 +142,8 @@ def house(rng: np.random.Generator, _faces, _held) -> Mesh:
     w, h, d = rng.uniform(0.1, 0.2, 3)
     roof = cone([0, h, 0], [0, h + rng.uniform(0.05, 0.2), 0], 1.4 * w, 4)
     parts = [box([0, 0, 0], [w, h, d]), roof, box([0.5 * w, h + 0.08, 0], [0.02, 0.08, 0.02])]
-    parts += [box([x * w, rng.uniform(-0.1, 0.6) * h, d], [0.02, 0.025, 0.004]) for x in (-0.6, -0.1, 0.35, 0.7)]
+    places = [[x * w, rng.uniform(-0.1, 0.6) * h, d] for x in (-0.6, -0.1, 0.35, 0.7)]
+    parts += [box(place, [0.02, 0.025, 0.004]) for place in places]
     return joined([*parts, box([0.6 * w, -0.6 * h, d], [0.025, 0.4 * h, 0.004])])
 
 

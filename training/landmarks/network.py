@@ -129,10 +129,12 @@ def decode(heat: Tensor) -> tuple[Tensor, Tensor]:
 def start_from(origin: Path, model: nn.Module, part: str) -> None:
     """Loads another run's `network.pt`, or the arrays of a shipped `model.safetensors` whose names begin
     with `part`; their normalisation is folded and stays so."""
-    if origin.suffix != ".safetensors":
-        model.load_state_dict(torch.load(origin)["model"])
-        return
-    model.fold()
-    model.train()
-    shipped = {k.removeprefix(part): v.float() for k, v in load_file(origin).items() if k.startswith(part)}
-    model.load_state_dict(shipped)
+    if origin.suffix == ".safetensors":
+        arrays = load_file(origin).items()
+        state = {k.removeprefix(part): v.float() for k, v in arrays if k.startswith(part)}
+    else:
+        state = torch.load(origin)["model"]
+    if not any("running_mean" in name for name in state):
+        model.fold()
+        model.train()
+    model.load_state_dict(state)

@@ -96,7 +96,7 @@ def main() -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=Path, default=Path("runs/pose"))
-    parser.add_argument("--from", type=Path, dest="origin", help="network.pt or shipped weights to start with")
+    parser.add_argument("--from", type=Path, dest="origin", help="network.pt, or shipped weights")
     parser.add_argument("--steps", type=int, default=4500)
     parser.add_argument("--batch", type=int, default=48)
     parser.add_argument("--rate", type=float, default=3e-3)
@@ -118,7 +118,8 @@ def main() -> None:
     pool = open_pool(args.runs)
     while step < args.steps:
         for group in optimiser.param_groups:
-            group["lr"] = args.rate * min(1.0, (step + 1) / 100) * (0.02 + 0.98 * (1 - step / args.steps) ** 1.2)
+            fall = 0.02 + 0.98 * (1 - step / args.steps) ** 1.2
+            group["lr"] = args.rate * min(1.0, (step + 1) / 100) * fall
         # The last 800 pictures (50 heads) are for the log line.
         chosen = rng.choice(len(pool[1]) - 800, args.batch, replace=False)
         x, poses = batch(pool, chosen, rng.random(args.batch) < 0.5)
