@@ -227,9 +227,12 @@ def test_suzanne_is_found():
     rows = json.loads(ob["anyface_landmarks"])["landmarks"]
     truth = np.array(json.loads(SUZANNE.read_text())) * 0.15
     height = np.linalg.norm(truth[8] - truth[[19, 24]].mean(0))
-    miss = np.linalg.norm(np.array([row["position"] for row in rows]) - truth, axis=1) / height
-    assert miss[48:68].mean() < 0.04, f"mouth {miss[48:68].mean():.3f} of the face's height"
-    assert miss[36:48].mean() < 0.06, f"eyes {miss[36:48].mean():.3f} of the face's height"
+    off = (np.array([row["position"] for row in rows]) - truth) / height
+    # Her mouth is a pit: beside its rim the surface lies deeper, so that depth says little there.
+    across, miss = np.linalg.norm(off[:, [0, 2]], axis=1), np.linalg.norm(off, axis=1)
+    assert across[48:68].mean() < 0.04, f"mouth {across[48:68].mean():.3f} seen from the front"
+    assert miss[48:68].mean() < 0.06, f"mouth {miss[48:68].mean():.3f} of the face's height"
+    assert miss[36:48].mean() < 0.05, f"eyes {miss[36:48].mean():.3f} of the face's height"
 
 
 def test_suzanne_speaks_with_given_landmarks(voice):

@@ -56,6 +56,8 @@ def heads(anyface: list, folder: Path, faces, held_out: np.ndarray, count: int) 
         for name, own in ALL_REGIONS.items():
             off[name].append(miss[own].mean())
         good.append(all(miss[own].mean() <= WITHIN for own in REGIONS.values()))
+        if number % 20 == 19:
+            print(f"{number + 1} heads, {sum(good)} found, {len(refused)} refused", flush=True)
         if not good[-1]:
             text = ", ".join(f"{name} {off[name][-1]:.3f}" for name in ALL_REGIONS)
             print(f"number {number} is misplaced: {text} of face height", flush=True)
@@ -75,6 +77,8 @@ def things(anyface: list, folder: Path, faces, held_out: np.ndarray, count: int)
         if find(anyface, folder, points @ turn.T, triangles) is not None:
             taken.append(number)
             print(f"number {number}, {name}, was taken for a face", flush=True)
+        if number % 20 == 19:
+            print(f"{number + 1} things, {len(taken)} taken for faces", flush=True)
     print(f"without a face: {count - len(taken)} of {count} refused")
 
 
