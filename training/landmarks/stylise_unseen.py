@@ -148,12 +148,13 @@ def cone_nose(rng: np.random.Generator, head: Head) -> Head:
 
 
 def cube_eyes(rng: np.random.Generator, head: Head) -> Head:
-    """Blocks for eyes."""
-    out = []
+    """Blocks for eyes; their landmarks come out to the blocks' fronts."""
+    out, marks = [], head.landmarks.copy()
     for eye in EYES:
-        half = 0.5 * np.ptp(head.landmarks[eye][:, 0]) * rng.uniform(0.8, 1.0)
-        out.append(box(head.landmarks[eye].mean(0), [half, 0.8 * half, 0.5 * half]))
-    return glued(head, out)
+        half, middle = 0.5 * np.ptp(marks[eye][:, 0]) * rng.uniform(0.8, 1.0), marks[eye].mean(0)
+        out.append(box(middle, [half, 0.8 * half, 0.5 * half]))
+        marks[eye, 2] = middle[2] + 0.5 * half
+    return glued(Head(head.points, head.triangles, marks), out)
 
 
 def spikes(rng: np.random.Generator, head: Head) -> Head:
@@ -170,11 +171,12 @@ def spikes(rng: np.random.Generator, head: Head) -> Head:
 
 
 def eye_patch(rng: np.random.Generator, head: Head) -> Head:
-    """A flat patch over one eye, its strap over the brow."""
-    eye = head.landmarks[EYES[int(rng.integers(2))]]
-    middle = eye.mean(0) + [0, 0, 0.008]
-    half = 0.62 * np.ptp(eye[:, 0])
-    return glued(head, [box(middle, [half, 0.8 * half, 0.0015])])
+    """A flat patch over one eye, whose landmarks come out to it."""
+    own, marks = EYES[int(rng.integers(2))], head.landmarks.copy()
+    middle = marks[own].mean(0) + [0, 0, 0.008]
+    half = 0.62 * np.ptp(marks[own][:, 0])
+    marks[own, 2] = middle[2] + 0.0015
+    return glued(Head(head.points, head.triangles, marks), [box(middle, [half, 0.8 * half, 0.0015])])
 
 
 def tusks(rng: np.random.Generator, head: Head) -> Head:
