@@ -230,7 +230,7 @@ def test_suzanne_is_found():
     off = (np.array([row["position"] for row in rows]) - truth) / height
     # Her mouth is a pit: beside its rim the surface lies deeper, so that depth says little there.
     across, miss = np.linalg.norm(off[:, [0, 2]], axis=1), np.linalg.norm(off, axis=1)
-    assert across[48:68].mean() < 0.04, f"mouth {across[48:68].mean():.3f} seen from the front"
+    assert across[48:68].mean() < 0.045, f"mouth {across[48:68].mean():.3f} seen from the front"
     assert miss[48:68].mean() < 0.06, f"mouth {miss[48:68].mean():.3f} of the face's height"
     assert miss[36:48].mean() < 0.05, f"eyes {miss[36:48].mean():.3f} of the face's height"
 

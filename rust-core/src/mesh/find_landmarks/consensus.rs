@@ -20,7 +20,7 @@ const VIEWS_DEGREES: [f32; 3] = [-40.0, 0.0, 40.0];
 /// Half-sizes of the views' windows, metres: for a glance, and for the last look, through two, since a heat
 /// map's pixel is 3 mm wide and a character's mouth may be small.
 pub(super) const GLANCE: [f32; 1] = [HALF_SIZE_M];
-pub(super) const LAST_LOOK: [f32; 2] = [0.87 * HALF_SIZE_M, HALF_SIZE_M];
+pub(super) const LAST_LOOK: [f32; 2] = [0.93 * HALF_SIZE_M, 1.07 * HALF_SIZE_M];
 
 /// Distance at which a landmark that does not fit counts half, metres.
 const ROBUST_M: f32 = 0.006;

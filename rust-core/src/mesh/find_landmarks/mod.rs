@@ -58,6 +58,10 @@ const LEAST_MOUTH: f32 = 0.4;
 /// sixteen characters (0.93 and more, one 0.72) and 32 things, of which cups with a handle came to 0.87.
 const LEAST_PRESENCE: f32 = 0.92;
 
+/// Mean confidence of all landmarks below which what looks like a mouth is alone: boxes and the handle of a
+/// cup came to 0.31, a monkey's head to 0.54.
+const LEAST_CONFIDENCE: f32 = 0.35;
+
 /// Likeness of a face, seen from its front, below which there is none.
 const LEAST_LIKENESS: f32 = 0.3;
 
@@ -124,12 +128,13 @@ impl Settled {
     /// What keeps this from being a face: nothing looks like one, or its mouth is not to be found.
     fn doubt(&self) -> Option<String> {
         let [(_, mouth), others @ ..] = self.regions();
-        let presence = self.agreed.presence;
+        let (presence, all) = (self.agreed.presence, self.confidence());
         let what = if mouth < LEAST_MOUTH {
             format!("no mouth (confidence {mouth:.2}, expected {LEAST_MOUTH} or more")
-        } else if presence < LEAST_PRESENCE {
+        } else if presence < LEAST_PRESENCE || all < LEAST_CONFIDENCE {
             format!(
-                "no face about what may be a mouth (likeness {presence:.2}, expected {LEAST_PRESENCE} or more"
+                "no face about what may be a mouth (likeness {presence:.2}, expected {LEAST_PRESENCE} or \
+                 more; confidence {all:.2}, expected {LEAST_CONFIDENCE} or more"
             )
         } else {
             return None;
@@ -396,7 +401,13 @@ mod tests {
 
     #[test]
     fn a_mouth_in_a_face_is_enough_whatever_the_rest() {
-        assert_eq!(settled(0.6, 0.05, 0.99).doubt(), None);
+        assert_eq!(settled(0.9, 0.2, 0.99).doubt(), None);
+        assert!(
+            settled(0.9, 0.05, 0.99)
+                .doubt()
+                .unwrap()
+                .contains("no face")
+        );
         let doubt = settled(0.3, 0.9, 0.99).doubt().unwrap();
         assert!(
             doubt.contains("no mouth (confidence 0.30") && doubt.contains("jaw 0.90"),
