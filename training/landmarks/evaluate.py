@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from training.landmarks import pool, pose_pool, samples
+from training.landmarks import faceless, pool, pose_pool, samples
 from training.landmarks.stylise import limb
 
 
@@ -85,7 +85,7 @@ def report(name: str, errors: list[np.ndarray], missed: int) -> None:
 def nothing(rng: np.random.Generator, faces: samples.Faces, held_out: np.ndarray, number: int):
     """A mesh without a face: warped blobs, a hand-like star of limbs, a head without its front."""
     if number % 3 == 0:
-        head = pose_pool.nothing(rng)
+        head = faceless.blobs(rng)
         return head.points, head.triangles
     if number % 3 == 1:
         palm = samples.ellipsoid([0, 0, 0], [0.045, 0.05, 0.015], 14)

@@ -11,16 +11,13 @@ import torch
 from safetensors.torch import save_file
 
 from training.landmarks import prior
-from training.landmarks.network import Config, LandmarkNetwork
+from training.landmarks.network import Config, LandmarkNetwork, start_from
 from training.landmarks.pose_network import PoseConfig, PoseNetwork
 
 
 def folded(model: torch.nn.Module, path: Path) -> dict[str, torch.Tensor]:
     """The weights of a run, normalisation folded (it may be folded already)."""
-    state = torch.load(path)["model"]
-    if not any("running_mean" in name for name in state):
-        model.fold()
-    model.load_state_dict(state)
+    start_from(path, model, "")
     model.fold()
     return model.state_dict()
 

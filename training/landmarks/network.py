@@ -8,8 +8,10 @@ al. 2018, "Multi-view Consensus CNN for 3D Facial Landmark Placement").
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import torch
+from safetensors.torch import load_file
 from torch import Tensor, nn
 from torch.nn import functional as F
 
@@ -122,3 +124,17 @@ def decode(heat: Tensor) -> tuple[Tensor, Tensor]:
     x = (chance.sum(2) * centres).sum(-1) / confidence
     y = (chance.sum(3) * centres).sum(-1) / confidence
     return torch.stack([x, y], -1), confidence
+
+
+def start_from(origin: Path, model: nn.Module, part: str) -> None:
+    """Loads another run's `network.pt`, or the arrays of a shipped `model.safetensors` whose names begin
+    with `part`; their normalisation is folded and stays so."""
+    if origin.suffix == ".safetensors":
+        arrays = load_file(origin).items()
+        state = {k.removeprefix(part): v.float() for k, v in arrays if k.startswith(part)}
+    else:
+        state = torch.load(origin)["model"]
+    if not any("running_mean" in name for name in state):
+        model.fold()
+        model.train()
+    model.load_state_dict(state)

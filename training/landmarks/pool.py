@@ -13,6 +13,7 @@ import numpy as np
 
 from training.landmarks import heads, render, samples
 from training.landmarks.canonical import mean_landmarks
+from training.landmarks.faceless import faceless
 
 NOMINAL_HALF_SIZE_M = 0.105
 IDENTITIES = 400
@@ -80,14 +81,9 @@ def draw_nothing(rng, faces, chosen) -> tuple[np.ndarray, np.ndarray, int]:
             turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
         points = points @ turn.T
     elif kind < 0.75:
-        shapes = [
-            samples.ellipsoid(rng.normal(0, 0.05, 3), rng.uniform(0.01, 0.12, 3), int(rng.integers(3, 20)))
-            for _ in range(rng.integers(1, 6))
-        ]
-        triangles = np.concatenate(
-            [t + sum(len(p) for p, _ in shapes[:i]) for i, (_, t) in enumerate(shapes)]
-        )
-        points = np.concatenate([p for p, _ in shapes])
+        shape = faceless(rng)
+        turn = render.yaw(rng.uniform(-np.pi, np.pi))
+        points, triangles = shape.points @ turn.T, shape.triangles
     if kind < 0.75:
         centre, half = rng.normal(0, 0.02, 2), NOMINAL_HALF_SIZE_M * np.exp(rng.uniform(-0.3, 1.2))
     else:

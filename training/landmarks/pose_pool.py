@@ -14,9 +14,12 @@ import numpy as np
 
 from training.landmarks import heads, pool, render, samples
 from training.landmarks.canonical import mean_landmarks
+from training.landmarks.faceless import faceless
 
 HEADS_SHARE = 16
 """Pictures of one head."""
+FACELESS = 0.12
+"""Share of things without a face."""
 VISIBLE, UNSURE = np.cos(np.radians(58.0)), np.cos(np.radians(75.0))
 QUANTUM = 80.0
 
@@ -85,25 +88,6 @@ def picture(rng, head, pose) -> tuple[np.ndarray, np.ndarray]:
     return drawn, np.r_[there, place, log_size, face[0], face[2]].astype(np.float32)
 
 
-def nothing(rng: np.random.Generator) -> samples.Head:
-    """Blobs and hand-like stars of limbs: no landmarks."""
-    from training.landmarks.stylise import limb
-
-    extra = [
-        samples.ellipsoid(rng.normal(0, 0.05, 3), rng.uniform(0.02, 0.12, 3), int(rng.integers(4, 16)))
-        for _ in range(rng.integers(1, 6))
-    ]
-    if rng.random() < 0.5:
-        for _ in range(rng.integers(2, 7)):
-            tip = rng.normal(size=3) * 0.1
-            extra.append(limb(rng, rng.normal(0, 0.02, 3), tip, rng.uniform(0.006, 0.03)))
-    points = np.concatenate([p for p, _ in extra])
-    starts = np.cumsum([0] + [len(p) for p, _ in extra])
-    triangles = np.concatenate([t + s for (_, t), s in zip(extra, starts, strict=False)])
-    bumps = samples.Head(points, triangles, np.zeros((68, 3)))
-    return samples.warp(rng, bumps, 2.0)
-
-
 def main() -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -120,8 +104,8 @@ def main() -> None:
     for i in range(args.count):
         rng = np.random.default_rng([args.seed, 7, i])
         if i % HEADS_SHARE == 0:
-            empty, made = rng.random() < 0.06, rng.random() < pool.MAKEHUMAN_SHARE
-            head = nothing(rng) if empty else heads.random_head(rng, faces, chosen, float(made))
+            empty, made = rng.random() < FACELESS, rng.random() < pool.MAKEHUMAN_SHARE
+            head = faceless(rng) if empty else heads.random_head(rng, faces, chosen, float(made))
             pose = (np.eye(3), np.zeros(3), 1.0) if empty else pose_of(head.landmarks)
         drawn, pose_here = picture(rng, head, pose)
         pictures[i] = np.clip(np.round(drawn * QUANTUM), -127, 127)

@@ -1,6 +1,6 @@
-"""Trains the pose network on its pool, which may still be growing.
+"""Trains the pose network on its pool.
 
-    python -m training.landmarks.pose_train --runs runs/pose --minutes 20
+    python -m training.landmarks.pose_train --runs runs/pose --steps 4500
 
 Writes `network.pt` every 250 steps with a log line, and resumes from it.
 """
@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
+from training.landmarks.network import start_from
 from training.landmarks.pose_network import CELLS, PoseConfig, PoseNetwork
 from training.landmarks.pose_pool import QUANTUM
 
@@ -86,7 +87,7 @@ def batch(pool, chosen: np.ndarray, flip: np.ndarray) -> tuple[torch.Tensor, tor
 
 
 def open_pool(folder: Path):
-    """What is drawn so far."""
+    """Its pictures, left on the disk, and poses."""
     poses = np.load(folder / "poses.npy")
     return np.load(folder / "pictures.npy", mmap_mode="r"), poses
 
@@ -95,8 +96,8 @@ def main() -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=Path, default=Path("runs/pose"))
-    parser.add_argument("--from", type=Path, dest="origin", help="network.pt to start with")
-    parser.add_argument("--minutes", type=float, default=20.0)
+    parser.add_argument("--from", type=Path, dest="origin", help="network.pt, or shipped weights")
+    parser.add_argument("--steps", type=int, default=4500)
     parser.add_argument("--batch", type=int, default=48)
     parser.add_argument("--rate", type=float, default=3e-3)
     parser.add_argument("--seed", type=int, default=0)
@@ -106,21 +107,19 @@ def main() -> None:
     rng = np.random.default_rng(args.seed)
     model = PoseNetwork(PoseConfig()).to(memory_format=torch.channels_last)
     optimiser = torch.optim.AdamW(model.parameters(), args.rate, weight_decay=1e-3)
-    spent, step = 0.0, 0
+    step, running, start = 0, [], time.monotonic()
     if args.origin:
-        model.load_state_dict(torch.load(args.origin)["model"])
+        start_from(args.origin, model, "pose.")
     if (args.runs / "network.pt").exists():
         state = torch.load(args.runs / "network.pt")
         model.load_state_dict(state["model"])
         optimiser.load_state_dict(state["optimiser"])
-        spent, step = state["spent"], state["step"]
-    start, running = time.monotonic() - spent, []
-    while spent < 60 * args.minutes:
-        if step % 250 == 0:
-            pool = open_pool(args.runs)
-        done = spent / (60 * args.minutes)
+        step = state["step"]
+    pool = open_pool(args.runs)
+    while step < args.steps:
         for group in optimiser.param_groups:
-            group["lr"] = args.rate * min(1.0, (step + 1) / 100) * (0.02 + 0.98 * (1 - done) ** 1.2)
+            fall = 0.02 + 0.98 * (1 - step / args.steps) ** 1.2
+            group["lr"] = args.rate * min(1.0, (step + 1) / 100) * fall
         # The last 800 pictures (50 heads) are for the log line.
         chosen = rng.choice(len(pool[1]) - 800, args.batch, replace=False)
         x, poses = batch(pool, chosen, rng.random(args.batch) < 0.5)
@@ -131,20 +130,24 @@ def main() -> None:
         torch.nn.utils.clip_grad_norm_(model.parameters(), 3.0)
         optimiser.step()
         running.append(loss.item())
-        step, spent = step + 1, time.monotonic() - start
-        if step % 250 == 0 or spent >= 60 * args.minutes:
-            model.eval()
-            with torch.no_grad():
-                x, poses = batch(pool, np.arange(len(pool[1]) - 800, len(pool[1])), np.zeros(800, bool))
-                text = measured(torch.cat([model(part) for part in x.split(100)]), poses)
-            model.train()
-            print(
-                f"step {step} {spent:.0f} s pool {len(pool[1])} loss {np.mean(running):.3f} {text}",
-                flush=True,
-            )
+        step += 1
+        if step % 250 == 0 or step == args.steps:
+            spent = time.monotonic() - start
+            text = f"step {step} {spent:.0f} s loss {np.mean(running):.3f} {checked(model, pool)}"
+            print(text, flush=True)
             running = []
-            state = {"model": model.state_dict(), "optimiser": optimiser.state_dict()}
-            torch.save(state | {"spent": spent, "step": step}, args.runs / "network.pt")
+            state = {"model": model.state_dict(), "optimiser": optimiser.state_dict(), "step": step}
+            torch.save(state, args.runs / "network.pt")
+
+
+def checked(model: PoseNetwork, pool) -> str:
+    """Errors on the pictures that are kept for the log."""
+    model.eval()
+    with torch.no_grad():
+        x, poses = batch(pool, np.arange(len(pool[1]) - 800, len(pool[1])), np.zeros(800, bool))
+        text = measured(torch.cat([model(part) for part in x.split(100)]), poses)
+    model.train()
+    return text
 
 
 if __name__ == "__main__":

@@ -10,9 +10,10 @@ import numpy as np
 
 from training.landmarks import pool, samples
 from training.landmarks.canonical import mean_landmarks
+from training.landmarks.characters import character
 from training.landmarks.stylise import stylise
 
-MODES = 32
+MODES = 48
 
 
 def stability() -> np.ndarray:
@@ -47,15 +48,18 @@ def only_landmarks(faces: samples.Faces) -> samples.Faces:
 
 
 def shapes(data: Path, count: int, seed: int) -> np.ndarray:
-    """`[count, 204]` landmarks less the mean: two thirds human and warped, one third stylised."""
+    """`[count, 204]` landmarks less the mean: people, warped; three in ten stylised, three in ten of clay."""
     faces, chosen = only_landmarks(samples.Faces(data)), pool.identities(held_out=False)
     out = np.empty((count, 204))
     for i in range(count):
         rng = np.random.default_rng([seed, 3, i])
         made = rng.random() < pool.MAKEHUMAN_SHARE
         head = faces.makehuman_head(rng) if made else faces.ict_head(rng, chosen[rng.integers(len(chosen))])
-        if rng.random() < 1 / 3:
+        styled = rng.random()
+        if styled < 0.3:
             head = stylise(rng, head)
+        elif styled < 0.6:
+            head = character(rng)
         if rng.random() < 0.75:
             head = samples.warp(rng, head, rng.choice([0.5, 1.0, 2.0]))
         out[i] = (aligned(head.landmarks) - mean_landmarks()).ravel()

@@ -126,8 +126,9 @@ def warp(rng: np.random.Generator, head: Head, strength: float) -> Head:
     return Head(move(head.points), head.triangles, move(head.landmarks))
 
 
-def remesh(rng: np.random.Generator, head: Head, target: float | None = None) -> Head:
-    """Another triangulation: decimated to `target` triangles, or by a random amount."""
+def remesh(rng: np.random.Generator, head: Head, target: float | None = None, gentle: bool = False) -> Head:
+    """Another triangulation: decimated to `target` triangles, or by a random amount; gently, features
+    last longest."""
     reduction = rng.uniform(0.4, 0.93) if target is None else 1 - target / len(head.triangles)
     used = np.unique(head.triangles)
     number = np.full(len(head.points), -1)
@@ -136,7 +137,7 @@ def remesh(rng: np.random.Generator, head: Head, target: float | None = None) ->
         head.points[used].astype(np.float32),
         number[head.triangles].astype(np.int32),
         target_reduction=float(np.clip(reduction, 0.0, 0.99)),
-        agg=7.0,
+        agg=3.0 if gentle else 7.0,
     )
     return Head(points, triangles.astype(np.int32), head.landmarks)
 

@@ -13,10 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import load_file
 from torch.nn import functional as F
 
-from training.landmarks.network import Config, LandmarkNetwork, decode
+from training.landmarks.network import Config, LandmarkNetwork, decode, start_from
 
 # Landmark i of the mirrored face is landmark MIRROR[i].
 MIRROR = np.array(
@@ -120,7 +119,8 @@ def main() -> None:
     )
     usable = np.flatnonzero(pool[2] != 2) if args.without_makehuman else np.arange(len(pool[2]))
     model = LandmarkNetwork(Config()).to(memory_format=torch.channels_last)
-    start_from(args.origin, model)
+    if args.origin:
+        start_from(args.origin, model, "views.")
     optimiser = torch.optim.AdamW(model.parameters(), args.rate, weight_decay=1e-4)
     first = resume(args, model, optimiser)
     start, running = time.monotonic(), 0.0
@@ -153,20 +153,6 @@ def schedule(step: int, steps: int) -> float:
     """Warm-up over 50 steps, then a half cosine down to 2 %."""
     fall = 0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * step / steps))
     return min(1.0, step / 50) * fall
-
-
-def start_from(origin: Path | None, model: LandmarkNetwork) -> None:
-    """Loads another run's `network.pt`, or shipped `model.safetensors`."""
-    if origin is None:
-        return
-    if origin.suffix == ".safetensors":
-        model.fold()
-        model.train()
-        shipped = load_file(origin)
-        shipped = {k.removeprefix("views."): v.float() for k, v in shipped.items()}
-        model.load_state_dict({k: v for k, v in shipped.items() if k in model.state_dict()})
-    else:
-        model.load_state_dict(torch.load(origin)["model"])
 
 
 def resume(args, model, optimiser) -> int:

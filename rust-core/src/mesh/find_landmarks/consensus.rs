@@ -17,6 +17,11 @@ use crate::{
 /// Angles of the views about the head's own vertical axis, as in training.
 const VIEWS_DEGREES: [f32; 3] = [-40.0, 0.0, 40.0];
 
+/// Half-sizes of the views' windows, metres: for a glance, and for the last look, through two, since a heat
+/// map's pixel is 3 mm wide and a character's mouth may be small.
+pub(super) const GLANCE: [f32; 1] = [HALF_SIZE_M];
+pub(super) const LAST_LOOK: [f32; 2] = [0.93 * HALF_SIZE_M, 1.07 * HALF_SIZE_M];
+
 /// Distance at which a landmark that does not fit counts half, metres.
 const ROBUST_M: f32 = 0.006;
 
@@ -29,6 +34,8 @@ pub(super) struct Agreed {
     pub positions: [[f32; 3]; LANDMARKS],
     /// `[68]`, 0 to 1: what the views' heat maps say, less where their rays miss each other.
     pub confidence: [f32; LANDMARKS],
+    /// Probability of a face, 0 to 1: the mean of the views.
+    pub presence: f32,
 }
 
 /// A better way to the canonical frame from one close front view: inner landmarks put on the visible
@@ -55,19 +62,27 @@ pub(super) fn lift(
     Some(robust_fit(&lifted, &weights)?.compose(to_canonical))
 }
 
-/// Three views in the head's own frame, and where their rays meet.
-pub(super) fn agree(network: &LandmarkNetwork, frame: &Frame, to_canonical: &Similarity) -> Agreed {
+/// Three views in the head's own frame through each window, and where their rays meet.
+pub(super) fn agree(
+    network: &LandmarkNetwork,
+    frame: &Frame,
+    to_canonical: &Similarity,
+    half_sizes: &[f32],
+) -> Agreed {
     let points = turned(frame, to_canonical);
     let middle = middle();
-    let looks: Vec<(f32, Look)> = VIEWS_DEGREES
+    let views: Vec<(f32, f32)> = half_sizes
+        .iter()
+        .flat_map(|half_size| VIEWS_DEGREES.map(|degrees| (degrees.to_radians(), *half_size)))
+        .collect();
+    let looks: Vec<(f32, Look)> = views
         .into_par_iter()
-        .map(|degrees| {
-            let angle = degrees.to_radians();
+        .map(|(angle, half_size)| {
             let turned: Vec<_> = points.iter().map(|p| turn_about_y(*p, angle)).collect();
             let [x, y, _] = turn_about_y(middle, angle);
             let window = Window {
                 centre: [x, y],
-                half_size: HALF_SIZE_M,
+                half_size,
             };
             (angle, look(network, &turned, frame.triangles, window))
         })
@@ -120,9 +135,11 @@ fn meet(looks: &[(f32, Look)]) -> Agreed {
         positions[i] = point;
         confidence[i] = mean / looks.len() as f32 * (-(miss / ROBUST_M).powi(2)).exp();
     }
+    let present: f32 = looks.iter().map(|(_, look)| look.sight.presence).sum();
     Agreed {
         positions,
         confidence,
+        presence: present / looks.len() as f32,
     }
 }
 

@@ -1,0 +1,104 @@
+"""Measures the finder as shipped on stylised heads of kinds it never trained on, and how it refuses things
+without a face.
+
+    cargo build --release && python -m training.landmarks.evaluate_unseen --data ../shared/data \
+        --anyface target/release/anyface
+
+Everything is turned at random, scaled and moved. A region is found where its landmarks lie within 4 % of
+the face's height of the truth, on average; the height goes from the chin to the middle of the brows.
+"""
+
+import argparse
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from training.landmarks import pool, pose_pool, samples
+from training.landmarks.evaluate import find, placed
+from training.landmarks.faceless_unseen import KINDS
+from training.landmarks.stylise_unseen import unseen_head
+
+WITHIN = 0.04
+REGIONS = {"mouth": slice(48, 68), "eyes": slice(36, 48)}
+ALL_REGIONS = REGIONS | {"brows": slice(17, 27), "nose": slice(27, 36), "jaw": slice(0, 17)}
+
+
+def face_height(marks: np.ndarray) -> float:
+    """From the chin to the middle of the brows."""
+    return float(np.linalg.norm(marks[8] - marks[[19, 24]].mean(0)))
+
+
+def head_number(number: int, faces: samples.Faces, held_out: np.ndarray) -> samples.Head:
+    """The unseen head of a number, upright."""
+    return unseen_head(np.random.default_rng([4242, number]), faces, held_out)
+
+
+def thing_number(number: int, faces: samples.Faces, held_out: np.ndarray):
+    """Points and triangles of the faceless thing of a number, and the name of its kind."""
+    make = KINDS[number % len(KINDS)]
+    points, triangles = make(np.random.default_rng([4353, number]), faces, held_out)
+    return points, triangles, make.__name__
+
+
+def heads(anyface: list, folder: Path, faces, held_out: np.ndarray, count: int) -> None:
+    """Prints the share of heads found, and of regions found on them."""
+    off = {name: [] for name in ALL_REGIONS}
+    refused, good = [], []
+    for number in range(count):
+        head = head_number(number, faces, held_out)
+        head, _ = placed(np.random.default_rng([4244, number]), head)
+        found = find(anyface, folder, head.points, head.triangles)
+        if found is None:
+            refused.append(number)
+            continue
+        miss = np.linalg.norm(found - head.landmarks, axis=1) / face_height(head.landmarks)
+        for name, own in ALL_REGIONS.items():
+            off[name].append(miss[own].mean())
+        good.append(all(miss[own].mean() <= WITHIN for own in REGIONS.values()))
+        if number % 20 == 19:
+            print(f"{number + 1} heads, {sum(good)} found, {len(refused)} refused", flush=True)
+        if not good[-1]:
+            text = ", ".join(f"{name} {off[name][-1]:.3f}" for name in ALL_REGIONS)
+            print(f"number {number} is misplaced: {text} of face height", flush=True)
+    print(f"refused: {refused}")
+    for name, values in off.items():
+        share = np.sum(np.array(values) <= WITHIN) / count
+        print(f"{name}: {share:.1%} within {WITHIN:.0%}, median {np.median(values):.2%} of face height")
+    print(f"heads: mouth and eyes within {WITHIN:.0%}: {sum(good)} of {count}, {len(refused)} refused")
+
+
+def things(anyface: list, folder: Path, faces, held_out: np.ndarray, count: int) -> None:
+    """Prints how many things without a face are refused."""
+    taken = []
+    for number in range(count):
+        points, triangles, name = thing_number(number, faces, held_out)
+        turn = pose_pool.any_rotation(np.random.default_rng([4354, number]))
+        if find(anyface, folder, points @ turn.T, triangles) is not None:
+            taken.append(number)
+            print(f"number {number}, {name}, was taken for a face", flush=True)
+        if number % 20 == 19:
+            print(f"{number + 1} things, {len(taken)} taken for faces", flush=True)
+    print(f"without a face: {count - len(taken)} of {count} refused")
+
+
+def main() -> None:
+    """Entry of the command."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser.add_argument("--anyface", type=Path, default=Path("target/release/anyface"))
+    parser.add_argument("--weights", type=Path, help="a folder of models instead of the built-in ones")
+    parser.add_argument("--count", type=int, default=200, help="heads; half as many things")
+    parser.add_argument("--only", choices=("heads", "things"))
+    args = parser.parse_args()
+    faces, held_out = samples.Faces(args.data), pool.identities(held_out=True)
+    anyface = [args.anyface] + (["--weights", args.weights] if args.weights else [])
+    with tempfile.TemporaryDirectory() as name:
+        if args.only != "things":
+            heads(anyface, Path(name), faces, held_out, args.count)
+        if args.only != "heads":
+            things(anyface, Path(name), faces, held_out, args.count // 2)
+
+
+if __name__ == "__main__":
+    main()
