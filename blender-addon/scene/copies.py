@@ -80,7 +80,7 @@ def _face_of(part, original, faces: list):
             if row.object == original:
                 row.object, row.name = part, part.name
                 return face
-    return faces[0] if len(faces) == 1 else None
+    return None
 
 
 def _drop_foreign_parts(face) -> None:

@@ -49,6 +49,9 @@ class Copier:
         before = _state()
         self.steps.append(step.__name__)
         touched = step()
+        if step != self.undo:
+            # As Blender does after every press.
+            bpy.ops.ed.undo_push(message=step.__name__)
         if touched is None:
             return
         after = _state()
@@ -69,7 +72,8 @@ class Copier:
         except RuntimeError as error:
             assert "Traceback" not in str(error), (list(self.steps), str(error))
             self.steps.append(str(error).strip()[:100])
-        return touched
+        # A copy gets its own parts when it acts for the first time.
+        return touched | {row.object.session_uid for row in own_parts(ob)}
 
     def generate(self):
         ob = self.pick(self.faces())
@@ -149,7 +153,6 @@ class Copier:
         return set()
 
     def undo(self):
-        bpy.ops.ed.undo_push(message="fuzz")
         if self.random.integers(2) and bpy.ops.ed.undo.poll():
             bpy.ops.ed.undo()
         if self.random.integers(2) and bpy.ops.ed.redo.poll():
