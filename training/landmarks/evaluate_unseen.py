@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from training.landmarks import pool, pose_pool, samples
-from training.landmarks.evaluate import find, placed
+from training.landmarks.evaluate import find, placed, write_obj
 from training.landmarks.faceless_unseen import KINDS
 from training.landmarks.stylise_unseen import unseen_head
 
@@ -90,8 +90,15 @@ def main() -> None:
     parser.add_argument("--weights", type=Path, help="a folder of models instead of the built-in ones")
     parser.add_argument("--count", type=int, default=200, help="heads; half as many things")
     parser.add_argument("--only", choices=("heads", "things"))
+    parser.add_argument("--write", type=Path, help="only writes the heads, upright, as OBJ here")
     args = parser.parse_args()
     faces, held_out = samples.Faces(args.data), pool.identities(held_out=True)
+    if args.write:
+        args.write.mkdir(parents=True, exist_ok=True)
+        for number in range(args.count):
+            head = head_number(number, faces, held_out)
+            write_obj(args.write / f"character_{number:03}.obj", head.points, head.triangles)
+        return
     anyface = [args.anyface] + (["--weights", args.weights] if args.weights else [])
     with tempfile.TemporaryDirectory() as name:
         if args.only != "things":
