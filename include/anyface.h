@@ -377,9 +377,10 @@ typedef struct {
     /// Bytes of this struct in the caller's header; set by `anyface_face_options_init()`.
     size_t struct_size;
     /// `[68, 3]`, mesh units and axes, in the order of iBUG 300-W; each is put on the nearest
-    /// fitting place of the surface. NULL otherwise.
+    /// fitting place of the surface, unless its vertex is given as well. NULL otherwise.
     const float *landmark_positions;
-    /// `[68]` vertex numbers, NULL otherwise.
+    /// `[68]` vertex numbers, NULL otherwise. With positions: a point at the very place of its vertex stays
+    /// on that vertex, as those of `anyface_opened_mouth_copy_landmarks()` on rims that touch.
     const uint32_t *landmark_vertices;
     /// The text of a landmark file as `anyface_face_write_landmarks()` writes it, UTF-8. NULL
     /// otherwise.
