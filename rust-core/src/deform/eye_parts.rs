@@ -118,7 +118,7 @@ impl EyeParts {
             let beside = (0..2).all(|i| (middle[i] - centre[i]).abs() < 0.6 * width);
             beside && depth > -1.2 * width && depth < 0.3 * width && size.contains(&largest)
         });
-        (is_egg && at).then(|| Ball {
+        (is_egg && at).then_some(Ball {
             centre: middle,
             radius: 0.5 * largest,
         })
