@@ -94,10 +94,23 @@ def _remove_keys(ob, taken: record.Record) -> None:
     basis = shape_keys.reference_key
     others = [b for b in shape_keys.key_blocks if b.name not in ours and b != basis]
     if taken.made_keys and not others:
-        ob.shape_key_clear()
+        _clear_keys(ob)
         return
     for block in [b for b in shape_keys.key_blocks if b.name in ours]:
         ob.shape_key_remove(block)
+
+
+def _clear_keys(ob) -> None:
+    """Takes all keys of `ob` away, and what held them.
+
+    Blender counts one user too many of the keys of a copied mesh: they would stay, belong to
+    nothing, and be complained of whenever the file is saved.
+    """
+    name = ob.data.shape_keys.name
+    ob.shape_key_clear()
+    for left in [keys for keys in bpy.data.shape_keys if keys.name == name and not keys.library]:
+        if left.user is None or left.user.shape_keys != left:
+            bpy.data.batch_remove([left])
 
 
 def _share_mesh_again(ob, original, taken: record.Record) -> None:

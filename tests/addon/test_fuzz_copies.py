@@ -49,6 +49,8 @@ class Copier:
         before = _state()
         self.steps.append(step.__name__)
         touched = step()
+        lost = [keys.name for keys in bpy.data.shape_keys if keys.user is None]
+        assert not lost, (list(self.steps), lost)
         if step != self.undo:
             # As Blender does after every press.
             bpy.ops.ed.undo_push(message=step.__name__)
