@@ -34,6 +34,14 @@ class _OnMapping(OfFace):
         ob = target(context)
         return ob is not None and ob.library is None
 
+    def _replace(self, ob, found, nothing: str):
+        """Puts `found` in place of the list, or warns of `nothing`."""
+        if not found:
+            self.report({"WARNING"}, f"Anyface: {nothing}")
+            return {"CANCELLED"}
+        fill(ob, found)
+        return {"FINISHED"}
+
 
 class ANYFACE_OT_mapping_find(_OnMapping, Operator):
     """Fill the list with the keys whose names are known"""
@@ -44,13 +52,8 @@ class ANYFACE_OT_mapping_find(_OnMapping, Operator):
     def execute(self, context):
         """Replaces the list."""
         ob = target(context)
-        found = existing.find(ob, [])
-        if not found:
-            text = "no key has a known name: press + and pick shapes and keys by hand"
-            self.report({"WARNING"}, f"Anyface: {text}")
-            return {"CANCELLED"}
-        fill(ob, found)
-        return {"FINISHED"}
+        text = "no key has a known name: press + and pick shapes and keys by hand"
+        return self._replace(ob, existing.find(ob, []), text)
 
 
 class ANYFACE_OT_mapping_preset(_OnMapping, Operator):
@@ -66,11 +69,7 @@ class ANYFACE_OT_mapping_preset(_OnMapping, Operator):
         ob = target(context)
         blocks = ob.data.shape_keys.key_blocks if ob.data.shape_keys is not None else []
         found = key_names.pairs(self.preset, [block.name for block in blocks])
-        if not found:
-            self.report({"WARNING"}, f"Anyface: no key has a name of {self.preset}")
-            return {"CANCELLED"}
-        fill(ob, found)
-        return {"FINISHED"}
+        return self._replace(ob, found, f"no key has a name of {self.preset}")
 
 
 class ANYFACE_OT_mapping_add(_OnMapping, Operator):

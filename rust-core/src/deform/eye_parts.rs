@@ -88,23 +88,20 @@ impl EyeParts {
         parts: &[Vec<[f32; 3]>],
         skin: impl Fn() -> &'a SurfaceTree,
     ) -> Vec<bool> {
-        let at_eyes = parts
-            .iter()
-            .filter_map(|points| self.ball_at_an_eye(points));
-        let at_eyes: Vec<Ball> = at_eyes.collect();
-        let elsewhere = parts.iter().filter_map(|points| {
-            let ball = sphere(points).filter(|ball| self.may_be_elsewhere(ball, &at_eyes))?;
-            held(&ball, skin()).then_some(ball)
-        });
-        let balls: Vec<Ball> = at_eyes.iter().copied().chain(elsewhere).collect();
-        let is_eye = |points: &Vec<[f32; 3]>| {
-            balls.iter().any(|ball| lies_on(ball, points)) || self.is_small(points, &balls)
+        let at_eye: Vec<Option<Ball>> = parts.iter().map(|p| self.ball_at_an_eye(p)).collect();
+        let spheres: Vec<Option<Ball>> = parts.iter().map(|points| sphere(points)).collect();
+        let mut balls: Vec<Ball> = at_eye.iter().copied().flatten().collect();
+        let elsewhere = spheres.iter().copied().flatten();
+        let elsewhere = elsewhere.filter(|ball| self.may_be_elsewhere(ball, &balls));
+        let elsewhere: Vec<Ball> = elsewhere.filter(|ball| held(ball, skin())).collect();
+        balls.extend(elsewhere);
+        let is_eye = |(p, points): (usize, &Vec<[f32; 3]>)| {
+            at_eye[p].is_some()
+                || spheres[p].is_some_and(|own| balls.iter().any(|ball| same(ball, &own)))
+                || balls.iter().any(|ball| lies_on(ball, points))
+                || self.is_small(points, &balls)
         };
-        let whole = |points: &Vec<[f32; 3]>| {
-            self.ball_at_an_eye(points).is_some()
-                || sphere(points).is_some_and(|own| balls.iter().any(|ball| same(ball, &own)))
-        };
-        parts.iter().map(|p| whole(p) || is_eye(p)).collect()
+        parts.iter().enumerate().map(is_eye).collect()
     }
 
     /// The ball that a part is, if it is one at an eye that the landmarks say.

@@ -108,7 +108,7 @@ impl PartList {
     }
 
     /// Whether a vertex belongs to a part of this role.
-    pub(crate) fn is(&self, vertex: usize, role: PartRole) -> bool {
+    pub fn is(&self, vertex: usize, role: PartRole) -> bool {
         let part = self.connected.of_vertex[vertex] as usize;
         self.parts.get(part).is_some_and(|part| part.role == role)
     }

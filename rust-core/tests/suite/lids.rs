@@ -76,13 +76,9 @@ struct Eyes {
 
 impl Eyes {
     fn of(face: &Face) -> Eyes {
-        let role = |t: &&[u32; 3]| {
-            let part = face.parts.of_vertex()[t[0] as usize] as usize;
-            face.parts.parts.get(part).map(|part| part.role)
-        };
-        let of = |wanted| {
-            let all = face.mesh.triangles.iter();
-            all.filter(|t| role(t) == Some(wanted)).copied().collect()
+        let of = |role| {
+            let all = face.mesh.triangles.iter().copied();
+            all.filter(|t| face.parts.is(t[0] as usize, role)).collect()
         };
         Eyes {
             skin: of(PartRole::Skin),

@@ -132,12 +132,9 @@ fn openings(clip: &LandmarkClip) -> Vec<f32> {
 /// What is seen of the eyeballs in a frame to what is seen at rest; `None` without eyeballs. The mesh is
 /// upright with +z out of the face, as the heads of a gallery are.
 fn seen(face: &Face, frame: ArrayView2<'_, f32>) -> Option<f64> {
-    let of = |wanted| -> Vec<[u32; 3]> {
-        let role = |t: &&[u32; 3]| {
-            let part = face.parts.of_vertex()[t[0] as usize] as usize;
-            face.parts.parts.get(part).map(|part| part.role) == Some(wanted)
-        };
-        face.mesh.triangles.iter().filter(role).copied().collect()
+    let of = |role| -> Vec<[u32; 3]> {
+        let all = face.mesh.triangles.iter().copied();
+        all.filter(|t| face.parts.is(t[0] as usize, role)).collect()
     };
     let (skin, eyeballs) = (of(PartRole::Skin), of(PartRole::Gaze));
     if eyeballs.is_empty() {

@@ -142,11 +142,7 @@ impl Cells<'_> {
 
     /// One frame `[V, 3]`, or the neutral face, with eyeballs in their own colour.
     pub(super) fn close_up(&self, moved: Option<ArrayView2<'_, f32>>, view: &View) -> Picture {
-        let is_eyeball = |t: &[u32; 3]| {
-            let part = self.face.parts.of_vertex()[t[0] as usize] as usize;
-            let part = self.face.parts.parts.get(part);
-            part.is_some_and(|part| part.role == PartRole::Gaze)
-        };
+        let is_eyeball = |t: &[u32; 3]| self.face.parts.is(t[0] as usize, PartRole::Gaze);
         let colour = |t| if is_eyeball(t) { EYEBALL } else { SKIN };
         let colours: Vec<_> = self.mesh.triangles.iter().map(colour).collect();
         self.draw(moved, &colours, view)
