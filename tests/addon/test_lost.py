@@ -307,7 +307,28 @@ def test_the_table_of_the_original_is_not_the_copys(stage, tmp_path):
     generate(other)
     assert both(ob) == before
     remove(other)
-    assert both(ob) == before and (tmp_path / "Head.csv").is_file()
+    assert both(ob) == before and (tmp_path / "shot_v001_Head.csv").is_file()
+
+
+@pytest.mark.parametrize("named", [False, True])
+def test_the_table_of_a_version_is_not_the_next_ones(stage, tmp_path, named):
+    ob, _ = character(tmp_path, "csv")
+    if named:
+        ob.anyface_output.csv_file = str(tmp_path / "face.csv")
+    generate(ob)
+    bpy.ops.wm.save_mainfile()
+    (table,) = tmp_path.glob("*.csv")
+    before = table.read_bytes()
+    save(tmp_path, "shot_v002")
+    stage.size *= 2.0
+    if named:
+        with pytest.raises(RuntimeError, match="exists already"):
+            generate(ob)
+    else:
+        generate(ob)
+        assert (tmp_path / "shot_v002_Head.csv").read_bytes() != before
+    remove(ob)
+    assert table.read_bytes() == before
 
 
 def test_takes_of_arkit_keys_are_actions_on_the_same_keys(stage, tmp_path):

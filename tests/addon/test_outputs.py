@@ -331,12 +331,12 @@ def test_a_table_changes_no_mesh_and_overwrites_no_file(stage, tmp_path):
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     assert [row for row in everything() if not row.startswith("objects Head")] == before
-    table = (tmp_path / "Head.csv").read_text().splitlines()
+    table = (tmp_path / "shot_Head.csv").read_text().splitlines()
     assert len(table) == 1 + 48
-    (tmp_path / "Head.csv").write_text("mine")
+    (tmp_path / "shot_Head.csv").write_text("mine")
     assert "exists already" in failure()
     bpy.ops.anyface.remove()
-    assert (tmp_path / "Head.csv").read_text() == "mine"
+    assert (tmp_path / "shot_Head.csv").read_text() == "mine"
     bpy.ops.anyface.generate.poll()
     ob.anyface_output.csv_file = str(tmp_path / "new" / "a.csv")
     bpy.ops.anyface.generate()

@@ -58,7 +58,7 @@ class Csv(Output):
         if ob.library is None:
             path = _path_of(ob, take.files[0].path)
             noted = {"path": str(path), "digest": _digest(path), "owner": identity.of(ob)}
-            ob[PROPERTY] = json.dumps(noted)
+            ob[PROPERTY] = json.dumps(noted | {"blend": _blend()})
 
     def find(self, ob):
         try:
@@ -80,12 +80,20 @@ class Csv(Output):
     def _is_ours(self, ob, path: Path) -> bool:
         if self.find(ob) != path or not path.is_file():
             return False
-        return json.loads(ob[PROPERTY])["digest"] == _digest(path)
+        noted = json.loads(ob[PROPERTY])
+        # Another version of the file, saved under its own name, knows the same table.
+        return noted.get("blend") == _blend() and noted["digest"] == _digest(path)
 
 
 def _path_of(ob, given: str) -> Path:
-    """Where the table goes; by default beside the .blend, named after the object."""
-    return Path(bpy.path.abspath(given or f"//{bpy.path.clean_name(ob.name)}.csv"))
+    """Where the table goes; by default beside the .blend, named after it and the object."""
+    name = f"{Path(_blend()).stem}_{bpy.path.clean_name(ob.name)}.csv"
+    return Path(bpy.path.abspath(given or f"//{name}"))
+
+
+def _blend() -> str:
+    """The name of this version of the .blend; empty before it is saved."""
+    return Path(bpy.data.filepath).name
 
 
 def _digest(path: Path) -> str:
