@@ -27,7 +27,7 @@ pub(super) struct SharedArgs {
     /// What turns speech into motion [default: the first that `anyface info` lists]
     #[arg(long, global = true, value_name = "NAME")]
     system: Option<String>,
-    /// Folder of model files that override the embedded ones
+    /// Folder of models (folders such as ats_paper, stm_paper, hubert) that override the embedded ones
     #[arg(long, global = true, value_name = "DIR")]
     weights: Option<PathBuf>,
     /// Folder with a HuBERT or wav2vec2 config.json and model.safetensors or pytorch_model.bin,
@@ -51,6 +51,11 @@ pub(super) struct SharedArgs {
 impl SharedArgs {
     pub(super) fn engine(&self) -> Result<Engine> {
         Engine::new(self.options())
+    }
+
+    /// The folder of models that was given.
+    pub(super) fn weights(&self) -> Option<&Path> {
+        self.weights.as_deref()
     }
 
     /// Whether an engine can be made of them, before any work is done.

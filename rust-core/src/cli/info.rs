@@ -9,7 +9,7 @@ use crate::{
     systems::{SYSTEMS, built_in_models},
 };
 
-/// Show the version, the built-in weights and their cards
+/// Show the version and the weights: built in with their cards, or yours with --weights
 #[derive(Args)]
 pub(super) struct Info {
     /// Print the whole card of this model
@@ -18,7 +18,7 @@ pub(super) struct Info {
 }
 
 impl Info {
-    pub(super) fn run(&self, _shared: &SharedArgs, console: &Console) -> Result<()> {
+    pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         if let Some(name) = &self.card {
             let card = card(name)?;
             console.value(&serde_json::json!({"model": name, "card": card}), card);
@@ -26,9 +26,22 @@ impl Info {
         }
         let version = env!("CARGO_PKG_VERSION");
         let threads = rayon::current_num_threads();
-        let models: Vec<_> = built_in_models()
-            .map(|model| serde_json::json!({"name": model.name, "card": model.card}))
-            .collect();
+        // Weights that would not load are told here rather than in the middle of work.
+        let own = shared.weights();
+        if own.is_some() {
+            shared.engine()?;
+        }
+        let mut models = Vec::new();
+        let mut lines = String::new();
+        for model in built_in_models() {
+            let place = model.place(own)?;
+            let told = match &place {
+                Some(place) => format!("from {}", place.display()),
+                None => title(model.card).to_owned(),
+            };
+            lines += &format!("  {:<16} {told}\n", model.name);
+            models.push(serde_json::json!({"name": model.name, "card": model.card, "from": place}));
+        }
         let value = serde_json::json!({
             "version": version,
             "threads": threads,
@@ -42,10 +55,7 @@ impl Info {
         for system in SYSTEMS {
             text += &format!("  {:<16} {}\n", system.name, system.help);
         }
-        text += "built-in weights:\n";
-        for model in built_in_models() {
-            text += &format!("  {:<16} {}\n", model.name, title(model.card));
-        }
+        text += &format!("weights, built in where nothing else is said:\n{lines}");
         text += "`anyface info --card MODEL` prints a model's card";
         console.value(&value, &text);
         Ok(())

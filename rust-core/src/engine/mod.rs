@@ -22,12 +22,13 @@ use crate::{
     },
     face::Face,
     mesh::{self, FaceOptions, LandmarkFinder, Mesh},
+    models,
     motion::{FaceModes, Motion},
     progress::ProgressFn,
     rig::{self, Rig, RigModel, SolveOptions, SolvedWeights},
     speech::{self, SpeechEncoder},
     spread::{self, FrameSink, Spread, SpreadReport},
-    systems::{Registration, System, Windows},
+    systems::{Registration, System, Windows, built_in_models},
 };
 pub use perform::Performance;
 pub use sliders::SliderChange;
@@ -46,7 +47,8 @@ pub struct EngineOptions {
     /// Number of worker threads; `None` takes one per core.
     pub threads: Option<usize>,
     /// A folder of a HuBERT or wav2vec2 checkpoint as Hugging Face has it, which replaces the compact
-    /// speech encoder; the system's weights must have been trained with it.
+    /// speech encoder; the system's weights must have been trained with it. A folder `hubert` or
+    /// `wav2vec2` among the models is found where their config names it.
     pub speech: Option<PathBuf>,
 }
 
@@ -125,19 +127,13 @@ impl Engine {
     pub fn new(options: EngineOptions) -> Result<Self> {
         options.check()?;
         let folder = options.models.as_deref();
+        if let Some(folder) = folder {
+            models::check_folder(folder, built_in_models(), &speech::CHECKPOINTS)?;
+        }
         let registration = Registration::find(options.system.as_deref())?;
         let system = (registration.open)(folder)?;
-        let encoder: Arc<dyn SpeechEncoder> = match &options.speech {
-            Some(folder) => Arc::from(speech::from_folder(folder, None)?),
-            None => Arc::new(speech::compact(folder)?),
-        };
-        if let Some(wanted) = system.channels().filter(|c| *c != encoder.channels()) {
-            return Err(Error::Weights(format!(
-                "{}: expected speech features of {wanted} channels, the encoder gives {}",
-                registration.name,
-                encoder.channels()
-            )));
-        }
+        let checkpoint = options.speech.as_deref();
+        let encoder = Arc::from(speech::open(system.speech(), checkpoint, folder)?);
         Ok(Engine {
             registration,
             system,

@@ -8,7 +8,7 @@
 use ndarray::{Array1, Array2, ArrayRef2, ArrayView2, Axis, Slice};
 
 use super::{
-    FeatureTrack, SpeechEncoder,
+    COMPACT_MODEL, FeatureTrack, SpeechEncoder,
     log_mel::{BANDS, log_mel},
 };
 use crate::{
@@ -137,6 +137,10 @@ impl CompactEncoder {
 }
 
 impl SpeechEncoder for CompactEncoder {
+    fn name(&self) -> &'static str {
+        COMPACT_MODEL.name
+    }
+
     fn channels(&self) -> usize {
         self.config.channels
     }

@@ -34,6 +34,10 @@ impl Hubert {
 }
 
 impl SpeechEncoder for Hubert {
+    fn name(&self) -> &'static str {
+        "hubert"
+    }
+
     fn channels(&self) -> usize {
         self.encoder.channels()
     }

@@ -26,6 +26,7 @@ use crate::{
     models::{BuiltIn, built_in},
 };
 use ndarray::{Array2, ArrayView2};
+use serde::{Deserialize, Serialize};
 
 /// Features of a stretch of speech at a constant rate.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,8 +37,20 @@ pub struct FeatureTrack {
     pub rate_hz: f64,
 }
 
+/// Which speech features a model was trained with; a part of its `config.json`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SpeechInput {
+    /// Name of the encoder: "compact_speech", "hubert" or "wav2vec2".
+    pub encoder: String,
+    /// Channels `C` of its features.
+    pub channels: usize,
+}
+
 /// Turns sound into features.
 pub trait SpeechEncoder: Send + Sync {
+    /// The name that a model's [`SpeechInput`] calls it by.
+    fn name(&self) -> &'static str;
+
     /// Number of channels `C` of the features.
     fn channels(&self) -> usize;
 
@@ -66,6 +79,50 @@ pub fn compact(folder: Option<&Path>) -> Result<CompactEncoder> {
     let files = COMPACT_MODEL.open(folder)?;
     CompactEncoder::load(&files.weights, &files.config)
 }
+
+/// The encoder that `wanted` names: from `checkpoint`, a Hugging Face folder, if it is given, else from
+/// the folder of that name in `models`, else the built-in one.
+///
+/// # Errors
+/// Those of [`compact`] and [`from_folder`]; `Weights` with both sides where the encoder is another
+/// than was wanted or gives another number of channels, or where it is nowhere.
+pub fn open(
+    wanted: Option<&SpeechInput>,
+    checkpoint: Option<&Path>,
+    models: Option<&Path>,
+) -> Result<Box<dyn SpeechEncoder>> {
+    let name = wanted.map_or(COMPACT_MODEL.name, |input| &input.encoder);
+    let encoder = match (checkpoint, models) {
+        (Some(checkpoint), _) => from_folder(checkpoint, None)?,
+        (None, _) if name == COMPACT_MODEL.name => Box::new(compact(models)?),
+        (None, Some(models)) if models.join(name).is_dir() => {
+            from_folder(&models.join(name), None)?
+        }
+        _ => {
+            return Err(Error::Weights(format!(
+                "the model was trained with features of {name}: expected a checkpoint of it as \
+                 Hugging Face has them, given by itself or as the folder {name} beside the model"
+            )));
+        }
+    };
+    match wanted {
+        Some(wanted)
+            if (wanted.encoder.as_str(), wanted.channels)
+                != (encoder.name(), encoder.channels()) =>
+        {
+            Err(Error::Weights(format!(
+                "the model was trained with {} features of {name}, the speech encoder is {} and gives {}",
+                wanted.channels,
+                encoder.name(),
+                encoder.channels()
+            )))
+        }
+        _ => Ok(encoder),
+    }
+}
+
+/// Names of the encoders that are read from checkpoints.
+pub const CHECKPOINTS: [&str; 2] = ["hubert", "wav2vec2"];
 
 /// Reads HuBERT or wav2vec2 from a Hugging Face folder, as its `config.json` says; the weights
 /// stand in `model.safetensors` or, with the feature `checkpoints`, in `pytorch_model.bin`.

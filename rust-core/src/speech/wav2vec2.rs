@@ -34,6 +34,10 @@ impl Wav2Vec2 {
 }
 
 impl SpeechEncoder for Wav2Vec2 {
+    fn name(&self) -> &'static str {
+        "wav2vec2"
+    }
+
     fn channels(&self) -> usize {
         self.encoder.channels()
     }

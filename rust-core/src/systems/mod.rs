@@ -21,7 +21,7 @@ use crate::{
     motion::{self, Motion, MotionStream},
     progress::ProgressFn,
     rig,
-    speech::{self, Heard},
+    speech::{self, Heard, SpeechInput},
 };
 pub use slider::Slider;
 pub use windows::Windows;
@@ -109,8 +109,8 @@ pub fn built_in_models() -> impl Iterator<Item = &'static BuiltIn> {
 /// A performance has two halves: [`System::sample`] runs the networks, [`System::perform`] puts
 /// controls on the result and may be called again with others.
 pub trait System: Send + Sync {
-    /// Channels of the speech features that its models were trained with; `None` where any will do.
-    fn channels(&self) -> Option<usize> {
+    /// The speech features that its models were trained with; `None` where any will do.
+    fn speech(&self) -> Option<&SpeechInput> {
         None
     }
 

@@ -14,3 +14,4 @@ mod performance;
 mod runs;
 mod sliders;
 mod spread;
+mod weights;

@@ -84,7 +84,7 @@ pub fn babble(seconds: f32, rate_hz: u32) -> Vec<f32> {
         .collect()
 }
 
-fn model(name: &str) -> PathBuf {
+pub(super) fn model(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("models")
         .join(name)

@@ -27,20 +27,12 @@ use crate::{
         timestep::timestep_embedding,
         transformer::{DecoderLayer, DecoderShape, NormOrder},
     },
+    speech::SpeechInput,
     systems::Windows,
 };
 
 /// Epsilon of PyTorch's `nn.LayerNorm`.
 const EPSILON: f32 = 1e-5;
-
-/// Which encoder feeds the model.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct SpeechInput {
-    /// Name of the encoder: "compact_speech", "hubert", "wav2vec2".
-    pub encoder: String,
-    /// Channels `C` of its features.
-    pub channels: usize,
-}
 
 /// The forward process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

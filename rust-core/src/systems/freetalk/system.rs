@@ -23,15 +23,15 @@ use crate::{
         MotionStream, PERFORMANCE_CONTROLS, PerformanceControls,
     },
     progress::ProgressFn,
-    speech::Heard,
+    speech::{Heard, SpeechInput},
     systems::{Registration, Slider, System, Windows},
 };
 
 /// Built-in weights of the denoiser.
-pub static ATS_MODEL: BuiltIn = built_in!("ats_compact");
+pub static ATS_MODEL: BuiltIn = built_in!("ats_compact", Some("ats"));
 /// Built-in weights of the stream.
 pub static STREAM_MODEL: BuiltIn = built_in!("stream");
-static PAPER_MODEL: BuiltIn = built_in!("stm_paper");
+static PAPER_MODEL: BuiltIn = built_in!("stm_paper", Some("stm"));
 
 /// Denoising steps; 0 leaves them to the model.
 static STEPS: Control = Control {
@@ -113,8 +113,8 @@ impl FreeTalk {
 }
 
 impl System for FreeTalk {
-    fn channels(&self) -> Option<usize> {
-        Some(self.ats.config().speech.channels)
+    fn speech(&self) -> Option<&SpeechInput> {
+        Some(&self.ats.config().speech)
     }
 
     fn sample(
