@@ -9,7 +9,7 @@ import numpy as np
 
 from . import finding
 from .plan import Plan
-from .take import ControlMotion
+from .take import ROLES, ControlMotion, Found
 
 # Where a miss is told, and how much a point there counts.
 REGIONS = ("mouth", "eyes", "brows", "jaw", "nose")
@@ -22,6 +22,7 @@ _LIPS = ((61, 67), (62, 66), (63, 65))
 # most so many: enough for all controls of a face, and little to evaluate.
 _NEAR, _MOST = 0.2, 2500
 _BLOCK = 4096
+_SKIN = ROLES.index("skin")
 
 
 class FollowPoints(Plan):
@@ -30,7 +31,7 @@ class FollowPoints(Plan):
     def finish(self, face, take, engine, progress):
         found = finding.find(face, {}, engine.find, progress)
         own = face.pieces[0].count if face.pieces else len(face.positions)
-        vertices, regions = nearby(face.positions[:own], found.positions)
+        vertices, regions = nearby(face.positions[:own], found)
         vertices, regions, pairs = _with_lips(vertices, regions, found.vertices, own)
         frames = np.ascontiguousarray(take.frames[:, vertices])
         largest = max(float(np.sqrt((f.astype(np.float64) ** 2).sum(axis=1).max()))
@@ -40,8 +41,9 @@ class FollowPoints(Plan):
         return replace(take, frames=None, control_motion=motion)
 
 
-def nearby(positions: np.ndarray, landmarks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers `[P]` of vertices `[V, 3]` near landmarks `[68, 3]`, and their regions `[P]`."""
+def nearby(positions: np.ndarray, found: Found) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers `[P]` of vertices `[V, 3]` of the skin near the landmarks, and their regions."""
+    landmarks = found.positions
     width = float(np.linalg.norm(landmarks[0] - landmarks[16]))
     nearest = np.empty(len(positions), dtype=np.int64)
     apart = np.empty(len(positions))
@@ -49,7 +51,8 @@ def nearby(positions: np.ndarray, landmarks: np.ndarray) -> tuple[np.ndarray, np
         rows = slice(first, first + _BLOCK)
         away = np.linalg.norm(positions[rows, None] - landmarks[None], axis=2)
         nearest[rows], apart[rows] = away.argmin(axis=1), away.min(axis=1)
-    inside = np.flatnonzero(apart <= _NEAR * width)
+    is_skin = np.asarray(found.part_roles)[found.part_of_vertex[: len(positions)]] == _SKIN
+    inside = np.flatnonzero((apart <= _NEAR * width) & is_skin)
     step = max(1, -(-len(inside) // _MOST))
     inside = inside[::step]
     return inside, _REGION_OF[nearest[inside]]

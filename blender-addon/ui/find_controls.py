@@ -6,7 +6,7 @@ from bpy.types import Operator
 
 from ..core import control_names, controls_plan
 from ..core.errors import AnyfaceError
-from ..core.take import ControlMotion
+from ..core.take import ControlMotion, Found
 from ..scene import control_bench, control_fit, control_sources, control_take
 from . import landmarks, output_properties
 from .operators import InThread
@@ -31,7 +31,7 @@ class ANYFACE_OT_controls_find(InThread, Operator):
     def land(self, ob, search, found):
         """Nudges what may move the face, and lists what does."""
         sources = _sources(ob)
-        motion = _still(ob, search.face.positions[: len(ob.data.vertices)], found.positions)
+        motion = _still(search.face.positions[: len(ob.data.vertices)], found)
         bench = control_bench.Bench(ob, control_fit.rigs_of(sources), motion.vertices)
         given = bench, motion, sources, control_take.rests(ob)
         handles = yield from control_fit.try_all(ob, *given)
@@ -94,10 +94,10 @@ def _sources(ob) -> list[control_sources.Source]:
     return control_sources.propose(ob, _rig(ob), output_properties.read(ob).left_alone)
 
 
-def _still(ob, positions: np.ndarray, found: np.ndarray) -> ControlMotion:
+def _still(positions: np.ndarray, found: Found) -> ControlMotion:
     """The points of a face that nobody has moved yet."""
     vertices, regions = controls_plan.nearby(positions, found)
-    mm = _TEMPLES_MM / max(float(np.linalg.norm(found[0] - found[16])), 1e-12)
+    mm = _TEMPLES_MM / max(float(np.linalg.norm(found.positions[0] - found.positions[16])), 1e-12)
     frames = np.zeros((0, len(vertices), 3), dtype=np.float32)
     return ControlMotion(vertices, frames, regions, np.empty((0, 2), dtype=np.int64), mm)
 
