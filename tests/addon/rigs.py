@@ -148,3 +148,16 @@ def _weights(points, found, jaw):
     rest = 1.0 - np.minimum(total, 1.0)
     weights = {name: values * scale for name, values in near.items()}
     return weights | {"jaw": rest * jaw, "head": rest * (1.0 - jaw)}
+
+
+def driven(addon, ob):
+    """ARKit shapes of the head as keys that custom properties of an armature drive, each its own:
+    nobody can animate the keys themselves. Returns the armature's object."""
+    vectors = shapes(addon, ob)
+    rig = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
+    bpy.context.scene.collection.objects.link(rig)
+    for name, vector in vectors.items():
+        if name.startswith("viseme") or not vector.any():
+            continue
+        driven_key(ob, rig, name, vector)
+    return rig

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rigs
-from figures import everything, film, write_wav
+from figures import curves, everything, film, write_wav
 
 # Many lips that close: p, b and m.
 SENTENCE = "Mama, please put my baby's blue book beside the big map."
@@ -119,3 +119,22 @@ def test_a_crude_rig_speaks_and_is_left_as_it_was(voice, addon):
     bpy.context.scene.frame_set(1)
     assert bpy.ops.anyface.remove() == {"FINISHED"}
     assert everything() == before
+
+
+def test_keys_that_are_all_driven_speak_at_what_drives_them(voice, addon):
+    ob = ready(rigs.head(), voice)
+    wanted = truth(ob, voice)
+    rig = rigs.driven(addon, ob)
+    bpy.context.scene.frame_set(1)
+    before = everything()
+    shown = speak(ob, voice)
+    shares = share(ob, wanted, shown), closed(ob, wanted, shown)
+    print("driven", shares)
+    assert shares[0] > 0.85 and shares[1] >= 0.9
+    animated = {curve.data_path for curve in curves(rig.animation_data.action)}
+    assert '["jawOpen"]' in animated and ob.data.shape_keys.animation_data.action is None
+    assert bpy.ops.anyface.remove() == {"FINISHED"}
+    bpy.context.scene.frame_set(1)
+    assert everything() == before
+
+
