@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
+import rigify_face
 import rigs
 from figures import curves, everything, film, write_wav
 
@@ -138,3 +139,27 @@ def test_keys_that_are_all_driven_speak_at_what_drives_them(voice, addon):
     assert everything() == before
 
 
+@pytest.fixture
+def rigify():
+    """Blender's own Rigify."""
+    if rigify_face.enable() is None:
+        pytest.skip("this Blender has no Rigify")
+    yield
+    rigify_face.disable()
+
+
+def test_the_face_that_rigify_makes_speaks(voice, addon, rigify):
+    ob = ready(rigs.head(), voice)
+    wanted = truth(ob, voice)
+    rig = rigify_face.bind(addon, ob)
+    bpy.context.scene.frame_set(1)
+    before = everything()
+    shown = speak(ob, voice)
+    shares = share(ob, wanted, shown), closed(ob, wanted, shown)
+    print("rigify", shares, len(rig.pose.bones))
+    animated = {curve.data_path for curve in curves(rig.animation_data.action)}
+    assert not any("DEF-" in path or "spine" in path for path in animated)
+    assert shares[0] > 0.85 and shares[1] >= 0.9
+    assert bpy.ops.anyface.remove() == {"FINISHED"}
+    bpy.context.scene.frame_set(1)
+    assert everything() == before
