@@ -30,6 +30,8 @@ _STRAIGHT = 0.2
 _GAP = 0.3
 # A jaw that turns less than this, radians, turns nothing else.
 _LEAST_TURN = 0.03
+# Below this share of the motion nobody sees that the rig speaks.
+_LEAST_SHOWN = 0.03
 # Frames at which the result is read from the evaluated mesh.
 _READ_FRAMES = 32
 # Of a bone on the jaw, at least this share of what it moves is moved by the jaw as well.
@@ -87,6 +89,12 @@ def fit(ob, take: Take, sources: list[Source], rests: dict[tuple, float]):
         turned = yield from _turned(bench, handles, values, jaw)
         values = yield from _last(controls_solve.solve(turned, task, values))
     fitted = yield from _judge(bench, motion, handles, values)
+    if fitted.shown < _LEAST_SHOWN:
+        raise AnyfaceError(
+            "nothing_moved",
+            f"nothing would move: the controls of {ob.name} show {max(fitted.shown, 0.0):.0%} of "
+            "the motion: check the list of controls, or choose Basis Keys",
+        )
     return replace(take, control_motion=replace(motion, fitted=fitted))
 
 
@@ -213,13 +221,13 @@ def _turned(bench: Bench, handles: list[Handle], values: np.ndarray, jaw: int):
     rest_directions = np.stack([handle.direction for handle in handles])
     directions = np.stack([rest_directions] * 3)
     own = np.zeros((3, *rest_directions.shape[1:]))
-    on_jaw = _on_jaw(rest_directions, jaw)
+    others, rest = np.flatnonzero(_on_jaw(rest_directions, jaw)), bench.at_zero()
     for knot in np.flatnonzero(knots):
-        for number in [jaw, *np.flatnonzero(on_jaw)]:
-            at_knot = _with_jaw(bench, handles[jaw], handles[number], float(knots[knot]))
-            base, directions[knot, number] = at_knot
-            if number == jaw:
-                own[knot] = base
+        opened = _with_jaw(bench, handles[jaw], float(knots[knot]))
+        own[knot] = opened - rest
+        for number in [jaw, *others]:
+            nudged = _with_jaw(bench, handles[jaw], float(knots[knot]), handles[number])
+            directions[knot, number] = (nudged - opened) / handles[number].nudge
             yield
     return Response(directions, own, knots, jaw)
 
@@ -234,23 +242,18 @@ def _on_jaw(directions: np.ndarray, jaw: int) -> np.ndarray:
     return found
 
 
-def _with_jaw(bench: Bench, jaw: Handle, other: Handle, angle: float) -> tuple:
-    """Motion `[P, 3]` with the jaw at `angle`, and for a unit of another handle from there."""
-    controls = list({id(handle.control): handle.control for handle in (jaw, other)}.values())
-    with bench.at_rest(controls):
-        rest = bench.read()
-        open_values = np.zeros(len(jaw.control.indices))
-        open_values[jaw.element] = angle
-        jaw.control.set(open_values)
-        opened = bench.read()
-        same = other.control is jaw.control
-        nudged = open_values.copy() if same else np.zeros(len(other.control.indices))
-        nudged[other.element] += other.nudge
-        other.control.set(nudged)
-        direction = (bench.read() - opened) / other.nudge
-        for control in controls:
-            control.set(np.zeros(len(control.indices)))
-        return opened - rest, direction
+def _with_jaw(bench: Bench, jaw: Handle, angle: float, other: Handle | None = None) -> np.ndarray:
+    """The points `[P, 3]` with the jaw at `angle`, and another handle nudged from there."""
+    steps = [(jaw, angle)] + ([(other, other.nudge)] if other is not None else [])
+    values = {}
+    for handle, step in steps:
+        empty = np.zeros(len(handle.control.indices))
+        _, moved = values.setdefault(id(handle.control), (handle.control, empty))
+        moved[handle.element] += step
+    with bench.at_rest([control for control, _ in values.values()]):
+        for control, moved in values.values():
+            control.set(moved)
+        return bench.read()
 
 
 def _judge(bench: Bench, motion: ControlMotion, handles: list[Handle], values: np.ndarray):

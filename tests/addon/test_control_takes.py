@@ -6,15 +6,41 @@ import bpy
 import numpy as np
 import pytest
 
-from figures import animation_rows, curves, duplicate, everything, grid, shape, stand_in, tone
+from figures import (
+    Stage,
+    animation_rows,
+    curves,
+    duplicate,
+    everything,
+    grid,
+    shape,
+    stand_in,
+    tone,
+)
 
 START = 5
+
+
+class Waves(Stage):
+    """Moves the mesh in long waves, which a few bones can follow."""
+
+    def animate(self, positions, *rest):
+        """Displacements that are smooth in place and time."""
+        animation = super().animate(positions, *rest)
+        moved = animation.displacements
+        if moved is None:
+            return animation
+        time = np.linspace(0.0, 6.0, len(moved))[:, None]
+        across, up = 9.0 * positions[:, 0], 9.0 * positions[:, 2]
+        waves = np.sin(time + across) * np.cos(0.7 * time + up) + np.sin(2.0 * time) * across
+        moved[:] = 0.2 * self.size * waves[:, :, None] * (0.3, 0.2, 1.0)
+        return animation
 
 
 @pytest.fixture
 def stage(addon):
     """A stage in the engine's place."""
-    return stand_in(addon)
+    return stand_in(addon, Waves(addon("core.take")))
 
 
 @pytest.fixture
@@ -99,7 +125,7 @@ def test_curves_lie_on_whole_frames_in_an_action_of_its_own(face):
     frames = {point.co[0] for curve in curves(action) for point in curve.keyframe_points}
     assert all(frame == int(frame) for frame in frames)
     assert np.abs(shape(face, START + 20) - shape(face, START - 20)).max() > 1e-4
-    assert shown(face) > 0.0 and "mouth" in face.anyface.report
+    assert shown(face) > 0.3 and "mouth" in face.anyface.report
     remove()
     assert state(face) == before
 
@@ -132,7 +158,7 @@ def test_the_artists_action_plays_on_beside_the_take(face):
     assert rig.pose.bones["root"].location.x == pytest.approx(where)
     assert any(bone.matrix_basis.translation.length > 1e-6 or abs(bone.rotation_quaternion.x) > 1e-6
                for bone in rig.pose.bones if bone.name != "root")  # fmt: skip
-    assert shown(face) > 0.0
+    assert shown(face) > 0.3
     remove()
     assert state(face) == before
 
