@@ -17,6 +17,7 @@ from figures import (
     stand_in,
     tone,
 )
+from test_panels import draw_all
 
 START = 5
 
@@ -231,6 +232,13 @@ def test_found_controls_are_listed_and_may_be_left_out(face):
     paths = {curve.data_path for curve in curves(rig_of(face).animation_data.action)}
     assert paths and not any('"b1"' in path for path in paths)
     assert bpy.ops.anyface.controls_clear() == {"FINISHED"} and not len(rows)
+
+
+def test_the_panel_draws_the_rig_and_its_list(face, addon):
+    for words in (["Controls are found when you generate"], ["Find Controls"]):
+        drawn = [text for texts in draw_all(addon).values() for text, _ in texts]
+        assert set(words) <= set(drawn)
+        bpy.ops.anyface.controls_find()
 
 
 def test_names_of_a_tool_fill_the_list(face):
