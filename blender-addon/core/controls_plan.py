@@ -20,7 +20,7 @@ _REGION_OF = np.repeat([3, 2, 4, 1, 0], [17, 10, 9, 12, 20])
 _LIPS = ((61, 67), (62, 66), (63, 65))
 # Points lie nearer to a landmark than this share of the distance between the temples, and are at
 # most so many: enough for all controls of a face, and little to evaluate.
-_NEAR, _MOST = 0.2, 2500
+_NEAR, _MOST = 0.2, 1500
 _BLOCK = 4096
 _SKIN = ROLES.index("skin")
 

@@ -7,7 +7,7 @@ same do not fight each other. Solved by coordinate descent with bounds (Hildreth
 frames at once and then all odd ones, in the space of the directions' products.
 """
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,6 +19,8 @@ _NEAR = 1e-3
 _MOST_SWEEPS = 60
 # How often the turn of the jaw is taken from the solution before.
 _TURNS = 2
+# Frames that are looked at together.
+_BLOCK = 256
 
 
 @dataclass
@@ -73,7 +75,7 @@ class Task:
     def observe(self, moved: np.ndarray) -> np.ndarray:
         """What counts of motions `[N, P, 3]`, as rows `[N, M]` whose squares add up."""
         shown = moved * np.sqrt(self.importance)[:, None]
-        apart = moved[:, self.pairs[:, 0]] - moved[:, self.pairs[:, 1]]
+        apart = moved[:, self.pairs[:, 0]].astype(np.float64) - moved[:, self.pairs[:, 1]]
         rows = [part.reshape(len(moved), -1) for part in (shown, apart * np.sqrt(self.gap))]
         return np.concatenate(rows, axis=1)
 
@@ -83,8 +85,10 @@ def hats(places: np.ndarray, knots: np.ndarray) -> np.ndarray:
     return np.stack([np.interp(places, knots, row) for row in np.eye(len(knots))], axis=1)
 
 
-def solve(response: Response, task: Task, start: np.ndarray | None = None) -> Iterator[np.ndarray]:
-    """Values `[T, C]` within the limits, better with each that is yielded; the last one counts.
+def solve(
+    response: Response, task: Task, start: np.ndarray | None = None
+) -> Generator[None, None, np.ndarray]:
+    """Returns values `[T, C]` within the limits; yields between short steps.
 
     `start` are values of an earlier, coarser response.
     """
@@ -95,12 +99,10 @@ def solve(response: Response, task: Task, start: np.ndarray | None = None) -> It
     for _ in range(_TURNS if len(response.knots) > 1 else 1):
         descent = _Descent(response, task, products, values)
         for _ in range(_MOST_SWEEPS):
-            largest = descent.sweep()
-            yield descent.values.T
-            if largest < _NEAR:
+            if (yield from descent.sweep()) < _NEAR:
                 break
         values = descent.values.T
-    yield values
+    return values
 
 
 @dataclass
@@ -117,9 +119,12 @@ class _Products:
         points = task.target.shape[1]
         flat = response.directions.reshape(-1, points, 3)
         rows = task.observe(np.concatenate([flat, response.own]))
-        target = task.observe(task.target)
-        largest = float(np.sqrt((target**2).sum(axis=1).max(initial=0.0)))
-        return cls(rows @ rows.T, rows @ target.T, max(largest, 1e-12))
+        aim, largest = np.empty((len(rows), len(task.target))), 0.0
+        for first in range(0, len(task.target), _BLOCK):
+            target = task.observe(task.target[first : first + _BLOCK])
+            aim[:, first : first + _BLOCK] = rows @ target.T
+            largest = max(largest, float((target**2).sum(axis=1).max(initial=0.0)))
+        return cls(rows @ rows.T, aim, max(largest**0.5, 1e-12))
 
 
 class _Descent:
@@ -156,12 +161,14 @@ class _Descent:
             mixed = mixed + self._fixed[:, frames]
         self._mixed[rows, frames] = mixed
 
-    def sweep(self) -> float:
-        """Every value once; the largest change, as a share of the largest motion."""
+    def sweep(self) -> Generator[None, None, float]:
+        """Every value once, yielding after each control; returns the largest change, as a share of
+        the largest motion."""
         largest = 0.0
         for number in range(len(self.values)):
             for parity in range(2):
                 largest = max(largest, self._step(number, slice(parity, None, 2)))
+            yield
         return largest / self._products.scale
 
     def _step(self, number: int, frames: slice) -> float:

@@ -83,11 +83,11 @@ def fit(ob, take: Take, sources: list[Source], rests: dict[tuple, float]):
         )
     task = _task(motion, handles)
     response = Response.linear(np.stack([handle.direction for handle in handles]))
-    values = yield from _last(controls_solve.solve(response, task))
+    values = yield from controls_solve.solve(response, task)
     jaw = _jaw(handles, values)
     if jaw is not None:
         turned = yield from _turned(bench, handles, values, jaw)
-        values = yield from _last(controls_solve.solve(turned, task, values))
+        values = yield from controls_solve.solve(turned, task, values)
     fitted = yield from _judge(bench, motion, handles, values)
     if fitted.shown < _LEAST_SHOWN:
         raise AnyfaceError(
@@ -194,7 +194,7 @@ def _task(motion: ControlMotion, handles: list[Handle]) -> Task:
     importance = np.array(controls_plan.IMPORTANCE)[motion.regions]
     mouth = importance[motion.regions == 0].sum()
     return Task(
-        motion.frames.astype(np.float64),
+        motion.frames,
         importance,
         np.array([handle.lowest for handle in handles]),
         np.array([handle.highest for handle in handles]),
@@ -284,12 +284,3 @@ def _together(handles: list[Handle], values: np.ndarray) -> list[tuple[Control, 
         _, rows = found.setdefault(id(control), (control, empty))
         rows[:, handle.element] += column
     return list(found.values())
-
-
-def _last(steps):
-    """Yields for each of `steps`; the last one is what they lead to."""
-    values = None
-    for found in steps:
-        values = found
-        yield
-    return values

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from figures import (
+    SETTINGS,
     Stage,
     animation_rows,
     curves,
@@ -89,7 +90,8 @@ def state(ob):
     rig = rig_of(ob)
     poses = [tuple(map(tuple, bone.matrix_basis)) for bone in rig.pose.bones]
     shown = [(m.name, m.show_viewport) for m in ob.modifiers]
-    return everything(), animation_rows(rig.animation_data), poses, shown, dict(rig.items())
+    own = {name: value for name, value in rig.items() if name not in SETTINGS}
+    return everything(), animation_rows(rig.animation_data), poses, shown, own
 
 
 def generate():
