@@ -14,6 +14,8 @@ from .ui import (
     audio,
     caches,
     character,
+    controls,
+    find_controls,
     generate,
     key_list,
     landmarks,
@@ -33,7 +35,7 @@ from .ui import (
 
 _MODULES = (
     preferences, generate, remove, panel, character, landmarks, mouth, audio, presets,
-    performance, life, outputs, key_list, caches, takes, scene_list,
+    performance, life, outputs, key_list, controls, find_controls, caches, takes, scene_list,
 )  # fmt: skip
 _CLASSES = [cls for module in _MODULES for cls in module.CLASSES]
 

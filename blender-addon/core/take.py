@@ -205,7 +205,8 @@ class Animation:
 class Take:
     """A finished performance in object space, ready to be written.
 
-    One of `basis`, `frames` (`[T, V, 3]`, object units), `key_motion` and `files` is set.
+    One of `basis`, `frames` (`[T, V, 3]`, object units), `key_motion`, `control_motion` and `files`
+    is set.
     `largest_mm` is the largest displacement of any vertex. `space` is the frame in which the face
     was found. Head and eyes lie in `life`; its `way` leads from the world to the canonical frame.
     `largest_of` is the largest displacement of each piece of the face, mm, where there are several.
@@ -216,6 +217,7 @@ class Take:
     basis: Basis | None = None
     frames: np.ndarray | None = None
     key_motion: "KeyMotion | None" = None
+    control_motion: "ControlMotion | None" = None
     files: "list[WrittenFile]" = field(default_factory=list)
     space: FaceSpace | None = None
     life: Life | None = None
@@ -228,6 +230,8 @@ class Take:
             return len(self.frames)
         if self.files:
             return self.files[0].frames
+        if self.control_motion is not None:
+            return len(self.control_motion.frames)
         motion = self.basis if self.basis is not None else self.key_motion
         return len(motion.weights)
 
@@ -270,6 +274,24 @@ class KeyMotion:
     shapes: list[str] = field(default_factory=list)
     shape_weights: np.ndarray | None = None
     shown: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass
+class ControlMotion:
+    """A take as the motion of some points of the skin, and then as values of controls.
+
+    `vertices` `[P]` are numbers of vertices near the 68 landmarks, `frames` `[T, P, 3]` their
+    motion in object space, `regions` `[P]` numbers into `controls_plan.REGIONS`. `pairs` `[N, 2]`
+    are points of the upper and the lower lip that meet. An object unit is `mm` long, on a head of
+    human size. `fitted` is what the controls of a rig do, once they have been tried.
+    """
+
+    vertices: np.ndarray
+    frames: np.ndarray
+    regions: np.ndarray
+    pairs: np.ndarray
+    mm: float
+    fitted: object = None
 
 
 @dataclass

@@ -197,11 +197,14 @@ def landing(ob, snapshot: Snapshot, take: Take):
     _follow_names(snapshot, take)
     asked = snapshot.settings.output
     start, scene_fps = snapshot.source.start_frame, snapshot.scene_fps
-    before = (lambda: takes.keep(ob)) if asked.new_take and not take.files else None
+    output = outputs.of_take(take)
+    take = yield from output.settle(ob, take, asked)
+    keep = output.keep if output.in_files else takes.keep
+    before = (lambda: keep(ob)) if asked.new_take else None
     yield from together.landing(ob, snapshot.face.pieces, take, start, scene_fps, before)
     turned = life.write(ob, take, snapshot.settings, start, scene_fps)
     notes = snapshot.notes + snapshot.source.notes + ([] if take.files else guard.notes(ob))
-    notes += outputs.of_take(take).notes(ob, asked)
+    notes += output.notes(ob, asked)
     text = " ".join([describe(take), *(f"({note})" for note in [*turned, *notes])])
     stored.note(ob, snapshot.asked, text)
     return text

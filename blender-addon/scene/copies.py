@@ -7,11 +7,12 @@ that is duplicated alone leaves its teeth to the first one.
 import bpy
 from bpy.app.handlers import persistent
 
-from . import identity, life
+from . import control_take, identity, life
 
 # What an override of an object may have for itself.
 _GROUPS = (
     "anyface", "anyface_audio", "anyface_face", "anyface_life_settings", "anyface_output",
+    "anyface_controls",
 )  # fmt: skip
 
 
@@ -66,6 +67,7 @@ def _renew(copies: dict[str, list], originals: dict) -> None:
             identity.join(face, ob)
     for ob in before:
         life.follow(ob, copies)
+        control_take.follow(ob, copies)
         _drop_foreign_parts(ob)
 
 

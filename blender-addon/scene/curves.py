@@ -65,6 +65,13 @@ def find(animation_data, data_path: str):
     return bag.fcurves.find(data_path) if bag is not None else None
 
 
+def find_any(animation_data, data_path: str):
+    """A curve of any element of `data_path`, or None."""
+    bag = channels(animation_data)
+    every = bag.fcurves if bag is not None else ()
+    return next((curve for curve in every if curve.data_path == data_path), None)
+
+
 def write(
     bag, data_path: str, frames: np.ndarray, values: np.ndarray, constant=False, index=0
 ) -> None:

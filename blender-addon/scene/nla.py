@@ -20,7 +20,7 @@ def push(ob, taken: record.Record, action) -> None:
     animation = shape_keys.animation_data
     _hold_at_rest(ob, taken)
     first, last = action.frame_range
-    strip = _strip(animation, taken.name, action, first)
+    strip = add_strip(animation, taken.name, action, first)
     # The constructor knows whole frames only.
     strip.action_frame_start, strip.action_frame_end = first, last
     strip.frame_end, strip.frame_start = last, first
@@ -31,7 +31,7 @@ def push(ob, taken: record.Record, action) -> None:
 def leave(shape_keys, taken: record.Record, action) -> None:
     """Takes the strips of `action` and its keys' rest away."""
     animation = shape_keys.animation_data
-    _remove_strips(animation, action)
+    remove_strips(animation, action)
     rest = shape_keys.get(REST)
     if rest is None:
         return
@@ -42,7 +42,7 @@ def leave(shape_keys, taken: record.Record, action) -> None:
         for curve in [curve for curve in bag.fcurves if curve.data_path in paths]:
             bag.fcurves.remove(curve)
     if curves.is_empty(rest):
-        _remove_strips(animation, rest)
+        remove_strips(animation, rest)
         del shape_keys[REST]
         curves.delete_action(rest)
 
@@ -70,10 +70,11 @@ def _hold_at_rest(ob, taken) -> None:
         shape_keys[REST] = rest
     hold(rest_channels(shape_keys), taken.keys)
     if fresh:
-        _strip(shape_keys.animation_data, _REST_NAME, rest, 0.0).extrapolation = "HOLD"
+        add_strip(shape_keys.animation_data, _REST_NAME, rest, 0.0).extrapolation = "HOLD"
 
 
-def _strip(animation, name: str, action, first: float):
+def add_strip(animation, name: str, action, first: float):
+    """A strip of `action` on a new track, from the frame `first` on."""
     track = animation.nla_tracks.new()
     track.name = name
     strip = track.strips.new(name, round(first), action)
@@ -82,7 +83,8 @@ def _strip(animation, name: str, action, first: float):
     return strip
 
 
-def _remove_strips(animation, action: bpy.types.Action) -> None:
+def remove_strips(animation, action: bpy.types.Action) -> None:
+    """Takes the strips of `action` away, and tracks that held nothing else."""
     for track in list(animation.nla_tracks):
         for strip in [strip for strip in track.strips if strip.action == action]:
             track.strips.remove(strip)

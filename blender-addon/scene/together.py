@@ -14,8 +14,10 @@ def landing(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: f
     `before` is called when nothing can go wrong any more.
     """
     output = outputs.of_take(take)
-    if take.files:
+    if output.in_files:
         output.check_files(take)
+        if before is not None:
+            before()
         if output.on_mesh:
             remove_others(ob)
             keys.remove_earlier(ob)

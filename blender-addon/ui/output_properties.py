@@ -16,6 +16,7 @@ from ..core import shapes
 from ..core.key_names import Pair
 from ..scene import adjust, record
 from ..scene.outputs import OutputSettings
+from . import controls
 from .overridable import kinds, overridable
 
 _SHAPES = [(name, name, "", at) for at, name in enumerate((*shapes.ARKIT, *shapes.VISEMES))]
@@ -111,13 +112,15 @@ def read(ob) -> OutputSettings:
     """The settings of `ob` without Blender."""
     stored = ob.anyface_output
     mapping = [Pair(row.shape, row.key, row.factor) for row in stored.mapping if row.key]
-    return OutputSettings(
+    found = OutputSettings(
         cache_folder=stored.cache_folder,
         csv_file=stored.csv_file,
         visemes=stored.visemes,
         new_take=stored.new_take,
         mapping=mapping,
     )
+    controls.fill(found, ob)
+    return found
 
 
 def register() -> None:

@@ -14,7 +14,7 @@ from bpy.types import PropertyGroup
 from ..core import systems
 from ..core.emotion import EMOTIONS, MAX_INTENSITY
 from ..scene import identity, outputs
-from . import audio, character, life, output_properties
+from . import audio, character, controls, life, output_properties
 from .overridable import kinds, overridable
 
 _EMOTION_ITEMS = [(name, name.capitalize(), "", number) for number, name in enumerate(EMOTIONS)]
@@ -171,6 +171,7 @@ def register_character() -> None:
     bpy.utils.register_class(overridable(AnyfaceCharacter))
     bpy.types.Object.anyface = PointerProperty(type=AnyfaceCharacter, override=kinds())
     audio.register()
+    controls.register()
     character.register()
     life.register()
 
@@ -187,6 +188,7 @@ def unregister() -> None:
     life.unregister()
     character.unregister()
     audio.unregister()
+    controls.unregister()
     del bpy.types.Scene.anyface
     del bpy.types.Object.anyface
     bpy.utils.unregister_class(AnyfaceScene)

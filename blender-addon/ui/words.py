@@ -20,6 +20,7 @@ _STAGES = {
     "deform": "moving the mesh",
     "compress": "making few keys of it",
     "sliders": "trying its sliders",
+    "controls": "trying the rig",
     "rig": "making shapes",
     "solve": "fitting the keys",
     "write": "writing",

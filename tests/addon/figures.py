@@ -15,6 +15,7 @@ SETTINGS = {
     "anyface_face",
     "anyface_identity",
     "anyface_life_settings",
+    "anyface_controls",
     "anyface_list",
     "anyface_output",
 }

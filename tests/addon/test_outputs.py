@@ -52,10 +52,10 @@ def files(folder):
 
 def test_names_and_numbers_of_outputs_are_those_in_blend_files(addon):
     items = bpy.types.Object.bl_rna.properties["anyface"].fixed_type.properties["mode"].enum_items
-    stored = ["basis", "frames", "cache", "keys", "arkit", "csv"]
+    stored = ["basis", "frames", "cache", "keys", "arkit", "csv", "controls"]
     assert [item.identifier for item in items] == stored
-    assert [item.value for item in items] == list(range(6))
-    assert addon("scene.outputs").WORDS == "basis, frames, cache, keys, arkit or csv"
+    assert [item.value for item in items] == list(range(7))
+    assert addon("scene.outputs").WORDS == "basis, frames, cache, keys, arkit, csv or controls"
 
 
 def test_no_file_but_its_own_names_an_output(installed):

@@ -90,7 +90,7 @@ def test_outputs_that_cannot_work_are_grey_and_the_chosen_one_says_why(addon, st
     own_keys(ob, "Smile", "jawOpen")
     drawn = draw_all(addon)["ANYFACE_PT_output"]
     grey = {text for text, enabled in drawn if not enabled}
-    assert grey == {"frames", "cache", "arkit", "csv"}
+    assert grey == {"frames", "cache", "arkit", "csv", "controls"}
     ob.anyface.mode = "frames"
     words = " ".join(text for text, _ in draw_all(addon)["ANYFACE_PT_output"])
     assert "choose basis keys" in words

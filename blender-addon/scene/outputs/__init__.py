@@ -6,6 +6,7 @@ from .. import record
 from .arkit import Arkit
 from .basis import Basis
 from .cache import Cache
+from .controls import Controls
 from .csv import Csv
 from .frames import Frames
 from .keys import Keys
@@ -20,6 +21,7 @@ ALL: tuple[Output, ...] = (
     Keys(),
     Arkit(),
     Csv(),
+    Controls(),
 )
 MODES = tuple(output.name for output in ALL)
 # "basis, frames, …": what a command line may say.

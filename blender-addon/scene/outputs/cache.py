@@ -32,6 +32,7 @@ class Cache(Output):
         "A point cache beside the .blend and a modifier that plays it; for heavy and linked meshes"
     )
     finished = "a cache holds the finished motion: use basis keys"
+    in_files = True
     options = ("cache_folder",)
 
     def check_object(self, ob):

@@ -25,6 +25,7 @@ class Csv(Output):
     help = "A Live Link Face CSV file; the mesh stays as it is"
     on_mesh = False
     moves_parts = False
+    in_files = True
     options = ("csv_file",)
 
     def check_object(self, ob):

@@ -29,8 +29,9 @@ class Keys(Output):
         if left:
             raise AnyfaceError(
                 "mesh",
-                f"{ob.name}: {_some(left)} are driven, muted or locked: choose Basis Keys, which "
-                "add to them, or free them",
+                f"{ob.name}: {_some(left)} are driven, muted or locked: choose Rig "
+                "Controls, which move what drives them, or Basis Keys, which add to them, or free "
+                "them",
             )
         raise AnyfaceError(
             "mesh",

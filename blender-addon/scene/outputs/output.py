@@ -32,7 +32,9 @@ class OutputSettings:
     """What an output may be told; the fields of `ui.output_properties.AnyfaceOutput`.
 
     An empty folder or file takes the place beside the .blend. `new_take` keeps the earlier take.
-    `mapping` is the artist's list of shapes and keys; empty, keys are found by name.
+    `mapping` is the artist's list of shapes and keys; empty, keys are found by name. `rig` names
+    the armature whose controls move, `controls` are `controls.ControlRow`s; empty, they are found.
+    Bones of the names `left_alone` are worked by others.
     """
 
     cache_folder: str = ""
@@ -40,6 +42,9 @@ class OutputSettings:
     visemes: bool = False
     new_take: bool = False
     mapping: list[Pair] = field(default_factory=list)
+    rig: str = ""
+    controls: list = field(default_factory=list)
+    left_alone: list[str] = field(default_factory=list)
 
 
 class Output:
@@ -59,6 +64,8 @@ class Output:
     on_mesh = True
     # Objects beside the face follow in the same way.
     moves_parts = True
+    # What it makes lies elsewhere than in shape keys of the mesh.
+    in_files = False
     # Why a written take cannot be changed, or cannot wait beside others, in words.
     finished = cannot_wait = ""
 
@@ -110,6 +117,11 @@ class Output:
         """What each object of a face gets, the face itself first; None where one does not move."""
         return pieces.split(take, parts)
 
+    def settle(self, ob, take: Take, asked: OutputSettings):
+        """The take as it is written, once what needs Blender is done: in steps, yields between."""
+        return take
+        yield
+
     def vectors(self, take: Take) -> np.ndarray | None:
         """What becomes keys, `[K, V, 3]`; None where the artist's keys are used."""
         return take.key_motion.vectors
@@ -131,7 +143,10 @@ class Output:
         """Raises `AnyfaceError` where files cannot be played any more."""
 
     def write_files(self, ob, take: Take, start_frame: float, scene_fps: float) -> None:
-        """Connects files that the plan has written with `ob` and the objects beside it."""
+        """Connects what lies elsewhere with `ob` and the objects beside it: files, a rig."""
+
+    def keep(self, ob) -> None:
+        """Lets go of an earlier take that lies elsewhere, where the next one is to go beside it."""
 
     def paths(self, taken: record.Record) -> set[str]:
         """The data paths of all curves of a take."""

@@ -1,0 +1,122 @@
+"""A take on the controls of a rig: bones, custom properties, what drivers read."""
+
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ...core.controls_plan import FollowPoints
+from ...core.errors import AnyfaceError
+from ...core.estimate import KEYFRAME, Cost
+from .. import control_bench, control_fit, control_sources, control_take, guard
+from .output import Output, times
+
+# Curves of a usual rig.
+_CURVES = 100
+
+
+@dataclass
+class ControlRow:
+    """A row of the artist's list; the fields of `ui.controls.AnyfaceControl`."""
+
+    kind: str
+    id_type: str
+    block: str
+    name: str
+    sided: bool = False
+
+
+class Controls(Output):
+    """The mesh stays as it is: its rig moves it. Earlier actions of the rig stay, too."""
+
+    name = "controls"
+    label = "Rig Controls"
+    help = "The face controls of the rig: bones, custom properties, what drives keys"
+    finished = "its curves lie on the rig: change them there, or generate again"
+    moves_parts = False
+    in_files = True
+
+    def check_object(self, ob):
+        guard.check_mesh(ob)
+        if ob.library is not None:
+            raise AnyfaceError(
+                "mesh",
+                f"{ob.name} is linked: make a library override of the character first "
+                "(Object > Library Override > Make)",
+            )
+
+    def check(self, ob, asked):
+        super().check(ob, asked)
+        control_bench.check(ob)
+        if not asked.controls and not asked.rig and not control_sources.has_any(ob):
+            raise AnyfaceError(
+                "mesh",
+                f"{ob.name} has no rig: pick the armature or the object that moves its face, or "
+                "choose Basis Keys",
+            )
+
+    def draw(self, layout, ob):
+        stored = ob.anyface_controls
+        layout.prop(stored, "rig", placeholder=_name_of(control_sources.rig_of(ob)))
+        row = layout.row(align=True)
+        row.operator("anyface.controls_find", text="Find Controls")
+        row.operator_menu_enum("anyface.controls_preset", "preset", text="Names")
+        row.operator("anyface.controls_clear", text="", icon="X")
+        if not len(stored.rows):
+            layout.label(text="Controls are found when you generate")
+            return
+        layout.template_list("ANYFACE_UL_controls", "", stored, "rows", stored, "index", rows=4)
+
+    def cost(self, asked):
+        return Cost(_CURVES * asked.frames * KEYFRAME)
+
+    def plan(self, ob, asked, fps, objects):
+        return FollowPoints()
+
+    def holds(self, take):
+        return take.control_motion is not None
+
+    def describe(self, take):
+        fitted = take.control_motion.fitted
+        worst = sorted(fitted.missed.items(), key=lambda pair: -pair[1])
+        missed = ", ".join(f"{name} {mm:.1f} mm" for name, mm in worst)
+        return (
+            f"{len(fitted.moved)} controls of the rig show {fitted.shown:.0%} of the motion; "
+            f"farthest off: {missed}"
+        )
+
+    def sources(self, ob, asked) -> list[control_sources.Source]:
+        """What is tried: the artist's list, or what is found."""
+        if asked.controls:
+            return [control_sources.find(**vars(row)) for row in asked.controls]
+        picked = bpy.data.objects.get(asked.rig) if asked.rig else control_sources.rig_of(ob)
+        is_rig = picked is not None and picked.type == "ARMATURE"
+        return control_sources.propose(ob, picked if is_rig else None, asked.left_alone)
+
+    def settle(self, ob, take, asked):
+        sources = self.sources(ob, asked)
+        for source in sources:
+            control_take.check(source.block)
+        return (yield from control_fit.fit(ob, take, sources, control_take.rests(ob)))
+
+    def write_files(self, ob, take, start_frame, scene_fps):
+        frames = start_frame + np.arange(take.frame_count) * (scene_fps / take.fps)
+        ends = times(frames, scene_fps)[[0, -1]]
+        control_take.write(ob, take.control_motion.fitted, ends, frames)
+
+    def find(self, ob):
+        if ob is None or ob.type != "MESH":
+            return None
+        return control_take.actions_of(ob) or None
+
+    def keep(self, ob):
+        """The actions of the earlier take stay in the file."""
+        control_take.release(ob, keep=True)
+
+    def remove(self, ob):
+        """Takes the curves away, and nothing else; bones and properties stand as before."""
+        control_take.release(ob)
+
+
+def _name_of(block) -> str:
+    return block.name if block is not None else "No rig found"

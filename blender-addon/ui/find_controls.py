@@ -1,0 +1,119 @@
+"""Finds the face controls of a rig, or takes them from a list of names."""
+
+import numpy as np
+from bpy.props import EnumProperty
+from bpy.types import Operator
+
+from ..core import control_names, controls_plan
+from ..core.errors import AnyfaceError
+from ..core.take import ControlMotion, Found
+from ..scene import control_bench, control_fit, control_sources, control_take
+from . import landmarks, output_properties
+from .operators import InThread
+from .target import OfFace, is_there, target
+
+# The distance of the temples on a head of human size, mm.
+_TEMPLES_MM = 140.0
+_PRESETS = [(name, name, "") for name in control_names.presets()]
+
+
+class ANYFACE_OT_controls_find(InThread, Operator):
+    """Try the bones of the rig, and what its drivers read, and list those that move the face"""
+
+    bl_idname = "anyface.controls_find"
+    bl_label = "Find Controls"
+
+    def read(self, context, ob):
+        """The mesh, whose landmarks say where the face is."""
+        control_bench.check(ob)
+        return landmarks.search_of(ob)
+
+    def land(self, ob, search, found):
+        """Nudges what may move the face, and lists what does."""
+        sources = _sources(ob)
+        motion = _still(search.face.positions[: len(ob.data.vertices)], found)
+        bench = control_bench.Bench(ob, control_fit.rigs_of(sources), motion.vertices)
+        given = bench, motion, sources, control_take.rests(ob)
+        handles = yield from control_fit.try_all(ob, *given)
+        moving = {handle.source.key for handle in handles}
+        listed = [source for source in sources if source.key in moving]
+        if not listed:
+            raise AnyfaceError("mesh", f"no control moves the face of {ob.name}: pick its rig")
+        _list(ob, listed)
+        self.report({"INFO"}, f"Anyface: {len(listed)} controls move the face")
+        return {"FINISHED"}
+
+    def finish(self, ob, search, found):
+        """All at once."""
+        steps = self.land(ob, search, found)
+        while True:
+            try:
+                next(steps)
+            except StopIteration as ended:
+                return ended.value
+
+
+class ANYFACE_OT_controls_preset(OfFace, Operator):
+    """Fill the list with the bones that a tool names in this way"""
+
+    bl_idname = "anyface.controls_preset"
+    bl_label = "Names"
+
+    preset: EnumProperty(name="Names", items=_PRESETS)
+
+    def execute(self, context):
+        """Replaces the list."""
+        ob = target(context)
+        rig = _rig(ob)
+        found = control_sources.of_preset(rig, self.preset) if rig is not None else []
+        if not found:
+            self.report({"WARNING"}, f"Anyface: the rig has no bone with a name of {self.preset}")
+            return {"CANCELLED"}
+        _list(ob, found)
+        return {"FINISHED"}
+
+
+class ANYFACE_OT_controls_clear(OfFace, Operator):
+    """Empty the list; controls are found when you generate"""
+
+    bl_idname = "anyface.controls_clear"
+    bl_label = "Clear"
+
+    def execute(self, context):
+        """Empties the list."""
+        target(context).anyface_controls.rows.clear()
+        return {"FINISHED"}
+
+
+def _rig(ob):
+    stored = ob.anyface_controls
+    return stored.rig if is_there(stored.rig) else control_sources.rig_of(ob)
+
+
+def _sources(ob) -> list[control_sources.Source]:
+    return control_sources.propose(ob, _rig(ob), output_properties.read(ob).left_alone)
+
+
+def _still(positions: np.ndarray, found: Found) -> ControlMotion:
+    """The points of a face that nobody has moved yet."""
+    vertices, regions = controls_plan.nearby(positions, found)
+    mm = _TEMPLES_MM / max(float(np.linalg.norm(found.positions[0] - found.positions[16])), 1e-12)
+    frames = np.zeros((0, len(vertices), 3), dtype=np.float32)
+    return ControlMotion(vertices, frames, regions, np.empty((0, 2), dtype=np.int64), mm)
+
+
+def _list(ob, sources: list[control_sources.Source]) -> None:
+    """Replaces the list of `ob`."""
+    rows = ob.anyface_controls.rows
+    rows.clear()
+    for source in sources:
+        row = rows.add()
+        row.name, row.kind, row.sided = source.label, source.kind, source.sided
+        row.id_type, row.block, row.path = source.block.id_type, source.block.name, source.name
+
+
+CLASSES = (
+    ANYFACE_OT_controls_find,
+    ANYFACE_OT_controls_preset,
+    ANYFACE_OT_controls_clear,
+)

@@ -1,0 +1,163 @@
+"""Characters on rigs, made from the default head, and what a take does to them."""
+
+import json
+
+import bpy
+import numpy as np
+
+from conftest import ROOT
+
+HEAD = ROOT / "rust-core" / "models" / "default_head" / "head.obj"
+LANDMARKS = json.loads((HEAD.parent / "landmarks.json").read_text())["landmarks"]
+# Bones of a crude face by the landmark at which they lie.
+LIPS = {"lip.T": 51, "lip.T.L": 53, "lip.T.R": 49, "lip.L": 54, "lip.R": 48, "lip.B": 57,
+        "lip.B.L": 55, "lip.B.R": 59}  # fmt: skip
+LIDS = {"lid.T.L": 44, "lid.T.R": 37, "lid.B.L": 46, "lid.B.R": 41}
+BROWS = {"brow.in.L": 22, "brow.in.R": 21, "brow.out.L": 24, "brow.out.R": 19}
+SNEERS = {"sneer.L": 35, "sneer.R": 31}
+UPPER = LIDS | BROWS | SNEERS
+# How far a bone reaches, metres on a head of human size.
+REACH_M = 0.011
+
+
+def head():
+    """The default head with its landmarks stored, in metres."""
+    bpy.ops.wm.obj_import(filepath=str(HEAD), use_split_objects=False, use_split_groups=False)
+    ob = bpy.context.object
+    ob.name = "Head"
+    bpy.context.view_layer.update()
+    return ob
+
+
+def landmarks():
+    """Positions `[68, 3]` of the head's landmarks in object space."""
+    return np.array([row["position"] for row in LANDMARKS], dtype=np.float64)
+
+
+def skin_vertices():
+    """How many vertices the skin has; eyes, teeth and tongue come after it."""
+    rows = HEAD.read_text().splitlines()
+    later = [at for at, row in enumerate(rows) if row.startswith("o ")][1:]
+    return sum(row.startswith("v ") for row in rows[: later[0] if later else len(rows)])
+
+
+def positions(ob):
+    """Positions `[V, 3]` of the mesh of `ob`."""
+    flat = np.empty(len(ob.data.vertices) * 3)
+    ob.data.vertices.foreach_get("co", flat)
+    return flat.reshape(-1, 3)
+
+
+def shapes(addon, ob):
+    """The ARKit shapes of a head by name, `[V, 3]` each in object space."""
+    scene, job = addon("scene.bake"), addon("core.job")
+    settings = addon("ui.settings").from_object(ob)
+    face = scene.read_face(ob, settings, editable=False)
+    space = addon("core.space").face_space(face.matrix_world, face.axes)
+    engine = addon("ui.running").engine(settings.system)
+    rig = addon("core.plan").make_rig(face, space, engine, job.Progress())
+    return dict(zip(rig.names, rig.vectors, strict=True))
+
+
+def jaw_share(vectors):
+    """How much each vertex goes with the jaw, 0 to 1 `[V]`."""
+    size = np.linalg.norm(vectors["jawOpen"], axis=1)
+    return np.clip(size / np.quantile(size[size > 0.2 * size.max()], 0.7), 0.0, 1.0)
+
+
+def armature(ob, places, parents):
+    """An armature at `ob` with a bone at each of `places` `[3]`, in the space of `ob`; its bones
+    point forward and hang on `parents` by name."""
+    data = bpy.data.armatures.new("Rig")
+    rig = bpy.data.objects.new("Rig", data)
+    bpy.context.scene.collection.objects.link(rig)
+    rig.matrix_world = ob.matrix_world
+    bpy.context.view_layer.objects.active = rig
+    bpy.ops.object.mode_set(mode="EDIT")
+    for name, (place, tip) in places.items():
+        bone = data.edit_bones.new(name)
+        bone.head, bone.tail = place, tip
+    for name, parent in parents.items():
+        data.edit_bones[name].parent = data.edit_bones[parent]
+    bpy.ops.object.mode_set(mode="OBJECT")
+    bpy.context.view_layer.objects.active = ob
+    return rig
+
+
+def skin(ob, rig, weights):
+    """An Armature modifier, and weights `[V]` by bone."""
+    for name, values in weights.items():
+        group = ob.vertex_groups.new(name=name)
+        for vertex in np.flatnonzero(values > 1e-3):
+            group.add([int(vertex)], float(values[vertex]), "REPLACE")
+    ob.modifiers.new("Armature", "ARMATURE").object = rig
+
+
+def crude(addon, ob):
+    """A rig with a jaw that turns, bones of lips, lids and brows, a limit, and a key that a
+    property of the armature drives. Returns its object."""
+    points, found, vectors = positions(ob), landmarks(), shapes(addon, ob)
+    ear = (found[0] + found[16]) / 2
+    forward = (found[30] - ear) / np.linalg.norm(found[30] - ear)
+    places = {"head": (ear, ear + 0.1 * (found[27] - found[8])), "jaw": (ear, found[8])}
+    for name, number in (LIPS | UPPER).items():
+        places[name] = (found[number], found[number] + 0.01 * forward)
+    low = {"lip.B", "lip.B.L", "lip.B.R", "lip.L", "lip.R"}
+    parents = {name: "jaw" if name in low else "head" for name in places if name != "head"}
+    rig = armature(ob, places, parents)
+    skin(ob, rig, _weights(points, found, jaw_share(vectors)))
+    limit = rig.pose.bones["jaw"].constraints.new("LIMIT_ROTATION")
+    limit.owner_space = "LOCAL"
+    limit.use_limit_y, limit.use_limit_z = True, True
+    limit.min_y = limit.min_z = -0.05
+    limit.max_y = limit.max_z = 0.05
+    driven_key(ob, rig, "smile", vectors["mouthSmileLeft"] + vectors["mouthSmileRight"])
+    return rig
+
+
+def driven_key(ob, rig, name, vector):
+    """A key that a custom property of `rig`, 0 to 1, drives."""
+    if ob.data.shape_keys is None:
+        ob.shape_key_add(name="Basis", from_mix=False)
+    block = ob.shape_key_add(name=name, from_mix=False)
+    block.value = 0.0
+    points = positions(ob) + vector
+    block.points.foreach_set("co", points.astype(np.float32).ravel())
+    rig[name] = 0.0
+    rig.id_properties_ui(name).update(min=0.0, max=1.0, soft_min=0.0, soft_max=1.0)
+    driver = block.driver_add("value").driver
+    driver.type = "AVERAGE"
+    variable = driver.variables.new()
+    variable.targets[0].id = rig
+    variable.targets[0].data_path = f'["{name}"]'
+    return block
+
+
+def _weights(points, found, jaw):
+    """Weights that add up to 1: what a small bone does not take goes to jaw and head."""
+    near = {}
+    for name, number in (LIPS | UPPER).items():
+        away = np.linalg.norm(points - found[number], axis=1)
+        near[name] = np.exp(-0.5 * (away / REACH_M) ** 2)
+        if name.startswith(("lip.T", "lid.T")):
+            near[name] *= 1.0 - jaw
+        elif name.startswith("lip.B"):
+            near[name] *= jaw
+    total = np.sum(list(near.values()), axis=0)
+    scale = 1.0 / np.maximum(total, 1.0)
+    rest = 1.0 - np.minimum(total, 1.0)
+    weights = {name: values * scale for name, values in near.items()}
+    return weights | {"jaw": rest * jaw, "head": rest * (1.0 - jaw)}
+
+
+def driven(addon, ob):
+    """ARKit shapes of the head as keys that custom properties of an armature drive, each its own:
+    nobody can animate the keys themselves. Returns the armature's object."""
+    vectors = shapes(addon, ob)
+    rig = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
+    bpy.context.scene.collection.objects.link(rig)
+    for name, vector in vectors.items():
+        if name.startswith("viseme") or not vector.any():
+            continue
+        driven_key(ob, rig, name, vector)
+    return rig

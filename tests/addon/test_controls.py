@@ -1,0 +1,165 @@
+"""Faces that are moved by rigs: what the output Rig Controls shows, and that it harms nothing."""
+
+import shutil
+import subprocess
+import wave
+
+import bpy
+import numpy as np
+import pytest
+
+import rigify_face
+import rigs
+from figures import curves, everything, film, write_wav
+
+# Many lips that close: p, b and m.
+SENTENCE = "Mama, please put my baby's blue book beside the big map."
+PAUSE_S = 0.4
+
+
+@pytest.fixture(scope="module")
+def voice(tmp_path_factory):
+    """The path of a spoken sentence between two pauses."""
+    folder = tmp_path_factory.mktemp("voice")
+    spoken, path = folder / "spoken.wav", folder / "voice.wav"
+    if not shutil.which("flite"):
+        pytest.skip("no flite to speak")
+    subprocess.run(["flite", "-voice", "slt", "-t", SENTENCE, "-o", str(spoken)], check=True)
+    with wave.open(str(spoken), "rb") as file:
+        rate = file.getframerate()
+        data = np.frombuffer(file.readframes(file.getnframes()), dtype="<i2") / 32768.0
+    pause = np.zeros(int(PAUSE_S * rate))
+    write_wav(path, np.concatenate([pause, data, pause]), rate)
+    return str(path)
+
+
+def ready(ob, path):
+    """A sound file at frame 1, 24 frames a second."""
+    bpy.context.scene.render.fps = 24
+    bpy.context.view_layer.objects.active = ob
+    ob.anyface.source, ob.anyface.sound_file, ob.anyface.start_frame = "FILE", path, 1
+    return ob
+
+
+def frames_of(path):
+    """The scene frames of the take."""
+    with wave.open(path, "rb") as file:
+        return range(1, 1 + int(np.ceil(file.getnframes() / file.getframerate() * 24)))
+
+
+def truth(ob, path):
+    """What Anyface does to the mesh, `[T, V, 3]`; nothing of it stays."""
+    shown = [(m, m.show_viewport) for m in ob.modifiers]
+    for modifier, _ in shown:
+        modifier.show_viewport = False
+    ob.anyface.mode = "frames"
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    moved = film(ob, frames_of(path)) - rigs.positions(ob)
+    assert bpy.ops.anyface.remove() == {"FINISHED"}
+    for modifier, was in shown:
+        modifier.show_viewport = was
+    return moved
+
+
+def face_vertices(ob):
+    """Vertices of the skin within 25 mm of a landmark."""
+    points, found = rigs.positions(ob), rigs.landmarks()
+    away = np.linalg.norm(points[:, None] - found[None], axis=2).min(axis=1)
+    skin = np.zeros(len(points), dtype=bool)
+    skin[: rigs.skin_vertices()] = True
+    return np.flatnonzero((away < 0.025) & skin)
+
+
+def share(ob, wanted, shown):
+    """The share of the energy of the face's motion."""
+    some = face_vertices(ob)
+    missed = ((wanted[:, some] - shown[:, some]) ** 2).sum()
+    return 1.0 - missed / (wanted[:, some] ** 2).sum()
+
+
+def gaps(ob, moved):
+    """Distance of the inner lips `[T]` beyond that at rest."""
+    points = rigs.positions(ob) + moved
+    top, bottom = (rigs.LANDMARKS[n]["vertex"] for n in (62, 66))
+    apart = np.linalg.norm(points[:, top] - points[:, bottom], axis=1)
+    rest = np.linalg.norm(rigs.positions(ob)[top] - rigs.positions(ob)[bottom])
+    return apart - rest
+
+
+def closed(ob, wanted, shown):
+    """Of the moments at which the lips close, the share at which they do on the rig."""
+    true, found = gaps(ob, wanted), gaps(ob, shown)
+    limit = 0.15 * np.quantile(true, 0.95)
+    least = np.r_[False, (true[1:-1] <= true[:-2]) & (true[1:-1] < true[2:]), False]
+    moments = np.flatnonzero(least & (true < limit))
+    assert len(moments) >= 4
+    return float((found[moments] < limit).mean())
+
+
+def speak(ob, path):
+    """Generates on the controls; the motion of the evaluated mesh."""
+    ob.anyface.mode = "controls"
+    bpy.context.scene.frame_set(1)
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    print(ob.anyface.report)
+    frames = frames_of(path)
+    rest = film(ob, [frames[0] - 30])[0]
+    return film(ob, frames) - rest
+
+
+def test_a_crude_rig_speaks_and_is_left_as_it_was(voice, addon):
+    ob = ready(rigs.head(), voice)
+    wanted = truth(ob, voice)
+    rigs.crude(addon, ob)
+    bpy.context.scene.frame_set(1)
+    before = everything()
+    shown = speak(ob, voice)
+    shares = share(ob, wanted, shown), closed(ob, wanted, shown)
+    print("crude", shares)
+    assert shares[0] > 0.85 and shares[1] >= 0.9
+    bpy.context.scene.frame_set(1)
+    assert bpy.ops.anyface.remove() == {"FINISHED"}
+    assert everything() == before
+
+
+def test_keys_that_are_all_driven_speak_at_what_drives_them(voice, addon):
+    ob = ready(rigs.head(), voice)
+    wanted = truth(ob, voice)
+    rig = rigs.driven(addon, ob)
+    bpy.context.scene.frame_set(1)
+    before = everything()
+    shown = speak(ob, voice)
+    shares = share(ob, wanted, shown), closed(ob, wanted, shown)
+    print("driven", shares)
+    assert shares[0] > 0.85 and shares[1] >= 0.9
+    animated = {curve.data_path for curve in curves(rig.animation_data.action)}
+    assert '["jawOpen"]' in animated and ob.data.shape_keys.animation_data.action is None
+    assert bpy.ops.anyface.remove() == {"FINISHED"}
+    bpy.context.scene.frame_set(1)
+    assert everything() == before
+
+
+@pytest.fixture
+def rigify():
+    """Blender's own Rigify."""
+    if rigify_face.enable() is None:
+        pytest.skip("this Blender has no Rigify")
+    yield
+    rigify_face.disable()
+
+
+def test_the_face_that_rigify_makes_speaks(voice, addon, rigify):
+    ob = ready(rigs.head(), voice)
+    wanted = truth(ob, voice)
+    rig = rigify_face.bind(addon, ob)
+    bpy.context.scene.frame_set(1)
+    before = everything()
+    shown = speak(ob, voice)
+    shares = share(ob, wanted, shown), closed(ob, wanted, shown)
+    print("rigify", shares, len(rig.pose.bones))
+    animated = {curve.data_path for curve in curves(rig.animation_data.action)}
+    assert not any("DEF-" in path or "spine" in path for path in animated)
+    assert shares[0] > 0.85 and shares[1] >= 0.9
+    assert bpy.ops.anyface.remove() == {"FINISHED"}
+    bpy.context.scene.frame_set(1)
+    assert everything() == before
