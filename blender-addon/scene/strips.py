@@ -39,7 +39,8 @@ def as_one(scene, strips: list, decode: Decode) -> MixedSource:
     audible = [strip for strip in strips if not strip.mute]
     muted = [strip.name for strip in strips if strip.mute]
     if not audible:
-        raise AnyfaceError("audio", f"all chosen strips are muted ({', '.join(muted)}): unmute one")
+        text = f"all chosen strips are muted ({', '.join(muted)}): unmute one"
+        raise AnyfaceError("audio", text, ("unmute",))
     fps = scene.render.fps / scene.render.fps_base
     parts = [sound.from_strip(scene, strip.name, decode) for strip in audible]
     start = min(part.start_frame for part in parts)

@@ -200,7 +200,7 @@ def left_behind(ob) -> str:
     found = [part.name for part in suggestions(ob) if _moves(part)]
     if not found:
         return ""
-    return f"{', '.join(found)} did not move along: Character > Parts > Find Parts adds them"
+    return f"{', '.join(found)} did not move along: Find Parts adds them"
 
 
 def _moves(part) -> bool:
@@ -212,6 +212,7 @@ class ANYFACE_PT_character(OfFacePanel, Panel):
 
     bl_label = "Character"
     bl_order = 0
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
         """Draws status, buttons and lists."""
@@ -235,7 +236,7 @@ def status(ob) -> tuple[str, str]:
     except AnyfaceError as error:
         return str(error), "ERROR"
     if stored is None:
-        return "Landmarks are found when needed", "INFO"
+        return "The face is found when needed", "INFO"
     return landmarks.describe(stored), "ERROR" if stored.doubtful else "CHECKMARK"
 
 

@@ -36,7 +36,7 @@ class Paper:
                 assert short in dir(getattr(bpy.ops, module)), given
                 return SimpleNamespace()
             made = Paper(self.words, self.enabled)
-            return (made, made) if name == "panel" else made
+            return (made, made) if name in ("panel", "panel_prop") else made
 
         return call
 
