@@ -34,8 +34,8 @@ from .ui import (
 )
 
 _MODULES = (
-    preferences, generate, remove, mending, sample_head, panel, character, landmarks, mouth, audio, presets,
-    performance, life, outputs, key_list, caches, takes, scene_list,
+    preferences, generate, remove, mending, sample_head, panel, character, landmarks, mouth, audio,
+    presets, performance, life, outputs, key_list, caches, takes, scene_list,
 )  # fmt: skip
 _CLASSES = [cls for module in _MODULES for cls in module.CLASSES]
 

@@ -15,10 +15,8 @@ def check_seen(seen: Animation, sound: Sound, intensity: float) -> None:
     if not np.isfinite(seen.largest_mm):
         raise AnyfaceError("internal", "the result holds values that are not numbers")
     if seen.visibility == "NOTHING":
-        largest, reason = f"no point by more than {seen.largest_mm:.3f} mm", _reason(sound, intensity)
-        raise AnyfaceError(
-            "nothing_moved", f"nothing moved ({largest}): {reason}", ("choose_sound",)
-        )
+        text = f"nothing moved by more than {seen.largest_mm:.3f} mm: {_reason(sound, intensity)}"
+        raise AnyfaceError("nothing_moved", text, ("choose_sound",))
     if seen.visibility == "LIPS_REST":
         raise AnyfaceError(
             "nothing_moved",

@@ -208,7 +208,7 @@ def landing(ob, snapshot: Snapshot, take: Take):
 
 
 def describe(take: Take) -> str:
-    """One line: "150 frames, moves by up to 9.1 mm, 31 new keys, true to 0.098 mm"."""
+    """One line: "150 frames, moves by up to 9.1 mm, 31 new keys, exact to 0.10 mm"."""
     text = f"{take.frame_count} frames, moves by up to {take.largest_mm:.1f} mm"
     return f"{text}, {outputs.of_take(take).describe(take)}"
 

@@ -89,7 +89,8 @@ def _rows(text) -> dict | None:
 def store(ob, found: Found, fixed=()) -> None:
     """Writes what was found on `ob`, in the format of a landmark file; `fixed` are numbers."""
     if ob.library is not None or not ob.is_editable:
-        raise AnyfaceError("mesh", f"{ob.name} is linked: make it local to keep the points of its face on it")
+        text = f"{ob.name} is linked: make it local to keep the points of its face on it"
+        raise AnyfaceError("mesh", text, ("make_local",))
     rows = []
     for number in range(COUNT):
         row = {

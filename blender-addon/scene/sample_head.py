@@ -43,7 +43,9 @@ def _material(name: str, colour):
     """A material in that colour (linear, `[3]`)."""
     made = bpy.data.materials.new(f"{NAME} {name.replace('_', ' ')}")
     made.diffuse_color = (*(float(part) for part in colour), 1.0)
-    made.use_nodes = True
+    # From 5.0 on every material has nodes.
+    if made.node_tree is None:
+        made.use_nodes = True
     shader = next((n for n in made.node_tree.nodes if n.type == "BSDF_PRINCIPLED"), None)
     if shader is not None:
         shader.inputs["Base Color"].default_value = made.diffuse_color

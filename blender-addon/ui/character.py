@@ -212,7 +212,6 @@ class ANYFACE_PT_character(OfFacePanel, Panel):
 
     bl_label = "Character"
     bl_order = 0
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
         """Draws status, buttons and lists."""

@@ -10,6 +10,7 @@ from bpy.types import Panel
 
 from ..scene import outputs
 from . import audio, mending, presets, running, words
+from .operators import redraw
 from .target import sequencer_scene, target
 
 _MANIFEST = Path(__file__).resolve().parents[1] / "blender_manifest.toml"
@@ -100,7 +101,9 @@ def _draw_performance(layout, settings) -> None:
     line = named(column, "Emotion")
     line.use_property_split = False
     line.prop(settings, "emotion", text="")
-    line.prop(settings, "intensity", text="", slider=True)
+    strength = line.row(align=True)
+    strength.active = settings.emotion != "neutral"
+    strength.prop(settings, "intensity", text="", slider=True)
 
 
 def _draw_buttons(layout, context, ob) -> None:
@@ -133,7 +136,9 @@ def _draw_report(layout, ob, width: int) -> None:
 def register() -> None:
     """Adds whether *More* is open."""
     bpy.types.WindowManager.anyface_more = BoolProperty(
-        name="More", description="Face, performance, life, output and takes in detail"
+        name="More",
+        description="Face, performance, life, output and takes in detail",
+        update=lambda _self, context: redraw(context),
     )
 
 

@@ -78,7 +78,9 @@ class AnyfaceCharacter(PropertyGroup):
         subtype="FACTOR",
     )
     style: StringProperty(
-        name="Speaker", description="Whose way of speaking, by name; empty takes the default", options=set()
+        name="Speaker",
+        description="Whose way of speaking, by name; empty takes the default",
+        options=set(),
     )
     seed: IntProperty(
         name="Seed", description="Another seed, another take", default=0, min=0, options=set()

@@ -49,7 +49,7 @@ _CONTROLS = {
 
 
 def of_stage(name: str) -> str:
-    """What is being done; "starting" before the first stage, "working" in one of a later version."""
+    """What is being done; "starting" before the first stage, "working" in one that has no words."""
     return _STAGES.get(name, "working") if name else "starting"
 
 

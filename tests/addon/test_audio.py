@@ -142,7 +142,7 @@ def test_the_only_strip_speaks_without_being_chosen(addon, stage, tmp_path):
     assert addon("ui.audio").lines(ob, bpy.context.scene)[0][0].startswith("One, frames 11")
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     strip(level(tmp_path / "b.wav", 0.5), "Two", 99)
-    with pytest.raises(RuntimeError, match="no sound: choose a sound strip under Audio"):
+    with pytest.raises(RuntimeError, match="no sound: choose a strip or a sound file"):
         bpy.ops.anyface.generate()
 
 

@@ -34,7 +34,7 @@ class Basis(Output):
         return take.basis is not None
 
     def describe(self, take):
-        return f"{len(take.basis.vectors)} new keys, true to {take.basis.error_mm:.3f} mm"
+        return f"{len(take.basis.vectors)} new keys, exact to {take.basis.error_mm:.2f} mm"
 
     def vectors(self, take):
         return take.basis.vectors

@@ -94,7 +94,7 @@ class Keys(Output):
 
 
 def describe(take: Take, what: str) -> str:
-    """What was done with named keys: "52 keys driven, they show nearly all of the motion (97 %)"."""
+    """What was done with named keys: "52 keys driven, they show most of the motion (80 %)"."""
     motion = take.key_motion
     return f"{len(motion.keys)} keys {what}, they show {wording.share(1.0 - motion.left_out)}"
 
