@@ -1,5 +1,6 @@
 """Several sound strips as one take, and what the panel says of a sound before it is used."""
 
+import math
 import os
 import wave
 from dataclasses import dataclass
@@ -59,7 +60,9 @@ class Length:
     seconds: float
 
     def __str__(self) -> str:
-        return f"frames {self.first:g} to {self.last:g}, {self.seconds:.2f} s"
+        # The last frame on which something is heard.
+        last = max(math.ceil(self.last) - 1, math.floor(self.first))
+        return f"frames {self.first:g} to {last}, {self.seconds:.2f} s"
 
 
 def length_of(scene, strips: list, with_muted: bool = False) -> Length | None:

@@ -108,7 +108,7 @@ def draw(layout, ob, scene, width: int) -> None:
             layout.prop(ob.anyface, "start_frame")
     elif scene.sequence_editor is None or not sequencer.sound_strips(scene):
         layout.operator("anyface.choose_sound", text="Choose a Sound File…", icon="FILE_SOUND")
-        text = "Or add a sound strip in the video sequencer"
+        text = "Or add a strip to the sequencer"
         words.draw(layout.column(align=True), text, width, "INFO")
         return
     else:

@@ -16,6 +16,8 @@ from .target import sequencer_scene, target
 _MANIFEST = Path(__file__).resolve().parents[1] / "blender_manifest.toml"
 # The share of a line that its name takes, as Blender splits properties.
 _NAME_SHARE = 0.4
+# The share of what is left that the emotion takes; its strength takes the rest.
+_EMOTION_SHARE = 0.64
 
 
 @cache
@@ -100,6 +102,7 @@ def _draw_performance(layout, settings) -> None:
         return
     line = named(column, "Emotion")
     line.use_property_split = False
+    line = line.split(factor=_EMOTION_SHARE, align=True)
     line.prop(settings, "emotion", text="")
     strength = line.row(align=True)
     strength.active = settings.emotion != "neutral"

@@ -61,7 +61,10 @@ class AnyfaceCharacter(PropertyGroup):
         name="File", description="WAV, MP3, FLAC, OGG, M4A …", subtype="FILE_PATH", options=set()
     )
     start_frame: IntProperty(
-        name="Start", description="Frame at which the sound file begins", default=1, options=set()
+        name="Start Frame",
+        description="Frame at which the sound file begins",
+        default=1,
+        options=set(),
     )
     emotion_source: EnumProperty(
         name="Feeling", items=_EMOTION_SOURCES, default="GIVEN", options=set()
