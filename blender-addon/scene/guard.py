@@ -34,6 +34,7 @@ def check_local(ob) -> None:
                 "data are lost on save: make object and mesh local (Object > Relations > Make "
                 "Local), open that file, or make a library "
                 "override (Object > Library Override > Make) and choose Cache File",
+                ("use_cache", "make_local"),
             )
         if block.override_library is not None and block is ob.data:
             raise AnyfaceError(

@@ -39,7 +39,8 @@ _SETTINGS = {"direction": "axes", "points_file": "landmark_file"}
 
 def kept(ob) -> list[str]:
     """The names of what is offered for `ob`: what its report asks for, and what its face lacks."""
-    if ob.library is not None or ob.data.library is not None:
+    # It cannot keep a report.
+    if ob.library is not None:
         return ["make_local"]
     names = ob.anyface.report_mends.split()
     if ob.anyface.report and "open_mouth" not in names and mouth.is_welded(ob):
