@@ -103,7 +103,8 @@ def test_a_performance_is_made_undone_redone_saved_reloaded_and_removed(screen, 
 def test_all_of_the_first_screen_is_in_sight_and_more_opens_with_a_click(screen, photographs):
     open_more = "answer = bpy.context.window_manager.anyface_more"
     x, y = screen.find("anyface.generate")
-    for below in range(20, 90, 8):
+    # Below the button, whose upper edge was found.
+    for below in range(34, 90, 6):
         screen.hand("mousemove", x, y + below, "sleep", "0.1", "click", "1", "sleep", "0.3")
         if screen.ask(open_more):
             break
