@@ -20,6 +20,7 @@ from .ui import (
     key_list,
     landmarks,
     life,
+    mending,
     mouth,
     outputs,
     panel,
@@ -29,13 +30,14 @@ from .ui import (
     properties,
     remove,
     running,
+    sample_head,
     scene_list,
     takes,
 )
 
 _MODULES = (
-    preferences, generate, remove, panel, character, landmarks, mouth, audio, presets,
-    performance, life, outputs, key_list, controls, find_controls, caches, takes, scene_list,
+    preferences, generate, remove, mending, sample_head, panel, character, landmarks, mouth, audio,
+    presets, performance, life, outputs, key_list, controls, find_controls, caches, takes, scene_list,
 )  # fmt: skip
 _CLASSES = [cls for module in _MODULES for cls in module.CLASSES]
 
@@ -47,6 +49,8 @@ def register():
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
     landmarks.register()
+    panel.register()
+    sample_head.register()
     command.register()
     running.register()
     copies.register()
@@ -57,6 +61,8 @@ def unregister():
     copies.unregister()
     running.unregister()
     command.unregister()
+    sample_head.unregister()
+    panel.unregister()
     landmarks.unregister()
     for cls in reversed(_CLASSES):
         bpy.utils.unregister_class(cls)

@@ -16,11 +16,14 @@ EXIT_CODES = {
 
 
 class AnyfaceError(Exception):
-    """What went wrong and what would help; `kind` is a key of `EXIT_CODES`."""
+    """What went wrong and what would help; `kind` is a key of `EXIT_CODES`.
 
-    def __init__(self, kind: str, message: str):
+    `mends` name what the panel offers as buttons, see `ui.mending`.
+    """
+
+    def __init__(self, kind: str, message: str, mends: tuple[str, ...] = ()):
         super().__init__(message)
-        self.kind = kind
+        self.kind, self.mends = kind, mends
 
     @property
     def exit_code(self) -> int:

@@ -69,5 +69,6 @@ def naming(face: FaceMesh):
         if error.kind != "face":
             raise
         hints = "".join(f"{hint}. " for hint in face.hints)
-        text = f"{face.name}: {hints}{error} (a file with them: Performance > More > Landmarks)"
-        raise AnyfaceError("face", text) from error
+        mirrored = ("apply_mirror",) if any("Mirror" in hint for hint in face.hints) else ()
+        text = f"{face.name}: {hints}{error} (or choose a file with the points of the face)"
+        raise AnyfaceError("face", text, ("direction", "points_file", *mirrored)) from error

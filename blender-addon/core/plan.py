@@ -74,7 +74,7 @@ class SolveKeys(Plan):
             raise AnyfaceError(
                 "nothing_moved",
                 f"nothing would move: the keys of {face.name} show {shown:.0%} of the motion: "
-                "check the list of keys, or choose Basis Keys",
+                "check the list of keys, or choose New Keys",
             )
         weights = np.clip(solved.weights @ self.factors, 0.0, 1.0).astype(np.float32)
         motion = KeyMotion(self.keys, weights, solved.left_out)

@@ -15,13 +15,14 @@ def check_seen(seen: Animation, sound: Sound, intensity: float) -> None:
     if not np.isfinite(seen.largest_mm):
         raise AnyfaceError("internal", "the result holds values that are not numbers")
     if seen.visibility == "NOTHING":
-        largest, reason = f"largest motion {seen.largest_mm:.3f} mm", _reason(sound, intensity)
-        raise AnyfaceError("nothing_moved", f"nothing moved ({largest}): {reason}")
+        text = f"nothing moved by more than {seen.largest_mm:.3f} mm: {_reason(sound, intensity)}"
+        raise AnyfaceError("nothing_moved", text, ("choose_sound",))
     if seen.visibility == "LIPS_REST":
         raise AnyfaceError(
             "nothing_moved",
             f"nothing moved but lids and brows: {_reason(sound, 1.0)}; choose the sound with the "
             "voice, or record it louder",
+            ("choose_sound",),
         )
 
 
@@ -36,6 +37,7 @@ def check_sound(sound: Sound) -> None:
             "nothing_moved",
             f"nothing would move: {sound.name} is silent where it is used "
             f"({_level(sound)}, {sound.duration_s:.2f} s)",
+            ("choose_sound",),
         )
 
 

@@ -15,7 +15,7 @@ GROUPS = {
 }
 # Weights below this are rounding.
 _NOTHING = 1e-6
-_NAMED = "it acts on basis keys; scale mouth, blinks and brows instead"
+_NAMED = "it acts on New Keys; scale mouth, blinks and brows instead"
 _OLDER = "the take was made by an earlier version: generate again"
 
 

@@ -32,7 +32,7 @@ from . import (
 from .life import LifeSettings
 from .outputs import OutputSettings
 
-NO_SOUND = "no sound: choose a sound strip under Audio, or set Sound to File and choose one"
+NO_SOUND = "no sound: choose a strip or a sound file"
 
 
 @dataclass
@@ -211,8 +211,8 @@ def landing(ob, snapshot: Snapshot, take: Take):
 
 
 def describe(take: Take) -> str:
-    """One line: "150 frames, largest motion 9.1 mm, 31 basis keys, largest error 0.098 mm"."""
-    text = f"{take.frame_count} frames, largest motion {take.largest_mm:.1f} mm"
+    """One line: "150 frames, moves by up to 9.1 mm, 31 new keys, exact to 0.10 mm"."""
+    text = f"{take.frame_count} frames, moves by up to {take.largest_mm:.1f} mm"
     return f"{text}, {outputs.of_take(take).describe(take)}"
 
 
@@ -224,7 +224,7 @@ def _find_sound(scene, settings: Settings, engine) -> SoundSource:
         return sound.from_strip(scene, settings.strip, decode.decoder(engine))
     if settings.sound_file:
         return sound.from_file(settings.sound_file, settings.start_frame)
-    raise AnyfaceError("audio", NO_SOUND)
+    raise AnyfaceError("audio", NO_SOUND, ("choose_sound",))
 
 
 def _emotion(ob, scene, settings: Settings, when: tuple):

@@ -79,7 +79,7 @@ def fit(ob, take: Take, sources: list[Source], rests: dict[tuple, float]):
         raise AnyfaceError(
             "nothing_moved",
             f"nothing would move: no control moves the face of {ob.name}: pick its rig and press "
-            "Find Controls, or choose Basis Keys",
+            "Find Controls, or choose New Keys",
         )
     task = _task(motion, handles)
     response = Response.linear(np.stack([handle.direction for handle in handles]))
@@ -93,7 +93,7 @@ def fit(ob, take: Take, sources: list[Source], rests: dict[tuple, float]):
         raise AnyfaceError(
             "nothing_moved",
             f"nothing would move: the controls of {ob.name} show {max(fitted.shown, 0.0):.0%} of "
-            "the motion: check the list of controls, or choose Basis Keys",
+            "the motion: check the list of controls, or choose New Keys",
         )
     return replace(take, control_motion=replace(motion, fitted=fitted))
 

@@ -19,6 +19,7 @@ def check_editable(ob) -> None:
             "mesh",
             f"{ob.name}: its shape keys are absolute, and keys that add up would not show: "
             "turn Relative on (Object Data > Shape Keys), or remove these keys",
+            ("turn_relative_on",),
         )
 
 
@@ -33,12 +34,14 @@ def check_local(ob) -> None:
                 "data are lost on save: make object and mesh local (Object > Relations > Make "
                 "Local), open that file, or make a library "
                 "override (Object > Library Override > Make) and choose Cache File",
+                ("use_cache", "make_local"),
             )
         if block.override_library is not None and block is ob.data:
             raise AnyfaceError(
                 "mesh",
                 f"the mesh {block.name} is a library override, and keys added to it are lost on "
                 "save: choose Cache File, or make the mesh local (Object > Relations > Make Local)",
+                ("use_cache", "make_local"),
             )
     _check_animation(ob)
 
@@ -87,7 +90,8 @@ def _check_animation(ob) -> None:
     if animation is None:
         return
     if animation.use_tweak_mode:
-        raise AnyfaceError("mesh", f"{ob.name}: leave the NLA strip's tweak mode (Tab) first")
+        text = f"{ob.name}: leave the NLA strip's tweak mode (Tab) first"
+        raise AnyfaceError("mesh", text, ("leave_tweak_mode",))
     action = animation.action
     if action is not None and action.library is not None:
         raise AnyfaceError(

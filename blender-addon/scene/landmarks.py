@@ -7,13 +7,19 @@ import numpy as np
 from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
-from ..core import finding
+from ..core import finding, wording
 from ..core.errors import AnyfaceError
 from ..core.job import Progress
 from ..core.take import FaceMesh, Found
 from . import mesh, rest
 
 COUNT = 68
+# How the lips were found to meet, in words.
+_MOUTHS = {
+    "open": "the mouth stands open",
+    "slit": "the lips part",
+    "welded": "the lips are one surface and cannot part",
+}
 # Chains and loops of iBUG 300-W, as they are drawn.
 CHAINS = (range(17), range(17, 22), range(22, 27), range(27, 31), range(31, 36))
 LOOPS = (range(36, 42), range(42, 48), range(48, 60), range(60, 68))
@@ -83,7 +89,8 @@ def _rows(text) -> dict | None:
 def store(ob, found: Found, fixed=()) -> None:
     """Writes what was found on `ob`, in the format of a landmark file; `fixed` are numbers."""
     if ob.library is not None or not ob.is_editable:
-        raise AnyfaceError("mesh", f"{ob.name} is linked: make it local to store landmarks on it")
+        text = f"{ob.name} is linked: make it local to keep the points of its face on it"
+        raise AnyfaceError("mesh", text, ("make_local",))
     rows = []
     for number in range(COUNT):
         row = {
@@ -107,22 +114,17 @@ def clear(ob) -> None:
 
 
 def describe(stored: Stored) -> str:
-    """In words: "face found, 68 landmarks, 97 %; lips: slit"."""
-    text = f"face found, {COUNT} landmarks, {round(100 * stored.sure)} %"
+    """In words: "face found, 97 % sure; the lips part"."""
+    text = f"face found, {round(100 * stored.sure)} % sure"
     if stored.mouth:
-        text += f"; lips: {stored.mouth}"
+        text += f"; {_MOUTHS.get(stored.mouth, stored.mouth)}"
     if stored.shut_eyes:
         text += f"; {stored.shut_eyes} sculpted shut: nothing blinks there"
     if stored.fixed:
         text += f"; {len(stored.fixed)} put by hand"
     if stored.doubtful:
-        text += f"; not sure of {_and(stored.doubtful)}: drag the orange points"
+        text += f"; not sure of {wording.listed(stored.doubtful)}: drag the orange points"
     return text
-
-
-def _and(names: list[str]) -> str:
-    """"jaw", "brows and jaw", "eyes, brows and jaw"."""
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 @dataclass
@@ -177,7 +179,7 @@ class Drag:
     def hold(self, number: int) -> None:
         """Takes landmark `number`, 0 to 67."""
         if not 0 <= number < COUNT:
-            raise AnyfaceError("input", f"landmark: expected 0 to {COUNT - 1}, got {number}")
+            raise AnyfaceError("input", f"point: expected 0 to {COUNT - 1}, got {number}")
         self.held = number
 
     def hold_near(self, at: np.ndarray, places: np.ndarray, reach: float) -> bool:

@@ -53,6 +53,7 @@ def check_face(ob, face: FaceMesh) -> None:
             "mesh",
             f"{ob.name} is half a face, which its Mirror modifier completes, and keys would open "
             "the seam: apply the modifier first",
+            ("apply_mirror",),
         )
 
 

@@ -71,7 +71,8 @@ def object_of(part: Part, ob):
     """The object of a part; raises `AnyfaceError("mesh")` where it cannot be one."""
     other = bpy.data.objects.get(part.name)
     if other is None:
-        raise AnyfaceError("mesh", f"{part.name} is gone: take it out of the parts of {ob.name}")
+        text = f"{part.name} is gone: take it out of the parts of {ob.name}"
+        raise AnyfaceError("mesh", text, ("drop_lost_parts",))
     if other.type != "MESH":
         kind = other.type.lower()
         raise AnyfaceError("mesh", f"{part.name}: expected a mesh, got a {kind}: take it out")

@@ -1,5 +1,6 @@
 """Several sound strips as one take, and what the panel says of a sound before it is used."""
 
+import math
 import os
 import wave
 from dataclasses import dataclass
@@ -39,7 +40,8 @@ def as_one(scene, strips: list, decode: Decode) -> MixedSource:
     audible = [strip for strip in strips if not strip.mute]
     muted = [strip.name for strip in strips if strip.mute]
     if not audible:
-        raise AnyfaceError("audio", f"all chosen strips are muted ({', '.join(muted)}): unmute one")
+        text = f"all chosen strips are muted ({', '.join(muted)}): unmute one"
+        raise AnyfaceError("audio", text, ("unmute",))
     fps = scene.render.fps / scene.render.fps_base
     parts = [sound.from_strip(scene, strip.name, decode) for strip in audible]
     start = min(part.start_frame for part in parts)
@@ -58,7 +60,9 @@ class Length:
     seconds: float
 
     def __str__(self) -> str:
-        return f"frames {self.first:g} to {self.last:g}, {self.seconds:.2f} s"
+        # The last frame on which something is heard.
+        last = max(math.ceil(self.last) - 1, math.floor(self.first))
+        return f"frames {self.first:g} to {last}, {self.seconds:.2f} s"
 
 
 def length_of(scene, strips: list, with_muted: bool = False) -> Length | None:

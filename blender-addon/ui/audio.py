@@ -1,15 +1,19 @@
 """Audio: one strip, a file, a channel, or several strips as one take; where it begins and ends."""
 
+from pathlib import Path
+
 import bpy
-from bpy.props import CollectionProperty, IntProperty, PointerProperty
-from bpy.types import Operator, Panel, PropertyGroup
+from bpy.props import CollectionProperty, IntProperty, PointerProperty, StringProperty
+from bpy.types import Operator, PropertyGroup
 
 from ..core.errors import AnyfaceError
 from ..scene import bake, sequencer, strips
 from . import words
+from .operators import Acting
 from .overridable import kinds, overridable
-from .panel import OfFacePanel
 from .target import OfFace, sequencer_scene, target
+
+_SOUNDS = "*.wav;*.mp3;*.flac;*.ogg;*.m4a;*.aac;*.aif;*.aiff;*.opus;*.mp4;*.mov;*.mkv"
 
 
 @overridable
@@ -68,30 +72,49 @@ class ANYFACE_OT_use_selected_strips(OfFace, Operator):
         return {"FINISHED"}
 
 
-class ANYFACE_PT_audio(OfFacePanel, Panel):
-    """What the face says."""
+class ANYFACE_OT_choose_sound(Acting, Operator):
+    """Choose the sound file that the face speaks"""
 
-    bl_label = "Audio"
-    bl_order = 1
+    bl_idname = "anyface.choose_sound"
+    bl_label = "Choose a Sound File"
+    bl_options = {"REGISTER", "UNDO"}
 
-    def draw(self, context):
-        """Draws the source, its settings and its length."""
-        layout, ob = self.layout, target(context)
-        layout.use_property_split, layout.use_property_decorate = True, False
-        layout.prop(ob.anyface, "source")
-        scene = sequencer_scene(context)
-        column = layout.column()
-        if ob.anyface.source == "FILE":
-            column.prop(ob.anyface, "sound_file")
-            column.prop(ob.anyface, "start_frame")
-        elif scene.sequence_editor is None or not sequencer.sound_strips(scene):
-            text = "No sound strip in the video sequencer: add one there, or set Sound to File"
-            words.draw(column.column(align=True), text, context.region.width, "INFO")
-            return
-        else:
-            _draw_strips(column, ob, scene)
-        for text, icon in lines(ob, scene):
-            words.draw(layout.column(align=True), text, context.region.width, icon)
+    filepath: StringProperty(subtype="FILE_PATH")
+    filter_glob: StringProperty(default=_SOUNDS, options={"HIDDEN"})
+
+    def invoke(self, context, event):
+        """Opens the file browser."""
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def act(self, ob):
+        """Sets the source; what an earlier report said is past."""
+        if not Path(bpy.path.abspath(self.filepath)).is_file():
+            raise AnyfaceError("audio", f"no sound file at {self.filepath or 'an empty path'}")
+        if ob.library is not None:
+            raise AnyfaceError("mesh", f"{ob.name} is linked and keeps no settings: make it local")
+        ob.anyface.source, ob.anyface.sound_file = "FILE", self.filepath
+        if ob.anyface.report_is_error:
+            ob.anyface.report, ob.anyface.report_mends = "", ""
+            ob.anyface.report_is_error = False
+
+
+def draw(layout, ob, scene, width: int) -> None:
+    """Draws what the face says: the source, what is chosen there, its length."""
+    layout.prop(ob.anyface, "source")
+    if ob.anyface.source == "FILE":
+        layout.prop(ob.anyface, "sound_file")
+        if ob.anyface.sound_file:
+            layout.prop(ob.anyface, "start_frame")
+    elif scene.sequence_editor is None or not sequencer.sound_strips(scene):
+        layout.operator("anyface.choose_sound", text="Choose a Sound File…", icon="FILE_SOUND")
+        text = "Or add a strip to the sequencer"
+        words.draw(layout.column(align=True), text, width, "INFO")
+        return
+    else:
+        _draw_strips(layout, ob, scene)
+    for text, icon in lines(ob, scene):
+        words.draw(layout.column(align=True), text, width, icon)
 
 
 def _draw_strips(column, ob, scene) -> None:
@@ -176,4 +199,4 @@ def unregister() -> None:
     bpy.utils.unregister_class(AnyfaceStrip)
 
 
-CLASSES = (ANYFACE_OT_use_selected_strips, ANYFACE_PT_audio)
+CLASSES = (ANYFACE_OT_use_selected_strips, ANYFACE_OT_choose_sound)

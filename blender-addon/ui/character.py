@@ -200,7 +200,7 @@ def left_behind(ob) -> str:
     found = [part.name for part in suggestions(ob) if _moves(part)]
     if not found:
         return ""
-    return f"{', '.join(found)} did not move along: Character > Parts > Find Parts adds them"
+    return f"{', '.join(found)} did not move along: Find Parts adds them"
 
 
 def _moves(part) -> bool:
@@ -235,7 +235,7 @@ def status(ob) -> tuple[str, str]:
     except AnyfaceError as error:
         return str(error), "ERROR"
     if stored is None:
-        return "Landmarks are found when needed", "INFO"
+        return "The face is found when needed", "INFO"
     return landmarks.describe(stored), "ERROR" if stored.doubtful else "CHECKMARK"
 
 

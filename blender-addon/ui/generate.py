@@ -3,8 +3,9 @@
 import bpy
 from bpy.types import Operator
 
+from ..core import wording
 from ..scene import bake, outputs, stored
-from . import audio, character, running
+from . import audio, character, mending, running
 from .operators import InThread, redraw
 from .settings import from_object
 from .target import sequencer_scene, target
@@ -53,6 +54,7 @@ class ANYFACE_OT_generate(InThread, Operator):
         for more in _said_once(self._along, bpy.context.scene):
             text = f"{text} ({more})"
         ob.anyface.report, ob.anyface.report_is_error = text, False
+        mending.keep(ob, ("find_parts",) if left else ())
         stored.note(ob, snapshot.asked, text)
         self.report({"INFO"}, f"Anyface: {text}")
         return {"FINISHED"}
@@ -62,13 +64,14 @@ class ANYFACE_OT_generate(InThread, Operator):
         # A linked object cannot keep the text; the report still shows it.
         if ob is not None and ob.library is None:
             ob.anyface.report, ob.anyface.report_is_error = str(error), True
+            mending.keep(ob, getattr(error, "mends", ()))
         redraw(bpy.context)
         return super().fail(error)
 
 
 def _said_once(along: list[str], scene) -> list[str]:
     """What was done for the artist with the first take, in words."""
-    found = [f"together with {', '.join(along)}: Character > Parts"] if along else []
+    found = [f"together with {wording.listed(along)}"] if along else []
     if not scene.anyface.synced:
         scene.anyface.synced = True
         if scene.sync_mode != "AUDIO_SYNC":

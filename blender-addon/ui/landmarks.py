@@ -44,7 +44,7 @@ def keep(ob, found, fixed=()) -> str:
 
 
 class ANYFACE_OT_find_face(InThread, Operator):
-    """Find the 68 landmarks of the face and keep them on its object; earlier ones are replaced"""
+    """Find eyes, nose, mouth and jaw and keep their points; earlier ones are replaced"""
 
     bl_idname = "anyface.find_face"
     bl_label = "Find Face"
@@ -62,17 +62,17 @@ class ANYFACE_OT_find_face(InThread, Operator):
 
 
 class ANYFACE_OT_reset_landmarks(Operator):
-    """Forget the stored landmarks; the next run finds them"""
+    """Forget the points of the face; the next take finds them"""
 
     bl_idname = "anyface.reset_landmarks"
-    bl_label = "Reset Landmarks"
+    bl_label = "Reset Face Points"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context):
         ob = target(context)
         if ob is None or landmarks.mesh.LANDMARKS_PROPERTY not in ob:
-            cls.poll_message_set("No landmarks are stored on the face")
+            cls.poll_message_set("No points are stored on the face")
             return False
         return True
 
@@ -88,12 +88,12 @@ class ANYFACE_OT_reset_landmarks(Operator):
 
 
 class ANYFACE_OT_move_landmark(Alone, Operator):
-    """Put one landmark elsewhere on the face; the others follow"""
+    """Put one point elsewhere on the face; the others follow"""
 
     bl_idname = "anyface.move_landmark"
-    bl_label = "Move Landmark"
+    bl_label = "Move Face Point"
 
-    number: IntProperty(name="Landmark", min=0, max=67)
+    number: IntProperty(name="Point", min=0, max=67)
     place: FloatVectorProperty(name="Place", description="In the object's space", subtype="XYZ")
 
     def act(self, ob):
@@ -106,16 +106,16 @@ class ANYFACE_OT_move_landmark(Alone, Operator):
 
 
 class ANYFACE_OT_edit_landmarks(Alone, Operator):
-    """Drag landmarks over the face with the left mouse button; Return or Esc ends"""
+    """Drag points over the face with the left mouse button; Return or Esc ends"""
 
     bl_idname = "anyface.edit_landmarks"
-    bl_label = "Edit Landmarks"
+    bl_label = "Edit Face Points"
     # Every drag is an undo step of its own; ending the operator is none.
     bl_options = {"REGISTER", "BLOCKING"}
 
     def execute(self, context):
         """Without a window there is nothing to drag with."""
-        return self.fail("landmarks are dragged in the 3D view; use Move Landmark in scripts")
+        return self.fail("points are dragged in the 3D view; use Move Face Point in scripts")
 
     def invoke(self, context, event):
         """Shows the landmarks and waits for the pointer."""
@@ -127,7 +127,7 @@ class ANYFACE_OT_edit_landmarks(Alone, Operator):
         except AnyfaceError as error:
             return self.fail(error)
         context.window_manager.anyface_show_landmarks = True
-        context.workspace.status_text_set("Drag landmarks; Return or Esc ends")
+        context.workspace.status_text_set("Drag the points of the face; Return or Esc ends")
         self._timer = context.window_manager.event_timer_add(0.05, window=context.window)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
@@ -294,7 +294,7 @@ def register() -> None:
     """Adds the drawing and its switch."""
     global _handle
     bpy.types.WindowManager.anyface_show_landmarks = BoolProperty(
-        name="Show Landmarks", description="Draw the landmarks of the face in the 3D view"
+        name="Show Face Points", description="Draw the points of the face in the 3D view"
     )
     if not bpy.app.background:
         _handle = SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW")

@@ -53,7 +53,7 @@ def _slider(name: str, label: str, words: str, unmoved: float = 1.0, **limits):
     def change_take(stored, value: float) -> None:
         adjust.adjust(stored.id_data, **{name: value})
 
-    text = f"{words} of the take that is there; no new run is needed"
+    text = f"{words} of the finished take, at once"
     given = limits or {"min": 0.01, "soft_max": 2.0, "max": 5.0}
     return FloatProperty(
         name=label, description=text, get=read_take, set=change_take, options=set(), **given

@@ -1,10 +1,29 @@
-"""The N-panel "Anyface" of the 3D view."""
+"""The N-panel "Anyface" of the 3D view: one screen that suffices, and the rest under *More*."""
 
+import tomllib
+from functools import cache
+from pathlib import Path
+
+import bpy
+from bpy.props import BoolProperty
 from bpy.types import Panel
 
 from ..scene import outputs
-from . import running, words
-from .target import target
+from . import audio, mending, presets, running, words
+from .operators import redraw
+from .target import sequencer_scene, target
+
+_MANIFEST = Path(__file__).resolve().parents[1] / "blender_manifest.toml"
+# The share of a line that its name takes, as Blender splits properties.
+_NAME_SHARE = 0.4
+# The share of what is left that the emotion takes; its strength takes the rest.
+_EMOTION_SHARE = 0.64
+
+
+@cache
+def website() -> str:
+    """The address of the documentation, as the manifest tells it."""
+    return tomllib.loads(_MANIFEST.read_text(encoding="utf-8"))["website"]
 
 
 class Sidebar:
@@ -15,22 +34,36 @@ class Sidebar:
     bl_category = "Anyface"
 
 
-class OfFacePanel(Sidebar):
-    """A panel of the character in the main one; stands before `Panel`."""
+class OfMorePanel(Sidebar):
+    """A panel under *More*; stands before `Panel`."""
 
     bl_parent_id = "ANYFACE_PT_main"
 
     @classmethod
     def poll(cls, context):
-        """False where there is no character."""
-        return target(context) is not None
+        """False while *More* is closed."""
+        return context.window_manager.anyface_more
+
+
+class OfFacePanel(OfMorePanel):
+    """A panel of the character under *More*; stands before `Panel`."""
+
+    @classmethod
+    def poll(cls, context):
+        """False where there is no character, and while *More* is closed."""
+        return super().poll(context) and target(context) is not None
 
 
 class ANYFACE_PT_main(Sidebar, Panel):
-    """The face and the buttons; character, sound and performance are panels of their own in it."""
+    """Face, sound, style and emotion, the button and what came of it."""
 
     bl_idname = "ANYFACE_PT_main"
     bl_label = "Anyface"
+
+    def draw_header_preset(self, _context):
+        """Draws the way to the documentation at the right of the header."""
+        link = self.layout.operator("wm.url_open", text="", icon="HELP", emboss=False)
+        link.url = website()
 
     def draw(self, context):
         """Draws the panel."""
@@ -41,34 +74,80 @@ class ANYFACE_PT_main(Sidebar, Panel):
         placeholder = ob.name if ob is not None else "Active Object"
         layout.prop(context.scene.anyface, "character", placeholder=placeholder)
         if ob is None:
-            layout.label(text="Pick a face mesh", icon="INFO")
-            return
-        _draw_buttons(layout, ob)
-        _draw_report(layout, ob.anyface, context.region.width)
+            layout.label(text="Click a face, or add one:", icon="INFO")
+            layout.operator("anyface.add_sample_head", icon="USER")
+        else:
+            audio.draw(layout.column(), ob, sequencer_scene(context), context.region.width)
+            _draw_performance(layout, ob.anyface)
+            _draw_buttons(layout, context, ob)
+            _draw_report(layout, ob, context.region.width)
+        header, _ = layout.panel_prop(context.window_manager, "anyface_more")
+        header.label(text="More")
 
 
-def _draw_buttons(layout, ob) -> None:
+def named(layout, name: str):
+    """A line whose left part is a name; returns the right part."""
+    split = layout.split(factor=_NAME_SHARE)
+    left = split.row()
+    left.alignment = "RIGHT"
+    left.label(text=name)
+    return split.row(align=True)
+
+
+def _draw_performance(layout, settings) -> None:
+    column = layout.column(align=True)
+    named(column, "Style").menu("ANYFACE_MT_presets", text=presets.name_of(settings))
+    if settings.emotion_source != "GIVEN":
+        column.prop(settings, "emotion_source")
+        return
+    line = named(column, "Emotion")
+    line.use_property_split = False
+    line = line.split(factor=_EMOTION_SHARE, align=True)
+    line.prop(settings, "emotion", text="")
+    strength = line.row(align=True)
+    strength.active = settings.emotion != "neutral"
+    strength.prop(settings, "intensity", text="", slider=True)
+
+
+def _draw_buttons(layout, context, ob) -> None:
     if running.is_running():
         stage, fraction = running.current.progress.at
         row = layout.row()
+        row.scale_y = 1.4
         row.progress(factor=fraction, text=f"{running.current_name}: {words.of_stage(stage)}")
         row.operator("anyface.cancel", text="", icon="X")
         return
+    again = outputs.has_take(ob)
     row = layout.row()
     row.scale_y = 1.4
-    again = outputs.has_take(ob)
     row.operator("anyface.generate", text="Generate Again" if again else "Generate")
-    layout.operator("anyface.remove", icon="TRASH")
+    if again:
+        layout.operator("anyface.remove", icon="TRASH")
 
 
-def _draw_report(layout, settings, width: int) -> None:
-    if not settings.report:
-        return
-    box = layout.box().column(align=True)
-    box.scale_y = 0.8
-    box.alert = settings.report_is_error
-    icon = "ERROR" if settings.report_is_error else "CHECKMARK"
-    words.draw(box, settings.report, width, icon)
+def _draw_report(layout, ob, width: int) -> None:
+    settings = ob.anyface
+    if settings.report:
+        box = layout.box().column(align=True)
+        box.scale_y = 0.8
+        box.alert = settings.report_is_error
+        icon = "ERROR" if settings.report_is_error else "CHECKMARK"
+        words.draw(box, settings.report, width, icon)
+    mending.draw(layout, ob)
+
+
+def register() -> None:
+    """Adds whether *More* is open."""
+    bpy.types.WindowManager.anyface_more = BoolProperty(
+        name="More",
+        description="Face, performance, life, output and takes in detail",
+        update=lambda _self, context: redraw(context),
+    )
+
+
+def unregister() -> None:
+    """Takes it away."""
+    del bpy.types.WindowManager.anyface_more
 
 
 CLASSES = (ANYFACE_PT_main,)

@@ -1,4 +1,4 @@
-"""Performance: emotion, controls and presets; what can change over time has a keyframe button."""
+"""Performance in detail; what can change over time has a keyframe button."""
 
 from bpy.types import Panel
 
@@ -15,23 +15,16 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
     """How the face speaks."""
 
     bl_label = "Performance"
-    bl_order = 2
-
-    def draw_header_preset(self, _context):
-        """Draws the presets at the right of the header."""
-        self.layout.menu("ANYFACE_MT_presets", text="", icon="PRESET")
+    bl_order = 1
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
-        """Draws emotion, controls and what is seldom needed."""
+        """Draws where the feeling comes from, controls, and what is seldom needed."""
         layout, settings = self.layout, target(context).anyface
         layout.use_property_split, layout.use_property_decorate = True, True
         if len(systems.known()) > 1:
             layout.prop(settings, "system")
-        column = layout.column(align=True)
-        column.prop(settings, "emotion_source")
-        if settings.emotion_source == "GIVEN":
-            column.prop(settings, "emotion")
-            column.prop(settings, "intensity", slider=True)
+        layout.prop(settings, "emotion_source")
         column = layout.column(align=True)
         controls = [c for c in controls_of(settings) if c.name not in CONTROLS]
         for control in controls:
@@ -40,7 +33,7 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
                 row.use_property_decorate = control.is_animatable
                 row.prop(settings, control.name, slider=True)
         header, body = layout.panel("anyface_more", default_closed=True)
-        header.label(text="More")
+        header.label(text="Seldom Needed")
         if body is not None:
             body.use_property_decorate = False
             others = [control.name for control in controls if not control.is_slider]

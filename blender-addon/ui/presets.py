@@ -15,6 +15,7 @@ from ..core.errors import AnyfaceError
 from .operators import Acting, WithFile
 from .preferences import PACKAGE
 
+_EMOTION = ("emotion", "intensity")
 SHIPPED = Path(__file__).resolve().parents[1] / "presets"
 
 
@@ -38,6 +39,23 @@ def _own() -> list[presets.Preset]:
         return presets.in_folder(own_folder())
     except AnyfaceError:
         return []
+
+
+def name_of(settings) -> str:
+    """The name of the preset that `settings` are set to, the one that says most; else "My Own"."""
+    fitting = [preset for preset in everyone() if _is(preset, settings)]
+    return max(fitting, key=lambda preset: len(preset.values)).name if fitting else "My Own"
+
+
+def _is(preset: presets.Preset, settings) -> bool:
+    """Whether the values of a preset are those of `settings`; emotion has a line of its own."""
+    values = {name: value for name, value in preset.values.items() if name not in _EMOTION}
+    return bool(values) and all(_same(getattr(settings, name), values[name]) for name in values)
+
+
+def _same(held, value) -> bool:
+    """To the rounding of a slider."""
+    return held == value if isinstance(value, str) else abs(held - value) < 1e-4
 
 
 def apply(preset: presets.Preset, settings) -> None:
@@ -138,13 +156,13 @@ class ANYFACE_OT_preset_export(WithFile, Operator):
 
 
 class ANYFACE_MT_presets(Menu):
-    """Presets of a performance"""
+    """How the face speaks: a style of Anyface's or of your own"""
 
     bl_idname = "ANYFACE_MT_presets"
-    bl_label = "Presets"
+    bl_label = "Style"
 
     def draw(self, context):
-        """Draws all presets, then what can be done with them."""
+        """Draws all styles, then what can be done with them."""
         for preset in everyone():
             entry = self.layout.operator("anyface.preset_apply", text=preset.name)
             entry.path = str(preset.path)

@@ -14,7 +14,7 @@ from bpy.types import PropertyGroup
 from ..core import systems
 from ..core.emotion import EMOTIONS, MAX_INTENSITY
 from ..scene import identity, outputs
-from . import audio, character, controls, life, output_properties
+from . import audio, character, controls, life, output_properties, words
 from .overridable import kinds, overridable
 
 _EMOTION_ITEMS = [(name, name.capitalize(), "", number) for number, name in enumerate(EMOTIONS)]
@@ -25,14 +25,14 @@ _SOURCES = [
     ("CHOSEN", "Several", "The strips that you chose, as one take", 3),
 ]
 _EMOTION_SOURCES = [
-    ("GIVEN", "Chosen", "The emotion and intensity below", 0),
+    ("GIVEN", "As Chosen", "The emotion and intensity of the panel", 0),
     (
         "VOICE",
-        "Auto (arousal)",
+        "From the Voice",
         "How excited the voice sounds, not which feeling it has: glad and angry voices look alike",
         1,
     ),
-    ("OFF", "Off", "Speech alone: no emotion, no blinks, no motion of brows and lids", 2),
+    ("OFF", "None", "Speech alone: no emotion, no blinks, no motion of brows and lids", 2),
 ]
 _AXES = [
     (
@@ -61,10 +61,13 @@ class AnyfaceCharacter(PropertyGroup):
         name="File", description="WAV, MP3, FLAC, OGG, M4A …", subtype="FILE_PATH", options=set()
     )
     start_frame: IntProperty(
-        name="Start", description="Frame at which the sound file begins", default=1, options=set()
+        name="Start Frame",
+        description="Frame at which the sound file begins",
+        default=1,
+        options=set(),
     )
     emotion_source: EnumProperty(
-        name="Emotion from", items=_EMOTION_SOURCES, default="GIVEN", options=set()
+        name="Feeling", items=_EMOTION_SOURCES, default="GIVEN", options=set()
     )
     emotion: EnumProperty(
         name="Emotion", description="Can be animated", items=_EMOTION_ITEMS, default="neutral"
@@ -78,7 +81,9 @@ class AnyfaceCharacter(PropertyGroup):
         subtype="FACTOR",
     )
     style: StringProperty(
-        name="Style", description="Speaking style by name; empty takes the default", options=set()
+        name="Speaker",
+        description="Whose way of speaking, by name; empty takes the default",
+        options=set(),
     )
     seed: IntProperty(
         name="Seed", description="Another seed, another take", default=0, min=0, options=set()
@@ -93,9 +98,9 @@ class AnyfaceCharacter(PropertyGroup):
     )
     mode: EnumProperty(name="Output", items=outputs.ITEMS, default=outputs.MODES[0], options=set())
     error_mm: FloatProperty(
-        name="Largest Error",
-        description="Basis keys: largest error of any vertex in any frame, in mm on a head of "
-        "human size; the number of keys follows from it",
+        name="Precision",
+        description="How far any point may be from the full performance, in mm on a head of "
+        "human size; finer takes more keys",
         default=0.1,
         min=0.005,
         max=5.0,
@@ -110,14 +115,16 @@ class AnyfaceCharacter(PropertyGroup):
         options=set(),
     )
     landmark_file: StringProperty(
-        name="Landmarks",
-        description="JSON file with the 68 landmarks, as `anyface landmarks` writes it; empty "
-        "finds them",
+        name="Face Points",
+        description="JSON file with 68 points of the face (iBUG order), as `anyface landmarks` "
+        "writes it; empty finds them",
         subtype="FILE_PATH",
         options=set(),
     )
     report: StringProperty(name="Last Take", options={"HIDDEN"})
     report_is_error: BoolProperty(options={"HIDDEN"})
+    # What is offered with the report: names of `ui.mending`.
+    report_mends: StringProperty(options={"HIDDEN"})
 
 
 _OWN = dict(AnyfaceCharacter.__annotations__)
@@ -148,7 +155,8 @@ def _of_library() -> dict:
 
 
 def _of_control(control: systems.Control):
-    shared = {"name": control.label, "description": control.help.rstrip(".")}
+    name, text = words.of_control(control)
+    shared = {"name": name, "description": text}
     if not control.is_animatable:
         shared["options"] = set()
     if control.values == systems.CHOICE:

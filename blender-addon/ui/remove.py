@@ -23,6 +23,7 @@ class ANYFACE_OT_remove(Acting, Operator):
         for output in outputs.ALL:
             output.remove(ob)
         ob.anyface.report, ob.anyface.report_is_error = "", False
+        ob.anyface.report_mends = ""
 
 
 CLASSES = (ANYFACE_OT_remove,)

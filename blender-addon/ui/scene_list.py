@@ -9,7 +9,7 @@ from bpy.types import Operator, Panel, PropertyGroup
 from ..scene import scene_list, sequencer
 from . import running
 from .operators import InThread
-from .panel import Sidebar
+from .panel import OfMorePanel
 from .settings import from_object
 from .target import sequencer_scene
 
@@ -31,12 +31,11 @@ class AnyfaceSceneRow(PropertyGroup):
     )
 
 
-class ANYFACE_PT_scene(Sidebar, Panel):
+class ANYFACE_PT_scene(OfMorePanel, Panel):
     """Strips and characters."""
 
     bl_idname = "ANYFACE_PT_scene"
     bl_label = "Scene"
-    bl_parent_id = "ANYFACE_PT_main"
     bl_order = 5
     bl_options = {"DEFAULT_CLOSED"}
 

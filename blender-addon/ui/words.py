@@ -1,4 +1,4 @@
-"""Text that is longer than a panel is wide."""
+"""What an artist reads: the words for what the library calls otherwise, and long text in lines."""
 
 import textwrap
 
@@ -18,18 +18,45 @@ _STAGES = {
     "operators": "getting to know the mesh",
     "weights": "getting to know the mesh",
     "deform": "moving the mesh",
-    "compress": "making few keys of it",
-    "sliders": "trying its sliders",
+    "compress": "making shape keys of it",
+    "sliders": "keeping it adjustable",
     "controls": "trying the rig",
-    "rig": "making shapes",
-    "solve": "fitting the keys",
+    "rig": "making the keys",
+    "solve": "posing the keys",
     "write": "writing",
 }
 
 
+# What the library's controls are called here, where its own words are not those of an artist.
+_CONTROLS = {
+    "jaw_lips": (
+        "Jaw or Lips",
+        "Who does the talking: -1 the lips more and the jaw half as much, 1 the other way round",
+    ),
+    "variety": (
+        "Variety",
+        "How much takes of different seeds differ; lips that close stay closed",
+    ),
+    "steps": ("Quality Steps", "More are slower and hardly better; 0 takes what suits"),
+    "learned": (
+        "Fine Detail",
+        "Folds and bulges as they were seen on other faces; 0 moves the skin evenly",
+    ),
+    "decoder": (
+        "Method",
+        "Static works out once how this face moves; paper does so for every frame, slowly",
+    ),
+}
+
+
 def of_stage(name: str) -> str:
-    """What is being done; "starting" before the first stage."""
-    return _STAGES.get(name, name) or "starting"
+    """What is being done; "starting" before the first stage, "working" in one that has no words."""
+    return _STAGES.get(name, "working") if name else "starting"
+
+
+def of_control(control) -> tuple[str, str]:
+    """The name and the help of a control (`core.systems.Control`)."""
+    return _CONTROLS.get(control.name, (control.label, control.help.rstrip(".")))
 
 
 def draw(layout, text: str, width: int, icon: str = "NONE") -> None:

@@ -12,10 +12,16 @@ SIZE = (1280, 800)
 PATIENCE_S = 120.0
 
 
+def _free_display() -> int:
+    """The number of a display that nobody has; others may be tested at the same time."""
+    return next(n for n in range(77, 200) if not Path(f"/tmp/.X11-unix/X{n}").exists())
+
+
 class Screen:
     """`enter` runs programs beside Blender's executable (see packaging/blender-chroot.sh)."""
 
-    def __init__(self, enter: Path, blender: Path, folder: Path, display: int = 77):
+    def __init__(self, enter: Path, blender: Path, folder: Path):
+        display = _free_display()
         self.enter, self.folder = enter, folder
         self.environment = {
             **os.environ,

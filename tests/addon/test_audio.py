@@ -122,12 +122,12 @@ def test_the_panel_shows_where_the_sound_begins_and_ends(addon, stage, tmp_path)
     lines = addon("ui.audio").lines
     ob.anyface.source, ob.anyface.sound_file = "FILE", level(tmp_path / "a.wav", 0.1, seconds=2.0)
     ob.anyface.start_frame = 5
-    assert lines(ob, bpy.context.scene) == [("frames 5 to 53, 2.00 s", "SOUND")]
+    assert lines(ob, bpy.context.scene) == [("frames 5 to 52, 2.00 s", "SOUND")]
     ob.anyface.sound_file = str(tmp_path / "gone.wav")
     assert lines(ob, bpy.context.scene) == []
     first, _, _ = two(tmp_path)
     ob.anyface.source, ob.anyface_audio.channel = "CHANNEL", 1
-    assert lines(ob, bpy.context.scene) == [("2 strips, frames 11 to 83, 3.00 s", "SOUND")]
+    assert lines(ob, bpy.context.scene) == [("2 strips, frames 11 to 82, 3.00 s", "SOUND")]
     first.mute = True
     assert lines(ob, bpy.context.scene)[1] == ("Muted, left out: One", "MUTE_IPO_ON")
     ob.anyface.source, ob.anyface.strip = "STRIP", "Gone"
@@ -142,7 +142,7 @@ def test_the_only_strip_speaks_without_being_chosen(addon, stage, tmp_path):
     assert addon("ui.audio").lines(ob, bpy.context.scene)[0][0].startswith("One, frames 11")
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     strip(level(tmp_path / "b.wav", 0.5), "Two", 99)
-    with pytest.raises(RuntimeError, match="no sound: choose a sound strip under Audio"):
+    with pytest.raises(RuntimeError, match="no sound: choose a strip or a sound file"):
         bpy.ops.anyface.generate()
 
 

@@ -33,7 +33,7 @@ def test_find_face_stores_the_landmarks_and_says_so(stage, addon):
     stored = addon("scene.landmarks").load(ob)
     assert np.abs(stored.positions - points_of(ob)[:68]).max() < 1e-6
     text, icon = addon("ui.character").status(ob)
-    assert (text, icon) == ("face found, 68 landmarks, 97 %; lips: slit", "CHECKMARK")
+    assert (text, icon) == ("face found, 97 % sure; the lips part", "CHECKMARK")
 
 
 def test_doubtful_regions_are_named_and_drawn(stage, addon):
@@ -286,7 +286,7 @@ def test_teeth_that_were_not_taken_along_are_named(stage, tmp_path):
     ob.anyface_face.looked = True
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     assert "did not" in ob.anyface.report and (
-        "(Teeth_lower did not move along: Character > Parts > Find Parts adds them)"
+        "(Teeth_lower did not move along: Find Parts adds them)"
         in ob.anyface.report
     )
     bpy.ops.anyface.find_parts()

@@ -107,8 +107,10 @@ def test_a_face_that_was_not_found_is_named_with_the_reason_first(addon):
 
     sound = take.Sound(np.ones(1600, dtype=np.float32), 16000, "Voice")
     ask = (face, sound, take.Request(24.0, error_mm=None))
-    with pytest.raises(errors.AnyfaceError, match=r"^Head: Half .*apply it\. no face .* > More > "):
+    words = r"^Head: Half .*apply it\. no face .* points of the face"
+    with pytest.raises(errors.AnyfaceError, match=words) as caught:
         perform.perform(*ask, nowhere, addon("core.job").Progress())
+    assert caught.value.mends == ("direction", "points_file", "apply_mirror")
 
 
 def test_weights_are_loaded_by_the_first_who_needs_them_and_once(addon):

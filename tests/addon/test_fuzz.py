@@ -27,7 +27,7 @@ class Layout:
     """Stands in for a layout: takes every call, gives layouts back."""
 
     def __getattr__(self, name):
-        if name == "panel":
+        if name in ("panel", "panel_prop"):
             return lambda *_, **__: (Layout(), Layout())
         if name == "operator":
             return lambda *_, **__: SimpleNamespace()
@@ -142,6 +142,7 @@ class Hand:
 
     def look(self):
         """Draws every panel and menu of ours."""
+        bpy.context.window_manager.anyface_more = True
         for name in [n for n in dir(bpy.types) if n.startswith(("ANYFACE_PT_", "ANYFACE_MT_"))]:
             cls, context = getattr(bpy.types, name), Context()
             if hasattr(cls, "poll") and not cls.poll(context):

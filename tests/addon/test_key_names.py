@@ -160,7 +160,7 @@ def test_where_all_keys_are_driven_both_outputs_name_a_way_on(stage, tmp_path):
         block.driver_add("value").driver.expression = "0.5"
     for mode in ("keys", "arkit"):
         ob.anyface.mode = mode
-        with pytest.raises(RuntimeError, match="Basis Keys"):
+        with pytest.raises(RuntimeError, match="New Keys"):
             bpy.ops.anyface.generate()
     ob.anyface.mode = "basis"
     assert bpy.ops.anyface.generate() == {"FINISHED"}

@@ -191,7 +191,7 @@ def test_frames_mode_refuses_a_mesh_with_own_keys(addon, make_take):
     own_keys(ob, "Smile")
     before = everything()
     take, _ = make_take(ob, "frames")
-    with pytest.raises(addon("core.errors").AnyfaceError, match="choose basis keys"):
+    with pytest.raises(addon("core.errors").AnyfaceError, match="choose New Keys"):
         addon("scene.keys").write(ob, take, START, SCENE_FPS)
     assert everything() == before
 

@@ -7,6 +7,22 @@ import pytest
 
 from figures import grid, own_keys, stand_in, tone
 
+# The stages that the library tells of, and words that no artist should meet.
+STAGES = ["sound", "speech", "motion", "landmarks", "operators", "weights", "deform", "compress"]
+STAGES += ["sliders", "rig", "solve", "write"]
+JARGON = (
+    "basis keys",
+    "emotion from",
+    "lips to jaw",
+    "new run",
+    "68 landmarks",
+    "sliders",
+    "solve",
+    "of the motion shown",
+    "largest error",
+    "arousal",
+    "decoder",
+)
 ICONS = bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys()
 
 
@@ -36,7 +52,7 @@ class Paper:
                 assert short in dir(getattr(bpy.ops, module)), given
                 return SimpleNamespace()
             made = Paper(self.words, self.enabled)
-            return (made, made) if name == "panel" else made
+            return (made, made) if name in ("panel", "panel_prop") else made
 
         return call
 
@@ -53,7 +69,7 @@ def draw_all(addon):
         selected_objects=[],
     )
     drawn = {}
-    for name in ("panel", "performance", "outputs", "takes", "scene_list"):
+    for name in ("panel", "character", "performance", "life", "outputs", "takes", "scene_list"):
         for cls in addon(f"ui.{name}").CLASSES:
             if not issubclass(cls, bpy.types.Panel):
                 continue
@@ -67,6 +83,7 @@ def draw_all(addon):
 def stage(addon):
     """A stage in the engine's place."""
     stand_in(addon)
+    bpy.context.window_manager.anyface_more = True
 
 
 def test_panels_draw_without_and_with_a_face(addon, stage, tmp_path):
@@ -93,7 +110,7 @@ def test_outputs_that_cannot_work_are_grey_and_the_chosen_one_says_why(addon, st
     assert grey == {"frames", "cache", "arkit", "csv", "controls"}
     ob.anyface.mode = "frames"
     words = " ".join(text for text, _ in draw_all(addon)["ANYFACE_PT_output"])
-    assert "choose basis keys" in words
+    assert "choose New Keys" in words
 
 
 def test_controls_are_drawn_where_they_belong(addon, stage, monkeypatch):
@@ -123,6 +140,69 @@ def test_controls_are_drawn_where_they_belong(addon, stage, monkeypatch):
     shown.clear()
     draw_all(addon)
     assert "emotion" in shown and "articulation" not in shown
+
+
+def drawn_main(addon):
+    """The words of the first screen."""
+    return [text for text, _ in draw_all(addon)["ANYFACE_PT_main"] if text]
+
+
+def test_the_first_screen_suffices_and_more_is_closed(addon, stage, tmp_path):
+    bpy.context.window_manager.anyface_more = False
+    assert "Click a face, or add one:" in drawn_main(addon)
+    ob = grid()
+    assert "Choose a Sound File…" in drawn_main(addon)
+    ob.anyface.source, ob.anyface.sound_file = "FILE", tone(tmp_path / "tone.wav")
+    words = drawn_main(addon)
+    assert words[-1] == "More" and "Generate" in words
+    assert {"Style", "Natural", "Emotion"} <= set(words)
+    assert sum(map(len, draw_all(addon).values())) == len(draw_all(addon)["ANYFACE_PT_main"])
+    # A line is 26 pixels high at most, and the sidebar at 1280 x 800 has 620.
+    assert len(words) <= 12
+
+
+def test_style_is_the_preset_that_the_sliders_show(addon, stage):
+    ob, name_of = grid(), addon("ui.presets").name_of
+    presets = addon("ui.presets")
+    assert name_of(ob.anyface) == "Natural"
+    ob.anyface.emotion = "happy"
+    assert name_of(ob.anyface) == "Natural", "emotion has a line of its own"
+    for preset in presets.everyone():
+        presets.apply(preset, ob.anyface)
+        assert name_of(ob.anyface) == preset.name
+    ob.anyface.articulation = 0.123
+    assert name_of(ob.anyface) == "My Own"
+
+
+def test_no_panel_speaks_in_jargon(addon, stage, tmp_path):
+    ob = grid()
+    ob.anyface.source, ob.anyface.sound_file = "FILE", tone(tmp_path / "tone.wav")
+    bpy.ops.anyface.generate()
+    said = [text for words in draw_all(addon).values() for text, _ in words]
+    rna = [ob.anyface, ob.anyface_output, ob.anyface_face, ob.anyface_life_settings]
+    said += [prop.name for group in rna for prop in group.bl_rna.properties]
+    said += [item.name for item in ob.anyface.bl_rna.properties["mode"].enum_items]
+    said.append(ob.anyface.report)
+    said += [addon("ui.words").of_stage(name) for name in STAGES]
+    text = "\n".join(said).lower()
+    for jargon in JARGON:
+        assert jargon not in text, jargon
+
+
+def test_every_stage_has_words_of_its_own(addon):
+    of_stage = addon("ui.words").of_stage
+    assert "working" not in map(of_stage, STAGES)
+    assert of_stage("of a later version") == "working" and of_stage("") == "starting"
+
+
+def test_shares_are_said_in_words(addon):
+    share = addon("core.wording").share
+    assert share(0.66) == "about two thirds of the motion (66 %)"
+    assert share(1.0).startswith("nearly all") and share(0.1).startswith("less than half")
+
+
+def test_the_documentation_is_linked(addon, stage):
+    assert addon("ui.panel").website().startswith("https://")
 
 
 def test_size_and_time_are_told_before(addon, stage, tmp_path):

@@ -242,7 +242,7 @@ def test_what_cannot_act_says_why(stage, tmp_path, addon):
     assert "changed over time" in adjust.why_not(ob, "articulation")
     ob.anyface.mode = "frames"
     generate()
-    assert "basis keys" in adjust.why_not(ob, "emotion")
+    assert "New Keys" in adjust.why_not(ob, "emotion")
 
 
 def test_takes_of_an_earlier_version_say_so(stage, tmp_path, addon):

@@ -40,6 +40,7 @@ bpy.ops.ed.undo_push(message="scene")
 answer = len(ob.data.vertices)
 """
 TAB = "_, _, _, side = area_of('VIEW_3D')\nside.active_panel_category = 'Anyface'"
+MORE = "bpy.context.window_manager.anyface_more = {}"
 
 
 @pytest.fixture(scope="module")
@@ -99,9 +100,26 @@ def test_a_performance_is_made_undone_redone_saved_reloaded_and_removed(screen, 
     screen.photograph(photographs / "4_removed.png")
 
 
+def test_all_of_the_first_screen_is_in_sight_and_more_opens_with_a_click(screen, photographs):
+    open_more = "answer = bpy.context.window_manager.anyface_more"
+    x, y = screen.find("anyface.generate")
+    # Below the button, whose upper edge was found.
+    for below in range(34, 90, 6):
+        screen.hand("mousemove", x, y + below, "sleep", "0.1", "click", "1", "sleep", "0.3")
+        if screen.ask(open_more):
+            break
+    assert screen.ask(open_more)
+    screen.hand("sleep", "0.3")
+    screen.photograph(photographs / "4_more.png")
+    screen.hand("mousemove", x, y + below, "sleep", "0.1", "click", "1", "sleep", "0.3")
+    assert not screen.ask(open_more)
+
+
 def test_a_slider_is_dragged_and_undone_in_one_step(screen, photographs):
     screen.press("anyface.generate")
     screen.wait("keys() and not running()")
+    screen.ask(MORE.format(True))
+    screen.hand("sleep", "0.5")
     value = "bpy.data.objects['Head'].anyface_output.articulation"
     screen.scroll(5)
     x, y = screen.find_slider("anyface_output.articulation")
@@ -115,6 +133,8 @@ def test_a_slider_is_dragged_and_undone_in_one_step(screen, photographs):
     screen.wait(f"{value} == 1.0", 20)
     assert screen.ask("answer = bool(keys())")
     screen.scroll(4)
+    screen.ask(MORE.format(False))
+    screen.hand("sleep", "0.5")
     screen.press("anyface.remove")
     screen.wait("not keys()")
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from test_heads import voice  # noqa: F401 - a fixture
-from test_window import photographs, screen  # noqa: F401 - fixtures
+from test_window import MORE, photographs, screen  # noqa: F401 - fixtures
 
 # Pixels from the top left of the screen, and metres, of a landmark in the 3D view.
 LOOK = """
@@ -30,6 +30,8 @@ def look(screen, number=48):  # noqa: F811
 
 
 def test_a_landmark_is_dragged_with_the_mouse_and_undone(screen, photographs):  # noqa: F811
+    screen.ask(MORE.format(True))
+    screen.hand("sleep", "0.5")
     screen.press("anyface.find_face")
     screen.wait(STORED)
     (x, y), before, fixed, sure = look(screen)

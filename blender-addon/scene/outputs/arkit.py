@@ -25,7 +25,8 @@ class Arkit(Output):
             raise AnyfaceError(
                 "mesh",
                 f"{ob.name} has a key {own[0]} of its own: choose Existing Keys, which animates "
-                "it, or where it is driven Basis Keys, which add to it",
+                "it, or where it is driven New Keys, which add to it",
+                ("use_keys", "use_basis"),
             )
 
     def cost(self, asked):

@@ -15,12 +15,12 @@ class Basis(Output):
     """Relative keys; Blender clamps their weights, within -1..1, to the slider range."""
 
     name = "basis"
-    label = "Basis Keys"
-    help = "A few shape keys with animated weights; small and fast"
+    label = "New Keys"
+    help = "A few new shape keys that play the performance; small and fast"
     as_basis = True
 
     def draw(self, layout, ob):
-        layout.prop(ob.anyface, "error_mm", text="Error (mm)")
+        layout.prop(ob.anyface, "error_mm", text="Precision (mm)")
 
     def cost(self, asked):
         keys = round(between(asked.seconds, _SHORT_KEYS, _LONG_KEYS))
@@ -34,7 +34,7 @@ class Basis(Output):
         return take.basis is not None
 
     def describe(self, take):
-        return f"{len(take.basis.vectors)} basis keys, largest error {take.basis.error_mm:.3f} mm"
+        return f"{len(take.basis.vectors)} new keys, exact to {take.basis.error_mm:.2f} mm"
 
     def vectors(self, take):
         return take.basis.vectors

@@ -31,7 +31,7 @@ class Cache(Output):
     help = (
         "A point cache beside the .blend and a modifier that plays it; for heavy and linked meshes"
     )
-    finished = "a cache holds the finished motion: use basis keys"
+    finished = "a cache holds the finished motion: use New Keys"
     in_files = True
     options = ("cache_folder",)
 
@@ -51,6 +51,7 @@ class Cache(Output):
                 f"the modifier {before[0]} of the library acts before a cache could, which would "
                 "tear the face: make the object local first (Object > Relations > Make Local > "
                 "Selected Objects); its mesh and rig may stay linked",
+                ("make_object_local",),
             )
 
     def check(self, ob, asked):

@@ -52,7 +52,7 @@ class Controls(Output):
             raise AnyfaceError(
                 "mesh",
                 f"{ob.name} has no rig: pick the armature or the object that moves its face, or "
-                "choose Basis Keys",
+                "choose New Keys",
             )
 
     def draw(self, layout, ob):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import bpy
 
+from ...core import wording
 from ...core.errors import AnyfaceError
 from ...core.estimate import RIG_S, SOLVE_S, Cost
 from ...core.plan import WriteTable
@@ -51,7 +52,7 @@ class Csv(Output):
 
     def describe(self, take):
         (file,) = take.files
-        shown = f"{1.0 - file.left_out:.0%} of the motion shown"
+        shown = f"it shows {wording.share(1.0 - file.left_out)}"
         return f"ARKit table {bpy.path.basename(file.path)}, {shown}"
 
     def write_files(self, ob, take, start_frame, scene_fps):

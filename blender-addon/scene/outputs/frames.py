@@ -14,23 +14,25 @@ class Frames(Output):
     name = "frames"
     label = "Every Frame"
     help = "One absolute shape key per frame; exact and large, needs a mesh without own keys"
-    finished = "a key for every frame holds the finished motion: use basis keys"
-    cannot_wait = "one key per frame cannot wait beside others: use basis keys"
+    finished = "a key for every frame holds the finished motion: use New Keys"
+    cannot_wait = "one key per frame cannot wait beside others: use New Keys"
 
     def check_object(self, ob):
         guard.check_local(ob)
         if record.read_kept(ob.data.shape_keys):
             raise AnyfaceError(
                 "mesh",
-                f"{ob.name} has other takes, which one key per frame would stop: choose basis "
-                "keys, or delete them",
+                f"{ob.name} has other takes, which one key per frame would stop: choose New "
+                "Keys, or delete them",
+                ("use_basis",),
             )
         own = guard.own_keys(ob.data.shape_keys)
         if own:
             raise AnyfaceError(
                 "mesh",
                 f"{ob.name} has {len(own)} shape keys of its own ({own[0]} …), and one key per "
-                "frame would take them over: choose basis keys, which leave them alone",
+                "frame would take them over: choose New Keys, which leave them alone",
+                ("use_basis",),
             )
 
     def cost(self, asked):

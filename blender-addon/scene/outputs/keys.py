@@ -5,6 +5,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
+from ...core import wording
 from ...core.errors import AnyfaceError
 from ...core.estimate import KEYFRAME, SOLVE_S, Cost
 from ...core.plan import SolveKeys
@@ -30,13 +31,15 @@ class Keys(Output):
             raise AnyfaceError(
                 "mesh",
                 f"{ob.name}: {_some(left)} are driven, muted or locked: choose Rig "
-                "Controls, which move what drives them, or Basis Keys, which add to them, or free "
+                "Controls, which move what drives them, or New Keys, which add to them, or free "
                 "them",
+                ("use_basis",),
             )
         raise AnyfaceError(
             "mesh",
             f"{ob.name} has no free shape key whose name is known: press Find Keys or + and pick "
             "the keys by hand, or choose Make ARKit Keys",
+            ("use_arkit", "use_basis"),
         )
 
     def draw(self, layout, ob):
@@ -92,9 +95,9 @@ class Keys(Output):
 
 
 def describe(take: Take, what: str) -> str:
-    """What was done with named keys: "52 keys driven, 97% of the motion shown"."""
+    """What was done with named keys: "52 keys driven, they show most of the motion (80 %)"."""
     motion = take.key_motion
-    return f"{len(motion.keys)} keys {what}, {1.0 - motion.left_out:.0%} of the motion shown"
+    return f"{len(motion.keys)} keys {what}, they show {wording.share(1.0 - motion.left_out)}"
 
 
 def _of_object(take: Take, piece: Piece) -> Take | None:

@@ -106,7 +106,7 @@ class Output:
         raise NotImplementedError
 
     def describe(self, take: Take) -> str:
-        """What was made: "31 basis keys, largest error 0.098 mm"."""
+        """What was made: "31 new keys, exact to 0.10 mm"."""
         raise NotImplementedError
 
     def notes(self, ob, asked: OutputSettings) -> list[str]:
@@ -182,4 +182,5 @@ def write_weights(ob, taken: record.Record, names: list[str], at, weights: np.nd
 def check_place(path: str) -> None:
     """Raises `AnyfaceError("file")` for a path beside a .blend that is not saved yet."""
     if not bpy.data.filepath and (not path or path.startswith("//")):
-        raise AnyfaceError("file", "the .blend has no place yet: save it first, or choose a path")
+        text = "the .blend has no place yet: save it first, or choose a path"
+        raise AnyfaceError("file", text, ("save",))

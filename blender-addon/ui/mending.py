@@ -1,0 +1,172 @@
+"""What mends an error, as buttons below its text.
+
+An `AnyfaceError` names its mends; they are kept with the report on the object.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import bpy
+from bpy.props import StringProperty
+from bpy.types import Operator
+
+from ..core.errors import AnyfaceError
+from ..scene import mouth, outputs, sequencer
+from .operators import Alone
+from .target import is_there, sequencer_scene
+
+
+@dataclass(frozen=True)
+class Mend:
+    """What a button says, and what it does with the character."""
+
+    label: str
+    icon: str
+    help: str
+    act: Callable
+
+
+# Buttons that are operators of their own: the operator, its label, its icon.
+_OPERATORS = {
+    "choose_sound": ("anyface.choose_sound", "Choose a Sound File…", "FILE_SOUND"),
+    "save": ("wm.save_mainfile", "Save the File", "FILE_TICK"),
+    "find_parts": ("anyface.find_parts", "Find Parts", "VIEWZOOM"),
+    "open_mouth": ("anyface.open_mouth", "Open Mouth", "MOD_BOOLEAN"),
+}
+# Settings that mend something: the property of `Object.anyface`.
+_SETTINGS = {"direction": "axes", "points_file": "landmark_file"}
+
+
+def kept(ob) -> list[str]:
+    """The names of what is offered for `ob`: what its report asks for, and what its face lacks."""
+    # It cannot keep a report.
+    if ob.library is not None:
+        return ["make_local"]
+    names = ob.anyface.report_mends.split()
+    if ob.anyface.report and "open_mouth" not in names and mouth.is_welded(ob):
+        names.append("open_mouth")
+    return [name for name in names if name in (*_OPERATORS, *_SETTINGS, *_MENDS)]
+
+
+def keep(ob, names) -> None:
+    """Keeps what is offered with the report of `ob`."""
+    ob.anyface.report_mends = " ".join(names)
+
+
+def draw(layout, ob) -> None:
+    """Draws a button for each mend."""
+    column = layout.column(align=True)
+    for name in kept(ob):
+        if name in _SETTINGS:
+            column.prop(ob.anyface, _SETTINGS[name])
+        elif name in _OPERATORS:
+            operator, label, icon = _OPERATORS[name]
+            column.operator(operator, text=label, icon=icon)
+        else:
+            mend = _MENDS[name]
+            column.operator("anyface.mend", text=mend.label, icon=mend.icon).name = name
+
+
+class ANYFACE_OT_mend(Alone, Operator):
+    """Mend what the report says"""
+
+    bl_idname = "anyface.mend"
+    bl_label = "Mend"
+
+    name: StringProperty(options={"SKIP_SAVE"})
+
+    @classmethod
+    def description(cls, _context, properties):
+        """What the button will do."""
+        mend = _MENDS.get(properties.name)
+        return mend.help if mend is not None else cls.__doc__
+
+    def act(self, ob):
+        """Does it; the report has done its work then."""
+        if self.name not in _MENDS:
+            known = ", ".join(_MENDS)
+            raise AnyfaceError("input", f"mend: expected one of {known}, got {self.name!r}")
+        try:
+            _MENDS[self.name].act(ob)
+        except RuntimeError as error:
+            raise AnyfaceError("mesh", str(error).strip()) from error
+        if ob.library is None:
+            ob.anyface.report, ob.anyface.report_mends = "", ""
+            ob.anyface.report_is_error = False
+
+
+def _use(mode: str) -> Mend:
+    output = outputs.of(mode)
+
+    def act(ob):
+        ob.anyface.mode = mode
+
+    return Mend(f"Use {output.label}", "SHAPEKEY_DATA", f"{output.help} (More > Output)", act)
+
+
+def _apply_mirror(ob) -> None:
+    for name in [m.name for m in ob.modifiers if m.type == "MIRROR"]:
+        with bpy.context.temp_override(object=ob, active_object=ob, selected_objects=[ob]):
+            bpy.ops.object.modifier_apply(modifier=name)
+
+
+def _make_object_local(ob) -> None:
+    ob.make_local()
+
+
+def _make_local(ob) -> None:
+    own = ob.make_local()
+    own.data.make_local()
+
+
+def _turn_relative_on(ob) -> None:
+    ob.data.shape_keys.use_relative = True
+
+
+def _leave_tweak_mode(ob) -> None:
+    ob.data.shape_keys.animation_data.use_tweak_mode = False
+
+
+def _drop_lost_parts(ob) -> None:
+    parts = ob.anyface_face.parts
+    for number in reversed(range(len(parts))):
+        if not is_there(parts[number].object):
+            parts.remove(number)
+
+
+def _unmute(ob) -> None:
+    names = {item.name for item in ob.anyface_audio.chosen}
+    for strip in sequencer.sound_strips(sequencer_scene(bpy.context)):
+        if strip.name in names or strip.channel == ob.anyface_audio.channel:
+            strip.mute = False
+
+
+_MENDS = {
+    "use_basis": _use("basis"),
+    "use_keys": _use("keys"),
+    "use_arkit": _use("arkit"),
+    "use_cache": _use("cache"),
+    "apply_mirror": Mend(
+        "Apply Mirror", "MOD_MIRROR", "Apply the Mirror modifiers of the face", _apply_mirror
+    ),
+    "make_object_local": Mend(
+        "Make the Object Local",
+        "UNLINKED",
+        "Make the face object part of this file; its mesh stays linked",
+        _make_object_local,
+    ),
+    "make_local": Mend(
+        "Make Local", "UNLINKED", "Make the face and its mesh part of this file", _make_local
+    ),
+    "turn_relative_on": Mend(
+        "Turn Relative On", "SHAPEKEY_DATA", "Let shape keys add up", _turn_relative_on
+    ),
+    "leave_tweak_mode": Mend(
+        "Leave Tweak Mode", "NLA", "Leave the tweak mode of the NLA strip", _leave_tweak_mode
+    ),
+    "drop_lost_parts": Mend(
+        "Drop Lost Parts", "TRASH", "Take deleted objects off the list of parts", _drop_lost_parts
+    ),
+    "unmute": Mend("Unmute", "PLAY_SOUND", "Unmute the strips that speak", _unmute),
+}
+CLASSES = (ANYFACE_OT_mend,)

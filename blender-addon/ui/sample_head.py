@@ -1,0 +1,57 @@
+"""Add > Mesh > Anyface Sample Head."""
+
+import bpy
+from bpy.props import FloatProperty
+from bpy.types import Operator
+from bpy_extras import object_utils
+
+from ..scene import sample_head
+
+
+class ANYFACE_OT_add_sample_head(object_utils.AddObjectHelper, Operator):
+    """Add a head with eyes, teeth and tongue to try Anyface on"""
+
+    bl_idname = "anyface.add_sample_head"
+    bl_label = "Add a Sample Head"
+    bl_options = {"REGISTER", "UNDO"}
+
+    height: FloatProperty(
+        name="Height",
+        description="Of head and shoulders; 0.38 m is that of a human",
+        default=2.0,
+        min=0.001,
+        soft_max=10.0,
+        subtype="DISTANCE",
+    )
+
+    @classmethod
+    def poll(cls, context):
+        """In edit mode it would become part of another mesh."""
+        if context.mode != "OBJECT":
+            cls.poll_message_set("Leave this mode first (Object Mode)")
+        return context.mode == "OBJECT"
+
+    def execute(self, context):
+        """Adds it at the 3D cursor, as the active object."""
+        made = sample_head.mesh(self.height)
+        object_utils.object_data_add(context, made, operator=self)
+        return {"FINISHED"}
+
+
+def _draw(menu, _context) -> None:
+    menu.layout.operator(
+        "anyface.add_sample_head", text="Anyface Sample Head", icon="USER"
+    )
+
+
+def register() -> None:
+    """Adds it to Blender's menu."""
+    bpy.types.VIEW3D_MT_mesh_add.append(_draw)
+
+
+def unregister() -> None:
+    """Takes it off."""
+    bpy.types.VIEW3D_MT_mesh_add.remove(_draw)
+
+
+CLASSES = (ANYFACE_OT_add_sample_head,)
