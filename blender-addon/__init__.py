@@ -37,7 +37,8 @@ from .ui import (
 
 _MODULES = (
     preferences, generate, remove, mending, sample_head, panel, character, landmarks, mouth, audio,
-    presets, performance, life, outputs, key_list, controls, find_controls, caches, takes, scene_list,
+    presets, performance, life, outputs, key_list, controls, find_controls, caches, takes,
+    scene_list,
 )  # fmt: skip
 _CLASSES = [cls for module in _MODULES for cls in module.CLASSES]
 
