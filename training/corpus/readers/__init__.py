@@ -1,0 +1,3 @@
+"""Readers of published corpora: each writes a corpus folder from a corpus as it is downloaded."""
+
+READERS = {}
