@@ -1,13 +1,17 @@
 """Facts about the log-mel front end and the compact encoder."""
 
 import math
+from pathlib import Path
 
 import numpy as np
+import pytest
 import torch
 
 from training.corpus.revoice import revoice, voicing
 from training.speech.compact import CompactConfig, CompactEncoder, debug_config, normalise
+from training.speech.hubert import HubertFeatures, at_motion_frames, instants
 from training.speech.log_mel import HOP, hertz_to_mel, log_mel, mel_filters, power_spectrum
+from training.tests.test_parity import needs_shared, read
 
 
 def tone(hertz: float, seconds: float = 0.5, amplitude: float = 0.5) -> torch.Tensor:
@@ -95,3 +99,45 @@ def test_revoiced_clip_keeps_its_timing():
     level = other.mean(axis=1)
     assert other.shape == (101, 64)
     assert level[60:95].min() > level[5:45].max()
+
+
+def written(name: str, folder, pickled: bool = False):
+    """A parity file as a Hugging Face folder."""
+    from safetensors.torch import save_file
+
+    tensors, metadata = read(name)
+    state = {k.removeprefix("weights."): v for k, v in tensors.items() if k.startswith("weights.")}
+    folder.mkdir()
+    (folder / "config.json").write_text(metadata["config"])
+    if pickled:
+        torch.save({f"hubert.{k}": v for k, v in state.items()}, folder / "pytorch_model.bin")
+    else:
+        save_file(state, folder / "model.safetensors")
+    return tensors
+
+
+@needs_shared
+@pytest.mark.parametrize("name", ["hubert_tiny", "wav2vec2_tiny", "wav2vec2_stable_tiny"])
+def test_transformer_encoders_match_hugging_face(name, tmp_path):
+    tensors = written(name, tmp_path / "model", pickled=name == "hubert_tiny")
+    found = HubertFeatures(tmp_path / "model").encode(tensors["input"][0])
+    assert (found - tensors["output"][0]).abs().max() < 1e-4
+
+
+def test_features_of_hubert_stand_in_the_middle_of_what_they_hear():
+    config = {"conv_kernel": [10, 3, 3, 3, 3, 2, 2], "conv_stride": [5, 2, 2, 2, 2, 2, 2]}
+    rate_hz, first_s = instants(config)
+    assert (rate_hz, first_s) == (50.0, 0.0125)
+    ramp = torch.arange(60.0)[:, None]
+    found = at_motion_frames(ramp, rate_hz, first_s, 25, 25.0)[:, 0]
+    assert torch.allclose(found[1:], 2.0 * torch.arange(1, 25) - 0.625)
+
+
+def test_instants_golden_is_that_of_this_code(tmp_path):
+    from safetensors.torch import load_file
+
+    from training.speech.golden_instants import write
+
+    stored = load_file(Path(__file__).parents[2] / "tests/goldens/instants.safetensors")
+    made = load_file(write(tmp_path, tmp_path))
+    assert all(torch.equal(stored[name], made[name]) for name in made)

@@ -34,6 +34,8 @@ pub struct FeatureTrack {
     pub features: Array2<f32>,
     /// Frames per second.
     pub rate_hz: f64,
+    /// Second at which the first frame stands: the middle of the sound that it hears.
+    pub first_s: f64,
 }
 
 /// Turns sound into features.

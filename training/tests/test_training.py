@@ -1,0 +1,81 @@
+"""Everything trains from a made-up corpus folder, exports, and goes on after an interruption."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors.torch import load_file
+
+from training.export import export
+from training.systems.freetalk.ats import CONFIGS, AtsConfig, AtsDenoiser
+from training.tests.made_up import made_up
+from training.tests.test_parity import needs_shared
+from training.tests.test_speech import written
+from training.train_ats import parser, train
+
+
+@pytest.fixture(scope="module")
+def corpus(tmp_path_factory) -> Path:
+    """Six clips of 4 s."""
+    return made_up(tmp_path_factory.mktemp("corpus") / "made_up", 4.0)
+
+
+def run(corpus: Path, out: Path, *more: str) -> Path:
+    """Trains ATS for 20 steps."""
+    flags = ["--corpus", str(corpus), "--out", str(out), "--steps", "20", "--tokens", "128", "--voices", "1"]
+    return train(parser().parse_args([*flags, "--validation-clips", "0", *more]))
+
+
+def exported(trained: Path, models: Path, name: str) -> AtsConfig:
+    """Writes the model folder, loads it again and returns its config."""
+    export(trained, models, None, None)
+    config = AtsConfig.from_json(json.loads((models / f"ats_{name}/config.json").read_text()))
+    model = AtsDenoiser(config)
+    state = load_file(models / f"ats_{name}/model.safetensors")
+    model.load_state_dict({key: value.float() for key, value in state.items()})
+    assert all(torch.isfinite(value).all() for value in model.state_dict().values())
+    return config
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(CONFIGS))
+@needs_shared
+def test_every_ats_trains_and_exports(corpus, tmp_path, name):
+    written("hubert_tiny", tmp_path / "hubert")
+    more = ["--hubert", str(tmp_path / "hubert")] if name == "paper" else []
+    config = exported(run(corpus, tmp_path / "run", "--config", name, *more), tmp_path / "models", name)
+    assert config.styles == ["made_up", "any"] and config.emotion == "learned"
+    expected = {"debug": ("compact_speech", 16), "compact": ("compact_speech", 192), "paper": ("hubert", 32)}
+    assert (config.speech.encoder, config.speech.channels) == expected[name]
+
+
+@pytest.mark.slow
+def test_a_resumed_run_gives_the_same_bits(corpus, tmp_path):
+    whole = torch.load(run(corpus, tmp_path / "whole", "--config", "debug"))
+    run(corpus, tmp_path / "parts", "--config", "debug", "--stop-at", "7")
+    parts = torch.load(run(corpus, tmp_path / "parts", "--config", "debug"))
+    assert all(torch.equal(value, parts["state"][key]) for key, value in whole["state"].items())
+    other = torch.load(run(corpus, tmp_path / "other", "--config", "debug", "--seed", "1"))
+    assert not torch.equal(other["state"]["head.weight"], whole["state"]["head.weight"])
+
+
+@pytest.mark.slow
+def test_scores_of_held_out_clips_stand_in_the_log(corpus, tmp_path):
+    run(corpus, tmp_path, "--config", "debug", "--log-every", "10", "--validation-clips", "1")
+    with open(tmp_path / "log.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["step"] for row in rows] == ["10", "20"]
+    assert -1.0 <= float(rows[1]["made_up any gap r"]) <= 1.0
+
+
+def test_a_checkpoint_of_something_else_is_refused(corpus, tmp_path):
+    torch.save({"model": {}}, tmp_path / "last.pt")
+    with pytest.raises(ValueError, match="expected model, optimiser, schedule, average, random, got model"):
+        run(corpus, tmp_path, "--config", "debug")
+
+
+def test_two_folders_of_one_name_are_refused(corpus, tmp_path):
+    with pytest.raises(ValueError, match="expected folders of different names, got made_up, made_up"):
+        run(corpus, tmp_path, "--config", "debug", "--corpus", str(corpus), str(corpus))
