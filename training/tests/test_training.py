@@ -4,12 +4,18 @@ import csv
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from safetensors.torch import load_file
 
+from training import export_stm, train_stm
+from training.corpus.sequence_meshes import sequence_meshes
+from training.deform.static_weights import CONFIGS as STATIC
 from training.export import export
+from training.run import Run
 from training.systems.freetalk.ats import CONFIGS, AtsConfig, AtsDenoiser
+from training.systems.freetalk.stm.paper import CONFIGS as PAPER
 from training.tests.made_up import made_up
 from training.tests.test_parity import needs_shared
 from training.tests.test_speech import written
@@ -79,3 +85,61 @@ def test_a_checkpoint_of_something_else_is_refused(corpus, tmp_path):
 def test_two_folders_of_one_name_are_refused(corpus, tmp_path):
     with pytest.raises(ValueError, match="expected folders of different names, got made_up, made_up"):
         run(corpus, tmp_path, "--config", "debug", "--corpus", str(corpus), str(corpus))
+
+
+@pytest.fixture(scope="module")
+def sequences(tmp_path_factory) -> Path:
+    """Six clips of 2 s on a mesh."""
+    return made_up(tmp_path_factory.mktemp("corpus") / "made_up", 2.0, "vertices")
+
+
+def train_decoder(sequences: Path, runs: Path, model: str, config: str, steps: int) -> dict:
+    """The state that a decoder has after training."""
+    flags = [model, "--corpus", str(sequences), "--config", config, "--steps", str(steps)]
+    train_stm.main([*flags, "--runs", str(runs), "--shapes", "80"])
+    return torch.load(runs / f"{model}_corpus.pt")
+
+
+DECODERS = [("static", name) for name in STATIC] + [("paper", name) for name in PAPER]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model,config", DECODERS)
+def test_every_decoder_trains_on_sequences_and_exports(sequences, tmp_path, model, config, capsys):
+    saved = train_decoder(sequences, tmp_path, model, config, 20)
+    out = capsys.readouterr().out
+    assert "held out, training-free:" in out and f"held out, {model}:" in out
+    export_stm.main(["--runs", str(tmp_path), "--models", str(tmp_path / "models"), "--trained", "corpus"])
+    folder = tmp_path / "models" / {"static": "static_weights", "paper": "stm_paper"}[model]
+    assert json.loads((folder / "config.json").read_text()) == saved["config"]
+    stored = load_file(folder / "model.safetensors")
+    assert stored.keys() == saved["state"].keys()
+    assert all(torch.isfinite(value).all() for value in stored.values())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["static", "paper"])
+def test_a_decoder_killed_in_training_goes_on_with_the_same_bits(sequences, tmp_path, model, monkeypatch):
+    whole = train_decoder(sequences, tmp_path / "whole", model, "debug", 6)
+    after = Run.after
+
+    def killed(run, step, loss):
+        run.save_every = 2
+        after(run, step, loss)
+        if step == 4:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Run, "after", killed)
+        with pytest.raises(KeyboardInterrupt):
+            train_decoder(sequences, tmp_path / "parts", model, "debug", 6)
+    again = train_decoder(sequences, tmp_path / "parts", model, "debug", 6)
+    assert all(torch.equal(value, again["state"][key]) for key, value in whole["state"].items())
+
+
+def test_displacements_of_a_sequence_are_those_of_the_file(sequences):
+    mesh = sequence_meshes([sequences], held_out=True)[0]
+    values, neutral = np.load(sequences / "vertices/cem_0.npy"), mesh.neutral
+    found = mesh.displacements(0, np.arange(10)).norm(dim=-1).numpy()
+    true = np.linalg.norm(values[:10] - neutral, axis=-1)
+    np.testing.assert_allclose(found / np.linalg.norm(mesh.turn, 2), true, atol=1e-4)
