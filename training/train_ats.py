@@ -228,17 +228,8 @@ def train(arguments) -> Path:
         start_from(trainer, arguments.init)
     debug = arguments.config == "debug"
     steps = min(arguments.steps, 20) if debug else arguments.steps
-    groups = trainer.parameters(arguments.rate, arguments.encoder_rate)
-    optimiser = torch.optim.AdamW(groups, weight_decay=0.02)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, [group["lr"] for group in groups], steps + 1, pct_start=0.1
-    )
-    average = torch.optim.swa_utils.AveragedModel(
-        trainer.parts, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.995)
-    )
-    states = {"model": trainer.parts, "optimiser": optimiser, "schedule": schedule, "average": average}
-    generators = {"trainer": trainer.random, "windows": trainer.sampler.random}
-    run = Run(arguments.out, states, steps, arguments.save_every, generators)
+    run = start(arguments, trainer, steps)
+    optimiser, schedule, average = (run.parts[name] for name in ("optimiser", "schedule", "average"))
     lengths = [n for n in (64, 96, 128, 192, 256) if n <= config.window_frames] or [24]
     until = min(steps, arguments.stop_at or steps)
     for step in range(run.first, until):
@@ -257,6 +248,21 @@ def train(arguments) -> Path:
     if until < steps:
         run.save(until)
     return arguments.out / "ats.pt"
+
+
+def start(arguments, trainer: AtsTrainer, steps: int) -> Run:
+    """Optimiser, schedule and averaged weights of a run of `steps`, as they were where it stopped."""
+    groups = trainer.parameters(arguments.rate, arguments.encoder_rate)
+    optimiser = torch.optim.AdamW(groups, weight_decay=0.02)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, [group["lr"] for group in groups], steps + 1, pct_start=0.1
+    )
+    average = torch.optim.swa_utils.AveragedModel(
+        trainer.parts, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.995)
+    )
+    parts = {"model": trainer.parts, "optimiser": optimiser, "schedule": schedule, "average": average}
+    generators = {"trainer": trainer.random, "windows": trainer.sampler.random}
+    return Run(arguments.out, parts, steps, arguments.save_every, generators)
 
 
 def report(run: Run, step: int, trainer: AtsTrainer, averaged: nn.ModuleDict, parts: dict) -> None:

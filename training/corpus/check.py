@@ -46,7 +46,7 @@ class Report:
     emotions: Counter = field(default_factory=Counter)
     lags_s: list[float] = field(default_factory=list)
     speakers: set[str] = field(default_factory=set)
-    vertices: int = 0
+    head_moves: bool = False
 
     def sentences(self) -> list[str]:
         """The whole report."""
@@ -69,7 +69,7 @@ def trains(report: Report) -> list[str]:
     found = []
     if any(report.kinds[kind] for kind in ("landmarks", "weights", "vertices")):
         found.append("train_ats (sound to landmarks)")
-    if report.kinds["vertices"]:
+    if report.kinds["vertices"] and not report.head_moves:
         found.append("train_stm (landmarks to mesh)")
     return found
 
@@ -82,6 +82,7 @@ def check(path: Path) -> Report:
     except CorpusError as error:
         report.errors.append(str(error))
         return report
+    report.head_moves = folder.head_moves
     for row in folder.rows:
         try:
             _check_clip(folder, row, report)

@@ -17,7 +17,6 @@ from training.run import Run
 from training.systems.freetalk.ats import CONFIGS, AtsConfig, AtsDenoiser
 from training.systems.freetalk.stm.paper import CONFIGS as PAPER
 from training.tests.made_up import made_up
-from training.tests.test_parity import needs_shared
 from training.tests.test_speech import written
 from training.train_ats import parser, train
 
@@ -47,7 +46,6 @@ def exported(trained: Path, models: Path, name: str) -> AtsConfig:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(CONFIGS))
-@needs_shared
 def test_every_ats_trains_and_exports(corpus, tmp_path, name):
     written("hubert_tiny", tmp_path / "hubert")
     more = ["--hubert", str(tmp_path / "hubert")] if name == "paper" else []
