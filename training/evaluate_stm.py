@@ -19,9 +19,8 @@ import torch
 from training.corpus.expressions import UPPER, evaluation_frames, load_speech
 from training.corpus.faces import CHANNELS
 from training.corpus.prepared import Corpus, PreparedMesh, load_or_build
-from training.deform.static_weights import CONFIGS, StaticWeights, deform
-from training.systems.freetalk.stm.paper import CONFIGS as CONFIGS_PAPER
-from training.systems.freetalk.stm.paper import PaperDecoder
+from training.deform.static_weights import StaticConfig, StaticWeights, deform
+from training.systems.freetalk.stm.paper import PaperConfig, PaperDecoder
 from training.systems.freetalk.stm.train_paper import PaperMesh, paper_mesh, predict
 
 LIDS_WITHIN_DM = 0.1
@@ -69,8 +68,9 @@ def no_motion(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
 
 def static(path: Path, familiarity: float | None) -> Method:
     """The static decoder with the weights of `path`, told how familiar each face is or not."""
-    model = StaticWeights(CONFIGS["static"])
-    model.load_state_dict(torch.load(path))
+    saved = torch.load(path)
+    model = StaticWeights(StaticConfig(**saved["config"]))
+    model.load_state_dict(saved["state"])
 
     def method(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
         own = model.familiarity(mesh.geometry.landmarks)
@@ -87,9 +87,10 @@ def training_free(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
 
 def paper(path: Path) -> Method:
     """The paper's decoder with the weights of `path`; operators are computed once per mesh."""
-    config = CONFIGS_PAPER["compact"]
+    saved = torch.load(path)
+    config = PaperConfig(**saved["config"])
     model = PaperDecoder(config)
-    model.load_state_dict(torch.load(path))
+    model.load_state_dict(saved["state"])
     seen: dict[int, PaperMesh] = {}
 
     def method(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:

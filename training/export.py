@@ -22,7 +22,7 @@ EXACT = ("mean", "std")
 
 
 def export(run: Path, models: Path, sampling: Sampling | None, style: str | None) -> list[Path]:
-    """Writes both folders and returns them."""
+    """Writes both folders, or the one of a user's own encoder, and returns them."""
     saved = torch.load(run, map_location="cpu")
     config = AtsConfig.from_json(saved["config"])
     config.sampling = sampling or config.sampling

@@ -3,21 +3,18 @@
     python -m training.export_stm --runs runs/stm --models rust-core/models
 
 `static_weights/` and `stm_paper/` (whichever has been trained) each get model.safetensors, f16 except
-the statistics, and config.json. The model card, README.md, is written by hand.
+the statistics, and config.json; `--trained corpus` takes the decoder of corpus folders. The model
+card, README.md, is written by hand.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-from dataclasses import asdict
 from pathlib import Path
 
 import torch
 from safetensors.torch import save_file
-
-from training.deform import static_weights
-from training.systems.freetalk.stm import paper
 
 EXACT = ("feature_mean", "feature_scale", "shape_mean", "shape_basis")
 
@@ -32,21 +29,18 @@ def write_model(folder: Path, state: dict[str, torch.Tensor], config: dict) -> P
     return folder
 
 
-def main() -> None:
+def main(arguments: list[str] | None = None) -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=Path, default=Path("runs/stm"))
     parser.add_argument("--models", type=Path, default=Path("rust-core/models"))
-    args = parser.parse_args()
-    shipped = {
-        "static_weights": ("static", asdict(static_weights.CONFIGS["static"])),
-        "stm_paper": ("paper", asdict(paper.CONFIGS["compact"])),
-    }
-    for name, (kind, config) in shipped.items():
-        trained = args.runs / f"{kind}_both.pt"
+    parser.add_argument("--trained", choices=["both", "corpus"], default="both")
+    args = parser.parse_args(arguments)
+    for name, kind in (("static_weights", "static"), ("stm_paper", "paper")):
+        trained = args.runs / f"{kind}_{args.trained}.pt"
         if trained.exists():
-            state = torch.load(trained, map_location="cpu")
-            print(write_model(args.models / name, state, config))
+            saved = torch.load(trained, map_location="cpu")
+            print(write_model(args.models / name, saved["state"], saved["config"]))
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from pathlib import Path
 GOLDENS = {
     "log_mel": "training.speech.golden_log_mel",
     "checkpoint": "training.speech.golden_checkpoint",
+    "instants": "training.speech.golden_instants",
     "compact_speech": "training.speech.golden_compact",
     "ats_compact": "training.systems.freetalk.golden_ats",
     "static_weights": "training.deform.golden_static_weights",

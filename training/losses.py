@@ -8,6 +8,7 @@ JAW = list(range(4, 13))
 VELOCITY = 0.3
 ACCELERATION = 0.1
 SCALE_M = {"grid_s1": 3.2e-3, "facegood_zh": 4.0e-3, "taught": 3.2e-3}
+LEAST_SCALE_M = 5e-4
 
 
 def landmark_weights() -> Tensor:
@@ -82,6 +83,12 @@ def concordance_loss(prediction: Tensor, truth: Tensor) -> Tensor:
     return (1.0 - 2.0 * covariance / scale.clamp_min(1e-9)).mean()
 
 
-def source_scale(sources: list[str], index: Tensor) -> Tensor:
+def source_scale(sources: list[str], index: Tensor, measured: dict[str, float] = SCALE_M) -> Tensor:
     """Typical lip motion of each row's source in metres, [B, 1, 1]."""
-    return torch.tensor([SCALE_M[s] for s in sources])[index][:, None, None]
+    return torch.tensor([measured[s] for s in sources])[index][:, None, None]
+
+
+def lip_scale(motions: list[Tensor]) -> float:
+    """Typical lip motion of a source in metres: RMS distance of the lips from rest, [T, 204] each."""
+    lips = torch.cat([m[:, 3 * LIPS[0] : 3 * LIPS[-1] + 3] for m in motions]).unflatten(1, (-1, 3))
+    return max(float(lips.square().sum(-1).mean().sqrt()), LEAST_SCALE_M)

@@ -1,28 +1,43 @@
 """Trains the ATS denoiser on top of a speech encoder.
 
+    python -m training.train_ats --corpus DIR [DIR ...] --out runs/ats
     python -m training.train_ats --data ../shared/data --speech runs/speech/speech.pt --out runs/ats
 
-`--config compact` (default), `paper` (HuBERT features from `--hubert FOLDER`) or `debug` (with a
-random encoder: trains and exports in under a minute). Seeded; resumes from `--out/last.pt`; uses
-a GPU where there is one.
+`--corpus` trains on corpus folders (`training/corpus/folder.py`) and nothing else, with their emotions;
+`--data` on the project's own sources. `--config compact` (default; without `--speech` on the shipped
+encoder), `paper` (HuBERT or wav2vec2 features from `--hubert FOLDER`) or `debug` (with a random encoder:
+trains and exports in under a minute). Seeded; resumes from `--out/last.pt` with the same bits; uses a
+GPU where there is one.
 """
 
 import argparse
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
 import torch
 from torch import nn
 
-from training.corpus import spoken
+from training.corpus import bank, spoken
+from training.corpus.bank import Entry
+from training.corpus.clip import Clip
 from training.corpus.closures import closures_met
+from training.corpus.faces import REPOSITORY
 from training.corpus.split import leave_clips
 from training.corpus.teacher import Teacher
 from training.diffusion.schedule import add_noise, alphas_cumprod
-from training.losses import feature_concordance, landmark_weights, lip_gap, motion_loss, source_scale
+from training.losses import (
+    SCALE_M,
+    feature_concordance,
+    landmark_weights,
+    lip_gap,
+    lip_scale,
+    motion_loss,
+    source_scale,
+)
+from training.run import Run
 from training.speech.compact import CompactEncoder
 from training.speech.compact import debug_config as debug_encoder
+from training.speech.hubert import HubertFeatures
 from training.speech.source import CompactSpeech, HubertSpeech
 from training.systems.freetalk.ats import (
     ANY_STYLE,
@@ -30,10 +45,12 @@ from training.systems.freetalk.ats import (
     AtsConfig,
     AtsDenoiser,
     Sampling,
-    neutral_affect,
+    SpeechInput,
 )
 from training.systems.freetalk.sampling import sample_motion
-from training.train_speech import HEARD_EVERY, SHARES, feature_scores, load_encoder, log, resume
+from training.train_speech import HEARD_EVERY, SHARES, feature_scores, load_encoder
+
+SHIPPED_ENCODER = REPOSITORY / "rust-core/models/compact_speech"
 
 CONCORDANCE = 0.3
 PURE_NOISE_SHARE = 0.3
@@ -55,19 +72,18 @@ class Step:
 
 
 class AtsTrainer:
-    """Data, model and one optimisation step. Speech is neutral: see `AtsConfig.emotion`."""
+    """Data, model and one optimisation step."""
 
     def __init__(self, arguments, config: AtsConfig, speech: CompactSpeech | HubertSpeech):
         self.config, self.speech = config, speech
         self.device = "cuda" if torch.cuda.is_available() else "cpu"
         self.random = torch.Generator().manual_seed(arguments.seed)
-        found = {e.source for e in speech.entries}
-        self.sources = [s for s in SHARES if s in found and s not in arguments.leave_out]
-        shares = [dict(zip(SHARES, arguments.shares, strict=True))[s] for s in self.sources]
-        self.sampler = speech.sampler(self.sources, shares, arguments.seed)
-        held_out = [e for e in speech.entries if e.source == spoken.SOURCE and e.held_out]
-        tiny = arguments.config != "compact"
-        self.heard = [] if tiny else held_out[::HEARD_EVERY] + spoken.unseen(arguments.data)
+        shares = source_shares(arguments, speech.entries)
+        self.sources = list(shares)
+        self.scale_m = measured_scales(self.sources, speech.entries)
+        self.sampler = speech.sampler(self.sources, list(shares.values()), arguments.seed)
+        self.heard = judged_by_phones(arguments, speech.entries)
+        self.validated = arguments.validation_clips
         self.alphas = alphas_cumprod(config.diffusion.schedule, config.diffusion.train_steps)
         self.model = AtsDenoiser(config, dropout=arguments.dropout)
         self.landmark_weight = landmark_weights()
@@ -92,8 +108,9 @@ class AtsTrainer:
         weight = batch.weight.clamp_min(UNSEEN_WEIGHT)
         label = torch.tensor([self.config.styles.index(s) for s in self.sources])[batch.source]
         label = torch.where(withheld, self.config.styles.index(ANY_STYLE), label)
-        scaled = weight * self.landmark_weight / source_scale(self.sources, batch.source).square()
-        tensors = [batch.mel, batch.motion, scaled, neutral_affect(count, frames), label]
+        scale = source_scale(self.sources, batch.source, self.scale_m)
+        scaled = weight * self.landmark_weight / scale.square()
+        tensors = [batch.mel, batch.motion, scaled, batch.affect, label]
         return Step(*[t.to(self.device) for t in tensors])
 
     def loss(self, step: Step) -> tuple[torch.Tensor, dict[str, float]]:
@@ -126,19 +143,51 @@ class AtsTrainer:
         self.model.std.copy_(motion.std(dim=0).clamp_min(2e-4))
 
 
+def source_shares(arguments, entries: list[Entry]) -> dict[str, float]:
+    """How often each source is drawn: of corpus folders as long as they last, of ours as they were set."""
+    found = {e.source for e in entries if not e.held_out}
+    if not arguments.corpus:
+        given = dict(zip(SHARES, arguments.shares, strict=True))
+        return {s: given[s] for s in SHARES if s in found and s not in arguments.leave_out}
+    frames = {s: sum(len(e.motion) for e in entries if e.source == s and not e.held_out) for s in found}
+    return {s: frames[s] / sum(frames.values()) for s in sorted(frames)}
+
+
+def measured_scales(sources: list[str], entries: list[Entry]) -> dict[str, float]:
+    """Typical lip motion of each source, metres; measured where it is not one of ours."""
+    scales = dict(SCALE_M)
+    for source in set(sources) - set(SCALE_M):
+        scales[source] = lip_scale([e.motion for e in entries if e.source == source and not e.held_out])
+    return scales
+
+
+def judged_by_phones(arguments, entries: list[Entry]) -> list[Entry]:
+    """Held-out speech with phones, by which closures are counted."""
+    if arguments.corpus:
+        return [e for e in entries if e.held_out and (e.phones >= 0).all() and len(e.phones) > len(e.motion)]
+    if arguments.config != "compact":
+        return []
+    held_out = [e for e in entries if e.source == spoken.SOURCE and e.held_out]
+    return held_out[::HEARD_EVERY] + spoken.unseen(arguments.data)
+
+
 @torch.no_grad()
-def validate(trainer: AtsTrainer, model, speech, sampling: Sampling, limit: int = 40) -> dict:
+def validate(trainer: AtsTrainer, model, speech, sampling: Sampling) -> dict:
     """r and slope of every feature on unseen clips, in the source's own style and in `any`."""
     report, entries = {}, speech.entries
     model.eval()
     for source in sorted({e.source for e in entries} - {spoken.SOURCE}):
         known = source in trainer.sources
-        chosen = [e for e in entries if e.source == source and (e.held_out or not known)][:limit]
+        chosen = [e for e in entries if e.source == source and (e.held_out or not known)]
+        chosen = chosen[: trainer.validated]
+        if not chosen:
+            continue
         for name in (source, ANY_STYLE) if known else (ANY_STYLE,):
             style = trainer.config.styles.index(name)
             pairs = [(clip_motion(speech, model, e, style, sampling), e.motion) for e in chosen]
             report |= {f"{source} {name} {k}": v for k, v in feature_scores(pairs).items()}
-    report |= closure_report(trainer, model, speech, sampling)
+    if trainer.validated:
+        report |= closure_report(trainer, model, speech, sampling)
     model.train()
     return report
 
@@ -159,7 +208,7 @@ def clip_motion(speech, model, entry, style: int, sampling: Sampling, seed: int 
     """Motion [T, 204] that the model makes of one clip, metres."""
     device = model.mean.device
     features = speech.clip(entry)
-    affect = neutral_affect(1, len(entry.motion))[0]
+    affect = entry.affect().expand(len(entry.motion), -1)
     motion = sample_motion(model.cpu(), features, affect, style, seed, sampling)
     model.to(device)
     return motion
@@ -169,32 +218,21 @@ def train(arguments) -> Path:
     """Runs the training; writes `ats.pt` with the averaged weights and returns its path."""
     torch.manual_seed(arguments.seed)
     torch.set_num_threads(arguments.threads)
-    debug = arguments.config == "debug"
     config = CONFIGS[arguments.config]()
-    out: Path = arguments.out
-    out.mkdir(parents=True, exist_ok=True)
     source = speech_source(arguments, config)
     leave_clips(source.entries, arguments.leave_clips)
+    if arguments.corpus:
+        fit_to_corpora(config, source.entries)
     trainer = AtsTrainer(arguments, config, source)
-    model = trainer.model
     if arguments.init is not None:
-        saved = torch.load(arguments.init)
-        model.load_state_dict(saved["state"])
-        if saved["encoder"] is not None:
-            trainer.speech.encoder.load_state_dict(saved["encoder"])
-    steps = 20 if debug else arguments.steps
-    groups = trainer.parameters(arguments.rate, arguments.encoder_rate)
-    optimiser = torch.optim.AdamW(groups, weight_decay=0.02)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, [group["lr"] for group in groups], steps + 1, pct_start=0.1
-    )
-    first = resume(out / "last.pt", trainer.parts, optimiser, schedule)
-    average = torch.optim.swa_utils.AveragedModel(
-        trainer.parts, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.995)
-    )
+        start_from(trainer, arguments.init)
+    debug = arguments.config == "debug"
+    steps = min(arguments.steps, 20) if debug else arguments.steps
+    run = start(arguments, trainer, steps)
+    optimiser, schedule, average = (run.parts[name] for name in ("optimiser", "schedule", "average"))
     lengths = [n for n in (64, 96, 128, 192, 256) if n <= config.window_frames] or [24]
-    started = time.time()
-    for step in range(first, steps):
+    until = min(steps, arguments.stop_at or steps)
+    for step in range(run.first, until):
         frames = lengths[int(torch.randint(0, len(lengths), (1,), generator=trainer.random))]
         count = max(1, (arguments.tokens if not debug else 192) // frames)
         loss, parts = trainer.loss(trainer.draw(count, frames))
@@ -204,16 +242,51 @@ def train(arguments) -> Path:
         optimiser.step()
         schedule.step()
         average.update_parameters(trainer.parts)
-        if step % arguments.log_every == arguments.log_every - 1 or step == steps - 1:
-            denoiser, heard = average.module["denoiser"], trainer.speech.using(average.module["encoder"])
-            scores = validate(trainer, denoiser, heard, config.sampling)
-            record = {"step": step + 1, "s": round(time.time() - started), **parts, **scores}
-            log(out, record)
-            state = {"model": trainer.parts.state_dict(), "optimiser": optimiser.state_dict()}
-            state |= {"schedule": schedule.state_dict(), "step": step + 1}
-            torch.save(state, out / "last.pt")
-            save(out / "ats.pt", denoiser, heard)
-    return out / "ats.pt"
+        run.after(step, loss.item())
+        if step % arguments.log_every == arguments.log_every - 1 or step == until - 1:
+            report(run, step, trainer, average.module, parts)
+    if until < steps:
+        run.save(until)
+    return arguments.out / "ats.pt"
+
+
+def start(arguments, trainer: AtsTrainer, steps: int) -> Run:
+    """Optimiser, schedule and averaged weights of a run of `steps`, as they were where it stopped."""
+    groups = trainer.parameters(arguments.rate, arguments.encoder_rate)
+    optimiser = torch.optim.AdamW(groups, weight_decay=0.02)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, [group["lr"] for group in groups], steps + 1, pct_start=0.1
+    )
+    average = torch.optim.swa_utils.AveragedModel(
+        trainer.parts, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.995)
+    )
+    parts = {"model": trainer.parts, "optimiser": optimiser, "schedule": schedule, "average": average}
+    generators = {"trainer": trainer.random, "windows": trainer.sampler.random}
+    return Run(arguments.out, parts, steps, arguments.save_every, generators)
+
+
+def report(run: Run, step: int, trainer: AtsTrainer, averaged: nn.ModuleDict, parts: dict) -> None:
+    """Scores on held-out clips, into the log, and `ats.pt`."""
+    denoiser, heard = averaged["denoiser"], trainer.speech.using(averaged["encoder"])
+    scores = validate(trainer, denoiser, heard, trainer.config.sampling)
+    run.log({"step": step + 1, "s": run.seconds(), **parts, **scores})
+    save(run.out / "ats.pt", denoiser, heard)
+
+
+def start_from(trainer: AtsTrainer, path: Path) -> None:
+    """Takes the weights of an `ats.pt`, its encoder included."""
+    saved = torch.load(path)
+    trainer.model.load_state_dict(saved["state"])
+    if saved["encoder"] is not None:
+        trainer.speech.encoder.load_state_dict(saved["encoder"])
+
+
+def fit_to_corpora(config: AtsConfig, entries: list[Entry]) -> None:
+    """Styles are the names of the corpora; emotions are learned where a label in training says one."""
+    config.styles = [*sorted({e.source for e in entries}), ANY_STYLE]
+    config.closing_styles = [ANY_STYLE]
+    felt = any(e.emotion != "neutral" and e.intensity > 0 and not e.held_out for e in entries)
+    config.emotion = "learned" if felt else "added"
 
 
 def save(path: Path, model: AtsDenoiser, speech: CompactSpeech | HubertSpeech) -> None:
@@ -224,31 +297,47 @@ def save(path: Path, model: AtsDenoiser, speech: CompactSpeech | HubertSpeech) -
 
 def speech_source(arguments, config: AtsConfig) -> CompactSpeech | HubertSpeech:
     """The speech that the configuration asks for."""
-    data, cache = arguments.data, arguments.cache
+    if config.speech.encoder != "compact_speech":
+        features = HubertFeatures(arguments.hubert)
+        config.speech = SpeechInput(features.kind, features.channels)
+        return HubertSpeech(features, own_clips(arguments))
     if arguments.config == "debug":
-        return CompactSpeech(CompactEncoder(debug_encoder()), data, cache, 2, limit=4)
-    if config.speech.encoder == "hubert":
-        return HubertSpeech(arguments.hubert, data, list(SHARES), arguments.limit)
-    if arguments.speech is None:
-        raise ValueError("--speech: expected the speech.pt of training.train_speech, got nothing")
-    encoder = load_encoder(arguments.speech)
-    source = CompactSpeech(encoder, data, cache, arguments.voices, arguments.limit)
-    if spoken.SOURCE not in arguments.leave_out:
-        left = tuple(arguments.leave_speech)
+        return CompactSpeech(CompactEncoder(debug_encoder()), own_entries(arguments, 2, 4))
+    encoder = load_encoder(arguments.speech or SHIPPED_ENCODER)
+    source = CompactSpeech(encoder, own_entries(arguments, arguments.voices, arguments.limit))
+    if spoken.SOURCE not in arguments.leave_out and not arguments.corpus:
+        left, cache = tuple(arguments.leave_speech), arguments.cache
         teacher = Teacher.load()
-        source.entries += spoken.load(data, cache, arguments.minutes, left, teacher, arguments.reader)
+        speech = (arguments.minutes, left, teacher, arguments.reader)
+        source.entries += spoken.load(arguments.data, cache, *speech)
     return source
+
+
+def own_entries(arguments, voices: int, limit: int | None) -> list[Entry]:
+    """Entries of the corpus folders, or of the project's own sources."""
+    if arguments.corpus:
+        return bank.of_folders(arguments.corpus, voices, arguments.seed, limit)
+    return bank.load(arguments.data, arguments.cache, voices, limit=limit)
+
+
+def own_clips(arguments) -> list[Clip]:
+    """As `own_entries`, before anything is heard."""
+    if arguments.corpus:
+        return bank.clips_of_folders(arguments.corpus, arguments.limit)
+    sources = [bank.few(read(arguments.data), arguments.limit) for read in bank.READERS.values()]
+    return [clip for clips in sources for clip in clips]
 
 
 def parser() -> argparse.ArgumentParser:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--out", type=Path, default=Path("runs/ats"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
-    parser.add_argument("--speech", type=Path, help="speech.pt of training.train_speech")
-    parser.add_argument("--hubert", type=Path, help="folder of a HuBERT checkpoint (paper)")
+    parser.add_argument("--speech", type=Path, help="speech.pt of training.train_speech, or a model folder")
+    parser.add_argument("--hubert", type=Path, help="folder of a HuBERT or wav2vec2 checkpoint (paper)")
     parser.add_argument("--leave-out", nargs="*", default=[], choices=[*SHARES], help="sources of motion")
     parser.add_argument("--leave-clips", nargs="*", default=[], help="begins of names of clips to hold out")
     parser.add_argument("--leave-speech", nargs="*", default=[], help="speech to leave out (nathalie_nl, …)")
@@ -267,6 +356,9 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--log-every", type=int, default=150)
+    parser.add_argument("--save-every", type=int, default=50, help="steps between checkpoints")
+    parser.add_argument("--stop-at", type=int, help="stop after this step; the same command goes on")
+    parser.add_argument("--validation-clips", type=int, default=40, help="of each source, at every log")
     return parser
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from safetensors.torch import load_file
 from torch import nn
 
 from training.corpus import bank, spoken
@@ -206,7 +207,12 @@ def log(out: Path, record: dict) -> None:
 
 
 def load_encoder(path: Path) -> CompactEncoder:
-    """The encoder of a finished run, ready for inference."""
+    """The encoder of a finished run, or of a model folder, ready for inference."""
+    if path.is_dir():
+        encoder = CompactEncoder(CompactConfig(**json.loads((path / "config.json").read_text())))
+        state = load_file(path / "model.safetensors")
+        encoder.load_state_dict({name: value.float() for name, value in state.items()})
+        return encoder.eval()
     saved = torch.load(path)
     encoder = CompactEncoder(CompactConfig(**saved["config"]))
     state = {k.removeprefix("encoder."): v for k, v in saved["state"].items() if "encoder." in k}

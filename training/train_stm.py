@@ -2,9 +2,14 @@
 
     python -m training.train_stm static --data ../shared/data --runs runs/stm
     python -m training.train_stm paper  --data ../shared/data --runs runs/stm
+    python -m training.train_stm paper  --corpus DIR [DIR ...] --config paper --steps 20000 --runs runs/stm
 
-Each command trains three times: on both faces (shipped), on ICT alone and on MakeHuman alone (for
-the leave-one-face-out errors), seeded, one thread by default. Results are
+With `--corpus` a decoder trains on vertex sequences of corpus folders, is measured on their held-out
+clips, and becomes `RUNS/{static,paper}_corpus.pt`; it goes on from `RUNS/MODEL_corpus/last.pt` with the
+same bits. `--config` chooses its size: `paper` is that of the paper (width 128, position and normal).
+
+With `--data` each command trains three times: on both faces (shipped), on ICT alone and on MakeHuman
+alone (for the leave-one-face-out errors), seeded, one thread by default. Results are
 `RUNS/{static,paper}_{both,ict,makehuman}.pt`; `training.evaluate_stm` prints their errors and
 `training.export_stm` writes the shipped one.
 """
@@ -12,24 +17,30 @@ the leave-one-face-out errors), seeded, one thread by default. Results are
 from __future__ import annotations
 
 import argparse
-import time
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import torch
 
 from training.corpus.expressions import load_speech, training_frames
-from training.corpus.prepared import Corpus, PreparedMesh, landmark_shapes, load_or_build
+from training.corpus.prepared import PreparedMesh, landmark_shapes, load_or_build
+from training.corpus.sequence_meshes import SequenceMesh, held_out_errors, neutral_shapes, sequence_meshes
 from training.deform.static_weights import (
     CONFIGS,
     FLIP,
     MIRROR,
+    StaticConfig,
     StaticWeights,
     VertexGeometry,
+    deform,
 )
+from training.run import Run
 from training.systems.freetalk.stm.paper import CONFIGS as PAPER
-from training.systems.freetalk.stm.train_paper import paper_mesh, train_paper
+from training.systems.freetalk.stm.train_paper import paper_mesh, predict, train_paper
 
+STEPS = 5000
+"""Of the static decoder."""
 SHAPES = 1500
 """Neutral faces of each kind by which a familiar one is told."""
 
@@ -46,9 +57,12 @@ def sample(rng: np.random.Generator, mesh: PreparedMesh, speech: np.ndarray, fra
     pick = torch.cat(
         [torch.randint(vertices, (500,)), lips[torch.randint(len(lips), (150,))], mesh.landmarks]
     )
-    weights = torch.from_numpy(training_frames(rng, speech, frames)).float()
     g = mesh.geometry
-    motion = torch.einsum("tm,mvx->tvx", weights, mesh.modes[:, pick])
+    if isinstance(mesh, SequenceMesh):
+        motion = mesh.anywhere(rng, frames, pick)
+    else:
+        weights = torch.from_numpy(training_frames(rng, speech, frames)).float()
+        motion = torch.einsum("tm,mvx->tvx", weights, mesh.modes[:, pick])
     motion = restyle(motion, g.positions[pick], strength=0.15)
     geometry = VertexGeometry(g.positions[pick], g.landmarks, g.base[pick], g.remoteness[pick])
     landmarks = motion[:, -len(mesh.landmarks) :]
@@ -73,21 +87,33 @@ def restyle(motion: torch.Tensor, positions: torch.Tensor, strength: float) -> t
     return motion + torch.einsum("tpij,tpj->tpi", field, motion)
 
 
-def train_static(corpus: Corpus, faces: tuple[str, ...], speech: np.ndarray, steps: int, seed: int):
-    """Minimises the mean distance to the true place, at full strength of the correction."""
+def train_static(
+    config: StaticConfig,
+    meshes: dict[str, list[PreparedMesh]],
+    speech: np.ndarray | None,
+    steps: int,
+    seed: int,
+    out: Path,
+    save_every: int = 500,
+) -> StaticWeights:
+    """Minimises the mean distance to the true place, at full strength of the correction.
+
+    `meshes` by face; `speech` are weights of their modes, none for meshes with sequences of their own.
+    """
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
-    model = StaticWeights(CONFIGS["static"])
-    rows = torch.cat([m.geometry.features()[::7] for f in faces for m in corpus.train[f]])
+    model, faces = StaticWeights(config), tuple(meshes)
+    rows = torch.cat([m.geometry.features()[::7] for f in faces for m in meshes[f]])
     model.feature_mean.copy_(rows.mean(0))
     model.feature_scale.copy_(rows.std(0) + 1e-3)
     optimiser = torch.optim.AdamW(model.parameters(), lr=2e-3, weight_decay=1e-2)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 2e-3, steps, pct_start=0.1)
-    started = time.monotonic()
-    for step in range(steps):
+    parts = {"model": model, "optimiser": optimiser, "schedule": schedule}
+    run = Run(out, parts, steps, save_every, {"draws": rng})
+    for step in range(run.first, steps):
         loss = torch.zeros(())
         for face in faces * (2 // len(faces)):
-            mesh = corpus.train[face][rng.integers(len(corpus.train[face]))]
+            mesh = meshes[face][rng.integers(len(meshes[face]))]
             geometry, landmarks, truth = sample(rng, mesh, speech, frames=12)
             base = torch.einsum("vn,tnx->tvx", geometry.base, landmarks)
             error = base + model.one_sided_correction(geometry, landmarks) - truth
@@ -96,9 +122,7 @@ def train_static(corpus: Corpus, faces: tuple[str, ...], speech: np.ndarray, ste
         loss.backward()
         optimiser.step()
         schedule.step()
-        if step % 250 == 0:
-            seconds = time.monotonic() - started
-            print(f"static {faces} {step}: {loss.item():.4f} {seconds:.0f} s", flush=True)
+        run.after(step, loss.item())
     return model
 
 
@@ -115,32 +139,86 @@ def coarsest(meshes: list[PreparedMesh], count: int) -> list[PreparedMesh]:
     return sorted(meshes, key=lambda mesh: len(mesh.lips))[:count]
 
 
-def main() -> None:
-    """Entry of the command."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("model", choices=["static", "paper"])
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--runs", type=Path, default=Path("runs/stm"))
-    parser.add_argument("--faces", nargs="*", choices=list(FACES), default=list(FACES))
-    parser.add_argument("--steps", type=int, default=5000)
-    parser.add_argument("--seconds", type=float, default=180.0, help="processor time, paper")
-    parser.add_argument("--meshes", type=int, default=14, help="of each face, the coarsest, for paper")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1)
-    args = parser.parse_args()
-    torch.set_num_threads(args.threads)
+def train_on_data(args) -> None:
+    """On both faces of the project and on each alone."""
     corpus = load_or_build(args.data, args.runs / "corpus.pkl", 70, 45)
     speech = load_speech(args.data).train
     for name in args.faces:
+        faces, out = FACES[name], args.runs / f"{args.model}_{name}"
         if args.model == "static":
-            model = train_static(corpus, FACES[name], speech, args.steps, args.seed)
-            learn_shapes(model, FACES[name], args.data, args.seed)
+            meshes = {f: corpus.train[f] for f in faces}
+            config = CONFIGS[args.config or "static"]
+            model = train_static(config, meshes, speech, args.steps or STEPS, args.seed, out)
+            learn_shapes(model, faces, args.data, args.seed)
         else:
-            meshes = {f: coarsest(corpus.train[f], args.meshes) for f in FACES[name]}
-            seen = {f: [paper_mesh(m, PAPER["compact"]) for m in meshes[f]] for f in meshes}
-            faces = FACES[name]
-            model = train_paper(PAPER["compact"], faces, speech, args.seconds, args.seed, seen)
-        torch.save(model.state_dict(), args.runs / f"{args.model}_{name}.pt")
+            config = PAPER[args.config or "compact"]
+            meshes = {f: coarsest(corpus.train[f], args.meshes) for f in faces}
+            seen = {f: [paper_mesh(m, config) for m in meshes[f]] for f in meshes}
+            model = train_paper(config, speech, args.seconds, args.steps, args.seed, seen, out)
+        save(model, args.runs / f"{args.model}_{name}.pt")
+
+
+def train_on_corpora(args) -> Path:
+    """On vertex sequences of corpus folders; prints the errors on held-out clips."""
+    meshes = sequence_meshes(args.corpus, held_out=False)
+    out, path = args.runs / f"{args.model}_corpus", args.runs / f"{args.model}_corpus.pt"
+    if args.model == "static":
+        config = CONFIGS[args.config or "static"]
+        model = train_static(config, {"corpus": meshes}, None, args.steps or STEPS, args.seed, out)
+        rng = np.random.default_rng(args.seed)
+        for kind in range(config.kinds):
+            shapes = neutral_shapes(rng, meshes, args.shapes)
+            model.learn_shapes(kind, torch.from_numpy(shapes).float())
+        method = lambda mesh, landmarks: deform(model, mesh.geometry, landmarks, 1.0)  # noqa: E731
+    else:
+        config = PAPER[args.config or "compact"]
+        seen = {"corpus": [paper_mesh(mesh, config) for mesh in meshes]}
+        model = train_paper(config, None, args.seconds, args.steps, args.seed, seen, out)
+        method = lambda mesh, landmarks: predict(model, paper_mesh(mesh, config), landmarks)  # noqa: E731
+    save(model, path)
+    held_out = sequence_meshes(args.corpus, held_out=True)
+    free = lambda mesh, landmarks: torch.einsum("vn,tnx->tvx", mesh.geometry.base, landmarks)  # noqa: E731
+    for name, of in ((args.model, method), ("training-free", free)) if held_out else ():
+        mean, lips = held_out_errors(of, held_out)
+        print(f"held out, {name}: {mean:.3f} mm in the mean, {lips:.3f} mm at the lips", flush=True)
+    return path
+
+
+def save(model: torch.nn.Module, path: Path) -> None:
+    """Weights and configuration in one file."""
+    torch.save({"state": model.state_dict(), "config": asdict(model.config)}, path)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("model", choices=["static", "paper"])
+    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser.add_argument("--runs", type=Path, default=Path("runs/stm"))
+    parser.add_argument("--faces", nargs="*", choices=list(FACES), default=list(FACES))
+    parser.add_argument("--config", choices=sorted({*CONFIGS, *PAPER}), help="size: see the model's CONFIGS")
+    parser.add_argument("--steps", type=int, help=f"{STEPS} for static; paper: in place of --seconds")
+    parser.add_argument("--seconds", type=float, default=180.0, help="processor time, paper")
+    parser.add_argument("--meshes", type=int, default=14, help="of each face, the coarsest, for paper")
+    parser.add_argument("--shapes", type=int, default=SHAPES, help="neutral faces by which one is told")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1)
+    return parser
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Entry of the command."""
+    args = parser().parse_args(arguments)
+    sizes = CONFIGS if args.model == "static" else PAPER
+    if args.config is not None and args.config not in sizes:
+        parser().error(f"--config: expected {', '.join(sizes)} for {args.model}, got {args.config}")
+    torch.set_num_threads(args.threads)
+    args.runs.mkdir(parents=True, exist_ok=True)
+    if args.corpus:
+        train_on_corpora(args)
+    else:
+        train_on_data(args)
 
 
 if __name__ == "__main__":

@@ -11,11 +11,14 @@ import torch
 from training.corpus.aligned import Utterance, read_grid_speech
 from training.corpus.clip import FPS, MEL_PER_FRAME, Clip, fit_frames
 from training.corpus.facegood import read_facegood
+from training.corpus.folder import CorpusFolder
+from training.corpus.folder_clips import clips as folder_clips
 from training.corpus.grid import read_grid
 from training.corpus.mirror import symmetrise
 from training.corpus.phones import segment_track
 from training.corpus.revoice import revoice
 from training.speech.log_mel import log_mel
+from training.systems.freetalk.ats import EMOTIONS
 
 READERS = {"grid_s1": read_grid, "facegood_zh": read_facegood}
 MEL_HZ = FPS * MEL_PER_FRAME
@@ -29,7 +32,8 @@ class Entry:
 
     `mels` [voices, 4 T, 64] f16 raw log-mel, voice 0 is the recording itself; `motion`
     [T, 204] f32 metres (left-right symmetrised); `weight` [T, 204] f32; `phones` [4 T] int16, the
-    segment that sounds at each mel frame, −1 where nobody knows.
+    segment that sounds at each mel frame, −1 where nobody knows. `emotion` and its `intensity` are
+    those of the whole clip.
     """
 
     name: str
@@ -39,6 +43,30 @@ class Entry:
     motion: torch.Tensor
     weight: torch.Tensor
     phones: torch.Tensor
+    emotion: str = "neutral"
+    intensity: float = 0.0
+
+    def affect(self) -> torch.Tensor:
+        """Mixture of the fifteen emotions and intensity, [16]."""
+        row = torch.zeros(len(EMOTIONS) + 1)
+        row[EMOTIONS.index(self.emotion)], row[-1] = 1.0, self.intensity
+        return row
+
+
+def of_folders(folders: list[Path], voices: int, seed: int = 0, limit: int | None = None) -> list[Entry]:
+    """Entries of the clips of corpus folders."""
+    random = np.random.default_rng(seed)
+    found = clips_of_folders(folders, limit)
+    return [_entry(clip, None, voices, random) for clip in found]
+
+
+def clips_of_folders(folders: list[Path], limit: int | None = None) -> list[Clip]:
+    """Clips of corpus folders, whose names must differ."""
+    opened = [CorpusFolder(path) for path in folders]
+    names = [folder.name for folder in opened]
+    if len(set(names)) < len(names):
+        raise ValueError(f"--corpus: expected folders of different names, got {', '.join(names)}")
+    return [clip for folder in opened for clip in few(folder_clips(folder), limit)]
 
 
 def build(data: Path, voices: int, seed: int, sources: list[str], limit: int | None) -> list[Entry]:
@@ -93,11 +121,13 @@ def _entry(clip: Clip, said: Utterance | None, voices: int, random: np.random.Ge
         extra = [torch.from_numpy(revoice(clip.samples, random)) for _ in range(voices - 1)]
         mels += extra
     fitted = torch.stack([fit_frames(mel, MEL_PER_FRAME * frames) for mel in mels])
-    motion = symmetrise(clip.motion)
+    motion = symmetrise(clip.motion) if clip.emotion == "neutral" else clip.motion
     weight = torch.from_numpy(clip.weight).repeat_interleave(3, dim=1)
     phones = np.full(MEL_PER_FRAME * frames, UNKNOWN, np.int16)
-    if said is not None:
-        phones = segment_track(said.phones, len(phones), MEL_HZ)
+    known = clip.phones if said is None else said.phones
+    if known is not None:
+        phones = segment_track(known, len(phones), MEL_HZ)
     flat = torch.from_numpy(motion.astype(np.float32)).flatten(1)
     heard = torch.from_numpy(phones)
-    return Entry(clip.name, clip.source, clip.held_out, fitted.half(), flat, weight, heard)
+    felt = (clip.emotion, clip.intensity)
+    return Entry(clip.name, clip.source, clip.held_out, fitted.half(), flat, weight, heard, *felt)

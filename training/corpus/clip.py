@@ -6,6 +6,8 @@ import numpy as np
 import soundfile
 import torch
 
+from training.corpus.phones import Phone
+
 FPS = 25.0
 MEL_PER_FRAME = 4
 
@@ -16,7 +18,8 @@ class Clip:
 
     `samples` [S] f32 at 16 kHz. `motion` [T, 68, 3] f32, displacement from the neutral face in
     canonical metres. `weight` [T, 68] f32 is 0 where the source did not observe a landmark or
-    lost it. `neutral` [68, 3] f32 in canonical metres up to a translation.
+    lost it. `neutral` [68, 3] f32 in canonical metres up to a translation. `emotion` is one of the
+    fifteen, `intensity` 0 to 1.5; `phones` where somebody timed them.
     """
 
     name: str
@@ -26,6 +29,9 @@ class Clip:
     motion: np.ndarray
     weight: np.ndarray
     neutral: np.ndarray
+    emotion: str = "neutral"
+    intensity: float = 0.0
+    phones: list[Phone] | None = None
 
 
 def read_sound(path) -> np.ndarray:

@@ -1,12 +1,12 @@
 """Training windows from precomputed speech features instead of log-mels (HuBERT)."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import torch
 from torch import Tensor
 
-from training.corpus.bank import READERS, UNKNOWN, Entry, few
+from training.corpus.bank import UNKNOWN, Entry
+from training.corpus.clip import Clip
 from training.corpus.mirror import symmetrise
 from training.corpus.windows import AugmentOptions, WindowSampler
 
@@ -29,16 +29,15 @@ class FeatureSampler(WindowSampler):
         return mel
 
 
-def feature_entries(data: Path, sources: list[str], encode: Encode, limit: int | None):
+def feature_entries(clips: list[Clip], encode: Encode) -> list[Entry]:
     """All clips with `encode(samples, frames)` [T, C] as their speech."""
     entries = []
-    for source in sources:
-        for clip in few(READERS[source](data), limit):
-            features = encode(torch.from_numpy(clip.samples), len(clip.motion))
-            motion = torch.from_numpy(symmetrise(clip.motion)).flatten(1)
-            weight = torch.from_numpy(clip.weight).repeat_interleave(3, dim=1)
-            phones = torch.full((len(motion),), UNKNOWN, dtype=torch.int16)
-            heard = features[None].half()
-            fields = (clip.name, source, clip.held_out, heard, motion, weight, phones)
-            entries.append(Entry(*fields))
+    for clip in clips:
+        features = encode(torch.from_numpy(clip.samples), len(clip.motion))
+        moved = symmetrise(clip.motion) if clip.emotion == "neutral" else clip.motion
+        motion = torch.from_numpy(moved).flatten(1)
+        weight = torch.from_numpy(clip.weight).repeat_interleave(3, dim=1)
+        phones = torch.full((len(motion),), UNKNOWN, dtype=torch.int16)
+        fields = (clip.name, clip.source, clip.held_out, features[None].half(), motion, weight, phones)
+        entries.append(Entry(*fields, clip.emotion, clip.intensity))
     return entries

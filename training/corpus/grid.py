@@ -83,8 +83,13 @@ def rest_template(tracks: list[np.ndarray], seen: list[np.ndarray]) -> np.ndarra
     """
     ends = [np.r_[:EDGE_FRAMES, len(t) - EDGE_FRAMES : len(t)] for t in tracks]
     edges = np.concatenate([t[e][s[e]] for t, s, e in zip(tracks, seen, ends, strict=True)])
-    gap = inner_gap(edges, np.zeros((68, 3), np.float32))
-    slope, height = np.polyfit(gap, edges.reshape(len(edges), -1), 1)
+    return closed_shape(edges)
+
+
+def closed_shape(frames: np.ndarray) -> np.ndarray:
+    """Shape [68, 3] of quiet frames [T, 68, 3] at the 5 % quantile of their inner-lip gaps."""
+    gap = inner_gap(frames, np.zeros((68, 3), np.float32))
+    slope, height = np.polyfit(gap, frames.reshape(len(frames), -1), 1)
     return (height + slope * np.quantile(gap, REST_SHARE)).reshape(68, 3)
 
 

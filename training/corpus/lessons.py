@@ -33,7 +33,7 @@ SOUNDS = {".wav", ".ogg", ".flac", ".mp3"}
 SHORTEST_S = 0.5
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Lesson(Entry):
     """A clip with its teacher's motion `taught` [T, 204] f16, metres.
 

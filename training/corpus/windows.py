@@ -43,13 +43,14 @@ class Batch:
     """One training batch.
 
     `mel` [B, 4 T, 64] normalised; `motion` and `weight` [B, T, 204]; `phones` [B, 4 T] segments, −1
-    unknown; `source` [B] index.
+    unknown; `affect` [B, T, 16] mixture of emotions and intensity; `source` [B] index.
     """
 
     mel: Tensor
     motion: Tensor
     weight: Tensor
     phones: Tensor
+    affect: Tensor
     source: Tensor
 
 
@@ -99,12 +100,12 @@ class WindowSampler:
         while total < frames:
             parts.append(self._part(self.sources[index], frames - total))
             total += len(parts[-1][1])
-        mel, motion, weight, phones = (torch.cat(part) for part in zip(*parts, strict=True))
+        mel, motion, weight, phones, affect = (torch.cat(part) for part in zip(*parts, strict=True))
         fine = self.per_frame * frames
-        return mel[:fine], motion[:frames], weight[:frames], phones[:fine], index
+        return mel[:fine], motion[:frames], weight[:frames], phones[:fine], affect[:frames], index
 
     def _part(self, source: str, wanted: int):
-        """One clip, or a stretch of a long one: normalised mel, motion, weight, phones."""
+        """One clip, or a stretch of a long one: normalised mel, motion, weight, phones, affect."""
         group = self.entries[source]
         lengths = np.array([len(e.motion) for e in group], dtype=float)
         entry = group[self.random.choice(len(group), p=lengths / lengths.sum())]
@@ -123,7 +124,8 @@ class WindowSampler:
         fine = self.per_frame * (start - first) + torch.arange(self.per_frame * taken) * tempo
         mel = interpolate(entry.mels[voice, span].float(), fine)
         phones = entry.phones[span][fine.round().long().clamp_max(span.stop - span.start - 1)]
-        return self._prepare(mel, self.colours[source, entry.name][voice], bare), *moving, phones
+        heard = self._prepare(mel, self.colours[source, entry.name][voice], bare)
+        return heard, *moving, phones, entry.affect().expand(taken, -1)
 
     def _prepare(self, mel: Tensor, colour: Tensor, bare: bool) -> Tensor:
         """Raw log-mel of a stretch → what the encoder sees."""
@@ -191,14 +193,16 @@ class WindowSampler:
         return F.interpolate(knots, BANDS, mode="linear", align_corners=True)[0, 0]
 
     def _silence(self, frames: int):
-        """Digital silence or steady noise: the mouth stays at rest. [4 T, 64], [T, 204] × 2."""
+        """Digital silence or steady noise: the mouth stays at rest, neutral. As a row of `Batch`."""
         mel = torch.full((self.per_frame * frames, BANDS), DEEPEST / SCALE)
         if self.random.random() < 0.75:
             wobble = self.random.gamma(self.random.uniform(1.0, 6.0), 1.0, mel.shape)
             mel = torch.from_numpy(np.log(np.maximum(wobble, 1e-4))).float()
             mel = (mel - clip_colour(mel)) / SCALE + self._smooth(0.1)
         still, phones = torch.zeros(frames, 204), torch.zeros(len(mel), dtype=torch.int16)
-        return mel, still, torch.ones(frames, 204), phones
+        affect = torch.zeros(frames, 16)
+        affect[:, 0] = 1.0
+        return mel, still, torch.ones(frames, 204), phones, affect
 
 
 def interpolate(x: Tensor, position: Tensor) -> Tensor:

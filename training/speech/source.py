@@ -1,11 +1,11 @@
 """Where the denoiser's training gets its speech features from: one class per encoder."""
 
 import copy
-from pathlib import Path
 
 from torch import Tensor, nn
 
 from training.corpus import bank
+from training.corpus.clip import Clip
 from training.corpus.features import FeatureSampler, feature_entries
 from training.corpus.windows import AugmentOptions, WindowSampler
 from training.speech.compact import CompactEncoder, normalise
@@ -15,9 +15,9 @@ from training.speech.hubert import HubertFeatures
 class CompactSpeech:
     """Log-mels in several voices through the compact encoder, frozen unless training tunes it."""
 
-    def __init__(self, encoder: CompactEncoder, data: Path, cache: Path, voices: int, limit):
+    def __init__(self, encoder: CompactEncoder, entries: list[bank.Entry]):
         self.encoder = encoder.eval().requires_grad_(False)
-        self.entries = bank.load(data, cache, voices, limit=limit)
+        self.entries = entries
 
     def using(self, encoder: CompactEncoder) -> "CompactSpeech":
         """The same clips through another encoder."""
@@ -49,11 +49,11 @@ class CompactSpeech:
 
 
 class HubertSpeech:
-    """Features of a user's HuBERT checkpoint, computed once."""
+    """Features of a user's HuBERT or wav2vec2 checkpoint, computed once."""
 
-    def __init__(self, folder: Path | None, data: Path, sources: list[str], limit):
+    def __init__(self, features: HubertFeatures, clips: list[Clip]):
         self.encoder = nn.Identity()
-        self.entries = feature_entries(data, sources, HubertFeatures(folder), limit)
+        self.entries = feature_entries(clips, features)
 
     def using(self, encoder: nn.Module) -> "HubertSpeech":
         """Itself: the checkpoint is not trained."""

@@ -1,13 +1,21 @@
 """Facts about the log-mel front end and the compact encoder."""
 
 import math
+from pathlib import Path
 
 import numpy as np
+import pytest
 import torch
+from safetensors import safe_open
+from safetensors.torch import load_file, save_file
 
 from training.corpus.revoice import revoice, voicing
+from training.speech import golden_instants
 from training.speech.compact import CompactConfig, CompactEncoder, debug_config, normalise
+from training.speech.hubert import HubertFeatures, at_motion_frames, instants
 from training.speech.log_mel import HOP, hertz_to_mel, log_mel, mel_filters, power_spectrum
+
+GOLDENS = Path(__file__).resolve().parents[2] / "tests/goldens"
 
 
 def tone(hertz: float, seconds: float = 0.5, amplitude: float = 0.5) -> torch.Tensor:
@@ -95,3 +103,39 @@ def test_revoiced_clip_keeps_its_timing():
     level = other.mean(axis=1)
     assert other.shape == (101, 64)
     assert level[60:95].min() > level[5:45].max()
+
+
+def written(name: str, folder, pickled: bool = False):
+    """A golden as a Hugging Face folder; returns its arrays."""
+    with safe_open(GOLDENS / f"{name}.safetensors", "pt") as file:
+        tensors, metadata = {key: file.get_tensor(key) for key in list(file.keys())}, file.metadata()
+    state = {k.removeprefix("weights."): v for k, v in tensors.items() if k.startswith("weights.")}
+    folder.mkdir()
+    (folder / "config.json").write_text(metadata["config"])
+    if pickled:
+        torch.save({f"hubert.{k}": v for k, v in state.items()}, folder / "pytorch_model.bin")
+    else:
+        save_file(state, folder / "model.safetensors")
+    return tensors
+
+
+@pytest.mark.parametrize("name", ["hubert_tiny", "wav2vec2_tiny", "wav2vec2_stable_tiny"])
+def test_transformer_encoders_match_hugging_face(name, tmp_path):
+    tensors = written(name, tmp_path / "model", pickled=name == "hubert_tiny")
+    found = HubertFeatures(tmp_path / "model").encode(tensors["input"][0])
+    assert (found - tensors["output"][0]).abs().max() < 1e-4
+
+
+def test_features_of_hubert_stand_in_the_middle_of_what_they_hear():
+    config = {"conv_kernel": [10, 3, 3, 3, 3, 2, 2], "conv_stride": [5, 2, 2, 2, 2, 2, 2]}
+    rate_hz, first_s = instants(config)
+    assert (rate_hz, first_s) == (50.0, 0.0125)
+    ramp = torch.arange(60.0)[:, None]
+    found = at_motion_frames(ramp, rate_hz, first_s, 25, 25.0)[:, 0]
+    assert torch.allclose(found[1:], 2.0 * torch.arange(1, 25) - 0.625)
+
+
+def test_instants_golden_is_that_of_this_code(tmp_path):
+    stored = load_file(GOLDENS / "instants.safetensors")
+    made = load_file(golden_instants.write(tmp_path, tmp_path))
+    assert all(torch.equal(stored[name], made[name]) for name in made)

@@ -158,6 +158,7 @@ impl SpeechEncoder for CompactEncoder {
         Ok(FeatureTrack {
             features: self.forward(mel.view()),
             rate_hz: self.config.rate_hz,
+            first_s: 0.0,
         })
     }
 }

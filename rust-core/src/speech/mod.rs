@@ -35,6 +35,8 @@ pub struct FeatureTrack {
     pub features: Array2<f32>,
     /// Frames per second.
     pub rate_hz: f64,
+    /// Second at which the first frame stands: the middle of the sound that it hears.
+    pub first_s: f64,
 }
 
 /// Which speech features a model was trained with; a part of its `config.json`.

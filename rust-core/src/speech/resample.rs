@@ -6,8 +6,8 @@ use super::FeatureTrack;
 
 /// Features at times `t / fps`: linear between neighbours, held beyond the ends.
 ///
-/// Returns `[frames, C]`. Feature `i` of the track is taken to stand at `i / rate_hz` seconds, as
-/// in training; the paper, too, resamples after the encoder.
+/// Returns `[frames, C]`. Feature `i` of the track stands at `first_s + i / rate_hz` seconds, as in
+/// training (`training/speech/hubert.py`); the paper, too, resamples after the encoder.
 pub fn at_motion_frames(track: &FeatureTrack, frames: usize, fps: f64) -> Array2<f32> {
     let (count, channels) = track.features.dim();
     let mut out = Array2::zeros((frames, channels));
@@ -15,7 +15,8 @@ pub fn at_motion_frames(track: &FeatureTrack, frames: usize, fps: f64) -> Array2
         return out;
     }
     for (t, mut row) in out.outer_iter_mut().enumerate() {
-        let position = (t as f64 * track.rate_hz / fps).clamp(0.0, (count - 1) as f64);
+        let second = t as f64 / fps - track.first_s;
+        let position = (second * track.rate_hz).clamp(0.0, (count - 1) as f64);
         let before = position.floor() as usize;
         let after = (before + 1).min(count - 1);
         let share = (position - before as f64) as f32;
@@ -30,12 +31,27 @@ pub fn at_motion_frames(track: &FeatureTrack, frames: usize, fps: f64) -> Array2
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::nn::golden::{Golden, distance};
 
     fn ramp(count: usize, rate_hz: f64) -> FeatureTrack {
         FeatureTrack {
             features: Array2::from_shape_fn((count, 2), |(i, c)| (i * (c + 1)) as f32),
             rate_hz,
+            first_s: 0.0,
         }
+    }
+
+    #[test]
+    fn instants_are_those_of_training() {
+        let golden = Golden::open("instants");
+        let number = |key: &str| golden.metadata(key).parse::<f64>().unwrap();
+        let track = FeatureTrack {
+            features: Array2::from_shape_vec((40, 3), golden.values("features")).unwrap(),
+            rate_hz: number("rate_hz"),
+            first_s: number("first_s"),
+        };
+        let sampled = at_motion_frames(&track, 26, number("fps"));
+        assert!(distance(&sampled, &golden.values("sampled")) < 1e-5);
     }
 
     #[test]

@@ -153,7 +153,12 @@ impl TransformerEncoder {
                 .assign(&state.slice_axis(Axis(0), inner));
         }
         let rate_hz = f64::from(SAMPLE_RATE_HZ) / hop as f64;
-        Ok(FeatureTrack { features, rate_hz })
+        let first_s = 0.5 * field as f64 / f64::from(SAMPLE_RATE_HZ);
+        Ok(FeatureTrack {
+            features,
+            rate_hz,
+            first_s,
+        })
     }
 
     fn check_length(&self, samples: &[f32]) -> Result<()> {

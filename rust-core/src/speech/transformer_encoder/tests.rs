@@ -54,6 +54,7 @@ fn chosen_layer_is_that_hidden_state_at_50_hz() {
     ] {
         let track = encoder(&golden, layer).encode(&waveform).unwrap();
         assert_eq!((track.rate_hz, track.features.dim()), (50.0, (50, 32)));
+        assert_eq!(track.first_s, 0.0125);
         assert!(
             distance(&track.features, &golden.values(name)) < 1e-4,
             "{name}"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -15,9 +16,11 @@ from torch import Tensor
 
 from training.corpus.expressions import random_combinations, upper_face
 from training.corpus.prepared import PreparedMesh
+from training.corpus.sequence_meshes import SequenceMesh
 from training.deform.static_weights import FLIP, MIRROR
 from training.deform.surface import surface_operators, vertex_normals
 from training.nn.diffusion_net import SurfaceOperators
+from training.run import Run
 from training.systems.freetalk.stm.paper import PaperConfig, PaperDecoder
 
 FRAMES = 4
@@ -74,6 +77,14 @@ def sequence(rng: np.random.Generator, speech: np.ndarray) -> np.ndarray:
     return spoken + ends[:1] + phase * (ends[1:] - ends[:1])
 
 
+def motion_of(rng: np.random.Generator, mesh: PreparedMesh, speech: np.ndarray | None) -> Tensor:
+    """Displacements of all vertices in a few frames in a row, [FRAMES, V, 3] dm."""
+    if isinstance(mesh, SequenceMesh):
+        return mesh.in_a_row(rng, FRAMES)
+    weights = torch.from_numpy(sequence(rng, speech)).float()
+    return torch.einsum("tm,mvx->tvx", weights, mesh.modes)
+
+
 def predict(model: PaperDecoder, seen: PaperMesh, landmarks: Tensor) -> Tensor:
     """Displacements of all vertices, dm. landmarks: [T, N, 3] dm. Returns [T, V, 3]."""
     moved = model(seen.inputs, landmarks, seen.operators)
@@ -89,13 +100,20 @@ def distance(difference: Tensor) -> Tensor:
 
 def train_paper(
     config: PaperConfig,
-    faces: tuple[str, ...],
-    speech: np.ndarray,
+    speech: np.ndarray | None,
     seconds: float,
+    steps: int | None,
     seed: int,
     prepared: dict[str, list[PaperMesh]],
+    out: Path,
+    save_every: int = 200,
 ) -> PaperDecoder:
-    """Trains for a number of seconds of processor time, learning rate falling to zero."""
+    """Trains for a number of steps, learning rate falling to zero; resumes from `out`.
+
+    Without `steps` it trains for seconds of processor time, and cannot resume. `speech` are weights of the
+    meshes' modes, none for meshes with sequences of their own.
+    """
+    faces = tuple(prepared)
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
     model = PaperDecoder(config)
@@ -103,15 +121,16 @@ def train_paper(
         torch.nn.init.zeros_(model.decoder.last_lin.weight)
         torch.nn.init.zeros_(model.decoder.last_lin.bias)
     optimiser = torch.optim.AdamW(model.parameters(), lr=2e-3, weight_decay=1e-2)
-    started, step = time.process_time(), 0
-    while (share := (time.process_time() - started) / seconds) < 1.0:
+    parts = {"model": model, "optimiser": optimiser}
+    run = None if steps is None else Run(out, parts, steps, save_every, {"draws": rng})
+    started, step = time.process_time(), 0 if run is None else run.first
+    spent = lambda: (time.process_time() - started) / seconds  # noqa: E731
+    while (share := spent() if steps is None else step / steps) < 1.0:
         for group in optimiser.param_groups:
             group["lr"] = 2e-3 * min(1.0, (step + 1) / 100) * max(0.0, 1.0 - share)
         seen = prepared[faces[step % len(faces)]]
         seen = seen[rng.integers(len(seen))]
-        motion = torch.einsum(
-            "tm,mvx->tvx", torch.from_numpy(sequence(rng, speech)).float(), seen.mesh.modes
-        )
+        motion = motion_of(rng, seen.mesh, speech)
         landmarks = motion[:, seen.mesh.landmarks]
         if rng.random() < 0.5:
             seen, motion = mirrored(seen, config.inputs), motion * FLIP
@@ -123,7 +142,9 @@ def train_paper(
         loss.backward()
         torch.nn.utils.clip_grad_norm_(model.parameters(), 1.0)
         optimiser.step()
-        if step % 50 == 0:
+        if run is not None:
+            run.after(step, loss.item())
+        elif step % 50 == 0:
             print(f"paper {faces} {step}: {loss.item():.4f} {share * seconds:.0f} s", flush=True)
         step += 1
     return model.eval()

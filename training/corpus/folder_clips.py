@@ -1,0 +1,151 @@
+"""Clips of a corpus folder as trainers take them: landmark motion in canonical metres at 25 fps."""
+
+from __future__ import annotations
+
+import json
+from functools import lru_cache
+
+import numpy as np
+from safetensors.numpy import load_file
+from scipy.interpolate import CubicSpline
+
+from training.corpus.clip import FPS, Clip
+from training.corpus.faces import REPOSITORY, canonical_landmarks, stability
+from training.corpus.folder import SOUND_HZ, UNKNOWN_EMOTION, CorpusError, CorpusFolder, Row, Topology, Track
+from training.corpus.grid import closed_shape, rigid
+
+MODES = REPOSITORY / "rust-core/models/face_modes"
+INNER = slice(27, 68)
+QUIET_SHARE = 0.2
+HOP = int(SOUND_HZ / FPS)
+FEWEST_FRAMES = 8
+
+
+def clips(folder: CorpusFolder) -> list[Clip]:
+    """All clips with motion of the face: landmarks, else those of vertices, else blend weights."""
+    tracks = [(row, observed(folder, row)) for row in folder.rows]
+    sounds = {row.clip: folder.sound(row) for row, track in tracks if track is not None}
+    neutrals = speaker_neutrals([(row, track) for row, track in tracks if track], sounds)
+    found = []
+    for row, track in tracks:
+        if track is None:
+            continue
+        neutral = neutrals[row.speaker] if track.neutral is None else track.neutral
+        motion, weight = displacement(track, neutral, folder.head_moves and not track.names)
+        found.append(_clip(folder, row, sounds[row.clip], motion, weight, track.seconds, neutral))
+    return [clip for clip in found if len(clip.motion) >= FEWEST_FRAMES]
+
+
+def observed(folder: CorpusFolder, row: Row) -> Track | None:
+    """Landmarks over time of one clip, [T, 68, 3] metres, from whatever it has."""
+    track = folder.landmarks(row)
+    if track is not None:
+        return track
+    track = folder.vertices(row)
+    if track is not None:
+        topology = folder.topology(row)
+        return _of_vertices(track, topology, folder.unit_m)
+    track = folder.weights(row)
+    if track is None:
+        return None
+    modes, neutral = arkit_modes(), canonical_landmarks()
+    moved = sum(w[:, None, None] * modes[n] for n, w in zip(track.names, track.values.T, strict=True))
+    return Track(neutral + moved, track.seconds, track.found, neutral, track.names)
+
+
+def _of_vertices(track: Track, topology: Topology, unit_m: float) -> Track:
+    places = unit_m * topology.landmarks(np.asarray(track.values, np.float32))
+    return Track(places, track.seconds, track.found, topology.landmarks(topology.vertices))
+
+
+@lru_cache(maxsize=1)
+def arkit_modes() -> dict[str, np.ndarray]:
+    """Displacement of the landmarks at weight 1 of each ARKit channel, [68, 3] canonical metres."""
+    names = json.loads((MODES / "config.json").read_text())["modes"]
+    modes = dict(zip(names, load_file(MODES / "model.safetensors")["modes"], strict=True))
+    for name in list(modes):
+        if name.endswith("_L"):
+            stem = name[:-2]
+            modes[f"{stem}Left"], modes[f"{stem}Right"] = modes[name], modes[f"{stem}_R"]
+            modes.setdefault(stem, modes[name] + modes[f"{stem}_R"])
+    return modes | {"tongueOut": np.zeros((68, 3), np.float32)}
+
+
+def speaker_neutrals(tracks: list[tuple[Row, Track]], sounds) -> dict[str, np.ndarray]:
+    """The neutral face [68, 3] m of every speaker whose tracks do not say it: lips together, in quiet."""
+    quiet: dict[str, list[np.ndarray]] = {}
+    for row, track in tracks:
+        if track.neutral is not None:
+            continue
+        level = loudness(sounds[row.clip], track.seconds)
+        chosen = (level <= np.quantile(level, QUIET_SHARE)) & track.found
+        quiet.setdefault(row.speaker, []).append(track.values[chosen])
+    neutrals = {}
+    for speaker, parts in quiet.items():
+        frames = np.concatenate(parts)
+        still, _ = without_head(frames, frames[len(frames) // 2]) if len(frames) else (frames, None)
+        neutrals[speaker] = closed_shape(still) if len(frames) > 2 else np.zeros((68, 3))
+    return neutrals
+
+
+def displacement(track: Track, neutral: np.ndarray, head_moves: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Motion [T, 68, 3] from the neutral face turned to canonical axes, and weight [T, 68]."""
+    values = track.values
+    if head_moves:
+        values, _ = without_head(values, neutral)
+    turn, _ = rigid(neutral[INNER], canonical_landmarks()[INNER])
+    motion = (values - neutral) @ turn.T
+    weight = np.repeat(track.found[:, None], 68, axis=1).astype(np.float32)
+    if not track.found.all() and track.found.any():
+        good = track.found
+        flat = motion.reshape(len(motion), -1)
+        filled = [np.interp(track.seconds, track.seconds[good], column[good]) for column in flat.T]
+        motion = np.stack(filled, axis=1).reshape(motion.shape)
+    if track.names and not any(name.startswith(("brow", "eyeBlink")) for name in track.names):
+        weight[:, [*range(17, 27), *range(36, 48)]] = 0.0
+    return motion, weight
+
+
+def without_head(values: np.ndarray, neutral: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """[T, 68, 3] with every frame laid on the neutral face by its steadiest landmarks (Kabsch 1976).
+
+    Also returns the rotations [T, 3, 3] that did it.
+    """
+    weight = (stability() * (np.arange(68) >= 27) * (np.arange(68) < 48))[:, None]
+    weight = weight / weight.sum()
+    centres, goal = (weight * values).sum(axis=1, keepdims=True), (weight * neutral).sum(axis=0)
+    u, _, vt = np.linalg.svd(np.einsum("tni,nj->tij", weight * (values - centres), neutral - goal))
+    sign = np.ones((len(values), 3))
+    sign[:, 2] = np.sign(np.linalg.det(np.swapaxes(vt, 1, 2) @ np.swapaxes(u, 1, 2)))
+    turns = np.einsum("tki,tk,tjk->tij", vt, sign, u)
+    return np.einsum("tij,tnj->tni", turns, values - centres) + goal, turns
+
+
+def loudness(samples: np.ndarray, seconds: np.ndarray) -> np.ndarray:
+    """Level of the sound around each time, [T] decibels, from stretches of 40 ms."""
+    power = np.concatenate([[0.0], np.cumsum(samples.astype(float) ** 2)])
+    centre = (seconds * SOUND_HZ).astype(int)
+    last = np.clip(centre + HOP // 2, 1, len(samples))
+    first = np.clip(centre - HOP // 2, 0, last - 1)
+    return 10.0 * np.log10((power[last] - power[first]) / (last - first) + 1e-9)
+
+
+def _clip(folder: CorpusFolder, row: Row, samples, motion, weight, seconds, neutral) -> Clip:
+    """At 25 fps, as long as both sound and motion are."""
+    length_s = min(seconds[-1], len(samples) / SOUND_HZ)
+    times = np.arange(int(length_s * FPS + 1e-6) + 1) / FPS
+    if len(seconds) < 2:
+        raise CorpusError(folder.path, row.number, "two frames of motion or more", len(seconds))
+    at = np.minimum(np.searchsorted(seconds, times), len(seconds) - 1)
+    return Clip(
+        name=row.clip,
+        source=folder.name,
+        held_out=row.held_out,
+        samples=samples[: len(times) * HOP],
+        motion=CubicSpline(seconds, motion)(times).astype(np.float32),
+        weight=weight[at],
+        neutral=neutral.astype(np.float32),
+        emotion="neutral" if row.emotion == UNKNOWN_EMOTION else row.emotion,
+        intensity=0.0 if row.emotion == UNKNOWN_EMOTION else row.intensity,
+        phones=folder.phones(row),
+    )

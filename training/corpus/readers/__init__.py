@@ -1,0 +1,18 @@
+"""Readers of published corpora: each writes a corpus folder from a corpus as it is downloaded."""
+
+from training.corpus.readers.flame import emovoca, mead
+from training.corpus.readers.openface import openface
+from training.corpus.readers.sequences import biwi, multiface, vocaset
+from training.corpus.readers.weights import beat, live_link_face
+
+READERS = {
+    "vocaset": vocaset,
+    "biwi": biwi,
+    "multiface": multiface,
+    "mead": mead,
+    "emovoca": emovoca,
+    "beat": beat,
+    "live_link_face": live_link_face,
+    "openface": openface,
+}
+"""Name of a corpus → what takes its folder, the folder to write, and the landmarks of its topology."""

@@ -1,0 +1,157 @@
+"""Corpora over FLAME with emotions in their names: MEAD-3D (parameters) and EmoVOCA (vertices)."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from training.corpus.folder import CorpusError, read_npz
+from training.corpus.readers.sequences import vocaset_split
+from training.corpus.readers.tables import found_files, need_table, numbers, read_mesh, read_pickle, sound_of
+from training.corpus.writer import CorpusWriter
+
+EMOTIONS = {
+    "angry": "angry", "anger": "angry", "contempt": "contempt", "disgusted": "disgusted",
+    "disgust": "disgusted", "fear": "afraid", "afraid": "afraid", "happy": "happy",
+    "happiness": "happy", "neutral": "neutral", "sad": "sad", "sadness": "sad",
+    "surprised": "surprised", "surprise": "surprised", "moderate": "neutral", "pleased": "pleased",
+    "upset": "upset", "ill": "ill", "drunk": "drunk", "suspicious": "suspicious",
+}  # fmt: skip
+LEVELS = 3
+"""MEAD records every emotion at three levels; the strongest is intensity 1."""
+MEAD_FPS, EMOVOCA_FPS = 25.0, 60.0
+EXPRESSION = 300
+"""First column of the expression in FLAME's shape directions."""
+JAW = 2
+
+
+def label_of(name: str) -> tuple[str, float]:
+    """Emotion and intensity from words in a name: `M003_happy_level_2_001`, `…_sentence01_sad_3`."""
+    words = re.split(r"[\W_]+", name.lower())
+    emotion = next((EMOTIONS[word] for word in words if word in EMOTIONS), None)
+    if emotion is None:
+        return "unknown", 0.0
+    label = next(word for word in words if word in EMOTIONS)
+    after = words[words.index(label) + 1 :]
+    if after[:1] == ["level"]:
+        after = after[1:]
+    level = int(after[0]) if after and after[0].isdigit() and 1 <= int(after[0]) <= LEVELS else LEVELS
+    return (emotion, 0.0) if emotion == "neutral" else (emotion, round(level / LEVELS, 3))
+
+
+def emovoca(source: Path, folder: Path, landmarks: Path | None) -> Path:
+    """EmoVOCA (Nocentini et al. 2024): SPEAKER_sentenceNN_EMOTION_LEVEL.npy [T, 5023, 3], a sound of the
+    same stem or of SPEAKER_sentenceNN in `audio`, templates.pkl, FLAME_sample.ply."""
+    table = need_table(landmarks, "flame")
+    neutral, triangles = read_mesh(found_files(source, "FLAME_sample.ply")[0])
+    writer = CorpusWriter(folder, "emovoca", "m", topology="flame", fps={"vertices": EMOVOCA_FPS})
+    writer.mesh("neutral", neutral, triangles)
+    writer.landmark_table(table)
+    for speaker, mesh in read_pickle(source / "templates.pkl").items():
+        writer.mesh(speaker, numbers(mesh).reshape(-1, 3), triangles)
+    for path in found_files(source, "*sentence*.npy"):
+        spoken = re.match(r"(.+)_(sentence\d+)", path.stem)
+        if spoken is None:
+            raise CorpusError(path, None, "a name like SPEAKER_sentence01_happy_2", path.stem)
+        writer.clip(path.stem, spoken[1], vocaset_split(spoken[1]), *label_of(path.stem[spoken.end() :]))
+        own = any((source / "audio").glob(f"{path.stem}.*"))
+        writer.sound_file(path.stem, sound_of(source / "audio", path.stem if own else spoken[0]))
+        values = np.load(path, mmap_mode="r")
+        writer.vertices(path.stem, values.reshape(len(values), -1, 3))
+    return writer.close()
+
+
+def mead(source: Path, folder: Path, landmarks: Path | None) -> Path:
+    """MEAD-3D: FLAME parameters NAME.npz with `exp` [T, E], `jaw` [T, 3] (or `pose` [T, 6], jaw last) and
+    `shape`, a sound NAME beside it, and flame.pkl or generic_model.pkl, the user's licensed model.
+
+    The head stays still. Speakers are the first word of a name (M003); every tenth speaker tests.
+    """
+    table = need_table(landmarks, "flame")
+    models = [*source.glob("flame.pkl"), *source.glob("generic_model.pkl")]
+    if not models:
+        raise CorpusError(source, None, "flame.pkl or generic_model.pkl, the FLAME model", "none")
+    model = read_flame(models[0])
+    writer = CorpusWriter(folder, "mead", "m", topology="flame", fps={"vertices": MEAD_FPS})
+    writer.mesh("neutral", model.neutral, model.triangles)
+    writer.landmark_table(table)
+    speakers: list[str] = []
+    for path in found_files(source, "*.npz"):
+        name = "_".join(path.relative_to(source).with_suffix("").parts)
+        speaker = re.split(r"[\W_]", name)[0]
+        arrays = read_npz(path)
+        shape, expression, jaw = _parameters(path, arrays)
+        if speaker not in speakers:
+            speakers.append(speaker)
+            rest = model.vertices(shape, 0.0 * expression[:1], 0.0 * jaw[:1])[0]
+            writer.mesh(speaker, rest, model.triangles)
+        split = "test" if speakers.index(speaker) % 10 == 9 else "train"
+        writer.clip(name, speaker, split, *label_of(name))
+        writer.sound_file(name, sound_of(path.parent, path.stem))
+        writer.vertices(name, model.vertices(shape, expression, jaw))
+    return writer.close()
+
+
+def _parameters(path: Path, arrays: dict[str, np.ndarray]):
+    """Shape [S] of the clip's speaker, expression [T, E], jaw [T, 3]."""
+    if "exp" not in arrays or not {"jaw", "pose"} & set(arrays):
+        raise CorpusError(path, None, "arrays exp, jaw or pose, shape", sorted(arrays))
+    expression = arrays["exp"].reshape(len(arrays["exp"]), -1)
+    jaw = arrays["jaw"] if "jaw" in arrays else arrays["pose"][..., 3:6]
+    if len(jaw) != len(expression):
+        raise CorpusError(path, None, f"{len(expression)} frames of the jaw", len(jaw))
+    shape = np.atleast_2d(arrays.get("shape", np.zeros((1, 1))))
+    return shape.reshape(-1, shape.shape[-1]).mean(axis=0), expression, jaw.reshape(len(jaw), 3)
+
+
+@dataclass
+class Flame:
+    """FLAME (Li et al. 2017) with jaw and expression alone.
+
+    neutral: [V, 3] m. directions: [V, 3, 400], shape then expression. pose: [V, 3, 36], correctives by the
+    rotations of four joints. regressor: [5, V]. skinning: [V, 5].
+    """
+
+    neutral: np.ndarray
+    triangles: np.ndarray
+    directions: np.ndarray
+    pose: np.ndarray
+    regressor: np.ndarray
+    skinning: np.ndarray
+
+    def vertices(self, shape: np.ndarray, expression: np.ndarray, jaw: np.ndarray) -> np.ndarray:
+        """shape [S], expression [T, E], jaw [T, 3] rotation vectors → [T, V, 3] m."""
+        own = self.neutral + self.directions[..., : len(shape)] @ shape
+        last = EXPRESSION + expression.shape[1]
+        rest = own + np.einsum("vxe,te->tvx", self.directions[..., EXPRESSION:last], expression)
+        turn = rotations(jaw)
+        first = 9 * (JAW - 1)
+        bent = (turn - np.eye(3)).reshape(len(turn), 9)
+        rest = rest + np.einsum("vxk,tk->tvx", self.pose[..., first : first + 9], bent)
+        joint = self.regressor[JAW] @ own
+        turned = np.einsum("tij,tvj->tvi", turn, rest - joint) + joint
+        share = self.skinning[:, JAW][:, None]
+        return (1.0 - share) * rest + share * turned
+
+
+def rotations(vectors: np.ndarray) -> np.ndarray:
+    """Rotation vectors [T, 3] → matrices [T, 3, 3]."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_rotvec(vectors).as_matrix()
+
+
+def read_flame(path: Path) -> Flame:
+    """FLAME's own pickle."""
+    found = read_pickle(path)
+    names = ("v_template", "f", "shapedirs", "posedirs", "J_regressor", "weights")
+    missing = [name for name in names if name not in found]
+    if missing:
+        raise CorpusError(path, None, f"FLAME with {', '.join(names)}", f"no {', '.join(missing)}")
+    regressor = found["J_regressor"]
+    dense = regressor.toarray() if hasattr(regressor, "toarray") else numbers(regressor)
+    template, triangles, shape, pose = (numbers(found[name]) for name in names[:4])
+    return Flame(template.astype(float), triangles.astype(int), shape, pose, dense, numbers(found["weights"]))

@@ -1,0 +1,174 @@
+"""Corpora of vertex sequences: VOCASET, BIWI, Multiface."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from training.corpus.folder import CorpusError
+from training.corpus.readers.tables import (
+    found_files,
+    need_table,
+    numbers,
+    read_mesh,
+    read_pickle,
+    read_sequence,
+    sound_of,
+)
+from training.corpus.writer import CorpusWriter
+
+VOCASET_SPLITS = {
+    "val": ("FaceTalk_170811_03275_TA", "FaceTalk_170908_03277_TA"),
+    "test": ("FaceTalk_170809_00138_TA", "FaceTalk_170731_00024_TA"),
+}
+"""Speakers that VOCA (Cudeiro et al. 2019) holds out; the other eight train."""
+BIWI_FIRST_VAL, BIWI_FIRST_TEST = 33, 37
+"""Sentences of BIWI from which on they validate and test, as FaceFormer (Fan et al. 2022) splits them."""
+MULTIFACE_TEST_EVERY = 10
+
+
+def vocaset_split(speaker: str) -> str:
+    """train, val or test."""
+    return next((split for split, names in VOCASET_SPLITS.items() if speaker in names), "train")
+
+
+def vocaset(source: Path, folder: Path, landmarks: Path | None) -> Path:
+    """VOCASET, metres, head still, 60 fps, in one of three layouts, each beside FLAME_sample.ply.
+
+    As published: `unposedcleaneddata/SPEAKER/sentenceNN/*.ply` and `audio/SPEAKER/sentenceNN.wav`. For
+    training: data_verts.npy, subj_seq_to_idx.pkl, raw_audio_fixed.pkl, templates.pkl. Or as FaceFormer
+    has it: vertices_npy/SPEAKER_sentenceNN.npy at 30 fps, wav/, templates.pkl.
+    """
+    if (source / "vertices_npy").is_dir():
+        return _flat(source, folder, landmarks, "vocaset", "flame", 30.0, "m", _vocaset_name)
+    table = need_table(landmarks, "flame")
+    writer = CorpusWriter(folder, "vocaset", "m", topology="flame", fps={"vertices": 60.0})
+    neutral, triangles = read_mesh(found_files(source, "FLAME_sample.ply")[0])
+    writer.mesh("neutral", neutral, triangles)
+    writer.landmark_table(table)
+    if (source / "data_verts.npy").exists():
+        _vocaset_arrays(source, writer, triangles)
+    else:
+        _vocaset_meshes(source, writer, len(neutral))
+    return writer.close()
+
+
+def _vocaset_arrays(source: Path, writer: CorpusWriter, triangles: np.ndarray) -> None:
+    vertices = np.load(source / "data_verts.npy", mmap_mode="r")
+    sounds, index = (read_pickle(source / f"{n}.pkl") for n in ("raw_audio_fixed", "subj_seq_to_idx"))
+    for speaker, mesh in read_pickle(source / "templates.pkl").items():
+        writer.mesh(speaker, numbers(mesh), triangles)
+    for speaker, sentences in index.items():
+        for sentence, frames in sentences.items():
+            clip, sound = f"{speaker}_{sentence}", sounds[speaker][sentence]
+            writer.clip(clip, speaker, vocaset_split(speaker))
+            writer.sound(clip, np.asarray(sound["audio"]), int(sound["sample_rate"]))
+            writer.vertices(clip, vertices[[frames[i] for i in sorted(frames)]])
+
+
+def _vocaset_meshes(source: Path, writer: CorpusWriter, count: int) -> None:
+    sentences = found_files(source / "unposedcleaneddata", "sentence*")
+    for sentence in [path for path in sentences if path.is_dir()]:
+        speaker, clip = sentence.parent.name, f"{sentence.parent.name}_{sentence.name}"
+        writer.clip(clip, speaker, vocaset_split(speaker))
+        writer.sound_file(clip, sound_of(source / "audio" / speaker, sentence.name))
+        writer.vertices(clip, read_sequence(sentence, count))
+
+
+def _vocaset_name(stem: str) -> tuple[str, str]:
+    speaker, _, sentence = stem.rpartition("_")
+    return speaker, vocaset_split(speaker) if sentence else "train"
+
+
+def biwi(source: Path, folder: Path, landmarks: Path | None) -> Path:
+    """BIWI as FaceFormer has it: vertices_npy/F2_e01.npy at 25 fps, wav/, templates.pkl, BIWI.ply.
+
+    Its faces are about one unit wide and of no stated unit: `unit` is written so that they come out near
+    human size. Emotional takes (`e`) have no label: their emotion is unknown.
+    """
+    return _flat(source, folder, landmarks, "biwi", "biwi", 25.0, None, _biwi_name)
+
+
+def _biwi_name(stem: str) -> tuple[str, str]:
+    parts = re.fullmatch(r"([FM]\d+)_(e?)(\d+)", stem)
+    if parts is None:
+        raise CorpusError(Path(stem), None, "a name like F2_e01 or M3_12", stem)
+    sentence = int(parts[3])
+    split = "train" if sentence < BIWI_FIRST_VAL else "val" if sentence < BIWI_FIRST_TEST else "test"
+    return parts[1], split
+
+
+def _flat(source: Path, folder: Path, landmarks: Path | None, name: str, topology: str, fps: float,
+          unit: str | None, of_name) -> Path:  # fmt: skip
+    """vertices_npy/*.npy, wav/*.wav, templates.pkl, and a .ply or .obj with the triangles."""
+    table = need_table(landmarks, topology)
+    templates = {k: numbers(v).reshape(-1, 3) for k, v in read_pickle(source / "templates.pkl").items()}
+    meshes = [*sorted(source.glob("*.ply")), *sorted(source.glob("*.obj"))]
+    if not meshes:
+        raise CorpusError(source, None, f"a .ply or .obj of {topology} with triangles", "none")
+    neutral, triangles = read_mesh(meshes[0])
+    scale = 1.0 if unit else metres_of(np.stack(list(templates.values())))
+    writer = CorpusWriter(folder, name, unit or "m", topology=topology, fps={"vertices": fps})
+    writer.mesh("neutral", scale * next(iter(templates.values()), neutral), triangles)
+    writer.landmark_table(table)
+    for speaker, vertices in templates.items():
+        writer.mesh(speaker, scale * vertices, triangles)
+    for path in found_files(source / "vertices_npy", "*.npy"):
+        speaker, split = of_name(path.stem)
+        emotion = "unknown" if re.search(r"_e\d+$", path.stem) else "neutral"
+        writer.clip(path.stem, speaker, split, emotion)
+        writer.sound_file(path.stem, sound_of(source / "wav", path.stem))
+        writer.vertices(path.stem, scale * read_sequence(path, len(neutral)))
+    return writer.close()
+
+
+def metres_of(templates: np.ndarray, width_m: float = 0.15) -> float:
+    """What brings faces [S, V, 3] of no stated unit to about human width (ear to ear, along x)."""
+    width = float(np.median(np.ptp(templates[..., 0], axis=1)))
+    return width_m / width
+
+
+def multiface(source: Path, folder: Path, landmarks: Path | None) -> Path:
+    """Multiface (Wuu et al. 2022): PERSON/tracked_mesh/SENTENCE/*.obj (or .bin beside one .obj) and
+    PERSON/audio/SENTENCE.wav; millimetres, head still, 30 fps. Every tenth sentence of a person tests.
+
+    The neutral face of a person is the first frame of `EXP_neutral*` if there is one, else of the first
+    sentence.
+    """
+    table = need_table(landmarks, "multiface")
+    writer = CorpusWriter(folder, "multiface", "mm", topology="multiface", fps={"vertices": 30.0})
+    writer.landmark_table(table)
+    for tracked in found_files(source, "tracked_mesh"):
+        person = tracked.parent.name
+        takes = sorted(path for path in tracked.iterdir() if path.is_dir())
+        rest = [take for take in takes if "neutral" in take.name.lower()] or takes
+        neutral, triangles = read_obj_of(rest[0])
+        writer.mesh(person, neutral, triangles)
+        if not (folder / "topologies/multiface/neutral.obj").exists():
+            writer.mesh("neutral", neutral, triangles)
+        said = [take for take in takes if (tracked.parent / f"audio/{take.name}.wav").exists()]
+        for number, take in enumerate(said):
+            clip = f"{person}_{take.name}"
+            writer.clip(clip, person, "test" if number % MULTIFACE_TEST_EVERY == 9 else "train")
+            writer.sound_file(clip, tracked.parent / f"audio/{take.name}.wav")
+            writer.vertices(clip, multiface_frames(take, len(neutral)))
+    return writer.close()
+
+
+def read_obj_of(take: Path) -> tuple[np.ndarray, np.ndarray]:
+    """The first .obj of a take."""
+    return read_mesh(found_files(take, "*.obj")[0])
+
+
+def multiface_frames(take: Path, vertices: int) -> np.ndarray:
+    """[T, V, 3] of a take, from .bin (f32) where there are such."""
+    binary = sorted(take.glob("*.bin"))
+    if not binary:
+        return read_sequence(take, vertices)
+    frames = [np.fromfile(path, np.float32) for path in binary]
+    for path, frame in zip(binary, frames, strict=True):
+        if frame.size != 3 * vertices:
+            raise CorpusError(path, None, f"{3 * vertices} numbers", frame.size)
+    return np.stack(frames).reshape(len(frames), vertices, 3)

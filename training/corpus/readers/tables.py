@@ -1,0 +1,153 @@
+"""What readers share: files of numpy and pickle, meshes, csv with numbers, sounds beside motion."""
+
+from __future__ import annotations
+
+import csv
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from training.corpus.folder import SOUNDS, CorpusError, need_shape, number_of, read_obj
+
+Reader = Callable[[Path, Path, Path | None], Path]
+"""Takes the corpus as downloaded, the folder to write, and the landmarks of its topology."""
+CORES = ("numpy.core", "numpy._core")
+SAFE = {"numpy", *(f"{core}.{part}" for core in CORES for part in ("multiarray", "numeric"))}
+PLY_TYPES = {"float": "f4", "float32": "f4", "double": "f8", "uchar": "u1", "uint8": "u1", "int": "i4",
+             "int32": "i4", "uint": "u4", "short": "i2", "ushort": "u2", "char": "i1"}  # fmt: skip
+
+
+class NumbersAlone(pickle.Unpickler):
+    """Reads pickles of arrays; anything else in them is refused, since a pickle can run programs."""
+
+    def find_class(self, module: str, name: str):
+        """numpy's constructors, and `Ch` of chumpy as a plain holder of its array."""
+        if module in SAFE and name in ("_reconstruct", "ndarray", "dtype", "scalar", "_frombuffer"):
+            return super().find_class(module.replace("numpy.core", "numpy._core"), name)
+        if (module, name) == ("_codecs", "encode"):
+            return super().find_class(module, name)
+        if module.startswith("scipy.sparse") and name in ("csc_matrix", "csr_matrix"):
+            return super().find_class("scipy.sparse", name)
+        if module.startswith("chumpy"):
+            return Held
+        raise pickle.UnpicklingError(f"{module}.{name}")
+
+
+class Held:
+    """A chumpy array: its state has the numbers under `x`."""
+
+
+def read_pickle(path: Path):
+    """A pickle of numbers."""
+    if not path.exists():
+        raise CorpusError(path, None, "a file", "none")
+    try:
+        with open(path, "rb") as file:
+            return NumbersAlone(file, encoding="latin1").load()
+    except (pickle.UnpicklingError, EOFError) as error:
+        raise CorpusError(path, None, "a pickle of numbers alone", error) from error
+
+
+def numbers(value) -> np.ndarray:
+    """An array, taken out of chumpy where it is in it."""
+    return np.asarray(value.__dict__["x"] if isinstance(value, Held) else value)
+
+
+def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices [V, 3] and triangles [F, 3] of .obj or .ply."""
+    return read_ply(path) if path.suffix == ".ply" else read_obj(path)
+
+
+def read_ply(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and triangles of a .ply, ascii or little-endian."""
+    if not path.exists():
+        raise CorpusError(path, None, "a file", "none")
+    head, _, body = path.read_bytes().partition(b"end_header\n")
+    lines = [line.split() for line in head.decode("ascii", "replace").splitlines()]
+    if not lines or lines[0] != ["ply"] or not body:
+        raise CorpusError(path, 1, "ply", lines[:1])
+    counts, fields, element = {}, {}, ""
+    for line in lines:
+        if line[:1] == ["element"]:
+            element, counts[line[1]], fields[line[1]] = line[1], int(line[2]), []
+        elif line[:1] == ["property"]:
+            fields[element].append(line[1:])
+    if ["format", "ascii", "1.0"] in lines:
+        return _ascii_ply(body, counts)
+    return _binary_ply(body, counts, fields)
+
+
+def _ascii_ply(body: bytes, counts: dict[str, int]) -> tuple[np.ndarray, np.ndarray]:
+    rows = body.decode("ascii").splitlines()
+    vertices = [row.split()[:3] for row in rows[: counts["vertex"]]]
+    faces = rows[counts["vertex"] : counts["vertex"] + counts.get("face", 0)]
+    return np.array(vertices, float), np.array([row.split()[1:4] for row in faces], int).reshape(-1, 3)
+
+
+def _binary_ply(body: bytes, counts: dict[str, int], fields) -> tuple[np.ndarray, np.ndarray]:
+    kind = np.dtype([(name, "<" + PLY_TYPES[kind]) for kind, name in fields["vertex"]])
+    rows = np.frombuffer(body, kind, counts["vertex"])
+    triangles = np.zeros((0, 3), int)
+    if counts.get("face"):
+        _, size, index, _ = fields["face"][0]
+        face = np.dtype([("n", "<" + PLY_TYPES[size]), ("v", "<" + PLY_TYPES[index], 3)])
+        triangles = np.frombuffer(body, face, counts["face"], rows.nbytes)["v"].astype(int)
+    return np.stack([rows[axis] for axis in "xyz"], axis=1).astype(float), triangles
+
+
+def read_sequence(path: Path, vertices: int | None = None) -> np.ndarray:
+    """[T, V, 3] of a .npy ([T, V, 3] or [T, 3 V]), or of a folder of .ply or .obj."""
+    if path.is_dir():
+        meshes = sorted([*path.glob("*.ply"), *path.glob("*.obj")])
+        if not meshes:
+            raise CorpusError(path, None, "meshes, .ply or .obj", "none")
+        values = np.stack([read_mesh(mesh)[0] for mesh in meshes])
+    else:
+        values = np.load(path, mmap_mode="r")
+        values = values.reshape(len(values), -1, 3) if values.ndim == 2 else values
+    return need_shape(path, values, (None, vertices or values.shape[1], 3), "vertices")
+
+
+def sound_of(folder: Path, stem: str) -> Path:
+    """The sound of a clip."""
+    for ending in SOUNDS:
+        if (folder / f"{stem}{ending}").exists():
+            return folder / f"{stem}{ending}"
+    wanted = f"a sound, {stem} with one of {', '.join(SOUNDS)}"
+    others = sorted(path.name for path in folder.glob(f"{stem}.*")) or "none"
+    raise CorpusError(folder, None, wanted + " (ffmpeg -i CLIP.mov -ar 16000 CLIP.wav takes it out)", others)
+
+
+def found_files(source: Path, pattern: str) -> list[Path]:
+    """Files of a pattern, one at least."""
+    files = sorted(source.rglob(pattern))
+    if not files:
+        raise CorpusError(source, None, f"files {pattern}", "none")
+    return files
+
+
+def read_numbers(path: Path, wanted: list[str]) -> dict[str, np.ndarray]:
+    """Columns of a csv by name, each [T]; spaces around names do not count."""
+    with open(path, newline="", encoding="utf-8-sig") as file:
+        rows = [row for row in csv.reader(file) if row]
+    heads = [name.strip() for name in rows[0]] if rows else []
+    missing = [name for name in wanted if name not in heads]
+    if missing:
+        raise CorpusError(path, 1, f"columns {', '.join(wanted[:4])}, …", f"no {', '.join(missing[:4])}")
+    columns = {name: np.zeros(len(rows) - 1) for name in wanted}
+    for number, row in enumerate(rows[1:], 2):
+        if len(row) != len(heads):
+            raise CorpusError(path, number, f"{len(heads)} cells", len(row))
+        for name in wanted:
+            columns[name][number - 2] = number_of(path, number, name, row[heads.index(name)])
+    return columns
+
+
+def need_table(landmarks: Path | None, topology: str) -> Path:
+    """The table of landmarks that the user has to bring."""
+    if landmarks is None:
+        wanted = f"--landmarks FILE: the 68 landmarks of {topology} (`anyface landmarks --mesh` finds them)"
+        raise CorpusError(Path(topology), None, wanted, "nothing")
+    return landmarks

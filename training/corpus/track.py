@@ -1,0 +1,167 @@
+"""Tracks the faces of videos with MediaPipe's Face Landmarker, as the truth of grid_s1 was made.
+
+Each frame by itself: the video mode smooths, which lags by 18 ms. A folder with `video/CLIP.mp4` (or .mov,
+.avi, .mkv, .mpg) gets landmarks (68, metres, one scale a clip, the head's motion in them), blend weights and
+`head/CLIP.csv` (rotation vector and place against the neutral pose); sounds are taken out by ffmpeg where
+`audio` has none, clips.tsv and corpus.json are written where there are none. The model file is the user's;
+`pip install mediapipe` brings the rest, which is imported only here.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from training.corpus.faces import canonical_landmarks, stability
+from training.corpus.folder import SOUND_HZ, SOUNDS, CorpusError
+from training.corpus.folder_clips import without_head
+from training.corpus.readers.weights import split_of
+from training.corpus.writer import CorpusWriter
+
+VIDEOS = (".mp4", ".mov", ".avi", ".mkv", ".mpg", ".webm")
+IBUG_OF_MESH = [
+    162, 234, 93, 58, 172, 136, 149, 148, 152, 377, 378, 365, 397, 288, 323, 454, 389,
+    71, 63, 105, 66, 107, 336, 296, 334, 293, 301, 168, 197, 5, 4, 75, 97, 2, 326, 305,
+    33, 160, 158, 133, 153, 144, 362, 385, 387, 263, 373, 380,
+    61, 39, 37, 0, 267, 269, 291, 405, 314, 17, 84, 181, 78, 82, 13, 312, 308, 317, 14, 87,
+]  # fmt: skip
+"""Points of MediaPipe's mesh (468 and more) nearest to the 68 iBUG landmarks."""
+PICTURE_TO_FACE = np.array([1.0, -1.0, -1.0])
+"""MediaPipe: +x to the right of the picture, +y down, +z away from the camera."""
+
+
+@dataclass
+class Seen:
+    """One face in one picture: points [478, 3] in its widths, heights and widths; weights by name."""
+
+    points: np.ndarray
+    weights: dict[str, float]
+
+
+Detect = Callable[[np.ndarray], Seen | None]
+"""Takes an RGB picture [H, W, 3] u8."""
+
+
+def track(folder: Path, model: Path) -> None:
+    """Tracks every video of the folder."""
+    detect = landmarker(model)
+    videos = sorted(path for path in (folder / "video").glob("*") if path.suffix.lower() in VIDEOS)
+    if not videos:
+        raise CorpusError(folder / "video", None, f"videos, {', '.join(VIDEOS)}", "none")
+    writer = CorpusWriter(folder, "tracked", "m", head="moves")
+    for number, video in enumerate(videos):
+        clip = video.stem
+        pictures, fps = open_video(video)
+        track_clip(writer, clip, pictures, fps, detect)
+        if not any((folder / "audio" / f"{clip}{ending}").exists() for ending in SOUNDS):
+            take_sound(video, writer.place("audio", f"{clip}.wav"))
+        writer.clip(clip, "speaker", split_of(number))
+        print(f"{clip}: tracked, {number + 1} of {len(videos)}", flush=True)
+    if not (folder / "clips.tsv").exists():
+        writer.close()
+
+
+def track_clip(writer: CorpusWriter, clip: str, pictures: Iterable[np.ndarray], fps: float, detect: Detect):
+    """Writes landmarks, weights and head of one clip; frames without a face are not found."""
+    places, found, weights = [], [], []
+    for picture in pictures:
+        seen = detect(picture)
+        found.append(seen is not None)
+        if seen is not None:
+            size = np.array([picture.shape[1], picture.shape[0], picture.shape[1]])
+            places.append(seen.points[IBUG_OF_MESH] * size * PICTURE_TO_FACE)
+            weights.append(seen.weights)
+    if len(places) < 2:
+        raise CorpusError(writer.path / "video" / clip, None, "a face in two frames or more", len(places))
+    metric = np.stack(places) * metres_per_pixel(np.stack(places))
+    seconds, found = np.arange(len(found)) / fps, np.array(found)
+    landmarks = np.zeros((len(found), 68, 3))
+    landmarks[found] = metric
+    writer.landmarks(clip, landmarks.astype(np.float32), fps, found=found)
+    names = [name for name in weights[0] if name != "_neutral"]
+    values = np.array([[frame[name] for name in names] for frame in weights])
+    writer.weights(clip, names, values, seconds[found])
+    write_head(writer, clip, metric, seconds[found])
+
+
+def metres_per_pixel(places: np.ndarray) -> float:
+    """One scale of a clip [T, 68, 3], by which its steady landmarks are as far apart as a human's."""
+    weight = (stability() * (np.arange(68) >= 27) * (np.arange(68) < 48))[:, None]
+
+    def spread(points: np.ndarray) -> np.ndarray:
+        centred = points - (weight * points).sum(-2, keepdims=True) / weight.sum()
+        return np.sqrt((weight * centred**2).sum((-2, -1)))
+
+    return float(spread(canonical_landmarks()) / np.median(spread(places)))
+
+
+def write_head(writer: CorpusWriter, clip: str, landmarks: np.ndarray, seconds: np.ndarray) -> None:
+    """`head/CLIP.csv`: how the head stands against the neutral pose, radians and metres."""
+    _, turns = without_head(landmarks, canonical_landmarks())
+    vectors = Rotation.from_matrix(np.swapaxes(turns, 1, 2)).as_rotvec()
+    rows = np.c_[seconds, vectors, landmarks.mean(axis=1)]
+    head = "seconds,turn_x,turn_y,turn_z,x_m,y_m,z_m"
+    np.savetxt(writer.place("head", f"{clip}.csv"), rows, "%.6f", ",", header=head, comments="")
+
+
+def landmarker(model: Path) -> Detect:
+    """MediaPipe's Face Landmarker with the user's model file, one picture at a time."""
+    if not model.is_file():
+        raise CorpusError(model, None, "a file, face_landmarker.task of MediaPipe", "none")
+    try:
+        import mediapipe
+        from mediapipe.tasks.python import BaseOptions, vision
+    except ImportError as error:
+        wanted = "pip install mediapipe opencv-python"
+        raise ImportError(f"tracking needs MediaPipe ({wanted}): {error}") from error
+    options = vision.FaceLandmarkerOptions(
+        base_options=BaseOptions(model_asset_path=str(model)),
+        running_mode=vision.RunningMode.IMAGE,
+        output_face_blendshapes=True,
+        num_faces=1,
+    )
+    found = vision.FaceLandmarker.create_from_options(options)
+
+    def detect(picture: np.ndarray) -> Seen | None:
+        image = mediapipe.Image(image_format=mediapipe.ImageFormat.SRGB, data=np.ascontiguousarray(picture))
+        result = found.detect(image)
+        if not result.face_landmarks:
+            return None
+        points = np.array([[p.x, p.y, p.z] for p in result.face_landmarks[0]])
+        return Seen(points, {c.category_name: c.score for c in result.face_blendshapes[0]})
+
+    return detect
+
+
+def open_video(path: Path) -> tuple[Iterable[np.ndarray], float]:
+    """RGB pictures and their rate."""
+    try:
+        import cv2
+    except ImportError as error:
+        raise ImportError(f"videos need OpenCV (pip install opencv-python): {error}") from error
+    video = cv2.VideoCapture(str(path))
+    fps = video.get(cv2.CAP_PROP_FPS)
+    if not video.isOpened() or not fps > 0:
+        raise CorpusError(path, None, "a video", "nothing that OpenCV can read")
+
+    def pictures() -> Iterable[np.ndarray]:
+        while (read := video.read())[0]:
+            yield cv2.cvtColor(read[1], cv2.COLOR_BGR2RGB)
+
+    return pictures(), fps
+
+
+def take_sound(video: Path, sound: Path) -> None:
+    """The sound of a video as 16 kHz wav."""
+    if shutil.which("ffmpeg") is None:
+        raise CorpusError(sound, None, f"a sound, or ffmpeg to take it out of {video.name}", "neither")
+    command = ["ffmpeg", "-v", "error", "-y", "-i", str(video), "-ac", "1", "-ar", str(SOUND_HZ), str(sound)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise CorpusError(video, None, "a video with sound", done.stderr.strip())

@@ -1,0 +1,110 @@
+"""A training run that survives an interruption: its checkpoint, its log and its progress.
+
+`last.pt` holds every state that the next step depends on, random numbers included, so that a resumed
+run gives the same bits as one that was never stopped.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+import time
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import torch
+
+SHOW_EVERY_S = 5.0
+
+
+class Stateful(Protocol):
+    """A model, an optimiser, a schedule."""
+
+    def state_dict(self) -> dict: ...
+    def load_state_dict(self, state: dict) -> object: ...
+
+
+class Run:
+    """Keeps `parts` and random generators in `out/last.pt` every `save_every` steps and at the end."""
+
+    def __init__(self, out: Path, parts: dict[str, Stateful], steps: int, save_every: int,
+                 generators: dict[str, torch.Generator | np.random.Generator]):  # fmt: skip
+        out.mkdir(parents=True, exist_ok=True)
+        self.out, self.parts, self.steps, self.save_every = out, parts, steps, max(save_every, 1)
+        self.generators = generators
+        self.first = self._resume()
+        self.started = self.shown = time.monotonic()
+
+    def _resume(self) -> int:
+        path = self.out / "last.pt"
+        if not path.exists():
+            return 0
+        saved = torch.load(path, map_location="cpu", weights_only=False)
+        missing = [name for name in self.parts if name not in saved]
+        if missing or "random" not in saved:
+            raise ValueError(f"{path}: expected {', '.join([*self.parts, 'random'])}, got {', '.join(saved)}")
+        for name, part in self.parts.items():
+            part.load_state_dict(saved[name])
+        torch.set_rng_state(saved["torch"])
+        for name, generator in self.generators.items():
+            _restore(generator, saved["random"][name])
+        return saved["step"]
+
+    def save(self, step: int) -> None:
+        """Writes `last.pt` after `step` steps; an interrupted write leaves the one before."""
+        saved = {name: part.state_dict() for name, part in self.parts.items()}
+        random = {name: _state(generator) for name, generator in self.generators.items()}
+        saved |= {"step": step, "torch": torch.get_rng_state(), "random": random}
+        partial = self.out / "last.partial"
+        torch.save(saved, partial)
+        partial.rename(self.out / "last.pt")
+
+    def after(self, step: int, loss: float) -> None:
+        """After step number `step` (from 0): progress with the time left, and the checkpoint when due."""
+        done, now = step + 1, time.monotonic()
+        if done == self.steps or now - self.shown > SHOW_EVERY_S:
+            self.shown = now
+            each = (now - self.started) / (done - self.first)
+            left = f"{clock(each * (self.steps - done))} left"
+            line = f"step {done} of {self.steps}, loss {loss:.4f}, {each:.2f} s a step, {left}"
+            end = "\n" if done == self.steps or not sys.stderr.isatty() else "\r"
+            print(line.ljust(78), end=end, file=sys.stderr, flush=True)
+        if done % self.save_every == 0 or done == self.steps:
+            self.save(done)
+
+    def seconds(self) -> int:
+        """Since the run began or went on."""
+        return round(time.monotonic() - self.started)
+
+    def log(self, record: dict) -> None:
+        """Adds a row to `log.csv` and shows it; new columns join at the right."""
+        row = {key: f"{value:.5g}" if isinstance(value, float) else value for key, value in record.items()}
+        path, rows = self.out / "log.csv", []
+        if path.exists():
+            with open(path, newline="") as file:
+                rows = list(csv.DictReader(file))
+        rows.append(row)
+        heads = list(dict.fromkeys(key for r in rows for key in r))
+        with open(path, "w", newline="") as file:
+            writer = csv.DictWriter(file, heads)
+            writer.writeheader()
+            writer.writerows(rows)
+        print(", ".join(f"{key} {value}" for key, value in row.items()), flush=True)
+
+
+def clock(seconds: float) -> str:
+    """Hours, minutes and seconds."""
+    whole = int(seconds)
+    return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"
+
+
+def _state(generator: torch.Generator | np.random.Generator):
+    return generator.get_state() if isinstance(generator, torch.Generator) else generator.bit_generator.state
+
+
+def _restore(generator: torch.Generator | np.random.Generator, state) -> None:
+    if isinstance(generator, torch.Generator):
+        generator.set_state(state)
+    else:
+        generator.bit_generator.state = state

@@ -1,0 +1,100 @@
+"""A small corpus folder made of noise that speaks, for tests."""
+
+from pathlib import Path
+
+import numpy as np
+
+from training.corpus.faces import canonical_landmarks
+from training.corpus.folder_clips import arkit_modes
+from training.corpus.writer import CorpusWriter
+
+FPS = 25.0
+RATE_HZ = 16000
+SPEAKERS = {"ann": "train", "ben": "train", "cem": "test"}
+EMOTIONS = {"ann": ("happy", 1.0), "ben": ("neutral", 0.0), "cem": ("sad", 0.5)}
+
+
+def opening(seconds: np.ndarray, seed: int) -> np.ndarray:
+    """How far the mouth opens, 0 to 1: syllables of random lengths between pauses."""
+    random = np.random.default_rng(seed)
+    ends = np.cumsum(random.uniform(0.12, 0.45, int(seconds[-1] / 0.1) + 10))
+    height = np.where(random.random(len(ends)) < 0.3, 0.0, random.uniform(0.3, 1.0, len(ends)))
+    at = np.searchsorted(ends, seconds)
+    start = np.r_[0.0, ends][at]
+    return height[at] * np.sin(np.pi * (seconds - start) / (ends[at] - start)) ** 2
+
+
+def spoken(seconds: float, seed: int, lag_s: float = 0.0, stretch: float = 1.0) -> np.ndarray:
+    """Noise as loud as the mouth is open, [S]."""
+    times = np.arange(int(seconds * RATE_HZ)) / RATE_HZ
+    envelope = np.interp(times, times * stretch + lag_s, opening(np.arange(times.size) / RATE_HZ, seed))
+    noise = np.random.default_rng(seed).standard_normal(len(times))
+    return (0.08 * (0.01 + envelope) * noise).astype(np.float32)
+
+
+def talking(seconds: float, seed: int, fps: float = FPS) -> np.ndarray:
+    """Landmarks [T, 68, 3] canonical metres."""
+    times = np.arange(int(seconds * fps)) / fps
+    modes, open_ = arkit_modes(), opening(np.arange(int(seconds * RATE_HZ)) / RATE_HZ, seed)
+    at = np.minimum((times * RATE_HZ).astype(int), len(open_) - 1)
+    wide = 0.3 * np.sin(3.0 * times + seed)[:, None, None] * modes["mouthSmileLeft"]
+    still = 1e-5 * np.random.default_rng(seed).standard_normal((len(times), 68, 3))
+    return canonical_landmarks() + 0.6 * open_[at][:, None, None] * modes["jawOpen"] + wide + still
+
+
+def made_up(path: Path, seconds: float = 6.0, kind: str = "landmarks") -> Path:
+    """A folder with three speakers, each with two clips of `kind`."""
+    topology = "ball" if kind == "vertices" else None
+    writer = CorpusWriter(path, "made_up", "m", topology=topology, fps={"vertices": FPS})
+    for number, (speaker, split) in enumerate(SPEAKERS.items()):
+        for take in range(2):
+            clip, seed = f"{speaker}_{take}", 10 * number + take
+            writer.clip(clip, speaker, split, *EMOTIONS[speaker], text="ba ba")
+            writer.sound(clip, spoken(seconds, seed), RATE_HZ)
+            _write_motion(writer, clip, kind, seconds, seed)
+    if kind == "vertices":
+        vertices, triangles = face_mesh()
+        writer.mesh("neutral", vertices, triangles)
+        table = writer.place("topologies/ball", "landmarks.json")
+        table.write_text('{"vertices": ' + str(list(range(68))) + "}")
+    return writer.close()
+
+
+def _write_motion(writer: CorpusWriter, clip: str, kind: str, seconds: float, seed: int) -> None:
+    landmarks = talking(seconds, seed)
+    if kind == "landmarks":
+        writer.landmarks(clip, landmarks, FPS, neutral=canonical_landmarks())
+    elif kind == "vertices":
+        writer.vertices(clip, follow(landmarks))
+    else:
+        times = np.arange(int(seconds * 60)) / 60.0
+        at = np.minimum((times * RATE_HZ).astype(int), int(seconds * RATE_HZ) - 1)
+        open_ = opening(np.arange(int(seconds * RATE_HZ)) / RATE_HZ, seed)[at]
+        writer.weights(clip, ["jawOpen", "mouthSmileLeft"], np.stack([open_, 0.1 * open_], 1), times)
+
+
+def face_mesh() -> tuple[np.ndarray, np.ndarray]:
+    """A half ellipsoid behind the canonical landmarks, which are its first 68 vertices.
+
+    Returns vertices [V, 3] m and triangles [F, 3].
+    """
+    from scipy.spatial import Delaunay
+
+    grid = np.stack(np.meshgrid(np.linspace(-1, 1, 21), np.linspace(-1, 1, 21)), -1).reshape(-1, 2)
+    grid = grid[(grid**2).sum(1) < 1.0]
+    marks = canonical_landmarks()
+    plane = np.r_[marks[:, :2], grid * [0.085, 0.12] + marks[:, :2].mean(0)]
+    gone = np.linalg.norm(plane[68:, None] - plane[None, :68], axis=-1).min(1) < 0.004
+    plane = np.r_[plane[:68], plane[68:][~gone]]
+    squared = (((plane - marks[:, :2].mean(0)) / [0.09, 0.13]) ** 2).sum(axis=1)
+    depth = 0.08 * np.sqrt(np.maximum(1.2 - squared, 0.01))
+    return np.c_[plane, depth], Delaunay(plane).simplices.astype(np.int64)
+
+
+def follow(landmarks: np.ndarray) -> np.ndarray:
+    """Vertices [T, V, 3] of `face_mesh` that follow landmarks [T, 68, 3] m near them."""
+    vertices, _ = face_mesh()
+    near = np.exp(-0.5 * (np.linalg.norm(vertices[:, None] - vertices[None, :68], axis=-1) / 0.012) ** 2)
+    near = near / np.maximum(near.sum(1, keepdims=True), 0.5)
+    near[:68] = np.eye(68)
+    return vertices + np.einsum("vn,tnx->tvx", near, landmarks - canonical_landmarks())
