@@ -31,7 +31,8 @@ class MeshCalls:
         points = (_pointer(positions, _FLOATS), len(positions))
         ends = (_pointer(sizes, _INDICES), len(sizes), _pointer(corners, _INDICES), len(corners))
         with ExitStack() as handles:
-            return self._arrays(self._own(handles, "mesh", "anyface_mesh_new_polygons", *points, *ends))
+            given = ("mesh", "anyface_mesh_new_polygons", *points, *ends)
+            return self._arrays(self._own(handles, *given))
 
     def _mesh(self, handles, positions, triangles):
         positions = np.ascontiguousarray(positions, dtype=np.float32)

@@ -161,6 +161,7 @@ def test_errors_say_what_was_expected_and_what_came(anyface, kind, words, mesh, 
 
 def test_the_library_refuses_a_mesh_in_its_own_words(anyface):
     grain = (np.eye(3), [[0, 1, 2]])
-    with pytest.raises(anyface.AnyfaceError, match="expected at least 4 triangles, got 1") as caught:
+    words = "expected at least 4 triangles, got 1"
+    with pytest.raises(anyface.AnyfaceError, match=words) as caught:
         anyface.find_landmarks(grain)
     assert caught.value.kind == "mesh"
