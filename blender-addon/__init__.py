@@ -18,6 +18,7 @@ from .ui import (
     key_list,
     landmarks,
     life,
+    models,
     mouth,
     outputs,
     panel,
@@ -33,7 +34,7 @@ from .ui import (
 
 _MODULES = (
     preferences, generate, remove, panel, character, landmarks, mouth, audio, presets,
-    performance, life, outputs, key_list, caches, takes, scene_list,
+    performance, life, outputs, key_list, caches, takes, scene_list, models,
 )  # fmt: skip
 _CLASSES = [cls for module in _MODULES for cls in module.CLASSES]
 

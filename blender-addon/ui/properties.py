@@ -124,7 +124,7 @@ _OWN = dict(AnyfaceCharacter.__annotations__)
 
 
 class AnyfaceScene(PropertyGroup):
-    """`Scene.anyface`: which character the panel shows."""
+    """`Scene.anyface`: which character the panel shows, and which models speak."""
 
     # Playback was set to follow the sound: from then on it is the artist's.
     synced: BoolProperty(options={"HIDDEN"})
@@ -134,6 +134,13 @@ class AnyfaceScene(PropertyGroup):
         description="The face mesh; empty takes the active object",
         type=bpy.types.Object,
         poll=lambda _self, ob: ob.type == "MESH",
+    )
+    model_folder: StringProperty(
+        name="Model Folder",
+        description="Models of yours that speak in this scene; empty takes the folder of the "
+        "preferences, or the built-in ones",
+        subtype="DIR_PATH",
+        options=set(),
     )
 
 
