@@ -170,8 +170,8 @@ def _of_control(control: systems.Control):
     return FloatProperty(precision=0 if span > 10.0 else 2 if span > 0.5 else 3, **shared)
 
 
-def register_character() -> None:
-    """Adds the settings of a character to objects."""
+def register() -> None:
+    """Adds the settings to objects and scenes."""
     identity.register()
     output_properties.register()
     AnyfaceCharacter.__annotations__ = _OWN | _of_library()
@@ -180,11 +180,6 @@ def register_character() -> None:
     audio.register()
     character.register()
     life.register()
-
-
-def register() -> None:
-    """Adds the settings to objects and scenes."""
-    register_character()
     bpy.utils.register_class(AnyfaceScene)
     bpy.types.Scene.anyface = PointerProperty(type=AnyfaceScene)
 

@@ -1,6 +1,7 @@
 """Models of the artist's own: a folder of the preferences, of the scene, of the command."""
 
 import argparse
+import json
 import os
 import shutil
 
@@ -8,6 +9,8 @@ import bpy
 import pytest
 
 from conftest import PACKAGE, ROOT
+from figures import tone
+from test_heads import import_head
 
 MODELS = ROOT / "rust-core/models"
 
@@ -80,6 +83,32 @@ def test_every_task_of_the_command_takes_weights(addon, folder, task):
     step = addon("core.options").step_parser(task)
     assert step.parse_args(["--object", "Head", "--weights", "mine"]).weights == "mine"
     assert step.parse_args(["--object", "Head"]).weights is None
+
+
+def test_a_baked_face_speaks_with_the_models_that_are_named(addon, folder, tmp_path):
+    import_head()
+    bpy.context.scene.render.fps = 25
+    out, report = tmp_path / "o.blend", tmp_path / "r.json"
+    words = ["bake", "--object", "Head", "--audio", tone(tmp_path / "a.wav")]
+    words += ["--save", str(out), "--report", str(report), "--weights"]
+    command = addon("command").main
+    (folder / "ats_compact" / "config.json").write_text("{}")
+    assert command([*words, str(folder)]) == addon("core.errors").EXIT_CODES["weights"]
+    assert not out.exists() and json.loads(report.read_text())["kind"] == "weights"
+
+
+def test_a_shot_is_done_again_when_its_models_change(addon, folder, tmp_path):
+    (tmp_path / "a.blend").write_bytes(b"")
+    row = {"name": "a", "file": "a.blend", "save": "b.blend", "object": "Head", "weights": "models"}
+    path = tmp_path / "jobs.json"
+    path.write_text(json.dumps({"shots": [row]}))
+    read = addon("farm.jobs").read
+    first = read(path, tmp_path)[0]
+    assert f"--weights={folder}" in first.steps[0]
+    assert read(path, tmp_path)[0].digest == first.digest
+    file = folder / "ats_compact" / "model.safetensors"
+    os.utime(file, ns=(0, file.stat().st_mtime_ns + 1_000_000_000))
+    assert read(path, tmp_path)[0].digest != first.digest
 
 
 def test_the_panel_shows_the_cards(addon, folder):
