@@ -21,6 +21,7 @@ from .ui import (
     landmarks,
     life,
     mending,
+    models,
     mouth,
     outputs,
     panel,
@@ -38,7 +39,7 @@ from .ui import (
 _MODULES = (
     preferences, generate, remove, mending, sample_head, panel, character, landmarks, mouth, audio,
     presets, performance, life, outputs, key_list, controls, find_controls, caches, takes,
-    scene_list,
+    scene_list, models,
 )  # fmt: skip
 _CLASSES = [cls for module in _MODULES for cls in module.CLASSES]
 

@@ -63,7 +63,7 @@ def load_extension():
         sys.modules[_PACKAGE] = module
         spec.loader.exec_module(module)
         if not hasattr(bpy.types.Object, "anyface"):
-            importlib.import_module(f"{_PACKAGE}.ui.properties").register_character()
+            importlib.import_module(f"{_PACKAGE}.ui.properties").register()
     return sys.modules[_PACKAGE]
 
 

@@ -8,7 +8,7 @@ import bpy
 from ..core import emotion, systems
 from ..core.errors import AnyfaceError
 from ..scene import bake
-from ..ui import running
+from ..ui import preferences, running
 from ..ui.settings import from_object
 from . import telling
 
@@ -19,7 +19,9 @@ def run(options: argparse.Namespace) -> dict:
     scene = scene or bpy.context.scene
     ob = named(bpy.data.objects, options.object, "object")
     settings = _settings(ob, scene, options)
-    snapshot = bake.read(ob, scene, settings, running.engine(settings.system))
+    models = options.weights or preferences.model_folder(scene)
+    engine = running.engine(settings.system, models)
+    snapshot = bake.read(ob, scene, settings, engine)
     take = telling.work(snapshot, quiet=getattr(options, "quiet", True))
     text = bake.write(ob, snapshot, take)
     if ob.library is None:

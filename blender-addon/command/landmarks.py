@@ -16,7 +16,7 @@ from .bake import named
 def run(options: argparse.Namespace) -> dict:
     """Finds and stores; with `out` they are also written as JSON."""
     ob = named(bpy.data.objects, options.object, "object")
-    search = search_of(ob)
+    search = search_of(ob, options.weights)
     search.face.axes = options.axes or search.face.axes
     text = keep(ob, search.work(Progress()))
     done = {"message": text, "confidence": round(landmarks.load(ob).sure, 4)}

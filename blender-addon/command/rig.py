@@ -21,7 +21,7 @@ def run(options: argparse.Namespace) -> dict:
     settings.output.visemes = options.visemes
     outputs.of(settings.mode).check(ob, settings.output)
     face = bake.read_face(ob, settings)
-    rig = make(face, running.engine(settings.system))
+    rig = make(face, running.engine(settings.system, options.weights))
     count = len(rig.names) if options.visemes else len(shapes.ARKIT)
     names, vectors = rig.names[:count], rig.vectors[:count]
     for piece in [piece.name for piece in face.pieces] or [ob.name]:

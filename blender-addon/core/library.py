@@ -145,6 +145,11 @@ SIGNATURES = {
     "anyface_audio_copy_samples": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_audio_free": (None, [_HANDLE]),
     "anyface_mesh_new": (c_int32, [_FLOATS, c_size_t, _INDICES, c_size_t, _OUT, _OUT]),
+    "anyface_mesh_new_polygons": (
+        c_int32,
+        [_FLOATS, c_size_t, _INDICES, c_size_t, _INDICES, c_size_t, _OUT, _OUT],
+    ),
+    "anyface_mesh_read": (c_int32, [c_char_p, _OUT, _OUT]),
     "anyface_mesh_vertex_count": (c_size_t, [_HANDLE]),
     "anyface_mesh_triangle_count": (c_size_t, [_HANDLE]),
     "anyface_mesh_copy_positions": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
@@ -185,6 +190,8 @@ SIGNATURES = {
     "anyface_clip_new": (c_int32, [_HANDLE, _HANDLE, _HANDLE, _HANDLE, _OUT, _OUT]),
     "anyface_clip_frame_count": (c_size_t, [_HANDLE]),
     "anyface_clip_copy_displacements": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
+    "anyface_clip_copy_landmarks_neutral": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
+    "anyface_clip_copy_landmark_displacements": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_clip_free": (None, [_HANDLE]),
     "anyface_clip_largest_displacement": (c_float, [_HANDLE]),
     "anyface_clip_visibility": (c_int32, [_HANDLE]),
@@ -227,7 +234,7 @@ SIGNATURES = {
 
 
 def library_path() -> Path:
-    """The library in `lib` of the extension; `ANYFACE_LIBRARY` names another one."""
+    """The library in `lib` beside this folder; `ANYFACE_LIBRARY` names another one."""
     given = os.environ.get("ANYFACE_LIBRARY")
     names = {"win32": "anyface.dll", "darwin": "libanyface.dylib"}
     name = names.get(sys.platform, "libanyface.so")

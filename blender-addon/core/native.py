@@ -1,5 +1,6 @@
 """An engine of the native library: meshes and sounds as numpy arrays in, motion out."""
 
+import copy
 import ctypes
 import os
 from contextlib import ExitStack
@@ -12,6 +13,7 @@ from . import systems
 from .errors import AnyfaceError, Cancelled
 from .job import Progress
 from .library import ControlSetting, EngineOptions, FaceOptions, MotionOptions, library_path, load
+from .native_mesh import MeshCalls
 from .native_mouth import MouthCalls
 from .native_shapes import ShapeCalls
 from .native_sliders import SliderCalls
@@ -23,6 +25,7 @@ from .take import (
     Animation,
     Basis,
     Found,
+    Landmarks,
     Life,
     PartRoles,
     Request,
@@ -32,8 +35,8 @@ from .take import (
 LANDMARKS = 68
 # Static weights over 68 landmarks give motion of rank 204 at most.
 MAX_VECTORS = 256
-# Blender's axes as `AnyfaceAxis`: heads face -Y with +Z up.
-_NEG_Y, _POS_Z = 3, 4
+# In the order of `AnyfaceAxis`.
+AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 # Samples of a decoded sound are mono at this rate.
 _DECODED_RATE_HZ = 16000.0
 _CANCELLED = 9
@@ -43,14 +46,27 @@ _CACHE_IN_FOLDER = 2
 _KINDS = {3: "input", 4: "audio", 5: "mesh", 6: "face", 7: "weights", 8: "file"}
 
 
-class Engine(MouthCalls, ShapeCalls, SliderCalls):
-    """Loaded models; any number of threads may use one engine."""
+class Engine(MeshCalls, MouthCalls, ShapeCalls, SliderCalls):
+    """Loaded models; any number of threads may use one engine.
 
-    def __init__(self, threads: int = 0, cache: Path | None = None, system: str = ""):
+    `forward` and `up` are the axes of the meshes that it is given: Blender's heads face -Y with +Z
+    up.
+    """
+
+    forward, up = "-y", "+z"
+
+    def __init__(
+        self,
+        threads: int = 0,
+        cache: Path | None = None,
+        system: str = "",
+        weights: Path | None = None,
+    ):
         """Loads the models of `system`, by default of the first one.
 
         `cache` is the folder for work that depends on a mesh alone, else the user's own cache
-        folder is taken. Raises `AnyfaceError`.
+        folder is taken; `weights` a folder of model files instead of the built-in ones. Raises
+        `AnyfaceError`.
         """
         self._library = load(library_path())
         self._controls = systems.find(system, systems.read(self._library)).controls
@@ -58,7 +74,27 @@ class Engine(MouthCalls, ShapeCalls, SliderCalls):
         options.threads, options.system = threads, system.encode() or None
         if cache is not None:
             options.cache, options.cache_dir = _CACHE_IN_FOLDER, os.fsencode(cache)
+        if weights is not None:
+            options.weights_dir = os.fsencode(weights)
         self._handle = self._make("anyface_engine_new", byref(options))
+
+    @property
+    def controls(self) -> tuple[systems.Control, ...]:
+        """What the system lets its user change."""
+        return self._controls
+
+    def facing(self, forward: str, up: str) -> "Engine":
+        """The same models for meshes with other axes of `AXES`; it lives as long as this engine.
+
+        Raises `AnyfaceError("input")` for another word.
+        """
+        for name, axis in (("forward", forward), ("up", up)):
+            if axis not in AXES:
+                known = ", ".join(AXES)
+                raise AnyfaceError("input", f"{name}: expected one of {known}, got {axis!r}")
+        other = copy.copy(self)
+        other.forward, other.up = forward, up
+        return other
 
     def close(self) -> None:
         """Frees the models."""
@@ -91,7 +127,7 @@ class Engine(MouthCalls, ShapeCalls, SliderCalls):
         request: Request,
         progress: Progress,
     ) -> Animation:
-        """The whole way for one mesh that faces -Y with +Z up, in any units.
+        """The whole way for one mesh with the axes of this engine, in any units.
 
         `positions` `[V, 3]` float32, `triangles` `[F, 3]` uint32, `landmarks` `[68, 3]`,
         `landmark_vertices` `[68]`, both or neither. Raises `AnyfaceError`, or `Cancelled`.
@@ -117,6 +153,7 @@ class Engine(MouthCalls, ShapeCalls, SliderCalls):
         animation = Animation(largest * mm_per_unit, visibility)
         shape = (self._library.anyface_clip_frame_count(clip), vertices, 3)
         animation.life = self._life(made, shape[0])
+        animation.landmarks = self._landmarks(clip, shape[0])
         if request.error_mm is None:
             animation.displacements = np.empty(shape, dtype=np.float32)
             self._copy("anyface_clip_copy_displacements", clip, animation.displacements)
@@ -136,6 +173,13 @@ class Engine(MouthCalls, ShapeCalls, SliderCalls):
         self._copy("anyface_face_copy_to_canonical", face, way)
         return Life(head, gaze, way)
 
+    def _landmarks(self, clip, frames: int) -> Landmarks:
+        neutral = np.empty((LANDMARKS, 3), dtype=np.float32)
+        moved = np.empty((frames, LANDMARKS, 3), dtype=np.float32)
+        self._copy("anyface_clip_copy_landmarks_neutral", clip, neutral)
+        self._copy("anyface_clip_copy_landmark_displacements", clip, moved)
+        return Landmarks(neutral, moved)
+
     def find(
         self,
         positions: np.ndarray,
@@ -146,7 +190,7 @@ class Engine(MouthCalls, ShapeCalls, SliderCalls):
         roles: PartRoles | None,
         progress: Progress,
     ) -> Found:
-        """The landmarks of a mesh that faces -Y with +Z up, how its lips meet, and its parts.
+        """The landmarks of a mesh with the axes of this engine, how its lips meet, and its parts.
 
         `fixed` are landmarks `[3]` by number that stay there while the others follow; the rest as
         for `animate`. Raises `AnyfaceError`, or `Cancelled`.
@@ -173,16 +217,10 @@ class Engine(MouthCalls, ShapeCalls, SliderCalls):
         shut = SHUT_EYES[self._library.anyface_face_shut_eyes(face)]
         return Found(places, vertices, sure, mouth, roles, owners, shut)
 
-    def _mesh(self, handles, positions, triangles):
-        positions = np.ascontiguousarray(positions, dtype=np.float32)
-        triangles = np.ascontiguousarray(triangles, dtype=np.uint32)
-        arrays = (_floats(positions), len(positions), _indices(triangles), len(triangles))
-        return self._own(handles, "mesh", "anyface_mesh_new", *arrays)
-
     def _face_options(self, landmarks, vertices, roles, fixed=None):
         """The options, and the arrays that must live as long as they are used."""
         options = self._options(FaceOptions, "anyface_face_options_init")
-        options.forward, options.up = _NEG_Y, _POS_Z
+        options.forward, options.up = AXES.index(self.forward), AXES.index(self.up)
         arrays = {}
         if landmarks is not None:
             arrays["landmark_positions"] = np.asarray(landmarks, dtype=np.float32)

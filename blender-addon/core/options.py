@@ -34,7 +34,7 @@ def step_parser(task: str) -> argparse.ArgumentParser:
 
 def _add_bake(task: argparse.ArgumentParser, modes: str) -> None:
     """Options that are left out take the values stored on the object."""
-    task.add_argument("--object", required=True, help="name of the face's object")
+    _add_object(task)
     source = task.add_mutually_exclusive_group()
     source.add_argument("--strip", help="name of a sound strip")
     source.add_argument("--audio", metavar="FILE", help="a sound file")
@@ -74,8 +74,15 @@ def _add_landmarks(task: argparse.ArgumentParser, _modes: str) -> None:
 
 
 def _add_face(task: argparse.ArgumentParser) -> None:
-    task.add_argument("--object", required=True, help="name of the face's object")
+    _add_object(task)
     task.add_argument("--axes", choices=("AUTO", "WORLD", "LOCAL", "LOCAL_Y_UP"))
+
+
+def _add_object(task: argparse.ArgumentParser) -> None:
+    task.add_argument("--object", required=True, help="name of the face's object")
+    task.add_argument(
+        "--weights", metavar="FOLDER", help="models of yours; default: the scene's, or yours"
+    )
 
 
 def add_batch(task: argparse.ArgumentParser) -> None:

@@ -186,6 +186,14 @@ class Life:
 
 
 @dataclass
+class Landmarks:
+    """The 68 landmarks of a take: `neutral` `[68, 3]` at rest and `displacements` `[T, 68, 3]`."""
+
+    neutral: np.ndarray
+    displacements: np.ndarray
+
+
+@dataclass
 class Animation:
     """What the library returns for one mesh, in the frame in which it was given.
 
@@ -199,6 +207,7 @@ class Animation:
     basis: Basis | None = None
     displacements: np.ndarray | None = None
     life: Life | None = None
+    landmarks: Landmarks | None = None
 
 
 @dataclass

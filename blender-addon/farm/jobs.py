@@ -12,10 +12,10 @@ from argparse import ArgumentError
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from ..core import json_file, options
+from ..core import json_file, model_card, options
 from ..core.errors import AnyfaceError
 
-_PATHS = ("audio", "landmarks", "out")
+_PATHS = ("audio", "landmarks", "out", "weights")
 _OWN = ("name", "file", "save", "faces")
 _NAME = re.compile(r"[\w.-]+")
 
@@ -95,7 +95,7 @@ def _step(where: str, row: dict, folder: Path) -> tuple[str, ...]:
 
 
 def _digest(shot: Shot) -> str:
-    """Of the row, and of size and time of the files that it names."""
+    """Of the row, and of size and time of the files and models that it names."""
     digest = hashlib.blake2b(json.dumps(asdict(shot)).encode(), digest_size=12)
     words = [word.partition("=") for step in shot.steps for word in step[1:]]
     read = [value for option, _, value in words if option in ("--audio", "--landmarks")]
@@ -103,6 +103,8 @@ def _digest(shot: Shot) -> str:
         if os.path.isfile(path):
             state = os.stat(path)
             digest.update(f"{path} {state.st_size} {state.st_mtime_ns}".encode())
+    for models in (value for option, _, value in words if option == "--weights"):
+        digest.update(f"{models} {model_card.changed_ns(Path(models))}".encode())
     return digest.hexdigest()
 
 

@@ -22,18 +22,19 @@ _REACH_PX = 14.0
 _handle = None
 
 
-def search_of(ob) -> landmarks.Search:
-    """A snapshot for finding the face of `ob` from nothing; raises `AnyfaceError`."""
-    face, engine = _read(ob)
+def search_of(ob, models: str | None = None) -> landmarks.Search:
+    """A snapshot for finding the face of `ob` from nothing, by the folder `models` where one is
+    given; raises `AnyfaceError`."""
+    face, engine = _read(ob, models)
     face.landmarks = face.landmark_vertices = None
     return landmarks.Search(face, engine)
 
 
-def _read(ob) -> tuple:
+def _read(ob, models: str | None = None) -> tuple:
     """The face of `ob`, and the engine that looks for it."""
     guard.check_mesh(ob)
     settings = from_object(ob)
-    return bake.read_face(ob, settings, editable=False), running.engine(settings.system)
+    return bake.read_face(ob, settings, editable=False), running.engine(settings.system, models)
 
 
 def keep(ob, found, fixed=()) -> str:

@@ -1,9 +1,9 @@
-"""The add-on's preferences: what is built in and how many threads it may use."""
+"""The add-on's preferences: which models speak and how many threads they may use."""
 
 from pathlib import Path
 
 import bpy
-from bpy.props import IntProperty
+from bpy.props import IntProperty, StringProperty
 from bpy.types import AddonPreferences
 
 from ..core import native
@@ -25,16 +25,40 @@ class AnyfacePreferences(AddonPreferences):
         max=256,
     )
 
+    model_folder: StringProperty(
+        name="Model Folder",
+        description="Models of yours that speak instead of the built-in ones; a scene may name "
+        "another one",
+        subtype="DIR_PATH",
+    )
+
     def draw(self, context):
         """Draws the preferences."""
+        self.layout.prop(self, "model_folder", placeholder="Built-In")
         self.layout.prop(self, "threads")
         self.layout.label(text=f"Library: {native.library_path()}")
 
 
 def threads() -> int:
     """The number of threads that the artist set; 0 where there are no preferences."""
+    return _stored("threads", 0)
+
+
+def usual_folder() -> str:
+    """The folder of models that the artist set for all scenes; "" for the built-in ones."""
+    return _stored("model_folder", "")
+
+
+def model_folder(scene) -> Path | None:
+    """The folder of the models that speak in `scene`; None for the built-in ones."""
+    folder = scene.anyface.model_folder or usual_folder()
+    return Path(bpy.path.abspath(folder)) if folder else None
+
+
+def _stored(name: str, otherwise):
     addon = bpy.context.preferences.addons.get(PACKAGE)
-    return addon.preferences.threads if addon is not None and addon.preferences else 0
+    stored = addon.preferences if addon is not None else None
+    return getattr(stored, name) if stored else otherwise
 
 
 def cache_folder() -> Path | None:

@@ -131,7 +131,7 @@ _OWN = dict(AnyfaceCharacter.__annotations__)
 
 
 class AnyfaceScene(PropertyGroup):
-    """`Scene.anyface`: which character the panel shows."""
+    """`Scene.anyface`: which character the panel shows, and which models speak."""
 
     # Playback was set to follow the sound: from then on it is the artist's.
     synced: BoolProperty(options={"HIDDEN"})
@@ -141,6 +141,13 @@ class AnyfaceScene(PropertyGroup):
         description="The face mesh; empty takes the active object",
         type=bpy.types.Object,
         poll=lambda _self, ob: ob.type == "MESH",
+    )
+    model_folder: StringProperty(
+        name="Model Folder",
+        description="Models of yours that speak in this scene; empty takes the folder of the "
+        "preferences, or the built-in ones",
+        subtype="DIR_PATH",
+        options=set(),
     )
 
 
@@ -171,8 +178,8 @@ def _of_control(control: systems.Control):
     return FloatProperty(precision=0 if span > 10.0 else 2 if span > 0.5 else 3, **shared)
 
 
-def register_character() -> None:
-    """Adds the settings of a character to objects."""
+def register() -> None:
+    """Adds the settings to objects and scenes."""
     identity.register()
     output_properties.register()
     AnyfaceCharacter.__annotations__ = _OWN | _of_library()
@@ -182,11 +189,6 @@ def register_character() -> None:
     controls.register()
     character.register()
     life.register()
-
-
-def register() -> None:
-    """Adds the settings to objects and scenes."""
-    register_character()
     bpy.utils.register_class(AnyfaceScene)
     bpy.types.Scene.anyface = PointerProperty(type=AnyfaceScene)
 

@@ -1,11 +1,12 @@
 """The one job that may run, and the engines that all jobs share."""
 
+from pathlib import Path
 from weakref import WeakSet
 
 import bpy
 from bpy.app.handlers import persistent
 
-from ..core import native
+from ..core import model_card, native
 from ..core.job import Job
 from ..core.lazy import LazyEngine
 from . import preferences
@@ -15,19 +16,24 @@ current: Job | None = None
 current_name = ""
 # Why the current job ends early, where the artist has not said so.
 why_cancelled = ""
-# By the name of their system.
-_engines: dict[str, LazyEngine] = {}
+# By the name of their system, the folder of their models and when these last changed.
+_engines: dict[tuple[str, Path | None, int], LazyEngine] = {}
 # Jobs whose threads may still be at work, kept by these alone: one that was cancelled is forgotten
 # before it ends.
 _started: WeakSet[Job] = WeakSet()
 
 
-def engine(system: str) -> LazyEngine:
-    """The engine of a system; models are loaded once, where they are used first: in the worker."""
-    if system not in _engines:
+def engine(system: str, folder: str | Path | None = None) -> LazyEngine:
+    """The engine of a system; models are loaded once, where they are used first: in the worker.
+
+    `folder` holds the models; None takes those that speak in the current scene.
+    """
+    models = Path(folder) if folder else preferences.model_folder(bpy.context.scene)
+    key = system, models, model_card.changed_ns(models) if models else 0
+    if key not in _engines:
         threads, cache = preferences.threads(), preferences.cache_folder()
-        _engines[system] = LazyEngine(lambda: native.Engine(threads, cache, system))
-    return _engines[system]
+        _engines[key] = LazyEngine(lambda: native.Engine(threads, cache, system, models))
+    return _engines[key]
 
 
 def start(job: Job, object_name: str) -> Job:

@@ -129,7 +129,7 @@ fn name_platform(manifest: &Path, platform: Platform) -> Result<()> {
 }
 
 /// Leaves debug information out: it is most of an unoptimised library.
-fn strip(steps: &mut Steps, library: &Path) -> Result<()> {
+pub fn strip(steps: &mut Steps, library: &Path) -> Result<()> {
     if !cfg!(target_os = "linux") || !machine::has("strip") {
         return Ok(());
     }

@@ -12,6 +12,7 @@ mod portable;
 mod python;
 mod steps;
 mod test;
+mod wheel;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
@@ -38,10 +39,12 @@ enum Task {
     Header(header::Header),
     /// The C library below a prefix, for pkg-config and CMake.
     Install(install::Install),
-    /// What is handed out for this system: zip, C library, Debian package.
+    /// What is handed out for this system: zip, wheel, C library, Debian package.
     Package(package::Package),
     /// Lints and all tests; installs what they need.
     Test(test::Test),
+    /// The Python package as a wheel.
+    Wheel(wheel::Wheel),
 }
 
 fn main() -> Result<()> {
@@ -53,5 +56,6 @@ fn main() -> Result<()> {
         Task::Install(install) => install.run(),
         Task::Package(package) => package.run(),
         Task::Test(test) => test.run(),
+        Task::Wheel(wheel) => wheel.run(),
     }
 }

@@ -14,9 +14,11 @@ use crate::{
     machine::{self, Platform},
     portable,
     steps::Steps,
+    wheel,
 };
 
-/// Builds the extension's zip, the C library as a tarball and, on Linux, a Debian package.
+/// Builds the extension's zip, the Python wheel, the C library as a tarball and, on Linux, a Debian
+/// package.
 #[derive(Args)]
 pub struct Package {
     /// Folder of built libraries to take; without it they are built, on Linux for glibc 2.28.
@@ -43,8 +45,10 @@ impl Package {
         let out = out.canonicalize()?;
         let platform = Platform::here()?;
         let zip = out.join(extension::zip_name(platform));
-        extension::build_zip(&mut steps, &built.join(platform.shared_library()), &zip)?;
-        let mut made = vec![zip, tarball(&mut steps, &built, &out, platform)?];
+        let library = built.join(platform.shared_library());
+        extension::build_zip(&mut steps, &library, &zip)?;
+        let wheel = wheel::build(&mut steps, &library, &out)?;
+        let mut made = vec![zip, wheel, tarball(&mut steps, &built, &out, platform)?];
         if platform == Platform::LinuxX64 && machine::has("dpkg-deb") {
             let package = debian::build(&mut steps, &built, &out)?;
             debian::check(&mut steps, &package)?;

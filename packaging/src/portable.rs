@@ -17,7 +17,8 @@ use crate::{
 const GLIBC: Version = (2, 28);
 const TARGET: &str = "x86_64-unknown-linux-gnu";
 
-type Version = (u32, u32);
+/// Major and minor number.
+pub type Version = (u32, u32);
 
 /// Builds both C libraries for release and returns their folder.
 pub fn build(steps: &mut Steps) -> Result<PathBuf> {
@@ -60,6 +61,17 @@ fn cargo() -> Command {
 
 /// Fails where `library` needs a newer glibc than promised.
 fn check_glibc(library: &Path) -> Result<()> {
+    let newest = needed_glibc(library)?;
+    ensure!(
+        newest <= GLIBC,
+        "{}: expected symbols up to glibc {GLIBC:?}, got {newest:?}",
+        library.display()
+    );
+    Ok(())
+}
+
+/// The oldest glibc that has all symbols which `library` needs.
+pub fn needed_glibc(library: &Path) -> Result<Version> {
     let output = Command::new("objdump")
         .arg("-T")
         .arg(library)
@@ -70,13 +82,8 @@ fn check_glibc(library: &Path) -> Result<()> {
         "objdump cannot read {}",
         library.display()
     );
-    let newest = newest_glibc(&String::from_utf8_lossy(&output.stdout));
-    ensure!(
-        newest.is_some_and(|newest| newest <= GLIBC),
-        "{}: expected symbols up to glibc {GLIBC:?}, got {newest:?}",
-        library.display()
-    );
-    Ok(())
+    newest_glibc(&String::from_utf8_lossy(&output.stdout))
+        .with_context(|| format!("{}: expected symbols of glibc, got none", library.display()))
 }
 
 /// The newest version of glibc that a symbol table names.

@@ -1,4 +1,4 @@
-//! `cargo xtask test`: lints, Rust tests, C hosts, the installed extension, training.
+//! `cargo xtask test`: lints, Rust tests, C hosts, the installed extension, the Python wheel, training.
 
 use std::{path::PathBuf, process::Command};
 
@@ -6,9 +6,10 @@ use anyhow::Result;
 use clap::Args;
 
 use crate::{
-    addon, machine,
+    addon, extension, machine,
     python::{self, Venv},
     steps::Steps,
+    wheel,
 };
 
 /// Debian packages that the tests call: C hosts, a memory checker, voices, film.
@@ -49,10 +50,11 @@ impl Test {
         rust(&mut steps)?;
         if self.rust_only {
             steps.ignore("extension in headless Blender", "--rust-only");
+            steps.ignore("Python wheel", "--rust-only");
             steps.ignore("training", "--rust-only");
         } else {
             machine::ensure_apt(&mut steps, machine::BLENDER_LIBRARIES)?;
-            extension(&mut steps, self.blender.as_deref())?;
+            python_parts(&mut steps, self.blender.as_deref())?;
             training(&mut steps)?;
         }
         steps.finish()
@@ -92,7 +94,7 @@ fn rust(steps: &mut Steps) -> Result<()> {
     steps.check("Rust tests and C hosts", &mut test)
 }
 
-fn extension(steps: &mut Steps, version: Option<&str>) -> Result<()> {
+fn python_parts(steps: &mut Steps, version: Option<&str>) -> Result<()> {
     if !machine::root().join("tests/addon").is_dir() {
         return Ok(());
     }
@@ -101,7 +103,8 @@ fn extension(steps: &mut Steps, version: Option<&str>) -> Result<()> {
     let python = python::blender(steps, version)?;
     let zip = addon::built_zip(steps, false)?;
     let executable = blender(steps)?;
-    addon::check(steps, &python, &zip, executable)
+    addon::check(steps, &python, &zip, executable)?;
+    wheel::check(steps, &extension::library_of("dev")?)
 }
 
 /// A Blender executable that knows extensions: the caller's, or Debian 13's in a folder of its own.

@@ -1,0 +1,54 @@
+"""The library's calls about meshes: from arrays, from polygons, from files."""
+
+import os
+from contextlib import ExitStack
+from ctypes import POINTER, c_float, c_uint32
+
+import numpy as np
+
+_FLOATS, _INDICES = POINTER(c_float), POINTER(c_uint32)
+
+
+class MeshCalls:
+    """What `native.Engine` knows of meshes."""
+
+    def read_mesh(self, path: str) -> tuple[np.ndarray, np.ndarray]:
+        """Positions `[V, 3]` float32 and triangles `[F, 3]` uint32 of an OBJ, PLY or GLB file.
+
+        Raises `AnyfaceError`.
+        """
+        with ExitStack() as handles:
+            mesh = self._own(handles, "mesh", "anyface_mesh_read", os.fsencode(path))
+            return self._arrays(mesh)
+
+    def triangulate(self, positions, sizes, corners) -> tuple[np.ndarray, np.ndarray]:
+        """The same arrays of a mesh whose polygons have `sizes` `[P]` corners, all in a row.
+
+        Raises `AnyfaceError("mesh")`.
+        """
+        positions = np.ascontiguousarray(positions, dtype=np.float32)
+        sizes, corners = (np.ascontiguousarray(row, dtype=np.uint32) for row in (sizes, corners))
+        points = (_pointer(positions, _FLOATS), len(positions))
+        ends = (_pointer(sizes, _INDICES), len(sizes), _pointer(corners, _INDICES), len(corners))
+        with ExitStack() as handles:
+            given = ("mesh", "anyface_mesh_new_polygons", *points, *ends)
+            return self._arrays(self._own(handles, *given))
+
+    def _mesh(self, handles, positions, triangles):
+        positions = np.ascontiguousarray(positions, dtype=np.float32)
+        triangles = np.ascontiguousarray(triangles, dtype=np.uint32)
+        points = (_pointer(positions, _FLOATS), len(positions))
+        corners = (_pointer(triangles, _INDICES), len(triangles))
+        return self._own(handles, "mesh", "anyface_mesh_new", *points, *corners)
+
+    def _arrays(self, mesh) -> tuple[np.ndarray, np.ndarray]:
+        positions = np.empty((self._library.anyface_mesh_vertex_count(mesh), 3), dtype=np.float32)
+        triangles = np.empty((self._library.anyface_mesh_triangle_count(mesh), 3), dtype=np.uint32)
+        self._copy("anyface_mesh_copy_positions", mesh, positions)
+        corners = _pointer(triangles, _INDICES)
+        self._call("anyface_mesh_copy_triangles", mesh, corners, triangles.size)
+        return positions, triangles
+
+
+def _pointer(array: np.ndarray, kind):
+    return array.ctypes.data_as(kind)

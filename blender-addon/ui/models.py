@@ -1,0 +1,38 @@
+"""Models: the folder whose weights speak instead of the built-in ones, and what its cards say."""
+
+from bpy.types import Panel
+
+from ..core import model_card
+from . import preferences, words
+from .panel import OfFacePanel
+
+
+class ANYFACE_PT_models(OfFacePanel, Panel):
+    """Which weights speak."""
+
+    bl_label = "Models"
+    bl_order = 20
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        """Draws the folder, and each model in it with a button that opens its card."""
+        layout, width = self.layout, context.region.width
+        layout.use_property_split, layout.use_property_decorate = True, False
+        usual = preferences.usual_folder() or "Built-In"
+        layout.prop(context.scene.anyface, "model_folder", placeholder=usual)
+        folder = preferences.model_folder(context.scene)
+        if folder is None:
+            layout.label(text="The built-in models speak", icon="INFO")
+            return
+        found = model_card.cards(folder)
+        if not found:
+            words.draw(layout, f"No models in {folder}", width, "ERROR")
+        for card in found:
+            row = layout.row()
+            words.draw(row.column(), card.title, width - 30, "FILE_TEXT")
+            if card.path is not None:
+                shown = row.operator("wm.path_open", text="", icon="HELP", emboss=False)
+                shown.filepath = str(card.path)
+
+
+CLASSES = (ANYFACE_PT_models,)

@@ -1,0 +1,105 @@
+//! `cargo xtask wheel`: Python's package with the native library, for any Python 3 of one system.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use anyhow::{Context, Result, ensure};
+use clap::Args;
+
+use crate::{
+    extension,
+    machine::{self, Platform},
+    package::empty,
+    portable,
+    python::{PYTHON, Venv},
+    steps::Steps,
+    test,
+};
+
+/// What package indexes commonly take of a wheel for one system, and so its limit here.
+const LARGEST_MB: f64 = 25.0;
+
+/// Builds the wheel `anyface-<version>-py3-none-<platform>.whl`.
+#[derive(Args)]
+pub struct Wheel {
+    /// Take this library instead of building one.
+    #[arg(long)]
+    library: Option<PathBuf>,
+    /// Optimised for shipping, on Linux for glibc 2.28; takes minutes.
+    #[arg(long)]
+    release: bool,
+    /// Folder of the wheel; default `target/wheel`.
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+impl Wheel {
+    /// Runs it.
+    pub fn run(&self) -> Result<()> {
+        let mut steps = Steps::new("wheel")?;
+        let library = match &self.library {
+            Some(path) => path.clone(),
+            None if self.release => {
+                portable::build(&mut steps)?.join(Platform::here()?.shared_library())
+            }
+            None => extension::build_library(&mut steps, false)?,
+        };
+        let out = self.out.clone().unwrap_or(machine::target().join("wheel"));
+        println!("{}", build(&mut steps, &library, &out)?.display());
+        Ok(())
+    }
+}
+
+/// Packs `library` and the Python files into a wheel in the folder `out` and returns its path.
+pub fn build(steps: &mut Steps, library: &Path, out: &Path) -> Result<PathBuf> {
+    ensure!(library.is_file(), "no library at {}", library.display());
+    let stage = machine::target().join("wheel-stage");
+    empty(&stage)?;
+    let platform = Platform::here()?;
+    let inside = stage.join(platform.shared_library());
+    fs::copy(library, &inside)?;
+    extension::strip(steps, &inside)?;
+    let mut pack = Command::new(PYTHON);
+    pack.arg(machine::root().join("packaging/wheel/pack.py"));
+    pack.arg("--library").arg(&inside);
+    pack.args(["--version", env!("CARGO_PKG_VERSION")]);
+    pack.args(["--tag", &tag(platform, &inside)?]);
+    pack.arg("--out").arg(out);
+    let told = steps.run("pack the wheel", &mut pack)?;
+    // The last line is the path; a log's heading stands before it.
+    let path = PathBuf::from(told.lines().last().unwrap_or_default());
+    let size_mb = fs::metadata(&path)
+        .with_context(|| format!("expected a wheel, got {told:?}"))?
+        .len() as f64
+        / 1e6;
+    ensure!(
+        size_mb <= LARGEST_MB,
+        "{}: expected {LARGEST_MB} MB at most, got {size_mb:.1}",
+        path.display()
+    );
+    Ok(path)
+}
+
+/// The systems on which `library` runs, as pip names them: on Linux those with a glibc that has all
+/// symbols which it needs (PEP 600).
+fn tag(platform: Platform, library: &Path) -> Result<String> {
+    Ok(match platform {
+        Platform::LinuxX64 => {
+            let (major, minor) = portable::needed_glibc(library)?;
+            format!("manylinux_{major}_{minor}_x86_64")
+        }
+        // The oldest macOS on Apple's processors, which is what Rust builds for.
+        Platform::MacosArm64 => "macosx_11_0_arm64".to_owned(),
+        Platform::WindowsX64 => "win_amd64".to_owned(),
+    })
+}
+
+/// Builds a wheel with `library` and runs the tests of tests/wheel, which install it.
+pub fn check(steps: &mut Steps, library: &Path) -> Result<()> {
+    let wheel = build(steps, library, &machine::target().join("wheel"))?;
+    let mut tests = test::pytest(&Venv::Blender.python(), "tests/wheel");
+    steps.check("Python wheel", tests.env("ANYFACE_WHEEL", wheel))
+}

@@ -1,0 +1,146 @@
+"""What a caller may give, as what the library takes; all that does not fit is told in words."""
+
+import os
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .core import emotion, systems
+from .core.errors import AnyfaceError
+from .core.native import LANDMARKS, Engine
+from .core.take import Request, Sound
+
+Path = str | os.PathLike[str]
+MeshLike = Path | tuple[ArrayLike, ArrayLike | Sequence[Sequence[int]]]
+"""A file (OBJ, PLY, GLB), or vertices `[V, 3]` and faces: `[F, 3]`, `[F, 4]`, or lists of any length."""
+SoundLike = Path | tuple[ArrayLike, float]
+"""A file, or samples `[S]` or `[S, C]` with their rate in Hz; floats in -1 to 1, or whole numbers."""
+EmotionLike = str | Sequence[tuple[float, str]]
+"""`happy:0.7`, a mixture, `auto`, `off`, or what holds at which second."""
+ControlLike = float | str | tuple[ArrayLike, ArrayLike]
+"""A number, the name of a choice, or seconds `[N]` and the values `[N]` there, linear in between."""
+
+Mesh = tuple[NDArray[np.float32], NDArray[np.uint32]]
+# More columns than this are no channels but samples that lie the other way round.
+_MOST_CHANNELS = 32
+
+
+def mesh_of(mesh: MeshLike, engine: Engine) -> Mesh:
+    """Positions `[V, 3]` and triangles `[F, 3]`."""
+    if isinstance(mesh, str | os.PathLike):
+        return engine.read_mesh(os.fspath(mesh))
+    vertices, faces = _pair("mesh", mesh, "(vertices, faces)")
+    positions = _numbers("vertices", vertices)
+    if positions.ndim != 2 or positions.shape[1] != 3:
+        raise _unfit("vertices", "[V, 3]", positions.shape)
+    if isinstance(faces, np.ndarray) and faces.ndim == 2 and faces.shape[1] == 3:
+        return positions, _vertex_numbers(faces.ravel(), len(positions)).reshape(-1, 3)
+    rows = [np.asarray(face) for face in faces]
+    corners = np.concatenate(rows) if rows else np.empty(0, dtype=np.uint32)
+    numbers = _vertex_numbers(corners, len(positions))
+    return engine.triangulate(positions, [len(row) for row in rows], numbers)
+
+
+def sound_of(sound: SoundLike, engine: Engine) -> Sound:
+    """Mono samples and their rate."""
+    if isinstance(sound, str | os.PathLike):
+        samples, rate_hz = engine.decode(os.fspath(sound))
+        return Sound(samples, rate_hz, os.fspath(sound))
+    given, rate_hz = _pair("sound", sound, "(samples, rate)")
+    samples = _full_scale(np.asarray(given))
+    if samples.ndim == 2 and samples.shape[1] <= _MOST_CHANNELS:
+        samples = samples.mean(axis=1)
+    if samples.ndim != 1:
+        raise _unfit("samples", "[S] or [S, C]", samples.shape)
+    return Sound(samples, float(rate_hz), "the sound")
+
+
+def landmarks_of(landmarks: ArrayLike | None) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Positions `[68, 3]` and vertex numbers `[68]` of landmarks; at most one of them is there."""
+    if landmarks is None:
+        return None, None
+    given = np.asarray(landmarks)
+    if given.shape == (LANDMARKS, 3):
+        return _numbers("landmarks", given), None
+    if given.shape == (LANDMARKS,):
+        return None, _vertex_numbers(given, 2**32)
+    raise _unfit("landmarks", "positions [68, 3] or vertex numbers [68]", given.shape)
+
+
+def request_of(
+    engine: Engine,
+    fps: float,
+    feeling: EmotionLike,
+    seed: int,
+    style: str,
+    controls: Mapping[str, ControlLike],
+) -> Request:
+    """How the face is asked to speak, with the displacements of every frame."""
+    request = Request(float(fps), seed=seed, style=style, error_mm=None)
+    if feeling in ("auto", "off"):
+        request.emotion_source = {"auto": "VOICE", "off": "OFF"}[str(feeling)]
+    else:
+        rows = [(0.0, feeling)] if isinstance(feeling, str) else feeling
+        request.emotion = [(float(second), emotion.parse(text)) for second, text in rows]
+    known = {control.name: control for control in engine.controls}
+    for name, value in controls.items():
+        if name not in known:
+            raise _wrong(f"controls: expected some of {', '.join(known)}, got {name!r}")
+        _set(request, known[name], value)
+    return request
+
+
+def _set(request: Request, control: systems.Control, value: ControlLike) -> None:
+    if isinstance(value, tuple):
+        times, values = (np.asarray(row, dtype=np.float64).ravel() for row in value)
+        if not control.is_animatable or len(times) != len(values) or not len(times):
+            raise _wrong(
+                f"{control.name}: expected as many seconds as values of a control that may change "
+                f"over time, got {len(times)} and {len(values)}"
+            )
+        request.control_keys[control.name] = times, values
+    elif isinstance(value, str) and value not in control.choices:
+        known = ", ".join(control.choices) or "a number"
+        raise _wrong(f"{control.name}: expected one of {known}, got {value!r}")
+    else:
+        request.controls[control.name] = control.number(value)
+
+
+def _full_scale(samples: np.ndarray) -> NDArray[np.float32]:
+    """Whole numbers as wave files hold them, as floats within -1 to 1."""
+    if samples.dtype.kind == "i":
+        return (samples / -float(np.iinfo(samples.dtype).min)).astype(np.float32)
+    if samples.dtype == np.uint8:
+        return ((samples - 128.0) / 128.0).astype(np.float32)
+    return _numbers("samples", samples)
+
+
+def _vertex_numbers(values: np.ndarray, count: int) -> NDArray[np.uint32]:
+    if values.dtype.kind not in "iu" and len(values):
+        raise _wrong(f"vertex numbers: expected whole numbers, got {values.dtype}")
+    if len(values) and not 0 <= int(values.min()) <= int(values.max()) < count:
+        bounds = f"{values.min()} to {values.max()}"
+        raise _wrong(f"vertex numbers: expected 0 to {count - 1}, got {bounds}")
+    return np.ascontiguousarray(values, dtype=np.uint32)
+
+
+def _numbers(what: str, values: ArrayLike) -> NDArray[np.float32]:
+    try:
+        return np.ascontiguousarray(values, dtype=np.float32)
+    except (TypeError, ValueError) as error:
+        raise _wrong(f"{what}: expected an array of numbers: {error}") from error
+
+
+def _pair(what: str, given, expected: str):
+    if not isinstance(given, tuple | list) or len(given) != 2:
+        raise _wrong(f"{what}: expected a path or {expected}, got {type(given).__name__}")
+    return given
+
+
+def _unfit(what: str, expected: str, shape: tuple[int, ...]) -> AnyfaceError:
+    return _wrong(f"{what}: expected {expected}, got {list(shape)}")
+
+
+def _wrong(message: str) -> AnyfaceError:
+    return AnyfaceError("input", message)

@@ -1,0 +1,173 @@
+"""The calls: a mesh and a sound in, what moves out."""
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .clip import Clip, Weights
+from .core import shapes
+from .core.job import Job
+from .core.job import Progress as Watch
+from .core.native import Engine
+from .core.take import Animation, Found, Rig
+from .given import (
+    ControlLike,
+    EmotionLike,
+    Mesh,
+    MeshLike,
+    SoundLike,
+    landmarks_of,
+    mesh_of,
+    request_of,
+    sound_of,
+)
+
+Progress = Callable[[str, float], object]
+"""Is told the stage of the work and its done share, 0 to 1, some times a second."""
+Cancel = Callable[[], bool]
+"""Is asked some times a second; where it says True the call raises `Cancelled`."""
+Made = TypeVar("Made")
+# How often a caller hears of the work, in seconds.
+_PERIOD_S = 0.05
+
+
+def animate(
+    mesh: MeshLike,
+    sound: SoundLike,
+    *,
+    fps: float = 30.0,
+    emotion: EmotionLike = "neutral",
+    seed: int = 0,
+    style: str = "",
+    controls: Mapping[str, ControlLike] | None = None,
+    landmarks: ArrayLike | None = None,
+    weights: bool = False,
+    forward: str = "+z",
+    up: str = "+y",
+    engine: Engine | None = None,
+    progress: Progress | None = None,
+    cancel: Cancel | None = None,
+) -> Clip:
+    """Makes a mesh say what a sound says.
+
+    `mesh` is a file or `(vertices, faces)` in any units, `sound` a file or `(samples, rate_hz)`. The
+    68 landmarks are found, or given as `[68, 3]` positions or `[68]` vertex numbers. `forward` and
+    `up` say how the head stands; it is found however it is turned, but they decide where several places
+    look like a face. `controls` are those of `systems()`. With `weights` the motion is
+    solved into ARKit weights too. `engine` brings other models than the built-in ones.
+
+    `progress` and `cancel` are called in the caller's own thread. Raises `AnyfaceError`, whose `kind`
+    says what was wrong, or `Cancelled`.
+    """
+    own = _facing(engine, forward, up)
+    request = request_of(own, fps, emotion, seed, style, controls or {})
+    given = landmarks_of(landmarks)
+
+    def work(watch: Watch) -> Clip:
+        arrays, speech = mesh_of(mesh, own), sound_of(sound, own)
+        animation = own.animate(*arrays, *given, speech, request, watch)
+        solved = _solved(own, arrays, given, animation, watch) if weights else None
+        return _clip(request.fps, arrays, animation, solved)
+
+    return _run(work, progress, cancel)
+
+
+def find_landmarks(
+    mesh: MeshLike,
+    *,
+    landmarks: ArrayLike | None = None,
+    fixed: Mapping[int, ArrayLike] | None = None,
+    forward: str = "+z",
+    up: str = "+y",
+    engine: Engine | None = None,
+    progress: Progress | None = None,
+    cancel: Cancel | None = None,
+) -> Found:
+    """Where the face of a mesh is, how its lips meet and what its parts are.
+
+    `fixed` are landmarks `[3]` by number, 0 to 67, that stay where they are while the others follow.
+    The rest as for `animate`.
+    """
+    own, given = _facing(engine, forward, up), landmarks_of(landmarks)
+    held = {number: np.asarray(place, np.float32) for number, place in (fixed or {}).items()}
+
+    def work(watch: Watch) -> Found:
+        return own.find(*mesh_of(mesh, own), *given, held, None, watch)
+
+    return _run(work, progress, cancel)
+
+
+def make_rig(
+    mesh: MeshLike,
+    *,
+    landmarks: ArrayLike | None = None,
+    forward: str = "+z",
+    up: str = "+y",
+    engine: Engine | None = None,
+    progress: Progress | None = None,
+    cancel: Cancel | None = None,
+) -> Rig:
+    """The 52 ARKit shapes and the 15 Oculus visemes of a mesh as `vectors` `[67, V, 3]`, by `names`.
+
+    Arguments are those of `animate`.
+    """
+    own, given = _facing(engine, forward, up), landmarks_of(landmarks)
+
+    def work(watch: Watch) -> Rig:
+        return own.rig(*mesh_of(mesh, own), *given, None, watch)
+
+    return _run(work, progress, cancel)
+
+
+@cache
+def _built_in() -> Engine:
+    """The built-in models, loaded at the first use."""
+    return Engine()
+
+
+def _facing(engine: Engine | None, forward: str, up: str) -> Engine:
+    return (engine or _built_in()).facing(forward, up)
+
+
+def _run(
+    work: Callable[[Watch], Made], progress: Progress | None, cancel: Cancel | None
+) -> Made:
+    """Runs `work` in a thread and tells the caller; what a caller raises ends the work, too."""
+    job = Job(work).start()
+    try:
+        while not job.wait(_PERIOD_S):
+            if progress is not None:
+                progress(*job.progress.at)
+            if cancel is not None and cancel():
+                job.cancel()
+    except BaseException:
+        # Ctrl-C, too: the library must not go on behind a notebook that was stopped.
+        job.cancel(wait_s=None)
+        raise
+    return job.result()
+
+
+def _solved(own: Engine, mesh: Mesh, landmarks, animation: Animation, watch: Watch) -> Weights:
+    rig, count = own.rig(*mesh, *landmarks, None, watch), len(shapes.ARKIT)
+    names, vectors = rig.names[:count], rig.vectors[:count]
+    solved = own.solve(names, vectors, animation.displacements, watch)
+    return Weights(tuple(names), solved.weights, solved.left_out)
+
+
+def _clip(fps: float, mesh: Mesh, made: Animation, weights: Weights | None) -> Clip:
+    return Clip(
+        fps=fps,
+        rest=mesh[0],
+        triangles=mesh[1],
+        displacements=made.displacements,
+        landmarks=made.landmarks.neutral,
+        landmark_displacements=made.landmarks.displacements,
+        head=made.life.head,
+        gaze=made.life.gaze,
+        largest_mm=made.largest_mm,
+        speaks=made.visibility == "SPEAKS",
+        weights=weights,
+    )
