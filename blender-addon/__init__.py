@@ -28,12 +28,13 @@ from .ui import (
     remove,
     running,
     scene_list,
+    sounds,
     takes,
 )
 
 _MODULES = (
     preferences, generate, remove, panel, character, landmarks, mouth, audio, presets,
-    performance, life, outputs, key_list, caches, takes, scene_list,
+    performance, life, outputs, key_list, caches, takes, sounds, scene_list,
 )  # fmt: skip
 _CLASSES = [cls for module in _MODULES for cls in module.CLASSES]
 

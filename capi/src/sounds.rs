@@ -3,7 +3,7 @@
 use std::ffi::c_char;
 
 use anyface::{
-    annotation::{Annotation, AnnotationFormat},
+    annotation::{Annotation, AnnotationFormat, Symbols},
     conditions::check_fps,
 };
 
@@ -124,6 +124,16 @@ pub unsafe extern "C" fn anyface_sounds_copy_closures(
         unsafe { pointer::copy_out("buffer", values, buffer, double_count) }
     };
     unsafe { guard::guard(error, work) }
+}
+
+/// 1 where a phone (IPA, ARPABET, `MBP`) closes the lips as p, b and m do, else 0; 0 for NULL.
+///
+/// `label`: UTF-8.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_sounds_label_closes_lips(label: *const c_char) -> i32 {
+    let label = unsafe { pointer::optional_text("label", label) };
+    let closes = |label| Symbols::Phones.closes_lips(label);
+    label.ok().flatten().is_some_and(closes).into()
 }
 
 /// Frees sounds; NULL is fine.
