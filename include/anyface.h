@@ -451,6 +451,15 @@ typedef struct {
     const AnyfaceControlSetting *controls;
     /// Number of controls that are set.
     size_t control_count;
+    /// `[closure_count, 2]`: start and end in seconds of the intervals in which the lips are together, in rising
+    /// order, where `closures_given` is 1; see `anyface_sounds_copy_closures()`.
+    const double *closures_s;
+    /// Number of intervals; 0 with `closures_given` closes the lips nowhere.
+    size_t closure_count;
+    /// 1 closes the lips in these intervals, 0, the default, where that is heard.
+    int32_t closures_given;
+    /// Must be 0.
+    uint32_t reserved_2;
 } AnyfaceMotionOptions;
 
 #ifdef __cplusplus
@@ -872,6 +881,21 @@ AnyfaceStatus anyface_motion_new_again(const AnyfaceEngine *engine,
                                        const AnyfaceMotionOptions *options,
                                        AnyfaceMotion **out,
                                        AnyfaceError **error);
+
+/// Motion with a stretch of it as in `again`, which was spoken of the same sound in another way: with another
+/// seed, emotion, controls or closures.
+///
+/// Frames at `start_s` and before, at `end_s` and after stay to the bit; within a tenth of a second, or a
+/// quarter of the stretch, the old motion becomes the new one, except at the ends of the sound. Head and eyes
+/// go along. Free with `anyface_motion_free()`; both may go before. The result cannot be performed again.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that hold no frame, motion of another kind or frame
+/// rate or length, or motion that the caller brought.
+AnyfaceStatus anyface_motion_new_redone(const AnyfaceMotion *motion,
+                                        const AnyfaceMotion *again,
+                                        double start_s,
+                                        double end_s,
+                                        AnyfaceMotion **out,
+                                        AnyfaceError **error);
 
 /// Motion that the caller brings: from a tracker, or edited. The array is copied.
 ///

@@ -5,11 +5,13 @@ import numpy as np
 from ..core import redo, sliders
 from ..core.errors import AnyfaceError
 from . import adjust, bake, changes, copies, curves, guard, life, mesh, outputs, record, together
-from .outputs.output import PREFIX, times
+from .outputs.output import EASE_S, PREFIX, times
 
 _NO_TAKE = "no take to redo: press Generate first"
 _NOT_KEYS = "only takes of basis keys, ARKit keys and existing keys can be redone in part"
 _NO_RANGE = "no stretch to redo: set a preview range (P), or put a marker (M) before and behind it"
+# Weights that differ by less are the same.
+_NOTHING = 1e-4
 _REDONE = "a stretch of the take was redone: generate again"
 
 
@@ -63,30 +65,32 @@ def write(ob, scene, wanted: redo.Redo, made: redo.Redone) -> str:
     stretch, start, step = _stretch(ob, wanted, scene)
     at = start + step * (wanted.rows.start + np.arange(made.frames))
     parts = {part.name: part for part in (ob, *together.others_of(ob))}
-    changed = sum(_write(parts[name], fit, at, stretch) for name, fit in made.fits.items())
-    if not changed:
+    changed = [_write(parts[name], fit, at, stretch) for name, fit in made.fits.items()]
+    if all(largest is None for largest in changed):
         raise AnyfaceError("mesh", "the take has no keyframe there: has it been moved?")
     if made.life is not None:
         life.redo(ob, made.life, wanted.snapshot.settings, at, lambda *c: splice(*c, stretch))
     more = sum(len(fit.more) for fit in made.fits.values())
     text = f"frames {stretch.first:g} to {stretch.last:g} redone"
+    if max(largest or 0.0 for largest in changed) < _NOTHING:
+        return f"{text} as they were: change the seed, the emotion or the strips first"
     left_out = max(fit.left_out for fit in made.fits.values())
     text += f", {more} more keys" if more else ""
     return text + (f", keys show {1.0 - left_out:.0%} of it" if left_out > 0.1 else "")
 
 
-def splice(curve, at: np.ndarray, new: np.ndarray, stretch: redo.Stretch) -> bool:
+def splice(curve, at: np.ndarray, new: np.ndarray, stretch: redo.Stretch) -> float | None:
     """Mixes the keyframes of a curve inside a stretch with values `new` `[n]` at frames `at` `[n]`.
 
-    Between its ends alone: a keyframe whose neighbour would move a frame outside stays. True where
-    one has changed.
+    Between its ends alone: a keyframe whose neighbour would move a frame outside stays. Returns by
+    how much one has changed at most, or None where there is none.
     """
     points = curves.places(curve)
     frames, values = points[0::2], points[1::2]
     shares = stretch.shares(frames.astype(np.float64))
     inside = np.flatnonzero(shares > 0.0)
     if len(inside) == 0:
-        return False
+        return None
     first, last = inside[0], inside[-1]
     if first > 0 and stretch.first > stretch.begins and frames[first - 1] < stretch.first:
         shares[first] = 0.0
@@ -98,7 +102,7 @@ def splice(curve, at: np.ndarray, new: np.ndarray, stretch: redo.Stretch) -> boo
     for places in moved.values():
         places[1::2] += added.astype(np.float32)
     curves.put(curve, moved)
-    return True
+    return float(np.abs(added).max())
 
 
 def _takes_part(face, ob, part) -> bool:
@@ -126,8 +130,8 @@ def _stretch(ob, wanted: redo.Redo, scene) -> tuple[redo.Stretch, float, float]:
     if not found:
         raise AnyfaceError("mesh", "the take has no curves any more: generate again")
     # The last keyframe is one of rest, behind the last frame of the sound.
-    ease = times(np.array([0.0]), snapshot.scene_fps)[-1]
-    stretch = redo.Stretch(*between(scene), start, max(found) - ease, snapshot.scene_fps)
+    ends = max(found) - EASE_S * snapshot.scene_fps
+    stretch = redo.Stretch(*between(scene), start, ends, snapshot.scene_fps)
     return stretch, start, step
 
 
@@ -140,25 +144,27 @@ def _curves(part, taken) -> dict:
     return {name: curve for name, curve in found.items() if curve is not None}
 
 
-def _write(part, fit: redo.Fit, at: np.ndarray, stretch: redo.Stretch) -> bool:
+def _write(part, fit: redo.Fit, at: np.ndarray, stretch: redo.Stretch) -> float | None:
+    """By how much a weight has changed at most; None where no keyframe lies there."""
     guard.own(part)
     shape_keys = part.data.shape_keys
     taken = record.read(shape_keys)
-    made, changed = _curves(part, taken), False
+    made, largest = _curves(part, taken), None
     for (name, curve), column in zip(made.items(), fit.weights.T, strict=True):
         column = column * adjust.factor(taken.shown.get(name, name), taken.adjusted)
-        if not splice(curve, at, column, stretch):
+        changed = splice(curve, at, column, stretch)
+        if changed is None:
             continue
-        block, changed = shape_keys.key_blocks[name], True
+        block, largest = shape_keys.key_blocks[name], max(largest or 0.0, changed)
         block.slider_min = min(block.slider_min, float(column.min()))
         block.slider_max = max(block.slider_max, float(column.max()))
-    if changed:
+    if largest is not None:
         _add(part, taken, fit, at, stretch)
         changes.clear(shape_keys, taken)
         taken.still = dict.fromkeys(sliders.NAMES, _REDONE)
         record.write(shape_keys, taken)
         part.data.update()
-    return changed
+    return largest
 
 
 def _add(part, taken, fit: redo.Fit, at: np.ndarray, stretch: redo.Stretch) -> None:

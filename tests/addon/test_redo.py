@@ -79,6 +79,7 @@ def test_the_same_settings_again_change_nothing_that_can_be_seen(stage, tmp_path
     assert bpy.ops.anyface.redo() == {"FINISHED"}
     assert np.abs(film(ob, range(1, 70)) - before).max() < 2e-5
     assert len(ob.data.shape_keys.key_blocks) == keys
+    assert "as they were" in ob.anyface.report
 
 
 def test_redo_is_one_undo_step(stage, tmp_path):
