@@ -13,6 +13,8 @@ from .take import FaceMesh, Life
 # Longest time in which the old motion becomes the new one at either end, seconds, and the largest
 # part of a stretch that it takes: as `anyface_motion_new_redone`.
 _BLEND_S, _BLEND_PART = 0.1, 0.25
+# Least squares do not bound the farthest vertex: so many times the error of a take it may miss.
+_ROOM = 1.5
 # A stretch whose motion the keys of the take cannot show gets so many more at most.
 _MOST_MORE = 32
 
@@ -43,11 +45,15 @@ class Fit:
 
 @dataclass
 class Redone:
-    """What was made of a stretch: a `Fit` for each object by name, head and eyes, `[n]` frames."""
+    """What was made of a stretch: a `Fit` for each object by name, head and eyes, `[n]` frames.
+
+    `unit_mm` is the length of an object unit on a head of human size.
+    """
 
     fits: dict[str, Fit]
     life: Life | None
     frames: int
+    unit_mm: float
 
 
 @dataclass
@@ -92,7 +98,8 @@ class Redo:
         animate = partial(snapshot.engine.animate_stretch, rows=self.rows)
         take = perform.perform(snapshot.face, voice, request, animate, progress)
         largest = np.sqrt((take.frames**2).sum(axis=2).max(initial=0.0))
-        limit = snapshot.settings.error_mm / max(take.largest_mm, 1e-9) * largest
+        per_mm = largest / max(take.largest_mm, 1e-9)
+        limit = _ROOM * snapshot.settings.error_mm * per_mm
         made = {}
         for keys in self.keys:
             _, moved = plan.of_piece(snapshot.face, take.frames, keys.name)
@@ -103,7 +110,7 @@ class Redo:
                 solved = snapshot.engine.solve(keys.shapes, keys.vectors, moved, progress)
                 none = np.empty((0, *moved.shape[1:])), np.empty((len(moved), 0))
                 made[keys.name] = Fit(solved.weights, *none, solved.left_out)
-        return Redone(made, take.life, len(take.frames))
+        return Redone(made, take.life, len(take.frames), 1.0 / max(per_mm, 1e-12))
 
 
 def fit(vectors: np.ndarray, moved: np.ndarray, limit: float) -> Fit:
@@ -147,6 +154,12 @@ def rows_of(stretch: Stretch, start: float, step: float) -> range:
             f"is, got {stretch.first:g} to {stretch.last:g}",
         )
     return range(max(0, int(np.floor(first))), int(np.ceil(last)) + 1)
+
+
+def moved_by(keys: ObjectKeys, change: np.ndarray) -> float:
+    """How far a change `[n, K]` of weights moves any vertex, object units."""
+    flat = keys.vectors.reshape(len(keys.vectors), -1)
+    return _farthest(change.astype(np.float32) @ flat)
 
 
 def is_of(face: FaceMesh, name: str) -> bool:

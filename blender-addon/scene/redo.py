@@ -10,8 +10,8 @@ from .outputs.output import EASE_S, PREFIX, times
 _NO_TAKE = "no take to redo: press Generate first"
 _NOT_KEYS = "only takes of basis keys, ARKit keys and existing keys can be redone in part"
 _NO_RANGE = "no stretch to redo: set a preview range (P), or put a marker (M) before and behind it"
-# Weights that differ by less are the same.
-_NOTHING = 1e-4
+# What moves by less looks the same: twice the error of a take, mm.
+_NOTHING_MM = 0.2
 _REDONE = "a stretch of the take was redone: generate again"
 
 
@@ -65,32 +65,33 @@ def write(ob, scene, wanted: redo.Redo, made: redo.Redone) -> str:
     stretch, start, step = _stretch(ob, wanted, scene)
     at = start + step * (wanted.rows.start + np.arange(made.frames))
     parts = {part.name: part for part in (ob, *together.others_of(ob))}
+    by_mm = made.unit_mm * max(_change(parts[k.name], k, made, at, stretch) for k in wanted.keys)
     changed = [_write(parts[name], fit, at, stretch) for name, fit in made.fits.items()]
-    if all(largest is None for largest in changed):
+    if not any(changed):
         raise AnyfaceError("mesh", "the take has no keyframe there: has it been moved?")
     if made.life is not None:
         life.redo(ob, made.life, wanted.snapshot.settings, at, lambda *c: splice(*c, stretch))
     more = sum(len(fit.more) for fit in made.fits.values())
     text = f"frames {stretch.first:g} to {stretch.last:g} redone"
-    if max(largest or 0.0 for largest in changed) < _NOTHING:
+    if by_mm < _NOTHING_MM:
         return f"{text} as they were: change the seed, the emotion or the strips first"
     left_out = max(fit.left_out for fit in made.fits.values())
-    text += f", {more} more keys" if more else ""
+    text += f", other by {by_mm:.1f} mm at most" + (f", {more} more keys" if more else "")
     return text + (f", keys show {1.0 - left_out:.0%} of it" if left_out > 0.1 else "")
 
 
-def splice(curve, at: np.ndarray, new: np.ndarray, stretch: redo.Stretch) -> float | None:
+def splice(curve, at: np.ndarray, new: np.ndarray, stretch: redo.Stretch) -> bool:
     """Mixes the keyframes of a curve inside a stretch with values `new` `[n]` at frames `at` `[n]`.
 
-    Between its ends alone: a keyframe whose neighbour would move a frame outside stays. Returns by
-    how much one has changed at most, or None where there is none.
+    Between its ends alone: a keyframe whose neighbour would move a frame outside stays. False where
+    there is none.
     """
     points = curves.places(curve)
     frames, values = points[0::2], points[1::2]
     shares = stretch.shares(frames.astype(np.float64))
     inside = np.flatnonzero(shares > 0.0)
     if len(inside) == 0:
-        return None
+        return False
     first, last = inside[0], inside[-1]
     if first > 0 and stretch.first > stretch.begins and frames[first - 1] < stretch.first:
         shares[first] = 0.0
@@ -102,7 +103,7 @@ def splice(curve, at: np.ndarray, new: np.ndarray, stretch: redo.Stretch) -> flo
     for places in moved.values():
         places[1::2] += added.astype(np.float32)
     curves.put(curve, moved)
-    return float(np.abs(added).max())
+    return True
 
 
 def _takes_part(face, ob, part) -> bool:
@@ -144,27 +145,36 @@ def _curves(part, taken) -> dict:
     return {name: curve for name, curve in found.items() if curve is not None}
 
 
-def _write(part, fit: redo.Fit, at: np.ndarray, stretch: redo.Stretch) -> float | None:
-    """By how much a weight has changed at most; None where no keyframe lies there."""
+def _change(part, keys: redo.ObjectKeys, made: redo.Redone, at, stretch) -> float:
+    """How far the new weights move any vertex of an object from where it was, object units."""
+    taken = record.read(part.data.shape_keys)
+    found = [np.array(curves.places(curve)) for curve in _curves(part, taken).values()]
+    was = np.array([np.interp(at, points[0::2], points[1::2]) for points in found]).T
+    scale = [adjust.factor(shape, taken.adjusted) for shape in keys.shapes]
+    shares = stretch.shares(at)[:, None]
+    return redo.moved_by(keys, shares * (made.fits[keys.name].weights * scale - was))
+
+
+def _write(part, fit: redo.Fit, at: np.ndarray, stretch: redo.Stretch) -> bool:
+    """Puts new weights into the curves of one object; False where no keyframe lies there."""
     guard.own(part)
     shape_keys = part.data.shape_keys
     taken = record.read(shape_keys)
-    made, largest = _curves(part, taken), None
+    made, changed = _curves(part, taken), False
     for (name, curve), column in zip(made.items(), fit.weights.T, strict=True):
         column = column * adjust.factor(taken.shown.get(name, name), taken.adjusted)
-        changed = splice(curve, at, column, stretch)
-        if changed is None:
+        if not splice(curve, at, column, stretch):
             continue
-        block, largest = shape_keys.key_blocks[name], max(largest or 0.0, changed)
+        block, changed = shape_keys.key_blocks[name], True
         block.slider_min = min(block.slider_min, float(column.min()))
         block.slider_max = max(block.slider_max, float(column.max()))
-    if largest is not None:
+    if changed:
         _add(part, taken, fit, at, stretch)
         changes.clear(shape_keys, taken)
         taken.still = dict.fromkeys(sliders.NAMES, _REDONE)
         record.write(shape_keys, taken)
         part.data.update()
-    return largest
+    return changed
 
 
 def _add(part, taken, fit: redo.Fit, at: np.ndarray, stretch: redo.Stretch) -> None:
