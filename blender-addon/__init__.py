@@ -33,13 +33,14 @@ from .ui import (
     running,
     sample_head,
     scene_list,
+    sounds,
     takes,
 )
 
 _MODULES = (
     preferences, generate, remove, mending, sample_head, panel, character, landmarks, mouth, audio,
     presets, performance, life, outputs, key_list, controls, find_controls, caches, takes,
-    scene_list, models,
+    sounds, scene_list, models,
 )  # fmt: skip
 _CLASSES = [cls for module in _MODULES for cls in module.CLASSES]
 

@@ -279,6 +279,9 @@ typedef struct AnyfaceRig AnyfaceRig;
 /// after it was made: any number of threads may read it at the same time.
 typedef struct AnyfaceSliders AnyfaceSliders;
 
+/// Sounds of speech and their times: heard in a sound, or read from a file. Never changes after it was made.
+typedef struct AnyfaceSounds AnyfaceSounds;
+
 /// A performance in progress: push sound, pull frames of the 68 landmarks in the canonical frame.
 ///
 /// The frames are the same bit for bit however the sound is cut into pushes. A stream belongs to
@@ -451,6 +454,15 @@ typedef struct {
     const AnyfaceControlSetting *controls;
     /// Number of controls that are set.
     size_t control_count;
+    /// `[closure_count, 2]`: start and end in seconds of the intervals in which the lips are together, in rising
+    /// order, where `closures_given` is 1; see `anyface_sounds_copy_closures()`.
+    const double *closures_s;
+    /// Number of intervals; 0 with `closures_given` closes the lips nowhere.
+    size_t closure_count;
+    /// 1 closes the lips in these intervals, 0, the default, where that is heard.
+    int32_t closures_given;
+    /// Must be 0.
+    uint32_t reserved_2;
 } AnyfaceMotionOptions;
 
 #ifdef __cplusplus
@@ -642,6 +654,56 @@ float anyface_audio_peak(const AnyfaceAudio *audio);
 
 /// Frees a sound that no running call uses; nothing happens for NULL.
 void anyface_audio_free(AnyfaceAudio *audio);
+
+/// Listens to a sound: where the lips are heard to be together for p, b, m and their kin.
+///
+/// Free with `anyface_sounds_free()`. Fails with `ANYFACE_STATUS_AUDIO` for a sound too short to use.
+AnyfaceStatus anyface_sounds_new(const AnyfaceEngine *engine,
+                                 const AnyfaceAudio *audio,
+                                 AnyfaceSounds **out,
+                                 AnyfaceError **error);
+
+/// Sounds from a file that another tool or an artist has made: .TextGrid (Praat), .tsv or .json (Rhubarb), .pgo
+/// (Papagayo), .dat (Moho), .txt (lines of start, end and label).
+///
+/// `path`: UTF-8. `fps`: frames per second that .dat counts, 1 to 240. Free with `anyface_sounds_free()`.
+/// Fails with `ANYFACE_STATUS_IO` if the file cannot be read, `ANYFACE_STATUS_INVALID_INPUT` for another
+/// ending, a line that cannot be read, or words alone.
+AnyfaceStatus anyface_sounds_read(const char *path,
+                                  double fps,
+                                  AnyfaceSounds **out,
+                                  AnyfaceError **error);
+
+/// Writes sounds as a file of the kind that its ending names, as `anyface_sounds_read()` lists them.
+///
+/// `path`: UTF-8. `fps`: frames per second that .pgo and .dat count, 1 to 240.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending, `ANYFACE_STATUS_IO` if the file cannot be
+/// written; then nothing is left of it.
+AnyfaceStatus anyface_sounds_write(const AnyfaceSounds *sounds,
+                                   const char *path,
+                                   double fps,
+                                   AnyfaceError **error);
+
+/// Number `n` of intervals in which the lips are together; 0 for NULL.
+size_t anyface_sounds_closure_count(const AnyfaceSounds *sounds);
+
+/// Copies the intervals in which the lips are together into the caller's buffer, as
+/// `AnyfaceMotionOptions` takes them.
+///
+/// `buffer`: `[n, 2]`, start and end in seconds, in rising order; `double_count` must be `n * 2`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `double_count`.
+AnyfaceStatus anyface_sounds_copy_closures(const AnyfaceSounds *sounds,
+                                           double *buffer,
+                                           size_t double_count,
+                                           AnyfaceError **error);
+
+/// 1 where a phone (IPA, ARPABET, `MBP`) closes the lips as p, b and m do, else 0; 0 for NULL.
+///
+/// `label`: UTF-8.
+int32_t anyface_sounds_label_closes_lips(const char *label);
+
+/// Frees sounds; NULL is fine.
+void anyface_sounds_free(AnyfaceSounds *sounds);
 
 /// Number of systems that turn speech into motion; number 0 is the default one.
 size_t anyface_system_count(void);
@@ -872,6 +934,21 @@ AnyfaceStatus anyface_motion_new_again(const AnyfaceEngine *engine,
                                        const AnyfaceMotionOptions *options,
                                        AnyfaceMotion **out,
                                        AnyfaceError **error);
+
+/// Motion with a stretch of it as in `again`, which was spoken of the same sound in another way: with another
+/// seed, emotion, controls or closures.
+///
+/// Frames at `start_s` and before, at `end_s` and after stay to the bit; within a tenth of a second, or a
+/// quarter of the stretch, the old motion becomes the new one, except at the ends of the sound. Head and eyes
+/// go along. Free with `anyface_motion_free()`; both may go before. The result cannot be performed again.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that hold no frame, motion of another kind or frame
+/// rate or length, or motion that the caller brought.
+AnyfaceStatus anyface_motion_new_redone(const AnyfaceMotion *motion,
+                                        const AnyfaceMotion *again,
+                                        double start_s,
+                                        double end_s,
+                                        AnyfaceMotion **out,
+                                        AnyfaceError **error);
 
 /// Motion that the caller brings: from a tracker, or edited. The array is copied.
 ///

@@ -115,6 +115,10 @@ class MotionOptions(Structure):
         ("reserved", c_uint32),
         ("controls", POINTER(ControlSetting)),
         ("control_count", c_size_t),
+        ("closures_s", POINTER(c_double)),
+        ("closure_count", c_size_t),
+        ("closures_given", c_int32),
+        ("reserved_2", c_uint32),
     ]
 
 
@@ -184,6 +188,9 @@ SIGNATURES = {
         c_int32,
         [_HANDLE, _HANDLE, POINTER(MotionOptions), _HANDLE, _OUT, _OUT],
     ),
+    "anyface_motion_new_displacements": (c_int32, [_FLOATS, c_size_t, c_double, _OUT, _OUT]),
+    "anyface_motion_frame_count": (c_size_t, [_HANDLE]),
+    "anyface_motion_copy_displacements": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_motion_copy_head": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_motion_copy_gaze": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_motion_free": (None, [_HANDLE]),
@@ -222,6 +229,12 @@ SIGNATURES = {
     "anyface_weights_left_out": (c_float, [_HANDLE]),
     "anyface_weights_write": (c_int32, [_HANDLE, c_char_p, c_double, _OUT]),
     "anyface_weights_free": (None, [_HANDLE]),
+    "anyface_sounds_new": (c_int32, [_HANDLE, _HANDLE, _OUT, _OUT]),
+    "anyface_sounds_read": (c_int32, [c_char_p, c_double, _OUT, _OUT]),
+    "anyface_sounds_closure_count": (c_size_t, [_HANDLE]),
+    "anyface_sounds_copy_closures": (c_int32, [_HANDLE, POINTER(c_double), c_size_t, _OUT]),
+    "anyface_sounds_label_closes_lips": (c_int32, [c_char_p]),
+    "anyface_sounds_free": (None, [_HANDLE]),
     "anyface_sliders_new": (
         c_int32,
         [_HANDLE, _HANDLE, _HANDLE, _HANDLE, _HANDLE, _HANDLE, _OUT, _OUT],

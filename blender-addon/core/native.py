@@ -17,6 +17,7 @@ from .native_mesh import MeshCalls
 from .native_mouth import MouthCalls
 from .native_shapes import ShapeCalls
 from .native_sliders import SliderCalls
+from .native_sounds import SoundCalls
 from .take import (
     EMOTION_SOURCES,
     MOUTHS,
@@ -46,7 +47,7 @@ _CACHE_IN_FOLDER = 2
 _KINDS = {3: "input", 4: "audio", 5: "mesh", 6: "face", 7: "weights", 8: "file"}
 
 
-class Engine(MeshCalls, MouthCalls, ShapeCalls, SliderCalls):
+class Engine(MeshCalls, MouthCalls, ShapeCalls, SliderCalls, SoundCalls):
     """Loaded models; any number of threads may use one engine.
 
     `forward` and `up` are the axes of the meshes that it is given: Blender's heads face -Y with +Z
@@ -134,15 +135,20 @@ class Engine(MeshCalls, MouthCalls, ShapeCalls, SliderCalls):
         """
         with ExitStack() as handles:
             watch = handles.enter_context(_Watch(self._library, progress))
-            mesh = self._mesh(handles, positions, triangles)
-            options, _alive = self._face_options(landmarks, landmark_vertices, request.roles)
-            _set = self._control(options, request, systems.FACE)
-            given = (self._handle, mesh, byref(options), watch.handle)
-            face = self._own(handles, "face", "anyface_face_new", *given)
+            marks = landmarks, landmark_vertices
+            face = self._face(handles, positions, triangles, marks, request, watch)
             motion = self._motion(handles, sound, request, watch)
             given = (self._handle, face, motion, watch.handle)
             clip = self._own(handles, "clip", "anyface_clip_new", *given)
             return self._animation(handles, (face, motion, clip), request, len(positions), watch)
+
+    def _face(self, handles, positions, triangles, landmarks, request, watch):
+        """A mesh made ready to be moved; `landmarks` are positions and vertices."""
+        mesh = self._mesh(handles, positions, triangles)
+        options, _alive = self._face_options(*landmarks, request.roles)
+        _set = self._control(options, request, systems.FACE)
+        given = (self._handle, mesh, byref(options), watch.handle)
+        return self._own(handles, "face", "anyface_face_new", *given)
 
     def _animation(self, handles, made, request, vertices: int, watch) -> Animation:
         """A face, its motion and its clip as numpy arrays."""
@@ -263,10 +269,13 @@ class Engine(MeshCalls, MouthCalls, ShapeCalls, SliderCalls):
         options.control_count = len(settings)
         return [*alive, settings]
 
-    def _motion(self, handles, sound, request, watch):
+    def _audio(self, handles, sound):
         samples = np.ascontiguousarray(sound.samples, dtype=np.float32)
         given = (_floats(samples), len(samples), 1, round(sound.rate_hz))
-        audio = self._own(handles, "audio", "anyface_audio_new", *given)
+        return self._own(handles, "audio", "anyface_audio_new", *given)
+
+    def _motion(self, handles, sound, request, watch):
+        audio = self._audio(handles, sound)
         options = self._options(MotionOptions, "anyface_motion_options_init")
         options.emotion_source = EMOTION_SOURCES.index(request.emotion_source)
         keys = request.emotion if request.emotion_source == "GIVEN" else []
@@ -279,6 +288,10 @@ class Engine(MeshCalls, MouthCalls, ShapeCalls, SliderCalls):
         options.fps, options.seed = request.fps, request.seed
         options.style = request.style.encode() or None
         _alive = self._control(options, request, systems.MOTION)
+        if request.closures is not None:
+            closures = np.ascontiguousarray(request.closures, dtype=np.float64)
+            options.closures_s, options.closure_count = _doubles(closures), len(closures)
+            options.closures_given = 1
         given = (self._handle, audio, byref(options), watch.handle)
         return self._own(handles, "motion", "anyface_motion_new", *given)
 

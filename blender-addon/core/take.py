@@ -86,7 +86,8 @@ class Request:
     `systems.Control`, of others the default; those in `control_keys` follow
     `(times_s [N], values [N])` instead, linear in between. `roles` is what the artist says of the
     mesh's parts. `error_mm` is the largest error of a basis, on a head of human size; with None the
-    displacements of every frame are wanted.
+    displacements of every frame are wanted. The lips close in `closures` `[N, 2]`, seconds; with
+    None where that is heard.
     """
 
     fps: float
@@ -98,6 +99,7 @@ class Request:
     controls: dict[str, float] = field(default_factory=dict)
     control_keys: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     roles: PartRoles | None = None
+    closures: np.ndarray | None = None
 
 
 @dataclass

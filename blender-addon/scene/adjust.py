@@ -86,12 +86,12 @@ def _adjust(ob, wanted: dict[str, float]) -> None:
         _change(made["eval_time"], 1.0, moved)
     for number, name in enumerate((*taken.keys, *taken.values) if not output.finished else ()):
         shown = taken.shown.get(name, name)
-        factor, block = _factor(shown, taken.adjusted), shape_keys.key_blocks.get(name)
+        now, block = factor(shown, taken.adjusted), shape_keys.key_blocks.get(name)
         if block is None or curves.value_path(name) not in made:
             continue
-        more = None if added is None else (frames, factor * added[:, number])
+        more = None if added is None else (frames, now * added[:, number])
         low, high = _change(
-            made[curves.value_path(name)], factor / _factor(shown, before), moved, more
+            made[curves.value_path(name)], now / factor(shown, before), moved, more
         )
         if name in taken.keys:
             block.slider_min, block.slider_max = min(block.slider_min, low), max(1.0, high)
@@ -121,7 +121,8 @@ def _added(found, before, after) -> np.ndarray | None:
     return sum(moved) if moved else None
 
 
-def _factor(name: str, adjusted: dict[str, float]) -> float:
+def factor(name: str, adjusted: dict[str, float]) -> float:
+    """By how much a shape of a take was scaled."""
     return adjusted.get("strength", 1.0) * adjusted.get(_group(name), 1.0)
 
 

@@ -4,16 +4,18 @@
 does not and may run anywhere.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 
 import bpy
+import numpy as np
 
 from ..core import measure, perform
 from ..core.errors import AnyfaceError
 from ..core.job import Progress
 from ..core.plan import Plan
 from ..core.source import SoundSource
-from ..core.take import FaceMesh, Request, Take
+from ..core.take import FaceMesh, Request, Sound, Take, WrittenFile
 from . import (
     decode,
     emotion,
@@ -24,6 +26,7 @@ from . import (
     outputs,
     pieces,
     sound,
+    sounds,
     stored,
     strips,
     takes,
@@ -89,12 +92,22 @@ class Snapshot:
     asked: dict = field(default_factory=dict)
     # The numbers of all objects that take part, by their names at that time.
     numbers: dict[str, int] = field(default_factory=dict)
+    # Start and end in seconds, and the text, of strips that say what is heard.
+    sounds: list[tuple[float, float, str]] | None = None
+
+    def heard(self, progress: Progress) -> tuple[Sound, Request]:
+        """The sound, decoded, and the request with the lips closed where the strips say so."""
+        progress.check("sound")
+        voice, request = self.source.load(decode.decoder(self.engine)), self.request
+        if self.sounds is not None:
+            closed = [[a, b] for a, b, label in self.sounds if self.engine.closes_lips(label)]
+            request = replace(request, closures=np.array(closed).reshape(-1, 2))
+        return voice, request
 
     def work(self, progress: Progress) -> Take:
         """The take; raises `AnyfaceError`."""
-        progress.check("sound")
-        voice = self.source.load(decode.decoder(self.engine))
-        take = perform.perform(self.face, voice, self.request, self.engine.animate, progress)
+        voice, request = self.heard(progress)
+        take = perform.perform(self.face, voice, request, self.engine.animate, progress)
         take = self.plan.finish(self.face, take, self.engine, progress)
         moved = take.frames is not None or take.basis is not None or take.key_motion is not None
         if len(self.face.pieces) > 1 and moved and outputs.of_take(take).moves_parts:
@@ -110,7 +123,7 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     settings.held = life.held(settings) | settings.held
     notes = _leave_out_foreign(ob, settings)
     face = read_face(ob, settings)
-    source = _find_sound(scene, settings, engine)
+    source = find_sound(scene, settings, engine)
     scene_fps = scene.render.fps / scene.render.fps_base
     when = source.start_frame, strips.duration_s(source)
     request = Request(
@@ -127,7 +140,8 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     names = [piece.name for piece in face.pieces] or [ob.name]
     plan = output.plan(ob, settings.output, request.fps, names)
     found = face, source, request, settings, plan, scene_fps, engine
-    return Snapshot(ob.name, *found, notes, stored.read(ob), _numbers(names, settings))
+    asked, numbers = stored.read(ob), _numbers(names, settings)
+    return Snapshot(ob.name, *found, notes, asked, numbers, sounds.read(scene, source))
 
 
 def _numbers(names: list[str], settings: Settings) -> dict[str, int]:
@@ -136,9 +150,9 @@ def _numbers(names: list[str], settings: Settings) -> dict[str, int]:
     return {name: identity.number(ob) for name, ob in found.items() if ob is not None}
 
 
-def _follow_names(snapshot: Snapshot, take: Take) -> None:
-    """Calls the objects of a take what they are called now; raises `AnyfaceError("mesh")` where
-    one is gone."""
+def follow_names(snapshot: Snapshot, files: Iterable[WrittenFile]) -> None:
+    """Calls the objects of a take, and of its `files`, what they are called now; raises
+    `AnyfaceError("mesh")` where one is gone."""
     now = {}
     for name, number in snapshot.numbers.items():
         ob = identity.with_number(number, name)
@@ -147,7 +161,7 @@ def _follow_names(snapshot: Snapshot, take: Take) -> None:
         now[name] = ob.name
     for piece in (*snapshot.face.pieces, *snapshot.settings.parts):
         piece.name = now[piece.name]
-    for file in take.files:
+    for file in files:
         file.object_name = now[file.object_name]
     life.rename(snapshot.settings.life, now)
     snapshot.numbers = {now[name]: number for name, number in snapshot.numbers.items()}
@@ -194,7 +208,7 @@ def landing(ob, snapshot: Snapshot, take: Take):
 
     Closed at a yield it has changed nothing: the last step alone touches what there is.
     """
-    _follow_names(snapshot, take)
+    follow_names(snapshot, take.files)
     asked = snapshot.settings.output
     start, scene_fps = snapshot.source.start_frame, snapshot.scene_fps
     output = outputs.of_take(take)
@@ -216,7 +230,8 @@ def describe(take: Take) -> str:
     return f"{text}, {outputs.of_take(take).describe(take)}"
 
 
-def _find_sound(scene, settings: Settings, engine) -> SoundSource:
+def find_sound(scene, settings: Settings, engine) -> SoundSource:
+    """The sound that is asked for, not decoded yet; raises `AnyfaceError("audio")`."""
     if settings.strips or settings.channel:
         chosen = strips.chosen(scene, settings.strips, settings.channel)
         return strips.as_one(scene, chosen, decode.decoder(engine))

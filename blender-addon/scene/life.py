@@ -125,6 +125,21 @@ def write(ob, take: Take, settings, start_frame: float, scene_fps: float) -> lis
     return notes
 
 
+def redo(ob, life: Life, settings, at: np.ndarray, splice) -> None:
+    """Hands the curves of head and eyes, and what they would be at scene frames `at` `[n]`, to
+    `splice(curve, at, values)`; those in an action on nobody stay."""
+    if not settings.life.use:
+        return
+    padded = np.concatenate([at[:1], at, at[-1:]])
+    for other, channels in _turned(ob, life, settings, padded).items():
+        bag = curves.channels(other.animation_data)
+        for channel in channels if bag is not None else ():
+            for index, column in enumerate(channel.values.T):
+                curve = bag.fcurves.find(channel.path, index=index)
+                if curve is not None:
+                    splice(curve, at, column[1:-1])
+
+
 def release(ob) -> None:
     """Lets go of everything that the playing take of `ob` turns, as it was before."""
     for other, entries in _owned(ob):

@@ -29,6 +29,7 @@ mod open_mouth;
 mod progress;
 mod rig;
 mod sliders;
+mod sounds;
 mod status;
 mod stream;
 mod system;

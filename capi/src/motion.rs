@@ -6,7 +6,7 @@ use anyface::{
     MotionRequest, Performance,
     conditions::{Emotion, EmotionCurve, check_fps},
     ibug::LANDMARKS,
-    motion::{LandmarkClip, Life, Motion},
+    motion::{LandmarkClip, Life, Motion, Stretch},
 };
 use ndarray::ArrayView3;
 
@@ -30,6 +30,8 @@ pub struct AnyfaceMotion(pub(crate) Made);
 pub(crate) enum Made {
     /// Spoken, with all that variations of it need.
     Spoken(Box<Performance>),
+    /// Spoken, a stretch of it in another way.
+    Redone(Motion, Life),
     /// Brought by the caller.
     Given(Motion),
 }
@@ -39,7 +41,7 @@ impl AnyfaceMotion {
     pub(crate) fn motion(&self) -> &Motion {
         match &self.0 {
             Made::Spoken(performance) => &performance.motion,
-            Made::Given(motion) => motion,
+            Made::Redone(motion, _) | Made::Given(motion) => motion,
         }
     }
 
@@ -47,15 +49,16 @@ impl AnyfaceMotion {
     pub(crate) fn performance(&self) -> Option<&Performance> {
         match &self.0 {
             Made::Spoken(performance) => Some(performance),
-            Made::Given(_) => None,
+            Made::Redone(..) | Made::Given(_) => None,
         }
     }
 
     /// Head and eyes; still where the caller brought the motion.
     fn life(&self) -> Cow<'_, Life> {
-        match self.performance() {
-            Some(performance) => Cow::Borrowed(&performance.life),
-            None => Cow::Owned(Life::still(self.motion().frames())),
+        match &self.0 {
+            Made::Spoken(performance) => Cow::Borrowed(&performance.life),
+            Made::Redone(_, life) => Cow::Borrowed(life),
+            Made::Given(motion) => Cow::Owned(Life::still(motion.frames())),
         }
     }
 
@@ -114,11 +117,20 @@ pub struct AnyfaceMotionOptions {
     pub controls: *const AnyfaceControlSetting,
     /// Number of controls that are set.
     pub control_count: usize,
+    /// `[closure_count, 2]`: start and end in seconds of the intervals in which the lips are together, in rising
+    /// order, where `closures_given` is 1; see `anyface_sounds_copy_closures()`.
+    pub closures_s: *const f64,
+    /// Number of intervals; 0 with `closures_given` closes the lips nowhere.
+    pub closure_count: usize,
+    /// 1 closes the lips in these intervals, 0, the default, where that is heard.
+    pub closures_given: i32,
+    /// Must be 0.
+    pub reserved_2: u32,
 }
 
 unsafe impl Versioned for AnyfaceMotionOptions {
     const NAME: &'static str = "anyface_motion_options";
-    const FIRST_SIZE: usize = size_of::<Self>();
+    const FIRST_SIZE: usize = std::mem::offset_of!(AnyfaceMotionOptions, closures_s);
     fn defaults() -> Self {
         let MotionRequest { fps, seed, .. } = MotionRequest::default();
         AnyfaceMotionOptions {
@@ -133,6 +145,10 @@ unsafe impl Versioned for AnyfaceMotionOptions {
             reserved: 0,
             controls: null(),
             control_count: 0,
+            closures_s: null(),
+            closure_count: 0,
+            closures_given: 0,
+            reserved_2: 0,
         }
     }
 }
@@ -141,11 +157,11 @@ impl AnyfaceMotionOptions {
     /// # Safety
     /// Every pointer is NULL or as its field says.
     pub(crate) unsafe fn to_library(self) -> Result<MotionRequest, Failure> {
-        if self.reserved != 0 {
-            return Err(Failure::invalid(format!(
-                "reserved: expected 0, got {}",
-                self.reserved
-            )));
+        for reserved in [self.reserved, self.reserved_2] {
+            if reserved != 0 {
+                let message = format!("reserved: expected 0, got {reserved}");
+                return Err(Failure::invalid(message));
+            }
         }
         let style = unsafe { pointer::optional_text("style", self.style) }?;
         Ok(MotionRequest {
@@ -154,7 +170,25 @@ impl AnyfaceMotionOptions {
             seed: self.seed,
             style: style.map(str::to_owned),
             controls: unsafe { controls::read(self.controls, self.control_count) }?,
+            closures: unsafe { self.closures() }?,
         })
+    }
+
+    unsafe fn closures(&self) -> Result<Option<Vec<[f64; 2]>>, Failure> {
+        let count = self.closure_count;
+        match self.closures_given {
+            0 if count == 0 => Ok(None),
+            0 => Err(Failure::invalid(format!(
+                "closure_count: expected 0 where closures_given is 0, got {count}"
+            ))),
+            1 => {
+                let times = unsafe { pointer::slice("closures_s", self.closures_s, count, 2) }?;
+                Ok(Some(times.as_chunks::<2>().0.to_vec()))
+            }
+            other => Err(Failure::invalid(format!(
+                "closures_given: expected 0 or 1, got {other}"
+            ))),
+        }
     }
 
     unsafe fn emotion(&self) -> Result<EmotionCurve, Failure> {
@@ -275,6 +309,41 @@ pub unsafe extern "C" fn anyface_motion_new_again(
         })?;
         let again = engine.0.perform_again(performance, &request)?;
         unsafe { pointer::give(out, AnyfaceMotion(Made::Spoken(Box::new(again)))) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Motion with a stretch of it as in `again`, which was spoken of the same sound in another way: with another
+/// seed, emotion, controls or closures.
+///
+/// Frames at `start_s` and before, at `end_s` and after stay to the bit; within a tenth of a second, or a
+/// quarter of the stretch, the old motion becomes the new one, except at the ends of the sound. Head and eyes
+/// go along. Free with `anyface_motion_free()`; both may go before. The result cannot be performed again.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that hold no frame, motion of another kind or frame
+/// rate or length, or motion that the caller brought.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_motion_new_redone(
+    motion: *const AnyfaceMotion,
+    again: *const AnyfaceMotion,
+    start_s: f64,
+    end_s: f64,
+    out: *mut *mut AnyfaceMotion,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let motion = unsafe { pointer::handle("motion", motion) }?;
+        let again = unsafe { pointer::handle("again", again) }?;
+        let brought = |made: &AnyfaceMotion| matches!(made.0, Made::Given(_));
+        if brought(motion) || brought(again) {
+            let message = "motion: expected motion that was spoken, got the caller's own";
+            return Err(Failure::invalid(message));
+        }
+        let stretch = Stretch::new(start_s, end_s)?;
+        let moved = motion.motion().redone(again.motion(), &stretch)?;
+        let life = motion.life().redone(&again.life(), &stretch, moved.fps())?;
+        unsafe { pointer::give(out, AnyfaceMotion(Made::Redone(moved, life))) };
         Ok(())
     };
     unsafe { guard::guard(error, work) }
@@ -413,8 +482,11 @@ pub unsafe extern "C" fn anyface_motion_write(
     let work = || {
         let motion = unsafe { pointer::handle("motion", motion) }?;
         let path = unsafe { pointer::path("path", path) }?;
-        let life = motion.performance().map(|performance| &performance.life);
-        anyface::output::write_motion(path, motion.landmarks()?, life)?;
+        let life = match &motion.0 {
+            Made::Given(_) => None,
+            _ => Some(motion.life()),
+        };
+        anyface::output::write_motion(path, motion.landmarks()?, life.as_deref())?;
         Ok(())
     };
     unsafe { guard::guard(error, work) }

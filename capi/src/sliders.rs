@@ -93,7 +93,7 @@ pub unsafe extern "C" fn anyface_sliders_new(
                     .0
                     .slider_changes(face, performance, clip, basis, watch)
             }
-            Made::Given(_) => Ok(Vec::new()),
+            Made::Redone(..) | Made::Given(_) => Ok(Vec::new()),
         };
         let found = unsafe { watched(progress, find) }?;
         unsafe { pointer::give(out, AnyfaceSliders(found)) };

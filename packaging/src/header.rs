@@ -16,6 +16,7 @@ const SOURCES: &[&str] = &[
     "engine",
     "mesh",
     "audio",
+    "sounds",
     "system",
     "controls",
     "face_options",

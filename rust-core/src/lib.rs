@@ -37,6 +37,7 @@
 // `deny`, not `forbid`: the slicing macro of ndarray expands to an `allow` of its own.
 #![deny(unsafe_code)]
 
+pub mod annotation;
 pub mod audio;
 pub mod cache;
 #[cfg(feature = "cli")]

@@ -141,6 +141,28 @@ class Stage:
             animation.basis.sliders = sliders(module, self.sliders, animation.basis.weights)
         return animation
 
+    def animate_stretch(self, positions, *given, rows):
+        """Some frames of `motion`, drawn from the seed of the request."""
+        *_, sound, request, _progress = given
+        self.calls.append((positions, *given[:-1]))
+        frames = int(np.ceil(sound.duration_s * request.fps))
+        moved = motion(frames, len(positions), self.rank, self.size, request.seed)
+        animation = self.take_module.Animation(self.size * 1000.0)
+        animation.displacements = moved[rows.start : rows.stop]
+        return animation
+
+    def listen(self, sound):
+        """Two intervals in seconds."""
+        return np.array([[0.30, 0.38], [1.02, 1.06]])
+
+    def read_sounds(self, path, fps):
+        """One interval in seconds."""
+        return np.array([[0.5, 0.75]])
+
+    def closes_lips(self, label):
+        """True for the three that every list has."""
+        return label in ("p", "b", "m", "MBP")
+
     def find(self, positions, triangles, landmarks, numbers, fixed, roles, progress):
         """The first 68 vertices, or what was given; landmarks beside fixed ones go half as far."""
         self.searches.append((positions, landmarks, numbers, fixed, roles))

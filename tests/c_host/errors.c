@@ -270,6 +270,23 @@ static void missing_handles(void) {
     CHECK(anyface_motion_frame_count(NULL) == 0 && anyface_motion_fps(NULL) == 0.0);
 }
 
+static void spoken_sounds(void) {
+    const AnyfaceStatus null_pointer = ANYFACE_STATUS_NULL_POINTER;
+    AnyfaceSounds *heard = NULL;
+    CHECK_FAILS(anyface_sounds_new(NULL, NULL, &heard, &error), null_pointer, "engine");
+    CHECK_FAILS(anyface_sounds_read("x.TextGrid", 0.0, &heard, &error), ANYFACE_STATUS_INVALID_INPUT,
+                "fps");
+    CHECK_FAILS(anyface_sounds_read("x.srt", 24.0, &heard, &error), ANYFACE_STATUS_INVALID_INPUT,
+                ".TextGrid");
+    CHECK_FAILS(anyface_sounds_read("not-there.tsv", 24.0, &heard, &error), ANYFACE_STATUS_IO,
+                "not-there.tsv");
+    CHECK_FAILS(anyface_sounds_write(NULL, "x.tsv", 24.0, &error), null_pointer, "sounds");
+    CHECK(heard == NULL && anyface_sounds_closure_count(NULL) == 0);
+    CHECK(anyface_sounds_label_closes_lips("P") == 1 && anyface_sounds_label_closes_lips("f") == 0);
+    CHECK(anyface_sounds_label_closes_lips(NULL) == 0);
+    anyface_sounds_free(NULL);
+}
+
 static void freeing_null(void) {
     anyface_error_free(NULL);
     anyface_engine_free(NULL);
@@ -296,6 +313,7 @@ int main(int argc, char **argv) {
     emotions();
     motions();
     missing_handles();
+    spoken_sounds();
     freeing_null();
     puts("ok");
     return 0;

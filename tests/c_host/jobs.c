@@ -273,6 +273,52 @@ static void performed_again(const AnyfaceEngine *engine, const AnyfaceAudio *aud
     anyface_motion_free(anew);
 }
 
+/* What is heard, given back, moves nothing; without a closure, and with one of the host's own, it does. A
+   stretch of that in the first motion leaves the rest to the bit. */
+static void mended(const AnyfaceEngine *engine, const AnyfaceAudio *audio) {
+    AnyfaceSounds *heard = NULL;
+    CHECK_OK(anyface_sounds_new(engine, audio, &heard, &error));
+    size_t closures = anyface_sounds_closure_count(heard);
+    double *times = malloc((2 * closures + 1) * sizeof *times);
+    CHECK(times != NULL);
+    CHECK_OK(anyface_sounds_copy_closures(heard, times, 2 * closures, &error));
+    const double own[2] = {0.4, 0.6};
+    AnyfaceMotionOptions plain, same, other;
+    anyface_motion_options_init(&plain, sizeof plain);
+    same = other = plain;
+    same.closures_given = other.closures_given = 1;
+    same.closures_s = times;
+    same.closure_count = closures;
+    other.closures_s = own;
+    other.closure_count = 1;
+    AnyfaceMotion *motions[4] = {NULL, NULL, NULL, NULL};
+    CHECK_OK(anyface_motion_new(engine, audio, &plain, NULL, &motions[0], &error));
+    CHECK_OK(anyface_motion_new(engine, audio, &same, NULL, &motions[1], &error));
+    CHECK_OK(anyface_motion_new(engine, audio, &other, NULL, &motions[2], &error));
+    CHECK_OK(anyface_motion_new_redone(motions[0], motions[2], 0.3, 0.7, &motions[3], &error));
+    size_t frame = 3 * ANYFACE_LANDMARK_COUNT, count = anyface_motion_frame_count(motions[0]) * frame;
+    float *moved = malloc(4 * count * sizeof *moved);
+    CHECK(moved != NULL && count > 22 * frame);
+    for (int i = 0; i < 4; ++i)
+        CHECK_OK(anyface_motion_copy_displacements(motions[i], moved + i * count, count, &error));
+    CHECK(memcmp(moved, moved + count, count * sizeof *moved) == 0);
+    const float *redone = moved + 3 * count;
+    CHECK(memcmp(moved, redone, 10 * frame * sizeof *moved) == 0);
+    CHECK(memcmp(moved + 10 * frame, redone + 10 * frame, 12 * frame * sizeof *moved) != 0);
+    CHECK(memcmp(moved + 22 * frame, redone + 22 * frame, (count - 22 * frame) * sizeof *moved) == 0);
+    AnyfaceMotion *none = NULL;
+    CHECK_FAILS(anyface_motion_new_redone(motions[0], motions[2], 0.7, 0.3, &none, &error),
+                ANYFACE_STATUS_INVALID_INPUT, "after the start");
+    plain.closure_count = 1;
+    CHECK_FAILS(anyface_motion_new(engine, audio, &plain, NULL, &none, &error),
+                ANYFACE_STATUS_INVALID_INPUT, "closures_given");
+    free(moved);
+    free(times);
+    for (int i = 0; i < 4; ++i)
+        anyface_motion_free(motions[i]);
+    anyface_sounds_free(heard);
+}
+
 int main(int argc, char **argv) {
     CHECK(argc == 4);
     AnyfaceEngine *engine = NULL;
@@ -292,6 +338,7 @@ int main(int argc, char **argv) {
     found_alone(engine, mesh, face);
     motion_of_the_host(engine, face);
     performed_again(engine, audio);
+    mended(engine, audio);
     two_at_once(engine, face, audio);
     any_number_of_threads(mesh, &options, audio);
     cancelling(engine, face, audio);

@@ -8,12 +8,15 @@ use super::{
     arguments::{FaceArgs, MotionArgs, SharedArgs},
     console::Console,
     open_mouth,
-    stages::{new_report, note_face, read_sound, spread_into, summary, timed},
+    redo::{Redo, RedoArgs},
+    stages::{new_report, note_face, note_result, read_sound, spread_into, summary, timed},
 };
 use crate::{
-    Engine, Face, Result,
+    Engine, Face, Performance, Result,
     mesh::{self, Mesh, Mouth},
     output::{Format, Report, write_json},
+    progress::ProgressFn,
+    spread::FrameSink,
 };
 
 /// Animate a mesh with speech
@@ -39,6 +42,8 @@ pub(super) struct Animate {
     face: FaceArgs,
     #[command(flatten)]
     motion: MotionArgs,
+    #[command(flatten)]
+    redo: RedoArgs,
 }
 
 impl Animate {
@@ -46,6 +51,7 @@ impl Animate {
         // What is cheap to check comes before what takes time.
         Format::from_path(&self.out)?;
         let request = self.motion.request()?;
+        let redo = self.redo.asked()?;
         let options = self.face.options(&self.mesh, None)?;
         let mut report = new_report();
         let waveform = read_sound(&mut report, &self.audio)?;
@@ -63,21 +69,35 @@ impl Animate {
         let performance = timed(&mut report, "motion", || {
             engine.perform(&waveform, &request, progress)
         })?;
-        let articulation = performance.articulation();
-        let motion = &performance.motion;
-        spread_into(
-            &self.out,
-            &face,
-            motion.fps(),
-            articulation,
-            Some(&performance.life),
-            &mut report,
-            |sink| engine.spread(&face, motion, sink, progress),
-        )?;
+        self.spread(&engine, &face, &performance, redo, &mut report, progress)?;
         if let Some(path) = &self.report {
             write_json(path, &report)?;
         }
         console.report(&report, &summary(&report));
+        Ok(())
+    }
+
+    /// Writes the result, or an earlier one with a stretch of this.
+    fn spread(
+        &self,
+        engine: &Engine,
+        face: &Face,
+        performance: &Performance,
+        redo: Option<Redo<'_>>,
+        report: &mut Report,
+        progress: ProgressFn<'_>,
+    ) -> Result<()> {
+        let motion = &performance.motion;
+        let (fps, articulation) = (motion.fps(), performance.articulation());
+        let Some(redo) = redo else {
+            let life = Some(&performance.life);
+            let spread = |sink: &mut dyn FrameSink| engine.spread(face, motion, sink, progress);
+            return spread_into(&self.out, face, fps, articulation, life, report, spread);
+        };
+        let made = timed(report, "deform", || {
+            redo.animate(engine, face, performance, &self.out, progress)
+        })?;
+        note_result(report, &self.out, face, fps, articulation, &made);
         Ok(())
     }
 

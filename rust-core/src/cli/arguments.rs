@@ -11,6 +11,7 @@ use clap::Args;
 use super::controls::{EmotionArgs, FaceControls, MotionControls};
 use crate::{
     CachePolicy, Engine, EngineOptions, Error, MotionRequest, Result,
+    annotation::Annotation,
     conditions::check_fps,
     mesh::{
         Axis, DEFAULT_PROXY, FaceOptions, FixedLandmark, LandmarkSource, ObjectNames, PartChoices,
@@ -197,17 +198,26 @@ pub(super) struct MotionArgs {
     /// Speaking style by name [default: the model's own]
     #[arg(long, value_name = "NAME")]
     style: Option<String>,
+    /// Where lips close, instead of where it is heard: the p, b and m of a .TextGrid, .tsv, .json, .pgo,
+    /// .dat (which counts frames of --fps) or .txt, such as `anyface sounds` writes
+    #[arg(long, value_name = "S")]
+    sounds: Option<PathBuf>,
 }
 
 impl MotionArgs {
     pub(super) fn request(&self) -> Result<MotionRequest> {
         check_fps(self.fps)?;
+        let closures = match &self.sounds {
+            Some(path) => Some(Annotation::read(path, self.fps)?.closures()?),
+            None => None,
+        };
         Ok(MotionRequest {
             emotion: self.emotion.curve()?,
             controls: self.controls.controls()?,
             fps: self.fps,
             seed: self.seed,
             style: self.style.clone(),
+            closures,
         })
     }
 }

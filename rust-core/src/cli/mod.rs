@@ -13,8 +13,10 @@ mod landmarks;
 mod motion;
 mod open_mouth;
 mod parts;
+mod redo;
 mod rig;
 mod solve;
+mod sounds;
 mod stages;
 
 use std::process::ExitCode;
@@ -44,6 +46,7 @@ enum Command {
     OpenMouth(open_mouth::OpenMouth),
     Rig(rig::MakeRig),
     Solve(solve::Solve),
+    Sounds(sounds::Sounds),
     Parts(parts::ListParts),
     Info(info::Info),
 }
@@ -73,6 +76,7 @@ impl Arguments {
             Command::OpenMouth(command) => command.run(&self.shared, console),
             Command::Rig(command) => command.run(&self.shared, console),
             Command::Solve(command) => command.run(&self.shared, console),
+            Command::Sounds(command) => command.run(&self.shared, console),
             Command::Parts(command) => command.run(&self.shared, console),
             Command::Info(command) => command.run(&self.shared, console),
         }
@@ -107,6 +111,11 @@ mod tests {
             "anyface solve --mesh M.obj --animation A.mdd --rig R.npz --out W.csv --fps 60",
             "anyface deform --mesh M.obj --motion L.npz --out O.npz --part 3=jaw --part low=skull",
             "anyface parts --mesh M.obj --landmarks L.json --part 3=jaw --json",
+            "anyface sounds --audio A.wav --out A.TextGrid",
+            "anyface sounds --sounds A.TextGrid --out A.dat --fps 25",
+            "anyface animate --mesh M.obj --audio A.wav --out O.npz --sounds A.TextGrid",
+            "anyface animate --mesh M.obj --audio A.wav --out O.npz --redo 1.2-2.0 --from T.npz --seed 2",
+            "anyface motion --audio A.wav --out O.npz --redo 1.2-2.0 --from T.npz --emotion sad:1",
             "anyface info --json",
         ] {
             let words = line.split_whitespace();

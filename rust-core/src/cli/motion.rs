@@ -7,6 +7,7 @@ use clap::Args;
 use super::{
     arguments::{MotionArgs, SharedArgs, shown},
     console::Console,
+    redo::RedoArgs,
     stages::{new_report, read_sound, summary, timed},
 };
 use crate::{
@@ -28,10 +29,12 @@ pub(super) struct Motion {
     #[arg(long, value_name = "R.json")]
     report: Option<PathBuf>,
     /// As the stream hears it: each frame knows a fifth of a second ahead; one style, no noise
-    #[arg(long, conflicts_with = "style")]
+    #[arg(long, conflicts_with_all = ["style", "sounds", "redo"])]
     causal: bool,
     #[command(flatten)]
     motion: MotionArgs,
+    #[command(flatten)]
+    redo: RedoArgs,
 }
 
 impl Motion {
@@ -43,6 +46,7 @@ impl Motion {
             )));
         }
         let request = self.motion.request()?;
+        let redo = self.redo.asked()?;
         let mut report = new_report();
         let waveform = read_sound(&mut report, &self.audio)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
@@ -54,8 +58,12 @@ impl Motion {
             }
             let performance = engine.perform(&waveform, &request, &progress)?;
             let articulation = performance.articulation();
-            let motion = landmarks_of(performance.motion)?;
-            Ok((motion, Some(performance.life), articulation))
+            let motion = landmarks_of(&performance.motion)?;
+            if let Some(redo) = &redo {
+                let (motion, life) = redo.motion(&performance, motion)?;
+                return Ok((motion, Some(life), articulation));
+            }
+            Ok((motion.clone(), Some(performance.life), articulation))
         })?;
         report.note_motion(None, motion.displacements.view(), 1.0, articulation);
         report.frames = motion.displacements.dim().0;
@@ -73,13 +81,12 @@ impl Motion {
 }
 
 /// A file of motion holds landmarks.
-fn landmarks_of(motion: motion::Motion) -> Result<LandmarkClip> {
-    match motion {
-        motion::Motion::Landmarks(clip) => Ok(clip),
-        other => Err(Error::InvalidInput(format!(
+fn landmarks_of(motion: &motion::Motion) -> Result<&LandmarkClip> {
+    motion.landmarks().ok_or_else(|| {
+        Error::InvalidInput(format!(
             "motion: expected a system that moves landmarks, got one that gives {}; animate a mesh \
              instead",
-            other.kind()
-        ))),
-    }
+            motion.kind()
+        ))
+    })
 }

@@ -145,6 +145,19 @@ pub(super) fn spread_into(
         "deform",
         started.elapsed().saturating_sub(sink.spent),
     );
+    note_result(report, path, face, fps, articulation, &made);
+    Ok(())
+}
+
+/// Notes what was written to `path`.
+pub(super) fn note_result(
+    report: &mut Report,
+    path: &Path,
+    face: &Face,
+    fps: f64,
+    articulation: f32,
+    made: &SpreadReport,
+) {
     let landmarks = made.landmarks.view();
     report.note_motion(
         Some(made.largest),
@@ -156,7 +169,6 @@ pub(super) fn spread_into(
     report.frames = made.landmarks.dim().0;
     report.fps = fps;
     report.vertices = Some(face.mesh.positions.len());
-    Ok(())
 }
 
 /// Notes what was found of a face.

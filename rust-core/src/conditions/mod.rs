@@ -12,7 +12,7 @@ use ndarray::Array2;
 
 pub use controls::{Control, ControlCurve, ControlStage, ControlValues, Controls};
 pub use from_voice::{arousal, emotion_from_voice};
-pub use request::{FPS, MotionRequest, check_fps};
+pub use request::{FPS, MotionRequest, check_closures, check_fps};
 
 /// The fifteen emotion categories, in the order of the weights.
 pub const EMOTIONS: [&str; 15] = [

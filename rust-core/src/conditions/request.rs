@@ -30,6 +30,9 @@ pub struct MotionRequest {
     pub style: Option<String>,
     /// What the system's own controls are set to.
     pub controls: Controls,
+    /// Where lips are together, `[start_s, end_s]` in rising order, instead of where they are heard to
+    /// be; see [`crate::annotation::Annotation::closures`].
+    pub closures: Option<Vec<[f64; 2]>>,
 }
 
 impl Default for MotionRequest {
@@ -40,8 +43,25 @@ impl Default for MotionRequest {
             seed: 0,
             style: None,
             controls: Controls::default(),
+            closures: None,
         }
     }
+}
+
+/// Whether lips can be together then.
+///
+/// # Errors
+/// `InvalidInput` for a time that is not finite or below 0, or an end before its start.
+pub fn check_closures(closures: &[[f64; 2]]) -> Result<()> {
+    for &[start, end] in closures {
+        if !(start.is_finite() && end.is_finite() && 0.0 <= start && start <= end) {
+            return Err(Error::InvalidInput(format!(
+                "closures: expected seconds of at least 0, the end not before the start, got {start} \
+                 to {end}"
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// Whether a result can have this frame rate.

@@ -7,9 +7,12 @@ use ndarray::Axis;
 use super::Engine;
 use crate::{
     Result,
+    annotation::Annotation,
     audio::Waveform,
-    conditions::{Control, ControlCurve, ControlStage, EmotionCurve, MotionRequest, check_fps},
-    motion::{Life, LifeStrengths, Motion},
+    conditions::{
+        Control, ControlCurve, ControlStage, EmotionCurve, MotionRequest, check_closures, check_fps,
+    },
+    motion::{Life, LifeStrengths, Motion, Stretch},
     progress::{ProgressFn, report},
     speech::Heard,
 };
@@ -64,6 +67,18 @@ impl Performance {
         let sum: f64 = curve.keys.iter().map(|(_, value)| value).sum();
         (sum / curve.keys.len() as f64) as f32
     }
+
+    /// Motion, head and eyes with `stretch` of them as in `again`; see [`Motion::redone`].
+    ///
+    /// # Errors
+    /// Those of [`Motion::redone`].
+    pub fn redone(&self, again: &Performance, stretch: &Stretch) -> Result<(Motion, Life)> {
+        let motion = self.motion.redone(&again.motion, stretch)?;
+        Ok((
+            motion,
+            self.life.redone(&again.life, stretch, self.motion.fps())?,
+        ))
+    }
 }
 
 impl Engine {
@@ -90,6 +105,21 @@ impl Engine {
         })
     }
 
+    /// What is heard in speech: where the lips are together for p, b, m and their kin.
+    ///
+    /// # Errors
+    /// `Audio` for a sound too short to use.
+    pub fn listen(&self, waveform: &Waveform) -> Result<Annotation> {
+        self.threads(|| {
+            let heard = Heard::of(waveform, &self.encoder)?;
+            let mut closures = heard.closures(None).intervals();
+            for interval in &mut closures {
+                interval[1] = interval[1].min(heard.duration_s).max(interval[0]);
+            }
+            Ok(Annotation::of_closures(&closures, heard.duration_s))
+        })
+    }
+
     /// The same speech with other controls, another emotion, or seed of blinks and accents; nothing is
     /// heard or sampled again. Style, frame rate and whatever else the system samples with stay, among
     /// that the emotion where [`crate::systems::System::samples_emotion`].
@@ -109,6 +139,7 @@ impl Engine {
 
     fn check(&self, request: &MotionRequest) -> Result<()> {
         check_fps(request.fps)?;
+        check_closures(request.closures.as_deref().unwrap_or_default())?;
         let known = self.registration.controls();
         request.controls.check(known, ControlStage::Motion)
     }

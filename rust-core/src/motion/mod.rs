@@ -19,6 +19,7 @@ mod head;
 mod life;
 mod perform;
 mod phrases;
+mod redo;
 mod resample;
 mod slow_noise;
 mod smooth;
@@ -30,7 +31,7 @@ use ndarray::{Array2, Array3, ArrayD, ArrayViewD};
 
 pub use blinks::{Blink, blinks};
 pub use brow_accents::{BrowAccent, brow_accents};
-pub use closures::close_lips;
+pub use closures::{LipClosures, close_lips};
 pub use controls::{PERFORMANCE_CONTROLS, PerformanceControls};
 pub use effort::effort_gain;
 pub use expression::{CausalExpression, EmotionOrigin, Expressions, MODEL as EXPRESSIONS_MODEL};
@@ -38,6 +39,7 @@ pub use face_modes::{FaceModes, MODEL as FACE_MODES_MODEL};
 pub use frame_stream::{LandmarkFrame, MotionStream, stream_whole};
 pub use life::{Life, LifeStrengths};
 pub use perform::Cues;
+pub use redo::Stretch;
 pub use visibility::{SPOKEN_MM, VISIBLE_MM, Visibility, lip_travel};
 
 /// What a system gives: motion of one of the kinds that [`crate::spread`] can put on a mesh.

@@ -5,7 +5,7 @@ use std::{fs::File, io::BufReader, path::Path};
 use ndarray::{Array2, Array3, ArrayViewD, IxDyn};
 use ndarray_npy::{NpzReader, ReadNpzError};
 
-use crate::{Error, Result, conditions::check_fps, ibug::LANDMARKS};
+use crate::{Error, Result, conditions::check_fps, ibug::LANDMARKS, motion::Life};
 
 /// Landmark motion as a file holds it.
 #[derive(Debug, Clone, PartialEq)]
@@ -64,6 +64,34 @@ pub fn read_landmark_motion(path: &Path) -> Result<LandmarkMotion> {
         displacements,
         fps,
     })
+}
+
+/// Reads `head` `[T, 3]` and `gaze` `[T, 2, 2]`; `None` in files that lack either.
+///
+/// # Errors
+/// `Io` if the file cannot be read, `InvalidInput` if it is no npz, `ShapeMismatch` for other shapes.
+pub fn read_life(path: &Path) -> Result<Option<Life>> {
+    let file = File::open(path).map_err(Error::io(path))?;
+    let bad = |e: &dyn std::fmt::Display| Error::InvalidInput(format!("{}: {e}", path.display()));
+    let mut npz = NpzReader::new(BufReader::new(file)).map_err(|e| bad(&e))?;
+    let names = npz.names().map_err(|e| bad(&e))?;
+    if !["head", "gaze"]
+        .iter()
+        .all(|name| names.iter().any(|n| n == name))
+    {
+        return Ok(None);
+    }
+    let head: Array2<f32> = read(&mut npz, "head").map_err(|e| bad(&e))?;
+    let gaze: Array3<f32> = read(&mut npz, "gaze").map_err(|e| bad(&e))?;
+    let frames = head.nrows();
+    match (head.ncols(), gaze.dim()) == (3, (frames, 2, 2)) {
+        true => Ok(Some(Life { head, gaze })),
+        false => Err(Error::ShapeMismatch {
+            what: "head and gaze",
+            expected: format!("[{frames}, 3] and [{frames}, 2, 2]"),
+            got: format!("{:?} and {:?}", head.shape(), gaze.shape()),
+        }),
+    }
 }
 
 fn neutral_of(array: &Array2<f32>) -> Result<[[f32; 3]; LANDMARKS]> {

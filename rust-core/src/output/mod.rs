@@ -22,7 +22,7 @@ use std::path::Path;
 pub use atomic::write_atomically;
 pub use blend_weights::write_blend_weights;
 pub use clip_file::ClipFile;
-pub use landmark_motion::{LandmarkMotion, read_landmark_motion};
+pub use landmark_motion::{LandmarkMotion, read_landmark_motion, read_life};
 pub use opened_obj::write_opened_obj;
 pub use report::{Report, warnings_of_sound};
 pub use rig::{read_rig, write_rig, write_rig_folder};

@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
-use ndarray::{Array2, ArrayView2};
+use ndarray::Array2;
 
 use super::{FeatureTrack, SpeechEncoder, at_motion_frames};
 use crate::{
     Result,
     audio::{Prosody, Waveform},
+    motion::LipClosures,
 };
 
 /// A sound as systems hear it: speech features, how it was said, and how long it is.
@@ -57,9 +58,16 @@ impl Heard {
         at_motion_frames(&self.track, self.frames(fps), fps)
     }
 
-    /// [`SpeechEncoder::closed_lips`] of the encoder that heard the sound.
-    pub fn closed_lips(&self, features: ArrayView2<'_, f32>) -> Option<Vec<f32>> {
-        self.encoder.closed_lips(features)
+    /// When lips are together: as the encoder hears it ([`SpeechEncoder::closed_lips`]), or in the
+    /// `given` intervals `[start_s, end_s]`.
+    pub fn closures(&self, given: Option<&[[f64; 2]]>) -> LipClosures {
+        let rate_hz = self.track.rate_hz;
+        let closed = self.encoder.closed_lips(self.features(rate_hz).view());
+        let heard = LipClosures::heard(&closed.unwrap_or_default(), rate_hz);
+        match given {
+            Some(given) => heard.mended(given),
+            None => heard,
+        }
     }
 }
 

@@ -251,3 +251,139 @@ fn info_says_the_version() {
     let output = anyface(folder.path(), &["info"]);
     assert!(text(&output.stdout).starts_with("anyface "));
 }
+
+fn done(folder: &TempDir, arguments: &[&str]) {
+    let output = anyface(folder.path(), arguments);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+}
+
+fn landmarks(folder: &TempDir, name: &str) -> ndarray::Array3<f32> {
+    let read = anyface::output::read_landmark_motion(&folder.path().join(name));
+    read.unwrap().displacements
+}
+
+/// The frames that differ.
+fn changed(a: &ndarray::Array3<f32>, b: &ndarray::Array3<f32>) -> Vec<usize> {
+    let frames = a.outer_iter().zip(b.outer_iter()).enumerate();
+    let differ = frames.filter(|(_, (a, b))| a != b);
+    differ.map(|(t, _)| t).collect()
+}
+
+#[test]
+fn sounds_that_are_mended_close_the_lips_there_and_nowhere_else() {
+    let folder = folder_with_sound(&hum(2.0), 16_000);
+    done(
+        &folder,
+        &["sounds", "--audio", "a.wav", "--out", "a.TextGrid"],
+    );
+    let motion = ["motion", "--audio", "a.wav", "--fps", "25", "--out"];
+    let with = |out: &'static str, sounds: &'static str| {
+        done(&folder, &[&motion[..], &[out, "--sounds", sounds]].concat());
+    };
+    done(&folder, &[&motion[..], &["heard.npz"]].concat());
+    with("same.npz", "a.TextGrid");
+    assert_eq!(
+        landmarks(&folder, "heard.npz"),
+        landmarks(&folder, "same.npz")
+    );
+    fs::write(folder.path().join("none.txt"), "# nothing closes\n").unwrap();
+    fs::write(folder.path().join("one.txt"), "1.00 1.12 b\n").unwrap();
+    with("none.npz", "none.txt");
+    with("one.npz", "one.txt");
+    let (none, one) = (
+        landmarks(&folder, "none.npz"),
+        landmarks(&folder, "one.npz"),
+    );
+    let frames = changed(&none, &one);
+    assert!(frames.contains(&26), "{frames:?}");
+    assert!(frames.iter().all(|t| (24..=30).contains(t)), "{frames:?}");
+}
+
+#[test]
+fn one_file_of_sounds_becomes_another() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(
+        folder.path().join("a.tsv"),
+        "0.00\tX\n0.50\tA\n0.75\tC\n1.00\tX\n",
+    )
+    .unwrap();
+    done(&folder, &["sounds", "--sounds", "a.tsv", "--out", "a.dat"]);
+    let switch = fs::read_to_string(folder.path().join("a.dat")).unwrap();
+    assert_eq!(
+        switch,
+        "MohoSwitch1\n1 rest\n13 MBP\n19 E\n25 rest\n25 rest\n"
+    );
+    let back = ["sounds", "--sounds", "a.tsv", "--out", "a.srt"];
+    refused(&folder, &back, INVALID_INPUT, ".TextGrid");
+    fs::write(folder.path().join("b.tsv"), "0.00\tX\nsoon\tA\n").unwrap();
+    let damaged = ["sounds", "--sounds", "b.tsv", "--out", "a.dat.txt"];
+    refused(&folder, &damaged, INVALID_INPUT, "b.tsv:2: expected a time");
+}
+
+#[test]
+fn a_stretch_of_landmark_motion_is_made_again_and_the_rest_stays_to_the_bit() {
+    let folder = folder_with_sound(&hum(2.0), 16_000);
+    let motion = ["motion", "--audio", "a.wav", "--fps", "25", "--out"];
+    done(&folder, &[&motion[..], &["was.npz"]].concat());
+    let redo = ["--redo", "0.8-1.6", "--from", "was.npz"];
+    let sad = ["--emotion", "sad:1"];
+    done(&folder, &[&motion[..], &["sad.npz"], &sad].concat());
+    done(&folder, &[&motion[..], &["new.npz"], &redo, &sad].concat());
+    let [was, new, sad] = ["was.npz", "new.npz", "sad.npz"].map(|name| landmarks(&folder, name));
+    assert_eq!(changed(&was, &new), (21..40).collect::<Vec<_>>());
+    assert!(changed(&sad, &new).iter().all(|t| !(23..=37).contains(t)));
+    let alone = [&motion[..], &["o.npz", "--redo", "0.8-1.6"]].concat();
+    refused(&folder, &alone, USAGE, "--from");
+    let slower = [
+        "motion", "--audio", "a.wav", "--fps", "24", "--out", "o.npz",
+    ];
+    let words = "expected 48 frames at 24 fps";
+    refused(
+        &folder,
+        &[&slower[..], &redo].concat(),
+        INVALID_INPUT,
+        words,
+    );
+    let beyond = [
+        &motion[..],
+        &["o.npz", "--redo", "7-8", "--from", "was.npz"],
+    ]
+    .concat();
+    refused(&folder, &beyond, INVALID_INPUT, "holds a frame");
+}
+
+#[test]
+fn a_stretch_of_an_animated_mesh_is_made_again_and_the_rest_stays_to_the_bit() {
+    let folder = folder_with_sound(&hum(0.8), 16_000);
+    let head = crate::head::folder();
+    let (mesh, marks) = (head.join("head.obj"), head.join("landmarks.json"));
+    let [mesh, marks] = [&mesh, &marks].map(|path| path.to_str().unwrap());
+    let animate = [
+        "animate",
+        "--audio",
+        "a.wav",
+        "--mesh",
+        mesh,
+        "--landmarks",
+        marks,
+        "--fps",
+        "25",
+        "--cache",
+        "kept",
+        "--out",
+    ];
+    done(&folder, &[&animate[..], &["was.npz"]].concat());
+    let redo = ["--redo", "0.2-0.6", "--from", "was.npz"];
+    done(&folder, &[&animate[..], &["same.npz"], &redo].concat());
+    done(
+        &folder,
+        &[&animate[..], &["new.npz"], &redo, &["--emotion", "angry:1"]].concat(),
+    );
+    let mesh = anyface::mesh::Mesh::read(std::path::Path::new(mesh)).unwrap();
+    let [was, same, new] = ["was.npz", "same.npz", "new.npz"].map(|name| {
+        let read = anyface::output::read_vertex_motion(&folder.path().join(name), &mesh);
+        read.unwrap().displacements
+    });
+    assert_eq!(changed(&was, &same), [] as [usize; 0]);
+    assert_eq!(changed(&was, &new), (6..15).collect::<Vec<_>>());
+}

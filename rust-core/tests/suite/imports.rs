@@ -2,7 +2,8 @@
 
 use std::{fs, path::Path};
 
-const BELOW_SYSTEMS: [&str; 15] = [
+const BELOW_SYSTEMS: [&str; 16] = [
+    "annotation",
     "cache",
     "conditions",
     "face",

@@ -144,10 +144,9 @@ impl System for FreeTalk {
         )?;
         let frames = heard.frames(request.fps);
         let mut clip = LandmarkClip { displacements, fps }.at_rate(request.fps, frames);
-        if self.ats.config().closes_lips(request.style.as_deref())
-            && let Some(closed) = heard.closed_lips(features.view())
-        {
-            motion::close_lips(&mut clip, &closed, fps);
+        let closes = self.ats.config().closes_lips(request.style.as_deref());
+        if closes || request.closures.is_some() {
+            motion::close_lips(&mut clip, &heard.closures(request.closures.as_deref()));
         }
         Ok(Motion::Landmarks(clip))
     }

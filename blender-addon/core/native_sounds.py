@@ -1,0 +1,84 @@
+"""The library's calls about what is heard, and about a stretch of motion."""
+
+import os
+from contextlib import ExitStack
+from ctypes import POINTER, c_double, c_float
+
+import numpy as np
+
+from .job import Progress
+from .take import Animation, Life, Request, Sound
+
+_LANDMARK_FLOATS = 68 * 3
+
+
+class SoundCalls:
+    """What `native.Engine` knows of sounds of speech."""
+
+    def listen(self, sound: Sound) -> np.ndarray:
+        """Where the lips are heard to be together for p, b and m, `[N, 2]`: start and end.
+
+        In seconds. Raises `AnyfaceError`.
+        """
+        with ExitStack() as handles:
+            audio = self._audio(handles, sound)
+            sounds = self._own(handles, "sounds", "anyface_sounds_new", self._handle, audio)
+            return self._closures(sounds)
+
+    def read_sounds(self, path: str, fps: float) -> np.ndarray:
+        """The same of a file of another tool; `fps` is what frames of .dat count."""
+        with ExitStack() as handles:
+            given = os.fsencode(path), fps
+            return self._closures(self._own(handles, "sounds", "anyface_sounds_read", *given))
+
+    def closes_lips(self, label: str) -> bool:
+        """True for phones such as p, b and m."""
+        return self._library.anyface_sounds_label_closes_lips(label.encode()) == 1
+
+    def _closures(self, sounds) -> np.ndarray:
+        found = np.empty((self._library.anyface_sounds_closure_count(sounds), 2))
+        doubles = found.ctypes.data_as(POINTER(c_double))
+        self._call("anyface_sounds_copy_closures", sounds, doubles, found.size)
+        return found
+
+    def animate_stretch(
+        self,
+        positions: np.ndarray,
+        triangles: np.ndarray,
+        landmarks: np.ndarray | None,
+        landmark_vertices: np.ndarray | None,
+        sound: Sound,
+        request: Request,
+        progress: Progress,
+        rows: range,
+    ) -> Animation:
+        """The displacements of some frames of `native.Engine.animate`, and life there."""
+        with ExitStack() as handles:
+            watch = handles.enter_context(self._watch(progress))
+            marks = landmarks, landmark_vertices
+            face = self._face(handles, positions, triangles, marks, request, watch)
+            spoken = self._motion(handles, sound, request, watch)
+            frames = self._library.anyface_motion_frame_count(spoken)
+            moved = np.empty((frames, _LANDMARK_FLOATS), dtype=np.float32)
+            self._copy("anyface_motion_copy_displacements", spoken, moved)
+            life = self._life((face, spoken, None), frames)
+            part = slice(max(rows.start, 0), min(rows.stop, frames))
+            motion = self._part(handles, moved[part], request.fps)
+            given = (self._handle, face, motion, watch.handle)
+            clip = self._own(handles, "clip", "anyface_clip_new", *given)
+            shape = (len(moved[part]), len(positions), 3)
+            animation = Animation(self._millimetres(face, clip))
+            animation.displacements = np.empty(shape, dtype=np.float32)
+            self._copy("anyface_clip_copy_displacements", clip, animation.displacements)
+        animation.life = Life(life.head[part], life.gaze[part], life.way)
+        return animation
+
+    def _part(self, handles, moved: np.ndarray, fps: float):
+        moved = np.ascontiguousarray(moved)
+        given = (moved.ctypes.data_as(POINTER(c_float)), len(moved), fps)
+        return self._own(handles, "motion", "anyface_motion_new_displacements", *given)
+
+    def _millimetres(self, face, clip) -> float:
+        """The largest displacement of a clip on a head of human size."""
+        largest = self._library.anyface_clip_largest_displacement(clip)
+        return 1000.0 * self._library.anyface_face_metres_per_unit(face) * largest

@@ -1,0 +1,173 @@
+"""A stretch of a finished take made again with the keys that it has; the rest stays."""
+
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+
+from . import perform, plan
+from .errors import AnyfaceError
+from .job import Progress
+from .take import FaceMesh, Life
+
+# Longest time in which the old motion becomes the new one at either end, seconds, and the largest
+# part of a stretch that it takes: as `anyface_motion_new_redone`.
+_BLEND_S, _BLEND_PART = 0.1, 0.25
+# Least squares do not bound the farthest vertex: so many times the error of a take it may miss.
+_ROOM = 1.5
+# A stretch whose motion the keys of the take cannot show gets so many more at most.
+_MOST_MORE = 32
+
+
+@dataclass
+class ObjectKeys:
+    """Keys of a take on one object: what they show `[K]`, and `vectors` `[K, V, 3]` in its space.
+
+    Those that are `free` have weights of both signs, and more may be added.
+    """
+
+    name: str
+    shapes: list[str]
+    vectors: np.ndarray
+    free: bool
+
+
+@dataclass
+class Fit:
+    """New weights `[n, K]` of the keys of one object, more keys `[M, V, 3]` and theirs `[n, M]`;
+    `left_out` is the share of the motion that is not shown."""
+
+    weights: np.ndarray
+    more: np.ndarray
+    more_weights: np.ndarray
+    left_out: float
+
+
+@dataclass
+class Redone:
+    """What was made of a stretch: a `Fit` for each object by name, head and eyes, `[n]` frames.
+
+    `unit_mm` is the length of an object unit on a head of human size.
+    """
+
+    fits: dict[str, Fit]
+    life: Life | None
+    frames: int
+    unit_mm: float
+
+
+@dataclass
+class Stretch:
+    """Scene frames that are made again: between `first` and `last`, which stay themselves.
+
+    `begins` and `ends` are the first and the last frame of the take; beyond them nothing is
+    blended.
+    """
+
+    first: float
+    last: float
+    begins: float
+    ends: float
+    fps: float
+
+    def shares(self, frames: np.ndarray) -> np.ndarray:
+        """How far each of the scene frames goes to the new motion, 0 to 1."""
+        length = self.last - self.first
+        blend = min(_BLEND_S * self.fps, _BLEND_PART * length)
+        before = np.clip((frames - self.first) / blend, 0.0, 1.0)
+        after = np.clip((self.last - frames) / blend, 0.0, 1.0)
+        before = np.where(self.first <= self.begins, frames >= self.begins, before)
+        after = np.where(self.last > self.ends, frames <= self.ends, after)
+        x = np.minimum(before, after)
+        return x * x * (3.0 - 2.0 * x)
+
+
+@dataclass
+class Redo:
+    """What runs in the worker thread; `snapshot` is a `scene.bake.Snapshot`, `rows` the frames of
+    the take that are needed."""
+
+    snapshot: object
+    rows: range
+    keys: list[ObjectKeys] = field(default_factory=list)
+
+    def work(self, progress: Progress) -> Redone:
+        """The new weights; raises `AnyfaceError`, or `Cancelled`."""
+        snapshot = self.snapshot
+        voice, request = snapshot.heard(progress)
+        animate = partial(snapshot.engine.animate_stretch, rows=self.rows)
+        take = perform.perform(snapshot.face, voice, request, animate, progress)
+        largest = np.sqrt((take.frames**2).sum(axis=2).max(initial=0.0))
+        per_mm = largest / max(take.largest_mm, 1e-9)
+        limit = _ROOM * snapshot.settings.error_mm * per_mm
+        made = {}
+        for keys in self.keys:
+            _, moved = plan.of_piece(snapshot.face, take.frames, keys.name)
+            moved = moved[:, : keys.vectors.shape[1]]
+            if keys.free:
+                made[keys.name] = fit(keys.vectors, moved, limit)
+            else:
+                solved = snapshot.engine.solve(keys.shapes, keys.vectors, moved, progress)
+                none = np.empty((0, *moved.shape[1:])), np.empty((len(moved), 0))
+                made[keys.name] = Fit(solved.weights, *none, solved.left_out)
+        return Redone(made, take.life, len(take.frames), 1.0 / max(per_mm, 1e-12))
+
+
+def fit(vectors: np.ndarray, moved: np.ndarray, limit: float) -> Fit:
+    """Weights by least squares, and as many more vectors as bring every vertex within `limit`.
+
+    `moved` `[n, V, 3]` is the motion. The vectors that are added are the largest of what is left
+    (singular value decomposition), their weights within -1..1.
+    """
+    shapes = vectors.reshape(len(vectors), -1).astype(np.float64)
+    motion = moved.reshape(len(moved), -1).astype(np.float64)
+    gram = shapes @ shapes.T
+    weights = np.linalg.lstsq(gram, shapes @ motion.T, rcond=1e-10)[0].T
+    left = motion - weights @ shapes
+    missing = float(np.linalg.norm(left) / max(np.linalg.norm(motion), 1e-20))
+    found: list[tuple[np.ndarray, np.ndarray]] = []
+    while _farthest(left) > limit and len(found) < min(_MOST_MORE, len(motion)):
+        _, columns = np.linalg.eigh(left @ left.T)
+        column = columns[:, -1]
+        peak = np.abs(column).max()
+        vector = (column @ left) * peak
+        column = column / peak
+        left = left - np.outer(column, vector)
+        found.append((vector.reshape(moved.shape[1:]), column))
+        missing = float(np.linalg.norm(left) / max(np.linalg.norm(motion), 1e-20))
+    more = np.array([vector for vector, _ in found]).reshape(-1, *moved.shape[1:])
+    more_weights = np.array([column for _, column in found]).reshape(-1, len(moved)).T
+    return Fit(weights, more, more_weights, missing)
+
+
+def rows_of(stretch: Stretch, start: float, step: float) -> range:
+    """The frames of a take from scene frame `start` on, `step` apart, and one beyond each end.
+
+    Raises `AnyfaceError("input")` where none lies in the stretch.
+    """
+    first, last = (stretch.first - start) / step, (stretch.last - start) / step
+    length = (stretch.ends - start) / step
+    if last <= 0.0 or first >= length or last - first <= 1.0:
+        raise AnyfaceError(
+            "input",
+            f"expected a stretch of frames {stretch.begins:g} to {stretch.ends:g}, where the sound "
+            f"is, got {stretch.first:g} to {stretch.last:g}",
+        )
+    return range(max(0, int(np.floor(first))), int(np.ceil(last)) + 1)
+
+
+def moved_by(keys: ObjectKeys, change: np.ndarray) -> float:
+    """How far a change `[n, K]` of weights moves any vertex, object units."""
+    flat = keys.vectors.reshape(len(keys.vectors), -1)
+    return _farthest(change.astype(np.float32) @ flat)
+
+
+def is_of(face: FaceMesh, name: str) -> bool:
+    """True where an object is one of a face's."""
+    return name in [piece.name for piece in face.pieces]
+
+
+def _farthest(left: np.ndarray) -> float:
+    """The largest length of the vectors of `left` `[n, V * 3]`."""
+    vectors = left.reshape(len(left), -1, 3)
+    return float(np.sqrt((vectors**2).sum(axis=2).max(initial=0.0)))

@@ -1,0 +1,146 @@
+"""What was heard as strips to be mended, and *Redo* for a stretch of the take."""
+
+import bpy
+from bpy.props import StringProperty
+from bpy.types import Operator, Panel
+
+from ..core.errors import AnyfaceError
+from ..scene import bake, decode, redo, sounds
+from . import audio, running
+from .operators import Alone, InThread
+from .panel import OfFacePanel
+from .settings import from_object
+from .target import sequencer_scene, target
+
+
+class ANYFACE_PT_sounds(OfFacePanel, Panel):
+    """Sounds that can be mended."""
+
+    bl_idname = "ANYFACE_PT_sounds"
+    bl_label = "Mend"
+    bl_order = 5
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        """Draws the buttons, and which frames are meant."""
+        layout = self.layout
+        row = layout.row(align=True)
+        row.operator("anyface.sounds_show", icon="SEQ_SEQUENCER")
+        row.operator("anyface.sounds_read", text="", icon="FILEBROWSER")
+        layout.operator("anyface.redo", icon="FILE_REFRESH")
+        try:
+            first, last = redo.between(sequencer_scene(context))
+            layout.label(text=f"Between frames {first:g} and {last:g}")
+        except AnyfaceError:
+            layout.label(text="Between two markers, or in the preview range")
+
+
+class _WithSound(Alone):
+    @classmethod
+    def poll(cls, context):
+        """False, with the reason, without a face or a sound."""
+        if not super().poll(context):
+            return False
+        reason = audio.why_not(target(context), sequencer_scene(context))
+        if reason:
+            cls.poll_message_set(reason)
+        return not reason
+
+
+class _Listening:
+    """Decodes a sound and says where lips close in it."""
+
+    def __init__(self, source, engine):
+        self.source, self._engine = source, engine
+
+    def work(self, progress):
+        """Intervals `[N, 2]`, seconds."""
+        progress.check("sound")
+        return self._engine.listen(self.source.load(decode.decoder(self._engine)))
+
+
+class ANYFACE_OT_sounds_show(_WithSound, InThread, Operator):
+    """Show where lips close (p, b, m) as text strips: move, delete, copy, rename, then Redo"""
+
+    bl_idname = "anyface.sounds_show"
+    bl_label = "Show Sounds"
+
+    def read(self, context, ob):
+        """The sound that the character speaks."""
+        scene = sequencer_scene(context)
+        settings = from_object(ob, scene)
+        engine = running.engine(settings.system)
+        self._scene = scene.name
+        return _Listening(bake.find_sound(scene, settings, engine), engine)
+
+    def finish(self, ob, listening, closures):
+        """Puts the strips."""
+        count = sounds.show(bpy.data.scenes[self._scene], listening.source, closures)
+        self.report({"INFO"}, f"Anyface: {count} times the lips close")
+        return {"FINISHED"}
+
+
+class ANYFACE_OT_sounds_read(_WithSound, Operator):
+    """Show the sounds of a file: Praat, Rhubarb, Papagayo, Moho, or lines of start, end, phone"""
+
+    bl_idname = "anyface.sounds_read"
+    bl_label = "Read Sounds"
+
+    filepath: StringProperty(subtype="FILE_PATH")
+    filter_glob: StringProperty(
+        default="*.TextGrid;*.tsv;*.json;*.pgo;*.dat;*.txt", options={"HIDDEN"}
+    )
+
+    def invoke(self, context, event):
+        """Opens the file browser."""
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def act(self, ob):
+        """Puts the strips."""
+        scene = sequencer_scene(bpy.context)
+        settings = from_object(ob, scene)
+        engine = running.engine(settings.system)
+        source = bake.find_sound(scene, settings, engine)
+        fps = scene.render.fps / scene.render.fps_base
+        found = engine.read_sounds(bpy.path.abspath(self.filepath), fps)
+        return f"{sounds.show(scene, source, found)} times the lips close"
+
+
+class ANYFACE_OT_redo(_WithSound, InThread, Operator):
+    """Make the take anew between two markers, or in the preview range; the rest of it stays"""
+
+    bl_idname = "anyface.redo"
+    bl_label = "Redo"
+
+    @classmethod
+    def poll(cls, context):
+        """False, with the reason, without a take that can be redone."""
+        if not super().poll(context):
+            return False
+        reason = redo.why_not(target(context))
+        if reason:
+            cls.poll_message_set(reason[0].upper() + reason[1:])
+        return not reason
+
+    def read(self, context, ob):
+        """The stretch, the keys of the take, the mesh and the sound."""
+        scene = sequencer_scene(context)
+        self._scene = scene.name
+        settings = from_object(ob, scene)
+        return redo.read(ob, scene, settings, running.engine(settings.system))
+
+    def finish(self, ob, wanted, made):
+        """Writes the new keyframes."""
+        text = redo.write(ob, bpy.data.scenes[self._scene], wanted, made)
+        ob.anyface.report, ob.anyface.report_is_error = text, False
+        self.report({"INFO"}, f"Anyface: {text}")
+        return {"FINISHED"}
+
+
+CLASSES = (
+    ANYFACE_OT_sounds_show,
+    ANYFACE_OT_sounds_read,
+    ANYFACE_OT_redo,
+    ANYFACE_PT_sounds,
+)

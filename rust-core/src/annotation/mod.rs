@@ -1,0 +1,290 @@
+//! What is said when: phones, words or mouth shapes with their times, and the files that hold them.
+//!
+//! The terms are those of Praat: an annotation has tiers, a tier has intervals, an interval a label.
+
+mod papagayo;
+mod plain;
+mod rhubarb;
+mod symbols;
+mod text_grid;
+
+use std::path::Path;
+
+use crate::{Error, Result, output::write_atomically};
+
+pub use symbols::Symbols;
+
+/// Label of an interval in which the lips are heard to be together, for p, b or m.
+pub const CLOSED: &str = "MBP";
+
+/// What is said when.
+///
+/// ```
+/// use anyface::annotation::{Annotation, AnnotationFormat};
+///
+/// let heard = Annotation::of_closures(&[[0.25, 0.5]], 1.0);
+/// let text = heard.to_text(AnnotationFormat::TextGrid, 24.0);
+/// let back = Annotation::from_text(&text, AnnotationFormat::TextGrid, 24.0)?;
+/// assert_eq!(back.closures()?, [[0.25, 0.5]]);
+/// # Ok::<(), anyface::Error>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Annotation {
+    /// In the order of the file.
+    pub tiers: Vec<Tier>,
+    /// Length of the sound in seconds, where it is known; else the end of the last interval.
+    pub duration_s: f64,
+}
+
+/// Intervals of one kind.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tier {
+    /// What its labels are.
+    pub symbols: Symbols,
+    /// In rising order; none is empty of a label.
+    pub intervals: Vec<Interval>,
+}
+
+/// A label and its time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Interval {
+    /// Where it begins, seconds.
+    pub start_s: f64,
+    /// Where it ends, seconds, not before `start_s`.
+    pub end_s: f64,
+    /// A phone, a word or a mouth shape.
+    pub label: String,
+}
+
+/// Kinds of files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AnnotationFormat {
+    /// Praat's text file, long or short.
+    TextGrid,
+    /// Rhubarb's tab-separated cues.
+    RhubarbTsv,
+    /// Rhubarb's JSON.
+    RhubarbJson,
+    /// Papagayo's project.
+    Papagayo,
+    /// Moho's switch data, which Papagayo and Rhubarb export; counts frames from 1.
+    MohoSwitch,
+    /// Lines of start, end and label, as of Audacity's labels.
+    Plain,
+}
+
+impl AnnotationFormat {
+    /// From the extension of a file name.
+    ///
+    /// # Errors
+    /// `InvalidInput` for any other extension.
+    pub fn from_path(path: &Path) -> Result<Self> {
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
+        match extension.to_ascii_lowercase().as_str() {
+            "textgrid" => Ok(Self::TextGrid),
+            "tsv" => Ok(Self::RhubarbTsv),
+            "json" => Ok(Self::RhubarbJson),
+            "pgo" => Ok(Self::Papagayo),
+            "dat" => Ok(Self::MohoSwitch),
+            "txt" => Ok(Self::Plain),
+            _ => Err(Error::InvalidInput(format!(
+                "{}: expected a name that ends in .TextGrid, .tsv, .json, .pgo, .dat or .txt, got \
+                 {extension:?}",
+                path.display()
+            ))),
+        }
+    }
+}
+
+impl Annotation {
+    /// One tier that says where lips are together: `[start_s, end_s]` in rising order.
+    pub fn of_closures(closures: &[[f64; 2]], duration_s: f64) -> Annotation {
+        let interval = |&[start_s, end_s]: &[f64; 2]| Interval {
+            start_s,
+            end_s,
+            label: CLOSED.into(),
+        };
+        Annotation {
+            tiers: vec![Tier {
+                symbols: Symbols::Phones,
+                intervals: closures.iter().map(interval).collect(),
+            }],
+            duration_s,
+        }
+    }
+
+    /// Where lips are together: the intervals `[start_s, end_s]` of p, b, m and their kin, of the first
+    /// tier that can tell.
+    ///
+    /// # Errors
+    /// `InvalidInput` where there are words alone.
+    pub fn closures(&self) -> Result<Vec<[f64; 2]>> {
+        let tells = |tier: &&Tier| tier.symbols != Symbols::Words;
+        let tier = self.tiers.iter().find(tells).ok_or_else(|| {
+            Error::InvalidInput(
+                "sounds: expected phones or mouth shapes, got words alone, which do not tell when \
+                 lips close"
+                    .into(),
+            )
+        })?;
+        let closed = tier.intervals.iter();
+        let closed = closed.filter(|interval| tier.symbols.closes_lips(&interval.label));
+        Ok(closed.map(|i| [i.start_s, i.end_s]).collect())
+    }
+
+    /// The intervals of the first tier of these symbols; none where there is no such tier.
+    pub fn intervals(&self, symbols: Symbols) -> &[Interval] {
+        let tier = self.tiers.iter().find(|tier| tier.symbols == symbols);
+        tier.map_or(&[], |tier| &tier.intervals)
+    }
+
+    /// Reads a file of the format that its extension names; `fps` is what frames of .dat count, which
+    /// does not say so itself.
+    ///
+    /// # Errors
+    /// `Io`; `InvalidInput` for another extension, or with file and line for what cannot be read.
+    pub fn read(path: &Path, fps: f64) -> Result<Annotation> {
+        let format = AnnotationFormat::from_path(path)?;
+        let bytes = std::fs::read(path).map_err(Error::io(path))?;
+        let named = |message: String| Error::InvalidInput(format!("{}:{message}", path.display()));
+        let text = decode(&bytes).map_err(&named)?;
+        parse(&text, format, fps).map_err(named)
+    }
+
+    /// The same of a text; errors begin with the number of the line.
+    ///
+    /// # Errors
+    /// `InvalidInput` with the line for what cannot be read.
+    pub fn from_text(text: &str, format: AnnotationFormat, fps: f64) -> Result<Annotation> {
+        parse(text, format, fps).map_err(Error::InvalidInput)
+    }
+
+    /// Writes the format that the extension names; see [`Annotation::to_text`].
+    ///
+    /// # Errors
+    /// `InvalidInput` for another extension, `Io`.
+    pub fn write(&self, path: &Path, fps: f64) -> Result<()> {
+        let text = self.to_text(AnnotationFormat::from_path(path)?, fps);
+        write_atomically(path, |file| {
+            std::io::Write::write_all(file, text.as_bytes())
+        })
+    }
+
+    /// As a text; `fps` is what formats of frames count, rounded to whole ones.
+    ///
+    /// Formats of mouth shapes get phones as their shapes, and between intervals the shape of a mouth
+    /// that is neither closed nor wide: `B` of Rhubarb, `etc` of Papagayo.
+    pub fn to_text(&self, format: AnnotationFormat, fps: f64) -> String {
+        match format {
+            AnnotationFormat::TextGrid => text_grid::write(self),
+            AnnotationFormat::RhubarbTsv => rhubarb::write_tsv(self),
+            AnnotationFormat::RhubarbJson => rhubarb::write_json(self),
+            AnnotationFormat::Papagayo => papagayo::write_project(self, fps),
+            AnnotationFormat::MohoSwitch => papagayo::write_switch(self, fps),
+            AnnotationFormat::Plain => plain::write(self),
+        }
+    }
+
+    /// What is said in the formats of mouth shapes: intervals that touch, from 0 to the end.
+    fn filled(&self, to: Symbols) -> Vec<Interval> {
+        let tier = self.tiers.iter().find(|t| t.symbols != Symbols::Words);
+        let (mut out, mut at): (Vec<Interval>, f64) = (Vec::new(), 0.0);
+        let gap = |start_s: f64, end_s: f64| Interval {
+            start_s,
+            end_s,
+            label: to.between().into(),
+        };
+        for interval in tier.map_or(&[][..], |tier| &tier.intervals) {
+            let from = tier.map_or(to, |tier| tier.symbols);
+            if interval.start_s > at {
+                out.push(gap(at, interval.start_s));
+            }
+            out.push(Interval {
+                label: from.as_shape(&interval.label, to),
+                ..interval.clone()
+            });
+            at = interval.end_s;
+        }
+        if self.duration_s > at {
+            out.push(gap(at, self.duration_s));
+        }
+        out
+    }
+}
+
+/// Tiers with what is known of the end; tiers without a label are left out, unless all are.
+fn finished(tiers: Vec<Tier>, duration_s: f64) -> Annotation {
+    let ends = tiers.iter().flat_map(|tier| &tier.intervals);
+    let last = ends.map(|i| i.end_s).fold(0.0, f64::max);
+    Annotation {
+        tiers,
+        duration_s: duration_s.max(last),
+    }
+}
+
+fn parse(text: &str, format: AnnotationFormat, fps: f64) -> Result<Annotation, String> {
+    match format {
+        AnnotationFormat::TextGrid => text_grid::read(text),
+        AnnotationFormat::RhubarbTsv => rhubarb::read_tsv(text),
+        AnnotationFormat::RhubarbJson => rhubarb::read_json(text),
+        AnnotationFormat::Papagayo => papagayo::read_project(text),
+        AnnotationFormat::MohoSwitch => papagayo::read_switch(text, fps),
+        AnnotationFormat::Plain => plain::read(text),
+    }
+}
+
+/// UTF-8, or UTF-16 with a mark of its order, which Praat writes where a label needs it.
+fn decode(bytes: &[u8]) -> Result<String, String> {
+    let wide = |order: fn([u8; 2]) -> u16| {
+        let (pairs, _) = bytes[2..].as_chunks::<2>();
+        let units: Vec<u16> = pairs.iter().map(|pair| order(*pair)).collect();
+        String::from_utf16(&units).map_err(|_| "1: expected text, got damaged UTF-16".to_owned())
+    };
+    match bytes {
+        [0xFF, 0xFE, ..] => wide(u16::from_le_bytes),
+        [0xFE, 0xFF, ..] => wide(u16::from_be_bytes),
+        _ => {
+            let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+            std::str::from_utf8(bytes)
+                .map(str::to_owned)
+                .map_err(|error| {
+                    let before = &bytes[..error.valid_up_to()];
+                    let line = 1 + before.iter().filter(|byte| **byte == b'\n').count();
+                    format!("{line}: expected text in UTF-8, got another encoding")
+                })
+        }
+    }
+}
+
+/// What was expected in a line, and what stands there.
+fn wrong(line: usize, expected: &str, got: &str) -> String {
+    format!("{line}: expected {expected}, got {got:?}")
+}
+
+/// A time in seconds that can be.
+fn time(line: usize, text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds.is_finite() && seconds >= 0.0 => Ok(seconds),
+        _ => Err(wrong(line, "a time in seconds of at least 0", text)),
+    }
+}
+
+/// An interval whose end is not before its start, nor its start before `after_s`.
+fn interval(line: usize, times: [f64; 2], label: &str, after_s: f64) -> Result<Interval, String> {
+    let [start_s, end_s] = times;
+    // Half a hundred-thousandth of a second is rounding of the file.
+    if end_s < start_s || start_s < after_s - 5e-6 {
+        return Err(format!(
+            "{line}: expected an interval that begins at {after_s} s or later and does not end \
+             before, got {start_s} to {end_s}"
+        ));
+    }
+    Ok(Interval {
+        start_s,
+        end_s,
+        label: label.to_owned(),
+    })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,41 @@
+//! Lines of start, end and label in seconds; Audacity's labels are such a file.
+
+use std::fmt::Write;
+
+use super::{Annotation, Interval, Symbols, Tier, finished, interval, time, wrong};
+
+/// Lines that hold something, with their numbers; `#` begins a remark.
+pub(super) fn rows(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    let numbered = text.lines().enumerate();
+    let numbered = numbered.map(|(number, row)| (number + 1, row.trim()));
+    numbered.filter(|(_, row)| !row.is_empty() && !row.starts_with('#'))
+}
+
+pub(super) fn read(text: &str) -> Result<Annotation, String> {
+    let mut intervals: Vec<Interval> = Vec::new();
+    for (number, row) in rows(text) {
+        let expected = || wrong(number, "start, end and label, as in 0.32 0.40 p", row);
+        let (start, rest) = row.split_once(char::is_whitespace).ok_or_else(expected)?;
+        let rest = rest.trim_start();
+        let (end, label) = rest.split_once(char::is_whitespace).ok_or_else(expected)?;
+        let times = [time(number, start)?, time(number, end)?];
+        let after_s = intervals.last().map_or(0.0, |last| last.end_s);
+        intervals.push(interval(number, times, label.trim(), after_s)?);
+    }
+    let symbols = Symbols::guess("", intervals.iter().map(|i| i.label.as_str()));
+    Ok(finished(vec![Tier { symbols, intervals }], 0.0))
+}
+
+/// The first tier: lines have no place for a second.
+pub(super) fn write(annotation: &Annotation) -> String {
+    let mut out = String::new();
+    for interval in annotation.tiers.first().map_or(&[][..], |t| &t.intervals) {
+        let Interval {
+            start_s,
+            end_s,
+            label,
+        } = interval;
+        let _ = writeln!(out, "{start_s:.6}\t{end_s:.6}\t{label}");
+    }
+    out
+}

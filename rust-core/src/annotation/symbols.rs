@@ -1,0 +1,137 @@
+//! What labels are, and which of them close the lips.
+
+/// What the labels of a tier are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Symbols {
+    /// Phones: IPA, ARPABET with or without stress, or [`super::CLOSED`].
+    Phones,
+    /// Words.
+    Words,
+    /// Rhubarb's mouth shapes A to H and X, after Hanna-Barbera.
+    Rhubarb,
+    /// Papagayo's ten mouths, of Preston Blair (Cartoon Animation, 1994): AI, E, O, U, L, WQ, MBP, FV,
+    /// etc, rest.
+    Papagayo,
+}
+
+/// Phones, Papagayo's mouth for them, Rhubarb's.
+const MOUTHS: [(&[&str], &str, &str); 9] = [
+    (&["p", "b", "m", "em", "mbp"], "MBP", "A"),
+    (&["f", "v", "fv"], "FV", "G"),
+    (&["l", "el", "ɫ"], "L", "H"),
+    (&["w", "wq", "ʍ"], "WQ", "F"),
+    (&["uw", "uh", "u", "uː", "ʊ", "y"], "U", "F"),
+    (&["ow", "ao", "aw", "oy", "o", "oː", "ɔ", "ɒ"], "O", "E"),
+    (
+        &["aa", "ae", "ah", "ay", "ai", "a", "ɑ", "æ", "ʌ", "ɐ"],
+        "AI",
+        "D",
+    ),
+    (
+        &["eh", "ey", "iy", "ih", "er", "e", "i", "ɛ", "ɪ", "ə", "ɝ"],
+        "E",
+        "C",
+    ),
+    (&["rest", "sil", "sp", "spn", "<eps>", "_"], "rest", "X"),
+];
+/// Consonants that move neither lips nor jaw much; with those of [`MOUTHS`] all of ARPABET.
+const OTHERS: [&str; 19] = [
+    "ch", "d", "dh", "dx", "en", "g", "hh", "jh", "k", "n", "ng", "r", "s", "sh", "t", "th", "z",
+    "zh", "etc",
+];
+
+impl Symbols {
+    /// The name of a tier of them.
+    pub fn name(self) -> &'static str {
+        match self {
+            Symbols::Phones => "phones",
+            Symbols::Words => "words",
+            Symbols::Rhubarb => "rhubarb",
+            Symbols::Papagayo => "papagayo",
+        }
+    }
+
+    /// From the name of a tier, such as `Anna - phones`; what the labels look like where it says nothing.
+    pub(super) fn guess<'a>(name: &str, labels: impl Iterator<Item = &'a str>) -> Symbols {
+        let name = name.to_lowercase();
+        let says = [
+            ("word", Symbols::Words),
+            ("phon", Symbols::Phones),
+            ("rhubarb", Symbols::Rhubarb),
+            ("papagayo", Symbols::Papagayo),
+        ];
+        if let Some((_, symbols)) = says.into_iter().find(|(word, _)| name.contains(word)) {
+            return symbols;
+        }
+        let mut labels = labels.peekable();
+        match labels.peek().is_none() || labels.all(is_phone) {
+            true => Symbols::Phones,
+            false => Symbols::Words,
+        }
+    }
+
+    /// Whether lips are together where this is said.
+    pub fn closes_lips(self, label: &str) -> bool {
+        match self {
+            Symbols::Words => false,
+            Symbols::Rhubarb => label == "A",
+            Symbols::Papagayo => label.eq_ignore_ascii_case("mbp"),
+            Symbols::Phones => is_bilabial(&plain(label)),
+        }
+    }
+
+    /// A label as a mouth shape of `to`.
+    pub(super) fn as_shape(self, label: &str, to: Symbols) -> String {
+        if self == to || to == Symbols::Phones {
+            return label.to_owned();
+        }
+        let phone = plain(label);
+        let found = MOUTHS
+            .iter()
+            .find(|(phones, papagayo, rhubarb)| match self {
+                Symbols::Rhubarb => *rhubarb == label,
+                Symbols::Papagayo => papagayo.eq_ignore_ascii_case(label),
+                _ => phones.contains(&phone.as_str()) || phones[0] == "p" && is_bilabial(&phone),
+            });
+        match (found, to) {
+            (Some((_, _, rhubarb)), Symbols::Rhubarb) => (*rhubarb).to_owned(),
+            (Some((_, papagayo, _)), _) => (*papagayo).to_owned(),
+            (None, _) => to.between().to_owned(),
+        }
+    }
+
+    /// The shape of a mouth that is neither closed nor wide; empty where labels are no shapes.
+    pub(super) fn between(self) -> &'static str {
+        match self {
+            Symbols::Rhubarb => "B",
+            Symbols::Papagayo => "etc",
+            Symbols::Phones | Symbols::Words => "",
+        }
+    }
+}
+
+/// A phone in small letters without ARPABET's stress.
+fn plain(label: &str) -> String {
+    let label = label.trim().to_lowercase();
+    label.trim_end_matches(['0', '1', '2']).to_owned()
+}
+
+/// p, b, m and what is written of them with marks: `pʰ`, `mʲ`, `b̥`, `pf`, `p_h`.
+fn is_bilabial(phone: &str) -> bool {
+    if MOUTHS[0].0.contains(&phone) {
+        return true;
+    }
+    let mut letters = phone.chars();
+    let first = letters.next().is_some_and(|c| "pbmɓʙ".contains(c));
+    let rest = letters.as_str();
+    first && (rest == "f" || rest.starts_with('_') || rest.chars().all(|c| !c.is_ascii()))
+}
+
+/// Whether a label is one of ARPABET's or Papagayo's; a word seldom is.
+fn is_phone(label: &str) -> bool {
+    let phone = plain(label);
+    let shown = MOUTHS.iter().flat_map(|(phones, ..)| phones.iter());
+    // Letters that are words of their own, in languages that many speak.
+    let word = ["a", "e", "i", "o", "u", "y"].contains(&phone.as_str());
+    !word && shown.chain(&OTHERS).any(|known| *known == phone) || is_bilabial(&phone)
+}

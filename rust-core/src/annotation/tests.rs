@@ -1,0 +1,165 @@
+use super::*;
+
+const FORMATS: [AnnotationFormat; 6] = [
+    AnnotationFormat::TextGrid,
+    AnnotationFormat::RhubarbTsv,
+    AnnotationFormat::RhubarbJson,
+    AnnotationFormat::Papagayo,
+    AnnotationFormat::MohoSwitch,
+    AnnotationFormat::Plain,
+];
+
+#[test]
+fn closures_come_back_from_every_format() {
+    let closures = [[0.25, 0.5], [0.75, 1.0], [1.0, 1.25]];
+    let heard = Annotation::of_closures(&closures, 2.0);
+    for format in FORMATS {
+        let text = heard.to_text(format, 24.0);
+        let back = Annotation::from_text(&text, format, 24.0).unwrap();
+        assert_eq!(back.closures().unwrap(), closures, "{format:?}:\n{text}");
+        assert_eq!(back.to_text(format, 24.0), text, "{format:?}");
+    }
+}
+
+#[test]
+fn times_of_files_in_seconds_are_exact_to_a_millisecond() {
+    let closures = [[0.1234, 0.2], [0.5078, 0.6]];
+    let heard = Annotation::of_closures(&closures, 1.0);
+    for format in &FORMATS[..3] {
+        let back = Annotation::from_text(&heard.to_text(*format, 24.0), *format, 24.0).unwrap();
+        for (got, want) in back.closures().unwrap().iter().zip(closures) {
+            assert!((got[0] - want[0]).abs() < 6e-4, "{format:?}: {got:?}");
+        }
+    }
+}
+
+/// As the Montreal Forced Aligner and Praat write them.
+const SHORT: &str = "File type = \"ooTextFile\"\nObject class = \"TextGrid\"\n\n0\n1.5\n<exists>\n2\n\
+    \"IntervalTier\"\n\"words\"\n0\n1.5\n2\n0\n0.9\n\"\"\n0.9\n1.5\n\"say \"\"hm\"\"\"\n\
+    \"IntervalTier\"\n\"Anna - phones\"\n0\n1.5\n3\n0\n0.5\n\"AH0\"\n0.5\n0.9\n\"pʰ\"\n0.9\n1.5\n\"s\"\n";
+
+#[test]
+fn short_text_grids_and_tiers_by_name_are_read() {
+    let read = Annotation::from_text(SHORT, AnnotationFormat::TextGrid, 24.0).unwrap();
+    assert_eq!(read.closures().unwrap(), [[0.5, 0.9]]);
+    let words = read.intervals(Symbols::Words);
+    assert_eq!(words.len(), 1);
+    assert_eq!(words[0].label, "say \"hm\"");
+    assert_eq!(read.duration_s, 1.5);
+}
+
+#[test]
+fn points_of_a_text_tier_are_intervals_without_length() {
+    let text = "\"ooTextFile\" \"TextGrid\" 0 1 <exists> 1 \"TextTier\" \"phones\" 0 1 1 0.5 \"b\"";
+    let read = Annotation::from_text(text, AnnotationFormat::TextGrid, 24.0).unwrap();
+    assert_eq!(read.closures().unwrap(), [[0.5, 0.5]]);
+}
+
+#[test]
+fn praats_wide_text_is_read() {
+    for order in [u16::to_le_bytes, u16::to_be_bytes] {
+        let units = "\u{feff}".encode_utf16().chain(SHORT.encode_utf16());
+        let bytes: Vec<u8> = units.flat_map(order).collect();
+        assert_eq!(decode(&bytes).unwrap(), SHORT);
+    }
+}
+
+#[test]
+fn a_papagayo_project_with_words_is_read_and_written() {
+    let text = "lipsync version 1\n/tmp/a.wav\n24\n48\n1\n\tAnna\n\tmy home\n\t1\n\t\tmy home\n\t\t0\n\
+        \t\t40\n\t\t2\n\t\t\tmy 12 17 2\n\t\t\t\t12 MBP\n\t\t\t\t15 AI\n\t\t\thome 24 35 3\n\t\t\t\t24 etc\n\
+        \t\t\t\t28 O\n\t\t\t\t33 MBP\n";
+    let read = Annotation::from_text(text, AnnotationFormat::Papagayo, 30.0).unwrap();
+    assert_eq!(read.closures().unwrap(), [[0.5, 0.625], [1.375, 1.5]]);
+    assert_eq!(read.intervals(Symbols::Words)[1].label, "home");
+    assert_eq!(read.duration_s, 2.0);
+    let again = read.to_text(AnnotationFormat::Papagayo, 24.0);
+    let back = Annotation::from_text(&again, AnnotationFormat::Papagayo, 24.0).unwrap();
+    assert_eq!(back.closures().unwrap(), read.closures().unwrap());
+    assert!(again.contains("\t\t\tmy 12 17 2\n"), "{again}");
+}
+
+#[test]
+fn rhubarbs_letters_in_switch_data_are_known() {
+    let text = "MohoSwitch1\n1 X\n13 A\n19 C\n";
+    let read = Annotation::from_text(text, AnnotationFormat::MohoSwitch, 24.0).unwrap();
+    assert_eq!(read.closures().unwrap(), [[0.5, 0.75]]);
+}
+
+#[test]
+fn phones_of_any_alphabet_that_close_the_lips_are_known() {
+    for label in [
+        "p", "P", "b", "m", "M", "EM0", "MBP", "pʰ", "mʲ", "m̩", "pf", "p_h",
+    ] {
+        assert!(Symbols::Phones.closes_lips(label), "{label}");
+    }
+    for label in ["f", "AH0", "W", "me", "pat", "", "sp", "ɱ"] {
+        assert!(!Symbols::Phones.closes_lips(label), "{label}");
+    }
+    assert!(Symbols::Rhubarb.closes_lips("A") && !Symbols::Rhubarb.closes_lips("X"));
+}
+
+#[test]
+fn words_alone_do_not_tell_when_lips_close() {
+    let text = "0.1 0.4 map\n0.5 0.9 a\n";
+    let read = Annotation::from_text(text, AnnotationFormat::Plain, 24.0).unwrap();
+    assert_eq!(read.intervals(Symbols::Words).len(), 2);
+    let message = read.closures().unwrap_err().to_string();
+    assert!(message.contains("words alone"), "{message}");
+    let phones = Annotation::from_text("0.1 0.2 m\n", AnnotationFormat::Plain, 24.0).unwrap();
+    assert_eq!(phones.closures().unwrap(), [[0.1, 0.2]]);
+}
+
+#[test]
+fn what_cannot_be_read_is_named_with_its_line() {
+    let cases = [
+        (AnnotationFormat::Plain, "0.1 0.2 p\n0.3 soon m\n", 2),
+        (AnnotationFormat::Plain, "# phones\n0.1 0.2\n", 2),
+        (AnnotationFormat::Plain, "0.1 0.3 p\n0.2 0.4 m\n", 2),
+        (AnnotationFormat::RhubarbTsv, "0.00\tX\n0.10\tQ\n", 2),
+        (AnnotationFormat::RhubarbTsv, "0.20\tX\n\n0.10\tA\n", 3),
+        (AnnotationFormat::RhubarbJson, "{\n \"mouthCues\": 3\n}", 2),
+        (AnnotationFormat::MohoSwitch, "MohoSwitch1\n0 rest\n", 2),
+        (AnnotationFormat::MohoSwitch, "\nLipSync\n", 2),
+        (
+            AnnotationFormat::Papagayo,
+            "lipsync version 1\na\nfast\n",
+            3,
+        ),
+        (
+            AnnotationFormat::TextGrid,
+            "File type = \"ooTextFile\"\n\"Pitch\"",
+            2,
+        ),
+        (
+            AnnotationFormat::TextGrid,
+            &SHORT.replace("0.5\n0.9\n\"p", "0.5\n0.4\n\"p"),
+            24,
+        ),
+        (AnnotationFormat::TextGrid, &SHORT[..SHORT.len() - 3], 29),
+    ];
+    for (format, text, line) in cases {
+        let message = Annotation::from_text(text, format, 24.0)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            message.starts_with(&format!("{line}: ")) && message.contains("expected"),
+            "{format:?}: line {line} in {message:?}"
+        );
+    }
+}
+
+#[test]
+fn files_are_named_in_errors_and_told_by_their_extension() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.TextGrid");
+    let heard = Annotation::of_closures(&[[0.25, 0.5]], 1.0);
+    heard.write(&path, 24.0).unwrap();
+    assert_eq!(Annotation::read(&path, 24.0).unwrap(), heard);
+    std::fs::write(&path, "nothing").unwrap();
+    let message = Annotation::read(&path, 24.0).unwrap_err().to_string();
+    assert!(message.contains("a.TextGrid:1: expected"), "{message}");
+    let other = folder.path().join("a.srt");
+    let message = heard.write(&other, 24.0).unwrap_err().to_string();
+    assert!(message.contains(".TextGrid"), "{message}");
+}

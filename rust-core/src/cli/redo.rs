@@ -1,0 +1,158 @@
+//! A stretch of an earlier result made again.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use ndarray::Array3;
+
+use crate::{
+    Engine, Error, Face, Performance, Result,
+    deform::VertexClip,
+    mesh::Mesh,
+    motion::{LandmarkClip, Life, Stretch},
+    output::{Format, read_landmark_motion, read_life, read_vertex_motion, write_animation},
+    progress::ProgressFn,
+    spread::{Animation, Collector, SpreadReport},
+};
+
+/// Options of a stretch that is made again.
+#[derive(Args)]
+pub(super) struct RedoArgs {
+    /// Make only these seconds again, blended at the ends; every frame outside stays to the bit
+    #[arg(long, value_name = "S-S", requires = "from", value_parser = Stretch::parse)]
+    redo: Option<Stretch>,
+    /// The earlier result, .npz, of the same mesh, sound and frame rate
+    #[arg(long, value_name = "T.npz", requires = "redo")]
+    from: Option<PathBuf>,
+}
+
+/// What is made again, and of which file.
+pub(super) struct Redo<'a> {
+    stretch: Stretch,
+    from: &'a Path,
+}
+
+impl RedoArgs {
+    /// What is asked for; checks what is cheap to check.
+    pub(super) fn asked(&self) -> Result<Option<Redo<'_>>> {
+        let (Some(stretch), Some(from)) = (self.redo, self.from.as_deref()) else {
+            return Ok(None);
+        };
+        if Format::from_path(from)? != Format::Npz {
+            return Err(Error::InvalidInput(format!(
+                "{}: expected a name that ends in .npz to make a stretch of it again",
+                from.display()
+            )));
+        }
+        Ok(Some(Redo { stretch, from }))
+    }
+}
+
+impl Redo<'_> {
+    /// The earlier animation with the stretch as in `performance`, written to `out`.
+    pub(super) fn animate(
+        &self,
+        engine: &Engine,
+        face: &Face,
+        performance: &Performance,
+        out: &Path,
+        progress: ProgressFn<'_>,
+    ) -> Result<SpreadReport> {
+        let motion = &performance.motion;
+        let (frames, fps) = (motion.frames(), motion.fps());
+        let mut was = self.animation(&face.mesh)?;
+        self.check(
+            was.vertices.displacements.dim().0,
+            was.vertices.fps,
+            frames,
+            fps,
+        )?;
+        let rows = self.stretch.frames(frames, fps)?;
+        let part = motion.frames_of(rows.clone());
+        let new = Collector::collect(|sink| engine.spread(face, &part, sink, progress))?;
+        let splice = |was: &mut Array3<f32>, new: Array3<f32>| -> Result<()> {
+            let mut whole = was.clone();
+            let rows = ndarray::Slice::from(rows.clone());
+            whole.slice_axis_mut(ndarray::Axis(0), rows).assign(&new);
+            *was = self.stretch.splice(was.view(), whole.view(), fps)?;
+            Ok(())
+        };
+        splice(&mut was.vertices.displacements, new.vertices.displacements)?;
+        splice(&mut was.landmark_displacements, new.landmark_displacements)?;
+        let life = self.life(&performance.life, fps)?;
+        write_animation(out, &was, Some(&life), &face.mesh)?;
+        Ok(SpreadReport {
+            largest: largest(&was.vertices.displacements),
+            landmarks: was.landmark_displacements,
+        })
+    }
+
+    /// Landmark motion and life of the file with the stretch as in `performance`.
+    pub(super) fn motion(
+        &self,
+        performance: &Performance,
+        clip: &LandmarkClip,
+    ) -> Result<(LandmarkClip, Life)> {
+        let was = read_landmark_motion(self.from)?;
+        if was.neutral.is_some() {
+            return Err(self.wrong("landmark motion in metres, got that of a mesh"));
+        }
+        let fps = was.fps.unwrap_or(clip.fps);
+        self.check(
+            was.displacements.dim().0,
+            fps,
+            clip.displacements.dim().0,
+            clip.fps,
+        )?;
+        let (old, new) = (was.displacements.view(), clip.displacements.view());
+        let made = LandmarkClip {
+            displacements: self.stretch.splice(old, new, fps)?,
+            fps,
+        };
+        Ok((made, self.life(&performance.life, fps)?))
+    }
+
+    fn animation(&self, mesh: &Mesh) -> Result<Animation> {
+        let vertices = read_vertex_motion(self.from, mesh)?;
+        let landmarks = read_landmark_motion(self.from)?;
+        let (Some(fps), Some(landmarks_neutral)) = (vertices.fps, landmarks.neutral) else {
+            return Err(self.wrong("arrays fps and landmarks_neutral, got none"));
+        };
+        Ok(Animation {
+            vertices: VertexClip {
+                displacements: vertices.displacements,
+                fps,
+            },
+            brought: None,
+            landmarks_neutral,
+            landmark_displacements: landmarks.displacements,
+        })
+    }
+
+    fn life(&self, new: &Life, fps: f64) -> Result<Life> {
+        match read_life(self.from)? {
+            Some(was) => was.redone(new, &self.stretch, fps),
+            None => Err(self.wrong("arrays head and gaze, got none")),
+        }
+    }
+
+    fn check(&self, frames: usize, fps: f64, new_frames: usize, new_fps: f64) -> Result<()> {
+        match (frames, fps) == (new_frames, new_fps) {
+            true => Ok(()),
+            false => Err(self.wrong(&format!(
+                "{new_frames} frames at {new_fps} fps as of this sound, got {frames} at {fps} fps"
+            ))),
+        }
+    }
+
+    fn wrong(&self, expected: &str) -> Error {
+        Error::InvalidInput(format!("{}: expected {expected}", self.from.display()))
+    }
+}
+
+/// Largest displacement of any vertex.
+fn largest(displacements: &Array3<f32>) -> f32 {
+    let vectors = displacements.rows();
+    let lengths = vectors.into_iter().map(|moved| moved.dot(&moved));
+    lengths.fold(0.0, f32::max).sqrt()
+}

@@ -1,0 +1,205 @@
+"""Redo between two markers, and what is heard as strips that can be mended."""
+
+import bpy
+import numpy as np
+import pytest
+
+from figures import FPS, curves, everything, film, grid, shape, stand_in, strip, tone
+
+START, FIRST, LAST = 11, 20, 40
+SECONDS = 2.0
+
+
+@pytest.fixture
+def stage(addon):
+    """A stage in the engine's place."""
+    return stand_in(addon)
+
+
+def spoken(tmp_path, mode="basis"):
+    """A face with a take of the strip Voice, and two markers."""
+    strip(tone(tmp_path / "tone.wav", SECONDS), frame=START)
+    ob = grid()
+    ob.anyface.mode, ob.anyface_audio.strip = mode, "Voice"
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    markers = bpy.context.scene.timeline_markers
+    for frame in (FIRST, LAST):
+        markers.new(f"F{frame}", frame=frame)
+    for marker in markers:
+        marker.select = True
+    return ob
+
+
+def keyframes(ob):
+    """Frame and value of every keyframe by data path, bit by bit."""
+    found = {}
+    for curve in curves(ob.data.shape_keys.animation_data.action):
+        points = np.empty(2 * len(curve.keyframe_points), dtype=np.float32)
+        curve.keyframe_points.foreach_get("co", points)
+        found[curve.data_path] = points.reshape(-1, 2)
+    return found
+
+
+def outside(points):
+    return points[(points[:, 0] <= FIRST) | (points[:, 0] >= LAST)]
+
+
+@pytest.mark.parametrize("mode", ["basis", "arkit"])
+def test_every_keyframe_outside_stays_to_the_bit_and_those_inside_are_new(stage, tmp_path, mode):
+    ob = spoken(tmp_path, mode)
+    before, rest = keyframes(ob), film(ob, [*range(1, FIRST + 1), *range(LAST, 70)])
+    middle = shape(ob, 30)
+    ob.anyface.seed = 5
+    assert bpy.ops.anyface.redo() == {"FINISHED"}
+    after = keyframes(ob)
+    for path, points in before.items():
+        assert np.array_equal(outside(points), outside(after[path])), path
+    assert np.array_equal(rest, film(ob, [*range(1, FIRST + 1), *range(LAST, 70)]))
+    assert np.abs(shape(ob, 30) - middle).max() > 1e-4
+
+
+def test_the_new_stretch_shows_the_motion_that_was_asked_for(addon, stage, tmp_path):
+    ob = spoken(tmp_path)
+    ob.anyface.seed = 5
+    # Another seed draws other shapes: the keys of the take cannot show them.
+    assert bpy.ops.anyface.redo() == {"FINISHED"}
+    assert "more keys" in ob.anyface.report
+    from figures import motion
+
+    moved = motion(int(SECONDS * FPS), len(ob.data.vertices), stage.rank, stage.size, 5)
+    rest = shape(ob, 1)
+    for frame in (26, 30, 34):
+        error = np.abs(shape(ob, frame) - rest - moved[frame - START]).max()
+        assert error < 1.5e-4, frame
+
+
+def test_the_same_settings_again_change_nothing_that_can_be_seen(stage, tmp_path):
+    ob = spoken(tmp_path)
+    before, keys = film(ob, range(1, 70)), len(ob.data.shape_keys.key_blocks)
+    assert bpy.ops.anyface.redo() == {"FINISHED"}
+    assert np.abs(film(ob, range(1, 70)) - before).max() < 2e-5
+    assert len(ob.data.shape_keys.key_blocks) == keys
+    assert "as they were" in ob.anyface.report
+
+
+def test_redo_is_one_undo_step(stage, tmp_path):
+    ob = spoken(tmp_path)
+    ob.anyface.seed = 5
+    bpy.ops.ed.undo_push(message="before")
+    before = everything()
+    assert bpy.ops.anyface.redo() == {"FINISHED"}
+    bpy.ops.ed.undo_push(message="Redo")
+    assert everything() != before
+    bpy.ops.ed.undo()
+    assert everything() == before
+
+
+def test_remove_takes_the_keys_of_a_stretch_along(stage, tmp_path):
+    ob = spoken(tmp_path)
+    ob.anyface.seed = 5
+    assert bpy.ops.anyface.redo() == {"FINISHED"}
+    assert bpy.ops.anyface.remove() == {"FINISHED"}
+    assert ob.data.shape_keys is None
+
+
+def test_a_stretch_follows_the_strength_and_the_shift_of_the_take(addon, stage, tmp_path):
+    ob = spoken(tmp_path)
+    addon("scene.adjust").adjust(ob, strength=0.5, shift=3.0)
+    before = film(ob, range(1, 70))
+    assert bpy.ops.anyface.redo() == {"FINISHED"}
+    assert np.abs(film(ob, range(1, 70)) - before).max() < 2e-5
+
+
+def test_the_stretch_is_the_preview_range_or_what_markers_enclose(addon, stage, tmp_path):
+    spoken(tmp_path)
+    scene, between = bpy.context.scene, addon("scene.redo").between
+    assert between(scene) == (FIRST, LAST)
+    for marker in scene.timeline_markers:
+        marker.select = False
+    scene.frame_set(25)
+    assert between(scene) == (FIRST, LAST)
+    scene.use_preview_range = True
+    scene.frame_preview_start, scene.frame_preview_end = 15, 18
+    assert between(scene) == (15, 18)
+    scene.use_preview_range = False
+    scene.timeline_markers.clear()
+    with pytest.raises(addon("core.errors").AnyfaceError, match="preview range"):
+        between(scene)
+
+
+def test_a_stretch_beside_the_sound_is_refused_in_words(stage, tmp_path):
+    ob = spoken(tmp_path)
+    scene, before = bpy.context.scene, keyframes(ob)
+    scene.use_preview_range = True
+    scene.frame_preview_end, scene.frame_preview_start = 240, 200
+    with pytest.raises(RuntimeError, match="where the sound is"):
+        bpy.ops.anyface.redo()
+    assert all(np.array_equal(points, keyframes(ob)[path]) for path, points in before.items())
+
+
+def test_without_a_take_redo_says_what_is_missing(stage, tmp_path):
+    strip(tone(tmp_path / "tone.wav", SECONDS), frame=START)
+    grid().anyface_audio.strip = "Voice"
+    assert not bpy.ops.anyface.redo.poll()
+
+
+def marks():
+    scene = bpy.context.scene
+    found = [s for s in scene.sequence_editor.strips_all if s.type == "TEXT"]
+    return sorted(found, key=lambda s: s.frame_final_start)
+
+
+def asked(stage):
+    closures = stage.calls[-1][-1].closures
+    return None if closures is None else np.round(closures, 4).tolist()
+
+
+def test_what_is_heard_is_shown_as_muted_strips_above_the_sound(stage, tmp_path):
+    spoken(tmp_path)
+    assert asked(stage) is None
+    assert bpy.ops.anyface.sounds_show() == {"FINISHED"}
+    found = marks()
+    assert [(s.frame_final_start, s.frame_final_end) for s in found] == [(18, 20), (35, 36)]
+    assert all(s.mute and s.text == "MBP" and s.channel > 1 for s in found)
+    assert bpy.ops.anyface.sounds_show() == {"FINISHED"}
+    assert len(marks()) == 2
+
+
+def test_strips_that_stay_keep_their_exact_times(stage, tmp_path):
+    spoken(tmp_path)
+    bpy.ops.anyface.sounds_show()
+    assert bpy.ops.anyface.redo() == {"FINISHED"}
+    assert asked(stage) == [[0.30, 0.38], [1.02, 1.06]]
+
+
+def test_strips_may_be_moved_renamed_deleted_and_added(stage, tmp_path):
+    spoken(tmp_path)
+    bpy.ops.anyface.sounds_show()
+    first, second = marks()
+    first.frame_start += 6
+    assert bpy.ops.anyface.redo() == {"FINISHED"}
+    moved = [round((24 - START) / FPS, 4), round((26 - START) / FPS, 4)]
+    assert asked(stage) == [moved, [1.02, 1.06]]
+    second.text = "f"
+    assert bpy.ops.anyface.redo() == {"FINISHED"}
+    assert asked(stage) == [moved]
+    editor = bpy.context.scene.sequence_editor
+    (editor.strips if hasattr(editor, "strips") else editor.sequences).remove(first)
+    assert bpy.ops.anyface.redo() == {"FINISHED"}
+    assert asked(stage) == []
+
+
+def test_generate_uses_the_strips_too(stage, tmp_path):
+    spoken(tmp_path)
+    bpy.ops.anyface.sounds_show()
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert asked(stage) == [[0.30, 0.38], [1.02, 1.06]]
+
+
+def test_sounds_of_a_file_replace_those_that_were_heard(stage, tmp_path):
+    spoken(tmp_path)
+    bpy.ops.anyface.sounds_show()
+    assert bpy.ops.anyface.sounds_read(filepath=str(tmp_path / "a.TextGrid")) == {"FINISHED"}
+    assert len(marks()) == 1
+    assert bpy.ops.anyface.redo() == {"FINISHED"}
+    assert asked(stage) == [[0.5, 0.75]]
