@@ -1,12 +1,13 @@
-"""Measures the creases of ICT FaceKit's mean face and writes the model that `deform/creases.rs` reads.
+"""Measures the creases of reference faces and writes the model that `deform/creases.rs` reads.
 
     python -m training.fit_creases --data ../shared/data --models rust-core/models
 
-What the static weights in `--models` leave over of ICT's 51 shapes is a linear function of the landmarks;
-it is regressed on them over speech, the upper face and whole expressions, under landmarks that lie
-`NOISE_DM` beside their places, so that motion unlike ICT's is not blown up. Lips, chin and jaw are left
-out: there another face moves in its own way. Points are drawn on the surface with their mirror images,
-and the residual is the mean of both sides. With `--score` errors on identities it was not measured on.
+The references are ICT FaceKit's mean face and MakeHuman's, one for each kind that the static weights
+know. What these weights leave over of the 51 shapes is a linear function of the landmarks; it is regressed
+on them over speech, the upper face and whole expressions, under landmarks that lie `NOISE_DM` beside their
+places, so that other motion is not blown up. Lips, chin and jaw are left out: there another face moves in
+its own way. Points are drawn on the surface with their mirror images, and the residual is the mean of both
+sides. With `--score` errors on identities and warps it was not measured on.
 """
 
 from __future__ import annotations
@@ -26,14 +27,16 @@ from training.corpus.emotions import AU_TO_ARKIT, PROTOTYPES
 from training.corpus.expressions import evaluation_frames, load_speech, training_frames
 from training.corpus.faces import CHANNELS, Face, align, load_ict, load_makehuman
 from training.corpus.prepared import PreparedMesh, prepare
+from training.corpus.remesh import remesh
+from training.corpus.warp import stylise
 from training.deform.creases import Creases
 from training.deform.static_weights import MIRROR, StaticConfig, StaticWeights, deform
 from training.deform.surface import vertex_normals
 
 NOISE_DM = 0.005
 RANK = 18
-POINTS = 3500
-"""On one side; as many lie on the other."""
+POINTS = {"ict": 3500, "makehuman": 2000}
+"""On one side of each reference, in the order of the static weights' kinds; as many lie on the other."""
 FRAMES = 1500
 LEAST_DM = 5e-4
 """A point whose residual never exceeds this says nothing."""
@@ -99,8 +102,8 @@ class Surface:
         return np.einsum("pc,...pcx->...px", self.shares, field[..., self.corners, :])
 
 
-def draw(rng: np.random.Generator, face: PreparedMesh, field: np.ndarray) -> Surface:
-    """Points on the left half with `field` [M, V, 3], farthest first among random ones.
+def draw(rng: np.random.Generator, face: PreparedMesh, field: np.ndarray, count: int) -> Surface:
+    """`count` points on the left half with `field` [M, V, 3], farthest first among random ones.
 
     They lie up to three times as dense where the field changes fastest over the surface.
     """
@@ -113,10 +116,10 @@ def draw(rng: np.random.Generator, face: PreparedMesh, field: np.ndarray) -> Sur
     steepness = (change / np.linalg.norm(edges, axis=2)).max(1)
     detail = (steepness / np.quantile(steepness[speaks], 0.98)).clip(0.0, 1.0) ** 0.5
     chance = np.linalg.norm(cross, axis=1) * speaks * (0.1 + detail)
-    chosen = rng.choice(len(triangles), 10 * POINTS, p=chance / chance.sum())
+    chosen = rng.choice(len(triangles), 10 * count, p=chance / chance.sum())
     shares = rng.dirichlet(np.ones(3), len(chosen))
     places = np.einsum("pc,pcx->px", shares, positions[triangles[chosen]])
-    keep = farthest_first(places, detail[chosen].clip(1 / 3), POINTS)
+    keep = farthest_first(places, detail[chosen].clip(1 / 3), count)
     unit = cross / np.linalg.norm(cross, axis=1, keepdims=True)
     return Surface(triangles[chosen[keep]], shares[keep], unit[chosen[keep]])
 
@@ -170,13 +173,18 @@ def compress(whole: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.ndar
     return cross.reshape(RANK, -1, 3).transpose(1, 2, 0), combinations * scale[:, None]
 
 
-def measure(rng: np.random.Generator, data: Path, models: Path) -> Creases:
-    """The creases of ICT's mean face, both sides alike."""
-    mesh = prepare(align(load_ict(data).mean))
-    weights = frames(rng, data)
+def references(data: Path) -> dict[str, Face]:
+    """The faces whose creases are measured, as `POINTS` names them."""
+    return {"ict": align(load_ict(data).mean), "makehuman": load_makehuman(data)}
+
+
+def measure(
+    rng: np.random.Generator, mesh: PreparedMesh, model: StaticWeights, weights: np.ndarray, count: int
+) -> Creases:
+    """The creases of a face, both sides alike, at `count` points a side. weights: [T, M], of its shapes."""
     position, landmarks = mesh.geometry.positions.numpy(), mesh.geometry.landmarks.numpy()
-    field = residual(read_static(models), mesh) * share(position, landmarks)[:, None]
-    surface = draw(rng, mesh, field)
+    field = residual(model, mesh) * share(position, landmarks)[:, None]
+    surface = draw(rng, mesh, field, count)
     points = surface.of(position)
     moved = np.tensordot(weights, mesh.modes[:, mesh.landmarks].numpy(), 1)
     own = np.tensordot(weights, surface.of(field), 1)
@@ -193,15 +201,29 @@ def measure(rng: np.random.Generator, data: Path, models: Path) -> Creases:
     )
 
 
-def write_model(folder: Path, creases: Creases) -> None:
-    """`model.safetensors`, f16 but for the landmarks, and `config.json`."""
+def write_model(folder: Path, faces: dict[str, Creases]) -> None:
+    """`model.safetensors`, a prefix for each face, f16 but for the landmarks, and `config.json`."""
     folder.mkdir(parents=True, exist_ok=True)
-    tensors = {k: v.astype(np.float16) for k, v in vars(creases).items()}
-    tensors["landmarks"] = creases.landmarks.astype(np.float32)
-    save_file({k: np.ascontiguousarray(v) for k, v in tensors.items()}, folder / "model.safetensors")
+    tensors = {}
+    for name, creases in faces.items():
+        own = {k: v.astype(np.float16) for k, v in vars(creases).items()}
+        own["landmarks"] = creases.landmarks.astype(np.float32)
+        tensors |= {f"{name}.{k}": np.ascontiguousarray(v) for k, v in own.items()}
+    save_file(tensors, folder / "model.safetensors")
     (folder / "model.safetensors").chmod(0o644)
-    config = {"points": len(creases.points), "rank": creases.motion.shape[0]}
-    (folder / "config.json").write_text(json.dumps(config, indent=1) + "\n")
+    sizes = [
+        {"name": name, "points": len(creases.points), "rank": len(creases.motion)}
+        for name, creases in faces.items()
+    ]
+    (folder / "config.json").write_text(json.dumps({"faces": sizes}, indent=1) + "\n")
+
+
+def unseen(rng: np.random.Generator, data: Path) -> list[tuple[str, Face]]:
+    """Faces that nothing was measured on, each with the reference of its kind."""
+    ict, makehuman = load_ict(data), load_makehuman(data)
+    people = [("ict", ict.person(rng.standard_normal(100))) for _ in range(2)]
+    warps = [remesh(rng, stylise(rng, makehuman, 0.5), 6000) for _ in range(2)]
+    return [*people, *(("makehuman", warp) for warp in warps)]
 
 
 def turned(face: PreparedMesh, moved: np.ndarray, truth: np.ndarray, where: np.ndarray) -> float:
@@ -214,14 +236,14 @@ def turned(face: PreparedMesh, moved: np.ndarray, truth: np.ndarray, where: np.n
     return float((made * true)[where].sum() / (true[where] ** 2).sum())
 
 
-def score(rng: np.random.Generator, creases: Creases, data: Path, models: Path) -> None:
-    """Prints errors with and without creases on two identities and on MakeHuman's face."""
-    model, ict = read_static(models), load_ict(data)
-    people: list[Face] = [ict.person(rng.standard_normal(100)) for _ in range(2)] + [load_makehuman(data)]
+def score(rng: np.random.Generator, faces: dict[str, Creases], data: Path, models: Path) -> None:
+    """Prints errors with and without creases on two identities of ICT and two warps of MakeHuman."""
+    model = read_static(models)
     spoken = evaluation_frames(rng, load_speech(data).test, 60)
     emotions = emotion_weights()
     shown = [list(PROTOTYPES).index(e) for e in ("happy", "sad", "afraid", "angry", "surprised", "disgusted")]
-    for mesh in map(prepare, people):
+    for kind, face in unseen(rng, data):
+        mesh, creases = prepare(face), faces[kind]
         rest = mesh.geometry.positions.numpy().astype(np.float64)
         marks = mesh.geometry.landmarks.numpy().astype(np.float64)
         cross = creases.transferred(rest, mesh.triangles, marks)
@@ -257,10 +279,14 @@ def main() -> None:
     parser.add_argument("--score", action="store_true", help="measure on faces that it was not made from")
     args = parser.parse_args()
     torch.set_num_threads(1)
-    creases = measure(np.random.default_rng(0), args.data, args.models)
-    write_model(args.models / "creases", creases)
+    model, weights = read_static(args.models), frames(np.random.default_rng(0), args.data)
+    faces = {
+        name: measure(np.random.default_rng(0), prepare(face), model, weights, POINTS[name])
+        for name, face in references(args.data).items()
+    }
+    write_model(args.models / "creases", faces)
     if args.score:
-        score(np.random.default_rng(2026), creases, args.data, args.models)
+        score(np.random.default_rng(2026), faces, args.data, args.models)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,8 @@ a network over them smooths it away. On a reference face the residual of every p
 function of the landmarks' motion; C are its K combinations and B its values at P points of that face's
 surface. For another face the points are carried over by interpolating the shift of the 68 landmarks
 with the radial basis |r|; a vertex takes what the nearest points say whose skin lies in its own plane,
-and less where they lie far from it.
+and less where they lie far from it. There is one reference for each kind of faces that the static
+weights know, and a face follows that of the kind it is nearest to: every artist folds skin elsewhere.
 
 Lengths are decimetres in the canonical frame. Shapes: `V` vertices, `P` points, `N` = 68, `K` rank.
 """
@@ -22,7 +23,7 @@ import numpy as np
 from scipy.interpolate import RBFInterpolator
 from scipy.spatial import cKDTree
 
-NEIGHBOURS = 8
+NEIGHBOURS = 4
 SOFT_DM = 0.003
 """Added to distances, so that a point that is hit exactly does not stand alone."""
 FULL_WITHIN_DM, GONE_AT_DM = 0.06, 0.12

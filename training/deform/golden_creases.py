@@ -15,7 +15,7 @@ POINTS, RANK = 300, 3
 
 
 def write(out: Path, shared: Path) -> Path:
-    """Writes `creases_debug.safetensors`: `weights.*`, `positions` [V, 3], `triangles` [F, 3] and
+    """Writes `creases_debug.safetensors`: `weights.debug.*`, `positions` [V, 3], `triangles` [F, 3] and
     `landmarks` [N, 3] of the other face, dm, and `carried` [V, 3, K]."""
     rng = np.random.default_rng(6)
     vertices, triangles, numbers = procedural_face(rng)
@@ -29,7 +29,7 @@ def write(out: Path, shared: Path) -> Path:
     creases = Creases(vertices[chosen], normals[chosen], reference, cross, motion)
     other = vertices * [1.1, 0.9, 1.05] + rng.normal(0.0, 0.01, vertices.shape)
     carried = creases.transferred(other, triangles, other[numbers])
-    tensors = {f"weights.{k}": v for k, v in vars(creases).items()}
+    tensors = {f"weights.debug.{k}": v for k, v in vars(creases).items()}
     tensors |= {"positions": other, "landmarks": other[numbers], "carried": carried}
     path = out / "creases_debug.safetensors"
     save_file(
@@ -37,7 +37,7 @@ def write(out: Path, shared: Path) -> Path:
         | {"triangles": triangles.astype(np.int32)},
         path,
         metadata={
-            "config": json.dumps({"points": POINTS, "rank": RANK}),
+            "config": json.dumps({"faces": [{"name": "debug", "points": POINTS, "rank": RANK}]}),
             "source": "python -m training.goldens creases; random weights, seed 6, procedural mesh",
             "tolerance": "1e-3 absolute: weights of points that are hit exactly are steep",
         },

@@ -9,7 +9,9 @@
 //! function of the landmarks' motion; `C` are its combinations and `B` its values at points of that
 //! face's surface. For another face the points are carried over by interpolating the shift of the 68
 //! landmarks with the radial basis `|r|` (Hardy 1971); a vertex takes what the nearest points say whose
-//! skin lies in its own plane, and less where they lie far from it.
+//! skin lies in its own plane, and less where they lie far from it. There is one reference for each kind
+//! of faces that the static weights know, and a face follows that of the kind it is nearest to: every
+//! artist folds skin elsewhere.
 //!
 //! Lengths are decimetres in the canonical frame.
 
@@ -33,7 +35,7 @@ use crate::{
 pub static MODEL: BuiltIn = built_in!("creases");
 
 /// Points that a vertex listens to.
-const NEIGHBOURS: usize = 8;
+const NEIGHBOURS: usize = 4;
 /// Added to distances, so that a point that is hit exactly does not stand alone, decimetres.
 const SOFT_DM: f32 = 0.003;
 /// Distance of the nearest point up to which a vertex follows wholly, and from which not at all.
@@ -44,13 +46,26 @@ const COORDINATES: usize = 3 * LANDMARKS;
 
 #[derive(Deserialize)]
 struct Config {
+    faces: Vec<FaceConfig>,
+}
+
+#[derive(Deserialize)]
+struct FaceConfig {
+    name: String,
     points: usize,
     rank: usize,
 }
 
-/// The creases of the reference face.
+/// The creases of every reference face.
 #[derive(Debug, Clone)]
 pub struct Creases {
+    /// In the order of the static weights' kinds; at least one.
+    faces: Vec<ReferenceFace>,
+}
+
+/// The creases of one reference face.
+#[derive(Debug, Clone)]
+pub struct ReferenceFace {
     /// `[P]`.
     points: Vec<[f32; 3]>,
     /// `[P]`, unit.
@@ -73,8 +88,27 @@ impl Creases {
     }
 
     fn load(weights: &Weights, config: &str) -> Result<Self> {
-        let Config { points, rank } = serde_json::from_str(config)
-            .map_err(|error| Error::Weights(format!("{}/config.json: {error}", MODEL.name)))?;
+        let wrong = |told: String| Error::Weights(format!("{}/config.json: {told}", MODEL.name));
+        let config: Config = serde_json::from_str(config).map_err(|e| wrong(e.to_string()))?;
+        if config.faces.is_empty() {
+            return Err(wrong("expected one face at least, got none".to_owned()));
+        }
+        let face = |face: &FaceConfig| {
+            ReferenceFace::load(&weights.pp(&face.name), face.points, face.rank)
+        };
+        Ok(Creases {
+            faces: config.faces.iter().map(face).collect::<Result<_>>()?,
+        })
+    }
+
+    /// The reference of a kind of the static weights; the last one where there is none of its own.
+    pub fn of_kind(&self, kind: usize) -> &ReferenceFace {
+        &self.faces[kind.min(self.faces.len() - 1)]
+    }
+}
+
+impl ReferenceFace {
+    fn load(weights: &Weights, points: usize, rank: usize) -> Result<Self> {
         let places = |name: &str, count| -> Result<Vec<[f32; 3]>> {
             let values = weights.values(name, &[count, 3])?;
             Ok(values.as_chunks::<3>().0.to_vec())
@@ -87,7 +121,7 @@ impl Creases {
             }
         }
         let cross = weights.values("cross", &[points, 3, rank])?;
-        Ok(Creases {
+        Ok(ReferenceFace {
             points: places("points", points)?,
             normals: places("normals", points)?,
             landmarks: std::array::from_fn(|n| landmarks[n]),
@@ -208,10 +242,10 @@ mod tests {
         golden.values(name).as_chunks::<3>().0.to_vec()
     }
 
-    fn golden() -> (Golden, Creases) {
+    fn golden() -> (Golden, ReferenceFace) {
         let golden = Golden::open("creases_debug");
         let creases = Creases::load(&golden.weights(), &golden.metadata("config")).unwrap();
-        (golden, creases)
+        (golden, creases.of_kind(0).clone())
     }
 
     #[test]
@@ -249,8 +283,23 @@ mod tests {
     }
 
     #[test]
+    fn a_kind_without_a_reference_follows_the_last_and_none_at_all_is_an_error() {
+        let creases = Creases::open(None).unwrap();
+        let rows = |kind| creases.of_kind(kind).points.len();
+        assert_ne!(rows(0), rows(1));
+        assert_eq!(rows(1), rows(7));
+        let (golden, _) = golden();
+        let none = Creases::load(&golden.weights(), r#"{"faces": []}"#);
+        assert!(matches!(none, Err(Error::Weights(told)) if told.contains("one face at least")));
+    }
+
+    #[test]
     fn the_shipped_creases_are_the_same_on_both_sides() {
         let creases = Creases::open(None).unwrap();
+        (0..2).for_each(|kind| same_on_both_sides(creases.of_kind(kind)));
+    }
+
+    fn same_on_both_sides(creases: &ReferenceFace) {
         let flip = |p: [f32; 3]| [-p[0], p[1], p[2]];
         let landmarks = creases.landmarks;
         for n in 0..LANDMARKS {

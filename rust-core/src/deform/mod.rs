@@ -30,7 +30,7 @@ pub mod static_weights;
 mod tension_screened_biharmonic;
 
 pub use corrected::{Corrected, Corrections};
-pub use creases::Creases;
+pub use creases::{Creases, ReferenceFace};
 pub(crate) use eyes::Openings;
 pub use landmark_weights::LandmarkWeights;
 pub use part_list::PartList;

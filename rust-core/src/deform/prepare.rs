@@ -103,6 +103,7 @@ impl<'a> SolvedSkin<'a> {
     fn correction(&self, weights: &StaticWeights, creases: &Creases) -> Correction {
         let (positions, landmarks) = self.surface.decimetres();
         let triangles = &self.surface.skin.operators.triangles;
+        let creases = creases.of_kind(weights.kind(&landmarks));
         let carried = creases.carried_to(&positions, triangles, &landmarks);
         let learned = weights.correction(&VertexGeometry {
             positions: &positions,

@@ -171,12 +171,26 @@ impl StaticWeights {
     ///
     /// `landmarks`: of the neutral face, decimetres.
     pub fn familiarity(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {
-        let near = (UNKNOWN - self.strangeness(landmarks)) / (UNKNOWN - KNOWN);
-        self.config.floor + (1.0 - self.config.floor) * near.clamp(0.0, 1.0)
+        self.config.floor + (1.0 - self.config.floor) * self.known(landmarks)
     }
 
-    /// Mahalanobis distance from the nearest kind of faces, about 0.5 for one of its own.
-    fn strangeness(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {
+    /// How far a face is one of a kind that was learned, 0 to 1.
+    ///
+    /// `landmarks`: of the neutral face, decimetres.
+    pub fn known(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {
+        let (_, strangeness) = self.nearest_kind(landmarks);
+        ((UNKNOWN - strangeness) / (UNKNOWN - KNOWN)).clamp(0.0, 1.0)
+    }
+
+    /// The kind of faces, of those learned, that is nearest.
+    ///
+    /// `landmarks`: of the neutral face, decimetres.
+    pub fn kind(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> usize {
+        self.nearest_kind(landmarks).0
+    }
+
+    /// The nearest kind and the Mahalanobis distance from it, about 0.5 for a face of its own.
+    fn nearest_kind(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> (usize, f32) {
         let kinds = self.shape_mean.rows().into_iter().zip(&self.shape_basis);
         let squared = kinds.map(|(mean, basis)| {
             let offset =
@@ -184,7 +198,9 @@ impl StaticWeights {
             let explained = basis.dot(&offset).pow2().sum();
             (offset.pow2().sum() - explained).max(0.0) / SHAPE_NOISE_DM.powi(2)
         });
-        (squared.fold(f32::INFINITY, f32::min) / COORDINATES as f32).sqrt()
+        let nearest = squared.enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
+        let (kind, squared) = nearest.unwrap_or((0, f32::INFINITY));
+        (kind, (squared / COORDINATES as f32).sqrt())
     }
 
     /// `A`, `B` and `C` at full strength, mean of the mesh and its mirror image.

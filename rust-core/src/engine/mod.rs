@@ -244,7 +244,18 @@ impl Engine {
                 }
             };
             let plain = self.static_deformer(face, 0.0, progress)?;
-            Ok(Arc::new(model.make(face, plain.as_ref(), progress)?))
+            let learned = self.static_deformer(face, 1.0, progress)?;
+            let (_, landmarks) = face.surface()?.decimetres();
+            let learned = rig::Learned {
+                deformer: learned.as_ref(),
+                share: self.static_weights.known(&landmarks),
+            };
+            Ok(Arc::new(model.make(
+                face,
+                plain.as_ref(),
+                &learned,
+                progress,
+            )?))
         };
         self.threads(|| face.rig(make).map(Arc::clone))
     }

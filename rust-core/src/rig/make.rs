@@ -7,7 +7,9 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    ARKIT, VISEMES, lids,
+    ARKIT, VISEMES,
+    decoded::{Learned, fold, move_jaw},
+    lids,
     network::{RigConfig, RigNetwork, SkinGeometry},
     parts::{Eyeball, Gaze, TongueFound, eyeballs, tongue},
     visemes::mixtures,
@@ -100,17 +102,24 @@ impl RigModel {
     }
 
     /// Makes the shapes of a face. `plain` spreads landmark motion over it by the training-free
-    /// weights: with these the network was trained.
+    /// weights: with these the network was trained. `learned` says how the forehead folds.
     ///
     /// # Errors
     /// `Mesh` if the landmarks lie on no usable face, `Cancelled`.
-    pub fn make(&self, face: &Face, plain: &dyn Deformer, progress: ProgressFn<'_>) -> Result<Rig> {
+    pub fn make(
+        &self,
+        face: &Face,
+        plain: &dyn Deformer,
+        learned: &Learned<'_>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Rig> {
         report(progress, "shapes", 0.0)?;
         let head = face.surface()?;
         let vertices = head.positions.len();
         let mut deltas = Array3::zeros((ARKIT.len() + VISEMES.len(), vertices, 3));
         let base = landmark_weights(face, plain, progress)?;
         self.move_skin(head, base.view(), &mut deltas);
+        fold(face, head, learned, &mut deltas)?;
         move_jaw(face, head, plain, &mut deltas)?;
         report(progress, "shapes", 0.8)?;
         lids::meet(&mut deltas, &head.landmarks, &face.landmarks.vertices);
@@ -265,34 +274,6 @@ fn landmark_weights(
     Ok(out)
 }
 
-/// Parts that follow the jaw, as the face's own deformer moves them for the skin's landmarks, in the
-/// four shapes of the jaw: in others the chin's skin moves over a jaw at rest. Centimetres.
-fn move_jaw(
-    face: &Face,
-    head: &FaceSurface,
-    plain: &dyn Deformer,
-    deltas: &mut Array3<f32>,
-) -> Result<()> {
-    for name in ["jawOpen", "jawForward", "jawLeft", "jawRight"] {
-        let mut shape = deltas.index_axis_mut(Axis(0), arkit(name));
-        let motion = Array3::from_shape_fn((1, LANDMARKS, 3), |(_, n, i)| {
-            0.01 * shape[[face.landmarks.vertices[n] as usize, i]]
-        });
-        let motion = face.to_canonical.displacements_to_mesh(motion.view());
-        let moved = plain.deform(motion.view(), SILENT)?;
-        for (v, follows) in head.follows.iter().enumerate() {
-            if matches!(follows, Follows::Jaw(_)) {
-                let canonical = face
-                    .to_canonical
-                    .rotate(std::array::from_fn(|i| moved[[0, v, i]]));
-                let cm = canonical.map(|x| 100.0 * face.to_canonical.scale as f32 * x);
-                shape.row_mut(v).assign(&ndarray::arr1(&cm));
-            }
-        }
-    }
-    Ok(())
-}
-
 /// Each eye in its four looks; centimetres.
 fn turn_eyes(eyes: &[Eyeball], positions: &[[f32; 3]], deltas: &mut Array3<f32>) {
     for eye in eyes {
@@ -322,7 +303,7 @@ fn to_mesh(deltas: &mut Array3<f32>, to_canonical: &Similarity) {
 }
 
 /// Number of an ARKit shape that is known to be one.
-fn arkit(name: &str) -> usize {
+pub(super) fn arkit(name: &str) -> usize {
     let place = ARKIT.iter().position(|known| *known == name);
     place.expect("the model's names were checked when it was loaded")
 }
@@ -336,6 +317,7 @@ mod tests {
         mesh::{FaceOptions, LandmarkSource, Mesh},
         progress::SILENT,
         rig::mirrored_name,
+        spread::Collector,
     };
     use std::path::Path;
 
@@ -355,6 +337,11 @@ mod tests {
     }
 
     fn make(mesh: &Mesh, landmarks: Vec<[f32; 3]>) -> Rig {
+        let (engine, face) = prepared(mesh, landmarks);
+        Rig::clone(&engine.rig(&face, SILENT).unwrap())
+    }
+
+    fn prepared(mesh: &Mesh, landmarks: Vec<[f32; 3]>) -> (Engine, Face) {
         let engine = Engine::new(EngineOptions {
             cache: CachePolicy::Off,
             ..EngineOptions::default()
@@ -365,7 +352,36 @@ mod tests {
         };
         let engine = engine.unwrap();
         let face = engine.find(mesh, &options, SILENT).unwrap();
-        Rig::clone(&engine.rig(&face, SILENT).unwrap())
+        (engine, face)
+    }
+
+    #[test]
+    fn raised_brows_fold_the_forehead_as_the_decoder_does() {
+        let (mesh, landmarks) = head();
+        let (engine, face) = prepared(&mesh, landmarks.clone());
+        let rig = engine.rig(&face, SILENT).unwrap();
+        let inner_up = rig.deltas.index_axis(Axis(0), arkit("browInnerUp"));
+        let motion = Array3::from_shape_fn((1, LANDMARKS, 3), |(_, n, i)| {
+            inner_up[[face.landmarks.vertices[n] as usize, i]]
+        });
+        let made = Collector::collect(|sink| engine.spread_own(&face, motion, 1.0, sink, SILENT));
+        let decoded = made.unwrap().vertices.displacements;
+        let mm = 1000.0 * face.to_canonical.scale as f32;
+        let forehead =
+            (0..mesh.positions.len()).filter(|&v| mesh.positions[v][1] > landmarks[21][1]);
+        let off = forehead.filter_map(|v| {
+            let length = |x: [f32; 3]| mm * x.iter().map(|x| x * x).sum::<f32>().sqrt();
+            let rig = [0, 1, 2].map(|i| inner_up[[v, i]]);
+            let apart = [0, 1, 2].map(|i| rig[i] - decoded[[0, v, i]]);
+            (length(rig) > 0.5).then(|| length(apart))
+        });
+        let off = Vec::from_iter(off);
+        let mean = off.iter().sum::<f32>() / off.len() as f32;
+        assert!(
+            off.len() > 100 && mean < 0.1,
+            "{mean} mm at {} vertices",
+            off.len()
+        );
     }
 
     #[test]

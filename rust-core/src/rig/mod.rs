@@ -2,10 +2,11 @@
 //! from a vertex animation to weights of those shapes.
 //!
 //! [`RigModel`] makes a [`Rig`]: on the skin each shape is the landmark motion of a mean face,
-//! spread by the face's own [`crate::deform::Deformer`], plus a [`network`]'s correction; jaw parts
-//! follow the jaw, eyeballs turn, a tongue of its own comes out ([`parts`]). [`solve`] turns motion
+//! spread by the face's own [`crate::deform::Deformer`], plus a [`network`]'s correction; raised brows
+//! fold the forehead as the learned decoder does; jaw parts follow the jaw, eyeballs turn, a tongue of its own comes out ([`parts`]). [`solve`] turns motion
 //! of vertices into weights.
 
+mod decoded;
 mod lids;
 mod make;
 mod names;
@@ -14,6 +15,7 @@ pub mod parts;
 pub mod solve;
 mod visemes;
 
+pub use decoded::Learned;
 pub use make::{MODEL, Rig, RigModel, ShapeReport};
 pub use names::{ARKIT, VISEMES, mirrored_name};
 pub use solve::{SolveOptions, SolvedWeights, solve};

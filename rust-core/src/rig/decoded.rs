@@ -1,0 +1,90 @@
+//! Shapes, or parts of them, that are a decoder's answer to the shape's own landmarks.
+
+use ndarray::{Array2, Array3, ArrayView2, ArrayView3, Axis};
+
+use super::make::arkit;
+use crate::{
+    Result,
+    deform::{Deformer, binding::Follows},
+    face::{Face, FaceSurface},
+    ibug::LANDMARKS,
+    progress::SILENT,
+};
+
+/// Shapes whose folds lie between the landmarks: there the learned decoder, creases and all, is nearer
+/// to the truth than the network, on unseen faces of both kinds that were learned.
+const FOLDING: [&str; 3] = ["browInnerUp", "browOuterUpLeft", "browOuterUpRight"];
+/// Shapes in which the jaw moves.
+const JAW: [&str; 4] = ["jawOpen", "jawForward", "jawLeft", "jawRight"];
+
+/// The decoder of landmark motion with its learned part.
+pub struct Learned<'a> {
+    /// Moves the face.
+    pub deformer: &'a dyn Deformer,
+    /// How far it is to be relied on for this face, 0 to 1.
+    pub share: f32,
+}
+
+/// Skin in the shapes that fold, `deltas` `[S, V, 3]` in centimetres, as the learned decoder moves it.
+pub(super) fn fold(
+    face: &Face,
+    head: &FaceSurface,
+    learned: &Learned<'_>,
+    deltas: &mut Array3<f32>,
+) -> Result<()> {
+    if learned.share == 0.0 {
+        return Ok(());
+    }
+    let deform = |motion: ArrayView3<'_, f32>| learned.deformer.deform_freely(motion, SILENT);
+    for name in FOLDING {
+        let mut shape = deltas.index_axis_mut(Axis(0), arkit(name));
+        let moved = decoded(face, shape.view(), deform)?;
+        for (v, follows) in head.follows.iter().enumerate() {
+            if matches!(follows, Follows::Skin(_)) {
+                (0..3).for_each(|i| {
+                    shape[[v, i]] += learned.share * (moved[[v, i]] - shape[[v, i]]);
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Parts that follow the jaw, as the face's own deformer moves them for the skin's landmarks, in the
+/// four shapes of the jaw: in others the chin's skin moves over a jaw at rest. Centimetres.
+pub(super) fn move_jaw(
+    face: &Face,
+    head: &FaceSurface,
+    plain: &dyn Deformer,
+    deltas: &mut Array3<f32>,
+) -> Result<()> {
+    for name in JAW {
+        let mut shape = deltas.index_axis_mut(Axis(0), arkit(name));
+        let moved = decoded(face, shape.view(), |motion| plain.deform(motion, SILENT))?;
+        for (v, follows) in head.follows.iter().enumerate() {
+            if matches!(follows, Follows::Jaw(_)) {
+                shape.row_mut(v).assign(&moved.row(v));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// What `deform`, mesh units in and out, makes of the landmarks of one shape. Centimetres, `[V, 3]`.
+fn decoded(
+    face: &Face,
+    shape: ArrayView2<'_, f32>,
+    deform: impl Fn(ArrayView3<'_, f32>) -> Result<Array3<f32>>,
+) -> Result<Array2<f32>> {
+    let motion = Array3::from_shape_fn((1, LANDMARKS, 3), |(_, n, i)| {
+        0.01 * shape[[face.landmarks.vertices[n] as usize, i]]
+    });
+    let motion = face.to_canonical.displacements_to_mesh(motion.view());
+    let mut moved = deform(motion.view())?.index_axis_move(Axis(0), 0);
+    let to_cm = 100.0 * face.to_canonical.scale as f32;
+    for mut row in moved.rows_mut() {
+        let canonical = face.to_canonical.rotate([row[0], row[1], row[2]]);
+        (0..3).for_each(|i| row[i] = to_cm * canonical[i]);
+    }
+    Ok(moved)
+}
