@@ -56,8 +56,8 @@ const STATED_BONUS: f32 = 0.1;
 const SURE: f32 = 0.75;
 const LIKELY: f32 = 0.5;
 
-/// A mesh without a face takes about so many looks; progress is counted against this.
-const MOST_LOOKS: f32 = 1300.0;
+/// A mesh without a face takes about so many looks, sharp and soft; progress is counted against this.
+const MOST_LOOKS: f32 = 2600.0;
 const STAGE: &str = "landmarks";
 
 /// Counts looks at a mesh, and asks the caller before each whether to go on.
@@ -221,7 +221,7 @@ impl Search<'_> {
         window: Window,
         plane: Option<&Plane>,
     ) -> Vec<Candidate> {
-        let buffer = DepthBuffer::draw(points, self.frame.triangles, window);
+        let buffer = self.frame.draw(points, window);
         self.pose
             .see(&buffer.features(), FACES_IN_A_PICTURE)
             .into_iter()
@@ -288,7 +288,7 @@ impl Search<'_> {
         let wanted = self.looks.take();
         wanted.then(|| {
             let points = turned(self.frame, turn);
-            DepthBuffer::draw(&points, self.frame.triangles, window)
+            self.frame.draw(&points, window)
         })
     }
 }
@@ -296,7 +296,7 @@ impl Search<'_> {
 /// The close front view of a face.
 pub(super) fn front(views: &LandmarkNetwork, frame: &Frame, to_canonical: &Similarity) -> Look {
     let points = turned(frame, to_canonical);
-    look(views, &points, frame.triangles, on_face(HALF_SIZE_M))
+    look(views, frame, &points, on_face(HALF_SIZE_M))
 }
 
 /// A window on the middle of a face.
