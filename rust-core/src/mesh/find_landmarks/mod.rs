@@ -32,7 +32,7 @@ use self::{
     network::LandmarkNetwork,
     pose_network::PoseNetwork,
     prior::{Measured, ShapePrior},
-    search::{Looks, Search},
+    search::{Candidate, Looks, Search},
     view::{Frame, stated_frame},
 };
 use super::{
@@ -72,6 +72,9 @@ const SURE: (bool, f32) = (true, 0.7);
 /// Deviation of the softened pictures, pixels of the depth buffer (0.8 mm on a human face): blocks, folds
 /// and noise of a few millimetres vanish in them, lips and lids do not.
 const SOFTNESS: f32 = 2.5;
+
+/// What is only seen softly must be surer than what is seen sharply to be a face (`Settled::rank`).
+const LEAST_SOFTLY: (bool, f32) = (true, 0.5);
 
 /// By so much mean confidence must a face be surer softly than sharply to be taken from soft pictures, in
 /// which small features lie less exactly.
@@ -141,9 +144,11 @@ impl Settled {
     }
 
     /// Whether this, seen softly, is to be taken before what was seen sharply.
-    fn clearer_than(&self, sharp: &Settled) -> bool {
-        let (face, confidence) = sharp.rank();
-        self.rank() > (face, confidence + CLEARER)
+    fn clearer_than(&self, sharp: Option<&Settled>) -> bool {
+        sharp.is_none_or(|sharp| {
+            let (face, confidence) = sharp.rank();
+            self.rank() > (face, confidence + CLEARER)
+        })
     }
 
     /// What keeps this from being a face: nothing looks like one, or its mouth is not to be found.
@@ -252,14 +257,22 @@ impl LandmarkFinder {
         fixed: &[(usize, [f32; 3])],
         looks: &Looks<'_>,
     ) -> Result<Settled> {
-        let (sharp, likeness) = self.surest(frame, fixed, looks)?;
+        let search = Search {
+            pose: &self.pose,
+            views: &self.views,
+            frame,
+            looks,
+        };
+        let all = search.run()?;
+        let likely = all.iter().filter(|c| c.likeness >= LEAST_LIKENESS);
+        let sharp = self.surest(frame, likely, fixed, looks)?;
         if let Some(found) = sharp.as_ref().filter(|s| s.rank() > SURE) {
             return Ok(found.clone());
         }
-        let (soft, softly) = self.surest(&frame.soft(SOFTNESS), fixed, looks)?;
-        let clearer = |s: &Settled| sharp.as_ref().is_none_or(|b| s.clearer_than(b));
+        let soft = self.surest(&frame.soft(SOFTNESS), all.iter(), fixed, looks)?;
+        let clearer = |s: &Settled| s.rank() > LEAST_SOFTLY && s.clearer_than(sharp.as_ref());
         let Some(found) = soft.filter(clearer).or(sharp) else {
-            let likeness = likeness.max(softly);
+            let likeness = all.first().map_or(0.0, |c| c.likeness);
             return Err(Error::FaceNotFound(advice(&format!(
                 "no side of the mesh looks like a face (likeness {likeness:.2} at best, expected \
                  {LEAST_LIKENESS} or more)"
@@ -271,23 +284,16 @@ impl LandmarkFinder {
         }
     }
 
-    /// The most convincing candidate, and the likeness of the first one.
-    fn surest(
+    /// The most convincing candidate.
+    fn surest<'a>(
         &self,
         frame: &Frame,
+        candidates: impl Iterator<Item = &'a Candidate>,
         fixed: &[(usize, [f32; 3])],
         looks: &Looks<'_>,
-    ) -> Result<(Option<Settled>, f32)> {
-        let search = Search {
-            pose: &self.pose,
-            views: &self.views,
-            frame,
-            looks,
-        };
-        let candidates = search.run()?;
-        let likeness = candidates.first().map_or(0.0, |c| c.likeness);
+    ) -> Result<Option<Settled>> {
         let mut best: Option<Settled> = None;
-        for candidate in candidates.iter().filter(|c| c.likeness >= LEAST_LIKENESS) {
+        for candidate in candidates {
             let settled = self.settle(frame, &candidate.to_canonical, fixed, looks)?;
             let better = |s: &Settled| best.as_ref().is_none_or(|b| s.rank() > b.rank());
             best = settled.filter(better).or(best);
@@ -295,7 +301,7 @@ impl LandmarkFinder {
                 break;
             }
         }
-        Ok((best, likeness))
+        Ok(best)
     }
 
     /// Steps 2 and 3.

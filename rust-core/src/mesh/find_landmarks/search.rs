@@ -56,8 +56,8 @@ const STATED_BONUS: f32 = 0.1;
 const SURE: f32 = 0.75;
 const LIKELY: f32 = 0.5;
 
-/// A mesh without a face takes about so many looks, sharp and soft; progress is counted against this.
-const MOST_LOOKS: f32 = 2600.0;
+/// A mesh without a face takes about so many looks; progress is counted against this.
+const MOST_LOOKS: f32 = 1300.0;
 const STAGE: &str = "landmarks";
 
 /// Counts looks at a mesh, and asks the caller before each whether to go on.
