@@ -29,6 +29,7 @@ const ROBUST_M: f32 = 0.006;
 const WORST_LIFTED_RMS_M: f64 = 0.03;
 
 /// Where the rays of the views meet.
+#[derive(Clone)]
 pub(super) struct Agreed {
     /// `[68]`, in the frame that the views were taken in (canonical metres as far as known).
     pub positions: [[f32; 3]; LANDMARKS],
@@ -84,7 +85,7 @@ pub(super) fn agree(
                 centre: [x, y],
                 half_size,
             };
-            (angle, look(network, &turned, frame.triangles, window))
+            (angle, look(network, frame, &turned, window))
         })
         .collect();
     meet(&looks)

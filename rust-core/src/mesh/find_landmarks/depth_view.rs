@@ -95,6 +95,31 @@ impl DepthBuffer {
         }
     }
 
+    /// The same surface as a soft one: the mean of what is drawn about every drawn pixel, weighted by a
+    /// Gaussian of `deviation` pixels.
+    pub fn softened(&self, deviation: f32) -> Self {
+        let drawn: Vec<f32> = self.z.iter().map(|z| f32::from(*z > NOTHING)).collect();
+        let depth: Vec<f32> = self
+            .z
+            .iter()
+            .map(|z| if *z > NOTHING { *z } else { 0.0 })
+            .collect();
+        let (weight, total) = (blurred(&drawn, deviation), blurred(&depth, deviation));
+        let pixels = self.z.iter().zip(weight.iter().zip(&total));
+        DepthBuffer {
+            z: pixels
+                .map(|(z, (weight, total))| {
+                    if *z > NOTHING {
+                        total / weight
+                    } else {
+                        NOTHING
+                    }
+                })
+                .collect(),
+            half_size: self.half_size,
+        }
+    }
+
     /// View z at a place in the window, (column, row) from 0 to 1; `None` where nothing is.
     pub fn depth_at(&self, place: [f32; 2]) -> Option<f32> {
         let at = place.map(|x| (x * BUFFER as f32) as isize);
@@ -148,6 +173,28 @@ impl DepthBuffer {
             false => NOTHING,
         }
     }
+}
+
+/// A square picture under a Gaussian that is cut at three deviations (pixels); outside it, zero.
+fn blurred(picture: &[f32], deviation: f32) -> Vec<f32> {
+    let reach = (3.0 * deviation).ceil() as isize;
+    let weights: Vec<f32> = (-reach..=reach)
+        .map(|step| (-0.5 * (step as f32 / deviation).powi(2)).exp())
+        .collect();
+    let along = |from: &[f32], stride: usize| -> Vec<f32> {
+        let pixel = |i: usize| {
+            let place = (i / stride % BUFFER) as isize;
+            let steps = (-reach).max(-place)..=reach.min(BUFFER as isize - 1 - place);
+            steps
+                .map(|s| {
+                    weights[(s + reach) as usize]
+                        * from[(i as isize + s * stride as isize) as usize]
+                })
+                .sum()
+        };
+        (0..from.len()).map(pixel).collect()
+    };
+    along(&along(picture, 1), BUFFER)
 }
 
 /// The next whole number, at least 0; `f32::ceil` is a call on older processors.
@@ -208,6 +255,27 @@ mod tests {
         }
         let buffer = DepthBuffer::draw(&points, &[[0, 1, 2], [3, 4, 5], [6, 7, 8]], WINDOW);
         assert_eq!(buffer.depth_at([0.5, 0.5]), Some(3.0));
+    }
+
+    #[test]
+    fn softening_takes_steps_away_and_leaves_slopes_and_edges() {
+        let slope = half();
+        let soft = slope.softened(3.0);
+        for place in [[0.1, 0.5], [0.25, 0.9], [0.4, 0.3]] {
+            let (a, b) = (
+                slope.depth_at(place).unwrap(),
+                soft.depth_at(place).unwrap(),
+            );
+            assert!((a - b).abs() < 1e-5, "{a} {b}");
+        }
+        assert_eq!(soft.depth_at([0.75, 0.5]), None);
+        let steps = |z: f32| (z * 16.0).round() / 16.0;
+        let stairs = DepthBuffer {
+            z: slope.z.iter().map(|z| steps(*z)).collect(),
+            half_size: slope.half_size,
+        };
+        let rough = |b: &DepthBuffer| (b.at(128, 64) - 2.0 * b.at(128, 56) + b.at(128, 48)).abs();
+        assert!(rough(&stairs) > 0.06 && rough(&stairs.softened(6.0)) < 0.02);
     }
 
     #[test]

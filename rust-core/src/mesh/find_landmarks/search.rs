@@ -221,7 +221,7 @@ impl Search<'_> {
         window: Window,
         plane: Option<&Plane>,
     ) -> Vec<Candidate> {
-        let buffer = DepthBuffer::draw(points, self.frame.triangles, window);
+        let buffer = self.frame.draw(points, window);
         self.pose
             .see(&buffer.features(), FACES_IN_A_PICTURE)
             .into_iter()
@@ -288,7 +288,7 @@ impl Search<'_> {
         let wanted = self.looks.take();
         wanted.then(|| {
             let points = turned(self.frame, turn);
-            DepthBuffer::draw(&points, self.frame.triangles, window)
+            self.frame.draw(&points, window)
         })
     }
 }
@@ -296,7 +296,7 @@ impl Search<'_> {
 /// The close front view of a face.
 pub(super) fn front(views: &LandmarkNetwork, frame: &Frame, to_canonical: &Similarity) -> Look {
     let points = turned(frame, to_canonical);
-    look(views, &points, frame.triangles, on_face(HALF_SIZE_M))
+    look(views, frame, &points, on_face(HALF_SIZE_M))
 }
 
 /// A window on the middle of a face.

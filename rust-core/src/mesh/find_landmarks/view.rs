@@ -15,6 +15,8 @@ pub(super) struct Frame<'a> {
     pub points: Vec<[f32; 3]>,
     pub triangles: &'a [[u32; 3]],
     pub from_mesh: Similarity,
+    /// Deviation by which pictures of it are softened, pixels of the depth buffer; 0 for sharp ones.
+    pub softness: f32,
 }
 
 /// Landmarks as one view shows them.
@@ -26,6 +28,25 @@ pub(super) struct Look {
 }
 
 impl Frame<'_> {
+    /// The same mesh, seen softly.
+    pub fn soft(&self, softness: f32) -> Self {
+        Frame {
+            points: self.points.clone(),
+            triangles: self.triangles,
+            from_mesh: self.from_mesh,
+            softness,
+        }
+    }
+
+    /// Draws the mesh, its `points` turned, `[V]`.
+    pub fn draw(&self, points: &[[f32; 3]], window: Window) -> DepthBuffer {
+        let sharp = DepthBuffer::draw(points, self.triangles, window);
+        match self.softness > 0.0 {
+            true => sharp.softened(self.softness),
+            false => sharp,
+        }
+    }
+
     /// Lowest and highest corner of the box around the faces of `points`, `[V]`.
     pub fn bounds_of(&self, points: &[[f32; 3]]) -> [[f32; 3]; 2] {
         let (low, high) = bounds(points, self.triangles);
@@ -69,6 +90,7 @@ pub(super) fn stated_frame(mesh: &Mesh, forward: Axis, up: Axis) -> Result<Frame
         points,
         triangles: &mesh.triangles,
         from_mesh,
+        softness: 0.0,
     })
 }
 
@@ -83,14 +105,14 @@ fn bounds(points: &[[f32; 3]], triangles: &[[u32; 3]]) -> ([f32; 3], [f32; 3]) {
     })
 }
 
-/// One look through a window at points that face +z.
+/// One look through a window at the mesh, its points turned to face +z.
 pub(super) fn look(
     network: &LandmarkNetwork,
+    frame: &Frame,
     points: &[[f32; 3]],
-    triangles: &[[u32; 3]],
     window: Window,
 ) -> Look {
-    let buffer = DepthBuffer::draw(points, triangles, window);
+    let buffer = frame.draw(points, window);
     let sight = network.see(&buffer.features());
     Look {
         points: sight.places.map(|place| window.to_view(place)),
