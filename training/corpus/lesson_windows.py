@@ -11,6 +11,7 @@ from training.corpus.windows import BANDS, AugmentOptions, WindowSampler
 from training.losses import SCALE_M
 from training.speech.compact import ACTIVE_QUANTILE, SCALE, clip_colour
 from training.speech.log_mel import FLOOR, SAMPLE_RATE_HZ, log_mel
+from training.systems.freetalk.ats import neutral_affect
 from training.systems.freetalk.stream import Heard, StreamConfig, nothing_heard
 
 DIMS = 204
@@ -65,7 +66,7 @@ class LessonSampler(WindowSampler):
     def _lesson(self, frames: int, rows: int):
         """One window; its parts are clips one after the other."""
         longer = -(-rows // self.per_frame)
-        mel, tracks, weight, _, index = self._window(longer)
+        mel, tracks, weight, _, _, index = self._window(longer)
         tracks = tracks.float()
         if self.random.random() < GAIN_SHARE:
             mel = mel + self.random.uniform(*GAIN_NEPERS)
@@ -97,7 +98,8 @@ class LessonSampler(WindowSampler):
             noise = self.random.uniform(-12.0, -3.0) + self._smooth(1.0)
             mel = torch.logaddexp(mel, noise + self._wobble(len(mel)))
         phones = torch.zeros(len(mel), dtype=torch.int16)
-        return mel, torch.zeros(frames, 2 * DIMS), torch.ones(frames, DIMS), phones
+        still, seen = torch.zeros(frames, 2 * DIMS), torch.ones(frames, DIMS)
+        return mel, still, seen, phones, neutral_affect(1, frames)[0]
 
     def _wobble(self, rows: int) -> Tensor:
         """How steady noise strays from its own level, [rows, 64]."""

@@ -10,6 +10,7 @@ from torch import Tensor
 from training.corpus.bank import Entry
 from training.corpus.clip import MEL_PER_FRAME
 from training.speech.compact import DEEPEST, SCALE, clip_colour
+from training.systems.freetalk.ats import neutral_affect
 
 BANDS = 64
 
@@ -200,9 +201,7 @@ class WindowSampler:
             mel = torch.from_numpy(np.log(np.maximum(wobble, 1e-4))).float()
             mel = (mel - clip_colour(mel)) / SCALE + self._smooth(0.1)
         still, phones = torch.zeros(frames, 204), torch.zeros(len(mel), dtype=torch.int16)
-        affect = torch.zeros(frames, 16)
-        affect[:, 0] = 1.0
-        return mel, still, torch.ones(frames, 204), phones, affect
+        return mel, still, torch.ones(frames, 204), phones, neutral_affect(1, frames)[0]
 
 
 def interpolate(x: Tensor, position: Tensor) -> Tensor:

@@ -141,3 +141,10 @@ def test_the_student_learns_from_a_batch(lessons, model):
         optimiser.step()
         losses.append(loss.item())
     assert losses[-1] < 0.8 * losses[0]
+
+
+def test_a_silent_window_joins_the_batch(lessons):
+    config = debug_config()
+    sampler = LessonSampler(lessons, {"grid_s1": 0.5, "voices": 0.5}, 0, config)
+    sampler.augment.silent_share = 1.0
+    assert sampler.batch(2, 24).captured.abs().max() == 0.0
