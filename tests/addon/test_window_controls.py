@@ -1,4 +1,4 @@
-"""A rig is fitted in steps, undone, listed and stopped in a real Blender window (as test_window)."""
+"""A rig is fitted in steps, undone, listed and stopped in a real window (see test_window)."""
 
 from test_heads import voice  # noqa: F401 - a fixture
 from test_window import photographs, screen  # noqa: F401 - fixtures
