@@ -66,6 +66,7 @@ class ANYFACE_UL_controls(UIList):
 
     def draw_item(self, _context, layout, _data, item, _icon, _active, _name):
         """Draws one row."""
+        layout.use_property_split = False
         layout.prop(item, "use", text="")
         icon = "BONE_DATA" if item.kind == control_sources.BONE else "DRIVER"
         layout.label(text=item.name, icon=icon)
