@@ -3,7 +3,7 @@
 import bpy
 import pytest
 
-from figures import grid, own_keys, select, stand_in, tone
+from figures import grid, own_keys, select, stand_in, strip, tone
 
 
 @pytest.fixture
@@ -95,3 +95,19 @@ def test_playback_keeps_step_with_the_sound_from_the_first_take_on(stage, tmp_pa
     scene.sync_mode = "NONE"
     bpy.ops.anyface.generate()
     assert scene.sync_mode == "NONE" and "Sync to Audio" not in ob.anyface.report
+
+
+def test_two_presses_lead_from_a_head_to_motion_and_one_where_there_is_a_strip(stage, tmp_path):
+    sound = tone(tmp_path / "tone.wav")
+    first, second = grid("First"), grid("Second")
+    select(first)
+    assert bpy.ops.anyface.choose_sound(filepath=sound) == {"FINISHED"}
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert first.data.shape_keys is not None
+    try:
+        strip(sound, "Voice", 1, 1)
+    except RuntimeError:
+        pytest.skip("this Blender has no sound")
+    select(second)
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert second.data.shape_keys is not None

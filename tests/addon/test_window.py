@@ -40,6 +40,8 @@ bpy.ops.ed.undo_push(message="scene")
 answer = len(ob.data.vertices)
 """
 TAB = "_, _, _, side = area_of('VIEW_3D')\nside.active_panel_category = 'Anyface'"
+# What a script has changed is drawn only then.
+REDRAW = "area_of('VIEW_3D')[1].tag_redraw()"
 MORE = "bpy.context.window_manager.anyface_more = {}"
 
 
@@ -109,7 +111,7 @@ def test_all_of_the_first_screen_is_in_sight_and_more_opens_with_a_click(screen,
         if screen.ask(open_more):
             break
     assert screen.ask(open_more)
-    screen.hand("sleep", "0.3")
+    assert screen.find("anyface.find_face")[1] > y + below
     screen.photograph(photographs / "4_more.png")
     screen.hand("mousemove", x, y + below, "sleep", "0.1", "click", "1", "sleep", "0.3")
     assert not screen.ask(open_more)
@@ -145,8 +147,10 @@ def test_escape_stops_a_running_job_and_leaves_nothing(screen, photographs, voic
     write_wav(screen.folder / "long.wav", np.resize(samples, 600 * rate), rate)
     screen.ask(
         "settings = bpy.data.objects['Head'].anyface\n"
-        f"settings.source, settings.sound_file = 'FILE', {str(screen.folder / 'long.wav')!r}"
+        f"settings.source, settings.sound_file = 'FILE', {str(screen.folder / 'long.wav')!r}\n"
+        + REDRAW
     )
+    screen.hand("sleep", "0.5")
     screen.press("anyface.generate")
     screen.wait("running()", 20)
     screen.photograph(photographs / "5_running.png")
@@ -167,7 +171,8 @@ def test_the_add_on_is_disabled_and_enabled_again_while_a_job_runs(screen, photo
     screen.ask(f"bpy.ops.preferences.addon_enable(module={name})")
     screen.ask(TAB)
     assert not screen.ask("answer = bool(keys()) or running()")
-    screen.ask("bpy.data.objects['Head'].anyface.source = 'STRIP'")
+    screen.ask(f"bpy.data.objects['Head'].anyface.source = 'STRIP'\n{REDRAW}")
+    screen.hand("sleep", "0.5")
     screen.press("anyface.generate")
     screen.wait("keys() and not running()")
     screen.photograph(photographs / "8_enabled_again.png")
