@@ -194,7 +194,9 @@ impl Annotation {
             end_s,
             label: to.between().into(),
         };
-        for interval in tier.map_or(&[][..], |tier| &tier.intervals) {
+        let intervals = tier.map_or(&[][..], |tier| &tier.intervals);
+        // Where a label lasts to the next, the last one only says where the sound ends.
+        for interval in intervals.iter().filter(|i| i.start_s < self.duration_s) {
             let from = tier.map_or(to, |tier| tier.symbols);
             if interval.start_s > at {
                 out.push(gap(at, interval.start_s));

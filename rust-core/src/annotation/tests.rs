@@ -134,9 +134,9 @@ fn what_cannot_be_read_is_named_with_its_line() {
         (
             AnnotationFormat::TextGrid,
             &SHORT.replace("0.5\n0.9\n\"p", "0.5\n0.4\n\"p"),
-            24,
+            27,
         ),
-        (AnnotationFormat::TextGrid, &SHORT[..SHORT.len() - 3], 29),
+        (AnnotationFormat::TextGrid, &SHORT[..SHORT.len() - 3], 32),
     ];
     for (format, text, line) in cases {
         let message = Annotation::from_text(text, format, 24.0)

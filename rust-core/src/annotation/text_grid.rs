@@ -180,7 +180,7 @@ pub(super) fn write(annotation: &Annotation) -> String {
 /// Intervals that touch from 0 to the end, as Praat asks for; those between have no label.
 fn without_gaps(intervals: &[Interval], end_s: f64) -> Vec<(f64, f64, &str)> {
     let (mut out, mut at) = (Vec::new(), 0.0);
-    for interval in intervals {
+    for interval in intervals.iter().filter(|i| i.start_s < end_s) {
         if interval.start_s > at {
             out.push((at, interval.start_s, ""));
         }

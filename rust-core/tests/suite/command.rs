@@ -309,10 +309,7 @@ fn one_file_of_sounds_becomes_another() {
     .unwrap();
     done(&folder, &["sounds", "--sounds", "a.tsv", "--out", "a.dat"]);
     let switch = fs::read_to_string(folder.path().join("a.dat")).unwrap();
-    assert_eq!(
-        switch,
-        "MohoSwitch1\n1 rest\n13 MBP\n19 E\n25 rest\n25 rest\n"
-    );
+    assert_eq!(switch, "MohoSwitch1\n1 rest\n13 MBP\n19 E\n25 rest\n");
     let back = ["sounds", "--sounds", "a.tsv", "--out", "a.srt"];
     refused(&folder, &back, INVALID_INPUT, ".TextGrid");
     fs::write(folder.path().join("b.tsv"), "0.00\tX\nsoon\tA\n").unwrap();
