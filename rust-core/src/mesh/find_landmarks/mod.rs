@@ -9,7 +9,8 @@
 //! 3. *Consensus*: in the head's own frame, three views at −40°, 0° and 40° see the landmarks, also
 //!    those that face away; rays of the three meet in space (after Paulsen et al. 2018,
 //!    "Multi-view Consensus CNN for 3D Facial Landmark Placement", with three fixed views and
-//!    depth in place of many views and colour). Three times, each in a better frame.
+//!    depth in place of many views and colour). Three times, each in a better frame. Where none is
+//!    sure (blocks, noise or folds on the surface), 2 and 3 again with softened pictures.
 //! 4. *Shape*: a Gaussian over landmark shapes pulls in what cannot be; landmarks that the caller
 //!    fixed are exact and the others follow them.
 //! 5. *Snap*: to the nearest skin, inner-lip landmarks to their own lip.
@@ -437,6 +438,16 @@ mod tests {
                 presence,
             },
         }
+    }
+
+    #[test]
+    fn what_is_seen_softly_must_be_clearer() {
+        let all = |confidence: f32, presence: f32| settled(confidence, confidence, presence);
+        let sharp = all(0.6, 0.99);
+        assert!(!all(0.65, 0.99).clearer_than(Some(&sharp)));
+        assert!(all(0.75, 0.99).clearer_than(Some(&sharp)));
+        let no_face = all(0.9, 0.2);
+        assert!(all(0.55, 0.99).clearer_than(Some(&no_face)) && all(0.55, 0.99).clearer_than(None));
     }
 
     #[test]
