@@ -39,7 +39,7 @@ def why_not(ob) -> str:
     output = outputs.of_object(ob)
     if output is None:
         return _NO_TAKE
-    return "" if output.name in ("basis", "arkit", "keys") else _NOT_KEYS
+    return "" if output.redoes else _NOT_KEYS
 
 
 def read(ob, scene, settings, engine) -> redo.Redo:

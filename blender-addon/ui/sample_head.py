@@ -33,6 +33,9 @@ class ANYFACE_OT_add_sample_head(object_utils.AddObjectHelper, Operator):
 
     def execute(self, context):
         """Adds it at the 3D cursor, as the active object."""
+        if self.align == "VIEW" and context.region_data is None:
+            # Scripts have no view to turn it to.
+            self.align = "WORLD"
         made = sample_head.mesh(self.height)
         object_utils.object_data_add(context, made, operator=self)
         return {"FINISHED"}

@@ -237,6 +237,7 @@ def test_found_controls_are_listed_and_may_be_left_out(face):
 
 
 def test_the_panel_draws_the_rig_and_its_list(face, addon):
+    bpy.context.window_manager.anyface_more = True
     for words in (["Controls are found when you generate"], ["Find Controls"]):
         drawn = [text for texts in draw_all(addon).values() for text, _ in texts]
         assert set(words) <= set(drawn)

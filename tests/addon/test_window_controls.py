@@ -1,7 +1,7 @@
 """A rig is fitted in steps, undone, listed and stopped in a real window (see test_window)."""
 
 from test_heads import voice  # noqa: F401 - a fixture
-from test_window import photographs, screen  # noqa: F401 - fixtures
+from test_window import MORE, photographs, screen  # noqa: F401 - fixtures
 
 # A jaw that turns below the mouth, and a bone of the upper lip, on a head that holds the rest.
 RIG = """
@@ -51,6 +51,8 @@ def test_a_rig_is_listed_speaks_is_undone_and_stopped(screen, photographs):  # n
     assert "controls of the rig show" in report
     screen.hand("mousemove", 400, 400, "key", "ctrl+z")
     screen.wait(f"not ({ACTION})")
+    screen.ask(MORE.format(True))
+    screen.hand("sleep", "0.5")
     screen.scroll(5)
     screen.press("anyface.controls_find")
     screen.wait("len(bpy.data.objects['Head'].anyface_controls.rows) and not running()")

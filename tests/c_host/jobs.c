@@ -282,7 +282,7 @@ static void mended(const AnyfaceEngine *engine, const AnyfaceAudio *audio) {
     double *times = malloc((2 * closures + 1) * sizeof *times);
     CHECK(times != NULL);
     CHECK_OK(anyface_sounds_copy_closures(heard, times, 2 * closures, &error));
-    const double own[2] = {0.4, 0.6};
+    const double own[2] = {0.15, 0.35};
     AnyfaceMotionOptions plain, same, other;
     anyface_motion_options_init(&plain, sizeof plain);
     same = other = plain;
@@ -295,19 +295,19 @@ static void mended(const AnyfaceEngine *engine, const AnyfaceAudio *audio) {
     CHECK_OK(anyface_motion_new(engine, audio, &plain, NULL, &motions[0], &error));
     CHECK_OK(anyface_motion_new(engine, audio, &same, NULL, &motions[1], &error));
     CHECK_OK(anyface_motion_new(engine, audio, &other, NULL, &motions[2], &error));
-    CHECK_OK(anyface_motion_new_redone(motions[0], motions[2], 0.3, 0.7, &motions[3], &error));
+    CHECK_OK(anyface_motion_new_redone(motions[0], motions[2], 0.1, 0.4, &motions[3], &error));
     size_t frame = 3 * ANYFACE_LANDMARK_COUNT, count = anyface_motion_frame_count(motions[0]) * frame;
     float *moved = malloc(4 * count * sizeof *moved);
-    CHECK(moved != NULL && count > 22 * frame);
+    CHECK(moved != NULL && count > 13 * frame);
     for (int i = 0; i < 4; ++i)
         CHECK_OK(anyface_motion_copy_displacements(motions[i], moved + i * count, count, &error));
     CHECK(memcmp(moved, moved + count, count * sizeof *moved) == 0);
     const float *redone = moved + 3 * count;
-    CHECK(memcmp(moved, redone, 10 * frame * sizeof *moved) == 0);
-    CHECK(memcmp(moved + 10 * frame, redone + 10 * frame, 12 * frame * sizeof *moved) != 0);
-    CHECK(memcmp(moved + 22 * frame, redone + 22 * frame, (count - 22 * frame) * sizeof *moved) == 0);
+    CHECK(memcmp(moved, redone, 4 * frame * sizeof *moved) == 0);
+    CHECK(memcmp(moved + 4 * frame, redone + 4 * frame, 9 * frame * sizeof *moved) != 0);
+    CHECK(memcmp(moved + 13 * frame, redone + 13 * frame, (count - 13 * frame) * sizeof *moved) == 0);
     AnyfaceMotion *none = NULL;
-    CHECK_FAILS(anyface_motion_new_redone(motions[0], motions[2], 0.7, 0.3, &none, &error),
+    CHECK_FAILS(anyface_motion_new_redone(motions[0], motions[2], 0.4, 0.1, &none, &error),
                 ANYFACE_STATUS_INVALID_INPUT, "after the start");
     plain.closure_count = 1;
     CHECK_FAILS(anyface_motion_new(engine, audio, &plain, NULL, &none, &error),

@@ -13,6 +13,7 @@ class Arkit(Output):
     """Keys under the names of the shapes; visemes stay at 0. All takes play on the same keys."""
 
     name = "arkit"
+    redoes = True
     label = "Make ARKit Keys"
     help = "The 52 ARKit shapes as keys of this mesh, animated"
     options = ("visemes",)

@@ -15,6 +15,7 @@ class Basis(Output):
     """Relative keys; Blender clamps their weights, within -1..1, to the slider range."""
 
     name = "basis"
+    redoes = True
     label = "New Keys"
     help = "A few new shape keys that play the performance; small and fast"
     as_basis = True

@@ -18,6 +18,7 @@ class Keys(Output):
     """Curves that the artist had on the keys wait in his own action."""
 
     name = "keys"
+    redoes = True
     label = "Existing Keys"
     help = "The ARKit or viseme keys that the mesh has already"
     moves_parts = False

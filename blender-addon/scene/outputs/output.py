@@ -66,6 +66,8 @@ class Output:
     moves_parts = True
     # What it makes lies elsewhere than in shape keys of the mesh.
     in_files = False
+    # Its keys can show another motion for some of the frames.
+    redoes = False
     # Why a written take cannot be changed, or cannot wait beside others, in words.
     finished = cannot_wait = ""
 

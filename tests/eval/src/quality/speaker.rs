@@ -64,6 +64,7 @@ impl Speaker {
             seed: wish.seed,
             style: wish.style.clone(),
             controls,
+            ..MotionRequest::default()
         };
         self.engine.perform(waveform, &request, SILENT)
     }
