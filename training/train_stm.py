@@ -154,7 +154,7 @@ def train_on_data(args) -> None:
             config = PAPER[args.config or "compact"]
             meshes = {f: coarsest(corpus.train[f], args.meshes) for f in faces}
             seen = {f: [paper_mesh(m, config) for m in meshes[f]] for f in meshes}
-            model = train_paper(config, speech, args.seconds, args.steps, args.seed, seen, out)
+            model = train_paper(config, speech, args.seconds, args.steps, args.seed, seen, out, rate=args.rate)
         save(model, args.runs / f"{args.model}_{name}.pt")
 
 
@@ -173,7 +173,7 @@ def train_on_corpora(args) -> Path:
     else:
         config = PAPER[args.config or "compact"]
         seen = {"corpus": [paper_mesh(mesh, config) for mesh in meshes]}
-        model = train_paper(config, None, args.seconds, args.steps, args.seed, seen, out)
+        model = train_paper(config, None, args.seconds, args.steps, args.seed, seen, out, rate=args.rate)
         method = lambda mesh, landmarks: predict(model, paper_mesh(mesh, config), landmarks)  # noqa: E731
     save(model, path)
     held_out = sequence_meshes(args.corpus, held_out=True)
@@ -200,6 +200,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--config", choices=sorted({*CONFIGS, *PAPER}), help="size: see the model's CONFIGS")
     parser.add_argument("--steps", type=int, help=f"{STEPS} for static; paper: in place of --seconds")
     parser.add_argument("--seconds", type=float, default=180.0, help="processor time, paper")
+    parser.add_argument("--rate", type=float, default=2e-3, help="of learning, paper")
     parser.add_argument("--meshes", type=int, default=14, help="of each face, the coarsest, for paper")
     parser.add_argument("--shapes", type=int, default=SHAPES, help="neutral faces by which one is told")
     parser.add_argument("--seed", type=int, default=0)

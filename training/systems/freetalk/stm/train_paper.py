@@ -21,9 +21,10 @@ from training.deform.static_weights import FLIP, MIRROR
 from training.deform.surface import surface_operators, vertex_normals
 from training.nn.diffusion_net import SurfaceOperators
 from training.run import Run
-from training.systems.freetalk.stm.paper import PaperConfig, PaperDecoder
+from training.systems.freetalk.stm.paper import LANDMARKS, PaperConfig, PaperDecoder
 
 FRAMES = 4
+LANDMARK_GAIN = 20.0
 
 
 @dataclass
@@ -98,6 +99,17 @@ def distance(difference: Tensor) -> Tensor:
     return (100.0 * difference.square().sum(-1) + 1e-5).sqrt().mean()
 
 
+@torch.no_grad()
+def prepare_weights(model: PaperDecoder) -> None:
+    """Starts at no motion; alone, the weights that read landmarks are scaled to their size of 0.05 dm."""
+    torch.nn.init.zeros_(model.decoder.last_lin.weight)
+    torch.nn.init.zeros_(model.decoder.last_lin.bias)
+    if not model.config.base:
+        latent = model.config.latent
+        model.landmark_encoder.layer_0.weight.mul_(LANDMARK_GAIN)
+        model.decoder.first_lin.weight[:, latent : latent + 3 * LANDMARKS].mul_(LANDMARK_GAIN)
+
+
 def train_paper(
     config: PaperConfig,
     speech: np.ndarray | None,
@@ -107,6 +119,7 @@ def train_paper(
     prepared: dict[str, list[PaperMesh]],
     out: Path,
     save_every: int = 200,
+    rate: float = 2e-3,
 ) -> PaperDecoder:
     """Trains for a number of steps, learning rate falling to zero; resumes from `out`.
 
@@ -117,17 +130,15 @@ def train_paper(
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
     model = PaperDecoder(config)
-    if config.base:
-        torch.nn.init.zeros_(model.decoder.last_lin.weight)
-        torch.nn.init.zeros_(model.decoder.last_lin.bias)
-    optimiser = torch.optim.AdamW(model.parameters(), lr=2e-3, weight_decay=1e-2)
+    prepare_weights(model)
+    optimiser = torch.optim.AdamW(model.parameters(), lr=rate, weight_decay=1e-2)
     parts = {"model": model, "optimiser": optimiser}
     run = None if steps is None else Run(out, parts, steps, save_every, {"draws": rng})
     started, step = time.process_time(), 0 if run is None else run.first
     spent = lambda: (time.process_time() - started) / seconds  # noqa: E731
     while (share := spent() if steps is None else step / steps) < 1.0:
         for group in optimiser.param_groups:
-            group["lr"] = 2e-3 * min(1.0, (step + 1) / 100) * max(0.0, 1.0 - share)
+            group["lr"] = rate * min(1.0, (step + 1) / 100) * max(0.0, 1.0 - share)
         seen = prepared[faces[step % len(faces)]]
         seen = seen[rng.integers(len(seen))]
         motion = motion_of(rng, seen.mesh, speech)
