@@ -19,8 +19,8 @@ import numpy as np
 
 from training.corpus.clip import read_sound
 from training.corpus.expressions import HELD_OUT_TAKE, random_combinations, upper_face
-from training.corpus.faces import CHANNELS, Face, align, load_ict
 from training.corpus.facegood import CAPTURE_FPS, SOURCE, read_arkit
+from training.corpus.faces import CHANNELS, Face, align, load_ict
 from training.corpus.folder import SOUND_HZ
 from training.corpus.remesh import remesh
 from training.corpus.writer import CorpusWriter
@@ -115,8 +115,8 @@ def write_folder(data: Path, out: Path, seed: int, triangles: int, people: dict[
             writer.mesh(speaker, face.vertices, face.triangles)
             for stretch in range(stretches):
                 choice = unseen if split == "test" else seen
-                take = choice[int(rng.integers(len(choice)))]
-                _write_clip(writer, f"{speaker}_{stretch:02d}", speaker, split, face, perform(rng, take, stretch))
+                acted = perform(rng, choice[int(rng.integers(len(choice)))], stretch)
+                _write_clip(writer, f"{speaker}_{stretch:02d}", speaker, split, face, acted)
     return writer.close()
 
 
@@ -132,7 +132,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--out", type=Path, default=Path("runs/ict_sequences"))
-    parser.add_argument("--triangles", type=int, nargs="+", default=[2600, 3000, 3400], help="0: ICT's own")
+    parser.add_argument("--triangles", type=int, nargs="+", default=[1500, 1800, 2200], help="0: ICT's own")
     parser.add_argument("--people", type=int, default=8, help="who train, in each folder")
     parser.add_argument("--held-out", type=int, default=1, help="who test, in each folder")
     parser.add_argument("--stretches", type=int, default=6, help="of ten seconds, of each person")
@@ -140,8 +140,9 @@ def main(arguments: list[str] | None = None) -> None:
     args = parser.parse_args(arguments)
     for number, triangles in enumerate(args.triangles):
         people = {"train": args.people, "test": args.held_out}
-        folder = args.out / f"ict_{args.seed + number}"
-        print(write_folder(args.data, folder, args.seed + number, triangles, people, args.stretches), flush=True)
+        seed = args.seed + number
+        out = args.out / f"ict_{seed}"
+        print(write_folder(args.data, out, seed, triangles, people, args.stretches), flush=True)
 
 
 if __name__ == "__main__":
