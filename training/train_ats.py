@@ -286,8 +286,9 @@ def start(arguments, trainer: AtsTrainer, steps: int) -> Run:
     groups = trainer.parameters(recipe.rate, arguments.encoder_rate)
     optimiser = torch.optim.AdamW(groups, weight_decay=recipe.weight_decay)
     rates = [group["lr"] for group in groups]
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, rates, steps + 1, pct_start=0.1)
-    if not recipe.annealed:
+    if recipe.annealed:
+        schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, rates, steps + 1, pct_start=0.1)
+    else:
         schedule = torch.optim.lr_scheduler.ConstantLR(optimiser, 1.0)
     average = torch.optim.swa_utils.AveragedModel(
         trainer.parts, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(recipe.average)
