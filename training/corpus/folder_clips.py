@@ -9,10 +9,13 @@ import numpy as np
 from safetensors.numpy import load_file
 from scipy.interpolate import CubicSpline
 
+from training.corpus.checked import CorpusError
 from training.corpus.clip import FPS, Clip
 from training.corpus.faces import REPOSITORY, canonical_landmarks, stability
-from training.corpus.folder import SOUND_HZ, UNKNOWN_EMOTION, CorpusError, CorpusFolder, Row, Topology, Track
+from training.corpus.folder import UNKNOWN_EMOTION, CorpusFolder, Row
 from training.corpus.grid import closed_shape, rigid
+from training.corpus.topology import Topology
+from training.corpus.tracks import SOUND_HZ, Track
 
 MODES = REPOSITORY / "rust-core/models/face_modes"
 INNER = slice(27, 68)

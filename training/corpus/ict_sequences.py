@@ -21,8 +21,8 @@ from training.corpus.clip import read_sound
 from training.corpus.expressions import HELD_OUT_TAKE, random_combinations, upper_face
 from training.corpus.facegood import CAPTURE_FPS, SOURCE, read_arkit
 from training.corpus.faces import CHANNELS, Face, align, load_ict
-from training.corpus.folder import SOUND_HZ
 from training.corpus.remesh import remesh
+from training.corpus.tracks import SOUND_HZ
 from training.corpus.writer import CorpusWriter
 
 FPS = 15.0

@@ -9,9 +9,10 @@ import pytest
 import soundfile
 
 from training.corpus.check import check
+from training.corpus.checked import CorpusError
 from training.corpus.clip import inner_gap
 from training.corpus.faces import canonical_landmarks
-from training.corpus.folder import CorpusError, CorpusFolder
+from training.corpus.folder import CorpusFolder
 from training.corpus.folder_clips import arkit_modes, clips
 from training.corpus.mirror import permutation
 from training.tests.made_up import made_up, opening, spoken, talking
