@@ -24,18 +24,11 @@ from training.corpus.bank import Entry
 from training.corpus.clip import Clip
 from training.corpus.closures import closures_met
 from training.corpus.faces import REPOSITORY
+from training.corpus.shares import entries_of, lasting, measured_scales, with_phones
 from training.corpus.split import leave_clips
 from training.corpus.teacher import Teacher
 from training.diffusion.schedule import add_noise, alphas_cumprod
-from training.losses import (
-    SCALE_M,
-    feature_concordance,
-    landmark_weights,
-    lip_gap,
-    lip_scale,
-    motion_loss,
-    source_scale,
-)
+from training.losses import feature_concordance, landmark_weights, lip_gap, motion_loss, source_scale
 from training.machine import Machine, add_arguments
 from training.run import Run
 from training.speech.compact import CompactEncoder
@@ -164,26 +157,17 @@ class AtsTrainer:
 
 def source_shares(arguments, entries: list[Entry]) -> dict[str, float]:
     """How often each source is drawn: of corpus folders as long as they last, of ours as they were set."""
+    if arguments.corpus:
+        return lasting(entries)
     found = {e.source for e in entries if not e.held_out}
-    if not arguments.corpus:
-        given = dict(zip(SHARES, arguments.shares, strict=True))
-        return {s: given[s] for s in SHARES if s in found and s not in arguments.leave_out}
-    frames = {s: sum(len(e.motion) for e in entries if e.source == s and not e.held_out) for s in found}
-    return {s: frames[s] / sum(frames.values()) for s in sorted(frames)}
-
-
-def measured_scales(sources: list[str], entries: list[Entry]) -> dict[str, float]:
-    """Typical lip motion of each source, metres; measured where it is not one of ours."""
-    scales = dict(SCALE_M)
-    for source in set(sources) - set(SCALE_M):
-        scales[source] = lip_scale([e.motion for e in entries if e.source == source and not e.held_out])
-    return scales
+    given = dict(zip(SHARES, arguments.shares, strict=True))
+    return {s: given[s] for s in SHARES if s in found and s not in arguments.leave_out}
 
 
 def judged_by_phones(arguments, entries: list[Entry]) -> list[Entry]:
     """Held-out speech with phones, by which closures are counted."""
     if arguments.corpus:
-        return [e for e in entries if e.held_out and (e.phones >= 0).all() and len(e.phones) > len(e.motion)]
+        return with_phones([e for e in entries if e.held_out])
     if arguments.config != "compact":
         return []
     held_out = [e for e in entries if e.source == spoken.SOURCE and e.held_out]
@@ -339,10 +323,10 @@ def speech_source(arguments, config: AtsConfig) -> CompactSpeech | HubertSpeech:
         config.speech = SpeechInput(features.kind, features.channels)
         return HubertSpeech(features, own_clips(arguments))
     if arguments.config == "debug":
-        return CompactSpeech(CompactEncoder(debug_encoder()), own_entries(arguments, 2, 4))
+        return CompactSpeech(CompactEncoder(debug_encoder()), entries_of(arguments, 2, 4))
     encoder = load_encoder(arguments.speech or SHIPPED_ENCODER)
     config.speech = SpeechInput("compact_speech", encoder.config.channels)
-    source = CompactSpeech(encoder, own_entries(arguments, arguments.voices, arguments.limit))
+    source = CompactSpeech(encoder, entries_of(arguments, arguments.voices, arguments.limit))
     if spoken.SOURCE not in arguments.leave_out and not arguments.corpus:
         left, cache = tuple(arguments.leave_speech), arguments.cache
         teacher = Teacher.load()
@@ -356,15 +340,8 @@ def hears_hubert(arguments, config: AtsConfig) -> bool:
     return arguments.hubert is not None or (config.speech.encoder == "hubert" and arguments.speech is None)
 
 
-def own_entries(arguments, voices: int, limit: int | None) -> list[Entry]:
-    """Entries of the corpus folders, or of the project's own sources."""
-    if arguments.corpus:
-        return bank.of_folders(arguments.corpus, voices, arguments.seed, limit)
-    return bank.load(arguments.data, arguments.cache, voices, limit=limit)
-
-
 def own_clips(arguments) -> list[Clip]:
-    """As `own_entries`, before anything is heard."""
+    """Of the corpus folders, else of the project's own sources, before anything is heard."""
     if arguments.corpus:
         return bank.clips_of_folders(arguments.corpus, arguments.limit)
     sources = [bank.few(read(arguments.data), arguments.limit) for read in bank.READERS.values()]
