@@ -4,7 +4,7 @@
                           "fps": {"landmarks": 25, "weights": 60, "vertices": 60}}
     clips.tsv            clip, speaker, split, emotion, intensity, text: one row a clip, tabs between
     audio/CLIP.wav       or .flac, .ogg; any rate from 16 kHz on
-    landmarks/CLIP.npz   `landmarks` [T, 68, 3]; may have `fps`, `found` [T], `neutral` [68, 3]
+    landmarks/CLIP.npz   `landmarks` [T, 68, 3]; may have `fps`, `found` [T], `seen` [68], `neutral`
     weights/CLIP.csv     a column for each ARKit name, and `seconds` or Live Link Face's `Timecode`
     vertices/CLIP.npy    [T, V, 3]; or .npz with `vertices` and `fps`, or a folder CLIP of .obj
     phones/CLIP.tsv      start_s, duration_s, phone (IPA or ARPABET)
@@ -126,8 +126,11 @@ class CorpusFolder:
         neutral = arrays.get("neutral")
         if neutral is not None:
             neutral = self.unit_m * need_shape(path, neutral, (68, 3), "neutral")
+        seen = arrays.get("seen")
+        if seen is not None:
+            seen = need_shape(path, seen.astype(np.uint8), (68,), "seen").astype(bool)
         filled = np.where(found[:, None, None], values, 0.0) * self.unit_m
-        return Track(filled, np.arange(len(values)) / fps, found, neutral)
+        return Track(filled, np.arange(len(values)) / fps, found, neutral, seen=seen)
 
     def weights(self, row: Row) -> Track | None:
         """`values` [T, K] of the ARKit channels `names`."""

@@ -106,6 +106,8 @@ def displacement(track: Track, neutral: np.ndarray, head_moves: bool) -> tuple[n
         motion = np.stack(filled, axis=1).reshape(motion.shape)
     if track.names and not any(name.startswith(("brow", "eyeBlink")) for name in track.names):
         weight[:, [*range(17, 27), *range(36, 48)]] = 0.0
+    if track.seen is not None:
+        weight[:, ~track.seen] = 0.0
     return motion, weight
 
 

@@ -26,13 +26,17 @@ TURNS = {f"{part}{axis}" for part in ("head", "lefteye", "righteye") for axis in
 
 @dataclass
 class Track:
-    """Something over time: `values` [T, ...], `seconds` [T] ascending, `found` [T] bool."""
+    """Something over time: `values` [T, ...], `seconds` [T] ascending, `found` [T] bool.
+
+    `seen` [68] bool are the landmarks that the source observes; all where it is none.
+    """
 
     values: np.ndarray
     seconds: np.ndarray
     found: np.ndarray
     neutral: np.ndarray | None = None
     names: list[str] = field(default_factory=list)
+    seen: np.ndarray | None = None
 
 
 def read_weights(path: Path, fps: float | None) -> Track:
