@@ -1,7 +1,10 @@
 """Prints the errors of Sparse-To-Mesh on faces it did not see.
 
     python -m training.evaluate_stm --data ../shared/data --runs runs/stm
+    python -m training.evaluate_stm --corpus DIR [DIR ...] --runs runs/stm
 
+With `--corpus`: on the held-out clips of corpus folders with vertex sequences, decoders trained on such
+(`RUNS/{static,paper}_corpus.pt`) beside the shipped static one and baselines. Otherwise:
 Held-out take of facegood_zh plus upper face, at test identities, warps and triangulations of ICT
 and at the MakeHuman head as it is and remeshed. Mean distance in millimetres over all vertices /
 over the lips (within 1 cm of a lip landmark), frames and meshes weighted alike.
@@ -10,15 +13,19 @@ over the lips (within 1 cm of a lip landmark), frames and meshes weighted alike.
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import torch
+from safetensors.torch import load_file
+from scipy.interpolate import RBFInterpolator
 
 from training.corpus.expressions import UPPER, evaluation_frames, load_speech
-from training.corpus.faces import CHANNELS
+from training.corpus.faces import CHANNELS, REPOSITORY
 from training.corpus.prepared import Corpus, PreparedMesh, load_or_build
+from training.corpus.sequence_meshes import held_out_errors, sequence_meshes
 from training.deform.static_weights import StaticConfig, StaticWeights, deform
 from training.systems.freetalk.stm.paper import PaperConfig, PaperDecoder
 from training.systems.freetalk.stm.train_paper import PaperMesh, paper_mesh, predict
@@ -102,6 +109,43 @@ def paper(path: Path) -> Method:
     return method
 
 
+def rbf_linear(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
+    """Radial basis functions |x| through the landmarks, with a constant (scipy's RBFInterpolator)."""
+    at, places = mesh.geometry.landmarks.numpy(), mesh.geometry.positions.numpy()
+    unit = RBFInterpolator(at, np.eye(len(at)), kernel="linear")(places)
+    return torch.einsum("vn,tnx->tvx", torch.from_numpy(unit).float(), landmarks)
+
+
+def shipped_static() -> Method:
+    """The static decoder with the weights of the repository."""
+    folder = REPOSITORY / "rust-core/models/static_weights"
+    model = StaticWeights(StaticConfig(**json.loads((folder / "config.json").read_text())))
+    state = load_file(folder / "model.safetensors")
+    model.load_state_dict({name: value.float() for name, value in state.items()})
+    return lambda mesh, landmarks: deform(model, mesh.geometry, landmarks, 1.0)
+
+
+def corpus_rows(runs: Path) -> list[tuple[str, Method]]:
+    """Baselines, the shipped static decoder, and decoders trained on corpus folders."""
+    table = [("no motion", no_motion), ("RBF, linear kernel", rbf_linear)]
+    table += [("training-free (TSB)", training_free), ("static, shipped", shipped_static())]
+    for name, read in (("static", lambda path: static(path, None)), ("paper", paper)):
+        path = runs / f"{name}_corpus.pt"
+        if path.exists():
+            table.append((f"{name}, trained on sequences", read(path)))
+    return table
+
+
+def print_corpus_table(folders: list[Path], runs: Path, frames: int) -> None:
+    """One line a method: mean and lips, mm, on held-out clips."""
+    meshes = sequence_meshes(folders, held_out=True)
+    print(f"{len(meshes)} held-out faces, {frames} frames of each clip; mm: mean / lips")
+    with torch.no_grad():
+        for name, method in corpus_rows(runs):
+            mean, lips = held_out_errors(method, meshes, frames)
+            print(f"{name:40}{mean:8.3f} /{lips:6.3f}", flush=True)
+
+
 def rows(runs: Path) -> list[tuple[str, Method]]:
     """Every method that `runs` has weights for."""
     table = [("no motion", no_motion), ("training-free (TSB)", training_free)]
@@ -135,8 +179,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--runs", type=Path, default=Path("runs/stm"))
+    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
+    parser.add_argument("--frames", type=int, default=50, help="of each clip of corpus folders")
     args = parser.parse_args()
     torch.set_num_threads(1)
+    if args.corpus:
+        print_corpus_table(args.corpus, args.runs, args.frames)
+        return
     corpus = load_or_build(args.data, args.runs / "corpus.pkl", 70, 45)
     print_table(corpus, load_speech(args.data).test, args.runs)
 
