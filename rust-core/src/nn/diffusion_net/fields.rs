@@ -182,11 +182,14 @@ impl Workspace {
     fn add_gradients(&mut self, surface: &Surface, tile: &Range<usize>) {
         let (x, y) = (of(&surface.grad_x, tile), of(&surface.grad_y, tile));
         let sum = &mut self.gradient[..x.len()];
-        vectorised(|| {
-            for ((sum, x), y) in sum.iter_mut().zip(x).zip(y) {
-                *sum = x + y;
-            }
-        });
+        vectorised(
+            #[inline(always)]
+            || {
+                for ((sum, x), y) in sum.iter_mut().zip(x).zip(y) {
+                    *sum = x + y;
+                }
+            },
+        );
     }
 
     /// One block on a tile of one field `x`, `[rows, C]`, in place.
@@ -240,12 +243,15 @@ impl Workspace {
         difference.multiply(along_x, zero, plain, k2);
         sum.multiply(along_y, zero, plain, k3);
         let features = &mut self.features[..size];
-        vectorised(|| {
-            let parts = gx.iter().zip(gy).zip(k1).zip(k2).zip(k3);
-            for (feature, ((((gx, gy), k1), k2), k3)) in features.iter_mut().zip(parts) {
-                *feature = tanh(*gx * (*k1 - *k3) + *gy * (*k1 + *k2));
-            }
-        });
+        vectorised(
+            #[inline(always)]
+            || {
+                let parts = gx.iter().zip(gy).zip(k1).zip(k2).zip(k3);
+                for (feature, ((((gx, gy), k1), k2), k3)) in features.iter_mut().zip(parts) {
+                    *feature = tanh(*gx * (*k1 - *k3) + *gy * (*k1 + *k2));
+                }
+            },
+        );
     }
 
     /// Adds a tile's share of `Φᵀ M x` to the piece's spectrum of one field.
@@ -260,14 +266,17 @@ impl Workspace {
         let mass = &surface.mass.as_slice().expect("vector")[tile.clone()];
         let x = &*piece.tile(field, tile, width);
         let weighted = &mut self.hidden[..x.len()];
-        vectorised(|| {
-            let rows = weighted.chunks_exact_mut(width).zip(x.chunks_exact(width));
-            for ((out, x), mass) in rows.zip(mass) {
-                for (out, x) in out.iter_mut().zip(x) {
-                    *out = x * mass;
+        vectorised(
+            #[inline(always)]
+            || {
+                let rows = weighted.chunks_exact_mut(width).zip(x.chunks_exact(width));
+                for ((out, x), mass) in rows.zip(mass) {
+                    for (out, x) in out.iter_mut().zip(x) {
+                        *out = x * mass;
+                    }
                 }
-            }
-        });
+            },
+        );
         let weighted = rows_of(weighted, width);
         let basis = view(&surface.evecs).subrows(tile.start, tile.len());
         let sum = piece.spectra[field].as_slice_mut().expect("new array");

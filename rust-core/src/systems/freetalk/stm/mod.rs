@@ -3,5 +3,6 @@
 
 pub mod paper;
 mod paper_face;
+mod shares;
 
 pub use paper_face::{PaperFace, prepare_paper};
