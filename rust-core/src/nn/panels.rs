@@ -315,6 +315,32 @@ mod tests {
     }
 
     #[test]
+    fn every_instruction_set_gives_the_product() {
+        for size @ [rows, depth, columns] in SIZES {
+            let (lhs, rhs) = (numbers(rows * depth, 7), numbers(depth * columns, 5));
+            let panels = Panels::new(MatRef::from_row_major_slice(&rhs, depth, columns));
+            let product = expected(&lhs, &rhs, size);
+            let check = |run: &dyn Fn(Product<'_>)| {
+                let mut out = product.clone();
+                run(Product {
+                    lhs: &lhs,
+                    rhs: &panels,
+                    start: Start::Output,
+                    finish: Finish::Relu,
+                    out: &mut out,
+                });
+                let twice = product.iter().map(|x| (2.0 * x).max(0.0));
+                assert!(twice.eq(out), "{size:?}");
+            };
+            check(&|product| pulp::Scalar.vectorize(product));
+            #[cfg(target_arch = "x86_64")]
+            if let Some(avx2) = pulp::x86::V3::try_new() {
+                check(&|product| avx2.vectorize(product));
+            }
+        }
+    }
+
+    #[test]
     fn a_rows_result_does_not_depend_on_its_neighbours() {
         let (rows, depth, columns) = (29, 50, 83);
         let value = |i: usize| (i as f32 * 0.731).sin();
