@@ -332,10 +332,10 @@ mod tests {
                 let twice = product.iter().map(|x| (2.0 * x).max(0.0));
                 assert!(twice.eq(out), "{size:?}");
             };
-            check(&|product| pulp::Scalar.vectorize(product));
+            check(&|product| Simd::vectorize(pulp::Scalar, product));
             #[cfg(target_arch = "x86_64")]
             if let Some(avx2) = pulp::x86::V3::try_new() {
-                check(&|product| avx2.vectorize(product));
+                check(&|product| Simd::vectorize(avx2, product));
             }
         }
     }
