@@ -53,9 +53,11 @@ pub fn erf(x: f32) -> f32 {
 #[inline(always)]
 pub fn exp(x: f32) -> f32 {
     let x = x.clamp(-87.0, 88.0);
-    // The nearest integer to x / ln 2, by adding and taking away 1.5 · 2²³.
-    let magic = 12_582_912.0;
-    let n = (x * std::f32::consts::LOG2_E + magic) - magic;
+    // The nearest integer n to x / ln 2, by adding and taking away 1.5 · 2²³; the sum's last bits are n, so
+    // that no conversion is left, which would keep a loop from being vectorised.
+    let magic = 12_582_912.0f32;
+    let sum = x * std::f32::consts::LOG2_E + magic;
+    let n = sum - magic;
     let r = x - n * 0.693_359_4 + n * 2.121_944_4e-4;
     let p = 1.987_569_1e-4;
     let p = p * r + 1.398_199_9e-3;
@@ -64,7 +66,8 @@ pub fn exp(x: f32) -> f32 {
     let p = p * r + 1.666_666_5e-1;
     let p = p * r + 0.5;
     let p = p * r * r + r + 1.0;
-    p * f32::from_bits(((n as i32 + 127) << 23) as u32)
+    let exponent = sum.to_bits().wrapping_sub(magic.to_bits() - 127);
+    p * f32::from_bits(exponent << 23)
 }
 
 /// Exact GELU, `x/2 · (1 + erf(x/√2))`, Hendrycks & Gimpel 2016.
@@ -86,53 +89,71 @@ pub fn silu(x: f32) -> f32 {
 
 /// GELU of every value, in place.
 pub fn gelu_all(values: &mut [f32]) {
-    vectorised(|| values.iter_mut().for_each(|x| *x = gelu(*x)));
+    vectorised(
+        #[inline(always)]
+        || values.iter_mut().for_each(|x| *x = gelu(*x)),
+    );
 }
 
 /// SiLU of every value, in place.
 pub fn silu_all(values: &mut [f32]) {
-    vectorised(|| values.iter_mut().for_each(|x| *x = silu(*x)));
+    vectorised(
+        #[inline(always)]
+        || values.iter_mut().for_each(|x| *x = silu(*x)),
+    );
 }
 
 /// `max(x, 0)` of every value, in place.
 pub fn relu_all(values: &mut [f32]) {
-    vectorised(|| values.iter_mut().for_each(|x| *x = x.max(0.0)));
+    vectorised(
+        #[inline(always)]
+        || values.iter_mut().for_each(|x| *x = x.max(0.0)),
+    );
 }
 
 /// `values += other`, of equal length.
 pub fn add_all(values: &mut [f32], other: &[f32]) {
     assert_eq!(values.len(), other.len());
-    vectorised(|| {
-        for (x, y) in values.iter_mut().zip(other) {
-            *x += y;
-        }
-    });
+    vectorised(
+        #[inline(always)]
+        || {
+            for (x, y) in values.iter_mut().zip(other) {
+                *x += y;
+            }
+        },
+    );
 }
 
 /// Adds `row` to every row of row-major `values`.
 pub fn add_to_rows(values: &mut [f32], row: &[f32]) {
-    vectorised(|| {
-        for chunk in values.chunks_exact_mut(row.len()) {
-            for (x, y) in chunk.iter_mut().zip(row) {
-                *x += y;
+    vectorised(
+        #[inline(always)]
+        || {
+            for chunk in values.chunks_exact_mut(row.len()) {
+                for (x, y) in chunk.iter_mut().zip(row) {
+                    *x += y;
+                }
             }
-        }
-    });
+        },
+    );
 }
 
 /// Softmax of one row, in place; `−∞` gets the weight 0.
 ///
 /// A row of `−∞` alone would be NaN: callers give every row one finite value.
 pub fn softmax(row: &mut [f32]) {
-    vectorised(|| {
-        let largest = largest_of(row);
-        for x in row.iter_mut() {
-            let kept = if *x == f32::NEG_INFINITY { 0.0 } else { 1.0 };
-            *x = exp(*x - largest) * kept;
-        }
-        let scale = 1.0 / sum_of(row, |x| x);
-        row.iter_mut().for_each(|x| *x *= scale);
-    });
+    vectorised(
+        #[inline(always)]
+        || {
+            let largest = largest_of(row);
+            for x in row.iter_mut() {
+                let kept = if *x == f32::NEG_INFINITY { 0.0 } else { 1.0 };
+                *x = exp(*x - largest) * kept;
+            }
+            let scale = 1.0 / sum_of(row, |x| x);
+            row.iter_mut().for_each(|x| *x *= scale);
+        },
+    );
 }
 
 /// `Σ f(x)` in 16 independent lanes, which vectorises and always sums in the same order.

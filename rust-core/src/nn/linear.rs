@@ -103,7 +103,10 @@ impl Linear {
         assert_eq!((x.len(), out.len()), (self.inputs(), self.outputs()));
         out.copy_from_slice(self.bias());
         let weight = self.weight.as_slice().expect("row-major array");
-        vectorised(|| add_product(x, weight, out));
+        vectorised(
+            #[inline(always)]
+            || add_product(x, weight, out),
+        );
     }
 }
 

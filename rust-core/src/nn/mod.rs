@@ -20,6 +20,7 @@ pub mod graph_conv;
 pub mod linear;
 pub mod matrix;
 pub mod norm;
+pub mod panels;
 pub mod surface;
 pub mod timestep;
 pub mod transformer;

@@ -48,17 +48,20 @@ impl LayerNorm {
         let weight = self.weight.as_slice().expect("contiguous");
         let bias = self.bias.as_slice().expect("contiguous");
         let scale = 1.0 / weight.len() as f32;
-        vectorised(|| {
-            for row in values.chunks_exact_mut(weight.len()) {
-                let mean = sum_of(row, |x| x) * scale;
-                row.iter_mut().for_each(|x| *x -= mean);
-                let variance = sum_of(row, |x| x * x) * scale;
-                let inverse = 1.0 / (variance + self.epsilon).sqrt();
-                for ((x, w), b) in row.iter_mut().zip(weight).zip(bias) {
-                    *x = *x * inverse * w + b;
+        vectorised(
+            #[inline(always)]
+            || {
+                for row in values.chunks_exact_mut(weight.len()) {
+                    let mean = sum_of(row, |x| x) * scale;
+                    row.iter_mut().for_each(|x| *x -= mean);
+                    let variance = sum_of(row, |x| x * x) * scale;
+                    let inverse = 1.0 / (variance + self.epsilon).sqrt();
+                    for ((x, w), b) in row.iter_mut().zip(weight).zip(bias) {
+                        *x = *x * inverse * w + b;
+                    }
                 }
-            }
-        });
+            },
+        );
     }
 }
 

@@ -17,19 +17,24 @@
 
 use std::ops::Range;
 
-use ndarray::{Array1, Array2, Array3, ArrayRef2, ArrayView2, ArrayView3, Axis, s};
+use ndarray::{Array2, Array3, ArrayRef2, ArrayView2, ArrayView3, Axis, s};
 use serde::{Deserialize, Serialize};
 
+use super::{
+    landmark_graph::{index_encoding, landmark_edges},
+    shares::attention_shares,
+};
 use crate::{
     Error, Result,
     ibug::LANDMARKS,
     nn::{
         Weights,
         diffusion_net::{DiffusionNet, DiffusionNetShape},
-        elementwise::{add_to_rows, relu_all, softmax},
+        elementwise::{add_to_rows, relu_all},
         graph_conv::{GraphConv, normalised_adjacency},
         linear::Linear,
         matrix::{self, rows_of, view, view_mut},
+        panels::{Finish, Panels, Start},
         surface::Surface,
     },
 };
@@ -39,27 +44,6 @@ const BATCH_BYTES: usize = 64 << 20;
 const MOST_FRAMES: usize = 8;
 /// Numbers of a displacement vector of all landmarks.
 const MOTION: usize = 3 * LANDMARKS;
-
-/// The nine iBUG curves: first, last, and whether they close.
-const CHAINS: [(usize, usize, bool); 9] = [
-    (0, 16, false),
-    (17, 21, false),
-    (22, 26, false),
-    (27, 30, false),
-    (31, 35, false),
-    (36, 41, true),
-    (42, 47, true),
-    (48, 59, true),
-    (60, 67, true),
-];
-
-/// Edges between curves, so that the graph is connected and a motion reaches its neighbours.
-#[rustfmt::skip]
-const BRIDGES: [(usize, usize); 27] = [
-    (0, 17), (16, 26), (17, 36), (26, 45), (21, 22), (21, 27), (22, 27), (21, 39), (22, 42),
-    (27, 39), (27, 42), (30, 33), (31, 48), (33, 51), (35, 54), (48, 60), (54, 64), (51, 62),
-    (57, 66), (62, 66), (8, 57), (4, 48), (12, 54), (31, 39), (35, 42), (2, 31), (14, 35),
-];
 
 /// Sizes of the decoder; `config.json` beside the weights.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -112,19 +96,6 @@ impl PaperConfig {
     }
 }
 
-/// Edges of the landmark graph, each once.
-pub fn landmark_edges() -> Vec<(usize, usize)> {
-    let mut edges = Vec::new();
-    for (first, last, closed) in CHAINS {
-        edges.extend((first..last).map(|node| (node, node + 1)));
-        if closed {
-            edges.push((last, first));
-        }
-    }
-    edges.extend(BRIDGES);
-    edges
-}
-
 /// The decoder with its weights.
 pub struct PaperDecoder {
     config: PaperConfig,
@@ -138,6 +109,8 @@ pub struct PaperDecoder {
     key: Linear,
     value: Linear,
     decoder: DiffusionNet,
+    /// The decoder's first weight for the attended features, `[latent, width]`.
+    from_attended: Panels,
 }
 
 /// What the decoder knows of a neutral mesh.
@@ -194,6 +167,8 @@ impl PaperDecoder {
         let attention = weights.pp("attention");
         let projection = |name: &str| Linear::load(&attention.pp(name), latent, latent);
         let nodes = latent + config.index_encoding;
+        let decoder = net("decoder", 2 * latent + MOTION, 3, config.decoder_blocks)?;
+        let first = decoder.first_lin().weight();
         Ok(PaperDecoder {
             mesh_encoder: net("mesh_encoder", config.inputs, latent, config.encoder_blocks)?,
             landmark_encoder: (0..config.graph_layers).map(layer).collect::<Result<_>>()?,
@@ -203,7 +178,8 @@ impl PaperDecoder {
             query: projection("query")?,
             key: projection("key")?,
             value: projection("value")?,
-            decoder: net("decoder", 2 * latent + MOTION, 3, config.decoder_blocks)?,
+            from_attended: Panels::new(first.subrows(latent + MOTION, latent)),
+            decoder,
             config,
         })
     }
@@ -259,12 +235,10 @@ impl PaperDecoder {
         let mut out = Array3::zeros((frames.len(), vertices, LANDMARKS));
         for (mut shares, frame) in out.outer_iter_mut().zip(&frames) {
             for head in 0..self.config.heads {
-                let weights = self.head_weights(&mesh.query, frame, head, 0..vertices);
-                let weights = ArrayView2::from_shape((vertices, LANDMARKS), &weights);
-                shares.scaled_add(
-                    1.0 / self.config.heads as f32,
-                    &weights.expect("68 a vertex"),
-                );
+                let own = self.head_shares(&mesh.query, frame, head, 0..vertices);
+                let own = ArrayView2::from_shape((LANDMARKS, vertices), &own);
+                let own = own.expect("68 a vertex");
+                shares.scaled_add(1.0 / self.config.heads as f32, &own.t());
             }
         }
         out
@@ -342,14 +316,13 @@ impl PaperDecoder {
         rows: Range<usize>,
         out: &mut [f32],
     ) {
-        let PaperConfig { width, latent, .. } = self.config;
+        let width = self.config.width;
         let constant = &matrix::values(&mesh.first)[rows.start * width..rows.end * width];
         out.copy_from_slice(constant);
         add_to_rows(out, &frame.motion);
         let attended = self.attend(&mesh.query, frame, rows);
-        let weight = self.decoder.first_lin().weight();
-        let weight = weight.subrows(latent + MOTION, latent);
-        matrix::product_add(view_mut(out, width), rows_of(&attended, latent), weight);
+        let weight = &self.from_attended;
+        weight.multiply(&attended, Start::Output, Finish::Plain, out);
     }
 
     /// `softmax(q kᵀ / √d) v` for each head. Returns `[rows, latent]`.
@@ -364,16 +337,17 @@ impl PaperDecoder {
         let mut attended = vec![0.0; rows.len() * latent];
         for head in 0..self.config.heads {
             let first = head * per_head;
-            let weights = self.head_weights(query, frame, head, rows.clone());
+            let shares = self.head_shares(query, frame, head, rows.clone());
+            let shares = rows_of(&shares, rows.len()).transpose();
             let value = view(&frame.value).subcols(first, per_head);
             let target = view_mut(&mut attended, latent).subcols_mut(first, per_head);
-            matrix::product(target, rows_of(&weights, LANDMARKS), value);
+            matrix::product(target, shares, value);
         }
         attended
     }
 
-    /// `softmax(q kᵀ / √d)` of one head, `[rows, 68]`.
-    fn head_weights(
+    /// By which shares these vertices attend to the landmarks in one head, `[68, rows]`.
+    fn head_shares(
         &self,
         query: &ArrayRef2<f32>,
         frame: &FrameFeatures,
@@ -381,30 +355,9 @@ impl PaperDecoder {
         rows: Range<usize>,
     ) -> Vec<f32> {
         let per_head = self.config.latent / self.config.heads;
-        let scale = 1.0 / (per_head as f32).sqrt();
         let query = view(query).submatrix(rows.start, head * per_head, rows.len(), per_head);
-        let key = view(&frame.key).subcols(head * per_head, per_head);
-        let mut weights = vec![0.0; rows.len() * LANDMARKS];
-        matrix::scaled_product(
-            view_mut(&mut weights, LANDMARKS),
-            scale,
-            query,
-            key.transpose(),
-        );
-        weights.chunks_exact_mut(LANDMARKS).for_each(softmax);
-        weights
+        attention_shares(query, view(&frame.key).subcols(head * per_head, per_head))
     }
-}
-
-/// Sine and cosine of `j / 10000^(2i/size)`, interleaved. `[N, size]`, size even.
-fn index_encoding(size: usize) -> Array2<f32> {
-    let frequency: Array1<f64> = (0..size)
-        .map(|c| (-(10_000f64.ln()) * (c / 2 * 2) as f64 / size as f64).exp())
-        .collect();
-    Array2::from_shape_fn((LANDMARKS, size), |(j, c)| {
-        let angle = j as f64 * frequency[c];
-        (if c % 2 == 0 { angle.sin() } else { angle.cos() }) as f32
-    })
 }
 
 #[cfg(test)]
@@ -465,16 +418,26 @@ mod tests {
     }
 
     #[test]
-    fn landmark_graph_is_connected() {
-        let mut reached = [false; LANDMARKS];
-        reached[0] = true;
-        for _ in 0..LANDMARKS {
-            for (a, b) in landmark_edges() {
-                let either = reached[a] || reached[b];
-                (reached[a], reached[b]) = (either, either);
+    fn a_frame_is_the_same_alone_and_in_a_batch_on_any_number_of_threads() {
+        let golden = Golden::open("stm_paper_debug");
+        let (decoder, surface) = (decoder(&golden), golden.surface());
+        let mesh = decoder.encode(golden.matrix("vertex_inputs"), &surface);
+        let landmarks = golden.cube("landmarks");
+        let batch = decoder.decode(&mesh, landmarks.view(), &surface);
+        for threads in [1, 2, 5] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            let pool = pool.build().unwrap();
+            for frame in 0..landmarks.len_of(Axis(0)) {
+                let range = s![frame..frame + 1, .., ..];
+                let alone =
+                    pool.install(|| decoder.decode(&mesh, landmarks.slice(range), &surface));
+                assert_eq!(
+                    alone,
+                    batch.slice(range),
+                    "frame {frame}, {threads} threads"
+                );
             }
         }
-        assert!(reached.iter().all(|r| *r));
     }
 
     #[test]
