@@ -15,7 +15,7 @@ from safetensors.torch import load_file
 
 from training.corpus.heard import Heard, load
 from training.speech.letters import best_path, emissions, romanised, states_of, word_times
-from training.speech.phones import CLASSES, COARSE, PARTS, PhoneConfig, PhoneReadout, class_of_segment
+from training.speech.phones import CLASSES, COARSE, PhoneConfig, PhoneReadout, class_of_segment
 from training.train_phones import log_likelihood, rows_of
 from training.train_speech import load_encoder
 

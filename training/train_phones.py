@@ -1,10 +1,10 @@
-"""Trains the phone recogniser and the table of letters that aligns texts, on the frozen encoder.
+"""Trains the phone recogniser, which also aligns texts, on the frozen encoder.
 
     python -m training.train_phones --data ../shared/data --out runs/phones
 
 First the read-out learns speech whose phones have known times: Dutch, German actors, twenty languages
 by espeak-ng. Then recorded English and German with text join: espeak-ng says which phones their texts
-have, the read-out says when. At last the table of letters is fitted to what the read-out hears.
+have, the read-out says when. The table of letters beside it holds the rules of `training.speech.letters`.
 `--leave` names sources that nothing learns from; `training.evaluate_phones` measures.
 """
 
@@ -20,13 +20,7 @@ from training.corpus.espeak import Espeak
 from training.corpus.heard import Heard, load
 from training.corpus.phones import SEGMENTS, segments
 from training.export import write_model
-from training.speech.letters import (
-    UNITS,
-    best_path,
-    emissions,
-    first_table,
-    states_of,
-)
+from training.speech.letters import UNITS, best_path, table_of_rules
 from training.speech.phones import CLASSES, PARTS, PhoneConfig, PhoneReadout, class_of_segment
 from training.train_speech import load_encoder
 
@@ -36,9 +30,7 @@ SHARES = {"nathalie_nl": 0.2, "emodb_de": 0.1, "kathleen_en": 0.25, "kerstin_de"
 """Of each batch; espeak-ng has the rest."""
 NEVER = ("grid_s1", "librivox_en")
 TEXTS = {"kathleen_en": "en-us", "kerstin_de": "de"}
-PRIOR_POWER = 0.7
-ROUNDS = 3
-KEPT_RULES = 0.15
+PRIOR_POWER = 0.8
 
 
 class Sampler:
@@ -100,7 +92,7 @@ def fit(model: PhoneReadout, heard: list[Heard], steps: int, batch: int, seed: i
 
 @torch.no_grad()
 def log_likelihood(model: PhoneReadout, features: Tensor) -> np.ndarray:
-    """log p(k | x) − 0.7 log p(k), [4 T, K], of features [T, C]."""
+    """log p(k | x) − 0.8 log p(k), [4 T, K], of features [T, C]."""
     log_p = model(features.float()[None])[0]
     return (log_p - PRIOR_POWER * model.log_prior).double().numpy()
 
@@ -127,26 +119,6 @@ def read_texts(model: PhoneReadout, heard: list[Heard]) -> list[Heard]:
     return found
 
 
-def fit_table(model: PhoneReadout, heard: list[Heard]) -> np.ndarray:
-    """How units sound, [U, K], by expectation and maximisation along the best paths."""
-    rules = first_table()
-    table, likelihoods = rules, [log_likelihood(model, h.features[len(h.features) // 2]) for h in heard]
-    for _ in range(ROUNDS):
-        counts = np.zeros_like(table)
-        for h, likelihood in zip(heard, likelihoods, strict=True):
-            states = states_of(h.text.split())
-            path = best_path(emissions(likelihood, table, states), states.skip)
-            unit = states.unit[path]
-            said = unit >= 0
-            joint = np.exp(likelihood[said]) * table[unit[said]]
-            np.add.at(counts, unit[said], joint / joint.sum(axis=1, keepdims=True))
-        heard_much = counts.sum(axis=1, keepdims=True)
-        learned = (counts + 50.0 * rules) / (heard_much + 50.0)
-        table = (1.0 - KEPT_RULES) * learned + KEPT_RULES * rules
-    table[UNITS.index("*")] = rules[UNITS.index("*")]
-    return table
-
-
 def train(arguments) -> Path:
     """Runs the training and returns the model's folder."""
     torch.manual_seed(arguments.seed)
@@ -159,8 +131,7 @@ def train(arguments) -> Path:
     fit(model, timed, arguments.steps // 2, arguments.batch, arguments.seed)
     timed += read_texts(model, texts)
     fit(model, timed, arguments.steps, arguments.batch, arguments.seed + 1)
-    table = fit_table(model, [h for h in heard if h.text][:: arguments.every])
-    state = model.state_dict() | {"table": torch.from_numpy(table).float()}
+    state = model.state_dict() | {"table": torch.from_numpy(table_of_rules()).float()}
     config = model.config.to_json() | {"units": list(UNITS)}
     return write_model(arguments.out, state, config)
 
@@ -174,10 +145,9 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--encoder", type=Path, default=Path("rust-core/models/compact_speech"))
     parser.add_argument("--leave", nargs="*", default=[], help="sources that nothing learns from")
     parser.add_argument("--minutes", type=float, default=3.0, help="of each language by espeak-ng")
-    parser.add_argument("--hidden", type=int, default=128)
-    parser.add_argument("--steps", type=int, default=2400)
+    parser.add_argument("--hidden", type=int, default=160)
+    parser.add_argument("--steps", type=int, default=3000)
     parser.add_argument("--batch", type=int, default=32)
-    parser.add_argument("--every", type=int, default=4, help="one of so many texts fits the table")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1)
     return parser

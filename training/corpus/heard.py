@@ -1,6 +1,5 @@
 """Speech as the frozen encoder hears it, with its phones, its text or the times of its words."""
 
-import csv
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -33,8 +32,8 @@ EMODB_HELD_OUT = ("03", "08")
 """A man and a woman of the ten actors."""
 
 SAMPA = {
-    "E": "ɛ", "6": "ɐ", "I": "ɪ", "S": "ʃ", "X": "x", "x": "x", "N": "ŋ", "@": "ə", "O": "ɔ", "Y": "ʏ", "9": "œ",
-    "2": "ø", "Q": "ʔ", "?": "ʔ", "C": "ç", "R": "ʁ", "r": "ʁ", "U": "ʊ", "Z": "ʒ", "g": "ɡ",
+    "E": "ɛ", "6": "ɐ", "I": "ɪ", "S": "ʃ", "X": "x", "x": "x", "N": "ŋ", "@": "ə", "O": "ɔ", "Y": "ʏ",
+    "9": "œ", "2": "ø", "Q": "ʔ", "?": "ʔ", "C": "ç", "R": "ʁ", "r": "ʁ", "U": "ʊ", "Z": "ʒ", "g": "ɡ",
 }  # fmt: skip
 TEXT_EVERY = 2
 """One of so many recordings with text: kathleen reads the same sentences more than once."""

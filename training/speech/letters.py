@@ -13,8 +13,10 @@ import numpy as np
 
 from training.speech.phones import CLASSES
 
-GROUPS = ("sch", "tch", "igh", "sh", "ch", "th", "ng", "ph", "ck", "gh", "ee", "oo", "ou", "ea", "ie", "ei", "eu", "au",
-          "ui", "ij", "oe", "ai", "ow", "qu", "aa")  # fmt: skip
+GROUPS = (
+    "sch", "tch", "igh", "sh", "ch", "th", "ng", "ph", "ck", "gh", "ee", "oo", "ou", "ea", "ie", "ei", "eu",
+    "au", "ui", "ij", "oe", "ai", "ow", "qu", "aa",
+)  # fmt: skip
 """Letters that are one sound together, the longest first."""
 
 ANY = "*"
@@ -22,7 +24,13 @@ ANY = "*"
 
 UNITS = (*"abcdefghijklmnopqrstuvwxyz", *GROUPS, ANY)
 VOWEL_UNITS = {u for u in UNITS if u[0] in "aeiouy"}
-SPECIAL = {"ß": "ss", "ä": "e", "ö": "oe", "ø": "oe", "œ": "oe", "æ": "e", "ł": "w", "ı": "i", "ð": "th", "þ": "th", "đ": "d"}
+MAY_BE_WORDS = [index for index, unit in enumerate(UNITS) if len(unit) > 1 or unit[0] in "aeiouy*"]
+"""All other letters that stand alone are called by their names, which have a vowel before or behind."""
+
+SPECIAL = {
+    "ß": "ss", "ä": "e", "ö": "oe", "ø": "oe", "œ": "oe", "æ": "e", "ł": "w", "ı": "i", "ð": "th", "þ": "th",
+    "đ": "d",
+}  # fmt: skip
 
 RULES = {
     "a": "aɑæəeɛʌɔ", "b": "bp", "c": "ksʃ", "d": "dt", "e": "eɛəiɪ", "f": "fv", "g": "ɡʒx", "h": "hx",
@@ -33,11 +41,14 @@ RULES = {
     "ei": "aɪeɛ", "eu": "ɔøɪ", "au": "aʊɔ", "ui": "øyuɪ", "ij": "ɛɪ", "oe": "uøo", "ai": "aɪeɛ", "ow": "oʊa",
     "qu": "kw", "aa": "aɑ",
 }  # fmt: skip
-"""Classes that a unit may stand for, before any speech is heard."""
+"""Classes that a unit may stand for, in the languages of Europe together."""
 
 LONGEST_SKIP = 2
-SILENT_COST = 3.0
+SILENT_COST = 5.0
 """Nepers that a silent letter costs."""
+
+NAME_COST = 1.0
+"""Nepers of a vowel that the name of a letter does not have."""
 
 
 @dataclass
@@ -81,19 +92,22 @@ def states_of(words: list[str], silent_cost: float = SILENT_COST) -> States:
         own = units(text)
         if not own:
             continue
+        spelled = len(own) == 1 and own[0] not in MAY_BE_WORDS
+        if spelled:
+            own = [UNITS.index(ANY), own[0], UNITS.index(ANY)]
         for place, u in enumerate(own):
             unit.append(u)
             word.append(index)
             # One of two letters is always heard, so that no word vanishes between two pauses.
-            must = len(own) == 1 or len(own) == 2 and place == 0
-            skip.append(np.inf if must else silent_cost)
+            must = place == 1 if spelled else len(own) == 1 or len(own) == 2 and place == 0
+            skip.append(np.inf if must else NAME_COST if spelled else silent_cost)
         unit.append(-1)
         word.append(-1)
         skip.append(0.0)
     return States(np.array(unit), np.array(word), np.array(skip))
 
 
-def first_table(smooth: float = 0.05) -> np.ndarray:
+def table_of_rules(smooth: float = 0.05) -> np.ndarray:
     """The rules as probabilities, [U, K]."""
     signs = list(CLASSES)
     table = np.full((len(UNITS), len(signs)), smooth / len(signs))
@@ -144,7 +158,9 @@ def best_path(emission: np.ndarray, skip: np.ndarray) -> np.ndarray:
     return path
 
 
-def word_times(path: np.ndarray, states: States, rate_hz: float, first_s: float) -> dict[int, tuple[float, float]]:
+def word_times(
+    path: np.ndarray, states: States, rate_hz: float, first_s: float
+) -> dict[int, tuple[float, float]]:
     """Start and end in seconds of each word on a path; a row lasts half of one to either side."""
     found = {}
     for word in np.unique(states.word[states.word >= 0]):

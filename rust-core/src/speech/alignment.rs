@@ -8,8 +8,12 @@ use std::ops::Range;
 
 use ndarray::Array2;
 
+use super::letters::Word;
+
 /// Nepers that a silent unit costs.
-const SILENT_COST: f32 = 3.0;
+const SILENT_COST: f32 = 5.0;
+/// Nepers of a vowel that the name of a letter does not have.
+const NAME_COST: f32 = 1.0;
 /// States in a row that a path may leave out.
 const LONGEST_SKIP: usize = 2;
 /// States to either side of the best one that a path may be in. Texts with fewer states get the best
@@ -29,24 +33,23 @@ pub(super) struct State {
 
 /// A pause, the units of a word, a pause, …; words without units have no state. `pause` is the column
 /// of a pause.
-pub(super) fn states_of(words: &[Vec<usize>], pause: usize) -> Vec<State> {
-    let between = State {
-        column: pause,
-        word: None,
-        skip: 0.0,
-    };
-    let mut out = vec![between];
-    for (word, units) in words.iter().enumerate().filter(|(_, u)| !u.is_empty()) {
-        for (place, &column) in units.iter().enumerate() {
-            // One of two units is always heard, so that no word vanishes between two pauses.
-            let must = units.len() == 1 || units.len() == 2 && place == 0;
-            out.push(State {
-                column,
-                word: Some(word),
-                skip: if must { f32::INFINITY } else { SILENT_COST },
-            });
+pub(super) fn states_of(words: &[Word], pause: usize) -> Vec<State> {
+    let state = |column, word, skip| State { column, word, skip };
+    let mut out = vec![state(pause, None, 0.0)];
+    for (word, said) in words.iter().enumerate() {
+        let count = said.units.len();
+        for (place, &column) in said.units.iter().enumerate() {
+            let skip = match said.is_name {
+                true if place != 1 => NAME_COST,
+                // One of two units is always heard, so that no word vanishes between two pauses.
+                false if count > 2 || count == 2 && place == 1 => SILENT_COST,
+                _ => f32::INFINITY,
+            };
+            out.push(state(column, Some(word), skip));
         }
-        out.push(between);
+        if count > 0 {
+            out.push(state(pause, None, 0.0));
+        }
     }
     out
 }
@@ -65,11 +68,7 @@ struct Back {
     moves: Vec<u8>,
 }
 
-fn best_path_within(
-    emission: &Array2<f32>,
-    states: &[State],
-    reach: usize,
-) -> Option<Vec<usize>> {
+fn best_path_within(emission: &Array2<f32>, states: &[State], reach: usize) -> Option<Vec<usize>> {
     let skipped = |range: Range<usize>| -> f64 {
         let costs = states[range].iter().map(|state| f64::from(state.skip));
         costs.sum()
@@ -116,12 +115,7 @@ fn best_path_within(
 }
 
 /// The states that the next frame may be in: those that can be reached, within `reach` of the best.
-fn next_window(
-    scores: &[f64],
-    window: &Range<usize>,
-    count: usize,
-    reach: usize,
-) -> Range<usize> {
+fn next_window(scores: &[f64], window: &Range<usize>, count: usize, reach: usize) -> Range<usize> {
     let best = (0..scores.len()).max_by(|a, b| scores[*a].total_cmp(&scores[*b]));
     let best = window.start + best.unwrap_or(0);
     let end = (window.end + LONGEST_SKIP + 1).min(count);
@@ -150,7 +144,11 @@ mod tests {
             };
             if t + 1 == emission.nrows() {
                 let left = states.len() - at - 1;
-                let end = if left <= LONGEST_SKIP { -cost(at + 1, states.len()) } else { f64::NEG_INFINITY };
+                let end = if left <= LONGEST_SKIP {
+                    -cost(at + 1, states.len())
+                } else {
+                    f64::NEG_INFINITY
+                };
                 return here + end;
             }
             let last = (at + LONGEST_SKIP + 1).min(states.len() - 1);
@@ -168,11 +166,12 @@ mod tests {
     }
 
     fn score(emission: &Array2<f32>, states: &[State], path: &[usize]) -> f64 {
-        let cost = |range: Range<usize>| -> f64 {
-            states[range].iter().map(|s| f64::from(s.skip)).sum()
-        };
+        let cost =
+            |range: Range<usize>| -> f64 { states[range].iter().map(|s| f64::from(s.skip)).sum() };
         let said = path.iter().enumerate();
-        let said: f64 = said.map(|(t, s)| f64::from(emission[[t, states[*s].column]])).sum();
+        let said: f64 = said
+            .map(|(t, s)| f64::from(emission[[t, states[*s].column]]))
+            .sum();
         let steps = path.windows(2).filter(|pair| pair[1] > pair[0]);
         let left: f64 = steps.map(|pair| cost(pair[0] + 1..pair[1])).sum();
         said - left - cost(0..path[0]) - cost(path[path.len() - 1] + 1..states.len())
@@ -191,19 +190,22 @@ mod tests {
         let texts: [&[&[usize]]; 4] = [&[&[0]], &[&[0, 1], &[2]], &[&[1, 0, 2], &[]], &[]];
         for seed in 0..12 {
             for text in texts {
-                let words: Vec<Vec<usize>> = text.iter().map(|word| word.to_vec()).collect();
+                let words: Vec<Word> = text.iter().map(|word| Word::of(word)).collect();
                 let states = states_of(&words, 3);
                 let emission = noise(6, 4, seed);
                 let path = best_path(&emission, &states).unwrap();
                 let best = slow_best(&emission, &states).unwrap();
-                assert!((score(&emission, &states, &path) - best).abs() < 1e-5, "{path:?}");
+                assert!(
+                    (score(&emission, &states, &path) - best).abs() < 1e-5,
+                    "{path:?}"
+                );
             }
         }
     }
 
     #[test]
     fn where_frames_are_too_few_there_is_no_path() {
-        let states = states_of(&[vec![0], vec![1], vec![2]], 3);
+        let states = states_of(&[[0], [1], [2]].map(|word| Word::of(&word)), 3);
         assert!(best_path(&noise(2, 4, 1), &states).is_none());
         assert!(best_path(&noise(3, 4, 1), &states).is_some());
         assert!(best_path(&Array2::zeros((0, 4)), &states).is_none());
@@ -211,14 +213,20 @@ mod tests {
 
     #[test]
     fn a_long_text_is_followed_within_reach() {
-        let words: Vec<Vec<usize>> = (0..60).map(|w| vec![w % 3, (w + 1) % 3, w % 2]).collect();
+        let words: Vec<Word> = (0..60)
+            .map(|w| Word::of(&[w % 3, (w + 1) % 3, (w + 2) % 3]))
+            .collect();
         let states = states_of(&words, 3);
         // Four frames for each state, in their order.
         let wanted: Vec<usize> = (0..4 * states.len()).map(|t| t / 4).collect();
         let emission = Array2::from_shape_fn((wanted.len(), 4), |(t, column)| {
-            if states[wanted[t]].column == column { 0.0 } else { -5.0 }
+            if states[wanted[t]].column == column {
+                0.0
+            } else {
+                -5.0
+            }
         });
-        assert_eq!(best_path_within(&emission, &states, 8).unwrap(), wanted);
-        assert_eq!(best_path(&emission, &states).unwrap(), wanted);
+        assert!(best_path_within(&emission, &states, 8).unwrap() == wanted);
+        assert!(best_path(&emission, &states).unwrap() == wanted);
     }
 }

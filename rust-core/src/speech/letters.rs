@@ -58,14 +58,56 @@ pub(super) fn romanised(word: &str) -> String {
     out
 }
 
+/// The units of a word.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Word {
+    /// Indices into the units of the model.
+    pub(super) units: Vec<usize>,
+    /// A consonant that stands alone and is called by its name, which has a vowel before or behind:
+    /// three units, the first and the last for any sound.
+    pub(super) is_name: bool,
+}
+
+impl Word {
+    /// From a word as it is written.
+    pub(super) fn read(word: &str, units: &[String]) -> Word {
+        let found = units_of(word, units);
+        let any = units.iter().position(|unit| unit == ANY);
+        if let (&[only], Some(any)) = (&found[..], any) {
+            let is_consonant =
+                |sign: &str| sign.len() == 1 && sign != ANY && !VOWELS.contains(sign);
+            if is_consonant(&units[only]) {
+                return Word {
+                    units: vec![any, only, any],
+                    is_name: true,
+                };
+            }
+        }
+        Word {
+            units: found,
+            is_name: false,
+        }
+    }
+
+    #[cfg(test)]
+    pub(super) fn of(units: &[usize]) -> Word {
+        Word {
+            units: units.to_vec(),
+            is_name: false,
+        }
+    }
+}
+
 /// Indices into `units` of a word, the longest group that fits first; of a doubled consonant one is
 /// left.
-pub(super) fn units_of(word: &str, units: &[String]) -> Vec<usize> {
+fn units_of(word: &str, units: &[String]) -> Vec<usize> {
     let letters = romanised(word);
     let (mut out, mut rest): (Vec<usize>, &str) = (Vec::new(), &letters);
     while !rest.is_empty() {
         let fits = |index: &usize| rest.starts_with(units[*index].as_str());
-        let longest = (0..units.len()).filter(fits).max_by_key(|i| units[*i].len());
+        let longest = (0..units.len())
+            .filter(fits)
+            .max_by_key(|i| units[*i].len());
         let Some(unit) = longest else {
             // A letter that the model does not know is passed over.
             rest = &rest[1..];
@@ -87,7 +129,9 @@ mod tests {
 
     fn units() -> Vec<String> {
         let letters = ('a'..='z').map(String::from);
-        letters.chain(["sch", "sh", "ch", "*"].map(String::from)).collect()
+        letters
+            .chain(["sch", "sh", "ch", "*"].map(String::from))
+            .collect()
     }
 
     fn signs(word: &str) -> Vec<String> {
@@ -102,6 +146,16 @@ mod tests {
         assert_eq!(romanised("l'été"), "lete");
         assert_eq!(romanised("Жя 7"), "***");
         assert_eq!(romanised("–…"), "");
+    }
+
+    #[test]
+    fn a_consonant_alone_is_called_by_its_name() {
+        let known = units();
+        let any = known.len() - 1;
+        let word = Word::read("F.", &known);
+        assert_eq!((word.units, word.is_name), (vec![any, 5, any], true));
+        assert!(!Word::read("a", &known).is_name);
+        assert!(!Word::read("7", &known).is_name);
     }
 
     #[test]

@@ -11,7 +11,7 @@ use ndarray::{Array1, Array2, ArrayView2, Axis};
 use super::{
     COMPACT_MODEL, Heard,
     alignment::{State, best_path, states_of},
-    letters::units_of,
+    letters::Word,
 };
 use crate::{
     Error, Result,
@@ -25,7 +25,7 @@ const PARTS: usize = 4;
 /// Seconds before its encoder's frame at which the first of its rows stands.
 const EARLY_S: f64 = 0.02;
 /// Power of the share of each class by which its posterior is divided.
-const PRIOR_POWER: f32 = 0.7;
+const PRIOR_POWER: f32 = 0.8;
 /// Nepers that it costs to go from one phone to another.
 const CHANGE_COST: f64 = 4.0;
 /// What a text says of its phones weighs so much beside what is heard.
@@ -164,8 +164,8 @@ impl PhoneModel {
     ) -> Result<Vec<Interval>> {
         let spoken: Vec<&str> = text.split_whitespace().collect();
         let units = &self.config.units;
-        let words: Vec<Vec<usize>> = spoken.iter().map(|word| units_of(word, units)).collect();
-        if words.iter().all(Vec::is_empty) {
+        let words: Vec<Word> = spoken.iter().map(|word| Word::read(word, units)).collect();
+        if words.iter().all(|word| word.units.is_empty()) {
             let message = "text: expected words that are said in the sound, got no letter";
             return Err(Error::InvalidInput(message.into()));
         }
