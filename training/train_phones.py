@@ -20,6 +20,7 @@ from training.corpus.espeak import Espeak
 from training.corpus.heard import Heard, load
 from training.corpus.phones import SEGMENTS, segments
 from training.export import write_model
+from training.speech.letters import NEVER as LETTERS_NEVER
 from training.speech.letters import UNITS, best_path, table_of_rules
 from training.speech.phones import CLASSES, PARTS, PhoneConfig, PhoneReadout, class_of_segment
 from training.train_speech import load_encoder
@@ -109,7 +110,7 @@ def read_texts(model: PhoneReadout, heard: list[Heard]) -> list[Heard]:
         # A pause may stand between any two phones.
         chain = np.zeros(2 * len(said) + 1, int)
         chain[1::2] = said
-        skip = np.where(np.arange(len(chain)) % 2 == 0, 0.0, np.inf)
+        skip = np.where(np.arange(len(chain)) % 2 == 0, 0.0, LETTERS_NEVER)
         skip[2:-2:2] = 8.0
         path = best_path(log_likelihood(model, h.features[len(h.features) // 2])[:, chain], skip)
         track = representative[torch.from_numpy(chain[path])]

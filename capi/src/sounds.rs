@@ -37,14 +37,12 @@ pub struct AnyfaceSounds {
     labels: [Vec<CString>; 2],
 }
 
-/// By the numbers of [`AnyfaceTier`].
-const TIERS: [Symbols; 2] = [Symbols::Phones, Symbols::Words];
-
 impl AnyfaceSounds {
     fn of(annotation: Annotation) -> Result<AnyfaceSounds, Failure> {
         let closures = annotation.closures()?;
         let text = |interval: &Interval| CString::new(interval.label.replace('\0', ""));
-        let labels = TIERS.map(|tier| {
+        // By the numbers of `AnyfaceTier`.
+        let labels = [Symbols::Phones, Symbols::Words].map(|tier| {
             let intervals = annotation.intervals(tier).iter();
             intervals.map(|i| text(i).unwrap_or_default()).collect()
         });
@@ -56,13 +54,15 @@ impl AnyfaceSounds {
     }
 
     fn intervals(&self, tier: i32) -> Result<&[Interval], Failure> {
-        let symbols = usize::try_from(tier).ok().and_then(|tier| TIERS.get(tier));
-        let symbols = symbols.ok_or_else(|| {
-            Failure::invalid(format!(
-                "tier: expected 0 (phones) or 1 (words), got {tier}"
-            ))
-        })?;
-        Ok(self.annotation.intervals(*symbols))
+        const PHONES: i32 = AnyfaceTier::Phones as i32;
+        const WORDS: i32 = AnyfaceTier::Words as i32;
+        match tier {
+            PHONES => Ok(self.annotation.intervals(Symbols::Phones)),
+            WORDS => Ok(self.annotation.intervals(Symbols::Words)),
+            other => Err(Failure::invalid(format!(
+                "tier: expected {PHONES} (phones) or {WORDS} (words), got {other}"
+            ))),
+        }
     }
 }
 

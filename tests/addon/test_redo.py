@@ -210,9 +210,9 @@ def test_words_of_the_text_stand_above_the_closures(stage, tmp_path):
 def test_a_text_belongs_to_its_sound(stage, tmp_path):
     ob, _, _ = with_words(tmp_path)
     strip(tone(tmp_path / "other.wav", SECONDS), name="Other", channel=9)
-    ob.anyface_audio.strip = "Other"
+    ob.anyface.strip = "Other"
     assert ob.anyface_audio.text == ""
-    ob.anyface_audio.strip = "Voice"
+    ob.anyface.strip = "Voice"
     assert ob.anyface_audio.text == "bob said hello"
 
 

@@ -43,7 +43,15 @@ RULES = {
 }  # fmt: skip
 """Classes that a unit may stand for, in the languages of Europe together."""
 
-LONGEST_SKIP = 2
+LEAST_ROWS = 3
+"""Rows of posteriors that a letter lasts where it is heard: so many states in a row."""
+
+LONGEST_SKIP = 2 * LEAST_ROWS + 1
+"""States in a row that a path may leave out: two letters and a pause."""
+
+NEVER = 1e9
+"""Nepers of leaving out what must be heard."""
+
 SILENT_COST = 5.0
 """Nepers that a silent letter costs."""
 
@@ -96,11 +104,12 @@ def states_of(words: list[str], silent_cost: float = SILENT_COST) -> States:
         if spelled:
             own = [UNITS.index(ANY), own[0], UNITS.index(ANY)]
         for place, u in enumerate(own):
-            unit.append(u)
-            word.append(index)
+            unit += [u] * LEAST_ROWS
+            word += [index] * LEAST_ROWS
             # One of two letters is always heard, so that no word vanishes between two pauses.
             must = place == 1 if spelled else len(own) == 1 or len(own) == 2 and place == 0
-            skip.append(np.inf if must else NAME_COST if spelled else silent_cost)
+            cost = NEVER if must else NAME_COST if spelled else silent_cost
+            skip += [cost / LEAST_ROWS] * LEAST_ROWS
         unit.append(-1)
         word.append(-1)
         skip.append(0.0)
@@ -128,18 +137,16 @@ def emissions(log_likelihood: np.ndarray, table: np.ndarray, states: States) -> 
 def best_path(emission: np.ndarray, skip: np.ndarray) -> np.ndarray:
     """State of each frame [T] on the most probable path; `emission` [T, N], `skip` [N] costs.
 
-    From a state the path stays, goes on, or leaves out up to two states at their cost.
+    From a state the path stays, goes on, or leaves out up to `LONGEST_SKIP` states at their cost.
     """
     frames, count = emission.shape
-    # Index 0 stays, 1 goes on, 2 and 3 leave out one and two.
+    before = np.concatenate([[0.0], np.cumsum(skip)])
     costs = np.full((LONGEST_SKIP + 2, count), np.inf)
     costs[0] = 0.0
-    costs[1, 1:] = 0.0
-    costs[2, 2:] = skip[1:-1]
-    costs[3, 3:] = skip[2:-1] + skip[1:-2]
+    for step in range(1, min(LONGEST_SKIP + 1, count - 1) + 1):
+        costs[step, step:] = before[step:count] - before[1 : count - step + 1]
     score = np.full(count, -np.inf)
-    begin = np.concatenate([[0.0], np.cumsum(skip[:-1])])
-    score[: LONGEST_SKIP + 1] = -begin[: LONGEST_SKIP + 1]
+    score[: LONGEST_SKIP + 1] = -before[:count][: LONGEST_SKIP + 1]
     score = score + emission[0]
     back = np.zeros((frames, count), np.int8)
     for t in range(1, frames):
@@ -149,8 +156,8 @@ def best_path(emission: np.ndarray, skip: np.ndarray) -> np.ndarray:
         moves -= costs
         back[t] = moves.argmax(axis=0)
         score = moves.max(axis=0) + emission[t]
-    after = np.concatenate([np.cumsum(skip[::-1])[::-1][1:], [0.0]])
-    last = score - np.where(np.arange(count) >= count - LONGEST_SKIP - 1, after, np.inf)
+    last = score - (before[-1] - before[1:])
+    last[: max(0, count - LONGEST_SKIP - 1)] = -np.inf
     path = np.zeros(frames, int)
     path[-1] = int(last.argmax())
     for t in range(frames - 1, 0, -1):

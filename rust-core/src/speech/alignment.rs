@@ -14,11 +14,15 @@ use super::letters::Word;
 const SILENT_COST: f32 = 5.0;
 /// Nepers of a vowel that the name of a letter does not have.
 const NAME_COST: f32 = 1.0;
-/// States in a row that a path may leave out.
-const LONGEST_SKIP: usize = 2;
+/// Rows that a unit lasts where it is heard: so many states in a row.
+const LEAST_ROWS: usize = 3;
+/// States in a row that a path may leave out: two units and a pause.
+const LONGEST_SKIP: usize = 2 * LEAST_ROWS + 1;
+/// Nepers of leaving out what must be heard.
+const NEVER: f32 = 1e9;
 /// States to either side of the best one that a path may be in. Texts with fewer states get the best
 /// path of all; it bounds the memory of longer ones to a byte for each of these and each frame.
-const REACH: usize = 1000;
+const REACH: usize = 1500;
 
 /// A state of a path.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,7 +31,7 @@ pub(super) struct State {
     pub(super) column: usize,
     /// Index of the word; `None` for a pause.
     pub(super) word: Option<usize>,
-    /// Nepers of leaving it out; infinite where it must be heard.
+    /// Nepers of leaving it out.
     pub(super) skip: f32,
 }
 
@@ -39,13 +43,14 @@ pub(super) fn states_of(words: &[Word], pause: usize) -> Vec<State> {
     for (word, said) in words.iter().enumerate() {
         let count = said.units.len();
         for (place, &column) in said.units.iter().enumerate() {
-            let skip = match said.is_name {
+            let cost = match said.is_name {
                 true if place != 1 => NAME_COST,
                 // One of two units is always heard, so that no word vanishes between two pauses.
                 false if count > 2 || count == 2 && place == 1 => SILENT_COST,
-                _ => f32::INFINITY,
+                _ => NEVER,
             };
-            out.push(state(column, Some(word), skip));
+            let unit = state(column, Some(word), cost / LEAST_ROWS as f32);
+            out.extend([unit; LEAST_ROWS]);
         }
         if count > 0 {
             out.push(state(pause, None, 0.0));
@@ -69,49 +74,60 @@ struct Back {
 }
 
 fn best_path_within(emission: &Array2<f32>, states: &[State], reach: usize) -> Option<Vec<usize>> {
-    let skipped = |range: Range<usize>| -> f64 {
-        let costs = states[range].iter().map(|state| f64::from(state.skip));
-        costs.sum()
-    };
-    let (count, mut backs) = (states.len(), Vec::with_capacity(emission.nrows()));
-    // Scores of the states from `first` on; before the first frame the path stands before them all.
+    let count = states.len();
+    let costs = costs_before(states);
+    let mut backs: Vec<Back> = Vec::with_capacity(emission.nrows());
+    // Scores of the states of the last back; before the first frame the path stands before them all.
     let mut scores: Vec<f64> = Vec::new();
     let mut window = 0..count.min(LONGEST_SKIP + 1);
-    for (t, row) in emission.rows().into_iter().enumerate() {
-        let before = std::mem::take(&mut scores);
-        let known = backs.last().map_or(0, |back: &Back| back.first);
-        let from = |state: usize, step: usize| -> Option<f64> {
-            let score = *before.get(state.checked_sub(step)?.checked_sub(known)?)?;
-            Some(score - skipped(state + 1 - step.max(1)..state))
-        };
-        let mut moves = Vec::with_capacity(window.len());
-        for state in window.clone() {
-            let (mut best, mut by) = (f64::NEG_INFINITY, 0);
-            if t == 0 {
-                best = -skipped(0..state);
-            } else {
-                for step in 0..LONGEST_SKIP + 2 {
-                    if let Some(score) = from(state, step).filter(|score| *score > best) {
-                        (best, by) = (score, step as u8);
-                    }
-                }
-            }
-            scores.push(best + f64::from(row[states[state].column]));
-            moves.push(by);
-        }
-        backs.push(Back {
-            first: window.start,
-            moves,
+    for row in emission.rows() {
+        let known = backs.last().map(|back| back.first);
+        let steps = window.clone().map(|state| match known {
+            None => (-costs[state], 0),
+            Some(first) => best_step(state, &scores, first, &costs),
         });
+        let (next, moves): (Vec<f64>, Vec<u8>) = steps
+            .zip(&states[window.clone()])
+            .map(|((score, step), state)| (score + f64::from(row[state.column]), step))
+            .unzip();
+        let first = window.start;
+        backs.push(Back { first, moves });
+        scores = next;
         window = next_window(&scores, &window, count, reach);
     }
-    let last = backs.last()?.first;
-    let ends = scores.iter().enumerate().filter_map(|(index, score)| {
-        let left = last + index + 1..count;
-        (left.len() <= LONGEST_SKIP).then(|| (last + index, score - skipped(left)))
-    });
+    let first = backs.last()?.first;
+    let ends = (first..first + scores.len()).filter(|end| count - 1 - end <= LONGEST_SKIP);
+    let ends = ends.map(|end| (end, scores[end - first] - (costs[count] - costs[end + 1])));
     let (end, best) = ends.max_by(|a, b| a.1.total_cmp(&b.1))?;
-    best.is_finite().then(|| back_from(end, &backs))
+    (best > -f64::from(NEVER) / 10.0).then(|| back_from(end, &backs))
+}
+
+/// Nepers of leaving out all states before each one, `[N + 1]`.
+fn costs_before(states: &[State]) -> Vec<f64> {
+    let mut sum = 0.0;
+    let after = states.iter().map(|state| {
+        sum += f64::from(state.skip);
+        sum
+    });
+    std::iter::once(0.0).chain(after).collect()
+}
+
+/// The best score with which a state is come to, and by how many states from the one before;
+/// `scores` are those of the states from `first` on.
+fn best_step(state: usize, scores: &[f64], first: usize, costs: &[f64]) -> (f64, u8) {
+    let (mut best, mut by) = (f64::NEG_INFINITY, 0);
+    for step in 0..=(LONGEST_SKIP + 1).min(state.saturating_sub(first)) {
+        let left_out = if step > 1 {
+            costs[state] - costs[state + 1 - step]
+        } else {
+            0.0
+        };
+        let from = scores.get(state - step - first);
+        if let Some(score) = from.map(|score| score - left_out).filter(|s| *s > best) {
+            (best, by) = (score, step as u8);
+        }
+    }
+    (best, by)
 }
 
 /// The states that the next frame may be in: those that can be reached, within `reach` of the best.
@@ -162,7 +178,7 @@ mod tests {
             let cost: f64 = states[..at].iter().map(|s| f64::from(s.skip)).sum();
             from(emission, states, 0, at) - cost
         });
-        Some(first.fold(f64::NEG_INFINITY, f64::max)).filter(|best| best.is_finite())
+        Some(first.fold(f64::NEG_INFINITY, f64::max))
     }
 
     fn score(emission: &Array2<f32>, states: &[State], path: &[usize]) -> f64 {
@@ -187,12 +203,12 @@ mod tests {
 
     #[test]
     fn the_best_path_is_the_best_of_all() {
-        let texts: [&[&[usize]]; 4] = [&[&[0]], &[&[0, 1], &[2]], &[&[1, 0, 2], &[]], &[]];
+        let texts: [&[&[usize]]; 4] = [&[&[0]], &[&[0, 1]], &[&[1, 0, 2], &[]], &[]];
         for seed in 0..12 {
             for text in texts {
                 let words: Vec<Word> = text.iter().map(|word| Word::of(word)).collect();
                 let states = states_of(&words, 3);
-                let emission = noise(6, 4, seed);
+                let emission = noise(7, 4, seed);
                 let path = best_path(&emission, &states).unwrap();
                 let best = slow_best(&emission, &states).unwrap();
                 assert!(
@@ -206,8 +222,8 @@ mod tests {
     #[test]
     fn where_frames_are_too_few_there_is_no_path() {
         let states = states_of(&[[0], [1], [2]].map(|word| Word::of(&word)), 3);
-        assert!(best_path(&noise(2, 4, 1), &states).is_none());
-        assert!(best_path(&noise(3, 4, 1), &states).is_some());
+        assert!(best_path(&noise(3 * LEAST_ROWS - 1, 4, 1), &states).is_none());
+        assert!(best_path(&noise(3 * LEAST_ROWS, 4, 1), &states).is_some());
         assert!(best_path(&Array2::zeros((0, 4)), &states).is_none());
     }
 
@@ -217,8 +233,10 @@ mod tests {
             .map(|w| Word::of(&[w % 3, (w + 1) % 3, (w + 2) % 3]))
             .collect();
         let states = states_of(&words, 3);
-        // Four frames for each state, in their order.
-        let wanted: Vec<usize> = (0..4 * states.len()).map(|t| t / 4).collect();
+        // A frame for each state, and four for pauses.
+        let frames =
+            |(state, s): (usize, &State)| vec![state; if s.word.is_none() { 4 } else { 1 }];
+        let wanted: Vec<usize> = states.iter().enumerate().flat_map(frames).collect();
         let emission = Array2::from_shape_fn((wanted.len(), 4), |(t, column)| {
             if states[wanted[t]].column == column {
                 0.0
@@ -226,7 +244,7 @@ mod tests {
                 -5.0
             }
         });
-        assert!(best_path_within(&emission, &states, 8).unwrap() == wanted);
+        assert!(best_path_within(&emission, &states, 20).unwrap() == wanted);
         assert!(best_path(&emission, &states).unwrap() == wanted);
     }
 }
