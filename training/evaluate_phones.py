@@ -2,7 +2,8 @@
 
     python -m training.evaluate_phones --model runs/phones
 
-Beside every number of words stands the floor: letters spread evenly over the voiced time.
+Beside every number of words stands the floor: letters spread evenly over the time of the true words,
+whose first begin and last end are counted as right.
 """
 
 import argparse
@@ -63,11 +64,9 @@ def align(model: PhoneReadout, table: np.ndarray, heard: Heard) -> dict[int, tup
     return word_times(path, states, RATE_HZ, FIRST_S)
 
 
-def spread_evenly(model: PhoneReadout, heard: Heard) -> dict[int, tuple[float, float]]:
-    """The floor: letters spread evenly from the first to the last frame that is no pause."""
-    likelihood = log_likelihood(model, heard.features[-1])
-    rows = np.flatnonzero(likelihood.argmax(axis=1) != 0)
-    begin, end = FIRST_S + rows[0] / RATE_HZ, FIRST_S + rows[-1] / RATE_HZ
+def spread_evenly(heard: Heard) -> dict[int, tuple[float, float]]:
+    """The floor: letters spread evenly from the true begin of the first word to the end of the last."""
+    begin, end = heard.words[0][0], heard.words[-1][1]
     lengths = np.array([max(1, len(romanised(word))) for _, _, word in heard.words])
     edges = begin + (end - begin) * np.concatenate([[0], np.cumsum(lengths)]) / lengths.sum()
     return {i: (edges[i], edges[i + 1]) for i in range(len(lengths))}
@@ -96,7 +95,7 @@ def measure(model: PhoneReadout, table: np.ndarray, every: list[Heard]) -> dict:
             row["frames"] = frame_scores(model, chosen)
         if chosen[0].words:
             row["words"] = word_scores([align(model, table, h) for h in chosen], chosen)
-            row["evenly"] = word_scores([spread_evenly(model, h) for h in chosen], chosen)
+            row["evenly"] = word_scores([spread_evenly(h) for h in chosen], chosen)
         if row:
             report[source] = row
     return report

@@ -23,7 +23,8 @@ from .outputs.output import EASE_S, PREFIX, times
 _NO_TAKE = "no take to redo: press Generate first"
 _NOT_KEYS = "only takes of basis keys, ARKit keys and existing keys can be redone in part"
 _NO_RANGE = (
-    "no stretch to redo: move a word, set a preview range (P), or put a marker (M) before and behind it"
+    "no stretch to redo: move a word, set a preview range (P), or put a marker (M) before and "
+    "behind it"
 )
 # What moves by less looks the same: twice the error of a take, mm.
 _NOTHING_MM = 0.2

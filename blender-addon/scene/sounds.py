@@ -4,8 +4,9 @@ A strip keeps the exact times of what it shows, in seconds from the begin of the
 frames at which it was put: while it stays there these times hold, else its frames do. All are
 muted: Blender would render them over the picture.
 
-Where the text is known its words stand one channel above the closures. A closure knows the word that
-it was heard in: where the word goes, or grows, the closure goes with it, unless it was moved itself.
+Where the text is known its words stand one channel above the closures. A closure knows the word
+that it was heard in: where the word goes, or grows, the closure goes along, unless it was moved
+itself.
 """
 
 from typing import NamedTuple
@@ -93,7 +94,7 @@ def clear(scene, name: str) -> None:
 
 
 def read(scene, source) -> list[tuple[float, float, str]] | None:
-    """Start and end in seconds, and the text, of each closure of a sound; None where it has no strip."""
+    """Start and end in seconds, and the text, of each closure of a sound; None without strips."""
     found = [(*now, strip.text.strip()) for strip, now in _closures(scene, source)]
     return sorted(found) or ([] if _of(scene, source.name) else None)
 

@@ -64,8 +64,8 @@ class _Listening:
 
 
 class ANYFACE_OT_sounds_show(_WithSound, InThread, Operator):
-    """Show where lips close (p, b, m) as text strips, and the words of the text above them: move, delete,
-    copy, rename, then Redo"""
+    """Show where lips close (p, b, m) as text strips: move, delete, copy, rename, then Redo. \
+Above them stand the words of the text"""
 
     bl_idname = "anyface.sounds_show"
     bl_label = "Show Sounds"

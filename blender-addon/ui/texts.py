@@ -35,7 +35,7 @@ def put(audio, text: str) -> None:
 
 
 def _key(ob, scene) -> str:
-    """What tells the sound of a character from others: the strip's name, the file, or the strips."""
+    """What tells the sound of a character from others: names of strips, a file, a channel."""
     from . import audio
 
     source = ob.anyface.source

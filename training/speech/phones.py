@@ -62,8 +62,8 @@ CLASSES = {
 """The sign of each class, and the segments that it stands for."""
 
 COARSE = (
-    "_", "iɪjy", "uʊw", "eɛ", "øəɝʌ", "oɔ", "aɑæ", "pb", "m", "fv", "td", "n", "θðsz", "ʃʒ", "l", "rɹʁ", "kɡxh",
-    "ŋ",
+    "_", "iɪjy", "uʊw", "eɛ", "øəɝʌ", "oɔ", "aɑæ", "pb", "m", "fv", "td", "n", "θðsz", "ʃʒ", "l", "rɹʁ",
+    "kɡxh", "ŋ",
 )  # fmt: skip
 """A smaller set: what stands together is one class."""
 
