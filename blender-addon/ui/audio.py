@@ -8,7 +8,7 @@ from bpy.types import Operator, PropertyGroup
 
 from ..core.errors import AnyfaceError
 from ..scene import bake, sequencer, strips
-from . import texts, words
+from . import words
 from .operators import Acting
 from .overridable import kinds, overridable
 from .target import OfFace, sequencer_scene, target
@@ -34,13 +34,6 @@ class AnyfaceAudio(PropertyGroup):
         options=set(),
     )
     chosen: CollectionProperty(type=AnyfaceStrip)
-    text: StringProperty(
-        name="Text",
-        description="The words that are said in this sound: Show Sounds shows when",
-        get=texts.get,
-        set=texts.put,
-        options=set(),
-    )
 
 
 def fill(settings, ob, scene=None) -> None:

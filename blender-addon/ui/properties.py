@@ -152,6 +152,13 @@ class AnyfaceScene(PropertyGroup):
     )
     # What is said in each sound.
     texts: CollectionProperty(type=texts.AnyfaceText, options={"HIDDEN"})
+    text: StringProperty(
+        name="Text",
+        description="The words that are said in the sound of the character: Show Sounds shows when",
+        get=texts.get,
+        set=texts.put,
+        options=set(),
+    )
 
 
 def _of_library() -> dict:

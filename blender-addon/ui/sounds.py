@@ -27,7 +27,7 @@ class ANYFACE_PT_sounds(OfFacePanel, Panel):
         row = layout.row(align=True)
         row.operator("anyface.sounds_show", icon="SEQ_SEQUENCER")
         row.operator("anyface.sounds_read", text="", icon="FILEBROWSER")
-        layout.prop(target(context).anyface_audio, "text")
+        layout.prop(context.scene.anyface, "text")
         layout.operator("anyface.redo", icon="FILE_REFRESH")
         try:
             first, last = redo.between(sequencer_scene(context))

@@ -4,7 +4,8 @@ import bpy
 from bpy.props import StringProperty
 from bpy.types import PropertyGroup
 
-from .target import sequencer_scene
+from . import audio
+from .target import sequencer_scene, target
 
 
 class AnyfaceText(PropertyGroup):
@@ -15,29 +16,29 @@ class AnyfaceText(PropertyGroup):
 
 def of(ob, scene) -> str:
     """The text of the sound that a character speaks, or ""."""
-    found = scene.anyface.texts.get(_key(ob, scene)) if scene is not None else None
+    if ob is None or scene is None:
+        return ""
+    found = scene.anyface.texts.get(_key(ob, scene))
     return found.text.strip() if found is not None else ""
 
 
-def get(audio) -> str:
-    """The same for the field in the panel of `Object.anyface_audio`."""
-    return of(audio.id_data, sequencer_scene(bpy.context))
+def get(_settings) -> str:
+    """The same of the character that the panel shows, for the field there."""
+    return of(target(bpy.context), sequencer_scene(bpy.context))
 
 
-def put(audio, text: str) -> None:
-    """Keeps the text of the sound that the character speaks now."""
-    scene = sequencer_scene(bpy.context)
-    if scene is None:
+def put(_settings, text: str) -> None:
+    """Keeps the text of the sound that this character speaks now."""
+    ob, scene = target(bpy.context), sequencer_scene(bpy.context)
+    if ob is None or scene is None:
         return
-    key, kept = _key(audio.id_data, scene), scene.anyface.texts
+    key, kept = _key(ob, scene), scene.anyface.texts
     found = kept.get(key) or kept.add()
     found.name, found.text = key, text
 
 
 def _key(ob, scene) -> str:
     """What tells the sound of a character from others: names of strips, a file, a channel."""
-    from . import audio
-
     source = ob.anyface.source
     if source == "STRIP":
         return audio.strip_of(ob, scene)

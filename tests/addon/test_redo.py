@@ -192,7 +192,7 @@ def test_strips_may_be_moved_renamed_deleted_and_added(stage, tmp_path):
 def with_words(tmp_path):
     """Strips of closures and words; the first closure lies in the first word, `bob`."""
     ob = spoken(tmp_path)
-    ob.anyface_audio.text = "bob said hello"
+    bpy.context.scene.anyface.text = "bob said hello"
     assert bpy.ops.anyface.sounds_show() == {"FINISHED"}
     top = max(s.channel for s in marks())
     words = [s for s in marks() if s.channel == top]
@@ -211,9 +211,9 @@ def test_a_text_belongs_to_its_sound(stage, tmp_path):
     ob, _, _ = with_words(tmp_path)
     strip(tone(tmp_path / "other.wav", SECONDS), name="Other", channel=9)
     ob.anyface.strip = "Other"
-    assert ob.anyface_audio.text == ""
+    assert bpy.context.scene.anyface.text == ""
     ob.anyface.strip = "Voice"
-    assert ob.anyface_audio.text == "bob said hello"
+    assert bpy.context.scene.anyface.text == "bob said hello"
 
 
 def test_closures_go_with_their_word_and_redo_is_about_its_stretch(stage, tmp_path):

@@ -3,7 +3,6 @@
 import json
 from pathlib import Path
 
-import numpy as np
 import torch
 from safetensors.torch import save_file
 
@@ -17,7 +16,8 @@ TEXT = "Der Größe b, thought 7 – aal"
 
 @torch.no_grad()
 def write(out: Path, shared: Path) -> Path:
-    """`weights.*`, `input` [T, C] features, `output` [4 T, K] log-posteriors, `path` [4 T] states of `text`.
+    """`weights.*`, `input` [T, C] features, `output` [4 T, K] log-posteriors, `said` [4 T] units of
+    `text`, −1 in a pause.
 
     `shared` is not used.
     """
@@ -35,7 +35,8 @@ def write(out: Path, shared: Path) -> Path:
     states = states_of(TEXT.split())
     emission = emissions(log_likelihood(model, tensors["input"]), table.double().numpy(), states)
     path = best_path(emission, states.skip)
-    tensors["path"] = torch.from_numpy(np.asarray(path)).float()
+    # States of one unit are alike: which of them a path leaves out is chance.
+    tensors["said"] = torch.from_numpy(states.unit[path]).float()
     path = out / "phones_debug.safetensors"
     written = config.to_json() | {"units": list(UNITS)}
     metadata = {"config": json.dumps(written), "text": TEXT, "tolerance": "1e-4", "command": COMMAND}
