@@ -224,6 +224,14 @@ typedef enum {
     ANYFACE_VISIBILITY_NOTHING = 2,
 } AnyfaceVisibility;
 
+/// What is said beside the closures.
+typedef enum {
+    /// Phones.
+    ANYFACE_TIER_PHONES = 0,
+    /// Words.
+    ANYFACE_TIER_WORDS = 1,
+} AnyfaceTier;
+
 /// A sound, kept as mono at 16 kHz. Never changes after it was made: any number of threads may
 /// use it at the same time.
 typedef struct AnyfaceAudio AnyfaceAudio;
@@ -663,6 +671,19 @@ AnyfaceStatus anyface_sounds_new(const AnyfaceEngine *engine,
                                  AnyfaceSounds **out,
                                  AnyfaceError **error);
 
+/// Listens to a sound for its phones and, where `text` says them, its words, beside the closures of
+/// `anyface_sounds_new()`, which stay the same and alone close lips.
+///
+/// `text`: UTF-8, the words that are said in the sound; NULL where nobody knows them. Free with
+/// `anyface_sounds_free()`. Fails with `ANYFACE_STATUS_AUDIO` for a sound too short to use,
+/// `ANYFACE_STATUS_INVALID_INPUT` for a text without a letter or too long for the sound,
+/// `ANYFACE_STATUS_WEIGHTS` for an engine with a speech encoder of the user's own.
+AnyfaceStatus anyface_sounds_new_with_text(const AnyfaceEngine *engine,
+                                           const AnyfaceAudio *audio,
+                                           const char *text,
+                                           AnyfaceSounds **out,
+                                           AnyfaceError **error);
+
 /// Sounds from a file that another tool or an artist has made: .TextGrid (Praat), .tsv or .json (Rhubarb), .pgo
 /// (Papagayo), .dat (Moho), .txt (lines of start, end and label).
 ///
@@ -696,6 +717,27 @@ AnyfaceStatus anyface_sounds_copy_closures(const AnyfaceSounds *sounds,
                                            double *buffer,
                                            size_t double_count,
                                            AnyfaceError **error);
+
+/// Number `n` of intervals of an `AnyfaceTier`; 0 where nothing is known of it, for another number, for
+/// NULL.
+size_t anyface_sounds_interval_count(const AnyfaceSounds *sounds,
+                                     int32_t tier);
+
+/// Label of an interval of an `AnyfaceTier`: a phone (IPA) or a word; lives until the sounds are freed.
+/// NULL for NULL or a number that is not below the count.
+const char *anyface_sounds_label(const AnyfaceSounds *sounds,
+                                 int32_t tier,
+                                 size_t interval);
+
+/// Copies the times of the intervals of an `AnyfaceTier` into the caller's buffer.
+///
+/// `buffer`: `[n, 2]`, start and end in seconds, in rising order; `double_count` must be `n * 2`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `double_count` or tier.
+AnyfaceStatus anyface_sounds_copy_intervals(const AnyfaceSounds *sounds,
+                                            int32_t tier,
+                                            double *buffer,
+                                            size_t double_count,
+                                            AnyfaceError **error);
 
 /// 1 where a phone (IPA, ARPABET, `MBP`) closes the lips as p, b and m do, else 0; 0 for NULL.
 ///

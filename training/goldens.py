@@ -17,6 +17,7 @@ GOLDENS = {
     "checkpoint": "training.speech.golden_checkpoint",
     "instants": "training.speech.golden_instants",
     "compact_speech": "training.speech.golden_compact",
+    "phones": "training.speech.golden_phones",
     "ats_compact": "training.systems.freetalk.golden_ats",
     "static_weights": "training.deform.golden_static_weights",
     "creases": "training.deform.golden_creases",

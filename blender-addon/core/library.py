@@ -230,6 +230,13 @@ SIGNATURES = {
     "anyface_weights_write": (c_int32, [_HANDLE, c_char_p, c_double, _OUT]),
     "anyface_weights_free": (None, [_HANDLE]),
     "anyface_sounds_new": (c_int32, [_HANDLE, _HANDLE, _OUT, _OUT]),
+    "anyface_sounds_new_with_text": (c_int32, [_HANDLE, _HANDLE, c_char_p, _OUT, _OUT]),
+    "anyface_sounds_interval_count": (c_size_t, [_HANDLE, c_int32]),
+    "anyface_sounds_label": (c_char_p, [_HANDLE, c_int32, c_size_t]),
+    "anyface_sounds_copy_intervals": (
+        c_int32,
+        [_HANDLE, c_int32, POINTER(c_double), c_size_t, _OUT],
+    ),
     "anyface_sounds_read": (c_int32, [c_char_p, c_double, _OUT, _OUT]),
     "anyface_sounds_closure_count": (c_size_t, [_HANDLE]),
     "anyface_sounds_copy_closures": (c_int32, [_HANDLE, POINTER(c_double), c_size_t, _OUT]),

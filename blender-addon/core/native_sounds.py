@@ -10,6 +10,8 @@ from .job import Progress
 from .take import Animation, Life, Request, Sound
 
 _LANDMARK_FLOATS = 68 * 3
+_WORDS = 1
+"""`AnyfaceTier` of the C interface."""
 
 
 class SoundCalls:
@@ -24,6 +26,21 @@ class SoundCalls:
             audio = self._audio(handles, sound)
             sounds = self._own(handles, "sounds", "anyface_sounds_new", self._handle, audio)
             return self._closures(sounds)
+
+    def listen_to_words(
+        self, sound: Sound, text: str
+    ) -> tuple[np.ndarray, list[tuple[float, float, str]]]:
+        """The same, and start, end in seconds and label of each word of the text that is said."""
+        with ExitStack() as handles:
+            given = self._handle, self._audio(handles, sound), text.encode()
+            sounds = self._own(handles, "sounds", "anyface_sounds_new_with_text", *given)
+            times = np.empty((self._library.anyface_sounds_interval_count(sounds, _WORDS), 2))
+            doubles = times.ctypes.data_as(POINTER(c_double))
+            self._call("anyface_sounds_copy_intervals", sounds, _WORDS, doubles, times.size)
+            label = self._library.anyface_sounds_label
+            labels = [label(sounds, _WORDS, at).decode() for at in range(len(times))]
+            words = [(*ends, text) for ends, text in zip(times.tolist(), labels, strict=True)]
+            return self._closures(sounds), words
 
     def read_sounds(self, path: str, fps: float) -> np.ndarray:
         """The same of a file of another tool; `fps` is what frames of .dat count."""

@@ -4,20 +4,36 @@ import numpy as np
 
 from ..core import redo, sliders
 from ..core.errors import AnyfaceError
-from . import adjust, bake, changes, copies, curves, guard, life, mesh, outputs, record, together
+from . import (
+    adjust,
+    bake,
+    changes,
+    copies,
+    curves,
+    guard,
+    life,
+    mesh,
+    outputs,
+    record,
+    sounds,
+    together,
+)
 from .outputs.output import EASE_S, PREFIX, times
 
 _NO_TAKE = "no take to redo: press Generate first"
 _NOT_KEYS = "only takes of basis keys, ARKit keys and existing keys can be redone in part"
-_NO_RANGE = "no stretch to redo: set a preview range (P), or put a marker (M) before and behind it"
+_NO_RANGE = (
+    "no stretch to redo: move a word, set a preview range (P), or put a marker (M) before and "
+    "behind it"
+)
 # What moves by less looks the same: twice the error of a take, mm.
 _NOTHING_MM = 0.2
 _REDONE = "a stretch of the take was redone: generate again"
 
 
-def between(scene) -> tuple[float, float]:
-    """The frames that *Redo* is about: the preview range, two selected markers, or the markers
-    before and behind the current frame.
+def between(scene, source=None) -> tuple[float, float]:
+    """The frames that *Redo* is about: the preview range, two selected markers, where words of the
+    sound `source` have moved, or the markers before and behind the current frame.
 
     Raises `AnyfaceError("input")` where there are none.
     """
@@ -26,6 +42,9 @@ def between(scene) -> tuple[float, float]:
     chosen = sorted(marker.frame for marker in scene.timeline_markers if marker.select)
     if len(chosen) == 2 and chosen[0] < chosen[1]:
         return float(chosen[0]), float(chosen[1])
+    moved = None if source is None else sounds.stretch_of_words(scene, source)
+    if moved is not None:
+        return float(moved[0]), float(moved[1])
     frames, now = [marker.frame for marker in scene.timeline_markers], scene.frame_current
     before = [frame for frame in frames if frame <= now]
     behind = [frame for frame in frames if frame > now]
@@ -72,6 +91,7 @@ def write(ob, scene, wanted: redo.Redo, made: redo.Redone) -> str:
     if made.life is not None:
         life.redo(ob, made.life, wanted.snapshot.settings, at, lambda *c: splice(*c, stretch))
     more = sum(len(fit.more) for fit in made.fits.values())
+    sounds.follow(scene, wanted.snapshot.source)
     text = f"frames {stretch.first:g} to {stretch.last:g} redone"
     if by_mm < _NOTHING_MM:
         return f"{text} as they were: change the seed, the emotion or the strips first"
@@ -132,7 +152,7 @@ def _stretch(ob, wanted: redo.Redo, scene) -> tuple[redo.Stretch, float, float]:
         raise AnyfaceError("mesh", "the take has no curves any more: generate again")
     # The last keyframe is one of rest, behind the last frame of the sound.
     ends = max(found) - EASE_S * snapshot.scene_fps
-    stretch = redo.Stretch(*between(scene), start, ends, snapshot.scene_fps)
+    stretch = redo.Stretch(*between(scene, snapshot.source), start, ends, snapshot.scene_fps)
     return stretch, start, step
 
 

@@ -32,6 +32,17 @@ def ends(strip) -> tuple[int, int]:
     return strip.frame_final_start, strip.frame_final_end
 
 
+def place(strip, first: int, last: int) -> None:
+    """Lets a text strip play from frame `first` to `last`, which is the one after its last."""
+    names = ("left_handle", "right_handle")
+    if not hasattr(strip, "left_handle"):
+        names = ("frame_final_start", "frame_final_end")
+    ends_new = list(zip(names, (first, last), strict=True))
+    # No strip may end before it starts, not even in between.
+    for name, frame in ends_new[::-1] if first > ends(strip)[0] else ends_new:
+        setattr(strip, name, frame)
+
+
 def content_start(strip) -> float:
     """The frame at which the whole sound would begin, were it not trimmed."""
     return strip.content_start if hasattr(strip, "content_start") else strip.frame_start

@@ -3,6 +3,7 @@
 import bpy
 from bpy.props import (
     BoolProperty,
+    CollectionProperty,
     EnumProperty,
     FloatProperty,
     IntProperty,
@@ -14,7 +15,7 @@ from bpy.types import PropertyGroup
 from ..core import systems
 from ..core.emotion import EMOTIONS, MAX_INTENSITY
 from ..scene import identity, outputs
-from . import audio, character, controls, life, output_properties, words
+from . import audio, character, controls, life, output_properties, texts, words
 from .overridable import kinds, overridable
 
 _EMOTION_ITEMS = [(name, name.capitalize(), "", number) for number, name in enumerate(EMOTIONS)]
@@ -149,6 +150,15 @@ class AnyfaceScene(PropertyGroup):
         subtype="DIR_PATH",
         options=set(),
     )
+    # What is said in each sound.
+    texts: CollectionProperty(type=texts.AnyfaceText, options={"HIDDEN"})
+    text: StringProperty(
+        name="Text",
+        description="The words that are said in the sound of the character: Show Sounds shows when",
+        get=texts.get,
+        set=texts.put,
+        options=set(),
+    )
 
 
 def _of_library() -> dict:
@@ -189,6 +199,7 @@ def register() -> None:
     controls.register()
     character.register()
     life.register()
+    bpy.utils.register_class(texts.AnyfaceText)
     bpy.utils.register_class(AnyfaceScene)
     bpy.types.Scene.anyface = PointerProperty(type=AnyfaceScene)
 
@@ -202,6 +213,7 @@ def unregister() -> None:
     del bpy.types.Scene.anyface
     del bpy.types.Object.anyface
     bpy.utils.unregister_class(AnyfaceScene)
+    bpy.utils.unregister_class(texts.AnyfaceText)
     bpy.utils.unregister_class(AnyfaceCharacter)
     output_properties.unregister()
     identity.unregister()

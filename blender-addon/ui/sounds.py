@@ -6,7 +6,7 @@ from bpy.types import Operator, Panel
 
 from ..core.errors import AnyfaceError
 from ..scene import bake, decode, redo, sounds
-from . import audio, running
+from . import audio, running, texts
 from .operators import Alone, InThread
 from .panel import OfFacePanel
 from .settings import from_object
@@ -27,12 +27,13 @@ class ANYFACE_PT_sounds(OfFacePanel, Panel):
         row = layout.row(align=True)
         row.operator("anyface.sounds_show", icon="SEQ_SEQUENCER")
         row.operator("anyface.sounds_read", text="", icon="FILEBROWSER")
+        layout.prop(context.scene.anyface, "text")
         layout.operator("anyface.redo", icon="FILE_REFRESH")
         try:
             first, last = redo.between(sequencer_scene(context))
             layout.label(text=f"Between frames {first:g} and {last:g}")
         except AnyfaceError:
-            layout.label(text="Between two markers, or in the preview range")
+            layout.label(text="Where words moved, between two markers, or in the preview range")
 
 
 class _WithSound(Alone):
@@ -48,19 +49,23 @@ class _WithSound(Alone):
 
 
 class _Listening:
-    """Decodes a sound and says where lips close in it."""
+    """Decodes a sound and says where lips close in it, and where the words of its text are."""
 
-    def __init__(self, source, engine):
-        self.source, self._engine = source, engine
+    def __init__(self, source, engine, text):
+        self.source, self._engine, self._text = source, engine, text
 
     def work(self, progress):
-        """Intervals `[N, 2]`, seconds."""
+        """Intervals `[N, 2]`, seconds, and start, end and label of the words."""
         progress.check("sound")
-        return self._engine.listen(self.source.load(decode.decoder(self._engine)))
+        sound = self.source.load(decode.decoder(self._engine))
+        if not self._text:
+            return self._engine.listen(sound), []
+        return self._engine.listen_to_words(sound, self._text)
 
 
 class ANYFACE_OT_sounds_show(_WithSound, InThread, Operator):
-    """Show where lips close (p, b, m) as text strips: move, delete, copy, rename, then Redo"""
+    """Show where lips close (p, b, m) as text strips: move, delete, copy, rename, then Redo. \
+Above them stand the words of the text"""
 
     bl_idname = "anyface.sounds_show"
     bl_label = "Show Sounds"
@@ -71,12 +76,15 @@ class ANYFACE_OT_sounds_show(_WithSound, InThread, Operator):
         settings = from_object(ob, scene)
         engine = running.engine(settings.system)
         self._scene = scene.name
-        return _Listening(bake.find_sound(scene, settings, engine), engine)
+        text = texts.of(ob, scene)
+        return _Listening(bake.find_sound(scene, settings, engine), engine, text)
 
-    def finish(self, ob, listening, closures):
+    def finish(self, ob, listening, heard):
         """Puts the strips."""
-        count = sounds.show(bpy.data.scenes[self._scene], listening.source, closures)
-        self.report({"INFO"}, f"Anyface: {count} times the lips close")
+        closures, words = heard
+        count = sounds.show(bpy.data.scenes[self._scene], listening.source, closures, words)
+        said = f", {len(words)} words" if words else ""
+        self.report({"INFO"}, f"Anyface: {count} times the lips close{said}")
         return {"FINISHED"}
 
 

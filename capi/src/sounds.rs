@@ -1,9 +1,12 @@
 //! What is said when: heard, read from files of other tools, written for them.
 
-use std::ffi::c_char;
+use std::{
+    ffi::{CString, c_char},
+    ptr::null,
+};
 
 use anyface::{
-    annotation::{Annotation, AnnotationFormat, Symbols},
+    annotation::{Annotation, AnnotationFormat, Interval, Symbols},
     conditions::check_fps,
 };
 
@@ -15,20 +18,51 @@ use crate::{
     status::AnyfaceStatus,
 };
 
+/// What is said beside the closures.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AnyfaceTier {
+    /// Phones.
+    Phones = 0,
+    /// Words.
+    Words = 1,
+}
+
 /// Sounds of speech and their times: heard in a sound, or read from a file. Never changes after it was made.
 pub struct AnyfaceSounds {
     annotation: Annotation,
     /// `[n][2]`, where the lips are together.
     closures: Vec<[f64; 2]>,
+    /// Labels of phones and of words.
+    labels: [Vec<CString>; 2],
 }
 
 impl AnyfaceSounds {
     fn of(annotation: Annotation) -> Result<AnyfaceSounds, Failure> {
         let closures = annotation.closures()?;
+        let text = |interval: &Interval| CString::new(interval.label.replace('\0', ""));
+        // By the numbers of `AnyfaceTier`.
+        let labels = [Symbols::Phones, Symbols::Words].map(|tier| {
+            let intervals = annotation.intervals(tier).iter();
+            intervals.map(|i| text(i).unwrap_or_default()).collect()
+        });
         Ok(AnyfaceSounds {
             annotation,
             closures,
+            labels,
         })
+    }
+
+    fn intervals(&self, tier: i32) -> Result<&[Interval], Failure> {
+        const PHONES: i32 = AnyfaceTier::Phones as i32;
+        const WORDS: i32 = AnyfaceTier::Words as i32;
+        match tier {
+            PHONES => Ok(self.annotation.intervals(Symbols::Phones)),
+            WORDS => Ok(self.annotation.intervals(Symbols::Words)),
+            other => Err(Failure::invalid(format!(
+                "tier: expected {PHONES} (phones) or {WORDS} (words), got {other}"
+            ))),
+        }
     }
 }
 
@@ -48,6 +82,33 @@ pub unsafe extern "C" fn anyface_sounds_new(
         let audio = unsafe { pointer::handle("audio", audio) }?;
         let sounds = AnyfaceSounds::of(engine.0.listen(&audio.0)?)?;
         unsafe { pointer::give(out, sounds) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Listens to a sound for its phones and, where `text` says them, its words, beside the closures of
+/// `anyface_sounds_new()`, which stay the same and alone close lips.
+///
+/// `text`: UTF-8, the words that are said in the sound; NULL where nobody knows them. Free with
+/// `anyface_sounds_free()`. Fails with `ANYFACE_STATUS_AUDIO` for a sound too short to use,
+/// `ANYFACE_STATUS_INVALID_INPUT` for a text without a letter or too long for the sound,
+/// `ANYFACE_STATUS_WEIGHTS` for an engine with a speech encoder of the user's own.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_sounds_new_with_text(
+    engine: *const AnyfaceEngine,
+    audio: *const AnyfaceAudio,
+    text: *const c_char,
+    out: *mut *mut AnyfaceSounds,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let engine = unsafe { pointer::handle("engine", engine) }?;
+        let audio = unsafe { pointer::handle("audio", audio) }?;
+        let text = unsafe { pointer::optional_text("text", text) }?;
+        let found = engine.0.listen_to_phones(&audio.0, text)?;
+        unsafe { pointer::give(out, AnyfaceSounds::of(found)?) };
         Ok(())
     };
     unsafe { guard::guard(error, work) }
@@ -122,6 +183,51 @@ pub unsafe extern "C" fn anyface_sounds_copy_closures(
         let sounds = unsafe { pointer::handle("sounds", sounds) }?;
         let values = sounds.closures.as_flattened();
         unsafe { pointer::copy_out("buffer", values, buffer, double_count) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Number `n` of intervals of an `AnyfaceTier`; 0 where nothing is known of it, for another number, for
+/// NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_sounds_interval_count(
+    sounds: *const AnyfaceSounds,
+    tier: i32,
+) -> usize {
+    let found = unsafe { sounds.as_ref() }.and_then(|sounds| sounds.intervals(tier).ok());
+    found.map_or(0, <[Interval]>::len)
+}
+
+/// Label of an interval of an `AnyfaceTier`: a phone (IPA) or a word; lives until the sounds are freed.
+/// NULL for NULL or a number that is not below the count.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_sounds_label(
+    sounds: *const AnyfaceSounds,
+    tier: i32,
+    interval: usize,
+) -> *const c_char {
+    let tier = usize::try_from(tier).unwrap_or(usize::MAX);
+    let found = unsafe { sounds.as_ref() }.and_then(|s| s.labels.get(tier)?.get(interval));
+    found.map_or(null(), |label| label.as_ptr())
+}
+
+/// Copies the times of the intervals of an `AnyfaceTier` into the caller's buffer.
+///
+/// `buffer`: `[n, 2]`, start and end in seconds, in rising order; `double_count` must be `n * 2`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `double_count` or tier.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_sounds_copy_intervals(
+    sounds: *const AnyfaceSounds,
+    tier: i32,
+    buffer: *mut f64,
+    double_count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let sounds = unsafe { pointer::handle("sounds", sounds) }?;
+        let times = sounds.intervals(tier)?.iter();
+        let values: Vec<f64> = times.flat_map(|i| [i.start_s, i.end_s]).collect();
+        unsafe { pointer::copy_out("buffer", &values, buffer, double_count) }
     };
     unsafe { guard::guard(error, work) }
 }

@@ -189,6 +189,74 @@ def test_strips_may_be_moved_renamed_deleted_and_added(stage, tmp_path):
     assert asked(stage) == []
 
 
+def with_words(tmp_path):
+    """Strips of closures and words; the first closure lies in the first word, `bob`."""
+    ob = spoken(tmp_path)
+    bpy.context.scene.anyface.text = "bob said hello"
+    assert bpy.ops.anyface.sounds_show() == {"FINISHED"}
+    top = max(s.channel for s in marks())
+    words = [s for s in marks() if s.channel == top]
+    return ob, words, [s for s in marks() if s.channel != top]
+
+
+def test_words_of_the_text_stand_above_the_closures(stage, tmp_path):
+    _, words, closures = with_words(tmp_path)
+    assert [s.text for s in words] == ["bob", "said", "hello"]
+    assert [s.text for s in closures] == ["MBP", "MBP"] and all(s.mute for s in words)
+    assert bpy.ops.anyface.redo() == {"FINISHED"}
+    assert asked(stage) == [[0.30, 0.38], [1.02, 1.06]]
+
+
+def test_a_text_belongs_to_its_sound(stage, tmp_path):
+    ob, _, _ = with_words(tmp_path)
+    strip(tone(tmp_path / "other.wav", SECONDS), name="Other", channel=9)
+    ob.anyface.strip = "Other"
+    assert bpy.context.scene.anyface.text == ""
+    ob.anyface.strip = "Voice"
+    assert bpy.context.scene.anyface.text == "bob said hello"
+
+
+def test_closures_go_with_their_word_and_redo_is_about_its_stretch(stage, tmp_path):
+    ob, (bob, *_), (first, second) = with_words(tmp_path)
+    bpy.context.scene.timeline_markers.clear()
+    before = keyframes(ob)
+    bob.frame_start += 6
+    assert bpy.ops.anyface.redo() == {"FINISHED"}
+    by_s = 6 / FPS
+    assert asked(stage) == [[round(0.30 + by_s, 4), round(0.38 + by_s, 4)], [1.02, 1.06]]
+    assert first.frame_final_start == 18 + 6 and second.frame_final_start == 35
+    start, end = START + (0.25 - 0.2) * FPS, START + (0.5 + by_s + 0.2) * FPS
+    for path, points in keyframes(ob).items():
+        far = (before[path][:, 0] < start - 1) | (before[path][:, 0] > end + 1)
+        assert far.any() and np.array_equal(before[path][far], points[far])
+    # What went along is where it was put: nothing has moved since.
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert asked(stage)[1] == [1.02, 1.06]
+    with pytest.raises(RuntimeError, match="no stretch to redo"):
+        bpy.ops.anyface.redo()
+
+
+def test_a_closure_that_was_moved_itself_stays_where_it_is(stage, tmp_path):
+    _, (bob, *_), (first, _second) = with_words(tmp_path)
+    first.frame_start += 2
+    bob.frame_start += 6
+    assert bpy.ops.anyface.redo() == {"FINISHED"}
+    assert asked(stage)[0] == [round((20 - START) / FPS, 4), round((22 - START) / FPS, 4)]
+
+
+def test_of_a_word_that_was_copied_closures_stay(stage, tmp_path):
+    _, (bob, *_), _ = with_words(tmp_path)
+    editor = bpy.context.scene.sequence_editor
+    strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+    place = {"name": "copy", "type": "TEXT", "channel": bob.channel + 1, "frame_start": 45}
+    longer = {"length": 6} if bpy.app.version >= (5, 0, 0) else {"frame_end": 51}
+    copy = strips.new_effect(**place, **longer)
+    for key, value in bob.items():
+        copy[key] = value
+    assert bpy.ops.anyface.redo() == {"FINISHED"}
+    assert asked(stage) == [[0.30, 0.38], [1.02, 1.06]]
+
+
 def test_generate_uses_the_strips_too(stage, tmp_path):
     spoken(tmp_path)
     bpy.ops.anyface.sounds_show()

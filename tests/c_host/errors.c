@@ -281,7 +281,10 @@ static void spoken_sounds(void) {
     CHECK_FAILS(anyface_sounds_read("not-there.tsv", 24.0, &heard, &error), ANYFACE_STATUS_IO,
                 "not-there.tsv");
     CHECK_FAILS(anyface_sounds_write(NULL, "x.tsv", 24.0, &error), null_pointer, "sounds");
+    CHECK_FAILS(anyface_sounds_new_with_text(NULL, NULL, "a", &heard, &error), null_pointer, "engine");
     CHECK(heard == NULL && anyface_sounds_closure_count(NULL) == 0);
+    CHECK(anyface_sounds_interval_count(NULL, ANYFACE_TIER_WORDS) == 0);
+    CHECK(anyface_sounds_label(NULL, ANYFACE_TIER_PHONES, 0) == NULL);
     CHECK(anyface_sounds_label_closes_lips("P") == 1 && anyface_sounds_label_closes_lips("f") == 0);
     CHECK(anyface_sounds_label_closes_lips(NULL) == 0);
     anyface_sounds_free(NULL);

@@ -319,6 +319,32 @@ static void mended(const AnyfaceEngine *engine, const AnyfaceAudio *audio) {
     anyface_sounds_free(heard);
 }
 
+/* Words of a text in their order; closures are those that are heard without. */
+static void said(const AnyfaceEngine *engine, const AnyfaceAudio *audio) {
+    AnyfaceSounds *plain = NULL, *heard = NULL;
+    CHECK_OK(anyface_sounds_new(engine, audio, &plain, &error));
+    CHECK(anyface_sounds_interval_count(plain, ANYFACE_TIER_WORDS) == 0);
+    CHECK_OK(anyface_sounds_new_with_text(engine, audio, "Oh, a b!", &heard, &error));
+    CHECK(anyface_sounds_closure_count(heard) == anyface_sounds_closure_count(plain));
+    CHECK(anyface_sounds_interval_count(heard, ANYFACE_TIER_WORDS) == 3);
+    CHECK(strcmp(anyface_sounds_label(heard, ANYFACE_TIER_WORDS, 2), "b") == 0);
+    CHECK(anyface_sounds_label(heard, ANYFACE_TIER_WORDS, 3) == NULL);
+    double times[6];
+    CHECK_OK(anyface_sounds_copy_intervals(heard, ANYFACE_TIER_WORDS, times, 6, &error));
+    for (int i = 0; i < 5; ++i)
+        CHECK(times[i] <= times[i + 1]);
+    CHECK_FAILS(anyface_sounds_copy_intervals(heard, 2, times, 6, &error), ANYFACE_STATUS_INVALID_INPUT,
+                "tier");
+    anyface_sounds_free(plain);
+    anyface_sounds_free(heard);
+    heard = NULL;
+    CHECK_FAILS(anyface_sounds_new_with_text(engine, audio, "...", &heard, &error),
+                ANYFACE_STATUS_INVALID_INPUT, "letter");
+    CHECK_OK(anyface_sounds_new_with_text(engine, audio, NULL, &heard, &error));
+    CHECK(anyface_sounds_interval_count(heard, ANYFACE_TIER_WORDS) == 0);
+    anyface_sounds_free(heard);
+}
+
 int main(int argc, char **argv) {
     CHECK(argc == 4);
     AnyfaceEngine *engine = NULL;
@@ -339,6 +365,7 @@ int main(int argc, char **argv) {
     motion_of_the_host(engine, face);
     performed_again(engine, audio);
     mended(engine, audio);
+    said(engine, audio);
     two_at_once(engine, face, audio);
     any_number_of_threads(mesh, &options, audio);
     cancelling(engine, face, audio);

@@ -113,14 +113,14 @@ impl Annotation {
         }
     }
 
-    /// Where lips are together: the intervals `[start_s, end_s]` of p, b, m and their kin, of the first
-    /// tier that can tell.
+    /// Where lips are together: the intervals `[start_s, end_s]` of p, b, m and their kin, of the tier of
+    /// closures, else of the first one that can tell.
     ///
     /// # Errors
     /// `InvalidInput` where there are words alone.
     pub fn closures(&self) -> Result<Vec<[f64; 2]>> {
-        let tells = |tier: &&Tier| tier.symbols != Symbols::Words;
-        let tier = self.tiers.iter().find(tells).ok_or_else(|| {
+        let tier = self.tier(Symbols::Closures).or_else(|| self.first_shown());
+        let tier = tier.ok_or_else(|| {
             Error::InvalidInput(
                 "sounds: expected phones or mouth shapes, got words alone, which do not tell when \
                  lips close"
@@ -134,8 +134,36 @@ impl Annotation {
 
     /// The intervals of the first tier of these symbols; none where there is no such tier.
     pub fn intervals(&self, symbols: Symbols) -> &[Interval] {
-        let tier = self.tiers.iter().find(|tier| tier.symbols == symbols);
-        tier.map_or(&[], |tier| &tier.intervals)
+        self.tier(symbols).map_or(&[], |tier| &tier.intervals)
+    }
+
+    fn tier(&self, symbols: Symbols) -> Option<&Tier> {
+        self.tiers.iter().find(|tier| tier.symbols == symbols)
+    }
+
+    /// The first tier that a mouth shows.
+    fn first_shown(&self) -> Option<&Tier> {
+        let shown = |tier: &&Tier| tier.symbols != Symbols::Words;
+        self.tiers.iter().find(shown)
+    }
+
+    /// What a mouth shows, for files that have one tier: the first tier that says it; where there are
+    /// closures and phones, the phones with the closures over them, which alone close the lips.
+    fn shown(&self) -> (Symbols, Vec<Interval>) {
+        let (closures, phones) = (self.tier(Symbols::Closures), self.tier(Symbols::Phones));
+        let (Some(closures), Some(phones)) = (closures, phones) else {
+            let first = self.first_shown();
+            return first.map_or((Symbols::Phones, Vec::new()), |tier| {
+                (tier.symbols, tier.intervals.clone())
+            });
+        };
+        let closed = &closures.intervals;
+        let open = |phone: &&Interval| !Symbols::Phones.closes_lips(&phone.label);
+        let open = phones.intervals.iter().filter(open);
+        let mut out: Vec<Interval> = open.flat_map(|phone| outside(phone, closed)).collect();
+        out.extend(closed.iter().cloned());
+        out.sort_by(|a, b| a.start_s.total_cmp(&b.start_s));
+        (Symbols::Phones, out)
     }
 
     /// Reads a file of the format that its extension names; `fps` is what frames of .dat count, which
@@ -187,17 +215,15 @@ impl Annotation {
 
     /// What is said in the formats of mouth shapes: intervals that touch, from 0 to the end.
     fn filled(&self, to: Symbols) -> Vec<Interval> {
-        let tier = self.tiers.iter().find(|t| t.symbols != Symbols::Words);
+        let (from, intervals) = self.shown();
         let (mut out, mut at): (Vec<Interval>, f64) = (Vec::new(), 0.0);
         let gap = |start_s: f64, end_s: f64| Interval {
             start_s,
             end_s,
             label: to.between().into(),
         };
-        let intervals = tier.map_or(&[][..], |tier| &tier.intervals);
         // Where a label lasts to the next, the last one only says where the sound ends.
         for interval in intervals.iter().filter(|i| i.start_s < self.duration_s) {
-            let from = tier.map_or(to, |tier| tier.symbols);
             if interval.start_s > at {
                 out.push(gap(at, interval.start_s));
             }
@@ -212,6 +238,27 @@ impl Annotation {
         }
         out
     }
+}
+
+/// The parts of an interval that none of `others`, in rising order, covers.
+fn outside(interval: &Interval, others: &[Interval]) -> Vec<Interval> {
+    let (mut out, mut at) = (Vec::new(), interval.start_s);
+    let mut add = |start_s: f64, end_s: f64| {
+        let label = interval.label.clone();
+        if end_s > start_s {
+            out.push(Interval {
+                start_s,
+                end_s,
+                label,
+            });
+        }
+    };
+    for other in others.iter().filter(|other| other.start_s < interval.end_s) {
+        add(at, other.start_s);
+        at = at.max(other.end_s);
+    }
+    add(at, interval.end_s);
+    out
 }
 
 /// Tiers with what is known of the end; tiers without a label are left out, unless all are.

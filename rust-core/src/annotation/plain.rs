@@ -26,10 +26,17 @@ pub(super) fn read(text: &str) -> Result<Annotation, String> {
     Ok(finished(vec![Tier { symbols, intervals }], 0.0))
 }
 
-/// The first tier: lines have no place for a second.
+/// What a mouth shows, else the first tier: lines have no place for a second.
 pub(super) fn write(annotation: &Annotation) -> String {
     let mut out = String::new();
-    for interval in annotation.tiers.first().map_or(&[][..], |t| &t.intervals) {
+    let (_, mut intervals) = annotation.shown();
+    if intervals.is_empty() {
+        intervals = annotation
+            .tiers
+            .first()
+            .map_or(Vec::new(), |t| t.intervals.clone());
+    }
+    for interval in &intervals {
         let Interval {
             start_s,
             end_s,

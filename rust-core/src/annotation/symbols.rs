@@ -5,6 +5,9 @@
 pub enum Symbols {
     /// Phones: IPA, ARPABET with or without stress, or [`super::CLOSED`].
     Phones,
+    /// Phones of which none but those that close the lips are there; beside other tiers they alone say
+    /// when lips close.
+    Closures,
     /// Words.
     Words,
     /// Rhubarb's mouth shapes A to H and X, after Hanna-Barbera.
@@ -20,7 +23,7 @@ const MOUTHS: [(&[&str], &str, &str); 9] = [
     (&["f", "v", "fv"], "FV", "G"),
     (&["l", "el", "ɫ"], "L", "H"),
     (&["w", "wq", "ʍ"], "WQ", "F"),
-    (&["uw", "uh", "u", "uː", "ʊ", "y"], "U", "F"),
+    (&["uw", "uh", "u", "uː", "ʊ", "y", "ø"], "U", "F"),
     (&["ow", "ao", "aw", "oy", "o", "oː", "ɔ", "ɒ"], "O", "E"),
     (
         &["aa", "ae", "ah", "ay", "ai", "a", "ɑ", "æ", "ʌ", "ɐ"],
@@ -35,16 +38,19 @@ const MOUTHS: [(&[&str], &str, &str); 9] = [
     (&["rest", "sil", "sp", "spn", "<eps>", "_"], "rest", "X"),
 ];
 /// Consonants that move neither lips nor jaw much; with those of [`MOUTHS`] all of ARPABET.
-const OTHERS: [&str; 19] = [
+const OTHERS: [&str; 29] = [
     "ch", "d", "dh", "dx", "en", "g", "hh", "jh", "k", "n", "ng", "r", "s", "sh", "t", "th", "z",
-    "zh", "etc",
+    "zh", "etc", "θ", "ð", "ʃ", "ʒ", "ɹ", "ʁ", "j", "ɡ", "ŋ", "x",
 ];
+/// Phones that are words of their own, in languages that many speak.
+const VOWELS: [&str; 6] = ["a", "e", "i", "o", "u", "y"];
 
 impl Symbols {
     /// The name of a tier of them.
     pub fn name(self) -> &'static str {
         match self {
             Symbols::Phones => "phones",
+            Symbols::Closures => "closures",
             Symbols::Words => "words",
             Symbols::Rhubarb => "rhubarb",
             Symbols::Papagayo => "papagayo",
@@ -57,14 +63,17 @@ impl Symbols {
         let says = [
             ("word", Symbols::Words),
             ("phon", Symbols::Phones),
+            ("closure", Symbols::Closures),
             ("rhubarb", Symbols::Rhubarb),
             ("papagayo", Symbols::Papagayo),
         ];
         if let Some((_, symbols)) = says.into_iter().find(|(word, _)| name.contains(word)) {
             return symbols;
         }
-        let mut labels = labels.peekable();
-        match labels.peek().is_none() || labels.all(is_phone) {
+        let labels: Vec<String> = labels.map(plain).collect();
+        let is_vowel = |label: &String| VOWELS.contains(&label.as_str());
+        let is_any = |label: &String| is_vowel(label) || is_phone(label);
+        match labels.iter().all(is_any) && (labels.is_empty() || !labels.iter().all(is_vowel)) {
             true => Symbols::Phones,
             false => Symbols::Words,
         }
@@ -76,7 +85,7 @@ impl Symbols {
             Symbols::Words => false,
             Symbols::Rhubarb => label == "A",
             Symbols::Papagayo => label.eq_ignore_ascii_case("mbp"),
-            Symbols::Phones => is_bilabial(&plain(label)),
+            Symbols::Phones | Symbols::Closures => is_bilabial(&plain(label)),
         }
     }
 
@@ -105,7 +114,7 @@ impl Symbols {
         match self {
             Symbols::Rhubarb => "B",
             Symbols::Papagayo => "etc",
-            Symbols::Phones | Symbols::Words => "",
+            Symbols::Phones | Symbols::Closures | Symbols::Words => "",
         }
     }
 }
@@ -127,11 +136,8 @@ fn is_bilabial(phone: &str) -> bool {
     first && (rest == "f" || rest.starts_with('_') || rest.chars().all(|c| !c.is_ascii()))
 }
 
-/// Whether a label is one of ARPABET's or Papagayo's; a word seldom is.
-fn is_phone(label: &str) -> bool {
-    let phone = plain(label);
-    let shown = MOUTHS.iter().flat_map(|(phones, ..)| phones.iter());
-    // Letters that are words of their own, in languages that many speak.
-    let word = ["a", "e", "i", "o", "u", "y"].contains(&phone.as_str());
-    !word && shown.chain(&OTHERS).any(|known| *known == phone) || is_bilabial(&phone)
+/// Whether a plain label is one of ARPABET's, Papagayo's or the recogniser's; a word seldom is.
+fn is_phone(phone: &String) -> bool {
+    let mut shown = MOUTHS.iter().flat_map(|(phones, ..)| phones.iter());
+    shown.any(|known| known == phone) || OTHERS.contains(&phone.as_str()) || is_bilabial(phone)
 }

@@ -163,3 +163,74 @@ fn files_are_named_in_errors_and_told_by_their_extension() {
     let message = heard.write(&other, 24.0).unwrap_err().to_string();
     assert!(message.contains(".TextGrid"), "{message}");
 }
+
+/// What a recogniser hears: `pa` said as a word, with a p that the closures do not have, at the end.
+fn said() -> Annotation {
+    let row = |start_s, end_s, label: &str| Interval {
+        start_s,
+        end_s,
+        label: label.into(),
+    };
+    let tier = |symbols, intervals| Tier { symbols, intervals };
+    let closures = vec![row(0.25, 0.5, CLOSED)];
+    let phones = vec![
+        row(0.25, 0.375, "p"),
+        row(0.375, 1.0, "a"),
+        row(1.0, 1.25, "p"),
+    ];
+    Annotation {
+        tiers: vec![
+            tier(Symbols::Closures, closures),
+            tier(Symbols::Phones, phones),
+            tier(Symbols::Words, vec![row(0.25, 1.25, "pap")]),
+        ],
+        duration_s: 1.5,
+    }
+}
+
+#[test]
+fn closures_beside_phones_stay_those_that_close_lips_in_every_format() {
+    let formats = [
+        AnnotationFormat::TextGrid,
+        AnnotationFormat::RhubarbTsv,
+        AnnotationFormat::RhubarbJson,
+        AnnotationFormat::Papagayo,
+        AnnotationFormat::MohoSwitch,
+        AnnotationFormat::Plain,
+    ];
+    for format in formats {
+        let text = said().to_text(format, 24.0);
+        let back = Annotation::from_text(&text, format, 24.0).unwrap();
+        assert_eq!(
+            back.closures().unwrap(),
+            [[0.25, 0.5]],
+            "{format:?}: {text}"
+        );
+    }
+    let grid = said().to_text(AnnotationFormat::TextGrid, 24.0);
+    let back = Annotation::from_text(&grid, AnnotationFormat::TextGrid, 24.0).unwrap();
+    assert_eq!(back, said());
+}
+
+#[test]
+fn phones_are_mouth_shapes_between_closures() {
+    let rhubarb = said().to_text(AnnotationFormat::RhubarbTsv, 24.0);
+    assert_eq!(
+        rhubarb,
+        "0.000\tB\n0.250\tA\n0.500\tD\n1.000\tB\n1.500\tX\n"
+    );
+    let lines = said().to_text(AnnotationFormat::Plain, 24.0);
+    assert_eq!(lines, "0.250000\t0.500000\tMBP\n0.500000\t1.000000\ta\n");
+    let project = said().to_text(AnnotationFormat::Papagayo, 24.0);
+    assert!(project.contains("pap 6 29 "), "{project}");
+}
+
+#[test]
+fn labels_that_are_vowels_alone_are_words() {
+    let symbols = |text| {
+        let read = Annotation::from_text(text, AnnotationFormat::Plain, 24.0).unwrap();
+        read.tiers[0].symbols
+    };
+    assert_eq!(symbols("0.1 0.2 a\n0.2 0.3 ŋ\n"), Symbols::Phones);
+    assert_eq!(symbols("0.1 0.2 a\n0.2 0.3 i\n"), Symbols::Words);
+}

@@ -10,12 +10,13 @@ use super::{
     stages::{new_report, read_sound},
 };
 use crate::{
-    Result,
-    annotation::{Annotation, AnnotationFormat},
+    Error, Result,
+    annotation::{Annotation, AnnotationFormat, Symbols},
     conditions::check_fps,
 };
 
-/// Write where the lips are heard to be together (p, b, m), to be mended and given to `animate --sounds`
+/// Write where the lips are heard to be together (p, b, m), to be mended and given to `animate --sounds`;
+/// with --phones or a text also which phones are heard, and when the words of the text are said
 #[derive(Args)]
 pub(super) struct Sounds {
     /// The speech: WAV, MP3, FLAC, Ogg Vorbis, M4A or AIFF
@@ -24,6 +25,15 @@ pub(super) struct Sounds {
     /// Turn this file of times into another kind instead of listening
     #[arg(long, value_name = "S", conflicts_with = "audio")]
     sounds: Option<PathBuf>,
+    /// Write the phones that are heard, too (IPA)
+    #[arg(long, conflicts_with = "sounds")]
+    phones: bool,
+    /// The words that are said: written with their times, and with the phones in them
+    #[arg(long, value_name = "W", conflicts_with_all = ["sounds", "text_file"])]
+    text: Option<String>,
+    /// The same from a file in UTF-8
+    #[arg(long, value_name = "F", conflicts_with = "sounds")]
+    text_file: Option<PathBuf>,
     /// The result: .TextGrid (Praat), .tsv or .json (Rhubarb), .pgo (Papagayo), .dat (Moho) or .txt
     /// (lines of start, end and label)
     #[arg(long, value_name = "O")]
@@ -41,21 +51,53 @@ impl Sounds {
             (Some(path), _) => Annotation::read(path, self.fps)?,
             (None, path) => {
                 let path = path.as_deref().unwrap_or(&self.out);
+                let text = self.spoken()?;
                 let waveform = read_sound(&mut new_report(), path)?;
-                shared.engine()?.listen(&waveform)?
+                let engine = shared.engine()?;
+                match self.asks_for_phones() {
+                    true => engine.listen_to_phones(&waveform, text.as_deref())?,
+                    false => engine.listen(&waveform)?,
+                }
             }
         };
         found.write(&self.out, self.fps)?;
         let intervals: usize = found.tiers.iter().map(|tier| tier.intervals.len()).sum();
         let out = shown(&self.out);
         let text = format!("wrote {out}: {intervals} intervals");
-        let value = serde_json::json!({
+        let mut value = serde_json::json!({
             "out": out,
             "intervals": intervals,
             "duration_s": found.duration_s,
             "closures": found.closures().unwrap_or_default(),
         });
+        if self.asks_for_phones() {
+            for symbols in [Symbols::Phones, Symbols::Words] {
+                let rows = found.intervals(symbols).iter();
+                value[symbols.name()] = rows
+                    .map(|i| serde_json::json!([i.start_s, i.end_s, i.label]))
+                    .collect();
+            }
+        }
         console.value(&value, &text);
         Ok(())
+    }
+
+    fn asks_for_phones(&self) -> bool {
+        self.phones || self.text.is_some() || self.text_file.is_some()
+    }
+
+    /// The text that is said in the sound.
+    fn spoken(&self) -> Result<Option<String>> {
+        let Some(path) = &self.text_file else {
+            return Ok(self.text.clone());
+        };
+        let bytes = std::fs::read(path).map_err(Error::io(path))?;
+        let text = String::from_utf8(bytes).map_err(|_| {
+            let shown = path.display();
+            Error::InvalidInput(format!(
+                "{shown}: expected text in UTF-8, got another encoding"
+            ))
+        })?;
+        Ok(Some(text.trim_start_matches('\u{FEFF}').to_owned()))
     }
 }

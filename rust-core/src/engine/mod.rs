@@ -1,6 +1,7 @@
 //! The whole way as one object: weights loaded once, shared by any number of jobs.
 
 mod causal;
+mod listen;
 mod perform;
 mod sliders;
 
@@ -26,7 +27,7 @@ use crate::{
     motion::{FaceModes, Motion},
     progress::ProgressFn,
     rig::{self, Rig, RigModel, SolveOptions, SolvedWeights},
-    speech::{self, SpeechEncoder},
+    speech::{self, PhoneModel, SpeechEncoder},
     spread::{self, FrameSink, Spread, SpreadReport},
     systems::{Registration, System, Windows, built_in_models},
 };
@@ -95,6 +96,8 @@ pub struct Engine {
     face_modes: FaceModes,
     /// Loaded where shapes are asked for.
     rig_model: OnceLock<RigModel>,
+    /// Loaded where phones or words are asked for.
+    phone_model: OnceLock<PhoneModel>,
     model_folder: Option<PathBuf>,
     cache: Cache,
     /// Names the models in what is kept of a mesh.
@@ -143,6 +146,7 @@ impl Engine {
             finder: LandmarkFinder::load(folder)?,
             face_modes: FaceModes::open(folder)?,
             rig_model: OnceLock::new(),
+            phone_model: OnceLock::new(),
             cache: Cache::new(&options.cache),
             key_of_models: key_of_models(folder)?,
             pool: options.threads.map(thread_pool).transpose()?,

@@ -7,7 +7,6 @@ use ndarray::Axis;
 use super::Engine;
 use crate::{
     Result,
-    annotation::Annotation,
     audio::Waveform,
     conditions::{
         Control, ControlCurve, ControlStage, EmotionCurve, MotionRequest, check_closures, check_fps,
@@ -102,21 +101,6 @@ impl Engine {
             let request = self.resolved(request, &heard);
             let sampled = self.system.sample(&heard, &request, progress)?;
             self.finished(sampled, Arc::new(heard), request)
-        })
-    }
-
-    /// What is heard in speech: where the lips are together for p, b, m and their kin.
-    ///
-    /// # Errors
-    /// `Audio` for a sound too short to use.
-    pub fn listen(&self, waveform: &Waveform) -> Result<Annotation> {
-        self.threads(|| {
-            let heard = Heard::of(waveform, &self.encoder)?;
-            let mut closures = heard.closures(None).intervals();
-            for interval in &mut closures {
-                interval[1] = interval[1].min(heard.duration_s).max(interval[0]);
-            }
-            Ok(Annotation::of_closures(&closures, heard.duration_s))
         })
     }
 

@@ -48,6 +48,11 @@ impl Heard {
         })
     }
 
+    /// The name of the encoder that heard it.
+    pub fn encoder_name(&self) -> &'static str {
+        self.encoder.name()
+    }
+
     /// One frame for every started `1 / fps` seconds, at least one.
     pub fn frames(&self, fps: f64) -> usize {
         frames_of(self.duration_s, fps)

@@ -1,12 +1,15 @@
-//! Speech features: one trait, three encoders (compact, HuBERT, wav2vec2).
+//! Speech features: one trait, three encoders (compact, HuBERT, wav2vec2); phones and words heard in them.
 
+mod alignment;
 mod checkpoint;
 mod compact;
 mod conv_features;
 mod encoder_config;
 mod heard;
 pub mod hubert;
+mod letters;
 mod log_mel;
+mod phones;
 mod resample;
 mod transformer_encoder;
 pub mod wav2vec2;
@@ -15,6 +18,7 @@ pub(crate) use compact::{ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE};
 pub use compact::{CompactConfig, CompactEncoder, normalise};
 pub use heard::{Heard, frames_of};
 pub use log_mel::{BANDS, FRAME, HOP, MelAnalyser, log_mel};
+pub use phones::{PHONE_MODEL, PhoneConfig, PhoneModel, Said};
 pub use resample::at_motion_frames;
 pub use transformer_encoder::HiddenStates;
 

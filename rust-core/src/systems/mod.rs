@@ -91,6 +91,7 @@ impl Registration {
 pub fn built_in_models() -> impl Iterator<Item = &'static BuiltIn> {
     let shared = [
         &speech::COMPACT_MODEL,
+        &speech::PHONE_MODEL,
         &mesh::LANDMARK_MODEL,
         &deform::static_weights::MODEL,
         &deform::creases::MODEL,

@@ -300,6 +300,37 @@ fn sounds_that_are_mended_close_the_lips_there_and_nowhere_else() {
 }
 
 #[test]
+fn words_and_phones_stand_beside_closures_that_stay_the_same() {
+    let folder = folder_with_sound(&hum(2.0), 16_000);
+    let listen = ["sounds", "--audio", "a.wav", "--json", "--out"];
+    let json = |more: &[&str]| -> serde_json::Value {
+        let output = anyface(folder.path(), &[&listen[..], more].concat());
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    let plain = json(&["plain.TextGrid"]);
+    assert!(plain.get("phones").is_none() && plain.get("words").is_none());
+    fs::write(folder.path().join("said.txt"), "\u{FEFF}Mum, hums: 3\n").unwrap();
+    let said = json(&["said.TextGrid", "--text-file", "said.txt"]);
+    assert_eq!(said["closures"], plain["closures"]);
+    let words = said["words"].as_array().unwrap().iter();
+    let labels: Vec<&str> = words.map(|word| word[2].as_str().unwrap()).collect();
+    assert_eq!(labels, ["Mum", "hums", "3"]);
+    let grid = fs::read_to_string(folder.path().join("said.TextGrid")).unwrap();
+    for tier in ["closures", "phones", "words"] {
+        assert!(grid.contains(&format!("name = \"{tier}\"")), "{tier}");
+    }
+    assert_eq!(
+        json(&["phones.txt", "--phones"])["closures"],
+        plain["closures"]
+    );
+    let empty = [&listen[..], &["x.txt", "--text", "..."]].concat();
+    refused(&folder, &empty, INVALID_INPUT, "letter");
+    let missing = [&listen[..], &["x.txt", "--text-file", "none.txt"]].concat();
+    refused(&folder, &missing, IO, "none.txt");
+}
+
+#[test]
 fn one_file_of_sounds_becomes_another() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(

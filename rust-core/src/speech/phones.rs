@@ -1,0 +1,297 @@
+//! Which phone is heard when, and where the words of a text are.
+//!
+//! Twin of `training/speech/phones.py`: a read-out of the compact encoder's features, four rows of
+//! posteriors to each of its frames. Row `r` stands at `(r − 2) / 100` seconds. It is loaded where
+//! phones or words are asked for; no motion depends on it.
+
+use std::path::Path;
+
+use ndarray::{Array1, Array2, ArrayView2, Axis};
+
+use super::{
+    COMPACT_MODEL, Heard,
+    alignment::{State, best_path, states_of},
+    letters::Word,
+};
+use crate::{
+    Error, Result,
+    annotation::Interval,
+    models::{BuiltIn, built_in},
+    nn::{Weights, conv::Conv1d, elementwise::gelu_all, linear::Linear},
+};
+
+/// Rows of posteriors to a frame of the encoder.
+const PARTS: usize = 4;
+/// Seconds before its encoder's frame at which the first of its rows stands.
+const EARLY_S: f64 = 0.02;
+/// Power of the share of each class by which its posterior is divided.
+const PRIOR_POWER: f32 = 0.8;
+/// Nepers that it costs to go from one phone to another.
+const CHANGE_COST: f64 = 4.0;
+/// What a text says of its phones weighs so much beside what is heard.
+const TEXT_POWER: f32 = 1.0;
+
+/// Built-in weights of [`PhoneModel`].
+pub static PHONE_MODEL: BuiltIn = built_in!("phones");
+
+/// Sizes of the read-out, its classes and the units of its table, as `config.json` states them.
+#[derive(Debug, Clone, PartialEq, serde::Deserialize)]
+pub struct PhoneConfig {
+    /// The word that names the model.
+    pub model: String,
+    /// Channels `C` of the features that it reads.
+    pub channels: usize,
+    /// Channels between its two layers.
+    pub hidden: usize,
+    /// The sign of each class `K`, IPA; the first is a pause.
+    pub phones: Vec<String>,
+    /// Letters and groups of letters `U`.
+    pub units: Vec<String>,
+}
+
+/// Hears phones, and finds the words of a text.
+pub struct PhoneModel {
+    config: PhoneConfig,
+    conv: Conv1d,
+    out: Linear,
+    /// `[K]`, how often each class is said, nepers.
+    log_prior: Array1<f32>,
+    /// `[U, K]`, with which probability a unit sounds as each class.
+    table: Array2<f32>,
+}
+
+/// Phones and words of a sound.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Said {
+    /// In rising order, IPA; pauses are left out.
+    pub phones: Vec<Interval>,
+    /// Words of the text in its order; empty without one.
+    pub words: Vec<Interval>,
+}
+
+impl PhoneModel {
+    /// The built-in model, or that of the folder `phones` in `folder`.
+    ///
+    /// # Errors
+    /// Those of [`BuiltIn::open`] and [`PhoneModel::load`].
+    pub fn open(folder: Option<&Path>) -> Result<Self> {
+        let files = PHONE_MODEL.open(folder)?;
+        PhoneModel::load(&files.weights, &files.config)
+    }
+
+    /// From the bytes of `model.safetensors` and the text of `config.json`.
+    ///
+    /// # Errors
+    /// `Weights` if either is damaged or they do not fit each other.
+    pub fn load(weights: &[u8], config: &str) -> Result<Self> {
+        let bad = |e: &dyn std::fmt::Display| Error::Weights(format!("phones: {e}"));
+        let config: PhoneConfig = serde_json::from_str(config).map_err(|e| bad(&e))?;
+        if config.phones.is_empty() || config.units.iter().any(String::is_empty) {
+            return Err(bad(&"expected phones and units that have a name, got none"));
+        }
+        let weights = Weights::from_bytes(weights)?;
+        let (channels, hidden) = (config.channels, config.hidden);
+        let (classes, units) = (config.phones.len(), config.units.len());
+        let conv = Conv1d::load(&weights.pp("conv"), [hidden, channels, 3], 1, true)?;
+        Ok(PhoneModel {
+            conv: conv.padded(1),
+            out: Linear::load(&weights.pp("out"), hidden, PARTS * classes)?,
+            log_prior: weights.vector("log_prior", classes)?,
+            table: weights.matrix("table", units, classes)?,
+            config,
+        })
+    }
+
+    /// Log-posteriors `[4 T, K]`, nepers, of features `[T, C]`.
+    pub fn log_posteriors(&self, features: ArrayView2<'_, f32>) -> Array2<f32> {
+        let hidden = self.conv.forward_then(&features, gelu_all);
+        let logits = self.out.forward(&hidden);
+        let (frames, classes) = (logits.nrows(), self.config.phones.len());
+        let mut rows = logits
+            .into_shape_with_order((PARTS * frames, classes))
+            .expect("rows of a frame lie one after the other");
+        for mut row in rows.rows_mut() {
+            let sum = log_sum_exp(row.iter().copied());
+            row -= sum;
+        }
+        rows
+    }
+
+    /// Phones of a sound and, where a text is given, its words and the phones that fit to them.
+    ///
+    /// # Errors
+    /// `Weights` if the sound was heard by another encoder; `InvalidInput` for a text without a letter,
+    /// or one too long for the sound.
+    pub fn said(&self, heard: &Heard, text: Option<&str>) -> Result<Said> {
+        self.check(heard)?;
+        let rate_hz = heard.track.rate_hz * PARTS as f64;
+        let mut likelihood = self.log_posteriors(heard.track.features.view());
+        likelihood -= &(PRIOR_POWER * &self.log_prior);
+        let clock = Clock {
+            rate_hz,
+            duration_s: heard.duration_s,
+        };
+        let words = match text {
+            Some(text) => self.align(&mut likelihood, text, clock)?,
+            None => Vec::new(),
+        };
+        let path = decode(likelihood.view());
+        let phones = intervals(&path, clock, |class| {
+            (*class > 0).then(|| self.config.phones[*class].clone())
+        });
+        Ok(Said { phones, words })
+    }
+
+    fn check(&self, heard: &Heard) -> Result<()> {
+        let channels = heard.track.features.ncols();
+        match (heard.encoder_name(), channels) == (COMPACT_MODEL.name, self.config.channels) {
+            true => Ok(()),
+            false => Err(Error::Weights(format!(
+                "phones: expected {} features of {}, got {channels} of {}",
+                self.config.channels,
+                COMPACT_MODEL.name,
+                heard.encoder_name()
+            ))),
+        }
+    }
+
+    /// Times of the words of a text; `likelihood` `[T, K]` gets what the text says of each row.
+    fn align(
+        &self,
+        likelihood: &mut Array2<f32>,
+        text: &str,
+        clock: Clock,
+    ) -> Result<Vec<Interval>> {
+        let spoken: Vec<&str> = text.split_whitespace().collect();
+        let units = &self.config.units;
+        let words: Vec<Word> = spoken.iter().map(|word| Word::read(word, units)).collect();
+        if words.iter().all(|word| word.units.is_empty()) {
+            let message = "text: expected words that are said in the sound, got no letter";
+            return Err(Error::InvalidInput(message.into()));
+        }
+        let states = states_of(&words, units.len());
+        let path = best_path(&self.emissions(likelihood), &states).ok_or_else(|| {
+            Error::InvalidInput(format!(
+                "text: expected the words that are said in {:.2} s of sound, got {}, too many for it",
+                clock.duration_s,
+                words.len()
+            ))
+        })?;
+        self.weigh(likelihood, &path, &states);
+        let word_of: Vec<Option<usize>> = path.iter().map(|state| states[*state].word).collect();
+        Ok(intervals(&word_of, clock, |word| {
+            word.map(|word| trimmed(spoken[word]).to_owned())
+        }))
+    }
+
+    /// Nepers of each row in each unit and, last, in a pause, `[T, U + 1]`.
+    fn emissions(&self, likelihood: &Array2<f32>) -> Array2<f32> {
+        let units = self.table.nrows();
+        let mut out = Array2::zeros((likelihood.nrows(), units + 1));
+        for (row, mut to) in likelihood.rows().into_iter().zip(out.rows_mut()) {
+            let top = row.iter().fold(f32::NEG_INFINITY, |a, b| a.max(*b));
+            let of_units = self.table.dot(&row.mapv(|x| (x - top).exp()));
+            let (mut letters, mut pause) = to.view_mut().split_at(Axis(0), units);
+            letters.assign(&of_units.mapv(|x| x.ln() + top));
+            pause[0] = row[0];
+        }
+        out
+    }
+
+    /// Adds to each row what its unit says of the phones.
+    fn weigh(&self, likelihood: &mut Array2<f32>, path: &[usize], states: &[State]) {
+        // A phone that no text has here stays possible where it is heard clearly.
+        const LEAST: f32 = 1e-3;
+        for (mut row, state) in likelihood.rows_mut().into_iter().zip(path) {
+            let column = states[*state].column;
+            for (class, x) in row.iter_mut().enumerate() {
+                let p = match column < self.table.nrows() {
+                    true => self.table[[column, class]],
+                    false => f32::from(class == 0),
+                };
+                *x += TEXT_POWER * p.max(LEAST).ln();
+            }
+        }
+    }
+}
+
+/// When rows are.
+#[derive(Clone, Copy)]
+struct Clock {
+    rate_hz: f64,
+    duration_s: f64,
+}
+
+impl Clock {
+    /// Where a row begins, seconds within the sound.
+    fn begins(self, row: usize) -> f64 {
+        let time_s = (row as f64 - 0.5) / self.rate_hz - EARLY_S;
+        time_s.clamp(0.0, self.duration_s)
+    }
+}
+
+/// Runs of rows that are the same as intervals; those without a label are left out.
+fn intervals<T: PartialEq>(
+    rows: &[T],
+    clock: Clock,
+    label: impl Fn(&T) -> Option<String>,
+) -> Vec<Interval> {
+    let mut out = Vec::new();
+    let mut at = 0;
+    for run in rows.chunk_by(|a, b| a == b) {
+        let (start_s, end_s) = (clock.begins(at), clock.begins(at + run.len()));
+        at += run.len();
+        if let Some(label) = label(&run[0]).filter(|_| end_s > start_s) {
+            out.push(Interval {
+                start_s,
+                end_s,
+                label,
+            });
+        }
+    }
+    out
+}
+
+/// The class of each row `[T]` on the best path where every change of class costs the same.
+fn decode(likelihood: ArrayView2<'_, f32>) -> Vec<usize> {
+    let classes = likelihood.ncols();
+    let mut scores = vec![0.0f64; classes];
+    let mut from: Vec<Vec<u16>> = Vec::with_capacity(likelihood.nrows());
+    for row in likelihood.rows() {
+        let best = highest(&scores);
+        let changed = scores[best] - CHANGE_COST;
+        let mut back: Vec<u16> = (0..classes as u16).collect();
+        for class in 0..classes {
+            if scores[class] < changed {
+                (scores[class], back[class]) = (changed, best as u16);
+            }
+            scores[class] += f64::from(row[class]);
+        }
+        from.push(back);
+    }
+    let mut at = highest(&scores);
+    let mut path = vec![0; from.len()];
+    for (t, back) in from.iter().enumerate().rev() {
+        path[t] = at;
+        at = usize::from(back[at]);
+    }
+    path
+}
+
+fn highest(scores: &[f64]) -> usize {
+    let best = (0..scores.len()).max_by(|a, b| scores[*a].total_cmp(&scores[*b]));
+    best.expect("at least one class")
+}
+
+fn log_sum_exp(values: impl Iterator<Item = f32> + Clone) -> f32 {
+    let top = values.clone().fold(f32::NEG_INFINITY, f32::max);
+    top + values.map(|x| (x - top).exp()).sum::<f32>().ln()
+}
+
+/// A word without the signs around it.
+fn trimmed(word: &str) -> &str {
+    word.trim_matches(|sign: char| !sign.is_alphanumeric())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,126 @@
+use std::{collections::HashMap, sync::Arc};
+
+use safetensors::{SafeTensors, tensor::TensorView};
+
+use super::*;
+use crate::{audio::Waveform, speech::SpeechEncoder};
+
+fn floats(view: &TensorView<'_>) -> Vec<f32> {
+    let bytes = view.data().chunks_exact(4);
+    bytes
+        .map(|b| f32::from_le_bytes(b.try_into().unwrap()))
+        .collect()
+}
+
+fn array(file: &SafeTensors<'_>, name: &str) -> Array2<f32> {
+    let view = file.tensor(name).unwrap();
+    Array2::from_shape_vec((view.shape()[0], view.shape()[1]), floats(&view)).unwrap()
+}
+
+/// The golden's model, its file, and its text.
+fn debug_model() -> (PhoneModel, Vec<u8>, String) {
+    let path = "/../tests/goldens/phones_debug.safetensors";
+    let bytes = std::fs::read(format!("{}{path}", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    let (_, metadata) = SafeTensors::read_metadata(&bytes).unwrap();
+    let metadata = metadata.metadata().as_ref().unwrap().clone();
+    let file = SafeTensors::deserialize(&bytes).unwrap();
+    let weights: HashMap<String, TensorView<'_>> = file
+        .tensors()
+        .into_iter()
+        .filter_map(|(name, view)| Some((name.strip_prefix("weights.")?.to_owned(), view)))
+        .collect();
+    let weights = safetensors::serialize(&weights, None).unwrap();
+    let model = PhoneModel::load(&weights, &metadata["config"]).unwrap();
+    (model, bytes, metadata["text"].clone())
+}
+
+#[test]
+fn posteriors_match_the_training_code() {
+    let (model, bytes, _) = debug_model();
+    let file = SafeTensors::deserialize(&bytes).unwrap();
+    let made = model.log_posteriors(array(&file, "input").view());
+    let known = array(&file, "output");
+    assert_eq!(made.dim(), known.dim());
+    let most = made.iter().zip(&known).map(|(a, b)| (a - b).abs());
+    assert!(most.fold(0.0, f32::max) < 1e-4);
+}
+
+#[test]
+fn the_path_through_a_text_matches_the_training_code() {
+    let (model, bytes, text) = debug_model();
+    let file = SafeTensors::deserialize(&bytes).unwrap();
+    let mut likelihood = model.log_posteriors(array(&file, "input").view());
+    likelihood -= &(PRIOR_POWER * &model.log_prior);
+    let words = text.split_whitespace();
+    let words: Vec<Word> = words.map(|w| Word::read(w, &model.config.units)).collect();
+    let states = states_of(&words, model.config.units.len());
+    let path = best_path(&model.emissions(&likelihood), &states).unwrap();
+    let unit = |state: &usize| {
+        states[*state]
+            .word
+            .map_or(-1.0, |_| states[*state].column as f32)
+    };
+    let said: Vec<f32> = path.iter().map(unit).collect();
+    assert_eq!(said, floats(&file.tensor("said").unwrap()));
+}
+
+/// A second of noise that grows and fades, heard by the built-in encoder.
+fn heard() -> Heard {
+    let encoder: Arc<dyn SpeechEncoder> = Arc::new(crate::speech::compact(None).unwrap());
+    let mut state = 1u32;
+    let samples = (0..16_000).map(|i| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let loud = (i as f32 / 16_000.0 * 9.0).sin().max(0.0);
+        loud * ((state >> 8) as f32 / (1 << 24) as f32 - 0.5)
+    });
+    Heard::of(
+        &Waveform {
+            samples: samples.collect(),
+        },
+        &encoder,
+    )
+    .unwrap()
+}
+
+#[test]
+fn words_stand_in_their_order_within_the_sound() {
+    let model = PhoneModel::open(None).unwrap();
+    let said = model.said(&heard(), Some("— see, \"shoes\" !")).unwrap();
+    let labels: Vec<&str> = said.words.iter().map(|word| word.label.as_str()).collect();
+    assert_eq!(labels, ["see", "shoes"]);
+    for tier in [&said.words, &said.phones] {
+        assert!(
+            tier.iter()
+                .all(|i| 0.0 <= i.start_s && i.start_s < i.end_s && i.end_s <= 1.0)
+        );
+        assert!(tier.windows(2).all(|pair| pair[0].end_s <= pair[1].start_s));
+    }
+    assert!(model.said(&heard(), None).unwrap().words.is_empty());
+}
+
+#[test]
+fn texts_that_cannot_be_are_refused() {
+    let (model, heard) = (PhoneModel::open(None).unwrap(), heard());
+    for text in ["", " – … ", &"word ".repeat(200)] {
+        assert!(
+            matches!(model.said(&heard, Some(text)), Err(Error::InvalidInput(_))),
+            "{text}"
+        );
+    }
+    let (other, ..) = debug_model();
+    assert!(matches!(other.said(&heard, None), Err(Error::Weights(_))));
+}
+
+#[test]
+fn a_change_of_phone_costs() {
+    // One row that says another thing a little louder changes nothing; six do.
+    let row = |class: usize| if class == 0 { [0.0, -2.0] } else { [-2.0, 0.0] };
+    let rows = |classes: &[usize]| {
+        let values: Vec<f32> = classes.iter().flat_map(|class| row(*class)).collect();
+        Array2::from_shape_vec((classes.len(), 2), values).unwrap()
+    };
+    assert_eq!(decode(rows(&[0, 0, 1, 0, 0]).view()), [0; 5]);
+    let clear = [0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0];
+    assert_eq!(decode(rows(&clear).view()), clear);
+    assert!(decode(Array2::zeros((0, 2)).view()).is_empty());
+}

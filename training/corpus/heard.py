@@ -1,0 +1,168 @@
+"""Speech as the frozen encoder hears it, with its phones, its text or the times of its words."""
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from training.corpus.aligned import (
+    ALPHABETS,
+    HELD_OUT_EVERY,
+    UNSEEN_LANGUAGES,
+    Utterance,
+    read_librivox,
+    read_nathalie,
+    read_texts,
+    speak,
+)
+from training.corpus.clip import MEL_PER_FRAME, read_sound
+from training.corpus.espeak import Espeak
+from training.corpus.phones import PAUSE, Phone, segment_track
+from training.speech.compact import CompactEncoder, normalise
+from training.speech.log_mel import FLOOR, mel_filters, power_spectrum
+
+WARPS = (0.86, 1.0)
+"""Lengths of the vocal tract in which recordings of one voice are heard: a man's and its own."""
+
+VERSION = 2
+EMODB_HELD_OUT = ("03", "08")
+"""A man and a woman of the ten actors."""
+
+SAMPA = {
+    "E": "ɛ", "6": "ɐ", "I": "ɪ", "S": "ʃ", "X": "x", "x": "x", "N": "ŋ", "@": "ə", "O": "ɔ", "Y": "ʏ",
+    "9": "œ", "2": "ø", "Q": "ʔ", "?": "ʔ", "C": "ç", "R": "ʁ", "r": "ʁ", "U": "ʊ", "Z": "ʒ", "g": "ɡ",
+}  # fmt: skip
+TEXT_EVERY = 2
+"""One of so many recordings with text: kathleen reads the same sentences more than once."""
+
+TEXTS = {"en-us": "kathleen_en", "de": "kerstin_de", "nl": "nathalie_nl"}
+
+
+@dataclass
+class Heard:
+    """One utterance. `features` holds [T, C] f16 for each warp; `phones` [4 T] segments or none."""
+
+    name: str
+    source: str
+    held_out: bool
+    features: list[Tensor]
+    phones: Tensor | None
+    text: str = ""
+    words: list[tuple[float, float, str]] = field(default_factory=list)
+
+
+@torch.no_grad()
+def hear(encoder: CompactEncoder, samples: np.ndarray, warps: tuple[float, ...]) -> list[Tensor]:
+    """Features [T, C] f16 of a sound [S] in each warp."""
+    power = power_spectrum(torch.from_numpy(samples))
+    mels = [(power @ mel_filters(warp=warp)).clamp_min(FLOOR).log() for warp in warps]
+    return list(encoder(torch.stack([normalise(mel) for mel in mels])).half())
+
+
+def load(data: Path, cache: Path, encoder: CompactEncoder, minutes: float) -> list[Heard]:
+    """All of it; from the cache where it was made before."""
+    path = cache / f"heard-{VERSION}-{minutes:g}.pt"
+    if not path.exists():
+        cache.mkdir(parents=True, exist_ok=True)
+        found = [vars(h) for h in _every(data, encoder, minutes)]
+        torch.save(found, path)
+    return [Heard(**fields) for fields in torch.load(path)]
+
+
+def _every(data: Path, encoder: CompactEncoder, minutes: float):
+    for u in read_nathalie(data):
+        heard = _of(encoder, u, WARPS)
+        record = _nathalie_words(data)[u.name]
+        heard.words, heard.text = record, " ".join(word for _, _, word in record)
+        yield heard
+    for u in read_emodb(data):
+        yield _of(encoder, u, WARPS)
+    for u in read_librivox(data):
+        heard = _of(encoder, u, (1.0,))
+        folder = data / "clips/librivox"
+        heard.text = (folder / f"{u.name}.txt").read_text()
+        heard.words = _librivox_words(folder / f"{u.name}.phone.json")
+        yield heard
+    yield from _grid(data, encoder)
+    for source in ("kathleen_en", "kerstin_de"):
+        texts = sorted(read_texts(data / "speech" / source).items())
+        for index, (name, text) in enumerate(texts[::TEXT_EVERY]):
+            features = hear(encoder, read_sound(data / "speech" / source / f"{name}.ogg"), WARPS)
+            yield Heard(name, source, index % HELD_OUT_EVERY == 0, features, None, text)
+    espeak = Espeak()
+    for language in ALPHABETS:
+        folder = data / "speech" / TEXTS.get(language, "-")
+        texts = list(read_texts(folder).values()) if language in TEXTS else []
+        for u in speak(espeak, language, minutes, seed=17, texts=texts):
+            u.held_out = u.held_out or language in UNSEEN_LANGUAGES
+            yield _of(encoder, u, (1.0,))
+
+
+def _of(encoder: CompactEncoder, u: Utterance, warps) -> Heard:
+    features = hear(encoder, u.samples, warps)
+    frames = MEL_PER_FRAME * len(features[0])
+    track = torch.from_numpy(segment_track(u.phones, frames, 100.0))
+    return Heard(u.name, u.source, u.held_out, features, track)
+
+
+def _nathalie_words(data: Path, kept: dict = {}) -> dict[str, list]:  # noqa: B006
+    if not kept:
+        for line in (data / "speech/nathalie_nl/phones.jsonl").read_text().splitlines():
+            record, rows = json.loads(line), []
+            for word in record["words"]:
+                phones = word["phones"]
+                if phones and word["word"]:
+                    last = phones[-1]
+                    rows.append((phones[0]["start"], last["start"] + last["duration"], word["word"]))
+            kept[record["id"]] = rows
+    return kept
+
+
+def _librivox_words(path: Path) -> list[tuple[float, float, str]]:
+    rows = json.loads(path.read_text())["w"]
+    found = [(w["b"], w["b"] + w["d"], w["t"].split("(")[0]) for w in rows]
+    return [row for row in found if not row[2].startswith("<")]
+
+
+def _grid(data: Path, encoder: CompactEncoder):
+    """Every fourth clip of grid_s1: only ever measured on."""
+    folder, words = data / "motion/grid_s1", {}
+    for line in (folder / "words.tsv").read_text().splitlines():
+        name, start, end, word = line.split("\t")
+        if word not in ("sil", "sp"):
+            words.setdefault(name, []).append((float(start), float(end), word))
+    for name in sorted(words)[::4]:
+        features = hear(encoder, read_sound(folder / "audio" / f"{name}.ogg"), (1.0,))
+        text = " ".join(word for _, _, word in words[name])
+        yield Heard(name, "grid_s1", True, features, None, text, words[name])
+
+
+def read_emodb(data: Path) -> list[Utterance]:
+    """Ten German actors with hand-labelled segments."""
+    folder, found = data / "speech/emodb_de", []
+    for line in (folder / "labels.jsonl").read_text().splitlines():
+        record, phones = json.loads(line), []
+        for row in record["labels"]:
+            label = _ipa(row["label"])
+            # Marks of manner go on with the phone before them.
+            label = phones[-1].label if label is None and phones else label or PAUSE
+            phones.append(Phone(row["start"], row["duration"], label))
+        samples = read_sound(folder / f"{record['id']}.ogg")
+        if phones:
+            samples = samples[: int(16000 * (phones[-1].end_s + 0.3))]
+            held_out = record["id"][:2] in EMODB_HELD_OUT
+            found.append(Utterance(record["id"], "emodb_de", held_out, samples, phones))
+    return found
+
+
+def _ipa(label: str) -> str | None:
+    """A SAMPA label as IPA; none for what is no phone of its own."""
+    if label[0] in "-+":
+        return None
+    if label == ".":
+        return PAUSE
+    plain = label.lstrip("_!").replace("asp", "").replace("lar", "")
+    return "".join(SAMPA.get(sign, sign) for sign in plain if sign.isalnum() or sign in "@?") or None

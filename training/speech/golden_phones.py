@@ -1,0 +1,44 @@
+"""Golden of the phone read-out with tiny random weights, and of a path through a text."""
+
+import json
+from pathlib import Path
+
+import torch
+from safetensors.torch import save_file
+
+from training.speech.letters import UNITS, best_path, emissions, states_of, table_of_rules
+from training.speech.phones import PhoneConfig, PhoneReadout
+from training.train_phones import log_likelihood
+
+COMMAND = "python -m training.goldens phones"
+TEXT = "Der Größe b, thought 7 – aal"
+
+
+@torch.no_grad()
+def write(out: Path, shared: Path) -> Path:
+    """`weights.*`, `input` [T, C] features, `output` [4 T, K] log-posteriors, `said` [4 T] units of
+    `text`, −1 in a pause.
+
+    `shared` is not used.
+    """
+    torch.manual_seed(12)
+    config = PhoneConfig(channels=16, hidden=8)
+    model = PhoneReadout(config).eval()
+    for weight in model.parameters():
+        torch.nn.init.normal_(weight, std=0.5)
+    torch.nn.init.uniform_(model.log_prior, -4.0, -2.0)
+    table = torch.from_numpy(table_of_rules()).float()
+    tensors = {f"weights.{key}": value for key, value in model.state_dict().items()}
+    tensors["weights.table"] = table
+    tensors["input"] = torch.randn(25, config.channels)
+    tensors["output"] = model(tensors["input"][None])[0].contiguous()
+    states = states_of(TEXT.split())
+    emission = emissions(log_likelihood(model, tensors["input"]), table.double().numpy(), states)
+    path = best_path(emission, states.skip)
+    # States of one unit are alike: which of them a path leaves out is chance.
+    tensors["said"] = torch.from_numpy(states.unit[path]).float()
+    path = out / "phones_debug.safetensors"
+    written = config.to_json() | {"units": list(UNITS)}
+    metadata = {"config": json.dumps(written), "text": TEXT, "tolerance": "1e-4", "command": COMMAND}
+    save_file(tensors, path, metadata)
+    return path

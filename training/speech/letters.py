@@ -1,0 +1,179 @@
+"""When the words of a text are said: letters, the phones that each may stand for, and the best path.
+
+Twin of `rust-core/src/speech/alignment.rs`. There is no dictionary: a text becomes units, a letter or
+one of the groups below, and `table` [U, K] says with which probability a unit sounds as each class of
+phones. A unit may be silent, a pause may stand before, between and after words; the most probable path
+(Viterbi 1967) through the frames says where each unit is.
+"""
+
+import unicodedata
+from dataclasses import dataclass
+
+import numpy as np
+
+from training.speech.phones import CLASSES
+
+GROUPS = (
+    "sch", "tch", "igh", "sh", "ch", "th", "ng", "ph", "ck", "gh", "ee", "oo", "ou", "ea", "ie", "ei", "eu",
+    "au", "ui", "ij", "oe", "ai", "ow", "qu", "aa",
+)  # fmt: skip
+"""Letters that are one sound together, the longest first."""
+
+ANY = "*"
+"""A letter of which nobody knows how it sounds."""
+
+UNITS = (*"abcdefghijklmnopqrstuvwxyz", *GROUPS, ANY)
+VOWEL_UNITS = {u for u in UNITS if u[0] in "aeiouy"}
+MAY_BE_WORDS = [index for index, unit in enumerate(UNITS) if len(unit) > 1 or unit[0] in "aeiouy*"]
+"""All other letters that stand alone are called by their names, which have a vowel before or behind."""
+
+SPECIAL = {
+    "ß": "ss", "ä": "e", "ö": "oe", "ø": "oe", "œ": "oe", "æ": "e", "ł": "w", "ı": "i", "ð": "th", "þ": "th",
+    "đ": "d",
+}  # fmt: skip
+
+RULES = {
+    "a": "aɑæəeɛʌɔ", "b": "bp", "c": "ksʃ", "d": "dt", "e": "eɛəiɪ", "f": "fv", "g": "ɡʒx", "h": "hx",
+    "i": "iɪaəj", "j": "jʒdx", "k": "kɡ", "l": "l", "m": "m", "n": "nŋ", "o": "oɔəʌuʊɑ", "p": "pb", "q": "k",
+    "r": "rɹʁɝəʌ", "s": "szʃ", "t": "td", "u": "uʊʌyjwə", "v": "vf", "w": "wvu", "x": "ksz", "y": "ijɪay",
+    "z": "zst", "sch": "ʃsx", "tch": "tʃ", "igh": "aɪ", "sh": "ʃ", "ch": "ʃtkx", "th": "θðt", "ng": "ŋnɡ",
+    "ph": "f", "ck": "k", "gh": "ɡf", "ee": "ieɪ", "oo": "uʊo", "ou": "aʊuɔ", "ea": "iɛeɪ", "ie": "iɪ",
+    "ei": "aɪeɛ", "eu": "ɔøɪ", "au": "aʊɔ", "ui": "øyuɪ", "ij": "ɛɪ", "oe": "uøo", "ai": "aɪeɛ", "ow": "oʊa",
+    "qu": "kw", "aa": "aɑ",
+}  # fmt: skip
+"""Classes that a unit may stand for, in the languages of Europe together."""
+
+LEAST_ROWS = 3
+"""Rows of posteriors that a letter lasts where it is heard: so many states in a row."""
+
+LONGEST_SKIP = 2 * LEAST_ROWS + 1
+"""States in a row that a path may leave out: two letters and a pause."""
+
+NEVER = 1e9
+"""Nepers of leaving out what must be heard."""
+
+SILENT_COST = 5.0
+"""Nepers that a silent letter costs."""
+
+NAME_COST = 1.0
+"""Nepers of a vowel that the name of a letter does not have."""
+
+
+@dataclass
+class States:
+    """What a path goes through. `unit` −1 is a pause; `word` the word's index, −1 for a pause."""
+
+    unit: np.ndarray
+    word: np.ndarray
+    skip: np.ndarray
+
+
+def romanised(word: str) -> str:
+    """Small letters a to z, and `*` for signs that are no Latin letters; marks and the rest go."""
+    found = []
+    for sign in word.lower():
+        plain = SPECIAL.get(sign) or unicodedata.normalize("NFD", sign)[0]
+        if plain[0] in "abcdefghijklmnopqrstuvwxyz":
+            found.append(plain)
+        elif sign.isalnum():
+            found.append(ANY)
+    return "".join(found)
+
+
+def units(word: str) -> list[int]:
+    """Units of a word; of a doubled consonant one is left."""
+    letters, found, at = romanised(word), [], 0
+    while at < len(letters):
+        unit = next((g for g in GROUPS if letters.startswith(g, at)), letters[at])
+        at += len(unit)
+        index = UNITS.index(unit)
+        doubled = unit != ANY and unit not in VOWEL_UNITS and found and found[-1] == index
+        if not doubled:
+            found.append(index)
+    return found
+
+
+def states_of(words: list[str], silent_cost: float = SILENT_COST) -> States:
+    """A pause, the units of a word, a pause, …; words without a letter have no state."""
+    unit, word, skip = [-1], [-1], [0.0]
+    for index, text in enumerate(words):
+        own = units(text)
+        if not own:
+            continue
+        spelled = len(own) == 1 and own[0] not in MAY_BE_WORDS
+        if spelled:
+            own = [UNITS.index(ANY), own[0], UNITS.index(ANY)]
+        for place, u in enumerate(own):
+            unit += [u] * LEAST_ROWS
+            word += [index] * LEAST_ROWS
+            # One of two letters is always heard, so that no word vanishes between two pauses.
+            must = place == 1 if spelled else len(own) == 1 or len(own) == 2 and place == 0
+            cost = NEVER if must else NAME_COST if spelled else silent_cost
+            skip += [cost / LEAST_ROWS] * LEAST_ROWS
+        unit.append(-1)
+        word.append(-1)
+        skip.append(0.0)
+    return States(np.array(unit), np.array(word), np.array(skip))
+
+
+def table_of_rules(smooth: float = 0.05) -> np.ndarray:
+    """The rules as probabilities, [U, K]."""
+    signs = list(CLASSES)
+    table = np.full((len(UNITS), len(signs)), smooth / len(signs))
+    for index, unit in enumerate(UNITS):
+        kinds = [signs.index(s) for s in RULES.get(unit, "".join(signs[1:]))]
+        table[index, kinds] += (1.0 - smooth) / len(kinds)
+    return table
+
+
+def emissions(log_likelihood: np.ndarray, table: np.ndarray, states: States) -> np.ndarray:
+    """Nepers of each frame in each state, [T, N]; `log_likelihood` [T, K] is log p(k | x) − log p(k)."""
+    top = log_likelihood.max(axis=1, keepdims=True)
+    of_units = np.log(np.exp(log_likelihood - top) @ table.T) + top
+    every = np.concatenate([of_units, log_likelihood[:, :1]], axis=1)
+    return every[:, states.unit]
+
+
+def best_path(emission: np.ndarray, skip: np.ndarray) -> np.ndarray:
+    """State of each frame [T] on the most probable path; `emission` [T, N], `skip` [N] costs.
+
+    From a state the path stays, goes on, or leaves out up to `LONGEST_SKIP` states at their cost.
+    """
+    frames, count = emission.shape
+    before = np.concatenate([[0.0], np.cumsum(skip)])
+    costs = np.full((LONGEST_SKIP + 2, count), np.inf)
+    costs[0] = 0.0
+    for step in range(1, min(LONGEST_SKIP + 1, count - 1) + 1):
+        costs[step, step:] = before[step:count] - before[1 : count - step + 1]
+    score = np.full(count, -np.inf)
+    score[: LONGEST_SKIP + 1] = -before[:count][: LONGEST_SKIP + 1]
+    score = score + emission[0]
+    back = np.zeros((frames, count), np.int8)
+    for t in range(1, frames):
+        moves = np.full((LONGEST_SKIP + 2, count), -np.inf)
+        for step in range(min(LONGEST_SKIP + 2, count)):
+            moves[step, step:] = score[: count - step]
+        moves -= costs
+        back[t] = moves.argmax(axis=0)
+        score = moves.max(axis=0) + emission[t]
+    last = score - (before[-1] - before[1:])
+    last[: max(0, count - LONGEST_SKIP - 1)] = -np.inf
+    path = np.zeros(frames, int)
+    path[-1] = int(last.argmax())
+    for t in range(frames - 1, 0, -1):
+        path[t - 1] = path[t] - back[t, path[t]]
+    return path
+
+
+def word_times(
+    path: np.ndarray, states: States, rate_hz: float, first_s: float
+) -> dict[int, tuple[float, float]]:
+    """Start and end in seconds of each word on a path; a row lasts half of one to either side."""
+    found = {}
+    for word in np.unique(states.word[states.word >= 0]):
+        rows = np.flatnonzero(states.word[path] == word)
+        if len(rows):
+            found[int(word)] = tuple(
+                first_s + (row + shift) / rate_hz for row, shift in ((rows[0], -0.5), (rows[-1], 0.5))
+            )
+    return found

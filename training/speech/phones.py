@@ -1,0 +1,104 @@
+"""Which phone is heard when: a read-out of the compact encoder's features, 100 frames a second.
+
+Twin of `rust-core/src/speech/phones.rs`. Frame t of the encoder stands at t / 25 s; row 4 t + j of the
+posteriors stands at (4 t + j − 2) / 100 s, the middle two of the four lie around the encoder's frame.
+"""
+
+from dataclasses import asdict, dataclass, field
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from training.corpus.phones import PAUSE, SEGMENTS
+
+PARTS = 4
+"""Rows of posteriors to a frame of the encoder."""
+
+CLASSES = {
+    PAUSE: PAUSE,
+    "i": "iɨ",
+    "ɪ": "ɪ",
+    "y": "yʏʉɥ",
+    "u": "uɯ",
+    "ʊ": "ʊ",
+    "e": "eɘ",
+    "ɛ": "ɛ",
+    "ø": "øœɵɞ",
+    "ə": "əɤ",
+    "ɝ": "ɜɚɝ",
+    "o": "o",
+    "ɔ": "ɔɒ",
+    "ʌ": "ʌɐ",
+    "a": "a",
+    "ɑ": "ɑ",
+    "æ": "æ",
+    "p": "p",
+    "b": "bʙ",
+    "m": "mɱ",
+    "f": "fɸ",
+    "v": "vβʋ",
+    "w": "wʍ",
+    "t": "tʈcʔ",
+    "d": "dɖɟ",
+    "n": "nɳɲ",
+    "θ": "θ",
+    "ð": "ð",
+    "s": "sɬ",
+    "z": "z",
+    "ʃ": "ʃʂɕ",
+    "ʒ": "ʒʐʑ",
+    "l": "lɫɭʎ",
+    "r": "rɾɽ",
+    "ɹ": "ɹɻ",
+    "j": "jʝ",
+    "k": "kq",
+    "ɡ": "ɡɢ",
+    "ŋ": "ŋ",
+    "x": "xχçħ",
+    "ʁ": "ʁʀɣʕ",
+    "h": "hɦ",
+}
+"""The sign of each class, and the segments that it stands for."""
+
+COARSE = (
+    "_", "iɪjy", "uʊw", "eɛ", "øəɝʌ", "oɔ", "aɑæ", "pb", "m", "fv", "td", "n", "θðsz", "ʃʒ", "l", "rɹʁ",
+    "kɡxh", "ŋ",
+)  # fmt: skip
+"""A smaller set: what stands together is one class."""
+
+
+def class_of_segment() -> Tensor:
+    """Class of every index into `SEGMENTS`, [len(SEGMENTS)]."""
+    found = {segment: index for index, kinds in enumerate(CLASSES.values()) for segment in kinds}
+    return torch.tensor([found[segment] for segment in SEGMENTS])
+
+
+@dataclass
+class PhoneConfig:
+    """Sizes of the read-out and the signs of its classes."""
+
+    model: str = "phones"
+    channels: int = 192
+    hidden: int = 128
+    phones: list[str] = field(default_factory=lambda: list(CLASSES))
+
+    def to_json(self) -> dict:
+        """As written to config.json."""
+        return asdict(self)
+
+
+class PhoneReadout(nn.Module):
+    """Features [B, T, C] of the frozen encoder → log-posteriors [B, 4 T, K]."""
+
+    def __init__(self, config: PhoneConfig):
+        super().__init__()
+        self.config = config
+        self.conv = nn.Conv1d(config.channels, config.hidden, 3, padding=1)
+        self.out = nn.Linear(config.hidden, PARTS * len(config.phones))
+        self.register_buffer("log_prior", torch.zeros(len(config.phones)))
+
+    def forward(self, features: Tensor) -> Tensor:
+        """Zeros stand beyond both ends."""
+        hidden = F.gelu(self.conv(features.transpose(1, 2)).transpose(1, 2))
+        return self.out(hidden).unflatten(-1, (PARTS, -1)).flatten(1, 2).log_softmax(dim=-1)
