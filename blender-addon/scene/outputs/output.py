@@ -165,10 +165,18 @@ class Output:
 
 
 def write_weights(ob, taken: record.Record, names: list[str], at, weights: np.ndarray) -> None:
-    """Curves of the values of keys: `weights` `[T, K]`, from rest and back to it.
+    """Notes the curves of the values of keys, which `play` makes: `weights` `[T, K]`, from rest and
+    back to it."""
+    taken.waiting = names, at, weights
+
+
+def play(ob, taken: record.Record):
+    """Gives the keys of a take the curves that it waits for; yields between those that it makes.
 
     Those that were prepared are used, where no action of the artist's has to hold them.
     """
+    names, at, weights = taken.waiting
+    taken.waiting = None
     shape_keys = ob.data.shape_keys
     if taken.prepared is not None and shape_keys.animation_data is None:
         shape_keys.animation_data_create()
@@ -176,9 +184,10 @@ def write_weights(ob, taken: record.Record, names: list[str], at, weights: np.nd
     if taken.prepared is not None and taken.prepared.play(shape_keys, names):
         taken.made_action = True
         return
-    bag = curves.key_channels(ob, taken)
     for name, column in zip(names, weights.T, strict=True):
+        bag = curves.key_channels(ob, taken)
         curves.write(bag, curves.value_path(name), at, curves.from_rest(column))
+        yield
 
 
 def check_place(path: str) -> None:
