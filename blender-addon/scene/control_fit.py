@@ -64,12 +64,18 @@ class Fitted:
     missed: dict[str, float] = field(default_factory=dict)
 
 
-def fit(ob, take: Take, sources: list[Source], rests: dict[tuple, float]):
+def fit(
+    ob,
+    take: Take,
+    sources: list[Source],
+    rests: dict[tuple, float],
+    least_shown: float = _LEAST_SHOWN,
+):
     """The take with values of the controls that `sources` have; yields between its steps.
 
     `rests` is where numbers are at rest that are animated now, by data-block and data path. At
     a yield nothing of the artist's is changed. Raises `AnyfaceError("nothing_moved")` where no
-    control moves the face.
+    control moves the face, or all show less than `least_shown` of the motion.
     """
     control_bench.check(ob)
     motion = take.control_motion
@@ -89,7 +95,7 @@ def fit(ob, take: Take, sources: list[Source], rests: dict[tuple, float]):
         turned = yield from _turned(bench, handles, values, jaw)
         values = yield from controls_solve.solve(turned, task, values)
     fitted = yield from _judge(bench, motion, handles, values)
-    if fitted.shown < _LEAST_SHOWN:
+    if fitted.shown < least_shown:
         raise AnyfaceError(
             "nothing_moved",
             f"nothing would move: the controls of {ob.name} show {max(fitted.shown, 0.0):.0%} of "

@@ -5,6 +5,7 @@ from bpy.props import StringProperty
 from bpy.types import Operator, Panel
 
 from ..core.errors import AnyfaceError
+from ..core.job import at_once
 from ..scene import bake, decode, redo, sounds
 from . import audio, running
 from .operators import Alone, InThread
@@ -131,8 +132,12 @@ class ANYFACE_OT_redo(_WithSound, InThread, Operator):
         return redo.read(ob, scene, settings, running.engine(settings.system))
 
     def finish(self, ob, wanted, made):
-        """Writes the new keyframes."""
-        text = redo.write(ob, bpy.data.scenes[self._scene], wanted, made)
+        """Writes the new frames at once."""
+        return at_once(self.land(ob, wanted, made))
+
+    def land(self, ob, wanted, made):
+        """Writes the new frames."""
+        text = yield from redo.landing(ob, bpy.data.scenes[self._scene], wanted, made)
         ob.anyface.report, ob.anyface.report_is_error = text, False
         self.report({"INFO"}, f"Anyface: {text}")
         return {"FINISHED"}

@@ -10,7 +10,7 @@ from ...core.estimate import Asked, Cost
 from ...core.key_names import Pair
 from ...core.plan import Plan
 from ...core.take import Piece, Take
-from .. import curves, guard, pieces, record
+from .. import curves, guard, pieces, record, strips
 
 PREFIX = "Anyface"
 # The face comes out of rest before the first frame and goes back after the last.
@@ -156,6 +156,22 @@ class Output:
 
     def leave(self, shape_keys) -> None:
         """Undoes what `write` has set on the shape keys as a whole."""
+
+    def span(self, ob, snapshot) -> tuple[float, float, int]:
+        """Where the frames of a written take lie: the scene frame of the first, how far they are
+        apart, and how many; for outputs that do not `redoes`."""
+        start, step = snapshot.source.start_frame, snapshot.scene_fps / snapshot.request.fps
+        return start, step, int(np.ceil(strips.duration_s(snapshot.source) * snapshot.request.fps))
+
+    def redo_plan(self, ob, snapshot, first: int, shares: np.ndarray) -> Plan:
+        """What the worker thread does with frames from `first` on that go to new motion by `shares`
+        `[n]`."""
+        return Plan()
+
+    def redo_write(self, parts: list, snapshot, take: Take, first: int, at, stretch):
+        """Writes frames from `first` on, at scene frames `at` `[n]`, on the face and the objects
+        beside it; yields between steps."""
+        raise NotImplementedError
 
     def find(self, ob):
         """What plays or names a file of `ob`; None where there is none."""
