@@ -1,6 +1,5 @@
 """A take on the controls of a rig: bones, custom properties, what drivers read."""
 
-import math
 from dataclasses import dataclass
 
 import bpy
@@ -113,7 +112,7 @@ class Controls(Output):
         ob, asked = parts[0], snapshot.settings.output
         sources, rests = self.sources(ob, asked), control_take.rests(ob)
         # A stretch may hold a pause, in which little moves.
-        take = yield from control_fit.fit(ob, take, sources, rests, least_shown=-math.inf)
+        take = yield from control_fit.fit(ob, take, sources, rests, judged=False)
         control_take.redo(ob, take.control_motion.fitted, at, stretch)
         yield BEGUN
 
