@@ -27,7 +27,8 @@ class ANYFACE_PT_sounds(OfFacePanel, Panel):
         layout = self.layout
         row = layout.row(align=True)
         row.operator("anyface.sounds_show", icon="SEQ_SEQUENCER")
-        row.operator("anyface.sounds_read", text="", icon="FILEBROWSER")
+        row.operator("anyface.sounds_read", text="", icon="IMPORT")
+        row.operator("anyface.sounds_write", text="", icon="EXPORT")
         layout.operator("anyface.redo", icon="FILE_REFRESH")
         try:
             first, last = redo.between(sequencer_scene(context))
@@ -36,7 +37,9 @@ class ANYFACE_PT_sounds(OfFacePanel, Panel):
             layout.label(text="Between two markers, or in the preview range")
 
 
-class _WithSound(Alone):
+class WithSound(Alone):
+    """Works on the sound that the character speaks."""
+
     @classmethod
     def poll(cls, context):
         """False, with the reason, without a face or a sound."""
@@ -60,7 +63,7 @@ class _Listening:
         return self._engine.listen(self.source.load(decode.decoder(self._engine)))
 
 
-class ANYFACE_OT_sounds_show(_WithSound, InThread, Operator):
+class ANYFACE_OT_sounds_show(WithSound, InThread, Operator):
     """Show where lips close (p, b, m) as text strips: move, delete, copy, rename, then Redo"""
 
     bl_idname = "anyface.sounds_show"
@@ -81,7 +84,7 @@ class ANYFACE_OT_sounds_show(_WithSound, InThread, Operator):
         return {"FINISHED"}
 
 
-class ANYFACE_OT_sounds_read(_WithSound, Operator):
+class ANYFACE_OT_sounds_read(WithSound, Operator):
     """Show the sounds of a file: Praat, Rhubarb, Papagayo, Moho, or lines of start, end, phone"""
 
     bl_idname = "anyface.sounds_read"
@@ -108,7 +111,7 @@ class ANYFACE_OT_sounds_read(_WithSound, Operator):
         return f"{sounds.show(scene, source, found)} times the lips close"
 
 
-class ANYFACE_OT_redo(_WithSound, InThread, Operator):
+class ANYFACE_OT_redo(WithSound, InThread, Operator):
     """Make the take anew between two markers, or in the preview range; the rest of it stays"""
 
     bl_idname = "anyface.redo"
