@@ -62,6 +62,8 @@ class Controls(Output):
         row = layout.row(align=True)
         row.operator("anyface.controls_find", text="Find Controls")
         row.operator_menu_enum("anyface.controls_preset", "preset", text="Names")
+        row.operator("anyface.controls_load", text="", icon="FILE_FOLDER")
+        row.operator("anyface.controls_save", text="", icon="FILE_TICK")
         row.operator("anyface.controls_clear", text="", icon="X")
         if not len(stored.rows):
             layout.label(text="Controls are found when you generate")
