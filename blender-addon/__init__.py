@@ -34,13 +34,14 @@ from .ui import (
     sample_head,
     scene_list,
     sounds,
+    sounds_file,
     takes,
 )
 
 _MODULES = (
     preferences, generate, remove, mending, sample_head, panel, character, landmarks, mouth, audio,
     presets, performance, life, outputs, key_list, controls, find_controls, caches, takes,
-    sounds, scene_list, models,
+    sounds, sounds_file, scene_list, models,
 )  # fmt: skip
 _CLASSES = [cls for module in _MODULES for cls in module.CLASSES]
 

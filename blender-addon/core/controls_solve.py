@@ -16,6 +16,8 @@ import numpy as np
 _TO_REST, _TO_NEXT = 2e-3, 1e-2
 # Descent ends where no value changes the skin by more than this share of the largest motion.
 _NEAR = 1e-3
+# The same where the solution only tells how far the jaw turns.
+ROUGH = 2e-2
 _MOST_SWEEPS = 60
 # How often the turn of the jaw is taken from the solution before.
 _TURNS = 2
@@ -86,11 +88,12 @@ def hats(places: np.ndarray, knots: np.ndarray) -> np.ndarray:
 
 
 def solve(
-    response: Response, task: Task, start: np.ndarray | None = None
+    response: Response, task: Task, start: np.ndarray | None = None, near: float = _NEAR
 ) -> Generator[None, None, np.ndarray]:
     """Returns values `[T, C]` within the limits; yields between short steps.
 
-    `start` are values of an earlier, coarser response.
+    `start` are values of an earlier, coarser response. It ends where no value changes the skin by
+    more than the share `near` of the largest motion.
     """
     frames, controls = len(task.target), response.directions.shape[1]
     values = np.zeros((frames, controls)) if start is None else start.copy()
@@ -99,7 +102,7 @@ def solve(
     for _ in range(_TURNS if len(response.knots) > 1 else 1):
         descent = _Descent(response, task, products, values)
         for _ in range(_MOST_SWEEPS):
-            if (yield from descent.sweep()) < _NEAR:
+            if (yield from descent.sweep()) < near:
                 break
         values = descent.values.T
     return values
@@ -142,7 +145,7 @@ class _Descent:
             # The motion of the jaw is known where it stands; beyond, its direction leads on.
             self._mixed[knots * controls :] = self._shares
             self._fixed = -self._shares * jaw
-        self._jaw = response.jaw
+        self._jaw, self._count = response.jaw, _beside(np.ones(len(values)), slice(None))
         for number in range(controls):
             self._mix(number, slice(None))
         own = np.diag(products.gram)
@@ -179,7 +182,7 @@ class _Descent:
         slope -= self._products.aim[rows, frames]
         slope = (self._shares[:, frames] * slope).sum(axis=0)
         square = self._squares[number, frames]
-        around, count = _beside(value, frames)
+        around, count = _beside(value, frames), self._count[frames]
         pull = square * (_TO_REST * value[frames] + _TO_NEXT * (count * value[frames] - around))
         step = (slope + pull) / (square * (1.0 + _TO_REST + _TO_NEXT * count))
         low, high = self._task.lowest[number], self._task.highest[number]
@@ -190,10 +193,12 @@ class _Descent:
         return float(moved.max())
 
 
-def _beside(value: np.ndarray, frames: slice) -> tuple[np.ndarray, np.ndarray]:
-    """The sum of the values before and after each of `frames`, and how many there are."""
-    padded, there = np.pad(value, 1), np.pad(np.ones(len(value)), 1)
-    return (padded[:-2] + padded[2:])[frames], (there[:-2] + there[2:])[frames]
+def _beside(value: np.ndarray, frames: slice) -> np.ndarray:
+    """The sum of the values before and after each of `frames`."""
+    around = np.zeros(len(value))
+    around[1:] = value[:-1]
+    around[:-1] += value[1:]
+    return around[frames]
 
 
 def share_shown(target: np.ndarray, shown: np.ndarray) -> float:
@@ -212,14 +217,19 @@ def largest_misses(
     return {name: float(some.max()) for name, some in found.items() if some.size}
 
 
-def rigid_share(rest: np.ndarray, moved: np.ndarray) -> float:
-    """The share of the energy of a small motion `[P, 3]` that a turn and a shift of all points
-    `rest` `[P, 3]` together have: 1 for a head that nods."""
+def rigid_motions(rest: np.ndarray) -> np.ndarray:
+    """An orthonormal basis `[P·3, 6]` of the small turns and shifts of points `[P, 3]`."""
     centred = rest - rest.mean(axis=0)
     turns = [np.cross(axis, centred) for axis in np.eye(3)]
     shifts = [np.broadcast_to(axis, rest.shape) for axis in np.eye(3)]
     columns = np.stack([part.ravel() for part in (*turns, *shifts)], axis=1)
+    left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+    return left[:, sizes > 1e-9 * sizes[0]]
+
+
+def share_in(motions: np.ndarray, moved: np.ndarray) -> float:
+    """The share of the energy of a motion `[P, 3]` that lies in an orthonormal basis of motions:
+    in `rigid_motions` 1 for a head that nods."""
     flat = moved.ravel().astype(np.float64)
-    found, *_ = np.linalg.lstsq(columns, flat, rcond=None)
     energy = float(flat @ flat)
-    return 1.0 - float(((flat - columns @ found) ** 2).sum()) / max(energy, 1e-20)
+    return float(((flat @ motions) ** 2).sum()) / max(energy, 1e-20)

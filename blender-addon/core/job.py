@@ -58,6 +58,20 @@ class Progress:
             self._read = self._cancel = None
 
 
+# What a generator that lands a result yields once it has begun to change things: it goes on to its
+# end then, whatever the artist presses, and gives the interface a turn.
+BEGUN = "begun"
+
+
+def at_once(steps):
+    """Runs a generator to its end; returns what it returns."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as ended:
+            return ended.value
+
+
 class Job:
     """Runs `work(progress)` in a thread; the result or the error is fetched with `result`."""
 

@@ -238,6 +238,7 @@ SIGNATURES = {
         [_HANDLE, c_int32, POINTER(c_double), c_size_t, _OUT],
     ),
     "anyface_sounds_read": (c_int32, [c_char_p, c_double, _OUT, _OUT]),
+    "anyface_sounds_write": (c_int32, [_HANDLE, c_char_p, c_double, _OUT]),
     "anyface_sounds_closure_count": (c_size_t, [_HANDLE]),
     "anyface_sounds_copy_closures": (c_int32, [_HANDLE, POINTER(c_double), c_size_t, _OUT]),
     "anyface_sounds_label_closes_lips": (c_int32, [c_char_p]),

@@ -1,6 +1,7 @@
 """The library's calls about what is heard, and about a stretch of motion."""
 
 import os
+import tempfile
 from contextlib import ExitStack
 from ctypes import POINTER, c_double, c_float
 
@@ -47,6 +48,25 @@ class SoundCalls:
         with ExitStack() as handles:
             given = os.fsencode(path), fps
             return self._closures(self._own(handles, "sounds", "anyface_sounds_read", *given))
+
+    def write_sounds(
+        self, path: str, labelled: list[tuple[float, float, str]], duration_s: float, fps: float
+    ) -> None:
+        """Writes start, end in seconds and label of each interval as a file of another tool.
+
+        Its ending names the kind; `fps` is what frames of .pgo and .dat count.
+        """
+        rows = [f"{start_s:.6f} {end_s:.6f} {label}" for start_s, end_s, label in labelled]
+        if labelled and not path.lower().endswith(".txt"):
+            # A label without a length says where the sound ends.
+            rows.append(f"{duration_s:.6f} {duration_s:.6f} {labelled[-1][2]}")
+        with tempfile.TemporaryDirectory() as folder, ExitStack() as handles:
+            lines = os.path.join(folder, "sounds.txt")
+            with open(lines, "w", encoding="utf-8") as file:
+                file.write("\n".join(rows))
+            given = os.fsencode(lines), fps
+            sounds = self._own(handles, "sounds", "anyface_sounds_read", *given)
+            self._call("anyface_sounds_write", sounds, os.fsencode(path), fps)
 
     def closes_lips(self, label: str) -> bool:
         """True for phones such as p, b and m."""

@@ -46,6 +46,31 @@ def write(path: Path, rest: np.ndarray, moved: np.ndarray, ease: int, progress: 
         raise AnyfaceError("file", f"{path}: {error.strerror or error}") from error
 
 
+def patched(path: Path, vertices: int, ease: int) -> np.ndarray:
+    """The frames `[N, V, 3]` of a cache, which may be changed in its file.
+
+    Raises `AnyfaceError("file")` where it is not one of `vertices` with `ease` more at its ends.
+    """
+    count = frames_in(path, vertices)
+    if count <= 2 * ease or path.stat().st_size != file_size(count, vertices):
+        raise AnyfaceError("file", f"{path.stem}: not a whole cache: generate again")
+    shape = (count, vertices, 3)
+    return np.memmap(path, "<f4", "r+", struct.calcsize(_HEADER), shape)
+
+
+def frames_in(path: Path, vertices: int) -> int:
+    """How many frames a cache of `vertices` has; raises `AnyfaceError("file")`."""
+    try:
+        with open(path, "rb") as file:
+            _, _, own, _, _, count = struct.unpack(_HEADER, file.read(struct.calcsize(_HEADER)))
+    except (OSError, struct.error) as error:
+        raise AnyfaceError("file", f"{path}: no cache that can be read: {error}") from error
+    if own != vertices:
+        text = f"{path.stem}: expected a cache of {vertices} vertices, got {own}: generate again"
+        raise AnyfaceError("file", text)
+    return count
+
+
 def _frame(rest, moved, ease: int, number: int) -> np.ndarray:
     t = number - ease
     last = len(moved) - 1

@@ -81,6 +81,22 @@ class Stretch:
         x = np.minimum(before, after)
         return x * x * (3.0 - 2.0 * x)
 
+    def of_keyframes(self, frames: np.ndarray) -> np.ndarray:
+        """The same for keyframes `[n]`, which rise, with linear motion in between.
+
+        A keyframe whose neighbour lies outside would move frames there: it stays.
+        """
+        shares = self.shares(frames.astype(np.float64))
+        inside = np.flatnonzero(shares > 0.0)
+        if len(inside) == 0:
+            return shares
+        first, last = inside[0], inside[-1]
+        if first > 0 and self.first > self.begins and frames[first - 1] < self.first:
+            shares[first] = 0.0
+        if last + 1 < len(frames) and self.last <= self.ends and frames[last + 1] > self.last:
+            shares[last] = 0.0
+        return shares
+
 
 @dataclass
 class Redo:

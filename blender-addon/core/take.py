@@ -179,12 +179,13 @@ class Life:
     `head` `[T, 3]` rotation vectors about canonical axes (+x to the subject's left, +y up, +z out
     of the face), radians; `gaze` `[T, 2, 2]`: right eye, left eye; yaw to the left and pitch up.
     `way` `[3, 4]` leads from the frame in which the mesh was given to the canonical one, metres on
-    a human head.
+    a human head. `looked_at` `[T, 3]`, canonical, are points on which the eyes rest.
     """
 
     head: np.ndarray
     gaze: np.ndarray
     way: np.ndarray
+    looked_at: np.ndarray | None = None
 
 
 @dataclass

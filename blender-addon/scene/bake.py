@@ -12,7 +12,7 @@ import numpy as np
 
 from ..core import measure, perform
 from ..core.errors import AnyfaceError
-from ..core.job import Progress
+from ..core.job import BEGUN, Progress, at_once
 from ..core.plan import Plan
 from ..core.source import SoundSource
 from ..core.take import FaceMesh, Request, Sound, Take, WrittenFile
@@ -195,28 +195,26 @@ def read_face(ob, settings: Settings, editable: bool = True) -> FaceMesh:
 
 def write(ob, snapshot: Snapshot, take: Take) -> str:
     """Writes the take at once and says in one line what was written."""
-    steps = landing(ob, snapshot, take)
-    while True:
-        try:
-            next(steps)
-        except StopIteration as ended:
-            return ended.value
+    return at_once(landing(ob, snapshot, take))
 
 
 def landing(ob, snapshot: Snapshot, take: Take):
     """Writes the take in short steps, yielding between them; returns in one line what was written.
 
-    Closed at a yield it has changed nothing: the last step alone touches what there is.
+    Closed before it yields `BEGUN` it has changed nothing.
     """
     follow_names(snapshot, take.files)
     asked = snapshot.settings.output
     start, scene_fps = snapshot.source.start_frame, snapshot.scene_fps
     output = outputs.of_take(take)
+    yield from life.look(take, snapshot.settings, start, scene_fps)
     take = yield from output.settle(ob, take, asked)
     keep = output.keep if output.in_files else takes.keep
     before = (lambda: keep(ob)) if asked.new_take else None
     yield from together.landing(ob, snapshot.face.pieces, take, start, scene_fps, before)
-    turned = life.write(ob, take, snapshot.settings, start, scene_fps)
+    if not take.files:
+        yield BEGUN
+    turned = yield from life.writing(ob, take, snapshot.settings, start, scene_fps)
     notes = snapshot.notes + snapshot.source.notes + ([] if take.files else guard.notes(ob))
     notes += output.notes(ob, asked)
     text = " ".join([describe(take), *(f"({note})" for note in [*turned, *notes])])

@@ -56,20 +56,27 @@ class Handle:
 class Fitted:
     """What the controls do: values `[T, N]` of the free elements of each.
 
-    `shown` is the share of the energy of the motion; `missed` the largest miss by region, mm.
+    `shown` is the share of the energy of the motion, `missed` the largest miss by region, mm, once
+    they are judged.
     """
 
     moved: list[tuple[Control, np.ndarray]]
-    shown: float
+    shown: float = 0.0
     missed: dict[str, float] = field(default_factory=dict)
 
 
-def fit(ob, take: Take, sources: list[Source], rests: dict[tuple, float]):
+def fit(
+    ob,
+    take: Take,
+    sources: list[Source],
+    rests: dict[tuple, float],
+    judged: bool = True,
+):
     """The take with values of the controls that `sources` have; yields between its steps.
 
     `rests` is where numbers are at rest that are animated now, by data-block and data path. At
     a yield nothing of the artist's is changed. Raises `AnyfaceError("nothing_moved")` where no
-    control moves the face.
+    control moves the face, and of what is `judged` where all show next to nothing of the motion.
     """
     control_bench.check(ob)
     motion = take.control_motion
@@ -83,11 +90,14 @@ def fit(ob, take: Take, sources: list[Source], rests: dict[tuple, float]):
         )
     task = _task(motion, handles)
     response = Response.linear(np.stack([handle.direction for handle in handles]))
-    values = yield from controls_solve.solve(response, task)
+    values = yield from controls_solve.solve(response, task, near=controls_solve.ROUGH)
     jaw = _jaw(handles, values)
     if jaw is not None:
-        turned = yield from _turned(bench, handles, values, jaw)
-        values = yield from controls_solve.solve(turned, task, values)
+        response = yield from _turned(bench, handles, values, jaw)
+    values = yield from controls_solve.solve(response, task, values)
+    if not judged:
+        fitted = Fitted(_together(handles, values))
+        return replace(take, control_motion=replace(motion, fitted=fitted))
     fitted = yield from _judge(bench, motion, handles, values)
     if fitted.shown < _LEAST_SHOWN:
         raise AnyfaceError(
@@ -102,7 +112,7 @@ def try_all(ob, bench: Bench, motion: ControlMotion, sources: list[Source], rest
     """The handles that move the face, and not the whole head; yields between the sources."""
     rest = bench.at_zero()
     centre, size = rest.mean(axis=0), np.ptp(rest, axis=0).max()
-    handles = []
+    handles, turns = [], controls_solve.rigid_motions(rest)
     for source in sources:
         scale = _scale(ob, source.block) / motion.mm
         if source.sided or _is_near(ob, source, centre, size):
@@ -111,7 +121,8 @@ def try_all(ob, bench: Bench, motion: ControlMotion, sources: list[Source], rest
                 for control in controls:
                     control.rest = rests.get((control.block, control.path), control.rest)
                     nudge = _nudge(control, _NUDGE_MM * scale)
-                    handles += _try(bench, rest, source, control, nudge, motion.mm)
+                    tried = _try(bench, rest, source, control, nudge, motion.mm)
+                    handles += [h for h in tried if _stays(turns, h.direction)]
         yield
     return handles
 
@@ -150,10 +161,14 @@ def _try(bench, rest, source: Source, control: Control, nudge: float, mm: float)
     moves = np.abs(bench.read() - rest).max() * mm >= _STILL_MM
     found = []
     for element in range(count) if moves or sided else ():
-        each = _try_element(bench, rest, source, control, element, nudge, mm)
-        found += [h for h in each if controls_solve.rigid_share(rest, h.direction) < _RIGID]
+        found += _try_element(bench, rest, source, control, element, nudge, mm)
     control.set([0.0] * count)
     return found
+
+
+def _stays(turns: np.ndarray, direction: np.ndarray) -> bool:
+    """Whether the head stays where it is."""
+    return controls_solve.share_in(turns, direction) < _RIGID
 
 
 def _try_element(bench, rest, source, control, element, nudge, mm) -> list[Handle]:

@@ -93,12 +93,22 @@ def of_preset(rig, preset: str) -> list[Source]:
 def find(kind: str, id_type: str, block: str, name: str, sided: bool) -> Source:
     """The source that a stored row names; raises `AnyfaceError("input")` where it is gone."""
     found = getattr(bpy.data, COLLECTIONS.get(id_type, "objects")).get(block)
-    there = found is not None and (
-        kind == NUMBER or (found.type == "ARMATURE" and name in found.pose.bones)
-    )
+    if kind == NUMBER:
+        there = found is not None and _leads(found, name)
+    else:
+        there = found is not None and found.type == "ARMATURE" and name in found.pose.bones
     if not there:
         raise AnyfaceError("input", f"{block} has no {name} any more: press Find Controls")
     return Source(kind, found, name, sided)
+
+
+def _leads(block, path: str) -> bool:
+    """Whether a data path leads somewhere."""
+    try:
+        block.path_resolve(path)
+    except ValueError:
+        return False
+    return True
 
 
 def _driving(ob, rig) -> list[Source]:

@@ -65,6 +65,20 @@ def write(ob, fitted: Fitted, at: np.ndarray, times: np.ndarray) -> None:
         _write_on(ob, block, moved, at, times)
 
 
+def redo(ob, fitted: Fitted, at: np.ndarray, stretch) -> None:
+    """Mixes the curves of a take of `ob` inside a `core.redo.Stretch` with other values `[n]` of
+    its controls at scene frames `at` `[n]`."""
+    marked = [(action, mark.block, mark.paths) for action, mark in actions_of(ob)]
+    for control, rows in fitted.moved:
+        name, path = _id(control.block), control.curve_path
+        found = [action for action, block, paths in marked if block == name and path in paths]
+        bags = [bag for action in found for bag in curves.bags(action)]
+        for index, column in control.columns(rows).items():
+            for curve in [bag.fcurves.find(path, index=index) for bag in bags]:
+                if curve is not None:
+                    curves.splice(curve, at[: len(column)], column, stretch)
+
+
 def actions_of(ob) -> list[tuple]:
     """The actions that a take of `ob` plays, and what they say of themselves."""
     owner = identity.known(ob)

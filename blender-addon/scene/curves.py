@@ -214,6 +214,25 @@ def put(curve, named: dict[str, np.ndarray]) -> None:
     curve.update()
 
 
+def splice(curve, at: np.ndarray, new: np.ndarray, stretch) -> bool:
+    """Mixes the keyframes of a curve inside a `core.redo.Stretch` with values `new` `[n]` at
+    frames `at` `[n]`.
+
+    Between its ends alone; False where there is none.
+    """
+    points = places(curve)
+    frames, values = points[0::2], points[1::2]
+    shares = stretch.of_keyframes(frames)
+    if not stretch.shares(frames.astype(np.float64)).any():
+        return False
+    added = np.where(shares > 0.0, shares * (np.interp(frames, at, new) - values), 0.0)
+    moved = {name: places(curve, name) for name in KEY_VECTORS}
+    for vectors in moved.values():
+        vectors[1::2] += added.astype(np.float32)
+    put(curve, moved)
+    return True
+
+
 def copy(source, bag) -> None:
     """A curve with the keys of `source`, in `bag`; one that is there already goes."""
     place = {"data_path": source.data_path, "index": source.array_index}

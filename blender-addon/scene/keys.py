@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from ..core.job import BEGUN, at_once
 from ..core.take import Take
 from . import curves, guard, mesh, outputs, record, remove
-from .outputs.output import times
+from .outputs.output import play, times
 
 
 def check(ob, take: Take) -> None:
@@ -39,12 +40,18 @@ def _times(take: Take, start_frame: float, scene_fps: float) -> np.ndarray:
     return times(start_frame + np.arange(take.frame_count) * (scene_fps / take.fps), scene_fps)
 
 
-def write(
-    ob, take: Take, start_frame: float, scene_fps: float, prepared: curves.Prepared | None = None
-) -> record.Record:
+def write(ob, take: Take, start_frame: float, scene_fps: float) -> record.Record:
     """Puts `take` on `ob` with its first frame at `start_frame`; an earlier take goes.
 
-    Nothing is written where `check` objects. Curves that were `prepared` are used.
+    Nothing is written where `check` objects.
+    """
+    return at_once(writing(ob, take, start_frame, scene_fps, None))
+
+
+def writing(ob, take: Take, start_frame: float, scene_fps: float, prepared: curves.Prepared | None):
+    """The same in steps with curves that were `prepared`: keys, then curves; yields `BEGUN`.
+
+    Between the steps Blender evaluates what there is: both at once would take it too long.
     """
     check(ob, take)
     output, at = outputs.of_take(take), _times(take, start_frame, scene_fps)
@@ -58,7 +65,12 @@ def write(
             output.write(ob, take, mesh.read_basis(ob.data), at, taken)
             record.write(ob.data.shape_keys, taken)
             ob.data.update()
-            return taken
+    if taken.waiting is not None:
+        yield BEGUN
+        for _ in play(ob, taken):
+            yield BEGUN
+        record.write(ob.data.shape_keys, taken)
+    return taken
 
 
 def remove_earlier(ob) -> None:

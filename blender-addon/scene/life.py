@@ -12,6 +12,7 @@ import numpy as np
 
 from ..core import turn
 from ..core.errors import AnyfaceError
+from ..core.job import BEGUN, at_once
 from ..core.take import Life, Take
 from . import curves, identity, mesh, pieces, remove, turning
 from .outputs.output import times
@@ -26,6 +27,8 @@ CONTROLS = ("head_motion", "gaze", "breath", "variety", "blinks_per_minute")
 _MOST = np.radians([45.0, 35.0])
 # Eyes of the library, right one first: canonical metres.
 _EYES = np.array([[-0.032, 0.046, 0.071], [0.032, 0.046, 0.071]])
+# Frames of the scene that are looked at before the interface is asked again.
+_FEW = 4
 # An object whose middle lies nearer to the face's than this holds both eyes, canonical metres.
 _BOTH_M = 0.01
 
@@ -105,10 +108,22 @@ def check(ob, settings) -> None:
     _turned(ob, still, settings, np.arange(3.0))
 
 
-def write(ob, take: Take, settings, start_frame: float, scene_fps: float) -> list[str]:
+def look(take: Take, settings, start_frame: float, scene_fps: float):
+    """Notes where the eyes look in each frame of a take, yielding between frames of the scene.
+
+    At each yield the scene stands at the frame of the artist's again.
+    """
+    asked = settings.life
+    if take.life is None or not asked.use or asked.gaze == "NONE" or not asked.look_at:
+        return
+    frames = start_frame + np.arange(take.frame_count) * (scene_fps / take.fps)
+    take.life.looked_at = yield from _points(asked.look_at, take.life, frames)
+
+
+def writing(ob, take: Take, settings, start_frame: float, scene_fps: float):
     """Turns what `settings` names with `take`; what an earlier one turns is let go first.
 
-    Returns what was done, in words.
+    Yields between objects; returns what was done, in words.
     """
     release(ob)
     asked = settings.life
@@ -118,7 +133,7 @@ def write(ob, take: Take, settings, start_frame: float, scene_fps: float) -> lis
     at = times(frames, scene_fps)
     turned = _turned(ob, take.life, settings, at)
     for other, channels in turned.items():
-        _put(ob, other, channels, at)
+        yield from _put(ob, other, channels, at)
     notes = [f"{', '.join(other.name for other in turned)} turn"] if turned else []
     if asked.head == "OWN":
         notes.append(f"head in the action {_alone(ob, take.life, at).name}")
@@ -142,14 +157,17 @@ def redo(ob, life: Life, settings, at: np.ndarray, splice) -> None:
 
 def release(ob) -> None:
     """Lets go of everything that the playing take of `ob` turns, as it was before."""
-    for other, entries in _owned(ob):
+    owned = _owned(ob)
+    for other, entries in owned:
         for entry in _of(ob, entries, ""):
             entries = [kept for kept in entries if kept is not entry]
             _inherit(entries, entry)
             _take_off(other, entry)
         _store(other, entries)
     _delete_alone(ob, "now")
-    bpy.context.view_layer.update()
+    if owned:
+        # Where things stand is read of what was just let go.
+        bpy.context.view_layer.update()
 
 
 def keep(ob, take_id: str) -> None:
@@ -225,8 +243,9 @@ def _turned(ob, life: Life, settings, at) -> dict:
     for side in range(2) if asked.gaze != "NONE" else ():
         angles = life.gaze[:, side].astype(np.float64)
         if asked.look_at:
-            points = _points(asked.look_at, life, at[1:-1])
-            angles = turn.to_object(angles, points, _EYES[side])
+            if life.looked_at is None:
+                life.looked_at = at_once(_points(asked.look_at, life, at[1:-1]))
+            angles = turn.to_object(angles, life.looked_at, _EYES[side])
         angles = np.clip(angles, -_MOST, _MOST)
         vectors = _eased(turn.of_gaze(angles)) @ axes.T
         if asked.gaze == "BONES":
@@ -263,19 +282,26 @@ def _canonical(life: Life, points: np.ndarray) -> np.ndarray:
     return points @ way[:, :3].T + way[:, 3]
 
 
-def _points(name: str, life: Life, at: np.ndarray) -> np.ndarray:
-    """Where an object is at scene frames `[T]`, canonical frame `[T, 3]`."""
+def _points(name: str, life: Life, at: np.ndarray):
+    """Where an object is at scene frames `[T]`, canonical frame `[T, 3]`; yields between frames."""
     other = _object(name, "the eyes look at")
-    scene = bpy.context.scene
     rests = other.animation_data is None and other.parent is None and not len(other.constraints)
-    places, now = [], scene.frame_current_final
-    for frame in at[:1] if rests else at:
-        if not rests:
-            scene.frame_set(int(np.floor(frame)), subframe=float(frame % 1.0))
-        places.append(np.array(other.matrix_world.translation))
-    if not rests:
-        scene.frame_set(int(np.floor(now)), subframe=float(now % 1.0))
-    return _canonical(life, np.broadcast_to(np.array(places), (len(at), 3)))
+    if rests:
+        place = np.array(other.matrix_world.translation)
+        return _canonical(life, np.broadcast_to(place, (len(at), 3)))
+    places, scene = [], bpy.context.scene
+    for few in np.array_split(at, max(1, len(at) // _FEW)):
+        now = scene.frame_current_final
+        for frame in few:
+            _go(scene, frame)
+            places.append(np.array(other.matrix_world.translation))
+        _go(scene, now)
+        yield
+    return _canonical(life, np.array(places))
+
+
+def _go(scene, frame: float) -> None:
+    scene.frame_set(int(np.floor(frame)), subframe=float(frame % 1.0))
 
 
 def _eyes(ob, life: Life, settings) -> tuple[list, list]:
@@ -294,7 +320,7 @@ def _eyes(ob, life: Life, settings) -> tuple[list, list]:
     return sides
 
 
-def _put(ob, other, channels, at) -> None:
+def _put(ob, other, channels, at):
     identity.of(other)
     entry = Entry(identity.of(ob), before={channel.path: channel.before for channel in channels})
     bag = _channels(other, entry)
@@ -302,6 +328,7 @@ def _put(ob, other, channels, at) -> None:
         for index, column in enumerate(channel.values.T):
             curves.write(bag, channel.path, at, column, index=index)
     _store(other, [*_entries(other), entry])
+    yield BEGUN
 
 
 def _channels(other, entry: Entry):

@@ -51,8 +51,9 @@ class Record:
     still: dict[str, str] = field(default_factory=dict)
     asked: dict = field(default_factory=dict)
     shown: dict[str, str] = field(default_factory=dict)
-    # Curves that were made beforehand, until they are written; no field of a record.
+    # Curves that were made beforehand, and what is to be written as curves; no fields of a record.
     prepared = None
+    waiting = None
 
 
 def read(shape_keys) -> Record | None:

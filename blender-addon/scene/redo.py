@@ -4,6 +4,8 @@ import numpy as np
 
 from ..core import redo, sliders
 from ..core.errors import AnyfaceError
+from ..core.job import BEGUN
+from ..core.redo_film import FilmRedo
 from . import (
     adjust,
     bake,
@@ -15,13 +17,13 @@ from . import (
     mesh,
     outputs,
     record,
+    redo_film,
     sounds,
     together,
 )
 from .outputs.output import EASE_S, PREFIX, times
 
 _NO_TAKE = "no take to redo: press Generate first"
-_NOT_KEYS = "only takes of basis keys, ARKit keys and existing keys can be redone in part"
 _NO_RANGE = (
     "no stretch to redo: move a word, set a preview range (P), or put a marker (M) before and "
     "behind it"
@@ -55,27 +57,43 @@ def between(scene, source=None) -> tuple[float, float]:
 
 def why_not(ob) -> str:
     """Why the take of `ob` cannot be redone in part, or ""."""
-    output = outputs.of_object(ob)
-    if output is None:
-        return _NO_TAKE
-    return "" if output.redoes else _NOT_KEYS
+    return "" if _output_of(ob) is not None else _NO_TAKE
 
 
-def read(ob, scene, settings, engine) -> redo.Redo:
+def _output_of(ob):
+    """The output whose take is meant: what moves the mesh, else a table."""
+    made = outputs.of_object(ob)
+    return made or next((output for output in outputs.ALL if output.find(ob)), None)
+
+
+def read(ob, scene, settings, engine) -> redo.Redo | FilmRedo:
     """Reads what a stretch is made of with the panel's settings; raises `AnyfaceError`."""
     copies.settle()
-    reason = why_not(ob)
-    if reason:
-        raise AnyfaceError("input", reason)
-    settings.mode = record.read(ob.data.shape_keys).mode
+    output = _output_of(ob)
+    if output is None:
+        raise AnyfaceError("input", _NO_TAKE)
+    settings.mode = output.name
     snapshot = bake.read(ob, scene, settings, engine)
     snapshot.request.error_mm = None
+    if not output.redoes:
+        return redo_film.read(ob, output, snapshot, between(scene, snapshot.source))
     found = [ob, *together.others_of(ob)]
     keys = [_keys_of(part) for part in found if _takes_part(snapshot.face, ob, part)]
     wanted = redo.Redo(snapshot, range(0), keys)
     stretch, start, step = _stretch(ob, wanted, scene)
     wanted.rows = redo.rows_of(stretch, start, step)
     return wanted
+
+
+def landing(ob, scene, wanted: redo.Redo | FilmRedo, made):
+    """Writes what was made, in steps like `bake.landing`; returns in one line what was done."""
+    if isinstance(wanted, FilmRedo):
+        text = yield from redo_film.landing(ob, wanted, made)
+        sounds.follow(scene, wanted.snapshot.source)
+        return text
+    text = write(ob, scene, wanted, made)
+    yield BEGUN
+    return text
 
 
 def write(ob, scene, wanted: redo.Redo, made: redo.Redone) -> str:
@@ -89,7 +107,8 @@ def write(ob, scene, wanted: redo.Redo, made: redo.Redone) -> str:
     if not any(changed):
         raise AnyfaceError("mesh", "the take has no keyframe there: has it been moved?")
     if made.life is not None:
-        life.redo(ob, made.life, wanted.snapshot.settings, at, lambda *c: splice(*c, stretch))
+        settings = wanted.snapshot.settings
+        life.redo(ob, made.life, settings, at, lambda *c: curves.splice(*c, stretch))
     more = sum(len(fit.more) for fit in made.fits.values())
     sounds.follow(scene, wanted.snapshot.source)
     text = f"frames {stretch.first:g} to {stretch.last:g} redone"
@@ -98,32 +117,6 @@ def write(ob, scene, wanted: redo.Redo, made: redo.Redone) -> str:
     left_out = max(fit.left_out for fit in made.fits.values())
     text += f", other by {by_mm:.1f} mm at most" + (f", {more} more keys" if more else "")
     return text + (f", keys show {1.0 - left_out:.0%} of it" if left_out > 0.1 else "")
-
-
-def splice(curve, at: np.ndarray, new: np.ndarray, stretch: redo.Stretch) -> bool:
-    """Mixes the keyframes of a curve inside a stretch with values `new` `[n]` at frames `at` `[n]`.
-
-    Between its ends alone: a keyframe whose neighbour would move a frame outside stays. False where
-    there is none.
-    """
-    points = curves.places(curve)
-    frames, values = points[0::2], points[1::2]
-    shares = stretch.shares(frames.astype(np.float64))
-    inside = np.flatnonzero(shares > 0.0)
-    if len(inside) == 0:
-        return False
-    first, last = inside[0], inside[-1]
-    if first > 0 and stretch.first > stretch.begins and frames[first - 1] < stretch.first:
-        shares[first] = 0.0
-    behind = last + 1 < len(frames) and stretch.last <= stretch.ends
-    if behind and frames[last + 1] > stretch.last:
-        shares[last] = 0.0
-    added = np.where(shares > 0.0, shares * (np.interp(frames, at, new) - values), 0.0)
-    moved = {name: curves.places(curve, name) for name in curves.KEY_VECTORS}
-    for places in moved.values():
-        places[1::2] += added.astype(np.float32)
-    curves.put(curve, moved)
-    return True
 
 
 def _takes_part(face, ob, part) -> bool:
@@ -183,7 +176,7 @@ def _write(part, fit: redo.Fit, at: np.ndarray, stretch: redo.Stretch) -> bool:
     made, changed = _curves(part, taken), False
     for (name, curve), column in zip(made.items(), fit.weights.T, strict=True):
         column = column * adjust.factor(taken.shown.get(name, name), taken.adjusted)
-        if not splice(curve, at, column, stretch):
+        if not curves.splice(curve, at, column, stretch):
             continue
         block, changed = shape_keys.key_blocks[name], True
         block.slider_min = min(block.slider_min, float(column.min()))

@@ -165,6 +165,16 @@ def _words(scene, source) -> list:
     return [strip for strip in _of(scene, source.name) if _WORD in strip]
 
 
+def apart(labelled: list[tuple[float, float, str]]) -> list[tuple[float, float, str]]:
+    """The same intervals, each behind the one before: strips of two channels may overlap."""
+    found, free = [], 0.0
+    for start_s, end_s, label in labelled:
+        if end_s > max(start_s, free):
+            found.append((max(start_s, free), end_s, label or LABEL))
+            free = end_s
+    return found
+
+
 def _of(scene, name: str) -> list:
     strips = sequencer.all_strips(scene)
     return [strip for strip in strips if strip.type == "TEXT" and strip.get(_SOUND) == name]

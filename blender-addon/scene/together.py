@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..core.job import BEGUN
 from ..core.take import Piece, Take
 from . import identity, keys, life, outputs, pieces, record, remove
 
@@ -10,8 +11,8 @@ def landing(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: f
     """Puts `take` on `ob` and on the objects beside it that move, in steps: yields between them.
 
     An earlier one goes, but for a table, which changes no mesh. Nothing is written where one of
-    the objects cannot be: all are checked first. Closed at a yield it has changed nothing.
-    `before` is called when nothing can go wrong any more.
+    the objects cannot be: all are checked first. Closed before it yields `BEGUN` it has changed
+    nothing. `before` is called when nothing can go wrong any more.
     """
     output = outputs.of_take(take)
     if output.in_files:
@@ -39,20 +40,21 @@ def landing(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: f
             prepared.append(made)
         if before is not None:
             before()
-        _write(moving, start_frame, scene_fps, prepared)
+        yield from _write(moving, start_frame, scene_fps, prepared)
     finally:
         for made in prepared:
             if made is not None:
                 made.drop()
 
 
-def _write(moving: list[tuple], start_frame: float, scene_fps: float, prepared: list) -> None:
+def _write(moving: list[tuple], start_frame: float, scene_fps: float, prepared: list):
     """Writes the takes of a face and of what moves beside it, with curves that were prepared."""
     (ob, own), *others = moving
     remove_others(ob)
-    first = keys.write(ob, own, start_frame, scene_fps, prepared[0])
+    first = yield from keys.writing(ob, own, start_frame, scene_fps, prepared[0])
     for (other, part), made in zip(others, prepared[1:], strict=True):
-        taken = keys.write(other, part, start_frame, scene_fps, made)
+        yield BEGUN
+        taken = yield from keys.writing(other, part, start_frame, scene_fps, made)
         taken.belongs_to = first.id
         record.write(other.data.shape_keys, taken)
         identity.join(ob, other)

@@ -1,15 +1,21 @@
 """Finds the face controls of a rig, or takes them from a list of names."""
 
+from pathlib import Path
+
+import bpy
 import numpy as np
 from bpy.props import EnumProperty
 from bpy.types import Operator
 
 from ..core import control_names, controls_plan
+from ..core.control_names import Row
 from ..core.errors import AnyfaceError
+from ..core.job import at_once
 from ..core.take import ControlMotion, Found
 from ..scene import control_bench, control_fit, control_sources, control_take
+from ..scene.control_kinds import COLLECTIONS
 from . import landmarks, output_properties
-from .operators import InThread
+from .operators import InThread, WithFile
 from .target import OfFace, is_there, target
 
 # The distance of the temples on a head of human size, mm.
@@ -45,12 +51,7 @@ class ANYFACE_OT_controls_find(InThread, Operator):
 
     def finish(self, ob, search, found):
         """All at once."""
-        steps = self.land(ob, search, found)
-        while True:
-            try:
-                next(steps)
-            except StopIteration as ended:
-                return ended.value
+        return at_once(self.land(ob, search, found))
 
 
 class ANYFACE_OT_controls_preset(OfFace, Operator):
@@ -85,6 +86,65 @@ class ANYFACE_OT_controls_clear(OfFace, Operator):
         return {"FINISHED"}
 
 
+class ANYFACE_OT_controls_save(WithFile, Operator):
+    """Save the list as a JSON file, for other scenes with this rig"""
+
+    bl_idname = "anyface.controls_save"
+    bl_label = "Save Control List"
+    bl_options = {"REGISTER"}
+
+    def invoke(self, context, event):
+        """Asks for the file."""
+        self.filepath = self.filepath or f"{target(context).name}_controls.json"
+        return super().invoke(context, event)
+
+    def act(self, ob):
+        """Writes the list."""
+        rows = ob.anyface_controls.rows
+        if not len(rows):
+            raise AnyfaceError("input", "the list is empty: press Find Controls first")
+        path = bpy.path.ensure_ext(bpy.path.abspath(self.filepath), ".json")
+        fields = ("kind", "id_type", "block", "path", "sided", "use")
+        found = [Row(*(getattr(row, name) for name in fields)) for row in rows]
+        control_names.write(found, Path(path))
+
+
+class ANYFACE_OT_controls_load(WithFile, Operator):
+    """Load the list from a JSON file; a rig of another name takes the place of that in the file"""
+
+    bl_idname = "anyface.controls_load"
+    bl_label = "Load Control List"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def act(self, ob):
+        """Replaces the list by those of the file that are here."""
+        rows = control_names.read(Path(bpy.path.abspath(self.filepath)))
+        found = [(_here(row, _rig(ob)), row.use) for row in rows]
+        there = [pair for pair in found if pair[0] is not None]
+        if not there:
+            raise AnyfaceError("input", f"{ob.name} has none of the {len(rows)} controls")
+        _list(ob, [source for source, _ in there])
+        for row, (_, use) in zip(ob.anyface_controls.rows, there, strict=True):
+            row.use = use
+        lost = len(rows) - len(there)
+        return f"{len(there)} controls" + (f", {lost} are not here" if lost else "")
+
+
+def _here(row: Row, rig) -> control_sources.Source | None:
+    """The source of a row of a file; that of `rig` where its own is not here."""
+    given = row.kind, row.id_type
+    block = row.block
+    known = COLLECTIONS.get(row.id_type)
+    if known is None or row.kind not in (control_sources.BONE, control_sources.NUMBER):
+        return None
+    if getattr(bpy.data, known).get(block) is None and rig is not None:
+        block = rig.name if row.id_type == "OBJECT" else rig.data.name
+    try:
+        return control_sources.find(*given, block, row.path, row.sided)
+    except AnyfaceError:
+        return None
+
+
 def _rig(ob):
     stored = ob.anyface_controls
     return stored.rig if is_there(stored.rig) else control_sources.rig_of(ob)
@@ -116,4 +176,6 @@ CLASSES = (
     ANYFACE_OT_controls_find,
     ANYFACE_OT_controls_preset,
     ANYFACE_OT_controls_clear,
+    ANYFACE_OT_controls_save,
+    ANYFACE_OT_controls_load,
 )

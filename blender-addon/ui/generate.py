@@ -4,6 +4,7 @@ import bpy
 from bpy.types import Operator
 
 from ..core import wording
+from ..core.job import BEGUN
 from ..scene import bake, outputs, stored
 from . import audio, character, mending, running
 from .operators import InThread, redraw
@@ -40,8 +41,9 @@ class ANYFACE_OT_generate(InThread, Operator):
         return bake.read(ob, scene, settings, running.engine(settings.system))
 
     def land(self, ob, snapshot, take):
-        """Writes the take in steps."""
+        """Writes the take in steps; the last one is Blender's, which remembers it for undo."""
         text = yield from bake.landing(ob, snapshot, take)
+        yield BEGUN
         return self._tell(ob, snapshot, take, text)
 
     def finish(self, ob, snapshot, take):

@@ -6,7 +6,7 @@ import bpy
 from bpy.props import StringProperty
 
 from ..core.errors import AnyfaceError
-from ..core.job import Job, Progress
+from ..core.job import BEGUN, Job, Progress
 from ..scene import copies, identity
 from . import running
 from .target import OfFace, target
@@ -66,11 +66,14 @@ class InThread(Alone):
 
     `read(context, ob)` returns something with `work(progress)`, which is what runs in the thread;
     `finish(ob, read, worked)` writes what that has returned. Where this takes long, `land` of the
-    same arguments does it in steps: a generator that has changed nothing until its last step.
+    same arguments does it in steps: a generator that has changed nothing until it yields
+    `BEGUN`.
     """
 
     cancelled = "cancelled"
     _landing = None
+    # The result is being written: only an undo, or another file, ends that.
+    _begun = False
 
     def face(self, context):
         """The character; None for an operator that has no single one."""
@@ -102,10 +105,10 @@ class InThread(Alone):
 
     def modal(self, context, event):
         """Polls the thread; ESC cancels."""
-        redraw(context)
-        if event.type == "ESC" and event.value == "PRESS":
+        redraw_sidebar(context)
+        if event.type == "ESC" and event.value == "PRESS" and not self._begun:
             self._job.cancel()
-        if self._job.progress.cancelled:
+        if self._job.progress.cancelled and (running.why_cancelled or not self._begun):
             why = running.why_cancelled
             self._end(context)
             if why or self.cancelled:
@@ -135,7 +138,10 @@ class InThread(Alone):
         ends = time.perf_counter() + SLICE_S
         try:
             while time.perf_counter() < ends:
-                next(self._landing)
+                if next(self._landing) == BEGUN:
+                    # Blender evaluates this much before more is written.
+                    self._begun = True
+                    break
         except StopIteration as ended:
             self._end(context)
             return ended.value
@@ -161,7 +167,18 @@ class InThread(Alone):
 
 def redraw(context) -> None:
     """Draws every 3D view again."""
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
+    for area in _views(context):
+        area.tag_redraw()
+
+
+def redraw_sidebar(context) -> None:
+    """Draws what shows the progress again: the scene itself may take long to draw."""
+    for area in _views(context):
+        for region in area.regions:
+            if region.type == "UI":
+                region.tag_redraw()
+
+
+def _views(context) -> list:
+    areas = [area for window in context.window_manager.windows for area in window.screen.areas]
+    return [area for area in areas if area.type == "VIEW_3D"]

@@ -5,6 +5,7 @@ from bpy.props import StringProperty
 from bpy.types import Operator, Panel
 
 from ..core.errors import AnyfaceError
+from ..core.job import at_once
 from ..scene import bake, decode, redo, sounds
 from . import audio, running, texts
 from .operators import Alone, InThread
@@ -26,7 +27,8 @@ class ANYFACE_PT_sounds(OfFacePanel, Panel):
         layout = self.layout
         row = layout.row(align=True)
         row.operator("anyface.sounds_show", icon="SEQ_SEQUENCER")
-        row.operator("anyface.sounds_read", text="", icon="FILEBROWSER")
+        row.operator("anyface.sounds_read", text="", icon="IMPORT")
+        row.operator("anyface.sounds_write", text="", icon="EXPORT")
         layout.prop(context.scene.anyface, "text")
         layout.operator("anyface.redo", icon="FILE_REFRESH")
         try:
@@ -36,7 +38,9 @@ class ANYFACE_PT_sounds(OfFacePanel, Panel):
             layout.label(text="Where words moved, between two markers, or in the preview range")
 
 
-class _WithSound(Alone):
+class WithSound(Alone):
+    """Works on the sound that the character speaks."""
+
     @classmethod
     def poll(cls, context):
         """False, with the reason, without a face or a sound."""
@@ -63,7 +67,7 @@ class _Listening:
         return self._engine.listen_to_words(sound, self._text)
 
 
-class ANYFACE_OT_sounds_show(_WithSound, InThread, Operator):
+class ANYFACE_OT_sounds_show(WithSound, InThread, Operator):
     """Show where lips close (p, b, m) as text strips: move, delete, copy, rename, then Redo. \
 Above them stand the words of the text"""
 
@@ -88,7 +92,7 @@ Above them stand the words of the text"""
         return {"FINISHED"}
 
 
-class ANYFACE_OT_sounds_read(_WithSound, Operator):
+class ANYFACE_OT_sounds_read(WithSound, Operator):
     """Show the sounds of a file: Praat, Rhubarb, Papagayo, Moho, or lines of start, end, phone"""
 
     bl_idname = "anyface.sounds_read"
@@ -115,7 +119,7 @@ class ANYFACE_OT_sounds_read(_WithSound, Operator):
         return f"{sounds.show(scene, source, found)} times the lips close"
 
 
-class ANYFACE_OT_redo(_WithSound, InThread, Operator):
+class ANYFACE_OT_redo(WithSound, InThread, Operator):
     """Make the take anew between two markers, or in the preview range; the rest of it stays"""
 
     bl_idname = "anyface.redo"
@@ -139,8 +143,12 @@ class ANYFACE_OT_redo(_WithSound, InThread, Operator):
         return redo.read(ob, scene, settings, running.engine(settings.system))
 
     def finish(self, ob, wanted, made):
-        """Writes the new keyframes."""
-        text = redo.write(ob, bpy.data.scenes[self._scene], wanted, made)
+        """Writes the new frames at once."""
+        return at_once(self.land(ob, wanted, made))
+
+    def land(self, ob, wanted, made):
+        """Writes the new frames."""
+        text = yield from redo.landing(ob, bpy.data.scenes[self._scene], wanted, made)
         ob.anyface.report, ob.anyface.report_is_error = text, False
         self.report({"INFO"}, f"Anyface: {text}")
         return {"FINISHED"}

@@ -27,7 +27,7 @@ import numpy as np
 import bench_search
 import bench_sliders
 from figures import write_wav
-from screen import Screen
+from screen import Screen, install_in
 from test_heads import import_head
 
 TEXT = (
@@ -292,11 +292,8 @@ def playback_ms() -> float:
 
 def with_window(blender: Path, zipped: Path, folder: Path) -> None:
     """In a window that mouse and keys drive."""
-    own = zipped if zipped.parent == folder else Path(shutil.copy(zipped, folder / "anyface.zip"))
-    words = [blender, "-b", "--command", "extension", "install-file", "-r", "user_default", "-e"]
-    environment = {**os.environ, "BLENDER_USER_RESOURCES": str(folder)}
-    subprocess.run([*words, own], env=environment, check=True, capture_output=True)
-    screen = Screen(blender.with_name("enter"), blender, folder, display=79)
+    install_in(blender, zipped, folder)
+    screen = Screen(blender.with_name("enter"), blender, folder)
     try:
         line("Blender with a window", screen.ask("answer = bpy.app.version_string"))
         voice = str(folder / f"{SHORT_S:.0f}.wav")

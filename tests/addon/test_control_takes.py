@@ -275,3 +275,38 @@ def test_a_fit_that_is_stopped_has_changed_nothing(face, addon):
         assert state(face) == before
     steps.close()
     assert state(face) == before
+
+
+def test_a_list_is_saved_and_loaded_for_a_rig_of_another_name(face, tmp_path):
+    assert bpy.ops.anyface.controls_find() == {"FINISHED"}
+    rows = face.anyface_controls.rows
+    rows[0].use = False
+    names = [(row.name, row.use) for row in rows]
+    path = tmp_path / "list.json"
+    assert bpy.ops.anyface.controls_save(filepath=str(path)) == {"FINISHED"}
+    bpy.ops.anyface.controls_clear()
+    rig_of(face).name = "Other"
+    assert bpy.ops.anyface.controls_load(filepath=str(path)) == {"FINISHED"}
+    assert [(row.name, row.use) for row in face.anyface_controls.rows] == names
+    assert {row.block for row in face.anyface_controls.rows} == {"Other"}
+    generate()
+    left = f'"{names[0][0]}"'
+    assert not any(left in c.data_path for c in curves(rig_of(face).animation_data.action))
+
+
+def test_a_file_that_is_no_list_of_controls_says_so_and_changes_nothing(face, tmp_path):
+    bpy.ops.anyface.controls_find()
+    count = len(face.anyface_controls.rows)
+    path = tmp_path / "list.json"
+    for content, expected in (("[]", "not a list"), ('{"controls": [{"kind": "BONE"}]}', "not a"),
+                              ('{"controls": [{"kind": "BONE", "id_type": "OBJECT", "block": "", '
+                               '"path": "b1"}]}', "row 1"),
+                              ('{"controls": [{"kind": "BONE", "id_type": "OBJECT", "block": "R", '
+                               '"path": "none"}]}', "has none")):  # fmt: skip
+        path.write_text(content)
+        with pytest.raises(RuntimeError, match=expected):
+            bpy.ops.anyface.controls_load(filepath=str(path))
+        assert len(face.anyface_controls.rows) == count
+    bpy.ops.anyface.controls_clear()
+    with pytest.raises(RuntimeError, match="list is empty"):
+        bpy.ops.anyface.controls_save(filepath=str(tmp_path / "empty.json"))

@@ -122,7 +122,8 @@ def test_a_nod_is_rigid_and_a_jaw_is_not(solver):
     points = np.random.default_rng(6).normal(size=(60, 3))
     nod = np.cross([0.01, 0.0, 0.0], points) + np.array([0.0, 0.02, 0.0])
     half = nod * (points[:, 2:] < 0.0)
-    assert solver.rigid_share(points, nod) > 0.999 and solver.rigid_share(points, half) < 0.9
+    turns = solver.rigid_motions(points)
+    assert solver.share_in(turns, nod) > 0.999 and solver.share_in(turns, half) < 0.9
 
 
 def test_misses_are_told_by_region(solver):

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from figures import everything, grid, own_keys, shape, stand_in, tone
+from figures import curves, everything, grid, own_keys, shape, stand_in, tone
 
 START = 5
 MINUTES = 3.0
@@ -78,6 +78,67 @@ def test_landing_a_long_take_blocks_for_moments_only(addon, stage, tmp_path):
     assert len(weights) == 4320 and action.frame_range[1] > START + 4319
 
 
+def test_keys_curves_and_undo_are_steps_of_their_own_and_none_evaluates_the_scene(
+    addon, stage, tmp_path
+):
+    ob, snapshot, take = snapshot_of(addon, stage, tmp_path)
+    evaluated, begun, keys, playing = [], addon("core.job").BEGUN, [], []
+
+    def note(*_):
+        evaluated.append(1)
+
+    bpy.app.handlers.depsgraph_update_post.append(note)
+    try:
+        for step in addon("scene.bake").landing(ob, snapshot, take):
+            if step != begun:
+                assert ob.data.shape_keys is None, "it can be cancelled until it has begun"
+                continue
+            made = ob.data.shape_keys
+            keys.append(len(made.key_blocks))
+            playing.append(made.animation_data is not None)
+    finally:
+        bpy.app.handlers.depsgraph_update_post.remove(note)
+    assert keys[0] > 1 and not playing[0] and playing[-1] and len(keys) >= 4
+    assert not evaluated, "Blender evaluates once between the steps, and not within them"
+
+
+def test_an_action_of_the_artists_gets_its_curves_in_steps(addon, stage, tmp_path):
+    ob, snapshot, take = snapshot_of(addon, stage, tmp_path)
+    own = bpy.data.actions.new("Own")
+    own_keys(ob, "Smile").animation_data_create().action = own
+    count = [len(curves(own)) for step in addon("scene.bake").landing(ob, snapshot, take) if step]
+    assert any(0 < n < count[-1] for n in count) and count[-1] == take.basis.weights.shape[1]
+
+
+def test_esc_comes_too_late_once_writing_has_begun_but_an_undo_does_not(addon, operator_on):
+    operator, context, timer, escape = operator_on
+    operator.yields = addon("core.job").BEGUN
+    operator.invoke(context, timer)
+    operator._job.result()
+    assert operator.modal(context, timer) == {"PASS_THROUGH"} and operator.steps == 1
+    assert operator.modal(context, escape) == {"PASS_THROUGH"} and not operator.closed
+    addon("ui.running")._on_undo()
+    assert operator.modal(context, timer) == {"CANCELLED"} and operator.closed
+
+
+def test_eyes_that_follow_something_are_read_in_steps(addon):
+    life = addon("scene.life")
+    ball = grid("Ball", 3)
+    for frame, place in ((1, 0.0), (201, 2.0)):
+        ball.location.x = place
+        ball.keyframe_insert("location", frame=frame)
+    bpy.context.scene.frame_set(7)
+    still = addon("core.take").Life(np.zeros((200, 3)), np.zeros((200, 2, 2)), np.eye(3, 4))
+    settings = SimpleNamespace(life=life.LifeSettings(gaze="PARTS", look_at="Ball"))
+    take = SimpleNamespace(life=still, frame_count=200, fps=24.0)
+    steps = 0
+    for _ in life.look(take, settings, 1.0, 24.0):
+        steps += 1
+        assert bpy.context.scene.frame_current == 7
+    assert steps >= 40 and still.looked_at.shape == (200, 3)
+    assert (np.diff(still.looked_at[:, 0]) > 0).all()
+
+
 def test_in_slices_it_is_the_same_take(addon, stage, tmp_path):
     ob, snapshot, take = snapshot_of(addon, stage, tmp_path)
     bake = addon("scene.bake")
@@ -136,7 +197,7 @@ def operator_on(addon, monkeypatch):
 
     class Operator(operators.InThread):
         def __init__(self):
-            self.steps, self.closed = 0, False
+            self.steps, self.closed, self.yields = 0, False, None
 
         def report(self, kind, text):
             """Says nothing."""
@@ -149,7 +210,7 @@ def operator_on(addon, monkeypatch):
                 while True:
                     self.steps += 1
                     time.sleep(0.002)
-                    yield
+                    yield self.yields
             finally:
                 self.closed = True
 

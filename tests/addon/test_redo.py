@@ -271,3 +271,42 @@ def test_sounds_of_a_file_replace_those_that_were_heard(stage, tmp_path):
     assert len(marks()) == 1
     assert bpy.ops.anyface.redo() == {"FINISHED"}
     assert asked(stage) == [[0.5, 0.75]]
+
+
+def test_without_strips_there_is_nothing_to_write(stage, tmp_path):
+    spoken(tmp_path)
+    with pytest.raises(RuntimeError, match="press Show Sounds first"):
+        bpy.ops.anyface.sounds_write(filepath=str(tmp_path / "a.tsv"))
+    assert not (tmp_path / "a.tsv").exists()
+
+
+@pytest.mark.parametrize("kind", [".TextGrid", ".tsv", ".json", ".pgo", ".dat", ".txt"])
+def test_strips_are_written_as_files_of_other_tools_and_read_back(addon, tmp_path, kind):
+    strip(tone(tmp_path / "tone.wav", SECONDS), frame=START)
+    ob = grid()
+    ob.anyface_audio.strip = "Voice"
+    scene, engine = bpy.context.scene, addon("ui.running").engine("")
+    source = addon("scene.bake").find_sound(
+        scene, addon("ui.settings").from_object(ob, scene), engine
+    )
+    addon("scene.sounds").show(scene, source, np.array([[0.25, 0.5], [1.0, 1.25]]))
+    assert bpy.ops.anyface.sounds_write(filepath=str(tmp_path / "shot.v1"), kind=kind)
+    written = tmp_path / f"shot.v1{kind}"
+    text = written.read_text()
+    assert text and (kind != ".TextGrid" or "xmax = 2\n" in text)
+    first, _ = marks()
+    first.text, first.frame_start = "f", first.frame_start + 1
+    assert bpy.ops.anyface.sounds_read(filepath=str(written)) == {"FINISHED"}
+    found = addon("scene.sounds").read(scene, source)
+    assert len(found) == 2 and np.allclose([row[:2] for row in found], [[0.25, 0.5], [1.0, 1.25]])
+
+
+def test_a_file_names_its_kind_itself_and_overlapping_strips_follow_each_other(addon, tmp_path):
+    apart = addon("scene.sounds").apart
+    rows = [(0.1, 0.3, "p"), (0.2, 0.4, "m"), (0.25, 0.35, "b"), (0.5, 0.6, "")]
+    assert apart(rows) == [(0.1, 0.3, "p"), (0.3, 0.4, "m"), (0.5, 0.6, "MBP")]
+    engine = addon("ui.running").engine("")
+    engine.write_sounds(str(tmp_path / "a.tsv"), apart(rows), 1.0, 24.0)
+    assert (tmp_path / "a.tsv").read_text().splitlines()[-1].startswith("1.000")
+    with pytest.raises(addon("core.errors").AnyfaceError):
+        engine.write_sounds(str(tmp_path / "nowhere" / "a.tsv"), rows[:1], 1.0, 24.0)

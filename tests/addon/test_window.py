@@ -6,7 +6,6 @@ packaging/blender-chroot.sh makes it. `ANYFACE_PHOTOGRAPHS` names a folder that 
 
 import os
 import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ import pytest
 
 from conftest import zip_path
 from figures import write_wav
-from screen import Screen
+from screen import Screen, install_in
 from test_heads import HEAD, voice  # noqa: F401 - a fixture
 
 SCENE = """
@@ -60,11 +59,7 @@ def screen(tmp_path_factory, voice):  # noqa: F811
     if enter is None or not enter.exists():
         pytest.skip("no Blender with a display here")
     folder = tmp_path_factory.mktemp("window")
-    zipped = folder / "anyface.zip"
-    shutil.copy(zip_path(), zipped)
-    words = [path, "-b", "--command", "extension", "install-file", "-r", "user_default", "-e"]
-    environment = {**os.environ, "BLENDER_USER_RESOURCES": str(folder)}
-    subprocess.run([*words, str(zipped)], env=environment, check=True, capture_output=True)
+    install_in(Path(path), zip_path(), folder)
     screen = Screen(enter, Path(path), folder)
     shutil.copy(HEAD, folder / "head.obj")
     shutil.copy(voice[0], folder / "voice.wav")

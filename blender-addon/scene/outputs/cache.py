@@ -8,9 +8,12 @@ from pathlib import Path
 
 import bpy
 
+from ...core import pc2
 from ...core.errors import AnyfaceError
 from ...core.estimate import VERTEX, Cost
+from ...core.job import BEGUN
 from ...core.plan import WriteCaches
+from ...core.redo_film import PatchCaches
 from ...core.take import WrittenFile
 from .. import cache_files, guard, identity
 from .output import EASE_S, Output, check_place
@@ -95,14 +98,35 @@ class Cache(Output):
 
     def remove(self, ob):
         """Takes the modifier away, and those of the objects beside the face; the files stay."""
+        for modifier in self._playing(ob):
+            modifier.id_data.modifiers.remove(modifier)
+
+    def _playing(self, ob) -> list:
+        """The modifiers that play the take of `ob`, its own first."""
         own = self.find(ob)
         if own is None:
-            return
+            return []
         take = cache_files.take_of(own.filepath)
         found = [self.find(other) for other in identity.parts_of(ob)]
         beside = [m for m in found if m is not None and cache_files.take_of(m.filepath) == take]
-        for modifier in (own, *beside):
-            modifier.id_data.modifiers.remove(modifier)
+        return [own, *beside]
+
+    def span(self, ob, snapshot):
+        modifier, ease = self.find(ob), snapshot.plan.ease
+        step = 1.0 / max(modifier.frame_scale, 1e-6)
+        count = pc2.frames_in(_absolute(modifier), len(ob.data.vertices))
+        return modifier.frame_start + ease * step, step, count - 2 * ease
+
+    def redo_plan(self, ob, snapshot, first, shares):
+        fresh, playing = snapshot.plan.paths, self._playing(ob)
+        played = {m.id_data.name: str(_absolute(m)) for m in playing if m.id_data.name in fresh}
+        paths = {name: (path, fresh[name]) for name, path in played.items()}
+        return PatchCaches(paths, first, shares, snapshot.plan.ease)
+
+    def redo_write(self, parts, snapshot, take, first, at, stretch):
+        for file in take.files:
+            self.find(bpy.data.objects[file.object_name]).filepath = _relative(file.path)
+        yield BEGUN
 
 
 def _play(ob, file: WrittenFile, first_frame: float, frames_per_frame: float) -> None:
@@ -124,6 +148,10 @@ def _play(ob, file: WrittenFile, first_frame: float, frames_per_frame: float) ->
     # What moves before the cache (keys, armatures of a library) is kept and added to.
     moved_before = ob.data.shape_keys is not None or ob.modifiers[0] != modifier
     modifier.deform_mode = "INTEGRATE" if moved_before else "OVERWRITE"
+
+
+def _absolute(modifier) -> Path:
+    return Path(bpy.path.abspath(modifier.filepath, library=modifier.id_data.library))
 
 
 def _relative(path: str) -> str:

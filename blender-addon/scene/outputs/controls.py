@@ -8,6 +8,7 @@ import numpy as np
 from ...core.controls_plan import FollowPoints
 from ...core.errors import AnyfaceError
 from ...core.estimate import KEYFRAME, Cost
+from ...core.job import BEGUN
 from .. import control_bench, control_fit, control_sources, control_take, guard
 from .output import Output, times
 
@@ -61,6 +62,8 @@ class Controls(Output):
         row = layout.row(align=True)
         row.operator("anyface.controls_find", text="Find Controls")
         row.operator_menu_enum("anyface.controls_preset", "preset", text="Names")
+        row.operator("anyface.controls_load", text="", icon="FILE_FOLDER")
+        row.operator("anyface.controls_save", text="", icon="FILE_TICK")
         row.operator("anyface.controls_clear", text="", icon="X")
         if not len(stored.rows):
             layout.label(text="Controls are found when you generate")
@@ -103,6 +106,17 @@ class Controls(Output):
         frames = start_frame + np.arange(take.frame_count) * (scene_fps / take.fps)
         ends = times(frames, scene_fps)[[0, -1]]
         control_take.write(ob, take.control_motion.fitted, ends, frames)
+
+    def redo_plan(self, ob, snapshot, first, shares):
+        return FollowPoints()
+
+    def redo_write(self, parts, snapshot, take, first, at, stretch):
+        ob, asked = parts[0], snapshot.settings.output
+        sources, rests = self.sources(ob, asked), control_take.rests(ob)
+        # A stretch may hold a pause, in which little moves.
+        take = yield from control_fit.fit(ob, take, sources, rests, judged=False)
+        control_take.redo(ob, take.control_motion.fitted, at, stretch)
+        yield BEGUN
 
     def find(self, ob):
         if ob is None or ob.type != "MESH":

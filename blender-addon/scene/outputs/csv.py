@@ -9,7 +9,9 @@ import bpy
 from ...core import wording
 from ...core.errors import AnyfaceError
 from ...core.estimate import RIG_S, SOLVE_S, Cost
+from ...core.job import BEGUN
 from ...core.plan import WriteTable
+from ...core.redo_film import PatchTable
 from .. import guard, identity
 from .output import Output, check_place
 
@@ -69,6 +71,18 @@ class Csv(Output):
             return Path(noted["path"]) if noted["owner"] == identity.known(ob) else None
         except (KeyError, ValueError, TypeError):
             return None
+
+    def span(self, ob, snapshot):
+        start, step, _ = super().span(ob, snapshot)
+        with open(self.find(ob), encoding="utf-8") as table:
+            return start, step, sum(1 for _ in table) - 1
+
+    def redo_plan(self, ob, snapshot, first, shares):
+        return PatchTable(snapshot.plan, str(self.find(ob)), first, shares)
+
+    def redo_write(self, parts, snapshot, take, first, at, stretch):
+        self.write_files(parts[0], take, at[0], snapshot.scene_fps)
+        yield BEGUN
 
     def remove(self, ob):
         """Deletes the table, unless somebody has changed it."""

@@ -2,8 +2,10 @@
 
 import numpy as np
 
+from ...core import plan
 from ...core.errors import AnyfaceError
 from ...core.estimate import KEYFRAME, VERTEX, Cost
+from ...core.job import BEGUN
 from .. import curves, guard, mesh, record
 from .output import PREFIX, Output
 
@@ -62,9 +64,37 @@ class Frames(Output):
         times = np.array([block.frame for block in blocks])
         curves.write(curves.key_channels(ob, taken), "eval_time", at, times)
 
+    def span(self, ob, snapshot):
+        curve = curves.find(ob.data.shape_keys.animation_data, "eval_time")
+        frames = curves.places(curve)[0::2] if curve is not None else ()
+        if len(frames) != len(record.read(ob.data.shape_keys).keys) + 1:
+            raise AnyfaceError("mesh", f"{ob.name}: its curve was changed: generate again")
+        first, last = float(frames[1]), float(frames[-2])
+        return first, (last - first) / max(len(frames) - 3, 1), len(frames) - 2
+
+    def redo_write(self, parts, snapshot, take, first, at, stretch):
+        shares = stretch.of_keyframes(at)
+        for part in parts:
+            with guard.object_mode(part):
+                guard.own(part)
+                shape_keys = part.data.shape_keys
+                names = record.read(shape_keys).keys[first : first + len(at)]
+                rest, moved = plan.of_piece(snapshot.face, take.frames, part.name)
+                for name, share, target in zip(names, shares, rest + moved, strict=False):
+                    if share > 0.0 and name in shape_keys.key_blocks:
+                        _mix(shape_keys.key_blocks[name], np.float32(share), target)
+                part.data.update()
+            yield BEGUN
+
     def paths(self, taken):
         return super().paths(taken) | {"eval_time"}
 
     def leave(self, shape_keys):
         shape_keys.eval_time = 0.0
         shape_keys.use_relative = True
+
+
+def _mix(block, share: np.float32, target: np.ndarray) -> None:
+    """Moves a key towards positions `[V, 3]`."""
+    was = mesh.read_key(block)
+    block.points.foreach_set("co", (was + share * (target - was)).astype(np.float32).ravel())

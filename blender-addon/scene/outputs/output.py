@@ -10,7 +10,7 @@ from ...core.estimate import Asked, Cost
 from ...core.key_names import Pair
 from ...core.plan import Plan
 from ...core.take import Piece, Take
-from .. import curves, guard, pieces, record
+from .. import curves, guard, pieces, record, strips
 
 PREFIX = "Anyface"
 # The face comes out of rest before the first frame and goes back after the last.
@@ -157,6 +157,22 @@ class Output:
     def leave(self, shape_keys) -> None:
         """Undoes what `write` has set on the shape keys as a whole."""
 
+    def span(self, ob, snapshot) -> tuple[float, float, int]:
+        """Where the frames of a written take lie: the scene frame of the first, how far they are
+        apart, and how many; for outputs that do not `redoes`."""
+        start, step = snapshot.source.start_frame, snapshot.scene_fps / snapshot.request.fps
+        return start, step, int(np.ceil(strips.duration_s(snapshot.source) * snapshot.request.fps))
+
+    def redo_plan(self, ob, snapshot, first: int, shares: np.ndarray) -> Plan:
+        """What the worker thread does with frames from `first` on that go to new motion by `shares`
+        `[n]`."""
+        return Plan()
+
+    def redo_write(self, parts: list, snapshot, take: Take, first: int, at, stretch):
+        """Writes frames from `first` on, at scene frames `at` `[n]`, on the face and the objects
+        beside it; yields between steps."""
+        raise NotImplementedError
+
     def find(self, ob):
         """What plays or names a file of `ob`; None where there is none."""
 
@@ -165,10 +181,18 @@ class Output:
 
 
 def write_weights(ob, taken: record.Record, names: list[str], at, weights: np.ndarray) -> None:
-    """Curves of the values of keys: `weights` `[T, K]`, from rest and back to it.
+    """Notes the curves of the values of keys, which `play` makes: `weights` `[T, K]`, from rest and
+    back to it."""
+    taken.waiting = names, at, weights
+
+
+def play(ob, taken: record.Record):
+    """Gives the keys of a take the curves that it waits for; yields between those that it makes.
 
     Those that were prepared are used, where no action of the artist's has to hold them.
     """
+    names, at, weights = taken.waiting
+    taken.waiting = None
     shape_keys = ob.data.shape_keys
     if taken.prepared is not None and shape_keys.animation_data is None:
         shape_keys.animation_data_create()
@@ -176,9 +200,10 @@ def write_weights(ob, taken: record.Record, names: list[str], at, weights: np.nd
     if taken.prepared is not None and taken.prepared.play(shape_keys, names):
         taken.made_action = True
         return
-    bag = curves.key_channels(ob, taken)
     for name, column in zip(names, weights.T, strict=True):
+        bag = curves.key_channels(ob, taken)
         curves.write(bag, curves.value_path(name), at, curves.from_rest(column))
+        yield
 
 
 def check_place(path: str) -> None:

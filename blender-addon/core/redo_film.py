@@ -1,0 +1,145 @@
+"""A stretch of a finished take made again where frames are kept, and not weights of keys.
+
+Caches, tables and one key per frame hold a take frame by frame; the controls of a rig are fitted
+anew. Runs in the worker thread, without Blender.
+"""
+
+import shutil
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from . import pc2, perform
+from .errors import AnyfaceError
+from .job import Progress
+from .plan import Plan, WriteTable, of_piece
+from .take import Take, WrittenFile
+
+
+@dataclass
+class FilmRedo:
+    """The frames `rows` of a take, which lie between the frames `bounds` of the scene.
+
+    `snapshot` is a `scene.bake.Snapshot`, `plan` what is done with them.
+    """
+
+    snapshot: object
+    rows: range
+    plan: Plan
+    bounds: tuple[float, float]
+
+    def work(self, progress: Progress) -> Take:
+        """The take of these frames alone; raises `AnyfaceError`, or `Cancelled`."""
+        snapshot = self.snapshot
+        voice, request = snapshot.heard(progress)
+        animate = partial(snapshot.engine.animate_stretch, rows=self.rows)
+        take = perform.perform(snapshot.face, voice, request, animate, progress)
+        return self.plan.finish(snapshot.face, take, snapshot.engine, progress)
+
+
+@dataclass
+class PatchCaches(Plan):
+    """Copies of caches in which frames from `first` on go to the new motion by `shares` `[n]`.
+
+    `paths` are the old and the new path by object; `ease` frames lead from rest and back to it.
+    """
+
+    paths: dict[str, tuple[str, str]]
+    first: int
+    shares: np.ndarray
+    ease: int
+
+    def finish(self, face, take, engine, progress):
+        files = []
+        for name, (old, new) in self.paths.items():
+            rest, moved = of_piece(face, take.frames, name)
+            with _FreshCopy(Path(old), Path(new)) as partial_path:
+                frames = pc2.patched(partial_path, len(rest), self.ease)
+                progress.check("write")
+                self._patch(frames, rest, moved)
+                count = len(frames) - 2 * self.ease
+                del frames
+            files.append(WrittenFile(name, new, count, len(rest), self.ease))
+        return replace(take, frames=None, files=files)
+
+    def _patch(self, frames: np.ndarray, rest: np.ndarray, moved: np.ndarray) -> None:
+        """Mixes frames `[N, V, 3]` of a cache; those that ease follow the first and the last."""
+        place, ease = self.first + self.ease, self.ease
+        for number in np.flatnonzero(self.shares[: len(moved)] > 0.0):
+            was, share = frames[place + number], np.float32(self.shares[number])
+            if place + number < len(frames) - ease:
+                frames[place + number] = was + share * (rest + moved[number] - was)
+        last = len(frames) - ease - 1
+        ends = last - place
+        for number in range(ease):
+            strength = np.float32(number / ease)
+            if self.first == 0 and self.shares[0] > 0.0:
+                frames[number] = rest + strength * (frames[ease] - rest)
+            if ends < len(self.shares) and self.shares[ends] > 0.0:
+                frames[len(frames) - 1 - number] = rest + strength * (frames[last] - rest)
+
+
+class _FreshCopy:
+    """A copy beside `new` that becomes it at the end; nothing is left where that fails."""
+
+    def __init__(self, old: Path, new: Path):
+        self.old, self.new = old, new
+        self.partial = new.with_name(new.name + ".part")
+
+    def __enter__(self) -> Path:
+        try:
+            self.new.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(self.old, self.partial)
+        except OSError as error:
+            self.partial.unlink(missing_ok=True)
+            text = f"{self.old}: {error.strerror or error}: generate again"
+            raise AnyfaceError("file", text) from error
+        return self.partial
+
+    def __exit__(self, kind, *_):
+        if kind is None:
+            self.partial.replace(self.new)
+        self.partial.unlink(missing_ok=True)
+
+
+@dataclass
+class PatchTable(Plan):
+    """The table `old` with rows from `first` on that go to new weights by `shares` `[n]`, at the
+    path of `table`; every other row stays to the letter."""
+
+    table: WriteTable
+    old: str
+    first: int
+    shares: np.ndarray
+
+    def finish(self, face, take, engine, progress):
+        new = Path(self.table.path)
+        before = Path(self.old).read_text(encoding="utf-8").splitlines(keepends=True)
+        stretch = new.with_name(f"{new.stem}.part.csv")
+        try:
+            made = replace(self.table, path=str(stretch)).finish(face, take, engine, progress)
+            rows = stretch.read_text(encoding="utf-8").splitlines()[1:]
+        finally:
+            stretch.unlink(missing_ok=True)
+        for number in np.flatnonzero(self.shares[: len(rows)] > 0.0):
+            place = 1 + self.first + number
+            if place < len(before):
+                before[place] = mixed(before[place], rows[number], float(self.shares[number]))
+        partial_path = new.with_name(new.name + ".part")
+        partial_path.write_text("".join(before), encoding="utf-8", newline="")
+        partial_path.replace(new)
+        (file,) = made.files
+        file.path, file.frames = str(new), len(before) - 1
+        return made
+
+
+def mixed(old: str, new: str, share: float) -> str:
+    """A row of a table between two others; times, counts and line end are those of `old`."""
+    fields, others = old.rstrip("\r\n").split(","), new.split(",")
+    end = old[len(old.rstrip("\r\n")) :]
+    for number, (was, is_now) in enumerate(zip(fields, others, strict=True)):
+        if number >= 2 and "." in was:
+            fields[number] = f"{(1.0 - share) * float(was) + share * float(is_now):.6f}"
+    return ",".join(fields) + end

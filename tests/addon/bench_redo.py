@@ -1,0 +1,96 @@
+"""What mending one word costs: *Redo* of half a second in a take of five, for every output.
+
+Run in Blender's Python module, on a zip with the library; the head is the default one, the voice
+flite's. The rig is the crude one of rigs.py. Each line gives the shorter of two runs on the clock
+and the processor's time of it, all threads together.
+"""
+
+# First of all: it gives Blender a folder of its own, which Blender reads once.
+from conftest import PACKAGE, zip_path  # isort: skip
+
+import importlib
+import os
+import shutil
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+import rigs
+from bench_blender import SHORT_S, own_arkit_keys, speak
+
+FPS, FIRST, LAST = 24, 50, 62
+MODES = tuple(sys.argv[1:]) or ("basis", "frames", "cache", "keys", "arkit", "csv", "controls")
+
+
+def main() -> None:
+    """Prints one line of a table for each output."""
+    folder = Path(tempfile.mkdtemp(prefix="anyface-redo-"))
+    try:
+        bpy.ops.extensions.package_install_files(
+            filepath=str(zip_path()), repo="user_default", enable_on_install=True
+        )
+        speak(folder)
+        for mode in MODES:
+            measure(mode, folder)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def measure(mode: str, folder: Path) -> None:
+    """Generates with an output and mends a word twice; checks that nothing outside changes."""
+    ob = character(mode, folder)
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    scene = bpy.context.scene
+    scene.use_preview_range = True
+    scene.frame_preview_end, scene.frame_preview_start = LAST, FIRST
+    outside, spent = [10, FIRST, LAST, 100], []
+    before = [positions(ob, frame) for frame in outside]
+    for seed in (1, 2):
+        ob.anyface.seed = seed
+        began, busy = time.perf_counter(), time.process_time()
+        assert bpy.ops.anyface.redo() == {"FINISHED"}
+        spent.append((time.perf_counter() - began, time.process_time() - busy))
+    apart = [not np.array_equal(positions(ob, f), b) for f, b in zip(outside, before, strict=True)]
+    clock, busy = min(spent)
+    times = f"{clock:.2f} s | {busy:.2f} s"
+    print(f"| {mode} | {times} | {sum(apart)} frames outside changed |", flush=True)
+
+
+def character(mode: str, folder: Path):
+    """The default head in a new file, with what the output needs."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.context.scene.render.fps = FPS
+    ob = rigs.head()
+    ob.anyface.source, ob.anyface.sound_file = "FILE", str(folder / f"{SHORT_S:.0f}.wav")
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / f"{mode}.blend"))
+    ob = bpy.data.objects["Head"]
+    if mode == "keys":
+        own_arkit_keys(ob)
+    if mode == "controls":
+        rigs.crude(addon, ob)
+    ob.anyface.mode = mode
+    return ob
+
+
+def addon(name: str):
+    """A module of the extension."""
+    return importlib.import_module(f"{PACKAGE}.{name}")
+
+
+def positions(ob, frame: int) -> np.ndarray:
+    """The evaluated mesh at a frame."""
+    bpy.context.scene.frame_set(frame)
+    mesh = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    found = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
+    mesh.vertices.foreach_get("co", found)
+    return found
+
+
+if __name__ == "__main__":
+    main()
+    sys.stdout.flush()
+    os._exit(0)

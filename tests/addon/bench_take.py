@@ -1,0 +1,77 @@
+"""The head and the long take of bench_landing.py, for Blender's module and for its window alike."""
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from figures import grid, tone
+
+MINUTES, FPS, SIDE, KEYS = 10, 24, 163, 56
+_TEETH = 5
+
+
+def prepare(addon, folder: str):
+    """A head with teeth in the scene that hears a short tone, and a take of minutes for it."""
+    bpy.context.scene.render.fps = FPS
+    for ob in list(bpy.data.objects):
+        bpy.data.objects.remove(ob)
+    teeth, head = grid("Teeth_low", _TEETH, 0.05), grid("Head", SIDE)
+    head.anyface.source = "FILE"
+    head.anyface.sound_file = tone(Path(folder) / "tone.wav")
+    part = head.anyface_face.parts.add()
+    part.object, part.name, part.role = teeth, teeth.name, "jaw"
+    return head, _take(addon, SIDE**2 + _TEETH**2)
+
+
+def _take(addon, vertices: int):
+    """A basis of noise over some minutes; every key moves in every frame."""
+    module, random = addon("core.take"), np.random.default_rng(1)
+    weights = random.uniform(-1, 1, (MINUTES * 60 * FPS, KEYS)).astype(np.float32)
+    vectors = random.normal(size=(KEYS, vertices, 3)).astype(np.float32) * 1e-3
+    take = module.Take(float(FPS), 9.0, basis=module.Basis(vectors, weights, 0.1))
+    return replace(take, largest_of=[9.0, 9.0])
+
+
+def landing(addon, head, take):
+    """The steps in which the take lands on the head."""
+    settings = addon("ui.settings").from_object(head)
+    engine = addon("ui.running").engine(settings.system)
+    bake = addon("scene.bake")
+    return bake.landing(head, bake.read(head, bpy.context.scene, settings, engine), take)
+
+
+def watch(addon, take, spent: list[float], looks: list[float]) -> None:
+    """From now on *Generate* lands `take` and notes in `spent` how long each slice took, seconds.
+
+    `looks` of `pulse` begin with the first slice.
+    """
+    bake, operators = addon("scene.bake"), addon("ui.operators")
+    bake.Snapshot.work = lambda self, progress: take
+    slice_of = operators.InThread._slice
+
+    def timed(self, context):
+        if not spent:
+            looks[:] = [time.thread_time()]
+        began = time.perf_counter()
+        try:
+            return slice_of(self, context)
+        finally:
+            spent.append(time.perf_counter() - began)
+
+    operators.InThread._slice = timed
+
+
+def pulse() -> list[float]:
+    """A list that grows with the processor time of the interface's thread at each look of a timer,
+    seconds."""
+    found = []
+
+    def look():
+        found.append(time.thread_time())
+        return 0.004
+
+    bpy.app.timers.register(look)
+    return found
