@@ -19,13 +19,15 @@ def landmark_weights() -> Tensor:
     return weight.repeat_interleave(3)
 
 
-def motion_loss(error: Tensor, weight: Tensor) -> Tensor:
+def motion_loss(
+    error: Tensor, weight: Tensor, velocity: float = VELOCITY, acceleration: float = ACCELERATION
+) -> Tensor:
     """FreeTalk eq. 15: position + 0.3 velocity + 0.1 acceleration, weighted means of squares.
 
     `error` [B, T, D] is prediction − truth in any unit; `weight` [B, T, D].
     """
     total = weighted_mean(error, weight)
-    for order, share in ((1, VELOCITY), (2, ACCELERATION)):
+    for order, share in ((1, velocity), (2, acceleration)):
         total = total + share * weighted_mean(error.diff(n=order, dim=1), weight[:, order:])
     return total
 

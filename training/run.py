@@ -15,6 +15,8 @@ from typing import Protocol
 import numpy as np
 import torch
 
+from training.machine import Machine
+
 SHOW_EVERY_S = 5.0
 
 
@@ -29,10 +31,13 @@ class Run:
     """Keeps `parts` and random generators in `out/last.pt` every `save_every` steps and at the end."""
 
     def __init__(self, out: Path, parts: dict[str, Stateful], steps: int, save_every: int,
-                 generators: dict[str, torch.Generator | np.random.Generator]):  # fmt: skip
+                 generators: dict[str, torch.Generator | np.random.Generator],
+                 machine: Machine | None = None, tensorboard: bool = False):  # fmt: skip
         out.mkdir(parents=True, exist_ok=True)
         self.out, self.parts, self.steps, self.save_every = out, parts, steps, max(save_every, 1)
-        self.generators = generators
+        self.generators, self.machine = generators, machine or Machine("cpu")
+        self.parts = parts | ({"scaler": self.machine.scaler} if self.machine.scaler.is_enabled() else {})
+        self.board = _board(out) if tensorboard and self.machine.rank == 0 else None
         self.first = self._resume()
         self.started = self.shown = time.monotonic()
 
@@ -46,16 +51,26 @@ class Run:
             raise ValueError(f"{path}: expected {', '.join([*self.parts, 'random'])}, got {', '.join(saved)}")
         for name, part in self.parts.items():
             part.load_state_dict(saved[name])
-        torch.set_rng_state(saved["torch"])
+        if len(saved["random"]) != self.machine.processes:
+            wanted, got = len(saved["random"]), self.machine.processes
+            raise ValueError(f"{path}: expected {wanted} processes as before, got {got}")
+        random = saved["random"][self.machine.rank]
+        torch.set_rng_state(random["torch"])
+        if torch.cuda.is_available() and random["cuda"] is not None:
+            torch.cuda.set_rng_state(random["cuda"])
         for name, generator in self.generators.items():
-            _restore(generator, saved["random"][name])
+            _restore(generator, random[name])
         return saved["step"]
 
     def save(self, step: int) -> None:
         """Writes `last.pt` after `step` steps; an interrupted write leaves the one before."""
-        saved = {name: part.state_dict() for name, part in self.parts.items()}
         random = {name: _state(generator) for name, generator in self.generators.items()}
-        saved |= {"step": step, "torch": torch.get_rng_state(), "random": random}
+        cuda = torch.cuda.get_rng_state() if self.machine.device.type == "cuda" else None
+        random = self.machine.gathered(random | {"torch": torch.get_rng_state(), "cuda": cuda})
+        if self.machine.rank > 0:
+            return
+        saved = {name: part.state_dict() for name, part in self.parts.items()}
+        saved |= {"step": step, "random": random}
         partial = self.out / "last.partial"
         torch.save(saved, partial)
         partial.rename(self.out / "last.pt")
@@ -63,7 +78,7 @@ class Run:
     def after(self, step: int, loss: float) -> None:
         """After step number `step` (from 0): progress with the time left, and the checkpoint when due."""
         done, now = step + 1, time.monotonic()
-        if done == self.steps or now - self.shown > SHOW_EVERY_S:
+        if self.machine.rank == 0 and (done == self.steps or now - self.shown > SHOW_EVERY_S):
             self.shown = now
             each = (now - self.started) / (done - self.first)
             left = f"{clock(each * (self.steps - done))} left"
@@ -78,7 +93,9 @@ class Run:
         return round(time.monotonic() - self.started)
 
     def log(self, record: dict) -> None:
-        """Adds a row to `log.csv` and shows it; new columns join at the right."""
+        """Adds a row to `log.csv`, and to TensorBoard where asked for; new columns join at the right."""
+        for key, value in record.items() if self.board is not None else ():
+            self.board.add_scalar(key.replace(" ", "/", 1), value, record["step"])
         row = {key: f"{value:.5g}" if isinstance(value, float) else value for key, value in record.items()}
         path, rows = self.out / "log.csv", []
         if path.exists():
@@ -91,6 +108,14 @@ class Run:
             writer.writeheader()
             writer.writerows(rows)
         print(", ".join(f"{key} {value}" for key, value in row.items()), flush=True)
+
+
+def _board(out: Path):
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError:
+        raise ImportError("--tensorboard: expected the package tensorboard, got none") from None
+    return SummaryWriter(str(out))
 
 
 def clock(seconds: float) -> str:

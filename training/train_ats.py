@@ -4,10 +4,11 @@
     python -m training.train_ats --data ../shared/data --speech runs/speech/speech.pt --out runs/ats
 
 `--corpus` trains on corpus folders (`training/corpus/folder.py`) and nothing else, with their emotions;
-`--data` on the project's own sources. `--config compact` (default; without `--speech` on the shipped
-encoder), `paper` (HuBERT or wav2vec2 features from `--hubert FOLDER`) or `debug` (with a random encoder:
-trains and exports in under a minute). Seeded; resumes from `--out/last.pt` with the same bits; uses a
-GPU where there is one.
+`--data` on the project's own sources. `--config compact` (default), `paper` or `debug` (trains and exports
+in under a minute). Each hears the shipped compact encoder, that of `--speech` (`debug`: a random one), or
+HuBERT or wav2vec2 from `--hubert FOLDER`; `paper` must be told which. `--recipe paper` has the losses and
+rates of the paper. Seeded; resumes from `--out/last.pt` with the same bits; `--device` and `--precision` say
+where it computes, and several GPUs are told by `accelerate launch` (`training/machine.py`).
 """
 
 import argparse
@@ -17,23 +18,18 @@ from pathlib import Path
 import torch
 from torch import nn
 
+from training import recipes
 from training.corpus import bank, spoken
 from training.corpus.bank import Entry
 from training.corpus.clip import Clip
 from training.corpus.closures import closures_met
 from training.corpus.faces import REPOSITORY
+from training.corpus.shares import entries_of, lasting, measured_scales, with_phones
 from training.corpus.split import leave_clips
 from training.corpus.teacher import Teacher
 from training.diffusion.schedule import add_noise, alphas_cumprod
-from training.losses import (
-    SCALE_M,
-    feature_concordance,
-    landmark_weights,
-    lip_gap,
-    lip_scale,
-    motion_loss,
-    source_scale,
-)
+from training.losses import feature_concordance, landmark_weights, lip_gap, motion_loss, source_scale
+from training.machine import Machine, add_arguments
 from training.run import Run
 from training.speech.compact import CompactEncoder
 from training.speech.compact import debug_config as debug_encoder
@@ -52,6 +48,9 @@ from training.train_speech import HEARD_EVERY, SHARES, feature_scores, load_enco
 
 SHIPPED_ENCODER = REPOSITORY / "rust-core/models/compact_speech"
 
+STEPS = 1500
+DEBUG_STEPS = 20
+TOKENS = 2048
 CONCORDANCE = 0.3
 PURE_NOISE_SHARE = 0.3
 UNSEEN_WEIGHT = 0.1
@@ -76,20 +75,22 @@ class AtsTrainer:
 
     def __init__(self, arguments, config: AtsConfig, speech: CompactSpeech | HubertSpeech):
         self.config, self.speech = config, speech
-        self.device = "cuda" if torch.cuda.is_available() else "cpu"
-        self.random = torch.Generator().manual_seed(arguments.seed)
+        self.machine = Machine(arguments.device, arguments.precision)
+        self.recipe = recipes.chosen(recipes.ATS, arguments)
+        seed = self.machine.seed(arguments.seed)
+        self.random = torch.Generator().manual_seed(seed)
         shares = source_shares(arguments, speech.entries)
         self.sources = list(shares)
         self.scale_m = measured_scales(self.sources, speech.entries)
-        self.sampler = speech.sampler(self.sources, list(shares.values()), arguments.seed)
+        self.sampler = speech.sampler(self.sources, list(shares.values()), seed)
         self.heard = judged_by_phones(arguments, speech.entries)
         self.validated = arguments.validation_clips
         self.alphas = alphas_cumprod(config.diffusion.schedule, config.diffusion.train_steps)
-        self.model = AtsDenoiser(config, dropout=arguments.dropout)
+        self.model = AtsDenoiser(config, dropout=self.recipe.dropout)
         self.landmark_weight = landmark_weights()
         self._measure_scale()
-        self.model.to(self.device)
-        self.speech.to(self.device)
+        self.machine.place(self.model, arguments.seed)
+        self.speech.to(self.machine.device)
         self.parts = nn.ModuleDict({"denoiser": self.model, "encoder": speech.encoder})
 
     def parameters(self, rate: float, encoder_rate: float) -> list[dict]:
@@ -104,36 +105,47 @@ class AtsTrainer:
     def draw(self, count: int, frames: int) -> Step:
         """A batch of motion, and its speech features."""
         batch = self.sampler.batch(count, frames)
-        withheld = torch.rand(count, generator=self.random) < UNLABELLED_SHARE
-        weight = batch.weight.clamp_min(UNSEEN_WEIGHT)
+        withheld = torch.rand(count, generator=self.random) < (1.0 if self.recipe.plain else UNLABELLED_SHARE)
         label = torch.tensor([self.config.styles.index(s) for s in self.sources])[batch.source]
         label = torch.where(withheld, self.config.styles.index(ANY_STYLE), label)
-        scale = source_scale(self.sources, batch.source, self.scale_m)
-        scaled = weight * self.landmark_weight / scale.square()
-        tensors = [batch.mel, batch.motion, scaled, batch.affect, label]
-        return Step(*[t.to(self.device) for t in tensors])
+        weight = batch.weight
+        if not self.recipe.plain:
+            scale = source_scale(self.sources, batch.source, self.scale_m)
+            weight = weight.clamp_min(UNSEEN_WEIGHT) * self.landmark_weight / scale.square()
+        tensors = [batch.mel, batch.motion, weight, batch.affect, label]
+        return Step(*[t.to(self.machine.device) for t in tensors])
 
     def loss(self, step: Step) -> tuple[torch.Tensor, dict[str, float]]:
-        """x₀ loss in metres at random noise levels, and the concordance of what a viewer sees."""
+        """x₀ loss at random noise levels: eq. 15 in mm, or ours and the concordance of what a viewer sees."""
         count, frames = step.motion.shape[:2]
-        t = torch.randint(0, len(self.alphas), (count,), generator=self.random)
-        pure = torch.rand(count, generator=self.random) < PURE_NOISE_SHARE
-        t = torch.where(pure, len(self.alphas) - 1, t)
-        noise = torch.randn(step.motion.shape, generator=self.random)
-        cool = torch.rand(count, 1, 1, generator=self.random)
-        noise = torch.where(pure[:, None, None], noise * cool, noise).to(self.device)
+        device = self.machine.device
+        t, noise = self._noise(step.motion.shape)
         clean = self.model.standardise(step.motion)
-        noisy = add_noise(clean, noise, self.alphas[t][:, None, None].to(self.device))
+        noisy = add_noise(clean, noise.to(device), self.alphas[t][:, None, None].to(device))
         room = self.config.window_frames - frames
         offset = int(torch.randint(0, room + 1, (1,), generator=self.random))
-        t = t.to(self.device)
-        with torch.autocast(self.device, torch.bfloat16):
+        with self.machine.autocast():
             speech = self.speech.windows(step.mel)
-            found = self.model(noisy, t, speech, step.affect, step.source, offset).float()
+            found = self.model(noisy, t.to(device), speech, step.affect, step.source, offset).float()
         error = (found - clean) * self.model.std
-        motion = motion_loss(error, step.weight) * step.weight.mean() / self.landmark_weight.mean()
+        shares = (self.recipe.velocity, self.recipe.acceleration)
+        if self.recipe.plain:
+            motion = 3e6 * motion_loss(error, step.weight, *shares)
+            return motion, {"motion": motion.item()}
+        motion = motion_loss(error, step.weight, *shares) * step.weight.mean() / self.landmark_weight.mean()
         agreement, parts = feature_concordance(self.model.to_metres(found) * 1e3, step.motion * 1e3)
         return motion + CONCORDANCE * agreement, {"motion": motion.item()} | parts
+
+    def _noise(self, shape: torch.Size) -> tuple[torch.Tensor, torch.Tensor]:
+        """Levels [B] and noise of `shape` [B, T, D]; ours is often all noise, weaker than normal at times."""
+        t = torch.randint(0, len(self.alphas), shape[:1], generator=self.random)
+        if self.recipe.plain:
+            return t, torch.randn(shape, generator=self.random)
+        pure = torch.rand(shape[0], generator=self.random) < PURE_NOISE_SHARE
+        t = torch.where(pure, len(self.alphas) - 1, t)
+        noise = torch.randn(shape, generator=self.random)
+        cool = torch.rand(shape[0], 1, 1, generator=self.random)
+        return t, torch.where(pure[:, None, None], noise * cool, noise)
 
     def _measure_scale(self) -> None:
         """Mean and deviation of the training motion into the model."""
@@ -145,26 +157,17 @@ class AtsTrainer:
 
 def source_shares(arguments, entries: list[Entry]) -> dict[str, float]:
     """How often each source is drawn: of corpus folders as long as they last, of ours as they were set."""
+    if arguments.corpus:
+        return lasting(entries)
     found = {e.source for e in entries if not e.held_out}
-    if not arguments.corpus:
-        given = dict(zip(SHARES, arguments.shares, strict=True))
-        return {s: given[s] for s in SHARES if s in found and s not in arguments.leave_out}
-    frames = {s: sum(len(e.motion) for e in entries if e.source == s and not e.held_out) for s in found}
-    return {s: frames[s] / sum(frames.values()) for s in sorted(frames)}
-
-
-def measured_scales(sources: list[str], entries: list[Entry]) -> dict[str, float]:
-    """Typical lip motion of each source, metres; measured where it is not one of ours."""
-    scales = dict(SCALE_M)
-    for source in set(sources) - set(SCALE_M):
-        scales[source] = lip_scale([e.motion for e in entries if e.source == source and not e.held_out])
-    return scales
+    given = dict(zip(SHARES, arguments.shares, strict=True))
+    return {s: given[s] for s in SHARES if s in found and s not in arguments.leave_out}
 
 
 def judged_by_phones(arguments, entries: list[Entry]) -> list[Entry]:
     """Held-out speech with phones, by which closures are counted."""
     if arguments.corpus:
-        return [e for e in entries if e.held_out and (e.phones >= 0).all() and len(e.phones) > len(e.motion)]
+        return with_phones([e for e in entries if e.held_out])
     if arguments.config != "compact":
         return []
     held_out = [e for e in entries if e.source == spoken.SOURCE and e.held_out]
@@ -226,20 +229,15 @@ def train(arguments) -> Path:
     trainer = AtsTrainer(arguments, config, source)
     if arguments.init is not None:
         start_from(trainer, arguments.init)
-    debug = arguments.config == "debug"
-    steps = min(arguments.steps, 20) if debug else arguments.steps
+    steps = steps_of(arguments, trainer)
     run = start(arguments, trainer, steps)
     optimiser, schedule, average = (run.parts[name] for name in ("optimiser", "schedule", "average"))
     lengths = [n for n in (64, 96, 128, 192, 256) if n <= config.window_frames] or [24]
     until = min(steps, arguments.stop_at or steps)
     for step in range(run.first, until):
         frames = lengths[int(torch.randint(0, len(lengths), (1,), generator=trainer.random))]
-        count = max(1, (arguments.tokens if not debug else 192) // frames)
-        loss, parts = trainer.loss(trainer.draw(count, frames))
-        optimiser.zero_grad()
-        loss.backward()
-        nn.utils.clip_grad_norm_(trainer.parts.parameters(), 1.0)
-        optimiser.step()
+        loss, parts = trainer.loss(trainer.draw(batch_of(arguments, trainer.recipe, frames), frames))
+        trainer.machine.step(loss, trainer.parts, optimiser, 1.0)
         schedule.step()
         average.update_parameters(trainer.parts)
         run.after(step, loss.item())
@@ -250,27 +248,49 @@ def train(arguments) -> Path:
     return arguments.out / "ats.pt"
 
 
+def steps_of(arguments, trainer: AtsTrainer) -> int:
+    """As asked for, else the recipe's epochs over the training clips, else 1500; `debug` takes 20 at most."""
+    clips = sum(not e.held_out for e in trainer.speech.entries)
+    usual = trainer.recipe.steps(clips) if trainer.recipe.epochs else STEPS
+    steps = arguments.steps or usual
+    return min(steps, DEBUG_STEPS) if arguments.config == "debug" else steps
+
+
+def batch_of(arguments, recipe: recipes.Recipe, frames: int) -> int:
+    """Windows of `frames` in a batch."""
+    if arguments.tokens is None and recipe.batch is not None:
+        return recipe.batch
+    tokens = 192 if arguments.config == "debug" else arguments.tokens or TOKENS
+    return max(1, tokens // frames)
+
+
 def start(arguments, trainer: AtsTrainer, steps: int) -> Run:
     """Optimiser, schedule and averaged weights of a run of `steps`, as they were where it stopped."""
-    groups = trainer.parameters(arguments.rate, arguments.encoder_rate)
-    optimiser = torch.optim.AdamW(groups, weight_decay=0.02)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, [group["lr"] for group in groups], steps + 1, pct_start=0.1
-    )
+    recipe = trainer.recipe
+    groups = trainer.parameters(recipe.rate, arguments.encoder_rate)
+    optimiser = torch.optim.AdamW(groups, weight_decay=recipe.weight_decay)
+    rates = [group["lr"] for group in groups]
+    if recipe.annealed:
+        schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, rates, steps + 1, pct_start=0.1)
+    else:
+        schedule = torch.optim.lr_scheduler.ConstantLR(optimiser, 1.0)
     average = torch.optim.swa_utils.AveragedModel(
-        trainer.parts, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.995)
+        trainer.parts, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(recipe.average)
     )
     parts = {"model": trainer.parts, "optimiser": optimiser, "schedule": schedule, "average": average}
     generators = {"trainer": trainer.random, "windows": trainer.sampler.random}
-    return Run(arguments.out, parts, steps, arguments.save_every, generators)
+    machine, board = trainer.machine, arguments.tensorboard
+    return Run(arguments.out, parts, steps, arguments.save_every, generators, machine, board)
 
 
 def report(run: Run, step: int, trainer: AtsTrainer, averaged: nn.ModuleDict, parts: dict) -> None:
-    """Scores on held-out clips, into the log, and `ats.pt`."""
+    """Scores on held-out clips, into the log, and `ats.pt`; the first process does it for all."""
+    if trainer.machine.rank > 0:
+        return
     denoiser, heard = averaged["denoiser"], trainer.speech.using(averaged["encoder"])
     scores = validate(trainer, denoiser, heard, trainer.config.sampling)
     run.log({"step": step + 1, "s": run.seconds(), **parts, **scores})
-    save(run.out / "ats.pt", denoiser, heard)
+    save(run.out / "ats.pt", denoiser, heard, trainer.recipe)
 
 
 def start_from(trainer: AtsTrainer, path: Path) -> None:
@@ -289,22 +309,24 @@ def fit_to_corpora(config: AtsConfig, entries: list[Entry]) -> None:
     config.emotion = "learned" if felt else "added"
 
 
-def save(path: Path, model: AtsDenoiser, speech: CompactSpeech | HubertSpeech) -> None:
-    """One file with the denoiser, its encoder and both configurations."""
+def save(path: Path, model: AtsDenoiser, speech: CompactSpeech | HubertSpeech, recipe) -> None:
+    """One file with the denoiser, its encoder, both configurations and how it was trained."""
     state = {key: value.cpu() for key, value in model.state_dict().items()}
-    torch.save({"state": state, "config": model.config.to_json(), **speech.saved()}, path)
+    about = {"config": model.config.to_json(), "recipe": recipe.record()}
+    torch.save({"state": state, **about, **speech.saved()}, path)
 
 
 def speech_source(arguments, config: AtsConfig) -> CompactSpeech | HubertSpeech:
     """The speech that the configuration asks for."""
-    if config.speech.encoder != "compact_speech":
+    if hears_hubert(arguments, config):
         features = HubertFeatures(arguments.hubert)
         config.speech = SpeechInput(features.kind, features.channels)
         return HubertSpeech(features, own_clips(arguments))
     if arguments.config == "debug":
-        return CompactSpeech(CompactEncoder(debug_encoder()), own_entries(arguments, 2, 4))
+        return CompactSpeech(CompactEncoder(debug_encoder()), entries_of(arguments, 2, 4))
     encoder = load_encoder(arguments.speech or SHIPPED_ENCODER)
-    source = CompactSpeech(encoder, own_entries(arguments, arguments.voices, arguments.limit))
+    config.speech = SpeechInput("compact_speech", encoder.config.channels)
+    source = CompactSpeech(encoder, entries_of(arguments, arguments.voices, arguments.limit))
     if spoken.SOURCE not in arguments.leave_out and not arguments.corpus:
         left, cache = tuple(arguments.leave_speech), arguments.cache
         teacher = Teacher.load()
@@ -313,15 +335,13 @@ def speech_source(arguments, config: AtsConfig) -> CompactSpeech | HubertSpeech:
     return source
 
 
-def own_entries(arguments, voices: int, limit: int | None) -> list[Entry]:
-    """Entries of the corpus folders, or of the project's own sources."""
-    if arguments.corpus:
-        return bank.of_folders(arguments.corpus, voices, arguments.seed, limit)
-    return bank.load(arguments.data, arguments.cache, voices, limit=limit)
+def hears_hubert(arguments, config: AtsConfig) -> bool:
+    """Whether features are those of `--hubert`; any size takes them, `paper` unless `--speech` is given."""
+    return arguments.hubert is not None or (config.speech.encoder == "hubert" and arguments.speech is None)
 
 
 def own_clips(arguments) -> list[Clip]:
-    """As `own_entries`, before anything is heard."""
+    """Of the corpus folders, else of the project's own sources, before anything is heard."""
     if arguments.corpus:
         return bank.clips_of_folders(arguments.corpus, arguments.limit)
     sources = [bank.few(read(arguments.data), arguments.limit) for read in bank.READERS.values()]
@@ -348,11 +368,13 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--voices", type=int, default=7)
     parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
     parser.add_argument("--init", type=Path, help="start from this ats.pt, its encoder included")
-    parser.add_argument("--steps", type=int, default=1500)
-    parser.add_argument("--tokens", type=int, default=2048, help="frames in a batch")
-    parser.add_argument("--rate", type=float, default=8e-4)
+    parser.add_argument("--steps", type=int, help=f"{STEPS}, or the epochs of the recipe")
+    parser.add_argument("--tokens", type=int, help=f"frames in a batch: {TOKENS}, or the batch of the recipe")
+    recipes.add_arguments(parser)
     parser.add_argument("--encoder-rate", type=float, default=0.0, help="tunes the encoder as well")
-    parser.add_argument("--dropout", type=float, default=0.05)
+    parser.add_argument("--dropout", type=float, help="in place of the recipe's")
+    add_arguments(parser, "bfloat16")
+    parser.add_argument("--tensorboard", action="store_true", help="logs for TensorBoard too, into --out")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--log-every", type=int, default=150)

@@ -4,7 +4,8 @@
 
 A closure lasts a frame or two of video, smoothing lifts it and every squared error blurs it, so p,
 b and m are read from the sound itself: a logistic read-out of the encoder's features, trained on all
-speech with phones. The run file is written again with it.
+speech with phones: that of the project, or with `--corpus DIR [DIR ...]` the clips of corpus folders that
+have `phones/CLIP.tsv`. The run file is written again with it.
 """
 
 import argparse
@@ -16,6 +17,7 @@ from torch import Tensor
 
 from training.corpus import bank, spoken
 from training.corpus.phones import BILABIALS
+from training.corpus.shares import lasting, with_phones
 from training.corpus.teacher import Teacher
 from training.corpus.windows import AugmentOptions, WindowSampler
 from training.speech.compact import CompactConfig, CompactEncoder
@@ -61,9 +63,23 @@ def fit(encoder: CompactEncoder, sampler: WindowSampler, steps: int, batch: int)
             print(f"step {step + 1}: {loss.item():.4f}", flush=True)
 
 
-def main() -> None:
+def speech_with_phones(arguments) -> tuple[list[bank.Entry], dict[str, float]]:
+    """Entries and how often each source is drawn."""
+    if arguments.corpus:
+        entries = with_phones(bank.of_folders(arguments.corpus, arguments.voices, arguments.seed))
+        if all(e.held_out for e in entries):
+            raise ValueError("--corpus: expected phones/CLIP.tsv of one training clip or more, got none")
+        return entries, lasting(entries)
+    data, cache, left = arguments.data, arguments.cache, tuple(arguments.leave_speech)
+    entries = bank.load(data, cache, arguments.voices)
+    entries += spoken.load(data, cache, arguments.minutes, left, Teacher.load(), arguments.reader)
+    return entries, SHARES
+
+
+def main(given: list[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--run", type=Path, required=True, help="ats.pt of training.train_ats")
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
@@ -75,17 +91,15 @@ def main() -> None:
     parser.add_argument("--batch", type=int, default=24)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1)
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(given)
     torch.manual_seed(arguments.seed)
     torch.set_num_threads(arguments.threads)
     saved = torch.load(arguments.run)
     encoder = CompactEncoder(CompactConfig(**saved["encoder_config"])).eval()
     encoder.load_state_dict(saved["encoder"])
-    data, cache, left = arguments.data, arguments.cache, tuple(arguments.leave_speech)
-    teacher = Teacher.load()
-    entries = bank.load(data, cache, arguments.voices)
-    entries += spoken.load(data, cache, arguments.minutes, left, teacher, arguments.reader)
-    sampler = WindowSampler(entries, list(SHARES), list(SHARES.values()), arguments.seed, AugmentOptions())
+    entries, shares = speech_with_phones(arguments)
+    drawn = (list(shares), list(shares.values()))
+    sampler = WindowSampler(entries, *drawn, arguments.seed, AugmentOptions())
     fit(encoder, sampler, arguments.steps, arguments.batch)
     saved["encoder"] = encoder.state_dict()
     torch.save(saved, arguments.run)

@@ -4,13 +4,14 @@
 
 Each source of motion has its own linear read-out, so that two people do not average into one.
 Speech without a face (many voices, eighteen languages) joins through `--targets`: articulatory
-features of its phones, the phones themselves, or CTC. Only the encoder is kept. Seeded; resumes
-from `--out/last.pt`.
+features of its phones, the phones themselves, or CTC. With `--corpus DIR [DIR ...]` it hears corpus folders
+alone, and their phones where they say them. Only the encoder is kept. Seeded; resumes from `--out/last.pt`
+with the same bits.
 """
 
 import argparse
 import json
-import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from torch import nn
 
 from training.corpus import bank, spoken
 from training.corpus.closures import closures_met
+from training.corpus.shares import entries_of, lasting, measured_scales, with_phones
 from training.corpus.teacher import Teacher
 from training.corpus.windows import AugmentOptions, Batch, WindowSampler, plain_options
 from training.losses import (
@@ -30,6 +32,8 @@ from training.losses import (
     motion_loss,
     source_scale,
 )
+from training.machine import Machine
+from training.run import Run
 from training.speech.compact import CompactConfig, CompactEncoder, debug_config, normalise
 from training.speech.targets import TARGETS, PhoneHead
 
@@ -59,10 +63,9 @@ class SpeechToMotion(nn.Module):
         return every[source, torch.arange(len(source))]
 
 
-def loss_of(model: SpeechToMotion, batch: Batch, sources: list[str], weight: torch.Tensor):
-    """Motion loss, gap concordance and articulation of one batch."""
-    scale = source_scale(sources, batch.source)
-    with torch.autocast("cpu", torch.bfloat16):
+def loss_of(model: SpeechToMotion, batch: Batch, scale: torch.Tensor, weight: torch.Tensor, machine: Machine):
+    """Motion loss, gap concordance and articulation of one batch; `scale` [B, 1, 1] metres of its sources."""
+    with machine.autocast():
         features = model.dropout(model.encoder(batch.mel))
         prediction = model.read_out(features, batch.source).float()
         said = model.phones.loss(features, batch.phones)
@@ -115,16 +118,15 @@ def closure_scores(model: SpeechToMotion, entries, source: int) -> dict[str, flo
     return {f"{label} closed": float(np.mean(found)) for label, found in sorted(met.items())}
 
 
-def validate(model, entries, sources: list[str]) -> dict[str, float]:
-    """Held-out clips of trained sources; every clip of a source left out (each read-out)."""
-    heard = [e for e in entries if e.source == spoken.SOURCE and e.held_out]
+def validate(model, entries, heard: list[bank.Entry], sources: list[str]) -> dict[str, float]:
+    """Held-out clips of trained sources, all of a source left out (each read-out), closures of `heard`."""
     judge = sources.index(spoken.SOURCE if spoken.SOURCE in sources else sources[0])
-    report = {k: round(v, 3) for k, v in closure_scores(model, heard[::HEARD_EVERY], judge).items()}
+    report = {k: round(v, 3) for k, v in closure_scores(model, heard, judge).items()}
     for name in sorted({e.source for e in entries} - {spoken.SOURCE}):
         known = name in sources
         chosen = [e for e in entries if e.source == name and (e.held_out or not known)]
         for index, source in enumerate(s for s in sources if s != spoken.SOURCE):
-            if known and source != name:
+            if not chosen or (known and source != name):
                 continue
             scores = motion_scores(model, chosen[:60], index)
             label = name if known else f"{name}<-{source}"
@@ -132,78 +134,78 @@ def validate(model, entries, sources: list[str]) -> dict[str, float]:
     return report
 
 
-def train(arguments) -> Path:
-    """Runs the training and returns the checkpoint's path."""
-    torch.manual_seed(arguments.seed)
-    torch.set_num_threads(arguments.threads)
+@dataclass
+class Speech:
+    """What a training hears: its entries, those it is judged by, and how often each source is drawn."""
+
+    entries: list[bank.Entry]
+    judged: list[bank.Entry]
+    heard: list[bank.Entry]
+    shares: dict[str, float]
+
+
+def speech_of(arguments) -> Speech:
+    """Corpus folders, or the project's own sources with speech that has no face."""
     debug = arguments.config == "debug"
-    out: Path = arguments.out
-    out.mkdir(parents=True, exist_ok=True)
-    config = debug_config() if debug else CompactConfig()
     voices, limit = (2, 4) if debug else (arguments.voices, None)
-    entries = bank.load(arguments.data, arguments.cache, voices, limit=limit)
+    entries = entries_of(arguments, voices, limit)
+    if arguments.corpus:
+        return Speech(entries, entries, with_phones([e for e in entries if e.held_out]), lasting(entries))
     if arguments.targets != "none" and not debug:
         left = tuple(arguments.leave_speech)
         teacher = Teacher.load() if arguments.teacher else None
         speech = (arguments.minutes, left, teacher, arguments.reader)
         entries += spoken.load(arguments.data, arguments.cache, *speech)
-    sources = [s for s in SHARES if s in {e.source for e in entries} and s not in arguments.leave_out]
+    found = {e.source for e in entries} - {*arguments.leave_out}
     judged = entries + ([] if debug else spoken.unseen(arguments.data))
+    heard = [e for e in judged if e.source == spoken.SOURCE and e.held_out][::HEARD_EVERY]
+    return Speech(entries, judged, heard, {s: share for s, share in SHARES.items() if s in found})
+
+
+def train(arguments) -> Path:
+    """Runs the training and returns the checkpoint's path."""
+    torch.manual_seed(arguments.seed)
+    torch.set_num_threads(arguments.threads)
+    machine = Machine("cpu", "bfloat16")
+    config = debug_config() if arguments.config == "debug" else CompactConfig()
+    speech = speech_of(arguments)
+    sources, scales = list(speech.shares), measured_scales([*speech.shares], speech.entries)
     options = AugmentOptions() if arguments.augment else plain_options()
-    sampler = WindowSampler(entries, sources, [SHARES[s] for s in sources], arguments.seed, options)
+    shares = list(speech.shares.values())
+    sampler = WindowSampler(speech.entries, sources, shares, arguments.seed, options)
     model = SpeechToMotion(config, sources, arguments.targets)
     if arguments.init is not None:
         model.load_state_dict(torch.load(arguments.init)["state"])
-    steps = 20 if debug else arguments.steps
+    run = start(arguments, model, {"windows": sampler.random}, 0.995)
+    schedule, average, weight = run.parts["schedule"], run.parts["average"], landmark_weights()
+    for step in range(run.first, run.steps):
+        batch = sampler.batch(arguments.batch, arguments.frames)
+        loss, parts = loss_of(model, batch, source_scale(sources, batch.source, scales), weight, machine)
+        machine.step(loss, model, run.parts["optimiser"], 1.0)
+        schedule.step()
+        average.update_parameters(model)
+        run.after(step, loss.item())
+        if step % arguments.log_every == arguments.log_every - 1 or step == run.steps - 1:
+            scores = validate(average.module, speech.judged, speech.heard, sources)
+            run.log({"step": step + 1, "s": run.seconds(), **parts, **scores})
+    final = {"state": average.module.state_dict(), "config": config.to_json(), "sources": sources}
+    torch.save(final | {"targets": arguments.targets}, arguments.out / "speech.pt")
+    return arguments.out / "speech.pt"
+
+
+def start(arguments, model: nn.Module, generators: dict, average: float) -> Run:
+    """Optimiser, schedule and averaged weights as they were where the run stopped; `debug` takes 20 steps."""
+    steps = min(arguments.steps, 20) if arguments.config == "debug" else arguments.steps
     optimiser = torch.optim.AdamW(model.parameters(), lr=arguments.rate, weight_decay=0.02)
     warmup = max(steps // 20, 1)
     schedule = torch.optim.lr_scheduler.OneCycleLR(
         optimiser, arguments.rate, steps + 1, pct_start=warmup / steps
     )
-    first = resume(out / "last.pt", model, optimiser, schedule)
-    average = torch.optim.swa_utils.AveragedModel(
-        model, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.995)
+    averaged = torch.optim.swa_utils.AveragedModel(
+        model, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(average)
     )
-    weight, started = landmark_weights(), time.time()
-    for step in range(first, steps):
-        batch = sampler.batch(arguments.batch, arguments.frames)
-        loss, parts = loss_of(model, batch, sources, weight)
-        optimiser.zero_grad()
-        loss.backward()
-        nn.utils.clip_grad_norm_(model.parameters(), 1.0)
-        optimiser.step()
-        schedule.step()
-        average.update_parameters(model)
-        if step % arguments.log_every == arguments.log_every - 1 or step == steps - 1:
-            scores = validate(average.module, judged, sources)
-            record = {"step": step + 1, "s": round(time.time() - started), **parts, **scores}
-            log(out, record)
-            state = {"model": model.state_dict(), "optimiser": optimiser.state_dict()}
-            state |= {"schedule": schedule.state_dict(), "step": step + 1}
-            torch.save(state, out / "last.pt")
-    final = {"state": average.module.state_dict(), "config": config.to_json(), "sources": sources}
-    final |= {"targets": arguments.targets}
-    torch.save(final, out / "speech.pt")
-    return out / "speech.pt"
-
-
-def resume(path: Path, model, optimiser, schedule) -> int:
-    """Restores an interrupted run; returns the step to go on from."""
-    if not path.exists():
-        return 0
-    state = torch.load(path)
-    model.load_state_dict(state["model"])
-    optimiser.load_state_dict(state["optimiser"])
-    schedule.load_state_dict(state["schedule"])
-    return state["step"]
-
-
-def log(out: Path, record: dict) -> None:
-    """Appends one line of json to log.jsonl and shows it."""
-    line = json.dumps({k: round(v, 4) if isinstance(v, float) else v for k, v in record.items()})
-    with open(out / "log.jsonl", "a") as file:
-        file.write(line + "\n")
-    print(line, flush=True)
+    parts = {"model": model, "optimiser": optimiser, "schedule": schedule, "average": averaged}
+    return Run(arguments.out, parts, steps, arguments.save_every, generators)
 
 
 def load_encoder(path: Path) -> CompactEncoder:
@@ -223,6 +225,7 @@ def load_encoder(path: Path) -> CompactEncoder:
 def parser() -> argparse.ArgumentParser:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--out", type=Path, default=Path("runs/speech"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
@@ -243,6 +246,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--log-every", type=int, default=150)
+    parser.add_argument("--save-every", type=int, default=50, help="steps between checkpoints")
     return parser
 
 

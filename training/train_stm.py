@@ -17,12 +17,14 @@ alone (for the leave-one-face-out errors), seeded, one thread by default. Result
 from __future__ import annotations
 
 import argparse
+import math
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import torch
 
+from training import recipes
 from training.corpus.expressions import load_speech, training_frames
 from training.corpus.prepared import PreparedMesh, landmark_shapes, load_or_build
 from training.corpus.sequence_meshes import SequenceMesh, held_out_errors, neutral_shapes, sequence_meshes
@@ -35,12 +37,21 @@ from training.deform.static_weights import (
     VertexGeometry,
     deform,
 )
+from training.machine import Machine, add_arguments
 from training.run import Run
 from training.systems.freetalk.stm.paper import CONFIGS as PAPER
-from training.systems.freetalk.stm.train_paper import paper_mesh, predict, train_paper
+from training.systems.freetalk.stm.train_paper import (
+    FRAMES,
+    Length,
+    PaperMesh,
+    paper_mesh,
+    predict,
+    train_paper,
+)
 
 STEPS = 5000
 """Of the static decoder."""
+SAVE_EVERY = 500
 SHAPES = 1500
 """Neutral faces of each kind by which a familiar one is told."""
 
@@ -94,36 +105,39 @@ def train_static(
     steps: int,
     seed: int,
     out: Path,
-    save_every: int = 500,
+    machine: Machine | None = None,
 ) -> StaticWeights:
     """Minimises the mean distance to the true place, at full strength of the correction.
 
     `meshes` by face; `speech` are weights of their modes, none for meshes with sequences of their own.
     """
+    machine = machine or Machine("cpu")
     torch.manual_seed(seed)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(machine.seed(seed))
     model, faces = StaticWeights(config), tuple(meshes)
     rows = torch.cat([m.geometry.features()[::7] for f in faces for m in meshes[f]])
     model.feature_mean.copy_(rows.mean(0))
     model.feature_scale.copy_(rows.std(0) + 1e-3)
+    machine.place(model, seed)
     optimiser = torch.optim.AdamW(model.parameters(), lr=2e-3, weight_decay=1e-2)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 2e-3, steps, pct_start=0.1)
     parts = {"model": model, "optimiser": optimiser, "schedule": schedule}
-    run = Run(out, parts, steps, save_every, {"draws": rng})
+    run = Run(out, parts, steps, SAVE_EVERY, {"draws": rng}, machine)
     for step in range(run.first, steps):
-        loss = torch.zeros(())
+        loss = torch.zeros((), device=machine.device)
         for face in faces * (2 // len(faces)):
             mesh = meshes[face][rng.integers(len(meshes[face]))]
-            geometry, landmarks, truth = sample(rng, mesh, speech, frames=12)
+            geometry, *motion = sample(rng, mesh, speech, frames=12)
+            geometry, (landmarks, truth) = geometry.to(machine.device), (m.to(machine.device) for m in motion)
             base = torch.einsum("vn,tnx->tvx", geometry.base, landmarks)
-            error = base + model.one_sided_correction(geometry, landmarks) - truth
+            with machine.autocast():
+                correction = model.one_sided_correction(geometry, landmarks).float()
+            error = base + correction - truth
             loss = loss + (100.0 * error.square().sum(-1) + 1e-4).sqrt().mean()
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
+        machine.step(loss, model, optimiser, math.inf)
         schedule.step()
         run.after(step, loss.item())
-    return model
+    return model.cpu()
 
 
 def learn_shapes(model: StaticWeights, faces: tuple[str, ...], data: Path, seed: int) -> None:
@@ -148,14 +162,34 @@ def train_on_data(args) -> None:
         if args.model == "static":
             meshes = {f: corpus.train[f] for f in faces}
             config = CONFIGS[args.config or "static"]
-            model = train_static(config, meshes, speech, args.steps or STEPS, args.seed, out)
+            steps = args.steps or STEPS
+            model = train_static(config, meshes, speech, steps, args.seed, out, machine_of(args))
             learn_shapes(model, faces, args.data, args.seed)
         else:
             config = PAPER[args.config or "compact"]
             meshes = {f: coarsest(corpus.train[f], args.meshes) for f in faces}
             seen = {f: [paper_mesh(m, config) for m in meshes[f]] for f in meshes}
-            model = train_paper(config, speech, args.seconds, args.steps, args.seed, seen, out)
+            model = train_paper(config, speech, *plan(args, seen), out, *how(args))
         save(model, args.runs / f"{args.model}_{name}.pt")
+
+
+def machine_of(args) -> Machine:
+    """Where it trains."""
+    return Machine(args.device, args.precision)
+
+
+def how(args) -> tuple[recipes.Recipe, Machine]:
+    """Recipe and machine of the paper's decoder."""
+    return recipes.chosen(recipes.STM, args), machine_of(args)
+
+
+def plan(args, seen: dict[str, list[PaperMesh]]) -> tuple[Length, int, dict[str, list[PaperMesh]]]:
+    """How long, with which seed, on what: `--steps`, else the recipe's epochs, else `--seconds`."""
+    steps, recipe = args.steps, recipes.STM[args.recipe]
+    if steps is None and recipe.epochs is not None and args.corpus:
+        lengths = [len(s) for meshes in seen.values() for m in meshes for s in m.mesh.sequences]
+        steps = recipe.steps(sum(lengths) // FRAMES)
+    return Length(steps, args.seconds), args.seed, seen
 
 
 def train_on_corpora(args) -> Path:
@@ -164,7 +198,8 @@ def train_on_corpora(args) -> Path:
     out, path = args.runs / f"{args.model}_corpus", args.runs / f"{args.model}_corpus.pt"
     if args.model == "static":
         config = CONFIGS[args.config or "static"]
-        model = train_static(config, {"corpus": meshes}, None, args.steps or STEPS, args.seed, out)
+        steps = args.steps or STEPS
+        model = train_static(config, {"corpus": meshes}, None, steps, args.seed, out, machine_of(args))
         rng = np.random.default_rng(args.seed)
         for kind in range(config.kinds):
             shapes = neutral_shapes(rng, meshes, args.shapes)
@@ -173,7 +208,7 @@ def train_on_corpora(args) -> Path:
     else:
         config = PAPER[args.config or "compact"]
         seen = {"corpus": [paper_mesh(mesh, config) for mesh in meshes]}
-        model = train_paper(config, None, args.seconds, args.steps, args.seed, seen, out)
+        model = train_paper(config, None, *plan(args, seen), out, *how(args))
         method = lambda mesh, landmarks: predict(model, paper_mesh(mesh, config), landmarks)  # noqa: E731
     save(model, path)
     held_out = sequence_meshes(args.corpus, held_out=True)
@@ -202,6 +237,8 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--seconds", type=float, default=180.0, help="processor time, paper")
     parser.add_argument("--meshes", type=int, default=14, help="of each face, the coarsest, for paper")
     parser.add_argument("--shapes", type=int, default=SHAPES, help="neutral faces by which one is told")
+    recipes.add_arguments(parser)
+    add_arguments(parser, "float32")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1)
     return parser

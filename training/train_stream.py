@@ -5,22 +5,23 @@
 The teacher is the encoder and denoiser in `--models`, or with `--ats` those of a finished run. It
 performs every clip once; that is kept under `--out`. `--speech DIR ...` adds
 folders of speech without motion, which the teacher alone judges: more voices than were captured;
-`--minutes` adds recorded and synthetic speech of many languages (`training/corpus/spoken.py`).
-Seeded; resumes from `--out/last.pt`; `--config debug` takes a minute.
+`--minutes` adds recorded and synthetic speech of many languages (`training/corpus/spoken.py`), `--corpus
+DIR [DIR ...]` takes corpus folders in place of the project's own. Seeded; resumes from `--out/last.pt` with
+the same bits; `--config debug` takes a minute.
 """
 
 import argparse
-import time
 from pathlib import Path
 
 import torch
-from torch import nn
 
-from training.corpus import bank, lessons, spoken
+from training.corpus import lessons, spoken
 from training.corpus.lesson_windows import DIMS, LessonBatch, LessonSampler
 from training.corpus.lessons import FullModel, Lesson
+from training.corpus.shares import entries_of, lasting, measured_scales
 from training.export import load_models, load_run
 from training.losses import feature_concordance, landmark_weights, motion_loss
+from training.machine import Machine
 from training.speech.compact import ACTIVE_QUANTILE, clip_colour
 from training.systems.freetalk.stream import (
     StreamConfig,
@@ -29,7 +30,7 @@ from training.systems.freetalk.stream import (
     normalise_running,
     perform,
 )
-from training.train_speech import feature_scores, log, resume
+from training.train_speech import feature_scores, start
 
 SHARES = {"grid_s1": 0.65, "facegood_zh": 0.35}
 CONCORDANCE = 0.2
@@ -54,11 +55,18 @@ def config_for(found: list[Lesson], debug: bool) -> StreamConfig:
     return config
 
 
-def shares_of(found: list[Lesson], speech_share: float) -> dict[str, float]:
+def captured_shares(arguments, found: list[Lesson]) -> dict[str, float]:
+    """Share of each source with captured motion among them."""
+    if not arguments.corpus:
+        return SHARES
+    return lasting([x for x in found if bool((x.weight > 0).any())])
+
+
+def shares_of(found: list[Lesson], speech_share: float, among: dict[str, float]) -> dict[str, float]:
     """How often each source is drawn: speech without motion, if any, gets `speech_share`."""
-    others = sorted({x.source for x in found} - {*SHARES})
+    others = sorted({x.source for x in found} - {*among})
     captured = 1.0 - speech_share if others else 1.0
-    shares = {source: captured * share for source, share in SHARES.items()}
+    shares = {source: captured * share for source, share in among.items()}
     seconds = {source: sum(len(x.motion) for x in found if x.source == source) for source in others}
     total = sum(seconds.values())
     return shares | {source: speech_share * s / total for source, s in seconds.items()}
@@ -78,14 +86,14 @@ def loss_of(model: StreamNet, batch: LessonBatch, weight: torch.Tensor):
 
 
 @torch.no_grad()
-def validate(model: StreamNet, found: list[Lesson]) -> dict[str, float]:
+def validate(model: StreamNet, found: list[Lesson], captured: dict[str, float]) -> dict[str, float]:
     """r and slope of every feature on unseen clips: with the capture where there is one, else the teacher."""
     model.eval()
     report = {}
     for source in sorted({x.source for x in found if x.held_out}):
         chosen = [x for x in found if x.held_out and x.source == source][:HELD_OUT_CLIPS]
         made = [perform(model, x.mels[0].float(), len(x.motion)) for x in chosen]
-        true = [x.motion if source in SHARES else x.taught.float() for x in chosen]
+        true = [x.motion if source in captured else x.taught.float() for x in chosen]
         scores = feature_scores(list(zip(made, true, strict=True)))
         report |= {f"{source} {key}": value for key, value in scores.items()}
     model.train()
@@ -96,7 +104,7 @@ def prepare(arguments) -> list[Lesson]:
     """Bank and teacher to lessons."""
     debug = arguments.config == "debug"
     voices, limit = (2, 4) if debug else (arguments.voices, None)
-    entries = bank.load(arguments.data, arguments.cache, voices, limit=limit)
+    entries = entries_of(arguments, voices, limit)
     if arguments.minutes > 0:
         entries += spoken.load(arguments.data, arguments.cache, arguments.minutes)
     arguments.out.mkdir(parents=True, exist_ok=True)
@@ -121,45 +129,34 @@ def train(arguments) -> Path:
     torch.manual_seed(arguments.seed)
     torch.set_num_threads(arguments.threads)
     debug = arguments.config == "debug"
-    out: Path = arguments.out
     found = prepare(arguments)
     model = new_model(arguments, found)
-    shares = shares_of(found, arguments.speech_share)
-    sampler = LessonSampler(found, shares, arguments.seed, model.config)
-    steps = 20 if debug else arguments.steps
-    optimiser = torch.optim.AdamW(model.parameters(), lr=arguments.rate, weight_decay=0.02)
-    warmup = max(steps // 20, 1)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, arguments.rate, steps + 1, pct_start=warmup / steps
-    )
-    first = resume(out / "last.pt", model, optimiser, schedule)
-    average = torch.optim.swa_utils.AveragedModel(
-        model, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(arguments.average)
-    )
-    weight, started = landmark_weights(), time.time()
+    captured = captured_shares(arguments, found)
+    shares = shares_of(found, arguments.speech_share, captured)
+    scales = measured_scales([*captured], found)
+    sampler = LessonSampler(found, shares, arguments.seed, model.config, scales)
+    generators = {"windows": sampler.random}
+    run, machine = start(arguments, model, generators, arguments.average), Machine("cpu")
+    schedule, average, weight = run.parts["schedule"], run.parts["average"], landmark_weights()
     count, frames = (4, 32) if debug else (arguments.batch, arguments.frames)
-    for step in range(first, steps):
+    for step in range(run.first, run.steps):
         loss, parts = loss_of(model, sampler.batch(count, frames), weight)
-        optimiser.zero_grad()
-        loss.backward()
-        nn.utils.clip_grad_norm_(model.parameters(), 1.0)
-        optimiser.step()
+        machine.step(loss, model, run.parts["optimiser"], 1.0)
         schedule.step()
         average.update_parameters(model)
-        if step % arguments.log_every == arguments.log_every - 1 or step == steps - 1:
-            scores = validate(average.module, found)
-            log(out, {"step": step + 1, "s": round(time.time() - started), **parts, **scores})
-            state = {"model": model.state_dict(), "optimiser": optimiser.state_dict()}
-            state |= {"schedule": schedule.state_dict(), "step": step + 1}
-            torch.save(state, out / "last.pt")
+        run.after(step, loss.item())
+        if step % arguments.log_every == arguments.log_every - 1 or step == run.steps - 1:
+            scores = validate(average.module, found, captured)
+            run.log({"step": step + 1, "s": run.seconds(), **parts, **scores})
             state = average.module.state_dict()
-            torch.save({"state": state, "config": model.config.to_json()}, out / "stream.pt")
-    return out / "stream.pt"
+            torch.save({"state": state, "config": model.config.to_json()}, run.out / "stream.pt")
+    return run.out / "stream.pt"
 
 
 def parser() -> argparse.ArgumentParser:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--models", type=Path, default=Path("rust-core/models"))
     parser.add_argument("--ats", type=Path, help="ats.pt of training.train_ats, not --models")
@@ -179,6 +176,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--log-every", type=int, default=150)
+    parser.add_argument("--save-every", type=int, default=50, help="steps between checkpoints")
     return parser
 
 

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from training.corpus.check import check
-from training.corpus.folder import CorpusError
+from training.corpus.checked import CorpusError
 from training.corpus.readers import READERS
 
 

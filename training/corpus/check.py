@@ -13,10 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
+from training.corpus.checked import CorpusError
 from training.corpus.clip import inner_gap
 from training.corpus.faces import canonical_landmarks, stability
-from training.corpus.folder import SOUND_HZ, SOUNDS, CorpusError, CorpusFolder, Row, Track
+from training.corpus.folder import SOUNDS, CorpusFolder, Row
 from training.corpus.folder_clips import INNER, loudness, observed, without_head
+from training.corpus.tracks import SOUND_HZ, Track
 
 LAG_HZ = 50.0
 LONGEST_LAG_S = 0.6

@@ -9,10 +9,13 @@ import numpy as np
 from safetensors.numpy import load_file
 from scipy.interpolate import CubicSpline
 
+from training.corpus.checked import CorpusError
 from training.corpus.clip import FPS, Clip
 from training.corpus.faces import REPOSITORY, canonical_landmarks, stability
-from training.corpus.folder import SOUND_HZ, UNKNOWN_EMOTION, CorpusError, CorpusFolder, Row, Topology, Track
+from training.corpus.folder import UNKNOWN_EMOTION, CorpusFolder, Row
 from training.corpus.grid import closed_shape, rigid
+from training.corpus.topology import Topology
+from training.corpus.tracks import SOUND_HZ, Track
 
 MODES = REPOSITORY / "rust-core/models/face_modes"
 INNER = slice(27, 68)
@@ -103,6 +106,8 @@ def displacement(track: Track, neutral: np.ndarray, head_moves: bool) -> tuple[n
         motion = np.stack(filled, axis=1).reshape(motion.shape)
     if track.names and not any(name.startswith(("brow", "eyeBlink")) for name in track.names):
         weight[:, [*range(17, 27), *range(36, 48)]] = 0.0
+    if track.seen is not None:
+        weight[:, ~track.seen] = 0.0
     return motion, weight
 
 

@@ -41,11 +41,13 @@ class LessonBatch:
 class LessonSampler(WindowSampler):
     """Draws windows from lessons; the sound reaches past the last frame by the look-ahead."""
 
-    def __init__(self, lessons: list[Lesson], shares: dict[str, float], seed: int, config):
+    def __init__(self, lessons: list[Lesson], shares: dict[str, float], seed: int, config,
+                 scales: dict[str, float] = SCALE_M):  # fmt: skip
         packed = [pack(lesson) for lesson in lessons]
         options = AugmentOptions(silent_share=SILENT_SHARE)
         super().__init__(packed, list(shares), list(shares.values()), seed, options)
         self.config: StreamConfig = config
+        self.scales = scales
         self.hiss = hiss(seed)
 
     def batch(self, count: int, frames: int) -> LessonBatch:
@@ -72,7 +74,7 @@ class LessonSampler(WindowSampler):
             mel = mel + self.random.uniform(*GAIN_NEPERS)
         mel = mel.clamp_min(np.log(FLOOR))[:rows]
         captured, taught = tracks[:frames].split(DIMS, dim=1)
-        scale = SCALE_M.get(self.sources[index], UNCAPTURED_SCALE_M)
+        scale = self.scales.get(self.sources[index], UNCAPTURED_SCALE_M)
         return mel, captured, weight[:frames], taught, scale
 
     def _heard(self, mel: Tensor) -> Heard:

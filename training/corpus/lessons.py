@@ -86,7 +86,8 @@ def load(
     groups |= {str(path): lambda path=path: speech_entries(path, limit) for path in speech}
     lessons = []
     for name, found in groups.items():
-        voices = [[e.name, len(e.mels)] for e in entries] if name == "captured" else limit
+        known = [[e.source, e.name, len(e.mels), len(e.motion)] for e in entries]
+        voices = known if name == "captured" else limit
         key = json.dumps([VERSION, bank.VERSION, name, voices, teacher.digest()])
         path = folder / f"lessons-{hashlib.sha256(key.encode()).hexdigest()[:12]}.pt"
         if not path.exists():

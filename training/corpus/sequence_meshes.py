@@ -9,8 +9,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from training.corpus.checked import CorpusError
 from training.corpus.faces import Face, align
-from training.corpus.folder import CorpusError, CorpusFolder, Row
+from training.corpus.folder import CorpusFolder, Row
 from training.corpus.prepared import PreparedMesh, prepare
 from training.corpus.warp import stylise
 

@@ -18,10 +18,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from training.corpus.checked import CorpusError
 from training.corpus.faces import canonical_landmarks, stability
-from training.corpus.folder import SOUND_HZ, SOUNDS, CorpusError
+from training.corpus.folder import SOUNDS
 from training.corpus.folder_clips import without_head
 from training.corpus.readers.weights import split_of
+from training.corpus.tracks import SOUND_HZ
 from training.corpus.writer import CorpusWriter
 
 VIDEOS = (".mp4", ".mov", ".avi", ".mkv", ".mpg", ".webm")

@@ -11,6 +11,7 @@ import numpy as np
 import soundfile
 
 from training.corpus.folder import COLUMNS
+from training.corpus.phones import Phone, segments
 
 PLAIN = str.maketrans("\t\r\n", "   ")
 
@@ -42,7 +43,7 @@ class CorpusWriter:
         soundfile.write(self.place("audio", f"{clip}.wav"), samples, rate_hz)
 
     def landmarks(self, clip: str, landmarks: np.ndarray, fps: float, **others) -> None:
-        """[T, 68, 3]; others: `found` [T], `neutral` [68, 3]."""
+        """[T, 68, 3]; others: `found` [T], `seen` [68], `neutral` [68, 3]."""
         np.savez(self.place("landmarks", f"{clip}.npz"), landmarks=landmarks, fps=fps, **others)
 
     def weights(self, clip: str, names: list[str], values: np.ndarray, seconds: np.ndarray) -> None:
@@ -51,6 +52,12 @@ class CorpusWriter:
         for second, row in zip(seconds, values, strict=True):
             lines.append(",".join([f"{second:.6f}", *(f"{value:.6g}" for value in row)]))
         self.place("weights", f"{clip}.csv").write_text("\n".join(lines) + "\n")
+
+    def phones(self, clip: str, phones: list[Phone]) -> None:
+        """Phones with times, those that have a sound."""
+        lines = ["start_s\tduration_s\tphone"]
+        lines += [f"{p.start_s:.4f}\t{p.duration_s:.4f}\t{p.label}" for p in phones if segments(p.label)]
+        self.place("phones", f"{clip}.tsv").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
     def vertices(self, clip: str, vertices: np.ndarray) -> None:
         """[T, V, 3] f32."""

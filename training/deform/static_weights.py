@@ -95,11 +95,15 @@ class VertexGeometry:
     def mirrored(self) -> VertexGeometry:
         """The same seen in a mirror: x changes sign, left landmarks take right ones' numbers."""
         return VertexGeometry(
-            self.positions * FLIP,
-            self.landmarks[MIRROR] * FLIP,
+            self.positions * FLIP.to(self.positions.device),
+            self.landmarks[MIRROR] * FLIP.to(self.positions.device),
             self.base[:, MIRROR],
             self.remoteness,
         )
+
+    def to(self, device: torch.device) -> VertexGeometry:
+        """The same on another device."""
+        return VertexGeometry(*(value.to(device) for value in vars(self).values()))
 
     def features(self) -> Tensor:
         """Position, offset from and distance to each landmark, base weights, nearness. [V, 344]."""

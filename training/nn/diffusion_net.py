@@ -111,7 +111,8 @@ class DiffusionNet(nn.Module):
 
 
 def apply_sparse(matrix: Tensor, x: Tensor) -> Tensor:
-    """matrix: sparse [V, V]; x: [B, V, C]. Returns [B, V, C]."""
+    """matrix: sparse [V, V]; x: [B, V, C]. Returns [B, V, C], in single precision: less is not offered."""
     batch, vertices, channels = x.shape
-    flat = x.transpose(0, 1).reshape(vertices, batch * channels)
-    return (matrix @ flat).reshape(vertices, batch, channels).transpose(0, 1)
+    flat = x.float().transpose(0, 1).reshape(vertices, batch * channels)
+    with torch.autocast(x.device.type, enabled=False):
+        return (matrix @ flat).reshape(vertices, batch, channels).transpose(0, 1)

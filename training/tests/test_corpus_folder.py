@@ -9,9 +9,10 @@ import pytest
 import soundfile
 
 from training.corpus.check import check
+from training.corpus.checked import CorpusError
 from training.corpus.clip import inner_gap
 from training.corpus.faces import canonical_landmarks
-from training.corpus.folder import CorpusError, CorpusFolder
+from training.corpus.folder import CorpusFolder
 from training.corpus.folder_clips import arkit_modes, clips
 from training.corpus.mirror import permutation
 from training.tests.made_up import made_up, opening, spoken, talking
@@ -318,3 +319,14 @@ def test_errors_carry_their_parts(tmp_path):
     with pytest.raises(CorpusError) as caught:
         CorpusFolder(tmp_path)
     assert (caught.value.row, caught.value.expected, caught.value.found) == (None, "a file", "none")
+
+
+def test_landmarks_that_a_source_does_not_see_carry_no_weight(copy):
+    path = copy("landmarks")
+    eyes = np.arange(68) // 12 != 3
+    array(path / LAND, lambda a: a | {"seen": eyes})
+    found = clips(CorpusFolder(path))[0]
+    assert (found.weight[:, eyes] == 1.0).all() and (found.weight[:, ~eyes] == 0.0).all()
+    array(path / LAND, lambda a: a | {"seen": eyes[:60]})
+    with pytest.raises(CorpusError, match=r"expected seen \[68\], found \[60\]"):
+        clips(CorpusFolder(path))

@@ -11,8 +11,9 @@ import soundfile
 
 from training.corpus.__main__ import main
 from training.corpus.check import check
+from training.corpus.checked import CorpusError
 from training.corpus.faces import canonical_landmarks
-from training.corpus.folder import CorpusError, CorpusFolder
+from training.corpus.folder import CorpusFolder
 from training.corpus.folder_clips import clips
 from training.corpus.readers import READERS
 from training.corpus.readers.flame import EXPRESSION, Flame, label_of, rotations

@@ -2,6 +2,7 @@
 
 from training.corpus.readers.flame import emovoca, mead
 from training.corpus.readers.openface import openface
+from training.corpus.readers.own import facegood_zh, grid_s1
 from training.corpus.readers.sequences import biwi, multiface, vocaset
 from training.corpus.readers.weights import beat, live_link_face
 
@@ -14,5 +15,7 @@ READERS = {
     "beat": beat,
     "live_link_face": live_link_face,
     "openface": openface,
+    "grid_s1": grid_s1,
+    "facegood_zh": facegood_zh,
 }
 """Name of a corpus → what takes its folder, the folder to write, and the landmarks of its topology."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from training.corpus.folder import CorpusError, read_npz
+from training.corpus.checked import CorpusError, read_npz
 from training.corpus.readers.sequences import vocaset_split
 from training.corpus.readers.tables import found_files, need_table, numbers, read_mesh, read_pickle, sound_of
 from training.corpus.writer import CorpusWriter

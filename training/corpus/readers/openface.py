@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from training.corpus.folder import CorpusError
+from training.corpus.checked import CorpusError
 from training.corpus.readers.tables import found_files, read_numbers, sound_of
 from training.corpus.readers.weights import split_of
 from training.corpus.writer import CorpusWriter

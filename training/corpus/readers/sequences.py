@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from training.corpus.folder import CorpusError
+from training.corpus.checked import CorpusError
 from training.corpus.readers.tables import (
     found_files,
     need_table,

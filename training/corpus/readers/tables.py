@@ -9,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from training.corpus.folder import SOUNDS, CorpusError, need_shape, number_of, read_obj
+from training.corpus.checked import CorpusError, need_shape, number_of
+from training.corpus.folder import SOUNDS
+from training.corpus.topology import read_obj
 
 Reader = Callable[[Path, Path, Path | None], Path]
 """Takes the corpus as downloaded, the folder to write, and the landmarks of its topology."""

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from training.corpus.folder import NAMED, CorpusError, read_json, read_weights
+from training.corpus.checked import CorpusError, read_json
 from training.corpus.readers.tables import found_files, sound_of
+from training.corpus.tracks import NAMED, read_weights
 from training.corpus.writer import CorpusWriter
 
 LIVE_LINK_FPS = 60.0

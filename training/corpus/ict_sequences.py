@@ -1,0 +1,149 @@
+"""ICT FaceKit's faces speaking, as corpus folders with vertex sequences.
+
+    python -m training.corpus.ict_sequences --data ../shared/data --out runs/ict_sequences
+
+A folder for each triangulation of the face; in each, random identities act stretches of facegood_zh,
+with the upper face at random, and every fourth stretch a chain of random expressions. Identities of the
+split `test` appear in no folder as `train`, and act the take that no training hears. Head still, metres,
+15 fps; each stretch has the sound of its take.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from training.corpus.clip import read_sound
+from training.corpus.expressions import HELD_OUT_TAKE, random_combinations, upper_face
+from training.corpus.facegood import CAPTURE_FPS, SOURCE, read_arkit
+from training.corpus.faces import CHANNELS, Face, align, load_ict
+from training.corpus.remesh import remesh
+from training.corpus.tracks import SOUND_HZ
+from training.corpus.writer import CorpusWriter
+
+FPS = 15.0
+STRETCH_S = 10.0
+HOLD_S = 0.6
+"""From one random expression of the upper face to the next."""
+CHAIN_EVERY = 4
+"""One stretch in as many is a chain of random expressions instead of speech."""
+
+
+@dataclass(frozen=True)
+class Take:
+    """Channel weights [T, 51] at 15 fps and the sound at 16 kHz."""
+
+    name: str
+    weights: np.ndarray
+    samples: np.ndarray
+
+
+@dataclass(frozen=True)
+class Triangulation:
+    """One triangulation of ICT's mean face, and the identity modes [100, V, 3] m on it."""
+
+    face: Face
+    identity: np.ndarray
+
+    def person(self, rng: np.random.Generator) -> Face:
+        """A random identity in canonical axes."""
+        coefficients = rng.standard_normal(len(self.identity))
+        vertices = self.face.vertices + np.tensordot(coefficients, self.identity, 1)
+        return align(replace(self.face, vertices=vertices))
+
+
+def read_takes(data: Path) -> list[Take]:
+    """All takes of facegood_zh."""
+    folder, takes = data / "motion" / SOURCE, []
+    for path in sorted(folder.glob("*.arkit.csv")):
+        columns = read_arkit(path)
+        step = int(CAPTURE_FPS / FPS)
+        weights = np.stack([columns.get(c, np.zeros(len(columns["jawOpen"]))) for c in CHANNELS], axis=1)
+        name = path.name.removesuffix(".arkit.csv")
+        takes.append(Take(name, weights[::step], read_sound(folder / f"{name}.ogg")))
+    return takes
+
+
+def triangulate(rng: np.random.Generator, data: Path, triangles: int) -> Triangulation:
+    """The mean face and its modes on about so many triangles; ICT's own triangles where 0."""
+    model = load_ict(data, "face")
+    count = len(model.mean.modes)
+    if triangles == 0:
+        return Triangulation(model.mean, model.identity)
+    both = np.concatenate([model.mean.modes, model.identity])
+    meshed = remesh(rng, replace(model.mean, modes=both), triangles)
+    return Triangulation(replace(meshed, modes=meshed.modes[:count]), meshed.modes[count:])
+
+
+def acting(rng: np.random.Generator, frames: int, draw) -> np.ndarray:
+    """Random expressions of `draw(rng, count)`, blended from one to the next. [frames, 51]."""
+    times = np.arange(frames) / (HOLD_S * FPS)
+    keys = draw(rng, int(times[-1]) + 2)
+    at, share = times.astype(int), (times % 1.0)[:, None]
+    return (1.0 - share) * keys[at] + share * keys[at + 1]
+
+
+def perform(rng: np.random.Generator, take: Take, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """A stretch of a take: channel weights [T, 51] and samples."""
+    frames = int(STRETCH_S * FPS)
+    first = int(rng.integers(len(take.weights) - frames))
+    begin = int(first / FPS * SOUND_HZ)
+    samples = take.samples[begin : begin + int(STRETCH_S * SOUND_HZ)]
+    if number % CHAIN_EVERY == CHAIN_EVERY - 1:
+        return acting(rng, frames, random_combinations), samples
+    return take.weights[first : first + frames] + acting(rng, frames, upper_face), samples
+
+
+def write_folder(data: Path, out: Path, seed: int, triangles: int, people: dict[str, int],
+                 stretches: int) -> Path:  # fmt: skip
+    """One triangulation; `people` in each split, each with so many stretches."""
+    rng = np.random.default_rng(seed)
+    mesh, takes = triangulate(rng, data, triangles), read_takes(data)
+    seen = [take for take in takes if take.name != HELD_OUT_TAKE]
+    unseen = [take for take in takes if take.name == HELD_OUT_TAKE]
+    writer = CorpusWriter(out, f"ict_{seed}", "m", topology=f"ict_{seed}", fps={"vertices": FPS})
+    writer.mesh("neutral", mesh.face.vertices, mesh.face.triangles)
+    table = {"vertices": mesh.face.landmarks.tolist()}
+    writer.place(f"topologies/ict_{seed}", "landmarks.json").write_text(json.dumps(table) + "\n")
+    for split, count in people.items():
+        for number in range(count):
+            speaker, face = f"{split}{number:02d}", mesh.person(rng)
+            writer.mesh(speaker, face.vertices, face.triangles)
+            for stretch in range(stretches):
+                choice = unseen if split == "test" else seen
+                acted = perform(rng, choice[int(rng.integers(len(choice)))], stretch)
+                _write_clip(writer, f"{speaker}_{stretch:02d}", speaker, split, face, acted)
+    return writer.close()
+
+
+def _write_clip(writer: CorpusWriter, clip: str, speaker: str, split: str, face: Face, acted) -> None:
+    weights, samples = acted
+    writer.clip(clip, speaker, split)
+    writer.sound(clip, samples, SOUND_HZ)
+    writer.vertices(clip, face.vertices + np.einsum("tm,mvx->tvx", weights, face.modes))
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Entry of the command."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser.add_argument("--out", type=Path, default=Path("runs/ict_sequences"))
+    parser.add_argument("--triangles", type=int, nargs="+", default=[1500, 1800, 2200], help="0: ICT's own")
+    parser.add_argument("--people", type=int, default=8, help="who train, in each folder")
+    parser.add_argument("--held-out", type=int, default=1, help="who test, in each folder")
+    parser.add_argument("--stretches", type=int, default=6, help="of ten seconds, of each person")
+    parser.add_argument("--seed", type=int, default=0)
+    args = parser.parse_args(arguments)
+    for number, triangles in enumerate(args.triangles):
+        people = {"train": args.people, "test": args.held_out}
+        seed = args.seed + number
+        out = args.out / f"ict_{seed}"
+        print(write_folder(args.data, out, seed, triangles, people, args.stretches), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,38 @@
+"""What a training draws from: corpus folders or the project's own sources, and how often each."""
+
+from __future__ import annotations
+
+from training.corpus import bank
+from training.corpus.bank import Entry
+from training.losses import SCALE_M, lip_scale
+
+
+def entries_of(arguments, voices: int, limit: int | None) -> list[Entry]:
+    """Entries of the corpus folders of `--corpus`, else of the project's own sources."""
+    if arguments.corpus:
+        return bank.of_folders(arguments.corpus, voices, arguments.seed, limit)
+    return bank.load(arguments.data, arguments.cache, voices, limit=limit)
+
+
+def lasting(entries: list[Entry]) -> dict[str, float]:
+    """Each source as often as its training clips last; sums to 1."""
+    frames: dict[str, int] = {}
+    for entry in entries:
+        if not entry.held_out:
+            frames[entry.source] = frames.get(entry.source, 0) + len(entry.motion)
+    if not frames:
+        raise ValueError("expected training clips, got none: split of every row is val or test")
+    return {source: frames[source] / sum(frames.values()) for source in sorted(frames)}
+
+
+def measured_scales(sources: list[str], entries: list[Entry]) -> dict[str, float]:
+    """Typical lip motion of each source, metres; measured where it is not one of ours."""
+    scales = dict(SCALE_M)
+    for source in set(sources) - set(SCALE_M):
+        scales[source] = lip_scale([e.motion for e in entries if e.source == source and not e.held_out])
+    return scales
+
+
+def with_phones(entries: list[Entry]) -> list[Entry]:
+    """Those whose phones somebody timed from end to end."""
+    return [e for e in entries if len(e.phones) > len(e.motion) and bool((e.phones >= 0).all())]

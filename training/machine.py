@@ -1,0 +1,112 @@
+"""Where a run computes: `--device`, `--precision`, and the processes of several GPUs.
+
+One process needs PyTorch alone. Several are started by `accelerate launch --num_processes N -m
+training.train_ats …`: each draws its own batches, and gradients are averaged before every step, so that N
+processes train on N times the batch. Only the first one writes, logs and judges.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+
+import torch
+from torch import Tensor, nn
+
+PRECISIONS = {"float32": None, "bfloat16": torch.bfloat16, "float16": torch.float16}
+
+
+def add_arguments(parser: argparse.ArgumentParser, precision: str) -> None:
+    """`--device` and `--precision`, with the trainer's own default of the latter."""
+    parser.add_argument("--device", choices=["auto", "cpu", "cuda"], default="auto")
+    parser.add_argument("--precision", choices=list(PRECISIONS), default=precision, help="of products")
+
+
+class Machine:
+    """Device, mixed precision and this process's number among all."""
+
+    def __init__(self, device: str = "auto", precision: str = "float32"):
+        if device == "cuda" and not torch.cuda.is_available():
+            raise ValueError("--device: expected a GPU that PyTorch sees for cuda, got none")
+        self.accelerator = _accelerator(device) if int(os.environ.get("WORLD_SIZE", "1")) > 1 else None
+        found = "cuda" if device != "cpu" and torch.cuda.is_available() else "cpu"
+        self.device = self.accelerator.device if self.accelerator else torch.device(found)
+        self.dtype = PRECISIONS[precision]
+        if self.dtype == torch.float16 and self.device.type == "cpu":
+            raise ValueError("--precision: expected float32 or bfloat16 on a processor, got float16")
+        self.scaler = torch.amp.GradScaler(self.device.type, enabled=self.dtype == torch.float16)
+
+    @property
+    def rank(self) -> int:
+        """Number of this process, from 0."""
+        return self.accelerator.process_index if self.accelerator else 0
+
+    @property
+    def processes(self) -> int:
+        """How many train together."""
+        return self.accelerator.num_processes if self.accelerator else 1
+
+    def seed(self, seed: int) -> int:
+        """Another one in every process, for what it draws; the first one keeps the given seed."""
+        return seed + 1_000_003 * self.rank
+
+    def place(self, model: nn.Module, seed: int) -> None:
+        """Moves a model, as the first process made it; from here on each draws other random numbers."""
+        model.to(self.device)
+        if self.accelerator is None:
+            return
+        from accelerate.utils import broadcast
+
+        for value in model.state_dict().values():
+            value.copy_(broadcast(value))
+        if self.rank > 0:
+            torch.manual_seed(self.seed(seed))
+
+    def autocast(self) -> torch.autocast:
+        """Products in the precision that was asked for."""
+        dtype = self.dtype or torch.bfloat16
+        return torch.autocast(self.device.type, dtype, enabled=self.dtype is not None)
+
+    def step(self, loss: Tensor, model: nn.Module, optimiser: torch.optim.Optimizer, clip: float) -> None:
+        """One step downhill: gradients averaged over processes, their norm at most `clip`."""
+        optimiser.zero_grad()
+        self.scaler.scale(loss).backward()
+        self.average_gradients(model)
+        self.scaler.unscale_(optimiser)
+        nn.utils.clip_grad_norm_(model.parameters(), clip)
+        self.scaler.step(optimiser)
+        self.scaler.update()
+
+    def average_gradients(self, model: nn.Module) -> None:
+        """Every gradient becomes its mean over all processes, in one message; none counts as zero."""
+        if self.accelerator is None:
+            return
+        for parameter in model.parameters():
+            if parameter.requires_grad and parameter.grad is None:
+                parameter.grad = torch.zeros_like(parameter)
+        gradients = [p.grad for p in model.parameters() if p.requires_grad]
+        flat = self.accelerator.reduce(torch.cat([g.flatten() for g in gradients]), reduction="mean")
+        for gradient, mean in zip(gradients, flat.split([g.numel() for g in gradients]), strict=True):
+            gradient.copy_(mean.view_as(gradient))
+
+    def gathered(self, value: object) -> list:
+        """`value` of every process, in order."""
+        if self.accelerator is None:
+            return [value]
+        from accelerate.utils import gather_object
+
+        return gather_object([value])
+
+    def wait(self) -> None:
+        """Until every process is here."""
+        if self.accelerator is not None:
+            self.accelerator.wait_for_everyone()
+
+
+def _accelerator(device: str):
+    try:
+        from accelerate import Accelerator
+    except ImportError:
+        wanted = "accelerate for several processes: pip install -r training/requirements.txt"
+        raise ImportError(f"expected {wanted}, got none") from None
+    return Accelerator(cpu=device == "cpu")

@@ -1,0 +1,63 @@
+"""How models are trained: ours, and as FreeTalk (Nocentini et al. 2026) prints it.
+
+`--recipe paper` takes losses of eqs. 15 and 16 and the hyperparameters of its section 7; where the paper is
+silent (schedule of the learning rate, averaged weights, dropout) the plainest choice is made: none. It knows
+no speaking styles, so that every window is of the style `any`. An epoch shows every clip once.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict, dataclass, replace
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Losses, learning rate and length of a training."""
+
+    name: str
+    rate: float
+    weight_decay: float
+    annealed: bool
+    """Whether the rate rises at first and falls to zero at the end; otherwise it stays."""
+    velocity: float
+    """λ_v of eq. 15."""
+    acceleration: float
+    """λ_a of eq. 15."""
+    plain: bool
+    """Whether the loss is eq. 15 alone, every point alike; otherwise what the trainer adds is in it."""
+    dropout: float = 0.0
+    average: float = 0.0
+    """Decay of the averaged weights that are kept; 0 keeps the last ones."""
+    epochs: int | None = None
+    batch: int | None = None
+
+    def steps(self, windows: int) -> int:
+        """Steps of its epochs over so many windows."""
+        return max(1, self.epochs * windows // (self.batch or 1))
+
+    def record(self) -> dict:
+        """For the checkpoint."""
+        return asdict(self)
+
+
+ATS = {
+    "ours": Recipe("ours", 8e-4, 2e-2, True, 0.3, 0.1, False, dropout=0.05, average=0.995),
+    "paper": Recipe("paper", 1e-4, 1e-2, False, 0.3, 0.1, True, epochs=100, batch=16),
+}
+STM = {
+    "ours": Recipe("ours", 2e-3, 1e-2, True, 0.5, 0.2, False),
+    "paper": Recipe("paper", 1e-4, 1e-2, False, 0.5, 0.2, True, epochs=30),
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """`--recipe`, and the rate that overrides its own."""
+    parser.add_argument("--recipe", choices=["ours", "paper"], default="ours")
+    parser.add_argument("--rate", type=float, help="of learning, in place of the recipe's")
+
+
+def chosen(recipes: dict[str, Recipe], arguments: argparse.Namespace) -> Recipe:
+    """The recipe of the command line."""
+    given = {key: getattr(arguments, key, None) for key in ("rate", "dropout")}
+    return replace(recipes[arguments.recipe], **{k: v for k, v in given.items() if v is not None})

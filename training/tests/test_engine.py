@@ -1,0 +1,87 @@
+"""Every configuration trains on a made-up corpus folder, exports, and moves a mesh through the engine.
+
+The engine is the binary of ANYFACE_BINARY, or target/debug/anyface; without one these tests are ignored.
+"""
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from training import export_stm, train_ats, train_stm
+from training.corpus.faces import REPOSITORY
+from training.export import export
+from training.systems.freetalk.ats import CONFIGS, Sampling
+from training.systems.freetalk.stm.paper import CONFIGS as PAPER
+from training.tests.made_up import made_up
+from training.tests.test_speech import written
+
+BINARY = Path(os.environ.get("ANYFACE_BINARY", REPOSITORY / "target/debug/anyface"))
+CHECKPOINTS = {"hubert": "hubert_tiny", "wav2vec2": "wav2vec2_tiny", "stable": "wav2vec2_stable_tiny"}
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not BINARY.exists(), reason=f"ignored: no engine at {BINARY}"),
+]
+
+
+@pytest.fixture(scope="module")
+def faces(tmp_path_factory) -> Path:
+    """Six clips of 2 s with vertex sequences; its neutral mesh is the one that is animated."""
+    folder = made_up(tmp_path_factory.mktemp("corpus") / "made_up", 2.0, "vertices")
+    (folder / "landmarks_of_mesh.json").write_text(json.dumps(list(range(68))))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def built_in(faces, tmp_path_factory) -> np.ndarray:
+    """What the built-in weights give."""
+    return animate(faces, tmp_path_factory.mktemp("built_in"))
+
+
+def animate(faces: Path, out: Path, *more: str) -> np.ndarray:
+    """Displacements [T, V, 3] of the engine's result for the sound of a held-out clip."""
+    mesh, marks = faces / "topologies/ball/neutral.obj", faces / "landmarks_of_mesh.json"
+    flags = ["--mesh", mesh, "--landmarks", marks, "--audio", faces / "audio/cem_0.wav"]
+    flags += ["--out", out / "talk.npz", "--threads", "1", "--no-cache", *more]
+    done = subprocess.run([BINARY, "animate", *map(str, flags)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return np.load(out / "talk.npz")["displacements"]
+
+
+def moves(displacements: np.ndarray, built_in: np.ndarray) -> None:
+    """Asserts that the mesh moves, otherwise than with the built-in weights."""
+    assert displacements.shape == built_in.shape and np.isfinite(displacements).all()
+    assert np.ptp(displacements, axis=0).max() > 1e-5
+    assert np.abs(displacements - built_in).max() > 1e-5
+
+
+@pytest.mark.parametrize("features", ["compact", *CHECKPOINTS])
+@pytest.mark.parametrize("name", list(CONFIGS))
+def test_ats_of_every_size_and_encoder_moves_a_mesh(faces, built_in, tmp_path, name, features):
+    out, models, flags, told = tmp_path / "run", tmp_path / "models", [], []
+    if features != "compact":
+        written(CHECKPOINTS[features], tmp_path / "checkpoint")
+        flags = ["--hubert", str(tmp_path / "checkpoint")]
+        told = ["--speech", str(tmp_path / "checkpoint")]
+    elif name == "paper":
+        flags = ["--speech", str(train_ats.SHIPPED_ENCODER)]
+    flags += ["--corpus", str(faces), "--out", str(out), "--config", name, "--tokens", "96"]
+    flags += ["--voices", "1", "--validation-clips", "0", "--steps", "6" if name == "paper" else "20"]
+    trained = train_ats.train(train_ats.parser().parse_args(flags))
+    export(trained, models, Sampling(4, "trailing", 0.0), None)
+    moves(animate(faces, tmp_path, "--weights", models, *told), built_in)
+
+
+DECODERS = [("static", "static"), ("static", "debug"), *(("paper", name) for name in PAPER)]
+
+
+@pytest.mark.parametrize("model,config", DECODERS)
+def test_a_decoder_of_every_size_moves_a_mesh(faces, built_in, tmp_path, model, config):
+    flags = [model, "--corpus", str(faces), "--config", config, "--runs", str(tmp_path), "--steps", "20"]
+    train_stm.main([*flags, "--shapes", "80"])
+    models = tmp_path / "models"
+    export_stm.main(["--runs", str(tmp_path), "--models", str(models), "--trained", "corpus"])
+    moves(animate(faces, tmp_path, "--weights", models, "--decoder", model), built_in)

@@ -1,0 +1,55 @@
+"""The project's own sources as corpus folders give the clips that their own readers give."""
+
+import numpy as np
+
+from training.corpus import grid, ict_sequences
+from training.corpus.aligned import read_grid_speech
+from training.corpus.facegood import read_facegood
+from training.corpus.folder import CorpusFolder
+from training.corpus.folder_clips import clips
+from training.corpus.readers import own
+from training.corpus.sequence_meshes import sequence_meshes
+from training.tests.test_parity import SHARED, needs_shared
+
+FRAMES_APART = 1
+
+
+def alike(found, expected, atol_m: float) -> None:
+    """Asserts the same motion, side and sound of clips of the same names."""
+    assert [c.name for c in found] == [c.name.replace("/", "_") for c in expected]
+    for a, b in zip(found, expected, strict=True):
+        frames = min(len(a.motion), len(b.motion))
+        assert abs(len(a.motion) - len(b.motion)) <= FRAMES_APART and a.held_out == b.held_out
+        np.testing.assert_allclose(a.motion[:frames], b.motion[:frames], atol=atol_m)
+        heard = slice(640 * (frames - 1))
+        np.testing.assert_allclose(a.samples[heard], b.samples[heard], atol=1e-4)
+
+
+@needs_shared
+def test_facegood_as_a_folder_is_what_its_reader_gives(tmp_path):
+    folder = own.facegood_zh(SHARED / "data", tmp_path / "facegood_zh", None)
+    expected = sorted(read_facegood(SHARED / "data"), key=lambda c: c.name.replace("/", "_"))
+    alike(clips(CorpusFolder(folder)), expected, 1e-4)
+
+
+@needs_shared
+def test_grid_as_a_folder_is_what_its_reader_gives(tmp_path, monkeypatch):
+    few = grid.read_grid(SHARED / "data")[:11:5]
+    names = {clip.name for clip in few}
+    monkeypatch.setattr(own.grid, "read_grid", lambda data: few)
+    monkeypatch.setattr(own, "read_grid_speech", lambda data: read_grid_speech(data, names))
+    found = clips(CorpusFolder(own.grid_s1(SHARED / "data", tmp_path / "grid_s1", None)))
+    alike(found, few, 1e-6)
+    for a, b in zip(found, few, strict=True):
+        assert np.array_equal(a.weight, b.weight) and len(a.phones) > 8
+
+
+@needs_shared
+def test_faces_of_ict_speak_and_hold_out_people_and_take(tmp_path):
+    flags = ["--triangles", "1500", "--people", "2", "--held-out", "1", "--stretches", "1"]
+    ict_sequences.main(["--data", str(SHARED / "data"), "--out", str(tmp_path), *flags])
+    train, test = (sequence_meshes([tmp_path / "ict_0"], held_out) for held_out in (False, True))
+    assert [mesh.name for mesh in train] == ["ict_0_train00", "ict_0_train01"] and len(test) == 1
+    assert not np.allclose(train[0].neutral, train[1].neutral, atol=1e-4)
+    moved = test[0].displacements(0, np.arange(150)).norm(dim=-1)
+    assert 0.02 < float(moved.max()) < 0.5, "decimetres"
