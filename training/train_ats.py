@@ -73,7 +73,13 @@ class Step:
 class AtsTrainer:
     """Data, model and one optimisation step."""
 
-    def __init__(self, arguments, config: AtsConfig, speech: CompactSpeech | HubertSpeech):
+    def __init__(
+        self,
+        arguments,
+        config: AtsConfig,
+        speech: CompactSpeech | HubertSpeech,
+        denoiser: type[AtsDenoiser] = AtsDenoiser,
+    ):
         self.config, self.speech = config, speech
         self.machine = Machine(arguments.device, arguments.precision)
         self.recipe = recipes.chosen(recipes.ATS, arguments)
@@ -86,7 +92,7 @@ class AtsTrainer:
         self.heard = judged_by_phones(arguments, speech.entries)
         self.validated = arguments.validation_clips
         self.alphas = alphas_cumprod(config.diffusion.schedule, config.diffusion.train_steps)
-        self.model = AtsDenoiser(config, dropout=self.recipe.dropout)
+        self.model = denoiser(config, dropout=self.recipe.dropout)
         self.landmark_weight = landmark_weights()
         self._measure_scale()
         self.machine.place(self.model, arguments.seed)
@@ -217,8 +223,11 @@ def clip_motion(speech, model, entry, style: int, sampling: Sampling, seed: int 
     return motion
 
 
-def train(arguments) -> Path:
-    """Runs the training; writes `ats.pt` with the averaged weights and returns its path."""
+def train(arguments, denoiser: type[AtsDenoiser] = AtsDenoiser) -> Path:
+    """Runs the training; writes `ats.pt` with the averaged weights and returns its path.
+
+    Another `denoiser` is one that lacks a part, for comparison; the engine knows the whole one alone.
+    """
     torch.manual_seed(arguments.seed)
     torch.set_num_threads(arguments.threads)
     config = CONFIGS[arguments.config]()
@@ -226,7 +235,7 @@ def train(arguments) -> Path:
     leave_clips(source.entries, arguments.leave_clips)
     if arguments.corpus:
         fit_to_corpora(config, source.entries)
-    trainer = AtsTrainer(arguments, config, source)
+    trainer = AtsTrainer(arguments, config, source, denoiser)
     if arguments.init is not None:
         start_from(trainer, arguments.init)
     steps = steps_of(arguments, trainer)

@@ -158,6 +158,12 @@ class CorpusFolder:
             raise CorpusError(self.path / "corpus.json", None, wanted, self.topology_name)
         return topology_of(self.path / "topologies" / self.topology_name, row.speaker, self.unit_m)
 
+    def mesh_file(self, row: Row) -> Path:
+        """The file of the neutral mesh of the clip's speaker."""
+        inside = self.path / "topologies" / self.topology_name
+        own = inside / f"{row.speaker}.obj"
+        return own if own.exists() else inside / "neutral.obj"
+
     def phones(self, row: Row) -> list[Phone] | None:
         """Phones with times."""
         path = self.file("phones", row, (".tsv",))

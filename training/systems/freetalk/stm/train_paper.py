@@ -154,14 +154,16 @@ def train_paper(
     out: Path,
     recipe: Recipe = STM["ours"],
     machine: Machine | None = None,
+    decoder: type[PaperDecoder] = PaperDecoder,
 ) -> PaperDecoder:
     """Trains on the faces of `prepared`; resumes from `out`.
 
-    `speech` are weights of the meshes' modes, none for meshes with sequences of their own.
+    `speech` are weights of the meshes' modes, none for meshes with sequences of their own. Another `decoder`
+    is one that lacks a part, for comparison.
     """
     machine = machine or Machine("cpu")
     torch.manual_seed(seed)
-    model = PaperDecoder(config)
+    model = decoder(config)
     if not recipe.plain or config.base:
         prepare_weights(model)
     machine.place(model, seed)

@@ -1,0 +1,1 @@
+"""The tables and figures of the FreeTalk paper, from any corpus folder."""

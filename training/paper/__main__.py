@@ -1,0 +1,95 @@
+"""Writes the paper's tables and figures for corpus folders, as one page.
+
+    python -m training.paper --corpus DIR [DIR ...] --anyface target/release/anyface --out docs/paper.md
+
+`--options` go with every call of the command, such as `--options=--weights=mine`. `--ablations` adds rows for
+models that were trained without a part (`training.paper.ablations`).
+"""
+
+import argparse
+import json
+import math
+import tempfile
+from pathlib import Path
+
+from training.corpus.folder import CorpusFolder
+from training.paper.engine import Engine
+from training.paper.metrics import NAMES
+from training.paper.tables import Table, landmark_table, mesh_tables
+
+UNITS = {"LVE": "mm²", "EVE": "mm²", "MVE": "mm", "FDD": "mm²", "DTW": "mm", "DFD": "mm", "δM": "mm²"}
+HEAD = """# The paper's tables, made here
+
+What FreeTalk's tables 2 and 3 measure (LVE, EVE, MVE, FDD, DTW, DFD, δM, δCd; definitions in
+`training/paper/metrics.py`), on the corpora named below instead of MEAD-EMOTE, VOCAset, BIWI and Multiface,
+none of which can be had here: no number on this page stands beside a printed one. `python -m training.paper`
+makes the same page of any [corpus folder](training.md); with those sets in such folders it is the paper's own
+tables.
+Held-out clips, 25 fps, at most 10 s of each; lower is better, of FDD nearer to 0.
+"""
+
+
+def page(tables: list[Table], ablated: list[Table], figures: list[Path], out: Path, command: str) -> str:
+    """The whole page."""
+    parts = [HEAD, f"```\n{command}\n```\n"]
+    for table in [*tables, *ablated]:
+        parts.append(f"## {table.corpus}: {table.what}\n\n{table.clips} clips, {table.points} points.\n")
+        parts.append(rows_of(table))
+    for figure in figures:
+        parts.append(f"![{CAPTIONS[figure.stem]}]({figure.relative_to(out.parent)})\n")
+    return "\n".join(parts)
+
+
+CAPTIONS = {
+    "decoder_errors": "Figure 6 of the paper: true landmark motion through each decoder, and how far it is off",
+    "attention": "Figure 7 of the paper: by which share each vertex of the mesh attends to a landmark",
+}
+
+
+def rows_of(table: Table) -> str:
+    """A Markdown table."""
+    heads = " | ".join(f"{name} {UNITS.get(name, '')}".strip() for name in NAMES)
+    lines = [f"| | {heads} |", "| --- |" + " --- |" * len(NAMES)]
+    for name, scores in table.rows.items():
+        cells = " | ".join("–" if math.isnan(scores[m]) else f"{scores[m]:.3g}" for m in NAMES)
+        lines.append(f"| {name} | {cells} |")
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Entry of the command."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--corpus", type=Path, nargs="+", required=True, help="corpus folders")
+    parser.add_argument("--anyface", type=Path, default=Path("target/release/anyface"))
+    parser.add_argument("--options", nargs="*", default=[], help="of every call")
+    parser.add_argument("--ablations", type=Path, help="folder that training.paper.ablations wrote")
+    parser.add_argument("--clips", type=int, default=20, help="held-out clips of each folder")
+    parser.add_argument("--out", type=Path, default=Path("docs/paper.md"))
+    arguments = parser.parse_args()
+    engine = Engine(arguments.anyface.resolve(), arguments.options)
+    tables, figures = [], []
+    for path in arguments.corpus:
+        folder = CorpusFolder(path)
+        print(f"{folder.name}: sound to landmarks", flush=True)
+        table = landmark_table(folder, engine, arguments.clips)
+        tables += [table] if table else []
+        if any(folder.file("vertices", row, (".npy", ".npz", "")) for row in folder.rows if row.held_out):
+            print(f"{folder.name}: sound and landmarks to mesh", flush=True)
+            tables += mesh_tables(folder, engine, arguments.clips)
+            if not figures:
+                from training.paper.figures import draw
+
+                with tempfile.TemporaryDirectory() as place:
+                    figures = draw(folder, engine, Path(place), arguments.out.parent / "images/paper")
+    ablated = []
+    if arguments.ablations:
+        found = json.loads((arguments.ablations / "scores.json").read_text())
+        ablated = [Table(**table) for table in found]
+    names = " ".join(path.name for path in arguments.corpus)
+    command = f"python -m training.paper --corpus {names} --clips {arguments.clips}"
+    arguments.out.write_text(page(tables, ablated, figures, arguments.out, command), encoding="utf-8")
+    print(arguments.out)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,66 @@
+"""Figures 6 and 7 of the FreeTalk paper: errors of decoders on the surface, where a landmark is attended."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import numpy as np
+from matplotlib import pyplot
+from matplotlib.collections import PolyCollection
+
+from training.corpus.folder import CorpusFolder
+from training.corpus.topology import read_obj
+from training.paper.engine import Engine
+from training.paper.tables import DECODERS, MM, spoken_meshes
+
+SHOWN_LANDMARKS = {8: "chin", 54: "corner of the mouth", 62: "upper lip", 66: "lower lip", 19: "brow"}
+
+
+def draw(folder: CorpusFolder, engine: Engine, place: Path, images: Path) -> list[Path]:
+    """Both figures from the first held-out clip with vertices; none where there is no such clip."""
+    clip = next(spoken_meshes(folder, 1, place), None)
+    if clip is None:
+        return []
+    images.mkdir(parents=True, exist_ok=True)
+    _, triangles = read_obj(clip.mesh)
+    motion, neutral = clip.truth[:, clip.landmarks] / clip.unit_m, clip.neutral[clip.landmarks] / clip.unit_m
+    widest = int(np.linalg.norm(clip.truth, axis=-1).mean(1).argmax())
+    frame = slice(widest, widest + 1)
+    errors = {}
+    for name, more in DECODERS.items():
+        made = engine.spread(motion[frame], neutral, clip.mesh, clip.marks, *more)
+        errors[name] = MM * np.linalg.norm(clip.unit_m * made[0] - clip.truth[widest], axis=-1)
+    shape = clip.neutral + clip.truth[widest]
+    first = images / "decoder_errors.png"
+    _faces(first, shape, triangles, errors, "distance from the truth, mm", 3.0)
+    shares = engine.attention(motion[frame], neutral, clip.mesh, clip.marks)
+    columns = {}
+    for n, name in SHOWN_LANDMARKS.items():
+        low, high = np.quantile(shares[:, n], (0.01, 0.99))
+        columns[f"{name}\n{low:.4f} to {high:.4f}"] = (shares[:, n] - low) / max(high - low, 1e-9)
+    second = images / "attention.png"
+    _faces(second, shape, triangles, columns, "attention, least to most of this landmark", 1.0)
+    return [first, second]
+
+
+def _faces(path: Path, shape: np.ndarray, triangles: np.ndarray, values: dict[str, np.ndarray], label: str,
+           highest: float) -> None:  # fmt: skip
+    """One front view for each row of values [V], painted from back to front."""
+    figure, places = pyplot.subplots(1, len(values), figsize=(2.6 * len(values), 3.2), layout="constrained")
+    corners = shape[triangles]
+    facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] > 0
+    order = np.flatnonzero(facing)[np.argsort(corners[facing].mean(1)[:, 2])]
+    for axes, (name, value) in zip(np.atleast_1d(places), values.items(), strict=True):
+        shown = PolyCollection(corners[order][..., :2], array=value[triangles[order]].mean(1), cmap="turbo")
+        shown.set(clim=(0, highest), edgecolor="face", linewidth=0.2)
+        axes.add_collection(shown)
+        axes.set(title=name, xlim=np.ptp(shape[:, 0]) * np.array([-0.55, 0.55]) + shape[:, 0].mean(),
+                 ylim=(shape[:, 1].min(), shape[:, 1].max()))  # fmt: skip
+        axes.set_aspect("equal")
+        axes.axis("off")
+    figure.colorbar(shown, ax=places, label=label, shrink=0.7)
+    figure.savefig(path, dpi=90)
+    pyplot.close(figure)
