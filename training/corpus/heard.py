@@ -73,10 +73,11 @@ def load(data: Path, cache: Path, encoder: CompactEncoder, minutes: float) -> li
 
 
 def _every(data: Path, encoder: CompactEncoder, minutes: float):
+    nathalie = _nathalie_words(data)
     for u in read_nathalie(data):
         heard = _of(encoder, u, WARPS)
-        record = _nathalie_words(data)[u.name]
-        heard.words, heard.text = record, " ".join(word for _, _, word in record)
+        heard.words = nathalie[u.name]
+        heard.text = " ".join(word for _, _, word in heard.words)
         yield heard
     for u in read_emodb(data):
         yield _of(encoder, u, WARPS)
@@ -108,17 +109,17 @@ def _of(encoder: CompactEncoder, u: Utterance, warps) -> Heard:
     return Heard(u.name, u.source, u.held_out, features, track)
 
 
-def _nathalie_words(data: Path, kept: dict = {}) -> dict[str, list]:  # noqa: B006
-    if not kept:
-        for line in (data / "speech/nathalie_nl/phones.jsonl").read_text().splitlines():
-            record, rows = json.loads(line), []
-            for word in record["words"]:
-                phones = word["phones"]
-                if phones and word["word"]:
-                    last = phones[-1]
-                    rows.append((phones[0]["start"], last["start"] + last["duration"], word["word"]))
-            kept[record["id"]] = rows
-    return kept
+def _nathalie_words(data: Path) -> dict[str, list[tuple[float, float, str]]]:
+    found = {}
+    for line in (data / "speech/nathalie_nl/phones.jsonl").read_text().splitlines():
+        record, rows = json.loads(line), []
+        for word in record["words"]:
+            phones = word["phones"]
+            if phones and word["word"]:
+                last = phones[-1]
+                rows.append((phones[0]["start"], last["start"] + last["duration"], word["word"]))
+        found[record["id"]] = rows
+    return found
 
 
 def _librivox_words(path: Path) -> list[tuple[float, float, str]]:
