@@ -21,8 +21,8 @@ ROUGH = 2e-2
 _MOST_SWEEPS = 60
 # How often the turn of the jaw is taken from the solution before.
 _TURNS = 2
-# Frames that are looked at together.
-_BLOCK = 256
+# Frames that are looked at together, for no longer than some hundredths of a second.
+_BLOCK = 64
 
 
 @dataclass
@@ -98,9 +98,10 @@ def solve(
     frames, controls = len(task.target), response.directions.shape[1]
     values = np.zeros((frames, controls)) if start is None else start.copy()
     values = np.clip(values, task.lowest, task.highest)
-    products = _Products.of(response, task)
+    products = yield from _Products.of(response, task)
     for _ in range(_TURNS if len(response.knots) > 1 else 1):
         descent = _Descent(response, task, products, values)
+        yield from descent.begin()
         for _ in range(_MOST_SWEEPS):
             if (yield from descent.sweep()) < near:
                 break
@@ -118,7 +119,8 @@ class _Products:
     scale: float
 
     @classmethod
-    def of(cls, response: Response, task: Task) -> "_Products":
+    def of(cls, response: Response, task: Task) -> Generator[None, None, "_Products"]:
+        """The products, yielding between blocks of frames."""
         points = task.target.shape[1]
         flat = response.directions.reshape(-1, points, 3)
         rows = task.observe(np.concatenate([flat, response.own]))
@@ -127,6 +129,7 @@ class _Products:
             target = task.observe(task.target[first : first + _BLOCK])
             aim[:, first : first + _BLOCK] = rows @ target.T
             largest = max(largest, float((target**2).sum(axis=1).max(initial=0.0)))
+            yield
         return cls(rows @ rows.T, aim, max(largest**0.5, 1e-12))
 
 
@@ -146,11 +149,15 @@ class _Descent:
             self._mixed[knots * controls :] = self._shares
             self._fixed = -self._shares * jaw
         self._jaw, self._count = response.jaw, _beside(np.ones(len(values)), slice(None))
-        for number in range(controls):
+        self._squares = np.empty((controls, len(values)))
+
+    def begin(self) -> Generator[None, None, None]:
+        """What every sweep needs, yielding between the controls."""
+        least = 1e-9 * np.diag(self._products.gram).max(initial=1e-12)
+        for number, rows in enumerate(self._rows):
             self._mix(number, slice(None))
-        own = np.diag(products.gram)
-        squares = [self._own(rows) for rows in self._rows]
-        self._squares = np.maximum(np.array(squares), 1e-9 * own.max(initial=1e-12))
+            self._squares[number] = np.maximum(self._own(rows), least)
+            yield
 
     def _own(self, rows: np.ndarray) -> np.ndarray:
         """The square `[T]` of a control's direction in each frame."""

@@ -57,12 +57,13 @@ class Fitted:
     """What the controls do: values `[T, N]` of the free elements of each.
 
     `shown` is the share of the energy of the motion, `missed` the largest miss by region, mm, once
-    they are judged.
+    they are judged. `actions` hold curves of it by data-block, made and not played yet.
     """
 
     moved: list[tuple[Control, np.ndarray]]
     shown: float = 0.0
     missed: dict[str, float] = field(default_factory=dict)
+    actions: dict = field(default_factory=dict)
 
 
 def fit(

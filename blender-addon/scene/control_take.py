@@ -6,6 +6,7 @@ action, beside the id of the face whose take it is.
 """
 
 import json
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 
 import bpy
@@ -51,18 +52,42 @@ def check(block) -> None:
         raise AnyfaceError("mesh", f"{block.name}: leave the NLA strip's tweak mode (Tab) first")
 
 
-def write(ob, fitted: Fitted, at: np.ndarray, times: np.ndarray) -> None:
-    """Curves of all controls on whole frames, from rest and back to it.
+def prepare(fitted: Fitted, at: np.ndarray, times: np.ndarray):
+    """Makes an action with curves of all controls on whole frames, from rest and back to it, for
+    each data-block; yields between controls. Closed before its end it leaves nothing.
 
     `times` `[T]` are the scene frames of the values, `at` the first and the last frame of all.
     """
-    by_block = {}
+    by_block, made = {}, {}
     for control, moved in fitted.moved:
         by_block.setdefault(control.block, []).append((control, moved))
-    for block in by_block:
+    try:
+        for block, moved in by_block.items():
+            check(block)
+            made[block], bag = curves.new_action(f"{block.name} Anyface", block.id_type)
+            for control, rows in moved:
+                _write_curves(bag, control, rows, at, times)
+                yield
+    except BaseException:
+        drop(made)
+        raise
+    return made
+
+
+def drop(made: dict) -> None:
+    """Deletes actions that were prepared and not used; an undo may have done so already."""
+    for action in made.values():
+        with suppress(ReferenceError):
+            curves.delete_action(action)
+
+
+def write(ob, fitted: Fitted, made: dict) -> None:
+    """Gives each data-block the action that was prepared for it."""
+    for block in made:
         check(block)
-    for block, moved in by_block.items():
-        _write_on(ob, block, moved, at, times)
+    for block, action in made.items():
+        controls = [control for control, _ in fitted.moved if control.block == block]
+        _write_on(ob, block, controls, action)
 
 
 def redo(ob, fitted: Fitted, at: np.ndarray, stretch) -> None:
@@ -128,27 +153,29 @@ def follow(copy, copies: dict[str, list]) -> None:
             fresh[MARK] = json.dumps(asdict(mark))
 
 
-def _write_on(ob, block, moved: list[tuple[Control, np.ndarray]], at, times) -> None:
+def _write_on(ob, block, controls: list[Control], action) -> None:
     if block.id_type == "OBJECT":
         identity.of(block)
     mark = Mark(identity.of(ob), _id(block))
     animation = block.animation_data
     if animation is None:
         animation, mark.made_animation_data = block.animation_data_create(), True
-    action, bag = curves.new_action(f"{block.name} Anyface", block.id_type)
-    whole = np.arange(np.ceil(times[0]), np.floor(times[-1]) + 1.0)
-    frames = np.concatenate([[at[0]], whole, [at[1]]])
-    for control, rows in moved:
+    for control in controls:
         mark.before.append((control.path, control.read()))
         mark.paths.append(control.curve_path)
-        rest = control.columns(np.zeros((1, rows.shape[1])))
-        for index, column in control.columns(rows).items():
-            values = np.interp(whole, times, column)
-            values = np.concatenate([rest[index], values, rest[index]])
-            curves.write(bag, control.curve_path, frames, values, index=index)
     _set_aside(block, animation, action, mark)
     _play(animation, action)
     action[MARK] = json.dumps(asdict(mark))
+
+
+def _write_curves(bag, control: Control, rows: np.ndarray, at, times) -> None:
+    whole = np.arange(np.ceil(times[0]), np.floor(times[-1]) + 1.0)
+    frames = np.concatenate([[at[0]], whole, [at[1]]])
+    rest = control.columns(np.zeros((1, rows.shape[1])))
+    for index, column in control.columns(rows).items():
+        values = np.interp(whole, times, column)
+        values = np.concatenate([rest[index], values, rest[index]])
+        curves.write(bag, control.curve_path, frames, values, index=index)
 
 
 def _play(animation, action) -> None:

@@ -16,13 +16,7 @@ def landing(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: f
     """
     output = outputs.of_take(take)
     if output.in_files:
-        output.check_files(take)
-        if before is not None:
-            before()
-        if output.on_mesh:
-            remove_others(ob)
-            keys.remove_earlier(ob)
-        output.write_files(ob, take, start_frame, scene_fps)
+        yield from _landing_files(ob, output, take, start_frame, scene_fps, before)
         return
     (_, own), *others = output.split(take, parts) if len(parts) > 1 else [(None, take)]
     for piece, part in others:
@@ -45,6 +39,21 @@ def landing(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: f
         for made in prepared:
             if made is not None:
                 made.drop()
+
+
+def _landing_files(ob, output, take: Take, start_frame: float, scene_fps: float, before):
+    """The same for what lies elsewhere: files, the curves of a rig."""
+    output.check_files(take)
+    yield from output.prepare_files(take, start_frame, scene_fps)
+    try:
+        if before is not None:
+            before()
+        if output.on_mesh:
+            remove_others(ob)
+            keys.remove_earlier(ob)
+        output.write_files(ob, take, start_frame, scene_fps)
+    finally:
+        output.drop_files(take)
 
 
 def _write(moving: list[tuple], start_frame: float, scene_fps: float, prepared: list):

@@ -7,7 +7,7 @@ from bpy.types import Operator, Panel
 from ..core.errors import AnyfaceError
 from ..core.job import at_once
 from ..scene import bake, decode, redo, sounds
-from . import audio, running, texts
+from . import audio, running, texts, words
 from .operators import Alone, InThread
 from .panel import OfFacePanel
 from .settings import from_object
@@ -35,7 +35,8 @@ class ANYFACE_PT_sounds(OfFacePanel, Panel):
             first, last = redo.between(sequencer_scene(context))
             layout.label(text=f"Between frames {first:g} and {last:g}")
         except AnyfaceError:
-            layout.label(text="Where words moved, between two markers, or in the preview range")
+            text = "Where words moved, between two markers, or in the preview range"
+            words.draw(layout.column(align=True), text, context.region.width)
 
 
 class WithSound(Alone):

@@ -310,3 +310,21 @@ def test_a_file_that_is_no_list_of_controls_says_so_and_changes_nothing(face, tm
     bpy.ops.anyface.controls_clear()
     with pytest.raises(RuntimeError, match="list is empty"):
         bpy.ops.anyface.controls_save(filepath=str(tmp_path / "empty.json"))
+
+
+def test_curves_of_a_rig_are_made_in_steps_that_can_be_stopped(face, addon):
+    settings = addon("ui.settings").from_object(face)
+    engine = addon("ui.running").engine(settings.system)
+    bake = addon("scene.bake")
+    snapshot = bake.read(face, bpy.context.scene, settings, engine)
+    take = snapshot.work(addon("core.job").Progress())
+    before = state(face)
+    landing, actions = bake.landing(face, snapshot, take), len(bpy.data.actions)
+    for step in landing:
+        assert step is None, "it has not begun"
+        if len(bpy.data.actions) > actions:
+            break
+    landing.close()
+    assert state(face) == before and len(bpy.data.actions) == actions
+    generate()
+    assert len(bpy.data.actions) == actions + 1

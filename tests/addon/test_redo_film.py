@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from figures import FPS, curves, duplicate, film, grid, motion, shape, stand_in, strip, tone
+from figures import FPS, curves, duplicate, film, grid, motion, shape, stand_in, tone
 from test_control_takes import Waves, face, rig_of, stage  # noqa: F401 - fixtures
 
 START, FIRST, LAST = 11, 20, 40
@@ -28,14 +28,16 @@ def mark(first=FIRST, last=LAST):
 
 
 def spoken(tmp_path, mode, parts=True):
-    """A face with teeth and a take of the strip Voice, and a stretch."""
-    strip(tone(tmp_path / "tone.wav", SECONDS), frame=START)
+    """A face with teeth and a take of a tone, and a stretch."""
+    bpy.context.scene.render.fps = FPS
     ob = grid()
+    ob.anyface.source, ob.anyface.start_frame = "FILE", START
+    ob.anyface.sound_file = tone(tmp_path / "tone.wav", SECONDS)
     if parts:
         teeth = grid("Teeth_low", 5, 0.05)
         part = ob.anyface_face.parts.add()
         part.object, part.name, part.role = teeth, teeth.name, "jaw"
-    ob.anyface.mode, ob.anyface_audio.strip = mode, "Voice"
+    ob.anyface.mode = mode
     bpy.context.view_layer.objects.active = ob
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     ob = bpy.data.objects["Head"]

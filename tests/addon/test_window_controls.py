@@ -58,7 +58,7 @@ def test_a_rig_is_listed_speaks_is_undone_and_stopped(screen, photographs):  # n
     screen.wait("len(bpy.data.objects['Head'].anyface_controls.rows) and not running()")
     rows = screen.ask("answer = [r.name for r in bpy.data.objects['Head'].anyface_controls.rows]")
     assert sorted(rows) == ["jaw", "lip"]
-    screen.hand("sleep", "0.5")
+    screen.hand("sleep", "3")
     screen.photograph(photographs / "2_list.png")
     screen.scroll(4)
     screen.press("anyface.generate")

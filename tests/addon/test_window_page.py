@@ -26,18 +26,21 @@ for cls in [cls for cls in addon._CLASSES if issubclass(cls, bpy.types.Panel)]:
     cls.bl_idname = cls.__name__ + '{suffix}'
     bpy.utils.register_class(cls)
 """
-# The sequencer in the place of the outliner and the properties, and all strips in sight.
+# The sequencer below the 3D view, and all strips in sight.
 SEQUENCER = """
-window = bpy.context.window_manager.windows[0]
-area = next(a for a in window.screen.areas if a.type in ('PROPERTIES', 'SEQUENCE_EDITOR'))
-area.type = 'SEQUENCE_EDITOR'
+window, area, region, _ = area_of('VIEW_3D')
+with bpy.context.temp_override(window=window, area=area, region=region):
+    bpy.ops.screen.area_split(direction='HORIZONTAL', factor=0.3)
+views = [a for a in window.screen.areas if a.type == 'VIEW_3D']
+min(views, key=lambda a: a.y).type = 'SEQUENCE_EDITOR'
 """
 VIEW_ALL = """
 window = bpy.context.window_manager.windows[0]
 area = next(a for a in window.screen.areas if a.type == 'SEQUENCE_EDITOR')
 region = next(r for r in area.regions if r.type == 'WINDOW')
 with bpy.context.temp_override(window=window, area=area, region=region):
-    bpy.ops.sequencer.view_all()
+    bpy.ops.sequencer.select_all(action='SELECT')
+    bpy.ops.sequencer.view_selected()
 """
 ADD_HEAD = """
 window, area, region, side = area_of('VIEW_3D')
@@ -129,7 +132,7 @@ def test_sounds_are_shown_mended_redone_and_written(screen, photographs):  # noq
         + VIEW_ALL
         + REDRAW
     )
-    screen.hand("sleep", "0.5")
+    screen.hand("sleep", "3")
     screen.photograph(photographs / "3_mend.png")
     screen.press("anyface.redo")
     screen.wait(f"'redone' in {HEAD}.anyface.report and not running()", 60)

@@ -102,10 +102,19 @@ class Controls(Output):
             control_take.check(source.block)
         return (yield from control_fit.fit(ob, take, sources, control_take.rests(ob)))
 
-    def write_files(self, ob, take, start_frame, scene_fps):
+    def prepare_files(self, take, start_frame, scene_fps):
         frames = start_frame + np.arange(take.frame_count) * (scene_fps / take.fps)
         ends = times(frames, scene_fps)[[0, -1]]
-        control_take.write(ob, take.control_motion.fitted, ends, frames)
+        fitted = take.control_motion.fitted
+        fitted.actions = yield from control_take.prepare(fitted, ends, frames)
+
+    def drop_files(self, take):
+        control_take.drop(take.control_motion.fitted.actions)
+
+    def write_files(self, ob, take, start_frame, scene_fps):
+        fitted = take.control_motion.fitted
+        control_take.write(ob, fitted, fitted.actions)
+        fitted.actions = {}
 
     def redo_plan(self, ob, snapshot, first, shares):
         return FollowPoints()

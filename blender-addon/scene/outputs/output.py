@@ -144,6 +144,14 @@ class Output:
     def check_files(self, take: Take) -> None:
         """Raises `AnyfaceError` where files cannot be played any more."""
 
+    def prepare_files(self, take: Take, start_frame: float, scene_fps: float):
+        """Makes beforehand what takes long, and changes nothing; yields between its steps."""
+        return
+        yield
+
+    def drop_files(self, take: Take) -> None:
+        """Takes back what `prepare_files` has made and nobody has used."""
+
     def write_files(self, ob, take: Take, start_frame: float, scene_fps: float) -> None:
         """Connects what lies elsewhere with `ob` and the objects beside it: files, a rig."""
 
