@@ -19,7 +19,7 @@ use crate::{
     deform::{Deformer, binding::Follows},
     face::{Face, FaceSurface},
     ibug::LANDMARKS,
-    mesh::Similarity,
+    mesh::{Similarity, features::Features},
     models::{BuiltIn, built_in},
     nn::Weights,
     progress::{ProgressFn, SILENT, report},
@@ -120,6 +120,7 @@ impl RigModel {
         let base = landmark_weights(face, plain, progress)?;
         self.move_skin(head, base.view(), &mut deltas);
         fold(face, head, learned, &mut deltas)?;
+        leave_out(&face.features(), &mut deltas);
         move_jaw(face, head, plain, &mut deltas)?;
         report(progress, "shapes", 0.8)?;
         lids::meet(&mut deltas, &head.landmarks, &face.landmarks.vertices);
@@ -136,12 +137,8 @@ impl RigModel {
         self.mix_visemes(&mut deltas);
         to_mesh(&mut deltas, &face.to_canonical);
         report(progress, "shapes", 1.0)?;
-        Ok(Rig::new(
-            deltas,
-            face.to_canonical.scale as f32,
-            &eyes,
-            &tongue,
-        ))
+        let scale = face.to_canonical.scale as f32;
+        Ok(Rig::new(deltas, scale, &eyes, &tongue).with_notes_of(&face.features()))
     }
 
     /// The skin and what follows it; centimetres. `base`: `[V, 68]`.
@@ -230,6 +227,26 @@ impl Rig {
             reports: reports.collect(),
             names,
             deltas,
+        }
+    }
+
+    /// Says of shapes that rest which feature was not found.
+    fn with_notes_of(mut self, features: &Features) -> Rig {
+        for report in &mut self.reports {
+            if !report.present && features.of_shape(&report.name) == 0.0 {
+                report.note = Some("what it moves was not found on this face".into());
+            }
+        }
+        self
+    }
+}
+
+/// Shapes of what the face lacks rest, in place.
+fn leave_out(features: &Features, deltas: &mut Array3<f32>) {
+    for (name, mut shape) in ARKIT.iter().zip(deltas.outer_iter_mut()) {
+        let share = features.of_shape(name);
+        if share < 1.0 {
+            shape.mapv_inplace(|x| share * x);
         }
     }
 }
@@ -331,7 +348,9 @@ mod tests {
                 .iter()
                 .map(|&v| mesh.positions[v as usize])
                 .collect(),
-            LandmarkSource::Known(pairs) => pairs.iter().map(|pair| pair.0).collect(),
+            LandmarkSource::Known(known) => {
+                known.iter().map(|landmark| landmark.position).collect()
+            }
         };
         (mesh, landmarks)
     }
