@@ -375,22 +375,35 @@ mod tests {
     }
 
     #[test]
-    fn raised_brows_fold_the_forehead_as_the_decoder_does() {
+    fn raised_and_lowered_brows_fold_the_forehead_as_the_decoder_does() {
         let (mesh, landmarks) = head();
         let (engine, face) = prepared(&mesh, landmarks.clone());
         let rig = engine.rig(&face, SILENT).unwrap();
-        let inner_up = rig.deltas.index_axis(Axis(0), arkit("browInnerUp"));
+        for name in ["browInnerUp", "browDownLeft", "browDownRight"] {
+            let shape = rig.deltas.index_axis(Axis(0), arkit(name));
+            folds_as_decoded(name, shape, &engine, &face, landmarks[21][1]);
+        }
+    }
+
+    /// Above `height` the shape is what the decoder makes of its landmarks.
+    fn folds_as_decoded(
+        name: &str,
+        shape: ArrayView2<'_, f32>,
+        engine: &Engine,
+        face: &Face,
+        height: f32,
+    ) {
         let motion = Array3::from_shape_fn((1, LANDMARKS, 3), |(_, n, i)| {
-            inner_up[[face.landmarks.vertices[n] as usize, i]]
+            shape[[face.landmarks.vertices[n] as usize, i]]
         });
-        let made = Collector::collect(|sink| engine.spread_own(&face, motion, 1.0, sink, SILENT));
+        let made = Collector::collect(|sink| engine.spread_own(face, motion, 1.0, sink, SILENT));
         let decoded = made.unwrap().vertices.displacements;
         let mm = 1000.0 * face.to_canonical.scale as f32;
-        let forehead =
-            (0..mesh.positions.len()).filter(|&v| mesh.positions[v][1] > landmarks[21][1]);
+        let positions = &face.mesh.positions;
+        let forehead = (0..positions.len()).filter(|&v| positions[v][1] > height);
         let off = forehead.filter_map(|v| {
             let length = |x: [f32; 3]| mm * x.iter().map(|x| x * x).sum::<f32>().sqrt();
-            let rig = [0, 1, 2].map(|i| inner_up[[v, i]]);
+            let rig = [0, 1, 2].map(|i| shape[[v, i]]);
             let apart = [0, 1, 2].map(|i| rig[i] - decoded[[0, v, i]]);
             (length(rig) > 0.5).then(|| length(apart))
         });
@@ -398,7 +411,7 @@ mod tests {
         let mean = off.iter().sum::<f32>() / off.len() as f32;
         assert!(
             off.len() > 100 && mean < 0.1,
-            "{mean} mm at {} vertices",
+            "{name}: {mean} mm at {} vertices",
             off.len()
         );
     }
