@@ -46,7 +46,7 @@ fn an_eye_that_was_not_found_does_not_blink() {
     let moved = head::moved(&face, &closing(&head::landmarks(), &LIDS, 0.0));
     let (right, left) = (travel(&face, &moved, 37..39), travel(&face, &moved, 42..48));
     assert!(
-        right > 4.0 && left < 0.3,
+        right > 3.0 && left < 0.3,
         "right {right:.2} mm, left {left:.2} mm"
     );
     let rig = head::engine().rig(&face, SILENT).unwrap();
@@ -61,11 +61,9 @@ fn brows_that_were_not_found_rest_and_move_no_forehead() {
     let whole = lacking(|_| false);
     assert_eq!(whole.at_rest(), None);
     let raised = head::moved(&whole, &frown);
-    assert!(travel(&whole, &raised, 17..27) > 5.0);
+    assert!(travel(&whole, &raised, 17..27) > 4.0);
     let face = lacking(|n| (17..27).contains(&n));
     let resting = head::moved(&face, &frown);
-    assert_eq!(
-        resting.iter().map(|d| mm(*d, [0.0; 3])).fold(0.0, f32::max),
-        0.0
-    );
+    let most = resting.iter().map(|d| mm(*d, [0.0; 3])).fold(0.0, f32::max);
+    assert!(most < 1e-3, "{most} mm");
 }
