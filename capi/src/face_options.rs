@@ -6,8 +6,8 @@ use anyface::{
     Engine,
     ibug::LANDMARKS,
     mesh::{
-        Axis, FaceOptions, FixedLandmark, LandmarkPlace, LandmarkSource, Mesh, ObjectNames,
-        PartChoices, PartRole, PartSelector,
+        Axis, FaceOptions, FixedLandmark, KnownLandmark, LandmarkPlace, LandmarkSource, Mesh,
+        ObjectNames, PartChoices, PartRole, PartSelector,
     },
     progress::ProgressFn,
 };
@@ -195,9 +195,14 @@ impl AnyfaceFaceOptions {
             [false, false, true] => {
                 let positions = unsafe { self.positions() }?.iter().copied();
                 let vertices = unsafe { self.vertices() }?.iter().copied();
-                Ok(Some(LandmarkSource::Known(
-                    positions.zip(vertices).collect(),
-                )))
+                let known = positions
+                    .zip(vertices)
+                    .map(|(position, vertex)| KnownLandmark {
+                        position,
+                        vertex,
+                        confidence: 1.0,
+                    });
+                Ok(Some(LandmarkSource::Known(known.collect())))
             }
             [true, true, false] => {
                 let text = unsafe { pointer::text("landmark_json", self.landmark_json) }?;
@@ -398,8 +403,18 @@ mod tests {
             ..by_number
         };
         let library = unsafe { library.to_library() }.unwrap();
-        let pairs = positions.into_iter().zip(vertices).collect();
-        assert_eq!(library.landmarks, Some(LandmarkSource::Known(pairs)));
+        let known = positions
+            .into_iter()
+            .zip(vertices)
+            .map(|(position, vertex)| KnownLandmark {
+                position,
+                vertex,
+                confidence: 1.0,
+            });
+        assert_eq!(
+            library.landmarks,
+            Some(LandmarkSource::Known(known.collect()))
+        );
         let by_place = AnyfaceFaceOptions {
             landmark_positions,
             ..options()

@@ -22,6 +22,15 @@ pub const REGIONS: [(&str, Range<usize>); 5] = [
     ("jaw", JAW),
 ];
 
+/// What a face may lack; left and right are the subject's.
+pub(crate) const FEATURES: [(&str, Range<usize>); 5] = [
+    ("right brow", 17..22),
+    ("left brow", 22..27),
+    ("right eye", 36..42),
+    ("left eye", 42..48),
+    ("nose", 27..36),
+];
+
 pub(crate) const JAW: Range<usize> = 0..17;
 pub(crate) const BROWS: Range<usize> = 17..27;
 pub(crate) const BRIDGE: Range<usize> = 27..31;

@@ -175,6 +175,7 @@ pub(super) fn note_result(
 pub(super) fn note_face(report: &mut Report, face: &Face) {
     note_landmarks(report, &face.landmarks.confidence);
     note_mouth(report, face.mouth());
+    report.warnings.extend(face.at_rest());
     report.warnings.extend(shut_eyes_sentence(face));
 }
 

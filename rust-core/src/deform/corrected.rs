@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use ndarray::{Array3, ArrayView3, Axis, CowArray, Ix3};
+use ndarray::{Array3, ArrayView1, ArrayView3, Axis, CowArray, Ix3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -29,6 +29,8 @@ pub struct Corrections {
     jaw: Jaw,
     /// Vertex, share and offset from the jaw's hinge (canonical centimetres) of what the jaw carries.
     carried: Vec<(u32, f32, [f32; 3])>,
+    /// By which share each landmark moves, where the face lacks a feature.
+    moving: Option<Vec<f32>>,
     /// The mouth, where its rims were found.
     mouth: Option<Slit>,
     /// Where the lips are one surface.
@@ -67,6 +69,7 @@ impl Corrections {
             Follows::Jaw(share) => Some((v as u32, share, from_hinge(p))),
             _ => None,
         });
+        let features = face.features();
         let can_part = face.mouth() != Mouth::Welded;
         let rims = || mouth_slit(skin, landmarks, follows, to_canonical);
         Corrections {
@@ -75,6 +78,7 @@ impl Corrections {
             lids: eyelids(&head, skin, &parts.connected, follows, to_canonical),
             to_canonical: *to_canonical,
             carried: carried.collect(),
+            moving: (!features.are_all()).then(|| features.of_landmarks().to_vec()),
             jaw,
         }
     }
@@ -93,11 +97,20 @@ impl Corrections {
         }
     }
 
-    /// What the landmarks ask of lips that are as these are. `landmarks`: `[T, 68, 3]`.
+    /// What the landmarks ask of a face that lacks what this one lacks, of lips that are as these are.
+    /// `landmarks`: `[T, 68, 3]`.
     fn asked<'a>(&self, landmarks: ArrayView3<'a, f32>) -> CowArray<'a, f32, Ix3> {
+        if landmarks.dim().1 != LANDMARKS {
+            return landmarks.into();
+        }
+        let mut asked = CowArray::from(landmarks);
+        if let Some(moving) = &self.moving {
+            let shares = ArrayView1::from(moving).insert_axis(Axis(1));
+            asked = (&asked * &shares).into();
+        }
         match &self.joined {
-            Some(joined) if landmarks.dim().1 == LANDMARKS => joined.apply(landmarks).into(),
-            _ => landmarks.into(),
+            Some(joined) => joined.apply(asked.view()).into(),
+            None => asked,
         }
     }
 

@@ -26,6 +26,7 @@ pub(super) fn key_of_face(mesh: &CacheKey, face: &Face) -> CacheKey {
         .text(&format!("{:?}", face.options))
         .f32s(face.landmarks.positions.as_flattened())
         .u32s(&face.landmarks.vertices)
+        .f32s(&face.landmarks.confidence)
 }
 
 /// The landmarks that `options` give or leave to be found, and the parts of the mesh.

@@ -11,7 +11,9 @@ use crate::{
     Result,
     cache::{Cache, CacheKey},
     deform::{Deformer, Openings, PartList},
-    mesh::{self, FaceOptions, LandmarkFinder, Landmarks, Mesh, Mouth, Similarity},
+    mesh::{
+        self, FaceOptions, LandmarkFinder, Landmarks, Mesh, Mouth, Similarity, features::Features,
+    },
     progress::{ProgressFn, report},
     rig::Rig,
 };
@@ -110,6 +112,17 @@ impl Face {
     pub fn mouth(&self) -> Mouth {
         let find = || Mouth::of(&self.mesh, &self.landmarks);
         *self.mouth.get_or_init(find)
+    }
+
+    /// Which of brows, eyes and nose were found: what the face lacks rests.
+    pub(crate) fn features(&self) -> Features {
+        Features::of(&self.landmarks)
+    }
+
+    /// In words what of the face was not found, or hardly, and so rests or is weaker; `None` where nothing
+    /// is.
+    pub fn at_rest(&self) -> Option<String> {
+        self.features().sentence()
     }
 
     /// Whether the subject's right and left eye are sculpted shut: such an eye does not blink.

@@ -3,14 +3,14 @@
 //! Written: `{"version": 1, "confidence": c, "mouth": "open" | "slit" | "welded", "landmarks":
 //! [{"index": 0, "position": [x, y, z], "vertex": n, "confidence": c}, …]}`, positions in the mesh's
 //! own units and axes; `mouth` only where the mesh was looked at. Read: the same (`vertex` and both
-//! `confidence` optional, `mouth` ignored, `position` optional where `vertex` is given), or a plain
+//! `confidence` optional (1 where it is left out: the writer is certain), `mouth` ignored, `position` optional where `vertex` is given), or a plain
 //! list of 68 points `[[x, y, z], …]`, or a plain list of 68 vertex numbers.
 
 use std::{io::Write, path::Path};
 
 use serde::{Deserialize, Serialize};
 
-use super::{FixedLandmark, LandmarkPlace, LandmarkSource, Landmarks, Mouth};
+use super::{FixedLandmark, KnownLandmark, LandmarkPlace, LandmarkSource, Landmarks, Mouth};
 use crate::{Error, Result, ibug::LANDMARKS};
 
 /// The format's version, raised when a reader of the old one would misread the new one.
@@ -164,9 +164,15 @@ pub(super) fn fixed_from_json(text: &str) -> Result<Vec<FixedLandmark>> {
 
 fn from_document(document: Document) -> Result<LandmarkSource> {
     let entries = slots(document)?;
-    let both = collect(&entries, |e| e.position.zip(e.vertex));
-    if let Ok(pairs) = both {
-        return Ok(LandmarkSource::Known(pairs));
+    let known = |e: &Entry| {
+        Some(KnownLandmark {
+            position: e.position?,
+            vertex: e.vertex?,
+            confidence: e.confidence.unwrap_or(1.0),
+        })
+    };
+    if let Ok(known) = collect(&entries, known) {
+        return Ok(LandmarkSource::Known(known));
     }
     collect(&entries, |e| e.position)
         .map(LandmarkSource::Positions)

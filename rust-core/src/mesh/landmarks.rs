@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use super::{
-    FaceOptions, LandmarkFinder, LandmarkSource, Landmarks, Mesh,
+    FaceOptions, KnownLandmark, LandmarkFinder, LandmarkSource, Landmarks, Mesh,
     closest::{norm, sub},
     snap::snap_to_surface,
 };
@@ -50,7 +50,7 @@ pub fn locate_landmarks_with(
     let given = match &options.landmarks {
         Some(LandmarkSource::Positions(positions)) => from_positions(mesh, positions)?,
         Some(LandmarkSource::Vertices(vertices)) => from_vertices(mesh, vertices)?,
-        Some(LandmarkSource::Known(pairs)) => from_pairs(mesh, pairs)?,
+        Some(LandmarkSource::Known(known)) => from_known(mesh, known)?,
         None => return finder.find(mesh, options.forward, options.up, fixed, progress),
     };
     match fixed.is_empty() {
@@ -113,20 +113,31 @@ fn from_vertices(mesh: &Mesh, vertices: &[u32]) -> Result<Landmarks> {
 }
 
 /// [`from_positions`], where a point that lies at its vertex stays on it.
-fn from_pairs(mesh: &Mesh, pairs: &[([f32; 3], u32)]) -> Result<Landmarks> {
-    let (positions, vertices): (Vec<[f32; 3]>, Vec<u32>) = pairs.iter().copied().unzip();
+fn from_known(mesh: &Mesh, given: &[KnownLandmark]) -> Result<Landmarks> {
+    let positions: Vec<[f32; 3]> = given.iter().map(|landmark| landmark.position).collect();
     let mut known = from_positions(mesh, &positions)?;
     let reach = AT_VERTEX_IN_EYE_DISTANCES * eye_distance(&known.positions);
     let used: HashSet<u32> = mesh.triangles.as_flattened().iter().copied().collect();
-    for (i, (point, vertex)) in positions.iter().zip(vertices).enumerate() {
+    for (i, landmark) in given.iter().enumerate() {
+        let (point, vertex) = (landmark.position, landmark.vertex);
+        known.confidence[i] = checked_confidence(i, landmark.confidence)?;
         let place = mesh.positions.get(vertex as usize);
         let place =
-            place.filter(|place| norm(sub(**place, *point)) <= reach && used.contains(&vertex));
+            place.filter(|place| norm(sub(**place, point)) <= reach && used.contains(&vertex));
         if let Some(place) = place {
             (known.positions[i], known.vertices[i]) = (*place, vertex);
         }
     }
     Ok(known)
+}
+
+fn checked_confidence(i: usize, confidence: f32) -> Result<f32> {
+    match (0.0..=1.0).contains(&confidence) {
+        true => Ok(confidence),
+        false => Err(Error::InvalidInput(format!(
+            "landmark {i}: expected a confidence of 0 to 1, got {confidence}"
+        ))),
+    }
 }
 
 fn sixty_eight<T: Copy>(given: &[T], expected: &str) -> Result<[T; LANDMARKS]> {
@@ -217,28 +228,25 @@ mod tests {
     fn points_at_their_vertices_stay_on_them() {
         let mesh = confetti();
         let found = locate(&mesh, LandmarkSource::Vertices((0..68).collect())).unwrap();
-        let mut pairs: Vec<_> = found
-            .positions
-            .iter()
-            .copied()
-            .zip(found.vertices)
-            .collect();
-        let known = locate(&mesh, LandmarkSource::Known(pairs.clone())).unwrap();
-        assert_eq!(
-            (known.positions, known.vertices),
-            (found.positions, found.vertices)
-        );
-        assert_eq!(
-            LandmarkSource::from(&known),
-            LandmarkSource::Known(pairs.clone())
-        );
+        let known = locate(&mesh, LandmarkSource::from(&found)).unwrap();
+        assert_eq!(known, found);
         // A stale number changes nothing.
-        pairs
-            .iter_mut()
-            .for_each(|pair| pair.1 = 1_000_000 - pair.1);
-        let stale = locate(&mesh, LandmarkSource::Known(pairs)).unwrap();
+        let mut stale = found.clone();
+        stale.vertices = stale.vertices.map(|vertex| 1_000_000 - vertex);
+        let stale = locate(&mesh, LandmarkSource::from(&stale)).unwrap();
         let plain = locate(&mesh, LandmarkSource::Positions(found.positions.into())).unwrap();
         assert_eq!(stale, plain);
+    }
+
+    #[test]
+    fn known_landmarks_stay_as_sure_as_they_were() {
+        let mut found = locate(&confetti(), LandmarkSource::Vertices((0..68).collect())).unwrap();
+        found.confidence[40] = 0.25;
+        let known = locate(&confetti(), LandmarkSource::from(&found)).unwrap();
+        assert_eq!(known.confidence, found.confidence);
+        found.confidence[40] = 1.5;
+        let error = locate(&confetti(), LandmarkSource::from(&found)).unwrap_err();
+        assert!(error.to_string().contains("landmark 40"), "{error}");
     }
 
     #[test]

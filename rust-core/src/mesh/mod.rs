@@ -5,6 +5,7 @@ mod canonical;
 mod check;
 pub(crate) mod closest;
 pub(crate) mod dijkstra;
+pub(crate) mod features;
 mod find_landmarks;
 mod fixed;
 mod front_view;
@@ -41,7 +42,7 @@ pub use parts::Parts;
 pub use roles::{ObjectNames, Part, PartChoices, PartRole, PartSelector, RoleSource};
 pub use tree::{ClosestPlace, SurfaceTree};
 
-use crate::conditions::Controls;
+use crate::{conditions::Controls, ibug::LANDMARKS};
 
 /// A triangle mesh in the user's own units, axes and vertex order.
 ///
@@ -68,7 +69,7 @@ pub struct Landmarks {
     pub positions: [[f32; 3]; 68],
     /// Nearest vertex of each landmark.
     pub vertices: [u32; 68],
-    /// Confidence of each, 0 to 1; 1 where the caller gave it.
+    /// Confidence of each, 0 to 1; 1 where the caller is certain of it.
     pub confidence: [f32; 68],
 }
 
@@ -79,16 +80,31 @@ pub enum LandmarkSource {
     Positions(Vec<[f32; 3]>),
     /// 68 vertex numbers.
     Vertices(Vec<u32>),
-    /// 68 points, each with a vertex number. A point at the very place of its vertex stays on that vertex:
+    /// 68 points, each with a vertex number and how sure it is. A point at the very place of its vertex stays on that vertex:
     /// two rims of closed lips lie in one place, and a point alone names neither. All others are put on the
     /// nearest fitting place of the surface, as if the number were not there.
-    Known(Vec<([f32; 3], u32)>),
+    Known(Vec<KnownLandmark>),
+}
+
+/// A landmark that was found before, or that a caller knows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KnownLandmark {
+    /// In the mesh's own units.
+    pub position: [f32; 3],
+    /// The vertex that it may lie on.
+    pub vertex: u32,
+    /// How sure it was when it was found, 0 to 1; 1 where the caller is certain of it.
+    pub confidence: f32,
 }
 
 impl From<&Landmarks> for LandmarkSource {
     fn from(known: &Landmarks) -> LandmarkSource {
-        let pairs = known.positions.iter().copied().zip(known.vertices);
-        LandmarkSource::Known(pairs.collect())
+        let landmark = |n: usize| KnownLandmark {
+            position: known.positions[n],
+            vertex: known.vertices[n],
+            confidence: known.confidence[n],
+        };
+        LandmarkSource::Known((0..LANDMARKS).map(landmark).collect())
     }
 }
 

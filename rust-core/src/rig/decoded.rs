@@ -13,7 +13,13 @@ use crate::{
 
 /// Shapes whose folds lie between the landmarks: there the learned decoder, creases and all, is nearer
 /// to the truth than the network, on unseen faces of both kinds that were learned.
-const FOLDING: [&str; 3] = ["browInnerUp", "browOuterUpLeft", "browOuterUpRight"];
+const FOLDING: [&str; 5] = [
+    "browDownLeft",
+    "browDownRight",
+    "browInnerUp",
+    "browOuterUpLeft",
+    "browOuterUpRight",
+];
 /// Shapes in which the jaw moves.
 const JAW: [&str; 4] = ["jawOpen", "jawForward", "jawLeft", "jawRight"];
 

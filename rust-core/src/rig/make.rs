@@ -19,7 +19,7 @@ use crate::{
     deform::{Deformer, binding::Follows},
     face::{Face, FaceSurface},
     ibug::LANDMARKS,
-    mesh::Similarity,
+    mesh::{Similarity, features::Features},
     models::{BuiltIn, built_in},
     nn::Weights,
     progress::{ProgressFn, SILENT, report},
@@ -120,6 +120,7 @@ impl RigModel {
         let base = landmark_weights(face, plain, progress)?;
         self.move_skin(head, base.view(), &mut deltas);
         fold(face, head, learned, &mut deltas)?;
+        leave_out(&face.features(), &mut deltas);
         move_jaw(face, head, plain, &mut deltas)?;
         report(progress, "shapes", 0.8)?;
         lids::meet(&mut deltas, &head.landmarks, &face.landmarks.vertices);
@@ -136,12 +137,8 @@ impl RigModel {
         self.mix_visemes(&mut deltas);
         to_mesh(&mut deltas, &face.to_canonical);
         report(progress, "shapes", 1.0)?;
-        Ok(Rig::new(
-            deltas,
-            face.to_canonical.scale as f32,
-            &eyes,
-            &tongue,
-        ))
+        let scale = face.to_canonical.scale as f32;
+        Ok(Rig::new(deltas, scale, &eyes, &tongue).with_notes_of(&face.features()))
     }
 
     /// The skin and what follows it; centimetres. `base`: `[V, 68]`.
@@ -230,6 +227,26 @@ impl Rig {
             reports: reports.collect(),
             names,
             deltas,
+        }
+    }
+
+    /// Says of shapes that rest which feature was not found.
+    fn with_notes_of(mut self, features: &Features) -> Rig {
+        for report in &mut self.reports {
+            if !report.present && features.of_shape(&report.name) == 0.0 {
+                report.note = Some("what it moves was not found on this face".into());
+            }
+        }
+        self
+    }
+}
+
+/// Shapes of what the face lacks rest, in place.
+fn leave_out(features: &Features, deltas: &mut Array3<f32>) {
+    for (name, mut shape) in ARKIT.iter().zip(deltas.outer_iter_mut()) {
+        let share = features.of_shape(name);
+        if share < 1.0 {
+            shape.mapv_inplace(|x| share * x);
         }
     }
 }
@@ -331,7 +348,9 @@ mod tests {
                 .iter()
                 .map(|&v| mesh.positions[v as usize])
                 .collect(),
-            LandmarkSource::Known(pairs) => pairs.iter().map(|pair| pair.0).collect(),
+            LandmarkSource::Known(known) => {
+                known.iter().map(|landmark| landmark.position).collect()
+            }
         };
         (mesh, landmarks)
     }
@@ -356,22 +375,35 @@ mod tests {
     }
 
     #[test]
-    fn raised_brows_fold_the_forehead_as_the_decoder_does() {
+    fn raised_and_lowered_brows_fold_the_forehead_as_the_decoder_does() {
         let (mesh, landmarks) = head();
         let (engine, face) = prepared(&mesh, landmarks.clone());
         let rig = engine.rig(&face, SILENT).unwrap();
-        let inner_up = rig.deltas.index_axis(Axis(0), arkit("browInnerUp"));
+        for name in ["browInnerUp", "browDownLeft", "browDownRight"] {
+            let shape = rig.deltas.index_axis(Axis(0), arkit(name));
+            folds_as_decoded(name, shape, &engine, &face, landmarks[21][1]);
+        }
+    }
+
+    /// Above `height` the shape is what the decoder makes of its landmarks.
+    fn folds_as_decoded(
+        name: &str,
+        shape: ArrayView2<'_, f32>,
+        engine: &Engine,
+        face: &Face,
+        height: f32,
+    ) {
         let motion = Array3::from_shape_fn((1, LANDMARKS, 3), |(_, n, i)| {
-            inner_up[[face.landmarks.vertices[n] as usize, i]]
+            shape[[face.landmarks.vertices[n] as usize, i]]
         });
-        let made = Collector::collect(|sink| engine.spread_own(&face, motion, 1.0, sink, SILENT));
+        let made = Collector::collect(|sink| engine.spread_own(face, motion, 1.0, sink, SILENT));
         let decoded = made.unwrap().vertices.displacements;
         let mm = 1000.0 * face.to_canonical.scale as f32;
-        let forehead =
-            (0..mesh.positions.len()).filter(|&v| mesh.positions[v][1] > landmarks[21][1]);
+        let positions = &face.mesh.positions;
+        let forehead = (0..positions.len()).filter(|&v| positions[v][1] > height);
         let off = forehead.filter_map(|v| {
             let length = |x: [f32; 3]| mm * x.iter().map(|x| x * x).sum::<f32>().sqrt();
-            let rig = [0, 1, 2].map(|i| inner_up[[v, i]]);
+            let rig = [0, 1, 2].map(|i| shape[[v, i]]);
             let apart = [0, 1, 2].map(|i| rig[i] - decoded[[0, v, i]]);
             (length(rig) > 0.5).then(|| length(apart))
         });
@@ -379,7 +411,7 @@ mod tests {
         let mean = off.iter().sum::<f32>() / off.len() as f32;
         assert!(
             off.len() > 100 && mean < 0.1,
-            "{mean} mm at {} vertices",
+            "{name}: {mean} mm at {} vertices",
             off.len()
         );
     }

@@ -23,7 +23,7 @@ pub fn head() -> Mesh {
 
 pub fn landmarks() -> Points {
     match LandmarkSource::read(&folder().join("landmarks.json")).unwrap() {
-        LandmarkSource::Known(pairs) => pairs.iter().map(|pair| pair.0).collect(),
+        LandmarkSource::Known(known) => known.iter().map(|landmark| landmark.position).collect(),
         other => panic!("expected positions with their vertices, got {other:?}"),
     }
 }

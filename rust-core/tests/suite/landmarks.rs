@@ -27,7 +27,7 @@ fn head() -> Mesh {
 
 fn truth() -> Vec<[f32; 3]> {
     match LandmarkSource::read(&default_head().join("landmarks.json")).unwrap() {
-        LandmarkSource::Known(pairs) => pairs.iter().map(|pair| pair.0).collect(),
+        LandmarkSource::Known(known) => known.iter().map(|landmark| landmark.position).collect(),
         other => panic!("expected positions with their vertices, got {other:?}"),
     }
 }

@@ -3,6 +3,7 @@
 mod command;
 mod damaged;
 mod expressions;
+mod features;
 mod head;
 mod imports;
 mod kept_faces;

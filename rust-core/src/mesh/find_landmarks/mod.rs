@@ -247,7 +247,11 @@ impl LandmarkFinder {
             confidence: [GIVEN_CONFIDENCE; LANDMARKS],
             presence: 1.0,
         };
-        self.shaped(mesh, &to_canonical, &agreed, &places)
+        let mut landmarks = self.shaped(mesh, &to_canonical, &agreed, &places)?;
+        for (now, before) in landmarks.confidence.iter_mut().zip(given.confidence) {
+            *now = now.max(before);
+        }
+        Ok(landmarks)
     }
 
     /// The face that is seen most clearly, sharply or, where that is not sure, softly; the error says what

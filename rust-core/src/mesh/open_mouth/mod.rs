@@ -73,7 +73,7 @@ pub struct OpenedMouth {
 /// ```
 ///
 /// # Errors
-/// `InvalidInput` where the lips part already or the landmarks name no mouth; `Mesh` where the surface
+/// `InvalidInput` where the lips part already, stand apart before a pit, or the landmarks name no mouth; `Mesh` where the surface
 /// between the lips has no line from corner to corner.
 pub fn open_mouth(mesh: &Mesh, landmarks: &Landmarks) -> Result<OpenedMouth> {
     let mouth = Mouth::of(mesh, landmarks);
@@ -89,7 +89,7 @@ pub fn open_mouth(mesh: &Mesh, landmarks: &Landmarks) -> Result<OpenedMouth> {
         std::array::from_fn(|i| frame.local(landmarks.positions[60 + i].map(f64::from)));
     let found = |sewing: Sewing| -> Result<(Patch, SeamLine, Vec<Node>)> {
         let patch = Patch::around(mesh, landmarks, &frame, sewing)?;
-        let seam = SeamLine::find(&patch, &inner);
+        let seam = SeamLine::find(&patch, &inner)?;
         let line = trace(&patch, &seam, [inner[0], inner[4]])?;
         Ok((patch, seam, line))
     };

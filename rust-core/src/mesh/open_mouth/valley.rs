@@ -6,6 +6,7 @@
 //! valley, keeps near the line that the inner-lip landmarks draw, and does not jump.
 
 use super::patch::Patch;
+use crate::{Error, Result};
 
 /// Columns from corner to corner, both corners included.
 const COLUMNS: usize = 49;
@@ -23,6 +24,12 @@ const DEEPEST: f64 = 8.0;
 const TRUST: [f64; 2] = [20.0, 2.0];
 /// Standard deviation of a step between two columns against the landmarks' line, in rows.
 const STEP: f64 = 3.0;
+/// A pit: behind one lip the surface lies so far back, in widths of the mouth (8 mm), from so many rows
+/// beyond the lip (2 mm) for so many rows further (3 mm). Suzanne's lies back by 0.33 widths; lips that
+/// meet fall by 0.05 in as many rows.
+const PIT: f64 = 0.15;
+const CLIFF: i64 = 10;
+const FLOOR: i64 = 15;
 /// Passes of a binomial filter over the line that was found.
 const SMOOTHING: usize = 12;
 
@@ -33,9 +40,19 @@ pub(super) struct SeamLine {
 
 impl SeamLine {
     /// `inner`: landmarks 60 to 67 in the mouth's frame.
-    pub fn find(patch: &Patch, inner: &[[f64; 3]; 8]) -> SeamLine {
+    ///
+    /// # Errors
+    /// `InvalidInput` where the lips stand apart before the floor of a pit.
+    pub fn find(patch: &Patch, inner: &[[f64; 3]; 8]) -> Result<SeamLine> {
         let expected: Vec<f64> = (0..COLUMNS).map(|c| drawn(inner, place(c))).collect();
         let depths = Depths::of(patch, &expected);
+        if depths.are_a_pit() {
+            return Err(Error::InvalidInput(
+                "open mouth: expected lips that meet, got a pit whose lips are apart already: it opens as \
+                 it is, and a cut would part its floor"
+                    .into(),
+            ));
+        }
         let offsets = cheapest_way(&depths);
         let heights = expected.iter().zip(offsets);
         let mut heights: Vec<f64> = heights.map(|(h, rows)| h + ROW * rows as f64).collect();
@@ -45,7 +62,7 @@ impl SeamLine {
                 heights[c] = 0.25 * old[c - 1] + 0.5 * old[c] + 0.25 * old[c + 1];
             }
         }
-        SeamLine { heights }
+        Ok(SeamLine { heights })
     }
 
     /// Height at a place, 0 at the right corner and 1 at the left one, level beyond.
@@ -141,6 +158,32 @@ impl Depths {
     }
 }
 
+impl Depths {
+    /// Whether most columns of the middle half look past a lip onto a floor far behind it.
+    fn are_a_pit(&self) -> bool {
+        let middle = COLUMNS / 4..3 * COLUMNS / 4;
+        let (all, pits) = (middle.len(), middle.filter(|c| self.has_floor(*c)).count());
+        2 * pits > all
+    }
+
+    /// Whether the surface lies back behind a lip that is below it, or above it.
+    fn has_floor(&self, column: usize) -> bool {
+        let lies_back = |lip: i64, way: i64| {
+            let edge = self.at(column, lip);
+            (CLIFF..=CLIFF + FLOOR).all(|away| {
+                let row = lip + way * away;
+                let here = if row.abs() <= HALF {
+                    self.at(column, row)
+                } else {
+                    f64::NAN
+                };
+                here.is_finite() && edge - here > PIT
+            })
+        };
+        (-HALF..=HALF).any(|lip| lies_back(lip, 1) || lies_back(lip, -1))
+    }
+}
+
 fn range(values: [f64; 3]) -> (f64, f64) {
     let low = values.into_iter().fold(f64::INFINITY, f64::min);
     (low, values.into_iter().fold(f64::NEG_INFINITY, f64::max))
@@ -224,7 +267,7 @@ mod tests {
     #[test]
     fn the_line_follows_a_valley_beside_the_landmarks() {
         let bow = |x: f64| 0.04 * (std::f64::consts::PI * x).sin();
-        let line = SeamLine::find(&grooved(bow, 0.06), &level_landmarks());
+        let line = SeamLine::find(&grooved(bow, 0.06), &level_landmarks()).unwrap();
         for place in [0.2, 0.35, 0.5, 0.65, 0.8] {
             let got = line.height(place);
             assert!(
@@ -241,7 +284,7 @@ mod tests {
         let mut inner = level_landmarks();
         inner[2][1] = 0.05;
         inner[6][1] = 0.03;
-        let line = SeamLine::find(&grooved(|_| 0.0, 0.0), &inner);
+        let line = SeamLine::find(&grooved(|_| 0.0, 0.0), &inner).unwrap();
         assert!(
             (line.height(0.5) - 0.04).abs() < 0.012,
             "{}",
@@ -255,10 +298,26 @@ mod tests {
         let line = SeamLine::find(
             &grooved(|x| 0.03 * (x - 0.5).abs(), 0.05),
             &level_landmarks(),
-        );
+        )
+        .unwrap();
         for place in [0.05, 0.2, 0.4] {
             let [a, b] = [place, 1.0 - place].map(|x| line.height(x));
             assert!((a - b).abs() < 0.5 * ROW, "{a} {b}");
         }
+    }
+
+    #[test]
+    fn a_pit_is_no_seam_and_a_deep_groove_is() {
+        let mut pit = grooved(|_| 0.0, 0.0);
+        for p in &mut pit.points {
+            p[2] = if (-0.05..0.12).contains(&p[1]) {
+                -0.3
+            } else {
+                0.0
+            };
+        }
+        let error = SeamLine::find(&pit, &level_landmarks()).err().unwrap();
+        assert!(error.to_string().contains("got a pit"), "{error}");
+        assert!(SeamLine::find(&grooved(|_| 0.0, 0.2), &level_landmarks()).is_ok());
     }
 }
