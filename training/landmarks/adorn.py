@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
+from training.landmarks.render import come_out
 from training.landmarks.samples import Head, ellipsoid
 from training.landmarks.stylise import EYES, glued, limb
 
@@ -62,18 +63,20 @@ def eyes_of(marks: np.ndarray) -> list[tuple[np.ndarray, float, float]]:
 
 
 def eyeballs(rng: np.random.Generator, head: Head) -> Head:
-    """Balls, buttons or eggs stuck on, or set into, both eyes; sometimes with a pupil that stands out."""
-    extra = []
+    """Balls, buttons or eggs stuck on, or set into, both eyes; sometimes with a pupil that stands out. The
+    eyes' landmarks come out to the balls where these cover them."""
+    extra, marks = [], head.landmarks
     grown, tall, deep = rng.uniform(0.75, 1.25), rng.uniform(0.75, 1.3), rng.uniform(0.25, 1.1)
     sunk, pupil = rng.uniform(-0.7, 0.4), rng.random() < 0.3
     for centre, wide, _ in eyes_of(head.landmarks):
         radii = wide * grown * np.array([1, tall, deep])
         centre = centre + [0, 0, sunk * radii[2]]
         extra.append(ellipsoid(centre, radii, int(rng.integers(5, 12))))
+        marks = come_out(marks, slice(36, 48), extra[-1:])
         if pupil:
             front = centre + [0, 0, 0.95 * radii[2]]
             extra.append(ellipsoid(front, radii * [0.4, 0.4, 0.2], 6))
-    return glued(head, extra)
+    return glued(Head(head.points, head.triangles, marks), extra)
 
 
 def rims(rng: np.random.Generator, head: Head) -> Head:
@@ -84,7 +87,8 @@ def rims(rng: np.random.Generator, head: Head) -> Head:
         high = max(high, wide * rng.uniform(0.5, 1.0))
         path = ring(centre, gap * wide, gap * high, int(rng.integers(7, 20)))
         extra.append(tube(path, (thick * wide, flat * thick * wide), True, 6))
-    return glued(head, extra)
+    marks = come_out(head.landmarks, slice(36, 48), extra)
+    return glued(Head(head.points, head.triangles, marks), extra)
 
 
 def brows(rng: np.random.Generator, head: Head) -> Head:
@@ -100,21 +104,23 @@ def glasses(rng: np.random.Generator, head: Head) -> Head:
     """Frames, round or square, sometimes with lenses that hide the eyes."""
     marks, extra, thick = head.landmarks, [], rng.uniform(0.0012, 0.004)
     gap, out = rng.uniform(1.15, 1.6), rng.uniform(0.006, 0.018)
+    front = marks[36:48, 2].max() + out
     corners, lens = int(rng.choice([4, 6, 24])), rng.random() < 0.35
     hinges, inner = [], []
     for side, eye in zip((-1, 1), EYES, strict=True):
         centre, wide = marks[eye].mean(0), 0.5 * np.ptp(marks[eye][:, 0])
         radius = min(gap * wide, 0.47 * abs(marks[36:42, 0].mean() - marks[42:48, 0].mean()))
-        middle = [centre[0], centre[1], marks[36:48, 2].max() + out]
+        middle = [centre[0], centre[1], front]
         path = ring(middle, radius, radius * rng.uniform(0.7, 1.0), corners)
         extra.append(tube(path, thick, True, 5))
         hinges.append(np.add(middle, [side * radius, 0, 0]))
         inner.append(np.subtract(middle, [side * radius, 0, 0]))
         if lens:
             extra.append(ellipsoid(middle, [radius, radius * 0.85, 0.002], 8))
+            marks = come_out(marks, eye, extra[-1:])
     extra.append(tube(np.array(inner), thick, False, 5))
     extra += [tube(np.array([p, p - [0, 0, 0.09]]), thick, False, 5) for p in hinges]
-    return glued(head, extra)
+    return glued(Head(head.points, head.triangles, marks), extra)
 
 
 def beard(rng: np.random.Generator, head: Head) -> Head:

@@ -6,8 +6,13 @@ import numpy as np
 from training.landmarks import adorn, render, samples
 from training.landmarks.adorn import BROWS
 from training.landmarks.characters import character
+from training.landmarks.covers import covered
 from training.landmarks.samples import Faces, Head
+from training.landmarks.stepped import stepped
 from training.landmarks.stylise import EYES, company, smoothed, stylise
+
+COVERED, STEPPED = {"human": 0.06, "stylised": 0.4, "costume": 0.35, "character": 0.1}, 0.16
+"""How many heads of each kind have covered eyes (`covers`), and how many a surface in steps (`stepped`)."""
 
 KINDS = ("human", "stylised", "costume", "character")
 SHARES = (0.5, 0.16, 0.16, 0.18)
@@ -33,9 +38,15 @@ def random_head(
     kind = str(rng.choice(KINDS, p=SHARES))
     head = bare_head(rng, faces, identities, makehuman_share, kind)
     styled = kind != "human"
+    steps = rng.random() < STEPPED
+    if steps:
+        head = stepped(rng, head)
+    if rng.random() < COVERED[kind]:
+        more = covered(rng, head)
+        head = more if seen(more) else head
     if rng.random() < (0.2 if styled else 0.4):
         head = samples.tear(rng, head)
-    if rng.random() < 0.4:
+    if not steps and rng.random() < 0.4:
         head = low_poly(rng, head, LEAST_TRIANGLES[kind]) if styled else samples.remesh(rng, head)
     for _ in range(4):
         dressed = samples.dress(rng, head)

@@ -14,6 +14,7 @@ import numpy as np
 from training.landmarks import heads, render, samples
 from training.landmarks.canonical import mean_landmarks
 from training.landmarks.faceless import faceless
+from training.landmarks.stepped import stepped
 
 NOMINAL_HALF_SIZE_M = 0.105
 IDENTITIES = 400
@@ -56,6 +57,11 @@ def window(rng: np.random.Generator, landmarks: np.ndarray, tight: bool) -> tupl
     return middle + rng.uniform(-room, room, 2), half
 
 
+def softness(rng: np.random.Generator) -> float:
+    """Pixels by which a picture is softened: one in five, as the finder's soft looks are."""
+    return float(rng.uniform(1.0, 5.0)) if rng.random() < 0.2 else 0.0
+
+
 def draw_face(rng, head) -> tuple[np.ndarray, np.ndarray]:
     """One picture with a face and its targets."""
     tight = rng.random() < 0.6
@@ -63,7 +69,7 @@ def draw_face(rng, head) -> tuple[np.ndarray, np.ndarray]:
     points, landmarks = head.points @ turn, head.landmarks @ turn
     centre, half = window(rng, landmarks, tight)
     return (
-        render.picture(points, head.triangles, centre, half),
+        render.picture(points, head.triangles, centre, half, softness(rng)),
         render.to_window(landmarks, centre, half),
     )
 
@@ -82,6 +88,8 @@ def draw_nothing(rng, faces, chosen) -> tuple[np.ndarray, np.ndarray, int]:
         points = points @ turn.T
     elif kind < 0.75:
         shape = faceless(rng)
+        if rng.random() < 0.2:
+            shape = stepped(rng, shape)
         turn = render.yaw(rng.uniform(-np.pi, np.pi))
         points, triangles = shape.points @ turn.T, shape.triangles
     if kind < 0.75:
@@ -89,7 +97,7 @@ def draw_nothing(rng, faces, chosen) -> tuple[np.ndarray, np.ndarray, int]:
     else:
         side = rng.choice([-1, 1], 2) * rng.uniform(0.09, 0.25, 2)
         centre, half = head.landmarks[:, :2].mean(0) + side, rng.uniform(0.04, 0.10)
-    return render.picture(points, triangles, centre, half), np.full((68, 2), 0.5), 0
+    return render.picture(points, triangles, centre, half, softness(rng)), np.full((68, 2), 0.5), 0
 
 
 def main() -> None:

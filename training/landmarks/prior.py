@@ -11,6 +11,7 @@ import numpy as np
 from training.landmarks import pool, samples
 from training.landmarks.canonical import mean_landmarks
 from training.landmarks.characters import character
+from training.landmarks.covers import covered
 from training.landmarks.stylise import stylise
 
 MODES = 48
@@ -48,7 +49,8 @@ def only_landmarks(faces: samples.Faces) -> samples.Faces:
 
 
 def shapes(data: Path, count: int, seed: int) -> np.ndarray:
-    """`[count, 204]` landmarks less the mean: people, warped; three in ten stylised, three in ten of clay."""
+    """`[count, 204]` landmarks less the mean: people, warped; three in ten stylised, three in ten of clay,
+    one in seven with covered eyes."""
     faces, chosen = only_landmarks(samples.Faces(data)), pool.identities(held_out=False)
     out = np.empty((count, 204))
     for i in range(count):
@@ -60,6 +62,8 @@ def shapes(data: Path, count: int, seed: int) -> np.ndarray:
             head = stylise(rng, head)
         elif styled < 0.6:
             head = character(rng)
+        if rng.random() < 0.15:
+            head = covered(rng, head)
         if rng.random() < 0.75:
             head = samples.warp(rng, head, rng.choice([0.5, 1.0, 2.0]))
         out[i] = (aligned(head.landmarks) - mean_landmarks()).ravel()

@@ -9,6 +9,7 @@ column grows with view x (the subject's left), row grows with -y, z grows toward
 
 import numba
 import numpy as np
+from scipy.ndimage import gaussian_filter
 
 RESOLUTION = 128
 SUPERSAMPLE = 2
@@ -104,8 +105,21 @@ def features(buffer, half_size):
     return out
 
 
-def picture(points: np.ndarray, triangles: np.ndarray, centre, half_size: float) -> np.ndarray:
-    """The network's input for one window, `[4, 128, 128]` f32."""
+def softened(buffer: np.ndarray, deviation: float) -> np.ndarray:
+    """The mean depth about every drawn pixel, weighted by a Gaussian of `deviation` pixels."""
+    drawn = buffer > -np.inf
+    depth = np.where(drawn, buffer, 0).astype(np.float32)
+    weight, total = (
+        gaussian_filter(x, deviation, mode="constant", truncate=3.0)
+        for x in (drawn.astype(np.float32), depth)
+    )
+    return np.where(drawn, total / np.maximum(weight, 1e-6), -np.inf).astype(np.float32)
+
+
+def picture(
+    points: np.ndarray, triangles: np.ndarray, centre, half_size: float, softness: float = 0.0
+) -> np.ndarray:
+    """The network's input for one window, `[4, 128, 128]` f32, softened by `softness` pixels."""
     size = RESOLUTION * SUPERSAMPLE
     buffer = depth_buffer(
         np.ascontiguousarray(points, np.float32),
@@ -115,6 +129,8 @@ def picture(points: np.ndarray, triangles: np.ndarray, centre, half_size: float)
         np.float32(half_size),
         size,
     )
+    if softness > 0:
+        buffer = softened(buffer, softness)
     return features(buffer, float(half_size))
 
 
@@ -129,3 +145,21 @@ def yaw(angle: float) -> np.ndarray:
     """Rotation about y; positive brings the subject's right cheek to the viewer's middle."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+
+
+def come_out(
+    marks: np.ndarray, own: slice, shapes: list, room: float = 0.012, pixels: int = 192
+) -> np.ndarray:
+    """Landmarks `[68, 3]` with those of `own` moved along z onto what `shapes` (points, triangles; metres)
+    show from the front, where that lies before them: they lie on what is seen, not behind it."""
+    middle = marks[own, :2].mean(0)
+    half = float(np.abs(marks[own, :2] - middle).max() + room)
+    front = np.full((pixels, pixels), -np.inf, np.float32)
+    for points, triangles in shapes:
+        points, triangles = points.astype(np.float32), triangles.astype(np.int32)
+        drawn = depth_buffer(points, triangles, *middle.astype(np.float32), np.float32(half), pixels)
+        front = np.maximum(front, drawn)
+    column, row = np.clip((to_window(marks[own], middle, half).T * pixels).astype(int), 0, pixels - 1)
+    out = marks.copy()
+    out[own, 2] = np.maximum(marks[own, 2], front[row, column])
+    return out

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
+from training.landmarks.render import come_out
 from training.landmarks.samples import Head, ellipsoid
 
 EYES = (slice(36, 42), slice(42, 48))
@@ -119,6 +120,7 @@ def toy(rng: np.random.Generator, head: Head) -> Head:
         if rng.random() < 0.8:
             radii = [wide, wide * rng.uniform(0.6, 1.6), wide * rng.uniform(0.3, 0.9)]
             extra.append(ellipsoid(centre, radii, 8))
+            head.landmarks = come_out(head.landmarks, eye, extra[-1:])
         if rng.random() < 0.6:
             wide = np.ptp(marks[brow][:, 0]) * 0.5
             thick = wide * rng.uniform(0.12, 0.3, 2)
@@ -142,6 +144,7 @@ def animal(rng: np.random.Generator, head: Head) -> Head:
     if rng.random() < 0.6:
         for eye in EYES:
             extra.append(ellipsoid(marks[eye].mean(0) + [0, 0, bulge * size], [size] * 3, 7))
+            head.landmarks = come_out(head.landmarks, eye, extra[-1:])
     if rng.random() < 0.8:
         out, up = rng.uniform(0.06, 0.11), rng.uniform(-0.01, 0.11)
         radii = rng.uniform([0.015, 0.02, 0.008], [0.05, 0.06, 0.03])
