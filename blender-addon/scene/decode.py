@@ -13,6 +13,8 @@ def decoder(engine) -> Decode:
         try:
             return engine.decode(path)
         except AnyfaceError as error:
+            if error.kind != "audio":
+                raise
             try:
                 return decode_with_aud(path)
             except (ImportError, RuntimeError, OSError):
@@ -25,11 +27,14 @@ def decode_with_aud(path: str) -> tuple[np.ndarray, float]:
     """Blender's decoder (FFmpeg), which also reads the sound of films.
 
     The channels are averaged; `rechannel(1)` would sum them and clip. Some builds of Blender as
-    a Python module have no `aud`: `ImportError`.
+    a Python module have no `aud`: `ImportError`. `OSError` for what it cannot read.
     """
     import aud
 
-    sound = aud.Sound(path)
-    rate_hz = float(sound.specs[0])
-    samples = np.asarray(sound.data(), dtype=np.float32)
+    try:
+        sound = aud.Sound(path)
+        rate_hz = float(sound.specs[0])
+        samples = np.asarray(sound.data(), dtype=np.float32)
+    except aud.error as error:
+        raise OSError(f"{path}: {error}") from None
     return samples.reshape(len(samples), -1).mean(axis=1, dtype=np.float32), rate_hz

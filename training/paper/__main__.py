@@ -15,6 +15,7 @@ from pathlib import Path
 from training.corpus.folder import CorpusFolder
 from training.paper.engine import Engine
 from training.paper.metrics import NAMES
+from training.paper.printed import combinations, printed
 from training.paper.tables import Table, landmark_table, mesh_tables
 
 UNITS = {"LVE": "mm²", "EVE": "mm²", "MVE": "mm", "FDD": "mm²", "DTW": "mm", "DFD": "mm", "δM": "mm²"}
@@ -22,10 +23,13 @@ HEAD = """# The paper's tables, made here
 
 What FreeTalk's tables 2 and 3 measure (LVE, EVE, MVE, FDD, DTW, DFD, δM, δCd; definitions in
 `training/paper/metrics.py`), on the corpora named below instead of MEAD-EMOTE, VOCAset, BIWI and Multiface,
-none of which can be had here: no number on this page stands beside a printed one. `python -m training.paper`
-makes the same page of any [corpus folder](training.md); with those sets in such folders it is the paper's own
-tables.
-Held-out clips, 25 fps, at most 10 s of each; lower is better, of FDD nearer to 0.
+none of which are at hand. `python -m training.paper` makes the same page of any
+[corpus folder](training.md); with those sets in such folders it measures the paper's own tables.
+Held-out clips, 25 fps, at most 10 s of each; lower is better, of FDD nearer to 0. Motion is not scaled, and
+"nothing moves" is what a still face would get. The paper's table 4 and its NJF and MLP decoders (part of its
+figure 6) are not made: Anyface has neither PoissonNet nor Jacobian fields. Ablations of
+Sparse-To-Mesh see every fifth frame of all held-out stretches of a face, joined: their DTW, DFD, δM and δCd
+compare with each other, not with other tables.
 """
 
 
@@ -37,11 +41,11 @@ def page(tables: list[Table], ablated: list[Table], figures: list[Path], out: Pa
         parts.append(rows_of(table))
     for figure in figures:
         parts.append(f"![{CAPTIONS[figure.stem]}]({figure.relative_to(out.parent)})\n")
-    return "\n".join(parts)
+    return "\n".join([*parts, combinations(ablated), printed()]).rstrip() + "\n"
 
 
 CAPTIONS = {
-    "decoder_errors": "Figure 6 of the paper: true landmark motion through each decoder, and how far it is off",
+    "decoder_errors": "Figure 6 of the paper: true landmark motion through each decoder, how far it is off",
     "attention": "Figure 7 of the paper: by which share each vertex of the mesh attends to a landmark",
 }
 

@@ -14,6 +14,7 @@ from training.paper import ablations
 from training.paper.__main__ import page
 from training.paper.engine import Engine
 from training.paper.metrics import NAMES, measure
+from training.paper.printed import WHOLE, combinations
 from training.paper.tables import Table, landmark_table, mesh_tables
 from training.systems.freetalk.ats import debug_config, neutral_affect
 from training.tests.made_up import made_up
@@ -69,6 +70,16 @@ def test_the_page_names_units_and_leaves_out_what_was_not_seen(tmp_path):
     table = Table("mine", "landmarks", {"Anyface": scores}, 3, 68)
     text = page([table], [], [], tmp_path / "paper.md", "python -m training.paper")
     assert "| Anyface | 1.23 |" in text and "| – |" in text and "LVE mm²" in text
+
+
+def test_ablations_stand_beside_the_printed_shares(tmp_path):
+    lves = {WHOLE: 20.0, "without the landmark graph": 25.0, "without cross-attention": 50.0}
+    rows = {name: dict.fromkeys(NAMES, 1.0) | {"LVE": lve} for name, lve in lves.items()}
+    assert rows.keys() <= ablations.STM.keys()
+    text = page([], [Table("Ablations", "mesh", rows, 1, 9)], [], tmp_path / "paper.md", "made")
+    assert "| Concat. | 1.67 | 2.50 |" in text and "| CA + Concat. | 1.10 | 1.25 |" in text
+    assert "| CA | 1.19 | – |" in text and "| GCN + CA + Concat. | 1.00 | 1.00 |" in text
+    assert "MEAD-EMOTE (table 2" in text and combinations([]) == ""
 
 
 @pytest.mark.parametrize("kind", list(ablations.ATS.values())[1:])
