@@ -28,9 +28,9 @@ def test_landmarks_of_a_character_lie_on_it_and_mirror_each_other(number):
     head = clay(number)
     assert np.percentile(off_surface(head, head.landmarks), 90) < 0.006
     mirrored = head.landmarks[MIRROR] * [-1, 1, 1]
-    apart = np.abs(mirrored - head.landmarks)[36:48].max(axis=1)
-    # At the rim of a ball over an eye one side may lie on the ball and the other beside it.
-    assert np.percentile(apart, 90) < 0.01
+    apart = np.sort(np.abs(mirrored - head.landmarks)[36:48].max(axis=1))
+    # At the rim of a ball over an eye one of a pair may lie on the ball and the other beside it.
+    assert apart[:-2].max() < 0.01
     assert head.landmarks[36:48, 1].min() > head.landmarks[48:68, 1].max(), "eyes above the mouth"
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from training.corpus import facegood, grid
 from training.corpus.aligned import read_grid_speech
+from training.corpus.checked import CorpusError
 from training.corpus.clip import FPS, read_sound
 from training.corpus.split import facegood_first_held_out
 from training.corpus.tracks import SOUND_HZ
@@ -19,6 +20,7 @@ def grid_s1(source: Path, folder: Path, _: Path | None) -> Path:
 
     Needs pocketsphinx; its alignment is kept in `phones/` and done once.
     """
+    needed(source / "motion" / grid.SOURCE / grid.TRACK)
     writer = CorpusWriter(folder, grid.SOURCE, "m")
     spoken = {u.name: u for u in read_grid_speech(source)}
     for clip in grid.read_grid(source):
@@ -36,6 +38,7 @@ def facegood_zh(source: Path, folder: Path, _: Path | None) -> Path:
     """facegood_zh: blend weights at 30 fps; the end of every take is held out."""
     writer = CorpusWriter(folder, facegood.SOURCE, "m")
     inside = source / "motion" / facegood.SOURCE
+    needed(inside)
     for path in sorted(inside.glob("*.arkit.csv")):
         name = path.name.removesuffix(".arkit.csv")
         columns, samples = facegood.read_arkit(path), read_sound(inside / f"{name}.ogg")
@@ -50,6 +53,12 @@ def facegood_zh(source: Path, folder: Path, _: Path | None) -> Path:
             seconds = frames / facegood.CAPTURE_FPS - first_s
             writer.weights(f"{name}_{part}", list(columns), values[frames], seconds)
     return writer.close()
+
+
+def needed(path: Path) -> None:
+    """Raises `CorpusError` where a file of the source is not there."""
+    if not path.exists():
+        raise CorpusError(path, None, "a file or folder of the data that training.md names", "none")
 
 
 def _at(seconds: float, rate_hz: float) -> int:
