@@ -15,6 +15,7 @@ from .ui import (
     caches,
     character,
     controls,
+    events,
     find_controls,
     generate,
     key_list,
@@ -40,7 +41,7 @@ from .ui import (
 
 _MODULES = (
     preferences, generate, remove, mending, sample_head, panel, character, landmarks, mouth, audio,
-    presets, performance, life, outputs, key_list, controls, find_controls, caches, takes,
+    presets, performance, events, life, outputs, key_list, controls, find_controls, caches, takes,
     sounds, sounds_file, scene_list, models,
 )  # fmt: skip
 _CLASSES = [cls for module in _MODULES for cls in module.CLASSES]

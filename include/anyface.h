@@ -251,6 +251,18 @@ typedef struct AnyfaceEngine AnyfaceEngine;
 /// Why a call failed: a status and a message in English. Owned by the caller.
 typedef struct AnyfaceError AnyfaceError;
 
+/// Sentences about events, in English. Never changes after it was made: any number of threads may read it at
+/// the same time.
+typedef struct AnyfaceEventNotes AnyfaceEventNotes;
+
+/// Events of a performance. Never changes after it was made: any number of threads may use it at the same
+/// time.
+typedef struct AnyfaceEvents AnyfaceEvents;
+
+/// The action units of an expression in English words. Never changes after it was made: any number of threads
+/// may read it at the same time.
+typedef struct AnyfaceExpression AnyfaceExpression;
+
 /// Everything known of one mesh: its landmarks, how its lips meet, what its parts are, and what moving it
 /// needs. Never changes after it was made: any number of threads may use it at the same time.
 typedef struct AnyfaceFace AnyfaceFace;
@@ -433,6 +445,23 @@ typedef struct {
     size_t object_count;
 } AnyfaceFaceOptions;
 
+/// What a face does for a while; for `anyface_events_new()`.
+typedef struct {
+    /// First second, 0 or more.
+    double start_s;
+    /// Last second, above the first.
+    double end_s;
+    /// `[unit_count]`, UTF-8: action units such as "12" or "AU1", with L or R behind for the subject's left or
+    /// right alone: "45L".
+    const char *const *units;
+    /// Number of units, 1 or more.
+    size_t unit_count;
+    /// 0 to 2; 1 is the model's own. Not 0 by itself: set it.
+    float strength;
+    /// 1 where lips that the speech brings together may stay apart under it, else 0.
+    int32_t over_speech;
+} AnyfaceEvent;
+
 /// What a performance is asked to be; prepare it with `anyface_motion_options_init()`.
 typedef struct {
     /// Bytes of this struct in the caller's header; set by `anyface_motion_options_init()`.
@@ -471,6 +500,9 @@ typedef struct {
     int32_t closures_given;
     /// Must be 0.
     uint32_t reserved_2;
+    /// What the face is to do and when; only until the call returns. NULL, the default, is nothing. A system that
+    /// cannot show them refuses: see `anyface_system_takes_events()`.
+    const AnyfaceEvents *events;
 } AnyfaceMotionOptions;
 
 #ifdef __cplusplus
@@ -763,6 +795,10 @@ const char *anyface_system_help(size_t system);
 /// Number of controls that a system understands; 0 for a number that is not below the count.
 size_t anyface_system_control_count(size_t system);
 
+/// 1 if a system shows the events of `AnyfaceMotionOptions`, else 0; 0 for a number that is not below the
+/// count.
+int32_t anyface_system_takes_events(size_t system);
+
 /// Describes a control of a system, in the order in which a panel shows them. `struct_size` is
 /// `sizeof *out`.
 ///
@@ -945,6 +981,72 @@ const char *anyface_emotion_name(size_t index);
 /// whose sum is above 1.5.
 AnyfaceStatus anyface_emotion_parse(const char *text, float *strengths, AnyfaceError **error);
 
+/// Reads what a text asks of a face, such as "a sarcastic laugh" or "winks with the right eye".
+///
+/// `text`: UTF-8. A text that says nothing to a face has no units, and `anyface_expression_hint()` the nearest
+/// that has some. Free with `anyface_expression_free()`.
+AnyfaceStatus anyface_expression_new(const char *text,
+                                     AnyfaceExpression **out,
+                                     AnyfaceError **error);
+
+/// Number of units; 0 for NULL.
+size_t anyface_expression_unit_count(const AnyfaceExpression *expression);
+
+/// A unit as `AnyfaceEvent` takes it: "12", "45L". NULL from the count on, for NULL. Lives as long as the
+/// expression.
+const char *anyface_expression_unit(const AnyfaceExpression *expression,
+                                    size_t index);
+
+/// How strongly the text asks for it, 1 for a plain word; 0 without units, for NULL.
+float anyface_expression_strength(const AnyfaceExpression *expression);
+
+/// The nearest expression that would be understood, where there are no units; NULL otherwise, for NULL. Lives as
+/// long as the expression.
+const char *anyface_expression_hint(const AnyfaceExpression *expression);
+
+/// Frees an expression that no running call uses; nothing happens for NULL.
+void anyface_expression_free(AnyfaceExpression *expression);
+
+/// Number of an action unit that events may name, as text: "1", "2", "4" ... "28"; NULL from the last one on.
+/// Lives as long as the library is loaded.
+const char *anyface_action_unit_name(size_t index);
+
+/// What an action unit does, such as "lip corner puller", as `anyface_action_unit_name()`.
+const char *anyface_action_unit_label(size_t index);
+
+/// Events from arrays, which are copied; set them in `AnyfaceMotionOptions`.
+///
+/// `events`: `[event_count]`, in any order; they may overlap. Free with `anyface_events_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that do not rise, an unknown unit or a strength out of
+/// range; the message names the event, counted from 1.
+AnyfaceStatus anyface_events_new(const AnyfaceEvent *events,
+                                 size_t event_count,
+                                 AnyfaceEvents **out,
+                                 AnyfaceError **error);
+
+/// Events from JSON: a list, or an object with a list `events`, of `{"start_s": 1.2, "end_s": 2.0, "units":
+/// ["12", "45L"], "strength": 0.8, "over_speech": false}`; the last two may be left out.
+///
+/// `json`: UTF-8. Free with `anyface_events_free()`. Fails as `anyface_events_new()` does.
+AnyfaceStatus anyface_events_parse(const char *json,
+                                   AnyfaceEvents **out,
+                                   AnyfaceError **error);
+
+/// Events from lines of text, as the command reads them: seconds, units or words, and strength, as in
+/// "1.2-2.0:smile:0.8" or "2.4-2.8:45L"; empty lines are left out.
+///
+/// `text`: UTF-8. Free with `anyface_events_free()`. Fails as `anyface_events_new()` does, and for words that say
+/// nothing to a face, with the nearest that do.
+AnyfaceStatus anyface_events_from_text(const char *text,
+                                       AnyfaceEvents **out,
+                                       AnyfaceError **error);
+
+/// Number of events; 0 for NULL.
+size_t anyface_events_count(const AnyfaceEvents *events);
+
+/// Frees events that no running call uses; nothing happens for NULL.
+void anyface_events_free(AnyfaceEvents *events);
+
 /// Sets every option to its default. `struct_size` is `sizeof *options`.
 ///
 /// Fails with `ANYFACE_STATUS_NULL_POINTER`, or `ANYFACE_STATUS_INVALID_INPUT` for a size that no
@@ -1053,6 +1155,22 @@ AnyfaceStatus anyface_motion_write(const AnyfaceMotion *motion,
 /// Frees a motion that no running call uses; nothing happens for NULL.
 void anyface_motion_free(AnyfaceMotion *motion);
 
+/// Number `S` of shapes whose weights the system made, such as the 51 of ARKit that `cafe-talk` moves; 0 for a
+/// system that moves something else, for NULL.
+size_t anyface_motion_weight_count(const AnyfaceMotion *motion);
+
+/// Name of a shape, ARKit's; NULL from the count on, for NULL. Lives as long as the motion.
+const char *anyface_motion_weight_name(const AnyfaceMotion *motion, size_t shape);
+
+/// Copies motion of weights into the caller's buffer: as the system made it, nothing is solved.
+///
+/// `buffer`: `[T, S]`, 0 to 1, in the order of `anyface_motion_weight_name()`; `float_count` must be `T * S`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`, or a system that moves no weights.
+AnyfaceStatus anyface_motion_copy_weights(const AnyfaceMotion *motion,
+                                          float *buffer,
+                                          size_t float_count,
+                                          AnyfaceError **error);
+
 /// Speech and a face become a clip: `anyface_motion_new()` and `anyface_clip_new()` in one. Long:
 /// accepts a progress handle.
 ///
@@ -1151,6 +1269,28 @@ AnyfaceStatus anyface_clip_write(const AnyfaceClip *clip,
 
 /// Frees a clip that no running call uses, with everything it lent; nothing happens for NULL.
 void anyface_clip_free(AnyfaceClip *clip);
+
+/// Finds what of the events of a motion nobody will see: events behind the end of the sound, and units that
+/// this face cannot show, such as brows where it has none. Long for a face that was never asked for its shapes:
+/// accepts a progress handle.
+///
+/// `motion` is that of `anyface_motion_new()`. `progress` may be NULL. Free with `anyface_event_notes_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for motion that was not spoken, `ANYFACE_STATUS_CANCELLED`.
+AnyfaceStatus anyface_event_notes_new(const AnyfaceEngine *engine,
+                                      const AnyfaceFace *face,
+                                      const AnyfaceMotion *motion,
+                                      const AnyfaceProgress *progress,
+                                      AnyfaceEventNotes **out,
+                                      AnyfaceError **error);
+
+/// Number of sentences; 0 for NULL.
+size_t anyface_event_notes_count(const AnyfaceEventNotes *notes);
+
+/// A sentence, UTF-8; NULL from the count on, for NULL. Lives as long as the notes.
+const char *anyface_event_notes_text(const AnyfaceEventNotes *notes, size_t index);
+
+/// Frees notes that no running call uses; nothing happens for NULL.
+void anyface_event_notes_free(AnyfaceEventNotes *notes);
 
 /// Finds the fewest shapes that keep every vertex in every frame within `max_error` of its place.
 /// Accepts a progress handle.
@@ -1299,6 +1439,17 @@ AnyfaceStatus anyface_weights_new(const char *const *names,
                                   const AnyfaceProgress *progress,
                                   AnyfaceWeights **out,
                                   AnyfaceError **error);
+
+/// Weights that the caller brings, such as those of `anyface_motion_copy_weights()`, to be written as a file.
+///
+/// `names`: `[shape_count]`, UTF-8. `weights`: `[frame_count, shape_count]`. Both are copied. Free with
+/// `anyface_weights_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not finite.
+AnyfaceStatus anyface_weights_new_given(const char *const *names,
+                                        const float *weights,
+                                        size_t shape_count,
+                                        size_t frame_count,
+                                        AnyfaceWeights **out,
+                                        AnyfaceError **error);
 
 /// Copies the weights into the caller's buffer.
 ///

@@ -15,9 +15,9 @@ from pathlib import Path
 
 from safetensors.numpy import save_file
 
+from training.conditions import EMOTIONS
 from training.corpus.emotions import expressions
 from training.corpus.manner import MANNERS, OFFSET_OVER_ONSET
-from training.systems.freetalk.ats import EMOTIONS
 
 
 def config() -> dict:

@@ -19,6 +19,7 @@ GOLDENS = {
     "compact_speech": "training.speech.golden_compact",
     "phones": "training.speech.golden_phones",
     "ats_compact": "training.systems.freetalk.golden_ats",
+    "cafe_talk": "training.systems.cafe_talk.golden",
     "static_weights": "training.deform.golden_static_weights",
     "creases": "training.deform.golden_creases",
     "landmarks": "training.landmarks.golden",
@@ -26,6 +27,7 @@ GOLDENS = {
     "stm_paper": "training.systems.freetalk.stm.golden_paper",
     "stream": "training.systems.freetalk.golden_stream",
     "rig": "training.rig.golden",
+    "text_units": "training.text.golden",
 }
 """Model name -> module with `write(out: Path, shared: Path) -> Path`."""
 

@@ -100,6 +100,19 @@ class FaceOptions(Structure):
     ]
 
 
+class Event(Structure):
+    """`AnyfaceEvent`."""
+
+    _fields_ = [
+        ("start_s", c_double),
+        ("end_s", c_double),
+        ("units", POINTER(c_char_p)),
+        ("unit_count", c_size_t),
+        ("strength", c_float),
+        ("over_speech", c_int32),
+    ]
+
+
 class MotionOptions(Structure):
     """`AnyfaceMotionOptions`."""
 
@@ -119,6 +132,7 @@ class MotionOptions(Structure):
         ("closure_count", c_size_t),
         ("closures_given", c_int32),
         ("reserved_2", c_uint32),
+        ("events", c_void_p),
     ]
 
 
@@ -138,6 +152,7 @@ SIGNATURES = {
     "anyface_system_name": (c_char_p, [c_size_t]),
     "anyface_system_label": (c_char_p, [c_size_t]),
     "anyface_system_help": (c_char_p, [c_size_t]),
+    "anyface_system_takes_events": (c_int32, [c_size_t]),
     "anyface_system_control_count": (c_size_t, [c_size_t]),
     "anyface_system_control": (c_int32, [c_size_t, c_size_t, POINTER(Control), c_size_t]),
     "anyface_engine_options_init": (c_int32, [POINTER(EngineOptions), c_size_t]),
@@ -183,6 +198,20 @@ SIGNATURES = {
         [_HANDLE, _INDICES, c_size_t, _FLOATS, c_size_t, _OUT],
     ),
     "anyface_opened_mouth_free": (None, [_HANDLE]),
+    "anyface_action_unit_name": (c_char_p, [c_size_t]),
+    "anyface_action_unit_label": (c_char_p, [c_size_t]),
+    "anyface_expression_new": (c_int32, [c_char_p, _OUT, _OUT]),
+    "anyface_expression_unit_count": (c_size_t, [_HANDLE]),
+    "anyface_expression_unit": (c_char_p, [_HANDLE, c_size_t]),
+    "anyface_expression_strength": (c_float, [_HANDLE]),
+    "anyface_expression_hint": (c_char_p, [_HANDLE]),
+    "anyface_expression_free": (None, [_HANDLE]),
+    "anyface_events_new": (c_int32, [POINTER(Event), c_size_t, _OUT, _OUT]),
+    "anyface_events_free": (None, [_HANDLE]),
+    "anyface_event_notes_new": (c_int32, [_HANDLE, _HANDLE, _HANDLE, _HANDLE, _OUT, _OUT]),
+    "anyface_event_notes_count": (c_size_t, [_HANDLE]),
+    "anyface_event_notes_text": (c_char_p, [_HANDLE, c_size_t]),
+    "anyface_event_notes_free": (None, [_HANDLE]),
     "anyface_motion_options_init": (c_int32, [POINTER(MotionOptions), c_size_t]),
     "anyface_motion_new": (
         c_int32,
@@ -191,6 +220,9 @@ SIGNATURES = {
     "anyface_motion_new_displacements": (c_int32, [_FLOATS, c_size_t, c_double, _OUT, _OUT]),
     "anyface_motion_frame_count": (c_size_t, [_HANDLE]),
     "anyface_motion_copy_displacements": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
+    "anyface_motion_weight_count": (c_size_t, [_HANDLE]),
+    "anyface_motion_weight_name": (c_char_p, [_HANDLE, c_size_t]),
+    "anyface_motion_copy_weights": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_motion_copy_head": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_motion_copy_gaze": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_motion_free": (None, [_HANDLE]),
@@ -224,6 +256,10 @@ SIGNATURES = {
     "anyface_weights_new": (
         c_int32,
         [POINTER(c_char_p), _FLOATS, c_size_t, _FLOATS, c_size_t, c_size_t, _HANDLE, _OUT, _OUT],
+    ),
+    "anyface_weights_new_given": (
+        c_int32,
+        [POINTER(c_char_p), _FLOATS, c_size_t, c_size_t, _OUT, _OUT],
     ),
     "anyface_weights_copy": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_weights_left_out": (c_float, [_HANDLE]),

@@ -13,6 +13,7 @@ from . import systems
 from .errors import AnyfaceError, Cancelled
 from .job import Progress
 from .library import ControlSetting, EngineOptions, FaceOptions, MotionOptions, library_path, load
+from .native_events import EventCalls
 from .native_mesh import MeshCalls
 from .native_mouth import MouthCalls
 from .native_shapes import ShapeCalls
@@ -47,7 +48,7 @@ _CACHE_IN_FOLDER = 2
 _KINDS = {3: "input", 4: "audio", 5: "mesh", 6: "face", 7: "weights", 8: "file"}
 
 
-class Engine(MeshCalls, MouthCalls, ShapeCalls, SliderCalls, SoundCalls):
+class Engine(EventCalls, MeshCalls, MouthCalls, ShapeCalls, SliderCalls, SoundCalls):
     """Loaded models; any number of threads may use one engine.
 
     `forward` and `up` are the axes of the meshes that it is given: Blender's heads face -Y with +Z
@@ -160,6 +161,9 @@ class Engine(MeshCalls, MouthCalls, ShapeCalls, SliderCalls, SoundCalls):
         shape = (self._library.anyface_clip_frame_count(clip), vertices, 3)
         animation.life = self._life(made, shape[0])
         animation.landmarks = self._landmarks(clip, shape[0])
+        animation.shape_weights = self._shape_weights(made[1])
+        if request.events:
+            animation.notes = self._unseen(handles, face, made[1], request.events, watch)
         if request.error_mm is None:
             animation.displacements = np.empty(shape, dtype=np.float32)
             self._copy("anyface_clip_copy_displacements", clip, animation.displacements)
@@ -292,6 +296,7 @@ class Engine(MeshCalls, MouthCalls, ShapeCalls, SliderCalls, SoundCalls):
             closures = np.ascontiguousarray(request.closures, dtype=np.float64)
             options.closures_s, options.closure_count = _doubles(closures), len(closures)
             options.closures_given = 1
+        options.events = self._events(handles, request.events)
         given = (self._handle, audio, byref(options), watch.handle)
         return self._own(handles, "motion", "anyface_motion_new", *given)
 

@@ -4,6 +4,7 @@ import os
 import tempfile
 from contextlib import ExitStack
 from ctypes import POINTER, c_double, c_float
+from dataclasses import replace
 
 import numpy as np
 
@@ -95,6 +96,9 @@ class SoundCalls:
             marks = landmarks, landmark_vertices
             face = self._face(handles, positions, triangles, marks, request, watch)
             spoken = self._motion(handles, sound, request, watch)
+            made = self._shape_weights(spoken)
+            if made is not None:
+                return self._stretch_of_weights(handles, (face, spoken), made, len(positions), rows)
             frames = self._library.anyface_motion_frame_count(spoken)
             moved = np.empty((frames, _LANDMARK_FLOATS), dtype=np.float32)
             self._copy("anyface_motion_copy_displacements", spoken, moved)
@@ -108,6 +112,20 @@ class SoundCalls:
             animation.displacements = np.empty(shape, dtype=np.float32)
             self._copy("anyface_clip_copy_displacements", clip, animation.displacements)
         animation.life = Life(life.head[part], life.gaze[part], life.way)
+        return animation
+
+    def _stretch_of_weights(self, handles, given, made, vertices: int, rows: range) -> Animation:
+        """The same of weights, which move the mesh as a whole before frames are taken."""
+        face, spoken = given
+        clip = self._own(handles, "clip", "anyface_clip_new", self._handle, face, spoken, None)
+        part = slice(max(rows.start, 0), min(rows.stop, len(made.weights)))
+        animation = Animation(self._millimetres(face, clip))
+        moved = np.empty((len(made.weights), vertices, 3), dtype=np.float32)
+        self._copy("anyface_clip_copy_displacements", clip, moved)
+        animation.displacements = moved[part]
+        life = self._life((face, spoken, clip), len(made.weights))
+        animation.life = Life(life.head[part], life.gaze[part], life.way)
+        animation.shape_weights = replace(made, weights=made.weights[part])
         return animation
 
     def _part(self, handles, moved: np.ndarray, fps: float):

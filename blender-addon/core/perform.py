@@ -27,6 +27,7 @@ def perform(
     verdict.check_seen(animation, sound, intensity)
     progress.check("write")
     take = Take(request.fps, animation.largest_mm, space=found)
+    take.shape_weights, take.notes = animation.shape_weights, animation.notes
     if animation.life is not None:
         way = found.from_world(face.matrix_world)
         take.life = replace(animation.life, way=animation.life.way @ way)
@@ -34,6 +35,8 @@ def perform(
         take.frames = found.to_object(animation.displacements)
         return take
     take.basis = animation.basis
-    take.basis.why_missing = sliders.why_missing(request, take.basis.sliders)
+    take.basis.why_missing = sliders.why_missing(
+        request, take.basis.sliders, has_any=take.shape_weights is None
+    )
     take.basis.vectors = found.to_object(take.basis.vectors)
     return take

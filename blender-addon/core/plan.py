@@ -11,7 +11,7 @@ import numpy as np
 from . import pc2, shapes, sliders
 from .errors import AnyfaceError
 from .job import Progress
-from .take import FaceMesh, KeyMotion, Rig, Take, WrittenFile
+from .take import FaceMesh, KeyMotion, Rig, Solved, Take, WrittenFile
 
 # Below this share of the motion nobody sees that the artist's keys speak.
 _LARGEST_LEFT_OUT = 0.97
@@ -68,7 +68,7 @@ class SolveKeys(Plan):
         # Existing keys are those of the face; objects beside it have others.
         moved = take.frames[:, : self.vectors.shape[1]]
         vectors = np.tensordot(self.factors, self.vectors, axes=1).astype(np.float32)
-        solved = engine.solve(self.shapes, vectors, moved, progress)
+        solved = self._as_made(take) or engine.solve(self.shapes, vectors, moved, progress)
         if solved.left_out > _LARGEST_LEFT_OUT:
             shown = 1.0 - solved.left_out
             raise AnyfaceError(
@@ -80,7 +80,16 @@ class SolveKeys(Plan):
         motion = KeyMotion(self.keys, weights, solved.left_out)
         motion.shapes, motion.shape_weights = self.shapes, solved.weights
         motion.shown = self.shown
+        if take.shape_weights is not None:
+            motion.missing = take.shape_weights.missing(self.shapes)
         return replace(take, frames=None, key_motion=motion)
+
+    def _as_made(self, take: Take) -> Solved | None:
+        """The weights of a system that makes them; None for keys that show other shapes."""
+        made = take.shape_weights
+        if made is None or not set(self.shapes) & set(made.names):
+            return None
+        return Solved(made.of(self.shapes), made.left_out(self.shapes))
 
 
 @dataclass
@@ -91,7 +100,11 @@ class MakeKeys(Plan):
 
     def finish(self, face, take, engine, progress):
         arkit, visemes = _arkit(face, take, engine, progress)
-        solved = engine.solve(arkit.names, arkit.vectors, take.frames, progress)
+        made = take.shape_weights
+        if made is not None:
+            solved = Solved(made.of(arkit.names), made.left_out(arkit.names))
+        else:
+            solved = engine.solve(arkit.names, arkit.vectors, take.frames, progress)
         motion = KeyMotion(arkit.names, solved.weights, solved.left_out, arkit.vectors)
         motion.visemes = visemes if self.visemes else None
         return replace(take, frames=None, key_motion=motion)
@@ -105,8 +118,13 @@ class WriteTable(Plan):
     path: str
 
     def finish(self, face, take, engine, progress):
-        arkit, _ = _arkit(face, take, engine, progress)
         Path(self.path).parent.mkdir(parents=True, exist_ok=True)
+        made = take.shape_weights
+        if made is not None:
+            engine.write_weights(made.names, made.weights, self.path, take.fps)
+            file = WrittenFile(self.name, self.path, len(made.weights))
+            return replace(take, frames=None, files=[file])
+        arkit, _ = _arkit(face, take, engine, progress)
         given = (arkit.names, arkit.vectors, take.frames, progress, self.path, take.fps)
         solved = engine.solve(*given)
         file = WrittenFile(self.name, self.path, len(take.frames), left_out=solved.left_out)

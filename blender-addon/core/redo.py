@@ -120,8 +120,13 @@ class Redo:
         for keys in self.keys:
             _, moved = plan.of_piece(snapshot.face, take.frames, keys.name)
             moved = moved[:, : keys.vectors.shape[1]]
+            spoken = take.shape_weights
             if keys.free:
                 made[keys.name] = fit(keys.vectors, moved, limit)
+            elif spoken is not None and set(keys.shapes) & set(spoken.names):
+                none = np.empty((0, *moved.shape[1:])), np.empty((len(moved), 0))
+                shown = spoken.of(keys.shapes), *none, spoken.left_out(keys.shapes)
+                made[keys.name] = Fit(*shown)
             else:
                 solved = snapshot.engine.solve(keys.shapes, keys.vectors, moved, progress)
                 none = np.empty((0, *moved.shape[1:])), np.empty((len(moved), 0))

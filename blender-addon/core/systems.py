@@ -4,12 +4,13 @@ The library keeps the list; it is read once, without loading models. Panel, pres
 drawn from it.
 """
 
-from ctypes import byref, sizeof
+from ctypes import byref, c_void_p, sizeof
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 from . import library
 from .errors import AnyfaceError
+from .events import Words
 
 # What a control acts on, as `AnyfaceControlStage`.
 FACE, MOTION = 0, 1
@@ -55,6 +56,7 @@ class System:
     label: str
     help: str
     controls: tuple[Control, ...]
+    takes_events: bool = False
 
 
 @cache
@@ -84,6 +86,44 @@ def find(name: str, among: tuple[System, ...]) -> System:
     return found
 
 
+@cache
+def units() -> dict[str, str]:
+    """The action units of the extension's library: what each does by its number."""
+    try:
+        loaded = library.load(library.library_path())
+    except AnyfaceError:
+        return {}
+    found = {}
+    while (name := loaded.anyface_action_unit_name(len(found))) is not None:
+        found[name.decode()] = loaded.anyface_action_unit_label(len(found)).decode()
+    return found
+
+
+@lru_cache(maxsize=4096)
+def words(text: str) -> Words:
+    """What the extension's library understands of a text; nothing where it cannot be loaded."""
+    try:
+        loaded = library.load(library.library_path())
+    except AnyfaceError:
+        return Words()
+    made, error = c_void_p(), c_void_p()
+    if loaded.anyface_expression_new(text.encode(), byref(made), byref(error)) != 0:
+        loaded.anyface_error_free(error)
+        return Words()
+    count = loaded.anyface_expression_unit_count(made)
+    units = [loaded.anyface_expression_unit(made, at).decode() for at in range(count)]
+    hint = loaded.anyface_expression_hint(made) or b""
+    strength = loaded.anyface_expression_strength(made)
+    loaded.anyface_expression_free(made)
+    return Words(tuple(units), strength if units else 1.0, hint.decode())
+
+
+def takes_events(name: str) -> bool:
+    """True where the system of this name shows events; False where none can be loaded."""
+    among = known()
+    return bool(among) and find(name, among).takes_events
+
+
 def read(loaded) -> tuple[System, ...]:
     """The systems of a loaded library."""
     return tuple(_system(loaded, number) for number in range(loaded.anyface_system_count()))
@@ -93,7 +133,9 @@ def _system(loaded, number: int) -> System:
     calls = (loaded.anyface_system_name, loaded.anyface_system_label, loaded.anyface_system_help)
     name, label, text = (call(number).decode() for call in calls)
     count = loaded.anyface_system_control_count(number)
-    return System(name, label, text, tuple(_control(loaded, number, at) for at in range(count)))
+    controls = tuple(_control(loaded, number, at) for at in range(count))
+    takes_events = loaded.anyface_system_takes_events(number) == 1
+    return System(name, label, text, controls, takes_events)
 
 
 def _control(loaded, system: int, number: int) -> Control:

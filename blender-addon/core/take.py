@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .events import Event
 from .sliders import SliderChange
 from .space import FaceSpace
 
@@ -87,7 +88,7 @@ class Request:
     `(times_s [N], values [N])` instead, linear in between. `roles` is what the artist says of the
     mesh's parts. `error_mm` is the largest error of a basis, on a head of human size; with None the
     displacements of every frame are wanted. The lips close in `closures` `[N, 2]`, seconds; with
-    None where that is heard.
+    None where that is heard. `events` are for systems that take them.
     """
 
     fps: float
@@ -100,6 +101,7 @@ class Request:
     control_keys: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     roles: PartRoles | None = None
     closures: np.ndarray | None = None
+    events: list[Event] = field(default_factory=list)
 
 
 @dataclass
@@ -197,12 +199,41 @@ class Landmarks:
 
 
 @dataclass
+class ShapeWeights:
+    """Motion as the system made it: weights `[T, S]`, 0 to 1, of ARKit's shapes `names` `[S]`."""
+
+    names: list[str]
+    weights: np.ndarray
+
+    def of(self, names: list[str]) -> np.ndarray:
+        """Weights `[T, N]` of shapes of other order, 0 where one is not among them."""
+        found = np.zeros((len(self.weights), len(names)), dtype=np.float32)
+        for column, name in enumerate(names):
+            if name in self.names:
+                found[:, column] = self.weights[:, self.names.index(name)]
+        return found
+
+    def missing(self, names: list[str], least: float = 0.1) -> list[str]:
+        """Shapes beside `names` whose weights reach `least`, the strongest first."""
+        peaks = self.weights.max(axis=0, initial=0.0)
+        order = [int(at) for at in np.argsort(-peaks) if peaks[at] >= least]
+        return [self.names[at] for at in order if self.names[at] not in names]
+
+    def left_out(self, names: list[str]) -> float:
+        """The share of all weights that shapes beside `names` have, root mean square."""
+        missing = [at for at, name in enumerate(self.names) if name not in names]
+        energy = (self.weights.astype(np.float64) ** 2).sum(axis=0)
+        return float(np.sqrt(energy[missing].sum() / max(energy.sum(), 1e-20)))
+
+
+@dataclass
 class Animation:
     """What the library returns for one mesh, in the frame in which it was given.
 
     `basis` or `displacements` `[T, V, 3]` float32, as was asked. `largest_mm` is the largest
     displacement of any vertex in any frame, on a head of human size, blinks included; `visibility`
-    is one of `VISIBILITIES`.
+    is one of `VISIBILITIES`. `shape_weights` is what moves where the system makes weights;
+    `notes` are remarks for the report.
     """
 
     largest_mm: float
@@ -211,6 +242,8 @@ class Animation:
     displacements: np.ndarray | None = None
     life: Life | None = None
     landmarks: Landmarks | None = None
+    shape_weights: ShapeWeights | None = None
+    notes: list[str] = field(default_factory=list)
 
 
 @dataclass
@@ -222,6 +255,8 @@ class Take:
     `largest_mm` is the largest displacement of any vertex. `space` is the frame in which the face
     was found. Head and eyes lie in `life`; its `way` leads from the world to the canonical frame.
     `largest_of` is the largest displacement of each piece of the face, mm, where there are several.
+    `shape_weights` are those that a system made itself: named keys get them as they are.
+    `notes` are remarks for the report.
     """
 
     fps: float
@@ -234,6 +269,8 @@ class Take:
     space: FaceSpace | None = None
     life: Life | None = None
     largest_of: list[float] = field(default_factory=list)
+    shape_weights: ShapeWeights | None = None
+    notes: list[str] = field(default_factory=list)
 
     @property
     def frame_count(self) -> int:
@@ -275,7 +312,8 @@ class KeyMotion:
     `keys` `[S]` are names of keys, `weights` `[T, S]`. `vectors` `[S, V, 3]` in object space where
     the keys are to be made, None where they are the artist's own. `visemes` are to be made as well,
     without weights. `left_out` as in `Solved`. Of the artist's keys, `shape_weights` `[T, N]` are
-    those of the `shapes` `[N]` that they show, `shown` the one that each key shows most of.
+    those of the `shapes` `[N]` that they show, `shown` the one that each key shows most of;
+    `missing` are shapes that move and that none of them shows, where the system made weights.
     """
 
     keys: list[str]
@@ -286,6 +324,7 @@ class KeyMotion:
     shapes: list[str] = field(default_factory=list)
     shape_weights: np.ndarray | None = None
     shown: dict[str, str] = field(default_factory=dict)
+    missing: list[str] = field(default_factory=list)
 
 
 @dataclass

@@ -45,7 +45,11 @@ def is_named(ob) -> bool:
 
 def names_of(ob) -> tuple[str, ...]:
     """What the panel shows of a take beside its strength: sliders, or groups of shapes."""
-    return tuple(groups_of(record.read(ob.data.shape_keys))) if is_named(ob) else sliders.NAMES
+    if is_named(ob):
+        return tuple(groups_of(record.read(ob.data.shape_keys)))
+    taken = record.read(ob.data.shape_keys) if record.is_generated(ob) else None
+    still = taken.still if taken is not None else {}
+    return tuple(name for name in sliders.NAMES if still.get(name) != sliders.NONE)
 
 
 def why_not(ob, name: str) -> str:

@@ -19,6 +19,7 @@ from ..core.take import FaceMesh, Request, Sound, Take, WrittenFile
 from . import (
     decode,
     emotion,
+    events,
     guard,
     identity,
     life,
@@ -68,6 +69,8 @@ class Settings:
     # Several strips as one take: their names, or the channel (from 1) whose strips all speak.
     strips: list[str] = field(default_factory=list)
     channel: int = 0
+    # The channel (from 1) whose text strips are events; 0 for none.
+    event_channel: int = 0
     # Objects beside the face, and roles of single connected parts by number.
     parts: list[pieces.Part] = field(default_factory=list)
     loose: dict[int, str] = field(default_factory=dict)
@@ -126,6 +129,8 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     source = find_sound(scene, settings, engine)
     scene_fps = scene.render.fps / scene.render.fps_base
     when = source.start_frame, strips.duration_s(source)
+    asked_for = events.read(scene, ob, settings, *when)
+    notes += asked_for.notes
     request = Request(
         fps=settings.fps or scene_fps,
         emotion=_emotion(ob, scene, settings, when),
@@ -136,6 +141,7 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         controls=settings.controls | settings.held,
         control_keys=emotion.control_keys(ob, scene, settings, *when),
         roles=face.roles,
+        events=asked_for.events,
     )
     names = [piece.name for piece in face.pieces] or [ob.name]
     plan = output.plan(ob, settings.output, request.fps, names)
@@ -215,7 +221,8 @@ def landing(ob, snapshot: Snapshot, take: Take):
     if not take.files:
         yield BEGUN
     turned = yield from life.writing(ob, take, snapshot.settings, start, scene_fps)
-    notes = snapshot.notes + snapshot.source.notes + ([] if take.files else guard.notes(ob))
+    notes = snapshot.notes + take.notes + snapshot.source.notes
+    notes += [] if take.files else guard.notes(ob)
     notes += output.notes(ob, asked)
     text = " ".join([describe(take), *(f"({note})" for note in [*turned, *notes])])
     stored.note(ob, snapshot.asked, text)

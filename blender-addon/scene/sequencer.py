@@ -43,6 +43,16 @@ def place(strip, first: int, last: int) -> None:
         setattr(strip, name, frame)
 
 
+def new_text(scene, name: str, channel: int, first: int, last: int):
+    """A new text strip from frame `first` to `last`, which is the one after its last."""
+    editor = scene.sequence_editor_create()
+    strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+    place = {"name": name, "type": "TEXT", "channel": channel, "frame_start": first}
+    if bpy.app.version >= (5, 0, 0):
+        return strips.new_effect(**place, length=last - first)
+    return strips.new_effect(**place, frame_end=last)
+
+
 def content_start(strip) -> float:
     """The frame at which the whole sound would begin, were it not trimmed."""
     return strip.content_start if hasattr(strip, "content_start") else strip.frame_start

@@ -11,7 +11,6 @@ itself.
 
 from typing import NamedTuple
 
-import bpy
 import numpy as np
 
 from . import sequencer
@@ -46,20 +45,18 @@ def show(scene, source, closures: np.ndarray, words=()) -> int:
     `words` holds start, end and label of each word of its text. Returns the number of intervals.
     """
     clear(scene, source.name)
-    editor = scene.sequence_editor_create()
-    strips = editor.strips if hasattr(editor, "strips") else editor.sequences
     channel = 1 + max((strip.channel for strip in sequencer.all_strips(scene)), default=0)
     labelled = [(start_s, end_s, LABEL) for start_s, end_s in closures]
-    for strip in _row(scene, strips, source, channel, labelled):
+    for strip in _row(scene, source, channel, labelled):
         number = _word_of(strip[_SECONDS], words)
         if number is not None:
             strip[_IN_WORD] = number
-    for number, strip in enumerate(_row(scene, strips, source, channel + 1, words)):
+    for number, strip in enumerate(_row(scene, source, channel + 1, words)):
         strip[_WORD] = number
     return len(closures)
 
 
-def _row(scene, strips, source, channel: int, labelled) -> list:
+def _row(scene, source, channel: int, labelled) -> list:
     """Strips for start, end and label, one behind the other."""
     fps, free, made = scene.render.fps / scene.render.fps_base, -np.inf, []
     start = round(source.start_frame)
@@ -67,7 +64,7 @@ def _row(scene, strips, source, channel: int, labelled) -> list:
         first, last = (round(source.start_frame + at * fps) for at in (start_s, end_s))
         first = int(max(first, free))
         free = last = max(last, first + 1)
-        strip = _new(strips, label, channel, first, last)
+        strip = sequencer.new_text(scene, label, channel, first, last)
         strip.text, strip.mute = label, True
         strip[_SOUND], strip[_SECONDS] = source.name, [float(start_s), float(end_s)]
         strip[_FRAMES] = [first - start, last - start]
@@ -175,13 +172,11 @@ def apart(labelled: list[tuple[float, float, str]]) -> list[tuple[float, float, 
     return found
 
 
+def shows(strip) -> bool:
+    """True for a strip that shows what is heard in a sound."""
+    return strip.get(_SOUND) is not None
+
+
 def _of(scene, name: str) -> list:
     strips = sequencer.all_strips(scene)
     return [strip for strip in strips if strip.type == "TEXT" and strip.get(_SOUND) == name]
-
-
-def _new(strips, name: str, channel: int, first: int, last: int):
-    place = {"name": name, "type": "TEXT", "channel": channel, "frame_start": first}
-    if bpy.app.version >= (5, 0, 0):
-        return strips.new_effect(**place, length=last - first)
-    return strips.new_effect(**place, frame_end=last)

@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import wave
 from dataclasses import dataclass
 from functools import lru_cache
@@ -30,6 +31,18 @@ def chosen(scene, names: list[str], channel: int) -> list:
             f"no sound strip on channel {channel} of {scene.name} (there are some on {known})",
         )
     return found
+
+
+def named_in(name: str, objects: list):
+    """The object whose name stands anywhere in that of a strip, the longest one; or None."""
+    said, named = f" {_words(name)} ", [ob for ob in objects if _words(ob.name)]
+    named = [ob for ob in named if f" {_words(ob.name)} " in said]
+    return max(named, key=lambda ob: len(ob.name), default=None)
+
+
+def _words(name: str) -> str:
+    """ "Anna_01.wav" is "anna 01 wav"."""
+    return " ".join(re.findall(r"[^\W\d_]+|\d+", name.lower()))
 
 
 def as_one(scene, strips: list, decode: Decode) -> MixedSource:

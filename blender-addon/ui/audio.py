@@ -34,10 +34,20 @@ class AnyfaceAudio(PropertyGroup):
         options=set(),
     )
     chosen: CollectionProperty(type=AnyfaceStrip)
+    event_channel: IntProperty(
+        name="Channel",
+        description="Channel of the sequencer whose text strips say what this face does beside its "
+        "speech; 0 is none",
+        default=0,
+        min=0,
+        max=128,
+        options=set(),
+    )
 
 
 def fill(settings, ob, scene=None) -> None:
     """Puts what `ob` is asked to speak into plain settings; `scene` is the sequencer's."""
+    settings.event_channel = ob.anyface_audio.event_channel
     source = ob.anyface.source
     settings.strip = strip_of(ob, scene) if source == "STRIP" else ""
     settings.sound_file = ob.anyface.sound_file if source == "FILE" else ""
@@ -179,6 +189,15 @@ def seconds(ob, scene) -> float | None:
     except AnyfaceError:
         return None
     return None if length is None else length.seconds
+
+
+def first_frame(ob, scene) -> float | None:
+    """The frame at which the chosen strips begin to be heard; None without any."""
+    try:
+        length = strips.length_of(scene, _strips(ob, scene), ob.anyface.source == "STRIP")
+    except AnyfaceError:
+        return None
+    return None if length is None else length.first
 
 
 def _count(found: list) -> str:

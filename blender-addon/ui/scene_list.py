@@ -1,12 +1,10 @@
 """The list of a scene's characters and their strips, and the button that animates them all."""
 
-import re
-
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
 from bpy.types import Operator, Panel, PropertyGroup
 
-from ..scene import scene_list, sequencer
+from ..scene import scene_list, sequencer, strips
 from . import running
 from .operators import InThread
 from .panel import OfMorePanel
@@ -104,14 +102,7 @@ def _speaker(strip: str, scene):
     for ob in meshes:
         if ob.anyface.strip == strip:
             return ob
-    said, named = f" {_words(strip)} ", [ob for ob in meshes if _words(ob.name)]
-    named = [ob for ob in named if f" {_words(ob.name)} " in said]
-    return max(named, key=lambda ob: len(ob.name), default=None)
-
-
-def _words(name: str) -> str:
-    """ "Anna_01.wav" is "anna 01 wav"."""
-    return " ".join(re.findall(r"[^\W\d_]+|\d+", name.lower()))
+    return strips.named_in(strip, meshes)
 
 
 class ANYFACE_OT_scene_row_remove(Operator):
@@ -155,12 +146,12 @@ class ANYFACE_OT_generate_scene(InThread, Operator):
         for row in context.scene.anyface_list:
             if row.use and row.character is not None:
                 said.setdefault(row.character, []).extend([row.strip] if row.strip else [])
-        for ob, strips in said.items():
+        for ob, names in said.items():
             settings = from_object(ob)
-            if strips:
+            if names:
                 # A single strip is heard even if it is muted.
-                alone = len(strips) == 1
-                settings.strip, settings.strips = (strips[0], []) if alone else ("", strips)
+                alone = len(names) == 1
+                settings.strip, settings.strips = (names[0], []) if alone else ("", names)
                 settings.sound_file, settings.channel = "", 0
             rows.append((ob, settings, running.engine(settings.system)))
         return scene_list.read(sequencer_scene(context), rows)

@@ -41,7 +41,7 @@ impl Failure {
         }
     }
 
-    fn message(&self) -> String {
+    pub(crate) fn message(&self) -> String {
         match self {
             Failure::Null(name) => format!("{name}: expected a pointer, got NULL"),
             Failure::Library(error) => error.to_string(),

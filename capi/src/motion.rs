@@ -1,10 +1,14 @@
 //! Speech becomes motion, before any mesh is known.
 
-use std::{borrow::Cow, ffi::c_char, ptr::null};
+use std::{
+    borrow::Cow,
+    ffi::{CString, c_char},
+    ptr::null,
+};
 
 use anyface::{
     MotionRequest, Performance,
-    conditions::{Emotion, EmotionCurve, check_fps},
+    conditions::{Emotion, EmotionCurve, Event, check_fps},
     ibug::LANDMARKS,
     motion::{LandmarkClip, Life, Motion, Stretch},
 };
@@ -15,6 +19,7 @@ use crate::{
     controls::{self, AnyfaceControlSetting},
     engine::AnyfaceEngine,
     error::{AnyfaceError, Failure},
+    events::AnyfaceEvents,
     guard, pointer,
     progress::{AnyfaceProgress, watched},
     status::AnyfaceStatus,
@@ -24,7 +29,11 @@ use crate::{
 
 /// Motion before any mesh is known, of landmarks or of what else the system moves. Fits every face; never
 /// changes after it was made.
-pub struct AnyfaceMotion(pub(crate) Made);
+pub struct AnyfaceMotion {
+    pub(crate) made: Made,
+    /// What the weights of a motion of weights are called.
+    names: Vec<CString>,
+}
 
 /// Where a motion comes from.
 pub(crate) enum Made {
@@ -36,18 +45,32 @@ pub(crate) enum Made {
     Given(Motion),
 }
 
-impl AnyfaceMotion {
-    /// The motion itself.
-    pub(crate) fn motion(&self) -> &Motion {
-        match &self.0 {
+impl Made {
+    fn motion(&self) -> &Motion {
+        match self {
             Made::Spoken(performance) => &performance.motion,
             Made::Redone(motion, _) | Made::Given(motion) => motion,
         }
     }
+}
 
+impl AnyfaceMotion {
+    pub(crate) fn new(made: Made) -> AnyfaceMotion {
+        let names = AnyfaceMotion::shape_names(made.motion());
+        AnyfaceMotion { made, names }
+    }
+
+    pub(crate) fn names(&self) -> &[CString] {
+        &self.names
+    }
+
+    /// The motion itself.
+    pub(crate) fn motion(&self) -> &Motion {
+        self.made.motion()
+    }
     /// What it comes from, where it was spoken.
     pub(crate) fn performance(&self) -> Option<&Performance> {
-        match &self.0 {
+        match &self.made {
             Made::Spoken(performance) => Some(performance),
             Made::Redone(..) | Made::Given(_) => None,
         }
@@ -55,7 +78,7 @@ impl AnyfaceMotion {
 
     /// Head and eyes; still where the caller brought the motion.
     fn life(&self) -> Cow<'_, Life> {
-        match &self.0 {
+        match &self.made {
             Made::Spoken(performance) => Cow::Borrowed(&performance.life),
             Made::Redone(_, life) => Cow::Borrowed(life),
             Made::Given(motion) => Cow::Owned(Life::still(motion.frames())),
@@ -126,6 +149,9 @@ pub struct AnyfaceMotionOptions {
     pub closures_given: i32,
     /// Must be 0.
     pub reserved_2: u32,
+    /// What the face is to do and when; only until the call returns. NULL, the default, is nothing. A system that
+    /// cannot show them refuses: see `anyface_system_takes_events()`.
+    pub events: *const AnyfaceEvents,
 }
 
 unsafe impl Versioned for AnyfaceMotionOptions {
@@ -149,6 +175,7 @@ unsafe impl Versioned for AnyfaceMotionOptions {
             closure_count: 0,
             closures_given: 0,
             reserved_2: 0,
+            events: null(),
         }
     }
 }
@@ -171,7 +198,15 @@ impl AnyfaceMotionOptions {
             style: style.map(str::to_owned),
             controls: unsafe { controls::read(self.controls, self.control_count) }?,
             closures: unsafe { self.closures() }?,
+            events: unsafe { self.events() }?,
         })
+    }
+
+    unsafe fn events(&self) -> Result<Vec<Event>, Failure> {
+        match self.events.is_null() {
+            true => Ok(Vec::new()),
+            false => Ok(unsafe { pointer::handle("events", self.events) }?.0.clone()),
+        }
     }
 
     unsafe fn closures(&self) -> Result<Option<Vec<[f64; 2]>>, Failure> {
@@ -277,7 +312,7 @@ pub unsafe extern "C" fn anyface_motion_new(
         let perform =
             |watch: anyface::progress::ProgressFn<'_>| engine.0.perform(&audio.0, &request, watch);
         let made = Made::Spoken(Box::new(unsafe { watched(progress, perform) }?));
-        unsafe { pointer::give(out, AnyfaceMotion(made)) };
+        unsafe { pointer::give(out, AnyfaceMotion::new(made)) };
         Ok(())
     };
     unsafe { guard::guard(error, work) }
@@ -308,7 +343,7 @@ pub unsafe extern "C" fn anyface_motion_new_again(
             Failure::invalid("motion: expected motion that was spoken, got the caller's own")
         })?;
         let again = engine.0.perform_again(performance, &request)?;
-        unsafe { pointer::give(out, AnyfaceMotion(Made::Spoken(Box::new(again)))) };
+        unsafe { pointer::give(out, AnyfaceMotion::new(Made::Spoken(Box::new(again)))) };
         Ok(())
     };
     unsafe { guard::guard(error, work) }
@@ -335,7 +370,7 @@ pub unsafe extern "C" fn anyface_motion_new_redone(
         pointer::check_out("out", out)?;
         let motion = unsafe { pointer::handle("motion", motion) }?;
         let again = unsafe { pointer::handle("again", again) }?;
-        let brought = |made: &AnyfaceMotion| matches!(made.0, Made::Given(_));
+        let brought = |made: &AnyfaceMotion| matches!(made.made, Made::Given(_));
         if brought(motion) || brought(again) {
             let message = "motion: expected motion that was spoken, got the caller's own";
             return Err(Failure::invalid(message));
@@ -343,7 +378,7 @@ pub unsafe extern "C" fn anyface_motion_new_redone(
         let stretch = Stretch::new(start_s, end_s)?;
         let moved = motion.motion().redone(again.motion(), &stretch)?;
         let life = motion.life().redone(&again.life(), &stretch, moved.fps())?;
-        unsafe { pointer::give(out, AnyfaceMotion(Made::Redone(moved, life))) };
+        unsafe { pointer::give(out, AnyfaceMotion::new(Made::Redone(moved, life))) };
         Ok(())
     };
     unsafe { guard::guard(error, work) }
@@ -369,7 +404,7 @@ pub unsafe extern "C" fn anyface_motion_new_displacements(
         let values =
             unsafe { pointer::slice("displacements", displacements, frame_count, columns) }?;
         let motion = motion_from(values, frame_count, fps)?;
-        unsafe { pointer::give(out, AnyfaceMotion(Made::Given(motion))) };
+        unsafe { pointer::give(out, AnyfaceMotion::new(Made::Given(motion))) };
         Ok(())
     };
     unsafe { guard::guard(error, work) }
@@ -482,7 +517,7 @@ pub unsafe extern "C" fn anyface_motion_write(
     let work = || {
         let motion = unsafe { pointer::handle("motion", motion) }?;
         let path = unsafe { pointer::path("path", path) }?;
-        let life = match &motion.0 {
+        let life = match &motion.made {
             Made::Given(_) => None,
             _ => Some(motion.life()),
         };
@@ -554,6 +589,23 @@ mod tests {
         };
         let request = unsafe { options.to_library() }.unwrap();
         assert_eq!(request.controls.get("articulation"), Some(1.5));
+    }
+
+    #[test]
+    fn events_reach_the_library_and_an_older_program_has_none() {
+        let events = AnyfaceEvents(vec![Event::parse("1-2:45L").unwrap()]);
+        let mut options = AnyfaceMotionOptions {
+            events: &events,
+            ..Versioned::defaults()
+        };
+        let request = unsafe { options.to_library() }.unwrap();
+        assert_eq!(request.events, events.0);
+        // A header before there were events ends where they begin.
+        options.struct_size = std::mem::offset_of!(AnyfaceMotionOptions, events);
+        let read: AnyfaceMotionOptions = unsafe { versioned_options::read(&options) }.unwrap();
+        assert!(read.events.is_null());
+        options.struct_size = size_of::<AnyfaceMotionOptions>() + 5000;
+        assert!(unsafe { versioned_options::read(&options) }.is_err());
     }
 
     #[test]

@@ -197,6 +197,16 @@ pub extern "C" fn anyface_system_control_count(system: usize) -> usize {
     })
 }
 
+/// 1 if a system shows the events of `AnyfaceMotionOptions`, else 0; 0 for a number that is not below the
+/// count.
+#[unsafe(no_mangle)]
+pub extern "C" fn anyface_system_takes_events(system: usize) -> i32 {
+    SYSTEMS
+        .get(system)
+        .is_some_and(|system| system.takes_events)
+        .into()
+}
+
 /// Describes a control of a system, in the order in which a panel shows them. `struct_size` is
 /// `sizeof *out`.
 ///
@@ -234,6 +244,10 @@ mod tests {
                 !anyface_system_label(number).is_null() && !anyface_system_help(number).is_null()
             );
             assert_eq!(
+                anyface_system_takes_events(number) == 1,
+                system.takes_events
+            );
+            assert_eq!(
                 anyface_system_control_count(number),
                 system.controls().count()
             );
@@ -256,6 +270,7 @@ mod tests {
         let size = size_of::<AnyfaceControl>();
         assert!(anyface_system_name(SYSTEMS.len()).is_null());
         assert_eq!(anyface_system_control_count(SYSTEMS.len()), 0);
+        assert_eq!(anyface_system_takes_events(SYSTEMS.len()), 0);
         for (system, control, size) in [(SYSTEMS.len(), 0, size), (0, usize::MAX, size), (0, 0, 3)]
         {
             let status = unsafe { anyface_system_control(system, control, &mut out, size) };

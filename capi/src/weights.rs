@@ -6,7 +6,7 @@ use anyface::{
     output::write_blend_weights,
     rig::{Rig, SolveOptions, SolvedWeights, solve},
 };
-use ndarray::ArrayView3;
+use ndarray::{ArrayView2, ArrayView3};
 
 use crate::{
     error::{AnyfaceError, Failure},
@@ -56,6 +56,48 @@ pub unsafe extern "C" fn anyface_weights_new(
         Ok(())
     };
     unsafe { guard::guard(error, work) }
+}
+
+/// Weights that the caller brings, such as those of `anyface_motion_copy_weights()`, to be written as a file.
+///
+/// `names`: `[shape_count]`, UTF-8. `weights`: `[frame_count, shape_count]`. Both are copied. Free with
+/// `anyface_weights_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not finite.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_weights_new_given(
+    names: *const *const c_char,
+    weights: *const f32,
+    shape_count: usize,
+    frame_count: usize,
+    out: *mut *mut AnyfaceWeights,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let names = unsafe { texts("names", names, shape_count) }?;
+        let values = unsafe { pointer::slice("weights", weights, frame_count, shape_count) }?;
+        let given = given(names, values, frame_count)?;
+        unsafe { pointer::give(out, AnyfaceWeights(given)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Weights of which nothing is known to be left out.
+fn given(names: Vec<String>, values: &[f32], frames: usize) -> Result<SolvedWeights, Failure> {
+    if let Some(at) = values.iter().position(|x| !x.is_finite()) {
+        let (frame, shape) = (at / names.len(), at % names.len());
+        let message = format!("weights: not finite at frame {frame}, shape {shape}");
+        return Err(Failure::invalid(message));
+    }
+    let weights = ArrayView2::from_shape((frames, names.len()), values)
+        .map_err(|error| Failure::invalid(format!("weights: {error}")))?
+        .to_owned();
+    Ok(SolvedWeights {
+        names,
+        weights,
+        residual: vec![0.0; frames],
+        motion: vec![0.0; frames],
+    })
 }
 
 /// Copies the weights into the caller's buffer.
@@ -210,6 +252,15 @@ mod tests {
             assert!((anyface_weights_left_out(weights) - 1.0).abs() < 1e-3);
             anyface_weights_free(weights);
         }
+    }
+
+    #[test]
+    fn weights_of_the_caller_are_kept_as_they_are() {
+        let names = || vec!["jawOpen".to_owned(), "mouthClose".to_owned()];
+        let kept = given(names(), &[0.1, 0.2, 0.3, 0.4], 2).unwrap();
+        assert_eq!((kept.weights[[1, 0]], kept.names), (0.3, names()));
+        let failure = given(names(), &[0.1, 0.2, f32::NAN, 0.4], 2).unwrap_err();
+        assert!(failure.message().contains("frame 1, shape 0"));
     }
 
     #[test]

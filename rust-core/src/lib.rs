@@ -61,6 +61,7 @@ pub mod rig;
 pub mod speech;
 pub mod spread;
 pub mod systems;
+pub mod text;
 
 pub use cache::CachePolicy;
 pub use conditions::MotionRequest;

@@ -23,6 +23,7 @@ NUMBERS = {
 
 STRUCTS = (
     "EngineOptions", "FaceOptions", "MotionOptions", "Control", "ControlSetting",
+    "Event",
 )  # fmt: skip
 
 

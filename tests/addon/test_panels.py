@@ -127,7 +127,7 @@ def test_controls_are_drawn_where_they_belong(addon, stage, monkeypatch):
         return noted
 
     draw_all(addon)
-    assert "system" not in shown, "there is one system"
+    assert ("system" in shown) == (len(addon("core.systems").known()) > 1)
     more = shown.index("seed")
     assert shown.index("articulation") < shown.index("asymmetry") < more
     assert more < shown.index("steps") < shown.index("learned") < shown.index("decoder")

@@ -116,7 +116,7 @@ def test_controls_are_stored_as_they_always_were(face):
 
 def test_presets_hold_what_they_always_held(addon):
     held = set(addon("core.presets").names())
-    assert held == {"emotion", "emotion_source", "intensity", *STORED} - {"steps"}
+    assert held == {"emotion", "emotion_source", "intensity", "event_strength", *STORED} - {"steps"}
 
 
 def values_of(ob, addon):

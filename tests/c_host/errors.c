@@ -6,6 +6,7 @@
 #include "check.h"
 
 #include <math.h>
+#include <stddef.h>
 
 static AnyfaceError *error = NULL;
 static char mark;
@@ -231,6 +232,8 @@ static void motions(void) {
     CHECK(memcmp(moved, copy, sizeof moved) == 0);
     CHECK_FAILS(anyface_motion_copy_displacements(motion, copy, 5, &error),
                 ANYFACE_STATUS_INVALID_INPUT, "408");
+    CHECK_FAILS(anyface_motion_copy_weights(motion, copy, count, &error),
+                ANYFACE_STATUS_INVALID_INPUT, "got landmarks");
     CHECK_FAILS(anyface_motion_write(motion, "motion.txt", &error), ANYFACE_STATUS_INVALID_INPUT,
                 ".npz");
     anyface_motion_free(motion);
@@ -290,6 +293,53 @@ static void spoken_sounds(void) {
     anyface_sounds_free(NULL);
 }
 
+static void events(void) {
+    const AnyfaceStatus null_pointer = ANYFACE_STATUS_NULL_POINTER;
+    const AnyfaceStatus invalid = ANYFACE_STATUS_INVALID_INPUT;
+    const char *units[] = {"12", "45L"}, *unknown[] = {"99"}, *missing[] = {NULL};
+    AnyfaceEvent event = {.start_s = 0.5, .end_s = 1.0, .units = units, .unit_count = 2,
+                          .strength = 1.0f};
+    AnyfaceEvents *made = MARK(AnyfaceEvents);
+    CHECK_FAILS(anyface_events_new(NULL, 1, &made, &error), null_pointer, "events");
+    CHECK_FAILS(anyface_events_new(&event, 1, NULL, &error), null_pointer, "out");
+    CHECK_FAILS(anyface_events_parse(NULL, &made, &error), null_pointer, "json");
+    CHECK_FAILS(anyface_events_parse("no json", &made, &error), invalid, "expected a JSON list");
+    AnyfaceEvent wrong = event;
+    wrong.units = unknown, wrong.unit_count = 1;
+    CHECK_FAILS(anyface_events_new(&wrong, 1, &made, &error), invalid, "99");
+    wrong.units = missing;
+    CHECK_FAILS(anyface_events_new(&wrong, 1, &made, &error), null_pointer, "units");
+    wrong = event;
+    wrong.strength = NAN;
+    CHECK_FAILS(anyface_events_new(&wrong, 1, &made, &error), invalid, "strength");
+    wrong = event;
+    wrong.end_s = 0.5;
+    CHECK_FAILS(anyface_events_new(&wrong, 1, &made, &error), invalid, "slot");
+    CHECK(made == MARK(AnyfaceEvents));
+    CHECK_OK(anyface_events_new(&event, 1, &made, &error));
+    CHECK(anyface_events_count(made) == 1 && anyface_events_count(NULL) == 0);
+
+    AnyfaceMotionOptions options;
+    size_t before = offsetof(AnyfaceMotionOptions, events);
+    CHECK(anyface_motion_options_init(&options, 3) == invalid);
+    CHECK(anyface_motion_options_init(&options, before) == ANYFACE_STATUS_OK);
+    CHECK(anyface_motion_options_init(&options, sizeof options) == ANYFACE_STATUS_OK);
+    CHECK(options.events == NULL);
+    anyface_events_free(made);
+    anyface_events_free(NULL);
+    anyface_event_notes_free(NULL);
+
+    float value = 7.0f;
+    CHECK_FAILS(anyface_motion_copy_weights(NULL, &value, 1, &error), null_pointer, "motion");
+    CHECK(anyface_motion_weight_count(NULL) == 0 && anyface_motion_weight_name(NULL, 0) == NULL);
+    AnyfaceWeights *weights = MARK(AnyfaceWeights);
+    CHECK_FAILS(anyface_weights_new_given(units, NULL, 2, 1, &weights, &error), null_pointer,
+                "weights");
+    CHECK(value == 7.0f && weights == MARK(AnyfaceWeights));
+    CHECK(strcmp(anyface_action_unit_label(8), "lip corner puller") == 0);
+    CHECK(anyface_action_unit_name(16) == NULL && anyface_event_notes_text(NULL, 0) == NULL);
+}
+
 static void freeing_null(void) {
     anyface_error_free(NULL);
     anyface_engine_free(NULL);
@@ -317,6 +367,7 @@ int main(int argc, char **argv) {
     motions();
     missing_handles();
     spoken_sounds();
+    events();
     freeing_null();
     puts("ok");
     return 0;

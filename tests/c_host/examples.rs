@@ -8,6 +8,7 @@ use crate::{scene, workspace};
 
 const TALK_C: &str = "capi/examples/talk.c";
 const TALK_CPP: &str = "capi/examples/talk.cpp";
+const EVENTS_C: &str = "capi/examples/events.c";
 
 fn in_folder(program: &Path, folder: &Path) -> Command {
     let mut command = command(program);
@@ -122,6 +123,27 @@ fn the_cpp_example_can_be_cancelled() {
         9,
     );
     assert!(String::from_utf8_lossy(&output.stderr).contains("cancelled"));
+}
+
+#[test]
+fn the_example_of_events_writes_the_weights_of_the_system() {
+    for linkage in [Linkage::Shared, Linkage::Static] {
+        let folder = workspace(&format!("events_c {linkage:?}"));
+        scene(&folder);
+        let program = compile(EVENTS_C, linkage, &folder);
+        let mut command = in_folder(&program, &folder);
+        let output = succeed(command.args(["voice.wav", "out.csv"]));
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(said.trim().ends_with("shapes 51 events 2"), "{said}");
+        let table = std::fs::read_to_string(folder.join("out.csv")).expect("the table is there");
+        let rows: Vec<&str> = table.lines().collect();
+        assert!(rows[0].contains("BrowInnerUp") && (18..=21).contains(&rows.len()));
+        let mut wrong = in_folder(&program, &folder);
+        let event = r#"[{"start_s": 0.2, "end_s": 0.1, "units": ["45L"]}]"#;
+        let output = run(wrong.args(["voice.wav", "none.csv", event]), 3);
+        assert!(String::from_utf8_lossy(&output.stderr).contains("event 1"));
+        assert!(!folder.join("none.csv").exists());
+    }
 }
 
 /// The program in `docs/c-host.md` compiles as it stands there.

@@ -39,6 +39,7 @@ pub static REGISTRATION: Registration = Registration {
     help: "The jaw drops with the loudness of the voice.",
     models: &[],
     controls: &[CONTROLS],
+    takes_events: false,
     open: |_folder: Option<&Path>| Ok(Box::new(Toy)),
 };
 

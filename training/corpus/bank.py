@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from training.conditions import EMOTIONS
 from training.corpus.aligned import Utterance, read_grid_speech
 from training.corpus.clip import FPS, MEL_PER_FRAME, Clip, fit_frames
 from training.corpus.facegood import read_facegood
@@ -18,7 +19,6 @@ from training.corpus.mirror import symmetrise
 from training.corpus.phones import segment_track
 from training.corpus.revoice import revoice
 from training.speech.log_mel import log_mel
-from training.systems.freetalk.ats import EMOTIONS
 
 READERS = {"grid_s1": read_grid, "facegood_zh": read_facegood}
 MEL_HZ = FPS * MEL_PER_FRAME

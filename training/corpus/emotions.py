@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
+from training.conditions import EMOTIONS
 from training.corpus.ict import IctLandmarks
-from training.systems.freetalk.ats import EMOTIONS
 
 AU_TO_ARKIT = {
     "1": ["browInnerUp"],

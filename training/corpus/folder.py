@@ -25,6 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
+from training.conditions import EMOTIONS
 from training.corpus.checked import (
     CorpusError,
     need_finite,
@@ -37,7 +38,6 @@ from training.corpus.checked import (
 from training.corpus.phones import Phone
 from training.corpus.topology import Topology, topology_of
 from training.corpus.tracks import Track, read_phones, read_sound_any, read_vertices, read_weights
-from training.systems.freetalk.ats import EMOTIONS
 
 COLUMNS = ("clip", "speaker", "split", "emotion", "intensity", "text")
 SPLITS = ("train", "val", "test")

@@ -43,7 +43,7 @@ class AugmentOptions:
 class Batch:
     """One training batch.
 
-    `mel` [B, 4 T, 64] normalised; `motion` and `weight` [B, T, 204]; `phones` [B, 4 T] segments, −1
+    `mel` [B, 4 T, 64] normalised; `motion` and `weight` [B, T, D]; `phones` [B, 4 T] segments, −1
     unknown; `affect` [B, T, 16] mixture of emotions and intensity; `source` [B] index.
     """
 
@@ -81,6 +81,7 @@ class WindowSampler:
         for source, found in self.entries.items():
             if not found:
                 raise ValueError(f"{source}: expected training clips, got none")
+        self.dimensions = next(iter(self.entries.values()))[0].motion.shape[1]
         self.colours = {
             (e.source, e.name): torch.stack([clip_colour(m.float()) for m in e.mels])
             for group in self.entries.values()
@@ -200,8 +201,8 @@ class WindowSampler:
             wobble = self.random.gamma(self.random.uniform(1.0, 6.0), 1.0, mel.shape)
             mel = torch.from_numpy(np.log(np.maximum(wobble, 1e-4))).float()
             mel = (mel - clip_colour(mel)) / SCALE + self._smooth(0.1)
-        still, phones = torch.zeros(frames, 204), torch.zeros(len(mel), dtype=torch.int16)
-        return mel, still, torch.ones(frames, 204), phones, neutral_affect(1, frames)[0]
+        still, phones = torch.zeros(frames, self.dimensions), torch.zeros(len(mel), dtype=torch.int16)
+        return mel, still, torch.ones_like(still), phones, neutral_affect(1, frames)[0]
 
 
 def interpolate(x: Tensor, position: Tensor) -> Tensor:

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from safetensors.numpy import load_file
 
+from training.conditions import EMOTIONS
 from training.corpus.emotions import PROTOTYPES, YIELDING, expressions
 from training.corpus.manner import MANNERS
 from training.export_expressions import config
-from training.systems.freetalk.ats import EMOTIONS
 from training.tests.test_parity import SHARED, needs_shared
 
 FOLDER = Path(__file__).resolve().parents[2] / "rust-core/models/expressions"

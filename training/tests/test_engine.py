@@ -11,12 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from training import export_stm, train_ats, train_stm
+from training import export_cafe_talk, export_stm, train_ats, train_cafe_talk, train_stm
 from training.corpus.faces import REPOSITORY
 from training.export import export
+from training.systems.cafe_talk.denoiser import CONFIGS as CAFE_TALK
 from training.systems.freetalk.ats import CONFIGS, Sampling
 from training.systems.freetalk.stm.paper import CONFIGS as PAPER
 from training.tests.made_up import made_up
+from training.tests.test_cafe_talk import little_space
 from training.tests.test_speech import written
 
 BINARY = Path(os.environ.get("ANYFACE_BINARY", REPOSITORY / "target/debug/anyface"))
@@ -73,6 +75,27 @@ def test_ats_of_every_size_and_encoder_moves_a_mesh(faces, built_in, tmp_path, n
     trained = train_ats.train(train_ats.parser().parse_args(flags))
     export(trained, models, Sampling(4, "trailing", 0.0), None)
     moves(animate(faces, tmp_path, "--weights", models, *told), built_in)
+
+
+HEARS = [(name, "compact") for name in CAFE_TALK] + [("compact", features) for features in CHECKPOINTS]
+
+
+@pytest.mark.parametrize("name,features", [*HEARS, ("paper", "stable")])
+def test_cafe_talk_of_every_size_and_encoder_moves_a_mesh(faces, built_in, tmp_path, name, features):
+    flags, told = (
+        ["--corpus", str(faces), "--config", name, "--text", str(little_space(tmp_path)), "--voices", "1"],
+        [],
+    )
+    flags += ["--tokens", "96", "--validation-clips", "0", "--steps", "4" if name == "paper" else "20"]
+    if features != "compact":
+        written(CHECKPOINTS[features], tmp_path / "checkpoint")
+        flags += ["--hubert", str(tmp_path / "checkpoint")]
+        told = ["--speech", str(tmp_path / "checkpoint")]
+    run = lambda *more: train_cafe_talk.train(train_cafe_talk.parser().parse_args([*flags, *map(str, more)]))  # noqa: E731
+    fine = run("--base", run("--out", tmp_path / "base"), "--out", tmp_path / "fine")
+    export_cafe_talk.export(fine, tmp_path / "models")
+    told += ["--weights", str(tmp_path / "models"), "--system", "cafe-talk"]
+    moves(animate(faces, tmp_path, *told, "--event", "0.5-1.0:12,45L"), built_in)
 
 
 DECODERS = [("static", "static"), ("static", "debug"), *(("paper", name) for name in PAPER)]

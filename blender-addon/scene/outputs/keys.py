@@ -74,7 +74,9 @@ class Keys(Output):
         return take.key_motion is not None and take.key_motion.vectors is None
 
     def describe(self, take):
-        return describe(take, "driven")
+        said = describe(take, "driven")
+        missing = take.key_motion.missing
+        return f"{said}, no key shows {_some(missing)}" if missing else said
 
     def notes(self, ob, asked):
         left = existing.left_alone(ob, asked.mapping)

@@ -93,6 +93,11 @@ impl CacheKey {
         self.bytes(&bytes)
     }
 
+    /// What all pieces come to.
+    pub fn digest(&self) -> [u8; 32] {
+        *self.0.finalize().as_bytes()
+    }
+
     fn file_name(&self) -> String {
         format!("{}.{EXTENSION}", self.0.finalize().to_hex())
     }

@@ -69,6 +69,9 @@ impl Animate {
         let performance = timed(&mut report, "motion", || {
             engine.perform(&waveform, &request, progress)
         })?;
+        report
+            .warnings
+            .extend(engine.unseen_events(&face, &performance, progress)?);
         self.spread(&engine, &face, &performance, redo, &mut report, progress)?;
         if let Some(path) = &self.report {
             write_json(path, &report)?;

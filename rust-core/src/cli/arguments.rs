@@ -12,11 +12,12 @@ use super::controls::{EmotionArgs, FaceControls, MotionControls};
 use crate::{
     CachePolicy, Engine, EngineOptions, Error, MotionRequest, Result,
     annotation::Annotation,
-    conditions::check_fps,
+    conditions::{Event, check_fps},
     mesh::{
         Axis, DEFAULT_PROXY, FaceOptions, FixedLandmark, LandmarkSource, ObjectNames, PartChoices,
         PartRole, PartSelector,
     },
+    text::TextUnits,
 };
 
 /// A coarser skin than this has no lips to speak of.
@@ -202,9 +203,30 @@ pub(super) struct MotionArgs {
     /// .dat (which counts frames of --fps) or .txt, such as `anyface sounds` writes
     #[arg(long, value_name = "S")]
     sounds: Option<PathBuf>,
+    /// What the face does and when (cafe-talk): seconds, action units with L or R for one side or words, and
+    /// strength, as in 1.2-2.0:12,6:0.8 or 2.4-2.8:left wink; a ! at the end puts it over the speech; may be
+    /// repeated
+    #[arg(long = "event", value_name = "E")]
+    event: Vec<String>,
+    /// Events of a JSON file, a list of {"start_s", "end_s", "units": ["12", "45L"], "strength", "over_speech"}
+    #[arg(long, value_name = "E.json")]
+    events: Option<PathBuf>,
 }
 
 impl MotionArgs {
+    fn events(&self) -> Result<Vec<Event>> {
+        let mut events = match &self.events {
+            Some(path) => Event::read(path)?,
+            None => Vec::new(),
+        };
+        if !self.event.is_empty() {
+            let words = TextUnits::open(None)?;
+            let read = self.event.iter().map(|text| Event::from_text(text, &words));
+            events.extend(read.collect::<Result<Vec<_>>>()?);
+        }
+        Ok(events)
+    }
+
     pub(super) fn request(&self) -> Result<MotionRequest> {
         check_fps(self.fps)?;
         let closures = match &self.sounds {
@@ -218,6 +240,7 @@ impl MotionArgs {
             seed: self.seed,
             style: self.style.clone(),
             closures,
+            events: self.events()?,
         })
     }
 }

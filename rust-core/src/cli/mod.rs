@@ -18,6 +18,7 @@ mod rig;
 mod solve;
 mod sounds;
 mod stages;
+mod units;
 
 use std::process::ExitCode;
 
@@ -48,6 +49,7 @@ enum Command {
     Solve(solve::Solve),
     Sounds(sounds::Sounds),
     Parts(parts::ListParts),
+    Units(units::Units),
     Info(info::Info),
 }
 
@@ -78,6 +80,7 @@ impl Arguments {
             Command::Solve(command) => command.run(&self.shared, console),
             Command::Sounds(command) => command.run(&self.shared, console),
             Command::Parts(command) => command.run(&self.shared, console),
+            Command::Units(command) => command.run(&self.shared, console),
             Command::Info(command) => command.run(&self.shared, console),
         }
     }
@@ -116,6 +119,7 @@ mod tests {
             "anyface animate --mesh M.obj --audio A.wav --out O.npz --sounds A.TextGrid",
             "anyface animate --mesh M.obj --audio A.wav --out O.npz --redo 1.2-2.0 --from T.npz --seed 2",
             "anyface motion --audio A.wav --out O.npz --redo 1.2-2.0 --from T.npz --emotion sad:1",
+            "anyface units smile --json",
             "anyface info --json",
         ] {
             let words = line.split_whitespace();

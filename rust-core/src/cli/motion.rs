@@ -12,7 +12,6 @@ use super::{
 };
 use crate::{
     Error, Result,
-    motion::{self, LandmarkClip},
     output::{Format, write_json, write_motion},
 };
 
@@ -58,7 +57,7 @@ impl Motion {
             }
             let performance = engine.perform(&waveform, &request, &progress)?;
             let articulation = performance.articulation();
-            let motion = landmarks_of(&performance.motion)?;
+            let motion = &engine.landmarks_of(&performance.motion)?;
             if let Some(redo) = &redo {
                 let (motion, life) = redo.motion(&performance, motion)?;
                 return Ok((motion, Some(life), articulation));
@@ -78,15 +77,4 @@ impl Motion {
         console.report(&report, &summary(&report));
         Ok(())
     }
-}
-
-/// A file of motion holds landmarks.
-fn landmarks_of(motion: &motion::Motion) -> Result<&LandmarkClip> {
-    motion.landmarks().ok_or_else(|| {
-        Error::InvalidInput(format!(
-            "motion: expected a system that moves landmarks, got one that gives {}; animate a mesh \
-             instead",
-            motion.kind()
-        ))
-    })
 }

@@ -151,6 +151,14 @@ impl Controls {
         controls
     }
 
+    /// Those of `known` alone.
+    #[must_use]
+    pub fn among<'a>(&self, known: impl IntoIterator<Item = &'a Control>) -> Controls {
+        let known = known.into_iter().map(|control| control.name);
+        let asked = known.filter_map(|name| Some((name.to_owned(), self.0.get(name)?.clone())));
+        Controls(asked.collect())
+    }
+
     /// The number that was asked of a control, leaving changes over time aside.
     pub fn get(&self, name: &str) -> Option<f32> {
         self.0.get(name).map(|curve| curve.value)

@@ -1,5 +1,6 @@
 //! What a performance is asked to be: emotion and intensity over time, speaking style, controls.
 
+mod action_units;
 mod controls;
 mod from_voice;
 mod keys;
@@ -10,6 +11,9 @@ use std::borrow::Cow;
 use crate::{Error, Result, audio::Prosody};
 use ndarray::Array2;
 
+pub use action_units::{
+    ACTION_UNITS, ActionUnit, Event, EventTrack, MAX_EVENT_STRENGTH, SIDES, Side,
+};
 pub use controls::{Control, ControlCurve, ControlStage, ControlValues, Controls};
 pub use from_voice::{arousal, emotion_from_voice};
 pub use request::{FPS, MotionRequest, check_closures, check_fps};

@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use super::{Controls, EmotionCurve};
+use super::{Controls, EmotionCurve, Event};
 use crate::{Error, Result};
 
 /// Frames per second that a result may have.
@@ -33,6 +33,8 @@ pub struct MotionRequest {
     /// Where lips are together, `[start_s, end_s]` in rising order, instead of where they are heard to
     /// be; see [`crate::annotation::Annotation::closures`].
     pub closures: Option<Vec<[f64; 2]>>,
+    /// What the face is to do and when, in any order; they may overlap. Systems that show none refuse them.
+    pub events: Vec<Event>,
 }
 
 impl Default for MotionRequest {
@@ -44,6 +46,7 @@ impl Default for MotionRequest {
             style: None,
             controls: Controls::default(),
             closures: None,
+            events: Vec::new(),
         }
     }
 }

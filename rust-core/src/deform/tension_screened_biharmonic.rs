@@ -75,7 +75,7 @@ impl PlateWeights {
     ) -> Result<PlateWeights> {
         let remoteness = remoteness(operators, landmark_rows);
         let system = system(operators, landmark_rows, &remoteness, plate)?;
-        let factor = SparseCholesky::factor(&system)?;
+        let factor = SparseCholesky::factor_rounded(&system)?;
         let rows = operators.rows();
         let mut columns = vec![0.0; rows * LANDMARKS];
         for (column, &row) in columns.chunks_mut(rows).zip(landmark_rows) {

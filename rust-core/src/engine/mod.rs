@@ -1,6 +1,7 @@
 //! The whole way as one object: weights loaded once, shared by any number of jobs.
 
 mod causal;
+mod events;
 mod listen;
 mod perform;
 mod sliders;
@@ -24,7 +25,7 @@ use crate::{
     face::Face,
     mesh::{self, FaceOptions, LandmarkFinder, Mesh},
     models,
-    motion::{FaceModes, Motion},
+    motion::{FaceModes, LandmarkClip, Motion},
     progress::ProgressFn,
     rig::{self, Rig, RigModel, SolveOptions, SolvedWeights},
     speech::{self, PhoneModel, SpeechEncoder},
@@ -286,7 +287,8 @@ impl Engine {
             Motion::Weights(clip) => {
                 let rig = self.rig(face, progress)?;
                 self.threads(|| {
-                    let spread = Spread::of_weights(face, &rig, clip);
+                    let clip = spread::closed_on(face, &rig, clip);
+                    let spread = Spread::of_weights(face, &rig, &clip);
                     spread::into_sink(&spread, sink, progress)
                 })
             }
@@ -294,7 +296,19 @@ impl Engine {
         }
     }
 
-    /// The same for landmark motion `[T, 68, 3]` that is in the mesh's own units and axes.
+    /// The landmarks of the mean face under motion of any kind: what it looks like before any mesh is known.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a kind of motion that nothing puts on a face yet.
+    pub fn landmarks_of(&self, motion: &Motion) -> Result<LandmarkClip> {
+        match motion {
+            Motion::Landmarks(clip) => Ok(clip.clone()),
+            Motion::Weights(clip) => clip.landmarks(&self.face_modes),
+            Motion::Template(_) | Motion::Codes(_) => Err(spread::not_yet(motion)),
+        }
+    }
+
+    /// As [`Engine::spread`] for landmark motion `[T, 68, 3]` that is in the mesh's own units and axes.
     ///
     /// # Errors
     /// Those of [`Engine::spread`].

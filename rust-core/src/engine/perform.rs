@@ -6,14 +6,16 @@ use ndarray::Axis;
 
 use super::Engine;
 use crate::{
-    Result,
+    Error, Result,
     audio::Waveform,
     conditions::{
-        Control, ControlCurve, ControlStage, EmotionCurve, MotionRequest, check_closures, check_fps,
+        Control, ControlCurve, ControlStage, EmotionCurve, Event, MotionRequest, check_closures,
+        check_fps,
     },
     motion::{Life, LifeStrengths, Motion, Stretch},
     progress::{ProgressFn, report},
     speech::Heard,
+    systems::{Registration, SYSTEMS},
 };
 
 /// Pieces into which the way of a control is cut that changes over time: what controls do to motion is
@@ -124,8 +126,27 @@ impl Engine {
     fn check(&self, request: &MotionRequest) -> Result<()> {
         check_fps(request.fps)?;
         check_closures(request.closures.as_deref().unwrap_or_default())?;
+        self.check_events(&request.events)?;
         let known = self.registration.controls();
         request.controls.check(known, ControlStage::Motion)
+    }
+
+    fn check_events(&self, events: &[Event]) -> Result<()> {
+        events.iter().try_for_each(Event::check)?;
+        let Registration {
+            name, takes_events, ..
+        } = self.registration;
+        match events.is_empty() || *takes_events {
+            true => Ok(()),
+            false => {
+                let able = SYSTEMS.iter().filter(|system| system.takes_events);
+                let able: Vec<&str> = able.map(|system| system.name).collect();
+                Err(Error::InvalidInput(format!(
+                    "events: expected a system that shows them ({}), got {name}",
+                    able.join(", ")
+                )))
+            }
+        }
     }
 
     /// The request with the emotion that is heard in the voice.
@@ -210,9 +231,12 @@ impl Engine {
         }
         let mut moved = moved.into_owned();
         let life = self.life(&moved, heard, request);
-        if let Motion::Landmarks(clip) = &mut moved {
-            self.face_modes
-                .follow_gaze(&mut clip.displacements, life.gaze.view())?;
+        match &mut moved {
+            Motion::Landmarks(clip) => self
+                .face_modes
+                .follow_gaze(&mut clip.displacements, life.gaze.view())?,
+            Motion::Weights(clip) => clip.follow_gaze(&self.face_modes, life.gaze.view())?,
+            Motion::Template(_) | Motion::Codes(_) => {}
         }
         Ok((moved, life))
     }

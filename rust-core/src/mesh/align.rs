@@ -127,6 +127,22 @@ impl Similarity {
         }
     }
 
+    /// Displacements in the mesh's own units and axes as those of the target frame.
+    ///
+    /// `displacements`: `[T, N, 3]`, mesh units. Returns `[T, N, 3]`, target units.
+    pub fn displacements_to_canonical(&self, displacements: ArrayView3<'_, f32>) -> Array3<f32> {
+        let mut out = Array3::zeros(displacements.dim());
+        for (from, mut to) in displacements.rows().into_iter().zip(out.rows_mut()) {
+            for i in 0..3 {
+                let turned: f64 = (0..3)
+                    .map(|j| self.rotation[i][j] * f64::from(from[j]))
+                    .sum();
+                to[i] = (turned * self.scale) as f32;
+            }
+        }
+        out
+    }
+
     /// Brings displacements in the target frame back to the mesh's own units and axes.
     ///
     /// `displacements`: `[T, N, 3]`, target units. Returns `[T, N, 3]`, mesh units.

@@ -5,6 +5,7 @@
 //! in double precision and match public implementations on reference arrays.
 
 mod closure;
+mod control_rate;
 mod correlation;
 mod delta_cd;
 mod delta_m;
@@ -26,6 +27,7 @@ mod spectrum;
 mod speed;
 
 pub use closure::{Closure, closures};
+pub use control_rate::{NEIGHBOURS, control_leak, control_rate};
 pub use correlation::{best_lag, pearson};
 pub use delta_cd::delta_cd;
 pub use delta_m::delta_m;

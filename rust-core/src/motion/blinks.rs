@@ -8,6 +8,8 @@
 //! Intervals are drawn from a bell between a quarter and seven quarters of their mean, 1.2 to 8 s at
 //! the default rate: blinks neither tick like a clock nor bunch up.
 
+use std::ops::Range;
+
 use ndarray::{Array3, ArrayView2};
 
 use super::{
@@ -70,8 +72,16 @@ impl Blink {
         self.start_s + CLOSE_S + self.hold_s
     }
 
+    /// The frames of a clip of `count` in which the lids move.
+    pub(super) fn frames(&self, fps: f64, count: usize) -> Range<usize> {
+        let first = (self.start_s * fps).floor().max(0.0) as usize;
+        let rest_s = self.opens_s() + APART_S + REST_S;
+        let end = ((rest_s * fps).ceil() as usize + 1).min(count);
+        first.min(end)..end
+    }
+
     /// How far the lids of the right or the left eye are closed, 0 to 1; smooth, faster down than up.
-    fn closure(&self, time_s: f64, right: bool) -> f32 {
+    pub(super) fn closure(&self, time_s: f64, right: bool) -> f32 {
         let later_s = if right {
             self.right_later_s
         } else {
@@ -136,10 +146,7 @@ pub(super) fn close_lids(
     let eyes = lids(modes)?;
     let last = moved.dim().0;
     for blink in blinks {
-        let first = (blink.start_s * fps).floor().max(0.0) as usize;
-        let rest_s = blink.opens_s() + APART_S + REST_S;
-        let end = ((rest_s * fps).ceil() as usize + 1).min(last);
-        for t in first.min(end)..end {
+        for t in blink.frames(fps, last) {
             let mut frame = moved.index_axis_mut(ndarray::Axis(0), t);
             for (eye, right) in eyes.iter().zip([true, false]) {
                 let weight = blink.closure(t as f64 / fps, right);

@@ -95,6 +95,23 @@ performance_controls! {
          closed.";
 }
 
+/// One of [`PERFORMANCE_CONTROLS`] by its name, for systems that have some of them.
+pub(crate) const fn control_named(name: &str) -> Control {
+    let mut n = 0;
+    while !is_same(PERFORMANCE_CONTROLS[n].name.as_bytes(), name.as_bytes()) {
+        n += 1;
+    }
+    PERFORMANCE_CONTROLS[n]
+}
+
+const fn is_same(a: &[u8], b: &[u8]) -> bool {
+    let mut n = 0;
+    while n < a.len() && n < b.len() && a[n] == b[n] {
+        n += 1;
+    }
+    n == a.len() && n == b.len()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -26,12 +26,14 @@ mod smooth;
 mod upper_face;
 mod variety;
 mod visibility;
+mod weights;
 
 use ndarray::{Array2, Array3, ArrayD, ArrayViewD};
 
 pub use blinks::{Blink, blinks};
 pub use brow_accents::{BrowAccent, brow_accents};
 pub use closures::{LipClosures, close_lips};
+pub(crate) use controls::control_named;
 pub use controls::{PERFORMANCE_CONTROLS, PerformanceControls};
 pub use effort::effort_gain;
 pub use expression::{CausalExpression, EmotionOrigin, Expressions, MODEL as EXPRESSIONS_MODEL};
@@ -41,6 +43,7 @@ pub use life::{Life, LifeStrengths};
 pub use perform::Cues;
 pub use redo::Stretch;
 pub use visibility::{SPOKEN_MM, VISIBLE_MM, Visibility, lip_travel};
+pub use weights::{LipGaps, WeightCues};
 
 /// What a system gives: motion of one of the kinds that [`crate::spread`] can put on a mesh.
 ///
@@ -81,6 +84,9 @@ pub struct WeightClip {
     pub weights: Array2<f32>,
     /// Frames per second.
     pub fps: f64,
+    /// `[T]`, how far lips have to come together on whatever head shows the clip, 0 to 1; empty where nobody
+    /// knows.
+    pub together: Vec<f32>,
 }
 
 /// Displacements of a template's vertices.

@@ -1,8 +1,8 @@
 //! Motion at another frame rate.
 
-use ndarray::{Array3, Axis, Zip};
+use ndarray::{Array, ArrayView, Axis, Dimension, RemoveAxis, Zip};
 
-use super::LandmarkClip;
+use super::{LandmarkClip, WeightClip};
 
 impl LandmarkClip {
     /// The same motion as `frames` frames at `fps`; frame `t` stands at `t / fps` seconds.
@@ -10,33 +10,51 @@ impl LandmarkClip {
     /// Catmull-Rom between the four nearest frames, so that velocity has no steps; held beyond the
     /// last frame. Between frames it may overshoot by an eighth of a step, which keeps peaks.
     pub fn at_rate(&self, fps: f64, frames: usize) -> LandmarkClip {
-        let (count, landmarks, axes) = self.displacements.dim();
-        let mut out = Array3::zeros((frames, landmarks, axes));
-        if count == 0 {
-            return LandmarkClip {
-                displacements: out,
-                fps,
-            };
-        }
-        let last = count - 1;
-        for (t, frame) in out.outer_iter_mut().enumerate() {
-            let position = (t as f64 * self.fps / fps).min(last as f64);
-            let before = position.floor() as usize;
-            let weights = catmull_rom((position - before as f64) as f32);
-            let source = |offset: usize| (before + offset).saturating_sub(1).min(last);
-            let mut frame = frame;
-            for (offset, weight) in weights.into_iter().enumerate() {
-                let from = self.displacements.index_axis(Axis(0), source(offset));
-                Zip::from(&mut frame)
-                    .and(from)
-                    .for_each(|to, from| *to += weight * from);
-            }
-        }
-        LandmarkClip {
-            displacements: out,
+        let displacements = at_rate(self.displacements.view(), self.fps / fps, frames);
+        LandmarkClip { displacements, fps }
+    }
+}
+
+impl WeightClip {
+    /// As [`LandmarkClip::at_rate`], with no weight below 0; when lips meet is to be asked anew.
+    pub fn at_rate(&self, fps: f64, frames: usize) -> WeightClip {
+        let mut weights = at_rate(self.weights.view(), self.fps / fps, frames);
+        weights.mapv_inplace(|weight| weight.max(0.0));
+        let names = self.names.clone();
+        WeightClip {
+            names,
+            weights,
             fps,
+            together: Vec::new(),
         }
     }
+}
+
+/// `frames` frames that lie `step` frames of `values` apart.
+fn at_rate<D: Dimension + RemoveAxis>(
+    values: ArrayView<'_, f32, D>,
+    step: f64,
+    frames: usize,
+) -> Array<f32, D> {
+    let mut shape = values.raw_dim();
+    shape[0] = frames;
+    let mut out = Array::zeros(shape);
+    let Some(last) = values.len_of(Axis(0)).checked_sub(1) else {
+        return out;
+    };
+    for (t, mut frame) in out.axis_iter_mut(Axis(0)).enumerate() {
+        let position = (t as f64 * step).min(last as f64);
+        let before = position.floor() as usize;
+        let weights = catmull_rom((position - before as f64) as f32);
+        let source = |offset: usize| (before + offset).saturating_sub(1).min(last);
+        for (offset, weight) in weights.into_iter().enumerate() {
+            let from = values.index_axis(Axis(0), source(offset));
+            Zip::from(&mut frame)
+                .and(from)
+                .for_each(|to, from| *to += weight * from);
+        }
+    }
+    out
 }
 
 /// Weights of the frames at −1, 0, 1 and 2 for a point `u` of the way from 0 to 1.
@@ -52,6 +70,8 @@ fn catmull_rom(u: f32) -> [f32; 4] {
 
 #[cfg(test)]
 mod tests {
+    use ndarray::Array3;
+
     use super::*;
 
     fn clip(fps: f64, values: impl Fn(f64) -> f32, frames: usize) -> LandmarkClip {

@@ -1,8 +1,8 @@
 //! Calmer motion.
 
-use ndarray::{Array3, Axis};
+use ndarray::{Array, Axis, Dimension, RemoveAxis};
 
-use super::LandmarkClip;
+use super::{LandmarkClip, WeightClip};
 
 /// The Gaussian is cut where it has fallen to e^(−9/2).
 const REACH_IN_DEVIATIONS: f64 = 3.0;
@@ -12,31 +12,49 @@ impl LandmarkClip {
     ///
     /// 0 changes nothing. 20 ms takes the edge off jitter; beyond 50 ms lips no longer close.
     pub fn smoothed(&self, deviation_s: f64) -> LandmarkClip {
-        let deviation = deviation_s * self.fps;
-        let reach = (REACH_IN_DEVIATIONS * deviation).ceil() as isize;
-        if deviation.is_nan() || deviation <= 0.0 || self.displacements.is_empty() {
-            return self.clone();
-        }
-        let weight = |k: isize| (-0.5 * (k as f64 / deviation).powi(2)).exp();
-        let total: f64 = (-reach..=reach).map(weight).sum();
-        let last = self.displacements.dim().0 as isize - 1;
-        let mut out = Array3::zeros(self.displacements.dim());
-        for (t, mut frame) in out.outer_iter_mut().enumerate() {
-            for k in -reach..=reach {
-                let from = (t as isize + k).clamp(0, last) as usize;
-                let share = (weight(k) / total) as f32;
-                frame.scaled_add(share, &self.displacements.index_axis(Axis(0), from));
-            }
-        }
         LandmarkClip {
-            displacements: out,
+            displacements: smoothed(&self.displacements, deviation_s * self.fps),
             fps: self.fps,
         }
     }
 }
 
+impl WeightClip {
+    /// As [`LandmarkClip::smoothed`].
+    pub fn smoothed(&self, deviation_s: f64) -> WeightClip {
+        WeightClip {
+            names: self.names.clone(),
+            weights: smoothed(&self.weights, deviation_s * self.fps),
+            fps: self.fps,
+            together: self.together.clone(),
+        }
+    }
+}
+
+/// `deviation` in frames.
+fn smoothed<D: Dimension + RemoveAxis>(values: &Array<f32, D>, deviation: f64) -> Array<f32, D> {
+    if deviation.is_nan() || deviation <= 0.0 || values.is_empty() {
+        return values.clone();
+    }
+    let reach = (REACH_IN_DEVIATIONS * deviation).ceil() as isize;
+    let weight = |k: isize| (-0.5 * (k as f64 / deviation).powi(2)).exp();
+    let total: f64 = (-reach..=reach).map(weight).sum();
+    let last = values.len_of(Axis(0)) as isize - 1;
+    let mut out = Array::zeros(values.raw_dim());
+    for (t, mut frame) in out.axis_iter_mut(Axis(0)).enumerate() {
+        for k in -reach..=reach {
+            let from = (t as isize + k).clamp(0, last) as usize;
+            let share = (weight(k) / total) as f32;
+            frame.scaled_add(share, &values.index_axis(Axis(0), from));
+        }
+    }
+    out
+}
+
 #[cfg(test)]
 mod tests {
+    use ndarray::Array3;
+
     use super::*;
 
     fn clip(value: impl Fn(usize) -> f32) -> LandmarkClip {

@@ -24,6 +24,9 @@ use crate::{Error, Result};
 /// Columns solved together by one thread.
 const COLUMNS_PER_TASK: usize = 16;
 
+/// Shares of itself by which a diagonal grows, one after the other, until a matrix can be factored.
+const GROWTH: [f64; 4] = [1e-12, 1e-10, 1e-8, 1e-6];
+
 /// `A = P L Lᵀ Pᵀ` of a symmetric positive definite matrix.
 pub struct SparseCholesky {
     symbolic: SymbolicCholesky<usize>,
@@ -60,6 +63,25 @@ impl SparseCholesky {
             &values,
         );
         factor_lower(lower, size)
+    }
+
+    /// [`SparseCholesky::factor`] of a matrix that is positive definite but for rounding, as on meshes of
+    /// slivers and needles: where a pivot is not positive, the diagonal grows by 1e-12 of itself, then by a
+    /// hundred times more, up to 1e-6.
+    ///
+    /// # Errors
+    /// Those of [`SparseCholesky::factor`] with the largest growth.
+    pub fn factor_rounded(matrix: &Csr) -> Result<SparseCholesky> {
+        let mut factored = SparseCholesky::factor(matrix);
+        for share in GROWTH {
+            if !matches!(factored, Err(Error::Numerics(_))) {
+                break;
+            }
+            let rows = 0..matrix.nrows();
+            let diagonal: Vec<f64> = rows.map(|row| matrix.get(row, row)).collect();
+            factored = SparseCholesky::factor(&matrix.add_diagonal(share, &diagonal)?);
+        }
+        factored
     }
 
     /// Number of rows.
@@ -162,6 +184,24 @@ mod tests {
             }
         }
         Csr::from_triplets(n, n, &entries)
+    }
+
+    #[test]
+    fn rounding_below_zero_is_lifted_and_what_is_not_positive_is_refused() {
+        let of = |corner: f64| {
+            let entries = [(0, 0, 1.0), (0, 1, 1.0), (1, 0, 1.0), (1, 1, corner)];
+            Csr::from_triplets(2, 2, &entries)
+        };
+        let rounded = of(1.0 - 1e-11);
+        assert!(SparseCholesky::factor(&rounded).is_err());
+        let mut solution = [1.0, 1.0];
+        let factored = SparseCholesky::factor_rounded(&rounded).unwrap();
+        factored.solve_in_place(&mut solution, 1);
+        assert!(
+            (solution[0] + solution[1] - 1.0).abs() < 1e-2,
+            "{solution:?}"
+        );
+        assert!(SparseCholesky::factor_rounded(&of(0.5)).is_err());
     }
 
     #[test]

@@ -7,7 +7,7 @@
 
 mod sink;
 
-use std::ops::Range;
+use std::{borrow::Cow, ops::Range};
 
 use ndarray::{Array3, ArrayView2, Axis, Slice};
 use rayon::prelude::*;
@@ -17,8 +17,8 @@ use crate::{
     deform::Deformer,
     face::Face,
     ibug::LANDMARKS,
-    mesh::Mesh,
-    motion::{Motion, WeightClip},
+    mesh::{Mesh, Mouth},
+    motion::{LipGaps, Motion, WeightClip},
     progress::{Progress, ProgressFn, report},
     rig::Rig,
 };
@@ -124,6 +124,25 @@ fn mixed(
         }
     });
     out
+}
+
+/// The clip with lips that meet on this very face where they have to; lips that are one surface stay.
+pub(crate) fn closed_on<'a>(face: &Face, rig: &Rig, clip: &'a WeightClip) -> Cow<'a, WeightClip> {
+    if clip.together.is_empty() || face.mouth() == Mouth::Welded {
+        return Cow::Borrowed(clip);
+    }
+    let own = face
+        .to_canonical
+        .displacements_to_canonical(at_landmarks(face, &rig.deltas).view());
+    let mut shapes = Array3::zeros((clip.names.len(), LANDMARKS, 3));
+    for (name, mut shape) in clip.names.iter().zip(shapes.outer_iter_mut()) {
+        if let Some(known) = rig.names.iter().position(|known| known == name) {
+            shape.assign(&own.index_axis(Axis(0), known));
+        }
+    }
+    let mut closed = clip.clone();
+    LipGaps::new(shapes.view(), &clip.names).bring_together(&mut closed);
+    Cow::Owned(closed)
 }
 
 /// The error for kinds of motion that no system gives yet.

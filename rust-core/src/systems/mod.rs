@@ -3,6 +3,7 @@
 //! A system is its folder, its `mod` line and its entry in [`SYSTEMS`]: take these away, and the rest
 //! compiles. `CONTRIBUTING.md` says how to add one.
 
+pub mod cafe_talk;
 pub mod freetalk;
 
 mod slider;
@@ -22,12 +23,13 @@ use crate::{
     progress::ProgressFn,
     rig,
     speech::{self, Heard, SpeechInput},
+    text,
 };
 pub use slider::Slider;
 pub use windows::Windows;
 
 /// Every system, the default one first.
-pub static SYSTEMS: &[&Registration] = &[&freetalk::REGISTRATION];
+pub static SYSTEMS: &[&Registration] = &[&freetalk::REGISTRATION, &cafe_talk::REGISTRATION];
 
 /// How a system is known before it is loaded.
 ///
@@ -53,6 +55,8 @@ pub struct Registration {
     pub models: &'static [&'static BuiltIn],
     /// The controls that it understands, in groups: those shared with others and its own.
     pub controls: &'static [&'static [Control]],
+    /// Whether it shows the events of a request.
+    pub takes_events: bool,
     /// Loads the built-in models, or those of a folder.
     pub open: fn(Option<&Path>) -> Result<Box<dyn System>>,
 }
@@ -98,6 +102,7 @@ pub fn built_in_models() -> impl Iterator<Item = &'static BuiltIn> {
         &motion::FACE_MODES_MODEL,
         &motion::EXPRESSIONS_MODEL,
         &rig::MODEL,
+        &text::MODEL,
     ];
     let own = SYSTEMS
         .iter()

@@ -2,6 +2,10 @@
 
 use std::ops::Range;
 
+use ndarray::Array2;
+
+use crate::Result;
+
 /// Windows of equal length that overlap; where they do, results are cross-faded.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Windows {
@@ -28,6 +32,75 @@ impl Windows {
                 .chain([total - frames])
                 .map(|start| start..start + frames)
                 .collect(),
+        }
+    }
+
+    /// A clip `[total, channels]` window by window; where they overlap, results are averaged with the weights
+    /// of a ramp. `make` gets the frames of a window and its share of the progress, and returns
+    /// `[frames, channels]`.
+    ///
+    /// # Errors
+    /// Those of `make`.
+    pub fn cross_faded(
+        &self,
+        total: usize,
+        channels: usize,
+        mut make: impl FnMut(Range<usize>, (f32, f32)) -> Result<Array2<f32>>,
+    ) -> Result<Array2<f32>> {
+        let mut out = Array2::zeros((total, channels));
+        let mut weight = vec![0.0f32; total];
+        let windows = self.of(total);
+        for (index, rows) in windows.iter().enumerate() {
+            let part = |index: usize| index as f32 / windows.len() as f32;
+            let made = make(rows.clone(), (part(index), part(index + 1)))?;
+            for (t, made) in rows.clone().zip(made.rows()) {
+                let share = ramp(t, rows, total, self.overlap);
+                out.row_mut(t).scaled_add(share, &made);
+                weight[t] += share;
+            }
+        }
+        for (mut row, weight) in out.rows_mut().into_iter().zip(weight) {
+            row /= weight;
+        }
+        Ok(out)
+    }
+}
+
+/// Weight of frame `t` in a window: rises and falls over the overlap, 1 at the clip's own ends.
+fn ramp(t: usize, rows: &Range<usize>, frames: usize, overlap: usize) -> f32 {
+    let side = |inner: usize, at_end: bool| match at_end {
+        true => 1.0,
+        false => ((inner + 1) as f32 / (overlap + 1) as f32).min(1.0),
+    };
+    let left = side(t - rows.start, rows.start == 0);
+    left.min(side(rows.end - 1 - t, rows.end == frames))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_constant_comes_back_whatever_the_windows() {
+        for (frames, window, overlap) in [
+            (1, 32, 8),
+            (32, 32, 8),
+            (33, 32, 8),
+            (71, 32, 8),
+            (500, 32, 0),
+        ] {
+            let windows = Windows {
+                fps: 25.0,
+                frames: window,
+                overlap,
+            };
+            let make = |rows: Range<usize>, _| {
+                assert!(rows.len() <= window);
+                Ok(Array2::from_elem((rows.len(), 2), 3.0))
+            };
+            let made = windows.cross_faded(frames, 2, make).unwrap();
+            assert!(made.iter().all(|x| (x - 3.0).abs() < 1e-6), "{frames}");
+            assert!(windows.of(0).is_empty());
         }
     }
 }

@@ -415,3 +415,26 @@ fn a_stretch_of_an_animated_mesh_is_made_again_and_the_rest_stays_to_the_bit() {
     assert_eq!(changed(&was, &same), [] as [usize; 0]);
     assert_eq!(changed(&was, &new), (6..15).collect::<Vec<_>>());
 }
+
+#[test]
+fn texts_become_units_or_are_refused_with_a_hint() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = anyface(
+        folder.path(),
+        &["units", "winks with the right eye", "--json"],
+    );
+    let said: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let unit = &said["units"][0];
+    assert_eq!(
+        (unit["unit"].as_str(), unit["side"].as_str()),
+        (Some("45"), Some("right"))
+    );
+    let blue = "got \"the blue car\"; the nearest that is understood";
+    refused(&folder, &["units", "the blue car"], INVALID_INPUT, blue);
+    refused(
+        &folder,
+        &["units", ""],
+        INVALID_INPUT,
+        "expected English words",
+    );
+}

@@ -2,7 +2,7 @@
 
 use std::{fs, path::Path};
 
-const BELOW_SYSTEMS: [&str; 16] = [
+const BELOW_SYSTEMS: [&str; 17] = [
     "annotation",
     "cache",
     "conditions",
@@ -13,6 +13,7 @@ const BELOW_SYSTEMS: [&str; 16] = [
     "rig",
     "speech",
     "spread",
+    "text",
     "diffusion",
     "operators",
     "mesh",

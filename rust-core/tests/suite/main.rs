@@ -1,5 +1,6 @@
 //! Tests of the whole library and its command, in one binary so that it is linked once.
 
+mod cafe_talk;
 mod command;
 mod damaged;
 mod expressions;

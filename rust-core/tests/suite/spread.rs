@@ -36,6 +36,7 @@ fn weights_move_a_mesh_by_its_own_shapes() {
             .to_vec(),
         weights: array![[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.0, 0.25]],
         fps: 25.0,
+        together: vec![],
     });
     let made = Collector::collect(|sink| engine.spread(&face, &motion, sink, SILENT)).unwrap();
     let rig = engine.rig(&face, SILENT).unwrap();

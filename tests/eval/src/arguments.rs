@@ -8,6 +8,9 @@ use clap::Args;
 /// Options of every subcommand.
 #[derive(Args)]
 pub(super) struct SharedArgs {
+    /// What turns speech into motion [default: the first that `anyface info` lists]
+    #[arg(long, global = true, value_name = "NAME")]
+    system: Option<String>,
     /// Folder of model files that override the embedded ones
     #[arg(long, global = true, value_name = "DIR")]
     pub weights: Option<PathBuf>,
@@ -41,6 +44,7 @@ impl SharedArgs {
     /// An engine with these weights.
     pub(super) fn engine(&self) -> Result<Engine> {
         Engine::new(EngineOptions {
+            system: self.system.clone(),
             models: self.weights.clone(),
             speech: self.speech.clone(),
             cache: match self.no_cache {
@@ -48,7 +52,6 @@ impl SharedArgs {
                 false => CachePolicy::UserFolder,
             },
             threads: self.threads,
-            ..EngineOptions::default()
         })
     }
 }

@@ -12,27 +12,11 @@ from dataclasses import asdict, dataclass, field
 import torch
 from torch import Tensor, nn
 
+from training.conditions import EMOTIONS
 from training.nn.attention import MultiheadAttention, band_mask
 from training.nn.embedding import Mlp, timestep_embedding
 from training.nn.transformer import TransformerDecoderLayer
 
-EMOTIONS = [
-    "neutral",
-    "happy",
-    "pleased",
-    "calm",
-    "surprised",
-    "sad",
-    "upset",
-    "ashamed",
-    "afraid",
-    "angry",
-    "disgusted",
-    "contempt",
-    "suspicious",
-    "ill",
-    "drunk",
-]
 LANDMARKS = 68
 OWN_FRAME_SCALE = 1.6
 ANY_STYLE = "any"

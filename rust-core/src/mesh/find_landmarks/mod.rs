@@ -63,6 +63,10 @@ const LEAST_PRESENCE: f32 = 0.92;
 /// cup came to 0.31, a monkey's head to 0.54.
 const LEAST_CONFIDENCE: f32 = 0.35;
 
+/// Confidence of eyes or brows, whichever is surer, below which what may be a mouth is alone: the muzzle of a
+/// koala on all fours came to 0.12, heads whose eyes lie under cubes to 0.25 by their brows.
+const LEAST_EYES_OR_BROWS: f32 = 0.2;
+
 /// Likeness of a face, seen from its front, below which there is none.
 const LEAST_LIKENESS: f32 = 0.3;
 
@@ -156,12 +160,20 @@ impl Settled {
     fn doubt(&self) -> Option<String> {
         let [(_, mouth), others @ ..] = self.regions();
         let (presence, all) = (self.agreed.presence, self.confidence());
+        let eyes_or_brows = others
+            .iter()
+            .filter(|(name, _)| matches!(*name, "eyes" | "brows"));
+        let eyes_or_brows = eyes_or_brows.map(|(_, sure)| *sure).fold(0.0, f32::max);
         let what = if mouth < LEAST_MOUTH {
             format!("no mouth (confidence {mouth:.2}, expected {LEAST_MOUTH} or more")
         } else if presence < LEAST_PRESENCE || all < LEAST_CONFIDENCE {
             format!(
                 "no face about what may be a mouth (likeness {presence:.2}, expected {LEAST_PRESENCE} or \
                  more; confidence {all:.2}, expected {LEAST_CONFIDENCE} or more"
+            )
+        } else if eyes_or_brows < LEAST_EYES_OR_BROWS {
+            format!(
+                "neither eyes nor brows above what may be a mouth (confidence expected: {LEAST_EYES_OR_BROWS} or more"
             )
         } else {
             return None;

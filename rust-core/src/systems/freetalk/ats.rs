@@ -14,17 +14,17 @@ use serde::{Deserialize, Serialize};
 use crate::{
     Error, Result,
     conditions::EMOTIONS,
-    diffusion::{Schedule, Spacing},
+    diffusion::{Diffusion, Spacing},
     ibug::LANDMARKS,
     motion::EmotionOrigin,
     nn::{
         Weights,
         attention::KeysValues,
-        elementwise::{add_all, add_to_rows, silu_all},
+        elementwise::{add_all, add_to_rows},
         linear::Linear,
         matrix,
+        mlp::Mlp,
         norm::LayerNorm,
-        timestep::timestep_embedding,
         transformer::{DecoderLayer, DecoderShape, NormOrder},
     },
     speech::SpeechInput,
@@ -33,15 +33,6 @@ use crate::{
 
 /// Epsilon of PyTorch's `nn.LayerNorm`.
 const EPSILON: f32 = 1e-5;
-
-/// The forward process.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Diffusion {
-    /// Noise schedule.
-    pub schedule: Schedule,
-    /// Number of diffusion steps in training.
-    pub train_steps: usize,
-}
 
 /// Defaults of the reverse process.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -153,26 +144,6 @@ impl AtsConfig {
     /// Channels of a motion frame: three for each landmark.
     pub fn motion_channels(&self) -> usize {
         3 * self.landmarks
-    }
-}
-
-/// linear1 → SiLU → linear2.
-struct Mlp {
-    linear1: Linear,
-    linear2: Linear,
-}
-
-impl Mlp {
-    fn load(weights: &Weights, inputs: usize, width: usize) -> Result<Self> {
-        Ok(Mlp {
-            linear1: Linear::load(&weights.pp("linear1"), inputs, width)?,
-            linear2: Linear::load(&weights.pp("linear2"), width, width)?,
-        })
-    }
-
-    fn forward(&self, x: &ArrayRef2<f32>) -> Array2<f32> {
-        let hidden = self.linear1.forward_then(x, silu_all);
-        self.linear2.forward(&hidden)
     }
 }
 
@@ -298,7 +269,7 @@ impl Ats {
         let mut tokens = self.x_proj.forward(noisy);
         let values = tokens.as_slice_mut().expect("new array");
         add_all(values, matrix::values(&window.tokens));
-        add_to_rows(values, &self.time_embedding(timestep));
+        add_to_rows(values, &self.time_mlp.of_timestep(timestep));
         for (layer, memory) in self.layers.iter().zip(&window.memory) {
             tokens = layer.forward(tokens, memory, Some(self.config.radius));
         }
@@ -306,16 +277,6 @@ impl Ats {
             norm.forward_in_place(&mut tokens);
         }
         self.head.forward(&tokens)
-    }
-
-    fn time_embedding(&self, timestep: usize) -> Vec<f32> {
-        let width = self.config.width;
-        let sinusoids = timestep_embedding(timestep, width);
-        let sinusoids = Array2::from_shape_vec((1, width), sinusoids).expect("one row");
-        self.time_mlp
-            .forward(&sinusoids)
-            .into_raw_vec_and_offset()
-            .0
     }
 
     /// The model's space to displacements in metres, in place; `x`: `[T, 204]`.

@@ -80,26 +80,16 @@ impl Ats {
         let temperature = request.temperature.unwrap_or(temperature);
 
         let frames = request.speech.nrows();
-        let mut total = Array2::zeros((frames, config.motion_channels()));
-        let mut weight = vec![0.0f32; frames];
-        let windows = config.windows().of(frames);
-        for (index, rows) in windows.iter().enumerate() {
-            let part = |index: usize| index as f32 / windows.len() as f32;
-            let take = |x: ArrayView2<'_, f32>| x.slice_axis(Axis(0), slice(rows)).to_owned();
+        let make = |rows: Range<usize>, done: (f32, f32)| {
+            let take = |x: ArrayView2<'_, f32>| x.slice_axis(Axis(0), slice(&rows)).to_owned();
             let (speech, affect) = (take(request.speech), take(request.affect));
             let context = self.window(speech.view(), affect.view(), style);
             let predict = |x: &ArrayRef2<f32>, t| Ok(self.denoise(x, t, &context));
             let start = noise(rows.clone()) * temperature;
-            let clean = ddim.sample(start, predict, progress, (part(index), part(index + 1)))?;
-            for (t, clean) in rows.clone().zip(clean.rows()) {
-                let share = ramp(t, rows, frames, config.overlap_frames);
-                total.row_mut(t).scaled_add(share, &clean);
-                weight[t] += share;
-            }
-        }
-        for (mut row, weight) in total.rows_mut().into_iter().zip(weight) {
-            row /= weight;
-        }
+            ddim.sample(start, predict, progress, done)
+        };
+        let channels = config.motion_channels();
+        let mut total = config.windows().cross_faded(frames, channels, make)?;
         self.to_metres(&mut total);
         progress::report(progress, "motion", 1.0)?;
         Ok(total)
@@ -139,16 +129,6 @@ impl Ats {
 
 fn slice(rows: &Range<usize>) -> Slice {
     Slice::from(rows.clone())
-}
-
-/// Weight of frame `t` in a window: rises and falls over the overlap, 1 at the clip's own ends.
-fn ramp(t: usize, rows: &Range<usize>, frames: usize, overlap: usize) -> f32 {
-    let side = |inner: usize, at_end: bool| match at_end {
-        true => 1.0,
-        false => ((inner + 1) as f32 / (overlap + 1) as f32).min(1.0),
-    };
-    let left = side(t - rows.start, rows.start == 0);
-    left.min(side(rows.end - 1 - t, rows.end == frames))
 }
 
 #[cfg(test)]

@@ -69,6 +69,7 @@ pub static REGISTRATION: Registration = Registration {
     help: "Speech, emotion and intensity move 68 landmarks, which move the mesh.",
     models: &[&ATS_MODEL, &STREAM_MODEL, &PAPER_MODEL],
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
+    takes_events: false,
     open: |folder| Ok(Box::new(FreeTalk::open(folder)?)),
 };
 

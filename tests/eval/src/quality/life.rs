@@ -9,7 +9,7 @@ use super::{
     bootstrap::{Estimate, estimate},
     clip::Clip,
     grid::{FPS, TRACK, every_tenth, spans},
-    speaker::{Speaker, Wish, landmarks},
+    speaker::{Speaker, Wish},
 };
 use crate::tensors::TensorFile;
 use anyface::{Result, metrics::quantile};
@@ -164,7 +164,7 @@ fn performed(speaker: &Speaker, wish: &Wish, clip: &Clip) -> Result<Surroundings
     };
     let (head, gaze) = (life.head.outer_iter(), life.gaze.outer_iter());
     let (head, gaze) = (head.map(turn).collect(), gaze.map(between).collect());
-    let motion = landmarks(performance.motion)?;
+    let motion = speaker.landmarks(&performance.motion)?;
     Ok(Surroundings {
         head: Some(head),
         gaze: Some(gaze),

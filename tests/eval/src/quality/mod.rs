@@ -12,6 +12,7 @@ mod closures;
 mod effort;
 mod emotion_plots;
 mod emotions;
+mod events;
 mod facegood;
 mod features;
 mod figures;
@@ -143,6 +144,7 @@ struct Results {
     reading: Option<reading::Reading>,
     intensity: Vec<emotions::IntensityCurve>,
     seeds: Vec<seeds::SeedScores>,
+    events: Option<events::EventScores>,
     seams: Option<seams::SeamScores>,
     steps: Vec<steps::StepScores>,
     timing: timing::Timing,
@@ -307,6 +309,7 @@ impl Quality {
             reading,
             intensity,
             seeds,
+            events: events::measure(speaker, &wish, clips)?,
             seams: seams::measure(speaker, &wish, clips)?,
             steps: steps.concat(),
             timing: timing::measure(speaker, &wish, clips, self.long)?,

@@ -108,7 +108,7 @@ impl Asked<'_> {
                 motions: speak(Some(own))?,
             });
         }
-        if corpus.recorded {
+        if corpus.recorded && self.speaker.engine.stream().is_ok() {
             let made = corpus
                 .held_out
                 .iter()

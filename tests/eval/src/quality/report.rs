@@ -5,6 +5,7 @@ use super::{
     bootstrap::{Estimate, RESAMPLES, number},
     closures::{CLOSED_MM, SHUT},
     emotions::{INTENSITIES, OWN_LANDMARKS},
+    events,
     facegood::WHOLE_TAKES,
     figures::Figures,
     measures::{measures, pairs},
@@ -42,6 +43,9 @@ pub(super) fn markdown(results: &Results, figures: &Figures, images: &str) -> St
     }
     sections::life(&mut page, results);
     seeds(&mut page, results);
+    if let Some(scores) = &results.events {
+        events::section(&mut page, scores);
+    }
     seams(&mut page, results);
     steps(&mut page, results);
     timing(&mut page, results);

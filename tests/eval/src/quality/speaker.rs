@@ -8,7 +8,7 @@ use super::clip::Clip;
 use anyface::{
     Engine, Error, MotionRequest, Performance, Result,
     audio::Waveform,
-    conditions::{Controls, Emotion, EmotionCurve},
+    conditions::{Controls, Emotion, EmotionCurve, Event},
     motion::{Motion, PerformanceControls},
     progress::SILENT,
 };
@@ -24,6 +24,8 @@ pub(super) struct Wish {
     pub style: Option<String>,
     /// With all that a user gets who changes nothing; otherwise the model's own motion alone.
     pub default_controls: bool,
+    /// What the face does and when, where the system shows that.
+    pub events: Vec<Event>,
 }
 
 /// The engine under measurement.
@@ -41,7 +43,7 @@ impl Speaker {
         fps: f64,
         wish: &Wish,
     ) -> Result<Array3<f64>> {
-        landmarks(self.performance(waveform, fps, wish)?.motion)
+        self.landmarks(&self.performance(waveform, fps, wish)?.motion)
     }
 
     /// All that the engine performs.
@@ -53,7 +55,8 @@ impl Speaker {
     ) -> Result<Performance> {
         let mut controls = match wish.default_controls {
             true => Controls::default(),
-            false => Controls::from(PerformanceControls::as_sampled()),
+            false => Controls::from(PerformanceControls::as_sampled())
+                .among(self.engine.system().controls()),
         };
         if let Some(steps) = wish.steps {
             controls.set("steps", steps as f32);
@@ -64,9 +67,19 @@ impl Speaker {
             seed: wish.seed,
             style: wish.style.clone(),
             controls,
+            events: wish.events.clone(),
             ..MotionRequest::default()
         };
         self.engine.perform(waveform, &request, SILENT)
+    }
+
+    /// The landmarks of the mean face under any motion, `[T, 68, 3]` metres.
+    pub(super) fn landmarks(&self, motion: &Motion) -> Result<Array3<f64>> {
+        Ok(self
+            .engine
+            .landmarks_of(motion)?
+            .displacements
+            .mapv(f64::from))
     }
 
     /// Motion for a clip's sound, as long as the clip.
@@ -90,17 +103,6 @@ impl Speaker {
 fn as_long_as(clip: &Clip, motion: Array3<f64>) -> Result<Array3<f64>> {
     fitted(motion, clip.frames())
         .ok_or_else(|| Error::InvalidInput(format!("{}: no frame was made", clip.name)))
-}
-
-/// `[T, 68, 3]` metres.
-pub(super) fn landmarks(motion: Motion) -> Result<Array3<f64>> {
-    match motion {
-        Motion::Landmarks(clip) => Ok(clip.displacements.mapv(f64::from)),
-        other => Err(Error::InvalidInput(format!(
-            "system: expected one that moves landmarks, got {}",
-            other.kind()
-        ))),
-    }
 }
 
 /// The first `frames` frames, the last one held where there are fewer; none of no frames.

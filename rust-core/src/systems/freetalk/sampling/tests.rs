@@ -1,7 +1,6 @@
 //! The denoiser and its sampler against their PyTorch twins.
 
 use super::*;
-use crate::systems::Windows;
 use crate::{
     nn::{
         Weights,
@@ -115,37 +114,6 @@ fn seed_decides_where_there_is_temperature_and_threads_never_do() {
     assert_eq!(motion, run(1, 1.0, 5));
     assert_ne!(motion, run(2, 1.0, 2));
     assert_eq!(run(1, 0.0, 1), run(2, 0.0, 2));
-}
-
-#[test]
-fn windows_cover_every_frame_with_some_weight() {
-    for (frames, window, overlap) in [
-        (1, 32, 8),
-        (32, 32, 8),
-        (33, 32, 8),
-        (71, 32, 8),
-        (500, 32, 0),
-    ] {
-        let mut weight = vec![0.0; frames];
-        let windows = Windows {
-            fps: 25.0,
-            frames: window,
-            overlap,
-        };
-        for rows in windows.of(frames) {
-            assert!(rows.len() <= window);
-            for t in rows.clone() {
-                weight[t] += ramp(t, &rows, frames, overlap);
-            }
-        }
-        assert!(weight.iter().all(|w| *w > 0.0), "{frames} {weight:?}");
-    }
-    let none = Windows {
-        fps: 25.0,
-        frames: 32,
-        overlap: 8,
-    };
-    assert!(none.of(0).is_empty());
 }
 
 #[test]

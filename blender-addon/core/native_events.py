@@ -1,0 +1,68 @@
+"""The library's calls about events, and about motion that is weights of shapes."""
+
+import os
+import re
+from contextlib import ExitStack
+from ctypes import POINTER, c_char_p, c_float
+
+import numpy as np
+
+from .events import Event as Asked
+from .events import shortened
+from .library import Event
+from .take import ShapeWeights
+
+_FLOATS = POINTER(c_float)
+
+
+class EventCalls:
+    """What `native.Engine` knows of events and of weights that nobody has to solve."""
+
+    def _events(self, handles: ExitStack, asked: list[Asked]):
+        """Events as the library keeps them, or None where there are none."""
+        if not asked:
+            return None
+        rows = (Event * len(asked))()
+        for row, event in zip(rows, asked, strict=True):
+            units = (c_char_p * len(event.units))(*(unit.encode() for unit in event.units))
+            row.start_s, row.end_s = event.start_s, event.end_s
+            row.units, row.unit_count = units, len(event.units)
+            row.strength, row.over_speech = event.strength, event.over_speech
+        return self._own(handles, "events", "anyface_events_new", rows, len(asked))
+
+    def _unseen(self, handles: ExitStack, face, motion, asked: list[Asked], watch) -> list[str]:
+        """What of the events of a motion this face cannot show, in sentences with their names."""
+        given = self._handle, face, motion, watch.handle
+        notes = self._own(handles, "event_notes", "anyface_event_notes_new", *given)
+        text = self._library.anyface_event_notes_text
+        count = self._library.anyface_event_notes_count(notes)
+        said = [text(notes, number).decode() for number in range(count)]
+        return shortened(list(dict.fromkeys(_named(note, asked) for note in said)))
+
+    def _shape_weights(self, motion) -> ShapeWeights | None:
+        """The weights of a motion as the system made them; None where it makes others."""
+        count = self._library.anyface_motion_weight_count(motion)
+        if count == 0:
+            return None
+        name = self._library.anyface_motion_weight_name
+        names = [name(motion, number).decode() for number in range(count)]
+        frames = self._library.anyface_motion_frame_count(motion)
+        weights = np.empty((frames, count), dtype=np.float32)
+        self._copy("anyface_motion_copy_weights", motion, weights)
+        return ShapeWeights(names, weights)
+
+    def write_weights(self, names: list[str], weights: np.ndarray, path: str, fps: float) -> None:
+        """Writes weights `[T, S]` of shapes as they are, as .csv or .json; `AnyfaceError`."""
+        weights = np.ascontiguousarray(weights, dtype=np.float32)
+        texts = (c_char_p * len(names))(*(name.encode() for name in names))
+        with ExitStack() as handles:
+            values = (weights.ctypes.data_as(_FLOATS), len(names), len(weights))
+            given = self._own(handles, "weights", "anyface_weights_new_given", texts, *values)
+            self._call("anyface_weights_write", given, os.fsencode(path), fps)
+
+
+def _named(note: str, asked: list[Asked]) -> str:
+    """A sentence of the library, which counts events from 1, with the name of its event."""
+    match = re.match(r"event (\d+) \(.*?\)", note)
+    name = asked[int(match[1]) - 1].name if match else ""
+    return f"the event {name}{note[match.end() :]}" if name else note

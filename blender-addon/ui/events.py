@@ -1,0 +1,148 @@
+"""Events: what the face does beside its speech, as text strips of a channel."""
+
+import bpy
+from bpy.props import EnumProperty, FloatProperty, StringProperty
+from bpy.types import Operator, Panel
+
+from ..core import systems
+from ..core.errors import AnyfaceError
+from ..core.events import LEFT, MENU, RIGHT, described, on_side, understand
+from ..scene import events, sequencer
+from . import audio, words
+from .operators import Acting
+from .panel import OfFacePanel
+from .target import sequencer_scene, target
+
+# Rows of the list that are drawn; more are counted.
+_MOST_ROWS = 12
+_UNITS = "UNITS"
+_EXPRESSIONS = [
+    (entry.name, entry.label, f"Units {', '.join(entry.units)}", number)
+    for number, entry in enumerate(MENU)
+]
+_EXPRESSIONS.append((_UNITS, "Units…", "Action units of your own, such as 12,6L", len(MENU)))
+_SIDES = [
+    ("AS_IS", "As It Is", "Both sides, or the one that the expression says", 0),
+    ("LEFT", "Left", "The face's own left", 1),
+    ("RIGHT", "Right", "The face's own right", 2),
+]
+
+
+class ANYFACE_PT_events(OfFacePanel, Panel):
+    """Events of the character, for systems that show them."""
+
+    bl_idname = "ANYFACE_PT_events"
+    bl_label = "Events"
+    bl_order = 2
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        """False where the chosen system shows none."""
+        if not super().poll(context):
+            return False
+        return systems.takes_events(getattr(target(context).anyface, "system", ""))
+
+    def draw(self, context):
+        """Draws the channel, the strips with the units understood, and how one is added."""
+        layout, ob, scene = self.layout, target(context), sequencer_scene(context)
+        layout.use_property_split, layout.use_property_decorate = True, False
+        layout.prop(ob.anyface_audio, "event_channel")
+        layout.operator_menu_enum(
+            "anyface.event_add", "expression", text="Add at Playhead", icon="ADD"
+        )
+        column = layout.column(align=True)
+        found = events.rows(scene, ob, ob.anyface_audio.event_channel, _when(ob, scene))
+        for row in found[:_MOST_ROWS]:
+            _draw_row(column, row, context.region.width)
+        if len(found) > _MOST_ROWS:
+            column.label(text=f"and {len(found) - _MOST_ROWS} more")
+        if not found:
+            text = "A text strip in this channel is an event: its text what the face does"
+            words.draw(column, text, context.region.width, "INFO")
+
+
+def _draw_row(column, row, width: int) -> None:
+    first, last = sequencer.ends(row.strip)
+    icon = "ERROR" if row.wrong else "CHECKMARK"
+    said = row.wrong or described(row.understood.units, systems.units())
+    text = f"{first}-{last - 1} {row.strip.text.strip() or row.strip.name}: {said}"
+    words.draw(column, text, width, icon)
+
+
+def _when(ob, scene):
+    """The frame at which the character's sound begins, and its seconds; None where it has none."""
+    if ob.anyface.source == "FILE":
+        return ob.anyface.start_frame, audio.seconds(ob, scene)
+    first = audio.first_frame(ob, scene)
+    return None if first is None else (first, audio.seconds(ob, scene))
+
+
+class ANYFACE_OT_event_add(Acting, Operator):
+    """Let the face do something at the current frame: a text strip that may be moved, trimmed, \
+copied and renamed"""
+
+    bl_idname = "anyface.event_add"
+    bl_label = "Add Event"
+
+    expression: EnumProperty(name="Expression", items=_EXPRESSIONS)
+    units: StringProperty(name="Units", description="Such as 12,6L, or words", default="12")
+    side: EnumProperty(name="Side", items=_SIDES, default="AS_IS")
+    strength: FloatProperty(name="Strength", default=1.0, min=0.0, max=1.0, subtype="FACTOR")
+
+    @classmethod
+    def poll(cls, context):
+        """False, with the reason, where the system shows no events."""
+        if not super().poll(context):
+            return False
+        if systems.takes_events(getattr(target(context).anyface, "system", "")):
+            return True
+        able = [system.label for system in systems.known() if system.takes_events]
+        cls.poll_message_set(f"Choose a system that shows events: {', '.join(able) or 'none'}")
+        return False
+
+    def invoke(self, context, event):
+        """Asks for units where no word of the menu was chosen."""
+        if self.expression == _UNITS:
+            return context.window_manager.invoke_props_dialog(self)
+        return self.execute(context)
+
+    def draw(self, _context):
+        """Draws what an event of units needs."""
+        layout = self.layout
+        layout.use_property_split = True
+        for name in ("units", "side", "strength"):
+            layout.prop(self, name)
+
+    def act(self, ob):
+        """Writes the strip; the channel is the first free one where none was chosen."""
+        scene = sequencer_scene(bpy.context)
+        if ob.library is not None:
+            raise AnyfaceError("mesh", f"{ob.name} is linked and keeps no settings: make it local")
+        text = self._text()
+        channel = ob.anyface_audio.event_channel or events.free_channel(scene)
+        frame = scene.frame_current
+        if not events.is_free(scene, channel, frame):
+            raise AnyfaceError(
+                "input", f"frame {frame} of channel {channel} has a strip: move the playhead"
+            )
+        strip = events.add(scene, ob, channel, text, frame, self.strength)
+        ob.anyface_audio.event_channel = strip.channel
+        first, last = sequencer.ends(strip)
+        return f"{text} in channel {strip.channel}, frames {first} to {last - 1}"
+
+    def _text(self) -> str:
+        """What the strip says; raises `AnyfaceError("input")` for units that are none."""
+        if self.expression != _UNITS:
+            side = {"AS_IS": "", "LEFT": "left ", "RIGHT": "right "}[self.side]
+            return f"{side}{self.expression}"
+        found = understand(self.units, systems.units(), systems.words)
+        if found.hint:
+            raise AnyfaceError("input", found.hint)
+        side = {"AS_IS": "", "LEFT": LEFT, "RIGHT": RIGHT}[self.side]
+        if not side:
+            return self.units.strip()
+        return ",".join(on_side(found.units, side)) + ("!" if found.over_speech else "")
+
+
+CLASSES = (ANYFACE_OT_event_add, ANYFACE_PT_events)

@@ -1,0 +1,301 @@
+//! What a face is to do and when, for systems that show it.
+
+use std::{
+    ffi::{CString, c_char},
+    ptr::null,
+    sync::LazyLock,
+};
+
+use anyface::conditions::{ACTION_UNITS, ActionUnit, Event};
+
+use crate::{
+    error::{AnyfaceError, Failure},
+    expression::words,
+    guard, pointer,
+    status::AnyfaceStatus,
+};
+
+/// What a face does for a while; for `anyface_events_new()`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct AnyfaceEvent {
+    /// First second, 0 or more.
+    pub start_s: f64,
+    /// Last second, above the first.
+    pub end_s: f64,
+    /// `[unit_count]`, UTF-8: action units such as "12" or "AU1", with L or R behind for the subject's left or
+    /// right alone: "45L".
+    pub units: *const *const c_char,
+    /// Number of units, 1 or more.
+    pub unit_count: usize,
+    /// 0 to 2; 1 is the model's own. Not 0 by itself: set it.
+    pub strength: f32,
+    /// 1 where lips that the speech brings together may stay apart under it, else 0.
+    pub over_speech: i32,
+}
+
+/// Events of a performance. Never changes after it was made: any number of threads may use it at the same
+/// time.
+pub struct AnyfaceEvents(pub(crate) Vec<Event>);
+
+struct Unit {
+    name: CString,
+    label: CString,
+}
+
+static UNITS: LazyLock<Vec<Unit>> = LazyLock::new(|| {
+    let text = |text: &str| CString::new(text).unwrap_or_default();
+    let unit = |unit: &ActionUnit| Unit {
+        name: text(unit.name),
+        label: text(unit.label),
+    };
+    ACTION_UNITS.iter().map(unit).collect()
+});
+
+/// Number of an action unit that events may name, as text: "1", "2", "4" ... "28"; NULL from the last one on.
+/// Lives as long as the library is loaded.
+#[unsafe(no_mangle)]
+pub extern "C" fn anyface_action_unit_name(index: usize) -> *const c_char {
+    guard::guard_or(null(), || {
+        UNITS.get(index).map_or(null(), |unit| unit.name.as_ptr())
+    })
+}
+
+/// What an action unit does, such as "lip corner puller", as `anyface_action_unit_name()`.
+#[unsafe(no_mangle)]
+pub extern "C" fn anyface_action_unit_label(index: usize) -> *const c_char {
+    guard::guard_or(null(), || {
+        UNITS.get(index).map_or(null(), |unit| unit.label.as_ptr())
+    })
+}
+
+/// Events from arrays, which are copied; set them in `AnyfaceMotionOptions`.
+///
+/// `events`: `[event_count]`, in any order; they may overlap. Free with `anyface_events_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that do not rise, an unknown unit or a strength out of
+/// range; the message names the event, counted from 1.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_events_new(
+    events: *const AnyfaceEvent,
+    event_count: usize,
+    out: *mut *mut AnyfaceEvents,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let rows = unsafe { pointer::slice("events", events, event_count, 1) }?;
+        let read = |(row, event): (usize, &AnyfaceEvent)| {
+            unsafe { event.to_library() }.map_err(|failure| named(row, failure))
+        };
+        let events = rows
+            .iter()
+            .enumerate()
+            .map(read)
+            .collect::<Result<_, _>>()?;
+        unsafe { pointer::give(out, AnyfaceEvents(events)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Events from JSON: a list, or an object with a list `events`, of `{"start_s": 1.2, "end_s": 2.0, "units":
+/// ["12", "45L"], "strength": 0.8, "over_speech": false}`; the last two may be left out.
+///
+/// `json`: UTF-8. Free with `anyface_events_free()`. Fails as `anyface_events_new()` does.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_events_parse(
+    json: *const c_char,
+    out: *mut *mut AnyfaceEvents,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let events = Event::from_json(unsafe { pointer::text("json", json) }?)?;
+        unsafe { pointer::give(out, AnyfaceEvents(events)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Events from lines of text, as the command reads them: seconds, units or words, and strength, as in
+/// "1.2-2.0:smile:0.8" or "2.4-2.8:45L"; empty lines are left out.
+///
+/// `text`: UTF-8. Free with `anyface_events_free()`. Fails as `anyface_events_new()` does, and for words that say
+/// nothing to a face, with the nearest that do.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_events_from_text(
+    text: *const c_char,
+    out: *mut *mut AnyfaceEvents,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let text = unsafe { pointer::text("text", text) }?;
+        let lines = text.lines().filter(|line| !line.trim().is_empty());
+        let read = |(row, line): (usize, &str)| {
+            Event::from_text(line, words()?).map_err(|error| named(row, error.into()))
+        };
+        let events = lines.enumerate().map(read).collect::<Result<_, _>>()?;
+        unsafe { pointer::give(out, AnyfaceEvents(events)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Number of events; 0 for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_events_count(events: *const AnyfaceEvents) -> usize {
+    unsafe { events.as_ref() }.map_or(0, |events| events.0.len())
+}
+
+/// Frees events that no running call uses; nothing happens for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_events_free(events: *mut AnyfaceEvents) {
+    unsafe { guard::free(events) }
+}
+
+impl AnyfaceEvent {
+    /// # Safety
+    /// `units` is as its field says.
+    unsafe fn to_library(self) -> Result<Event, Failure> {
+        let over_speech = match self.over_speech {
+            0 => false,
+            1 => true,
+            other => {
+                let message = format!("over_speech: expected 0 or 1, got {other}");
+                return Err(Failure::invalid(message));
+            }
+        };
+        let texts = unsafe { pointer::slice("units", self.units, self.unit_count, 1) }?;
+        let mut units = Vec::with_capacity(texts.len());
+        for text in texts {
+            let text = unsafe { pointer::text("units", *text) }?;
+            units.push(ActionUnit::find_with_side(text)?);
+        }
+        let event = Event {
+            slot_s: [self.start_s, self.end_s],
+            units,
+            strength: self.strength,
+            over_speech,
+        };
+        event.check()?;
+        Ok(event)
+    }
+}
+
+/// A failure with the number of its event, where it is one of values.
+fn named(row: usize, failure: Failure) -> Failure {
+    match failure {
+        Failure::Library(anyface::Error::InvalidInput(why)) => {
+            Failure::invalid(format!("event {}: {why}", row + 1))
+        }
+        other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::{anyface_error_free, anyface_error_message};
+    use std::{ffi::CStr, ptr::null_mut};
+
+    unsafe fn made(events: &[AnyfaceEvent]) -> Result<*mut AnyfaceEvents, String> {
+        let (mut out, mut error) = (null_mut(), null_mut());
+        let status =
+            unsafe { anyface_events_new(events.as_ptr(), events.len(), &mut out, &mut error) };
+        if status == AnyfaceStatus::Ok {
+            return Ok(out);
+        }
+        let message = unsafe { CStr::from_ptr(anyface_error_message(error)) };
+        let message = message.to_str().unwrap().to_owned();
+        unsafe { anyface_error_free(error) };
+        Err(message)
+    }
+
+    fn event(units: &[*const c_char]) -> AnyfaceEvent {
+        AnyfaceEvent {
+            start_s: 1.2,
+            end_s: 2.0,
+            units: units.as_ptr(),
+            unit_count: units.len(),
+            strength: 0.8,
+            over_speech: 0,
+        }
+    }
+
+    #[test]
+    fn arrays_and_json_give_the_librarys_events() {
+        let units = [c"12".as_ptr(), c"AU6L".as_ptr()];
+        let json = cr#"[{"start_s": 1.2, "end_s": 2, "units": ["12", "6L"], "strength": 0.8}]"#;
+        unsafe {
+            let (from_arrays, mut from_json) = (made(&[event(&units)]).unwrap(), null_mut());
+            let status = anyface_events_parse(json.as_ptr(), &mut from_json, null_mut());
+            assert_eq!(status, AnyfaceStatus::Ok);
+            let expected = [Event::parse("1.2-2:12,6L:0.8").unwrap()];
+            assert_eq!((*from_arrays).0, expected);
+            assert_eq!((*from_json).0, expected);
+            assert_eq!(anyface_events_count(from_json), 1);
+            anyface_events_free(from_arrays);
+            anyface_events_free(from_json);
+        }
+        assert_eq!(unsafe { anyface_events_count(null()) }, 0);
+    }
+
+    #[test]
+    fn lines_of_words_and_units_are_events() {
+        let mut made = null_mut();
+        let text = c"1.2-2.0:smile:0.8\n\n2.4-2.8:45L\n";
+        let status = unsafe { anyface_events_from_text(text.as_ptr(), &mut made, null_mut()) };
+        assert_eq!(status, AnyfaceStatus::Ok);
+        let events = unsafe { &(*made).0 };
+        assert_eq!(events.len(), 2);
+        assert_eq!(events[1], Event::parse("2.4-2.8:45L").unwrap());
+        assert!(
+            events[0]
+                .units
+                .iter()
+                .any(|(unit, _)| ACTION_UNITS[*unit].name == "12")
+        );
+        unsafe { anyface_events_free(made) };
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_with_its_event() {
+        let (good, bad) = ([c"12".as_ptr()], [c"99".as_ptr()]);
+        let of = |change: fn(&mut AnyfaceEvent)| {
+            let mut changed = event(&good);
+            change(&mut changed);
+            changed
+        };
+        for (wrong, told) in [
+            (event(&bad), "99"),
+            (event(&[]), "units"),
+            (of(|event| event.end_s = 1.0), "slot"),
+            (of(|event| event.start_s = f64::NAN), "slot"),
+            (of(|event| event.strength = f32::NAN), "strength"),
+            (of(|event| event.over_speech = 2), "over_speech"),
+        ] {
+            let message = unsafe { made(&[event(&good), wrong]) }.unwrap_err();
+            assert!(
+                message.contains("event 2") && message.contains(told),
+                "{message}"
+            );
+        }
+        let missing = of(|event| event.units = null());
+        assert!(unsafe { made(&[missing]) }.is_err());
+    }
+
+    #[test]
+    fn units_have_names_and_labels() {
+        for (at, unit) in ACTION_UNITS.iter().enumerate() {
+            let name = unsafe { CStr::from_ptr(anyface_action_unit_name(at)) };
+            let label = unsafe { CStr::from_ptr(anyface_action_unit_label(at)) };
+            assert_eq!(
+                (name.to_str(), label.to_str()),
+                (Ok(unit.name), Ok(unit.label))
+            );
+        }
+        assert!(anyface_action_unit_name(ACTION_UNITS.len()).is_null());
+        assert!(anyface_action_unit_label(usize::MAX).is_null());
+    }
+}

@@ -1,0 +1,127 @@
+//! Motion that is weights of shapes, as the system gave it.
+
+use std::{
+    ffi::{CString, c_char},
+    ptr::null,
+};
+
+use anyface::motion::{Motion, WeightClip};
+
+use crate::{
+    error::{AnyfaceError, Failure},
+    guard,
+    motion::AnyfaceMotion,
+    pointer,
+    status::AnyfaceStatus,
+};
+
+impl AnyfaceMotion {
+    fn weights(&self) -> Result<&WeightClip, Failure> {
+        match self.motion() {
+            Motion::Weights(clip) => Ok(clip),
+            other => Err(Failure::invalid(format!(
+                "motion: expected motion of weights, got {}",
+                other.kind()
+            ))),
+        }
+    }
+
+    /// Names of the shapes; none where the motion is no weights.
+    pub(crate) fn shape_names(motion: &Motion) -> Vec<CString> {
+        let Motion::Weights(clip) = motion else {
+            return Vec::new();
+        };
+        let names = clip.names.iter();
+        names
+            .map(|name| CString::new(name.as_str()).unwrap_or_default())
+            .collect()
+    }
+}
+
+/// Number `S` of shapes whose weights the system made, such as the 51 of ARKit that `cafe-talk` moves; 0 for a
+/// system that moves something else, for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_motion_weight_count(motion: *const AnyfaceMotion) -> usize {
+    unsafe { motion.as_ref() }.map_or(0, |motion| motion.names().len())
+}
+
+/// Name of a shape, ARKit's; NULL from the count on, for NULL. Lives as long as the motion.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_motion_weight_name(
+    motion: *const AnyfaceMotion,
+    shape: usize,
+) -> *const c_char {
+    guard::guard_or(null(), || {
+        let names = unsafe { motion.as_ref() }.map(AnyfaceMotion::names);
+        let name = names.and_then(|names| names.get(shape));
+        name.map_or(null(), |name| name.as_ptr())
+    })
+}
+
+/// Copies motion of weights into the caller's buffer: as the system made it, nothing is solved.
+///
+/// `buffer`: `[T, S]`, 0 to 1, in the order of `anyface_motion_weight_name()`; `float_count` must be `T * S`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`, or a system that moves no weights.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_motion_copy_weights(
+    motion: *const AnyfaceMotion,
+    buffer: *mut f32,
+    float_count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let motion = unsafe { pointer::handle("motion", motion) }?;
+        let values = motion.weights()?.weights.as_standard_layout();
+        let values = values.as_slice().unwrap_or_default();
+        unsafe { pointer::copy_out("buffer", values, buffer, float_count) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::Made;
+    use anyface::motion::LandmarkClip;
+    use ndarray::{Array3, array};
+    use std::{ffi::CStr, ptr::null_mut};
+
+    fn given() -> AnyfaceMotion {
+        let clip = WeightClip {
+            names: vec!["jawOpen".to_owned(), "mouthClose".to_owned()],
+            // Columns lie behind each other in memory.
+            weights: array![[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]].reversed_axes(),
+            fps: 25.0,
+            together: Vec::new(),
+        };
+        AnyfaceMotion::new(Made::Given(Motion::Weights(clip)))
+    }
+
+    #[test]
+    fn weights_and_names_come_as_they_are() {
+        let (motion, mut buffer) = (given(), [0.0; 6]);
+        assert_eq!(unsafe { anyface_motion_weight_count(&motion) }, 2);
+        let name = unsafe { CStr::from_ptr(anyface_motion_weight_name(&motion, 1)) };
+        assert_eq!(name.to_str(), Ok("mouthClose"));
+        assert!(unsafe { anyface_motion_weight_name(&motion, 2) }.is_null());
+        let to = buffer.as_mut_ptr();
+        let short = unsafe { anyface_motion_copy_weights(&motion, to, 5, null_mut()) };
+        assert_eq!((short, buffer), (AnyfaceStatus::InvalidInput, [0.0; 6]));
+        let status = unsafe { anyface_motion_copy_weights(&motion, to, 6, null_mut()) };
+        assert_eq!(status, AnyfaceStatus::Ok);
+        assert_eq!(buffer, [0.1, 0.4, 0.2, 0.5, 0.3, 0.6]);
+    }
+
+    #[test]
+    fn other_kinds_of_motion_have_none() {
+        let clip = LandmarkClip {
+            displacements: Array3::zeros((1, 68, 3)),
+            fps: 25.0,
+        };
+        let motion = AnyfaceMotion::new(Made::Given(Motion::Landmarks(clip)));
+        assert_eq!(unsafe { anyface_motion_weight_count(&motion) }, 0);
+        let failure = motion.weights().unwrap_err();
+        assert!(failure.message().contains("got landmarks"));
+        assert!(unsafe { anyface_motion_weight_name(null(), 0) }.is_null());
+    }
+}

@@ -1,0 +1,96 @@
+//! What of the events of a performance cannot be seen, in words.
+
+use super::{Engine, Performance};
+use crate::{
+    Result,
+    conditions::{ACTION_UNITS, ActionUnit, Event, Side},
+    face::Face,
+    progress::ProgressFn,
+    rig::Rig,
+};
+
+impl Engine {
+    /// A sentence for every event that lies behind the end of the sound, and for every unit that this face cannot
+    /// show: no brows, lips that are one surface, an eye that is not there.
+    ///
+    /// # Errors
+    /// Those of [`Engine::rig`].
+    pub fn unseen_events(
+        &self,
+        face: &Face,
+        performance: &Performance,
+        progress: ProgressFn<'_>,
+    ) -> Result<Vec<String>> {
+        let events = &performance.request.events;
+        if events.is_empty() {
+            return Ok(Vec::new());
+        }
+        let rig = self.rig(face, progress)?;
+        let end_s = performance.heard.duration_s;
+        let told = events.iter().enumerate().map(|(n, event)| {
+            let [start, end] = event.slot_s;
+            let name = format!("event {} ({start} to {end} s)", n + 1);
+            let late = (start >= end_s)
+                .then(|| format!("{name} lies behind the end of the sound ({end_s:.2} s)"));
+            let unseen = hidden_units(&rig, event)
+                .map(move |unit| format!("{name}: this face cannot show {unit}"));
+            late.into_iter().chain(unseen).collect::<Vec<_>>()
+        });
+        Ok(told.flatten().collect())
+    }
+}
+
+/// Names of the units of an event none of whose shapes moves anything.
+fn hidden_units<'a>(rig: &'a Rig, event: &'a Event) -> impl Iterator<Item = String> + 'a {
+    let is_hidden = |unit: &ActionUnit, side: Side| {
+        let own = |name: &str| {
+            let on_side = match (unit.has_sides(), side) {
+                (true, Side::Left) => name.ends_with("Left"),
+                (true, Side::Right) => name.ends_with("Right"),
+                _ => true,
+            };
+            on_side && unit.shapes.iter().any(|stem| name.starts_with(stem))
+        };
+        let mut shapes = rig.reports.iter().filter(|report| own(&report.name));
+        shapes.all(|report| !report.present)
+    };
+    let named = event
+        .units
+        .iter()
+        .map(|&(unit, side)| (&ACTION_UNITS[unit], side));
+    named
+        .filter(move |(unit, side)| is_hidden(unit, *side))
+        .map(|(unit, _)| format!("unit {}, {}", unit.name, unit.label))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::{ARKIT, ShapeReport};
+
+    #[test]
+    fn units_are_hidden_where_none_of_their_shapes_moves() {
+        let report = |name: &str| ShapeReport {
+            name: name.into(),
+            largest: 0.0,
+            largest_mm: 0.0,
+            present: !name.starts_with("brow") && name != "eyeBlinkLeft",
+            note: None,
+        };
+        let rig = Rig {
+            names: ARKIT.map(str::to_owned).to_vec(),
+            deltas: ndarray::Array3::zeros((52, 1, 3)),
+            reports: ARKIT.map(report).to_vec(),
+        };
+        let hidden = |text: &str| {
+            let event = Event::parse(text).unwrap();
+            hidden_units(&rig, &event).collect::<Vec<_>>()
+        };
+        assert_eq!(
+            hidden("0-1:1,2"),
+            ["unit 1, inner brow raiser", "unit 2, outer brow raiser"]
+        );
+        assert_eq!(hidden("0-1:45L"), ["unit 45, blink"]);
+        assert!(hidden("0-1:45,45R,12").is_empty());
+    }
+}

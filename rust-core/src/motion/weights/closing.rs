@@ -1,0 +1,235 @@
+//! Lips that meet, in weights of shapes.
+
+use ndarray::{Array3, ArrayView3, ArrayViewMut1, s};
+
+use super::super::{FaceModes, LipClosures, WeightClip};
+use crate::{Result, ibug::INNER_LIPS};
+
+/// Opening over that of the neutral face at which lips touch in speech, metres, as in [`super::super::close_lips`].
+const TOUCHING_M: f32 = -0.5e-3;
+const CLOSE: &str = "mouthClose";
+/// What it costs to change a weight by 1, beside a pair that misses by so many square millimetres.
+const PRICE: f32 = 0.05;
+/// Sweeps over all shapes, after which nothing moves any more.
+const SWEEPS: usize = 30;
+/// A shape that moves no lip farther has no say.
+const STILL_M: f32 = 0.1e-3;
+const PAIRS: usize = INNER_LIPS.len();
+const MM: f32 = 1e3;
+
+/// By how much each shape parts the lips of one head.
+///
+/// ```
+/// use anyface::{motion::{FaceModes, LipClosures, LipGaps, WeightClip}, rig::ARKIT};
+///
+/// let names: Vec<String> = ARKIT[..51].iter().map(|name| name.to_string()).collect();
+/// let mut clip = WeightClip { weights: ndarray::Array2::zeros((3, 51)), names, fps: 25.0, together: vec![] };
+/// clip.weights.column_mut(clip.column("jawOpen").unwrap()).fill(0.3);
+/// let gaps = LipGaps::of_mean_face(&FaceModes::open(None)?, &clip.names)?;
+/// gaps.close(&mut clip, &LipClosures::heard(&[0.0, 0.9, 0.0], 25.0), &[false; 3]);
+/// assert!(gaps.largest(clip.weights.row(1)) < 0.0 && gaps.largest(clip.weights.row(0)) > 0.004);
+/// # Ok::<(), anyface::Error>(())
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct LipGaps {
+    /// `[S, 3, 2]`, by how much each shape at weight 1 parts each inner pair in height and in depth, metres.
+    gaps: Array3<f32>,
+    close: Option<usize>,
+}
+
+impl LipGaps {
+    /// Of the mean face.
+    ///
+    /// # Errors
+    /// `Weights` for a name that is none of ARKit's.
+    pub fn of_mean_face(modes: &FaceModes, names: &[String]) -> Result<LipGaps> {
+        Ok(LipGaps::new(modes.of_shapes(names)?.view(), names))
+    }
+
+    /// From displacements of landmarks at weight 1, `[S, 68, 3]`, canonical metres.
+    pub fn new(shapes: ArrayView3<'_, f32>, names: &[String]) -> LipGaps {
+        let gap = |(s, pair, axis): (usize, usize, usize)| {
+            let (upper, lower) = INNER_LIPS[pair];
+            shapes[[s, upper, axis + 1]] - shapes[[s, lower, axis + 1]]
+        };
+        let named = |wanted: &str| names.iter().position(|name| name == wanted);
+        LipGaps {
+            gaps: Array3::from_shape_fn((names.len(), PAIRS, 2), gap),
+            close: named(CLOSE),
+        }
+    }
+
+    /// The widest opening of a frame `[S]`, metres over neutral.
+    pub fn largest(&self, weights: ndarray::ArrayView1<'_, f32>) -> f32 {
+        let gaps: ndarray::Array1<f32> = weights.dot(&self.gaps.slice(s![.., .., 0]));
+        gaps.iter().copied().fold(f32::NEG_INFINITY, f32::max)
+    }
+
+    /// Brings the lips of a clip together where `closures` says so, except where an event is `over_speech`, and
+    /// keeps with the clip how far.
+    ///
+    /// At each such frame every inner pair goes its share of the way to where lips touch, in height and in depth:
+    /// shapes that part them give way and `mouthClose` comes, by least squares with bounds (coordinate descent,
+    /// as in [`crate::rig::solve`]). It never opens.
+    pub fn close(&self, clip: &mut WeightClip, closures: &LipClosures, over_speech: &[bool]) {
+        let step_s = 1.0 / clip.fps;
+        let share = |t: usize| match over_speech.get(t) {
+            Some(true) => 0.0,
+            _ => closures.share(t as f64 * step_s, step_s),
+        };
+        clip.together = (0..clip.weights.nrows()).map(share).collect();
+        self.bring_together(clip);
+    }
+
+    /// The same where the clip knows how far its lips have to come together: for a head whose lips part
+    /// otherwise than those of the mean face.
+    pub fn bring_together(&self, clip: &mut WeightClip) {
+        let rows = clip.weights.outer_iter_mut().zip(&clip.together);
+        for (mut row, share) in rows.filter(|(_, share)| **share > 0.0) {
+            self.close_frame(&mut row, *share);
+        }
+    }
+
+    fn close_frame(&self, weights: &mut ArrayViewMut1<'_, f32>, share: f32) {
+        let before = self.opening(weights);
+        let goal: [[f32; 2]; PAIRS] = std::array::from_fn(|pair| {
+            let [height, depth] = before[pair];
+            let over = (height - TOUCHING_M).max(0.0);
+            [height - share * over, (1.0 - share) * depth]
+        });
+        if (0..PAIRS).all(|pair| before[pair][0] <= TOUCHING_M) {
+            return;
+        }
+        let (start, moving) = (weights.to_owned(), self.moving(weights));
+        for _ in 0..SWEEPS {
+            for &s in &moving {
+                self.descend(weights, s, start[s], &goal);
+            }
+        }
+    }
+
+    /// Best value of one weight with all others as they are: squared misses in millimetres, where a pair is too
+    /// wide or lies apart in depth, and a price for leaving where the weight was.
+    fn descend(
+        &self,
+        weights: &mut ArrayViewMut1<'_, f32>,
+        s: usize,
+        was: f32,
+        goal: &[[f32; 2]; PAIRS],
+    ) {
+        let now = self.opening(weights);
+        let (mut pull, mut slope) = (PRICE * (weights[s] - was), PRICE);
+        for pair in 0..PAIRS {
+            for axis in 0..2 {
+                let miss = MM * (now[pair][axis] - goal[pair][axis]);
+                let by = MM * self.gaps[[s, pair, axis]];
+                if axis == 1 || miss > 0.0 {
+                    pull += by * miss;
+                    slope += by * by;
+                }
+            }
+        }
+        let most = if Some(s) == self.close { 1.0 } else { was };
+        weights[s] = (weights[s] - pull / slope).clamp(0.0, most.max(0.0));
+    }
+
+    /// Height and depth of each inner pair over neutral, metres.
+    fn opening(&self, weights: &ArrayViewMut1<'_, f32>) -> [[f32; 2]; PAIRS] {
+        std::array::from_fn(|pair| {
+            [0, 1].map(|axis| weights.dot(&self.gaps.slice(s![.., pair, axis])))
+        })
+    }
+
+    /// What may give way: shapes that are there and part the lips, and `mouthClose`.
+    fn moving(&self, weights: &ArrayViewMut1<'_, f32>) -> Vec<usize> {
+        let parts = |s: &usize| {
+            let moves = self
+                .gaps
+                .slice(s![*s, .., ..])
+                .iter()
+                .any(|gap| gap.abs() > STILL_M);
+            moves && (weights[*s] > 0.0 || Some(*s) == self.close)
+        };
+        (0..weights.len()).filter(parts).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::ARKIT;
+
+    fn clip(open: &[(&str, f32)]) -> (WeightClip, LipGaps) {
+        let names: Vec<String> = ARKIT[..51].iter().map(|&name| name.to_owned()).collect();
+        let mut weights = ndarray::Array2::zeros((1, names.len()));
+        for (name, weight) in open {
+            weights[[0, names.iter().position(|known| known == name).unwrap()]] = *weight;
+        }
+        let modes = FaceModes::open(None).unwrap();
+        let gaps = LipGaps::of_mean_face(&modes, &names).unwrap();
+        let fps = 25.0;
+        (
+            WeightClip {
+                names,
+                weights,
+                fps,
+                together: Vec::new(),
+            },
+            gaps,
+        )
+    }
+
+    const VOWELS: [&[(&str, f32)]; 4] = [
+        &[("jawOpen", 0.5)],
+        &[("jawOpen", 0.3), ("mouthFunnel", 0.6)],
+        &[
+            ("jawOpen", 0.2),
+            ("mouthLowerDownLeft", 0.7),
+            ("mouthLowerDownRight", 0.7),
+        ],
+        &[
+            ("jawOpen", 0.4),
+            ("mouthSmileLeft", 0.9),
+            ("mouthSmileRight", 0.9),
+        ],
+    ];
+
+    #[test]
+    fn lips_meet_from_every_vowel_in_height_and_depth() {
+        for vowel in VOWELS {
+            let (mut clip, gaps) = clip(vowel);
+            let jaw = clip.column("jawOpen").unwrap();
+            let was = clip.weights[[0, jaw]];
+            gaps.close(&mut clip, &LipClosures::heard(&[0.9], 25.0), &[false]);
+            let left = gaps.largest(clip.weights.row(0));
+            assert!(left < 0.0, "{vowel:?}: {left}");
+            let depth = gaps.opening(&clip.weights.row_mut(0))[1][1];
+            assert!(depth.abs() < 0.4e-3, "{vowel:?}: {depth}");
+            let closed = clip.weights[[0, jaw]];
+            assert!(closed <= was && clip.weights.iter().all(|w| (0.0..=1.0).contains(w)));
+        }
+    }
+
+    #[test]
+    fn nothing_closes_unheard_or_under_an_event_over_the_speech() {
+        for (probability, over) in [(0.0, false), (0.9, true)] {
+            let (mut clip, gaps) = clip(VOWELS[1]);
+            let before = clip.clone();
+            gaps.close(
+                &mut clip,
+                &LipClosures::heard(&[probability], 25.0),
+                &[over],
+            );
+            assert_eq!(clip.weights, before.weights);
+        }
+    }
+
+    #[test]
+    fn lips_that_are_closed_stay_as_they_are() {
+        let (mut clip, gaps) = clip(&[("mouthPressLeft", 0.5), ("mouthPressRight", 0.5)]);
+        let before = clip.clone();
+        gaps.close(&mut clip, &LipClosures::heard(&[0.9], 25.0), &[]);
+        let moved = (&clip.weights - &before.weights).mapv(f32::abs).sum();
+        assert!(gaps.largest(before.weights.row(0)) > TOUCHING_M || moved == 0.0);
+    }
+}

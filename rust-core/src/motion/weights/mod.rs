@@ -1,0 +1,86 @@
+//! Motion that is weights of ARKit's shapes: what an artist may change of it, and lips that meet.
+
+mod closing;
+mod perform;
+
+use ndarray::{Array2, Array3, Axis};
+
+use super::{FaceModes, LandmarkClip, WeightClip};
+use crate::Result;
+
+pub use closing::LipGaps;
+pub use perform::WeightCues;
+
+/// A shape of ARKit's that the mean face has no motion for.
+const TONGUE: &str = "tongueOut";
+
+impl WeightClip {
+    /// Where the weights of a shape stand; `None` where the clip has none of this name.
+    pub fn column(&self, name: &str) -> Option<usize> {
+        self.names.iter().position(|known| known == name)
+    }
+
+    /// The motion of the mean face's landmarks under these weights.
+    ///
+    /// # Errors
+    /// `Weights` for a name that is none of ARKit's.
+    pub fn landmarks(&self, modes: &FaceModes) -> Result<LandmarkClip> {
+        let shapes = modes.of_shapes(&self.names)?;
+        let (count, landmarks, axes) = shapes.dim();
+        let flat = shapes.into_shape_with_order((count, landmarks * axes));
+        let moved = self.weights.dot(&flat.expect("row-major array"));
+        let shape = (self.weights.nrows(), landmarks, axes);
+        let displacements = moved.into_shape_with_order(shape);
+        Ok(LandmarkClip {
+            displacements: displacements.expect("row-major array"),
+            fps: self.fps,
+        })
+    }
+}
+
+impl FaceModes {
+    /// Displacement of the landmarks at weight 1 of each of ARKit's shapes, `[S, 68, 3]`, canonical metres.
+    ///
+    /// ARKit writes `Left` and `Right` where the modes have `_L` and `_R`, and one shape for both sides of some.
+    ///
+    /// # Errors
+    /// `Weights` for a name that is none of ARKit's.
+    pub fn of_shapes(&self, names: &[String]) -> Result<Array3<f32>> {
+        let mut out = Array3::zeros((names.len(), crate::ibug::LANDMARKS, 3));
+        for (name, mut shape) in names.iter().zip(out.outer_iter_mut()) {
+            if name != TONGUE {
+                shape.assign(&self.of_shape(name)?);
+            }
+        }
+        Ok(out)
+    }
+
+    fn of_shape(&self, name: &str) -> Result<Array2<f32>> {
+        let sided = |stem: &str, side: &str| self.mode(&format!("{stem}{side}"));
+        if let Ok(own) = self.mode(name) {
+            return Ok(own.to_owned());
+        }
+        for (ending, side) in [("Left", "_L"), ("Right", "_R")] {
+            if let Some(Ok(own)) = name.strip_suffix(ending).map(|stem| sided(stem, side)) {
+                return Ok(own.to_owned());
+            }
+        }
+        Ok(&sided(name, "_L")? + &sided(name, "_R")?)
+    }
+}
+
+/// Rows of weights with their names, for work on single frames.
+fn columns(names: &[String], is_wanted: impl Fn(&str) -> bool) -> Vec<usize> {
+    let wanted = names.iter().enumerate().filter(|(_, name)| is_wanted(name));
+    wanted.map(|(column, _)| column).collect()
+}
+
+/// Multiplies some columns, each frame by its own factor.
+fn scale(weights: &mut Array2<f32>, columns: &[usize], factor: impl Fn(usize) -> f32) {
+    for (t, mut row) in weights.axis_iter_mut(Axis(0)).enumerate() {
+        let factor = factor(t);
+        for &column in columns {
+            row[column] *= factor;
+        }
+    }
+}

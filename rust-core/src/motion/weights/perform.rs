@@ -1,0 +1,199 @@
+//! Controls put on sampled weights.
+
+use ndarray::{Array1, ArrayView2, ArrayView3};
+
+use super::{columns, scale};
+use crate::{
+    Result,
+    audio::Prosody,
+    conditions::{ControlStage, Controls},
+    motion::{
+        FaceModes, PERFORMANCE_CONTROLS, PerformanceControls, WeightClip,
+        blinks::{Blink, blinks},
+        brow_accents::brow_accents,
+        effort::effort_gain,
+        upper_face::{Lids, lids},
+    },
+};
+
+/// What speech moves; smiles, frowns and dimples are expression.
+const SPEECH: [&str; 13] = [
+    "jaw",
+    "mouthClose",
+    "mouthFunnel",
+    "mouthPucker",
+    "mouthRoll",
+    "mouthShrug",
+    "mouthPress",
+    "mouthLowerDown",
+    "mouthUpperUp",
+    "mouthStretch",
+    "mouthLeft",
+    "mouthRight",
+    "cheekPuff",
+];
+const UPPER: [&str; 4] = ["brow", "eye", "cheekSquint", "noseSneer"];
+/// What is stronger on one side where that is asked for.
+const LOPSIDED: [&str; 4] = ["brow", "mouthSmile", "mouthFrown", "mouthDimple"];
+const MOST_LOPSIDED: f32 = 0.5;
+const MOST_SHIFTED: f32 = 0.5;
+/// Largest weight of a performance: emotions go up to 1.5 of an expression.
+const MOST: f32 = 1.5;
+/// A brow accent of weight 1 on the shapes that raise brows.
+const RAISING: [&str; 3] = ["browInnerUp", "browOuterUpLeft", "browOuterUpRight"];
+/// Lids of the subject's right and left eye, and what opens them.
+const BLINKS: [[&str; 2]; 2] = [
+    ["eyeBlinkRight", "eyeWideRight"],
+    ["eyeBlinkLeft", "eyeWideLeft"],
+];
+
+/// How a performance of weights was said.
+#[derive(Debug, Clone, Copy)]
+pub struct WeightCues<'a> {
+    /// `[T, 16]`: mixture and intensity, for the times of blinks.
+    pub blink_affect: ArrayView2<'a, f32>,
+    /// How the speech was said.
+    pub prosody: &'a Prosody,
+    /// Take away everything that speech did not cause.
+    pub speech_only: bool,
+    /// Same seed, same blinks and accents.
+    pub seed: u64,
+}
+
+impl WeightClip {
+    /// The clip with `controls` put on it: smoothing, articulation with effort and the share of jaw and lips,
+    /// the upper face's scale, brow accents, asymmetry, blinks. Head and gaze are no weights: see
+    /// [`crate::motion::Life`]. Lips that have to meet are brought together afterwards, by
+    /// [`super::LipGaps`].
+    ///
+    /// # Errors
+    /// `InvalidInput` for a control out of range, `Weights` for a name that is none of ARKit's.
+    pub fn perform(
+        &self,
+        modes: &FaceModes,
+        cues: &WeightCues<'_>,
+        controls: &PerformanceControls,
+    ) -> Result<WeightClip> {
+        Controls::from(*controls).check(PERFORMANCE_CONTROLS, ControlStage::Motion)?;
+        let mut clip = self.smoothed(f64::from(controls.smoothing_s));
+        clip.articulate(cues.prosody, controls);
+        let of = |stems: &[&str]| columns(&self.names, |name| starts(name, stems));
+        if cues.speech_only {
+            scale(&mut clip.weights, &of(&UPPER), |_| 0.0);
+        } else {
+            scale(&mut clip.weights, &of(&UPPER), |_| controls.upper_face);
+            clip.raise_brows(cues, controls.brow_accents);
+        }
+        clip.lean(controls.asymmetry);
+        if !cues.speech_only {
+            let (fps, rate) = (clip.fps, controls.blinks_per_minute);
+            let blinks = blinks(cues.blink_affect, fps, cues.prosody, rate, cues.seed);
+            clip.blink(modes, &blinks)?;
+        }
+        clip.weights.mapv_inplace(|weight| weight.clamp(0.0, MOST));
+        Ok(clip)
+    }
+
+    fn articulate(&mut self, prosody: &Prosody, controls: &PerformanceControls) {
+        let frames = self.weights.nrows();
+        let gain = effort_gain(prosody, frames, self.fps, controls.effort);
+        let shift = MOST_SHIFTED * controls.jaw_lips;
+        let jaw = columns(&self.names, |name| name.starts_with("jaw"));
+        let lips = columns(&self.names, |name| {
+            starts(name, &SPEECH) && !name.starts_with("jaw")
+        });
+        for (columns, share) in [(jaw, 1.0 + shift), (lips, 1.0 - shift)] {
+            scale(&mut self.weights, &columns, |t| {
+                controls.articulation * gain[t] * share
+            });
+        }
+    }
+
+    fn raise_brows(&mut self, cues: &WeightCues<'_>, strength: f32) {
+        let raising = columns(&self.names, |name| RAISING.contains(&name));
+        let (frames, fps) = (self.weights.nrows(), self.fps);
+        for accent in brow_accents(cues.prosody, cues.seed) {
+            let first = (accent.start_s * fps) as usize;
+            let last = ((accent.end_s() * fps).ceil() as usize).min(frames);
+            for t in first.min(last)..last {
+                let weight = strength * accent.at(t as f64 / fps);
+                raising
+                    .iter()
+                    .for_each(|&column| self.weights[[t, column]] += weight);
+            }
+        }
+    }
+
+    /// More on the subject's left for positive `asymmetry`.
+    fn lean(&mut self, asymmetry: f32) {
+        for (side, sign) in [("Left", 1.0), ("Right", -1.0)] {
+            let own = columns(&self.names, |name| {
+                name.ends_with(side) && starts(name, &LOPSIDED)
+            });
+            scale(&mut self.weights, &own, |_| {
+                1.0 + sign * MOST_LOPSIDED * asymmetry
+            });
+        }
+    }
+
+    /// Closes the lids over what closes them already, so that they meet and never pass; what holds them wide
+    /// open gives way.
+    fn blink(&mut self, modes: &FaceModes, blinks: &[Blink]) -> Result<()> {
+        let closing = closing_of(modes, &self.names)?;
+        let (frames, fps) = (self.weights.nrows(), self.fps);
+        for (eye, [shut, wide]) in BLINKS.into_iter().enumerate() {
+            let (Some(shut), wide) = (self.column(shut), self.column(wide)) else {
+                continue;
+            };
+            for blink in blinks {
+                for t in blink.frames(fps, frames) {
+                    let weight = blink.closure(t as f64 / fps, eye == 0);
+                    if let Some(wide) = wide {
+                        self.weights[[t, wide]] *= 1.0 - weight;
+                    }
+                    let way = (1.0 - self.weights.row(t).dot(&closing[eye])).max(0.0);
+                    self.weights[[t, shut]] += weight * way;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Lets the lids go with eyes that look up or down, `gaze` as [`crate::motion::Life::gaze`]; lids that are
+    /// closed stay closed.
+    ///
+    /// # Errors
+    /// `Weights` for a name that is none of ARKit's.
+    pub fn follow_gaze(&mut self, modes: &FaceModes, gaze: ArrayView3<'_, f32>) -> Result<()> {
+        let before = self.landmarks(modes)?.displacements;
+        let mut after = before.clone();
+        modes.follow_gaze(&mut after, gaze)?;
+        for (eye, [shut, _]) in lids(modes)?.iter().zip(BLINKS) {
+            let Some(column) = self.column(shut) else {
+                continue;
+            };
+            let moved = before.outer_iter().zip(after.outer_iter());
+            for ((was, is), mut row) in moved.zip(self.weights.outer_iter_mut()) {
+                let further = eye.closure(&is) - eye.closure(&was);
+                row[column] = (row[column] + further).max(0.0);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// How far each shape at weight 1 closes the right and the left eye, `[S]`.
+fn closing_of(modes: &FaceModes, names: &[String]) -> Result<[Array1<f32>; 2]> {
+    let shapes = modes.of_shapes(names)?;
+    let of = |eye: &Lids<'_>| {
+        shapes
+            .outer_iter()
+            .map(|shape| eye.closure(&shape))
+            .collect()
+    };
+    Ok(lids(modes)?.each_ref().map(of))
+}
+
+fn starts(name: &str, stems: &[&str]) -> bool {
+    stems.iter().any(|stem| name.starts_with(stem))
+}

@@ -1,0 +1,12 @@
+//! Cafe-Talk (Chen et al. 2025): speech to ARKit weights under coarse and fine control.
+
+mod config;
+mod denoiser;
+mod sampling;
+mod system;
+mod windows_kept;
+
+pub use config::{CafeTalkConfig, CoarseWay, Sampling};
+pub use denoiser::{Coarse, Conditions, Denoiser};
+pub use sampling::{Guidance, Request};
+pub use system::{CafeTalk, MODEL, REGISTRATION};

@@ -1,0 +1,236 @@
+//! Cafe-Talk as a [`System`]: speech, emotion and events to ARKit weights.
+
+use std::path::Path;
+
+use ndarray::s;
+
+use super::{CafeTalkConfig, Denoiser, Guidance, Request, windows_kept::WindowsKept};
+use crate::{
+    Error, Result,
+    conditions::{Control, ControlStage, ControlValues, EmotionCurve, EventTrack, MotionRequest},
+    deform::LEARNED,
+    models::{BuiltIn, built_in},
+    motion::{
+        FaceModes, LipClosures, LipGaps, Motion, PerformanceControls, WeightClip, WeightCues,
+        control_named,
+    },
+    nn::Weights,
+    progress::ProgressFn,
+    speech::{Heard, SpeechInput},
+    systems::{Registration, System, Windows},
+};
+
+/// Built-in weights of the denoiser.
+pub static MODEL: BuiltIn = built_in!("cafe_talk_compact", Some("cafe_talk"));
+
+/// Denoising steps; 0 leaves them to the model.
+static STEPS: Control = Control {
+    name: "steps",
+    label: "Steps",
+    help: "Denoising steps; 0 takes the model's own number.",
+    unit: "",
+    values: ControlValues::Whole,
+    low: 0.0,
+    high: 1000.0,
+    default: 0.0,
+    neutral: 0.0,
+    stage: ControlStage::Motion,
+    is_animatable: false,
+};
+
+/// β of eq. 6, times the model's own.
+static EVENTS: Control = Control {
+    name: "event_strength",
+    label: "Event Strength",
+    help: "How strongly the face obeys events, beside the strength of each.",
+    values: ControlValues::Real,
+    high: 2.0,
+    default: 1.0,
+    neutral: 1.0,
+    ..STEPS
+};
+
+/// Which form of eq. 6.
+static GUIDANCE: Control = Control {
+    name: "guidance",
+    label: "Guidance",
+    help: "What events are told apart from: the same speech without them (speech), or nothing at all, as the \
+           paper prints it (printed), which moves the mouth more within an event.",
+    values: ControlValues::Choice(&["speech", "printed"]),
+    high: 1.0,
+    ..STEPS
+};
+
+/// What acts on weights of those controls that landmark motion has.
+static PERFORMANCE: &[Control] = &[
+    control_named("articulation"),
+    control_named("effort"),
+    control_named("jaw_lips"),
+    control_named("smoothing_s"),
+    control_named("upper_face"),
+    control_named("blinks_per_minute"),
+    control_named("brow_accents"),
+    control_named("asymmetry"),
+    control_named("head_motion"),
+    control_named("gaze"),
+];
+
+static OWN_CONTROLS: &[Control] = &[EVENTS, GUIDANCE, STEPS, LEARNED];
+
+/// How the registry knows Cafe-Talk.
+pub static REGISTRATION: Registration = Registration {
+    name: "cafe-talk",
+    label: "Cafe-Talk",
+    help: "Speech, emotion and events such as a wink or a smile move the 51 shapes of ARKit, which move the \
+           mesh.",
+    models: &[&MODEL],
+    controls: &[PERFORMANCE, OWN_CONTROLS],
+    takes_events: true,
+    open: |folder| Ok(Box::new(CafeTalk::open(folder)?)),
+};
+
+/// The denoiser with everything that makes a performance of its weights.
+pub struct CafeTalk {
+    denoiser: Denoiser,
+    modes: FaceModes,
+    gaps: LipGaps,
+    kept: WindowsKept,
+}
+
+impl CafeTalk {
+    /// The built-in models, or those of `folder`.
+    ///
+    /// # Errors
+    /// `Weights` or `Io` if a file is missing, truncated or does not fit its config.
+    pub fn open(folder: Option<&Path>) -> Result<Self> {
+        let files = MODEL.open(folder)?;
+        let config = CafeTalkConfig::from_json(&files.config)?;
+        let denoiser = Denoiser::new(config, &Weights::from_bytes(&files.weights)?)?;
+        let modes = FaceModes::open(folder)?;
+        let gaps = LipGaps::of_mean_face(&modes, &denoiser.config().channels)?;
+        Ok(CafeTalk {
+            denoiser,
+            modes,
+            gaps,
+            kept: WindowsKept::default(),
+        })
+    }
+
+    fn config(&self) -> &CafeTalkConfig {
+        self.denoiser.config()
+    }
+
+    fn style(&self, name: Option<&str>) -> Result<usize> {
+        let CafeTalkConfig {
+            styles,
+            default_style,
+            ..
+        } = self.config();
+        let name = name.unwrap_or(default_style);
+        styles
+            .iter()
+            .position(|style| style == name)
+            .ok_or_else(|| {
+                let known = styles.join(", ");
+                Error::InvalidInput(format!("style: expected one of {known}, got {name:?}"))
+            })
+    }
+
+    fn guidance(&self, request: &MotionRequest) -> Guidance {
+        let own = self.config().sampling;
+        Guidance {
+            alpha: own.alpha,
+            beta: own.beta * EVENTS.value(&request.controls),
+            is_printed: GUIDANCE.value(&request.controls) != GUIDANCE.default,
+        }
+    }
+
+    /// Brings the lips of a clip together where that is heard or given.
+    fn close_lips(&self, clip: &mut WeightClip, heard: &Heard, request: &MotionRequest) {
+        let closures: LipClosures = heard.closures(request.closures.as_deref());
+        let events = EventTrack::of(&request.events, &clip.names, clip.weights.nrows(), clip.fps);
+        self.gaps.close(clip, &closures, &events.over_speech);
+    }
+}
+
+impl System for CafeTalk {
+    fn speech(&self) -> Option<&SpeechInput> {
+        Some(&self.config().speech)
+    }
+
+    fn sample(
+        &self,
+        heard: &Heard,
+        request: &MotionRequest,
+        progress: ProgressFn<'_>,
+    ) -> Result<Motion> {
+        let fps = self.config().fps;
+        let speech = heard.features(fps);
+        let affect = request.emotion.sample(speech.nrows(), fps);
+        let mixtures = affect.slice(s![.., ..affect.ncols() - 1]);
+        let steps = STEPS.value(&request.controls) as usize;
+        let weights = self.denoiser.sample(
+            &Request {
+                speech: speech.view(),
+                style: self.style(request.style.as_deref())?,
+                emotion: self.denoiser.places(mixtures).view(),
+                intensity: &affect.column(affect.ncols() - 1).to_vec(),
+                events: &EventTrack::of(
+                    &request.events,
+                    &self.config().channels,
+                    speech.nrows(),
+                    fps,
+                ),
+                seed: request.seed,
+                steps: if steps > 0 {
+                    steps
+                } else {
+                    self.config().sampling.steps
+                },
+                guidance: self.guidance(request),
+                kept: Some(&self.kept),
+            },
+            progress,
+        )?;
+        let names = self.config().channels.clone();
+        let clip = WeightClip {
+            names,
+            weights,
+            fps,
+            together: Vec::new(),
+        };
+        let frames = heard.frames(request.fps);
+        Ok(Motion::Weights(clip.at_rate(request.fps, frames)))
+    }
+
+    fn perform(
+        &self,
+        sampled: &Motion,
+        heard: &Heard,
+        request: &MotionRequest,
+        blink_emotion: &EmotionCurve,
+    ) -> Result<Motion> {
+        let Motion::Weights(clip) = sampled else {
+            return Ok(sampled.clone());
+        };
+        let blink_affect = blink_emotion.sample(sampled.frames(), clip.fps);
+        let cues = WeightCues {
+            blink_affect: blink_affect.view(),
+            prosody: &heard.prosody,
+            speech_only: request.emotion == EmotionCurve::Off,
+            seed: request.seed,
+        };
+        let controls = PerformanceControls::from(&request.controls);
+        let mut performed = clip.perform(&self.modes, &cues, &controls)?;
+        self.close_lips(&mut performed, heard, request);
+        Ok(Motion::Weights(performed))
+    }
+
+    fn styles(&self) -> &[String] {
+        &self.config().styles
+    }
+
+    fn windows(&self) -> Option<Windows> {
+        Some(self.config().windows())
+    }
+}

@@ -1,0 +1,262 @@
+//! Words about faces: their places in a text space, and the action units that a text asks for.
+//!
+//! The space is made from WordNet (`training/text/space.py`): synonyms lie together, opposites apart. The tower is
+//! that of Cafe-Talk (Chen et al. 2025, §3.3 and appendix E) on it.
+//!
+//! ```
+//! use anyface::{conditions::Side, text::TextUnits};
+//!
+//! let words = TextUnits::open(None)?;
+//! let wink = words.understand("winks with the right eye");
+//! let (unit, side, ..) = wink.units[0];
+//! assert_eq!((anyface::conditions::ACTION_UNITS[unit].name, side), ("45", Side::Right));
+//! # Ok::<(), anyface::Error>(())
+//! ```
+
+mod event;
+mod sentence;
+mod space;
+#[cfg(test)]
+mod tests;
+mod tower;
+
+use std::path::Path;
+
+use ndarray::{Array1, Array2, ArrayView2};
+use serde::Deserialize;
+
+use crate::{
+    Error, Result,
+    conditions::{ACTION_UNITS, EMOTIONS, Side},
+    models::{BuiltIn, built_in},
+    nn::Weights,
+};
+use sentence::{Clause, Lists, Rules, SaidSide};
+use space::Space;
+use tower::{Tower, sigmoid};
+
+/// The built-in text space and tower.
+pub static MODEL: BuiltIn = built_in!("text_units");
+/// Confidence from which a unit counts as asked for.
+const THRESHOLD: f32 = 0.5;
+
+/// Reads texts as action units.
+#[derive(Debug, Clone)]
+pub struct TextUnits {
+    space: Space,
+    rules: Rules,
+    tower: Tower,
+    /// `[15, D]`.
+    emotions: Array2<f32>,
+    menu: Vec<String>,
+    /// Strength that the tower's largest answer stands for.
+    full: f32,
+    strength: [f32; 2],
+}
+
+/// What a text asks of a face.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Understood {
+    /// Number in [`ACTION_UNITS`], side, strength (1 is the model's own) and confidence from 0.5 to 1; in rising
+    /// order of the number, each unit once.
+    pub units: Vec<(usize, Side, f32, f32)>,
+    /// The nearest expression that would be understood, where no unit was; `None` for a text without a word.
+    pub hint: Option<String>,
+}
+
+#[derive(Deserialize)]
+struct Config {
+    width: usize,
+    hidden: usize,
+    ngrams: usize,
+    units: Vec<String>,
+    no_word: f32,
+    full: f32,
+    strength: [f32; 2],
+    rules: Lists,
+    menu: Vec<String>,
+    words: String,
+}
+
+impl TextUnits {
+    /// The built-in model, or that of the folder `text_units` in `folder`.
+    ///
+    /// # Errors
+    /// Those of [`BuiltIn::open`] and [`TextUnits::load`].
+    pub fn open(folder: Option<&Path>) -> Result<Self> {
+        let files = MODEL.open(folder)?;
+        TextUnits::load(&Weights::from_bytes(&files.weights)?, &files.config)
+    }
+
+    /// From arrays and the text of `config.json`.
+    ///
+    /// # Errors
+    /// `Weights` if either is damaged or they do not fit each other.
+    pub fn load(weights: &Weights, config: &str) -> Result<Self> {
+        let bad = |what: String| Error::Weights(format!("{}/config.json: {what}", MODEL.name));
+        let config: Config = serde_json::from_str(config).map_err(|e| bad(e.to_string()))?;
+        let expected = ACTION_UNITS.map(|unit| unit.name);
+        if config.units != expected {
+            return Err(bad(format!(
+                "units: expected {expected:?}, got {:?}",
+                config.units
+            )));
+        }
+        let (width, buckets) = (config.width, config.ngrams);
+        Ok(TextUnits {
+            space: Space::load(weights, &config.words, buckets, width)?,
+            rules: Rules::new(&config.rules).map_err(bad)?,
+            tower: Tower::load(weights, width, config.hidden, config.no_word)?,
+            emotions: weights.matrix("emotions", EMOTIONS.len(), width)?,
+            menu: config.menu,
+            full: config.full,
+            strength: config.strength,
+        })
+    }
+
+    /// Places `[15, D]` of [`EMOTIONS`].
+    pub fn emotion_places(&self) -> ArrayView2<'_, f32> {
+        self.emotions.view()
+    }
+
+    /// Place `[D]` of a word, or the mean of the words of a text; `None` where none means anything.
+    pub fn place(&self, text: &str) -> Option<Array1<f32>> {
+        let clauses = self.rules.clauses(text);
+        let words: Vec<&String> = clauses.iter().flat_map(Clause::all_words).collect();
+        let sum = words
+            .iter()
+            .map(|word| self.space.of(word))
+            .reduce(|sum, place| sum + place)?;
+        Some(sum / words.len() as f32)
+    }
+
+    /// The units that a text asks for.
+    pub fn understand(&self, text: &str) -> Understood {
+        let mut units: Vec<(usize, Side, f32, f32)> = Vec::new();
+        let mut latest = Vec::new();
+        for clause in self.rules.clauses(text) {
+            let found = self.units_of(&clause);
+            match (found.is_empty(), side_of(clause.side)) {
+                // "Winks, the right eye": the side belongs to what was said before.
+                (true, Some(side)) => set_side(&mut latest, side),
+                (true, None) => (),
+                (false, _) => {
+                    units.append(&mut latest);
+                    latest = found;
+                }
+            }
+        }
+        units.append(&mut latest);
+        let hint = if units.is_empty() {
+            self.hint(text)
+        } else {
+            None
+        };
+        Understood {
+            units: merged(units),
+            hint,
+        }
+    }
+
+    /// [`TextUnits::understand`], for callers who need a unit.
+    ///
+    /// # Errors
+    /// `InvalidInput` where none was understood: names the text, what was expected, the nearest thing.
+    pub fn understood_or_error(&self, text: &str) -> Result<Understood> {
+        let understood = self.understand(text);
+        if !understood.units.is_empty() {
+            return Ok(understood);
+        }
+        let nearest = match &understood.hint {
+            Some(hint) => format!("; the nearest that is understood: {hint:?}"),
+            None => String::new(),
+        };
+        Err(Error::InvalidInput(format!(
+            "text: expected English words for an expression, such as \"smile\", \"wink\" or \"raised eyebrows\", got {text:?}{nearest}"
+        )))
+    }
+
+    fn units_of(&self, clause: &Clause) -> Vec<(usize, Side, f32, f32)> {
+        let logits = self.tower.forward(clause, &self.space);
+        let [low, high] = self.strength;
+        let shares = logits.mapv(sigmoid);
+        let shown = (0..ACTION_UNITS.len()).filter(|unit| shares[[0, *unit]] > THRESHOLD);
+        shown
+            .map(|unit| {
+                let one_sided = shares[[1, unit]] > THRESHOLD;
+                let own = if one_sided { Side::Left } else { Side::Both };
+                let side = match ACTION_UNITS[unit].has_sides() {
+                    true => side_of(clause.side).unwrap_or(own),
+                    false => Side::Both,
+                };
+                let strength = (self.full * shares[[2, unit]] * clause.amount).clamp(low, high);
+                (unit, side, strength, shares[[0, unit]])
+            })
+            .collect()
+    }
+
+    /// The expression of the menu that is nearest to any word of the text.
+    fn hint(&self, text: &str) -> Option<String> {
+        let clauses = self.rules.clauses(text);
+        let words: Vec<Array1<f32>> = clauses
+            .iter()
+            .flat_map(Clause::all_words)
+            .map(|word| self.space.of(word))
+            .collect();
+        let mut nearest: Option<(f32, &String)> = None;
+        for entry in &self.menu {
+            let Some(place) = self.place(entry) else {
+                continue;
+            };
+            let near = words.iter().map(|word| cosine(word, &place));
+            let near = near.reduce(f32::max)?;
+            if nearest.is_none_or(|(best, _)| near > best) {
+                nearest = Some((near, entry));
+            }
+        }
+        nearest.map(|(_, entry)| entry.clone())
+    }
+}
+
+impl Clause {
+    fn all_words(&self) -> impl Iterator<Item = &String> {
+        self.words.iter().chain(&self.denied)
+    }
+}
+
+/// The subject's left where a text says "one" and not which.
+fn side_of(said: Option<SaidSide>) -> Option<Side> {
+    said.map(|said| match said {
+        SaidSide::Left | SaidSide::One => Side::Left,
+        SaidSide::Right => Side::Right,
+    })
+}
+
+fn set_side(units: &mut [(usize, Side, f32, f32)], side: Side) {
+    for unit in units {
+        if ACTION_UNITS[unit.0].has_sides() {
+            unit.1 = side;
+        }
+    }
+}
+
+/// Each unit once, as strong and as sure as it was said anywhere; one that is said of two sides is on both.
+fn merged(mut units: Vec<(usize, Side, f32, f32)>) -> Vec<(usize, Side, f32, f32)> {
+    units.sort_by_key(|unit| unit.0);
+    units.dedup_by(|next, kept| {
+        let same = next.0 == kept.0;
+        if same {
+            kept.1 = if kept.1 == next.1 { kept.1 } else { Side::Both };
+            kept.2 = kept.2.max(next.2);
+            kept.3 = kept.3.max(next.3);
+        }
+        same
+    });
+    units
+}
+
+/// Of the angle between two places; 0 where one is the origin.
+fn cosine(a: &Array1<f32>, b: &Array1<f32>) -> f32 {
+    let size = (a.dot(a) * b.dot(b)).sqrt();
+    a.dot(b) / size.max(f32::MIN_POSITIVE)
+}

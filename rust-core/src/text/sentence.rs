@@ -1,0 +1,151 @@
+//! A sentence taken apart: clauses, and in each the words that mean something, denied or not, side and amount.
+//!
+//! Twin of `training/text/sentences.py`, whose lists stand in the model's `config.json`.
+
+use std::collections::{BTreeMap, HashMap};
+
+use serde::Deserialize;
+
+/// The lists as they stand in `config.json`: words with a space between them.
+#[derive(Deserialize)]
+pub(super) struct Lists {
+    breaks: String,
+    denials: String,
+    left: String,
+    right: String,
+    one_sided: String,
+    unheard: String,
+    /// By the factor, as text.
+    amounts: BTreeMap<String, String>,
+}
+
+/// What a word does beside meaning something.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Role {
+    Break,
+    Denial,
+    Side(SaidSide),
+    Amount(f32),
+    Unheard,
+}
+
+/// A side as a text names it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum SaidSide {
+    Left,
+    Right,
+    /// "One", without saying which.
+    One,
+}
+
+/// Which words do what.
+#[derive(Debug, Clone)]
+pub(super) struct Rules(HashMap<String, Role>);
+
+/// A part of a sentence.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Clause {
+    pub words: Vec<String>,
+    /// Words behind a denial.
+    pub denied: Vec<String>,
+    pub side: Option<SaidSide>,
+    /// Factor of strength.
+    pub amount: f32,
+}
+
+impl Rules {
+    /// `Err` names an amount that is no number.
+    pub(super) fn new(lists: &Lists) -> Result<Self, String> {
+        let mut roles = HashMap::new();
+        for (words, role) in [
+            (&lists.unheard, Role::Unheard),
+            (&lists.breaks, Role::Break),
+            (&lists.denials, Role::Denial),
+        ] {
+            roles.extend(words.split_whitespace().map(|word| (word.to_owned(), role)));
+        }
+        for (factor, words) in &lists.amounts {
+            let wrong = |_| format!("amounts: expected a factor, got {factor:?}");
+            let role = Role::Amount(factor.parse().map_err(wrong)?);
+            roles.extend(words.split_whitespace().map(|word| (word.to_owned(), role)));
+        }
+        for (words, side) in [
+            (&lists.left, SaidSide::Left),
+            (&lists.right, SaidSide::Right),
+            (&lists.one_sided, SaidSide::One),
+        ] {
+            let role = Role::Side(side);
+            roles.extend(words.split_whitespace().map(|word| (word.to_owned(), role)));
+        }
+        Ok(Rules(roles))
+    }
+
+    /// The clauses of a text; at least one, which may be empty.
+    pub(super) fn clauses(&self, text: &str) -> Vec<Clause> {
+        let mut found = vec![Clause::new()];
+        let mut denies = false;
+        for token in tokens(text) {
+            let role = match token.starts_with(is_letter) {
+                true => self.0.get(&token).copied(),
+                false => Some(Role::Break),
+            };
+            match role {
+                Some(Role::Break) => {
+                    found.push(Clause::new());
+                    denies = false;
+                }
+                Some(Role::Denial) => denies = true,
+                _ => hear(found.last_mut().expect("one at least"), token, role, denies),
+            }
+        }
+        found
+    }
+}
+
+impl Clause {
+    fn new() -> Self {
+        Clause {
+            words: Vec::new(),
+            denied: Vec::new(),
+            side: None,
+            amount: 1.0,
+        }
+    }
+}
+
+fn hear(clause: &mut Clause, token: String, role: Option<Role>, denies: bool) {
+    match (role, denies) {
+        (Some(Role::Side(side)), _) => clause.side = Some(side),
+        (Some(Role::Amount(factor)), false) => clause.amount *= factor,
+        (Some(_), _) => (),
+        (None, false) => clause.words.push(token),
+        (None, true) => clause.denied.push(token),
+    }
+}
+
+/// Words in small letters and marks that part clauses; `n't` is a word, `not`.
+fn tokens(text: &str) -> Vec<String> {
+    let plain = text.to_lowercase().replace('\u{2019}', "'");
+    let plain = plain.replace("n't", " not").replace('\'', " ");
+    let mut found = Vec::new();
+    let mut word = String::new();
+    for letter in plain.chars().chain([' ']) {
+        if is_letter(letter) {
+            word.push(letter);
+            continue;
+        }
+        if !word.is_empty() {
+            found.push(std::mem::take(&mut word));
+        }
+        if ",;.:!?".contains(letter) {
+            found.push(letter.to_string());
+        }
+    }
+    found
+}
+
+/// a to z, and what lies beyond Latin-1's signs but for general and ideographic punctuation.
+fn is_letter(c: char) -> bool {
+    let mark = ('\u{2000}'..='\u{206f}').contains(&c) || ('\u{3000}'..='\u{303f}').contains(&c);
+    c.is_ascii_lowercase() || (c >= '\u{c0}' && !mark)
+}

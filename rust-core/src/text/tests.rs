@@ -1,0 +1,168 @@
+use super::*;
+use crate::{
+    conditions::{ActionUnit, Event},
+    nn::golden::{Golden, distance},
+};
+
+fn units(understood: &Understood) -> Vec<String> {
+    let named = |unit: &(usize, Side, f32, f32)| unit.1.written(ACTION_UNITS[unit.0].name);
+    understood.units.iter().map(named).collect()
+}
+
+#[test]
+fn clauses_places_and_logits_equal_pytorch() {
+    let golden = Golden::open("text_units_debug");
+    let words = TextUnits::load(&golden.weights(), &golden.metadata("config")).unwrap();
+    let texts: Vec<String> = serde_json::from_str(&golden.metadata("texts")).unwrap();
+    for (number, text) in texts.iter().enumerate() {
+        let clauses = words.rules.clauses(text);
+        let logits = clauses
+            .iter()
+            .map(|clause| words.tower.forward(clause, &words.space));
+        let logits: Vec<f32> = logits.flatten().collect();
+        let expected = golden.values(&format!("logits.{number}"));
+        assert_eq!(logits.len(), expected.len(), "{text}");
+        assert!(distance(&logits, &expected) < 1e-4, "{text}");
+        let places = clauses.iter().flat_map(Clause::all_words);
+        let places: Vec<f32> = places.flat_map(|word| words.space.of(word)).collect();
+        let expected = golden.values(&format!("places.{number}"));
+        assert_eq!(places.len(), expected.len(), "{text}");
+        assert!(distance(&places, &expected) < 1e-4, "{text}");
+    }
+}
+
+#[test]
+fn the_sentences_of_table_13_are_understood() {
+    let words = TextUnits::open(None).unwrap();
+    for (text, expected) in [
+        ("A person is smiling", &["12"][..]),
+        ("A person is crying", &["4", "15"]),
+        ("A person is blinking", &["45"]),
+        ("A yawning person", &["26"]),
+        ("A person closes his eyes", &["45"]),
+        ("A not happy person", &["4", "15"]),
+    ] {
+        assert_eq!(units(&words.understand(text)), expected, "{text}");
+    }
+}
+
+#[test]
+fn sides_and_amounts_are_those_that_are_said() {
+    let words = TextUnits::open(None).unwrap();
+    for (text, expected) in [
+        ("winks with the right eye", &["45R"][..]),
+        ("wink, the right eye", &["45R"]),
+        ("closes the left eye", &["45L"]),
+        ("wink", &["45L"]),
+        ("blink", &["45"]),
+        ("smile and wink", &["12", "45L"]),
+    ] {
+        assert_eq!(units(&words.understand(text)), expected, "{text}");
+    }
+    let strength = |text: &str| words.understand(text).units[0].2;
+    assert!(strength("slightly smiling") < 0.75 * strength("smiling"));
+    assert!(strength("a huge smile") > 1.2 * strength("a smile"));
+}
+
+#[test]
+fn a_denied_emotion_is_not_shown() {
+    let words = TextUnits::open(None).unwrap();
+    let smile = ActionUnit::find("12").unwrap();
+    for text in ["not happy", "she isn't happy", "never glad", "without joy"] {
+        let understood = words.understand(text);
+        assert!(
+            understood.units.iter().all(|unit| unit.0 != smile),
+            "{text}"
+        );
+    }
+}
+
+#[test]
+fn what_says_nothing_to_a_face_has_a_hint_at_most() {
+    let words = TextUnits::open(None).unwrap();
+    for text in ["the blue car", "ein rotes Fahrrad", "你好"] {
+        let understood = words.understand(text);
+        assert_eq!(units(&understood), [""; 0], "{text}");
+        assert!(understood.hint.is_some(), "{text}");
+    }
+    for text in ["", "  ", "the", "!?", "12345"] {
+        assert_eq!(words.understand(text), Understood::default(), "{text:?}");
+    }
+}
+
+#[test]
+fn places_are_near_for_words_that_mean_alike() {
+    let words = TextUnits::open(None).unwrap();
+    let place = |word: &str| words.place(word).unwrap();
+    let near = |a: &str, b: &str| cosine(&place(a), &place(b));
+    assert!(near("astonished", "surprised") > near("astonished", "calm") + 0.5);
+    assert!(near("glad", "happy") > near("glad", "unhappy") + 0.5);
+    assert_eq!(words.place("the"), None);
+    assert_eq!(words.emotion_places().dim(), (EMOTIONS.len(), 64));
+    let happy = words.emotion_places().row(1).to_owned();
+    assert!(cosine(&happy, &place("glad")) > 0.6);
+}
+
+#[test]
+fn events_are_read_from_words() {
+    let words = TextUnits::open(None).unwrap();
+    let event = Event::from_text("1.2-2.0:winks:0.8", &words).unwrap();
+    assert_eq!(event.slot_s, [1.2, 2.0]);
+    assert_eq!(event.units, [(15, Side::Left)]);
+    assert!(
+        0.6 < event.strength && event.strength < 1.0,
+        "{}",
+        event.strength
+    );
+    let plain = "0.5-0.9:12,AU06L:0.7";
+    assert_eq!(
+        Event::from_text(plain, &words).unwrap(),
+        Event::parse(plain).unwrap()
+    );
+    let strong = Event::from_text("0-1:a huge smile:2", &words).unwrap();
+    assert!(strong.strength <= crate::conditions::MAX_EVENT_STRENGTH);
+}
+
+#[test]
+fn events_that_say_nothing_are_refused_with_a_hint() {
+    let words = TextUnits::open(None).unwrap();
+    let said = |text| Event::from_text(text, &words).unwrap_err().to_string();
+    let blue = said("1-2:the blue car");
+    assert!(blue.contains("the blue car") && blue.contains("expected") && blue.contains("nearest"));
+    for wrong in [
+        "2-1:smile",
+        "1-2:smile:3",
+        "1-2",
+        "1-2:",
+        "x-2:smile",
+        "1-2:99",
+        "1-2::1",
+        "",
+        ":::",
+    ] {
+        assert!(
+            matches!(Event::from_text(wrong, &words), Err(Error::InvalidInput(_))),
+            "{wrong}"
+        );
+    }
+}
+
+#[test]
+fn damaged_files_are_refused() {
+    let golden = Golden::open("text_units_debug");
+    let config = golden.metadata("config");
+    let load = |config: &str| TextUnits::load(&golden.weights(), config);
+    assert!(load(&config).is_ok());
+    for (right, wrong) in [
+        ("\"45\"", "\"46\""),
+        ("\"width\": 12", "\"width\": 11"),
+        ("wink", "wi nk"),
+        ("{", "["),
+    ] {
+        assert!(config.contains(right), "{right}");
+        assert!(
+            matches!(load(&config.replace(right, wrong)), Err(Error::Weights(_))),
+            "{wrong}"
+        );
+    }
+}

@@ -1,0 +1,276 @@
+//! Whether the face does what events ask, where and when they ask it, and what that costs the speech.
+
+use std::ops::Range;
+
+use serde::Serialize;
+
+use super::{
+    bootstrap::number,
+    clip::{Clip, gap_mm, rest_gap_mm},
+    closures::{CLOSED_MM, windows},
+    report::Page,
+    speaker::{Speaker, Wish},
+};
+use anyface::{
+    Performance, Result,
+    conditions::{ACTION_UNITS, Event, Side},
+    metrics::{closures, control_leak, control_rate, pearson},
+    motion::{Motion, WeightClip},
+};
+
+/// Clips on which every unit is tried.
+const CLIPS: usize = 8;
+/// The slot, seconds: in the middle of clips of three.
+const SLOT_S: [f64; 2] = [1.0, 1.8];
+/// Strengths of an event, 1 among them.
+const STRENGTHS: [f32; 4] = [0.5, 1.0, 1.5, 2.0];
+/// Frames from an event beyond which nothing should change.
+const FAR: usize = 10;
+const PER_CENT: f64 = 100.0;
+
+/// All units.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct EventScores {
+    pub clips: usize,
+    pub units: Vec<UnitScores>,
+    /// Of lower units, without an event and with one: p, b, m of the slots that close the lips.
+    pub closures: Closures,
+}
+
+/// One action unit on both sides; means over clips.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct UnitScores {
+    pub unit: String,
+    pub label: String,
+    pub is_lower: bool,
+    /// At each of [`STRENGTHS`].
+    pub control_rate: Vec<f64>,
+    /// The same without an event.
+    pub without: f64,
+    /// What goes to the five frames either side, of what the slot has.
+    pub leak: f64,
+    /// Largest change of any weight further than [`FAR`] frames from the slot.
+    pub far: f64,
+    /// Pearson r of the lip gap with the recording that the event costs.
+    pub gap_r_lost: f64,
+}
+
+/// Lips that meet in the slots of lower units.
+#[derive(Debug, Clone, Default, Serialize)]
+pub(super) struct Closures {
+    pub count: usize,
+    pub without_percent: f64,
+    pub with_percent: f64,
+}
+
+/// A performance with what is compared of it.
+struct Shown {
+    weights: WeightClip,
+    gap_mm: Vec<f64>,
+}
+
+/// Every unit on some clips; `None` for a system that knows no events or gives no weights.
+pub(super) fn measure(
+    speaker: &Speaker,
+    wish: &Wish,
+    clips: &[Clip],
+) -> Result<Option<EventScores>> {
+    if !speaker.engine.system().takes_events {
+        return Ok(None);
+    }
+    let long = |clip: &&Clip| clip.frames() as f64 / clip.fps > SLOT_S[1] + 0.5;
+    let clips: Vec<&Clip> = clips.iter().filter(long).take(CLIPS).collect();
+    let plain = clips.iter().map(|clip| shown(speaker, wish, clip));
+    let Some(plain) = plain.collect::<Result<Option<Vec<Shown>>>>()? else {
+        return Ok(None);
+    };
+    let mut told = Closures::default();
+    let mut units = Vec::new();
+    for unit in 0..ACTION_UNITS.len() {
+        let mut rows = Vec::new();
+        for (clip, plain) in clips.iter().zip(&plain) {
+            let each = STRENGTHS.iter().map(|strength| {
+                let wish = with_event(wish, unit, *strength);
+                shown(speaker, &wish, clip)
+            });
+            let Some(each) = each.collect::<Result<Option<Vec<Shown>>>>()? else {
+                return Ok(None);
+            };
+            if ACTION_UNITS[unit].is_lower {
+                told.add(clip, plain, &each[1])?;
+            }
+            rows.push(score(unit, clip, plain, &each)?);
+        }
+        units.push(mean_of(unit, &rows));
+    }
+    Ok(Some(EventScores {
+        clips: clips.len(),
+        units,
+        closures: told.in_percent(),
+    }))
+}
+
+fn with_event(wish: &Wish, unit: usize, strength: f32) -> Wish {
+    let event = Event {
+        slot_s: SLOT_S,
+        units: vec![(unit, Side::Both)],
+        strength,
+        over_speech: false,
+    };
+    Wish {
+        events: vec![event],
+        ..wish.clone()
+    }
+}
+
+/// `None` where the motion is no weights.
+fn shown(speaker: &Speaker, wish: &Wish, clip: &Clip) -> Result<Option<Shown>> {
+    let Performance { motion, .. } = speaker.performance(&clip.waveform, clip.fps, wish)?;
+    let gap_mm = gap_mm(&clip.neutral, speaker.landmarks(&motion)?.view())?;
+    Ok(match motion {
+        Motion::Weights(weights) => Some(Shown { weights, gap_mm }),
+        _ => None,
+    })
+}
+
+/// One unit on one clip.
+struct Row {
+    control_rate: Vec<f64>,
+    without: f64,
+    leak: Option<f64>,
+    far: f64,
+    gap_r_lost: f64,
+}
+
+fn score(unit: usize, clip: &Clip, plain: &Shown, with: &[Shown]) -> Result<Row> {
+    let slot = frames(clip);
+    let of = |shown: &Shown| unit_weights(&shown.weights, unit);
+    let rate = |shown: &Shown| control_rate(&of(shown), &slot).unwrap_or(0.0);
+    let usual = &with[1];
+    let recorded = gap_mm(&clip.speaker, clip.motion.view())?;
+    let r = |shown: &Shown| {
+        let count = recorded.len().min(shown.gap_mm.len());
+        pearson(&shown.gap_mm[..count], &recorded[..count])
+    };
+    Ok(Row {
+        control_rate: with.iter().map(rate).collect(),
+        without: rate(plain),
+        leak: control_leak(&of(usual), &of(plain), &slot),
+        far: far(&plain.weights, &usual.weights, &slot),
+        gap_r_lost: r(plain) - r(usual),
+    })
+}
+
+fn frames(clip: &Clip) -> Range<usize> {
+    let [from, to] = SLOT_S.map(|second| (second * clip.fps).round() as usize);
+    from..to
+}
+
+/// Mean weight of a unit's shapes in every frame.
+fn unit_weights(clip: &WeightClip, unit: usize) -> Vec<f64> {
+    let unit = &ACTION_UNITS[unit];
+    let is_own = |name: &str| unit.shapes.iter().any(|stem| name.starts_with(stem));
+    let own: Vec<usize> = (0..clip.names.len())
+        .filter(|&n| is_own(&clip.names[n]))
+        .collect();
+    let mean = |row: ndarray::ArrayView1<'_, f32>| {
+        own.iter().map(|&n| f64::from(row[n])).sum::<f64>() / own.len() as f64
+    };
+    clip.weights.outer_iter().map(mean).collect()
+}
+
+fn far(a: &WeightClip, b: &WeightClip, slot: &Range<usize>) -> f64 {
+    let beyond = |t: &usize| t + FAR < slot.start || *t >= slot.end + FAR;
+    let changes = (0..a.weights.nrows()).filter(beyond).map(|t| {
+        let pairs = a.weights.row(t).into_iter().zip(b.weights.row(t));
+        pairs
+            .map(|(a, b)| f64::from((a - b).abs()))
+            .fold(0.0, f64::max)
+    });
+    changes.fold(0.0, f64::max)
+}
+
+impl Closures {
+    fn add(&mut self, clip: &Clip, plain: &Shown, with: &Shown) -> Result<()> {
+        let phones = clip.phones.as_deref().unwrap_or_default();
+        let inside = |(from, to): &(f64, f64)| *from >= SLOT_S[0] && *to <= SLOT_S[1];
+        let wanted: Vec<_> = windows(phones).into_iter().filter(inside).collect();
+        let rest_mm = rest_gap_mm(&clip.neutral)?;
+        let closed = |shown: &Shown| {
+            let found = closures(&shown.gap_mm, clip.fps, &wanted);
+            found.iter().filter(|c| c.gap - rest_mm < CLOSED_MM).count() as f64
+        };
+        self.count += wanted.len();
+        self.without_percent += closed(plain);
+        self.with_percent += closed(with);
+        Ok(())
+    }
+
+    fn in_percent(self) -> Closures {
+        let share = PER_CENT / self.count.max(1) as f64;
+        Closures {
+            without_percent: share * self.without_percent,
+            with_percent: share * self.with_percent,
+            ..self
+        }
+    }
+}
+
+fn mean_of(unit: usize, rows: &[Row]) -> UnitScores {
+    let mean =
+        |of: &dyn Fn(&Row) -> f64| rows.iter().map(of).sum::<f64>() / rows.len().max(1) as f64;
+    let known: Vec<f64> = rows.iter().filter_map(|row| row.leak).collect();
+    UnitScores {
+        unit: ACTION_UNITS[unit].name.to_owned(),
+        label: ACTION_UNITS[unit].label.to_owned(),
+        is_lower: ACTION_UNITS[unit].is_lower,
+        control_rate: (0..STRENGTHS.len())
+            .map(|k| mean(&|row| row.control_rate[k]))
+            .collect(),
+        without: mean(&|row| row.without),
+        leak: known.iter().sum::<f64>() / known.len().max(1) as f64,
+        far: rows.iter().map(|row| row.far).fold(0.0, f64::max),
+        gap_r_lost: mean(&|row| row.gap_r_lost),
+    }
+}
+
+/// The section of the report.
+pub(super) fn section(page: &mut Page, scores: &EventScores) {
+    page.block("## Events");
+    page.block(format!(
+        "Every action unit, on both sides, from {} to {} s of {} held-out clips of grid_s1, without any other \
+         control. Control rate (Cafe-Talk eq. 7): the unit's largest weight in the slot over the mean of the five \
+         frames either side, at four strengths and without an event; leak: what the event adds to those frames, of \
+         what it adds within; far: the largest change of any weight more than {FAR} frames away; r lost: \
+         correlation of the lip gap with the recording, without the event minus with it.",
+        SLOT_S[0], SLOT_S[1], scores.clips
+    ));
+    let strengths = STRENGTHS.map(|strength| format!("strength {strength}"));
+    let mut titles = vec!["unit", "none"];
+    titles.extend(strengths.iter().map(String::as_str));
+    titles.extend(["leak", "far", "r lost"]);
+    let mut rows: Vec<Vec<String>> = scores.units.iter().map(row).collect();
+    let count = scores.units.len() as f64;
+    let mean = |k: usize| scores.units.iter().map(|u| u.control_rate[k]).sum::<f64>() / count;
+    let mut last = vec!["**mean**".to_owned(), String::new()];
+    last.extend((0..STRENGTHS.len()).map(|k| number(mean(k), 2)));
+    last.extend([String::new(), String::new(), String::new()]);
+    rows.push(last);
+    page.table(&titles, rows);
+    page.block("");
+    page.block(format!(
+        "Of {} p, b and m in the slots of lower units {:.0} % close the lips without the event, {:.0} % with it.",
+        scores.closures.count, scores.closures.without_percent, scores.closures.with_percent
+    ));
+}
+
+fn row(unit: &UnitScores) -> Vec<String> {
+    let mut out = vec![
+        format!("{} {}", unit.unit, unit.label),
+        number(unit.without, 2),
+    ];
+    out.extend(unit.control_rate.iter().map(|rate| number(*rate, 2)));
+    out.push(format!("{:.0} %", PER_CENT * unit.leak));
+    out.extend([number(unit.far, 3), number(unit.gap_r_lost, 3)]);
+    out
+}

@@ -1,0 +1,156 @@
+"""Clips whose motion is ARKit weights [T, 51], from whatever was recorded.
+
+Captures of weights are taken as they are; landmarks become weights by bounded least squares on ICT's
+modes, so that the weights move ICT's landmarks as the recorded ones moved. An `Entry` then holds weights
+instead of landmarks, everything else alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from training.corpus.bank import Entry
+from training.corpus.clip import FPS
+from training.corpus.facegood import CAPTURE_FPS, read_arkit, resample
+from training.corpus.facegood import SOURCE as FACEGOOD
+from training.corpus.faces import CHANNELS
+from training.corpus.folder_clips import arkit_modes
+from training.losses import landmark_weights, lip_gap, mouth_width
+
+HIGHEST = 1.0
+RIDGE, SPARSE = 1e-3, 4e-4
+STEPS = 300
+CHUNK = 20000
+EYES = [i for i, c in enumerate(CHANNELS) if c.startswith(("eyeBlink", "eyeLook"))]
+"""Lids and gaze: no voice moves them, and a reader's look down."""
+LEAST_M = 1e-6
+SIDEWAYS = [CHANNELS.index(c) for c in ("mouthLeft", "mouthRight", "jawLeft", "jawRight")]
+"""A symmetric motion has none of these; in pairs they would cancel out."""
+COSTS = {
+    "mouthShrugUpper": 4.0,
+    "mouthPress": 6.0,
+    "mouthRoll": 2.0,
+    "noseSneer": 8.0,
+    "cheekSquint": 8.0,
+    "mouthFrown": 3.0,
+    "jawForward": 4.0,
+    "jawOpen": 0.2,
+    "mouthFunnel": 0.2,
+    "mouthPucker": 0.2,
+    "mouthClose": 0.5,
+}
+"""How unlikely a channel is in speech, 1 for those that are not named."""
+GAP_WEIGHT, WIDTH_WEIGHT = 3.0, 6.0
+"""Of the lip gap and the mouth's width, beside a landmark's."""
+
+
+@lru_cache(maxsize=1)
+def modes() -> Tensor:
+    """Displacement of the landmarks at weight 1 of each channel, [51, 204] canonical metres."""
+    by_name = arkit_modes()
+    return torch.from_numpy(np.stack([by_name[c].reshape(-1) for c in CHANNELS])).float()
+
+
+@lru_cache(maxsize=1)
+def mirrored() -> list[int]:
+    """For each channel that of the other side."""
+    swap = {"Left": "Right", "Right": "Left"}
+    other = [next((c[: -len(a)] + b for a, b in swap.items() if c.endswith(a) and len(c) > len(a) + 4), c)
+             for c in CHANNELS]  # fmt: skip
+    return [CHANNELS.index(c) if c in CHANNELS else i for i, c in enumerate(other)]
+
+
+def weights_of(motion: Tensor, seen: Tensor) -> Tensor:
+    """Weights [T, 51] in 0 … 1 whose landmarks are nearest to `motion` [T, 204] metres, where `seen` [204].
+
+    FISTA (Beck & Teboulle 2009) on squared distances in centimetres, landmarks weighted as in training,
+    with a little ridge and sparsity, since several channels move the same landmarks.
+    """
+    a = _measured(modes(), seen)
+    a[[*EYES, *SIDEWAYS]] = 0.0
+    cost = torch.tensor([_cost(c) for c in CHANNELS])
+    gram = a @ a.T + RIDGE * len(CHANNELS) * cost.diag()
+    step = 1.0 / torch.linalg.eigvalsh(gram)[-1]
+    pulled = SPARSE * len(CHANNELS) * cost
+    parts = motion.float().split(CHUNK)
+    weights = torch.cat([_fista(_measured(m, seen) @ a.T - pulled, gram, step) for m in parts])
+    weights[:, [*EYES, *SIDEWAYS]] = 0.0
+    return weights
+
+
+def _measured(motion: Tensor, seen: Tensor) -> Tensor:
+    """What the fit compares of [..., 204] metres: landmarks in centimetres, lip gap and mouth width."""
+    features = (
+        torch.stack([GAP_WEIGHT * lip_gap(motion), WIDTH_WEIGHT * mouth_width(motion)], dim=-1) * seen[186]
+    )
+    return 100.0 * torch.cat([motion * (landmark_weights() * seen).sqrt(), features], dim=-1)
+
+
+def _cost(channel: str) -> float:
+    return next((cost for name, cost in COSTS.items() if channel.startswith(name)), 1.0)
+
+
+def _fista(goal: Tensor, gram: Tensor, step: Tensor) -> Tensor:
+    x = torch.zeros_like(goal)
+    y, momentum = x, 1.0
+    for _ in range(STEPS):
+        following = (y - step * (y @ gram - goal)).clamp(0.0, HIGHEST)
+        grown = (1.0 + (1.0 + 4.0 * momentum**2) ** 0.5) / 2.0
+        y = following + (momentum - 1.0) / grown * (following - x)
+        x, momentum = following, grown
+    return x
+
+
+def landmarks_of(weights: Tensor) -> Tensor:
+    """Motion of ICT's landmarks [..., 204] metres under weights [..., 51]."""
+    return weights @ modes().to(weights)
+
+
+def as_weights(entries: list[Entry], data: Path | None = None) -> list[Entry]:
+    """The same clips with weights [T, 51] for motion, and for `weight` what of them was observed."""
+    captured = facegood_weights(data) if data is not None else {}
+    return [_captured(e, captured) if e.source == FACEGOOD and captured else _solved(e) for e in entries]
+
+
+def _solved(entry: Entry) -> Entry:
+    seen = entry.weight[0].float()
+    if not entry.weight.any():
+        seen = torch.ones_like(seen)
+    motion = entry.motion.float()
+    weights = weights_of(motion, seen)
+    if entry.emotion == "neutral":
+        weights = 0.5 * (weights + weights[:, mirrored()])
+    frames = entry.weight.float().amax(dim=1, keepdim=True)
+    shown = (modes().abs() * seen).amax(dim=1) > LEAST_M
+    shown[EYES] = False
+    return replace(entry, motion=weights, weight=frames * shown.float())
+
+
+def _captured(entry: Entry, captured: dict[str, tuple[Tensor, Tensor]]) -> Entry:
+    take, _, part = entry.name.partition("/")
+    weights, seen = captured[take]
+    count = len(entry.motion)
+    rows = weights[:count] if part == "start" else weights[len(weights) - count :]
+    return replace(entry, motion=rows, weight=seen.expand(count, -1).clone())
+
+
+def facegood_weights(data: Path) -> dict[str, tuple[Tensor, Tensor]]:
+    """Of each take the weights [T, 51] at 25 fps and which channels were captured, [51]."""
+    found = {}
+    for path in sorted((data / "motion" / FACEGOOD).glob("*.arkit.csv")):
+        table = read_arkit(path)
+        columns = np.zeros((len(next(iter(table.values()))), len(CHANNELS)), np.float32)
+        seen = torch.zeros(len(CHANNELS))
+        for i, name in enumerate(CHANNELS):
+            if name in table:
+                columns[:, i] = table[name]
+                seen[i] = float(name.startswith(("jaw", "mouth", "cheekPuff")))
+        weights = torch.from_numpy(resample(columns, CAPTURE_FPS, FPS)).clamp(0.0, HIGHEST)
+        found[path.name.removesuffix(".arkit.csv")] = 0.5 * (weights + weights[:, mirrored()]), seen
+    return found

@@ -1,0 +1,51 @@
+"""Emotions on ARKit weights: the tables that FreeTalk's landmarks are moved by, as weights of channels."""
+
+from functools import lru_cache
+
+import torch
+from torch import Tensor
+
+from training.conditions import EMOTIONS
+from training.corpus.emotions import AU_TO_ARKIT, OPENING, PROTOTYPES
+from training.corpus.faces import CHANNELS
+from training.corpus.manner import MANNERS
+
+HIGHEST = 1.5
+MOUTH = [i for i, c in enumerate(CHANNELS) if c.startswith(("jaw", "mouth"))]
+ROUND = [i for i, c in enumerate(CHANNELS) if c.startswith(("mouthPucker", "mouthFunnel"))]
+
+
+@lru_cache(maxsize=1)
+def table() -> tuple[Tensor, Tensor]:
+    """Weights of each emotion at intensity 1, [15, 51] each: what lasts, and what yields where lips close."""
+    parts = torch.zeros(2, len(EMOTIONS), len(CHANNELS))
+    for row, emotion in enumerate(EMOTIONS):
+        for unit, strength in PROTOTYPES[emotion].items():
+            for shape in AU_TO_ARKIT[unit]:
+                name = shape.replace("_L", "Left").replace("_R", "Right")
+                yields = unit in OPENING and name.startswith(("jaw", "mouth"))
+                parts[int(yields), row, CHANNELS.index(name)] += strength
+    return parts[0], parts[1]
+
+
+@lru_cache(maxsize=1)
+def factors() -> Tensor:
+    """By how much each emotion changes each channel of speech at intensity 1, [15, 51]."""
+    out = torch.ones(len(EMOTIONS), len(CHANNELS))
+    for row, emotion in enumerate(EMOTIONS):
+        manner = MANNERS[emotion]
+        out[row, MOUTH] = manner.opening
+        out[row, ROUND] = manner.rounding
+    return out
+
+
+def with_emotion(weights: Tensor, emotion: Tensor, intensity: Tensor, closed: Tensor) -> Tensor:
+    """Speech [T, 51] under an emotion.
+
+    `emotion` [T, 15] mixture, `intensity` [T], `closed` [T] from 0 to 1 where lips meet.
+    """
+    lasting, yielding = table()
+    strength = emotion * intensity[:, None]
+    spoken = weights * (1.0 + strength @ (factors() - 1.0))
+    added = strength @ lasting + (1.0 - closed)[:, None] * (strength @ yielding)
+    return (spoken + added).clamp(0.0, HIGHEST)

@@ -1,0 +1,61 @@
+"""Writes the text space and the tower as the model folder that Rust reads.
+
+    python -m training.export_text --text runs/text --models rust-core/models
+
+model.safetensors is f16; config.json holds the words of the space, in the order of their places, and the
+lists by which a sentence is taken apart. The model card, README.md, is written by hand.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from training.conditions import UNITS
+from training.export import write_model
+from training.text.pairs import MENU
+from training.text.sentences import RULES, STRENGTH
+from training.text.tower import FULL, NO_WORD, TextTower
+from training.text.words import Words
+
+
+def arrays(tower: TextTower, words: Words) -> dict[str, Tensor]:
+    """`vectors` [W, D], `ngrams` [G, D], `emotions` [15, D] and the tower's layers."""
+    space = {"vectors": words.vectors, "ngrams": words.ngrams, "emotions": words.emotions()}
+    return {k: torch.from_numpy(v) for k, v in space.items()} | tower.state_dict()
+
+
+def config(tower: TextTower, words: Words) -> dict:
+    """Sizes, words and lists."""
+    return {
+        "model": "text_units",
+        "width": words.vectors.shape[1],
+        "hidden": tower.down.out_features,
+        "ngrams": len(words.ngrams),
+        "units": UNITS,
+        "no_word": NO_WORD,
+        "full": FULL,
+        "strength": STRENGTH,
+        "rules": RULES,
+        "menu": MENU.split(", "),
+        "words": " ".join(words.rows),
+    }
+
+
+def main() -> None:
+    """Entry of the command."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--text", type=Path, default=Path("runs/text"))
+    parser.add_argument("--models", type=Path, default=Path("rust-core/models"))
+    arguments = parser.parse_args()
+    words, state = Words.load(arguments.text), torch.load(arguments.text / "tower.pt")
+    tower = TextTower(words.vectors.shape[1], len(state["down.bias"]))
+    tower.load_state_dict(state)
+    write_model(arguments.models / "text_units", arrays(tower, words), config(tower, words))
+
+
+if __name__ == "__main__":
+    main()

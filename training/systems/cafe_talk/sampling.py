@@ -1,0 +1,97 @@
+"""Whole clips from Cafe-Talk: DDIM under guidance on overlapping windows, cross-faded."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from training.conditions import SIDES
+from training.diffusion.ddim import ddim_sample
+from training.diffusion.guidance import guided, mask_guided
+from training.diffusion.schedule import alphas_cumprod
+from training.systems.cafe_talk.denoiser import CafeTalkConfig, Coarse, Denoiser, Sampling
+from training.systems.freetalk.sampling import _ramp, window_starts
+
+
+@dataclass
+class Request:
+    """What is asked of a clip.
+
+    `style` by number; `emotion` [T, E] in the text space, `intensity` [T]; `events` [T, 32] of 0 and 1;
+    `strength` [T, 51] is Z of eq. 6, that of the events at each frame and channel, 0 outside
+    them. `printed` takes eq. 6 as printed, with G_∅ in its third term.
+    """
+
+    style: int
+    emotion: Tensor
+    intensity: Tensor
+    events: Tensor
+    strength: Tensor
+    printed: bool = False
+
+    @staticmethod
+    def neutral(config: CafeTalkConfig, emotions: np.ndarray, frames: int) -> "Request":
+        """The default style without emotion or event."""
+        return Request(
+            config.styles.index(config.default_style),
+            torch.from_numpy(emotions[0]).expand(frames, -1),
+            torch.zeros(frames),
+            torch.zeros(frames, SIDES * len(config.units)),
+            torch.zeros(frames, len(config.channels)),
+        )
+
+    def span(self, frames: slice) -> "Request":
+        """The same for a stretch of frames."""
+        cut = {n: getattr(self, n)[frames] for n in ("emotion", "intensity", "events", "strength")}
+        return replace(self, **cut)
+
+
+def sample_weights(
+    model: Denoiser, speech: Tensor, request: Request, seed: int = 0, sampling: Sampling | None = None
+) -> Tensor:
+    """Weights [T, 51] of a clip of any length; `speech` [T, C] at the model's fps."""
+    generator = torch.Generator().manual_seed(seed)
+    noise = torch.randn(len(speech), len(model.config.channels), generator=generator)
+    return sample_from(model, noise, speech, request, sampling)
+
+
+@torch.no_grad()
+def sample_from(
+    model: Denoiser, noise: Tensor, speech: Tensor, request: Request, sampling: Sampling | None = None
+) -> Tensor:
+    """The same from given unit noise [T, 51]."""
+    config, sampling = model.config, sampling or model.config.sampling
+    frames = len(speech)
+    noise = noise * sampling.temperature
+    total, weight = torch.zeros_like(noise), torch.zeros(frames, 1)
+    for start in window_starts(frames, config.window_frames, config.overlap_frames):
+        span = slice(start, min(start + config.window_frames, frames))
+        clean = _window(model, noise[span], speech[span], request.span(span), sampling)
+        ramp = _ramp(span, frames, config.overlap_frames)
+        total[span] += ramp * clean
+        weight[span] += ramp
+    return model.to_weights(total / weight).clamp_min(0.0)
+
+
+def _window(model: Denoiser, noise: Tensor, speech: Tensor, request: Request, sampling: Sampling) -> Tensor:
+    diffusion = model.config.diffusion
+    alphas = alphas_cumprod(diffusion.schedule, diffusion.train_steps)
+    yes, no = torch.tensor([True]), torch.tensor([False])
+    coarse = Coarse(torch.tensor([request.style]), request.emotion[None], request.intensity[None], yes)
+    controlled = bool(request.strength.any())
+    strength = sampling.beta * request.strength[None]
+
+    def predict(x: Tensor, t: int) -> Tensor:
+        step = torch.tensor([t])
+        heard = model(x, step, speech[None], coarse, yes)
+        unheard = heard
+        if sampling.alpha != 1.0 or (controlled and request.printed):
+            unheard = model(x, step, speech[None], replace(coarse, given=no), no)
+        base = guided(unheard, heard, sampling.alpha)
+        if not controlled:
+            return base
+        fine = model(x, step, speech[None], coarse, yes, request.events[None])
+        return mask_guided(base, fine, unheard if request.printed else heard, strength)
+
+    return ddim_sample(predict, noise[None], alphas, sampling.steps, sampling.spacing)[0]

@@ -1,0 +1,125 @@
+"""Metrics of fine control on arrays made by hand, and the whole report on a tiny run."""
+
+import json
+import math
+
+import pytest
+import torch
+
+from training import evaluate_cafe_talk
+from training.corpus.faces import CHANNELS
+from training.corpus.phones import BILABIALS
+from training.fine_control import metrics, units
+from training.fine_control.trial import Actor, Asked, Take
+from training.tests.test_cafe_talk import run
+
+
+def peak() -> torch.Tensor:
+    """0.1 before frame 10, 0.5 with a peak of 0.9 within 10 to 15, 0.3 behind; 25 frames."""
+    values = torch.full((25,), 0.3)
+    values[:10], values[10:15], values[12] = 0.1, 0.5, 0.9
+    return values
+
+
+def weights(frames: int = 60, **channels: float) -> torch.Tensor:
+    """Weights [T, 51] that rest, but for the named channels."""
+    out = torch.zeros(frames, len(CHANNELS))
+    for name, value in channels.items():
+        out[:, CHANNELS.index(name)] = value
+    return out
+
+
+def test_control_rate_is_the_peak_over_ten_neighbours():
+    assert metrics.control_rate(peak(), (10, 15)) == pytest.approx(0.9 - 0.2)
+    assert metrics.control_rate(peak(), (0, 10)) == pytest.approx(0.1 - 0.58)
+    assert math.isnan(metrics.control_rate(peak(), (0, 25)))
+    assert math.isnan(metrics.control_rate(peak(), (30, 40)))
+
+
+def test_leak_is_what_goes_beyond_as_a_share():
+    told, without = torch.zeros(25), torch.zeros(25)
+    told[10:15], told[15], told[20] = 0.8, 0.8, 9.0
+    assert metrics.leak(told, without, (10, 15)) == pytest.approx(0.1)
+    assert math.isnan(metrics.leak(told, told, (10, 15)))
+
+
+def test_far_change_looks_ten_frames_away_alone():
+    told = weights()
+    told[20:45, 3] = 0.7
+    assert metrics.far_change(told, weights(), (30, 35)) == 0.0
+    told[19, 7] = -0.2
+    assert metrics.far_change(told, weights(), (30, 35)) == pytest.approx(0.2)
+    assert math.isnan(metrics.far_change(told, weights(), (0, 60)))
+
+
+def test_a_unit_is_the_mean_of_its_channels_on_both_sides():
+    assert metrics.unit_values(weights(eyeBlinkLeft=0.8), "45")[0] == pytest.approx(0.4)
+    assert metrics.unit_values(weights(jawOpen=0.8), "26")[0] == pytest.approx(0.8)
+
+
+def test_closures_are_counted_within_the_slot():
+    phones = torch.full((240,), -1, dtype=torch.int16)
+    phones[4 * 30 : 4 * 33], phones[4 * 50 : 4 * 53] = int(BILABIALS[0]), int(BILABIALS[0])
+    open_ = weights(jawOpen=0.6)
+    assert metrics.closures(open_, phones, (20, 45)) == (1, 0)
+    open_[31] = weights(1, mouthClose=0.2)[0]
+    assert metrics.closures(open_, phones, (20, 45)) == (1, 1)
+
+
+def test_lip_gap_r_and_amplitude_hear_the_jaw_alone():
+    true = weights()
+    true[:, CHANNELS.index("jawOpen")] = torch.linspace(0.0, 0.6, 60)
+    half = true * 0.5 + weights(browDownLeft=0.5)
+    assert metrics.gap_r(half, true) == pytest.approx(1.0, abs=1e-4)
+    assert metrics.gap_slope(half, true) == pytest.approx(0.5, abs=1e-2)
+    share = metrics.amplitude_mm(half, (20, 40), True) / metrics.amplitude_mm(true, (20, 40), True)
+    assert share == pytest.approx(0.5, abs=1e-3)
+
+
+def test_scores_and_summary_of_a_unit_put_on_by_addition():
+    jaw = torch.sin(torch.arange(60) * 0.9).abs()[:, None] * weights(jawOpen=0.4)
+    take = Take("a", "s", torch.zeros(60, 4), jaw, torch.full((240,), -1))
+    made = {}
+    for beta in units.BETAS:
+        told = jaw.clone()
+        told[20:40] += 0.4 * beta * weights(20, mouthSmileLeft=1.0, mouthSmileRight=1.0)
+        made[beta] = [told]
+    found = units.score("12", [take], [jaw], made)
+    assert found.grows and found.control_rate["1.0"] == pytest.approx(0.4)
+    assert (found.none, found.leak, found.far, found.closures) == (0.0, 0.0, 0.0, 0)
+    row = units.summary([found])
+    assert row["control rate"] == pytest.approx(0.4) and math.isnan(row["r lost upper"])
+    falling = {beta: made[max(units.BETAS) + min(units.BETAS) - beta] for beta in units.BETAS}
+    assert not units.score("12", [take], [jaw], falling | {1.0: made[1.5]}).grows
+
+
+@pytest.mark.slow
+def test_the_report_of_a_tiny_run_has_every_table(tmp_path):
+    base = run(tmp_path, "--out", tmp_path / "base", "--steps", 2)
+    flags = ["--run", base, "--corpus", tmp_path / "corpus/made_up", "--out", tmp_path / "report"]
+    flags += ["--units", "12", "45", "--clips", 1, "--few", 1, "--judge-steps", 2]
+    evaluate_cafe_talk.main([str(f) for f in [*flags, "--ablation", f"the same={base}"]])
+    found = json.loads((tmp_path / "report/report.json").read_text())
+    assert set(found) == set(evaluate_cafe_talk.TITLES)
+    assert [row["unit"] for row in found["units"]] == ["12", "45"]
+    assert all(row["control_rate"]["1.0"] == pytest.approx(row["none"]) for row in found["units"])
+    assert found["ablations"][0].keys() == found["ablations"][2].keys()
+    page = (tmp_path / "report/report.md").read_text()
+    assert all(title in page for title in evaluate_cafe_talk.TITLES.values())
+
+
+@pytest.mark.slow
+def test_events_guide_the_slot_and_nothing_is_told_where_the_label_is_masked(tmp_path):
+    actor = Actor(run(tmp_path, "--out", tmp_path / "base", "--steps", 2))
+    for block in actor.model.adapter.blocks:
+        torch.nn.init.normal_(block.zero.weight, std=0.3)
+    torch.nn.init.normal_(actor.model.coarse.null, std=1.0)
+    take = Take("a", "s", torch.randn(60, actor.config.speech.channels), weights(), torch.full((240,), -1))
+    plain = actor.perform(take)
+    told = actor.perform(take, Asked("12", 1.0))
+    assert not torch.equal(told, plain)
+    assert not torch.equal(actor.perform(take, Asked("12", 1.0, unmasked=True)), told)
+    assert not torch.equal(actor.perform(take, Asked("12", 1.0, printed=True)), told)
+    masked = {"intensity": 1.0, "labelled": False}
+    happy, sad = (actor.perform(take, Asked(emotion=e, **masked)) for e in ("happy", "sad"))
+    assert torch.equal(happy, sad) and not torch.equal(happy, plain)

@@ -1,0 +1,44 @@
+"""Golden of the words: a small text space and tower with random numbers, and what texts become in them."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import torch
+from safetensors.torch import save_file
+
+from training.export_text import arrays, config
+from training.text.sentences import clauses
+from training.text.tower import Heard, TextTower
+from training.text.words import Words
+
+COMMAND = "python -m training.goldens text_units"
+KNOWN = "anger brow close cry eye fly happy hop laugh lip mouth raise sad smile surprise wink"
+TEXTS = (
+    "A happy person", "she isn't happy", "raises the left eyebrow, winks and smiles slightly",
+    "hopping flies cried", "not laughing but very surprised", "zzyzx", "Wörter für Lächeln", "the",
+    "sad;happy", "don’t close your right eye", "smil", "happily", "你好", "huge unhappy lips without anger",
+)  # fmt: skip
+
+
+def write(out: Path, shared: Path) -> Path:
+    """`weights.*`; for each text of the metadata, `logits.N` [clauses, 3, 16] and `places.N` [words, D].
+
+    `shared` is not used.
+    """
+    random = np.random.default_rng(5)
+    torch.manual_seed(5)
+    places, ngrams = (random.standard_normal((n, 12)).astype(np.float32) for n in (len(KNOWN.split()), 64))
+    words = Words({word: row for row, word in enumerate(KNOWN.split())}, places, ngrams)
+    tower = TextTower(12, 7)
+    tensors = {f"weights.{key}": value for key, value in arrays(tower, words).items()}
+    with torch.no_grad():
+        for number, text in enumerate(TEXTS):
+            parts = clauses(text)
+            said = [words.of(word) for part in parts for word in part.words + part.denied]
+            tensors[f"logits.{number}"] = tower(Heard.of(parts, words))
+            tensors[f"places.{number}"] = torch.from_numpy(np.array(said, np.float32).reshape(-1, 12))
+    path = out / "text_units_debug.safetensors"
+    metadata = {"config": json.dumps(config(tower, words)), "texts": json.dumps(TEXTS), "tolerance": "1e-4"}
+    save_file({k: v.contiguous() for k, v in tensors.items()}, path, metadata | {"command": COMMAND})
+    return path

@@ -1,0 +1,111 @@
+"""How well text becomes units: table 13, held-out descriptions, and floors without a tower beside them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from training.text import wordnet
+from training.text.held_out import TABLE_13
+from training.text.sentences import Shown, clauses
+from training.text.space import known_form
+from training.text.tower import Heard, TextTower
+from training.text.words import Words
+
+THRESHOLD = 0.5
+Pair = tuple[str, Shown]
+
+
+@dataclass
+class Counts:
+    """Units that were found, found wrongly, missed."""
+
+    right: int = 0
+    wrong: int = 0
+    missed: int = 0
+
+    def add(self, found: set[int], true: set[int]) -> None:
+        """One text."""
+        self.right += len(found & true)
+        self.wrong += len(found - true)
+        self.missed += len(true - found)
+
+    @property
+    def f1(self) -> float:
+        """Over all units together."""
+        return 2 * self.right / max(2 * self.right + self.wrong + self.missed, 1)
+
+
+@torch.no_grad()
+def understood(tower: TextTower, words: Words, text: str) -> set[int]:
+    """Numbers of the units that any clause shows."""
+    shares = torch.sigmoid(tower(Heard.of(clauses(text), words))[:, 0])
+    return set(torch.nonzero((shares > THRESHOLD).any(dim=0)).flatten().tolist())
+
+
+class Nearest:
+    """The floor: the units of the training text that is nearest by the mean of its words, denials unheard."""
+
+    def __init__(self, known: list[Pair], words: Words):
+        self.known, self.words = known, words
+        places = np.stack([self.place(text) for text, _ in known])
+        self.places = places / np.maximum(np.linalg.norm(places, axis=1, keepdims=True), 1e-6)
+
+    def place(self, text: str) -> np.ndarray:
+        """Mean of a text's words, [D]."""
+        said = [self.words.of(w) for c in clauses(text) for w in c.words + c.denied]
+        return np.mean(said, axis=0) if said else np.zeros(self.words.vectors.shape[1], np.float32)
+
+    def units(self, text: str) -> set[int]:
+        """Of the nearest text."""
+        return set(self.known[int(np.argmax(self.places @ self.place(text)))][1].units)
+
+
+class Synonyms:
+    """The floor without a space: units of a training word that shares a meaning of WordNet."""
+
+    def __init__(self, known: list[Pair], folder: Path):
+        single = ((c.words, shown) for text, shown in known for c in clauses(text)[:1])
+        self.shown = {words[0]: set(shown.units) for words, shown in single if len(words) == 1}
+        self.meanings: dict[str, list[list[str]]] = {}
+        for synset in wordnet.read(folder).values():
+            for word in synset.words:
+                self.meanings.setdefault(word, []).append(synset.words)
+
+    def units(self, text: str) -> set[int]:
+        """Of the first such word; none where there is none."""
+        for word in (w for c in clauses(text) for w in c.words + c.denied):
+            meanings = self.meanings.get(known_form(word, self.meanings), [])
+            alike = [other for words in meanings for other in words]
+            found = next((self.shown[w] for w in (word, *alike) if w in self.shown), None)
+            if found:
+                return found
+        return set()
+
+
+def measured(
+    tower: TextTower, words: Words, known: list[Pair], held_out: list[Pair], place: Path | None = None
+) -> dict:
+    """F1 of the tower and of the floors, texts that are right in every unit, and what table 13 gives.
+
+    `place`: WordNet's folder, for the floor of synonyms.
+    """
+    beside = {"nearest_text": Nearest(known, words)} | ({"synonym": Synonyms(known, place)} if place else {})
+    ours, floors = Counts(), {name: Counts() for name in beside}
+    whole, silent = 0, []
+    for text, shown in held_out:
+        true, found = set(shown.units), understood(tower, words, text)
+        ours.add(found, true)
+        for name, floor in beside.items():
+            floors[name].add(floor.units(text), true)
+        whole += found == true
+        silent += [not found] if not true else []
+    table = [understood(tower, words, t) == set(Shown.read(u).units) for t, u in TABLE_13.items()]
+    return {"f1": round(ours.f1, 3)} | {name: round(counts.f1, 3) for name, counts in floors.items()} | {
+        "whole": f"{whole} of {len(held_out)}",
+        "silent": f"{sum(silent)} of {len(silent)}",
+        "table_13": f"{sum(table)} of {len(table)}",
+    }

@@ -1,0 +1,128 @@
+"""A sentence taken apart: clauses, and in each the words that mean something, denied or not, side and amount.
+
+The lists of `RULES` go into the model's `config.json`, where `rust-core/src/text` reads them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from training.conditions import UNITS
+
+RULES = {
+    "breaks": "and but while then plus also",
+    "denials": "not no never without nor neither nothing",
+    "left": "left",
+    "right": "right",
+    "one_sided": "one",
+    "unheard": (
+        "a an the of or in on at to for from with by as is are was be been being am it its he she "
+        "they i you we his her hers their them him my your our me this that these those there here s "
+        "t ca wo does do doing did has have had having person persons people man woman men women boy "
+        "girl someone somebody face faces facial expression expressions look looks looking looked "
+        "seem seems seeming seemed act acts acting like behave behaves behaving talk talks talking "
+        "speak speaks speaking feel feels feeling become becomes get gets make makes making shows "
+        "showing show appears appear give gives so just only quite rather too more than both"
+    ),
+    "amounts": {
+        "0.4": "barely hardly scarcely faint faintly minimal",
+        "0.6": (
+            "slightly slight little bit subtle subtly mild mildly weak weakly tiny small hint touch "
+            "softly"
+        ),
+        "0.8": "somewhat fairly partly moderate moderately",
+        "1.25": (
+            "very really strong strongly big broad broadly deep deeply clearly much intense intensely "
+            "great truly"
+        ),
+        "1.5": (
+            "extremely huge hugely utterly totally completely wildly enormous immense immensely "
+            "incredibly"
+        ),
+    },
+}
+STRENGTH = (0.1, 2.0)
+
+
+@dataclass
+class Clause:
+    """Words that mean something, those after a denial apart; which side is named; a factor of strength."""
+
+    words: list[str] = field(default_factory=list)
+    denied: list[str] = field(default_factory=list)
+    side: str | None = None
+    amount: float = 1.0
+
+
+LISTED = {name: set(words.split()) for name, words in RULES.items() if isinstance(words, str)}
+AMOUNTS = {word: float(factor) for factor, words in RULES["amounts"].items() for word in words.split()}
+
+
+def tokens(text: str) -> list[str]:
+    """Words in small letters and marks that part clauses; `n't` is a word, `not`."""
+    plain = text.lower().replace("\u2019", "'").replace("n't", " not").replace("'", " ")
+    found, word = [], ""
+    for letter in plain + " ":
+        if is_letter(letter):
+            word += letter
+            continue
+        found += [word] if word else []
+        found += [letter] if letter in ",;.:!?" else []
+        word = ""
+    return found
+
+
+def is_letter(c: str) -> bool:
+    """a to z, and what lies beyond Latin-1's signs but for general and ideographic punctuation."""
+    return "a" <= c <= "z" or (c >= "\u00c0" and not ("\u2000" <= c <= "\u206f" or "\u3000" <= c <= "\u303f"))
+
+
+def clauses(text: str) -> list[Clause]:
+    """The clauses of a text; at least one, which may be empty."""
+    found, denies = [Clause()], False
+    for token in tokens(text):
+        if token in LISTED["breaks"] or not is_letter(token[0]):
+            found.append(Clause())
+            denies = False
+        else:
+            denies |= token in LISTED["denials"]
+            _hear(found[-1], token, denies)
+    return found
+
+
+def _hear(clause: Clause, token: str, denies: bool) -> None:
+    if token in LISTED["left"] | LISTED["right"] | LISTED["one_sided"]:
+        clause.side = next(side for side in ("left", "right", "one_sided") if token in LISTED[side])
+    elif token in AMOUNTS:
+        clause.amount *= 1.0 if denies else AMOUNTS[token]
+    elif token not in LISTED["denials"] | LISTED["unheard"]:
+        (clause.denied if denies else clause.words).append(token)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Units by number in `UNITS`: which on one side alone, and how strong."""
+
+    units: dict[int, float]
+    one_sided: frozenset[int]
+
+    @staticmethod
+    def read(text: str) -> Shown:
+        """`12L 45:0.3`: units, those on one side with `L`, strengths behind a colon."""
+        units, one_sided = {}, set()
+        for item in text.split():
+            name, _, strength = item.partition(":")
+            number = UNITS.index(name.rstrip("L"))
+            units[number] = float(strength or 1.0)
+            one_sided |= {number} if name.endswith("L") else set()
+        return Shown(units, frozenset(one_sided))
+
+    def __or__(self, other: Shown) -> Shown:
+        units = {u: max(self.units.get(u, 0.0), other.units.get(u, 0.0)) for u in self.units | other.units}
+        both = (self.units.keys() - self.one_sided) | (other.units.keys() - other.one_sided)
+        return Shown(units, (self.one_sided | other.one_sided) - both)
+
+
+def listed(table: dict[str, str]) -> list[tuple[str, Shown]]:
+    """Texts and units of a table of units and comma-separated texts."""
+    return [(text.strip(), Shown.read(units)) for units, texts in table.items() for text in texts.split(",")]

@@ -1,0 +1,75 @@
+"""The text tower of Cafe-Talk (Chen et al. 2025, appendix E) on our own text space.
+
+The paper's tower reads a sentence as CLIP encodes it; this one reads the words of a clause as the text
+space places them: their mean, weighed by a learned score, those that are denied apart. Then as printed: a
+bottleneck of two layers with a residual, and a head; that also says which units are on one side and how
+strong they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+import torch.nn as nn
+import torch.nn.functional as F
+from torch import Tensor
+
+from training.conditions import UNITS
+from training.text.sentences import Clause
+from training.text.words import Words
+
+NO_WORD = 0.1
+"""Weight of the origin in a clause's mean: words that are no words leave the features near 0."""
+
+FULL = 1.5
+"""Strength that a logit far above 0 stands for."""
+
+
+@dataclass
+class Heard:
+    """Places of the words [N, L, D] and of the denied ones [N, M, D]; what is beyond a clause's end is 0."""
+
+    words: Tensor
+    denied: Tensor
+
+    @staticmethod
+    def of(clauses: list[Clause], words: Words) -> Heard:
+        """Looked up in the text space."""
+        return Heard(_places([c.words for c in clauses], words), _places([c.denied for c in clauses], words))
+
+
+def _places(rows: list[list[str]], words: Words) -> Tensor:
+    width = words.vectors.shape[1]
+    found = np.zeros((len(rows), max([1, *map(len, rows)]), width), np.float32)
+    for row, texts in enumerate(rows):
+        for column, word in enumerate(texts):
+            found[row, column] = words.of(word)
+    return torch.from_numpy(found)
+
+
+class TextTower(nn.Module):
+    """Clauses to logits. `width`: D of the text space."""
+
+    def __init__(self, width: int, hidden: int):
+        super().__init__()
+        self.score = nn.Linear(width, 1)
+        self.down = nn.Linear(2 * width, hidden)
+        self.up = nn.Linear(hidden, 2 * width)
+        self.head = nn.Linear(2 * width, 3 * len(UNITS))
+
+    def mean(self, places: Tensor) -> Tensor:
+        """[N, L, D] to [N, D]."""
+        there = (places != 0).any(dim=-1, keepdim=True)
+        weight = torch.sigmoid(self.score(places)) * there
+        return (weight * places).sum(dim=1) / (weight.sum(dim=1) + NO_WORD)
+
+    def adapted(self, heard: Heard) -> Tensor:
+        """Features of clauses, [N, 2 D]."""
+        x = torch.cat([self.mean(heard.words), self.mean(heard.denied)], dim=-1)
+        return x + self.up(F.relu(self.down(x)))
+
+    def forward(self, heard: Heard) -> Tensor:
+        """Logits [N, 3, 16]: the unit shows; it does on one side alone; its strength, of `FULL`."""
+        return self.head(self.adapted(heard)).unflatten(-1, (3, len(UNITS)))
