@@ -20,6 +20,7 @@ GOLDENS = {
     "phones": "training.speech.golden_phones",
     "ats_compact": "training.systems.freetalk.golden_ats",
     "cafe_talk": "training.systems.cafe_talk.golden",
+    "emoface": "training.systems.emoface.golden",
     "static_weights": "training.deform.golden_static_weights",
     "creases": "training.deform.golden_creases",
     "landmarks": "training.landmarks.golden",

@@ -11,6 +11,7 @@
 
 pub mod ada_ln;
 pub mod attention;
+pub mod biased_attention;
 pub mod conv;
 pub mod conv2d;
 pub mod diffusion_net;
@@ -25,6 +26,7 @@ pub mod mlp;
 pub mod norm;
 pub mod panels;
 pub mod rotary;
+pub mod spiral_conv;
 pub mod surface;
 pub mod timestep;
 pub mod transformer;

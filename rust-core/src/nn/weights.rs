@@ -56,7 +56,7 @@ impl Weights {
     }
 
     /// From names, shapes and row-major values.
-    #[cfg(feature = "checkpoints")]
+    #[cfg(any(feature = "checkpoints", test))]
     pub(crate) fn from_arrays(
         arrays: impl IntoIterator<Item = (String, (Vec<usize>, Vec<f32>))>,
     ) -> Self {

@@ -4,6 +4,7 @@
 //! compiles. `CONTRIBUTING.md` says how to add one.
 
 pub mod cafe_talk;
+pub mod emoface;
 pub mod freetalk;
 
 mod slider;

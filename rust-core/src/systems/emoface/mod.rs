@@ -1,0 +1,8 @@
+//! EmoFace (Lin et al. 2025): two branches hear what is said and how it is felt; Mesh Attention mixes them.
+
+mod branch;
+mod config;
+mod model;
+
+pub use config::{EmoFaceConfig, Fusion};
+pub use model::{Heard as HeardFrame, MadeFrame, Model, Progressing};

@@ -1,0 +1,285 @@
+//! The whole network, one frame after another: two branches, and Mesh Attention that mixes them.
+//!
+//! Lin et al. 2025, section 3; twin of `training/systems/emoface/model.py`. The formula of the fusion is not
+//! printed there; here it is `M = w ⊙ M^e + (1 − w) ⊙ M^c` with a sigmoid for `w`.
+
+use ndarray::{Array1, Array2, ArrayView1, ArrayView2};
+
+use super::{
+    EmoFaceConfig, Fusion,
+    branch::{Branch, Frame},
+};
+use crate::{
+    Error, Result,
+    nn::{
+        Weights,
+        biased_attention::KeptRows,
+        elementwise::{gelu, gelu_all, sigmoid},
+        linear::Linear,
+        spiral_conv::{SeenRows, SpiralConv},
+    },
+};
+
+/// The weights.
+pub struct Model {
+    config: EmoFaceConfig,
+    content_in: Linear,
+    feeling_in: Linear,
+    /// `[styles, d]`.
+    style: Array2<f32>,
+    /// `[2, d]`: level 0 and level 1.
+    level: Array2<f32>,
+    content: Branch,
+    feeling: Branch,
+    attention: MeshAttention,
+    /// `[feelings, E]`: what is heard of each feeling on average.
+    prototypes: Array2<f32>,
+}
+
+/// For every vertex and frame how far the emotion branch is believed (§3.2).
+struct MeshAttention {
+    content: Linear,
+    feeling: Linear,
+    joint: Linear,
+    conv: SpiralConv,
+    out: Linear,
+}
+
+/// Of one frame in metres: `[3 V]` each, and the mask `[V]`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MadeFrame {
+    /// Both branches under the mask.
+    pub motion: Vec<f32>,
+    /// The content branch alone.
+    pub content: Vec<f32>,
+    /// The emotion branch alone.
+    pub feeling: Vec<f32>,
+    /// `w`, 0 to 1.
+    pub mask: Vec<f32>,
+}
+
+/// What is heard and told of one frame.
+#[derive(Clone, Copy)]
+pub struct Heard<'a> {
+    /// Features of the speech encoder.
+    pub content: ArrayView1<'a, f32>,
+    /// Features of the emotion encoder.
+    pub feeling: ArrayView1<'a, f32>,
+    /// Number of the speaking style.
+    pub style: usize,
+    /// Of feeling, 0 to 1.5.
+    pub level: f32,
+}
+
+/// A performance in progress.
+#[derive(Clone)]
+pub struct Progressing {
+    frame: usize,
+    /// `[3 V]` in units of the model.
+    before: Vec<f32>,
+    kept: [KeptRows; 2],
+    seen: SeenRows,
+}
+
+impl Model {
+    /// From the parts of a model.
+    ///
+    /// # Errors
+    /// `Weights` if an array is missing or has another shape.
+    pub fn new(config: EmoFaceConfig, weights: &Weights) -> Result<Self> {
+        let EmoFaceConfig {
+            channels, width, ..
+        } = config;
+        let linear = |name: &str, inputs| Linear::load(&weights.pp(name), inputs, channels);
+        let (styles, feelings) = (config.styles.len(), config.feelings.len());
+        Ok(Model {
+            content_in: linear("content_in", config.speech.channels)?,
+            feeling_in: linear("feeling_in", config.feeling_channels)?,
+            style: weights.matrix("style.weight", styles, width)?,
+            level: weights.matrix("level", 2, width)?,
+            content: Branch::load(&weights.pp("content"), &config)?,
+            feeling: Branch::load(&weights.pp("feeling"), &config)?,
+            attention: MeshAttention::load(weights, &config)?,
+            prototypes: weights.matrix("prototypes", feelings, config.feeling_channels)?,
+            config,
+        })
+    }
+
+    /// Sizes, names and rates.
+    pub fn config(&self) -> &EmoFaceConfig {
+        &self.config
+    }
+
+    /// What is heard on average of the taught feelings in these shares, `[E]`.
+    pub fn prototype(&self, shares: &[f32]) -> Array1<f32> {
+        ArrayView1::from(shares).dot(&self.prototypes)
+    }
+
+    /// Before the first frame: at rest, or in the pose `first` `[V, 3]` metres.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a pose of another number of vertices or one that is not finite.
+    pub fn start(&self, first: Option<ArrayView2<'_, f32>>) -> Result<Progressing> {
+        let vertices = self.config.vertices;
+        let mut before = vec![0.0; 3 * vertices];
+        if let Some(first) = first {
+            if first.dim() != (vertices, 3) || first.iter().any(|x| !x.is_finite()) {
+                return Err(Error::InvalidInput(format!(
+                    "first pose: expected {vertices} finite displacements, got {:?}",
+                    first.dim()
+                )));
+            }
+            for (to, from) in before.iter_mut().zip(first) {
+                *to = from / self.config.scale_m;
+            }
+        }
+        Ok(Progressing {
+            frame: 0,
+            before,
+            kept: Default::default(),
+            seen: SeenRows::new(),
+        })
+    }
+
+    /// The next frame.
+    pub fn step(&self, heard: Heard<'_>, state: &mut Progressing) -> MadeFrame {
+        let EmoFaceConfig {
+            channels,
+            vertices,
+            scale_m,
+            ..
+        } = self.config;
+        let (mut content, mut feeling) = (vec![0.0; channels], vec![0.0; channels]);
+        self.content_in
+            .forward_row(&heard.content.to_vec(), &mut content);
+        self.feeling_in
+            .forward_row(&heard.feeling.to_vec(), &mut feeling);
+        let plain = self.style.row(heard.style);
+        let level = |row: usize| self.level.row(row);
+        let felt = &plain + &(&level(0) * (1.0 - heard.level)) + &(&level(1) * heard.level);
+        let mask = self.attention.step(&content, &feeling, &mut state.seen);
+        let mut made = [vec![0.0; 3 * vertices], vec![0.0; 3 * vertices]];
+        let branches = [
+            (&self.content, &content, plain.to_vec()),
+            (&self.feeling, &feeling, felt.to_vec()),
+        ];
+        for (((branch, heard, condition), out), kept) in
+            branches.iter().zip(&mut made).zip(&mut state.kept)
+        {
+            let frame = Frame {
+                number: state.frame,
+                before: &state.before,
+                heard,
+                condition,
+            };
+            branch.step(frame, kept, out);
+        }
+        let [content, feeling] = made;
+        let mixed = |i: usize, w: f32| match self.config.fusion {
+            Fusion::MeshAttention => w * feeling[i] + (1.0 - w) * content[i],
+            Fusion::Sum => content[i] + feeling[i],
+        };
+        let motion: Vec<f32> = (0..3 * vertices).map(|i| mixed(i, mask[i / 3])).collect();
+        state.before.copy_from_slice(&motion);
+        state.frame += 1;
+        let metres = |values: Vec<f32>| values.into_iter().map(|x| x * scale_m).collect();
+        MadeFrame {
+            motion: metres(motion),
+            content: metres(content),
+            feeling: metres(feeling),
+            mask,
+        }
+    }
+}
+
+impl MeshAttention {
+    fn load(weights: &Weights, config: &EmoFaceConfig) -> Result<Self> {
+        let EmoFaceConfig {
+            channels,
+            vertices,
+            kernel,
+            delta,
+            ..
+        } = *config;
+        let (quarter, few) = (channels / 4, channels / 16);
+        let spirals = weights.matrix("spirals", vertices, kernel)?;
+        let spirals = spirals.mapv(|vertex| vertex as usize);
+        let weights = weights.pp("mesh_attention");
+        let places = weights.matrix("places", vertices, few)?;
+        let linear = |name: &str, inputs, outputs| Linear::load(&weights.pp(name), inputs, outputs);
+        Ok(MeshAttention {
+            content: linear("content", channels, quarter)?,
+            feeling: linear("feeling", channels, quarter)?,
+            joint: linear("joint", 2 * quarter, few)?,
+            conv: SpiralConv::load(&weights.pp("conv"), &spirals, places.view(), few, delta)?,
+            out: linear("out", few, 1)?,
+        })
+    }
+
+    /// The mask of the next frame, `[V]`.
+    fn step(&self, content: &[f32], feeling: &[f32], seen: &mut SeenRows) -> Vec<f32> {
+        let quarter = self.content.outputs();
+        let mut parts = vec![0.0; 2 * quarter];
+        self.content.forward_row(content, &mut parts[..quarter]);
+        self.feeling.forward_row(feeling, &mut parts[quarter..]);
+        gelu_all(&mut parts);
+        let mut heard = vec![0.0; self.joint.outputs()];
+        self.joint.forward_row(&parts, &mut heard);
+        gelu_all(&mut heard);
+        let around = self.conv.step(&heard, seen);
+        let weight = self.out.weight();
+        let logit = |row: ArrayView1<'_, f32>| {
+            let terms = row.iter().enumerate();
+            let sum: f32 = terms.map(|(c, x)| gelu(*x) * weight[(c, 0)]).sum();
+            sum + self.out.bias()[0]
+        };
+        around.outer_iter().map(|row| sigmoid(logit(row))).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::nn::golden::{Golden, distance};
+
+    #[test]
+    fn agrees_with_pytorch_frame_after_frame() {
+        let golden = Golden::open("emoface_debug");
+        let config = EmoFaceConfig::from_json(&golden.metadata("config")).unwrap();
+        let model = Model::new(config, &golden.weights()).unwrap();
+        let (content, feeling) = (golden.matrix("content"), golden.matrix("feeling"));
+        let level = golden.values("level");
+        let first = golden.matrix("first");
+        let mut state = model.start(Some(first.view())).unwrap();
+        let expected = ["motion", "content_motion", "feeling_motion", "mask"];
+        let expected = expected.map(|name| golden.matrix(name));
+        let mut largest = 0.0f32;
+        for t in 0..content.nrows() {
+            let heard = Heard {
+                content: content.row(t),
+                feeling: feeling.row(t),
+                style: 1,
+                level: level[t],
+            };
+            let made = model.step(heard, &mut state);
+            let parts = [made.motion, made.content, made.feeling, made.mask];
+            for (part, expected) in parts.iter().zip(&expected) {
+                largest = largest.max(distance(part, expected.row(t)));
+            }
+        }
+        assert!(largest < 1e-4, "{largest}");
+        let shares = golden.values("shares");
+        let prototype = model.prototype(&shares);
+        assert!(distance(&prototype, &golden.values("prototype")) < 1e-5);
+    }
+
+    #[test]
+    fn a_first_pose_of_another_mesh_is_refused() {
+        let golden = Golden::open("emoface_debug");
+        let config = EmoFaceConfig::from_json(&golden.metadata("config")).unwrap();
+        let model = Model::new(config, &golden.weights()).unwrap();
+        let strange = Array2::zeros((7, 3));
+        let refused = model.start(Some(strange.view())).err().unwrap();
+        assert!(refused.to_string().contains("expected 90 finite"), "{refused}");
+    }
+}

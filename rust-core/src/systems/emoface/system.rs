@@ -1,0 +1,252 @@
+//! EmoFace as a [`System`]: speech, and how somebody feels it, to motion of a template and its landmarks.
+
+use std::{path::Path, sync::Arc};
+
+use ndarray::{Array1, Array2, Array3};
+
+use super::{EmoFaceConfig, HeardFrame, MadeFrame, Model};
+use crate::{
+    Error, Result,
+    conditions::{
+        Control, ControlStage, ControlValues, EMOTIONS, EmotionCurve, MotionRequest,
+    },
+    deform::LEARNED,
+    ibug::LANDMARKS,
+    models::{BuiltIn, built_in},
+    motion::{
+        self, Cues, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion,
+        PERFORMANCE_CONTROLS, PerformanceControls,
+    },
+    nn::Weights,
+    progress::{ProgressFn, report},
+    speech::{Heard, SpeechInput},
+    systems::{Registration, System},
+};
+
+/// Built-in weights.
+pub static MODEL: BuiltIn = built_in!("emoface_compact", Some("emoface"));
+
+const VOICE: usize = 0;
+const EMOTION: usize = 1;
+
+/// What the emotion branch hears.
+static FEELING_FROM: Control = Control {
+    name: "feeling_from",
+    label: "Feeling From",
+    help: "What the emotion branch hears: this voice, or the recording given beside it (voice); the emotion \
+           that is asked for (emotion); or a voice that feels nothing (off).",
+    unit: "",
+    values: ControlValues::Choice(&["voice", "emotion", "off"]),
+    low: 0.0,
+    high: 2.0,
+    default: 0.0,
+    neutral: 0.0,
+    stage: ControlStage::Motion,
+    is_animatable: false,
+};
+
+/// The level `l` of feeling.
+static LEVEL: Control = Control {
+    name: "feeling_level",
+    label: "Feeling Level",
+    help: "How strongly the feeling shows; 1 as listeners agreed on it, 0 not at all.",
+    values: ControlValues::Real,
+    high: 1.5,
+    default: 1.0,
+    neutral: 1.0,
+    ..FEELING_FROM
+};
+
+/// Which part is shown.
+static LAYER: Control = Control {
+    name: "layer",
+    label: "Layer",
+    help: "Both branches under the mask (both), what is said alone (content), or how it is felt alone (feeling).",
+    values: ControlValues::Choice(&["both", "content", "feeling"]),
+    ..FEELING_FROM
+};
+
+static OWN_CONTROLS: &[Control] = &[FEELING_FROM, LEVEL, LAYER, LEARNED];
+
+/// How the registry knows EmoFace.
+pub static REGISTRATION: Registration = Registration {
+    name: "emoface",
+    label: "EmoFace",
+    help: "What is said and how it is felt are heard apart, from one voice or from two, and move the face \
+           together.",
+    models: &[&MODEL],
+    controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
+    takes_events: false,
+    open: |folder| Ok(Box::new(EmoFace::open(folder)?)),
+};
+
+/// Both branches with everything that makes a performance of their motion.
+pub struct EmoFace {
+    model: Model,
+    modes: Arc<FaceModes>,
+    expressions: Arc<Expressions>,
+}
+
+impl EmoFace {
+    /// The built-in models, or those of `folder`.
+    ///
+    /// # Errors
+    /// `Weights` or `Io` if a file is missing, truncated or does not fit its config.
+    pub fn open(folder: Option<&Path>) -> Result<Self> {
+        let files = MODEL.open(folder)?;
+        let config = EmoFaceConfig::from_json(&files.config)?;
+        Ok(EmoFace {
+            model: Model::new(config, &Weights::from_bytes(&files.weights)?)?,
+            modes: Arc::new(FaceModes::open(folder)?),
+            expressions: Arc::new(Expressions::open(folder)?),
+        })
+    }
+
+    fn config(&self) -> &EmoFaceConfig {
+        self.model.config()
+    }
+
+    fn style(&self, name: Option<&str>) -> Result<usize> {
+        let EmoFaceConfig {
+            styles,
+            default_style,
+            ..
+        } = self.config();
+        let name = name.unwrap_or(default_style);
+        styles
+            .iter()
+            .position(|style| style == name)
+            .ok_or_else(|| {
+                let known = styles.join(", ");
+                Error::InvalidInput(format!("style: expected one of {known}, got {name:?}"))
+            })
+    }
+
+    /// What the emotion branch hears in each frame, `[T, E]`, and the level there, `[T]`.
+    fn feeling(
+        &self,
+        heard: &Heard,
+        request: &MotionRequest,
+        frames: usize,
+    ) -> Result<(Array2<f32>, Vec<f32>)> {
+        let fps = self.config().fps;
+        let level = LEVEL.value(&request.controls);
+        let from = FEELING_FROM.value(&request.controls) as usize;
+        if from == VOICE {
+            let track = request.feeling.as_deref().unwrap_or(&heard.feeling);
+            return Ok((track.stretched(frames, fps, heard.duration_s), vec![level; frames]));
+        }
+        let curve = match from {
+            EMOTION => &request.emotion,
+            _ => &EmotionCurve::Off,
+        };
+        let affect = curve.sample(frames, fps);
+        let mut rows = Array2::zeros((frames, self.config().feeling_channels));
+        let mut levels = vec![0.0; frames];
+        for (t, told) in affect.outer_iter().enumerate() {
+            let (shares, strength) = (told.to_vec(), told[EMOTIONS.len()]);
+            rows.row_mut(t).assign(&self.prototype(&shares[..EMOTIONS.len()])?);
+            levels[t] = level * strength;
+        }
+        Ok((rows, levels))
+    }
+
+    /// What is heard on average of a mixture of the fifteen emotions.
+    fn prototype(&self, mixture: &[f32]) -> Result<Array1<f32>> {
+        let feelings = &self.config().feelings;
+        let mut shares = vec![0.0; feelings.len()];
+        for (name, share) in EMOTIONS.iter().zip(mixture) {
+            match feelings.iter().position(|known| known == name) {
+                Some(place) => shares[place] = *share,
+                None if *share == 0.0 => {}
+                None => {
+                    return Err(Error::InvalidInput(format!(
+                        "emotion: expected what the emotion branch was taught ({}), got {name}",
+                        feelings.join(", ")
+                    )));
+                }
+            }
+        }
+        Ok(self.model.prototype(&shares))
+    }
+
+    /// The landmarks of the layer that is asked for, `[68, 3]` metres.
+    fn shown(&self, made: &MadeFrame, layer: usize) -> Array2<f32> {
+        let values = match layer {
+            0 => &made.motion,
+            1 => &made.content,
+            _ => &made.feeling,
+        };
+        let at = &self.config().landmarks;
+        Array2::from_shape_fn((LANDMARKS, 3), |(n, axis)| values[3 * at[n] + axis])
+    }
+}
+
+impl System for EmoFace {
+    fn speech(&self) -> Option<&SpeechInput> {
+        Some(&self.config().speech)
+    }
+
+    fn sample(
+        &self,
+        heard: &Heard,
+        request: &MotionRequest,
+        progress: ProgressFn<'_>,
+    ) -> Result<Motion> {
+        let fps = self.config().fps;
+        let content = heard.features(fps);
+        let frames = content.nrows();
+        let (feeling, levels) = self.feeling(heard, request, frames)?;
+        let style = self.style(request.style.as_deref())?;
+        let layer = LAYER.value(&request.controls) as usize;
+        let mut state = self.model.start(None)?;
+        let mut displacements = Array3::zeros((frames, LANDMARKS, 3));
+        for (t, mut frame) in displacements.outer_iter_mut().enumerate() {
+            report(progress, "sample", t as f32 / frames as f32)?;
+            let now = HeardFrame {
+                content: content.row(t),
+                feeling: feeling.row(t),
+                style,
+                level: levels[t],
+            };
+            let made = self.model.step(now, &mut state);
+            frame.assign(&self.shown(&made, layer));
+        }
+        report(progress, "sample", 1.0)?;
+        let wanted = heard.frames(request.fps);
+        let mut clip = LandmarkClip { displacements, fps }.at_rate(request.fps, wanted);
+        motion::close_lips(&mut clip, &heard.closures(request.closures.as_deref()));
+        Ok(Motion::Landmarks(clip))
+    }
+
+    fn perform(
+        &self,
+        sampled: &Motion,
+        heard: &Heard,
+        request: &MotionRequest,
+        blink_emotion: &EmotionCurve,
+    ) -> Result<Motion> {
+        let Motion::Landmarks(clip) = sampled else {
+            return Ok(sampled.clone());
+        };
+        let frames = sampled.frames();
+        let affect = request.emotion.sample(frames, clip.fps);
+        let blink_affect = blink_emotion.sample(frames, clip.fps);
+        let cues = Cues {
+            affect: affect.view(),
+            blink_affect: blink_affect.view(),
+            expressions: &self.expressions,
+            emotion_origin: EmotionOrigin::Learned,
+            speech_only: request.emotion == EmotionCurve::Off,
+            prosody: &heard.prosody,
+            seed: request.seed,
+        };
+        let controls = PerformanceControls::from(&request.controls);
+        let performed = self.modes.perform(clip, &cues, &controls)?;
+        Ok(Motion::Landmarks(performed))
+    }
+
+    fn styles(&self) -> &[String] {
+        &self.config().styles
+    }
+}

@@ -1,0 +1,64 @@
+"""Golden of EmoFace: a performance of 30 frames from a first pose, longer than the look-back."""
+
+import json
+from pathlib import Path
+
+import torch
+from safetensors.torch import save_file
+
+from training.nn.spiral_conv import spirals
+from training.speech.golden_compact import randomise_norms
+from training.systems.emoface.model import EmoFace, Given, debug_config
+
+COMMAND = "python -m training.goldens emoface"
+FRAMES, STYLE = 30, 1
+
+
+def write(out: Path, shared: Path) -> Path:
+    """`weights.*`; `content`, `feeling`, `level`, `first` → `motion`, `content_motion`, `feeling_motion` [T, 3 V]
+    metres, `mask` [T, V]; `shares` → `prototype`. `shared` is not used.
+    """
+    torch.manual_seed(23)
+    config = debug_config()
+    config.landmarks = list(range(68))
+    points = torch.rand(config.vertices, 3).numpy()
+    triangles = torch.randint(0, config.vertices, (300, 3))
+    triangles = torch.cat([triangles, torch.arange(config.vertices).unfold(0, 3, 3)])
+    triangles = triangles[triangles.diff(dim=1).abs().min(dim=1).values > 0]
+    triangles = triangles[triangles[:, 0] != triangles[:, 2]].numpy()
+    around = spirals(points, triangles, config.kernel, config.dilation)
+    model = EmoFace(config, around).eval()
+    randomise_norms(model)
+    with torch.no_grad():
+        for branch in (model.content, model.feeling):
+            branch.motion_out.weight.normal_(std=0.2)
+            branch.motion_out.bias.normal_(std=0.2)
+        model.prototypes.normal_()
+        model.mesh_attention.out.weight.normal_()
+    given = Given(
+        torch.randn(1, FRAMES, config.speech.channels),
+        torch.randn(1, FRAMES, config.feeling_channels),
+        torch.tensor([STYLE]),
+        torch.linspace(0.0, 1.5, FRAMES)[None],
+    )
+    first = torch.randn(1, 3 * config.vertices)
+    made = model.perform(given, first)
+    shares = torch.softmax(torch.randn(len(config.feelings)), dim=0)
+    tensors = {f"weights.{key}": value for key, value in model.state_dict().items()}
+    tensors |= {
+        "weights.spirals": torch.from_numpy(around).float(),
+        "content": given.content[0],
+        "feeling": given.feeling[0],
+        "level": given.level[0],
+        "first": (first * config.scale_m).unflatten(1, (-1, 3))[0],
+        "motion": made.motion[0] * config.scale_m,
+        "content_motion": made.content[0] * config.scale_m,
+        "feeling_motion": made.feeling[0] * config.scale_m,
+        "mask": made.mask[0],
+        "shares": shares,
+        "prototype": shares @ model.prototypes,
+    }
+    path = out / "emoface_debug.safetensors"
+    metadata = {"config": json.dumps(config.to_json()), "tolerance": "1e-4", "command": COMMAND}
+    save_file({key: value.contiguous() for key, value in tensors.items()}, path, metadata)
+    return path

@@ -1,0 +1,233 @@
+"""EmoFace: two branches that move a template frame after frame, and Mesh Attention that mixes them (§3).
+
+Both encoders are frozen and come from outside: content is heard by a speech encoder, feeling by
+`training.systems.emoface.feeling`. Displacements are metres; inside they are divided by `scale_m`.
+
+Shapes: `T` frames, `V` template vertices, `D` = 3 V, `C` channels of heard features, `d` width of a branch.
+Differs from the paper: attention to the own frame alone is a linear layer of it, so it is one here; the
+level of feeling enters the emotion branch alone; the formula of the fusion is not printed (see `EmoFace`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from training.nn.biased_attention import BiasedSelfAttention, periodic_positions
+from training.nn.spiral_conv import SpiralConv3D
+from training.systems.cafe_talk.denoiser import SpeechInput
+
+ANY_STYLE = "any"
+FEELINGS = ["neutral", "angry", "happy", "afraid", "sad", "disgusted", "calm"]
+"""What the emotion branch was taught, by the project's names."""
+
+
+@dataclass
+class EmoFaceConfig:
+    """Everything that inference has to know; saved as config.json."""
+
+    system: str = "emoface"
+    model: str = "emoface"
+    name: str = "compact"
+    template: str = "ict"
+    vertices: int = 2000
+    fps: float = 25.0
+    width: int = 128
+    heads: int = 4
+    period: int = 25
+    look_back: int = 600
+    channels: int = 192
+    kernel: int = 18
+    dilation: int = 2
+    delta: int = 3
+    scale_m: float = 5e-3
+    fusion: str = "mesh_attention"
+    speech: SpeechInput = field(default_factory=SpeechInput)
+    feeling_channels: int = 64
+    feelings: list[str] = field(default_factory=lambda: list(FEELINGS))
+    styles: list[str] = field(default_factory=lambda: ["grid_s1", "facegood_zh", "emodb_de", ANY_STYLE])
+    default_style: str = ANY_STYLE
+    landmarks: list[int] = field(default_factory=list)
+
+    def to_json(self) -> dict:
+        """As written to config.json."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, data: dict) -> EmoFaceConfig:
+        """Reads what `to_json` wrote."""
+        data = dict(data)
+        data["speech"] = SpeechInput(**data["speech"])
+        return cls(**data)
+
+
+@dataclass
+class Template:
+    """The mesh whose vertices move: `vertices` [V, 3] metres, canonical; `triangles` [F, 3]; `landmarks` [68]."""
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    landmarks: np.ndarray
+
+
+class Branch(nn.Module):
+    """FaceFormer's decoder of one layer: frames before → the next frame."""
+
+    def __init__(self, config: EmoFaceConfig):
+        super().__init__()
+        width, size = config.width, 3 * config.vertices
+        self.period = config.period
+        self.motion_in = nn.Linear(size, width)
+        self.self_attn = BiasedSelfAttention(width, config.heads, config.period, config.look_back)
+        self.own_frame = nn.Linear(config.channels, width)
+        self.linear1, self.linear2 = nn.Linear(width, 2 * width), nn.Linear(2 * width, width)
+        self.norm1, self.norm2, self.norm3 = (nn.LayerNorm(width) for _ in range(3))
+        self.motion_out = nn.Linear(width, size)
+        nn.init.zeros_(self.motion_out.weight)
+        nn.init.zeros_(self.motion_out.bias)
+
+    def forward(self, before: Tensor, heard: Tensor, condition: Tensor) -> Tensor:
+        """`before` [B, T, D] each frame's own past frame, `heard` [B, T, C], `condition` [B, T, d] → [B, T, D]."""
+        x = self._entered(before, condition, 0)
+        return self._left(self.norm1(x + self.self_attn(x)), heard)
+
+    def step(self, before: Tensor, heard: Tensor, condition: Tensor, frame: int, kept: list) -> Tensor:
+        """As `forward` for frame number `frame` alone, [B, 1, …]."""
+        x = self._entered(before, condition, frame)
+        return self._left(self.norm1(x + self.self_attn.step(x, kept)), heard)
+
+    def _entered(self, before: Tensor, condition: Tensor, frame: int) -> Tensor:
+        x = self.motion_in(before) + condition
+        return x + periodic_positions(frame, x.shape[1], x.shape[2], self.period).to(x)
+
+    def _left(self, x: Tensor, heard: Tensor) -> Tensor:
+        x = self.norm2(x + self.own_frame(heard))
+        x = self.norm3(x + self.linear2(F.gelu(self.linear1(x))))
+        return self.motion_out(x)
+
+
+class MeshAttention(nn.Module):
+    """For every vertex and frame how far the emotion branch is believed, 0 to 1 (§3.2)."""
+
+    def __init__(self, config: EmoFaceConfig, spirals: np.ndarray):
+        super().__init__()
+        channels = config.channels
+        self.content = nn.Linear(channels, channels // 4)
+        self.feeling = nn.Linear(channels, channels // 4)
+        self.joint = nn.Linear(channels // 2, channels // 16)
+        self.places = nn.Parameter(0.5 * torch.randn(config.vertices, channels // 16))
+        self.conv = SpiralConv3D(spirals, channels // 16, channels // 16, config.delta)
+        self.out = nn.Linear(channels // 16, 1)
+
+    def heard(self, content: Tensor, feeling: Tensor) -> Tensor:
+        """F_audio: [B, T, C] twice → [B, T, C/16]."""
+        parts = F.gelu(self.content(content)), F.gelu(self.feeling(feeling))
+        return F.gelu(self.joint(torch.cat(parts, dim=-1)))
+
+    def forward(self, content: Tensor, feeling: Tensor) -> Tensor:
+        """[B, T, C] twice → w [B, T, V]."""
+        around = self.conv.of_sum(self.heard(content, feeling), self.places)
+        return torch.sigmoid(self.out(F.gelu(around))[..., 0])
+
+
+@dataclass
+class Given:
+    """What a stretch is made from: `content` [B, T, speech channels], `feeling` [B, T, feeling channels],
+    `style` [B], `level` [B, T] of feeling from 0 to 1.5.
+    """
+
+    content: Tensor
+    feeling: Tensor
+    style: Tensor
+    level: Tensor
+
+
+@dataclass
+class Made:
+    """`motion`, `content`, `feeling` [B, T, D] in units of `scale_m`; `mask` [B, T, V] is w."""
+
+    motion: Tensor
+    content: Tensor
+    feeling: Tensor
+    mask: Tensor
+
+
+class EmoFace(nn.Module):
+    """`M = w ⊙ M^e + (1 − w) ⊙ M^c` with w of Mesh Attention; or `M^c + M^e`, table 3's "w/o Mesh Attention"."""
+
+    def __init__(self, config: EmoFaceConfig, spirals: np.ndarray):
+        super().__init__()
+        self.config = config
+        self.content_in = nn.Linear(config.speech.channels, config.channels)
+        self.feeling_in = nn.Linear(config.feeling_channels, config.channels)
+        self.style = nn.Embedding(len(config.styles), config.width)
+        self.level = nn.Parameter(0.1 * torch.randn(2, config.width))
+        self.content, self.feeling = Branch(config), Branch(config)
+        self.mesh_attention = MeshAttention(config, spirals)
+        self.register_buffer("prototypes", torch.zeros(len(config.feelings), config.feeling_channels))
+
+    def forward(self, before: Tensor, given: Given) -> Made:
+        """`before` [B, T, D] is the frame before each frame, in units of `scale_m`."""
+        content, feeling = self.content_in(given.content), self.feeling_in(given.feeling)
+        plain, felt = self._conditions(given)
+        parts = self.content(before, content, plain), self.feeling(before, feeling, felt)
+        return self.fused(*parts, self.mesh_attention(content, feeling))
+
+    def _conditions(self, given: Given) -> tuple[Tensor, Tensor]:
+        style = self.style(given.style)[:, None]
+        level = given.level[..., None]
+        return style.expand(-1, level.shape[1], -1), style + (1.0 - level) * self.level[0] + level * self.level[1]
+
+    def fused(self, content: Tensor, feeling: Tensor, mask: Tensor) -> Made:
+        """Both branches [B, T, D] under the mask [B, T, V]."""
+        if self.config.fusion == "sum":
+            return Made(content + feeling, content, feeling, mask)
+        w = mask.repeat_interleave(3, dim=-1)
+        return Made(w * feeling + (1.0 - w) * content, content, feeling, mask)
+
+    @torch.no_grad()
+    def perform(self, given: Given, first: Tensor | None = None) -> Made:
+        """Frame after frame from a first pose [B, D] (the template if none)."""
+        content, feeling = self.content_in(given.content), self.feeling_in(given.feeling)
+        plain, felt = self._conditions(given)
+        mask = self.mesh_attention(content, feeling)
+        rows, size = given.style.shape[0], 3 * self.config.vertices
+        before = (torch.zeros(rows, size) if first is None else first)[:, None]
+        kept, frames = ([], []), []
+        for t in range(content.shape[1]):
+            now = slice(t, t + 1)
+            made = self.fused(self.content.step(before, content[:, now], plain[:, now], t, kept[0]),
+                              self.feeling.step(before, feeling[:, now], felt[:, now], t, kept[1]),
+                              mask[:, now])  # fmt: skip
+            frames.append(made)
+            before = made.motion
+        parts = ("motion", "content", "feeling", "mask")
+        return Made(*(torch.cat([getattr(f, part) for f in frames], dim=1) for part in parts))
+
+
+def compact_config(vertices: int = 2000) -> EmoFaceConfig:
+    """The default model."""
+    return EmoFaceConfig(vertices=vertices)
+
+
+def debug_config(vertices: int = 90) -> EmoFaceConfig:
+    """A tiny model for tests."""
+    return EmoFaceConfig(
+        name="debug", vertices=vertices, width=16, period=5, look_back=12, channels=32, kernel=6,
+        speech=SpeechInput(channels=16), feeling_channels=8,
+    )  # fmt: skip
+
+
+def paper_config(vertices: int = 5023) -> EmoFaceConfig:
+    """FLAME's vertices, wav2vec2's 768 channels twice, 30 fps (§4 and appendix A.1); the width is FaceFormer's."""
+    return EmoFaceConfig(
+        name="paper", template="own", vertices=vertices, fps=30.0, period=30, width=64, channels=768,
+        speech=SpeechInput("wav2vec2", 768), feeling_channels=768,
+    )  # fmt: skip
+
+
+CONFIGS = {"compact": compact_config, "debug": debug_config, "paper": paper_config}

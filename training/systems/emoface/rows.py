@@ -1,0 +1,143 @@
+"""What EmoFace trains on: stretches of speech under a feeling, their own or that of another recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from training.conditions import EMOTIONS
+from training.corpus.felt import with_emotion
+from training.corpus.windows import interpolate
+from training.systems.emoface.model import ANY_STYLE, EmoFaceConfig, Given
+
+NEUTRAL = "neutral"
+NEUTRAL_SHARE = 0.45
+"""Rows of recorded neutral speech that stay neutral; the others take the feeling of another recording."""
+OWN_SHARE = 0.5
+"""Rows of felt speech with their own feeling: eq. 7; the others are the paper's crossed pairs, eq. 8."""
+CHANGING_SHARE = 0.25
+LEVEL_ONE_SHARE, HIGHEST_LEVEL = 0.4, 1.5
+UNNAMED_STYLE_SHARE = 0.5
+CHANGE_FRAMES = 10
+TEMPO_OCTAVES = 0.25
+
+
+@dataclass
+class Spoken:
+    """A clip: `content` [voices][T, C], `feeling` [T, E] as its encoder hears it, `weights` [T, 51] of neutral
+    speech. `label` is how it was felt, `share` how far listeners agreed, 0 to 1.
+    """
+
+    name: str
+    source: str
+    held_out: bool
+    content: list[Tensor]
+    feeling: Tensor
+    weights: Tensor
+    label: str = NEUTRAL
+    share: float = 1.0
+
+    def __len__(self) -> int:
+        return len(self.weights)
+
+
+@dataclass
+class Batch:
+    """`given` as the model takes it; `weights` [B, T, 51] of the felt face, `first` [B, 51] of the frame before."""
+
+    given: Given
+    weights: Tensor
+    first: Tensor
+
+
+class Rows:
+    """Draws batches of rows."""
+
+    def __init__(self, clips: list[Spoken], config: EmoFaceConfig, shares: dict[str, float], seed: int, met):
+        self.config, self.met = config, met
+        self.random = np.random.default_rng(seed)
+        self.clips = {s: [c for c in clips if c.source == s and not c.held_out] for s in shares}
+        empty = [s for s, found in self.clips.items() if not found]
+        if empty:
+            raise ValueError(f"{empty[0]}: expected training clips, got none")
+        self.sources = list(shares)
+        self.shares = np.array(list(shares.values())) / sum(shares.values())
+        felt = [c for group in self.clips.values() for c in group]
+        self.felt = {f: [c for c in felt if c.label == f] for f in config.feelings}
+
+    def batch(self, count: int, frames: int) -> Batch:
+        """`count` rows of `frames` frames."""
+        rows = [self._row(frames) for _ in range(count)]
+        content, feeling, style, level, weights, first = (torch.stack(x) for x in zip(*rows, strict=True))
+        return Batch(Given(content, feeling, style, level), weights, first)
+
+    def _row(self, frames: int):
+        source = self.sources[int(self.random.choice(len(self.sources), p=self.shares))]
+        clip = self._long_enough(self.clips[source], frames)
+        tempo = 2.0 ** self.random.uniform(-TEMPO_OCTAVES, TEMPO_OCTAVES)
+        tempo = min(tempo, (len(clip) - 2) / frames)
+        start = self.random.uniform(0.0, max(len(clip) - 1 - frames * tempo, 0.0))
+        if self.random.random() < 0.3:
+            start = 0.0
+        at = start + torch.arange(-1, frames) * tempo
+        content = interpolate(clip.content[int(self.random.integers(len(clip.content)))].float(), at[1:])
+        spoken = interpolate(clip.weights, at.clamp_min(0.0))
+        if start == 0.0:
+            spoken[0] = 0.0
+        feeling, emotion, share = self._feeling(clip, at, frames)
+        level = float(self.random.uniform(0.0, HIGHEST_LEVEL))
+        level = 1.0 if self.random.random() < LEVEL_ONE_SHARE else level
+        felt = with_emotion(spoken, emotion, level * share, self.met(spoken))
+        if start == 0.0:
+            felt[0] = 0.0
+        named = self.config.styles.index(
+            ANY_STYLE if self.random.random() < UNNAMED_STYLE_SHARE else clip.source
+        )
+        return content, feeling, torch.tensor(named), torch.full((frames,), level), felt[1:], felt[0]
+
+    def _feeling(self, clip: Spoken, at: Tensor, frames: int) -> tuple[Tensor, Tensor, Tensor]:
+        """What the emotion branch hears [T, E], and what is felt [T + 1, 15] how strongly [T + 1]."""
+        own = self.random.random() < (NEUTRAL_SHARE if clip.label == NEUTRAL else OWN_SHARE)
+        one = (interpolate(clip.feeling, at[1:]), clip) if own else self._of_another(frames)
+        if self.random.random() >= CHANGING_SHARE:
+            return one[0], mixture(one[1]).expand(frames + 1, -1), torch.full((frames + 1,), one[1].share)
+        two = self._of_another(frames)
+        middle = int(self.random.integers(0, frames))
+        heard = torch.cat([one[0][:middle], two[0][middle:]])
+        share = ((torch.arange(-1, frames) - middle) / CHANGE_FRAMES).clamp(0.0, 1.0)[:, None]
+        felt = (1.0 - share) * mixture(one[1]) + share * mixture(two[1])
+        return heard, felt, ((1.0 - share) * one[1].share + share * two[1].share)[:, 0]
+
+    def _of_another(self, frames: int) -> tuple[Tensor, Spoken]:
+        """A recording of any feeling, stretched from its second half second on to this length."""
+        label = self.config.feelings[int(self.random.integers(len(self.config.feelings)))]
+        group = self.felt[label] or self.felt[NEUTRAL]
+        clip = group[int(self.random.integers(len(group)))]
+        first = self.random.uniform(0.0, 0.4) * (len(clip) - 1)
+        at = torch.linspace(first, len(clip) - 1, frames)
+        return interpolate(clip.feeling, at), clip
+
+    def _long_enough(self, group: list[Spoken], frames: int) -> Spoken:
+        lengths = np.array([max(len(c) - 2, 1) for c in group], float)
+        lengths[lengths < 0.8 * frames] = 1e-9
+        return group[int(self.random.choice(len(group), p=lengths / lengths.sum()))]
+
+
+def mixture(clip: Spoken) -> Tensor:
+    """[15]."""
+    row = torch.zeros(len(EMOTIONS))
+    row[EMOTIONS.index(clip.label)] = 1.0
+    return row
+
+
+def prototypes(clips: list[Spoken], config: EmoFaceConfig) -> Tensor:
+    """Mean of what the emotion encoder hears of each feeling in the last half of its training clips, [7, E]."""
+    out = torch.zeros(len(config.feelings), config.feeling_channels)
+    for row, label in enumerate(config.feelings):
+        heard = [c.feeling[len(c) // 2 :] for c in clips if c.label == label and not c.held_out]
+        if heard:
+            out[row] = torch.cat(heard).mean(dim=0)
+    return out
