@@ -18,7 +18,7 @@ from torch import Tensor
 from training.speech.compact import CompactConfig, CompactEncoder
 from training.systems.freetalk.ats import AtsConfig, AtsDenoiser, Sampling
 
-EXACT = ("mean", "std")
+EXACT = ("mean", "std", "vertices", "triangles", "spirals")
 
 
 def export(run: Path, models: Path, sampling: Sampling | None, style: str | None) -> list[Path]:
@@ -34,10 +34,10 @@ def export(run: Path, models: Path, sampling: Sampling | None, style: str | None
     return folders
 
 
-def write_model(folder: Path, state: dict[str, Tensor], config: dict) -> Path:
-    """`model.safetensors` and `config.json` of one model."""
+def write_model(folder: Path, state: dict[str, Tensor], config: dict, exact: bool = False) -> Path:
+    """`model.safetensors` and `config.json` of one model; `exact` keeps f32 everywhere."""
     folder.mkdir(parents=True, exist_ok=True)
-    stored = {k: v.contiguous() if k in EXACT else v.half().contiguous() for k, v in state.items()}
+    stored = {k: v.contiguous() if exact or k in EXACT else v.half().contiguous() for k, v in state.items()}
     save_file(stored, folder / "model.safetensors")
     (folder / "model.safetensors").chmod(0o644)
     (folder / "config.json").write_text(json.dumps(config, indent=2) + "\n")

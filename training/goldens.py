@@ -21,6 +21,7 @@ GOLDENS = {
     "ats_compact": "training.systems.freetalk.golden_ats",
     "cafe_talk": "training.systems.cafe_talk.golden",
     "emoface": "training.systems.emoface.golden",
+    "feeling": "training.systems.emoface.golden_feeling",
     "static_weights": "training.deform.golden_static_weights",
     "creases": "training.deform.golden_creases",
     "landmarks": "training.landmarks.golden",

@@ -133,7 +133,7 @@ def train(arguments) -> Path:
         arguments.delta or config.delta,
     )
     config.fusion = arguments.fusion
-    clips = load_clips(arguments, config)
+    clips = load_clips(arguments)
     trainer = EmoFaceTrainer(arguments, config, clips)
     optimiser = torch.optim.AdamW(trainer.model.parameters(), arguments.rate, weight_decay=0.01)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, arguments.rate, arguments.steps + 1, pct_start=0.1)

@@ -4,6 +4,7 @@ use std::{
     fmt::{Display, Formatter},
     path::{Path, PathBuf},
     str::FromStr,
+    sync::Arc,
 };
 
 use clap::Args;
@@ -12,11 +13,13 @@ use super::controls::{EmotionArgs, FaceControls, MotionControls};
 use crate::{
     CachePolicy, Engine, EngineOptions, Error, MotionRequest, Result,
     annotation::Annotation,
+    audio::Waveform,
     conditions::{Event, check_fps},
     mesh::{
         Axis, DEFAULT_PROXY, FaceOptions, FixedLandmark, LandmarkSource, ObjectNames, PartChoices,
         PartRole, PartSelector,
     },
+    speech::FeltVoice,
     text::TextUnits,
 };
 
@@ -211,6 +214,9 @@ pub(super) struct MotionArgs {
     /// Events of a JSON file, a list of {"start_s", "end_s", "units": ["12", "45L"], "strength", "over_speech"}
     #[arg(long, value_name = "E.json")]
     events: Option<PathBuf>,
+    /// Another recording of which the feeling is taken (emoface), stretched to the length of the sound
+    #[arg(long, value_name = "OTHER")]
+    feeling: Option<PathBuf>,
 }
 
 impl MotionArgs {
@@ -227,6 +233,14 @@ impl MotionArgs {
         Ok(events)
     }
 
+    fn felt_as(&self) -> Result<Option<Arc<FeltVoice>>> {
+        let Some(path) = &self.feeling else {
+            return Ok(None);
+        };
+        let sound = Waveform::from_file(path)?;
+        FeltVoice::checked(&sound).map(|voice| Some(Arc::new(voice)))
+    }
+
     pub(super) fn request(&self) -> Result<MotionRequest> {
         check_fps(self.fps)?;
         let closures = match &self.sounds {
@@ -241,6 +255,7 @@ impl MotionArgs {
             style: self.style.clone(),
             closures,
             events: self.events()?,
+            felt_as: self.felt_as()?,
         })
     }
 }

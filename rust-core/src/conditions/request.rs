@@ -1,9 +1,9 @@
 //! All that a performance is asked to be.
 
-use std::ops::RangeInclusive;
+use std::{ops::RangeInclusive, sync::Arc};
 
 use super::{Controls, EmotionCurve, Event};
-use crate::{Error, Result};
+use crate::{Error, Result, speech::FeltVoice};
 
 /// Frames per second that a result may have.
 pub const FPS: RangeInclusive<f64> = 1.0..=240.0;
@@ -35,6 +35,9 @@ pub struct MotionRequest {
     pub closures: Option<Vec<[f64; 2]>>,
     /// What the face is to do and when, in any order; they may overlap. Systems that show none refuse them.
     pub events: Vec<Event>,
+    /// Another recording of which the feeling is taken, however long, where a system hears feeling
+    /// (`feeling_from` of EmoFace).
+    pub felt_as: Option<Arc<FeltVoice>>,
 }
 
 impl Default for MotionRequest {
@@ -47,6 +50,7 @@ impl Default for MotionRequest {
             controls: Controls::default(),
             closures: None,
             events: Vec::new(),
+            felt_as: None,
         }
     }
 }

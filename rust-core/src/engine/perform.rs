@@ -127,26 +127,33 @@ impl Engine {
         check_fps(request.fps)?;
         check_closures(request.closures.as_deref().unwrap_or_default())?;
         self.check_events(&request.events)?;
+        let expected = "feeling of another recording: expected a system that hears it";
+        self.able(request.felt_as.is_none(), expected, |system| system.hears_feeling)?;
         let known = self.registration.controls();
         request.controls.check(known, ControlStage::Motion)
     }
 
     fn check_events(&self, events: &[Event]) -> Result<()> {
         events.iter().try_for_each(Event::check)?;
-        let Registration {
-            name, takes_events, ..
-        } = self.registration;
-        match events.is_empty() || *takes_events {
-            true => Ok(()),
-            false => {
-                let able = SYSTEMS.iter().filter(|system| system.takes_events);
-                let able: Vec<&str> = able.map(|system| system.name).collect();
-                Err(Error::InvalidInput(format!(
-                    "events: expected a system that shows them ({}), got {name}",
-                    able.join(", ")
-                )))
-            }
+        self.able(events.is_empty(), "events: expected a system that shows them", |system| {
+            system.takes_events
+        })
+    }
+
+    /// Whether nothing is asked that this system cannot do.
+    fn able(
+        &self,
+        is_asked_nothing: bool,
+        expected: &str,
+        can: fn(&Registration) -> bool,
+    ) -> Result<()> {
+        if is_asked_nothing || can(self.registration) {
+            return Ok(());
         }
+        let able = SYSTEMS.iter().filter(|system| can(system));
+        let able: Vec<&str> = able.map(|system| system.name).collect();
+        let (able, name) = (able.join(", "), self.registration.name);
+        Err(Error::InvalidInput(format!("{expected} ({able}), got {name}")))
     }
 
     /// The request with the emotion that is heard in the voice.

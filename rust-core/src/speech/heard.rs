@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use ndarray::Array2;
 
-use super::{FeatureTrack, SpeechEncoder, at_motion_frames};
+use super::{FeatureTrack, FeltVoice, SpeechEncoder, at_motion_frames};
 use crate::{
     Result,
     audio::{Prosody, Waveform},
@@ -29,6 +29,8 @@ pub struct Heard {
     pub track: FeatureTrack,
     /// Loudness, pitch, effort, syllables and pauses.
     pub prosody: Prosody,
+    /// The voice as an encoder of feelings takes it.
+    pub voice: FeltVoice,
     /// Length of the sound in seconds.
     pub duration_s: f64,
     encoder: Arc<dyn SpeechEncoder>,
@@ -43,6 +45,7 @@ impl Heard {
         Ok(Heard {
             track: encoder.encode(waveform)?,
             prosody: Prosody::of(waveform),
+            voice: FeltVoice::of(waveform),
             duration_s: waveform.duration_s(),
             encoder: Arc::clone(encoder),
         })

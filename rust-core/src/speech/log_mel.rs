@@ -32,7 +32,7 @@ const FLOOR: f32 = 1e-6;
 pub fn log_mel(samples: &[f32]) -> Array2<f32> {
     let mut analyser = MelAnalyser::new();
     let mut stretch = [0.0; FRAME];
-    let mut out = Array2::zeros((1 + samples.len() / HOP, BANDS));
+    let mut out = Array2::zeros((frames_of_samples(samples.len()), BANDS));
     for (i, mut row) in out.outer_iter_mut().enumerate() {
         cut_frame(samples, i, &mut stretch);
         analyser.frame(&stretch, row.as_slice_mut().expect("a row is contiguous"));
@@ -40,7 +40,13 @@ pub fn log_mel(samples: &[f32]) -> Array2<f32> {
     out
 }
 
-fn cut_frame(samples: &[f32], frame: usize, stretch: &mut [f32; FRAME]) {
+/// Frames of so many samples.
+pub(super) fn frames_of_samples(samples: usize) -> usize {
+    1 + samples / HOP
+}
+
+/// The [`FRAME`] samples about frame number `frame`, zeros beyond both ends.
+pub(super) fn cut_frame(samples: &[f32], frame: usize, stretch: &mut [f32; FRAME]) {
     let start = (frame * HOP) as isize - (FRAME / 2) as isize;
     for (k, x) in stretch.iter_mut().enumerate() {
         let at = usize::try_from(start + k as isize).ok();
@@ -93,6 +99,11 @@ impl MelAnalyser {
             let power: f32 = bins.map(|(w, x)| w * x.norm_sqr()).sum();
             *band = power.max(FLOOR).ln();
         }
+    }
+
+    /// `|X|²` of the last frame, bin by bin.
+    pub(super) fn power(&self) -> impl Iterator<Item = f64> {
+        self.spectrum.iter().map(|x| x.norm_sqr().into())
     }
 }
 

@@ -5,6 +5,7 @@ mod checkpoint;
 mod compact;
 mod conv_features;
 mod encoder_config;
+mod feeling;
 mod heard;
 pub mod hubert;
 mod letters;
@@ -16,6 +17,7 @@ pub mod wav2vec2;
 
 pub(crate) use compact::{ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE};
 pub use compact::{CompactConfig, CompactEncoder, normalise};
+pub use feeling::{FEELING_MODEL, FeelingConfig, FeelingEncoder, FeltVoice};
 pub use heard::{Heard, frames_of};
 pub use log_mel::{BANDS, FRAME, HOP, MelAnalyser, log_mel};
 pub use phones::{PHONE_MODEL, PhoneConfig, PhoneModel, Said};

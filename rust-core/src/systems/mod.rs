@@ -30,7 +30,11 @@ pub use slider::Slider;
 pub use windows::Windows;
 
 /// Every system, the default one first.
-pub static SYSTEMS: &[&Registration] = &[&freetalk::REGISTRATION, &cafe_talk::REGISTRATION];
+pub static SYSTEMS: &[&Registration] = &[
+    &freetalk::REGISTRATION,
+    &cafe_talk::REGISTRATION,
+    &emoface::REGISTRATION,
+];
 
 /// How a system is known before it is loaded.
 ///
@@ -58,6 +62,8 @@ pub struct Registration {
     pub controls: &'static [&'static [Control]],
     /// Whether it shows the events of a request.
     pub takes_events: bool,
+    /// Whether it hears feeling in a voice, and may take it from another recording.
+    pub hears_feeling: bool,
     /// Loads the built-in models, or those of a folder.
     pub open: fn(Option<&Path>) -> Result<Box<dyn System>>,
 }
@@ -97,6 +103,7 @@ pub fn built_in_models() -> impl Iterator<Item = &'static BuiltIn> {
     let shared = [
         &speech::COMPACT_MODEL,
         &speech::PHONE_MODEL,
+        &speech::FEELING_MODEL,
         &mesh::LANDMARK_MODEL,
         &deform::static_weights::MODEL,
         &deform::creases::MODEL,

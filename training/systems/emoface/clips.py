@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from pathlib import Path
 
 import numpy as np
 import torch
+from safetensors.torch import load_file
 from torch import Tensor
 
 from training.corpus import arkit, bank
+from training.corpus.clip import FPS, MEL_PER_FRAME, fit_frames
 from training.corpus.facegood import read_facegood
 from training.corpus.faces import load_ict
+from training.corpus.feelings import SOURCE as EMODB
+from training.corpus.feelings import read_felt
 from training.corpus.grid import read_grid
+from training.corpus.teacher import Teacher
 from training.speech.compact import normalise
-from training.systems.emoface.model import EmoFaceConfig, Template
+from training.speech.log_mel import log_mel
+from training.systems.emoface.feeling import FeelingConfig, FeelingEncoder
+from training.systems.emoface.model import Template
 from training.systems.emoface.rows import Spoken
 from training.systems.emoface.template import ict_template
 from training.train_ats import SHIPPED_ENCODER
@@ -27,14 +35,21 @@ def template_of(data: Path, vertices: int) -> tuple[Template, np.ndarray]:
     return template, load_ict(data, "face").mean.modes[:, chosen]
 
 
-def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:
+def load_feeling(folder: Path) -> FeelingEncoder:
+    """The emotion encoder of a model folder."""
+    config = FeelingConfig(**json.loads((folder / "config.json").read_text()))
+    state = load_file(folder / "model.safetensors")
+    return FeelingEncoder(config, **{name: value.double().numpy() for name, value in state.items()})
+
+
+def load_clips(arguments) -> list[Spoken]:
     """All clips, from the cache where they were heard before by the same encoders."""
     weights = (arguments.feeling / "model.safetensors").read_bytes()
     key = hashlib.sha256(weights + repr((arguments.voices, arguments.limit)).encode()).hexdigest()[:12]
     path = arguments.cache / f"emoface-{key}.pt"
     if path.exists():
         return [Spoken(**fields) for fields in torch.load(path)]
-    clips = heard_clips(arguments)
+    clips = [*recorded(arguments), *felt(arguments)]
     arguments.cache.mkdir(parents=True, exist_ok=True)
     partial = path.with_suffix(".partial")
     torch.save([vars(clip) for clip in clips], partial)
@@ -43,9 +58,37 @@ def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:
 
 
 @torch.no_grad()
-def heard_clips(arguments) -> list[Spoken]:
-    """Recorded motion and felt speech."""
-    encoder = load_encoder(SHIPPED_ENCODER).eval()
+def recorded(arguments) -> list[Spoken]:
+    """grid_s1 and facegood_zh: recorded motion, neutral."""
+    encoder, feeling = load_encoder(SHIPPED_ENCODER).eval(), load_feeling(arguments.feeling)
     entries = bank.load(arguments.data, arguments.cache, arguments.voices, limit=arguments.limit)
+    entries = arkit.as_weights(entries, arguments.data)
     samples = {c.name: c.samples for c in [*read_grid(arguments.data), *read_facegood(arguments.data)]}
-    raise NotImplementedError(encoder, entries, samples, Tensor, arkit, normalise)
+    found = []
+    for entry in entries:
+        content = [encoder(normalise(mel.float())[None])[0].half() for mel in entry.mels]
+        heard = _felt_as(feeling, samples[entry.name], len(entry.motion))
+        found.append(Spoken(entry.name, entry.source, entry.held_out, content, heard, entry.motion.float()))
+    return found
+
+
+@torch.no_grad()
+def felt(arguments) -> list[Spoken]:
+    """emodb_de: faces made from its phones by the teacher; the feeling is added when rows are drawn."""
+    encoder, feeling = load_encoder(SHIPPED_ENCODER).eval(), load_feeling(arguments.feeling)
+    teacher, found = Teacher.load(), []
+    for clip in read_felt(arguments.data, arguments.limit):
+        frames = max(int(len(clip.samples) * FPS / 16000), 2)
+        mel = fit_frames(log_mel(torch.from_numpy(clip.samples)), MEL_PER_FRAME * frames)
+        motion = torch.from_numpy(teacher.motion(clip.phones, frames)).flatten(1)
+        weights = arkit.weights_of(motion, torch.ones(204))
+        content = [encoder(normalise(mel)[None])[0].half()]
+        heard = _felt_as(feeling, clip.samples, frames)
+        label = (clip.feeling, clip.share)
+        found.append(Spoken(clip.name, EMODB, clip.held_out, content, heard, weights.float(), *label))
+    return found
+
+
+def _felt_as(feeling: FeelingEncoder, samples: np.ndarray, frames: int) -> Tensor:
+    """What the emotion encoder hears, [T, E]."""
+    return torch.from_numpy(feeling.track(samples, frames)).float()

@@ -20,10 +20,10 @@ from torch import Tensor, nn
 from training.nn.biased_attention import BiasedSelfAttention, periodic_positions
 from training.nn.spiral_conv import SpiralConv3D
 from training.systems.cafe_talk.denoiser import SpeechInput
+from training.systems.emoface.feeling import FEELINGS
 
 ANY_STYLE = "any"
-FEELINGS = ["neutral", "angry", "happy", "afraid", "sad", "disgusted", "calm"]
-"""What the emotion branch was taught, by the project's names."""
+
 
 
 @dataclass
@@ -47,7 +47,7 @@ class EmoFaceConfig:
     scale_m: float = 5e-3
     fusion: str = "mesh_attention"
     speech: SpeechInput = field(default_factory=SpeechInput)
-    feeling_channels: int = 64
+    feeling_channels: int = 13
     feelings: list[str] = field(default_factory=lambda: list(FEELINGS))
     styles: list[str] = field(default_factory=lambda: ["grid_s1", "facegood_zh", "emodb_de", ANY_STYLE])
     default_style: str = ANY_STYLE

@@ -86,6 +86,7 @@ pub static REGISTRATION: Registration = Registration {
     models: &[&MODEL],
     controls: &[PERFORMANCE, OWN_CONTROLS],
     takes_events: true,
+    hears_feeling: false,
     open: |folder| Ok(Box::new(CafeTalk::open(folder)?)),
 };
 

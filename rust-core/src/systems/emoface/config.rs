@@ -27,6 +27,9 @@ pub struct EmoFaceConfig {
     pub template: String,
     /// Vertices `V` of the template.
     pub vertices: usize,
+    /// Triangles of the template; 0 where the model has none.
+    #[serde(default)]
+    pub triangles: usize,
     /// Motion frames per second.
     pub fps: f64,
     /// Width `d` of a branch.

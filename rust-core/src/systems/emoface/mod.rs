@@ -3,6 +3,8 @@
 mod branch;
 mod config;
 mod model;
+mod system;
 
 pub use config::{EmoFaceConfig, Fusion};
-pub use model::{Heard as HeardFrame, MadeFrame, Model, Progressing};
+pub use model::{HeardFrame, MadeFrame, Model, Progressing};
+pub use system::{EmoFace, MODEL, REGISTRATION};

@@ -60,7 +60,7 @@ pub struct MadeFrame {
 
 /// What is heard and told of one frame.
 #[derive(Clone, Copy)]
-pub struct Heard<'a> {
+pub struct HeardFrame<'a> {
     /// Features of the speech encoder.
     pub content: ArrayView1<'a, f32>,
     /// Features of the emotion encoder.
@@ -142,7 +142,7 @@ impl Model {
     }
 
     /// The next frame.
-    pub fn step(&self, heard: Heard<'_>, state: &mut Progressing) -> MadeFrame {
+    pub fn step(&self, heard: HeardFrame<'_>, state: &mut Progressing) -> MadeFrame {
         let EmoFaceConfig {
             channels,
             vertices,
@@ -255,7 +255,7 @@ mod tests {
         let expected = expected.map(|name| golden.matrix(name));
         let mut largest = 0.0f32;
         for t in 0..content.nrows() {
-            let heard = Heard {
+            let heard = HeardFrame {
                 content: content.row(t),
                 feeling: feeling.row(t),
                 style: 1,

@@ -19,7 +19,7 @@ use crate::{
     },
     nn::Weights,
     progress::{ProgressFn, report},
-    speech::{Heard, SpeechInput},
+    speech::{FeelingEncoder, Heard, SpeechInput},
     systems::{Registration, System},
 };
 
@@ -77,12 +77,14 @@ pub static REGISTRATION: Registration = Registration {
     models: &[&MODEL],
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
     takes_events: false,
+    hears_feeling: true,
     open: |folder| Ok(Box::new(EmoFace::open(folder)?)),
 };
 
 /// Both branches with everything that makes a performance of their motion.
 pub struct EmoFace {
     model: Model,
+    encoder: FeelingEncoder,
     modes: Arc<FaceModes>,
     expressions: Arc<Expressions>,
 }
@@ -95,8 +97,16 @@ impl EmoFace {
     pub fn open(folder: Option<&Path>) -> Result<Self> {
         let files = MODEL.open(folder)?;
         let config = EmoFaceConfig::from_json(&files.config)?;
+        let encoder = FeelingEncoder::open(folder)?;
+        let (wanted, given) = (config.feeling_channels, encoder.channels());
+        if wanted != given {
+            return Err(Error::Weights(format!(
+                "emoface: expected an emotion encoder of {wanted} features, got one of {given}"
+            )));
+        }
         Ok(EmoFace {
             model: Model::new(config, &Weights::from_bytes(&files.weights)?)?,
+            encoder,
             modes: Arc::new(FaceModes::open(folder)?),
             expressions: Arc::new(Expressions::open(folder)?),
         })
@@ -133,8 +143,11 @@ impl EmoFace {
         let level = LEVEL.value(&request.controls);
         let from = FEELING_FROM.value(&request.controls) as usize;
         if from == VOICE {
-            let track = request.feeling.as_deref().unwrap_or(&heard.feeling);
-            return Ok((track.stretched(frames, fps, heard.duration_s), vec![level; frames]));
+            let rows = match &request.felt_as {
+                Some(other) => self.encoder.over(other, frames),
+                None => self.encoder.at_frames(&heard.voice, frames, fps),
+            };
+            return Ok((rows, vec![level; frames]));
         }
         let curve = match from {
             EMOTION => &request.emotion,

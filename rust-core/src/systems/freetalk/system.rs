@@ -70,6 +70,7 @@ pub static REGISTRATION: Registration = Registration {
     models: &[&ATS_MODEL, &STREAM_MODEL, &PAPER_MODEL],
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
     takes_events: false,
+    hears_feeling: false,
     open: |folder| Ok(Box::new(FreeTalk::open(folder)?)),
 };
 

@@ -1,0 +1,442 @@
+//! How somebody feels, heard in how he speaks over two seconds: EmoFace's emotion encoder `E_e`.
+//!
+//! Twin of `training/systems/emoface/feeling.py`. From the last two seconds before each instant 118 numbers
+//! are taken: pitch, voicing, loudness, tilt, cepstra and how they move. A linear discriminant makes of them
+//! six coordinates in which the taught feelings lie apart, and the probability of each; both are `F_e`.
+
+use std::{f64::consts::PI, path::Path};
+
+use ndarray::{Array1, Array2, ArrayView2, Axis, concatenate, s};
+
+use super::log_mel::{BANDS, FRAME, MelAnalyser, cut_frame, frames_of_samples};
+use crate::{
+    Error, Result,
+    audio::{SAMPLE_RATE_HZ, Waveform},
+    conditions::EMOTIONS,
+    models::{BuiltIn, built_in},
+    nn::Weights,
+};
+
+/// Built-in weights of [`FeelingEncoder`].
+pub static FEELING_MODEL: BuiltIn = built_in!("feeling");
+
+/// Numbers that are measured at an instant.
+pub const NUMBERS: usize = 118;
+/// Frames of 10 ms that are remembered, that must have been heard at least, and from one instant to the next.
+const WINDOW: usize = 200;
+const LEAST: usize = 80;
+const STEP: usize = 16;
+const FRAMES_HZ: f64 = 100.0;
+const PEAK: f32 = 0.9;
+const SILENT: f32 = 1e-4;
+/// Frames within so much of the loud level of the window are active.
+const ACTIVE_NEPERS: f64 = 4.0;
+const LOUD_SHARE: f64 = 0.95;
+const FIRST_LAG: usize = SAMPLE_RATE_HZ as usize / 400;
+const END_LAG: usize = SAMPLE_RATE_HZ as usize / 65;
+/// From the first bin above mains hum up to 1.5 kHz.
+const LOW_BIN: usize = 3;
+const HIGH_BIN: usize = 48;
+const FFT: f64 = 512.0;
+const PERIODIC: f64 = 0.6;
+const LEAST_OVERLAP: f64 = 0.15;
+const LEAST_VOICED: usize = 6;
+const NO_PITCH: f64 = 7.0;
+/// Octaves from frame to frame; more is another voice or an error.
+const LARGEST_STEP: f64 = 0.2;
+const CEPSTRA: usize = 20;
+
+/// `config.json` beside the weights.
+#[derive(Debug, Clone, PartialEq, serde::Deserialize)]
+pub struct FeelingConfig {
+    /// Numbers that are measured; always [`NUMBERS`].
+    pub numbers: usize,
+    /// Coordinates of the discriminant.
+    pub coordinates: usize,
+    /// Feelings that it was taught, all of [`EMOTIONS`].
+    pub feelings: Vec<String>,
+}
+
+/// What is heard of a voice in frames of 10 ms, whatever its level.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FeltVoice {
+    /// `[M, 64]`, log-mel.
+    mel: Array2<f64>,
+    /// `[M]`, log2 of the pitch in Hz.
+    octave: Vec<f64>,
+    /// `[M]`, how periodic the sound is, 1 wholly.
+    periodic: Vec<f64>,
+}
+
+/// The discriminant.
+pub struct FeelingEncoder {
+    config: FeelingConfig,
+    mean: Array1<f64>,
+    scale: Array1<f64>,
+    /// `[118, 6]`.
+    coordinates: Array2<f64>,
+    /// `[118, feelings]`.
+    weight: Array2<f64>,
+    bias: Array1<f64>,
+}
+
+impl FeltVoice {
+    /// Of a sound.
+    pub fn of(waveform: &Waveform) -> FeltVoice {
+        let samples = &waveform.samples;
+        let peak = samples.iter().fold(0.0f32, |peak, x| peak.max(x.abs()));
+        let gain = if peak > SILENT { PEAK / peak } else { 1.0 };
+        let scaled: Vec<f32> = samples.iter().map(|x| x * gain).collect();
+        let (mut analyser, mut stretch) = (MelAnalyser::new(), [0.0; FRAME]);
+        let (cosines, overlap) = (cosines(), overlap());
+        let frames = frames_of_samples(scaled.len());
+        let mut voice = FeltVoice {
+            mel: Array2::zeros((frames, BANDS)),
+            octave: Vec::with_capacity(frames),
+            periodic: Vec::with_capacity(frames),
+        };
+        let mut row = [0.0; BANDS];
+        for t in 0..frames {
+            cut_frame(&scaled, t, &mut stretch);
+            analyser.frame(&stretch, &mut row);
+            for (to, from) in voice.mel.row_mut(t).iter_mut().zip(row) {
+                *to = from.into();
+            }
+            let power = Array1::from_iter(analyser.power().skip(LOW_BIN).take(HIGH_BIN - LOW_BIN));
+            let share = power.dot(&cosines) / power.sum().max(1e-9) / &overlap;
+            let best = (0..share.len()).fold(0, |best, lag| match share[lag] > share[best] {
+                true => lag,
+                false => best,
+            });
+            let hertz = f64::from(SAMPLE_RATE_HZ) / (FIRST_LAG + best) as f64;
+            voice.octave.push(hertz.log2());
+            voice.periodic.push(share[best]);
+        }
+        voice
+    }
+
+    /// Of a sound whose feeling is to be taken.
+    ///
+    /// # Errors
+    /// `Audio` if it is silent or too short for a feeling to be heard in it.
+    pub fn checked(waveform: &Waveform) -> Result<FeltVoice> {
+        let (least_s, got_s) = (LEAST as f64 / FRAMES_HZ, waveform.duration_s());
+        if waveform.is_silent() || got_s < least_s {
+            let got = match waveform.is_silent() {
+                true => "silence".to_owned(),
+                false => format!("{got_s:.2} s"),
+            };
+            return Err(Error::Audio(format!(
+                "feeling: expected a voice of at least {least_s} s, got {got}"
+            )));
+        }
+        Ok(FeltVoice::of(waveform))
+    }
+
+    /// What is measured at each instant, `[I, 118]`; none of a sound shorter than 0.8 s.
+    fn numbers(&self) -> Array2<f64> {
+        let frames = self.octave.len();
+        let cepstra = self.mel.dot(&cepstral_basis());
+        let ends: Vec<usize> = (LEAST..=frames).step_by(STEP).collect();
+        let mut out = Array2::zeros((ends.len(), NUMBERS));
+        for (end, mut row) in ends.into_iter().zip(out.outer_iter_mut()) {
+            let first = end.saturating_sub(WINDOW);
+            let cepstra = cepstra.slice(s![first..end, ..]);
+            let measured = self.of_window(cepstra, first, end);
+            assert_eq!(measured.len(), NUMBERS);
+            row.assign(&Array1::from_vec(measured));
+        }
+        out
+    }
+
+    fn of_window(&self, cepstra: ArrayView2<'_, f64>, first: usize, end: usize) -> Vec<f64> {
+        let mel = self.mel.slice(s![first..end, ..]);
+        let level: Vec<f64> = mel.outer_iter().map(|row| row.sum() / BANDS as f64).collect();
+        let loud = quantile(&level, LOUD_SHARE);
+        let active: Vec<bool> = level.iter().map(|x| *x > loud - ACTIVE_NEPERS).collect();
+        let periodic = self.periodic[first..end].iter().zip(&active);
+        let voiced: Vec<bool> = periodic.map(|(x, active)| *x > PERIODIC && *active).collect();
+        let which = |chosen: &[bool]| -> Vec<usize> {
+            (0..chosen.len()).filter(|t| chosen[*t]).collect()
+        };
+        let (heard, sung) = (which(&active), which(&voiced));
+        let relative = mel.mapv(|x| x - loud);
+        let mut moved = cepstra.to_owned();
+        moved
+            .column_mut(0)
+            .mapv_inplace(|x| x - loud * (BANDS as f64).sqrt());
+        let change = &moved.slice(s![1.., ..]) - &moved.slice(s![..-1, ..]);
+        let spoken = relative.select(Axis(0), &heard);
+        let part = |from: usize, to: usize| {
+            let part = spoken.slice(s![.., from..to]);
+            part.sum() / part.len().max(1) as f64
+        };
+        let under: Vec<f64> = level.iter().map(|x| x - loud).collect();
+        let steps: Vec<f64> = level.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+        let mut out = pitch(&self.octave[first..end], &voiced);
+        out.push(deviation(&heard.iter().map(|t| level[*t]).collect::<Vec<_>>()));
+        out.push(heard.len() as f64 / level.len() as f64);
+        out.extend([0.1, 0.25, 0.5, 0.75].map(|share| quantile(&under, share)));
+        out.push(mean(&steps));
+        out.push(part(BANDS / 2, BANDS) - part(0, BANDS / 2));
+        out.push(part(BANDS - BANDS / 4, BANDS) - part(0, BANDS / 4));
+        let columns = |x: &Array2<f64>, of: fn(&[f64]) -> f64| -> Vec<f64> {
+            x.columns().into_iter().map(|column| of(&column.to_vec())).collect()
+        };
+        let chosen = moved.select(Axis(0), &heard);
+        out.extend(columns(&chosen, mean));
+        out.extend(columns(&chosen, deviation));
+        out.extend(columns(&change.mapv(f64::abs), mean));
+        out.extend(columns(&change.select(Axis(0), &which(&active[1..])), deviation));
+        let coloured = if sung.len() >= LEAST_VOICED { &sung } else { &heard };
+        let colour = columns(&relative.select(Axis(0), coloured), mean);
+        out.extend(colour.into_iter().step_by(4));
+        out
+    }
+}
+
+impl FeelingEncoder {
+    /// The built-in encoder, or that of `folder`.
+    ///
+    /// # Errors
+    /// `Weights` or `Io` if a file is missing, damaged, or does not fit the other.
+    pub fn open(folder: Option<&Path>) -> Result<Self> {
+        let files = FEELING_MODEL.open(folder)?;
+        Self::load(&Weights::from_bytes(&files.weights)?, &files.config)
+    }
+
+    fn load(weights: &Weights, config: &str) -> Result<Self> {
+        let wrong = |told: String| Error::Weights(format!("feeling config.json: {told}"));
+        let config: FeelingConfig = serde_json::from_str(config).map_err(|e| wrong(e.to_string()))?;
+        let mut names = config.feelings.iter();
+        if let Some(name) = names.find(|name| !EMOTIONS.contains(&name.as_str())) {
+            return Err(wrong(format!("feelings: expected names of {EMOTIONS:?}, got {name:?}")));
+        }
+        if config.numbers != NUMBERS {
+            return Err(wrong(format!("numbers: expected {NUMBERS}, got {}", config.numbers)));
+        }
+        let classes = config.feelings.len();
+        let vector = |name: &str, length| -> Result<Array1<f64>> {
+            Ok(weights.vector(name, length)?.mapv(f64::from))
+        };
+        let matrix = |name: &str, columns| -> Result<Array2<f64>> {
+            Ok(weights.matrix(name, NUMBERS, columns)?.mapv(f64::from))
+        };
+        let scale = vector("scale", NUMBERS)?;
+        if let Some(value) = scale.iter().find(|value| **value <= 0.0) {
+            return Err(Error::Weights(format!("feeling: scale: expected more than 0, got {value}")));
+        }
+        Ok(FeelingEncoder {
+            mean: vector("mean", NUMBERS)?,
+            scale,
+            coordinates: matrix("coordinates", config.coordinates)?,
+            weight: matrix("weight", classes)?,
+            bias: vector("bias", classes)?,
+            config,
+        })
+    }
+
+    /// Channels `E` of the features: coordinates, then probabilities.
+    pub fn channels(&self) -> usize {
+        self.config.coordinates + self.config.feelings.len()
+    }
+
+    /// Feelings that it was taught.
+    pub fn feelings(&self) -> &[String] {
+        &self.config.feelings
+    }
+
+    /// `F_e` at motion frames, `[frames, E]`: each hears what came before it, the first ones the first 0.8 s.
+    ///
+    /// A sound shorter than that feels as the taught mean does.
+    pub fn at_frames(&self, voice: &FeltVoice, frames: usize, fps: f64) -> Array2<f32> {
+        let frame = |t: usize| t as f64 * (FRAMES_HZ / fps);
+        self.sampled(voice, frames, frame)
+    }
+
+    /// The whole of a voice over so many frames, however long either is, `[frames, E]`.
+    pub fn over(&self, voice: &FeltVoice, frames: usize) -> Array2<f32> {
+        let end = voice.octave.len() as f64;
+        let first = (LEAST as f64).min(end);
+        let pace = (end - first) / frames.saturating_sub(1).max(1) as f64;
+        self.sampled(voice, frames, |t| first + t as f64 * pace)
+    }
+
+    fn sampled(
+        &self,
+        voice: &FeltVoice,
+        frames: usize,
+        frame: impl Fn(usize) -> f64,
+    ) -> Array2<f32> {
+        let mut numbers = voice.numbers();
+        if numbers.nrows() == 0 {
+            numbers = self.mean.clone().insert_axis(Axis(0));
+        }
+        let heard = self.of_numbers(&numbers);
+        let last = heard.nrows() - 1;
+        let mut out = Array2::zeros((frames, heard.ncols()));
+        for (t, mut row) in out.outer_iter_mut().enumerate() {
+            let at = ((frame(t) - LEAST as f64) / STEP as f64).clamp(0.0, last as f64);
+            let below = (at as usize).min(last.saturating_sub(1));
+            let share = at - below as f64;
+            let mixed = &heard.row(below) * (1.0 - share) + &heard.row((below + 1).min(last)) * share;
+            row.assign(&mixed.mapv(|x| x as f32));
+        }
+        out
+    }
+
+    /// `[I, 118]` → `[I, E]`.
+    fn of_numbers(&self, numbers: &Array2<f64>) -> Array2<f64> {
+        let x = (numbers - &self.mean) / &self.scale;
+        let mut shares = x.dot(&self.weight) + &self.bias;
+        for mut row in shares.rows_mut() {
+            let largest = row.fold(f64::NEG_INFINITY, |a, b| a.max(*b));
+            row.mapv_inplace(|logit| (logit - largest).exp());
+            row /= row.sum();
+        }
+        let coordinates = x.dot(&self.coordinates);
+        concatenate(Axis(1), &[coordinates.view(), shares.view()]).expect("equal rows")
+    }
+}
+
+/// `[45, lags]`: what each bin says to the autocorrelation.
+fn cosines() -> Array2<f64> {
+    Array2::from_shape_fn((HIGH_BIN - LOW_BIN, END_LAG - FIRST_LAG), |(bin, lag)| {
+        let turns = ((LOW_BIN + bin) * (FIRST_LAG + lag)) as f64 / FFT;
+        (2.0 * PI * turns).cos()
+    })
+}
+
+/// Autocorrelation of the Hann window at the lags, of that at 0.
+fn overlap() -> Array1<f64> {
+    let window: [f64; FRAME] =
+        std::array::from_fn(|k| 0.5 - 0.5 * (2.0 * PI * k as f64 / FRAME as f64).cos());
+    let at = |lag: usize| -> f64 {
+        let pairs = window[lag..].iter().zip(&window);
+        pairs.map(|(a, b)| a * b).sum()
+    };
+    (FIRST_LAG..END_LAG).map(|lag| (at(lag) / at(0)).max(LEAST_OVERLAP)).collect()
+}
+
+/// Orthonormal DCT-II of the bands, `[64, 20]`.
+fn cepstral_basis() -> Array2<f64> {
+    let bands = BANDS as f64;
+    Array2::from_shape_fn((BANDS, CEPSTRA), |(band, k)| {
+        let norm = if k == 0 { 1.0 } else { 2.0 };
+        (PI * (band as f64 + 0.5) * k as f64 / bands).cos() * (norm / bands).sqrt()
+    })
+}
+
+/// Pitch and voicing of a window, 13 numbers.
+fn pitch(octave: &[f64], voiced: &[bool]) -> Vec<f64> {
+    let mut runs: Vec<f64> = Vec::new();
+    let mut before = false;
+    for now in voiced {
+        match (before, *now) {
+            (false, true) => runs.push(1.0),
+            (true, true) => *runs.last_mut().expect("a run has begun") += 1.0,
+            _ => {}
+        }
+        before = *now;
+    }
+    let frames = voiced.len() as f64;
+    let spoken: Vec<f64> = octave.iter().zip(voiced).filter(|(_, v)| **v).map(|(x, _)| *x).collect();
+    let rate = [
+        spoken.len() as f64 / frames,
+        100.0 * runs.len() as f64 / frames,
+        mean(&runs),
+        deviation(&runs),
+    ];
+    let mut out = vec![NO_PITCH, 0.0];
+    if spoken.len() < LEAST_VOICED {
+        out.extend([NO_PITCH; 5]);
+        out.extend([0.0, 0.0]);
+    } else {
+        let steps = spoken.windows(2).map(|pair| pair[1] - pair[0]);
+        let steps: Vec<f64> = steps.filter(|step| step.abs() < LARGEST_STEP).collect();
+        let sizes: Vec<f64> = steps.iter().map(|step| step.abs()).collect();
+        out = vec![mean(&spoken), deviation(&spoken)];
+        out.extend([0.05, 0.25, 0.5, 0.75, 0.95].map(|share| quantile(&spoken, share)));
+        out.extend([mean(&sizes), mean(&steps)]);
+    }
+    out.extend(rate);
+    out
+}
+
+/// 0 of none.
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+fn deviation(values: &[f64]) -> f64 {
+    let middle = mean(values);
+    let squares: Vec<f64> = values.iter().map(|x| (x - middle).powi(2)).collect();
+    mean(&squares).sqrt()
+}
+
+/// Linear between the two nearest; `values` is not empty.
+fn quantile(values: &[f64], share: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let at = share * (sorted.len() - 1) as f64;
+    let below = at as usize;
+    let above = (below + 1).min(sorted.len() - 1);
+    sorted[below] + (at - below as f64) * (sorted[above] - sorted[below])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::nn::golden::{Golden, distance};
+
+    fn encoder(golden: &Golden) -> FeelingEncoder {
+        FeelingEncoder::load(&golden.weights(), &golden.metadata("config")).unwrap()
+    }
+
+    fn voice(samples: &[f32]) -> FeltVoice {
+        FeltVoice::of(&Waveform {
+            samples: samples.to_vec(),
+        })
+    }
+
+    #[test]
+    fn agrees_with_python() {
+        let golden = Golden::open("feeling_debug");
+        let (encoder, samples) = (encoder(&golden), golden.values("samples"));
+        let numbers = voice(&samples).numbers().mapv(|x| x as f32);
+        let apart = distance(&numbers, &golden.matrix("numbers"));
+        assert!(apart < 1e-3, "{apart}");
+        let track = encoder.at_frames(&voice(&samples), 75, 25.0);
+        let apart = distance(&track, &golden.matrix("track"));
+        assert!(apart < 1e-3, "{apart}");
+        let short = encoder.at_frames(&voice(&samples[..3000]), 5, 25.0);
+        assert!(distance(&short, &golden.matrix("short")) < 1e-4);
+    }
+
+    #[test]
+    fn level_changes_nothing_and_neither_does_what_comes_later() {
+        let golden = Golden::open("feeling_debug");
+        let (encoder, samples) = (encoder(&golden), golden.values("samples"));
+        let whole = encoder.at_frames(&voice(&samples), 75, 25.0);
+        let quiet: Vec<f32> = samples.iter().map(|x| 0.125 * x).collect();
+        assert!(distance(&whole, &encoder.at_frames(&voice(&quiet), 75, 25.0)) < 1e-3);
+        let begun = encoder.at_frames(&voice(&samples[..40_000]), 60, 25.0);
+        let known = whole.slice(s![..60, ..]).to_owned();
+        assert!(distance(&begun, &known) < 1e-3);
+    }
+
+    #[test]
+    fn a_voice_is_stretched_over_any_number_of_frames() {
+        let golden = Golden::open("feeling_debug");
+        let (encoder, samples) = (encoder(&golden), golden.values("samples"));
+        let voice = voice(&samples);
+        let whole = encoder.at_frames(&voice, 76, 25.0);
+        let over = encoder.over(&voice, 300);
+        assert!(distance(over.row(0), whole.row(0)) < 1e-6);
+        assert_eq!(encoder.over(&voice, 1).dim(), (1, encoder.channels()));
+        let silent = FeltVoice::of(&Waveform {
+            samples: vec![0.0; 32_000],
+        });
+        assert!(encoder.over(&silent, 10).iter().all(|x| x.is_finite()));
+    }
+}

@@ -1,0 +1,149 @@
+"""Felt speech: emodb_de, ten actors saying the same ten sentences in seven feelings (Burkhardt et al. 2005).
+
+Whole actors are held out, a woman and a man. Two recordings of one sentence by one actor in two feelings are
+the pseudo pairs of EmoFace (Lin et al. 2025, §3.3.2); `clock` brings one onto the time of the other by their
+labelled phones. Boredom is the project's `calm`.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+from training.corpus.clip import read_sound
+from training.corpus.phones import PAUSE, Phone
+
+SOURCE = "emodb_de"
+HELD_OUT = ("09", "12")
+"""A woman and a man whom no training hears."""
+NAMES = {
+    "anger": "angry",
+    "happiness": "happy",
+    "fear": "afraid",
+    "sadness": "sad",
+    "disgust": "disgusted",
+    "boredom": "calm",
+    "neutral": "neutral",
+}
+SAMPA = {
+    "a": "a", "A": "ɑ", "E": "ɛ", "e": "e", "I": "ɪ", "i": "i", "O": "ɔ", "o": "o", "U": "ʊ", "u": "u",
+    "Y": "ʏ", "y": "y", "9": "œ", "2": "ø", "@": "ə", "6": "ɐ", "8": "ɵ", "4": "ɾ", "aI": "aɪ", "aU": "aʊ",
+    "OY": "ɔʏ", "AU": "ɑʊ", "AO": "aɔ", "aO": "aɔ", "ao": "ao", "OU": "ɔʊ", "E6": "ɛɐ", "a6": "aɐ", "i6": "iɐ",
+    "I6": "ɪɐ", "Y6": "ʏɐ", "@6": "ɐ", "I@": "ɪə", "i@": "iə", "ia": "ia", "@E": "əɛ", "@O": "əɔ",
+    "p": "p", "b": "b", "t": "t", "d": "d", "k": "k", "g": "ɡ", "m": "m", "n": "n", "N": "ŋ", "f": "f",
+    "v": "v", "V": "ʋ", "s": "s", "z": "z", "S": "ʃ", "Z": "ʒ", "C": "ç", "x": "x", "X": "χ", "h": "h",
+    "H": "ɦ", "j": "j", "l": "l", "L": "l", "r": "r", "R": "ʁ", "B": "β", "D": "ð", "G": "ɣ", "?": "ʔ",
+    "nn": "n", "NN": "ŋ", "ss": "s", "vv": "v",
+}  # fmt: skip
+"""Their signs → IPA; long vowels have no sign of their own."""
+ASPIRATED = "asp"
+MODIFIERS = ("+", "-", "(", "[", "hoe")
+
+
+@dataclass
+class Felt:
+    """A recording: `feeling` by the project's names, `share` of the listeners who named it, 0 to 1."""
+
+    name: str
+    actor: str
+    sentence: str
+    feeling: str
+    share: float
+    held_out: bool
+    samples: np.ndarray
+    phones: list[Phone]
+
+
+def read_felt(data: Path, limit: int | None = None) -> list[Felt]:
+    """All recordings; the first `limit` of each half of the actors where it is given."""
+    folder, found, taken = data / "speech" / SOURCE, [], {True: 0, False: 0}
+    labels = {}
+    for line in (folder / "labels.jsonl").read_text().splitlines():
+        record = json.loads(line)
+        labels[record["id"]] = record["labels"]
+    with open(folder / "clips.tsv", newline="") as file:
+        rows = list(csv.DictReader(file, delimiter="\t"))
+    for row in rows:
+        held_out = row["actor"] in HELD_OUT
+        if limit is not None and taken[held_out] >= limit:
+            continue
+        taken[held_out] += 1
+        name = row["clip"]
+        samples = read_sound(folder / f"{name}.ogg")
+        found.append(Felt(name, row["actor"], row["sentence"], NAMES[row["feeling"]],
+                          float(row["recognised_percent"]) / 100.0, held_out, samples,
+                          phones_of(labels.get(name, []))))  # fmt: skip
+    return found
+
+
+def phones_of(labels: list[dict]) -> list[Phone]:
+    """Phones of labels with start, duration and SAMPA; closure and burst of a plosive are one phone."""
+    found: list[Phone] = []
+    for label in labels:
+        start, end, text = label["start"], label["start"] + label["duration"], label["label"]
+        sign = _sign(text)
+        continues = bool(found) and start - found[-1].end_s < 1e-3
+        if sign is None or (sign == PAUSE and not continues):
+            continue
+        if continues and (sign == PAUSE or text[0] == "!" and found[-1].label == sign or ASPIRATED in text):
+            found[-1] = Phone(found[-1].start_s, end - found[-1].start_s, found[-1].label)
+        elif sign != PAUSE:
+            found.append(Phone(start, end - start, sign))
+    return found
+
+
+def _sign(text: str) -> str | None:
+    """IPA of a label; a pause for what modifies the phone before, none for an end."""
+    if text.startswith(MODIFIERS) or text in ("!", ""):
+        return PAUSE
+    plain = text.lstrip("_!").split("+")[0].split("-")[0].removesuffix(ASPIRATED)
+    return SAMPA.get(plain, PAUSE)
+
+
+def pairs(clips: list[Felt]) -> list[tuple[Felt, Felt]]:
+    """Recordings of one actor and sentence in two feelings."""
+    groups: dict[tuple[str, str], list[Felt]] = {}
+    for clip in clips:
+        groups.setdefault((clip.actor, clip.sentence), []).append(clip)
+    return [(a, b) for group in groups.values() for a, b in combinations(group, 2) if a.feeling != b.feeling]
+
+
+def clock(one: list[Phone], other: list[Phone], seconds: np.ndarray) -> np.ndarray:
+    """When in `other` the same is said as at `seconds` of `one`, [T].
+
+    Phones are matched by their longest common run of labels in order; times between matched starts and
+    ends are interpolated, beyond them they run on at the same pace.
+    """
+    matched = _matched([p.label for p in one], [p.label for p in other])
+    points = [(0.0, 0.0)]
+    for i, j in matched:
+        for a, b in ((one[i].start_s, other[j].start_s), (one[i].end_s, other[j].end_s)):
+            if a > points[-1][0] and b > points[-1][1]:
+                points.append((a, b))
+    points.append((points[-1][0] + 1e3, points[-1][1] + 1e3))
+    x, y = np.array(points).T
+    return np.interp(seconds, x, y)
+
+
+def _matched(one: list[str], other: list[str]) -> list[tuple[int, int]]:
+    """Pairs of places of the longest common subsequence."""
+    best = np.zeros((len(one) + 1, len(other) + 1), int)
+    for i in range(len(one) - 1, -1, -1):
+        for j in range(len(other) - 1, -1, -1):
+            same = best[i + 1, j + 1] + 1 if one[i] == other[j] else 0
+            best[i, j] = max(same, best[i + 1, j], best[i, j + 1])
+    found, i, j = [], 0, 0
+    while i < len(one) and j < len(other):
+        if one[i] == other[j] and best[i, j] == best[i + 1, j + 1] + 1:
+            found.append((i, j))
+            i, j = i + 1, j + 1
+        elif best[i + 1, j] >= best[i, j + 1]:
+            i += 1
+        else:
+            j += 1
+    return found

@@ -1,0 +1,44 @@
+"""Golden of the emotion encoder: three seconds of a made voice, and one too short to be heard."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import torch
+from safetensors.torch import save_file
+
+from training.systems.emoface.feeling import NUMBERS, FeelingConfig, FeelingEncoder, numbers, voice_of
+
+COMMAND = "python -m training.goldens feeling"
+RATE_HZ = 16000
+
+
+def write(out: Path, shared: Path) -> Path:
+    """`weights.*`; `samples` [48000] → `numbers` [I, 118] and F_e at 25 fps, `track` [75, 13]; `short` [5, 13]
+    of the first 3,000 samples. `shared` is not used.
+    """
+    random = np.random.default_rng(29)
+    t = np.arange(3 * RATE_HZ) / RATE_HZ
+    pitch = 160.0 * 2.0 ** (0.4 * np.sin(2.0 * np.pi * 0.9 * t))
+    tone = sum(np.sin(2.0 * np.pi * k * np.cumsum(pitch) / RATE_HZ) / k for k in range(1, 12))
+    loud = np.clip(np.sin(2.0 * np.pi * 2.3 * t) + 0.4, 0.0, 1.0)
+    samples = (0.1 * tone * loud + 0.01 * random.standard_normal(len(t)) * (1.0 - loud)).astype(np.float32)
+    config, classes = FeelingConfig(), len(FeelingConfig().feelings)
+    measured = numbers(voice_of(samples))
+    model = FeelingEncoder(
+        config, measured.mean(axis=0), np.maximum(measured.std(axis=0), 0.1),
+        0.2 * random.standard_normal((NUMBERS, config.coordinates)),
+        0.2 * random.standard_normal((NUMBERS, classes)), random.standard_normal(classes),
+    )  # fmt: skip
+    names = ("mean", "scale", "coordinates", "weight", "bias")
+    for name in names:
+        setattr(model, name, getattr(model, name).astype(np.float32).astype(np.float64))
+    arrays = {f"weights.{name}": getattr(model, name) for name in names}
+    arrays |= {"samples": samples, "numbers": measured, "track": model.track(samples, 75),
+               "short": model.track(samples[:3000], 5)}  # fmt: skip
+    tensors = {name: torch.from_numpy(np.ascontiguousarray(x)).float() for name, x in arrays.items()}
+    path = out / "feeling_debug.safetensors"
+    metadata = {"config": json.dumps(config.to_json()), "tolerance": "1e-4", "command": COMMAND}
+    save_file(tensors, path, metadata)
+    path.chmod(0o644)
+    return path
