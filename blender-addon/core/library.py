@@ -153,6 +153,7 @@ SIGNATURES = {
     "anyface_system_label": (c_char_p, [c_size_t]),
     "anyface_system_help": (c_char_p, [c_size_t]),
     "anyface_system_takes_events": (c_int32, [c_size_t]),
+    "anyface_system_has_slider": (c_int32, [c_size_t, c_int32]),
     "anyface_system_control_count": (c_size_t, [c_size_t]),
     "anyface_system_control": (c_int32, [c_size_t, c_size_t, POINTER(Control), c_size_t]),
     "anyface_engine_options_init": (c_int32, [POINTER(EngineOptions), c_size_t]),

@@ -10,7 +10,7 @@ use anyface::{
     MotionRequest, Performance,
     conditions::{Emotion, EmotionCurve, Event, check_fps},
     ibug::LANDMARKS,
-    motion::{LandmarkClip, Life, Motion, Stretch},
+    motion::{FaceModes, LandmarkClip, Life, Motion, Stretch},
 };
 use ndarray::ArrayView3;
 
@@ -504,9 +504,11 @@ pub unsafe extern "C" fn anyface_motion_copy_gaze(
 }
 
 /// Writes the motion as npz for numpy: `landmark_displacements` `[T, 68, 3]`, canonical metres, `fps`,
-/// and for motion that was spoken `head` `[T, 3]` and `gaze` `[T, 2, 2]`.
+/// and for motion that was spoken `head` `[T, 3]` and `gaze` `[T, 2, 2]`. Motion of weights has `weights`
+/// `[T, S]` and their `names` `[S]` too; its landmarks are the mean face's.
 ///
-/// `path`: UTF-8, ends in .npz. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending,
+/// `path`: UTF-8, ends in .npz; for motion of weights in .csv or .json as well, as `anyface_weights_write()`
+/// writes them. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending,
 /// `ANYFACE_STATUS_IO` if the file cannot be written; then nothing is left of it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_motion_write(
@@ -521,7 +523,8 @@ pub unsafe extern "C" fn anyface_motion_write(
             Made::Given(_) => None,
             _ => Some(motion.life()),
         };
-        anyface::output::write_motion(path, motion.landmarks()?, life.as_deref())?;
+        let modes = FaceModes::open(None)?;
+        anyface::output::write_motion(path, motion.motion(), life.as_deref(), &modes)?;
         Ok(())
     };
     unsafe { guard::guard(error, work) }

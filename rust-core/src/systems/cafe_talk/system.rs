@@ -17,7 +17,7 @@ use crate::{
     nn::Weights,
     progress::ProgressFn,
     speech::{Heard, SpeechInput},
-    systems::{Registration, System, Windows},
+    systems::{Registration, Slider, System, Windows},
 };
 
 /// Built-in weights of the denoiser.
@@ -86,6 +86,7 @@ pub static REGISTRATION: Registration = Registration {
     models: &[&MODEL],
     controls: &[PERFORMANCE, OWN_CONTROLS],
     takes_events: true,
+    sliders: &Slider::ALL,
     open: |folder| Ok(Box::new(CafeTalk::open(folder)?)),
 };
 

@@ -70,6 +70,7 @@ pub static REGISTRATION: Registration = Registration {
     models: &[&ATS_MODEL, &STREAM_MODEL, &PAPER_MODEL],
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
     takes_events: false,
+    sliders: &Slider::ALL,
     open: |folder| Ok(Box::new(FreeTalk::open(folder)?)),
 };
 
@@ -215,9 +216,5 @@ impl System for FreeTalk {
 
     fn windows(&self) -> Option<Windows> {
         Some(self.ats.config().windows())
-    }
-
-    fn sliders(&self) -> &'static [Slider] {
-        &Slider::ALL
     }
 }
