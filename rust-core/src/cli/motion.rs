@@ -11,8 +11,7 @@ use super::{
     stages::{new_report, read_sound, summary, timed},
 };
 use crate::{
-    Result,
-    motion,
+    Result, motion,
     output::{check_motion_path, write_json, write_motion},
 };
 

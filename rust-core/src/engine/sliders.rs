@@ -20,8 +20,8 @@ use crate::{
     face::Face,
     motion::Motion,
     progress::{Progress, ProgressFn, report},
-    spread::{closed_on, not_yet, of_shapes},
     rig::Rig,
+    spread::{closed_on, not_yet, of_shapes},
     systems::Slider,
 };
 

@@ -191,7 +191,7 @@ mod tests {
     use ndarray::{Array2, Array3};
 
     use super::*;
-    use crate::motion::LandmarkClip;
+    use crate::motion::{LandmarkClip, WeightClip};
 
     const FPS: f64 = 30.0;
 

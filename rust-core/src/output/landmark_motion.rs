@@ -110,7 +110,11 @@ pub fn read_weights(path: &Path) -> Result<Option<WeightClip>> {
     let file = File::open(path).map_err(Error::io(path))?;
     let bad = |e: &dyn std::fmt::Display| Error::InvalidInput(format!("{}: {e}", path.display()));
     let mut npz = NpzReader::new(BufReader::new(file)).map_err(|e| bad(&e))?;
-    let has_weights = npz.names().map_err(|e| bad(&e))?.iter().any(|n| n == "weights");
+    let has_weights = npz
+        .names()
+        .map_err(|e| bad(&e))?
+        .iter()
+        .any(|n| n == "weights");
     if !has_weights {
         return Ok(None);
     }
@@ -125,7 +129,9 @@ pub fn read_weights(path: &Path) -> Result<Option<WeightClip>> {
         });
     }
     if weights.iter().any(|x| !x.is_finite()) {
-        return Err(bad(&"weights: expected finite numbers, got NaN or infinity"));
+        return Err(bad(
+            &"weights: expected finite numbers, got NaN or infinity",
+        ));
     }
     check_fps(fps).map_err(|e| bad(&e))?;
     Ok(Some(WeightClip {

@@ -109,7 +109,9 @@ pub fn write_motion(
 ) -> Result<()> {
     check_motion_path(path, matches!(motion, Motion::Weights(_)))?;
     let write = |landmarks: &LandmarkClip, weights: Option<&WeightClip>| {
-        write_atomically(path, |file| npz::write_motion(file, landmarks, weights, life))
+        write_atomically(path, |file| {
+            npz::write_motion(file, landmarks, weights, life)
+        })
     };
     match motion {
         Motion::Landmarks(clip) => write(clip, None),

@@ -117,13 +117,21 @@ fn motion_of_weights_is_written_with_its_names_and_as_a_table() {
     write_motion(&npz, &motion, None, &modes).unwrap();
     assert_eq!(read_weights(&npz).unwrap(), Some(clip.clone()));
     let landmarks = read_landmark_motion(&npz).unwrap();
-    assert_eq!(landmarks.displacements, clip.landmarks(&modes).unwrap().displacements);
+    assert_eq!(
+        landmarks.displacements,
+        clip.landmarks(&modes).unwrap().displacements
+    );
     let table = folder.path().join("m.csv");
     write_motion(&table, &motion, None, &modes).unwrap();
     let text = std::fs::read_to_string(&table).unwrap();
     assert_eq!(text.lines().count(), 4);
     let error = write_motion(&folder.path().join("m.mdd"), &motion, None, &modes).unwrap_err();
-    assert!(error.to_string().contains(".npz, .csv, .json for motion of weights"), "{error}");
+    assert!(
+        error
+            .to_string()
+            .contains(".npz, .csv, .json for motion of weights"),
+        "{error}"
+    );
 }
 
 #[test]

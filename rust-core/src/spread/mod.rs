@@ -137,7 +137,9 @@ pub(crate) fn of_shapes(rig: &Rig, vertices: &[usize], clip: &WeightClip) -> Arr
 fn pairs(rig: &Rig, clip: &WeightClip) -> Vec<(usize, usize)> {
     let shape_of = |name: &String| rig.names.iter().position(|known| known == name);
     let found = clip.names.iter().enumerate();
-    found.filter_map(|(w, name)| Some((w, shape_of(name)?))).collect()
+    found
+        .filter_map(|(w, name)| Some((w, shape_of(name)?)))
+        .collect()
 }
 
 /// The clip with lips that meet on this very face where they have to; lips that are one surface stay.

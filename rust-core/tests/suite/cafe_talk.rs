@@ -53,6 +53,25 @@ fn performed(seconds: f32, request: &MotionRequest) -> Performance {
     ENGINE.perform(&voice(seconds), request, SILENT).unwrap()
 }
 
+/// Closures are those of the frames that were taken, and not of the first ones of the sound.
+#[test]
+fn a_part_of_a_take_moves_a_mesh_as_the_whole_does() {
+    let performance = performed(3.0, &asked(&["1-2:12,6"]));
+    let face = head::prepared(&head::head(), &head::landmarks(), PartChoices::default());
+    let spread = |motion: &Motion| {
+        let made = Collector::collect(|sink| ENGINE.spread(&face, motion, sink, SILENT));
+        made.unwrap().vertices.displacements
+    };
+    let whole = spread(&performance.motion);
+    let together = &weights(&performance).together;
+    assert!(
+        together[30..60].iter().any(|share| *share > 0.5),
+        "{together:?}"
+    );
+    let part = spread(&performance.motion.frames_of(30..60));
+    assert_eq!(part, whole.slice(s![30..60, .., ..]));
+}
+
 fn weights(performance: &Performance) -> WeightClip {
     match &performance.motion {
         Motion::Weights(clip) => clip.clone(),

@@ -381,6 +381,61 @@ fn a_stretch_of_landmark_motion_is_made_again_and_the_rest_stays_to_the_bit() {
 }
 
 #[test]
+fn motion_of_weights_has_a_file_a_table_and_stretches_that_are_made_again() {
+    let folder = folder_with_sound(&hum(2.0), 16_000);
+    let motion = [
+        "motion",
+        "--audio",
+        "a.wav",
+        "--fps",
+        "25",
+        "--system",
+        "cafe-talk",
+        "--out",
+    ];
+    let weights = |name: &str| {
+        let read = anyface::output::read_weights(&folder.path().join(name));
+        read.unwrap().unwrap().weights
+    };
+    done(&folder, &[&motion[..], &["was.npz"]].concat());
+    let event = ["--event", "0.9-1.5:26"];
+    done(&folder, &[&motion[..], &["table.csv"], &event].concat());
+    done(&folder, &[&motion[..], &["drop.npz"], &event].concat());
+    let table = fs::read_to_string(folder.path().join("table.csv")).unwrap();
+    assert_eq!(table.lines().count(), 51);
+    let redo = ["--redo", "0.8-1.6", "--from", "was.npz"];
+    done(
+        &folder,
+        &[&motion[..], &["new.npz"], &redo, &event].concat(),
+    );
+    let [was, new, drop] = ["was.npz", "new.npz", "drop.npz"].map(weights);
+    let differ = |a: &ndarray::Array2<f32>, b: &ndarray::Array2<f32>| -> Vec<usize> {
+        (0..a.nrows()).filter(|&t| a.row(t) != b.row(t)).collect()
+    };
+    assert!(differ(&was, &new).iter().all(|t| (21..40).contains(t)));
+    assert!(differ(&drop, &new).iter().all(|t| !(23..=37).contains(t)));
+    assert!(differ(&was, &new).len() > 10);
+    // Landmarks of another system are no weights, and no table.
+    let other = ["motion", "--audio", "a.wav", "--fps", "25", "--out"];
+    done(&folder, &[&other[..], &["marks.npz"]].concat());
+    let mixed = ["o.npz", "--redo", "0.8-1.6", "--from", "marks.npz"];
+    let words = "expected arrays weights and names";
+    refused(
+        &folder,
+        &[&motion[..], &mixed].concat(),
+        INVALID_INPUT,
+        words,
+    );
+    let words = ".npz for motion of landmarks";
+    refused(
+        &folder,
+        &[&other[..], &["o.csv"]].concat(),
+        INVALID_INPUT,
+        words,
+    );
+}
+
+#[test]
 fn a_stretch_of_an_animated_mesh_is_made_again_and_the_rest_stays_to_the_bit() {
     let folder = folder_with_sound(&hum(0.8), 16_000);
     let head = crate::head::folder();
