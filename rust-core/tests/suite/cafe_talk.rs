@@ -56,7 +56,11 @@ fn performed(seconds: f32, request: &MotionRequest) -> Performance {
 /// Closures are those of the frames that were taken, and not of the first ones of the sound.
 #[test]
 fn a_part_of_a_take_moves_a_mesh_as_the_whole_does() {
-    let performance = performed(3.0, &asked(&["1-2:12,6"]));
+    let request = MotionRequest {
+        closures: Some(vec![[1.4, 1.7]]),
+        ..asked(&["1-2:26"])
+    };
+    let performance = performed(3.0, &request);
     let face = head::prepared(&head::head(), &head::landmarks(), PartChoices::default());
     let spread = |motion: &Motion| {
         let made = Collector::collect(|sink| ENGINE.spread(&face, motion, sink, SILENT));
