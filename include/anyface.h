@@ -503,6 +503,9 @@ typedef struct {
     /// What the face is to do and when; only until the call returns. NULL, the default, is nothing. A system that
     /// cannot show them refuses: see `anyface_system_takes_events()`.
     const AnyfaceEvents *events;
+    /// Another recording whose feeling the face shows; only until the call returns. NULL, the default, is the
+    /// voice itself. A system that does not hear feeling refuses: see `anyface_system_hears_feeling()`.
+    const AnyfaceAudio *felt_as;
 } AnyfaceMotionOptions;
 
 #ifdef __cplusplus
@@ -798,6 +801,14 @@ size_t anyface_system_control_count(size_t system);
 /// 1 if a system shows the events of `AnyfaceMotionOptions`, else 0; 0 for a number that is not below the
 /// count.
 int32_t anyface_system_takes_events(size_t system);
+
+/// 1 if a system hears feeling, in the voice or in `felt_as` of `AnyfaceMotionOptions`, else 0; 0 for a number
+/// that is not below the count.
+int32_t anyface_system_hears_feeling(size_t system);
+
+/// 1 if takes of a system have an `AnyfaceSlider`, else 0; 0 for a system or slider that is not there.
+int32_t anyface_system_has_slider(size_t system,
+                                  int32_t slider);
 
 /// Describes a control of a system, in the order in which a panel shows them. `struct_size` is
 /// `sizeof *out`.
@@ -1144,9 +1155,12 @@ AnyfaceStatus anyface_motion_copy_gaze(const AnyfaceMotion *motion,
                                        AnyfaceError **error);
 
 /// Writes the motion as npz for numpy: `landmark_displacements` `[T, 68, 3]`, canonical metres, `fps`,
-/// and for motion that was spoken `head` `[T, 3]` and `gaze` `[T, 2, 2]`.
+/// and for motion that was spoken `head` `[T, 3]` and `gaze` `[T, 2, 2]`. Motion of weights has `weights`
+/// `[T, S]`, their `names` `[S]` and `together` `[T]`, how far lips have to meet, too; its landmarks are the
+/// mean face's.
 ///
-/// `path`: UTF-8, ends in .npz. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending,
+/// `path`: UTF-8, ends in .npz; for motion of weights in .csv or .json as well, as `anyface_weights_write()`
+/// writes them. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending,
 /// `ANYFACE_STATUS_IO` if the file cannot be written; then nothing is left of it.
 AnyfaceStatus anyface_motion_write(const AnyfaceMotion *motion,
                                    const char *path,

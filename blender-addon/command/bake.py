@@ -57,6 +57,7 @@ def _settings(ob, scene, options) -> bake.Settings:
         "system": options.system,
         "axes": options.axes,
         "landmark_file": os.path.abspath(options.landmarks) if options.landmarks else None,
+        "event_file": os.path.abspath(options.events) if options.events else None,
     }
     for name, value in given.items():
         if value is not None:

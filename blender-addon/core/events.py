@@ -9,12 +9,20 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from . import json_file
+from .errors import AnyfaceError
+
+# The largest strength that the library takes.
+MAX_STRENGTH = 2.0
 LEFT, RIGHT = "L", "R"
 SIDES = {"left": LEFT, "l": LEFT, "right": RIGHT, "r": RIGHT}
 # What takes no side: its shapes have none.
 _WITHOUT_SIDES = {"1", "17", "26", "28"}
 _UNIT = re.compile(r"(?:au\s*)?0*(\d+)\s*(left|right|l|r)?(?=[\s,;+&]|$)[\s,;+&]*", re.IGNORECASE)
 _OVER_SPEECH = "!"
+# "smile:0.5", "smile!:0.5" and "smile:0.5!".
+_STRENGTH = re.compile(r"(.*?):\s*(\d*\.?\d+)\s*(!)?", re.DOTALL)
+_END = re.compile(r"end(?:\W+(.*))?", re.IGNORECASE | re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -145,6 +153,69 @@ def on_side(units: tuple[str, ...], side: str) -> tuple[str, ...]:
         return units
     names = [unit.rstrip("LR") for unit in units]
     return tuple(name if name in _WITHOUT_SIDES else name + side for name in names)
+
+
+def strength_of(text: str) -> tuple[str, float]:
+    """An expression and the strength behind it: "smile:0.5" is "smile" and 0.5; without one 1."""
+    match = _STRENGTH.fullmatch(text.strip())
+    if match is None:
+        return text.strip(), 1.0
+    return match[1].strip() + (match[3] or ""), float(match[2])
+
+
+def ended_by(text: str, begun: list[str]) -> int | None:
+    """Which of the expressions that have `begun`, in their order, a marker of this name ends.
+
+    `end` ends the last of them, `end smile` the last smile; None for any other name.
+    """
+    match = _END.fullmatch(text.strip())
+    if match is None:
+        return None
+    said = _plain(match[1] or "")
+    fitting = [at for at, other in enumerate(begun) if not said or _plain(other) == said]
+    return fitting[-1] if fitting else None
+
+
+def _plain(text: str) -> str:
+    """An expression without case, separators and the sign that puts it over the speech."""
+    return " ".join(re.findall(r"\w+", text.lower()))
+
+
+def of_file(
+    path: str, known: dict[str, str], words: Callable[[str], Words] = _nobody
+) -> list[Event]:
+    """Events of a JSON file: a list, or an object with a list `events`, of rows with `start_s`,
+    `end_s`, `units` (a list of units, or a text as for `understand`), and where they are there
+    `strength` and `over_speech`.
+
+    Raises `AnyfaceError`, "file", or "input" that names the row.
+    """
+    content = json_file.read(path)
+    rows = content.get("events") if isinstance(content, dict) else content
+    if not isinstance(rows, list):
+        raise AnyfaceError("input", f"{path}: expected a list of events, got {type(rows).__name__}")
+    return [_of_row(f"{path}, event {at}", row, known, words) for at, row in enumerate(rows, 1)]
+
+
+def _of_row(where: str, row, known, words) -> Event:
+    try:
+        units, start_s, end_s = row["units"], float(row["start_s"]), float(row["end_s"])
+        strength, over_speech = float(row.get("strength", 1.0)), row.get("over_speech", False)
+        text = units if isinstance(units, str) else ",".join(units)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        text = "expected start_s, end_s and units"
+        raise AnyfaceError("input", f"{where}: {text}: {error}") from None
+    if not 0.0 <= start_s < end_s < float("inf"):
+        raise AnyfaceError("input", f"{where}: expected rising seconds, got {start_s} to {end_s}")
+    if not 0.0 <= strength <= MAX_STRENGTH:
+        limits = f"0 to {MAX_STRENGTH:g}"
+        raise AnyfaceError("input", f"{where}: strength: expected {limits}, got {strength}")
+    found = understand(text, known, words)
+    if found.hint:
+        raise AnyfaceError("input", f"{where}: {found.hint}")
+    over_speech = bool(over_speech) or found.over_speech
+    strength = min(strength * found.strength, MAX_STRENGTH)
+    return Event(start_s, end_s, found.units, strength, over_speech, text)
 
 
 def shortened(notes: list[str], most: int = 6) -> list[str]:

@@ -71,7 +71,8 @@ class Engine(EventCalls, MeshCalls, MouthCalls, ShapeCalls, SliderCalls, SoundCa
         `AnyfaceError`.
         """
         self._library = load(library_path())
-        self._controls = systems.find(system, systems.read(self._library)).controls
+        told = systems.find(system, systems.read(self._library))
+        self._controls, self._sliders_offered = told.controls, told.sliders
         options = self._options(EngineOptions, "anyface_engine_options_init")
         options.threads, options.system = threads, system.encode() or None
         if cache is not None:
@@ -315,7 +316,7 @@ class Engine(EventCalls, MeshCalls, MouthCalls, ShapeCalls, SliderCalls, SoundCa
         self._copy("anyface_basis_copy_weights", basis, weights)
         error = self._library.anyface_basis_max_error(basis)
         sliders = self._sliders(handles, *made, basis, weights.shape, watch)
-        return Basis(vectors, weights, error, sliders)
+        return Basis(vectors, weights, error, sliders, offered=self._sliders_offered)
 
     def _options(self, kind, init: str):
         options = kind()

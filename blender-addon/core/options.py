@@ -46,6 +46,7 @@ def _add_bake(task: argparse.ArgumentParser, modes: str) -> None:
     task.add_argument("--fps", type=float, help="default: the scene's")
     task.add_argument("--seed", type=int)
     task.add_argument("--style", help="speaking style")
+    task.add_argument("--events", metavar="FILE", help="JSON, instead of strips and markers")
     task.add_argument("--axes", choices=("AUTO", "WORLD", "LOCAL", "LOCAL_Y_UP"))
     task.add_argument("--landmarks", metavar="FILE", help="JSON file with the 68 landmarks")
     _add_controls(task)

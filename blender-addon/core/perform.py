@@ -35,8 +35,6 @@ def perform(
         take.frames = found.to_object(animation.displacements)
         return take
     take.basis = animation.basis
-    take.basis.why_missing = sliders.why_missing(
-        request, take.basis.sliders, has_any=take.shape_weights is None
-    )
+    take.basis.why_missing = sliders.why_missing(request, take.basis.sliders, take.basis.offered)
     take.basis.vectors = found.to_object(take.basis.vectors)
     return take

@@ -68,7 +68,7 @@ class SolveKeys(Plan):
         # Existing keys are those of the face; objects beside it have others.
         moved = take.frames[:, : self.vectors.shape[1]]
         vectors = np.tensordot(self.factors, self.vectors, axes=1).astype(np.float32)
-        solved = self._as_made(take) or engine.solve(self.shapes, vectors, moved, progress)
+        solved = as_made(take, self.shapes) or engine.solve(self.shapes, vectors, moved, progress)
         if solved.left_out > _LARGEST_LEFT_OUT:
             shown = 1.0 - solved.left_out
             raise AnyfaceError(
@@ -79,17 +79,25 @@ class SolveKeys(Plan):
         weights = np.clip(solved.weights @ self.factors, 0.0, 1.0).astype(np.float32)
         motion = KeyMotion(self.keys, weights, solved.left_out)
         motion.shapes, motion.shape_weights = self.shapes, solved.weights
-        motion.shown = self.shown
+        motion.shown, motion.factors = self.shown, by_key(self.shapes, self.keys, self.factors)
         if take.shape_weights is not None:
             motion.missing = take.shape_weights.missing(self.shapes)
         return replace(take, frames=None, key_motion=motion)
 
-    def _as_made(self, take: Take) -> Solved | None:
-        """The weights of a system that makes them; None for keys that show other shapes."""
-        made = take.shape_weights
-        if made is None or not set(self.shapes) & set(made.names):
-            return None
-        return Solved(made.of(self.shapes), made.left_out(self.shapes))
+
+def as_made(take: Take, shapes: list[str]) -> Solved | None:
+    """The weights of `shapes` where the system made them; None where it made none of these."""
+    made = take.shape_weights
+    if made is None or not set(shapes) & set(made.names):
+        return None
+    return Solved(made.of(shapes), made.left_out(shapes))
+
+
+def by_key(shapes: list[str], keys: list[str], factors: np.ndarray) -> dict[str, dict[str, float]]:
+    """Where each of `keys` `[K]` stands at weight 1 of those of `shapes` `[S]` that it shows."""
+    columns = zip(keys, factors.T, strict=True)
+    rows = {key: zip(shapes, column, strict=True) for key, column in columns}
+    return {key: {shape: float(f) for shape, f in row if f} for key, row in rows.items()}
 
 
 @dataclass

@@ -21,15 +21,25 @@ _MOST_MORE = 32
 
 @dataclass
 class ObjectKeys:
-    """Keys of a take on one object: what they show `[K]`, and `vectors` `[K, V, 3]` in its space.
+    """Keys of a take on one object: the shape that each shows most of `[K]`, and `vectors`
+    `[K, V, 3]` in its space.
 
-    Those that are `free` have weights of both signs, and more may be added.
+    Those that are `free` have weights of both signs, and more may be added. Of others `factors`
+    `[K]` says where each stands at weight 1 of each shape that it shows.
     """
 
     name: str
     shapes: list[str]
     vectors: np.ndarray
     free: bool
+    factors: list[dict[str, float]] = field(default_factory=list)
+
+    def by_shape(self) -> tuple[list[str], np.ndarray]:
+        """The shapes that the keys show `[S]`, and how far each moves each key, `[S, K]`."""
+        found = self.factors or [{shape: 1.0} for shape in self.shapes]
+        names = list(dict.fromkeys(shape for factors in found for shape in factors))
+        rows = [[factors.get(shape, 0.0) for factors in found] for shape in names]
+        return names, np.array(rows, dtype=np.float32).reshape(len(names), len(found))
 
 
 @dataclass
@@ -120,17 +130,17 @@ class Redo:
         for keys in self.keys:
             _, moved = plan.of_piece(snapshot.face, take.frames, keys.name)
             moved = moved[:, : keys.vectors.shape[1]]
-            spoken = take.shape_weights
             if keys.free:
                 made[keys.name] = fit(keys.vectors, moved, limit)
-            elif spoken is not None and set(keys.shapes) & set(spoken.names):
-                none = np.empty((0, *moved.shape[1:])), np.empty((len(moved), 0))
-                shown = spoken.of(keys.shapes), *none, spoken.left_out(keys.shapes)
-                made[keys.name] = Fit(*shown)
-            else:
-                solved = snapshot.engine.solve(keys.shapes, keys.vectors, moved, progress)
-                none = np.empty((0, *moved.shape[1:])), np.empty((len(moved), 0))
-                made[keys.name] = Fit(solved.weights, *none, solved.left_out)
+                continue
+            shapes, factors = keys.by_shape()
+            solved = plan.as_made(take, shapes)
+            if solved is None:
+                vectors = np.tensordot(factors, keys.vectors, axes=1).astype(np.float32)
+                solved = snapshot.engine.solve(shapes, vectors, moved, progress)
+            weights = np.clip(solved.weights @ factors, 0.0, 1.0)
+            none = np.empty((0, *moved.shape[1:])), np.empty((len(moved), 0))
+            made[keys.name] = Fit(weights, *none, solved.left_out)
         return Redone(made, take.life, len(take.frames), 1.0 / max(per_mm, 1e-12))
 
 

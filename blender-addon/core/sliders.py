@@ -21,7 +21,7 @@ _LENGTH = struct.Struct("<I")
 # Steps of 1/2047 of a column's largest change: some thousandths of a millimetre.
 _STEPS = 2047
 _OVER_TIME = "its sliders changed over time: change the curves and generate again"
-NONE = "this system has no sliders: change Performance and generate again"
+NONE = "this system has no such slider: change Performance and generate again"
 _EMOTION_OFF = "the take was made with the emotion off, which keeps brows and lids still"
 # Why a slider would move nothing.
 _NO_EFFECT = {
@@ -63,19 +63,17 @@ def place(name: str, placed: dict[str, float]) -> float:
     return 1.0 - (1.0 - placed.get("emotion", 1.0)) * (1.0 - placed.get("blinks", 1.0))
 
 
-def why_missing(request, found, has_any: bool = True) -> dict[str, str]:
+def why_missing(request, found, offered: tuple[str, ...] = NAMES) -> dict[str, str]:
     """Why a take lacks the sliders of `NAMES` that are not in `found`, in words by name.
 
-    `has_any` is False where its system has none at all.
+    `offered` are those that its system has at all.
     """
     missing = {name: _NO_EFFECT[name] for name in NAMES if name not in found}
-    if not has_any:
-        return dict.fromkeys(missing, NONE)
     if request.control_keys:
-        return dict.fromkeys(missing, _OVER_TIME)
-    if request.emotion_source == "OFF":
+        missing = dict.fromkeys(missing, _OVER_TIME)
+    elif request.emotion_source == "OFF":
         missing |= {name: _EMOTION_OFF for name in missing if name != "articulation"}
-    return missing
+    return missing | {name: NONE for name in missing if name not in offered}
 
 
 def pack(sliders: dict[str, SliderChange]) -> bytes:

@@ -8,7 +8,7 @@ from ctypes import byref, c_void_p, sizeof
 from dataclasses import dataclass
 from functools import cache, lru_cache
 
-from . import library
+from . import library, sliders
 from .errors import AnyfaceError
 from .events import Words
 
@@ -57,6 +57,8 @@ class System:
     help: str
     controls: tuple[Control, ...]
     takes_events: bool = False
+    # Names of `sliders.NAMES` that its takes may have.
+    sliders: tuple[str, ...] = ()
 
 
 @cache
@@ -135,7 +137,9 @@ def _system(loaded, number: int) -> System:
     count = loaded.anyface_system_control_count(number)
     controls = tuple(_control(loaded, number, at) for at in range(count))
     takes_events = loaded.anyface_system_takes_events(number) == 1
-    return System(name, label, text, controls, takes_events)
+    has = loaded.anyface_system_has_slider
+    found = tuple(name for at, name in enumerate(sliders.NAMES) if has(number, at) == 1)
+    return System(name, label, text, controls, takes_events, found)
 
 
 def _control(loaded, system: int, number: int) -> Control:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .events import Event
-from .sliders import SliderChange
+from .sliders import NAMES, SliderChange
 from .space import FaceSpace
 
 # How the lips of a mesh meet, in the order of `AnyfaceMouth`.
@@ -163,7 +163,8 @@ class Basis:
     `vectors` `[K, V, 3]`, `weights` `[T, K]` within -1..1; `error_mm` is the largest distance
     of any vertex in any frame from where it should be. `sliders` is what may still be changed of
     the take, by the names of `sliders.ALL`; `why_missing` says in words why others are not there.
-    `packed` holds `sliders` as they are kept with the take.
+    `offered` are the sliders that the system has at all; `packed` holds `sliders` as they are kept
+    with the take.
     """
 
     vectors: np.ndarray
@@ -172,6 +173,7 @@ class Basis:
     sliders: dict[str, SliderChange] = field(default_factory=dict)
     why_missing: dict[str, str] = field(default_factory=dict)
     packed: bytes = b""
+    offered: tuple[str, ...] = NAMES
 
 
 @dataclass
@@ -312,8 +314,9 @@ class KeyMotion:
     `keys` `[S]` are names of keys, `weights` `[T, S]`. `vectors` `[S, V, 3]` in object space where
     the keys are to be made, None where they are the artist's own. `visemes` are to be made as well,
     without weights. `left_out` as in `Solved`. Of the artist's keys, `shape_weights` `[T, N]` are
-    those of the `shapes` `[N]` that they show, `shown` the one that each key shows most of;
-    `missing` are shapes that move and that none of them shows, where the system made weights.
+    those of the `shapes` `[N]` that they show, `shown` the one that each key shows most of,
+    `factors` by key where it stands at weight 1 of each of its shapes; `missing` are shapes that
+    move and that none of them shows, where the system made weights.
     """
 
     keys: list[str]
@@ -324,6 +327,7 @@ class KeyMotion:
     shapes: list[str] = field(default_factory=list)
     shape_weights: np.ndarray | None = None
     shown: dict[str, str] = field(default_factory=dict)
+    factors: dict[str, dict[str, float]] = field(default_factory=dict)
     missing: list[str] = field(default_factory=list)
 
 

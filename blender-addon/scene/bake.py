@@ -71,6 +71,11 @@ class Settings:
     channel: int = 0
     # The channel (from 1) whose text strips are events; 0 for none.
     event_channel: int = 0
+    # Whether markers are events too, and how long those are that no marker ends.
+    event_markers: bool = False
+    marker_s: float = 0.8
+    # A file of events that counts instead of both.
+    event_file: str = ""
     # Objects beside the face, and roles of single connected parts by number.
     parts: list[pieces.Part] = field(default_factory=list)
     loose: dict[int, str] = field(default_factory=dict)

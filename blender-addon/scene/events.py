@@ -1,17 +1,24 @@
-"""Text strips that are events: their text the expression, their place the slot, their opacity the
-strength.
+"""Text strips and timeline markers that are events.
 
-A strip belongs to the characters that name its channel; where the name of one of them stands in its
-own, to that one alone. Those of *Add at Playhead* are muted, for
-Blender would render them over the picture; muted strips act all the same.
+Of a strip the text is the expression, the place the slot, the opacity the strength. It belongs to
+the characters that name its channel; where the name of one of them stands in its own, to that one
+alone. Those of *Add at Playhead* are muted, for Blender would render them over the picture; muted
+strips act all the same.
+
+Of a marker the name is the expression, with `:0.5` behind it the strength; it begins where it
+stands, and lasts as long as the character's settings say, or until a marker that is named `end`, or
+`end` and the same expression. It belongs to the characters that listen to markers, or to the one
+that it names.
 """
 
+import re
 from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 
 from ..core import events, systems
+from ..core.errors import AnyfaceError
 from ..core.events import Event, Understood
 from . import curves, sequencer, sounds, strips
 
@@ -19,17 +26,23 @@ from . import curves, sequencer, sounds, strips
 _STEP = 0.05
 # How long a new event is, seconds.
 LENGTH_S = 0.8
-# The largest strength that the library takes.
-MAX_STRENGTH = 2.0
 
 
 @dataclass
 class Row:
-    """A strip as the panel lists it; `wrong` says in words why it does nothing, or not all."""
+    """A strip, or a marker without one, as the panel lists it: `text` from `first` up to `last`.
 
-    strip: object
+    `wrong` says in words why it does nothing, or not all.
+    """
+
+    name: str
+    text: str
+    first: int
+    last: int
     understood: Understood
-    wrong: str
+    wrong: str = ""
+    strip: object = None
+    strength: float = 1.0
 
 
 @dataclass
@@ -52,47 +65,90 @@ def strips_of(scene, channel: int, ob=None) -> list:
     return sorted(found, key=lambda strip: sequencer.ends(strip)[0])
 
 
+def marked(scene, ob, settings) -> list[Row]:
+    """Each marker that may be an event of `ob`; none where it does not listen to markers.
+
+    `settings` has `event_markers` and `marker_s`. Markers that bind a camera and those that still
+    have the name that Blender gave them say nothing.
+    """
+    if not settings.event_markers:
+        return []
+    faces = [other for other in _meshes(scene) if other.anyface_audio.event_markers]
+    named = [marker for marker in scene.timeline_markers if _says_something(marker)]
+    named = [marker for marker in named if strips.named_in(marker.name, faces) in (None, ob)]
+    fps = scene.render.fps / scene.render.fps_base
+    length, found, begun = max(1, round(settings.marker_s * fps)), [], []
+    for marker in sorted(named, key=lambda marker: marker.frame):
+        text, strength = events.strength_of(strips.without_name(marker.name, faces))
+        ended = events.ended_by(text, [row.text for row in begun])
+        if ended is not None:
+            row = begun.pop(ended)
+            row.last = max(marker.frame, row.first + 1)
+            continue
+        last = marker.frame + length
+        row = Row(marker.name, text, marker.frame, last, Understood(), strength=strength)
+        found.append(row)
+        begun.append(row)
+    return found
+
+
+def _says_something(marker) -> bool:
+    by_blender = re.fullmatch(r"(F|Marker)[_. ]?\d*", marker.name)
+    return marker.camera is None and not by_blender and bool(marker.name.strip())
+
+
 def others(scene, channel: int) -> list:
     """The characters whose events lie in a channel."""
-    meshes = [ob for ob in scene.objects if ob.type == "MESH"]
+    meshes = _meshes(scene)
     return [ob for ob in meshes if channel and ob.anyface_audio.event_channel == channel]
 
 
-def rows(scene, ob, channel: int, when: tuple[float, float | None] | None = None) -> list[Row]:
-    """Each strip of a channel that is `ob`'s, with what is understood of it.
+def _meshes(scene) -> list:
+    return [ob for ob in scene.objects if ob.type == "MESH"]
 
-    `when` is the frame at which the sound begins, and its seconds where they are known.
+
+def rows(scene, ob, settings, when: tuple[float, float | None] | None = None) -> list[Row]:
+    """Each strip and marker that is `ob`'s, first to last, with what is understood of it.
+
+    `settings` has `event_channel`, `event_markers` and `marker_s`; `when` is the frame at which the
+    sound begins, and its seconds where they are known.
     """
-    found = []
-    for strip in strips_of(scene, channel, ob):
-        understood = events.understand(strip.text, systems.units(), systems.words)
-        wrong = understood.hint
-        if not wrong and when is not None and _slot(scene, strip, *when) is None:
-            first, last = sequencer.ends(strip)
-            wrong = f"frames {first} to {last} lie outside the sound"
-        found.append(Row(strip, understood, wrong))
-    return found
+    found = [
+        Row(strip.name, strip.text.strip(), *sequencer.ends(strip), Understood(), strip=strip)
+        for strip in strips_of(scene, settings.event_channel, ob)
+    ]
+    found += marked(scene, ob, settings)
+    for row in found:
+        row.understood = events.understand(row.text, systems.units(), systems.words)
+        row.wrong = row.understood.hint
+        if not row.wrong and when is not None and _slot(scene, row, *when) is None:
+            row.wrong = f"frames {row.first} to {row.last} lie outside the sound"
+    return sorted(found, key=lambda row: row.first)
 
 
 def read(scene, ob, settings, start_frame: float, duration_s: float | None) -> Found:
     """The events of a character for a system that takes them; none for others.
 
-    Strips that say nothing, or lie outside the sound, are named and left out.
+    Strips and markers that say nothing, or lie outside the sound, are named and left out.
     """
-    found, channel = Found(), settings.event_channel
-    if not channel or not systems.takes_events(settings.system):
+    found = Found()
+    if not systems.takes_events(settings.system):
+        if settings.event_file:
+            raise AnyfaceError("input", "events: expected a system that shows them")
+        return found
+    if settings.event_file:
+        found.events = events.of_file(settings.event_file, systems.units(), systems.words)
         return found
     when = start_frame, duration_s
-    for row in rows(scene, ob, channel, when):
+    for row in rows(scene, ob, settings, when):
         if row.wrong:
-            found.notes.append(f"the event {row.strip.name} was left out: {row.wrong}")
+            found.notes.append(f"the event {row.name} was left out: {row.wrong}")
             continue
-        slot = _slot(scene, row.strip, *when)
-        for start_s, end_s, strength in _pieces(scene, row.strip, slot, start_frame):
+        slot = _slot(scene, row, *when)
+        for start_s, end_s, strength in _pieces(scene, row, slot, start_frame):
             units, over = row.understood.units, row.understood.over_speech
-            strength = min(strength * row.understood.strength, MAX_STRENGTH)
-            event = Event(start_s, end_s, units, strength, over, row.strip.name)
-            found.events.append(event)
+            strength = min(strength * row.understood.strength, events.MAX_STRENGTH)
+            found.events.append(Event(start_s, end_s, units, strength, over, row.name))
     found.notes = events.shortened(found.notes)
     return found
 
@@ -126,23 +182,23 @@ def _in_channel(scene, channel: int) -> list:
     return [strip for strip in sequencer.all_strips(scene) if strip.channel == channel]
 
 
-def _slot(scene, strip, start_frame: float, duration_s: float | None):
-    """The frames of a strip that lie in the sound; None where none does."""
+def _slot(scene, row: Row, start_frame: float, duration_s: float | None):
+    """The frames of a strip or marker that lie in the sound; None where none does."""
     fps = scene.render.fps / scene.render.fps_base
-    first, last = sequencer.ends(strip)
     ends = np.inf if duration_s is None else start_frame + duration_s * fps
-    first, last = max(first, start_frame), min(last, ends)
+    first, last = max(row.first, start_frame), min(row.last, ends)
     return (first, last) if first < last else None
 
 
-def _pieces(scene, strip, slot, start_frame: float) -> list[tuple[float, float, float]]:
+def _pieces(scene, row: Row, slot, start_frame: float) -> list[tuple[float, float, float]]:
     """Start and end in seconds, and strength: one piece, or as many as the opacity has steps."""
     fps = scene.render.fps / scene.render.fps_base
     first, last = slot
     seconds = [(at - start_frame) / fps for at in (first, last)]
-    curve = _opacity_curve(scene, strip)
+    curve = None if row.strip is None else _opacity_curve(scene, row.strip)
     if curve is None:
-        return [(*seconds, float(strip.blend_alpha))]
+        opacity = 1.0 if row.strip is None else float(row.strip.blend_alpha)
+        return [(*seconds, row.strength * opacity)]
     frames = np.arange(np.floor(first), np.ceil(last))
     strengths = [_STEP * round(np.clip(curve.evaluate(at), 0.0, 1.0) / _STEP) for at in frames]
     changes = [0, *(np.flatnonzero(np.diff(strengths)) + 1), len(frames)]

@@ -129,10 +129,15 @@ def _keys_of(part) -> redo.ObjectKeys:
     taken = record.read(shape_keys)
     names = list(_curves(part, taken))
     rest = mesh.read_basis(part.data)
-    vectors = [mesh.read_key(shape_keys.key_blocks[name]) - rest for name in names]
+    blocks = [shape_keys.key_blocks[name] for name in names]
+    vectors = [mesh.read_key(block) - mesh.read_key(block.relative_key) for block in blocks]
     shapes = [taken.shown.get(name, name) for name in names]
     free = outputs.of_record(taken).as_basis
-    return redo.ObjectKeys(part.name, shapes, np.array(vectors).reshape(-1, *rest.shape), free)
+    factors = [
+        taken.factors.get(name, {shape: 1.0}) for name, shape in zip(names, shapes, strict=True)
+    ]
+    moves = np.array(vectors).reshape(-1, *rest.shape)
+    return redo.ObjectKeys(part.name, shapes, moves, free, factors)
 
 
 def _stretch(ob, wanted: redo.Redo, scene) -> tuple[redo.Stretch, float, float]:

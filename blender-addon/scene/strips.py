@@ -40,6 +40,15 @@ def named_in(name: str, objects: list):
     return max(named, key=lambda ob: len(ob.name), default=None)
 
 
+def without_name(name: str, objects: list) -> str:
+    """A name without that of the object which stands in it: "Anna: smile" is "smile"."""
+    found = named_in(name, objects)
+    if found is None:
+        return name
+    letters = r"[\W_]*".join(map(re.escape, _words(found.name).split()))
+    return re.sub(rf"(?i)[\W_]*{letters}[\s:_.-]*", " ", name, count=1).strip()
+
+
 def _words(name: str) -> str:
     """ "Anna_01.wav" is "anna 01 wav"."""
     return " ".join(re.findall(r"[^\W\d_]+|\d+", name.lower()))

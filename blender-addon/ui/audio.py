@@ -3,7 +3,14 @@
 from pathlib import Path
 
 import bpy
-from bpy.props import CollectionProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
 from bpy.types import Operator, PropertyGroup
 
 from ..core.errors import AnyfaceError
@@ -43,11 +50,29 @@ class AnyfaceAudio(PropertyGroup):
         max=128,
         options=set(),
     )
+    event_markers: BoolProperty(
+        name="Markers Too",
+        description="The scene's markers are events as well: their names what the face does, "
+        "smile:0.5 half of it; until a marker named end, or end smile",
+        default=False,
+        options=set(),
+    )
+    marker_s: FloatProperty(
+        name="Marker Length",
+        description="How long an event lasts that begins at a marker, where no marker ends it",
+        default=0.8,
+        min=0.04,
+        soft_max=4.0,
+        max=600.0,
+        unit="TIME_ABSOLUTE",
+        options=set(),
+    )
 
 
 def fill(settings, ob, scene=None) -> None:
     """Puts what `ob` is asked to speak into plain settings; `scene` is the sequencer's."""
-    settings.event_channel = ob.anyface_audio.event_channel
+    for name in ("event_channel", "event_markers", "marker_s"):
+        setattr(settings, name, getattr(ob.anyface_audio, name))
     source = ob.anyface.source
     settings.strip = strip_of(ob, scene) if source == "STRIP" else ""
     settings.sound_file = ob.anyface.sound_file if source == "FILE" else ""

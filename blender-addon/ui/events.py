@@ -1,4 +1,4 @@
-"""Events: what the face does beside its speech, as text strips of a channel."""
+"""Events: what the face does beside its speech, as text strips of a channel and as markers."""
 
 import bpy
 from bpy.props import EnumProperty, FloatProperty, StringProperty
@@ -51,8 +51,11 @@ class ANYFACE_PT_events(OfFacePanel, Panel):
         layout.operator_menu_enum(
             "anyface.event_add", "expression", text="Add at Playhead", icon="ADD"
         )
+        layout.prop(ob.anyface_audio, "event_markers")
+        if ob.anyface_audio.event_markers:
+            layout.prop(ob.anyface_audio, "marker_s")
         column = layout.column(align=True)
-        found = events.rows(scene, ob, ob.anyface_audio.event_channel, _when(ob, scene))
+        found = events.rows(scene, ob, ob.anyface_audio, _when(ob, scene))
         for row in found[:_MOST_ROWS]:
             _draw_row(column, row, context.region.width)
         if len(found) > _MOST_ROWS:
@@ -63,10 +66,9 @@ class ANYFACE_PT_events(OfFacePanel, Panel):
 
 
 def _draw_row(column, row, width: int) -> None:
-    first, last = sequencer.ends(row.strip)
-    icon = "ERROR" if row.wrong else "CHECKMARK"
+    icon = "ERROR" if row.wrong else "CHECKMARK" if row.strip is not None else "MARKER_HLT"
     said = row.wrong or described(row.understood.units, systems.units())
-    text = f"{first}-{last - 1} {row.strip.text.strip() or row.strip.name}: {said}"
+    text = f"{row.first}-{row.last - 1} {row.text or row.name}: {said}"
     words.draw(column, text, width, icon)
 
 

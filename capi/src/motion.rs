@@ -4,13 +4,15 @@ use std::{
     borrow::Cow,
     ffi::{CString, c_char},
     ptr::null,
+    sync::Arc,
 };
 
 use anyface::{
     MotionRequest, Performance,
     conditions::{Emotion, EmotionCurve, Event, check_fps},
     ibug::LANDMARKS,
-    motion::{LandmarkClip, Life, Motion, Stretch},
+    motion::{FaceModes, LandmarkClip, Life, Motion, Stretch},
+    speech::FeltVoice,
 };
 use ndarray::ArrayView3;
 
@@ -152,6 +154,9 @@ pub struct AnyfaceMotionOptions {
     /// What the face is to do and when; only until the call returns. NULL, the default, is nothing. A system that
     /// cannot show them refuses: see `anyface_system_takes_events()`.
     pub events: *const AnyfaceEvents,
+    /// Another recording whose feeling the face shows; only until the call returns. NULL, the default, is the
+    /// voice itself. A system that does not hear feeling refuses: see `anyface_system_hears_feeling()`.
+    pub felt_as: *const AnyfaceAudio,
 }
 
 unsafe impl Versioned for AnyfaceMotionOptions {
@@ -176,6 +181,7 @@ unsafe impl Versioned for AnyfaceMotionOptions {
             closures_given: 0,
             reserved_2: 0,
             events: null(),
+            felt_as: null(),
         }
     }
 }
@@ -199,7 +205,16 @@ impl AnyfaceMotionOptions {
             controls: unsafe { controls::read(self.controls, self.control_count) }?,
             closures: unsafe { self.closures() }?,
             events: unsafe { self.events() }?,
+            felt_as: unsafe { self.felt_as() }?,
         })
+    }
+
+    unsafe fn felt_as(&self) -> Result<Option<Arc<FeltVoice>>, Failure> {
+        if self.felt_as.is_null() {
+            return Ok(None);
+        }
+        let sound = unsafe { pointer::handle("felt_as", self.felt_as) }?;
+        Ok(Some(Arc::new(FeltVoice::checked(&sound.0)?)))
     }
 
     unsafe fn events(&self) -> Result<Vec<Event>, Failure> {
@@ -504,9 +519,12 @@ pub unsafe extern "C" fn anyface_motion_copy_gaze(
 }
 
 /// Writes the motion as npz for numpy: `landmark_displacements` `[T, 68, 3]`, canonical metres, `fps`,
-/// and for motion that was spoken `head` `[T, 3]` and `gaze` `[T, 2, 2]`.
+/// and for motion that was spoken `head` `[T, 3]` and `gaze` `[T, 2, 2]`. Motion of weights has `weights`
+/// `[T, S]`, their `names` `[S]` and `together` `[T]`, how far lips have to meet, too; its landmarks are the
+/// mean face's.
 ///
-/// `path`: UTF-8, ends in .npz. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending,
+/// `path`: UTF-8, ends in .npz; for motion of weights in .csv or .json as well, as `anyface_weights_write()`
+/// writes them. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending,
 /// `ANYFACE_STATUS_IO` if the file cannot be written; then nothing is left of it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_motion_write(
@@ -521,7 +539,8 @@ pub unsafe extern "C" fn anyface_motion_write(
             Made::Given(_) => None,
             _ => Some(motion.life()),
         };
-        anyface::output::write_motion(path, motion.landmarks()?, life.as_deref())?;
+        let modes = FaceModes::open(None)?;
+        anyface::output::write_motion(path, motion.motion(), life.as_deref(), &modes)?;
         Ok(())
     };
     unsafe { guard::guard(error, work) }

@@ -45,7 +45,7 @@ impl AnyfaceSliders {
     }
 }
 
-fn known(slider: i32) -> Result<Slider, Failure> {
+pub(crate) fn known(slider: i32) -> Result<Slider, Failure> {
     const ARTICULATION: i32 = AnyfaceSlider::Articulation as i32;
     const EMOTION: i32 = AnyfaceSlider::Emotion as i32;
     const BLINKS: i32 = AnyfaceSlider::Blinks as i32;

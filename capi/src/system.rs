@@ -8,11 +8,11 @@ use std::{
 
 use anyface::{
     conditions::{Control, ControlStage, ControlValues},
-    systems::SYSTEMS,
+    systems::{Registration, SYSTEMS},
 };
 
 use crate::{
-    guard,
+    guard, sliders,
     status::AnyfaceStatus,
     versioned_options::{self, Versioned},
 };
@@ -207,6 +207,26 @@ pub extern "C" fn anyface_system_takes_events(system: usize) -> i32 {
         .into()
 }
 
+/// 1 if a system hears feeling, in the voice or in `felt_as` of `AnyfaceMotionOptions`, else 0; 0 for a number
+/// that is not below the count.
+#[unsafe(no_mangle)]
+pub extern "C" fn anyface_system_hears_feeling(system: usize) -> i32 {
+    SYSTEMS
+        .get(system)
+        .is_some_and(|system| system.hears_feeling)
+        .into()
+}
+
+/// 1 if takes of a system have an `AnyfaceSlider`, else 0; 0 for a system or slider that is not there.
+#[unsafe(no_mangle)]
+pub extern "C" fn anyface_system_has_slider(system: usize, slider: i32) -> i32 {
+    let has = |system: &&Registration| {
+        let known = sliders::known(slider);
+        known.is_ok_and(|slider| system.sliders.contains(&slider))
+    };
+    SYSTEMS.get(system).is_some_and(has).into()
+}
+
 /// Describes a control of a system, in the order in which a panel shows them. `struct_size` is
 /// `sizeof *out`.
 ///
@@ -248,6 +268,13 @@ mod tests {
                 system.takes_events
             );
             assert_eq!(
+                anyface_system_hears_feeling(number) == 1,
+                system.hears_feeling
+            );
+            let sliders = (0..4).map(|slider| anyface_system_has_slider(number, slider));
+            assert_eq!(sliders.sum::<i32>() as usize, system.sliders.len());
+            assert_eq!(anyface_system_has_slider(number, 4), 0);
+            assert_eq!(
                 anyface_system_control_count(number),
                 system.controls().count()
             );
@@ -271,6 +298,8 @@ mod tests {
         assert!(anyface_system_name(SYSTEMS.len()).is_null());
         assert_eq!(anyface_system_control_count(SYSTEMS.len()), 0);
         assert_eq!(anyface_system_takes_events(SYSTEMS.len()), 0);
+        assert_eq!(anyface_system_hears_feeling(SYSTEMS.len()), 0);
+        assert_eq!(anyface_system_has_slider(SYSTEMS.len(), 0), 0);
         for (system, control, size) in [(SYSTEMS.len(), 0, size), (0, usize::MAX, size), (0, 0, 3)]
         {
             let status = unsafe { anyface_system_control(system, control, &mut out, size) };

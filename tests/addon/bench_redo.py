@@ -1,8 +1,9 @@
 """What mending one word costs: *Redo* of half a second in a take of five, for every output.
 
 Run in Blender's Python module, on a zip with the library; the head is the default one, the voice
-flite's. The rig is the crude one of rigs.py. Each line gives the shorter of two runs on the clock
-and the processor's time of it, all threads together.
+flite's. The rig is the crude one of rigs.py; `events` are new keys of Cafe-Talk with four of them.
+Each line gives the shorter of two runs on the clock and the processor's time of it, all threads
+together.
 """
 
 # First of all: it gives Blender a folder of its own, which Blender reads once.
@@ -23,7 +24,9 @@ import rigs
 from bench_blender import SHORT_S, own_arkit_keys, speak
 
 FPS, FIRST, LAST = 24, 50, 62
-MODES = tuple(sys.argv[1:]) or ("basis", "frames", "cache", "keys", "arkit", "csv", "controls")
+EVENT_CHANNEL = 5
+MODES = tuple(sys.argv[1:]) or ("basis", "frames", "cache", "keys", "arkit", "csv", "controls",
+                               "events")  # fmt: skip
 
 
 def main() -> None:
@@ -72,8 +75,18 @@ def character(mode: str, folder: Path):
         own_arkit_keys(ob)
     if mode == "controls":
         rigs.crude(addon, ob)
-    ob.anyface.mode = mode
+    if mode == "events":
+        put_events(ob)
+    ob.anyface.mode = "basis" if mode == "events" else mode
     return ob
+
+
+def put_events(ob) -> None:
+    """Cafe-Talk, and four events above the voice, one of them in the stretch."""
+    scene = bpy.context.scene
+    ob.anyface.system, ob.anyface_audio.event_channel = "cafe-talk", EVENT_CHANNEL
+    for frame, text in ((10, "smile"), (35, "wink"), (FIRST, "jaw drop"), (80, "brow raise")):
+        addon("scene.events").add(scene, ob, EVENT_CHANNEL, text, frame)
 
 
 def addon(name: str):

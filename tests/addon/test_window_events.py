@@ -1,4 +1,4 @@
-"""Events in a real window: strips above the voice, and the panel with what was understood.
+"""Events in a real window: strips above the voice, a marker, and the panel with what it understood.
 
 `ANYFACE_PHOTOGRAPHS` keeps the pictures.
 """
@@ -18,12 +18,18 @@ with bpy.context.temp_override(window=window, area=area, region=region):
     bpy.ops.anyface.event_add(expression={expression!r})
 answer = {head}.anyface_audio.event_channel
 """
+MARKER = f"""
+bpy.context.scene.timeline_markers.new('brow raise:0.5', frame=4)
+{HEAD}.anyface_audio.event_markers = True
+"""
 TEXTS = "[s for s in bpy.context.scene.sequence_editor.sequences_all if s.type == 'TEXT']"
 PLACES = f"answer = [(s.text, s.frame_final_start, s.frame_final_end) for s in {TEXTS}]"
 
 
 def test_events_stand_above_the_voice_and_esc_leaves_them(screen, photographs):  # noqa: F811
     screen.ask(f"{HEAD}.anyface.system = 'cafe-talk'\n{MORE.format(True)}\n{REDRAW}")
+    # Names of markers cover the lowest channel.
+    screen.ask("bpy.context.scene.sequence_editor.sequences_all[0].channel = 2")
     channels = {
         screen.ask(ADD.format(frame=frame, expression=expression, head=HEAD))
         for frame, expression in WANTED
@@ -38,6 +44,7 @@ def test_events_stand_above_the_voice_and_esc_leaves_them(screen, photographs): 
         f"made = strips.new_effect(name='Car', type='TEXT', channel={channel}, frame_start=77, "
         f"frame_end=86)\nmade.text, made.mute = {wrong!r}, True\n"
     )
+    screen.ask(MARKER)
     screen.ask(OPEN.format(labels=("Events",), suffix="_e") + REDRAW)
     screen.hand("sleep", "0.7")
     screen.ask(SEQUENCER)
@@ -57,6 +64,7 @@ def test_events_stand_above_the_voice_and_esc_leaves_them(screen, photographs): 
     screen.wait("keys() and not running()")
     report = screen.ask(f"answer = {HEAD}.anyface.report")
     assert "the event Car was left out" in report and wrong in report
+    assert "brow raise" not in report
     screen.ask("bpy.context.scene.frame_set(46)")
     screen.scroll(5)
     screen.hand("sleep", "1.5")

@@ -8,7 +8,7 @@ import numpy as np
 from ...core import wording
 from ...core.errors import AnyfaceError
 from ...core.estimate import KEYFRAME, SOLVE_S, Cost
-from ...core.plan import SolveKeys
+from ...core.plan import SolveKeys, by_key
 from ...core.take import Piece, Take
 from .. import existing
 from .output import Output, write_weights
@@ -92,7 +92,7 @@ class Keys(Output):
         if missing:
             raise AnyfaceError("mesh", f"{ob.name} has lost the key {missing[0]} meanwhile")
         taken.values = dict.fromkeys(motion.keys, 0.0)
-        taken.shown = motion.shown
+        taken.shown, taken.factors = motion.shown, motion.factors
         existing.note_values(ob.data.shape_keys, taken)
         write_weights(ob, taken, motion.keys, at, motion.weights)
 
@@ -113,8 +113,10 @@ def _of_object(take: Take, piece: Piece) -> Take | None:
     shown, factors = existing.factors(shared)
     own = motion.shape_weights[:, [motion.shapes.index(shape) for shape in shown]]
     weights = np.clip(own @ factors, 0.0, 1.0)
-    keys, shows = existing.names_of(shared), existing.shown_by(shared)
-    return replace(take, key_motion=replace(motion, keys=keys, weights=weights, shown=shows))
+    keys = existing.names_of(shared)
+    own = replace(motion, keys=keys, weights=weights, shown=existing.shown_by(shared))
+    own.factors = by_key(shown, keys, factors)
+    return replace(take, key_motion=own)
 
 
 def _some(names: list[str]) -> str:

@@ -1,4 +1,4 @@
-//! `anyface deform`: landmark motion from a file on a mesh.
+//! `anyface deform`: motion of landmarks or weights from a file on a mesh.
 
 use std::path::{Path, PathBuf};
 
@@ -15,13 +15,15 @@ use crate::{
     ibug::LANDMARKS,
     mesh::{LandmarkSource, Mesh},
     motion::{LandmarkClip, Motion},
-    output::{Format, LandmarkMotion, read_landmark_motion, write_attention, write_json},
+    output::{
+        Format, LandmarkMotion, read_landmark_motion, read_weights, write_attention, write_json,
+    },
 };
 
 /// Frame rate of motion files that do not state theirs.
 const DEFAULT_FPS: f64 = 30.0;
 
-/// Put landmark motion on a mesh
+/// Put motion from a file on a mesh
 #[derive(Args)]
 pub(super) struct Deform {
     /// The mesh: OBJ, PLY or GLB
@@ -29,7 +31,7 @@ pub(super) struct Deform {
     mesh: PathBuf,
     /// Motion, .npz: landmarks_neutral [68, 3] and landmark_displacements [T, 68, 3] in mesh
     /// units; without landmarks_neutral, the displacements are metres on a human head, as
-    /// `anyface motion` writes them
+    /// `anyface motion` writes them. Where it holds weights, these move the mesh's own ARKit shapes
     #[arg(long, value_name = "L.npz")]
     motion: PathBuf,
     /// The result: .npz (arrays), .pc2 or .mdd (point caches)
@@ -64,6 +66,7 @@ impl Deform {
         if let Some(path) = &self.attention {
             self.write_attention(path, &engine, &face, &motion, console)?;
         }
+        let weights = read_weights(&self.motion)?;
         let fps = motion.fps.unwrap_or(DEFAULT_FPS);
         let (progress, displacements) = (&|p| console.progress(p), motion.displacements);
         // Nothing is known of the speech, so lips may rest.
@@ -74,9 +77,10 @@ impl Deform {
             0.0,
             None,
             &mut report,
-            |sink| match motion.neutral {
-                Some(_) => engine.spread_own(&face, displacements, fps, sink, progress),
-                None => {
+            |sink| match (motion.neutral, weights) {
+                (Some(_), _) => engine.spread_own(&face, displacements, fps, sink, progress),
+                (None, Some(clip)) => engine.spread(&face, &Motion::Weights(clip), sink, progress),
+                (None, None) => {
                     let clip = LandmarkClip { displacements, fps };
                     engine.spread(&face, &Motion::Landmarks(clip), sink, progress)
                 }

@@ -1,4 +1,4 @@
-//! `anyface motion`: speech to landmark motion, before any mesh is known.
+//! `anyface motion`: speech to motion of landmarks or weights, before any mesh is known.
 
 use std::path::PathBuf;
 
@@ -11,18 +11,19 @@ use super::{
     stages::{new_report, read_sound, summary, timed},
 };
 use crate::{
-    Error, Result,
-    output::{Format, write_json, write_motion},
+    Result, motion,
+    output::{check_motion_path, write_json, write_motion},
 };
 
-/// Turn speech into the motion of 68 landmarks, in metres on a human head
+/// Turn speech into the motion of 68 landmarks, in metres on a human head, or into weights of ARKit's shapes
 #[derive(Args)]
 pub(super) struct Motion {
     /// The speech: WAV, MP3, FLAC, Ogg Vorbis, M4A or AIFF
     #[arg(long, value_name = "A")]
     audio: PathBuf,
-    /// The result, .npz: landmark_displacements [T, 68, 3], head [T, 3], gaze [T, 2, 2] and fps
-    #[arg(long, value_name = "O.npz")]
+    /// The result, .npz: landmark_displacements [T, 68, 3], head [T, 3], gaze [T, 2, 2] and fps. Of a system
+    /// that makes weights also weights [T, S] and their names [S]; or these alone: .csv (Live Link Face), .json
+    #[arg(long, value_name = "O")]
     out: PathBuf,
     /// Also write a report of the run
     #[arg(long, value_name = "R.json")]
@@ -38,38 +39,36 @@ pub(super) struct Motion {
 
 impl Motion {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
-        if Format::from_path(&self.out)? != Format::Npz {
-            return Err(Error::InvalidInput(format!(
-                "{}: expected a name that ends in .npz for landmark motion",
-                self.out.display()
-            )));
-        }
+        // Which kind it is, the system says; a name that fits none is refused before anything is loaded.
+        check_motion_path(&self.out, true)?;
         let request = self.motion.request()?;
         let redo = self.redo.asked()?;
         let mut report = new_report();
         let waveform = read_sound(&mut report, &self.audio)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
-        let (motion, life, articulation) = timed(&mut report, "motion", || {
+        let made = timed(&mut report, "motion", || {
             let progress = |p| console.progress(p);
             if self.causal {
                 let motion = engine.causal_motion(&waveform, &request, &progress)?;
-                return Ok((motion, None, 1.0));
+                return Ok((motion::Motion::Landmarks(motion), None, 1.0));
             }
             let performance = engine.perform(&waveform, &request, &progress)?;
             let articulation = performance.articulation();
-            let motion = &engine.landmarks_of(&performance.motion)?;
             if let Some(redo) = &redo {
-                let (motion, life) = redo.motion(&performance, motion)?;
+                let (motion, life) = redo.motion(&performance)?;
                 return Ok((motion, Some(life), articulation));
             }
-            Ok((motion.clone(), Some(performance.life), articulation))
-        })?;
+            Ok((performance.motion, Some(performance.life), articulation))
+        });
+        let (made, life, articulation) = made?;
+        check_motion_path(&self.out, matches!(made, motion::Motion::Weights(_)))?;
+        let motion = engine.landmarks_of(&made)?;
         report.note_motion(None, motion.displacements.view(), 1.0, articulation);
         report.frames = motion.displacements.dim().0;
         report.fps = motion.fps;
         report.out = Some(shown(&self.out));
         timed(&mut report, "write", || {
-            write_motion(&self.out, &motion, life.as_ref())
+            write_motion(&self.out, &made, life.as_ref(), engine.face_modes())
         })?;
         if let Some(path) = &self.report {
             write_json(path, &report)?;

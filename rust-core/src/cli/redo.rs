@@ -9,8 +9,10 @@ use crate::{
     Engine, Error, Face, Performance, Result,
     deform::VertexClip,
     mesh::Mesh,
-    motion::{LandmarkClip, Life, Stretch},
-    output::{Format, read_landmark_motion, read_life, read_vertex_motion, write_animation},
+    motion::{LandmarkClip, Life, Motion, Stretch, WeightClip},
+    output::{
+        Format, read_landmark_motion, read_life, read_vertex_motion, read_weights, write_animation,
+    },
     progress::ProgressFn,
     spread::{Animation, Collector, SpreadReport},
 };
@@ -87,29 +89,36 @@ impl Redo<'_> {
         })
     }
 
-    /// Landmark motion and life of the file with the stretch as in `performance`.
-    pub(super) fn motion(
-        &self,
-        performance: &Performance,
-        clip: &LandmarkClip,
-    ) -> Result<(LandmarkClip, Life)> {
+    /// Motion and life of the file with the stretch as in `performance`.
+    pub(super) fn motion(&self, performance: &Performance) -> Result<(Motion, Life)> {
+        let new = &performance.motion;
+        let was = match new {
+            Motion::Weights(clip) => Motion::Weights(self.weights(clip)?),
+            _ => Motion::Landmarks(self.landmarks(new)?),
+        };
+        self.check(was.frames(), was.fps(), new.frames(), new.fps())?;
+        let made = was.redone(new, &self.stretch)?;
+        Ok((made, self.life(&performance.life, new.fps())?))
+    }
+
+    /// The weights of the file, in the order of `new`.
+    fn weights(&self, new: &WeightClip) -> Result<WeightClip> {
+        match read_weights(self.from)? {
+            Some(was) if was.names == new.names => Ok(was),
+            Some(_) => Err(self.wrong("the shapes of this system, got others")),
+            None => Err(self.wrong("arrays weights and names, got none")),
+        }
+    }
+
+    fn landmarks(&self, new: &Motion) -> Result<LandmarkClip> {
         let was = read_landmark_motion(self.from)?;
         if was.neutral.is_some() {
             return Err(self.wrong("landmark motion in metres, got that of a mesh"));
         }
-        let fps = was.fps.unwrap_or(clip.fps);
-        self.check(
-            was.displacements.dim().0,
-            fps,
-            clip.displacements.dim().0,
-            clip.fps,
-        )?;
-        let (old, new) = (was.displacements.view(), clip.displacements.view());
-        let made = LandmarkClip {
-            displacements: self.stretch.splice(old, new, fps)?,
-            fps,
-        };
-        Ok((made, self.life(&performance.life, fps)?))
+        Ok(LandmarkClip {
+            displacements: was.displacements,
+            fps: was.fps.unwrap_or(new.fps()),
+        })
     }
 
     fn animation(&self, mesh: &Mesh) -> Result<Animation> {

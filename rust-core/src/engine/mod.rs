@@ -265,6 +265,11 @@ impl Engine {
         self.threads(|| face.rig(make).map(Arc::clone))
     }
 
+    /// What moves the landmarks of the mean face.
+    pub(crate) fn face_modes(&self) -> &FaceModes {
+        &self.face_modes
+    }
+
     /// Puts motion of any kind on a face and hands the frames to `sink`, block by block.
     ///
     /// What the face lacks for this kind of motion is made first and stays with it.

@@ -128,16 +128,20 @@ impl Engine {
         check_closures(request.closures.as_deref().unwrap_or_default())?;
         self.check_events(&request.events)?;
         let expected = "feeling of another recording: expected a system that hears it";
-        self.able(request.felt_as.is_none(), expected, |system| system.hears_feeling)?;
+        self.able(request.felt_as.is_none(), expected, |system| {
+            system.hears_feeling
+        })?;
         let known = self.registration.controls();
         request.controls.check(known, ControlStage::Motion)
     }
 
     fn check_events(&self, events: &[Event]) -> Result<()> {
         events.iter().try_for_each(Event::check)?;
-        self.able(events.is_empty(), "events: expected a system that shows them", |system| {
-            system.takes_events
-        })
+        self.able(
+            events.is_empty(),
+            "events: expected a system that shows them",
+            |system| system.takes_events,
+        )
     }
 
     /// Whether nothing is asked that this system cannot do.
@@ -153,7 +157,9 @@ impl Engine {
         let able = SYSTEMS.iter().filter(|system| can(system));
         let able: Vec<&str> = able.map(|system| system.name).collect();
         let (able, name) = (able.join(", "), self.registration.name);
-        Err(Error::InvalidInput(format!("{expected} ({able}), got {name}")))
+        Err(Error::InvalidInput(format!(
+            "{expected} ({able}), got {name}"
+        )))
     }
 
     /// The request with the emotion that is heard in the voice.

@@ -1,23 +1,27 @@
 //! What a finished take may still change without a new run.
 //!
 //! A slider stands at 1 where the take was made. Its variations are made on the same way as the take,
-//! from the same speech features and noise; what they change on the mesh is expressed in the take's
-//! own shapes. Between its knots a slider is linear.
+//! from the same speech features and noise; what they change on the mesh, by landmarks or by weights of
+//! its shapes, is expressed in the take's own. Between its knots a slider is linear.
 
-use ndarray::{Array1, Array2, Array3, ArrayView1, ArrayView3, Axis};
+use std::sync::Arc;
+
+use ndarray::{Array1, Array2, Array3, ArrayView1, Axis};
 
 use super::{Engine, Performance};
 use crate::{
     Error, Result,
     conditions::{EmotionCurve, MAX_INTENSITY},
     deform::{
-        Deformer, FewVertices, VertexClip,
+        Deformer, VertexClip,
         compression::VertexBasis,
         projection::{Projection, telling_vertices},
     },
     face::Face,
-    motion::{LandmarkClip, Motion},
+    motion::Motion,
     progress::{Progress, ProgressFn, report},
+    rig::Rig,
+    spread::{closed_on, not_yet, of_shapes},
     systems::Slider,
 };
 
@@ -81,7 +85,7 @@ impl Engine {
     /// Where variations of a slider are made, rising, without 1; none where it has nothing to scale.
     pub fn knots(&self, performance: &Performance, slider: Slider) -> Vec<f32> {
         let controls = &performance.request.controls;
-        if controls.change_over_time() || !self.system.sliders().contains(&slider) {
+        if controls.change_over_time() || !self.registration.sliders.contains(&slider) {
             return Vec::new();
         }
         let emotion = &performance.request.emotion;
@@ -167,13 +171,15 @@ impl Engine {
         progress: ProgressFn<'_>,
     ) -> Result<Vec<SliderChange>> {
         check_take(performance, clip, basis)?;
-        let Some(take) = performance.motion.landmarks() else {
-            return Ok(Vec::new());
-        };
-        let deformer = self.threads(|| self.deformer(face, progress))?;
-        let measure = Measure::new(face, deformer.as_ref(), clip, basis)?;
+        let take = &performance.motion;
         let ways = Slider::ALL.map(|slider| (slider, self.knots(performance, slider)));
         let count = ways.iter().map(|(_, knots)| knots.len()).sum::<usize>();
+        if count == 0 {
+            return Ok(Vec::new());
+        }
+        let vertices = telling_vertices(basis, TELLING_VERTICES);
+        let way = self.way(face, take, vertices, progress)?;
+        let measure = Measure::new(face, way, clip, basis)?;
         let mut done = 0;
         let mut out = Vec::new();
         for (slider, knots) in ways {
@@ -187,13 +193,10 @@ impl Engine {
                     })
                 };
                 let varied = self.varied(performance, slider, *knot, &within)?;
-                let change = match varied.landmarks() {
-                    Some(varied) => self.threads(|| measure.change(take, varied, &within)),
-                    None => return Ok(Vec::new()),
-                };
+                let change = self.threads(|| measure.change(take, &varied, &within))?;
                 changes.push(match slider {
-                    Slider::EmotionAndBlinks => beyond_each(change?, &out),
-                    _ => change?,
+                    Slider::EmotionAndBlinks => beyond_each(change, &out),
+                    _ => change,
                 });
                 done += 1;
             }
@@ -213,58 +216,82 @@ impl Engine {
     }
 }
 
+/// How motion of one kind reaches some vertices of a face.
+enum Way<'a> {
+    /// Landmarks, through a deformer of these vertices alone where the face's offers that.
+    Landmarks(&'a dyn Deformer, Option<Box<dyn Deformer>>),
+    /// Weights, through the shapes of the face.
+    Shapes(Arc<Rig>),
+}
+
 /// What is needed to express motion of a face in the shapes of one take.
 struct Measure<'a> {
     face: &'a Face,
-    deformer: &'a dyn Deformer,
+    way: Way<'a>,
     clip: &'a VertexClip,
     basis: &'a VertexBasis,
-    /// Some of the vertices, where the face's deformer offers that.
-    few: Option<Box<dyn Deformer>>,
-    vertices: Vec<u32>,
+    /// Those by which motion is known.
+    vertices: Vec<usize>,
     projection: Projection,
     /// How far the shapes move, `[K]`.
     sizes: Vec<f32>,
 }
 
+impl Engine {
+    /// The way of a motion to a face, and the vertices that it is known by: `telling`, or others like them.
+    fn way<'a>(
+        &self,
+        face: &'a Face,
+        motion: &Motion,
+        telling: Vec<u32>,
+        progress: ProgressFn<'_>,
+    ) -> Result<(Way<'a>, Vec<u32>)> {
+        match motion {
+            Motion::Landmarks(_) => {
+                let deformer = self.threads(|| self.deformer(face, progress))?.as_ref();
+                Ok(match deformer.of_vertices(&telling) {
+                    Some(few) => (Way::Landmarks(deformer, Some(few.deformer)), few.vertices),
+                    None => (Way::Landmarks(deformer, None), telling),
+                })
+            }
+            Motion::Weights(_) => Ok((Way::Shapes(self.rig(face, progress)?), telling)),
+            Motion::Template(_) | Motion::Codes(_) => Err(not_yet(motion)),
+        }
+    }
+}
+
 impl Measure<'_> {
     fn new<'a>(
         face: &'a Face,
-        deformer: &'a dyn Deformer,
+        (way, vertices): (Way<'a>, Vec<u32>),
         clip: &'a VertexClip,
         basis: &'a VertexBasis,
     ) -> Result<Measure<'a>> {
-        let telling = telling_vertices(basis, TELLING_VERTICES);
-        let (few, vertices) = match deformer.of_vertices(&telling) {
-            Some(FewVertices { deformer, vertices }) => (Some(deformer), vertices),
-            None => (None, telling),
-        };
         let projection = Projection::new(basis, &vertices)?;
         Ok(Measure {
             face,
-            deformer,
+            way,
             clip,
             basis,
-            few,
-            vertices,
+            vertices: vertices.iter().map(|&v| v as usize).collect(),
             sizes: projection.sizes(),
             projection,
         })
     }
 
-    /// How the weights `[T, K]` of the take, whose landmark motion is `take`, change to show `varied`.
+    /// How the weights `[T, K]` of the take, whose motion is `take`, change to show `varied`.
     fn change(
         &self,
-        take: &LandmarkClip,
-        varied: &LandmarkClip,
+        take: &Motion,
+        varied: &Motion,
         progress: ProgressFn<'_>,
     ) -> Result<Array2<f32>> {
-        let (was, is) = (&take.displacements, &varied.displacements);
+        let (was, is) = (take.values(), varied.values());
         let differs = |t: &usize| was.index_axis(Axis(0), *t) != is.index_axis(Axis(0), *t);
-        let frames: Vec<usize> = (0..is.dim().0).filter(differs).collect();
-        let mut out = Array2::zeros((is.dim().0, self.projection.shapes()));
+        let frames: Vec<usize> = (0..take.frames()).filter(differs).collect();
+        let mut out = Array2::zeros((take.frames(), self.projection.shapes()));
         for frames in frames.chunks(FRAMES_AT_ONCE) {
-            let moved = self.moved(is.select(Axis(0), frames).view(), frames, progress)?;
+            let moved = self.moved(varied, frames, progress)?;
             for (&t, weights) in frames
                 .iter()
                 .zip(self.projection.weights(&moved).outer_iter())
@@ -288,26 +315,35 @@ impl Measure<'_> {
         few
     }
 
-    /// How far `landmarks` `[F, 68, 3]`, canonical metres, move the vertices `[F, S, 3]` from where the
-    /// take has them in its frames `[F]`.
+    /// How far some `frames` `[F]` of a motion move the vertices `[F, S, 3]` from where the take has them.
     fn moved(
         &self,
-        landmarks: ArrayView3<'_, f32>,
+        motion: &Motion,
         frames: &[usize],
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
-        let landmarks = self.face.own_motion(landmarks);
-        let vertices: Vec<usize> = self.vertices.iter().map(|&v| v as usize).collect();
-        let mut moved = match &self.few {
-            Some(few) => few.deform(landmarks.view(), progress)?,
-            None => {
-                let all = self.deformer.deform(landmarks.view(), progress)?;
-                all.select(Axis(1), &vertices)
+        let mut moved = match (&self.way, motion) {
+            (Way::Landmarks(deformer, few), Motion::Landmarks(clip)) => {
+                let landmarks = clip.displacements.select(Axis(0), frames);
+                let landmarks = self.face.own_motion(landmarks.view());
+                match few {
+                    Some(few) => few.deform(landmarks.view(), progress)?,
+                    None => {
+                        let all = deformer.deform(landmarks.view(), progress)?;
+                        all.select(Axis(1), &self.vertices)
+                    }
+                }
             }
+            (Way::Shapes(rig), Motion::Weights(clip)) => {
+                report(progress, "deform", 0.0)?;
+                let clip = closed_on(self.face, rig, &clip.rows(frames)).into_owned();
+                of_shapes(rig, &self.vertices, &clip)
+            }
+            (_, other) => return Err(not_yet(other)),
         };
         for (&t, mut frame) in frames.iter().zip(moved.outer_iter_mut()) {
             let clip = self.clip.displacements.index_axis(Axis(0), t);
-            for (mut row, &v) in frame.rows_mut().into_iter().zip(&vertices) {
+            for (mut row, &v) in frame.rows_mut().into_iter().zip(&self.vertices) {
                 row -= &clip.row(v);
             }
         }

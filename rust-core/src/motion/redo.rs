@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use ndarray::{Array, ArrayD, ArrayView, ArrayViewD, Axis, Dimension, Slice};
+use ndarray::{Array, ArrayD, ArrayView, ArrayViewD, Axis, Dimension, Slice, aview1};
 
 use super::{Life, Motion};
 use crate::{Error, Result};
@@ -147,7 +147,15 @@ impl Motion {
             )));
         }
         let values = stretch.splice(self.values(), again.values(), self.fps())?;
-        Ok(self.with_values(values))
+        let mut made = self.with_values(values);
+        if let (Motion::Weights(made), Motion::Weights(again)) = (&mut made, again)
+            && made.together.len() == again.together.len()
+            && !again.together.is_empty()
+        {
+            let [was, new] = [&made.together, &again.together].map(|share| aview1(share));
+            made.together = stretch.splice(was, new, made.fps)?.to_vec();
+        }
+        Ok(made)
     }
 
     /// Some frames of it.
@@ -156,6 +164,9 @@ impl Motion {
     /// If it has fewer.
     #[must_use]
     pub fn frames_of(&self, rows: Range<usize>) -> Motion {
+        if let Motion::Weights(clip) = self {
+            return Motion::Weights(clip.rows(&rows.collect::<Vec<_>>()));
+        }
         let values: ArrayViewD<'_, f32> = self.values();
         let values: ArrayD<f32> = values.slice_axis(Axis(0), Slice::from(rows)).to_owned();
         self.with_values(values)
@@ -177,10 +188,10 @@ impl Life {
 
 #[cfg(test)]
 mod tests {
-    use ndarray::Array3;
+    use ndarray::{Array2, Array3};
 
     use super::*;
-    use crate::motion::LandmarkClip;
+    use crate::motion::{LandmarkClip, WeightClip};
 
     const FPS: f64 = 30.0;
 
@@ -264,5 +275,30 @@ mod tests {
             was.redone(&shorter, &stretch),
             Err(Error::ShapeMismatch { .. })
         ));
+    }
+
+    #[test]
+    fn lips_of_weights_come_together_where_the_frames_are_that_were_taken() {
+        let of = |weight: f32, share: f32| {
+            Motion::Weights(WeightClip {
+                names: vec!["jawOpen".to_owned()],
+                weights: Array2::from_elem((50, 1), weight),
+                fps: 25.0,
+                together: (0..50).map(|t| if t == 20 { share } else { 0.0 }).collect(),
+            })
+        };
+        let together = |motion: &Motion| match motion {
+            Motion::Weights(clip) => clip.together.clone(),
+            other => panic!("{}", other.kind()),
+        };
+        let part = together(&of(0.5, 1.0).frames_of(18..22));
+        assert_eq!(part, [0.0, 0.0, 1.0, 0.0]);
+        // A stretch that is made again brings its closures, and only there.
+        let stretch = Stretch::parse("0.4-1.2").unwrap();
+        let made = of(0.5, 1.0).redone(&of(0.2, 0.0), &stretch).unwrap();
+        assert!(together(&made).iter().all(|share| *share == 0.0));
+        let later = Stretch::parse("1.2-1.8").unwrap();
+        let kept = of(0.5, 1.0).redone(&of(0.2, 0.0), &later).unwrap();
+        assert_eq!(together(&kept)[20], 1.0);
     }
 }

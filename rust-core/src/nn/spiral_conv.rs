@@ -106,7 +106,11 @@ mod tests {
         let weight: Vec<f32> = (0..count).map(value).collect();
         let bias: Vec<f32> = (0..outputs).map(|i| value(i + 91)).collect();
         let arrays = [
-            ("weight", vec![delta, kernel, inputs, outputs], weight.clone()),
+            (
+                "weight",
+                vec![delta, kernel, inputs, outputs],
+                weight.clone(),
+            ),
             ("bias", vec![outputs], bias.clone()),
         ];
         let places = Array2::from_shape_fn((vertices, inputs), |(v, i)| value(7 * v + i));
@@ -123,7 +127,9 @@ mod tests {
                 for o in 0..outputs {
                     let mut expected = bias[o];
                     for d in 0..delta {
-                        let Some(past) = (t + d + 1).checked_sub(delta) else { continue };
+                        let Some(past) = (t + d + 1).checked_sub(delta) else {
+                            continue;
+                        };
                         for k in 0..kernel {
                             for i in 0..inputs {
                                 let x = time(past, i) + places[[spirals[[v, k]], i]];

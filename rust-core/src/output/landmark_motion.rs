@@ -2,10 +2,16 @@
 
 use std::{fs::File, io::BufReader, path::Path};
 
-use ndarray::{Array2, Array3, ArrayViewD, IxDyn};
+use ndarray::{Array1, Array2, Array3, ArrayViewD, IxDyn};
 use ndarray_npy::{NpzReader, ReadNpzError};
 
-use crate::{Error, Result, conditions::check_fps, ibug::LANDMARKS, motion::Life};
+use super::rig::read_names;
+use crate::{
+    Error, Result,
+    conditions::check_fps,
+    ibug::LANDMARKS,
+    motion::{Life, WeightClip},
+};
 
 /// Landmark motion as a file holds it.
 #[derive(Debug, Clone, PartialEq)]
@@ -92,6 +98,56 @@ pub fn read_life(path: &Path) -> Result<Option<Life>> {
             got: format!("{:?} and {:?}", head.shape(), gaze.shape()),
         }),
     }
+}
+
+/// Reads `weights` `[T, S]`, `names` `[S]`, `fps` and `together` `[T]` (or nothing), as motion of weights is
+/// written; `None` in files without weights.
+///
+/// # Errors
+/// `Io` if the file cannot be read, `InvalidInput` if it is no npz, lacks one of these or holds numbers that
+/// are not finite, `ShapeMismatch` where they differ in number.
+pub fn read_weights(path: &Path) -> Result<Option<WeightClip>> {
+    let file = File::open(path).map_err(Error::io(path))?;
+    let bad = |e: &dyn std::fmt::Display| Error::InvalidInput(format!("{}: {e}", path.display()));
+    let mut npz = NpzReader::new(BufReader::new(file)).map_err(|e| bad(&e))?;
+    let has_weights = npz
+        .names()
+        .map_err(|e| bad(&e))?
+        .iter()
+        .any(|n| n == "weights");
+    if !has_weights {
+        return Ok(None);
+    }
+    let weights: Array2<f32> = read(&mut npz, "weights").map_err(|e| bad(&e))?;
+    let fps = read_number(&mut npz, "fps").map_err(|e| bad(&e))?;
+    let names = read_names(path)?;
+    if names.len() != weights.ncols() {
+        return Err(Error::ShapeMismatch {
+            what: "weights",
+            expected: format!("[T, {}], one column a name", names.len()),
+            got: format!("{:?}", weights.shape()),
+        });
+    }
+    let together: Array1<f32> = read(&mut npz, "together").map_err(|e| bad(&e))?;
+    if ![0, weights.nrows()].contains(&together.len()) {
+        return Err(Error::ShapeMismatch {
+            what: "together",
+            expected: format!("[{}], one number a frame, or none", weights.nrows()),
+            got: format!("{:?}", together.shape()),
+        });
+    }
+    if weights.iter().chain(&together).any(|x| !x.is_finite()) {
+        return Err(bad(
+            &"weights: expected finite numbers, got NaN or infinity",
+        ));
+    }
+    check_fps(fps).map_err(|e| bad(&e))?;
+    Ok(Some(WeightClip {
+        names,
+        weights,
+        fps,
+        together: together.to_vec(),
+    }))
 }
 
 fn neutral_of(array: &Array2<f32>) -> Result<[[f32; 3]; LANDMARKS]> {

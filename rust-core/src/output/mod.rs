@@ -22,7 +22,7 @@ use std::path::Path;
 pub use atomic::write_atomically;
 pub use blend_weights::write_blend_weights;
 pub use clip_file::ClipFile;
-pub use landmark_motion::{LandmarkMotion, read_landmark_motion, read_life};
+pub use landmark_motion::{LandmarkMotion, read_landmark_motion, read_life, read_weights};
 pub use opened_obj::write_opened_obj;
 pub use report::{Report, warnings_of_sound};
 pub use rig::{read_rig, write_rig, write_rig_folder};
@@ -33,8 +33,9 @@ use ndarray::ArrayView2;
 use crate::{
     Error, Result,
     mesh::Mesh,
-    motion::{LandmarkClip, Life},
-    spread::{Animation, ClipStart, FrameSink, LandmarkTrack},
+    motion::{FaceModes, LandmarkClip, Life, Motion, WeightClip},
+    rig::SolvedWeights,
+    spread::{self, Animation, ClipStart, FrameSink, LandmarkTrack},
 };
 
 /// A kind of file that holds an animation.
@@ -92,19 +93,65 @@ pub fn write_animation(
     })
 }
 
-/// Writes landmark motion as npz: `landmark_displacements` `[T, 68, 3]` in canonical metres, `fps`, and
-/// `head` and `gaze` as [`Life`] has them.
+/// Writes motion as npz: `landmark_displacements` `[T, 68, 3]` in canonical metres, `fps`, and `head` and
+/// `gaze` as [`Life`] has them. Motion of weights has its `weights` `[T, S]`, their `names` `[S]` and `together`
+/// `[T]` too, how far lips have to meet on whatever head shows it; its landmarks are the mean face's under `modes`; it may go to a .csv or .json as well, as
+/// [`write_blend_weights`] writes them, alone.
 ///
 /// # Errors
-/// `InvalidInput` for an extension other than npz, `Io` if the file cannot be written.
-pub fn write_motion(path: &Path, motion: &LandmarkClip, life: Option<&Life>) -> Result<()> {
-    match Format::from_path(path)? {
-        Format::Npz => write_atomically(path, |file| npz::write_motion(file, motion, life)),
-        _ => Err(Error::InvalidInput(format!(
-            "{}: expected a name that ends in .npz for landmark motion",
-            path.display()
+/// `InvalidInput` for another extension, or motion that no face has landmarks of; `Io` if the file cannot be
+/// written.
+pub fn write_motion(
+    path: &Path,
+    motion: &Motion,
+    life: Option<&Life>,
+    modes: &FaceModes,
+) -> Result<()> {
+    check_motion_path(path, matches!(motion, Motion::Weights(_)))?;
+    let write = |landmarks: &LandmarkClip, weights: Option<&WeightClip>| {
+        write_atomically(path, |file| {
+            npz::write_motion(file, landmarks, weights, life)
+        })
+    };
+    match motion {
+        Motion::Landmarks(clip) => write(clip, None),
+        Motion::Weights(clip) if is_npz(path) => write(&clip.landmarks(modes)?, Some(clip)),
+        Motion::Weights(clip) => {
+            let weights = SolvedWeights {
+                names: clip.names.clone(),
+                weights: clip.weights.clone(),
+                residual: vec![0.0; clip.weights.nrows()],
+                motion: vec![0.0; clip.weights.nrows()],
+            };
+            write_blend_weights(path, &weights, clip.fps)
+        }
+        Motion::Template(_) | Motion::Codes(_) => Err(spread::not_yet(motion)),
+    }
+}
+
+/// Checks that motion can be written under this name: .npz, and where it `is_weights` .csv and .json.
+///
+/// # Errors
+/// `InvalidInput` for another extension.
+pub fn check_motion_path(path: &Path, is_weights: bool) -> Result<()> {
+    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("");
+    let expected = match is_weights {
+        true => &["npz", "csv", "json"][..],
+        false => &["npz"],
+    };
+    match expected.contains(&ending.to_ascii_lowercase().as_str()) {
+        true => Ok(()),
+        false => Err(Error::InvalidInput(format!(
+            "{}: expected a name that ends in .{} for motion of {}",
+            path.display(),
+            expected.join(", ."),
+            if is_weights { "weights" } else { "landmarks" }
         ))),
     }
+}
+
+fn is_npz(path: &Path) -> bool {
+    matches!(Format::from_path(path), Ok(Format::Npz))
 }
 
 /// Writes by which share each vertex attends to each landmark as npz: `attention` `[V, 68]`.

@@ -2,12 +2,12 @@
 
 use std::io::{self, Seek, SeekFrom, Write};
 
-use ndarray::{ArrayView2, ArrayView3, Axis};
+use ndarray::{ArrayView2, ArrayView3, Axis, aview1};
 use zip::{CompressionMethod, ZipWriter, result::ZipError, write::SimpleFileOptions};
 
 use crate::{
     ibug::LANDMARKS,
-    motion::{LandmarkClip, Life},
+    motion::{LandmarkClip, Life, WeightClip},
 };
 
 /// Bytes of one array from which its entry needs 64-bit sizes.
@@ -18,10 +18,22 @@ const BATCH: usize = 1 << 16;
 pub(super) fn write_motion(
     file: impl Write + Seek,
     motion: &LandmarkClip,
+    weights: Option<&WeightClip>,
     life: Option<&Life>,
 ) -> io::Result<()> {
     let mut archive = Archive::new(file);
     archive.landmarks(motion.displacements.view())?;
+    if let Some(clip) = weights {
+        archive.names(&clip.names)?;
+        archive.start("weights", "<f4", clip.weights.shape())?;
+        archive.values(clip.weights.view().insert_axis(Axis(0)))?;
+        archive.start("together", "<f4", &[clip.together.len()])?;
+        archive.values(
+            aview1(&clip.together)
+                .insert_axis(Axis(0))
+                .insert_axis(Axis(0)),
+        )?;
+    }
     life.map_or(Ok(()), |life| archive.life(life))?;
     archive.number("fps", motion.fps)?;
     archive.finish()

@@ -46,14 +46,7 @@ pub fn read_rig(path: &Path) -> Result<Rig> {
     let deltas: Array3<f32> = npz
         .by_name("deltas")
         .map_err(|e| bad(&format!("expected an array deltas [S, V, 3] of f32 ({e})")))?;
-    let mut archive = zip::ZipArchive::new(io::BufReader::new(open()?)).map_err(|e| bad(&e))?;
-    let mut bytes = Vec::new();
-    archive
-        .by_name("names.npy")
-        .map_err(|e| bad(&format!("expected an array names ({e})")))?
-        .read_to_end(&mut bytes)
-        .map_err(Error::io(path))?;
-    let names = texts(&bytes).ok_or_else(|| bad(&"names: expected an array of text"))?;
+    let names = read_names(path)?;
     let (shapes, vertices, axes) = deltas.dim();
     if names.len() != shapes || axes != 3 {
         return Err(Error::ShapeMismatch {
@@ -70,6 +63,23 @@ pub fn read_rig(path: &Path) -> Result<Rig> {
         deltas,
         reports: Vec::new(),
     })
+}
+
+/// The array `names` `[S]` of text.
+///
+/// # Errors
+/// `Io` if the file cannot be read, `InvalidInput` if it has no such array.
+pub(super) fn read_names(path: &Path) -> Result<Vec<String>> {
+    let file = fs::File::open(path).map_err(Error::io(path))?;
+    let bad = |e: &dyn std::fmt::Display| Error::InvalidInput(format!("{}: {e}", path.display()));
+    let mut archive = zip::ZipArchive::new(io::BufReader::new(file)).map_err(|e| bad(&e))?;
+    let mut bytes = Vec::new();
+    archive
+        .by_name("names.npy")
+        .map_err(|e| bad(&format!("expected an array names ({e})")))?
+        .read_to_end(&mut bytes)
+        .map_err(Error::io(path))?;
+    texts(&bytes).ok_or_else(|| bad(&"names: expected an array of text"))
 }
 
 /// Writes `neutral.obj` and `NAME.obj` for every shape at strength 1 into `folder`.

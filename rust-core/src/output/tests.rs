@@ -87,7 +87,9 @@ fn motion_files_hold_no_neutral_landmarks() {
         head: ndarray::array![[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]],
         gaze: Array3::from_shape_fn((2, 2, 2), |(t, e, i)| (4 * t + 2 * e + i) as f32),
     };
-    write_motion(&path, &motion, Some(&life)).unwrap();
+    let modes = FaceModes::open(None).unwrap();
+    let spoken = Motion::Landmarks(motion.clone());
+    write_motion(&path, &spoken, Some(&life), &modes).unwrap();
     let mut npz = NpzReader::new(std::fs::File::open(&path).unwrap()).unwrap();
     let head: ndarray::Array2<f32> = npz.by_name("head").unwrap();
     let gaze: Array3<f32> = npz.by_name("gaze").unwrap();
@@ -95,7 +97,41 @@ fn motion_files_hold_no_neutral_landmarks() {
     let read = read_landmark_motion(&path).unwrap();
     assert_eq!(read.neutral, None);
     assert_eq!(read.displacements, motion.displacements);
-    assert!(write_motion(&folder.path().join("motion.pc2"), &motion, None).is_err());
+    assert_eq!(read_weights(&path).unwrap(), None);
+    for name in ["motion.pc2", "motion.csv"] {
+        assert!(write_motion(&folder.path().join(name), &spoken, None, &modes).is_err());
+    }
+}
+
+#[test]
+fn motion_of_weights_is_written_with_its_names_and_as_a_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let modes = FaceModes::open(None).unwrap();
+    let clip = WeightClip {
+        names: ["jawOpen", "mouthSmileLeft"].map(str::to_owned).to_vec(),
+        weights: ndarray::array![[0.0, 0.5], [0.25, 1.0], [0.5, 0.0]],
+        fps: 25.0,
+        together: vec![0.0, 1.0, 0.5],
+    };
+    let (motion, npz) = (Motion::Weights(clip.clone()), folder.path().join("m.npz"));
+    write_motion(&npz, &motion, None, &modes).unwrap();
+    assert_eq!(read_weights(&npz).unwrap(), Some(clip.clone()));
+    let landmarks = read_landmark_motion(&npz).unwrap();
+    assert_eq!(
+        landmarks.displacements,
+        clip.landmarks(&modes).unwrap().displacements
+    );
+    let table = folder.path().join("m.csv");
+    write_motion(&table, &motion, None, &modes).unwrap();
+    let text = std::fs::read_to_string(&table).unwrap();
+    assert_eq!(text.lines().count(), 4);
+    let error = write_motion(&folder.path().join("m.mdd"), &motion, None, &modes).unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .contains(".npz, .csv, .json for motion of weights"),
+        "{error}"
+    );
 }
 
 #[test]

@@ -151,14 +151,18 @@ impl FeltVoice {
 
     fn of_window(&self, cepstra: ArrayView2<'_, f64>, first: usize, end: usize) -> Vec<f64> {
         let mel = self.mel.slice(s![first..end, ..]);
-        let level: Vec<f64> = mel.outer_iter().map(|row| row.sum() / BANDS as f64).collect();
+        let level: Vec<f64> = mel
+            .outer_iter()
+            .map(|row| row.sum() / BANDS as f64)
+            .collect();
         let loud = quantile(&level, LOUD_SHARE);
         let active: Vec<bool> = level.iter().map(|x| *x > loud - ACTIVE_NEPERS).collect();
         let periodic = self.periodic[first..end].iter().zip(&active);
-        let voiced: Vec<bool> = periodic.map(|(x, active)| *x > PERIODIC && *active).collect();
-        let which = |chosen: &[bool]| -> Vec<usize> {
-            (0..chosen.len()).filter(|t| chosen[*t]).collect()
-        };
+        let voiced: Vec<bool> = periodic
+            .map(|(x, active)| *x > PERIODIC && *active)
+            .collect();
+        let which =
+            |chosen: &[bool]| -> Vec<usize> { (0..chosen.len()).filter(|t| chosen[*t]).collect() };
         let (heard, sung) = (which(&active), which(&voiced));
         let relative = mel.mapv(|x| x - loud);
         let mut moved = cepstra.to_owned();
@@ -172,23 +176,38 @@ impl FeltVoice {
             part.sum() / part.len().max(1) as f64
         };
         let under: Vec<f64> = level.iter().map(|x| x - loud).collect();
-        let steps: Vec<f64> = level.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+        let steps: Vec<f64> = level
+            .windows(2)
+            .map(|pair| (pair[1] - pair[0]).abs())
+            .collect();
         let mut out = pitch(&self.octave[first..end], &voiced);
-        out.push(deviation(&heard.iter().map(|t| level[*t]).collect::<Vec<_>>()));
+        out.push(deviation(
+            &heard.iter().map(|t| level[*t]).collect::<Vec<_>>(),
+        ));
         out.push(heard.len() as f64 / level.len() as f64);
         out.extend([0.1, 0.25, 0.5, 0.75].map(|share| quantile(&under, share)));
         out.push(mean(&steps));
         out.push(part(BANDS / 2, BANDS) - part(0, BANDS / 2));
         out.push(part(BANDS - BANDS / 4, BANDS) - part(0, BANDS / 4));
         let columns = |x: &Array2<f64>, of: fn(&[f64]) -> f64| -> Vec<f64> {
-            x.columns().into_iter().map(|column| of(&column.to_vec())).collect()
+            x.columns()
+                .into_iter()
+                .map(|column| of(&column.to_vec()))
+                .collect()
         };
         let chosen = moved.select(Axis(0), &heard);
         out.extend(columns(&chosen, mean));
         out.extend(columns(&chosen, deviation));
         out.extend(columns(&change.mapv(f64::abs), mean));
-        out.extend(columns(&change.select(Axis(0), &which(&active[1..])), deviation));
-        let coloured = if sung.len() >= LEAST_VOICED { &sung } else { &heard };
+        out.extend(columns(
+            &change.select(Axis(0), &which(&active[1..])),
+            deviation,
+        ));
+        let coloured = if sung.len() >= LEAST_VOICED {
+            &sung
+        } else {
+            &heard
+        };
         let colour = columns(&relative.select(Axis(0), coloured), mean);
         out.extend(colour.into_iter().step_by(4));
         out
@@ -207,13 +226,19 @@ impl FeelingEncoder {
 
     fn load(weights: &Weights, config: &str) -> Result<Self> {
         let wrong = |told: String| Error::Weights(format!("feeling config.json: {told}"));
-        let config: FeelingConfig = serde_json::from_str(config).map_err(|e| wrong(e.to_string()))?;
+        let config: FeelingConfig =
+            serde_json::from_str(config).map_err(|e| wrong(e.to_string()))?;
         let mut names = config.feelings.iter();
         if let Some(name) = names.find(|name| !EMOTIONS.contains(&name.as_str())) {
-            return Err(wrong(format!("feelings: expected names of {EMOTIONS:?}, got {name:?}")));
+            return Err(wrong(format!(
+                "feelings: expected names of {EMOTIONS:?}, got {name:?}"
+            )));
         }
         if config.numbers != NUMBERS {
-            return Err(wrong(format!("numbers: expected {NUMBERS}, got {}", config.numbers)));
+            return Err(wrong(format!(
+                "numbers: expected {NUMBERS}, got {}",
+                config.numbers
+            )));
         }
         let classes = config.feelings.len();
         let vector = |name: &str, length| -> Result<Array1<f64>> {
@@ -224,7 +249,9 @@ impl FeelingEncoder {
         };
         let scale = vector("scale", NUMBERS)?;
         if let Some(value) = scale.iter().find(|value| **value <= 0.0) {
-            return Err(Error::Weights(format!("feeling: scale: expected more than 0, got {value}")));
+            return Err(Error::Weights(format!(
+                "feeling: scale: expected more than 0, got {value}"
+            )));
         }
         Ok(FeelingEncoder {
             mean: vector("mean", NUMBERS)?,
@@ -279,7 +306,8 @@ impl FeelingEncoder {
             let at = ((frame(t) - LEAST as f64) / STEP as f64).clamp(0.0, last as f64);
             let below = (at as usize).min(last.saturating_sub(1));
             let share = at - below as f64;
-            let mixed = &heard.row(below) * (1.0 - share) + &heard.row((below + 1).min(last)) * share;
+            let mixed =
+                &heard.row(below) * (1.0 - share) + &heard.row((below + 1).min(last)) * share;
             row.assign(&mixed.mapv(|x| x as f32));
         }
         out
@@ -315,7 +343,9 @@ fn overlap() -> Array1<f64> {
         let pairs = window[lag..].iter().zip(&window);
         pairs.map(|(a, b)| a * b).sum()
     };
-    (FIRST_LAG..END_LAG).map(|lag| (at(lag) / at(0)).max(LEAST_OVERLAP)).collect()
+    (FIRST_LAG..END_LAG)
+        .map(|lag| (at(lag) / at(0)).max(LEAST_OVERLAP))
+        .collect()
 }
 
 /// Orthonormal DCT-II of the bands, `[64, 20]`.
@@ -340,7 +370,12 @@ fn pitch(octave: &[f64], voiced: &[bool]) -> Vec<f64> {
         before = *now;
     }
     let frames = voiced.len() as f64;
-    let spoken: Vec<f64> = octave.iter().zip(voiced).filter(|(_, v)| **v).map(|(x, _)| *x).collect();
+    let spoken: Vec<f64> = octave
+        .iter()
+        .zip(voiced)
+        .filter(|(_, v)| **v)
+        .map(|(x, _)| *x)
+        .collect();
     let rate = [
         spoken.len() as f64 / frames,
         100.0 * runs.len() as f64 / frames,

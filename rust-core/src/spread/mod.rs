@@ -70,14 +70,11 @@ impl<'a> Spread<'a> {
 
     /// Weights through shapes of the mesh; those that it has no shape for move nothing.
     pub fn of_weights(face: &'a Face, rig: &'a Rig, clip: &'a WeightClip) -> Spread<'a> {
-        let shape_of = |name: &String| rig.names.iter().position(|known| known == name);
-        let found = clip.names.iter().enumerate();
-        let pairs = found.filter_map(|(w, name)| Some((w, shape_of(name)?)));
         Spread {
             face,
             fps: clip.fps,
             frames: clip.weights.nrows(),
-            way: Way::Shapes(rig, pairs.collect(), clip),
+            way: Way::Shapes(rig, pairs(rig, clip), clip),
         }
     }
 
@@ -124,6 +121,25 @@ fn mixed(
         }
     });
     out
+}
+
+/// Weights of a clip at some vertices alone, `[T, V, 3]`, mesh units.
+pub(crate) fn of_shapes(rig: &Rig, vertices: &[usize], clip: &WeightClip) -> Array3<f32> {
+    let part = Rig {
+        names: rig.names.clone(),
+        deltas: rig.deltas.select(Axis(1), vertices),
+        reports: Vec::new(),
+    };
+    mixed(&part, &pairs(&part, clip), clip, 0..clip.weights.nrows())
+}
+
+/// Where the weights of a clip stand, and the shapes of the mesh that they move.
+fn pairs(rig: &Rig, clip: &WeightClip) -> Vec<(usize, usize)> {
+    let shape_of = |name: &String| rig.names.iter().position(|known| known == name);
+    let found = clip.names.iter().enumerate();
+    found
+        .filter_map(|(w, name)| Some((w, shape_of(name)?)))
+        .collect()
 }
 
 /// The clip with lips that meet on this very face where they have to; lips that are one surface stay.

@@ -64,6 +64,8 @@ pub struct Registration {
     pub takes_events: bool,
     /// Whether it hears feeling in a voice, and may take it from another recording.
     pub hears_feeling: bool,
+    /// What of a finished take may still be scaled without a new run.
+    pub sliders: &'static [Slider],
     /// Loads the built-in models, or those of a folder.
     pub open: fn(Option<&Path>) -> Result<Box<dyn System>>,
 }
@@ -197,10 +199,5 @@ pub trait System: Send + Sync {
     /// In which pieces it performs a long sound; `None` where it takes any length at once.
     fn windows(&self) -> Option<Windows> {
         None
-    }
-
-    /// What of a finished take may still be scaled without a new run.
-    fn sliders(&self) -> &'static [Slider] {
-        &[]
     }
 }

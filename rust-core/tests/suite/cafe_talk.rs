@@ -53,6 +53,29 @@ fn performed(seconds: f32, request: &MotionRequest) -> Performance {
     ENGINE.perform(&voice(seconds), request, SILENT).unwrap()
 }
 
+/// Closures are those of the frames that were taken, and not of the first ones of the sound.
+#[test]
+fn a_part_of_a_take_moves_a_mesh_as_the_whole_does() {
+    let request = MotionRequest {
+        closures: Some(vec![[1.4, 1.7]]),
+        ..asked(&["1-2:26"])
+    };
+    let performance = performed(3.0, &request);
+    let face = head::prepared(&head::head(), &head::landmarks(), PartChoices::default());
+    let spread = |motion: &Motion| {
+        let made = Collector::collect(|sink| ENGINE.spread(&face, motion, sink, SILENT));
+        made.unwrap().vertices.displacements
+    };
+    let whole = spread(&performance.motion);
+    let together = &weights(&performance).together;
+    assert!(
+        together[30..60].iter().any(|share| *share > 0.5),
+        "{together:?}"
+    );
+    let part = spread(&performance.motion.frames_of(30..60));
+    assert_eq!(part, whole.slice(s![30..60, .., ..]));
+}
+
 fn weights(performance: &Performance) -> WeightClip {
     match &performance.motion {
         Motion::Weights(clip) => clip.clone(),

@@ -381,6 +381,88 @@ fn a_stretch_of_landmark_motion_is_made_again_and_the_rest_stays_to_the_bit() {
 }
 
 #[test]
+fn motion_of_weights_has_a_file_a_table_and_stretches_that_are_made_again() {
+    let folder = folder_with_sound(&hum(2.0), 16_000);
+    let motion = [
+        "motion",
+        "--audio",
+        "a.wav",
+        "--fps",
+        "25",
+        "--system",
+        "cafe-talk",
+        "--out",
+    ];
+    let weights = |name: &str| {
+        let read = anyface::output::read_weights(&folder.path().join(name));
+        read.unwrap().unwrap().weights
+    };
+    done(&folder, &[&motion[..], &["was.npz"]].concat());
+    let event = ["--event", "0.9-1.5:26"];
+    done(&folder, &[&motion[..], &["table.csv"], &event].concat());
+    done(&folder, &[&motion[..], &["drop.npz"], &event].concat());
+    let table = fs::read_to_string(folder.path().join("table.csv")).unwrap();
+    assert_eq!(table.lines().count(), 51);
+    let redo = ["--redo", "0.8-1.6", "--from", "was.npz"];
+    done(
+        &folder,
+        &[&motion[..], &["new.npz"], &redo, &event].concat(),
+    );
+    let [was, new, drop] = ["was.npz", "new.npz", "drop.npz"].map(weights);
+    let differ = |a: &ndarray::Array2<f32>, b: &ndarray::Array2<f32>| -> Vec<usize> {
+        (0..a.nrows()).filter(|&t| a.row(t) != b.row(t)).collect()
+    };
+    assert!(differ(&was, &new).iter().all(|t| (21..40).contains(t)));
+    assert!(differ(&drop, &new).iter().all(|t| !(23..=37).contains(t)));
+    assert!(differ(&was, &new).len() > 10);
+    // On a mesh they move its own shapes, as the whole way does.
+    let head = crate::head::folder();
+    let (mesh, marks) = (head.join("head.obj"), head.join("landmarks.json"));
+    let [mesh, marks] = [&mesh, &marks].map(|path| path.to_str().unwrap());
+    let on_head = ["--mesh", mesh, "--landmarks", marks, "--no-cache"];
+    let deform = ["deform", "--motion", "drop.npz", "--out", "a.npz"];
+    done(&folder, &[&deform[..], &on_head].concat());
+    let animate = [
+        "animate",
+        "--audio",
+        "a.wav",
+        "--fps",
+        "25",
+        "--system",
+        "cafe-talk",
+        "--out",
+        "b.npz",
+    ];
+    done(&folder, &[&animate[..], &event, &on_head].concat());
+    let moved = |name: &str| -> ndarray::Array3<f32> {
+        let file = fs::File::open(folder.path().join(name)).unwrap();
+        ndarray_npy::NpzReader::new(file)
+            .unwrap()
+            .by_name("displacements")
+            .unwrap()
+    };
+    assert_eq!(moved("a.npz"), moved("b.npz"));
+    // Landmarks of another system are no weights, and no table.
+    let other = ["motion", "--audio", "a.wav", "--fps", "25", "--out"];
+    done(&folder, &[&other[..], &["marks.npz"]].concat());
+    let mixed = ["o.npz", "--redo", "0.8-1.6", "--from", "marks.npz"];
+    let words = "expected arrays weights and names";
+    refused(
+        &folder,
+        &[&motion[..], &mixed].concat(),
+        INVALID_INPUT,
+        words,
+    );
+    let words = ".npz for motion of landmarks";
+    refused(
+        &folder,
+        &[&other[..], &["o.csv"]].concat(),
+        INVALID_INPUT,
+        words,
+    );
+}
+
+#[test]
 fn a_stretch_of_an_animated_mesh_is_made_again_and_the_rest_stays_to_the_bit() {
     let folder = folder_with_sound(&hum(0.8), 16_000);
     let head = crate::head::folder();

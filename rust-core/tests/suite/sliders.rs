@@ -1,10 +1,10 @@
 //! Sliders of a finished take against new runs with what they stand for.
 
 use anyface::{
-    CachePolicy, Engine, Face, MotionRequest, Performance, SliderChange,
+    CachePolicy, Engine, EngineOptions, Face, MotionRequest, Performance, SliderChange,
     audio::Waveform,
     cache::Cache,
-    conditions::EmotionCurve,
+    conditions::{Controls, EmotionCurve, Event},
     deform::{
         Creases, Deformer, StaticWeights, VertexClip,
         compression::{VertexBasis, compress},
@@ -51,7 +51,10 @@ struct Take {
 
 impl Take {
     fn new(request: &MotionRequest) -> Take {
-        let engine = head::engine();
+        Take::of(head::engine(), request)
+    }
+
+    fn of(engine: Engine, request: &MotionRequest) -> Take {
         let face = head::prepared(&head::head(), &head::landmarks(), PartChoices::default());
         let performance = engine.perform(&voice(), request, SILENT).unwrap();
         let clip = spread(&engine, &face, &performance.motion);
@@ -161,6 +164,41 @@ fn sliders_come_near_to_new_runs() {
         );
         assert!(
             still.1 > 2.0 * found.1,
+            "{slider:?} {position}: {still:?} {found:?}"
+        );
+    }
+}
+
+#[test]
+fn sliders_of_weights_come_near_to_new_runs() {
+    let engine = Engine::new(EngineOptions {
+        system: Some("cafe-talk".into()),
+        cache: CachePolicy::Off,
+        ..EngineOptions::default()
+    });
+    let mut asked = request("happy:0.8");
+    asked.controls = Controls::default().with("blinks_per_minute", 30.0);
+    asked.events = vec![Event::parse("1-2:12,6").unwrap()];
+    let take = Take::of(engine.unwrap(), &asked);
+    let changes = take.changes();
+    let found: Vec<Slider> = changes.iter().map(|change| change.slider).collect();
+    assert_eq!(found, Slider::ALL);
+    // Mean and largest distance in mm, a little over what was measured.
+    for (slider, position, mean, largest) in [
+        (Slider::Articulation, 1.3, 0.04, 0.4),
+        (Slider::Articulation, 0.5, 0.06, 0.6),
+        (Slider::Emotion, 0.5, 0.03, 0.4),
+        (Slider::Emotion, 0.0, 0.05, 0.6),
+        (Slider::Blinks, 0.0, 0.02, 0.3),
+    ] {
+        let truth = take
+            .engine
+            .varied(&take.performance, slider, position, SILENT)
+            .unwrap();
+        let still = take.distance(&Array2::zeros(take.basis.weights.dim()), &truth);
+        let found = take.distance(&of(&changes, slider).at(position), &truth);
+        assert!(
+            found.0 < mean && found.1 < largest && still.1 > 2.0 * found.1,
             "{slider:?} {position}: {still:?} {found:?}"
         );
     }

@@ -20,6 +20,18 @@ impl WeightClip {
         self.names.iter().position(|known| known == name)
     }
 
+    /// Some frames of it, with how far lips have to come together there.
+    #[must_use]
+    pub fn rows(&self, frames: &[usize]) -> WeightClip {
+        let known = frames.iter().filter(|_| !self.together.is_empty());
+        WeightClip {
+            names: self.names.clone(),
+            weights: self.weights.select(Axis(0), frames),
+            fps: self.fps,
+            together: known.map(|&t| self.together[t]).collect(),
+        }
+    }
+
     /// The motion of the mean face's landmarks under these weights.
     ///
     /// # Errors

@@ -17,7 +17,7 @@ use crate::{
     nn::Weights,
     progress::ProgressFn,
     speech::{Heard, SpeechInput},
-    systems::{Registration, System, Windows},
+    systems::{Registration, Slider, System, Windows},
 };
 
 /// Built-in weights of the denoiser.
@@ -87,6 +87,7 @@ pub static REGISTRATION: Registration = Registration {
     controls: &[PERFORMANCE, OWN_CONTROLS],
     takes_events: true,
     hears_feeling: false,
+    sliders: &Slider::ALL,
     open: |folder| Ok(Box::new(CafeTalk::open(folder)?)),
 };
 

@@ -280,6 +280,9 @@ mod tests {
         let model = Model::new(config, &golden.weights()).unwrap();
         let strange = Array2::zeros((7, 3));
         let refused = model.start(Some(strange.view())).err().unwrap();
-        assert!(refused.to_string().contains("expected 90 finite"), "{refused}");
+        assert!(
+            refused.to_string().contains("expected 90 finite"),
+            "{refused}"
+        );
     }
 }

@@ -7,9 +7,7 @@ use ndarray::{Array1, Array2, Array3};
 use super::{EmoFaceConfig, HeardFrame, MadeFrame, Model};
 use crate::{
     Error, Result,
-    conditions::{
-        Control, ControlStage, ControlValues, EMOTIONS, EmotionCurve, MotionRequest,
-    },
+    conditions::{Control, ControlStage, ControlValues, EMOTIONS, EmotionCurve, MotionRequest},
     deform::LEARNED,
     ibug::LANDMARKS,
     models::{BuiltIn, built_in},
@@ -78,6 +76,7 @@ pub static REGISTRATION: Registration = Registration {
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
     takes_events: false,
     hears_feeling: true,
+    sliders: &[],
     open: |folder| Ok(Box::new(EmoFace::open(folder)?)),
 };
 
@@ -158,7 +157,8 @@ impl EmoFace {
         let mut levels = vec![0.0; frames];
         for (t, told) in affect.outer_iter().enumerate() {
             let (shares, strength) = (told.to_vec(), told[EMOTIONS.len()]);
-            rows.row_mut(t).assign(&self.prototype(&shares[..EMOTIONS.len()])?);
+            rows.row_mut(t)
+                .assign(&self.prototype(&shares[..EMOTIONS.len()])?);
             levels[t] = level * strength;
         }
         Ok((rows, levels))

@@ -71,6 +71,7 @@ pub static REGISTRATION: Registration = Registration {
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
     takes_events: false,
     hears_feeling: false,
+    sliders: &Slider::ALL,
     open: |folder| Ok(Box::new(FreeTalk::open(folder)?)),
 };
 
@@ -216,9 +217,5 @@ impl System for FreeTalk {
 
     fn windows(&self) -> Option<Windows> {
         Some(self.ats.config().windows())
-    }
-
-    fn sliders(&self) -> &'static [Slider] {
-        &Slider::ALL
     }
 }
