@@ -72,7 +72,10 @@ class EmoFaceTrainer:
             before = torch.where(taken[..., None], found.roll(1, dims=1), before)
         made = self.model(before, batch.given)
         metres = self.config.scale_m
-        parts = {name: (getattr(made, name) - truth).abs().mean() * metres for name in ("motion", "content", "feeling")}
+        parts = {
+            name: (getattr(made, name) - truth).abs().mean() * metres
+            for name in ("motion", "content", "feeling")
+        }
         velocity = (made.motion.diff(dim=1) - truth.diff(dim=1)).abs().mean() * metres
         shown = self.landmarks(made.motion) * metres * 1e3
         agreement, features = feature_concordance(shown, landmarks_of(batch.weights) * 1e3)
@@ -112,6 +115,7 @@ def validate(trainer: EmoFaceTrainer, model: EmoFace, clips: list[Spoken]) -> di
 
 def together(clips: list[Spoken], config: EmoFaceConfig, frames: int) -> Given:
     """Clips in one batch, the last frame held to the end."""
+
     def padded(x: Tensor) -> Tensor:
         return torch.cat([x.float(), x[-1:].float().expand(frames - len(x), -1)])
 
@@ -136,7 +140,9 @@ def train(arguments) -> Path:
     clips = load_clips(arguments)
     trainer = EmoFaceTrainer(arguments, config, clips)
     optimiser = torch.optim.AdamW(trainer.model.parameters(), arguments.rate, weight_decay=0.01)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, arguments.rate, arguments.steps + 1, pct_start=0.1)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, arguments.rate, arguments.steps + 1, pct_start=0.1
+    )
     average = torch.optim.swa_utils.AveragedModel(
         trainer.model, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.99)
     )
@@ -185,14 +191,18 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--out", type=Path, default=Path("runs/emoface"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
-    parser.add_argument("--feeling", type=Path, default=Path("rust-core/models/feeling"), help="emotion encoder")
+    parser.add_argument(
+        "--feeling", type=Path, default=Path("rust-core/models/feeling"), help="emotion encoder"
+    )
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
     parser.add_argument("--vertices", type=int, help="of the template")
     parser.add_argument("--kernel", type=int, help="vertices of a spiral")
     parser.add_argument("--dilation", type=int, help="every so many of them")
     parser.add_argument("--delta", type=int, help="frames that the convolution sees")
     parser.add_argument("--fusion", choices=["mesh_attention", "sum"], default="mesh_attention")
-    parser.add_argument("--guided", action="store_true", help="true frames before to the end: no self-growing")
+    parser.add_argument(
+        "--guided", action="store_true", help="true frames before to the end: no self-growing"
+    )
     parser.add_argument("--voices", type=int, default=4)
     parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
     parser.add_argument("--steps", type=int, default=6000)

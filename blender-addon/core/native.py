@@ -298,6 +298,8 @@ class Engine(EventCalls, MeshCalls, MouthCalls, ShapeCalls, SliderCalls, SoundCa
             options.closures_s, options.closure_count = _doubles(closures), len(closures)
             options.closures_given = 1
         options.events = self._events(handles, request.events)
+        if request.felt_as is not None:
+            options.felt_as = self._audio(handles, request.felt_as)
         given = (self._handle, audio, byref(options), watch.handle)
         return self._own(handles, "motion", "anyface_motion_new", *given)
 

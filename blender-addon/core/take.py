@@ -75,7 +75,9 @@ class OpenedMouth:
 # What a viewer sees of a face, in the order of `AnyfaceVisibility`.
 VISIBILITIES = ("SPEAKS", "LIPS_REST", "NOTHING")
 # Where the emotion comes from, in the order of `AnyfaceEmotionSource`.
-EMOTION_SOURCES = ("GIVEN", "VOICE", "OFF")
+EMOTION_SOURCES = ("GIVEN", "VOICE", "OFF", "AROUSAL")
+# Words that say so where an emotion is written.
+EMOTION_WORDS = {"auto": "VOICE", "auto-arousal": "AROUSAL", "off": "OFF"}
 
 
 @dataclass
@@ -88,7 +90,8 @@ class Request:
     `(times_s [N], values [N])` instead, linear in between. `roles` is what the artist says of the
     mesh's parts. `error_mm` is the largest error of a basis, on a head of human size; with None the
     displacements of every frame are wanted. The lips close in `closures` `[N, 2]`, seconds; with
-    None where that is heard. `events` are for systems that take them.
+    None where that is heard. `events` are for systems that take them, `felt_as` is another recording
+    whose feeling is shown, for those that hear it.
     """
 
     fps: float
@@ -102,6 +105,7 @@ class Request:
     roles: PartRoles | None = None
     closures: np.ndarray | None = None
     events: list[Event] = field(default_factory=list)
+    felt_as: "Sound | None" = None
 
 
 @dataclass

@@ -15,7 +15,7 @@ from pathlib import Path
 from ..core import json_file, model_card, options
 from ..core.errors import AnyfaceError
 
-_PATHS = ("audio", "events", "landmarks", "out", "weights")
+_PATHS = ("audio", "events", "feeling", "landmarks", "out", "weights")
 _OWN = ("name", "file", "save", "faces")
 _NAME = re.compile(r"[\w.-]+")
 
@@ -98,7 +98,7 @@ def _digest(shot: Shot) -> str:
     """Of the row, and of size and time of the files and models that it names."""
     digest = hashlib.blake2b(json.dumps(asdict(shot)).encode(), digest_size=12)
     words = [word.partition("=") for step in shot.steps for word in step[1:]]
-    files = ("--audio", "--events", "--landmarks")
+    files = ("--audio", "--events", "--feeling", "--landmarks")
     read = [value for option, _, value in words if option in files]
     for path in (shot.file, *read):
         if os.path.isfile(path):

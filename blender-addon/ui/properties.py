@@ -30,8 +30,14 @@ _EMOTION_SOURCES = [
     (
         "VOICE",
         "From the Voice",
-        "How excited the voice sounds, not which feeling it has: glad and angry voices look alike",
+        "The feeling that is heard: anger, joy, fear, sadness, disgust, calm; none if uncertain",
         1,
+    ),
+    (
+        "AROUSAL",
+        "Excitement of the Voice",
+        "How excited the voice sounds, not which feeling it has: glad and angry voices look alike",
+        3,
     ),
     ("OFF", "None", "Speech alone: no emotion, no blinks, no motion of brows and lids", 2),
 ]

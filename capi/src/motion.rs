@@ -104,11 +104,14 @@ impl AnyfaceMotion {
 pub enum AnyfaceEmotionSource {
     /// `emotion_strengths`; the default.
     Given = 0,
-    /// Arousal: how excited the voice sounds, not which feeling it has; glad, afraid and angry voices
-    /// all widen the eyes and raise the brows.
+    /// The feeling that is heard in the voice: anger, joy, fear, sadness, disgust, calm, or nothing where that
+    /// is not certain.
     Voice = 1,
     /// No emotion and nothing else that speech did not cause: no blinks, no motion of brows and lids.
     Off = 2,
+    /// Arousal: how excited the voice sounds, not which feeling it has; glad, afraid and angry voices
+    /// all widen the eyes and raise the brows.
+    Arousal = 3,
 }
 
 /// What a performance is asked to be; prepare it with `anyface_motion_options_init()`.
@@ -245,15 +248,17 @@ impl AnyfaceMotionOptions {
         const GIVEN: i32 = AnyfaceEmotionSource::Given as i32;
         const VOICE: i32 = AnyfaceEmotionSource::Voice as i32;
         const OFF: i32 = AnyfaceEmotionSource::Off as i32;
+        const AROUSAL: i32 = AnyfaceEmotionSource::Arousal as i32;
         match (self.emotion_source, self.emotion_count) {
             (GIVEN, _) => unsafe { self.given_emotion() },
             (VOICE, 0) => Ok(EmotionCurve::Auto),
             (OFF, 0) => Ok(EmotionCurve::Off),
-            (VOICE | OFF, rows) => Err(Failure::invalid(format!(
+            (AROUSAL, 0) => Ok(EmotionCurve::Arousal),
+            (VOICE | OFF | AROUSAL, rows) => Err(Failure::invalid(format!(
                 "emotion_count: expected 0 where the emotion is not given, got {rows}"
             ))),
             (other, _) => Err(Failure::invalid(format!(
-                "emotion_source: expected 0 to 2, got {other}"
+                "emotion_source: expected 0 to 3, got {other}"
             ))),
         }
     }
@@ -588,7 +593,8 @@ mod tests {
         };
         assert_eq!(unsafe { from(1).emotion() }.unwrap(), EmotionCurve::Auto);
         assert_eq!(unsafe { from(2).emotion() }.unwrap(), EmotionCurve::Off);
-        assert!(unsafe { from(3).emotion() }.is_err());
+        assert_eq!(unsafe { from(3).emotion() }.unwrap(), EmotionCurve::Arousal);
+        assert!(unsafe { from(4).emotion() }.is_err());
         let rows = [0.0; ANYFACE_EMOTION_COUNT];
         let both = AnyfaceMotionOptions {
             emotion_strengths: rows.as_ptr(),

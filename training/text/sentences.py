@@ -27,8 +27,7 @@ RULES = {
     "amounts": {
         "0.4": "barely hardly scarcely faint faintly minimal",
         "0.6": (
-            "slightly slight little bit subtle subtly mild mildly weak weakly tiny small hint touch "
-            "softly"
+            "slightly slight little bit subtle subtly mild mildly weak weakly tiny small hint touch softly"
         ),
         "0.8": "somewhat fairly partly moderate moderately",
         "1.25": (
@@ -36,8 +35,7 @@ RULES = {
             "great truly"
         ),
         "1.5": (
-            "extremely huge hugely utterly totally completely wildly enormous immense immensely "
-            "incredibly"
+            "extremely huge hugely utterly totally completely wildly enormous immense immensely incredibly"
         ),
     },
 }

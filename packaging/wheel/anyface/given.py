@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from .core import emotion, systems
 from .core.errors import AnyfaceError
 from .core.native import LANDMARKS, Engine
-from .core.take import Request, Sound
+from .core.take import EMOTION_WORDS, Request, Sound
 
 Path = str | os.PathLike[str]
 MeshLike = Path | tuple[ArrayLike, ArrayLike | Sequence[Sequence[int]]]
@@ -17,7 +17,7 @@ MeshLike = Path | tuple[ArrayLike, ArrayLike | Sequence[Sequence[int]]]
 SoundLike = Path | tuple[ArrayLike, float]
 """A file, or samples `[S]` or `[S, C]` with their rate in Hz; floats in -1 to 1, or whole numbers."""
 EmotionLike = str | Sequence[tuple[float, str]]
-"""`happy:0.7`, a mixture, `auto`, `off`, or what holds at which second."""
+"""`happy:0.7`, a mixture, `auto`, `auto-arousal`, `off`, or what holds at which second."""
 ControlLike = float | str | tuple[ArrayLike, ArrayLike]
 """A number, the name of a choice, or seconds `[N]` and the values `[N]` there, linear in between."""
 
@@ -78,8 +78,8 @@ def request_of(
 ) -> Request:
     """How the face is asked to speak, with the displacements of every frame."""
     request = Request(float(fps), seed=seed, style=style, error_mm=None)
-    if feeling in ("auto", "off"):
-        request.emotion_source = {"auto": "VOICE", "off": "OFF"}[str(feeling)]
+    if isinstance(feeling, str) and feeling in EMOTION_WORDS:
+        request.emotion_source = EMOTION_WORDS[feeling]
     else:
         rows = [(0.0, feeling)] if isinstance(feeling, str) else feeling
         request.emotion = [(float(second), emotion.parse(text)) for second, text in rows]

@@ -13,8 +13,9 @@ use crate::{
 /// What the emotion is.
 #[derive(Args)]
 pub(super) struct EmotionArgs {
-    /// Emotion and intensity: happy:0.7, a blend happy:0.4,surprised:0.3, auto (arousal: how excited the
-    /// voice sounds, not which feeling it has) or off (speech alone: no blinks, no brows)
+    /// Emotion and intensity: happy:0.7, a blend happy:0.4,surprised:0.3, auto (the feeling
+    /// that is heard in the voice), auto-arousal (how excited it sounds, not which feeling it has) or off
+    /// (speech alone: no blinks, no brows)
     #[arg(long, default_value = "neutral:0")]
     emotion: String,
     /// Emotion over time: "0:neutral 2.5:happy:0.8 4:sad:0.5", seconds and emotions, linear between

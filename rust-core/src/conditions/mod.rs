@@ -6,9 +6,7 @@ mod from_voice;
 mod keys;
 mod request;
 
-use std::borrow::Cow;
-
-use crate::{Error, Result, audio::Prosody};
+use crate::{Error, Result};
 use ndarray::Array2;
 
 pub use action_units::{
@@ -121,8 +119,11 @@ pub enum EmotionCurve {
     Constant(Emotion),
     /// `(time_s, emotion)` in rising order; linear in between, held outside.
     Keys(Vec<(f64, Emotion)>),
-    /// Read from the voice: see [`emotion_from_voice`]. Neutral until [`EmotionCurve::resolved`].
+    /// The feeling that is heard in the voice: see [`crate::speech::FeelingEncoder::emotion`]. Neutral until it
+    /// was heard.
     Auto,
+    /// How excited the voice sounds: see [`emotion_from_voice`]. Neutral until it was heard.
+    Arousal,
     /// No emotion, and nothing else that speech did not cause: no blinks, no motion of the upper
     /// face.
     Off,
@@ -135,7 +136,7 @@ impl Default for EmotionCurve {
 }
 
 impl EmotionCurve {
-    /// Reads `off`, `auto`, or an emotion as [`Emotion::parse`] does.
+    /// Reads `off`, `auto`, `auto-arousal`, or an emotion as [`Emotion::parse`] does.
     ///
     /// # Errors
     /// Those of [`Emotion::parse`].
@@ -143,15 +144,8 @@ impl EmotionCurve {
         match text.trim() {
             "off" => Ok(Self::Off),
             "auto" => Ok(Self::Auto),
+            "auto-arousal" => Ok(Self::Arousal),
             other => Emotion::parse(other).map(Self::Constant),
-        }
-    }
-
-    /// The curve itself, or for [`EmotionCurve::Auto`] what is heard in the voice.
-    pub fn resolved(&self, prosody: &Prosody) -> Cow<'_, EmotionCurve> {
-        match self {
-            Self::Auto => Cow::Owned(emotion_from_voice(prosody)),
-            _ => Cow::Borrowed(self),
         }
     }
 
@@ -160,7 +154,7 @@ impl EmotionCurve {
         let keys = match self {
             Self::Constant(emotion) => return *emotion,
             Self::Keys(keys) if !keys.is_empty() => keys,
-            Self::Keys(_) | Self::Auto | Self::Off => return Emotion::default(),
+            Self::Keys(_) | Self::Auto | Self::Arousal | Self::Off => return Emotion::default(),
         };
         let after = keys.partition_point(|(key_s, _)| *key_s <= time_s);
         let (before_s, before) = keys[after.saturating_sub(1)];
@@ -196,8 +190,7 @@ impl EmotionCurve {
         match self {
             Self::Constant(emotion) => Self::Constant(scale(emotion)),
             Self::Keys(keys) => Self::Keys(keys.iter().map(|(s, e)| (*s, scale(e))).collect()),
-            Self::Auto => Self::Auto,
-            Self::Off => Self::Off,
+            Self::Auto | Self::Arousal | Self::Off => self.clone(),
         }
     }
 
@@ -210,7 +203,7 @@ impl EmotionCurve {
         match self {
             Self::Constant(emotion) => felt(emotion),
             Self::Keys(keys) => keys.iter().map(|(_, e)| felt(e)).fold(0.0, f32::max),
-            Self::Auto | Self::Off => 0.0,
+            Self::Auto | Self::Arousal | Self::Off => 0.0,
         }
     }
 
@@ -252,11 +245,13 @@ mod tests {
     #[test]
     fn off_and_auto_are_read_and_neutral_until_heard() {
         assert_eq!(EmotionCurve::parse(" off").unwrap(), EmotionCurve::Off);
-        let auto = EmotionCurve::parse("auto").unwrap();
-        assert_eq!(
-            (&auto, auto.at(1.0)),
-            (&EmotionCurve::Auto, Emotion::default())
-        );
+        for (text, heard) in [
+            ("auto", EmotionCurve::Auto),
+            ("auto-arousal", EmotionCurve::Arousal),
+        ] {
+            let auto = EmotionCurve::parse(text).unwrap();
+            assert_eq!((&auto, auto.at(1.0)), (&heard, Emotion::default()));
+        }
         assert!(EmotionCurve::parse("automatic").is_err());
     }
 

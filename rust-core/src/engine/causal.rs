@@ -51,7 +51,7 @@ impl Engine {
         let known = self.registration.controls_of(ControlStage::Motion);
         let problem = if let Some(style) = &request.style {
             format!("no style, got {style:?}")
-        } else if request.emotion == EmotionCurve::Auto {
+        } else if matches!(request.emotion, EmotionCurve::Auto | EmotionCurve::Arousal) {
             "an emotion that is given, got one from the voice, which needs the whole sound".into()
         } else if !request.controls.ask_nothing(known) {
             format!("no controls, got {:?}", request.controls)

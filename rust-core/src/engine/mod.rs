@@ -28,7 +28,7 @@ use crate::{
     motion::{FaceModes, LandmarkClip, Motion},
     progress::ProgressFn,
     rig::{self, Rig, RigModel, SolveOptions, SolvedWeights},
-    speech::{self, PhoneModel, SpeechEncoder},
+    speech::{self, FeelingEncoder, PhoneModel, SpeechEncoder},
     spread::{self, FrameSink, Spread, SpreadReport},
     systems::{Registration, System, Windows, built_in_models},
 };
@@ -95,6 +95,8 @@ pub struct Engine {
     finder: LandmarkFinder,
     /// How lids go with eyes that look up and down.
     face_modes: FaceModes,
+    /// What of a feeling is heard in a voice.
+    feeling: FeelingEncoder,
     /// Loaded where shapes are asked for.
     rig_model: OnceLock<RigModel>,
     /// Loaded where phones or words are asked for.
@@ -146,6 +148,7 @@ impl Engine {
             creases: Creases::open(folder)?,
             finder: LandmarkFinder::load(folder)?,
             face_modes: FaceModes::open(folder)?,
+            feeling: FeelingEncoder::open(folder)?,
             rig_model: OnceLock::new(),
             phone_model: OnceLock::new(),
             cache: Cache::new(&options.cache),

@@ -10,7 +10,7 @@ use crate::{
     audio::Waveform,
     conditions::{
         Control, ControlCurve, ControlStage, EmotionCurve, Event, MotionRequest, check_closures,
-        check_fps,
+        check_fps, emotion_from_voice,
     },
     motion::{Life, LifeStrengths, Motion, Stretch},
     progress::{ProgressFn, report},
@@ -164,8 +164,13 @@ impl Engine {
 
     /// The request with the emotion that is heard in the voice.
     fn resolved(&self, request: &MotionRequest, heard: &Heard) -> MotionRequest {
+        let emotion = match &request.emotion {
+            EmotionCurve::Auto => self.feeling.emotion(&heard.voice),
+            EmotionCurve::Arousal => emotion_from_voice(&heard.prosody),
+            given => given.clone(),
+        };
         MotionRequest {
-            emotion: request.emotion.resolved(&heard.prosody).into_owned(),
+            emotion,
             ..request.clone()
         }
     }

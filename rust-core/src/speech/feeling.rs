@@ -134,7 +134,7 @@ impl FeltVoice {
     }
 
     /// What is measured at each instant, `[I, 118]`; none of a sound shorter than 0.8 s.
-    fn numbers(&self) -> Array2<f64> {
+    pub(super) fn numbers(&self) -> Array2<f64> {
         let frames = self.octave.len();
         let cepstra = self.mel.dot(&cepstral_basis());
         let ends: Vec<usize> = (LEAST..=frames).step_by(STEP).collect();
@@ -147,6 +147,12 @@ impl FeltVoice {
             row.assign(&Array1::from_vec(measured));
         }
         out
+    }
+
+    /// The middle of what an instant hears, seconds.
+    pub(super) fn middle_s(instant: usize) -> f64 {
+        let end = LEAST + instant * STEP;
+        (end + end.saturating_sub(WINDOW)) as f64 / (2.0 * FRAMES_HZ)
     }
 
     fn of_window(&self, cepstra: ArrayView2<'_, f64>, first: usize, end: usize) -> Vec<f64> {
@@ -314,7 +320,7 @@ impl FeelingEncoder {
     }
 
     /// `[I, 118]` → `[I, E]`.
-    fn of_numbers(&self, numbers: &Array2<f64>) -> Array2<f64> {
+    pub(super) fn of_numbers(&self, numbers: &Array2<f64>) -> Array2<f64> {
         let x = (numbers - &self.mean) / &self.scale;
         let mut shares = x.dot(&self.weight) + &self.bias;
         for mut row in shares.rows_mut() {

@@ -27,8 +27,8 @@ TEMPO_OCTAVES = 0.25
 
 @dataclass
 class Spoken:
-    """A clip: `content` [voices][T, C], `feeling` [T, E] as its encoder hears it, `weights` [T, 51] of neutral
-    speech. `label` is how it was felt, `share` how far listeners agreed, 0 to 1.
+    """A clip: `content` [voices][T, C], `feeling` [T, E] as its encoder hears it, `weights` [T, 51] of
+    neutral speech. `label` is how it was felt, `share` how far listeners agreed, 0 to 1.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Spoken:
 
 @dataclass
 class Batch:
-    """`given` as the model takes it; `weights` [B, T, 51] of the felt face, `first` [B, 51] of the frame before."""
+    """`given` as the model takes it; `weights` [B, T, 51] felt, `first` [B, 51] of the frame before."""
 
     given: Given
     weights: Tensor
@@ -134,7 +134,7 @@ def mixture(clip: Spoken) -> Tensor:
 
 
 def prototypes(clips: list[Spoken], config: EmoFaceConfig) -> Tensor:
-    """Mean of what the emotion encoder hears of each feeling in the last half of its training clips, [7, E]."""
+    """What the emotion encoder hears of each feeling in the last half of its training clips, mean [7, E]."""
     out = torch.zeros(len(config.feelings), config.feeling_channels)
     for row, label in enumerate(config.feelings):
         heard = [c.feeling[len(c) // 2 :] for c in clips if c.label == label and not c.held_out]

@@ -18,7 +18,7 @@ use crate::{
     nn::Weights,
     progress::{ProgressFn, report},
     speech::{FeelingEncoder, Heard, SpeechInput},
-    systems::{Registration, System},
+    systems::{Registration, Slider, System},
 };
 
 /// Built-in weights.
@@ -76,7 +76,7 @@ pub static REGISTRATION: Registration = Registration {
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
     takes_events: false,
     hears_feeling: true,
-    sliders: &[],
+    sliders: &Slider::ALL,
     open: |folder| Ok(Box::new(EmoFace::open(folder)?)),
 };
 
