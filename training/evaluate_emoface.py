@@ -23,7 +23,7 @@ from training.corpus.feelings import SOURCE as EMODB
 from training.corpus.felt import with_emotion
 from training.systems.emoface.clips import load_clips, template_of
 from training.systems.emoface.feeling import FEELINGS
-from training.systems.emoface.model import EmoFace, EmoFaceConfig, Made
+from training.systems.emoface.model import CONFIGS, EmoFace, EmoFaceConfig, Made
 from training.systems.emoface.rows import Spoken, mixture
 from training.train_cafe_talk import lips_met
 from training.train_emoface import parser as training_parser
@@ -180,7 +180,7 @@ def main() -> None:
     """Command line."""
     arguments = parser().parse_args()
     torch.set_num_threads(arguments.threads)
-    held_out = [c for c in load_clips(arguments) if c.held_out]
+    held_out = [c for c in load_clips(arguments, CONFIGS[arguments.config]()) if c.held_out]
     felt = [c for c in held_out if c.source == EMODB]
     felt = felt[:: max(1, len(felt) // arguments.clips)][: arguments.clips]
     spoken = [c for s in ("grid_s1", "facegood_zh") for c in [c for c in held_out if c.source == s][:24]]

@@ -237,6 +237,7 @@ SIGNATURES = {
     "anyface_clip_free": (None, [_HANDLE]),
     "anyface_clip_largest_displacement": (c_float, [_HANDLE]),
     "anyface_clip_visibility": (c_int32, [_HANDLE]),
+    "anyface_clip_new_difference": (c_int32, [_HANDLE, _HANDLE, _OUT, _OUT]),
     "anyface_basis_new": (
         c_int32,
         [_HANDLE, _HANDLE, c_float, c_size_t, _HANDLE, _OUT, _OUT],

@@ -64,6 +64,7 @@ class Settings:
     held: dict[str, float] = field(default_factory=dict)
     mode: str = outputs.MODES[0]
     error_mm: float = 0.1
+    layered: bool = True
     axes: str = "AUTO"
     landmark_file: str = ""
     # Several strips as one take: their names, or the channel (from 1) whose strips all speak.
@@ -155,6 +156,7 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         control_keys=emotion.control_keys(ob, scene, settings, *when),
         roles=face.roles,
         events=asked_for.events,
+        layered=output.as_basis and settings.layered and systems.hears_feeling(settings.system),
     )
     names = [piece.name for piece in face.pieces] or [ob.name]
     plan = output.plan(ob, settings.output, request.fps, names)

@@ -43,7 +43,7 @@ class AnyfaceAudio(PropertyGroup):
     chosen: CollectionProperty(type=AnyfaceStrip)
     felt_strip: StringProperty(
         name="Feeling From",
-        description="Sound strip whose feeling this face shows, stretched to the length of its own; "
+        description="Sound strip whose feeling this face shows, as long as its own is; "
         "empty for its own voice",
         options=set(),
     )

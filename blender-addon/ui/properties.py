@@ -104,6 +104,13 @@ class AnyfaceCharacter(PropertyGroup):
         options=set(),
     )
     mode: EnumProperty(name="Output", items=outputs.ITEMS, default=outputs.MODES[0], options=set())
+    layered: BoolProperty(
+        name="Feeling as a Layer",
+        description="Keys of what is felt are apart from keys of what is said, act where the "
+        "vertex group Feeling Mask is painted, and follow the slider of the emotion",
+        default=True,
+        options=set(),
+    )
     error_mm: FloatProperty(
         name="Precision",
         description="How far any point may be from the full performance, in mm on a head of "

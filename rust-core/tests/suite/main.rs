@@ -3,6 +3,7 @@
 mod cafe_talk;
 mod command;
 mod damaged;
+mod emoface;
 mod expressions;
 mod features;
 mod head;

@@ -28,7 +28,8 @@ TEMPO_OCTAVES = 0.25
 @dataclass
 class Spoken:
     """A clip: `content` [voices][T, C], `feeling` [T, E] as its encoder hears it, `weights` [T, 51] of
-    neutral speech. `label` is how it was felt, `share` how far listeners agreed, 0 to 1.
+    neutral speech. `label` is how it was felt, `share` how far listeners agreed, 0 to 1. Where the felt face
+    itself `is_recorded`, `weights` [T, 3 V] are its displacements in metres and `share` is its intensity.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Spoken:
     weights: Tensor
     label: str = NEUTRAL
     share: float = 1.0
+    is_recorded: bool = False
 
     def __len__(self) -> int:
         return len(self.weights)
@@ -87,10 +89,13 @@ class Rows:
         spoken = interpolate(clip.weights, at.clamp_min(0.0))
         if start == 0.0:
             spoken[0] = 0.0
-        feeling, emotion, share = self._feeling(clip, at, frames)
-        level = float(self.random.uniform(0.0, HIGHEST_LEVEL))
-        level = 1.0 if self.random.random() < LEVEL_ONE_SHARE else level
-        felt = with_emotion(spoken, emotion, level * share, self.met(spoken))
+        if clip.is_recorded:
+            feeling, level, felt = interpolate(clip.feeling, at[1:]), clip.share, spoken
+        else:
+            feeling, emotion, share = self._feeling(clip, at, frames)
+            level = float(self.random.uniform(0.0, HIGHEST_LEVEL))
+            level = 1.0 if self.random.random() < LEVEL_ONE_SHARE else level
+            felt = with_emotion(spoken, emotion, level * share, self.met(spoken))
         if start == 0.0:
             felt[0] = 0.0
         named = self.config.styles.index(
