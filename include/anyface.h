@@ -176,11 +176,14 @@ typedef enum {
 typedef enum {
     /// `emotion_strengths`; the default.
     ANYFACE_EMOTION_SOURCE_GIVEN = 0,
-    /// Arousal: how excited the voice sounds, not which feeling it has; glad, afraid and angry voices
-    /// all widen the eyes and raise the brows.
+    /// The feeling that is heard in the voice: anger, joy, fear, sadness, disgust, calm, or nothing where that
+    /// is not certain.
     ANYFACE_EMOTION_SOURCE_VOICE = 1,
     /// No emotion and nothing else that speech did not cause: no blinks, no motion of brows and lids.
     ANYFACE_EMOTION_SOURCE_OFF = 2,
+    /// Arousal: how excited the voice sounds, not which feeling it has; glad, afraid and angry voices
+    /// all widen the eyes and raise the brows.
+    ANYFACE_EMOTION_SOURCE_AROUSAL = 3,
 } AnyfaceEmotionSource;
 
 /// Something of a take that can be scaled; 1 is the take as it was made.
@@ -506,6 +509,9 @@ typedef struct {
     /// Another recording whose feeling the face shows; only until the call returns. NULL, the default, is the
     /// voice itself. A system that does not hear feeling refuses: see `anyface_system_hears_feeling()`.
     const AnyfaceAudio *felt_as;
+    /// A motion of landmarks in whose last frame the face begins; only until the call returns. NULL, the
+    /// default, is rest. Systems that do not go on from a pose refuse: see `anyface_system_starts_from_pose()`.
+    const AnyfaceMotion *starts_from;
 } AnyfaceMotionOptions;
 
 #ifdef __cplusplus
@@ -805,6 +811,10 @@ int32_t anyface_system_takes_events(size_t system);
 /// 1 if a system hears feeling, in the voice or in `felt_as` of `AnyfaceMotionOptions`, else 0; 0 for a number
 /// that is not below the count.
 int32_t anyface_system_hears_feeling(size_t system);
+
+/// 1 if a system goes on from the pose of `starts_from` of `AnyfaceMotionOptions`, else 0; 0 for a number that
+/// is not below the count.
+int32_t anyface_system_starts_from_pose(size_t system);
 
 /// 1 if takes of a system have an `AnyfaceSlider`, else 0; 0 for a system or slider that is not there.
 int32_t anyface_system_has_slider(size_t system,
@@ -1208,6 +1218,16 @@ AnyfaceStatus anyface_clip_new(const AnyfaceEngine *engine,
                                const AnyfaceProgress *progress,
                                AnyfaceClip **out,
                                AnyfaceError **error);
+
+/// What a clip does beyond another one of the same face, such as how it is felt beyond what is said: `other`
+/// and the result add up to `clip`.
+///
+/// It has no head and no eyes. Free with `anyface_clip_free()`; both may go before.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` where frames, vertices or rates differ.
+AnyfaceStatus anyface_clip_new_difference(const AnyfaceClip *clip,
+                                          const AnyfaceClip *other,
+                                          AnyfaceClip **out,
+                                          AnyfaceError **error);
 
 /// Number `T` of frames; 0 for NULL.
 size_t anyface_clip_frame_count(const AnyfaceClip *clip);

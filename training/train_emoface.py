@@ -50,11 +50,13 @@ class EmoFaceTrainer:
         self.random = torch.Generator().manual_seed(arguments.seed)
         present = {c.source for c in clips if not c.held_out}
         shares = {s: x for s, x in SHARES.items() if s in present} or {s: 1.0 for s in sorted(present)}
-        self.rows = Rows(clips, config, shares, arguments.seed, lips_met)
+        self.rows = Rows(clips, config, shares, arguments.seed, lips_met, arguments.worn)
         self.modes = None if modes is None else torch.from_numpy(modes).float().flatten(1)
         around = spirals(template.vertices, template.triangles, config.kernel, config.dilation)
         self.model = EmoFace(config, around)
         self.model.prototypes.copy_(prototypes(clips, config))
+        if arguments.base is not None:
+            self.model.load_state_dict(torch.load(arguments.base, map_location="cpu")["state"])
         self.template = template
 
     def motion(self, weights: Tensor) -> Tensor:
@@ -65,7 +67,7 @@ class EmoFaceTrainer:
     def loss(self, batch: Batch, step: int) -> tuple[Tensor, dict[str, float]]:
         """Eq. 7 to 9 on the second pass of the self-growing scheme, with the concordance of the mouth."""
         truth = self.motion(batch.weights)
-        before = torch.cat([self.motion(batch.first)[:, None], truth[:, :-1]], dim=1)
+        before = self.motion(batch.before)
         own = self.own_share(step)
         if own > 0.0:
             with torch.no_grad():
@@ -216,6 +218,8 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--guided", action="store_true", help="true frames before to the end: no self-growing"
     )
+    parser.add_argument("--worn", type=float, default=0.0, help="rows whose past wears another feeling")
+    parser.add_argument("--base", type=Path, help="emoface.pt to go on from")
     parser.add_argument("--voices", type=int, default=4)
     parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
     parser.add_argument("--steps", type=int, default=6000)

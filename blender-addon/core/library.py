@@ -134,6 +134,7 @@ class MotionOptions(Structure):
         ("reserved_2", c_uint32),
         ("events", c_void_p),
         ("felt_as", c_void_p),
+        ("starts_from", c_void_p),
     ]
 
 

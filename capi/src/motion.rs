@@ -160,6 +160,9 @@ pub struct AnyfaceMotionOptions {
     /// Another recording whose feeling the face shows; only until the call returns. NULL, the default, is the
     /// voice itself. A system that does not hear feeling refuses: see `anyface_system_hears_feeling()`.
     pub felt_as: *const AnyfaceAudio,
+    /// A motion of landmarks in whose last frame the face begins; only until the call returns. NULL, the
+    /// default, is rest. Systems that do not go on from a pose refuse: see `anyface_system_starts_from_pose()`.
+    pub starts_from: *const AnyfaceMotion,
 }
 
 unsafe impl Versioned for AnyfaceMotionOptions {
@@ -185,6 +188,7 @@ unsafe impl Versioned for AnyfaceMotionOptions {
             reserved_2: 0,
             events: null(),
             felt_as: null(),
+            starts_from: null(),
         }
     }
 }
@@ -209,7 +213,28 @@ impl AnyfaceMotionOptions {
             closures: unsafe { self.closures() }?,
             events: unsafe { self.events() }?,
             felt_as: unsafe { self.felt_as() }?,
+            starts_from: unsafe { self.starts_from() }?,
         })
+    }
+
+    unsafe fn starts_from(&self) -> Result<Option<[[f32; 3]; LANDMARKS]>, Failure> {
+        if self.starts_from.is_null() {
+            return Ok(None);
+        }
+        let motion = unsafe { pointer::handle("starts_from", self.starts_from) }?.motion();
+        let last = match motion {
+            Motion::Landmarks(clip) => clip.displacements.outer_iter().last(),
+            _ => None,
+        };
+        let last = last.ok_or_else(|| {
+            let (frames, kind) = (motion.frames(), motion.kind());
+            Failure::invalid(format!(
+                "starts_from: expected frames of landmarks, got {frames} of {kind}"
+            ))
+        })?;
+        Ok(Some(std::array::from_fn(|n| {
+            std::array::from_fn(|axis| last[[n, axis]])
+        })))
     }
 
     unsafe fn felt_as(&self) -> Result<Option<Arc<FeltVoice>>, Failure> {

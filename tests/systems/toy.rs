@@ -41,6 +41,7 @@ pub static REGISTRATION: Registration = Registration {
     controls: &[CONTROLS],
     takes_events: false,
     hears_feeling: false,
+    starts_from_pose: false,
     sliders: &[],
     open: |_folder: Option<&Path>| Ok(Box::new(Toy)),
 };

@@ -15,10 +15,12 @@ use crate::{
     annotation::Annotation,
     audio::Waveform,
     conditions::{Event, check_fps},
+    ibug::LANDMARKS,
     mesh::{
         Axis, DEFAULT_PROXY, FaceOptions, FixedLandmark, LandmarkSource, ObjectNames, PartChoices,
         PartRole, PartSelector,
     },
+    output::read_landmark_motion,
     speech::FeltVoice,
     text::TextUnits,
 };
@@ -217,6 +219,9 @@ pub(super) struct MotionArgs {
     /// Another recording of which the feeling is taken (emoface), stretched to the length of the sound
     #[arg(long, value_name = "OTHER")]
     feeling: Option<PathBuf>,
+    /// Motion of `anyface motion` in whose last frame the face begins (emoface)
+    #[arg(long, value_name = "M.npz")]
+    starts_from: Option<PathBuf>,
 }
 
 impl MotionArgs {
@@ -231,6 +236,27 @@ impl MotionArgs {
             events.extend(read.collect::<Result<Vec<_>>>()?);
         }
         Ok(events)
+    }
+
+    fn starts_from(&self) -> Result<Option<[[f32; 3]; LANDMARKS]>> {
+        let Some(path) = &self.starts_from else {
+            return Ok(None);
+        };
+        let motion = read_landmark_motion(path)?;
+        let wrong = |got: &str| {
+            let path = path.display();
+            Error::InvalidInput(format!(
+                "{path}: expected frames of `anyface motion`, got {got}"
+            ))
+        };
+        if motion.neutral.is_some() {
+            return Err(wrong("motion in the units of a mesh"));
+        }
+        let frames = motion.displacements.outer_iter();
+        let last = frames.last().ok_or_else(|| wrong("none"))?;
+        Ok(Some(std::array::from_fn(|n| {
+            std::array::from_fn(|axis| last[[n, axis]])
+        })))
     }
 
     fn felt_as(&self) -> Result<Option<Arc<FeltVoice>>> {
@@ -256,6 +282,7 @@ impl MotionArgs {
             closures,
             events: self.events()?,
             felt_as: self.felt_as()?,
+            starts_from: self.starts_from()?,
         })
     }
 }

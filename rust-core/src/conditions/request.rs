@@ -3,7 +3,7 @@
 use std::{ops::RangeInclusive, sync::Arc};
 
 use super::{Controls, EmotionCurve, Event};
-use crate::{Error, Result, speech::FeltVoice};
+use crate::{Error, Result, ibug::LANDMARKS, speech::FeltVoice};
 
 /// Frames per second that a result may have.
 pub const FPS: RangeInclusive<f64> = 1.0..=240.0;
@@ -38,6 +38,9 @@ pub struct MotionRequest {
     /// Another recording of which the feeling is taken, however long, where a system hears feeling
     /// (`feeling_from` of EmoFace).
     pub felt_as: Option<Arc<FeltVoice>>,
+    /// Displacements of the landmarks in canonical metres in the frame before the first, such as the last frame
+    /// of another motion; `None` is rest. For systems that make one frame from those before.
+    pub starts_from: Option<[[f32; 3]; LANDMARKS]>,
 }
 
 impl Default for MotionRequest {
@@ -51,6 +54,7 @@ impl Default for MotionRequest {
             closures: None,
             events: Vec::new(),
             felt_as: None,
+            starts_from: None,
         }
     }
 }

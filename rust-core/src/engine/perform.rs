@@ -24,6 +24,7 @@ const PIECES: usize = 2;
 /// A control whose largest and least value lie nearer together does not change.
 const STILL: f64 = 1e-6;
 
+const FIRST_POSE: &str = "first pose: expected a system that goes on from one";
 /// Controls of what lives beside the face.
 const HEAD: &str = "head_motion";
 const GAZE: &str = "gaze";
@@ -130,6 +131,9 @@ impl Engine {
         let expected = "feeling of another recording: expected a system that hears it";
         self.able(request.felt_as.is_none(), expected, |system| {
             system.hears_feeling
+        })?;
+        self.able(request.starts_from.is_none(), FIRST_POSE, |system| {
+            system.starts_from_pose
         })?;
         let known = self.registration.controls();
         request.controls.check(known, ControlStage::Motion)

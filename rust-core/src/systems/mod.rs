@@ -64,6 +64,8 @@ pub struct Registration {
     pub takes_events: bool,
     /// Whether it hears feeling in a voice, and may take it from another recording.
     pub hears_feeling: bool,
+    /// Whether it goes on from a given pose.
+    pub starts_from_pose: bool,
     /// What of a finished take may still be scaled without a new run.
     pub sliders: &'static [Slider],
     /// Loads the built-in models, or those of a folder.

@@ -108,6 +108,34 @@ fn another_recording_gives_the_feeling() {
 }
 
 #[test]
+fn a_shot_goes_on_from_the_pose_in_which_another_ended() {
+    let first = performed(&felt(&[], "happy")).unwrap();
+    let end = first.index_axis(ndarray::Axis(0), 30);
+    let pose = std::array::from_fn(|n| std::array::from_fn(|axis| end[[n, axis]]));
+    let request = MotionRequest {
+        starts_from: Some(pose),
+        ..felt(&[], "happy")
+    };
+    let (rest, on) = (first, performed(&request).unwrap());
+    let far = |motion: &Array3<f32>, t: usize| {
+        let off = &motion.index_axis(ndarray::Axis(0), t) - &ndarray::arr2(&pose);
+        1e3 * off.mapv(|x| x * x).mean().unwrap().sqrt()
+    };
+    assert!(
+        far(&on, 0) < 0.5 * far(&rest, 0),
+        "{} {}",
+        far(&on, 0),
+        far(&rest, 0)
+    );
+    // What came before is forgotten.
+    let last = rest.len_of(ndarray::Axis(0)) - 1;
+    let apart = (&on - &rest)
+        .index_axis(ndarray::Axis(0), last)
+        .mapv(f32::abs);
+    assert!(1e3 * apart.mean().unwrap() < 0.5);
+}
+
+#[test]
 fn what_cannot_be_felt_is_told() {
     let refused = |request: &MotionRequest, words: &str| {
         let error = performed(request).unwrap_err();

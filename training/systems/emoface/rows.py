@@ -48,18 +48,28 @@ class Spoken:
 
 @dataclass
 class Batch:
-    """`given` as the model takes it; `weights` [B, T, 51] felt, `first` [B, 51] of the frame before."""
+    """`given` as the model takes it; `weights` [B, T, 51] felt, `before` [B, T, 51] the frame before each."""
 
     given: Given
     weights: Tensor
-    first: Tensor
+    before: Tensor
 
 
 class Rows:
     """Draws batches of rows."""
 
-    def __init__(self, clips: list[Spoken], config: EmoFaceConfig, shares: dict[str, float], seed: int, met):
-        self.config, self.met = config, met
+    def __init__(
+        self,
+        clips: list[Spoken],
+        config: EmoFaceConfig,
+        shares: dict[str, float],
+        seed: int,
+        met,
+        worn_share: float = 0.0,
+    ):
+        """`met` tells where lips meet in weights; in `worn_share` of the rows the frames before wear another
+        feeling than the one that is heard, so that it is learned from the voice and not from them."""
+        self.config, self.met, self.worn_share = config, met, worn_share
         self.random = np.random.default_rng(seed)
         self.clips = {s: [c for c in clips if c.source == s and not c.held_out] for s in shares}
         empty = [s for s, found in self.clips.items() if not found]
@@ -73,8 +83,8 @@ class Rows:
     def batch(self, count: int, frames: int) -> Batch:
         """`count` rows of `frames` frames."""
         rows = [self._row(frames) for _ in range(count)]
-        content, feeling, style, level, weights, first = (torch.stack(x) for x in zip(*rows, strict=True))
-        return Batch(Given(content, feeling, style, level), weights, first)
+        content, feeling, style, level, weights, before = (torch.stack(x) for x in zip(*rows, strict=True))
+        return Batch(Given(content, feeling, style, level), weights, before)
 
     def _row(self, frames: int):
         source = self.sources[int(self.random.choice(len(self.sources), p=self.shares))]
@@ -91,17 +101,28 @@ class Rows:
             spoken[0] = 0.0
         if clip.is_recorded:
             feeling, level, felt = interpolate(clip.feeling, at[1:]), clip.share, spoken
+            worn = felt.clone()
         else:
             feeling, emotion, share = self._feeling(clip, at, frames)
             level = float(self.random.uniform(0.0, HIGHEST_LEVEL))
             level = 1.0 if self.random.random() < LEVEL_ONE_SHARE else level
-            felt = with_emotion(spoken, emotion, level * share, self.met(spoken))
+            met = self.met(spoken)
+            felt = with_emotion(spoken, emotion, level * share, met)
+            worn = self._worn(spoken, met) if self.random.random() < self.worn_share else felt.clone()
         if start == 0.0:
-            felt[0] = 0.0
+            worn[0] = 0.0
         named = self.config.styles.index(
             ANY_STYLE if self.random.random() < UNNAMED_STYLE_SHARE else clip.source
         )
-        return content, feeling, torch.tensor(named), torch.full((frames,), level), felt[1:], felt[0]
+        return content, feeling, torch.tensor(named), torch.full((frames,), level), felt[1:], worn[:-1]
+
+    def _worn(self, spoken: Tensor, met: Tensor) -> Tensor:
+        """The face of another feeling, or of none, from which this one's has to be reached."""
+        other = self.config.feelings[int(self.random.integers(len(self.config.feelings)))]
+        row = torch.zeros(len(spoken), len(EMOTIONS))
+        row[:, EMOTIONS.index(other)] = 1.0
+        level = float(self.random.uniform(0.0, HIGHEST_LEVEL))
+        return with_emotion(spoken, row, torch.full((len(spoken),), level), met)
 
     def _feeling(self, clip: Spoken, at: Tensor, frames: int) -> tuple[Tensor, Tensor, Tensor]:
         """What the emotion branch hears [T, E], and what is felt [T + 1, 15] how strongly [T + 1]."""

@@ -87,6 +87,7 @@ pub static REGISTRATION: Registration = Registration {
     controls: &[PERFORMANCE, OWN_CONTROLS],
     takes_events: true,
     hears_feeling: false,
+    starts_from_pose: false,
     sliders: &Slider::ALL,
     open: |folder| Ok(Box::new(CafeTalk::open(folder)?)),
 };

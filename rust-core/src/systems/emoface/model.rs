@@ -3,6 +3,7 @@
 //! Lin et al. 2025, section 3; twin of `training/systems/emoface/model.py`. The formula of the fusion is not
 //! printed there; here it is `M = w ⊙ M^e + (1 − w) ⊙ M^c` with a sigmoid for `w`.
 
+use faer::{Mat, linalg::solvers::Solve};
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2};
 
 use super::{
@@ -11,6 +12,7 @@ use super::{
 };
 use crate::{
     Error, Result,
+    ibug::LANDMARKS,
     nn::{
         Weights,
         biased_attention::KeptRows,
@@ -19,6 +21,9 @@ use crate::{
         spiral_conv::{SeenRows, SpiralConv},
     },
 };
+
+/// Of the mean square of a landmark's coordinate, what keeps a first pose small.
+const RIDGE: f64 = 1e-4;
 
 /// The weights.
 pub struct Model {
@@ -113,6 +118,41 @@ impl Model {
     /// What is heard on average of the taught feelings in these shares, `[E]`.
     pub fn prototype(&self, shares: &[f32]) -> Array1<f32> {
         ArrayView1::from(shares).dot(&self.prototypes)
+    }
+
+    /// The pose of the template, `[V, 3]` metres, in which its landmarks have these displacements.
+    ///
+    /// Of all poses that the last layers of both branches can make it is the smallest that comes near to
+    /// them (ridge regression): the model has no other knowledge of what faces do.
+    pub fn pose_of(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> Array2<f32> {
+        let EmoFaceConfig {
+            vertices, scale_m, ..
+        } = self.config;
+        let last = [self.content.last_layer(), self.feeling.last_layer()];
+        let width = last[0].inputs();
+        let basis = |vertex: usize, axis: usize, k: usize| {
+            f64::from(last[k / width].weight()[(k % width, 3 * vertex + axis)])
+        };
+        let at = &self.config.landmarks;
+        let seen = Mat::from_fn(3 * LANDMARKS, 2 * width, |row, k| {
+            basis(at[row / 3], row % 3, k)
+        });
+        let mut gram = &seen * seen.transpose();
+        let ridge =
+            RIDGE * (0..3 * LANDMARKS).map(|i| gram[(i, i)]).sum::<f64>() / (3 * LANDMARKS) as f64;
+        for i in 0..3 * LANDMARKS {
+            gram[(i, i)] += ridge.max(f64::MIN_POSITIVE);
+        }
+        let wanted = Mat::from_fn(3 * LANDMARKS, 1, |row, _| {
+            f64::from(landmarks[row / 3][row % 3] / scale_m)
+        });
+        let shares = seen.transpose() * gram.partial_piv_lu().solve(&wanted);
+        Array2::from_shape_fn((vertices, 3), |(vertex, axis)| {
+            let moved: f64 = (0..2 * width)
+                .map(|k| basis(vertex, axis, k) * shares[(k, 0)])
+                .sum();
+            moved as f32 * scale_m
+        })
     }
 
     /// Before the first frame: at rest, or in the pose `first` `[V, 3]` metres.

@@ -76,6 +76,7 @@ pub static REGISTRATION: Registration = Registration {
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
     takes_events: false,
     hears_feeling: true,
+    starts_from_pose: true,
     sliders: &Slider::ALL,
     open: |folder| Ok(Box::new(EmoFace::open(folder)?)),
 };
@@ -212,7 +213,8 @@ impl System for EmoFace {
         let (feeling, levels) = self.feeling(heard, request, frames)?;
         let style = self.style(request.style.as_deref())?;
         let layer = LAYER.value(&request.controls) as usize;
-        let mut state = self.model.start(None)?;
+        let first = request.starts_from.map(|pose| self.model.pose_of(&pose));
+        let mut state = self.model.start(first.as_ref().map(|pose| pose.view()))?;
         let mut displacements = Array3::zeros((frames, LANDMARKS, 3));
         for (t, mut frame) in displacements.outer_iter_mut().enumerate() {
             report(progress, "sample", t as f32 / frames as f32)?;

@@ -71,6 +71,7 @@ pub static REGISTRATION: Registration = Registration {
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
     takes_events: false,
     hears_feeling: false,
+    starts_from_pose: false,
     sliders: &Slider::ALL,
     open: |folder| Ok(Box::new(FreeTalk::open(folder)?)),
 };
