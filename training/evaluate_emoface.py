@@ -83,10 +83,13 @@ def branches(judged: Judged, clips: list[Spoken]) -> dict[str, tuple[float, floa
     sums: dict[str, list[tuple[float, float]]] = {}
     for clip in clips:
         truth, made = judged.truth(clip), performed(judged.model, clip)
+        alone = {
+            layer: getattr(performed(judged.model, clip, layer), layer) for layer in ("content", "feeling")
+        }
         rows = {
             "no motion": torch.zeros_like(truth),
-            "content branch": judged.metres(made.content),
-            "emotion branch": judged.metres(made.feeling),
+            "content branch": judged.metres(alone["content"]),
+            "emotion branch": judged.metres(alone["feeling"]),
             "their sum": judged.metres(made.content + made.feeling),
             "under the mask": judged.metres(made.motion),
         }

@@ -193,9 +193,9 @@ def save(path: Path, model: EmoFace, trainer: EmoFaceTrainer) -> None:
     torch.save(kept, path)
 
 
-def performed(model: EmoFace, clip: Spoken) -> Made:
+def performed(model: EmoFace, clip: Spoken, layer: str = "motion") -> Made:
     """A held-out clip with its own feeling, from rest."""
-    return model.perform(together([clip], model.config, len(clip)))
+    return model.perform(together([clip], model.config, len(clip)), layer=layer)
 
 
 def parser() -> argparse.ArgumentParser:

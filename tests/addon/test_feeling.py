@@ -96,14 +96,14 @@ def test_another_strip_gives_the_feeling(addon, speaking):
     other = film(ob, FRAMES)
     felt_mm = 1000.0 * np.linalg.norm(other - own, axis=2)
     assert felt_mm.max() > 0.3
-    # What is said is nearly the same: both branches hear the whole face of the frame before.
+    # What is said is the same.
     ob.anyface_output.emotion = 0.0
     said = film(ob, FRAMES)
     ob.anyface_audio.felt_strip = ""
     generate(ob)
     ob.anyface_output.emotion = 0.0
     said_mm = 1000.0 * np.linalg.norm(film(ob, FRAMES) - said, axis=2)
-    assert said_mm.mean() < 0.7 * felt_mm.mean()
+    assert said_mm.max() < 0.01
     # A system that hears no feeling lets the strip be.
     ob.anyface_audio.felt_strip, ob.anyface.system = "Wild", "freetalk"
     generate(ob)

@@ -191,8 +191,9 @@ class EmoFace(nn.Module):
         return Made(w * feeling + (1.0 - w) * content, content, feeling, mask)
 
     @torch.no_grad()
-    def perform(self, given: Given, first: Tensor | None = None) -> Made:
-        """Frame after frame from a first pose [B, D] (the template if none)."""
+    def perform(self, given: Given, first: Tensor | None = None, layer: str = "motion") -> Made:
+        """Frame after frame from a first pose [B, D] (the template if none); `content` and `feeling` as `layer`
+        go on from themselves alone."""
         content, feeling = self.content_in(given.content), self.feeling_in(given.feeling)
         plain, felt = self._conditions(given)
         mask = self.mesh_attention(content, feeling)
@@ -205,7 +206,7 @@ class EmoFace(nn.Module):
                               self.feeling.step(before, feeling[:, now], felt[:, now], t, kept[1]),
                               mask[:, now])  # fmt: skip
             frames.append(made)
-            before = made.motion
+            before = getattr(made, layer)
         parts = ("motion", "content", "feeling", "mask")
         return Made(*(torch.cat([getattr(f, part) for f in frames], dim=1) for part in parts))
 

@@ -86,6 +86,17 @@ pub struct Progressing {
     seen: SeenRows,
 }
 
+impl MadeFrame {
+    /// What a choice of the control `layer` shows.
+    pub fn layer(&self, number: usize) -> &[f32] {
+        match number {
+            0 => &self.motion,
+            1 => &self.content,
+            _ => &self.feeling,
+        }
+    }
+}
+
 impl Model {
     /// From the parts of a model.
     ///
@@ -179,6 +190,14 @@ impl Model {
             kept: Default::default(),
             seen: SeenRows::new(),
         })
+    }
+
+    /// Lets the next frame follow `shown`, `[3 V]` metres, instead of both branches together: a branch alone
+    /// goes on from itself.
+    pub fn follow(&self, shown: &[f32], state: &mut Progressing) {
+        for (to, from) in state.before.iter_mut().zip(shown) {
+            *to = from / self.config.scale_m;
+        }
     }
 
     /// The next frame.

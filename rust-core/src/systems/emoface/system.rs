@@ -184,13 +184,8 @@ impl EmoFace {
         Ok(self.model.prototype(&shares))
     }
 
-    /// The landmarks of the layer that is asked for, `[68, 3]` metres.
-    fn shown(&self, made: &MadeFrame, layer: usize) -> Array2<f32> {
-        let values = match layer {
-            0 => &made.motion,
-            1 => &made.content,
-            _ => &made.feeling,
-        };
+    /// The landmarks of a layer, `[3 V]` metres, as `[68, 3]`.
+    fn landmarks(&self, values: &[f32]) -> Array2<f32> {
         let at = &self.config().landmarks;
         Array2::from_shape_fn((LANDMARKS, 3), |(n, axis)| values[3 * at[n] + axis])
     }
@@ -225,7 +220,9 @@ impl System for EmoFace {
                 level: levels[t],
             };
             let made = self.model.step(now, &mut state);
-            frame.assign(&self.shown(&made, layer));
+            let shown = made.layer(layer);
+            self.model.follow(shown, &mut state);
+            frame.assign(&self.landmarks(shown));
         }
         report(progress, "sample", 1.0)?;
         let wanted = heard.frames(request.fps);
