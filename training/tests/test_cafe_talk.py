@@ -20,6 +20,7 @@ from training.corpus.action_units import (
 )
 from training.corpus.faces import CHANNELS
 from training.corpus.felt import with_emotion
+from training.systems.cafe_talk import stored
 from training.systems.cafe_talk.denoiser import CONFIGS, Coarse, Denoiser
 from training.tests.made_up import made_up
 from training.text.emotions import SYNONYMS
@@ -104,6 +105,44 @@ def test_the_second_stage_trains_the_adapter_alone(tmp_path):
     changed = {name for name in before if not torch.equal(before[name], after[name])}
     assert changed and all(name.startswith(("adapter.", "mean", "std")) for name in changed)
     assert not {"mean", "std"} & changed
+
+
+def test_an_exported_folder_is_a_base_like_the_run_that_it_came_from(tmp_path):
+    fine = run(tmp_path, "--out", tmp_path / "fine", "--steps", 2, "--one-stage")
+    folder = export_cafe_talk.export(fine, tmp_path / "models")
+    begun = run(tmp_path, "--out", tmp_path / "begun", "--steps", 2, "--base", folder)
+    before, after = stored.load(folder), state(begun)
+    assert all(torch.equal(value, after[name]) for name, value in before.base.items())
+    assert before.state["head.weight"].dtype == torch.float32
+    moved = {name for name in after if not torch.equal(before.state[name], after[name])}
+    assert moved and all(name.startswith("adapter.") for name in moved)
+    whole = stored.load(fine)
+    assert torch.equal(whole.state["head.weight"].half().float(), before.state["head.weight"])
+    assert torch.equal(whole.emotions.half().float(), before.emotions)
+
+
+def test_in_one_stage_base_and_adapter_learn_together(tmp_path):
+    base = run(tmp_path, "--out", tmp_path / "base", "--steps", 2)
+    joint = run(tmp_path, "--out", tmp_path / "joint", "--steps", 3, "--base", base, "--one-stage")
+    before, after = state(base), state(joint)
+    changed = {name.partition(".")[0] for name in before if not torch.equal(before[name], after[name])}
+    assert {"adapter", "head", "coarse"} <= changed
+
+
+def test_a_folder_or_base_that_does_not_fit_is_told(tmp_path):
+    with pytest.raises(FileNotFoundError, match="expected a cafe_talk.pt or a model folder"):
+        stored.load(tmp_path / "nowhere.pt")
+    with pytest.raises(FileNotFoundError, match="config.json is missing"):
+        stored.load(tmp_path)
+    folder = export_cafe_talk.export(
+        run(tmp_path, "--out", tmp_path / "a", "--steps", 1), tmp_path / "models"
+    )
+    with pytest.raises(ValueError, match="expected a base with coarse film, got ada_ln"):
+        run(tmp_path, "--out", tmp_path / "b", "--steps", 1, "--base", folder, "--coarse", "film")
+    written = (folder / "config.json").read_text()
+    (folder / "config.json").write_text(written.replace('"cafe_talk"', '"freetalk"', 1))
+    with pytest.raises(ValueError, match="expected a model of cafe_talk, got one of 'freetalk'"):
+        stored.load(folder)
 
 
 def test_a_run_that_was_stopped_goes_on_with_the_same_bits(tmp_path):
