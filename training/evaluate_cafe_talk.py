@@ -32,7 +32,7 @@ TITLES = {
     "intensities": "The intensity (table 9)",
     "steps": "Denoising steps",
     "alphas": "Guidance of speech and emotion",
-    "formulas": "Eq. 6 as printed and the variant, upper units",
+    "formulas": "Eq. 6 as printed and the variant",
 }
 
 

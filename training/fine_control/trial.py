@@ -43,7 +43,8 @@ class Take:
 class Asked:
     """Control of a take: `unit` on both sides within the slot, times `beta`; `emotion` at `intensity`.
 
-    `printed` takes eq. 6 as printed; `unmasked` lets the event guide every frame, as Ho & Salimans (2021) do.
+    `printed` takes eq. 6 as printed; `unmasked` lets the event guide every frame, as Ho & Salimans (2021) do,
+    and `every_shape` all shapes of the slot. `over_speech` lets jaw and chin hide what is said.
     `labelled` is whether the model hears the coarse condition at all.
     """
 
@@ -53,6 +54,8 @@ class Asked:
     intensity: float = 0.0
     printed: bool = False
     unmasked: bool = False
+    every_shape: bool = False
+    over_speech: bool = False
     labelled: bool = True
 
 
@@ -102,11 +105,14 @@ class Actor:
             events[within, [number, len(UNITS) + number]] = 1.0
             own = unit_matrix()[[number, len(UNITS) + number]].amax(dim=0)
             strength[within] = asked.beta * own
+            if asked.every_shape:
+                strength[within] = asked.beta
             if asked.unmasked:
                 strength[:] = asked.beta
         felt = self.emotions[EMOTIONS.index(asked.emotion)].expand(frames, -1)
         style = self.config.styles.index(self.config.default_style)
-        return Request(style, felt, torch.full((frames,), asked.intensity), events, strength, asked.printed)
+        intensity = torch.full((frames,), asked.intensity)
+        return Request(style, felt, intensity, events, strength, asked.printed, asked.over_speech)
 
 
 def clips(arguments) -> tuple[list[Entry], list[Entry]]:

@@ -22,6 +22,7 @@ from training.corpus.faces import CHANNELS
 from training.corpus.felt import with_emotion
 from training.systems.cafe_talk import stored
 from training.systems.cafe_talk.denoiser import CONFIGS, Coarse, Denoiser
+from training.systems.cafe_talk.priority import yielding
 from training.tests.made_up import made_up
 from training.text.emotions import SYNONYMS
 from training.text.space import BUCKETS
@@ -203,6 +204,16 @@ def test_lower_events_give_way_where_lips_meet():
     assert max(float(m.weights.max()) for m in made) > 0.9
     lower = [m for m in made if m.weights[:, mouth].any()]
     assert lower and all(not m.weights[40:60][:, mouth].any() for m in lower)
+
+
+def test_jaw_and_chin_give_way_to_the_speech_and_nothing_else_does():
+    jaw, chin, smile = (CHANNELS.index(c) for c in ("jawOpen", "mouthShrugLower", "mouthSmileLeft"))
+    spoken = torch.full((1, 60, len(CHANNELS)), 0.02)
+    spoken[0, :, CHANNELS.index("mouthClose")] = 0.0
+    spoken[0, [20, 21, 30, 31, 40, 41], jaw] = 0.3
+    mask = yielding(torch.full((1, 60, len(CHANNELS)), 1.5), spoken)[0]
+    assert mask[20, jaw] == 1.5 and mask[26, jaw] < 0.1 and mask[26, chin] == mask[26, jaw]
+    assert (mask[:8] == 1.5).all() and (mask[:, smile] == 1.5).all()
 
 
 def test_emotion_grows_with_its_intensity():
