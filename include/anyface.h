@@ -1021,8 +1021,8 @@ const char *anyface_expression_unit(const AnyfaceExpression *expression,
 /// How strongly the text asks for it, 1 for a plain word; 0 without units, for NULL.
 float anyface_expression_strength(const AnyfaceExpression *expression);
 
-/// The nearest expression that would be understood, where there are no units; NULL otherwise, for NULL. Lives as
-/// long as the expression.
+/// The nearest expression that would be understood, where there are no units and one is near; NULL otherwise, for
+/// NULL. Lives as long as the expression.
 const char *anyface_expression_hint(const AnyfaceExpression *expression);
 
 /// Frees an expression that no running call uses; nothing happens for NULL.

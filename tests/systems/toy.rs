@@ -40,6 +40,7 @@ pub static REGISTRATION: Registration = Registration {
     models: &[],
     controls: &[CONTROLS],
     takes_events: false,
+    takes_words: false,
     hears_feeling: false,
     starts_from_pose: false,
     sliders: &[],

@@ -50,7 +50,7 @@ impl Animate {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         // What is cheap to check comes before what takes time.
         Format::from_path(&self.out)?;
-        let request = self.motion.request()?;
+        let request = self.motion.request(shared)?;
         let redo = self.redo.asked()?;
         let options = self.face.options(&self.mesh, None)?;
         let mut report = new_report();

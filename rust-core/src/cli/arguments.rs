@@ -22,6 +22,7 @@ use crate::{
     },
     output::read_landmark_motion,
     speech::FeltVoice,
+    systems::Registration,
     text::TextUnits,
 };
 
@@ -267,14 +268,15 @@ impl MotionArgs {
         FeltVoice::checked(&sound).map(|voice| Some(Arc::new(voice)))
     }
 
-    pub(super) fn request(&self) -> Result<MotionRequest> {
+    pub(super) fn request(&self, shared: &SharedArgs) -> Result<MotionRequest> {
         check_fps(self.fps)?;
+        let system = Registration::find(shared.system.as_deref())?;
         let closures = match &self.sounds {
             Some(path) => Some(Annotation::read(path, self.fps)?.closures()?),
             None => None,
         };
         Ok(MotionRequest {
-            emotion: self.emotion.curve()?,
+            emotion: self.emotion.curve(system.takes_words, shared.weights())?,
             controls: self.controls.controls()?,
             fps: self.fps,
             seed: self.seed,

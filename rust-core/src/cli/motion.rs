@@ -41,7 +41,7 @@ impl Motion {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         // Which kind it is, the system says; a name that fits none is refused before anything is loaded.
         check_motion_path(&self.out, true)?;
-        let request = self.motion.request()?;
+        let request = self.motion.request(shared)?;
         let redo = self.redo.asked()?;
         let mut report = new_report();
         let waveform = read_sound(&mut report, &self.audio)?;

@@ -38,6 +38,17 @@ pub const EMOTIONS: [&str; 15] = [
 /// Largest intensity that a caller may ask for; 1 is a full expression.
 pub const MAX_INTENSITY: f32 = 1.5;
 
+/// Shares of [`EMOTIONS`] that a word stands for, or why it has none.
+pub type WordEmotion<'a> = &'a dyn Fn(&str) -> Result<[f32; 15]>;
+
+/// No word but the categories themselves.
+fn unknown(name: &str) -> Result<[f32; 15]> {
+    Err(Error::InvalidInput(format!(
+        "emotion: expected one of {}, got {name:?}",
+        EMOTIONS.join(", ")
+    )))
+}
+
 /// A mixture of emotions with one intensity, at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Emotion {
@@ -66,6 +77,15 @@ impl Emotion {
     /// # Errors
     /// `InvalidInput` for an unknown name or a strength outside 0 to [`MAX_INTENSITY`].
     pub fn parse(text: &str) -> Result<Self> {
+        Emotion::parse_with(text, &unknown)
+    }
+
+    /// The same where words that are no category are emotions too: `of` gives the shares of the categories, which
+    /// sum to 1, or says why it has none.
+    ///
+    /// # Errors
+    /// Those of [`Emotion::parse`] and of `of`.
+    pub fn parse_with(text: &str, of: WordEmotion<'_>) -> Result<Self> {
         let mut strength = [0.0f32; 15];
         for item in text
             .split(',')
@@ -73,19 +93,16 @@ impl Emotion {
             .filter(|item| !item.is_empty())
         {
             let (name, value) = item.split_once(':').unwrap_or((item, "1"));
-            let index = EMOTIONS
-                .iter()
-                .position(|known| *known == name)
-                .ok_or_else(|| {
-                    Error::InvalidInput(format!(
-                        "emotion: expected one of {}, got {name:?}",
-                        EMOTIONS.join(", ")
-                    ))
-                })?;
+            let shares = match EMOTIONS.iter().position(|known| *known == name) {
+                Some(index) => std::array::from_fn(|e| f32::from(u8::from(e == index))),
+                None => of(name)?,
+            };
             let value: f32 = value.parse().map_err(|_| {
                 Error::InvalidInput(format!("emotion {name}: expected a number, got {value:?}"))
             })?;
-            strength[index] += value;
+            for (sum, share) in strength.iter_mut().zip(shares) {
+                *sum += share * value;
+            }
         }
         Self::from_strengths(strength)
     }
@@ -141,11 +158,19 @@ impl EmotionCurve {
     /// # Errors
     /// Those of [`Emotion::parse`].
     pub fn parse(text: &str) -> Result<Self> {
+        EmotionCurve::parse_with(text, &unknown)
+    }
+
+    /// The same with words that are no category: see [`Emotion::parse_with`].
+    ///
+    /// # Errors
+    /// Those of [`Emotion::parse_with`].
+    pub fn parse_with(text: &str, of: WordEmotion<'_>) -> Result<Self> {
         match text.trim() {
             "off" => Ok(Self::Off),
             "auto" => Ok(Self::Auto),
             "auto-arousal" => Ok(Self::Arousal),
-            other => Emotion::parse(other).map(Self::Constant),
+            other => Emotion::parse_with(other, of).map(Self::Constant),
         }
     }
 
@@ -240,6 +265,28 @@ mod tests {
             message.contains("joyful") && message.contains("happy"),
             "{message}"
         );
+    }
+
+    #[test]
+    fn words_that_are_no_category_are_what_they_are_said_to_be() {
+        let of = |word: &str| match word {
+            "bittersweet" => {
+                let mut shares = [0.0; 15];
+                (shares[1], shares[5]) = (0.25, 0.75);
+                Ok(shares)
+            }
+            other => unknown(other),
+        };
+        let emotion = Emotion::parse_with("bittersweet:0.8,happy:0.2", &of).unwrap();
+        assert!((emotion.intensity - 1.0).abs() < 1e-6);
+        assert!((emotion.mixture[1] - 0.4).abs() < 1e-6 && (emotion.mixture[5] - 0.6).abs() < 1e-6);
+        let happy = Emotion::parse_with("happy:0.7", &of).unwrap();
+        assert_eq!(happy, Emotion::parse("happy:0.7").unwrap());
+        assert!(
+            Emotion::parse_with("sour", &of).is_err() && Emotion::parse("bittersweet").is_err()
+        );
+        let keys = EmotionCurve::parse_keys_with("0:neutral 2:bittersweet:0.5", &of).unwrap();
+        assert!((keys.at(2.0).intensity - 0.5).abs() < 1e-6);
     }
 
     #[test]

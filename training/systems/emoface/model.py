@@ -192,8 +192,8 @@ class EmoFace(nn.Module):
 
     @torch.no_grad()
     def perform(self, given: Given, first: Tensor | None = None, layer: str = "motion") -> Made:
-        """Frame after frame from a first pose [B, D] (the template if none); `content` and `feeling` as `layer`
-        go on from themselves alone."""
+        """Frame after frame from a first pose [B, D] (the template if none); as `layer` `content` and
+        `feeling` go on from themselves alone."""
         content, feeling = self.content_in(given.content), self.feeling_in(given.feeling)
         plain, felt = self._conditions(given)
         mask = self.mesh_attention(content, feeling)

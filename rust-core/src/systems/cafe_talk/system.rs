@@ -16,7 +16,7 @@ use crate::{
     },
     nn::Weights,
     progress::ProgressFn,
-    speech::{Heard, SpeechInput},
+    speech::{Heard, PhoneModel, SpeechInput},
     systems::{Registration, Slider, System, Windows},
 };
 
@@ -86,6 +86,7 @@ pub static REGISTRATION: Registration = Registration {
     models: &[&MODEL],
     controls: &[PERFORMANCE, OWN_CONTROLS],
     takes_events: true,
+    takes_words: true,
     hears_feeling: false,
     starts_from_pose: false,
     sliders: &Slider::ALL,
@@ -97,6 +98,7 @@ pub struct CafeTalk {
     denoiser: Denoiser,
     modes: FaceModes,
     gaps: LipGaps,
+    phones: PhoneModel,
     kept: WindowsKept,
 }
 
@@ -115,6 +117,7 @@ impl CafeTalk {
             denoiser,
             modes,
             gaps,
+            phones: PhoneModel::open(folder)?,
             kept: WindowsKept::default(),
         })
     }
@@ -150,7 +153,7 @@ impl CafeTalk {
 
     /// Brings the lips of a clip together where that is heard or given.
     fn close_lips(&self, clip: &mut WeightClip, heard: &Heard, request: &MotionRequest) {
-        let closures: LipClosures = heard.closures(request.closures.as_deref());
+        let closures = self.closures(heard, request.closures.as_deref());
         let events = EventTrack::of(&request.events, &clip.names, clip.weights.nrows(), clip.fps);
         self.gaps.close(clip, &closures, &events.over_speech);
     }
@@ -227,6 +230,10 @@ impl System for CafeTalk {
         let mut performed = clip.perform(&self.modes, &cues, &controls)?;
         self.close_lips(&mut performed, heard, request);
         Ok(Motion::Weights(performed))
+    }
+
+    fn closures(&self, heard: &Heard, given: Option<&[[f64; 2]]>) -> LipClosures {
+        heard.closures_with(&self.phones, given)
     }
 
     fn styles(&self) -> &[String] {

@@ -75,6 +75,7 @@ pub static REGISTRATION: Registration = Registration {
     models: &[&MODEL],
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
     takes_events: false,
+    takes_words: false,
     hears_feeling: true,
     starts_from_pose: true,
     sliders: &Slider::ALL,

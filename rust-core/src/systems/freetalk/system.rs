@@ -70,6 +70,7 @@ pub static REGISTRATION: Registration = Registration {
     models: &[&ATS_MODEL, &STREAM_MODEL, &PAPER_MODEL],
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
     takes_events: false,
+    takes_words: false,
     hears_feeling: false,
     starts_from_pose: false,
     sliders: &Slider::ALL,

@@ -139,7 +139,8 @@ fn glance(page: &mut Page, results: &Results) {
          does. `{MODEL}` is the model in its default style, as a user gets it; `{MODEL}, style …` is \
          asked for the style of that source; `stream` is its causal twin. `constant` is the mean \
          face of the source's own training clips; `loudness` a straight line of every coordinate \
-         over the sound's level, fitted to the same. Every other name is motion from a file."
+         over the sound's level, fitted to the same. Names of systems are their motion as they come. Every other name is motion \
+         from a file."
     ));
     page.block(format!(
         "Held out of grid_s1 is every tenth clip; of facegood_zh the last 15 % of each take, whose \
