@@ -6,7 +6,12 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::{Error, Result};
+use serde_json::Value;
+
+use crate::{Error, Result, nn::Weights};
+
+/// Largest magnitude of a number in a config.
+const LARGEST_NUMBER: f64 = 1e5;
 
 /// The two files of a model.
 pub struct ModelFiles {
@@ -161,11 +166,97 @@ impl ModelFiles {
     fn read(folder: &Path) -> Result<Self> {
         let weights = folder.join("model.safetensors");
         let config = folder.join("config.json");
-        Ok(ModelFiles {
+        let files = ModelFiles {
             weights: fs::read(&weights).map_err(Error::io(weights))?.into(),
             config: fs::read_to_string(&config)
                 .map_err(Error::io(config))?
                 .into(),
-        })
+        };
+        let name = folder.file_name().unwrap_or_default().to_string_lossy();
+        let named = |message: String| Error::Weights(format!("{name}: {message}"));
+        check_numbers(&files.config).map_err(|e| named(format!("config.json: {e}")))?;
+        match Weights::from_bytes(&files.weights)?.check_range() {
+            Err(Error::Weights(message)) => Err(named(message)),
+            other => other.map(|()| files),
+        }
+    }
+}
+
+/// Holds every number of a config within [`LARGEST_NUMBER`], so that no size and no constant of a model is out
+/// of all measure.
+fn check_numbers(config: &str) -> Result<(), String> {
+    let value: Value = serde_json::from_str(config).map_err(|e| e.to_string())?;
+    let mut left = vec![(String::new(), &value)];
+    while let Some((name, value)) = left.pop() {
+        match value {
+            Value::Object(fields) => {
+                left.extend(fields.iter().map(|(key, value)| (key.clone(), value)));
+            }
+            Value::Array(items) => left.extend(items.iter().map(|item| (name.clone(), item))),
+            Value::Number(number) => {
+                let size = number.as_f64().map_or(f64::INFINITY, f64::abs);
+                if size > LARGEST_NUMBER {
+                    return Err(format!(
+                        "{name}: expected a number within ±{LARGEST_NUMBER}, got {number}"
+                    ));
+                }
+            }
+            Value::Null | Value::Bool(_) | Value::String(_) => {}
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn built_in_models_are_within_the_ranges_and_absurd_ones_are_named() {
+        for model in crate::systems::built_in_models() {
+            check_numbers(model.config).unwrap();
+            let weights = Weights::from_bytes(model.weights).unwrap();
+            weights.check_range().unwrap_or_else(|e| panic!("{}: {e}", model.name));
+        }
+        for (config, words) in [
+            (r#"{"a": [{"steps": 1e300}]}"#, "steps: expected a number within"),
+            (r#"{"width": 99999999999999999999}"#, "width: expected"),
+            (r#"{"width": -1000000}"#, "width: expected"),
+            ("[", "EOF"),
+        ] {
+            let message = check_numbers(config).unwrap_err();
+            assert!(message.contains(words), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_folder_of_infinite_weights_is_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        for model in crate::systems::built_in_models() {
+            let own = folder.path().join(model.name);
+            fs::create_dir(&own).unwrap();
+            let mut bytes = model.weights.to_vec();
+            let kind = {
+                let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+                let (_, view) = file.iter().next().unwrap();
+                (view.dtype(), view.data().as_ptr() as usize - bytes.as_ptr() as usize)
+            };
+            match kind {
+                (safetensors::Dtype::F32, at) => {
+                    bytes[at..at + 4].copy_from_slice(&f32::INFINITY.to_le_bytes());
+                }
+                (safetensors::Dtype::F16, at) => bytes[at..at + 2].copy_from_slice(&[0, 0xfc]),
+                _ => continue,
+            }
+            fs::write(own.join("model.safetensors"), &bytes).unwrap();
+            fs::write(own.join("config.json"), model.config).unwrap();
+            let error = model.open(Some(folder.path())).map(|_| ()).unwrap_err();
+            let message = error.to_string();
+            assert!(
+                matches!(error, Error::Weights(_)) && message.contains(model.name),
+                "{message}"
+            );
+            fs::remove_dir_all(&own).unwrap();
+        }
     }
 }
