@@ -111,14 +111,29 @@ class Engine(EventCalls, MeshCalls, MouthCalls, ShapeCalls, SliderCalls, SoundCa
             names.append(name.decode())
         return names
 
-    def decode(self, path: str) -> tuple[np.ndarray, float]:
-        """Mono samples `[S]` float32 of a sound file, and their rate in Hz."""
+    def decode(self, path: str) -> tuple[np.ndarray, float, str]:
+        """Mono samples `[S]` float32 of a sound file, their rate in Hz, and what of the sound is
+        missing where the file is damaged ("" where nothing is).
+
+        Raises `AnyfaceError`: "audio" also where more than a fifth is missing.
+        """
         with ExitStack() as handles:
             audio = self._own(handles, "audio", "anyface_audio_read", os.fsencode(path))
             count = self._library.anyface_audio_sample_count(audio)
             samples = np.empty(count, dtype=np.float32)
             self._copy("anyface_audio_copy_samples", audio, samples)
-        return samples, _DECODED_RATE_HZ
+            warning = self._library.anyface_audio_warning(audio) or b""
+            return samples, _DECODED_RATE_HZ, warning.decode()
+
+    def is_damaged(self, path: str) -> bool:
+        """Whether a sound file that `decode` refuses could be read but for what is missing."""
+        with ExitStack() as handles:
+            name = "anyface_audio_read_damaged"
+            try:
+                self._own(handles, "audio", name, os.fsencode(path))
+            except AnyfaceError:
+                return False
+        return True
 
     def animate(
         self,

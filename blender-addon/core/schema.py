@@ -1,4 +1,4 @@
-"""What the fields of a JSON object may hold, with messages that name the row and the field. No bpy."""
+"""What fields of a JSON object may hold, with messages that name row and field. No bpy."""
 
 from collections.abc import Mapping
 

@@ -6,6 +6,7 @@ mod damaged;
 mod expressions;
 mod features;
 mod head;
+mod hostile;
 mod imports;
 mod kept_faces;
 mod landmarks;
