@@ -45,7 +45,7 @@ _CANCELLED = 9
 _FLOATS, _DOUBLES, _INDICES = POINTER(c_float), POINTER(c_double), POINTER(c_uint32)
 # `ANYFACE_CACHE_FOLDER`.
 _CACHE_IN_FOLDER = 2
-_KINDS = {3: "input", 4: "audio", 5: "mesh", 6: "face", 7: "weights", 8: "file"}
+_KINDS = {3: "input", 4: "audio", 5: "mesh", 6: "face", 7: "weights", 8: "file", 13: "memory"}
 
 
 class Engine(EventCalls, MeshCalls, MouthCalls, ShapeCalls, SliderCalls, SoundCalls):

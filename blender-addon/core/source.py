@@ -8,8 +8,8 @@ import numpy as np
 
 from .take import Sound
 
-# decode(path) returns mono samples `[S]` float32, their rate in Hz, and what the artist should know of
-# them, "" where there is nothing.
+# decode(path) returns mono samples `[S]` float32, their rate in Hz, and what the artist should know
+# of them, "" where there is nothing.
 Decode = Callable[[str], tuple[np.ndarray, float, str]]
 
 

@@ -12,6 +12,39 @@ use crate::{Error, Result, nn::Weights};
 
 /// Largest magnitude of a number in a config.
 const LARGEST_NUMBER: f64 = 1e5;
+/// Numbers in configs by their names, with the least and the largest that any model may have.
+const RANGES: [(&str, f64, f64); 30] = [
+    ("adapter_inner", 1.0, 16_384.0),
+    ("alpha", -100.0, 100.0),
+    ("band", 0.0, 1_000.0),
+    ("beta", -100.0, 100.0),
+    ("blocks", 0.0, 256.0),
+    ("channels", 1.0, 16_384.0),
+    ("coarse_dilations", 1.0, 1_000.0),
+    ("delta", 1.0, 1_000.0),
+    ("dilation", 1.0, 1_000.0),
+    ("feedforward", 1.0, 65_536.0),
+    ("fine_dilations", 1.0, 1_000.0),
+    ("fps", 1.0, 240.0),
+    ("heads", 1.0, 256.0),
+    ("inner", 1.0, 16_384.0),
+    ("kernel", 1.0, 1_000.0),
+    ("latent", 1.0, 16_384.0),
+    ("layers", 0.0, 256.0),
+    ("look_back", 0.0, 10_000.0),
+    ("memory_frames", 1.0, 100_000.0),
+    ("overlap_frames", 0.0, 10_000.0),
+    ("period", 1.0, 10_000.0),
+    ("prior_colour", -100.0, 100.0),
+    ("prior_peak", -100.0, 100.0),
+    ("radius", 0.0, 10_000.0),
+    ("scale_m", 1e-6, 10.0),
+    ("steps", 1.0, 1_000.0),
+    ("temperature", 0.0, 10.0),
+    ("train_steps", 1.0, 10_000.0),
+    ("width", 1.0, 16_384.0),
+    ("window_frames", 1.0, 10_000.0),
+];
 
 /// The two files of a model.
 pub struct ModelFiles {
@@ -182,8 +215,8 @@ impl ModelFiles {
     }
 }
 
-/// Holds every number of a config within [`LARGEST_NUMBER`], so that no size and no constant of a model is out
-/// of all measure.
+/// Holds every number of a config within its range of [`RANGES`], and the others within
+/// [`LARGEST_NUMBER`], so that no size and no constant of a model is out of all measure.
 fn check_numbers(config: &str) -> Result<(), String> {
     let value: Value = serde_json::from_str(config).map_err(|e| e.to_string())?;
     let mut left = vec![(String::new(), &value)];
@@ -194,11 +227,14 @@ fn check_numbers(config: &str) -> Result<(), String> {
             }
             Value::Array(items) => left.extend(items.iter().map(|item| (name.clone(), item))),
             Value::Number(number) => {
-                let size = number.as_f64().map_or(f64::INFINITY, f64::abs);
-                if size > LARGEST_NUMBER {
-                    return Err(format!(
-                        "{name}: expected a number within ±{LARGEST_NUMBER}, got {number}"
-                    ));
+                let known = RANGES.iter().find(|(known, ..)| *known == name);
+                let (low, high) = match known {
+                    Some((_, low, high)) => (*low, *high),
+                    None => (-LARGEST_NUMBER, LARGEST_NUMBER),
+                };
+                let is_within = number.as_f64().is_some_and(|x| (low..=high).contains(&x));
+                if !is_within {
+                    return Err(format!("{name}: expected {low} to {high}, got {number}"));
                 }
             }
             Value::Null | Value::Bool(_) | Value::String(_) => {}
@@ -219,9 +255,10 @@ mod tests {
             weights.check_range().unwrap_or_else(|e| panic!("{}: {e}", model.name));
         }
         for (config, words) in [
-            (r#"{"a": [{"steps": 1e300}]}"#, "steps: expected a number within"),
+            (r#"{"a": [{"steps": 1e300}]}"#, "steps: expected 1 to 1000"),
             (r#"{"width": 99999999999999999999}"#, "width: expected"),
-            (r#"{"width": -1000000}"#, "width: expected"),
+            (r#"{"heads": 0}"#, "heads: expected 1 to 256, got 0"),
+            (r#"{"step": 1e38}"#, "step: expected -100000 to 100000"),
             ("[", "EOF"),
         ] {
             let message = check_numbers(config).unwrap_err();

@@ -143,5 +143,6 @@ fn kind(error: &Error) -> &'static str {
         Error::Numerics(_) => "numerics",
         Error::Io { .. } => "io",
         Error::Cancelled => "cancelled",
+        Error::OutOfMemory(_) => "out_of_memory",
     }
 }

@@ -27,6 +27,7 @@ use crate::{
     mesh::{self, FaceOptions, LandmarkFinder, Mesh},
     models,
     motion::{FaceModes, LandmarkClip, Motion},
+    outside::guarded,
     progress::ProgressFn,
     rig::{self, Rig, RigModel, SolveOptions, SolvedWeights},
     speech::{self, PhoneModel, SpeechEncoder},
@@ -136,6 +137,14 @@ impl Engine {
     /// unknown system or a number of threads out of range.
     pub fn new(options: EngineOptions) -> Result<Self> {
         options.check()?;
+        match options.models.is_some() || options.speech.is_some() {
+            // Files of others: what their sizes lead to is not known before.
+            true => guarded(Error::Weights, || Self::load(options)),
+            false => Self::load(options),
+        }
+    }
+
+    fn load(options: EngineOptions) -> Result<Self> {
         let folder = options.models.as_deref();
         if let Some(folder) = folder {
             models::check_folder(folder, built_in_models(), &speech::CHECKPOINTS)?;
