@@ -164,6 +164,8 @@ SIGNATURES = {
     "anyface_engine_free": (None, [_HANDLE]),
     "anyface_audio_new": (c_int32, [_FLOATS, c_size_t, c_uint32, c_uint32, _OUT, _OUT]),
     "anyface_audio_read": (c_int32, [c_char_p, _OUT, _OUT]),
+    "anyface_audio_read_damaged": (c_int32, [c_char_p, _OUT, _OUT]),
+    "anyface_audio_warning": (c_char_p, [_HANDLE]),
     "anyface_audio_sample_count": (c_size_t, [_HANDLE]),
     "anyface_audio_copy_samples": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_audio_free": (None, [_HANDLE]),

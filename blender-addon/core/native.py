@@ -42,7 +42,7 @@ _CANCELLED = 9
 _FLOATS, _DOUBLES, _INDICES = POINTER(c_float), POINTER(c_double), POINTER(c_uint32)
 # `ANYFACE_CACHE_FOLDER`.
 _CACHE_IN_FOLDER = 2
-_KINDS = {3: "input", 4: "audio", 5: "mesh", 6: "face", 7: "weights", 8: "file"}
+_KINDS = {3: "input", 4: "audio", 5: "mesh", 6: "face", 7: "weights", 8: "file", 13: "memory"}
 
 
 class Engine(BasisCalls, EventCalls, MeshCalls, MouthCalls, ShapeCalls, SoundCalls):
@@ -108,14 +108,29 @@ class Engine(BasisCalls, EventCalls, MeshCalls, MouthCalls, ShapeCalls, SoundCal
             names.append(name.decode())
         return names
 
-    def decode(self, path: str) -> tuple[np.ndarray, float]:
-        """Mono samples `[S]` float32 of a sound file, and their rate in Hz."""
+    def decode(self, path: str) -> tuple[np.ndarray, float, str]:
+        """Mono samples `[S]` float32 of a sound file, their rate in Hz, and what of the sound is
+        missing where the file is damaged ("" where nothing is).
+
+        Raises `AnyfaceError`: "audio" also where more than a fifth is missing.
+        """
         with ExitStack() as handles:
             audio = self._own(handles, "audio", "anyface_audio_read", os.fsencode(path))
             count = self._library.anyface_audio_sample_count(audio)
             samples = np.empty(count, dtype=np.float32)
             self._copy("anyface_audio_copy_samples", audio, samples)
-        return samples, _DECODED_RATE_HZ
+            warning = self._library.anyface_audio_warning(audio) or b""
+            return samples, _DECODED_RATE_HZ, warning.decode()
+
+    def is_damaged(self, path: str) -> bool:
+        """Whether a sound file that `decode` refuses could be read but for what is missing."""
+        with ExitStack() as handles:
+            name = "anyface_audio_read_damaged"
+            try:
+                self._own(handles, "audio", name, os.fsencode(path))
+            except AnyfaceError:
+                return False
+        return True
 
     def animate(
         self,

@@ -195,7 +195,8 @@ pub unsafe extern "C" fn anyface_engine_animate(
 /// Puts motion on a face. Long: accepts a progress handle.
 ///
 /// `progress` may be NULL. Free with `anyface_clip_free()`; face and motion may go before.
-/// Fails with `ANYFACE_STATUS_CANCELLED`.
+/// Fails with `ANYFACE_STATUS_CANCELLED`, and with `ANYFACE_STATUS_OUT_OF_MEMORY` where all frames at once
+/// do not fit: `anyface_clip_stream()` hands them over block by block.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_clip_new(
     engine: *const AnyfaceEngine,

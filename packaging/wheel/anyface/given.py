@@ -1,6 +1,7 @@
 """What a caller may give, as what the library takes; all that does not fit is told in words."""
 
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -45,7 +46,9 @@ def mesh_of(mesh: MeshLike, engine: Engine) -> Mesh:
 def sound_of(sound: SoundLike, engine: Engine) -> Sound:
     """Mono samples and their rate."""
     if isinstance(sound, str | os.PathLike):
-        samples, rate_hz = engine.decode(os.fspath(sound))
+        samples, rate_hz, missing = engine.decode(os.fspath(sound))
+        if missing:
+            warnings.warn(missing, stacklevel=3)
         return Sound(samples, rate_hz, os.fspath(sound))
     given, rate_hz = _pair("sound", sound, "(samples, rate)")
     samples = _full_scale(np.asarray(given))

@@ -13,7 +13,7 @@ use super::controls::{EmotionArgs, FaceControls, MotionControls};
 use crate::{
     CachePolicy, Engine, EngineOptions, Error, MotionRequest, Result,
     annotation::Annotation,
-    audio::Waveform,
+    audio::{SoundFile, Waveform},
     conditions::{Event, check_fps},
     ibug::LANDMARKS,
     mesh::{
@@ -83,6 +83,45 @@ impl SharedArgs {
             threads: self.threads,
             speech: self.speech.clone(),
         }
+    }
+}
+
+/// Refuses a result that would replace a file which it is made from.
+///
+/// # Errors
+/// `InvalidInput` that names the option.
+pub(super) fn not_onto(out: &Path, inputs: &[(&str, &Path)]) -> Result<()> {
+    let Ok(place) = out.canonicalize() else {
+        return Ok(());
+    };
+    let same = inputs
+        .iter()
+        .find(|(_, input)| input.canonicalize().is_ok_and(|input| input == place));
+    match same {
+        None => Ok(()),
+        Some((option, _)) => Err(Error::InvalidInput(format!(
+            "{}: expected another file than that of {option}, which the result would replace",
+            out.display()
+        ))),
+    }
+}
+
+/// How a sound is read.
+#[derive(Args)]
+pub(super) struct SoundArgs {
+    /// Use a damaged sound file even where more than a fifth of it is missing
+    #[arg(long)]
+    any_damage: bool,
+}
+
+impl SoundArgs {
+    pub(super) fn read(&self, path: &Path) -> Result<SoundFile> {
+        SoundFile::read(path, self.any_damage).map_err(|error| match error {
+            Error::Audio(message) if message.contains("expected at least") => {
+                Error::Audio(format!("{message}; --any-damage uses the rest"))
+            }
+            other => other,
+        })
     }
 }
 

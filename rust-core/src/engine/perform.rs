@@ -12,6 +12,7 @@ use crate::{
         Control, ControlCurve, ControlStage, EmotionCurve, Event, MotionRequest, check_closures,
         check_fps, emotion_from_voice,
     },
+    finite::check_result,
     motion::{Life, LifeStrengths, Motion, Stretch},
     progress::{ProgressFn, report},
     speech::Heard,
@@ -89,7 +90,8 @@ impl Engine {
     /// The motion has one frame for every started `1 / fps` seconds of sound, at least one.
     ///
     /// # Errors
-    /// `Audio` for a sound too short to use, `InvalidInput` for a request out of range, `Cancelled`.
+    /// `Audio` for a sound too short to use, `InvalidInput` for a request out of range, `Numerics` where the
+    /// weights of a model lead to numbers that are none, `Cancelled`.
     pub fn perform(
         &self,
         waveform: &Waveform,
@@ -186,6 +188,9 @@ impl Engine {
         request: MotionRequest,
     ) -> Result<Performance> {
         let (motion, life) = self.controlled(&sampled, &heard, &request, &request.emotion)?;
+        check_result("motion", motion.values())?;
+        check_result("head", life.head.view().into_dyn())?;
+        check_result("gaze", life.gaze.view().into_dyn())?;
         Ok(Performance {
             motion,
             life,

@@ -7,6 +7,7 @@ mod emoface;
 mod expressions;
 mod features;
 mod head;
+mod hostile;
 mod imports;
 mod kept_faces;
 mod landmarks;

@@ -4,7 +4,7 @@ use std::{path::Path, sync::Arc};
 
 use ndarray::{Array1, Array2, Array3};
 
-use super::{EmoFaceConfig, HeardFrame, MadeFrame, Model};
+use super::{EmoFaceConfig, HeardFrame, Model};
 use crate::{
     Error, Result,
     conditions::{Control, ControlStage, ControlValues, EMOTIONS, EmotionCurve, MotionRequest},
