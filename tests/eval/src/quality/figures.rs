@@ -68,7 +68,9 @@ impl Figures {
                 out.speech_sheet(album, (speaker, &head), source)?;
             }
             if let Some(clip) = performed.first().and_then(|p| p.corpus.held_out.first()) {
-                out.emotion_sheet(album, (speaker, &head), wish, clip)?;
+                if speaker.shows_emotion() {
+                    out.emotion_sheet(album, (speaker, &head), wish, clip)?;
+                }
             }
         }
         Ok(out)

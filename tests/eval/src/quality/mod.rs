@@ -320,7 +320,7 @@ impl Quality {
         let effort = effort::measure(speaker, &wish, (data, &spoken), self.limit)?;
         let life = life::measure(speaker, &wish, data, clips)?;
         stage("emotion", 0.6);
-        let reading = match self.head.is_dir() {
+        let reading = match self.head.is_dir() && speaker.shows_emotion() {
             true => {
                 let heads = Head::three(&speaker.engine, data, &self.head)?;
                 let speech = &performed[1].corpus.training;
@@ -334,11 +334,15 @@ impl Quality {
             }
             false => None,
         };
-        let intensity = emotions::intensity(speaker, &wish, speaker.weights.as_deref(), clips)?;
+        let intensity = match speaker.shows_emotion() {
+            true => emotions::intensity(speaker, &wish, speaker.weights.as_deref(), clips)?,
+            false => Vec::new(),
+        };
         stage("seeds", 0.8);
         let seeds = recorded().map(|c| seeds::measure(speaker, &wish, c));
         let seeds = seeds.collect::<Result<_>>()?;
-        let steps = recorded().map(|c| steps::measure(speaker, &wish, c));
+        let sampled = recorded().filter(|_| speaker.has("steps"));
+        let steps = sampled.map(|c| steps::measure(speaker, &wish, c));
         let steps: Vec<Vec<_>> = steps.collect::<Result<_>>()?;
         stage("long sounds and pictures", 0.9);
         Ok(Results {

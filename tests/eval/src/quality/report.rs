@@ -270,6 +270,9 @@ fn silence(page: &mut Page, results: &Results) {
 }
 
 fn intensity(page: &mut Page, results: &Results) {
+    if results.intensity.is_empty() {
+        return;
+    }
     page.block(format!(
         "Intensity: mean displacement, from the performance at intensity 0, of the \
          {OWN_LANDMARKS} landmarks that the category moves most (chosen on other clips), averaged \
@@ -355,6 +358,9 @@ fn seams(page: &mut Page, results: &Results) {
 }
 
 fn steps(page: &mut Page, results: &Results) {
+    if results.steps.is_empty() {
+        return;
+    }
     page.block("## Denoising steps");
     page.block("Work is processor time where the system tells it, else time that passed.");
     let rows = results.steps.iter().map(|row| {
