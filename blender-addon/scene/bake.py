@@ -272,7 +272,7 @@ def _felt(scene, settings: Settings, engine) -> SoundSource | None:
     try:
         return sound.from_strip(scene, settings.felt_strip, decode.decoder(engine))
     except AnyfaceError as error:
-        raise AnyfaceError(error.kind, f"Feeling From: {error}") from error
+        raise AnyfaceError(error.kind, f"Feeling Of: {error}") from error
 
 
 def _emotion(ob, scene, settings: Settings, when: tuple):

@@ -42,7 +42,7 @@ class AnyfaceAudio(PropertyGroup):
     )
     chosen: CollectionProperty(type=AnyfaceStrip)
     felt_strip: StringProperty(
-        name="Feeling From",
+        name="Feeling Of",
         description="Sound strip whose feeling this face shows, as long as its own is; "
         "empty for its own voice",
         options=set(),

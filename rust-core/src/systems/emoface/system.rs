@@ -55,6 +55,8 @@ static LEVEL: Control = Control {
     ..FEELING_FROM
 };
 
+/// The layer of what is said.
+const SAID: usize = 1;
 /// Which part is shown.
 static LAYER: Control = Control {
     name: "layer",
@@ -243,7 +245,11 @@ impl System for EmoFace {
             return Ok(sampled.clone());
         };
         let frames = sampled.frames();
-        let affect = request.emotion.sample(frames, clip.fps);
+        // What is said alone is said in the manner of nobody who feels.
+        let affect = match LAYER.value(&request.controls) as usize {
+            SAID => EmotionCurve::default().sample(frames, clip.fps),
+            _ => request.emotion.sample(frames, clip.fps),
+        };
         let blink_affect = blink_emotion.sample(frames, clip.fps);
         let cues = Cues {
             affect: affect.view(),
