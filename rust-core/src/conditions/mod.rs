@@ -289,7 +289,9 @@ mod tests {
         assert!((emotion.mixture[1] - 0.4).abs() < 1e-6 && (emotion.mixture[5] - 0.6).abs() < 1e-6);
         let happy = Emotion::parse_with("happy:0.7", &of).unwrap();
         assert_eq!(happy, Emotion::parse("happy:0.7").unwrap());
-        assert!(Emotion::parse_with("sour", &of).is_err() && Emotion::parse("bittersweet").is_err());
+        assert!(
+            Emotion::parse_with("sour", &of).is_err() && Emotion::parse("bittersweet").is_err()
+        );
         let keys = EmotionCurve::parse_keys_with("0:neutral 2:bittersweet:0.5", &of).unwrap();
         assert!((keys.at(2.0).intensity - 0.5).abs() < 1e-6);
     }

@@ -37,9 +37,12 @@ impl TextUnits {
         let nearest = place.as_ref().map(|place| {
             let near = self.emotions.outer_iter().zip(EMOTIONS);
             let near = near.map(|(emotion, name)| (cosine(place, &emotion.to_owned()), name));
-            near.fold((f32::MIN, ""), |best, next| {
-                if next.0 > best.0 { next } else { best }
-            })
+            near.fold(
+                (f32::MIN, ""),
+                |best, next| {
+                    if next.0 > best.0 { next } else { best }
+                },
+            )
         });
         match (place, nearest) {
             (Some(place), Some((near, _))) if near >= LEAST_COSINE => {
@@ -81,7 +84,10 @@ mod tests {
         assert!((shares.iter().sum::<f32>() - 1.0).abs() < 1e-5, "{word}");
         assert!(shares.iter().all(|share| *share >= 0.0), "{word}");
         let named = shares.into_iter().zip(EMOTIONS);
-        let (share, name) = named.fold((0.0, ""), |best, next| if next.0 > best.0 { next } else { best });
+        let (share, name) = named.fold(
+            (0.0, ""),
+            |best, next| if next.0 > best.0 { next } else { best },
+        );
         (name, share)
     }
 
@@ -106,7 +112,10 @@ mod tests {
         let words = TextUnits::open(None).unwrap();
         for text in ["car", "bicycle", "", "the", "xyzzy", "你好"] {
             let message = words.emotion(text).unwrap_err().to_string();
-            assert!(message.contains("neutral, happy") && message.contains(text), "{message}");
+            assert!(
+                message.contains("neutral, happy") && message.contains(text),
+                "{message}"
+            );
         }
     }
 }

@@ -146,7 +146,9 @@ fn events_that_say_nothing_are_refused_with_a_hint() {
     let words = TextUnits::open(None).unwrap();
     let said = |text| Event::from_text(text, &words).unwrap_err().to_string();
     let blue = said("1-2:the blue car");
-    assert!(blue.contains("the blue car") && blue.contains("expected") && !blue.contains("nearest"));
+    assert!(
+        blue.contains("the blue car") && blue.contains("expected") && !blue.contains("nearest")
+    );
     assert!(said("1-2:smil").contains("nearest that is understood: \"smile\""));
     for wrong in [
         "2-1:smile",

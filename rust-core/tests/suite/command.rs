@@ -517,7 +517,12 @@ fn a_feeling_in_a_word_that_is_no_category_is_for_a_system_that_takes_words() {
     let known = "expected one of neutral, happy";
     refused(&folder, &asked, INVALID_INPUT, known);
     let nothing = [&motion[..], &["o.npz", "--emotion", "bicycle"], &cafe].concat();
-    refused(&folder, &nothing, INVALID_INPUT, "or an English word for a feeling");
+    refused(
+        &folder,
+        &nothing,
+        INVALID_INPUT,
+        "or an English word for a feeling",
+    );
 }
 
 #[test]

@@ -152,7 +152,10 @@ impl Asked<'_> {
             ..Wish::default()
         };
         let made = self.others.iter().map(|(name, speaker)| {
-            let motions = corpus.held_out.iter().map(|clip| speaker.speak(clip, &wish).map(Some));
+            let motions = corpus
+                .held_out
+                .iter()
+                .map(|clip| speaker.speak(clip, &wish).map(Some));
             Ok(Predictor {
                 name: name.clone(),
                 motions: motions.collect::<Result<_>>()?,
