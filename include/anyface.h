@@ -67,7 +67,8 @@
  *
  * Engines, meshes, audio, faces, motions, clips, bases and sliders never change after they were
  * made: any number of threads may use the same object at the same time, for example two jobs on one
- * engine.
+ * engine. Threads do not live on in a process after fork(): an engine works only in the process that
+ * made it, and fails with ANYFACE_STATUS_INVALID_INPUT in another.
  * The result does not depend on what else runs, nor on the number of threads. An AnyfaceProgress
  * may be read and cancelled from any thread while one job uses it. Only freeing needs care: an
  * object must not be freed while another thread uses it. An AnyfaceError and an AnyfaceStream belong
@@ -90,7 +91,7 @@
 /// Number of emotion categories; `anyface_emotion_name()` gives their names.
 #define ANYFACE_EMOTION_COUNT 15
 
-/// How a call ended. 3 to 10 are also the exit codes of the `anyface` command.
+/// How a call ended. Those from 3 on are also the exit codes of the `anyface` command.
 typedef enum {
     /// It did what was asked.
     ANYFACE_STATUS_OK = 0,
@@ -115,6 +116,8 @@ typedef enum {
     ANYFACE_STATUS_CANCELLED = 9,
     /// A numerical method that did not converge, or a defect in the library.
     ANYFACE_STATUS_INTERNAL = 10,
+    /// A result that does not fit into memory: take it block by block, as `anyface_clip_stream()` gives it.
+    ANYFACE_STATUS_OUT_OF_MEMORY = 13,
 } AnyfaceStatus;
 
 /// Where work that depends only on the mesh is kept between runs; for `AnyfaceEngineOptions`.
@@ -508,6 +511,17 @@ typedef struct {
     const AnyfaceAudio *felt_as;
 } AnyfaceMotionOptions;
 
+/// Takes frames in order; any result but 0 ends the call with `ANYFACE_STATUS_CANCELLED`.
+///
+/// `first_frame`: number of the first of them. `displacements`: `[frame_count, V, 3]`, mesh units, added to
+/// the neutral positions; valid during this call alone.
+/// Called from a thread of the library, which may differ from the one that started the job and from
+/// call to call; never twice at the same time. It must not throw or longjmp.
+typedef int (*AnyfaceFramesFn)(void *user,
+                               size_t first_frame,
+                               size_t frame_count,
+                               const float *displacements);
+
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
@@ -660,10 +674,25 @@ AnyfaceStatus anyface_audio_new(const float *samples,
 
 /// A sound from a file: WAV, MP3, FLAC, Ogg Vorbis, M4A or AIFF.
 ///
-/// `path`: UTF-8. Free with `anyface_audio_free()`.
+/// `path`: UTF-8. Free with `anyface_audio_free()`. Ask `anyface_audio_warning()` whether something of
+/// the sound is missing because the file is damaged.
 /// Fails with `ANYFACE_STATUS_IO` if the file cannot be read, `ANYFACE_STATUS_AUDIO` if it cannot
-/// be decoded or holds no sound.
-AnyfaceStatus anyface_audio_read(const char *path, AnyfaceAudio **out, AnyfaceError **error);
+/// be decoded, holds no sound, or is damaged so that more than a fifth of it is missing;
+/// `anyface_audio_read_damaged()` takes what is left.
+AnyfaceStatus anyface_audio_read(const char *path,
+                                 AnyfaceAudio **out,
+                                 AnyfaceError **error);
+
+/// As `anyface_audio_read()`, however much is missing.
+AnyfaceStatus anyface_audio_read_damaged(const char *path,
+                                         AnyfaceAudio **out,
+                                         AnyfaceError **error);
+
+/// What is missing of a sound because its file is damaged, as a sentence in English; NULL where nothing
+/// is, and for NULL.
+///
+/// The text lives as long as the sound; a part of a sound has none.
+const char *anyface_audio_warning(const AnyfaceAudio *audio);
 
 /// A part of a sound, copied.
 ///
@@ -1201,7 +1230,8 @@ AnyfaceStatus anyface_engine_animate(const AnyfaceEngine *engine,
 /// Puts motion on a face. Long: accepts a progress handle.
 ///
 /// `progress` may be NULL. Free with `anyface_clip_free()`; face and motion may go before.
-/// Fails with `ANYFACE_STATUS_CANCELLED`.
+/// Fails with `ANYFACE_STATUS_CANCELLED`, and with `ANYFACE_STATUS_OUT_OF_MEMORY` where all frames at once
+/// do not fit: `anyface_clip_stream()` hands them over block by block.
 AnyfaceStatus anyface_clip_new(const AnyfaceEngine *engine,
                                const AnyfaceFace *face,
                                const AnyfaceMotion *motion,
@@ -1283,6 +1313,22 @@ AnyfaceStatus anyface_clip_write(const AnyfaceClip *clip,
 
 /// Frees a clip that no running call uses, with everything it lent; nothing happens for NULL.
 void anyface_clip_free(AnyfaceClip *clip);
+
+/// Puts motion on a face and hands the frames over as they are made, so that a clip of any length needs
+/// no more memory than a few blocks. Long: accepts a progress handle.
+///
+/// `frames_at_once`: frames of a block, at least 1; the last may have fewer. `take_frames`, with `user`:
+/// gets every block. `progress` may be NULL. The frames are bit by bit those of `anyface_clip_new()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for no frames at once, `ANYFACE_STATUS_CANCELLED` where
+/// `take_frames` or the progress handle asks to stop.
+AnyfaceStatus anyface_clip_stream(const AnyfaceEngine *engine,
+                                  const AnyfaceFace *face,
+                                  const AnyfaceMotion *motion,
+                                  size_t frames_at_once,
+                                  AnyfaceFramesFn take_frames,
+                                  void *user,
+                                  const AnyfaceProgress *progress,
+                                  AnyfaceError **error);
 
 /// Finds what of the events of a motion nobody will see: events behind the end of the sound, and units that
 /// this face cannot show, such as brows where it has none. Long for a face that was never asked for its shapes:

@@ -215,13 +215,18 @@ mod tests {
         wav.extend(32_000u32.to_le_bytes());
         let header = wav.len();
         wav.resize(header + 32_000, 7);
-        for (length, warns, fails) in [(32_000, false, false), (28_000, true, false), (9_000, true, true)] {
+        for (length, warns, fails) in [
+            (32_000, false, false),
+            (28_000, true, false),
+            (9_000, true, true),
+        ] {
             std::fs::write(&path, &wav[..header + length]).unwrap();
             let mut audio = null_mut();
             let status = unsafe { anyface_audio_read(text.as_ptr(), &mut audio, null_mut()) };
             if fails {
                 assert_eq!(status, AnyfaceStatus::Audio);
-                let status = unsafe { anyface_audio_read_damaged(text.as_ptr(), &mut audio, null_mut()) };
+                let status =
+                    unsafe { anyface_audio_read_damaged(text.as_ptr(), &mut audio, null_mut()) };
                 assert_eq!(status, AnyfaceStatus::Ok);
             }
             let warning = unsafe { anyface_audio_warning(audio) };

@@ -96,7 +96,9 @@ pub unsafe extern "C" fn anyface_clip_stream(
         let motion = unsafe { pointer::handle("motion", motion) }?;
         let take = take_frames.ok_or(Failure::Null("take_frames"))?;
         if frames_at_once == 0 {
-            return Err(Failure::invalid("frames_at_once: expected 1 or more, got 0"));
+            return Err(Failure::invalid(
+                "frames_at_once: expected 1 or more, got 0",
+            ));
         }
         let mut sink = HostSink {
             take,
@@ -104,9 +106,8 @@ pub unsafe extern "C" fn anyface_clip_stream(
             frames_at_once,
             taken: 0,
         };
-        let spread = |watch: ProgressFn<'_>| {
-            engine.0.spread(&face.0, motion.motion(), &mut sink, watch)
-        };
+        let spread =
+            |watch: ProgressFn<'_>| engine.0.spread(&face.0, motion.motion(), &mut sink, watch);
         unsafe { watched(progress, spread) }?;
         Ok(())
     };

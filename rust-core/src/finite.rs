@@ -50,8 +50,14 @@ mod tests {
         assert!(check_result("motion", values.view().into_dyn()).is_ok());
         (values[[2, 5, 1]], values[[3, 0, 0]]) = (f32::INFINITY, f32::NAN);
         let error = check_result("motion", values.view().into_dyn()).unwrap_err();
-        assert!(matches!(&error, Error::Numerics(m) if m.contains("frame 2")), "{error}");
+        assert!(
+            matches!(&error, Error::Numerics(m) if m.contains("frame 2")),
+            "{error}"
+        );
         let error = check_finite("motion", values.view().into_dyn()).unwrap_err();
-        assert!(matches!(&error, Error::InvalidInput(m) if m.contains("frame 2")), "{error}");
+        assert!(
+            matches!(&error, Error::InvalidInput(m) if m.contains("frame 2")),
+            "{error}"
+        );
     }
 }

@@ -252,7 +252,9 @@ mod tests {
         for model in crate::systems::built_in_models() {
             check_numbers(model.config).unwrap();
             let weights = Weights::from_bytes(model.weights).unwrap();
-            weights.check_range().unwrap_or_else(|e| panic!("{}: {e}", model.name));
+            weights
+                .check_range()
+                .unwrap_or_else(|e| panic!("{}: {e}", model.name));
         }
         for (config, words) in [
             (r#"{"a": [{"steps": 1e300}]}"#, "steps: expected 1 to 1000"),
@@ -276,7 +278,10 @@ mod tests {
             let kind = {
                 let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();
                 let (_, view) = file.iter().next().unwrap();
-                (view.dtype(), view.data().as_ptr() as usize - bytes.as_ptr() as usize)
+                (
+                    view.dtype(),
+                    view.data().as_ptr() as usize - bytes.as_ptr() as usize,
+                )
             };
             match kind {
                 (safetensors::Dtype::F32, at) => {

@@ -72,7 +72,10 @@ mod tests {
             panic!("outer")
         });
         let error: Error = Result::<()>::unwrap_err(nested);
-        assert!(matches!(&error, Error::Mesh(m) if m.contains("outer")), "{error}");
+        assert!(
+            matches!(&error, Error::Mesh(m) if m.contains("outer")),
+            "{error}"
+        );
         assert_eq!(DEPTH.get(), 0);
         assert_eq!(guarded(Error::Mesh, || Ok(5)).unwrap(), 5);
     }

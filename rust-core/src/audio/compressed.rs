@@ -123,7 +123,10 @@ impl Loss {
         let lost_s = seconds(Duration::from(self.lost))?;
         let whole_s = self.expected.and_then(seconds).unwrap_or(0.0);
         let expected_s = whole_s.max(got_s);
-        SoundDamage::of(lost_s.max(expected_s - got_s), expected_s.max(got_s + lost_s))
+        SoundDamage::of(
+            lost_s.max(expected_s - got_s),
+            expected_s.max(got_s + lost_s),
+        )
     }
 }
 
@@ -132,13 +135,22 @@ impl Loss {
 fn trusts_length(source: &Source) -> Result<bool> {
     let mut start = Vec::new();
     // Behind tags, which may hold pictures, the header is not looked for.
-    if source.read()?.take(1 << 16).read_to_end(&mut start).is_err() {
+    if source
+        .read()?
+        .take(1 << 16)
+        .read_to_end(&mut start)
+        .is_err()
+    {
         return Ok(false);
     }
     let other = [&b"OggS"[..], b"fLaC", b"RIFF", b"FORM"];
     let is_mp4 = start.get(4..8) == Some(b"ftyp");
     let has = |word: &[u8]| start.windows(word.len()).any(|found| found == word);
-    let has_header = || [&b"Xing"[..], b"Info", b"VBRI"].iter().any(|word| has(word));
+    let has_header = || {
+        [&b"Xing"[..], b"Info", b"VBRI"]
+            .iter()
+            .any(|word| has(word))
+    };
     Ok(is_mp4 || other.iter().any(|magic| start.starts_with(magic)) || has_header())
 }
 

@@ -248,7 +248,12 @@ fn a_wav_that_was_cut_off_says_what_is_missing() {
     assert!((damage.share() - 0.375).abs() < 0.01, "{damage:?}");
     std::fs::write(&path, &bytes[..bytes.len() * 17 / 20]).unwrap();
     let file = SoundFile::read(&path, false).unwrap();
-    assert!(file.damage.unwrap().sentence().contains("of 0.20 s are missing"));
+    assert!(
+        file.damage
+            .unwrap()
+            .sentence()
+            .contains("of 0.20 s are missing")
+    );
     // A program that writes to a pipe does not know the length.
     let mut endless = bytes.clone();
     endless[40..44].copy_from_slice(&[255; 4]);
@@ -275,7 +280,9 @@ fn half_a_sound_is_not_taken_for_a_whole_one() {
         std::fs::write(&path, with_hole(name, from, 0.95)).unwrap();
         match SoundFile::read(&path, true) {
             Ok(file) => {
-                let damage = file.damage.unwrap_or_else(|| panic!("{name}: nothing is said"));
+                let damage = file
+                    .damage
+                    .unwrap_or_else(|| panic!("{name}: nothing is said"));
                 assert!(damage.share() > 0.05, "{name}: {damage:?}");
             }
             Err(Error::Audio(_)) => {}
@@ -296,7 +303,10 @@ fn samples_that_are_no_sound_are_refused() {
         let mut samples = tone(TONE_HZ, 0.5, rate, 0.2);
         samples[777] = 3e38;
         let text = message(Waveform::from_interleaved(&samples, 1, rate));
-        assert!(text.contains("±10000") && text.contains("first at 777"), "{text}");
+        assert!(
+            text.contains("±10000") && text.contains("first at 777"),
+            "{text}"
+        );
         samples[777] = -9_999.0;
         Waveform::from_interleaved(&samples, 1, rate).unwrap();
     }

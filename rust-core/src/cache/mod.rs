@@ -159,13 +159,7 @@ impl Cache {
         Ok(made)
     }
 
-    fn store(
-        &self,
-        folder: &Path,
-        path: &Path,
-        key: &CacheKey,
-        arrays: &Arrays,
-    ) -> io::Result<()> {
+    fn store(&self, folder: &Path, path: &Path, key: &CacheKey, arrays: &Arrays) -> io::Result<()> {
         let payload = arrays.to_bytes()?;
         fs::create_dir_all(folder)?;
         write_whole(folder, path, |file| {
@@ -414,7 +408,9 @@ mod tests {
     fn an_entry_under_the_name_of_another_is_a_miss() {
         let (_folder, cache) = cache();
         for (name, value) in [("a", 1.0), ("b", 2.0)] {
-            cache.get_or_compute(&key(name), || Ok(arrays(value))).unwrap();
+            cache
+                .get_or_compute(&key(name), || Ok(arrays(value)))
+                .unwrap();
         }
         let path = |name| cache.folder.as_ref().unwrap().join(key(name).file_name());
         fs::copy(path("a"), path("b")).unwrap();
@@ -426,7 +422,10 @@ mod tests {
         assert!(cache.get_or_compute(&key("b"), must_not_run).is_err());
         let again = cache.get_or_compute(&key("b"), || Ok(arrays(3.0))).unwrap();
         assert_eq!(again, arrays(3.0));
-        assert_eq!(cache.get_or_compute(&key("b"), must_not_run).unwrap(), arrays(3.0));
+        assert_eq!(
+            cache.get_or_compute(&key("b"), must_not_run).unwrap(),
+            arrays(3.0)
+        );
     }
 
     #[test]
@@ -436,10 +435,14 @@ mod tests {
         fs::create_dir_all(&folder).unwrap();
         for (name, age_s) in [("old.part", 4000), ("young.part", 30), ("old.txt", 4000)] {
             let file = fs::File::create(folder.join(name)).unwrap();
-            file.set_modified(SystemTime::now() - Duration::from_secs(age_s)).unwrap();
+            file.set_modified(SystemTime::now() - Duration::from_secs(age_s))
+                .unwrap();
         }
         let _next = Cache::new(&CachePolicy::Folder(folder));
-        let mut left: Vec<_> = files(&cache).iter().map(|p| p.file_name().unwrap().to_owned()).collect();
+        let mut left: Vec<_> = files(&cache)
+            .iter()
+            .map(|p| p.file_name().unwrap().to_owned())
+            .collect();
         left.sort();
         assert_eq!(left, ["old.txt", "young.part"]);
     }

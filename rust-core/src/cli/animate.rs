@@ -52,7 +52,10 @@ impl Animate {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         // What is cheap to check comes before what takes time.
         Format::from_path(&self.out)?;
-        not_onto(&self.out, &[("--mesh", &self.mesh), ("--audio", &self.audio)])?;
+        not_onto(
+            &self.out,
+            &[("--mesh", &self.mesh), ("--audio", &self.audio)],
+        )?;
         let request = self.motion.request()?;
         let redo = self.redo.asked()?;
         let options = self.face.options(&self.mesh, None)?;

@@ -74,7 +74,9 @@ impl Console {
     /// Prints warnings; with `--json` they stand in the value itself.
     pub(super) fn warn(&self, warnings: &[String]) {
         if !self.json {
-            warnings.iter().for_each(|warning| complained(&format!("warning: {warning}")));
+            warnings
+                .iter()
+                .for_each(|warning| complained(&format!("warning: {warning}")));
         }
     }
 

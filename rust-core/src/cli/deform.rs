@@ -51,7 +51,10 @@ pub(super) struct Deform {
 impl Deform {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         Format::from_path(&self.out)?;
-        not_onto(&self.out, &[("--mesh", &self.mesh), ("--motion", &self.motion)])?;
+        not_onto(
+            &self.out,
+            &[("--mesh", &self.mesh), ("--motion", &self.motion)],
+        )?;
         let mut report = new_report();
         let motion = timed(&mut report, "read", || read_landmark_motion(&self.motion))?;
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;

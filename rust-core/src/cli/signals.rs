@@ -30,14 +30,16 @@ pub(super) fn listen() {
         return;
     };
     // A command without this thread can still be ended, only not politely.
-    let _ = std::thread::Builder::new().name("signals".into()).spawn(move || {
-        for _ in signals.forever() {
-            if TO_END.swap(true, Ordering::Relaxed) {
-                remove_unfinished();
-                exit(AT_ONCE);
+    let _ = std::thread::Builder::new()
+        .name("signals".into())
+        .spawn(move || {
+            for _ in signals.forever() {
+                if TO_END.swap(true, Ordering::Relaxed) {
+                    remove_unfinished();
+                    exit(AT_ONCE);
+                }
             }
-        }
-    });
+        });
 }
 
 #[cfg(not(unix))]

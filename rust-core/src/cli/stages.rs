@@ -50,7 +50,9 @@ pub(super) fn read_sound(report: &mut Report, path: &Path, how: &SoundArgs) -> R
     let SoundFile { waveform, damage } = timed(report, "read", || how.read(path))?;
     report.audio_s = Some(waveform.duration_s());
     report.missing_audio_s = damage.map(|damage| damage.missing_s);
-    report.warnings.extend(damage.map(|damage| damage.sentence()));
+    report
+        .warnings
+        .extend(damage.map(|damage| damage.sentence()));
     report.warnings.extend(warnings_of_sound(&waveform));
     Ok(waveform)
 }

@@ -143,7 +143,8 @@ mod tests {
                 let [a, b, c] = ear.map(|i| flat[i]);
                 let mut others = left.iter().filter(|i| !ear.contains(i)).map(|&i| flat[i]);
                 turn(a, b, c) > 0.0
-                    && others.all(|p| turn(a, b, p) < 0.0 || turn(b, c, p) < 0.0 || turn(c, a, p) < 0.0)
+                    && others
+                        .all(|p| turn(a, b, p) < 0.0 || turn(b, c, p) < 0.0 || turn(c, a, p) < 0.0)
             };
             let ear = (0..n).find(is_ear).unwrap_or(1);
             out.push(around(ear).map(|i| corners[i]));

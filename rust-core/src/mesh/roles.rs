@@ -283,7 +283,10 @@ mod tests {
     #[test]
     fn vertices_that_are_not_there_cost_nothing() {
         let names = ObjectNames::of_obj("v 0 0 0\no a\nf 9223372036854775807 4294967297 1\n");
-        assert_eq!((names.of_vertex, names.names), (vec![0], vec!["a".to_owned()]));
+        assert_eq!(
+            (names.of_vertex, names.names),
+            (vec![0], vec!["a".to_owned()])
+        );
     }
 
     #[test]

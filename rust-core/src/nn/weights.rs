@@ -232,9 +232,15 @@ mod tests {
         for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e38, -2e6] {
             let weights = Weights::from_bytes(&file(&[1.0, value])).unwrap();
             let message = weights.check_range().unwrap_err().to_string();
-            assert!(message.contains("a.bias: expected numbers within"), "{message}");
+            assert!(
+                message.contains("a.bias: expected numbers within"),
+                "{message}"
+            );
         }
-        Weights::from_bytes(&file(&[1.0, -1e6])).unwrap().check_range().unwrap();
+        Weights::from_bytes(&file(&[1.0, -1e6]))
+            .unwrap()
+            .check_range()
+            .unwrap();
     }
 
     #[test]

@@ -170,9 +170,14 @@ mod tests {
     #[test]
     fn what_killed_processes_left_goes_with_the_next_file() {
         let folder = tempfile::tempdir().unwrap();
-        for (name, age_s) in [(".anyface-a.part", 4000), (".anyface-b.part", 30), ("c.part", 4000)] {
+        for (name, age_s) in [
+            (".anyface-a.part", 4000),
+            (".anyface-b.part", 30),
+            ("c.part", 4000),
+        ] {
             let file = File::create(folder.path().join(name)).unwrap();
-            file.set_modified(SystemTime::now() - Duration::from_secs(age_s)).unwrap();
+            file.set_modified(SystemTime::now() - Duration::from_secs(age_s))
+                .unwrap();
         }
         write_atomically(&folder.path().join("clip.npz"), |_| Ok(())).unwrap();
         let exists = |name: &str| folder.path().join(name).exists();

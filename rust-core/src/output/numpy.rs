@@ -130,7 +130,9 @@ fn read_entry(zip: &mut ZipArchive<BufReader<File>>, name: &str) -> Result<Vec<u
     let wanted = usize::try_from(size).map_err(|e| e.to_string())?;
     if entry.compressed_size() == size {
         // What is stored plainly lies in the file, or reading ends early.
-        bytes.try_reserve(wanted.min(1 << 24)).map_err(|e| e.to_string())?;
+        bytes
+            .try_reserve(wanted.min(1 << 24))
+            .map_err(|e| e.to_string())?;
     }
     let read = entry.by_ref().take(size).read_to_end(&mut bytes);
     read.map_err(|e| e.to_string())?;
@@ -146,14 +148,21 @@ fn parse(mut bytes: Vec<u8>) -> Result<Stored, String> {
     if !bytes.starts_with(b"\x93NUMPY") {
         return Err(damaged());
     }
-    let two = |at: usize| Some(usize::from(u16::from_le_bytes(bytes.get(at..at + 2)?.try_into().ok()?)));
-    let four = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?) as usize);
+    let two = |at: usize| {
+        Some(usize::from(u16::from_le_bytes(
+            bytes.get(at..at + 2)?.try_into().ok()?,
+        )))
+    };
+    let four =
+        |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?) as usize);
     let (start, length) = match bytes.get(6) {
         Some(1) => (10, two(8)),
         Some(2 | 3) => (12, four(8)),
         _ => (0, None),
     };
-    let length = length.filter(|n| *n <= LONGEST_HEADER).ok_or_else(damaged)?;
+    let length = length
+        .filter(|n| *n <= LONGEST_HEADER)
+        .ok_or_else(damaged)?;
     let header = bytes.get(start..start + length).ok_or_else(damaged)?;
     let header = std::str::from_utf8(header).map_err(|_| damaged())?;
     let after = |key: &str| {
@@ -170,9 +179,8 @@ fn parse(mut bytes: Vec<u8>) -> Result<Stored, String> {
         .filter(|size| !size.is_empty())
         .map(|size| size.parse::<usize>().map_err(|_| damaged()))
         .collect::<Result<Vec<usize>, String>>()?;
-    let item = item_bytes(&kind).ok_or_else(|| {
-        format!("expected numbers or text, got values of type {kind:?}")
-    })?;
+    let item = item_bytes(&kind)
+        .ok_or_else(|| format!("expected numbers or text, got values of type {kind:?}"))?;
     let expected = shape
         .iter()
         .try_fold(item, |product, size| product.checked_mul(*size));
@@ -208,7 +216,10 @@ fn numbers<T>(stored: &Stored, convert: fn(f64) -> T) -> Result<Vec<T>, String> 
                 true => <$kind>::from_be_bytes(*item),
                 false => <$kind>::from_le_bytes(*item),
             };
-            Ok(items.iter().map(|item| convert(number(item) as f64)).collect())
+            Ok(items
+                .iter()
+                .map(|item| convert(number(item) as f64))
+                .collect())
         }};
     }
     match &stored.kind[1..] {
@@ -231,7 +242,10 @@ fn texts(stored: &Stored) -> Option<Vec<String>> {
     let text = |item: &[u8]| {
         let (codes, _) = item.as_chunks::<4>();
         let codes = codes.iter().map(|code| u32::from_le_bytes(*code));
-        codes.take_while(|code| *code != 0).map(char::from_u32).collect()
+        codes
+            .take_while(|code| *code != 0)
+            .map(char::from_u32)
+            .collect()
     };
     stored.bytes.chunks_exact(size).map(text).collect()
 }
@@ -270,10 +284,16 @@ mod tests {
             "(2, 3",
             "2, 3",
         ] {
-            assert!(parse(npy(&dict("<f4", "False", shape), &six)).is_err(), "{shape}");
+            assert!(
+                parse(npy(&dict("<f4", "False", shape), &six)).is_err(),
+                "{shape}"
+            );
         }
         for kind in ["|O", "<f3", "<c8", "f", "", "<U0", "<U99999999999999999999"] {
-            assert!(parse(npy(&dict(kind, "False", "(2, 3)"), &six)).is_err(), "{kind}");
+            assert!(
+                parse(npy(&dict(kind, "False", "(2, 3)"), &six)).is_err(),
+                "{kind}"
+            );
         }
         let deep = format!("{{'descr': '<f4', 'shape': {}", "(".repeat(60_000));
         assert!(parse(npy(&deep, &six)).is_err());
@@ -291,7 +311,9 @@ mod tests {
         let expected: Array2<f32> = array![[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]];
         writer.add_array("f4", &expected).unwrap();
         writer.add_array("f8", &expected.mapv(f64::from)).unwrap();
-        writer.add_array("i8", &expected.mapv(|x| x as i64)).unwrap();
+        writer
+            .add_array("i8", &expected.mapv(|x| x as i64))
+            .unwrap();
         writer.add_array("u1", &expected.mapv(|x| x as u8)).unwrap();
         let fortran = Array::from_shape_vec((2, 3).f(), vec![1.0f32, 4.0, 2.0, 5.0, 3.0, 6.0]);
         writer.add_array("turned", &fortran.unwrap()).unwrap();
@@ -335,7 +357,10 @@ mod tests {
 
     #[test]
     fn big_endian_numbers_are_turned() {
-        let values: Vec<u8> = [1.5f32, -2.0].iter().flat_map(|x| x.to_be_bytes()).collect();
+        let values: Vec<u8> = [1.5f32, -2.0]
+            .iter()
+            .flat_map(|x| x.to_be_bytes())
+            .collect();
         let stored = parse(npy(&dict(">f4", "False", "(2,)"), &values)).unwrap();
         assert_eq!(numbers(&stored, |x| x).unwrap(), [1.5, -2.0]);
     }

@@ -9,7 +9,11 @@ use std::{
 use ndarray::{Array3, ArrayView2, ArrayView3, Axis};
 
 use super::{npz::Archive, numpy::NumpyArchive, write_atomically};
-use crate::{Error, Result, mesh::{Mesh, obj_text}, rig::Rig};
+use crate::{
+    Error, Result,
+    mesh::{Mesh, obj_text},
+    rig::Rig,
+};
 
 /// Writes `names` `[S]` (text), `deltas` `[S, V, 3]` f32 and `neutral` `[V, 3]` f32, all in mesh
 /// units and axes.

@@ -32,7 +32,8 @@ pub fn read_vertex_motion(path: &Path, mesh: &Mesh) -> Result<VertexMotion> {
         Format::Pc2 => pc2(&bytes()?, mesh).map_err(|e| named(path, e))?,
         Format::Mdd => mdd(&bytes()?, mesh).map_err(|e| named(path, e))?,
     };
-    check_finite("animation", motion.displacements.view().into_dyn()).map_err(|e| named(path, e))?;
+    check_finite("animation", motion.displacements.view().into_dyn())
+        .map_err(|e| named(path, e))?;
     Ok(motion)
 }
 

@@ -118,7 +118,11 @@ pub fn solve(
             "animation: expected finite numbers, got NaN or infinity in frame {frame}"
         )));
     }
-    if let Some(frame) = right.rows().into_iter().position(|row| row.iter().any(|x: &f64| !x.is_finite())) {
+    if let Some(frame) = right
+        .rows()
+        .into_iter()
+        .position(|row| row.iter().any(|x: &f64| !x.is_finite()))
+    {
         return Err(Error::InvalidInput(format!(
             "animation: expected motion of the size of a face, got more than single precision holds in frame \
              {frame}"

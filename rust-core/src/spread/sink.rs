@@ -167,6 +167,9 @@ mod tests {
     fn a_clip_that_no_memory_holds_is_an_error_before_any_work() {
         assert!(room_for(36_000, 9).is_ok());
         let error = room_for(usize::MAX / 100, 8_839).unwrap_err();
-        assert!(matches!(&error, Error::OutOfMemory(m) if m.contains("8839 vertices")), "{error}");
+        assert!(
+            matches!(&error, Error::OutOfMemory(m) if m.contains("8839 vertices")),
+            "{error}"
+        );
     }
 }

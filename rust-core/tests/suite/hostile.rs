@@ -9,11 +9,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use anyface::{
-    mesh::Mesh,
-    output::write_rig,
-    rig::Rig,
-};
+use anyface::{mesh::Mesh, output::write_rig, rig::Rig};
 use ndarray::Array3;
 use tempfile::TempDir;
 
@@ -24,7 +20,13 @@ const MOST_MEMORY: u64 = 1 << 30;
 /// Vertices of the animations among the files.
 const GRID: [usize; 2] = [18, 26];
 /// Exit codes of a file that is refused; sound files may also hold no face.
-const REFUSED: [&str; 5] = ["invalid_input", "shape_mismatch", "audio", "mesh", "face_not_found"];
+const REFUSED: [&str; 5] = [
+    "invalid_input",
+    "shape_mismatch",
+    "audio",
+    "mesh",
+    "face_not_found",
+];
 
 struct Ended {
     status: Option<ExitStatus>,
@@ -125,10 +127,12 @@ fn stage() -> TempDir {
     let mut mesh = Mesh::default();
     for r in 0..rows {
         for c in 0..columns {
-            mesh.positions.push([c as f32, r as f32, 0.1 * (r * c) as f32]);
+            mesh.positions
+                .push([c as f32, r as f32, 0.1 * (r * c) as f32]);
             if r + 1 < rows && c + 1 < columns {
                 mesh.triangles.push([at(r, c), at(r, c + 1), at(r + 1, c)]);
-                mesh.triangles.push([at(r + 1, c), at(r, c + 1), at(r + 1, c + 1)]);
+                mesh.triangles
+                    .push([at(r + 1, c), at(r, c + 1), at(r + 1, c + 1)]);
             }
         }
     }
@@ -182,16 +186,34 @@ fn every_hostile_file_is_read_or_refused() {
         let solve = ["solve", "--mesh", "grid.obj", "--animation", path];
         check(&file, &[&solve[..], &out].concat());
         if path.ends_with(".npz") {
-            let marks = ["--landmarks", "marks.json", "--out", "d.npz", "--no-cache", "--json"];
+            let marks = [
+                "--landmarks",
+                "marks.json",
+                "--out",
+                "d.npz",
+                "--no-cache",
+                "--json",
+            ];
             let deform = ["deform", "--mesh", "grid.obj", "--motion", path];
             check(&file, &[&deform[..], &marks].concat());
         }
     }
-    let names: Vec<_> = fs::read_dir(&folder).unwrap().flatten().map(|f| f.file_name()).collect();
-    let halves = names.iter().filter(|name| name.to_string_lossy().ends_with(".part"));
+    let names: Vec<_> = fs::read_dir(&folder)
+        .unwrap()
+        .flatten()
+        .map(|f| f.file_name())
+        .collect();
+    let halves = names
+        .iter()
+        .filter(|name| name.to_string_lossy().ends_with(".part"));
     assert_eq!(halves.count(), 0, "{names:?}");
     assert!(runs > 100, "{runs} runs");
-    assert!(bad.is_empty(), "{} of {runs}:\n{}", bad.len(), bad.join("\n"));
+    assert!(
+        bad.is_empty(),
+        "{} of {runs}:\n{}",
+        bad.len(),
+        bad.join("\n")
+    );
 }
 
 #[test]
@@ -201,10 +223,25 @@ fn a_result_never_replaces_what_it_is_made_from() {
     for arguments in [
         &["landmarks", "--mesh", "grid.obj", "--out", "./grid.obj"][..],
         &["open-mouth", "--mesh", "grid.obj", "--out", "grid.obj"],
-        &["solve", "--mesh", "grid.obj", "--animation", "a.mdd", "--rig", "rig.npz", "--out", "rig.npz"],
+        &[
+            "solve",
+            "--mesh",
+            "grid.obj",
+            "--animation",
+            "a.mdd",
+            "--rig",
+            "rig.npz",
+            "--out",
+            "rig.npz",
+        ],
     ] {
         let ended = run(folder.path(), arguments);
-        assert_eq!(ended.status.unwrap().code(), Some(3), "{arguments:?}: {}", ended.errors);
+        assert_eq!(
+            ended.status.unwrap().code(),
+            Some(3),
+            "{arguments:?}: {}",
+            ended.errors
+        );
         assert!(ended.errors.contains("would replace"), "{}", ended.errors);
     }
     assert_eq!(fs::read(folder.path().join("grid.obj")).unwrap(), before);
@@ -220,7 +257,11 @@ fn a_reader_that_has_left_is_no_error_and_a_full_disk_is_one() {
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);
     let left = info(writer.into());
-    assert!(left.status.success(), "{}", String::from_utf8_lossy(&left.stderr));
+    assert!(
+        left.status.success(),
+        "{}",
+        String::from_utf8_lossy(&left.stderr)
+    );
     let full = fs::File::options().write(true).open("/dev/full").unwrap();
     let full = info(full.into());
     assert_eq!(full.status.code(), Some(8));
@@ -268,12 +309,18 @@ fn a_signal_cancels_and_nothing_is_left() {
         if !waits_for_a_part {
             std::thread::sleep(Duration::from_millis(500));
         }
-        let sent = Command::new("kill").args([signal, &child.id().to_string()]).status();
+        let sent = Command::new("kill")
+            .args([signal, &child.id().to_string()])
+            .status();
         assert!(sent.unwrap().success());
         let output = child.wait_with_output().unwrap();
         let message = String::from_utf8_lossy(&output.stderr);
         let spent = began.elapsed();
-        assert_eq!(output.status.code(), Some(9), "{signal} after {spent:?}: {message}");
+        assert_eq!(
+            output.status.code(),
+            Some(9),
+            "{signal} after {spent:?}: {message}"
+        );
         assert!(message.contains("cancelled"), "{message}");
         assert_eq!(files(), 1, "{signal}");
     }

@@ -52,7 +52,9 @@ pub(super) fn parse_glb(bytes: &[u8]) -> Result<Mesh> {
         .iter()
         .find(|name| !UNDERSTOOD.iter().any(|known| name.starts_with(known)))
     {
-        return Err(refusal(format!("the file needs {unknown}, which is not read")));
+        return Err(refusal(format!(
+            "the file needs {unknown}, which is not read"
+        )));
     }
     let data = Data::new(&document, binary)?;
     let mut reading = Reading {

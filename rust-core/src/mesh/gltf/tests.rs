@@ -30,8 +30,7 @@ fn data() -> Vec<u8> {
     data
 }
 
-const NODES: &str =
-    r#"[{"translation":[0,1,0],"children":[1]},{"scale":[2,2,2],"mesh":0}]"#;
+const NODES: &str = r#"[{"translation":[0,1,0],"children":[1]},{"scale":[2,2,2],"mesh":0}]"#;
 
 /// A triangle's description with `from` replaced by `to`.
 fn description(from: &str, to: &str) -> String {
@@ -74,11 +73,17 @@ fn a_mesh_stands_where_its_nodes_put_it() {
 fn rotations_and_matrices_place_alike() {
     // A quarter turn about z, doubled, lifted.
     let h = std::f32::consts::FRAC_1_SQRT_2;
-    let turned = format!(r#"[{{"rotation":[0,0,{h},{h}],"scale":[2,2,2],"translation":[0,0,1],"mesh":0}}]"#);
+    let turned =
+        format!(r#"[{{"rotation":[0,0,{h},{h}],"scale":[2,2,2],"translation":[0,0,1],"mesh":0}}]"#);
     let by_matrix = r#"[{"matrix":[0,2,0,0, -2,0,0,0, 0,0,2,0, 0,0,1,1],"mesh":0}]"#;
     let [a, b] = [&turned, by_matrix]
         .map(|nodes| parse_glb(&glb(&description(NODES, nodes), &data())).unwrap());
-    for (p, q) in a.positions.iter().flatten().zip(b.positions.iter().flatten()) {
+    for (p, q) in a
+        .positions
+        .iter()
+        .flatten()
+        .zip(b.positions.iter().flatten())
+    {
         assert!((p - q).abs() < 1e-6, "{a:?} {b:?}");
     }
     assert_eq!(b.positions[1], [0.0, 2.0, 1.0]);
@@ -125,7 +130,10 @@ fn what_nodes_show_again_is_bounded() {
     let roots: Vec<String> = (0..20_000).map(|i| i.to_string()).collect();
     let json = description(primitive, &many)
         .replace(NODES, &format!("[{nodes}]"))
-        .replace(r#""nodes":[0]"#, &format!(r#""nodes":[{}]"#, roots.join(",")));
+        .replace(
+            r#""nodes":[0]"#,
+            &format!(r#""nodes":[{}]"#, roots.join(",")),
+        );
     let message = refused(&glb(&json, &data()));
     assert!(message.contains("without measure"), "{message}");
 }
@@ -139,12 +147,21 @@ fn vertex_numbers_of_every_size_are_read() {
     ] {
         let mut data = data()[..36].to_vec();
         data.extend(numbers);
-        let json = description(r#""componentType":5123"#, &format!(r#""componentType":{code}"#))
-            .replace(r#""byteLength":6"#, &format!(r#""byteLength":{length}"#));
-        assert_eq!(parse_glb(&glb(&json, &data)).unwrap().triangles, [[0, 1, 2]]);
+        let json = description(
+            r#""componentType":5123"#,
+            &format!(r#""componentType":{code}"#),
+        )
+        .replace(r#""byteLength":6"#, &format!(r#""byteLength":{length}"#));
+        assert_eq!(
+            parse_glb(&glb(&json, &data)).unwrap().triangles,
+            [[0, 1, 2]]
+        );
     }
     for code in ["5120", "5122", "5126"] {
-        let json = description(r#""componentType":5123"#, &format!(r#""componentType":{code}"#));
+        let json = description(
+            r#""componentType":5123"#,
+            &format!(r#""componentType":{code}"#),
+        );
         let message = refused(&glb(&json, &data()));
         assert!(message.contains("U8, U16 or U32"), "{message}");
     }
@@ -179,7 +196,10 @@ fn quantised_positions_are_read_where_the_file_says_so() {
         data.extend([0, 0, 1, 0, 2, 0]);
         let plain = description(NODES, r#"[{"mesh":0}]"#)
             .replace(r#""byteLength":36}"#, &view)
-            .replace(r#""componentType":5126"#, &format!(r#""componentType":{code}"#));
+            .replace(
+                r#""componentType":5126"#,
+                &format!(r#""componentType":{code}"#),
+            );
         let message = refused(&glb(&plain, &data));
         assert!(message.contains("KHR_mesh_quantization"), "{message}");
         let said = plain.replace(r#""scene":0"#, used);
@@ -240,12 +260,12 @@ fn numbers_in_another_buffer_are_read_from_there() {
 #[test]
 fn strips_and_fans_turn_as_triangles_do() {
     let of = |mode: &str| {
-        let json = description(
-            r#""indices":1"#,
-            &format!(r#""indices":1,"mode":{mode}"#),
-        )
-        .replace(r#""count":3,"type":"SCALAR""#, r#""count":5,"type":"SCALAR""#)
-        .replace(r#""byteLength":6"#, r#""byteLength":10"#);
+        let json = description(r#""indices":1"#, &format!(r#""indices":1,"mode":{mode}"#))
+            .replace(
+                r#""count":3,"type":"SCALAR""#,
+                r#""count":5,"type":"SCALAR""#,
+            )
+            .replace(r#""byteLength":6"#, r#""byteLength":10"#);
         let mut data = data()[..36].to_vec();
         data.extend([0u16, 1, 2, 1, 0].iter().flat_map(|v| v.to_le_bytes()));
         parse_glb(&glb(&json, &data)).unwrap().triangles
@@ -262,13 +282,22 @@ fn sparse_positions_need_bytes_for_what_they_claim() {
     let json = description(r#""count":3,"type":"VEC3""#, sparse);
     let mesh = parse_glb(&glb(&json.replace(NODES, r#"[{"mesh":0}]"#), &data())).unwrap();
     assert_eq!(mesh.positions[2], [1.0, 0.0, 0.0]);
-    let claims = json.replace(r#""bufferView":0,"componentType":5126"#, r#""componentType":5126"#);
+    let claims = json.replace(
+        r#""bufferView":0,"componentType":5126"#,
+        r#""componentType":5126"#,
+    );
     let zero = parse_glb(&glb(&claims.replace(NODES, r#"[{"mesh":0}]"#), &data())).unwrap();
     assert_eq!(zero.positions[1], [0.0; 3]);
     let message = refused(&glb(
-        &claims.replace(r#""count":3,"type":"VEC3""#, r#""count":100000000,"type":"VEC3""#),
+        &claims.replace(
+            r#""count":3,"type":"VEC3""#,
+            r#""count":100000000,"type":"VEC3""#,
+        ),
         &data(),
     ));
     assert!(message.contains("100000000 elements"), "{message}");
-    refused(&glb(&json.replace(r#""byteOffset":12"#, r#""byteOffset":36"#), &data()));
+    refused(&glb(
+        &json.replace(r#""byteOffset":12"#, r#""byteOffset":36"#),
+        &data(),
+    ));
 }
