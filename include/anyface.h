@@ -517,6 +517,17 @@ typedef struct {
     const AnyfaceMotion *starts_from;
 } AnyfaceMotionOptions;
 
+/// Takes frames in order; any result but 0 ends the call with `ANYFACE_STATUS_CANCELLED`.
+///
+/// `first_frame`: number of the first of them. `displacements`: `[frame_count, V, 3]`, mesh units, added to
+/// the neutral positions; valid during this call alone.
+/// Called from a thread of the library, which may differ from the one that started the job and from
+/// call to call; never twice at the same time. It must not throw or longjmp.
+typedef int (*AnyfaceFramesFn)(void *user,
+                               size_t first_frame,
+                               size_t frame_count,
+                               const float *displacements);
+
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
@@ -1322,6 +1333,22 @@ AnyfaceStatus anyface_clip_write(const AnyfaceClip *clip,
 
 /// Frees a clip that no running call uses, with everything it lent; nothing happens for NULL.
 void anyface_clip_free(AnyfaceClip *clip);
+
+/// Puts motion on a face and hands the frames over as they are made, so that a clip of any length needs
+/// no more memory than a few blocks. Long: accepts a progress handle.
+///
+/// `frames_at_once`: frames of a block, at least 1; the last may have fewer. `take_frames`, with `user`:
+/// gets every block. `progress` may be NULL. The frames are bit by bit those of `anyface_clip_new()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for no frames at once, `ANYFACE_STATUS_CANCELLED` where
+/// `take_frames` or the progress handle asks to stop.
+AnyfaceStatus anyface_clip_stream(const AnyfaceEngine *engine,
+                                  const AnyfaceFace *face,
+                                  const AnyfaceMotion *motion,
+                                  size_t frames_at_once,
+                                  AnyfaceFramesFn take_frames,
+                                  void *user,
+                                  const AnyfaceProgress *progress,
+                                  AnyfaceError **error);
 
 /// Finds what of the events of a motion nobody will see: events behind the end of the sound, and units that
 /// this face cannot show, such as brows where it has none. Long for a face that was never asked for its shapes:

@@ -21,6 +21,7 @@ use super::{
     file::{SoundDamage, SoundFile},
     intake::Intake,
     source::Source,
+    wav::LENGTH_UNKNOWN,
 };
 use crate::{Error, Result};
 
@@ -143,9 +144,15 @@ fn trusts_length(source: &Source) -> Result<bool> {
     {
         return Ok(false);
     }
-    let other = [&b"OggS"[..], b"fLaC", b"RIFF", b"FORM"];
-    let is_mp4 = start.get(4..8) == Some(b"ftyp");
     let has = |word: &[u8]| start.windows(word.len()).any(|found| found == word);
+    if start.starts_with(b"RIFF") {
+        // A WAV that was written to a pipe does not know its length.
+        let at = start.windows(4).position(|word| word == b"data");
+        let length = at.and_then(|at| start.get(at + 4..at + 8)?.try_into().ok());
+        return Ok(length.is_some_and(|four| u64::from(u32::from_le_bytes(four)) < LENGTH_UNKNOWN));
+    }
+    let other = [&b"OggS"[..], b"fLaC", b"FORM"];
+    let is_mp4 = start.get(4..8) == Some(b"ftyp");
     let has_header = || {
         [&b"Xing"[..], b"Info", b"VBRI"]
             .iter()

@@ -19,7 +19,7 @@ use crate::{Error, Result};
 /// Frames that are decoded at a time.
 const CHUNK_FRAMES: usize = 8192;
 /// A header that claims so many bytes was written before the length was known.
-const LENGTH_UNKNOWN: u64 = 0x7fff_0000;
+pub(super) const LENGTH_UNKNOWN: u64 = 0x7fff_0000;
 
 pub(super) enum Decoded {
     Sound(SoundFile),

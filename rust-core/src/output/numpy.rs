@@ -103,8 +103,10 @@ impl NumpyArchive {
 
     fn stored(&mut self, name: &str) -> Result<Stored> {
         if !self.has(name) {
-            let got = self.names().join(", ");
-            return Err(self.bad(name, &format!("expected such an array, got {got}")));
+            let (path, got) = (self.path.display(), self.names().join(", "));
+            return Err(Error::InvalidInput(format!(
+                "{path}: expected an array {name}, got {got}"
+            )));
         }
         let read = read_entry(&mut self.zip, name).map_err(|e| self.bad(name, &e))?;
         parse(read).map_err(|e| self.bad(name, &e))
