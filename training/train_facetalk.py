@@ -23,8 +23,9 @@ from training.systems.facetalk.anchors import numbers
 from training.systems.facetalk.config import CONFIGS, HeadConfig
 from training.systems.facetalk.head import Head
 
-SURFACE, NORMALS, EIKONAL, FAR, ANCHORS, CODES = 2.0, 0.3, 0.1, 0.01, 7.5, 0.01
-"""As published for NPHM; points near the surface, whose distance is known here, count as those on it."""
+SURFACE, NORMALS, EIKONAL, FAR, ANCHORS, CODES = 2.0, 0.3, 0.1, 0.01, 7.5, 1e-4
+"""As published for NPHM but for codes (0.01 there, of sums over tables of codes; here of means); points near the
+surface, whose distance is known here, count as those on it."""
 FAR_SHARPNESS = 100.0
 MOTION, EXPRESSION_CODES, CYCLE = 100.0, 5e-5, 10.0
 
@@ -61,8 +62,9 @@ def identity_loss(head: Head, batch: Batch) -> tuple[Tensor, dict[str, float]]:
         "anchors": (anchors - landmarks).square().sum(-1).mean(),
         "codes": z.square().mean(),
     }
-    total = (SURFACE * (parts["surface"] + parts["near"]) + NORMALS * parts["normals"] + EIKONAL * parts["eikonal"]
-             + FAR * parts["far"] + ANCHORS * parts["anchors"] + CODES * 0.01 * parts["codes"])  # fmt: skip
+    total = SURFACE * (parts["surface"] + parts["near"]) + NORMALS * parts["normals"]
+    total = total + EIKONAL * parts["eikonal"] + FAR * parts["far"] + ANCHORS * parts["anchors"]
+    total = total + CODES * parts["codes"]
     report = {name: value.item() for name, value in parts.items()}
     report["surface mm"] = report["surface"] * scale * 1e3
     return total, report
@@ -81,7 +83,8 @@ def random_weights(count: int, random: torch.Generator) -> Tensor:
     return weights
 
 
-def pairs(head: Head, heads: IctHeads, coefficients: Tensor, weights: Tensor, points: int, random: torch.Generator):
+def pairs(head: Head, heads: IctHeads, coefficients: Tensor, weights: Tensor, points: int,
+          random: torch.Generator) -> tuple[Tensor, Tensor]:  # fmt: skip
     """Canonical and posed points [B, P, 3] in units of the field, a part of them off the surface."""
     people, scales = heads.people(coefficients)
     open_heads = heads.posed(people, scales, heads.rest.expand(len(people), -1))

@@ -1,8 +1,9 @@
 """Heads with all that lies about them: ICT identities, face, head and neck, with sockets, the neck capped.
 
-The skin with its sockets is one closed surface but for the neck's end, which a fan of triangles closes. Points
-of the volume are drawn once about the mean head in its canonical pose, where the winding number tells inside
-from outside, and follow the surface nearby to every other identity; points near the surface lie on normals.
+The skin with its sockets is one closed surface but for the neck's end, which a fan of triangles closes.
+Points of the volume are drawn once about the mean head in its canonical pose, where the winding number
+tells inside from outside, and follow the surface nearby to every other identity; points near the surface
+lie on normals.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ class Batch:
 
 
 class IctHeads:
-    """All of ICT's identities in the canonical pose, jaw open by `open_jaw`, aligned to the canonical frame."""
+    """ICT's identities in the canonical pose, jaw open by `open_jaw`, aligned to the canonical frame."""
 
     def __init__(self, data: Path, cache: Path, open_jaw: float, volume: int = 12000):
         model = load_ict(data, "skin")
@@ -74,7 +75,8 @@ class IctHeads:
         with np.load(kept) as file:
             self.points, inside = torch.from_numpy(file["points"]), torch.from_numpy(file["inside"])
         self.sign = 1.0 - 2.0 * inside.float()
-        distance, self.near = (torch.from_numpy(x) for x in cKDTree(opened.numpy()).query(self.points.numpy(), k=6))
+        found = cKDTree(opened.numpy()).query(self.points.numpy(), k=6)
+        distance, self.near = (torch.from_numpy(x) for x in found)
         share = 1.0 / (distance + 3e-3).square()
         self.share = (share / share.sum(1, keepdim=True)).float()
 
@@ -121,7 +123,8 @@ class IctHeads:
         move = (heads - self.opened)[:, self.near[some]]
         away = self.points[some] + (self.share[some][..., None] * move).sum(2)
         return Batch(coefficients, heads[:, self.landmarks], surface, normals,
-                     surface + step[..., None] * normals, step, away, self.sign[some].expand(count, -1))  # fmt: skip
+                     surface + step[..., None] * normals, step, away,
+                     self.sign[some].expand(count, -1))  # fmt: skip
 
     @property
     def attention(self) -> Tensor:
@@ -152,8 +155,8 @@ def volume_points(vertices: np.ndarray, triangles: np.ndarray, count: int) -> tu
 
 
 def winding_number(points: np.ndarray, vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """How often a closed mesh goes round each point [P] (Jacobson et al. 2013), every triangle a dipole at its
-    centre (Barill et al. 2018): good to a few hundredths farther off than a triangle's size."""
+    """How often a closed mesh goes round each point [P] (Jacobson et al. 2013), every triangle a dipole at
+    its centre (Barill et al. 2018): good to a few hundredths farther off than a triangle's size."""
     corners = torch.from_numpy(vertices[triangles]).float()
     centre = corners.mean(1)
     area = 0.5 * torch.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

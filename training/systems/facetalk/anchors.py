@@ -10,7 +10,7 @@ from training.systems.facetalk.config import HeadConfig
 
 
 class Anchors(nn.Module):
-    """Global code [B, G] → anchors [B, A, 3] in units of the field; pairs one after another, then the middle."""
+    """Global code [B, G] → anchors [B, A, 3] in units of the field; pairs first, then the middle."""
 
     def __init__(self, config: HeadConfig):
         super().__init__()

@@ -54,9 +54,7 @@ class Identity(nn.Module):
         super().__init__()
         self.config = config
         self.anchors = Anchors(config)
-        self.locals = nn.ModuleList(
-            Local(config) for _ in range(len(config.pairs) + len(config.middle) + 1)
-        )
+        self.locals = nn.ModuleList(Local(config) for _ in range(len(config.pairs) + len(config.middle) + 1))
         self.register_buffer("mirrored", mirrored(config), persistent=False)
 
     def codes(self, z: Tensor) -> tuple[Tensor, Tensor]:
