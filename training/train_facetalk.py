@@ -24,8 +24,8 @@ from training.systems.facetalk.config import CONFIGS, HeadConfig
 from training.systems.facetalk.head import Head
 
 SURFACE, NORMALS, EIKONAL, FAR, ANCHORS, CODES = 2.0, 0.3, 0.1, 0.01, 7.5, 1e-4
-"""As published for NPHM but for codes (0.01 there, of sums over tables of codes; here of means); points near the
-surface, whose distance is known here, count as those on it."""
+"""As published for NPHM but for codes (0.01 there, of sums over tables of codes; here of means); points near
+the surface, whose distance is known here, count as those on it."""
 FAR_SHARPNESS = 100.0
 MOTION, EXPRESSION_CODES, CYCLE = 100.0, 5e-5, 10.0
 
