@@ -22,6 +22,7 @@ GOLDENS = {
     "cafe_talk": "training.systems.cafe_talk.golden",
     "emoface": "training.systems.emoface.golden",
     "feeling": "training.systems.emoface.golden_feeling",
+    "facetalk_head": "training.systems.facetalk.golden",
     "static_weights": "training.deform.golden_static_weights",
     "creases": "training.deform.golden_creases",
     "landmarks": "training.landmarks.golden",

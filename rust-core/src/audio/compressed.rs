@@ -61,9 +61,16 @@ pub(super) fn decode(path: &Path, source: &Source) -> Result<SoundFile> {
                 damaged = 0;
                 sound.take(path, &decoded)?;
             }
-            Err(StreamError::DecodeError(_)) if damaged < DAMAGE_LIMIT => {
+            // A decoder reads no file: what it calls an error of reading is a packet that ends too early.
+            Err(StreamError::DecodeError(_) | StreamError::IoError(_))
+                if damaged < DAMAGE_LIMIT =>
+            {
                 damaged += 1;
                 loss.lose(packet.dur);
+            }
+            Err(StreamError::IoError(e)) => {
+                let path = path.display();
+                return Err(Error::Audio(format!("{path}: {e}")));
             }
             Err(e) => return Err(refuse(e)),
         }

@@ -1,0 +1,103 @@
+"""Sizes of the head, saved as config.json."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+
+PAIRS = [(0, 16), (3, 13), (5, 11), (19, 24), (36, 45), (39, 42), (31, 35), (48, 54)]
+MIDDLE = [8, 27, 30, 51, 57]
+
+
+@dataclass
+class HeadConfig:
+    """Everything that inference has to know.
+
+    pairs: mirrored anchors, the subject's right one first; middle: those of the middle. Both are numbers of
+    the 68 landmarks. Lengths inside are metres divided by `scale_m`; `sigma` and `background` are in these.
+    """
+
+    system: str = "facetalk"
+    model: str = "head"
+    name: str = "compact"
+    scale_m: float = 0.25
+    pairs: list[tuple[int, int]] = field(default_factory=lambda: list(PAIRS))
+    middle: list[int] = field(default_factory=lambda: list(MIDDLE))
+    global_code: int = 32
+    local_code: int = 16
+    anchor_width: int = 64
+    width: int = 64
+    layers: int = 4
+    beta: float = 100.0
+    sigma: float = 0.1
+    background: float = 0.2
+    least_weight: float = 1e-3
+    expression_code: int = 64
+    pressed: int = 16
+    expression_width: int = 192
+    expression_layers: int = 5
+    channels: list[str] = field(default_factory=list)
+    open_jaw: float = 0.3
+
+    @property
+    def anchors(self) -> int:
+        """How many there are."""
+        return 2 * len(self.pairs) + len(self.middle)
+
+    @property
+    def identity_code(self) -> int:
+        """Length of z_id: the global part, one for every anchor and one for the background."""
+        return self.global_code + (self.anchors + 1) * self.local_code
+
+    def to_json(self) -> dict:
+        """As written to config.json."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, data: dict) -> HeadConfig:
+        """Reads what `to_json` wrote."""
+        return cls(**{**data, "pairs": [tuple(pair) for pair in data["pairs"]]})
+
+
+def debug_config() -> HeadConfig:
+    """Small enough for a golden."""
+    return HeadConfig(
+        name="debug",
+        pairs=PAIRS[4:6],
+        middle=MIDDLE[:2],
+        global_code=6,
+        local_code=3,
+        anchor_width=8,
+        width=8,
+        layers=4,
+        beta=20.0,
+        expression_code=5,
+        pressed=3,
+        expression_width=12,
+        expression_layers=4,
+        channels=["jawOpen", "mouthFunnel"],
+    )
+
+
+def paper_config() -> HeadConfig:
+    """NPHM's sizes of the networks. Its 39 anchors are vertices of FLAME, which is not ours to hand on: here
+    they are 39 of the landmarks, 16 pairs and 7 of the middle."""
+    pairs = [(i, 16 - i) for i in range(0, 8, 2)]
+    pairs += [(17 + i, 26 - i) for i in (0, 2, 4)]
+    pairs += [(36, 45), (37, 44), (39, 42), (41, 46), (31, 35), (32, 34), (48, 54), (50, 52), (59, 55)]
+    return HeadConfig(
+        name="paper",
+        pairs=pairs,
+        middle=[8, 27, 28, 30, 33, 51, 57],
+        global_code=64,
+        local_code=32,
+        anchor_width=256,
+        width=200,
+        layers=4,
+        expression_code=200,
+        pressed=32,
+        expression_width=512,
+        expression_layers=6,
+    )
+
+
+CONFIGS = {"compact": HeadConfig, "debug": debug_config, "paper": paper_config}
