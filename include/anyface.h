@@ -1338,7 +1338,8 @@ void anyface_clip_free(AnyfaceClip *clip);
 /// no more memory than a few blocks. Long: accepts a progress handle.
 ///
 /// `frames_at_once`: frames of a block, at least 1; the last may have fewer. `take_frames`, with `user`:
-/// gets every block. `progress` may be NULL. The frames are bit by bit those of `anyface_clip_new()`.
+/// gets every block. `progress` may be NULL. The frames are those of `anyface_clip_new()` but
+/// for the rounding of products of other sizes, a millionth of the largest displacement.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for no frames at once, `ANYFACE_STATUS_CANCELLED` where
 /// `take_frames` or the progress handle asks to stop.
 AnyfaceStatus anyface_clip_stream(const AnyfaceEngine *engine,

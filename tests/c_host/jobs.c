@@ -151,7 +151,10 @@ static int take_frames(void *user, size_t first, size_t count, const float *disp
     frames->next += count;
     size_t floats = frames->vertices * 3;
     const float *same = anyface_clip_displacements(frames->whole) + first * floats;
-    CHECK(memcmp(displacements, same, count * floats * sizeof *same) == 0);
+    for (size_t i = 0; i < count * floats; i++) {
+        /* Products of other sizes are rounded otherwise. */
+        CHECK(fabsf(displacements[i] - same[i]) < 1e-6f);
+    }
     return frames->next >= frames->stop_at;
 }
 
