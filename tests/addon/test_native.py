@@ -19,6 +19,7 @@ NUMBERS = {
     "int": ctypes.c_int,
     "AnyfaceStatus": ctypes.c_int32,
     "AnyfaceProgressFn": ctypes.c_void_p,
+    "AnyfaceFramesFn": ctypes.c_void_p,
 }
 
 STRUCTS = (
