@@ -1,4 +1,4 @@
-"""JSON files that are read with clear errors and never half written. No bpy."""
+"""JSON files that are read with clear errors and never half written. It knows no Blender."""
 
 import json
 import math

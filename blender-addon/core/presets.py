@@ -1,4 +1,4 @@
-"""Presets of a performance as JSON files that can be kept and handed on. No bpy.
+"""Presets of a performance as JSON files that can be kept and handed on. It knows no Blender.
 
 `{"anyface_preset": 1, "name": "Calm Narrator", "values": {"articulation": 0.8, …}}`; values that
 are left out keep what they are.

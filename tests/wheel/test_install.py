@@ -15,7 +15,8 @@ import pytest
 
 from conftest import HEAD, ROOT
 
-LARGEST_MB = 25.0
+# Three systems with their weights; PyPI takes up to 100.
+LARGEST_MB = 40.0
 
 
 def test_it_is_small_enough_to_hand_out(wheel):
