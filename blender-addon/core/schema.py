@@ -1,4 +1,4 @@
-"""What fields of a JSON object may hold, with messages that name row and field. It knows no Blender."""
+"""What fields of a JSON object may hold, with messages that name row and field."""
 
 from collections.abc import Mapping
 
