@@ -14,7 +14,7 @@ pub use action_units::{
 };
 pub use controls::{Control, ControlCurve, ControlStage, ControlValues, Controls};
 pub use from_voice::{arousal, emotion_from_voice};
-pub use request::{FPS, MotionRequest, check_closures, check_fps};
+pub use request::{FPS, MotionRequest, check_closures, check_fps, style_number};
 
 /// The fifteen emotion categories, in the order of the weights.
 pub const EMOTIONS: [&str; 15] = [

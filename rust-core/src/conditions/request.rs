@@ -59,6 +59,19 @@ impl Default for MotionRequest {
     }
 }
 
+/// The number of the style that is asked for among those that a model knows; of its default where none is.
+///
+/// # Errors
+/// `InvalidInput` for a name that it does not know.
+pub fn style_number(asked: Option<&str>, styles: &[String], default: &str) -> Result<usize> {
+    let name = asked.unwrap_or(default);
+    let found = styles.iter().position(|known| known == name);
+    found.ok_or_else(|| {
+        let known = styles.join(", ");
+        Error::InvalidInput(format!("style: expected one of {known}, got {name:?}"))
+    })
+}
+
 /// Whether lips can be together then.
 ///
 /// # Errors

@@ -13,6 +13,7 @@ use crate::{
     Error, Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
     conditions::EMOTIONS,
+    metrics::quantile,
     models::{BuiltIn, built_in},
     nn::Weights,
 };
@@ -413,16 +414,6 @@ fn deviation(values: &[f64]) -> f64 {
     let middle = mean(values);
     let squares: Vec<f64> = values.iter().map(|x| (x - middle).powi(2)).collect();
     mean(&squares).sqrt()
-}
-
-/// Linear between the two nearest; `values` is not empty.
-fn quantile(values: &[f64], share: f64) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let at = share * (sorted.len() - 1) as f64;
-    let below = at as usize;
-    let above = (below + 1).min(sorted.len() - 1);
-    sorted[below] + (at - below as f64) * (sorted[above] - sorted[below])
 }
 
 #[cfg(test)]

@@ -6,8 +6,10 @@ use ndarray::s;
 
 use super::{CafeTalkConfig, Denoiser, Guidance, Request, windows_kept::WindowsKept};
 use crate::{
-    Error, Result,
-    conditions::{Control, ControlStage, ControlValues, EmotionCurve, EventTrack, MotionRequest},
+    Result,
+    conditions::{
+        Control, ControlStage, ControlValues, EmotionCurve, EventTrack, MotionRequest, style_number,
+    },
     deform::LEARNED,
     models::{BuiltIn, built_in},
     motion::{
@@ -127,19 +129,8 @@ impl CafeTalk {
     }
 
     fn style(&self, name: Option<&str>) -> Result<usize> {
-        let CafeTalkConfig {
-            styles,
-            default_style,
-            ..
-        } = self.config();
-        let name = name.unwrap_or(default_style);
-        styles
-            .iter()
-            .position(|style| style == name)
-            .ok_or_else(|| {
-                let known = styles.join(", ");
-                Error::InvalidInput(format!("style: expected one of {known}, got {name:?}"))
-            })
+        let config = self.config();
+        style_number(name, &config.styles, &config.default_style)
     }
 
     fn guidance(&self, request: &MotionRequest) -> Guidance {

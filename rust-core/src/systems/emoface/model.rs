@@ -86,13 +86,24 @@ pub struct Progressing {
     seen: SeenRows,
 }
 
+/// What is shown, and what the next frame goes on from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Layer {
+    /// Both branches under the mask.
+    Both,
+    /// The content branch alone.
+    Content,
+    /// The emotion branch alone.
+    Feeling,
+}
+
 impl MadeFrame {
-    /// What a choice of the control `layer` shows.
-    pub fn layer(&self, number: usize) -> &[f32] {
-        match number {
-            0 => &self.motion,
-            1 => &self.content,
-            _ => &self.feeling,
+    /// `[3 V]`.
+    pub fn layer(&self, layer: Layer) -> &[f32] {
+        match layer {
+            Layer::Both => &self.motion,
+            Layer::Content => &self.content,
+            Layer::Feeling => &self.feeling,
         }
     }
 }
@@ -192,16 +203,8 @@ impl Model {
         })
     }
 
-    /// Lets the next frame follow `shown`, `[3 V]` metres, instead of both branches together: a branch alone
-    /// goes on from itself.
-    pub fn follow(&self, shown: &[f32], state: &mut Progressing) {
-        for (to, from) in state.before.iter_mut().zip(shown) {
-            *to = from / self.config.scale_m;
-        }
-    }
-
-    /// The next frame.
-    pub fn step(&self, heard: HeardFrame<'_>, state: &mut Progressing) -> MadeFrame {
+    /// The next frame; the one after it goes on from its `layer`.
+    pub fn step(&self, heard: HeardFrame<'_>, layer: Layer, state: &mut Progressing) -> MadeFrame {
         let EmoFaceConfig {
             channels,
             vertices,
@@ -239,15 +242,18 @@ impl Model {
             Fusion::Sum => content[i] + feeling[i],
         };
         let motion: Vec<f32> = (0..3 * vertices).map(|i| mixed(i, mask[i / 3])).collect();
-        state.before.copy_from_slice(&motion);
-        state.frame += 1;
-        let metres = |values: Vec<f32>| values.into_iter().map(|x| x * scale_m).collect();
-        MadeFrame {
-            motion: metres(motion),
-            content: metres(content),
-            feeling: metres(feeling),
+        let mut made = MadeFrame {
+            motion,
+            content,
+            feeling,
             mask,
+        };
+        state.before.copy_from_slice(made.layer(layer));
+        state.frame += 1;
+        for values in [&mut made.motion, &mut made.content, &mut made.feeling] {
+            values.iter_mut().for_each(|x| *x *= scale_m);
         }
+        made
     }
 }
 
@@ -320,7 +326,7 @@ mod tests {
                 style: 1,
                 level: level[t],
             };
-            let made = model.step(heard, &mut state);
+            let made = model.step(heard, Layer::Both, &mut state);
             let parts = [made.motion, made.content, made.feeling, made.mask];
             for (part, expected) in parts.iter().zip(&expected) {
                 largest = largest.max(distance(part, expected.row(t)));
