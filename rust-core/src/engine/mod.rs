@@ -26,12 +26,12 @@ use crate::{
     finite::check_result,
     mesh::{self, FaceOptions, LandmarkFinder, Mesh},
     models,
-    motion::{FaceModes, LandmarkClip, Motion},
+    motion::{FaceModes, LandmarkClip, Motion, WeightClip},
     outside::guarded,
     progress::ProgressFn,
     rig::{self, Rig, RigModel, SolveOptions, SolvedWeights},
     speech::{self, FeelingEncoder, PhoneModel, SpeechEncoder},
-    spread::{self, FrameSink, Spread, SpreadReport},
+    spread::{self, FrameSink, Spread, SpreadReport, WeightedShapes},
     systems::{Registration, System, Windows, built_in_models},
 };
 pub use perform::Performance;
@@ -308,13 +308,23 @@ impl Engine {
             Motion::Weights(clip) => {
                 let rig = self.rig(face, progress)?;
                 self.threads(|| {
-                    let clip = spread::closed_on(face, &rig, clip);
-                    let spread = Spread::of_weights(face, &rig, &clip);
-                    spread::into_sink(&spread, sink, progress)
+                    let shapes = WeightedShapes {
+                        rig: &rig,
+                        clip: &spread::closed_on(face, &rig, clip),
+                        deformer: self.deformer(face, progress)?.as_ref(),
+                        landmarks: self.asked_of(face, clip)?,
+                    };
+                    spread::into_sink(&Spread::of_weights(face, shapes), sink, progress)
                 })
             }
             Motion::Template(_) | Motion::Codes(_) => Err(spread::not_yet(motion)),
         }
+    }
+
+    /// What weights of ARKit's shapes ask of a face's landmarks, `[T, 68, 3]`, mesh units and axes.
+    pub(crate) fn asked_of(&self, face: &Face, clip: &WeightClip) -> Result<Array3<f32>> {
+        let landmarks = clip.of_arkit().landmarks(&self.face_modes)?;
+        Ok(face.own_motion(landmarks.displacements.view()))
     }
 
     /// The landmarks of the mean face under motion of any kind: what it looks like before any mesh is known.

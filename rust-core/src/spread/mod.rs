@@ -37,7 +37,31 @@ enum Way<'a> {
     /// Landmark displacements `[T, 68, 3]`, mesh units and axes.
     Landmarks(&'a dyn Deformer, Array3<f32>),
     /// Shapes of this mesh and their weights over time.
-    Shapes(&'a Rig, Vec<(usize, usize)>, &'a WeightClip),
+    Shapes(WeightedShapes<'a>),
+}
+
+/// Weights on their way to one mesh. Shapes add up in straight lines, which neither meet at the lids under every
+/// expression nor slide over an eyeball: what shuts the lids of landmark motion shuts them here.
+pub struct WeightedShapes<'a> {
+    /// Shapes of the mesh; those that it has no shape for move nothing.
+    pub rig: &'a Rig,
+    /// Their weights.
+    pub clip: &'a WeightClip,
+    /// What knows the lids of the mesh.
+    pub deformer: &'a dyn Deformer,
+    /// What the weights ask of the landmarks, `[T, 68, 3]`, mesh units and axes.
+    pub landmarks: Array3<f32>,
+}
+
+impl WeightedShapes<'_> {
+    fn frames(&self, range: Range<usize>) -> Array3<f32> {
+        let landmarks = self
+            .landmarks
+            .slice_axis(Axis(0), Slice::from(range.clone()));
+        let mut moved = mixed(self.rig, self.clip, range);
+        self.deformer.shut_lids(landmarks, &mut moved);
+        moved
+    }
 }
 
 /// How far things move, over all frames.
@@ -68,13 +92,13 @@ impl<'a> Spread<'a> {
         }
     }
 
-    /// Weights through shapes of the mesh; those that it has no shape for move nothing.
-    pub fn of_weights(face: &'a Face, rig: &'a Rig, clip: &'a WeightClip) -> Spread<'a> {
+    /// Weights through shapes of the mesh.
+    pub fn of_weights(face: &'a Face, shapes: WeightedShapes<'a>) -> Spread<'a> {
         Spread {
             face,
-            fps: clip.fps,
-            frames: clip.weights.nrows(),
-            way: Way::Shapes(rig, pairs(rig, clip), clip),
+            fps: shapes.clip.fps,
+            frames: shapes.clip.weights.nrows(),
+            way: Way::Shapes(shapes),
         }
     }
 
@@ -93,9 +117,9 @@ impl<'a> Spread<'a> {
                 let stretch = landmarks.slice_axis(Axis(0), Slice::from(range));
                 deformer.deform(stretch, progress)
             }
-            Way::Shapes(rig, pairs, clip) => {
+            Way::Shapes(shapes) => {
                 report(progress, "deform", 0.0)?;
-                let moved = mixed(rig, pairs, clip, range);
+                let moved = shapes.frames(range);
                 report(progress, "deform", 1.0)?;
                 Ok(moved)
             }
@@ -104,16 +128,12 @@ impl<'a> Spread<'a> {
 }
 
 /// `Σ_s weight[t, s] · shape[s]` for a stretch of frames, `[t, V, 3]`.
-fn mixed(
-    rig: &Rig,
-    pairs: &[(usize, usize)],
-    clip: &WeightClip,
-    range: Range<usize>,
-) -> Array3<f32> {
+fn mixed(rig: &Rig, clip: &WeightClip, range: Range<usize>) -> Array3<f32> {
+    let pairs = pairs(rig, clip);
     let mut out = Array3::zeros((range.len(), rig.deltas.len_of(Axis(1)), 3));
     let frames = out.axis_iter_mut(Axis(0)).into_par_iter();
     frames.zip(range).for_each(|(mut frame, t)| {
-        for &(weight, shape) in pairs {
+        for &(weight, shape) in &pairs {
             let weight = clip.weights[[t, weight]];
             if weight != 0.0 {
                 frame.scaled_add(weight, &rig.deltas.index_axis(Axis(0), shape));
@@ -130,7 +150,7 @@ pub(crate) fn of_shapes(rig: &Rig, vertices: &[usize], clip: &WeightClip) -> Arr
         deltas: rig.deltas.select(Axis(1), vertices),
         reports: Vec::new(),
     };
-    mixed(&part, &pairs(&part, clip), clip, 0..clip.weights.nrows())
+    mixed(&part, clip, 0..clip.weights.nrows())
 }
 
 /// Where the weights of a clip stand, and the shapes of the mesh that they move.

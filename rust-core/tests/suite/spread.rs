@@ -46,9 +46,16 @@ fn weights_move_a_mesh_by_its_own_shapes() {
     };
     let frame = |t: usize| made.vertices.displacements.index_axis(Axis(0), t);
     assert!(frame(0).iter().all(|x| *x == 0.0));
-    assert_eq!(frame(1), shape("jawOpen"));
-    let mixed: Array2<f32> = 0.5 * &shape("jawOpen") + 0.25 * &shape("mouthSmileLeft");
-    assert!((&frame(2) - &mixed).iter().all(|x| x.abs() < 1e-6));
+    // Lids alone may lie otherwise than the shapes have them: skin is kept off the eyeballs.
+    let apart = |moved: &Array2<f32>, t: usize| {
+        let away = (moved - &frame(t)).mapv(f32::abs);
+        away.fold(0.0, |a: f32, b| a.max(*b))
+    };
+    let mixed = 0.5 * &shape("jawOpen") + 0.25 * &shape("mouthSmileLeft");
+    for (t, shapes) in [(1, shape("jawOpen").to_owned()), (2, mixed)] {
+        let off = apart(&shapes, t);
+        assert!(off < 0.3e-3, "frame {t}: {off}");
+    }
     // The landmarks are those of the mesh that moved.
     let chin = face.landmarks.vertices[8] as usize;
     let read_off = made.landmark_displacements.index_axis(Axis(0), 1);
