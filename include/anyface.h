@@ -678,7 +678,7 @@ AnyfaceStatus anyface_audio_new(const float *samples,
                                 AnyfaceAudio **out,
                                 AnyfaceError **error);
 
-/// A sound from a file: WAV, MP3, FLAC, Ogg Vorbis, M4A or AIFF.
+/// A sound from a file: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF.
 ///
 /// `path`: UTF-8. Free with `anyface_audio_free()`. Ask `anyface_audio_warning()` whether something of
 /// the sound is missing because the file is damaged.
