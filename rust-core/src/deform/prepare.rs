@@ -138,13 +138,13 @@ impl<'a> SolvedSkin<'a> {
         let plate = plate.then_some(&self.plate);
         let mut rows = RowWeights::new(skin.operators.rows(), plate, correction, strength);
         rows.turn(&self.face.to_canonical);
-        rows.spread(follows.len(), |rows, v, mut mix, mut cross| {
+        rows.spread(follows.len(), |rows, v, mix, cross| {
             let Follows::Skin(corners) = follows[v] else {
                 return;
             };
             for (vertex, share) in corners.into_iter().filter(|(_, share)| *share != 0.0) {
                 for (row, weight) in skin.spread.row(vertex) {
-                    rows.add(row as usize, share * weight, &mut mix, &mut cross);
+                    rows.add(row as usize, share * weight, mix, cross);
                 }
             }
         })
