@@ -4,7 +4,7 @@ use faer::MatRef;
 use ndarray::{Array2, Array3, ArrayView3, Axis};
 use rayon::prelude::*;
 
-use super::{Deformer, FewVertices};
+use super::{Deformer, FewVertices, proxy::Prolongation};
 use crate::{
     Error, Result,
     ibug::LANDMARKS,
@@ -20,25 +20,57 @@ const VERTICES_PER_TASK: usize = 512;
 /// `ΔV = mix · ΔL + cross · motion · ΔL`, linear in the landmarks.
 ///
 /// `mix` moves a vertex along with landmarks; `cross` lets the axes of the motion mix, through `R`
-/// shared combinations of all landmark coordinates.
+/// shared combinations of all landmark coordinates. A large mesh has such weights for `N` rows alone, and its
+/// vertices take up the motion of a few rows each: weights of their own would be a gigabyte for two million.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LandmarkWeights {
-    /// `[V, 68]`, unitless.
+    /// `[N, 68]`, unitless; `N` is `V` where vertices follow nothing.
     pub mix: Array2<f32>,
-    /// `[V, 3 R]`, axis by axis.
+    /// `[N, 3 R]`, axis by axis.
     pub cross: Array2<f32>,
     /// `[R, 204]`, over landmark coordinates x0, y0, z0, x1, …
     pub motion: Array2<f32>,
+    /// `[V, N]`, sparse: the rows that each vertex follows.
+    pub follows: Option<Prolongation>,
 }
 
 impl LandmarkWeights {
     /// Number of vertices.
     pub fn vertices(&self) -> usize {
-        self.mix.nrows()
+        let follows = self.follows.as_ref();
+        follows.map_or(self.mix.nrows(), Prolongation::rows)
     }
 
     fn rank(&self) -> usize {
         self.motion.nrows()
+    }
+
+    /// The same with a row for every vertex.
+    pub fn with_own_rows(&self) -> LandmarkWeights {
+        let all: Vec<u32> = (0..self.vertices() as u32).collect();
+        self.rows_of(&all)
+    }
+
+    /// Weights of `wanted` vertices as rows of their own.
+    fn rows_of(&self, wanted: &[u32]) -> LandmarkWeights {
+        let select = |of: &Array2<f32>| {
+            let Some(follows) = &self.follows else {
+                let rows: Vec<usize> = wanted.iter().map(|&v| v as usize).collect();
+                return of.select(Axis(0), &rows);
+            };
+            let (rows, columns) = (matrix::values(of), of.ncols());
+            let mut out = Array2::zeros((wanted.len(), columns));
+            let own = out.as_slice_mut().expect("a new array is row-major");
+            let each = own.par_chunks_mut(columns.max(1)).zip(wanted);
+            each.for_each(|(own, &v)| follows.take_up(v as usize, rows, columns, own));
+            out
+        };
+        LandmarkWeights {
+            mix: select(&self.mix),
+            cross: select(&self.cross),
+            motion: self.motion.clone(),
+            follows: None,
+        }
     }
 
     /// Displacements of `frames` frames into `out` `[frames, V, 3]`.
@@ -54,24 +86,27 @@ impl LandmarkWeights {
         let by_axis: Vec<f32> = (0..3)
             .flat_map(|axis| landmarks.iter().skip(axis).step_by(3).copied())
             .collect();
-        let mut blocks: Vec<Vec<&mut [f32]>> = Vec::new();
-        blocks.resize_with(vertices.div_ceil(VERTICES_PER_TASK), Vec::new);
-        for frame in out.chunks_mut((3 * vertices).max(1)) {
-            let pieces = frame.chunks_mut(3 * VERTICES_PER_TASK);
-            blocks.iter_mut().zip(pieces).for_each(|(b, p)| b.push(p));
+        match &self.follows {
+            None => by_blocks(out, vertices, frames, |first, tile| {
+                self.tile(first, &by_axis, &shared, tile);
+            }),
+            Some(follows) => {
+                let columns = 3 * frames;
+                let mut rows = vec![0.0; self.mix.nrows() * columns];
+                let tiles = rows.par_chunks_mut((VERTICES_PER_TASK * columns).max(1));
+                tiles.enumerate().for_each(|(index, tile)| {
+                    self.tile(index * VERTICES_PER_TASK, &by_axis, &shared, tile);
+                });
+                by_blocks(out, vertices, frames, |first, tile| {
+                    follows.take_up(first, &rows, columns, tile);
+                });
+            }
         }
-        blocks.into_par_iter().enumerate().for_each_init(
-            || vec![0.0; 3 * frames * VERTICES_PER_TASK],
-            |tile, (index, mut out)| {
-                self.tile(index * VERTICES_PER_TASK, &by_axis, &shared, tile);
-                write_out(tile, &mut out);
-            },
-        );
     }
 
-    /// Displacements `[block, 3 frames]`, axis by axis, of the vertices from `first` on.
+    /// Displacements `[block, 3 frames]`, axis by axis, of the rows from `first` on.
     fn tile(&self, first: usize, by_axis: &[f32], shared: &[f32], tile: &mut [f32]) {
-        let count = VERTICES_PER_TASK.min(self.vertices() - first);
+        let count = VERTICES_PER_TASK.min(self.mix.nrows() - first);
         let (rank, columns) = (self.rank(), by_axis.len() / LANDMARKS);
         let frames = columns / 3;
         let mix = matrix::view(&self.mix).subrows(first, count);
@@ -89,6 +124,31 @@ impl LandmarkWeights {
     }
 }
 
+/// Fills `out` `[frames, V, 3]` from tiles `[block, 3 frames]` of a few vertices each, axis by axis, in parallel.
+fn by_blocks(
+    out: &mut [f32],
+    vertices: usize,
+    frames: usize,
+    fill: impl Fn(usize, &mut [f32]) + Sync,
+) {
+    let mut blocks: Vec<Vec<&mut [f32]>> = Vec::new();
+    blocks.resize_with(vertices.div_ceil(VERTICES_PER_TASK), Vec::new);
+    for frame in out.chunks_mut((3 * vertices).max(1)) {
+        let pieces = frame.chunks_mut(3 * VERTICES_PER_TASK);
+        blocks.iter_mut().zip(pieces).for_each(|(b, p)| b.push(p));
+    }
+    blocks.into_par_iter().enumerate().for_each_init(
+        || vec![0.0; 3 * frames * VERTICES_PER_TASK],
+        |tile, (index, mut out)| {
+            let first = index * VERTICES_PER_TASK;
+            let count = VERTICES_PER_TASK.min(vertices - first);
+            let tile = &mut tile[..3 * frames * count];
+            fill(first, tile);
+            write_out(tile, &mut out);
+        },
+    );
+}
+
 /// Turns `[block, 3 frames]` into one `[block, 3]` for each frame while it is in the cache.
 fn write_out(tile: &[f32], out: &mut [&mut [f32]]) {
     let frames = out.len();
@@ -102,13 +162,8 @@ fn write_out(tile: &[f32], out: &mut [&mut [f32]]) {
 
 impl Deformer for LandmarkWeights {
     fn of_vertices(&self, wanted: &[u32]) -> Option<FewVertices> {
-        let rows: Vec<usize> = wanted.iter().map(|&v| v as usize).collect();
         Some(FewVertices {
-            deformer: Box::new(LandmarkWeights {
-                mix: self.mix.select(Axis(0), &rows),
-                cross: self.cross.select(Axis(0), &rows),
-                motion: self.motion.clone(),
-            }),
+            deformer: Box::new(self.rows_of(wanted)),
             vertices: wanted.to_vec(),
         })
     }
@@ -183,6 +238,7 @@ mod tests {
                 mix: random(&mut rng, vertices, LANDMARKS),
                 cross: random(&mut rng, vertices, 3 * rank),
                 motion: random(&mut rng, rank, 204),
+                follows: None,
             };
             let landmarks = random(&mut rng, frames, 204)
                 .into_shape_with_order((frames, LANDMARKS, 3))
@@ -197,11 +253,45 @@ mod tests {
     }
 
     #[test]
+    fn vertices_that_follow_rows_move_as_with_weights_of_their_own() {
+        let mut rng = ChaCha8Rng::seed_from_u64(4);
+        for (vertices, frames, rank) in [(2_000, 70, 3), (5, 1, 0)] {
+            let rows = 40;
+            let follows = Prolongation::from_rows((0..vertices).map(|_| {
+                let entry = |rng: &mut ChaCha8Rng| (rng.random_range(0..rows), rng.random::<f32>());
+                (0..rng.random_range(0..5))
+                    .map(|_| entry(&mut rng))
+                    .collect()
+            }));
+            let sparse = LandmarkWeights {
+                mix: random(&mut rng, rows as usize, LANDMARKS),
+                cross: random(&mut rng, rows as usize, 3 * rank),
+                motion: random(&mut rng, rank, 204),
+                follows: Some(follows),
+            };
+            assert_eq!(sparse.vertices(), vertices);
+            let all: Vec<u32> = (0..vertices as u32).collect();
+            let own = sparse.rows_of(&all);
+            assert_eq!((own.vertices(), &own.follows), (vertices, &None));
+            let landmarks = random(&mut rng, frames, 204)
+                .into_shape_with_order((frames, LANDMARKS, 3))
+                .unwrap();
+            let expected = own.deform(landmarks.view(), SILENT).unwrap();
+            let got = sparse.deform(landmarks.view(), SILENT).unwrap();
+            assert_eq!(got.dim(), expected.dim());
+            for (a, b) in got.iter().zip(&expected) {
+                assert!((a - b).abs() < 1e-3, "expected {b}, got {a}");
+            }
+        }
+    }
+
+    #[test]
     fn wrong_landmark_count_is_an_error_and_cancelling_stops() {
         let weights = LandmarkWeights {
             mix: Array2::zeros((2, LANDMARKS)),
             cross: Array2::zeros((2, 0)),
             motion: Array2::zeros((0, 204)),
+            follows: None,
         };
         let wrong = weights.deform(Array3::zeros((2, 67, 3)).view(), SILENT);
         let message = wrong.unwrap_err().to_string();

@@ -4,7 +4,8 @@ use ndarray::Array2;
 
 use super::{
     Corrected, Corrections, Creases, LandmarkWeights, Plate, PlateWeights, Skin, StaticWeights,
-    VertexGeometry, binding::Follows, row_weights::RowWeights, static_weights::Correction,
+    VertexGeometry, binding::Follows, proxy::Prolongation, row_weights::RowWeights,
+    static_weights::Correction,
 };
 use crate::{
     Result,
@@ -58,7 +59,7 @@ pub fn static_deformer(
         report(progress, "weights", 1.0)?;
         Ok(solved.corrected(decoder))
     };
-    let key = face.cache_key().text("weights").f32s(&[learned]);
+    let key = face.cache_key().text("weights of rows").f32s(&[learned]);
     let encode = |made: &Corrected<LandmarkWeights>| {
         let mut arrays = weights_to_arrays(&made.decoder);
         arrays.insert_json("corrections", &made.corrections);
@@ -138,16 +139,18 @@ impl<'a> SolvedSkin<'a> {
         let plate = plate.then_some(&self.plate);
         let mut rows = RowWeights::new(skin.operators.rows(), plate, correction, strength);
         rows.turn(&self.face.to_canonical);
-        rows.spread(follows.len(), |rows, v, mix, cross| {
-            let Follows::Skin(corners) = follows[v] else {
-                return;
-            };
-            for (vertex, share) in corners.into_iter().filter(|(_, share)| *share != 0.0) {
-                for (row, weight) in skin.spread.row(vertex) {
-                    rows.add(row as usize, share * weight, mix, cross);
-                }
-            }
-        })
+        let entries = |follows: &Follows| match follows {
+            Follows::Skin(corners) => corners
+                .iter()
+                .filter(|(_, share)| *share != 0.0)
+                .flat_map(|&(vertex, share)| {
+                    let row = skin.spread.row(vertex);
+                    row.map(move |(row, weight)| (row, share * weight))
+                })
+                .collect(),
+            _ => Vec::new(),
+        };
+        rows.spread(Prolongation::from_rows(follows.iter().map(entries)))
     }
 }
 
@@ -189,6 +192,12 @@ fn weights_to_arrays(weights: &LandmarkWeights) -> Arrays {
     ] {
         arrays.insert_f32(name, matrix.shape(), matrix.iter().copied().collect());
     }
+    if let Some(follows) = &weights.follows {
+        let (start, columns, shares) = follows.parts();
+        arrays.insert_u32("start", &[start.len()], start.to_vec());
+        arrays.insert_u32("columns", &[columns.len()], columns.to_vec());
+        arrays.insert_f32("shares", &[shares.len()], shares.to_vec());
+    }
     arrays
 }
 
@@ -199,10 +208,26 @@ fn weights_from_arrays(arrays: &mut Arrays, vertices: usize) -> Option<LandmarkW
         Array2::from_shape_vec(shape, values).ok()
     };
     let (mix, cross, motion) = (take("mix")?, take("cross")?, take("motion")?);
-    let fits = mix.dim() == (vertices, LANDMARKS)
-        && cross.dim() == (vertices, 3 * motion.nrows())
+    let follows = match arrays.take_u32("start") {
+        Some((_, start)) => {
+            let (columns, shares) = (arrays.take_u32("columns")?.1, arrays.take_f32("shares")?.1);
+            Some(Prolongation::of_parts(
+                (start, columns, shares),
+                mix.nrows(),
+            )?)
+        }
+        None => None,
+    };
+    let fits = mix.ncols() == LANDMARKS
+        && cross.dim() == (mix.nrows(), 3 * motion.nrows())
         && motion.ncols() == COORDINATES;
-    fits.then_some(LandmarkWeights { mix, cross, motion })
+    let weights = LandmarkWeights {
+        mix,
+        cross,
+        motion,
+        follows,
+    };
+    (fits && weights.vertices() == vertices).then_some(weights)
 }
 
 #[cfg(test)]

@@ -1,16 +1,17 @@
 //! Weights of the rows on which a mesh is solved, and how vertices take them up.
 
 use ndarray::Array2;
-use rayon::prelude::*;
 
 use super::static_weights::Correction;
 use crate::{
-    deform::{LandmarkWeights, PlateWeights},
+    deform::{LandmarkWeights, PlateWeights, proxy::Prolongation},
     ibug::LANDMARKS,
     mesh::Similarity,
 };
 
 const COORDINATES: usize = 3 * LANDMARKS;
+/// A mesh of more vertices than so many times the rows is moved through them.
+const MANY: usize = 2;
 
 /// Everything that moves the rows of a skin, canonical frame.
 pub(super) struct RowWeights {
@@ -48,18 +49,6 @@ impl RowWeights {
         }
     }
 
-    /// Adds one row's share to a vertex that follows it.
-    pub(super) fn add(&self, row: usize, share: f32, mix: &mut [f32], cross: &mut [f32]) {
-        // Slices, since ndarray's own way takes half of all the time here.
-        for (to, from) in [(mix, &self.mix), (cross, &self.cross)] {
-            let from = from.row(row);
-            let from = from.as_slice().expect("row-major");
-            to.iter_mut()
-                .zip(from)
-                .for_each(|(to, from)| *to += share * from);
-        }
-    }
-
     /// Turns canonical weights into weights of the mesh's own axes: `C R` and `Rᵀ B`. Scale cancels.
     pub(super) fn turn(&mut self, to_canonical: &Similarity) {
         let r = to_canonical.rotation.map(|row| row.map(|x| x as f32));
@@ -82,26 +71,18 @@ impl RowWeights {
         }
     }
 
-    /// Weights of `vertices` vertices; `fill` writes those of one.
-    pub(super) fn spread(
-        self,
-        vertices: usize,
-        fill: impl Fn(&Self, usize, &mut [f32], &mut [f32]) + Sync,
-    ) -> LandmarkWeights {
-        let mut mix = Array2::zeros((vertices, LANDMARKS));
-        let mut cross = Array2::zeros((vertices, self.cross.ncols()));
-        mix.outer_iter_mut()
-            .into_par_iter()
-            .zip(cross.outer_iter_mut().into_par_iter())
-            .enumerate()
-            .for_each(|(v, (mut mix, mut cross))| {
-                let (mix, cross) = (mix.as_slice_mut(), cross.as_slice_mut());
-                fill(&self, v, mix.expect("row-major"), cross.expect("row-major"));
-            });
-        LandmarkWeights {
-            mix,
-            cross,
+    /// Weights of the vertices that follow these rows as `follows` says, `[V, R]`: their own where there are
+    /// few, and the rows' where there are many.
+    pub(super) fn spread(self, follows: Prolongation) -> LandmarkWeights {
+        let of_rows = LandmarkWeights {
+            mix: self.mix,
+            cross: self.cross,
             motion: self.motion,
+            follows: Some(follows),
+        };
+        match of_rows.vertices() > MANY * of_rows.mix.nrows() {
+            true => of_rows,
+            false => of_rows.with_own_rows(),
         }
     }
 }

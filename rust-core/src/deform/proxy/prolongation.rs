@@ -22,6 +22,8 @@ const MOST_STEPS: usize = 16;
 /// A triangle that looks away counts as so much further off, so that a fold of the lips does not
 /// take up its other side.
 const FOLD_CM: f64 = 0.1;
+/// Vertices whose rows are there at once as they are found, before they become one matrix.
+const ROWS_AT_ONCE: usize = 1 << 16;
 /// Keeps the fit of a gradient defined where neighbours lie on a line.
 const RIDGE: f64 = 1e-3;
 
@@ -52,6 +54,46 @@ impl Prolongation {
         out
     }
 
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.start.len() - 1
+    }
+
+    /// Fills `[block, columns]` with the values `[_, columns]` that the rows from `first` on take up.
+    pub(crate) fn take_up(&self, first: usize, values: &[f32], columns: usize, block: &mut [f32]) {
+        for (at, own) in block.chunks_exact_mut(columns).enumerate() {
+            own.fill(0.0);
+            for (row, weight) in self.row((first + at) as u32) {
+                let from = &values[row as usize * columns..][..columns];
+                own.iter_mut()
+                    .zip(from)
+                    .for_each(|(to, x)| *to += weight * x);
+            }
+        }
+    }
+
+    /// Starts of the rows `[V + 1]`, columns and weights of all entries.
+    pub(crate) fn parts(&self) -> (&[u32], &[u32], &[f32]) {
+        (&self.start, &self.columns, &self.weights)
+    }
+
+    /// Of the parts of one with `rows` rows; `None` where they are not the parts of any.
+    pub(crate) fn of_parts(
+        (start, columns, weights): (Vec<u32>, Vec<u32>, Vec<f32>),
+        limit: usize,
+    ) -> Option<Prolongation> {
+        let ends = start.first() == Some(&0)
+            && start.last() == u32::try_from(columns.len()).ok().as_ref()
+            && start.is_sorted()
+            && columns.len() == weights.len();
+        let reach = columns.iter().all(|&column| (column as usize) < limit);
+        (ends && reach).then_some(Prolongation {
+            start,
+            columns,
+            weights,
+        })
+    }
+
     /// The proxy's vertices that a vertex depends on, and by how much.
     pub fn row(&self, v: u32) -> impl Iterator<Item = (u32, f32)> + '_ {
         let range = self.start[v as usize] as usize..self.start[v as usize + 1] as usize;
@@ -72,19 +114,26 @@ pub(super) fn place_vertices(
         .for_each(|&v| is_skin[v as usize] = true);
     let coarse = Coarse::new(positions, &simple.triangles);
     let around = Rings::of(positions.len(), skin);
-    let rows: Vec<(Vec<(u32, f32)>, f64)> = (0..positions.len())
-        .into_par_iter()
-        .map(|v| match (is_skin[v], simple.stands_for[v]) {
-            (false, _) => (Vec::new(), 0.0),
-            (true, root) if root == v as u32 => (vec![(root, 1.0)], 0.0),
-            (true, root) => {
-                let normal = normal(positions, skin, &around, v as u32);
-                coarse.row(positions[v], normal, root)
-            }
-        })
-        .collect();
-    let error = rows.iter().map(|row| row.1).fold(0.0, f64::max);
-    let rows = rows.into_iter().map(|row| row.0);
+    let place = |v: usize| match (is_skin[v], simple.stands_for[v]) {
+        (false, _) => (Vec::new(), 0.0),
+        (true, root) if root == v as u32 => (vec![(root, 1.0)], 0.0),
+        (true, root) => {
+            let normal = normal(positions, skin, &around, v as u32);
+            coarse.row(positions[v], normal, root)
+        }
+    };
+    let mut error = 0.0f64;
+    let blocks = (0..positions.len())
+        .step_by(ROWS_AT_ONCE)
+        .flat_map(|first| {
+            let last = (first + ROWS_AT_ONCE).min(positions.len());
+            let rows: Vec<_> = (first..last).into_par_iter().map(place).collect();
+            rows
+        });
+    let rows = blocks.map(|(row, distance)| {
+        error = error.max(distance);
+        row
+    });
     (Prolongation::from_rows(rows), error)
 }
 
