@@ -3,8 +3,8 @@
 use ndarray::Array2;
 
 use super::{
-    Corrected, Corrections, Creases, LandmarkWeights, Plate, PlateWeights, Skin, StaticWeights,
-    VertexGeometry, binding::Follows, row_weights::RowWeights, static_weights::Correction,
+    Corrected, Corrections, Creases, FollowingFace, LandmarkWeights, Plate, PlateWeights, Skin,
+    StaticWeights, VertexGeometry, row_weights::RowWeights, static_weights::Correction,
 };
 use crate::{
     Result,
@@ -104,7 +104,11 @@ impl<'a> SolvedSkin<'a> {
         let (positions, landmarks) = self.surface.decimetres();
         let triangles = &self.surface.skin.operators.triangles;
         let creases = creases.of_kind(weights.kind(&landmarks));
-        let carried = creases.carried_to(&positions, triangles, &landmarks);
+        let carried = creases.carried_to(FollowingFace {
+            positions: &positions,
+            triangles,
+            landmarks: &landmarks,
+        });
         let learned = weights.correction(&VertexGeometry {
             positions: &positions,
             landmarks: &landmarks,
@@ -134,18 +138,13 @@ impl<'a> SolvedSkin<'a> {
         correction: Option<&Correction>,
         strength: f32,
     ) -> LandmarkWeights {
-        let (skin, follows) = (&self.surface.skin, &self.surface.follows);
+        let surface = self.surface;
         let plate = plate.then_some(&self.plate);
-        let mut rows = RowWeights::new(skin.operators.rows(), plate, correction, strength);
+        let mut rows = RowWeights::new(surface.skin.operators.rows(), plate, correction, strength);
         rows.turn(&self.face.to_canonical);
-        rows.spread(follows.len(), |rows, v, mut mix, mut cross| {
-            let Follows::Skin(corners) = follows[v] else {
-                return;
-            };
-            for (vertex, share) in corners.into_iter().filter(|(_, share)| *share != 0.0) {
-                for (row, weight) in skin.spread.row(vertex) {
-                    rows.add(row as usize, share * weight, &mut mix, &mut cross);
-                }
+        rows.spread(surface.follows.len(), |rows, v, mut mix, mut cross| {
+            for (row, share) in surface.rows_followed(v) {
+                rows.add(row, share, &mut mix, &mut cross);
             }
         })
     }

@@ -21,7 +21,7 @@ use crate::{
     motion::Motion,
     progress::{Progress, ProgressFn, report},
     rig::Rig,
-    spread::{closed_on, not_yet, of_shapes},
+    spread::{Between, closed_on, not_yet, of_shapes},
     systems::Slider,
 };
 
@@ -218,8 +218,9 @@ impl Engine {
 
 /// How motion of one kind reaches some vertices of a face.
 enum Way<'a> {
-    /// Landmarks, through a deformer of these vertices alone where the face's offers that.
-    Landmarks(&'a dyn Deformer, Option<Box<dyn Deformer>>),
+    /// Landmarks, through a deformer of these vertices alone where the face's offers that; and a template's
+    /// skin at the vertices by which motion is known.
+    Landmarks(&'a dyn Deformer, Option<Box<dyn Deformer>>, Option<Between>),
     /// Weights, through the shapes of the face.
     Shapes(Arc<Rig>),
 }
@@ -247,15 +248,24 @@ impl Engine {
         progress: ProgressFn<'_>,
     ) -> Result<(Way<'a>, Vec<u32>)> {
         match motion {
-            Motion::Landmarks(_) => {
+            Motion::Landmarks(_) | Motion::Template(_) => {
                 let deformer = self.threads(|| self.deformer(face, progress))?.as_ref();
-                Ok(match deformer.of_vertices(&telling) {
-                    Some(few) => (Way::Landmarks(deformer, Some(few.deformer)), few.vertices),
-                    None => (Way::Landmarks(deformer, None), telling),
-                })
+                let (few, vertices) = match deformer.of_vertices(&telling) {
+                    Some(few) => (Some(few.deformer), few.vertices),
+                    None => (None, telling),
+                };
+                let between = match motion {
+                    Motion::Template(clip) => {
+                        let whole = self.threads(|| self.between(face, &clip.template))?;
+                        let rows: Vec<usize> = vertices.iter().map(|&v| v as usize).collect();
+                        Some(whole.of_vertices(&rows))
+                    }
+                    _ => None,
+                };
+                Ok((Way::Landmarks(deformer, few, between), vertices))
             }
             Motion::Weights(_) => Ok((Way::Shapes(self.rig(face, progress)?), telling)),
-            Motion::Template(_) | Motion::Codes(_) => Err(not_yet(motion)),
+            Motion::Codes(_) => Err(not_yet(motion)),
         }
     }
 }
@@ -323,16 +333,21 @@ impl Measure<'_> {
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
         let mut moved = match (&self.way, motion) {
-            (Way::Landmarks(deformer, few), Motion::Landmarks(clip)) => {
+            (Way::Landmarks(deformer, few, between), motion) => {
+                let clip = motion.landmarks().ok_or_else(|| not_yet(motion))?;
                 let landmarks = clip.displacements.select(Axis(0), frames);
                 let landmarks = self.face.own_motion(landmarks.view());
-                match few {
+                let mut moved = match few {
                     Some(few) => few.deform(landmarks.view(), progress)?,
                     None => {
                         let all = deformer.deform(landmarks.view(), progress)?;
                         all.select(Axis(1), &self.vertices)
                     }
+                };
+                if let (Some(between), Motion::Template(clip)) = (between, motion) {
+                    between.add(clip.between.select(Axis(0), frames).view(), &mut moved);
                 }
+                moved
             }
             (Way::Shapes(rig), Motion::Weights(clip)) => {
                 report(progress, "deform", 0.0)?;

@@ -1,8 +1,10 @@
 //! Motion at another frame rate.
 
+use std::sync::Arc;
+
 use ndarray::{Array, ArrayView, Axis, Dimension, RemoveAxis, Zip};
 
-use super::{LandmarkClip, WeightClip};
+use super::{LandmarkClip, TemplateClip, WeightClip};
 
 impl LandmarkClip {
     /// The same motion as `frames` frames at `fps`; frame `t` stands at `t / fps` seconds.
@@ -12,6 +14,18 @@ impl LandmarkClip {
     pub fn at_rate(&self, fps: f64, frames: usize) -> LandmarkClip {
         let displacements = at_rate(self.displacements.view(), self.fps / fps, frames);
         LandmarkClip { displacements, fps }
+    }
+}
+
+impl TemplateClip {
+    /// As [`LandmarkClip::at_rate`].
+    pub fn at_rate(&self, fps: f64, frames: usize) -> TemplateClip {
+        let step = self.landmarks.fps / fps;
+        TemplateClip {
+            template: Arc::clone(&self.template),
+            landmarks: self.landmarks.at_rate(fps, frames),
+            between: at_rate(self.between.view(), step, frames),
+        }
     }
 }
 

@@ -1,15 +1,16 @@
 //! How motion of each kind reaches a mesh.
 //!
-//! Landmarks move it through a [`Deformer`], weights through the shapes of its own [`Rig`]. Motion of a
-//! template's vertices needs a correspondence, codes a field: both kinds are carried this far and are
-//! refused here until a system brings them. A [`Spread`] makes any stretch of frames; [`into_sink`]
+//! Landmarks move it through a [`Deformer`], weights through the shapes of its own [`Rig`], a template by its
+//! landmarks and by what its skin does [`Between`] them. Codes need a field: they are carried this far and are
+//! refused here until a system brings one. A [`Spread`] makes any stretch of frames; [`into_sink`]
 //! hands them over block by block, so that a long take on a large mesh never lies in memory whole.
 
+mod between;
 mod sink;
 
 use std::{borrow::Cow, ops::Range};
 
-use ndarray::{Array3, ArrayView2, Axis, Slice};
+use ndarray::{Array2, Array3, ArrayView2, Axis, Slice};
 use rayon::prelude::*;
 
 use crate::{
@@ -22,6 +23,7 @@ use crate::{
     progress::{Progress, ProgressFn, report},
     rig::Rig,
 };
+pub use between::Between;
 pub use sink::{Animation, ClipStart, Collector, FrameSink, LandmarkTrack};
 
 /// Motion on its way to one mesh.
@@ -34,8 +36,12 @@ pub struct Spread<'a> {
 
 /// What moves the vertices.
 enum Way<'a> {
-    /// Landmark displacements `[T, 68, 3]`, mesh units and axes.
-    Landmarks(&'a dyn Deformer, Array3<f32>),
+    /// Landmark displacements `[T, 68, 3]`, mesh units and axes; and a template's skin between them, `[T, K]`.
+    Landmarks(
+        &'a dyn Deformer,
+        Array3<f32>,
+        Option<(&'a Between, &'a Array2<f32>)>,
+    ),
     /// Shapes of this mesh and their weights over time.
     Shapes(&'a Rig, Vec<(usize, usize)>, &'a WeightClip),
 }
@@ -64,8 +70,20 @@ impl<'a> Spread<'a> {
             face,
             fps,
             frames: landmarks.len_of(Axis(0)),
-            way: Way::Landmarks(deformer, landmarks),
+            way: Way::Landmarks(deformer, landmarks, None),
         }
+    }
+
+    /// The same with a template's skin beside its landmarks, at `weights` `[T, K]`.
+    #[must_use]
+    pub fn and_between(self, between: &'a Between, weights: &'a Array2<f32>) -> Spread<'a> {
+        let way = match self.way {
+            Way::Landmarks(deformer, landmarks, _) => {
+                Way::Landmarks(deformer, landmarks, Some((between, weights)))
+            }
+            way @ Way::Shapes(..) => way,
+        };
+        Spread { way, ..self }
     }
 
     /// Weights through shapes of the mesh; those that it has no shape for move nothing.
@@ -89,9 +107,14 @@ impl<'a> Spread<'a> {
     /// `Cancelled`.
     pub fn frames(&self, range: Range<usize>, progress: ProgressFn<'_>) -> Result<Array3<f32>> {
         match &self.way {
-            Way::Landmarks(deformer, landmarks) => {
-                let stretch = landmarks.slice_axis(Axis(0), Slice::from(range));
-                deformer.deform(stretch, progress)
+            Way::Landmarks(deformer, landmarks, between) => {
+                let rows = Slice::from(range);
+                let stretch = landmarks.slice_axis(Axis(0), rows);
+                let mut moved = deformer.deform(stretch, progress)?;
+                if let Some((between, weights)) = between {
+                    between.add(weights.slice_axis(Axis(0), rows), &mut moved);
+                }
+                Ok(moved)
             }
             Way::Shapes(rig, pairs, clip) => {
                 report(progress, "deform", 0.0)?;
@@ -164,7 +187,7 @@ pub(crate) fn closed_on<'a>(face: &Face, rig: &Rig, clip: &'a WeightClip) -> Cow
 /// The error for kinds of motion that no system gives yet.
 pub(crate) fn not_yet(motion: &Motion) -> Error {
     Error::InvalidInput(format!(
-        "motion: expected landmarks or weights, got {}, which nothing here can put on a mesh",
+        "motion: expected landmarks, weights or a template, got {}, which nothing here can put on a mesh",
         motion.kind()
     ))
 }
@@ -191,7 +214,7 @@ pub fn into_sink(
         .map(|first| first..(first + size).min(spread.frames));
     let make = |stretch: Range<usize>| Block::make(spread, stretch, progress);
     let mut landmarks = match &spread.way {
-        Way::Landmarks(_, landmarks) => landmarks.clone(),
+        Way::Landmarks(_, landmarks, _) => landmarks.clone(),
         Way::Shapes(..) => Array3::zeros((spread.frames, LANDMARKS, 3)),
     };
     let mut largest = 0.0f32;

@@ -20,7 +20,7 @@ use crate::{
     face::Face,
     mesh,
     models::BuiltIn,
-    motion::{self, LipClosures, Motion, MotionStream},
+    motion::{self, LipClosures, Motion, MotionStream, Template},
     progress::ProgressFn,
     rig,
     speech::{self, Heard, SpeechInput},
@@ -197,6 +197,11 @@ pub trait System: Send + Sync {
 
     /// Motion while somebody is speaking, where the system can do that.
     fn stream(&self) -> Option<Box<dyn MotionStream>> {
+        None
+    }
+
+    /// The template whose vertices it moves, where it moves one.
+    fn template(&self) -> Option<&Arc<Template>> {
         None
     }
 

@@ -4,7 +4,7 @@ use std::{path::Path, sync::Arc};
 
 use ndarray::{Array1, Array2, Array3};
 
-use super::{EmoFaceConfig, HeardFrame, Layer, Model};
+use super::{EmoFaceConfig, HeardFrame, Layer, Model, ReadTemplate};
 use crate::{
     Error, Result,
     conditions::{
@@ -16,7 +16,7 @@ use crate::{
     models::{BuiltIn, built_in},
     motion::{
         self, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, PERFORMANCE_CONTROLS,
-        Performer,
+        Performer, Template, TemplateClip,
     },
     nn::Weights,
     progress::{ProgressFn, report},
@@ -99,6 +99,7 @@ pub static REGISTRATION: Registration = Registration {
 /// Both branches with everything that makes a performance of their motion.
 pub struct EmoFace {
     model: Model,
+    read: ReadTemplate,
     encoder: FeelingEncoder,
     modes: Arc<FaceModes>,
     expressions: Arc<Expressions>,
@@ -119,8 +120,10 @@ impl EmoFace {
                 "emoface: expected an emotion encoder of {wanted} features, got one of {given}"
             )));
         }
+        let weights = Weights::from_bytes(&files.weights)?;
         Ok(EmoFace {
-            model: Model::new(config, &Weights::from_bytes(&files.weights)?)?,
+            read: ReadTemplate::load(&weights, &config)?,
+            model: Model::new(config, &weights)?,
             encoder,
             modes: Arc::new(FaceModes::open(folder)?),
             expressions: Arc::new(Expressions::open(folder)?),
@@ -182,12 +185,6 @@ impl EmoFace {
         }
         Ok(self.model.prototype(&shares))
     }
-
-    /// The landmarks of a layer, `[3 V]` metres, as `[68, 3]`.
-    fn landmarks(&self, values: &[f32]) -> Array2<f32> {
-        let at = &self.config().landmarks;
-        Array2::from_shape_fn((LANDMARKS, 3), |(n, axis)| values[3 * at[n] + axis])
-    }
 }
 
 impl System for EmoFace {
@@ -211,8 +208,11 @@ impl System for EmoFace {
         let layer = Layer::of(&request.controls);
         let first = request.starts_from.map(|pose| self.model.pose_of(&pose));
         let mut state = self.model.start(first.as_ref().map(|pose| pose.view()))?;
+        let template = self.read.template();
         let mut displacements = Array3::zeros((frames, LANDMARKS, 3));
-        for (t, mut frame) in displacements.outer_iter_mut().enumerate() {
+        let mut between = Array2::zeros((frames, template.shapes()));
+        let rows = displacements.outer_iter_mut().zip(between.outer_iter_mut());
+        for (t, (landmarks, between)) in rows.enumerate() {
             report(progress, "sample", t as f32 / frames as f32)?;
             let now = HeardFrame {
                 content: content.row(t),
@@ -221,13 +221,19 @@ impl System for EmoFace {
                 level: levels[t],
             };
             let made = self.model.step(now, layer, &mut state);
-            frame.assign(&self.landmarks(made.layer(layer)));
+            self.read.read(made.layer(layer), landmarks, between);
         }
         report(progress, "sample", 1.0)?;
         let wanted = heard.frames(request.fps);
-        let mut clip = LandmarkClip { displacements, fps }.at_rate(request.fps, wanted);
-        motion::close_lips(&mut clip, &heard.closures(request.closures.as_deref()));
-        Ok(Motion::Landmarks(clip))
+        let clip = TemplateClip {
+            template: Arc::clone(template),
+            landmarks: LandmarkClip { displacements, fps },
+            between,
+        };
+        let mut clip = clip.at_rate(request.fps, wanted);
+        let closures = heard.closures(request.closures.as_deref());
+        motion::close_lips(&mut clip.landmarks, &closures);
+        Ok(Motion::Template(clip))
     }
 
     fn perform(
@@ -249,6 +255,10 @@ impl System for EmoFace {
             prosody: &heard.prosody,
         };
         performer.perform(sampled, request, emotion, blink_emotion)
+    }
+
+    fn template(&self) -> Option<&Arc<Template>> {
+        Some(self.read.template())
     }
 
     fn styles(&self) -> &[String] {
