@@ -10,6 +10,7 @@ mod controls;
 mod deform;
 mod info;
 mod landmarks;
+mod layers;
 mod motion;
 mod open_mouth;
 mod parts;

@@ -7,11 +7,12 @@ mod perform;
 mod sliders;
 
 use std::{
+    ops::Range,
     path::{Path, PathBuf},
     sync::{Arc, OnceLock},
 };
 
-use ndarray::{Array3, ArrayView3};
+use ndarray::{Array2, Array3, ArrayView3};
 
 use crate::{
     Error, Result,
@@ -309,10 +310,10 @@ impl Engine {
         progress: ProgressFn<'_>,
     ) -> Result<SpreadReport> {
         match motion {
-            Motion::Landmarks(clip) => {
-                let own = face.own_motion(clip.displacements.view());
-                self.spread_own(face, own, clip.fps, sink, progress)
-            }
+            Motion::Landmarks(_) | Motion::Template(_) => self.threads(|| {
+                let spread = self.spread_of(face, motion, progress)?;
+                spread::into_sink(&spread, sink, progress)
+            }),
             Motion::Weights(clip) => {
                 let rig = self.rig(face, progress)?;
                 self.threads(|| {
@@ -321,19 +322,80 @@ impl Engine {
                     spread::into_sink(&spread, sink, progress)
                 })
             }
-            Motion::Template(clip) => {
-                let own = face.own_motion(clip.landmarks.displacements.view());
-                self.threads(|| {
-                    let deformer = self.deformer(face, progress)?.as_ref();
-                    let between = self.between(face, &clip.template)?;
-                    let fps = clip.landmarks.fps;
-                    let spread = Spread::of_landmarks(face, deformer, own, fps)
-                        .and_between(between, &clip.between);
-                    spread::into_sink(&spread, sink, progress)
-                })
-            }
             Motion::Codes(_) => Err(spread::not_yet(motion)),
         }
+    }
+
+    /// Two motions of one length on a face, each vertex by its shares `[V]` of both, such as what is said and how
+    /// it is felt under a painted mask.
+    ///
+    /// # Errors
+    /// `ShapeMismatch` for motions of other lengths or shares of another mesh; else those of [`Engine::spread`].
+    pub fn spread_mixed(
+        &self,
+        face: &Face,
+        parts: [(&Motion, Vec<f32>); 2],
+        sink: &mut dyn FrameSink,
+        progress: ProgressFn<'_>,
+    ) -> Result<SpreadReport> {
+        self.threads(|| {
+            let [(one, first), (other, second)] = parts;
+            let one = self.spread_of(face, one, progress)?;
+            let other = self.spread_of(face, other, progress)?;
+            let mixed = Spread::mixed([(one, first), (other, second)])?;
+            spread::into_sink(&mixed, sink, progress)
+        })
+    }
+
+    /// The way of landmarks, or of a template, to a face.
+    fn spread_of<'a>(
+        &self,
+        face: &'a Face,
+        motion: &'a Motion,
+        progress: ProgressFn<'_>,
+    ) -> Result<Spread<'a>> {
+        let clip = motion.landmarks().ok_or_else(|| spread::not_yet(motion))?;
+        let own = face.own_motion(clip.displacements.view());
+        let deformer = self.deformer(face, progress)?.as_ref();
+        let spread = Spread::of_landmarks(face, deformer, own, clip.fps);
+        Ok(match motion {
+            Motion::Template(clip) => {
+                spread.and_between(self.between(face, &clip.template)?, &clip.between)
+            }
+            _ => spread,
+        })
+    }
+
+    /// How far feeling is believed beside what is said in some frames of a performance, for each vertex of a face,
+    /// `[V, t]` from 0 to 1: `w` of EmoFace's Mesh Attention.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a system that does not tell them apart, or frames that the performance lacks; `Mesh` if
+    /// the landmarks of the face lie on no usable face.
+    pub fn believed(
+        &self,
+        face: &Face,
+        performance: &Performance,
+        frames: Range<usize>,
+    ) -> Result<Array2<f32>> {
+        let count = performance.motion.frames();
+        if frames.start > frames.end || frames.end > count {
+            return Err(Error::InvalidInput(format!(
+                "frames: expected some of {count}, got {frames:?}"
+            )));
+        }
+        self.threads(|| {
+            let made = self
+                .system
+                .believed(&performance.heard, &performance.request)?;
+            let mask = made.ok_or_else(|| {
+                let name = self.registration.name;
+                let expected = "mask: expected a system that tells what is felt from what is said";
+                Error::InvalidInput(format!("{expected} (emoface), got {name}"))
+            })?;
+            let shares = mask.at(frames, performance.motion.fps());
+            spread::on_face(face, &mask.template, shares.view())
+        })
     }
 
     /// What the skin of a template does on a face; made once for each face.

@@ -43,7 +43,7 @@ pub use frame_stream::{LandmarkFrame, MotionStream, stream_whole};
 pub use life::{Life, LifeStrengths};
 pub use perform::{Cues, Performer};
 pub use redo::Stretch;
-pub use template::{Template, TemplateClip};
+pub use template::{Template, TemplateClip, TemplateMask};
 pub use visibility::{SPOKEN_MM, VISIBLE_MM, Visibility, lip_travel};
 pub use weights::{LipGaps, WeightCues};
 

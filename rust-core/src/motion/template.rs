@@ -1,6 +1,6 @@
 //! Motion of a template: its landmarks, and what its skin does between them.
 
-use std::sync::Arc;
+use std::{ops::Range, sync::Arc};
 
 use ndarray::{Array2, ArrayView2, Axis, Slice};
 
@@ -51,6 +51,27 @@ pub struct TemplateClip {
     pub landmarks: LandmarkClip,
     /// `[T, K]`, metres: how far each shape of the skin between the landmarks shows.
     pub between: Array2<f32>,
+}
+
+/// A share for each vertex of a template over time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TemplateMask {
+    /// Whose vertices.
+    pub template: Arc<Template>,
+    /// `[T, V]`, 0 to 1.
+    pub shares: Array2<f32>,
+    /// Frames per second.
+    pub fps: f64,
+}
+
+impl TemplateMask {
+    /// `[V, t]`: the shares at some frames of motion at `fps`, those of the nearest frames.
+    pub fn at(&self, frames: Range<usize>, fps: f64) -> Array2<f32> {
+        let last = self.shares.nrows().saturating_sub(1);
+        let nearest = |t: usize| ((t as f64 * self.fps / fps).round() as usize).min(last);
+        let rows: Vec<usize> = frames.map(nearest).collect();
+        self.shares.select(Axis(0), &rows).reversed_axes()
+    }
 }
 
 impl TemplateClip {

@@ -60,33 +60,16 @@ impl Between {
     }
 
     fn carry(face: &Face, template: &Template, strength: f32) -> Result<Between> {
-        let surface = face.surface()?;
-        let (positions, landmarks) = surface.decimetres();
-        let field = carried(
-            template,
-            template.between.view(),
-            &FollowingFace {
-                positions: &positions,
-                triangles: &surface.skin.operators.triangles,
-                landmarks: &landmarks,
-            },
-        );
         let (back, count) = (face.to_canonical.inverse(), template.shapes());
         let to_mesh = strength * back.scale as f32;
+        let canonical = on_face(face, template, template.between.view())?;
         let mut shapes = Array2::zeros((3 * face.mesh.positions.len(), count));
-        let values = shapes.as_slice_mut().expect("a new array is row-major");
-        let of_vertices = values.par_chunks_mut((3 * count).max(1)).enumerate();
-        of_vertices.for_each(|(v, out)| {
-            for (row, share) in surface.rows_followed(v) {
-                for k in 0..count {
-                    let canonical = [0, 1, 2].map(|axis| field[[row, axis * count + k]]);
-                    let own = back.rotate(canonical);
-                    for axis in 0..3 {
-                        out[axis * count + k] += share * to_mesh * own[axis];
-                    }
-                }
+        for (v, row) in canonical.outer_iter().enumerate() {
+            for k in 0..count {
+                let own = back.rotate([0, 1, 2].map(|axis| row[axis * count + k]));
+                (0..3).for_each(|axis| shapes[[3 * v + axis, k]] = to_mesh * own[axis]);
             }
-        });
+        }
         Ok(Between { shapes })
     }
 
@@ -138,23 +121,38 @@ impl Between {
     }
 }
 
-/// A field over a template's vertices, `[V', C]`, on the rows of a face, `[R, C]`.
-fn carried(
+/// A field over a template's vertices, `[V', C]`, on the vertices of a face, `[V, C]`; 0 where they follow none
+/// of its skin.
+///
+/// # Errors
+/// `Mesh` if the landmarks of the face lie on no usable face.
+pub fn on_face(
+    face: &Face,
     template: &Template,
     field: ArrayView2<'_, f32>,
-    face: &FollowingFace<'_>,
-) -> Array2<f32> {
+) -> Result<Array2<f32>> {
+    let surface = face.surface()?;
+    let (positions, landmarks) = surface.decimetres();
     let decimetres = |p: [f32; 3]| p.map(|x| DM_PER_M * x);
+    let points = template.mesh.positions.iter().copied();
     let reference = ReferencePoints {
-        points: template
-            .mesh
-            .positions
-            .iter()
-            .copied()
-            .map(decimetres)
-            .collect(),
+        points: points.map(decimetres).collect(),
         normals: template.mesh.vertex_normals(),
         landmarks: template.landmark_positions().map(decimetres),
     };
-    reference.carried_to(*face).of(field)
+    let rows = reference
+        .carried_to(FollowingFace {
+            positions: &positions,
+            triangles: &surface.skin.operators.triangles,
+            landmarks: &landmarks,
+        })
+        .of(field);
+    let mut out = Array2::zeros((face.mesh.positions.len(), field.ncols()));
+    let vertices = out.outer_iter_mut().into_par_iter().enumerate();
+    vertices.for_each(|(v, mut out)| {
+        for (row, share) in surface.rows_followed(v) {
+            out.scaled_add(share, &rows.row(row));
+        }
+    });
+    Ok(out)
 }

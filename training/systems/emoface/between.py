@@ -44,13 +44,19 @@ def between(data: Path, models: Path, vertices: np.ndarray) -> tuple[np.ndarray,
     face = load_ict(data, "face").mean
     away, chosen = cKDTree(face.vertices).query(vertices)
     if away.max() > SAME_M:
-        raise ValueError(f"template: expected vertices of ICT's face, got one {away.max():.1e} m from all of them")
+        raise ValueError(
+            f"template: expected vertices of ICT's face, got one {away.max():.1e} m from all of them"
+        )
     mesh = prepare(face)
-    positions, landmarks = (x.numpy().astype(np.float64) for x in (mesh.geometry.positions, mesh.geometry.landmarks))
+    positions, landmarks = (
+        x.numpy().astype(np.float64) for x in (mesh.geometry.positions, mesh.geometry.landmarks)
+    )
     creases = read_creases(models, "ict")
     cross = creases.transferred(positions, mesh.triangles, landmarks)
     moved = mesh.modes[:, mesh.landmarks].flatten(1).numpy()
-    left = residual(read_static(models), mesh) - np.einsum("vxk,kc,mc->mvx", cross, creases.motion, moved, optimize=True)
+    left = residual(read_static(models), mesh) - np.einsum(
+        "vxk,kc,mc->mvx", cross, creases.motion, moved, optimize=True
+    )
     left = (left * share(positions, landmarks)[:, None])[:, chosen].reshape(len(CHANNELS), -1)
     weight = np.where(np.isin(CHANNELS, CHEEKS), CHEEKS_WEIGHT, 1.0)
     _, _, shapes = np.linalg.svd(weight[:, None] * left, full_matrices=False)

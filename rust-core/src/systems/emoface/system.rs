@@ -16,7 +16,7 @@ use crate::{
     models::{BuiltIn, built_in},
     motion::{
         self, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, PERFORMANCE_CONTROLS,
-        Performer, Template, TemplateClip,
+        Performer, Template, TemplateClip, TemplateMask,
     },
     nn::Weights,
     progress::{ProgressFn, report},
@@ -255,6 +255,17 @@ impl System for EmoFace {
             prosody: &heard.prosody,
         };
         performer.perform(sampled, request, emotion, blink_emotion)
+    }
+
+    fn believed(&self, heard: &Heard, request: &MotionRequest) -> Result<Option<TemplateMask>> {
+        let fps = self.config().fps;
+        let content = heard.features(fps);
+        let (feeling, _) = self.feeling(heard, request, content.nrows())?;
+        Ok(Some(TemplateMask {
+            template: Arc::clone(self.read.template()),
+            shares: self.model.masks(content.view(), feeling.view()),
+            fps,
+        }))
     }
 
     fn template(&self) -> Option<&Arc<Template>> {
