@@ -156,6 +156,7 @@ SIGNATURES = {
     "anyface_system_help": (c_char_p, [c_size_t]),
     "anyface_system_takes_events": (c_int32, [c_size_t]),
     "anyface_system_hears_feeling": (c_int32, [c_size_t]),
+    "anyface_system_starts_from_pose": (c_int32, [c_size_t]),
     "anyface_system_has_slider": (c_int32, [c_size_t, c_int32]),
     "anyface_system_control_count": (c_size_t, [c_size_t]),
     "anyface_system_control": (c_int32, [c_size_t, c_size_t, POINTER(Control), c_size_t]),
@@ -229,6 +230,10 @@ SIGNATURES = {
     "anyface_motion_weight_count": (c_size_t, [_HANDLE]),
     "anyface_motion_weight_name": (c_char_p, [_HANDLE, c_size_t]),
     "anyface_motion_copy_weights": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
+    "anyface_motion_copy_mask": (
+        c_int32,
+        [_HANDLE, _HANDLE, _HANDLE, c_size_t, _FLOATS, c_size_t, _OUT],
+    ),
     "anyface_motion_copy_head": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_motion_copy_gaze": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_motion_free": (None, [_HANDLE]),

@@ -4,7 +4,7 @@ from bpy.types import Panel
 
 from ..core import systems
 from ..scene.life import CONTROLS
-from . import audio
+from . import audio, heat
 from .panel import OfFacePanel
 from .target import sequencer_scene, target
 
@@ -28,6 +28,9 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
         layout.prop(settings, "emotion_source")
         if systems.hears_feeling(settings.system):
             audio.draw_felt(layout, target(context), sequencer_scene(context))
+            heat.draw(layout, target(context))
+        if systems.starts_from_pose(settings.system):
+            audio.draw_start(layout, target(context))
         column = layout.column(align=True)
         controls = [c for c in controls_of(settings) if c.name not in CONTROLS]
         for control in controls:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from figures import FPS, film, strip, tone, write_wav
-from test_heads import import_head
+from test_heads import LANDMARKS, import_head
 
 SYSTEM, START, SECONDS = "emoface", 11, 2.0
 FRAMES = range(START, START + int(SECONDS * FPS), 4)
@@ -133,3 +133,95 @@ def test_the_take_knows_whose_feeling_it_has(addon, speaking):
     generate(ob)
     asked = addon("scene.record").read(ob.data.shape_keys).asked
     assert asked["anyface_audio"]["felt_strip"] == "Wild" and asked["anyface"]["layered"]
+
+
+def at_frame(ob, frame):
+    """Where every vertex stands, `[V, 3]`."""
+    return film(ob, [frame])[0]
+
+
+def test_shots_that_start_in_the_current_pose_go_on_where_the_last_one_ended(addon, speaking):
+    ob = speaking
+    last = START + int(SECONDS * FPS) - 1
+    shots, from_rest, before = 5, [], None
+    for shot in range(shots):
+        ob.anyface.strip = ("Wild", "Calm")[shot % 2]
+        # The shot before is what stands there, so that every shot is written from its own end.
+        ob.anyface_audio.start_from_pose = False
+        if before is not None:
+            keep_standing(ob, before)
+            generate(ob)
+            from_rest.append(largest_mm(at_frame(ob, START) - before))
+            ob.anyface_audio.start_from_pose = True
+            keep_standing(ob, before)
+        generate(ob)
+        shown = film(ob, range(START, last + 1))
+        if before is not None:
+            jump = largest_mm(shown[0] - before)
+            steps = 1000.0 * np.linalg.norm(np.diff(shown, axis=0), axis=2).max(axis=1)
+            assert jump < max(from_rest[-1], 0.5), (shot, jump, from_rest[-1])
+            assert jump < np.quantile(steps, 0.99) + 3.0 * ob.anyface.error_mm, (shot, jump)
+        before = shown[-1].copy()
+    assert max(from_rest) > 0.5
+
+
+def largest_mm(moved):
+    return 1000.0 * np.linalg.norm(moved, axis=1).max()
+
+
+def keep_standing(ob, positions):
+    """The face stands in these positions by a key of the artist's, and nothing else moves it."""
+    bpy.ops.anyface.remove()
+    if ob.data.shape_keys is None:
+        ob.shape_key_add(name="Basis")
+    block = ob.data.shape_keys.key_blocks.get("Stands") or ob.shape_key_add(name="Stands")
+    block.value = 1.0
+    block.points.foreach_set("co", np.ascontiguousarray(positions, dtype=np.float32).ravel())
+
+
+def test_systems_without_a_pose_begin_at_rest_and_say_nothing(addon, speaking):
+    ob = speaking
+    ob.anyface_audio.start_from_pose, ob.anyface.system = True, "freetalk"
+    generate(ob)
+
+
+def test_the_heat_map_is_one_step_and_leaves_the_artists_colours(addon, speaking):
+    ob = speaking
+    colours = ob.data.color_attributes
+    colours.new("Mine", "BYTE_COLOR", "CORNER").data[0].color = (0.25, 0.5, 0.75, 1.0)
+    colours.active_color_name = "Mine"
+    mine = [tuple(corner.color) for corner in colours["Mine"].data]
+    bpy.context.scene.frame_set(START + 20)
+    assert bpy.ops.anyface.heat_map() == {"FINISHED"}
+    assert [attribute.name for attribute in colours] == ["Mine", "Feeling Heat"]
+    assert colours.active_color_name == "Mine"
+    assert [tuple(corner.color) for corner in colours["Mine"].data] == mine
+    heat = np.empty(4 * len(ob.data.vertices), dtype=np.float32)
+    colours["Feeling Heat"].data.foreach_get("color", heat)
+    heat = heat.reshape(-1, 4)
+    # Red about the brows, where feeling moves the face, and less at the lips; the neck follows neither.
+    places = np.array([vertex.co for vertex in ob.data.vertices])
+    marks = landmarks_of(ob)
+    near = lambda numbers: (  # noqa: E731
+        np.linalg.norm(places[:, None] - marks[list(numbers)], axis=2).min(axis=1) < 0.012
+    )
+    assert heat[near(range(17, 27)), 0].mean() > heat[near(range(48, 68)), 0].mean() + 0.05
+    assert (heat[:, 3] == 1.0).all() and heat[:, :3].min() >= 0.0 and heat[:, :3].max() <= 1.0
+    # Again replaces, and hiding leaves the mesh as it was.
+    bpy.context.scene.frame_set(START + 35)
+    assert bpy.ops.anyface.heat_map() == {"FINISHED"}
+    assert [attribute.name for attribute in colours] == ["Mine", "Feeling Heat"]
+    assert bpy.ops.anyface.heat_map_hide() == {"FINISHED"}
+    assert [attribute.name for attribute in colours] == ["Mine"]
+    assert not bpy.ops.anyface.heat_map_hide.poll()
+    assert ob.data.shape_keys is None and not ob.vertex_groups
+
+
+def landmarks_of(ob):
+    """The landmarks of the default head, `[68, 3]` object space."""
+    return np.array([ob.data.vertices[mark["vertex"]].co for mark in LANDMARKS])
+
+
+def test_a_system_without_feeling_has_no_heat_map(addon, speaking):
+    speaking.anyface.system = "freetalk"
+    assert not bpy.ops.anyface.heat_map.poll()
