@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -52,12 +52,6 @@ def read_static(models: Path) -> StaticWeights:
     state = load_file(models / "static_weights/model.safetensors")
     model.load_state_dict({k: v.float() for k, v in state.items()})
     return model
-
-
-def read_creases(models: Path, face: str) -> Creases:
-    """The creases of a reference face that are shipped."""
-    state = load_file(models / "creases/model.safetensors")
-    return Creases(*(state[f"{face}.{f.name}"].double().numpy() for f in fields(Creases)))
 
 
 @torch.no_grad()

@@ -9,7 +9,7 @@ from . import layers
 from .sliders import ALL, SliderChange
 from .take import Basis
 
-# Static weights over 68 landmarks and the skin between them give motion of rank 228 at most.
+# Static weights over 68 landmarks give motion of rank 204 at most.
 MAX_VECTORS = 256
 _FLOATS = POINTER(c_float)
 

@@ -43,7 +43,7 @@ pub unsafe extern "C" fn anyface_audio_new(
     unsafe { guard::guard(error, work) }
 }
 
-/// A sound from a file: WAV, MP3, FLAC, Ogg Vorbis, M4A or AIFF.
+/// A sound from a file: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF.
 ///
 /// `path`: UTF-8. Free with `anyface_audio_free()`. Ask `anyface_audio_warning()` whether something of
 /// the sound is missing because the file is damaged.

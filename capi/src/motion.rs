@@ -223,8 +223,10 @@ impl AnyfaceMotionOptions {
             return Ok(None);
         }
         let motion = unsafe { pointer::handle("starts_from", self.starts_from) }?.motion();
-        let clip = motion.landmarks();
-        let last = clip.and_then(|clip| clip.displacements.outer_iter().last());
+        let last = match motion {
+            Motion::Landmarks(clip) => clip.displacements.outer_iter().last(),
+            _ => None,
+        };
         let last = last.ok_or_else(|| {
             let (frames, kind) = (motion.frames(), motion.kind());
             Failure::invalid(format!(

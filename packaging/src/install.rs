@@ -17,7 +17,8 @@ const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// What the static library needs from the system, as `rustc --print native-static-libs` names it.
 fn system_libraries(platform: Platform) -> &'static [&'static str] {
     match platform {
-        Platform::LinuxX64 => &["gcc_s", "util", "rt", "pthread", "m", "dl", "c"],
+        // And gcc_s, which compilers link by themselves, in its static form where that is asked for.
+        Platform::LinuxX64 => &["util", "rt", "pthread", "m", "dl", "c"],
         Platform::MacosArm64 => &["iconv", "System", "c", "m"],
         Platform::WindowsX64 => &["kernel32", "ntdll", "userenv", "ws2_32", "dbghelp"],
     }
@@ -65,9 +66,12 @@ pub fn install(built: &Path, prefix: &Path) -> Result<()> {
     let root = machine::root();
     let (lib, include) = (prefix.join("lib"), prefix.join("include"));
     let platform = Platform::here()?;
-    for library in [platform.shared_library(), platform.static_library()] {
-        copy(&built.join(library), &lib.join(library))?;
-    }
+    let shared = platform.shared_library();
+    let soname = soname(platform)?;
+    copy(&built.join(shared), &lib.join(&soname))?;
+    link(&soname, &lib.join(shared))?;
+    let library = platform.static_library();
+    copy(&built.join(library), &lib.join(library))?;
     if platform == Platform::WindowsX64 {
         let name = "anyface.dll.lib";
         copy(&built.join(name), &lib.join(name))?;
@@ -98,7 +102,7 @@ pub fn install(built: &Path, prefix: &Path) -> Result<()> {
     ] {
         let text = fs::read_to_string(templates.join(template))
             .with_context(|| format!("reading packaging/{template}"))?;
-        write(&lib.join(place), &fill(&text, separator, platform))?;
+        write(&lib.join(place), &fill(&text, separator, platform, &soname))?;
     }
     Ok(())
 }
@@ -112,11 +116,45 @@ enum Separator {
     List,
 }
 
-fn fill(template: &str, separator: Separator, platform: Platform) -> String {
+/// The name under which programs look for the shared library: on Linux with the version of its interface.
+///
+/// # Errors
+/// If the header cannot be read or does not state the version.
+fn soname(platform: Platform) -> Result<String> {
+    let library = platform.shared_library();
+    if platform != Platform::LinuxX64 {
+        return Ok(library.to_owned());
+    }
+    let header = fs::read_to_string(machine::root().join("include/anyface.h"))?;
+    let mut lines = header.lines();
+    let version = lines.find_map(|line| line.strip_prefix("#define ANYFACE_ABI_VERSION "));
+    let version = version.context("include/anyface.h does not state ANYFACE_ABI_VERSION")?;
+    Ok(format!("{library}.{version}"))
+}
+
+/// Where the library has a name of its own, `place` leads to it.
+fn link(soname: &str, place: &Path) -> Result<()> {
+    if place.file_name().is_some_and(|name| name == soname) {
+        return Ok(());
+    }
+    if place.symlink_metadata().is_ok() {
+        fs::remove_file(place).with_context(|| format!("replacing {}", place.display()))?;
+    }
+    #[cfg(unix)]
+    std::os::unix::fs::symlink(soname, place)
+        .with_context(|| format!("making {}", place.display()))?;
+    Ok(())
+}
+
+fn fill(template: &str, separator: Separator, platform: Platform, soname: &str) -> String {
     let needed = system_libraries(platform);
     let libraries = match separator {
         Separator::Flags => format!("-l{}", needed.join(" -l")),
         Separator::List => needed.join(";"),
+    };
+    let soname_property = match soname == platform.shared_library() {
+        true => "IMPORTED_NO_SONAME TRUE".to_owned(),
+        false => format!("IMPORTED_SONAME {soname}"),
     };
     let mut parts = VERSION.split('.');
     let (major, minor) = (parts.next().unwrap_or("0"), parts.next().unwrap_or("0"));
@@ -126,6 +164,7 @@ fn fill(template: &str, separator: Separator, platform: Platform) -> String {
         .replace("@MINOR@", minor)
         .replace("@SHARED_LIBRARY@", platform.shared_library())
         .replace("@STATIC_LIBRARY@", platform.static_library())
+        .replace("@SONAME@", &soname_property)
         .replace("@SYSTEM_LIBRARIES@", &libraries)
 }
 
@@ -160,7 +199,7 @@ mod tests {
             let path = machine::root().join("packaging").join(template);
             let text = fs::read_to_string(path).unwrap();
             for separator in [Separator::Flags, Separator::List] {
-                let filled = fill(&text, separator, Platform::LinuxX64);
+                let filled = fill(&text, separator, Platform::LinuxX64, "libanyface.so.1");
                 assert!(!filled.contains('@'), "{template}: {filled}");
             }
         }

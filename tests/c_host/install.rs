@@ -54,6 +54,60 @@ fn pkg_config_finds_the_installed_library() {
     }
 }
 
+#[test]
+#[cfg_attr(not(has_pkg_config), ignore = "needs pkg-config")]
+fn pkg_config_static_makes_a_program_without_shared_libraries() {
+    let folder = workspace("static");
+    let prefix = installed(&folder);
+    let source = "#include <anyface.h>\n\
+                  int main(void) {\n\
+                  AnyfaceEngine *engine = NULL;\n\
+                  return anyface_engine_new(NULL, &engine, NULL) != ANYFACE_STATUS_OK;\n}\n";
+    std::fs::write(folder.join("engine.c"), source).expect("the source can be written");
+    let mut ask = Command::new("pkg-config");
+    ask.env("PKG_CONFIG_PATH", prefix.join("lib/pkgconfig"));
+    ask.args(["--static", "--cflags", "--libs", "anyface"]);
+    let flags = String::from_utf8(succeed(&mut ask).stdout).expect("pkg-config prints text");
+    let mut compile = Command::new("gcc");
+    compile.current_dir(&folder);
+    compile.args(["-static", "engine.c", "-o", "engine"]);
+    succeed(compile.args(flags.split_whitespace()));
+    succeed(&mut command(folder.join("engine")));
+    let listed = Command::new("readelf")
+        .args(["-d", "engine"])
+        .current_dir(&folder)
+        .output();
+    let listed = String::from_utf8_lossy(&listed.expect("binutils are there").stdout).into_owned();
+    assert!(!listed.contains("NEEDED"), "{listed}");
+}
+
+#[test]
+#[cfg_attr(not(has_pkg_config), ignore = "needs pkg-config")]
+fn a_program_looks_for_the_interface_that_it_was_linked_to() {
+    let folder = workspace("soname");
+    let prefix = installed(&folder);
+    write_program(&folder);
+    let lib = prefix.join("lib");
+    let mut compile = Command::new("gcc");
+    compile
+        .current_dir(&folder)
+        .args(["version.c", "-o", "version"]);
+    compile
+        .arg("-I")
+        .arg(prefix.join("include"))
+        .arg("-L")
+        .arg(&lib)
+        .arg("-lanyface");
+    succeed(&mut compile);
+    let mut started = command(folder.join("version"));
+    started.env("LD_LIBRARY_PATH", &lib);
+    succeed(&mut started);
+    // Another interface has another name, and none is taken for it.
+    let target = std::fs::read_link(lib.join("libanyface.so")).expect("a link");
+    std::fs::rename(lib.join(&target), lib.join("libanyface.so.99")).expect("it can be moved");
+    assert!(!started.output().expect("it starts").status.success());
+}
+
 const PROJECT: &str = "cmake_minimum_required(VERSION 3.16)
 project(host C)
 find_package(anyface 0.1 REQUIRED)

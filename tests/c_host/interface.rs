@@ -63,6 +63,17 @@ fn head_and_eyes_come_beside_a_motion() {
 }
 
 #[test]
+fn calls_in_any_order_neither_crash_nor_keep_memory() {
+    run_both_ways("tests/c_host/soak.c", |folder| {
+        let scene = scene(folder);
+        let files = [scene.head, scene.landmarks, scene.voice];
+        let mut arguments: Vec<String> = files.iter().map(|path| text(path)).collect();
+        arguments.extend(["900", "7"].map(str::to_owned));
+        arguments
+    });
+}
+
+#[test]
 fn a_stream_gives_the_same_bits_however_the_sound_is_cut() {
     run_both_ways("tests/c_host/stream.c", |folder| {
         vec![text(&scene(folder).voice)]

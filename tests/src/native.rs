@@ -9,15 +9,7 @@ use std::{
 };
 
 /// What a program needs besides the static library, on Linux with glibc.
-const SYSTEM_LIBRARIES: &[&str] = &[
-    "-lgcc_s",
-    "-lutil",
-    "-lrt",
-    "-lpthread",
-    "-lm",
-    "-ldl",
-    "-lc",
-];
+const SYSTEM_LIBRARIES: &[&str] = &["-lutil", "-lrt", "-lpthread", "-lm", "-ldl", "-lc"];
 
 /// The workspace.
 pub fn root() -> &'static Path {
@@ -44,9 +36,27 @@ pub fn library_dir() -> &'static Path {
         Some(folder) => folder.into(),
         None => {
             build();
-            profile_dir()
+            let folder = profile_dir();
+            name_by_interface(&folder);
+            folder
         }
     })
+}
+
+/// Programs look for the shared library under the version of its interface, which cargo does not name it by.
+fn name_by_interface(folder: &Path) {
+    let header = std::fs::read_to_string(root().join("include/anyface.h")).expect("the header");
+    let mut lines = header.lines();
+    let version = lines.find_map(|line| line.strip_prefix("#define ANYFACE_ABI_VERSION "));
+    let name = format!(
+        "libanyface.so.{}",
+        version.expect("the header states its version")
+    );
+    // Other processes of tests may do the same.
+    #[cfg(unix)]
+    if std::os::unix::fs::symlink("libanyface.so", folder.join(&name)).is_err() {
+        assert!(folder.join(&name).exists(), "{name} cannot be made");
+    }
 }
 
 /// `target/debug` or the like: tests run in its folder `deps`.

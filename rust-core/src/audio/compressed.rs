@@ -1,11 +1,17 @@
-//! Everything but plain WAV, through symphonia: MP3, FLAC, Ogg Vorbis, M4A, AIFF and odd WAVs.
+//! Everything but plain WAV, through symphonia: MP3, FLAC, Ogg, WebM, M4A, CAF, AIFF and odd WAVs.
 
-use std::{io::Read, path::Path};
+use std::{io::Read, path::Path, sync::LazyLock};
 
 use symphonia::{
     core::{
         audio::GenericAudioBufferRef,
-        codecs::audio::{AudioDecoder, AudioDecoderOptions},
+        codecs::{
+            audio::{
+                AudioCodecParameters, AudioDecoder, AudioDecoderOptions,
+                well_known::{CODEC_ID_AAC, CODEC_ID_MP3, CODEC_ID_OPUS},
+            },
+            registry::CodecRegistry,
+        },
         errors::Error as StreamError,
         formats::{FormatOptions, FormatReader, Track, TrackType, probe::Hint},
         io::MediaSourceStream,
@@ -13,13 +19,14 @@ use symphonia::{
         packet::Packet,
         units::{Duration, TimeBase},
     },
-    default::{get_codecs, get_probe},
+    default::{get_probe, register_enabled_codecs},
 };
 
 use super::{
     edit_list::{self, Edit},
     file::{SoundDamage, SoundFile},
     intake::Intake,
+    opus::{self, OpusDecoder},
     source::Source,
     wav::LENGTH_UNKNOWN,
 };
@@ -28,17 +35,35 @@ use crate::{Error, Result};
 /// Damaged packets in a row after which a file is given up.
 const DAMAGE_LIMIT: u32 = 100;
 
-const FORMATS: &str = "WAV, MP3, FLAC, Ogg Vorbis, M4A (AAC or ALAC) or AIFF";
+const FORMATS: &str =
+    "WAV, MP3, FLAC, Ogg or WebM (Vorbis or Opus), M4A (AAC or ALAC), AAC, CAF or AIFF";
+
+/// Frames that MP3 puts before the sound and does not speak of without a header of LAME's: 576 of the coder,
+/// as LAME has them, and 529 of every decoder.
+const MP3_DELAY: usize = 1_105;
+/// Frames that AAC puts before the sound at least, one block; what takes more says so in an edit list.
+const AAC_DELAY: usize = 1_024;
+
+/// Frames that Opus puts before the sound where its header is not handed on, as from CAF: those of libopus.
+const OPUS_DELAY: usize = 312;
+
+static CODECS: LazyLock<CodecRegistry> = LazyLock::new(|| {
+    let mut codecs = CodecRegistry::new();
+    register_enabled_codecs(&mut codecs);
+    codecs.register_audio_decoder::<OpusDecoder>();
+    codecs
+});
 
 /// Decodes the first audio track of the file.
 pub(super) fn decode(path: &Path, source: &Source) -> Result<SoundFile> {
     let mut format = open(path, source)?;
     let (track, mut decoder) = open_track(path, format.as_ref())?;
     let track_id = track.id;
-    let mut loss = Loss::of(track, trusts_length(source)?);
+    let mut loss = Loss::of(track, decoder.codec_params(), trusts_length(source)?);
     let refuse = |e: StreamError| describe(path, e);
     let mut sound = Sound {
         edit: edit_list::read(source.read()?),
+        before: before(track, decoder.codec_params()),
         ..Sound::default()
     };
     let mut damaged = 0;
@@ -88,6 +113,21 @@ pub(super) fn decode(path: &Path, source: &Source) -> Result<SoundFile> {
     }
 }
 
+/// Frames before the sound that the decoder leaves in, of a file without an edit list.
+fn before(track: &Track, parameters: &AudioCodecParameters) -> usize {
+    let stated = track.delay.filter(|frames| *frames > 0);
+    let stated = stated.map(|frames| frames as usize);
+    match parameters.codec {
+        CODEC_ID_AAC => stated.unwrap_or(AAC_DELAY),
+        CODEC_ID_MP3 if stated.is_none() => MP3_DELAY,
+        CODEC_ID_OPUS => match opus::pre_skip(parameters) {
+            Some(frames) => frames.into(),
+            None => stated.unwrap_or(OPUS_DELAY),
+        },
+        _ => 0,
+    }
+}
+
 /// What is lost of a track on the way.
 struct Loss {
     time_base: Option<TimeBase>,
@@ -100,11 +140,13 @@ struct Loss {
 }
 
 impl Loss {
-    fn of(track: &Track, trusts_length: bool) -> Loss {
+    fn of(track: &Track, parameters: &AudioCodecParameters, trusts_length: bool) -> Loss {
         let stated = track.duration.filter(|d| d.get() > 0 && trusts_length);
+        // Some count whole packets, also where the last is not full.
+        let packet = Duration::from(parameters.max_frames_per_packet.unwrap_or(0));
         Loss {
             time_base: track.time_base,
-            expected: stated,
+            expected: stated.map(|length| length.saturating_sub(packet)),
             lost: 0,
             next: None,
         }
@@ -114,8 +156,9 @@ impl Loss {
         let start = packet.pts.get();
         let gap = self.next.map_or(0, |next| start.saturating_sub(next));
         self.lost = self.lost.saturating_add(u64::try_from(gap).unwrap_or(0));
+        // A packet of WebM need not say how long it is; then no gap can be told behind it.
         let length = i64::try_from(packet.dur.get()).unwrap_or(i64::MAX);
-        self.next = Some(start.saturating_add(length));
+        self.next = (length > 0).then(|| start.saturating_add(length));
     }
 
     fn lose(&mut self, length: Duration) {
@@ -158,7 +201,7 @@ fn trusts_length(source: &Source) -> Result<bool> {
         let length = at.and_then(|at| start.get(at + 4..at + 8)?.try_into().ok());
         return Ok(length.is_some_and(|four| u64::from(u32::from_le_bytes(four)) < LENGTH_UNKNOWN));
     }
-    let other = [&b"OggS"[..], b"fLaC", b"FORM"];
+    let other = [&b"OggS"[..], b"fLaC", b"FORM", b"caff"];
     let is_mp4 = start.get(4..8) == Some(b"ftyp");
     let has_header = || {
         [&b"Xing"[..], b"Info", b"VBRI"]
@@ -202,7 +245,7 @@ fn open_track<'a>(
         .as_ref()
         .and_then(|p| p.audio())
         .ok_or_else(|| lacks("the audio track does not say how it is coded"))?;
-    let decoder = get_codecs()
+    let decoder = CODECS
         .make_audio_decoder(parameters, &AudioDecoderOptions::default())
         .map_err(|e| {
             lacks(&format!(
@@ -216,6 +259,8 @@ fn open_track<'a>(
 #[derive(Default)]
 struct Sound {
     edit: Option<Edit>,
+    /// Frames before the sound where there is no edit.
+    before: usize,
     intake: Option<Intake>,
     layout: (usize, u32),
     interleaved: Vec<f32>,
@@ -237,12 +282,13 @@ impl Sound {
         let layout = (decoded.num_planes(), decoded.spec().rate());
         if self.intake.is_none() {
             let mut intake = Intake::new(layout.0, layout.1)?;
-            if let Some(edit) = self.edit {
-                let frames = |seconds: f64| (seconds * f64::from(layout.1)).round() as usize;
-                intake.keep(
+            let frames = |seconds: f64| (seconds * f64::from(layout.1)).round() as usize;
+            match self.edit {
+                Some(edit) => intake.keep(
                     frames(edit.start_s),
                     edit.length_s.map_or(usize::MAX, frames),
-                );
+                ),
+                None => intake.keep(self.before, usize::MAX),
             }
             self.intake = Some(intake);
             self.layout = layout;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Waveform, compressed, source::Source, wav};
+use super::{Waveform, compressed, long_wav, source::Source, wav};
 use crate::{Error, Result, outside::guarded};
 
 /// A loss below which nothing is said: less than a syllable, and less than this share.
@@ -63,9 +63,12 @@ impl SoundFile {
     /// Those of [`Waveform::from_file`].
     pub fn read(path: &Path, any_damage: bool) -> Result<SoundFile> {
         let source = Source::open(path)?;
-        let file = guarded(Error::Audio, || match wav::decode(path, &source)? {
-            wav::Decoded::Sound(file) => Ok(file),
-            wav::Decoded::NotForUs => compressed::decode(path, &source),
+        let file = guarded(Error::Audio, || {
+            let source = long_wav::as_wav(source)?;
+            match wav::decode(path, &source)? {
+                wav::Decoded::Sound(file) => Ok(file),
+                wav::Decoded::NotForUs => compressed::decode(path, &source),
+            }
         });
         let file = file.map_err(|error| named(path, error))?;
         match file.damage {

@@ -7,6 +7,8 @@ mod compressed;
 mod edit_list;
 mod file;
 mod intake;
+mod long_wav;
+mod opus;
 mod pitch;
 mod prosody;
 mod resample;
@@ -50,7 +52,8 @@ pub struct Waveform {
 }
 
 impl Waveform {
-    /// Decodes a file: WAV, MP3, FLAC, Ogg Vorbis, M4A (AAC or ALAC) or AIFF.
+    /// Decodes a file: WAV (RF64 and Wave64 too), MP3, FLAC, Ogg or WebM (Vorbis or Opus), M4A (AAC or ALAC), AAC,
+    /// CAF or AIFF.
     ///
     /// Channels are averaged, never summed, so nothing clips; samples outside [−1, 1] are kept.
     ///

@@ -19,12 +19,26 @@ const LARGEST_PIPE: u64 = 1 << 30;
 pub(super) enum Source {
     File(Arc<Path>),
     Memory(Arc<[u8]>),
+    /// A stretch of another behind a header of our own.
+    Behind {
+        header: Arc<[u8]>,
+        inner: Arc<Source>,
+        from: u64,
+        length: u64,
+    },
 }
 
 /// One reading.
 pub(super) enum Reading {
     File(File),
     Memory(Cursor<Arc<[u8]>>),
+    Behind {
+        header: Arc<[u8]>,
+        inner: Box<Reading>,
+        from: u64,
+        length: u64,
+        at: u64,
+    },
 }
 
 impl Source {
@@ -66,7 +80,29 @@ impl Source {
         Ok(match self {
             Source::File(path) => Reading::File(File::open(path).map_err(Error::io(&**path))?),
             Source::Memory(bytes) => Reading::Memory(Cursor::new(Arc::clone(bytes))),
+            Source::Behind {
+                header,
+                inner,
+                from,
+                length,
+            } => Reading::Behind {
+                header: Arc::clone(header),
+                inner: Box::new(inner.read()?),
+                from: *from,
+                length: *length,
+                at: 0,
+            },
         })
+    }
+
+    /// The bytes of `header`, then `length` of this source from `from` on.
+    pub(super) fn behind(self, header: &[u8], from: u64, length: u64) -> Source {
+        Source::Behind {
+            header: header.into(),
+            inner: Arc::new(self),
+            from,
+            length,
+        }
     }
 }
 
@@ -75,6 +111,24 @@ impl Read for Reading {
         match self {
             Reading::File(file) => file.read(into),
             Reading::Memory(bytes) => bytes.read(into),
+            Reading::Behind {
+                header,
+                inner,
+                from,
+                length,
+                at,
+            } => {
+                let start = header.len() as u64;
+                let read = match at.checked_sub(start) {
+                    None => (&header[*at as usize..]).read(into)?,
+                    Some(inside) => {
+                        inner.seek(SeekFrom::Start(from.saturating_add(inside)))?;
+                        inner.take(length.saturating_sub(inside)).read(into)?
+                    }
+                };
+                *at += read as u64;
+                Ok(read)
+            }
         }
     }
 }
@@ -84,6 +138,17 @@ impl Seek for Reading {
         match self {
             Reading::File(file) => file.seek(to),
             Reading::Memory(bytes) => bytes.seek(to),
+            Reading::Behind {
+                header, length, at, ..
+            } => {
+                let place = match to {
+                    SeekFrom::Start(place) => Some(place),
+                    SeekFrom::End(by) => (header.len() as u64 + *length).checked_add_signed(by),
+                    SeekFrom::Current(by) => at.checked_add_signed(by),
+                };
+                *at = place.ok_or(io::ErrorKind::InvalidInput)?;
+                Ok(*at)
+            }
         }
     }
 }
@@ -97,6 +162,7 @@ impl MediaSource for Reading {
         match self {
             Reading::File(file) => file.metadata().ok().map(|known| known.len()),
             Reading::Memory(bytes) => Some(bytes.get_ref().len() as u64),
+            Reading::Behind { header, length, .. } => Some(header.len() as u64 + length),
         }
     }
 }

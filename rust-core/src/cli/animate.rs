@@ -25,7 +25,7 @@ pub(super) struct Animate {
     /// The mesh: OBJ, PLY or GLB
     #[arg(long, value_name = "M")]
     mesh: PathBuf,
-    /// The speech: WAV, MP3, FLAC, Ogg Vorbis, M4A or AIFF
+    /// The speech: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF
     #[arg(long, value_name = "A")]
     audio: PathBuf,
     /// The result: .npz (arrays, with the rotation of head and eyes beside them), .pc2 or .mdd (point caches)
@@ -81,7 +81,7 @@ impl Animate {
         report
             .warnings
             .extend(engine.unseen_events(&face, &performance, progress)?);
-        let spoken = (&*waveform, &request);
+        let spoken = (&waveform, &request);
         let layered = timed(&mut report, "motion", || {
             self.layers
                 .of(&engine, &face, &performance, spoken, progress)

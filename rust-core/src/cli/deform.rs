@@ -14,10 +14,9 @@ use crate::{
     Engine, Error, Face, Result,
     ibug::LANDMARKS,
     mesh::{LandmarkSource, Mesh},
-    motion::{LandmarkClip, Motion, TemplateClip},
+    motion::{LandmarkClip, Motion},
     output::{
-        Format, LandmarkMotion, read_between, read_landmark_motion, read_weights, write_attention,
-        write_json,
+        Format, LandmarkMotion, read_landmark_motion, read_weights, write_attention, write_json,
     },
 };
 
@@ -74,14 +73,6 @@ impl Deform {
         let weights = read_weights(&self.motion)?;
         let fps = motion.fps.unwrap_or(DEFAULT_FPS);
         let (progress, displacements) = (&|p| console.progress(p), motion.displacements);
-        let between = read_between(&self.motion, displacements.dim().0)?;
-        let template = engine.template().cloned();
-        if let (Some(_), None) = (&between, &template) {
-            report.warnings.push(format!(
-                "{}: holds what skin does between the landmarks, which needs the --system that made it",
-                self.motion.display()
-            ));
-        }
         // Nothing is known of the speech, so lips may rest.
         spread_into(
             &self.out,
@@ -94,14 +85,8 @@ impl Deform {
                 (Some(_), _) => engine.spread_own(&face, displacements, fps, sink, progress),
                 (None, Some(clip)) => engine.spread(&face, &Motion::Weights(clip), sink, progress),
                 (None, None) => {
-                    let landmarks = LandmarkClip { displacements, fps };
-                    let motion = match (between, template) {
-                        (Some(between), Some(template)) => {
-                            Motion::Template(TemplateClip::new(template, landmarks, between)?)
-                        }
-                        _ => Motion::Landmarks(landmarks),
-                    };
-                    engine.spread(&face, &motion, sink, progress)
+                    let clip = LandmarkClip { displacements, fps };
+                    engine.spread(&face, &Motion::Landmarks(clip), sink, progress)
                 }
             },
         )?;

@@ -18,7 +18,7 @@ use crate::{
 /// Turn speech into the motion of 68 landmarks, in metres on a human head, or into weights of ARKit's shapes
 #[derive(Args)]
 pub(super) struct Motion {
-    /// The speech: WAV, MP3, FLAC, Ogg Vorbis, M4A or AIFF
+    /// The speech: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF
     #[arg(long, value_name = "A")]
     audio: PathBuf,
     /// The result, .npz: landmark_displacements [T, 68, 3], head [T, 3], gaze [T, 2, 2] and fps. Of a system

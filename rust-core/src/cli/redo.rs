@@ -1,9 +1,6 @@
 //! A stretch of an earlier result made again.
 
-use std::{
-    path::{Path, PathBuf},
-    sync::Arc,
-};
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use ndarray::Array3;
@@ -12,10 +9,9 @@ use crate::{
     Engine, Error, Face, Performance, Result,
     deform::VertexClip,
     mesh::Mesh,
-    motion::{LandmarkClip, Life, Motion, Stretch, TemplateClip, WeightClip},
+    motion::{LandmarkClip, Life, Motion, Stretch, WeightClip},
     output::{
-        Format, read_between, read_landmark_motion, read_life, read_vertex_motion, read_weights,
-        write_animation,
+        Format, read_landmark_motion, read_life, read_vertex_motion, read_weights, write_animation,
     },
     progress::ProgressFn,
     spread::{Animation, Collector, SpreadReport},
@@ -98,7 +94,6 @@ impl Redo<'_> {
         let new = &performance.motion;
         let was = match new {
             Motion::Weights(clip) => Motion::Weights(self.weights(clip)?),
-            Motion::Template(clip) => Motion::Template(self.template(clip, new)?),
             _ => Motion::Landmarks(self.landmarks(new)?),
         };
         self.check(was.frames(), was.fps(), new.frames(), new.fps())?;
@@ -112,15 +107,6 @@ impl Redo<'_> {
             Some(was) if was.names == new.names => Ok(was),
             Some(_) => Err(self.wrong("the shapes of this system, got others")),
             None => Err(self.wrong("arrays weights and names, got none")),
-        }
-    }
-
-    /// The motion of the file, of the template of `clip`.
-    fn template(&self, clip: &TemplateClip, new: &Motion) -> Result<TemplateClip> {
-        let landmarks = self.landmarks(new)?;
-        match read_between(self.from, landmarks.displacements.dim().0)? {
-            Some(between) => TemplateClip::new(Arc::clone(&clip.template), landmarks, between),
-            None => Err(self.wrong("an array between, as of this system, got none")),
         }
     }
 

@@ -19,7 +19,7 @@ use crate::{
 /// with --phones or a text also which phones are heard, and when the words of the text are said
 #[derive(Args)]
 pub(super) struct Sounds {
-    /// The speech: WAV, MP3, FLAC, Ogg Vorbis, M4A or AIFF
+    /// The speech: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF
     #[arg(long, value_name = "A", required_unless_present = "sounds")]
     audio: Option<PathBuf>,
     /// Turn this file of times into another kind instead of listening

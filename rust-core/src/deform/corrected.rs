@@ -177,6 +177,28 @@ pub struct Corrected<D> {
     pub corrections: Corrections,
 }
 
+impl<D: Deformer> Corrected<D> {
+    /// Hands every frame of `moved` `[T, V, 3]` with its landmarks to `correct`.
+    fn each_frame(
+        &self,
+        landmarks: ArrayView3<'_, f32>,
+        moved: &mut Array3<f32>,
+        correct: impl Fn(&[f32], &mut [f32]) + Sync,
+    ) {
+        let landmarks = landmarks.as_standard_layout();
+        let frames = landmarks.axis_iter(Axis(0)).into_par_iter();
+        frames
+            .zip(moved.axis_iter_mut(Axis(0)).into_par_iter())
+            .for_each(|(landmarks, mut frame)| {
+                let landmarks = landmarks.as_slice().expect("standard layout");
+                let frame = frame
+                    .as_slice_mut()
+                    .expect("decoders give row-major frames");
+                correct(landmarks, frame);
+            });
+    }
+}
+
 impl<D: Deformer> Deformer for Corrected<D> {
     fn of_vertices(&self, wanted: &[u32]) -> Option<FewVertices> {
         let rims = self.corrections.rims();
@@ -205,17 +227,18 @@ impl<D: Deformer> Deformer for Corrected<D> {
         let landmarks = asked.as_standard_layout().into_owned();
         let own = self.corrections.own_landmarks(&landmarks);
         let mut out = self.decoder.deform(own.view(), progress)?;
-        let frames = landmarks.outer_iter().into_par_iter();
-        frames
-            .zip(out.axis_iter_mut(Axis(0)).into_par_iter())
-            .for_each(|(landmarks, mut frame)| {
-                let landmarks = landmarks.as_slice().expect("standard layout");
-                let frame = frame
-                    .as_slice_mut()
-                    .expect("decoders give row-major frames");
-                self.corrections.apply(landmarks, frame);
-            });
+        self.each_frame(landmarks.view(), &mut out, |landmarks, frame| {
+            self.corrections.apply(landmarks, frame);
+        });
         Ok(out)
+    }
+
+    fn shut_lids(&self, landmarks: ArrayView3<'_, f32>, moved: &mut Array3<f32>) {
+        let landmarks = self.corrections.asked(landmarks);
+        self.each_frame(landmarks.view(), moved, |landmarks, frame| {
+            let lids = &self.corrections.lids;
+            lids.iter().for_each(|lids| lids.apply(landmarks, frame));
+        });
     }
 
     fn attention(&self, landmarks: ArrayView3<'_, f32>) -> Option<Array3<f32>> {

@@ -65,6 +65,12 @@ pub trait Deformer: Send + Sync {
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>>;
 
+    /// Shuts the lids of frames `moved` `[T, V, 3]` that something else has made, as far as `landmarks`
+    /// `[T, 68, 3]` ask for, and keeps eyeballs behind them; nothing where no lids are known.
+    fn shut_lids(&self, landmarks: ArrayView3<'_, f32>, moved: &mut Array3<f32>) {
+        let _ = (landmarks, moved);
+    }
+
     /// By which share each vertex attends to each landmark, `[T, V, 68]`; `None` for a deformer without
     /// attention. Vertices that follow no skin have zeros.
     fn attention(&self, landmarks: ArrayView3<'_, f32>) -> Option<Array3<f32>> {
@@ -109,6 +115,10 @@ impl Deformer for Box<dyn Deformer> {
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
         self.as_ref().deform(landmarks, progress)
+    }
+
+    fn shut_lids(&self, landmarks: ArrayView3<'_, f32>, moved: &mut Array3<f32>) {
+        self.as_ref().shut_lids(landmarks, moved);
     }
 
     fn attention(&self, landmarks: ArrayView3<'_, f32>) -> Option<Array3<f32>> {

@@ -3,8 +3,9 @@
 use ndarray::Array2;
 
 use super::{
-    Corrected, Corrections, Creases, FollowingFace, LandmarkWeights, Plate, PlateWeights, Skin,
-    StaticWeights, VertexGeometry, row_weights::RowWeights, static_weights::Correction,
+    Corrected, Corrections, Creases, LandmarkWeights, Plate, PlateWeights, Skin, StaticWeights,
+    VertexGeometry, correspondence::FollowingFace, row_weights::RowWeights,
+    static_weights::Correction,
 };
 use crate::{
     Result,
@@ -142,9 +143,9 @@ impl<'a> SolvedSkin<'a> {
         let plate = plate.then_some(&self.plate);
         let mut rows = RowWeights::new(surface.skin.operators.rows(), plate, correction, strength);
         rows.turn(&self.face.to_canonical);
-        rows.spread(surface.follows.len(), |rows, v, mut mix, mut cross| {
+        rows.spread(surface.follows.len(), |rows, v, mix, cross| {
             for (row, share) in surface.rows_followed(v) {
-                rows.add(row, share, &mut mix, &mut cross);
+                rows.add(row, share, mix, cross);
             }
         })
     }

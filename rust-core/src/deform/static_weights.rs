@@ -189,15 +189,6 @@ impl StaticWeights {
         self.nearest_kind(landmarks).0
     }
 
-    /// How far a face is one of the kind of another, 0 to 1; both by the landmarks of the neutral face,
-    /// decimetres.
-    pub fn likeness(&self, one: &[[f32; 3]; LANDMARKS], other: &[[f32; 3]; LANDMARKS]) -> f32 {
-        match self.kind(one) == self.kind(other) {
-            true => self.known(one).min(self.known(other)),
-            false => 0.0,
-        }
-    }
-
     /// The nearest kind and the Mahalanobis distance from it, about 0.5 for a face of its own.
     fn nearest_kind(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> (usize, f32) {
         let kinds = self.shape_mean.rows().into_iter().zip(&self.shape_basis);

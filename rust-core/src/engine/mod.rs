@@ -27,21 +27,18 @@ use crate::{
     finite::check_result,
     mesh::{self, FaceOptions, LandmarkFinder, Mesh},
     models,
-    motion::{FaceModes, LandmarkClip, Motion, Template},
+    motion::{FaceModes, LandmarkClip, Motion, WeightClip},
     outside::guarded,
     progress::ProgressFn,
     rig::{self, Rig, RigModel, SolveOptions, SolvedWeights},
     speech::{self, FeelingEncoder, PhoneModel, SpeechEncoder},
-    spread::{self, Between, FrameSink, Spread, SpreadReport},
+    spread::{self, FrameSink, Spread, SpreadReport, WeightedShapes},
     systems::{Registration, System, Windows, built_in_models},
 };
 pub use perform::Performance;
 pub use sliders::SliderChange;
 
 const MAX_THREADS: usize = 256;
-/// How far the skin of a template is followed by a face of another kind. On MakeHuman's under ICT's, 0.4 takes
-/// cheekSquint from 0.79 to 0.75 mm and costs the other shapes 0.005 mm in the mean; 1 costs them 0.035.
-const ON_OTHERS: f32 = 0.4;
 
 /// How an [`Engine`] is set up.
 #[derive(Debug, Clone, PartialEq)]
@@ -188,11 +185,6 @@ impl Engine {
         self.system.styles()
     }
 
-    /// The template whose vertices the system moves, where it moves one.
-    pub fn template(&self) -> Option<&Arc<Template>> {
-        self.system.template()
-    }
-
     /// In which pieces a long sound is performed; `None` where any length is performed at once.
     pub fn windows(&self) -> Option<Windows> {
         self.system.windows()
@@ -310,19 +302,23 @@ impl Engine {
         progress: ProgressFn<'_>,
     ) -> Result<SpreadReport> {
         match motion {
-            Motion::Landmarks(_) | Motion::Template(_) => self.threads(|| {
-                let spread = self.spread_of(face, motion, progress)?;
-                spread::into_sink(&spread, sink, progress)
-            }),
+            Motion::Landmarks(clip) => {
+                let own = face.own_motion(clip.displacements.view());
+                self.spread_own(face, own, clip.fps, sink, progress)
+            }
             Motion::Weights(clip) => {
                 let rig = self.rig(face, progress)?;
                 self.threads(|| {
-                    let clip = spread::closed_on(face, &rig, clip);
-                    let spread = Spread::of_weights(face, &rig, &clip);
-                    spread::into_sink(&spread, sink, progress)
+                    let shapes = WeightedShapes {
+                        rig: &rig,
+                        clip: &spread::closed_on(face, &rig, clip),
+                        deformer: self.deformer(face, progress)?.as_ref(),
+                        landmarks: self.asked_of(face, clip)?,
+                    };
+                    spread::into_sink(&Spread::of_weights(face, shapes), sink, progress)
                 })
             }
-            Motion::Codes(_) => Err(spread::not_yet(motion)),
+            Motion::Template(_) | Motion::Codes(_) => Err(spread::not_yet(motion)),
         }
     }
 
@@ -330,7 +326,8 @@ impl Engine {
     /// it is felt under a painted mask.
     ///
     /// # Errors
-    /// `ShapeMismatch` for motions of other lengths or shares of another mesh; else those of [`Engine::spread`].
+    /// `InvalidInput` for motion that is not of landmarks, `ShapeMismatch` for motions of other lengths or shares of
+    /// another mesh; else those of [`Engine::spread`].
     pub fn spread_mixed(
         &self,
         face: &Face,
@@ -347,23 +344,20 @@ impl Engine {
         })
     }
 
-    /// The way of landmarks, or of a template, to a face.
+    /// The way of landmarks to a face.
     fn spread_of<'a>(
         &self,
         face: &'a Face,
-        motion: &'a Motion,
+        motion: &Motion,
         progress: ProgressFn<'_>,
     ) -> Result<Spread<'a>> {
-        let clip = motion.landmarks().ok_or_else(|| spread::not_yet(motion))?;
+        let clip = motion.landmarks().ok_or_else(|| {
+            let got = motion.kind();
+            Error::InvalidInput(format!("layers: expected motion of landmarks, got {got}"))
+        })?;
         let own = face.own_motion(clip.displacements.view());
         let deformer = self.deformer(face, progress)?.as_ref();
-        let spread = Spread::of_landmarks(face, deformer, own, clip.fps);
-        Ok(match motion {
-            Motion::Template(clip) => {
-                spread.and_between(self.between(face, &clip.template)?, &clip.between)
-            }
-            _ => spread,
-        })
+        Ok(Spread::of_landmarks(face, deformer, own, clip.fps))
     }
 
     /// How far feeling is believed beside what is said in some frames of a performance, for each vertex of a face,
@@ -398,17 +392,10 @@ impl Engine {
         })
     }
 
-    /// What the skin of a template does on a face; made once for each face.
-    fn between<'a>(&self, face: &'a Face, template: &Template) -> Result<&'a Arc<Between>> {
-        face.between(|| {
-            let (_, landmarks) = face.surface()?.decimetres();
-            let own = template.landmark_positions().map(|p| p.map(|x| 10.0 * x));
-            let likeness = self.static_weights.likeness(&own, &landmarks);
-            let learned = LEARNED.value(&face.options.controls);
-            let strength = learned * (ON_OTHERS + (1.0 - ON_OTHERS) * likeness);
-            let made = Between::of(face, template, strength, &self.cache)?;
-            Ok(Arc::new(made))
-        })
+    /// What weights of ARKit's shapes ask of a face's landmarks, `[T, 68, 3]`, mesh units and axes.
+    pub(crate) fn asked_of(&self, face: &Face, clip: &WeightClip) -> Result<Array3<f32>> {
+        let landmarks = clip.of_arkit().landmarks(&self.face_modes)?;
+        Ok(face.own_motion(landmarks.displacements.view()))
     }
 
     /// The landmarks of the mean face under motion of any kind: what it looks like before any mesh is known.
@@ -419,8 +406,7 @@ impl Engine {
         match motion {
             Motion::Landmarks(clip) => Ok(clip.clone()),
             Motion::Weights(clip) => clip.landmarks(&self.face_modes),
-            Motion::Template(clip) => Ok(clip.landmarks.clone()),
-            Motion::Codes(_) => Err(spread::not_yet(motion)),
+            Motion::Template(_) | Motion::Codes(_) => Err(spread::not_yet(motion)),
         }
     }
 

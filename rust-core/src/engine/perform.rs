@@ -263,10 +263,7 @@ impl Engine {
                 .face_modes
                 .follow_gaze(&mut clip.displacements, life.gaze.view())?,
             Motion::Weights(clip) => clip.follow_gaze(&self.face_modes, life.gaze.view())?,
-            Motion::Template(clip) => self
-                .face_modes
-                .follow_gaze(&mut clip.landmarks.displacements, life.gaze.view())?,
-            Motion::Codes(_) => {}
+            Motion::Template(_) | Motion::Codes(_) => {}
         }
         Ok((moved, life))
     }

@@ -21,7 +21,7 @@ use crate::{
     motion::Motion,
     progress::{Progress, ProgressFn, report},
     rig::Rig,
-    spread::{Between, closed_on, not_yet, of_shapes},
+    spread::{closed_on, not_yet, of_shapes},
     systems::Slider,
 };
 
@@ -179,7 +179,7 @@ impl Engine {
         }
         let vertices = telling_vertices(basis, TELLING_VERTICES);
         let way = self.way(face, take, vertices, progress)?;
-        let measure = Measure::new(face, way, clip, basis)?;
+        let measure = Measure::new(way, clip, basis)?;
         let mut done = 0;
         let mut out = Vec::new();
         for (slider, knots) in ways {
@@ -216,74 +216,102 @@ impl Engine {
     }
 }
 
-/// How motion of one kind reaches some vertices of a face.
-enum Way<'a> {
-    /// Landmarks, through a deformer of these vertices alone where the face's offers that; and a template's
-    /// skin at the vertices by which motion is known.
-    Landmarks(&'a dyn Deformer, Option<Box<dyn Deformer>>, Option<Between>),
-    /// Weights, through the shapes of the face.
-    Shapes(Arc<Rig>),
+/// How motion reaches some vertices of a face.
+struct Way<'a> {
+    face: &'a Face,
+    engine: &'a Engine,
+    /// Of the whole face.
+    deformer: &'a dyn Deformer,
+    /// Of these vertices alone, where the face's offers that.
+    few: Option<Box<dyn Deformer>>,
+    /// The shapes of the face, for motion that is weights.
+    rig: Option<Arc<Rig>>,
+    vertices: Vec<usize>,
+}
+
+impl Way<'_> {
+    /// Where some `frames` of a motion move the vertices, `[F, S, 3]`.
+    fn frames(
+        &self,
+        motion: &Motion,
+        frames: &[usize],
+        progress: ProgressFn<'_>,
+    ) -> Result<Array3<f32>> {
+        match (motion, &self.rig) {
+            (Motion::Landmarks(clip), _) => {
+                let landmarks = clip.displacements.select(Axis(0), frames);
+                let landmarks = self.face.own_motion(landmarks.view());
+                match &self.few {
+                    Some(few) => few.deform(landmarks.view(), progress),
+                    None => {
+                        let all = self.deformer.deform(landmarks.view(), progress)?;
+                        Ok(all.select(Axis(1), &self.vertices))
+                    }
+                }
+            }
+            (Motion::Weights(clip), Some(rig)) => {
+                report(progress, "deform", 0.0)?;
+                let clip = clip.rows(frames);
+                let landmarks = self.engine.asked_of(self.face, &clip)?;
+                let clip = closed_on(self.face, rig, &clip);
+                let mut moved = of_shapes(rig, &self.vertices, &clip);
+                if let Some(few) = &self.few {
+                    few.shut_lids(landmarks.view(), &mut moved);
+                }
+                Ok(moved)
+            }
+            (other, _) => Err(not_yet(other)),
+        }
+    }
 }
 
 /// What is needed to express motion of a face in the shapes of one take.
 struct Measure<'a> {
-    face: &'a Face,
     way: Way<'a>,
     clip: &'a VertexClip,
     basis: &'a VertexBasis,
-    /// Those by which motion is known.
-    vertices: Vec<usize>,
     projection: Projection,
     /// How far the shapes move, `[K]`.
     sizes: Vec<f32>,
 }
 
 impl Engine {
-    /// The way of a motion to a face, and the vertices that it is known by: `telling`, or others like them.
+    /// The way of a motion to the vertices of a face that it is known by: `telling`, or others like them.
     fn way<'a>(
-        &self,
+        &'a self,
         face: &'a Face,
         motion: &Motion,
         telling: Vec<u32>,
         progress: ProgressFn<'_>,
-    ) -> Result<(Way<'a>, Vec<u32>)> {
-        match motion {
-            Motion::Landmarks(_) | Motion::Template(_) => {
-                let deformer = self.threads(|| self.deformer(face, progress))?.as_ref();
-                let (few, vertices) = match deformer.of_vertices(&telling) {
-                    Some(few) => (Some(few.deformer), few.vertices),
-                    None => (None, telling),
-                };
-                let between = match motion {
-                    Motion::Template(clip) => {
-                        let whole = self.threads(|| self.between(face, &clip.template))?;
-                        let rows: Vec<usize> = vertices.iter().map(|&v| v as usize).collect();
-                        Some(whole.of_vertices(&rows))
-                    }
-                    _ => None,
-                };
-                Ok((Way::Landmarks(deformer, few, between), vertices))
-            }
-            Motion::Weights(_) => Ok((Way::Shapes(self.rig(face, progress)?), telling)),
-            Motion::Codes(_) => Err(not_yet(motion)),
-        }
+    ) -> Result<Way<'a>> {
+        let deformer = self.threads(|| self.deformer(face, progress))?.as_ref();
+        let (few, vertices) = match deformer.of_vertices(&telling) {
+            Some(few) => (Some(few.deformer), few.vertices),
+            None => (None, telling),
+        };
+        let rig = match motion {
+            Motion::Weights(_) => Some(self.rig(face, progress)?),
+            _ => None,
+        };
+        Ok(Way {
+            face,
+            engine: self,
+            deformer,
+            few,
+            rig,
+            vertices: vertices.iter().map(|&v| v as usize).collect(),
+        })
     }
 }
 
 impl Measure<'_> {
-    fn new<'a>(
-        face: &'a Face,
-        (way, vertices): (Way<'a>, Vec<u32>),
-        clip: &'a VertexClip,
-        basis: &'a VertexBasis,
-    ) -> Result<Measure<'a>> {
+    fn new<'a>(way: Way<'a>, clip: &'a VertexClip, basis: &'a VertexBasis) -> Result<Measure<'a>> {
+        let vertices: Vec<u32> = way.vertices.iter().map(|&v| v as u32).collect();
         let projection = Projection::new(basis, &vertices)?;
         Ok(Measure {
-            face,
             way,
             clip,
             basis,
-            vertices: vertices.iter().map(|&v| v as usize).collect(),
             sizes: projection.sizes(),
             projection,
         })
@@ -332,33 +360,10 @@ impl Measure<'_> {
         frames: &[usize],
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
-        let mut moved = match (&self.way, motion) {
-            (Way::Landmarks(deformer, few, between), motion) => {
-                let clip = motion.landmarks().ok_or_else(|| not_yet(motion))?;
-                let landmarks = clip.displacements.select(Axis(0), frames);
-                let landmarks = self.face.own_motion(landmarks.view());
-                let mut moved = match few {
-                    Some(few) => few.deform(landmarks.view(), progress)?,
-                    None => {
-                        let all = deformer.deform(landmarks.view(), progress)?;
-                        all.select(Axis(1), &self.vertices)
-                    }
-                };
-                if let (Some(between), Motion::Template(clip)) = (between, motion) {
-                    between.add(clip.between.select(Axis(0), frames).view(), &mut moved);
-                }
-                moved
-            }
-            (Way::Shapes(rig), Motion::Weights(clip)) => {
-                report(progress, "deform", 0.0)?;
-                let clip = closed_on(self.face, rig, &clip.rows(frames)).into_owned();
-                of_shapes(rig, &self.vertices, &clip)
-            }
-            (_, other) => return Err(not_yet(other)),
-        };
+        let mut moved = self.way.frames(motion, frames, progress)?;
         for (&t, mut frame) in frames.iter().zip(moved.outer_iter_mut()) {
             let clip = self.clip.displacements.index_axis(Axis(0), t);
-            for (mut row, &v) in frame.rows_mut().into_iter().zip(&self.vertices) {
+            for (mut row, &v) in frame.rows_mut().into_iter().zip(&self.way.vertices) {
                 row -= &clip.row(v);
             }
         }

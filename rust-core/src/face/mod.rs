@@ -16,7 +16,6 @@ use crate::{
     },
     progress::{ProgressFn, report},
     rig::Rig,
-    spread::Between,
 };
 pub use surface::FaceSurface;
 
@@ -56,7 +55,6 @@ pub struct Face {
     surface: OnceLock<FaceSurface>,
     deformer: OnceLock<Arc<dyn Deformer>>,
     rig: OnceLock<Arc<Rig>>,
-    between: OnceLock<Arc<Between>>,
 }
 
 impl Face {
@@ -107,7 +105,6 @@ impl Face {
             surface: OnceLock::new(),
             deformer: OnceLock::new(),
             rig: OnceLock::new(),
-            between: OnceLock::new(),
         }
     }
 
@@ -175,14 +172,6 @@ impl Face {
     /// The shapes of this mesh; `make` is called where there are none yet.
     pub(crate) fn rig(&self, make: impl FnOnce() -> Result<Arc<Rig>>) -> Result<&Arc<Rig>> {
         once(&self.rig, make)
-    }
-
-    /// What the skin of a system's template does on this mesh; `make` is called where it is not there yet.
-    pub(crate) fn between(
-        &self,
-        make: impl FnOnce() -> Result<Arc<Between>>,
-    ) -> Result<&Arc<Between>> {
-        once(&self.between, make)
     }
 
     /// Names this face in what is kept of it.

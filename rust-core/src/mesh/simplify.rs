@@ -24,6 +24,13 @@ const MOST_PASSES: usize = 200;
 const LEAST_COSINE: f64 = 0.2;
 /// How much a rim resists leaving its line.
 const RIM_WEIGHT: f64 = 10.0;
+/// While so many times the wanted vertices are left, a pass takes more of the wishes: what is chosen then goes
+/// with a later one anyway.
+const FAR: usize = 4;
+/// Share of the wishes that a pass takes, near the end and far from it. What is bad now may have a better way
+/// later.
+const NEAR_SHARE: f64 = 0.5;
+const FAR_SHARE: f64 = 0.9;
 
 /// What is wanted.
 #[derive(Debug, Clone, Copy)]
@@ -60,7 +67,9 @@ pub fn simplify(
     let mut work = Work::new(positions, triangles, wanted, locked);
     for _ in 0..MOST_PASSES {
         let excess = work.used.saturating_sub(options.vertices);
-        if excess == 0 || work.pass(excess, options.error) == 0 {
+        let is_far = work.used > FAR * options.vertices;
+        let share = if is_far { FAR_SHARE } else { NEAR_SHARE };
+        if excess == 0 || work.pass(excess, options.error, share) == 0 {
             break;
         }
     }
@@ -112,6 +121,15 @@ struct Wish {
     cost: f32,
     from: u32,
     to: u32,
+}
+
+/// What one vertex after another is asked for in.
+#[derive(Default)]
+struct Scratch {
+    /// Neighbours and in how many faces they lie beside it.
+    neighbours: Vec<(u32, u32)>,
+    wishes: Vec<Wish>,
+    shared: Vec<u32>,
 }
 
 struct Work<'a> {
@@ -218,17 +236,21 @@ impl<'a> Work<'a> {
         self.quadrics[b as usize].add(&wall);
     }
 
-    /// Collapses up to `excess` edges that do not touch each other. Returns how many.
-    fn pass(&mut self, excess: usize, error: f64) -> usize {
+    /// Collapses up to `excess` edges that do not touch each other, of the cheapest `share` of the wishes.
+    /// Returns how many.
+    fn pass(&mut self, excess: usize, error: f64, share: f64) -> usize {
         let rings = Rings::of(self.positions.len(), &self.triangles);
         let mut wishes: Vec<Wish> = (0..self.positions.len() as u32)
             .into_par_iter()
             .filter(|&v| !self.locked[v as usize] && !rings.faces(v).is_empty())
-            .filter_map(|v| self.wish(&rings, v, error))
+            .map_init(Scratch::default, |scratch, v| {
+                self.wish(&rings, v, error, scratch)
+            })
+            .flatten()
             .collect();
         wishes.par_sort_unstable_by(|a, b| a.cost.total_cmp(&b.cost).then(a.from.cmp(&b.from)));
-        // The better half of the wishes: what is bad now may have a better way later.
-        let worst = wishes.get(wishes.len() / 2).map_or(0.0, |wish| wish.cost);
+        let last = (share * wishes.len() as f64) as usize;
+        let worst = wishes.get(last).map_or(0.0, |wish| wish.cost);
         let mut touched = vec![false; self.positions.len()];
         let mut done = 0;
         for wish in wishes.iter().take_while(|wish| wish.cost <= worst) {
@@ -257,25 +279,36 @@ impl<'a> Work<'a> {
     }
 
     /// The cheapest collapse of `v` that is allowed.
-    fn wish(&self, rings: &Rings, v: u32, error: f64) -> Option<Wish> {
-        let neighbours = rings.neighbours(v, &self.triangles);
+    fn wish(&self, rings: &Rings, v: u32, error: f64, scratch: &mut Scratch) -> Option<Wish> {
+        let Scratch {
+            neighbours,
+            wishes,
+            shared,
+        } = scratch;
+        rings.find_neighbours(v, &self.triangles, neighbours);
         let on_rim = neighbours.iter().any(|&(_, faces)| faces == 1);
         if neighbours.iter().any(|&(_, faces)| faces > 2) {
             return None;
         }
-        let mut wishes: Vec<Wish> = neighbours
-            .iter()
-            .filter(|&&(_, faces)| !on_rim || faces == 1)
-            .filter_map(|&(to, _)| {
+        wishes.clear();
+        for &(to, faces) in neighbours.iter() {
+            if !on_rim || faces == 1 {
                 let (cost, moved) = self.cost(v, to);
-                (moved <= error * error).then_some(Wish { cost, from: v, to })
-            })
-            .collect();
-        wishes.sort_unstable_by(|a, b| a.cost.total_cmp(&b.cost).then(a.to.cmp(&b.to)));
-        wishes.into_iter().find(|wish| {
-            keeps_the_form(rings, &self.triangles, wish.from, wish.to, &neighbours)
+                if moved <= error * error {
+                    wishes.push(Wish { cost, from: v, to });
+                }
+            }
+        }
+        // The first is nearly always allowed, so that sorting all would be in vain.
+        while let Some(best) = cheapest(wishes) {
+            let wish = wishes.swap_remove(best);
+            if keeps_the_form(rings, &self.triangles, wish, neighbours, shared)
                 && self.keeps_facing(rings, wish.from, wish.to)
-        })
+            {
+                return Some(wish);
+            }
+        }
+        None
     }
 
     /// What a collapse costs, and its squared error.
@@ -323,25 +356,36 @@ impl<'a> Work<'a> {
     }
 }
 
+/// Place of the wish of least cost; of equal ones that to the lower vertex.
+fn cheapest(wishes: &[Wish]) -> Option<usize> {
+    let order = |a: &Wish, b: &Wish| a.cost.total_cmp(&b.cost).then(a.to.cmp(&b.to));
+    let found = wishes.iter().enumerate().min_by(|a, b| order(a.1, b.1));
+    found.map(|(at, _)| at)
+}
+
 /// The link condition: the ends of the edge share the third corners of its faces and no other
-/// neighbour.
+/// neighbour. `neighbours`: of `wish.from`. `shared`: scratch.
 fn keeps_the_form(
     rings: &Rings,
     triangles: &[[u32; 3]],
-    from: u32,
-    to: u32,
+    wish: Wish,
     neighbours: &[(u32, u32)],
+    shared: &mut Vec<u32>,
 ) -> bool {
-    let across = neighbours.iter().find(|n| n.0 == to).map_or(0, |n| n.1);
-    let mut shared: Vec<u32> = rings
-        .faces(to)
+    let across = neighbours.iter().find(|n| n.0 == wish.to);
+    let across = across.map_or(0, |n| n.1 as usize);
+    shared.clear();
+    for v in rings
+        .faces(wish.to)
         .iter()
         .flat_map(|&f| triangles[f as usize])
-        .filter(|&v| v != from && v != to && neighbours.iter().any(|n| n.0 == v))
-        .collect();
-    shared.sort_unstable();
-    shared.dedup();
-    shared.len() == across as usize
+    {
+        let is_shared = v != wish.from && v != wish.to && neighbours.iter().any(|n| n.0 == v);
+        if is_shared && !shared.contains(&v) {
+            shared.push(v);
+        }
+    }
+    shared.len() == across
 }
 
 /// Faces around every vertex.
@@ -384,7 +428,14 @@ impl Rings {
 
     /// Neighbours of one vertex and in how many faces they lie beside it.
     pub(crate) fn neighbours(&self, v: u32, triangles: &[[u32; 3]]) -> Vec<(u32, u32)> {
-        let mut out: Vec<(u32, u32)> = Vec::with_capacity(8);
+        let mut out = Vec::with_capacity(8);
+        self.find_neighbours(v, triangles, &mut out);
+        out
+    }
+
+    /// [`Rings::neighbours`] into a buffer of the caller's.
+    fn find_neighbours(&self, v: u32, triangles: &[[u32; 3]], out: &mut Vec<(u32, u32)>) {
+        out.clear();
         for other in self.faces(v).iter().flat_map(|&f| triangles[f as usize]) {
             match out.iter_mut().find(|n| n.0 == other) {
                 _ if other == v => {}
@@ -392,7 +443,6 @@ impl Rings {
                 None => out.push((other, 1)),
             }
         }
-        out
     }
 }
 

@@ -43,7 +43,7 @@ pub use frame_stream::{LandmarkFrame, MotionStream, stream_whole};
 pub use life::{Life, LifeStrengths};
 pub use perform::{Cues, Performer};
 pub use redo::Stretch;
-pub use template::{Template, TemplateClip, TemplateMask};
+pub use template::{Template, TemplateMask};
 pub use visibility::{SPOKEN_MM, VISIBLE_MM, Visibility, lip_travel};
 pub use weights::{LipGaps, WeightCues};
 
@@ -62,7 +62,7 @@ pub enum Motion {
     Landmarks(LandmarkClip),
     /// Weights of named shapes, such as ARKit's.
     Weights(WeightClip),
-    /// What the vertices of a template do: its landmarks, and its skin between them.
+    /// Displacements of every vertex of a template mesh.
     Template(TemplateClip),
     /// Expression codes of a parametric head.
     Codes(CodeClip),
@@ -89,6 +89,17 @@ pub struct WeightClip {
     /// `[T]`, how far lips have to come together on whatever head shows the clip, 0 to 1; empty where nobody
     /// knows.
     pub together: Vec<f32>,
+}
+
+/// Displacements of a template's vertices.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TemplateClip {
+    /// Name of the template.
+    pub template: String,
+    /// `[T, V, 3]`, canonical metres.
+    pub displacements: Array3<f32>,
+    /// Frames per second.
+    pub fps: f64,
 }
 
 /// Expression codes of a parametric head.
@@ -118,7 +129,7 @@ impl Motion {
         match self {
             Motion::Landmarks(clip) => clip.fps,
             Motion::Weights(clip) => clip.fps,
-            Motion::Template(clip) => clip.landmarks.fps,
+            Motion::Template(clip) => clip.fps,
             Motion::Codes(clip) => clip.fps,
         }
     }
@@ -128,27 +139,25 @@ impl Motion {
         self.values().shape()[0]
     }
 
-    /// The landmarks, where the motion is theirs or a template's.
+    /// The landmarks, where the motion is theirs.
     pub fn landmarks(&self) -> Option<&LandmarkClip> {
         match self {
             Motion::Landmarks(clip) => Some(clip),
-            Motion::Template(clip) => Some(&clip.landmarks),
             _ => None,
         }
     }
 
-    /// Whatever moves, the frames first; of a template its landmarks.
+    /// Whatever moves, the frames first.
     pub fn values(&self) -> ArrayViewD<'_, f32> {
         match self {
             Motion::Landmarks(clip) => clip.displacements.view().into_dyn(),
             Motion::Weights(clip) => clip.weights.view().into_dyn(),
-            Motion::Template(clip) => clip.landmarks.displacements.view().into_dyn(),
+            Motion::Template(clip) => clip.displacements.view().into_dyn(),
             Motion::Codes(clip) => clip.codes.view().into_dyn(),
         }
     }
 
-    /// The same kind of motion with other values; these have any number of frames, but for what else a motion
-    /// has in each frame.
+    /// The same kind of motion with other values; these have any number of frames.
     ///
     /// # Panics
     /// If a frame of `values` has another shape than one of this motion.
@@ -163,7 +172,7 @@ impl Motion {
             }
             Motion::Weights(clip) => clip.weights = values.into_dimensionality().expect(FITS),
             Motion::Template(clip) => {
-                clip.landmarks.displacements = values.into_dimensionality().expect(FITS)
+                clip.displacements = values.into_dimensionality().expect(FITS)
             }
             Motion::Codes(clip) => clip.codes = values.into_dimensionality().expect(FITS),
         }

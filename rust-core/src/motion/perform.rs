@@ -54,7 +54,7 @@ pub struct Performer<'a> {
 
 impl Performer<'_> {
     /// The controls of `request` on `sampled`, under `emotion`; blinks come as often as under `blink_emotion`.
-    /// The skin of a template follows its landmarks; motion that has none stays as it is.
+    /// Motion of another kind stays as it is.
     ///
     /// # Errors
     /// Those of [`FaceModes::perform`].
@@ -65,7 +65,7 @@ impl Performer<'_> {
         emotion: &EmotionCurve,
         blink_emotion: &EmotionCurve,
     ) -> Result<Motion> {
-        let Some(clip) = sampled.landmarks() else {
+        let Motion::Landmarks(clip) = sampled else {
             return Ok(sampled.clone());
         };
         let affect = emotion.sample(sampled.frames(), clip.fps);
@@ -81,10 +81,7 @@ impl Performer<'_> {
         };
         let controls = PerformanceControls::from(&request.controls);
         let performed = self.modes.perform(clip, &cues, &controls)?;
-        Ok(match sampled {
-            Motion::Template(clip) => Motion::Template(clip.performed(performed)),
-            _ => Motion::Landmarks(performed),
-        })
+        Ok(Motion::Landmarks(performed))
     }
 }
 

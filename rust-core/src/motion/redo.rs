@@ -155,10 +155,6 @@ impl Motion {
             let [was, new] = [&made.together, &again.together].map(|share| aview1(share));
             made.together = stretch.splice(was, new, made.fps)?.to_vec();
         }
-        if let (Motion::Template(made), Motion::Template(again)) = (&mut made, again) {
-            let fps = made.landmarks.fps;
-            made.between = stretch.splice(made.between.view(), again.between.view(), fps)?;
-        }
         Ok(made)
     }
 
@@ -168,10 +164,8 @@ impl Motion {
     /// If it has fewer.
     #[must_use]
     pub fn frames_of(&self, rows: Range<usize>) -> Motion {
-        match self {
-            Motion::Weights(clip) => return Motion::Weights(clip.rows(&Vec::from_iter(rows))),
-            Motion::Template(clip) => return Motion::Template(clip.rows(&Vec::from_iter(rows))),
-            Motion::Landmarks(_) | Motion::Codes(_) => {}
+        if let Motion::Weights(clip) = self {
+            return Motion::Weights(clip.rows(&rows.collect::<Vec<_>>()));
         }
         let values: ArrayViewD<'_, f32> = self.values();
         let values: ArrayD<f32> = values.slice_axis(Axis(0), Slice::from(rows)).to_owned();

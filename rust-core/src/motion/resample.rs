@@ -1,10 +1,8 @@
 //! Motion at another frame rate.
 
-use std::sync::Arc;
-
 use ndarray::{Array, ArrayView, Axis, Dimension, RemoveAxis, Zip};
 
-use super::{LandmarkClip, TemplateClip, WeightClip};
+use super::{LandmarkClip, WeightClip};
 
 impl LandmarkClip {
     /// The same motion as `frames` frames at `fps`; frame `t` stands at `t / fps` seconds.
@@ -14,18 +12,6 @@ impl LandmarkClip {
     pub fn at_rate(&self, fps: f64, frames: usize) -> LandmarkClip {
         let displacements = at_rate(self.displacements.view(), self.fps / fps, frames);
         LandmarkClip { displacements, fps }
-    }
-}
-
-impl TemplateClip {
-    /// As [`LandmarkClip::at_rate`].
-    pub fn at_rate(&self, fps: f64, frames: usize) -> TemplateClip {
-        let step = self.landmarks.fps / fps;
-        TemplateClip {
-            template: Arc::clone(&self.template),
-            landmarks: self.landmarks.at_rate(fps, frames),
-            between: at_rate(self.between.view(), step, frames),
-        }
     }
 }
 

@@ -131,33 +131,6 @@ pub fn read_weights(path: &Path) -> Result<Option<WeightClip>> {
     }))
 }
 
-/// Reads `between` `[T, K]`, what a template's skin does between its `frames` landmarks; `None` in files without.
-///
-/// # Errors
-/// `Io` if the file cannot be read, `InvalidInput` if it is no npz or holds numbers that are not finite,
-/// `ShapeMismatch` for another number of frames.
-pub fn read_between(path: &Path, frames: usize) -> Result<Option<Array2<f32>>> {
-    let mut npz = NumpyArchive::open(path)?;
-    if !npz.has("between") {
-        return Ok(None);
-    }
-    let between: Array2<f32> = npz.array("between")?;
-    if between.nrows() != frames {
-        return Err(Error::ShapeMismatch {
-            what: "between",
-            expected: format!("[{frames}, K]"),
-            got: format!("{:?}", between.shape()),
-        });
-    }
-    if between.iter().any(|x| !x.is_finite()) {
-        return Err(Error::InvalidInput(format!(
-            "{}: between: expected finite numbers, got NaN or infinity",
-            path.display()
-        )));
-    }
-    Ok(Some(between))
-}
-
 fn neutral_of(array: &Array2<f32>) -> Result<[[f32; 3]; LANDMARKS]> {
     if array.dim() != (LANDMARKS, 3) {
         return Err(Error::ShapeMismatch {

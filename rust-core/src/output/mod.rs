@@ -23,9 +23,7 @@ use std::path::Path;
 pub use atomic::{remove_unfinished, write_atomically};
 pub use blend_weights::write_blend_weights;
 pub use clip_file::ClipFile;
-pub use landmark_motion::{
-    LandmarkMotion, read_between, read_landmark_motion, read_life, read_weights,
-};
+pub use landmark_motion::{LandmarkMotion, read_landmark_motion, read_life, read_weights};
 pub use opened_obj::write_opened_obj;
 pub use report::{Report, warnings_of_sound};
 pub use rig::{read_rig, write_rig, write_rig_folder};
@@ -36,7 +34,7 @@ use ndarray::ArrayView2;
 use crate::{
     Error, Result,
     mesh::Mesh,
-    motion::{FaceModes, LandmarkClip, Life, Motion},
+    motion::{FaceModes, LandmarkClip, Life, Motion, WeightClip},
     rig::SolvedWeights,
     spread::{self, Animation, ClipStart, FrameSink, LandmarkTrack},
 };
@@ -98,9 +96,8 @@ pub fn write_animation(
 
 /// Writes motion as npz: `landmark_displacements` `[T, 68, 3]` in canonical metres, `fps`, and `head` and
 /// `gaze` as [`Life`] has them. Motion of weights has its `weights` `[T, S]`, their `names` `[S]` and `together`
-/// `[T]` too, how far lips have to meet on whatever head shows it; its landmarks are the mean face's under `modes`;
-/// it may go to a .csv or .json as well, as [`write_blend_weights`] writes them, alone. Motion of a template has
-/// `between` `[T, K]`, metres, what its skin does between the landmarks.
+/// `[T]` too, how far lips have to meet on whatever head shows it; its landmarks are the mean face's under `modes`; it may go to a .csv or .json as well, as
+/// [`write_blend_weights`] writes them, alone.
 ///
 /// # Errors
 /// `InvalidInput` for another extension, or motion that no face has landmarks of; `Io` if the file cannot be
@@ -112,17 +109,14 @@ pub fn write_motion(
     modes: &FaceModes,
 ) -> Result<()> {
     check_motion_path(path, matches!(motion, Motion::Weights(_)))?;
-    let write = |landmarks: &LandmarkClip, beside: npz::Beside<'_>| {
+    let write = |landmarks: &LandmarkClip, weights: Option<&WeightClip>| {
         write_atomically(path, |file| {
-            npz::write_motion(file, landmarks, beside, life)
+            npz::write_motion(file, landmarks, weights, life)
         })
     };
     match motion {
-        Motion::Landmarks(clip) => write(clip, npz::Beside::Nothing),
-        Motion::Template(clip) => write(&clip.landmarks, npz::Beside::Between(clip.between.view())),
-        Motion::Weights(clip) if is_npz(path) => {
-            write(&clip.landmarks(modes)?, npz::Beside::Weights(clip))
-        }
+        Motion::Landmarks(clip) => write(clip, None),
+        Motion::Weights(clip) if is_npz(path) => write(&clip.landmarks(modes)?, Some(clip)),
         Motion::Weights(clip) => {
             let weights = SolvedWeights {
                 names: clip.names.clone(),
@@ -132,7 +126,7 @@ pub fn write_motion(
             };
             write_blend_weights(path, &weights, clip.fps)
         }
-        Motion::Codes(_) => Err(spread::not_yet(motion)),
+        Motion::Template(_) | Motion::Codes(_) => Err(spread::not_yet(motion)),
     }
 }
 

@@ -15,36 +15,24 @@ const LARGE_BYTES: u64 = u32::MAX as u64 - 4096;
 /// Values that are turned into bytes at a time.
 const BATCH: usize = 1 << 16;
 
-/// What motion has beside its landmarks.
-pub(super) enum Beside<'a> {
-    Nothing,
-    Weights(&'a WeightClip),
-    /// `[T, K]`.
-    Between(ArrayView2<'a, f32>),
-}
-
 pub(super) fn write_motion(
     file: impl Write + Seek,
     motion: &LandmarkClip,
-    beside: Beside<'_>,
+    weights: Option<&WeightClip>,
     life: Option<&Life>,
 ) -> io::Result<()> {
     let mut archive = Archive::new(file);
     archive.landmarks(motion.displacements.view())?;
-    match beside {
-        Beside::Nothing => {}
-        Beside::Between(between) => {
-            archive.start("between", "<f4", between.shape())?;
-            archive.values(between.insert_axis(Axis(0)))?;
-        }
-        Beside::Weights(clip) => {
-            archive.names(&clip.names)?;
-            archive.start("weights", "<f4", clip.weights.shape())?;
-            archive.values(clip.weights.view().insert_axis(Axis(0)))?;
-            archive.start("together", "<f4", &[clip.together.len()])?;
-            let together = aview1(&clip.together).insert_axis(Axis(0));
-            archive.values(together.insert_axis(Axis(0)))?;
-        }
+    if let Some(clip) = weights {
+        archive.names(&clip.names)?;
+        archive.start("weights", "<f4", clip.weights.shape())?;
+        archive.values(clip.weights.view().insert_axis(Axis(0)))?;
+        archive.start("together", "<f4", &[clip.together.len()])?;
+        archive.values(
+            aview1(&clip.together)
+                .insert_axis(Axis(0))
+                .insert_axis(Axis(0)),
+        )?;
     }
     life.map_or(Ok(()), |life| archive.life(life))?;
     archive.number("fps", motion.fps)?;

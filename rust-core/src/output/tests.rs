@@ -5,7 +5,7 @@ use ndarray_npy::NpzReader;
 
 use super::clip_file::Writer;
 use super::*;
-use crate::{deform::VertexClip, ibug::LANDMARKS, motion::WeightClip};
+use crate::{deform::VertexClip, ibug::LANDMARKS};
 
 /// Writes the sample clip into any file.
 fn write_sample(file: impl Write + Seek, format: Format) -> Result<()> {

@@ -1,16 +1,16 @@
 //! How motion of each kind reaches a mesh.
 //!
-//! Landmarks move it through a [`Deformer`], weights through the shapes of its own [`Rig`], a template by its
-//! landmarks and by what its skin does [`Between`] them. Codes need a field: they are carried this far and are
-//! refused here until a system brings one. A [`Spread`] makes any stretch of frames; [`into_sink`]
+//! Landmarks move it through a [`Deformer`], weights through the shapes of its own [`Rig`]. Motion of a
+//! template's vertices needs a correspondence, codes a field: both kinds are carried this far and are
+//! refused here until a system brings them. A [`Spread`] makes any stretch of frames; [`into_sink`]
 //! hands them over block by block, so that a long take on a large mesh never lies in memory whole.
 
-mod between;
+mod on_face;
 mod sink;
 
 use std::{borrow::Cow, ops::Range};
 
-use ndarray::{Array2, Array3, ArrayView1, ArrayView2, Axis, Slice};
+use ndarray::{Array3, ArrayView1, ArrayView2, Axis, Slice};
 use rayon::prelude::*;
 
 use crate::{
@@ -23,7 +23,7 @@ use crate::{
     progress::{Progress, ProgressFn, report},
     rig::Rig,
 };
-pub use between::{Between, on_face};
+pub use on_face::on_face;
 pub use sink::{Animation, ClipStart, Collector, FrameSink, LandmarkTrack};
 
 /// Motion on its way to one mesh.
@@ -36,16 +36,36 @@ pub struct Spread<'a> {
 
 /// What moves the vertices.
 enum Way<'a> {
-    /// Landmark displacements `[T, 68, 3]`, mesh units and axes; and a template's skin between them, `[T, K]`.
-    Landmarks(
-        &'a dyn Deformer,
-        Array3<f32>,
-        Option<(&'a Between, &'a Array2<f32>)>,
-    ),
+    /// Landmark displacements `[T, 68, 3]`, mesh units and axes.
+    Landmarks(&'a dyn Deformer, Array3<f32>),
     /// Shapes of this mesh and their weights over time.
-    Shapes(&'a Rig, Vec<(usize, usize)>, &'a WeightClip),
+    Shapes(WeightedShapes<'a>),
     /// Two motions of one length, and how much each vertex has of either, `[V]`.
     Mixed(Box<[(Spread<'a>, Vec<f32>); 2]>),
+}
+
+/// Weights on their way to one mesh. Shapes add up in straight lines, which neither meet at the lids under every
+/// expression nor slide over an eyeball: what shuts the lids of landmark motion shuts them here.
+pub struct WeightedShapes<'a> {
+    /// Shapes of the mesh; those that it has no shape for move nothing.
+    pub rig: &'a Rig,
+    /// Their weights.
+    pub clip: &'a WeightClip,
+    /// What knows the lids of the mesh.
+    pub deformer: &'a dyn Deformer,
+    /// What the weights ask of the landmarks, `[T, 68, 3]`, mesh units and axes.
+    pub landmarks: Array3<f32>,
+}
+
+impl WeightedShapes<'_> {
+    fn frames(&self, range: Range<usize>) -> Array3<f32> {
+        let landmarks = self
+            .landmarks
+            .slice_axis(Axis(0), Slice::from(range.clone()));
+        let mut moved = mixed(self.rig, self.clip, range);
+        self.deformer.shut_lids(landmarks, &mut moved);
+        moved
+    }
 }
 
 /// How far things move, over all frames.
@@ -72,29 +92,17 @@ impl<'a> Spread<'a> {
             face,
             fps,
             frames: landmarks.len_of(Axis(0)),
-            way: Way::Landmarks(deformer, landmarks, None),
+            way: Way::Landmarks(deformer, landmarks),
         }
     }
 
-    /// The same with a template's skin beside its landmarks, at `weights` `[T, K]`.
-    #[must_use]
-    pub fn and_between(self, between: &'a Between, weights: &'a Array2<f32>) -> Spread<'a> {
-        let way = match self.way {
-            Way::Landmarks(deformer, landmarks, _) => {
-                Way::Landmarks(deformer, landmarks, Some((between, weights)))
-            }
-            way => way,
-        };
-        Spread { way, ..self }
-    }
-
-    /// Weights through shapes of the mesh; those that it has no shape for move nothing.
-    pub fn of_weights(face: &'a Face, rig: &'a Rig, clip: &'a WeightClip) -> Spread<'a> {
+    /// Weights through shapes of the mesh.
+    pub fn of_weights(face: &'a Face, shapes: WeightedShapes<'a>) -> Spread<'a> {
         Spread {
             face,
-            fps: clip.fps,
-            frames: clip.weights.nrows(),
-            way: Way::Shapes(rig, pairs(rig, clip), clip),
+            fps: shapes.clip.fps,
+            frames: shapes.clip.weights.nrows(),
+            way: Way::Shapes(shapes),
         }
     }
 
@@ -137,18 +145,13 @@ impl<'a> Spread<'a> {
     /// `Cancelled`.
     pub fn frames(&self, range: Range<usize>, progress: ProgressFn<'_>) -> Result<Array3<f32>> {
         match &self.way {
-            Way::Landmarks(deformer, landmarks, between) => {
-                let rows = Slice::from(range);
-                let stretch = landmarks.slice_axis(Axis(0), rows);
-                let mut moved = deformer.deform(stretch, progress)?;
-                if let Some((between, weights)) = between {
-                    between.add(weights.slice_axis(Axis(0), rows), &mut moved);
-                }
-                Ok(moved)
+            Way::Landmarks(deformer, landmarks) => {
+                let stretch = landmarks.slice_axis(Axis(0), Slice::from(range));
+                deformer.deform(stretch, progress)
             }
-            Way::Shapes(rig, pairs, clip) => {
+            Way::Shapes(shapes) => {
                 report(progress, "deform", 0.0)?;
-                let moved = mixed(rig, pairs, clip, range);
+                let moved = shapes.frames(range);
                 report(progress, "deform", 1.0)?;
                 Ok(moved)
             }
@@ -175,16 +178,12 @@ fn scale_rows(moved: &mut Array3<f32>, shares: &[f32]) {
 }
 
 /// `Σ_s weight[t, s] · shape[s]` for a stretch of frames, `[t, V, 3]`.
-fn mixed(
-    rig: &Rig,
-    pairs: &[(usize, usize)],
-    clip: &WeightClip,
-    range: Range<usize>,
-) -> Array3<f32> {
+fn mixed(rig: &Rig, clip: &WeightClip, range: Range<usize>) -> Array3<f32> {
+    let pairs = pairs(rig, clip);
     let mut out = Array3::zeros((range.len(), rig.deltas.len_of(Axis(1)), 3));
     let frames = out.axis_iter_mut(Axis(0)).into_par_iter();
     frames.zip(range).for_each(|(mut frame, t)| {
-        for &(weight, shape) in pairs {
+        for &(weight, shape) in &pairs {
             let weight = clip.weights[[t, weight]];
             if weight != 0.0 {
                 frame.scaled_add(weight, &rig.deltas.index_axis(Axis(0), shape));
@@ -201,7 +200,7 @@ pub(crate) fn of_shapes(rig: &Rig, vertices: &[usize], clip: &WeightClip) -> Arr
         deltas: rig.deltas.select(Axis(1), vertices),
         reports: Vec::new(),
     };
-    mixed(&part, &pairs(&part, clip), clip, 0..clip.weights.nrows())
+    mixed(&part, clip, 0..clip.weights.nrows())
 }
 
 /// Where the weights of a clip stand, and the shapes of the mesh that they move.
@@ -235,7 +234,7 @@ pub(crate) fn closed_on<'a>(face: &Face, rig: &Rig, clip: &'a WeightClip) -> Cow
 /// The error for kinds of motion that no system gives yet.
 pub(crate) fn not_yet(motion: &Motion) -> Error {
     Error::InvalidInput(format!(
-        "motion: expected landmarks, weights or a template, got {}, which nothing here can put on a mesh",
+        "motion: expected landmarks or weights, got {}, which nothing here can put on a mesh",
         motion.kind()
     ))
 }
@@ -262,7 +261,7 @@ pub fn into_sink(
         .map(|first| first..(first + size).min(spread.frames));
     let make = |stretch: Range<usize>| Block::make(spread, stretch, progress);
     let mut landmarks = match &spread.way {
-        Way::Landmarks(_, landmarks, _) => landmarks.clone(),
+        Way::Landmarks(_, landmarks) => landmarks.clone(),
         Way::Shapes(..) | Way::Mixed(_) => Array3::zeros((spread.frames, LANDMARKS, 3)),
     };
     let mut largest = 0.0f32;

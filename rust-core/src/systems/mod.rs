@@ -20,7 +20,7 @@ use crate::{
     face::Face,
     mesh,
     models::BuiltIn,
-    motion::{self, LipClosures, Motion, MotionStream, Template, TemplateMask},
+    motion::{self, LipClosures, Motion, MotionStream, TemplateMask},
     progress::ProgressFn,
     rig,
     speech::{self, Heard, SpeechInput},
@@ -208,11 +208,6 @@ pub trait System: Send + Sync {
     fn believed(&self, heard: &Heard, request: &MotionRequest) -> Result<Option<TemplateMask>> {
         let _ = (heard, request);
         Ok(None)
-    }
-
-    /// The template whose vertices it moves, where it moves one.
-    fn template(&self) -> Option<&Arc<Template>> {
-        None
     }
 
     /// Names of the speaking styles that its models know.

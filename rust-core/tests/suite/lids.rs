@@ -8,11 +8,13 @@ use anyface::{
     metrics::{EyeballsInSight, eyeballs_in_sight},
     motion::{
         Cues, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, PerformanceControls,
+        WeightClip,
     },
     progress::SILENT,
+    rig::ARKIT,
     spread::Collector,
 };
-use ndarray::{Array3, ArrayView2, Axis};
+use ndarray::{Array2, Array3, ArrayView2, Axis};
 
 use crate::head::{self, closing};
 
@@ -93,10 +95,9 @@ impl Eyes {
 }
 
 /// What is seen of the eyeballs in each frame, and at rest, where +z is out of the face.
-fn sights(face: &Face, clip: &LandmarkClip) -> (Vec<EyeballsInSight>, f64) {
-    let motion = Motion::Landmarks(clip.clone());
+fn sights(face: &Face, motion: &Motion) -> (Vec<EyeballsInSight>, f64) {
     let engine = head::engine();
-    let made = Collector::collect(|sink| engine.spread(face, &motion, sink, SILENT)).unwrap();
+    let made = Collector::collect(|sink| engine.spread(face, motion, sink, SILENT)).unwrap();
     let eyes = Eyes::of(face);
     let frames = made.vertices.displacements.axis_iter(Axis(0)).map(|frame| {
         let moved = face.mesh.positions.iter().zip(frame.rows());
@@ -112,7 +113,7 @@ fn sights(face: &Face, clip: &LandmarkClip) -> (Vec<EyeballsInSight>, f64) {
 fn check_blinks(face: &Face) {
     for emotion in ["neutral:0", "surprised:1", "afraid:1", "happy:1"] {
         let clip = blinking(emotion);
-        let (seen, rest) = sights(face, &clip);
+        let (seen, rest) = sights(face, &Motion::Landmarks(clip.clone()));
         assert!(rest > 0.0, "eyes that are open at rest");
         let mut shut = 0;
         for (t, sight) in seen.iter().enumerate() {
@@ -138,6 +139,62 @@ fn the_default_head_shuts_its_eyes_under_every_emotion() {
         &head::landmarks(),
         PartChoices::default(),
     ));
+}
+
+/// Weights add up in straight lines: under squints and raised cheeks blinks would neither shut nor keep before
+/// the eyeballs.
+#[test]
+fn blinks_of_weights_shut_under_every_expression() {
+    let face = head::prepared(&head::head(), &head::landmarks(), PartChoices::default());
+    for others in [
+        &[][..],
+        &["eyeSquint", "cheekSquint", "mouthSmile"],
+        &["eyeSquint", "browDown", "noseSneer"],
+        &["browOuterUp", "mouthFrown"],
+    ] {
+        let clip = shutting(others);
+        let (seen, rest) = sights(&face, &Motion::Weights(clip));
+        let share = seen[SHUTTING - 1].area / rest;
+        assert!(share < SHUT, "{others:?}: {share} in sight");
+        for (t, sight) in seen.iter().enumerate() {
+            let through = sight.through_lids / rest;
+            assert!(
+                through < THROUGH_LIDS,
+                "{others:?}, frame {t}: {through} through the lids"
+            );
+        }
+    }
+}
+
+const SHUTTING: usize = 8;
+
+/// A blink from open to shut over `others` of both sides at weight 1, which close the lids of the mean face by as
+/// much as is missing.
+fn shutting(others: &[&str]) -> WeightClip {
+    let names: Vec<String> = ARKIT[..51].iter().map(|name| name.to_string()).collect();
+    let mut clip = WeightClip {
+        weights: Array2::zeros((SHUTTING, names.len())),
+        names,
+        fps: FPS,
+        together: Vec::new(),
+    };
+    for other in others
+        .iter()
+        .flat_map(|name| [format!("{name}Left"), format!("{name}Right")])
+    {
+        let column = clip.column(&other).unwrap();
+        clip.weights.column_mut(column).fill(1.0);
+    }
+    let modes = FaceModes::open(None).unwrap();
+    let frame = clip.landmarks(&modes).unwrap().displacements;
+    let lacking = 1.0 - asked(frame.index_axis(Axis(0), 0));
+    for name in ["eyeBlinkLeft", "eyeBlinkRight"] {
+        let column = clip.column(name).unwrap();
+        for t in 0..SHUTTING {
+            clip.weights[[t, column]] = lacking * t as f32 / (SHUTTING - 1) as f32;
+        }
+    }
+    clip
 }
 
 /// The default head with eyes opened half as far, and half as far again: the way of the lids is the head's own.
@@ -212,10 +269,10 @@ fn lids_close_by_the_share_that_is_asked_for() {
     });
     let (seen, rest) = sights(
         &face,
-        &LandmarkClip {
+        &Motion::Landmarks(LandmarkClip {
             displacements,
             fps: FPS,
-        },
+        }),
     );
     for (sight, asked) in seen.iter().zip(shares) {
         let open = sight.area / rest;

@@ -2,6 +2,7 @@
 
 mod cafe_talk;
 mod command;
+mod corpus;
 mod damaged;
 mod emoface;
 mod expressions;

@@ -36,7 +36,6 @@ enum Command {
     Quality(quality::Quality),
     Gallery(gallery::Gallery),
     Bench(bench::Bench),
-    Skin(gallery::Skin),
 }
 
 fn main() -> ExitCode {
@@ -58,7 +57,6 @@ impl Arguments {
             Command::Quality(command) => command.run(&self.shared, &console),
             Command::Gallery(command) => command.run(&self.shared, &console),
             Command::Bench(command) => command.run(&self.shared, &console),
-            Command::Skin(command) => command.run(&self.shared, &console),
         }
     }
 }
@@ -82,7 +80,6 @@ mod tests {
             "anyface-eval quality --data D --aligned A --only closures",
             "anyface-eval quality --data D --system cafe-talk --only events",
             "anyface-eval gallery --out G.md --no-cache",
-            "anyface-eval skin --out G.md --data D",
             "anyface-eval bench --mesh M.obj --no-proxy --runs 2 --json",
             "anyface-eval bench --mesh M.obj --triangulations",
         ] {

@@ -77,7 +77,7 @@ def of_corpus(arguments, config: EmoFaceConfig) -> list[Spoken]:
         hears = partial(_said, encoder)
     clips = own.spoken(CorpusFolder(arguments.corpus), hears, feeling)
     config.fps, config.feeling_channels = FPS, feeling.config.coordinates + len(feeling.config.feelings)
-    config.styles, config.template = [*sorted({c.source for c in clips}), ANY_STYLE], "own"
+    config.styles = [*sorted({c.source for c in clips}), ANY_STYLE]
     return clips
 
 

@@ -12,12 +12,11 @@ from training.systems.emoface.model import EmoFace, Given, debug_config
 
 COMMAND = "python -m training.goldens emoface"
 FRAMES, STYLE = 30, 1
-SHAPES, READ = 3, 20
 
 
 def write(out: Path, shared: Path) -> Path:
     """`weights.*`; `content`, `feeling`, `level`, `first` → `motion`, `content_…`, `feeling_motion` [T, D]
-    metres, `mask` [T, V]; `shares` → `prototype`; `between` [T, K] read off `motion`. `shared` is not used.
+    metres, `mask` [T, V]; `shares` → `prototype`. `shared` is not used.
     """
     torch.manual_seed(23)
     config = debug_config()
@@ -45,15 +44,9 @@ def write(out: Path, shared: Path) -> Path:
     first = torch.randn(1, 3 * config.vertices)
     made = model.perform(given, first)
     shares = torch.softmax(torch.randn(len(config.feelings)), dim=0)
-    read = torch.randn(SHAPES, 3 * READ)
     tensors = {f"weights.{key}": value for key, value in model.state_dict().items()}
     tensors |= {
         "weights.spirals": torch.from_numpy(around).float(),
-        "weights.vertices": torch.from_numpy(points),
-        "weights.triangles": torch.from_numpy(triangles).float(),
-        "weights.between.shapes": torch.rand(config.vertices, 3, SHAPES),
-        "weights.between.read": read,
-        "between": made.motion[0, :, : 3 * READ] * config.scale_m @ read.T,
         "content": given.content[0],
         "feeling": given.feeling[0],
         "level": given.level[0],
@@ -66,7 +59,6 @@ def write(out: Path, shared: Path) -> Path:
         "prototype": shares @ model.prototypes,
     }
     path = out / "emoface_debug.safetensors"
-    told = config.to_json() | {"triangles": len(triangles), "between": SHAPES, "between_read": READ}
-    metadata = {"config": json.dumps(told), "tolerance": "1e-4", "command": COMMAND}
+    metadata = {"config": json.dumps(config.to_json()), "tolerance": "1e-4", "command": COMMAND}
     save_file({key: value.contiguous() for key, value in tensors.items()}, path, metadata)
     return path

@@ -1,6 +1,6 @@
 //! Lips that meet, in weights of shapes.
 
-use ndarray::{Array3, ArrayView3, ArrayViewMut1, s};
+use ndarray::{Array1, Array2, Array3, ArrayView3, ArrayViewMut1, s};
 
 use super::super::{FaceModes, LipClosures, WeightClip};
 use crate::{Result, ibug::INNER_LIPS};
@@ -12,6 +12,11 @@ const PRESSED_M: f32 = 0.3e-3;
 const CLOSE: &str = "mouthClose";
 /// What it costs to change a weight by 1, beside a pair that misses by so many square millimetres.
 const PRICE: f32 = 0.05;
+/// What it costs to move a corner of the mouth by a millimetre, beside a pair that misses by so many: who says m
+/// goes on smiling.
+const KEPT: f32 = 0.02;
+/// The corners of the mouth.
+const CORNERS: [usize; 2] = [48, 54];
 /// Sweeps over all shapes, after which nothing moves any more.
 const SWEEPS: usize = 30;
 /// A shape that moves no lip farther has no say.
@@ -40,6 +45,8 @@ const MM: f32 = 1e3;
 pub struct LipGaps {
     /// `[S, 3, 2]`, by how much each shape at weight 1 parts each inner pair in height and in depth, metres.
     gaps: Array3<f32>,
+    /// `[S, 6]`, by how much each shape at weight 1 moves the corners of the mouth, metres.
+    corners: Array2<f32>,
     close: Option<usize>,
 }
 
@@ -59,8 +66,10 @@ impl LipGaps {
             shapes[[s, upper, axis + 1]] - shapes[[s, lower, axis + 1]]
         };
         let named = |wanted: &str| names.iter().position(|name| name == wanted);
+        let corner = |(s, i): (usize, usize)| shapes[[s, CORNERS[i / 3], i % 3]];
         LipGaps {
             gaps: Array3::from_shape_fn((names.len(), PAIRS, 2), gap),
+            corners: Array2::from_shape_fn((names.len(), 3 * CORNERS.len()), corner),
             close: named(CLOSE),
         }
     }
@@ -139,22 +148,27 @@ impl LipGaps {
         let (start, moving) = (weights.to_owned(), self.moving(weights));
         for _ in 0..SWEEPS {
             for &s in &moving {
-                self.descend(weights, s, start[s], &goal);
+                self.descend(weights, s, &start, &goal);
             }
         }
     }
 
     /// Best value of one weight with all others as they are: squared misses in millimetres, where a pair is too
-    /// wide, goes through itself or lies apart in depth, and a price for leaving where the weight was.
+    /// wide, goes through itself or lies apart in depth, and prices for leaving where weight and corners were.
     fn descend(
         &self,
         weights: &mut ArrayViewMut1<'_, f32>,
         s: usize,
-        was: f32,
+        start: &Array1<f32>,
         goal: &[[f32; 2]; PAIRS],
     ) {
-        let now = self.opening(weights);
+        let (now, was) = (self.opening(weights), start[s]);
         let (mut pull, mut slope) = (PRICE * (weights[s] - was), PRICE);
+        let moved = (&*weights - start).dot(&self.corners);
+        for (by, moved) in self.corners.row(s).iter().zip(moved) {
+            pull += KEPT * MM * by * MM * moved;
+            slope += KEPT * MM * by * MM * by;
+        }
         for pair in 0..PAIRS {
             for axis in 0..2 {
                 let off = MM * (now[pair][axis] - goal[pair][axis]);
@@ -262,6 +276,28 @@ mod tests {
                 let heights = gaps.opening(&clip.weights.row_mut(0)).map(|pair| pair[0]);
                 let told = format!("{event:?} in {vowel:?}: {heights:?}");
                 assert!(heights.iter().all(|h| (-1.5e-3..0.0).contains(h)), "{told}");
+            }
+        }
+    }
+
+    #[test]
+    fn who_smiles_goes_on_smiling_while_the_lips_meet() {
+        for strength in [0.7, 1.0, 1.5] {
+            let smile = [("mouthSmileLeft", strength), ("mouthSmileRight", strength)];
+            for vowel in VOWELS[..3].iter().chain([&&[("jawOpen", 0.0)][..]]) {
+                let (mut clip, gaps) = clip(&[vowel, &smile[..]].concat());
+                let modes = FaceModes::open(None).unwrap();
+                let width = |clip: &WeightClip| {
+                    let moved = clip.landmarks(&modes).unwrap().displacements;
+                    moved[[0, 54, 0]] - moved[[0, 48, 0]]
+                };
+                let before = width(&clip);
+                gaps.close(&mut clip, &LipClosures::heard(&[0.9], 25.0), &[false]);
+                let left = gaps.largest(clip.weights.row(0));
+                let after = width(&clip);
+                let told = format!("{strength} {vowel:?}: {before} to {after}, gap {left}");
+                let most = if strength > 1.0 { 0.3e-3 } else { 0.0 };
+                assert!(after > 0.6 * before && left < most, "{told}");
             }
         }
     }

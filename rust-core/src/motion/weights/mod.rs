@@ -3,10 +3,12 @@
 mod closing;
 mod perform;
 
+use std::borrow::Cow;
+
 use ndarray::{Array2, Array3, Axis};
 
 use super::{FaceModes, LandmarkClip, WeightClip};
-use crate::Result;
+use crate::{Result, rig::ARKIT};
 
 pub use closing::LipGaps;
 pub use perform::WeightCues;
@@ -30,6 +32,20 @@ impl WeightClip {
             fps: self.fps,
             together: known.map(|&t| self.together[t]).collect(),
         }
+    }
+
+    /// Its weights of ARKit's shapes, without others.
+    pub(crate) fn of_arkit(&self) -> Cow<'_, WeightClip> {
+        let known = columns(&self.names, |name| ARKIT.contains(&name));
+        if known.len() == self.names.len() {
+            return Cow::Borrowed(self);
+        }
+        Cow::Owned(WeightClip {
+            names: known.iter().map(|&s| self.names[s].clone()).collect(),
+            weights: self.weights.select(Axis(1), &known),
+            fps: self.fps,
+            together: self.together.clone(),
+        })
     }
 
     /// The motion of the mean face's landmarks under these weights.

@@ -27,14 +27,9 @@ pub struct EmoFaceConfig {
     pub template: String,
     /// Vertices `V` of the template.
     pub vertices: usize,
-    /// Triangles of the template.
+    /// Triangles of the template; 0 where the model has none.
+    #[serde(default)]
     pub triangles: usize,
-    /// Shapes `K` of what its skin does between the landmarks.
-    #[serde(default)]
-    pub between: usize,
-    /// Vertices `R`, the first ones, by whose motion that is known.
-    #[serde(default)]
-    pub between_read: usize,
     /// Motion frames per second.
     pub fps: f64,
     /// Width `d` of a branch.
@@ -104,9 +99,6 @@ impl EmoFaceConfig {
             format!("landmarks: expected {LANDMARKS}, got {count}")
         } else if let Some(vertex) = outside {
             format!("landmarks: expected vertices below {vertices}, got {vertex}")
-        } else if self.between_read > vertices {
-            let got = self.between_read;
-            format!("between_read: expected at most {vertices} vertices, got {got}")
         } else if self.channels < 16 || self.kernel == 0 || self.delta == 0 {
             let (channels, kernel, delta) = (self.channels, self.kernel, self.delta);
             format!(

@@ -9,4 +9,4 @@ mod template;
 pub use config::{EmoFaceConfig, Fusion};
 pub use model::{HeardFrame, Layer, MadeFrame, Model, Progressing};
 pub use system::{EmoFace, MODEL, REGISTRATION};
-pub use template::ReadTemplate;
+pub use template::read_template;

@@ -4,7 +4,7 @@ use std::{path::Path, sync::Arc};
 
 use ndarray::{Array1, Array2, Array3};
 
-use super::{EmoFaceConfig, HeardFrame, Layer, Model, ReadTemplate};
+use super::{EmoFaceConfig, HeardFrame, Layer, Model, read_template};
 use crate::{
     Error, Result,
     conditions::{
@@ -16,7 +16,7 @@ use crate::{
     models::{BuiltIn, built_in},
     motion::{
         self, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, PERFORMANCE_CONTROLS,
-        Performer, Template, TemplateClip, TemplateMask,
+        Performer, Template, TemplateMask,
     },
     nn::Weights,
     progress::{ProgressFn, report},
@@ -99,7 +99,7 @@ pub static REGISTRATION: Registration = Registration {
 /// Both branches with everything that makes a performance of their motion.
 pub struct EmoFace {
     model: Model,
-    read: ReadTemplate,
+    template: Option<Arc<Template>>,
     encoder: FeelingEncoder,
     modes: Arc<FaceModes>,
     expressions: Arc<Expressions>,
@@ -122,7 +122,7 @@ impl EmoFace {
         }
         let weights = Weights::from_bytes(&files.weights)?;
         Ok(EmoFace {
-            read: ReadTemplate::load(&weights, &config)?,
+            template: read_template(&weights, &config)?.map(Arc::new),
             model: Model::new(config, &weights)?,
             encoder,
             modes: Arc::new(FaceModes::open(folder)?),
@@ -185,6 +185,12 @@ impl EmoFace {
         }
         Ok(self.model.prototype(&shares))
     }
+
+    /// The landmarks of a layer, `[3 V]` metres, as `[68, 3]`.
+    fn landmarks(&self, values: &[f32]) -> Array2<f32> {
+        let at = &self.config().landmarks;
+        Array2::from_shape_fn((LANDMARKS, 3), |(n, axis)| values[3 * at[n] + axis])
+    }
 }
 
 impl System for EmoFace {
@@ -208,11 +214,8 @@ impl System for EmoFace {
         let layer = Layer::of(&request.controls);
         let first = request.starts_from.map(|pose| self.model.pose_of(&pose));
         let mut state = self.model.start(first.as_ref().map(|pose| pose.view()))?;
-        let template = self.read.template();
         let mut displacements = Array3::zeros((frames, LANDMARKS, 3));
-        let mut between = Array2::zeros((frames, template.shapes()));
-        let rows = displacements.outer_iter_mut().zip(between.outer_iter_mut());
-        for (t, (landmarks, between)) in rows.enumerate() {
+        for (t, mut frame) in displacements.outer_iter_mut().enumerate() {
             report(progress, "sample", t as f32 / frames as f32)?;
             let now = HeardFrame {
                 content: content.row(t),
@@ -221,19 +224,13 @@ impl System for EmoFace {
                 level: levels[t],
             };
             let made = self.model.step(now, layer, &mut state);
-            self.read.read(made.layer(layer), landmarks, between);
+            frame.assign(&self.landmarks(made.layer(layer)));
         }
         report(progress, "sample", 1.0)?;
         let wanted = heard.frames(request.fps);
-        let clip = TemplateClip {
-            template: Arc::clone(template),
-            landmarks: LandmarkClip { displacements, fps },
-            between,
-        };
-        let mut clip = clip.at_rate(request.fps, wanted);
-        let closures = heard.closures(request.closures.as_deref());
-        motion::close_lips(&mut clip.landmarks, &closures);
-        Ok(Motion::Template(clip))
+        let mut clip = LandmarkClip { displacements, fps }.at_rate(request.fps, wanted);
+        motion::close_lips(&mut clip, &heard.closures(request.closures.as_deref()));
+        Ok(Motion::Landmarks(clip))
     }
 
     fn perform(
@@ -258,18 +255,20 @@ impl System for EmoFace {
     }
 
     fn believed(&self, heard: &Heard, request: &MotionRequest) -> Result<Option<TemplateMask>> {
+        let Some(template) = &self.template else {
+            return Err(Error::Weights(
+                "emoface: mask: expected a model with the triangles of its template, got none"
+                    .into(),
+            ));
+        };
         let fps = self.config().fps;
         let content = heard.features(fps);
         let (feeling, _) = self.feeling(heard, request, content.nrows())?;
         Ok(Some(TemplateMask {
-            template: Arc::clone(self.read.template()),
+            template: Arc::clone(template),
             shares: self.model.masks(content.view(), feeling.view()),
             fps,
         }))
-    }
-
-    fn template(&self) -> Option<&Arc<Template>> {
-        Some(self.read.template())
     }
 
     fn styles(&self) -> &[String] {

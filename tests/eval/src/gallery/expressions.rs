@@ -1,14 +1,14 @@
 //! What the frames of a gallery show, as weights of ARKit channels.
 
 /// What a frame shows.
-pub(super) struct Expression<'a> {
-    pub title: &'a str,
+pub(super) struct Expression {
+    pub title: &'static str,
     /// ARKit channels with their weights.
-    pub channels: &'a [(&'a str, f32)],
+    pub channels: &'static [(&'static str, f32)],
 }
 
 /// One movement each.
-pub(super) const MOVEMENTS: [Expression<'static>; 4] = [
+pub(super) const MOVEMENTS: [Expression; 4] = [
     Expression {
         title: "jaw open",
         channels: &[("jawOpen", 0.6)],
@@ -29,7 +29,7 @@ pub(super) const MOVEMENTS: [Expression<'static>; 4] = [
 
 /// Six feelings by the action units of Ekman and Friesen, both sides alike: 6 and 12; 1, 4 and 15; 4, 5, 7
 /// and 23; 1, 2, 4, 5, 7 and 20; 1, 2, 5 and 26; 9, 15 and 16.
-pub(super) const FEELINGS: [Expression<'static>; 6] = [
+pub(super) const FEELINGS: [Expression; 6] = [
     Expression {
         title: "happy",
         channels: &[

@@ -5,7 +5,6 @@ mod cells;
 mod creases;
 mod expressions;
 mod mouths;
-mod skin;
 mod subjects;
 
 use std::{
@@ -36,8 +35,6 @@ use anyface::{
     progress::SILENT,
     spread::Collector,
 };
-
-pub(crate) use self::skin::Skin;
 
 /// Make a page that shows meshes with their landmarks, four frames and an error map
 #[derive(Args)]

@@ -100,14 +100,9 @@ pub(super) fn of_known_faces(data: &Path) -> Result<Vec<Subject>> {
 
 /// The same two with six feelings, each with its own landmarks.
 pub(super) fn with_feelings(data: &Path) -> Result<Vec<Subject>> {
-    of_shapes(data, &FEELINGS)
-}
-
-/// The same two with any expressions, each with its own landmarks.
-pub(super) fn of_shapes(data: &Path, expressions: &[Expression<'_>]) -> Result<Vec<Subject>> {
     let faces = [
-        ("ICT, unseen identity", ict(data, expressions)?),
-        ("MakeHuman", makehuman(data, expressions)?),
+        ("ICT, unseen identity", ict(data, &FEELINGS)?),
+        ("MakeHuman", makehuman(data, &FEELINGS)?),
     ];
     let subjects = faces.into_iter().map(|(name, (mesh, truth))| Subject {
         title: name.into(),
@@ -121,28 +116,11 @@ pub(super) fn of_shapes(data: &Path, expressions: &[Expression<'_>]) -> Result<V
     Ok(subjects.collect())
 }
 
-/// The mean face.
-pub(super) fn ict_mean(data: &Path, expressions: &[Expression<'_>]) -> Result<(Mesh, Truth)> {
-    ict_person(data, expressions, |people| vec![0.0; people])
-}
-
-fn ict(data: &Path, expressions: &[Expression<'_>]) -> Result<(Mesh, Truth)> {
-    ict_person(data, expressions, |people| {
-        frame_noise(IDENTITY_SEED, 0, 1, people)
-            .into_iter()
-            .collect()
-    })
-}
-
-fn ict_person(
-    data: &Path,
-    expressions: &[Expression<'_>],
-    coefficients: impl FnOnce(usize) -> Vec<f32>,
-) -> Result<(Mesh, Truth)> {
+fn ict(data: &Path, expressions: &[Expression]) -> Result<(Mesh, Truth)> {
     let file = TensorFile::read(&data.join("faces/ict_facekit.safetensors"))?;
     let (mut neutral, shape) = file.floats("neutral")?;
     let (identity, people) = file.floats("identity")?;
-    let coefficients = coefficients(people[0]);
+    let coefficients = frame_noise(IDENTITY_SEED, 0, 1, people[0]);
     for (mode, amount) in identity.chunks(3 * shape[0]).zip(&coefficients) {
         for (x, offset) in neutral.iter_mut().zip(mode) {
             *x += amount * offset;
@@ -165,7 +143,7 @@ fn ict_person(
     face(&file, (neutral, &modes), expressions, &key, 10.0)
 }
 
-fn makehuman(data: &Path, expressions: &[Expression<'_>]) -> Result<(Mesh, Truth)> {
+fn makehuman(data: &Path, expressions: &[Expression]) -> Result<(Mesh, Truth)> {
     let file = TensorFile::read(&data.join("faces/makehuman_head.safetensors"))?;
     let (neutral, _) = file.floats("neutral")?;
     let names = file.words("names")?;
@@ -178,7 +156,7 @@ fn makehuman(data: &Path, expressions: &[Expression<'_>]) -> Result<(Mesh, Truth
 fn face(
     file: &TensorFile,
     (neutral, modes): (Vec<f32>, &[f32]),
-    expressions: &[Expression<'_>],
+    expressions: &[Expression],
     key: &dyn Fn(&str) -> Vec<usize>,
     mm: f32,
 ) -> Result<(Mesh, Truth)> {
