@@ -149,8 +149,11 @@ def _gap_r(judged: Judged, one: Made, two: Made) -> float:
 
 
 def taught(judged: Judged, clips: list[Spoken]) -> dict[str, tuple[float, float]]:
-    """How far each taught feeling goes where it is told by its mean features: the least-squares slope of what it
-    adds to the neutral face over what the teacher's adds, mean over the frames of a clip, and the cosine."""
+    """How far each taught feeling goes where it is told by its mean features.
+
+    The least-squares slope of what it adds to the neutral face over what the teacher's adds, mean over the
+    frames of a clip, and the cosine.
+    """
     out = {}
     neutral = [_told(judged, clip, FEELINGS[0]) for clip in clips]
     for feeling in FEELINGS[1:]:

@@ -351,7 +351,7 @@ class Engine(BasisCalls, EventCalls, MeshCalls, MouthCalls, ShapeCalls, SoundCal
         return self._own(handles, "motion", "anyface_motion_new", *given)
 
     def _pose(self, handles, face, request):
-        """A motion of one frame: the landmarks of a face where its vertices stand in `request.pose`."""
+        """A motion of one frame: the landmarks of a face that stands in `request.pose`."""
         places = np.empty((LANDMARKS, 3), dtype=np.float32)
         vertices = np.empty(LANDMARKS, dtype=np.uint32)
         sure = np.empty(LANDMARKS, dtype=np.float32)

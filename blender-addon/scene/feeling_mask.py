@@ -27,7 +27,7 @@ def weights(ob, name: str) -> np.ndarray:
 
 
 def show_heat(ob, believed: np.ndarray) -> None:
-    """Puts shares `[V]` as colours on the mesh; the artist's own colours stay, and stay the ones shown."""
+    """Puts shares `[V]` as colours on the mesh; the artist's own stay, and stay the ones shown."""
     colours = ob.data.color_attributes
     shown, rendered = colours.active_color_name, colours.render_color_index
     hide_heat(ob)

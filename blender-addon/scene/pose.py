@@ -9,8 +9,10 @@ from .mesh import read_key
 
 
 def at(ob, scene, frame: float, face: FaceMesh) -> np.ndarray | None:
-    """Displacements `[V, 3]` of the face's own vertices from rest at a scene frame, object space; None where
-    nothing moves it. Pieces beside the face rest: landmarks lie on the face."""
+    """Displacements `[V, 3]` of the face's own vertices from rest at a scene frame, object space.
+
+    None where nothing moves it. Pieces beside the face rest: landmarks lie on the face.
+    """
     shape_keys = ob.data.shape_keys
     if shape_keys is None:
         return None

@@ -49,8 +49,8 @@ class AnyfaceAudio(PropertyGroup):
     )
     start_from_pose: BoolProperty(
         name="Start from Current Pose",
-        description="The face begins as it stands at the first frame, such as the last shot left it, "
-        "and not at rest",
+        description="The face begins as it stands at the first frame, such as the last shot "
+        "left it, and not at rest",
         default=False,
         options=set(),
     )

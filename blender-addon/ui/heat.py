@@ -31,8 +31,9 @@ class _Believing:
 
 
 class ANYFACE_OT_heat_map(WithSound, InThread, Operator):
-    """Colour the face by how far feeling is believed in the current frame: red where it moves the face, blue \
-where only what is said does. Shown by a material, or the viewport's Attribute colour"""
+    """Colour the face by how far feeling is believed in the current frame: red where it moves \
+the face, blue where only what is said does. Shown by a material, or the viewport's Attribute \
+colour"""
 
     bl_idname = "anyface.heat_map"
     bl_label = "Heat Map"

@@ -199,7 +199,7 @@ def test_the_heat_map_is_one_step_and_leaves_the_artists_colours(addon, speaking
     heat = np.empty(4 * len(ob.data.vertices), dtype=np.float32)
     colours["Feeling Heat"].data.foreach_get("color", heat)
     heat = heat.reshape(-1, 4)
-    # Red about the brows, where feeling moves the face, and less at the lips; the neck follows neither.
+    # Red about the brows, where feeling moves the face, and less at the lips.
     places = np.array([vertex.co for vertex in ob.data.vertices])
     marks = landmarks_of(ob)
     near = lambda numbers: (  # noqa: E731

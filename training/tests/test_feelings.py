@@ -1,10 +1,7 @@
 """Labels of felt speech become phones."""
 
-import numpy as np
-import pytest
-
 from training.corpus.feelings import phones_of
-from training.corpus.phones import Phone, segments
+from training.corpus.phones import segments
 
 
 def label(start: float, duration: float, text: str) -> dict:
