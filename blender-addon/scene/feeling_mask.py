@@ -42,6 +42,11 @@ def show_heat(ob, believed: np.ndarray) -> None:
     ob.data.update()
 
 
+def shows_heat(ob) -> bool:
+    """Whether the colours of `show_heat` are on the mesh."""
+    return HEAT in ob.data.color_attributes
+
+
 def hide_heat(ob) -> bool:
     """Takes the colours of `show_heat` away; False where there are none."""
     found = ob.data.color_attributes.get(HEAT)

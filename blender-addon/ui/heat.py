@@ -75,25 +75,12 @@ class ANYFACE_OT_heat_map_hide(Operator):
     def poll(cls, context):
         """False where there are none."""
         ob = target(context)
-        return is_shown(ob) if ob is not None and ob.type == "MESH" else False
+        return feeling_mask.shows_heat(ob) if ob is not None and ob.type == "MESH" else False
 
     def execute(self, context):
         """Removes them."""
         feeling_mask.hide_heat(target(context))
         return {"FINISHED"}
-
-
-def is_shown(ob) -> bool:
-    """Whether the heat map is on a face."""
-    return feeling_mask.HEAT in ob.data.color_attributes
-
-
-def draw(layout, ob) -> None:
-    """Draws the buttons."""
-    row = layout.row(align=True)
-    row.operator("anyface.heat_map", icon="COLOR")
-    if is_shown(ob):
-        row.operator("anyface.heat_map_hide", text="", icon="X")
 
 
 CLASSES = (ANYFACE_OT_heat_map, ANYFACE_OT_heat_map_hide)

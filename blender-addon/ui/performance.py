@@ -4,7 +4,7 @@ from bpy.types import Panel
 
 from ..core import systems
 from ..scene.life import CONTROLS
-from . import audio, heat
+from . import audio
 from .panel import OfFacePanel
 from .target import sequencer_scene, target
 
@@ -28,7 +28,7 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
         layout.prop(settings, "emotion_source")
         if systems.hears_feeling(settings.system):
             audio.draw_felt(layout, target(context), sequencer_scene(context))
-            heat.draw(layout, target(context))
+            audio.draw_heat(layout, target(context))
         if systems.starts_from_pose(settings.system):
             audio.draw_start(layout, target(context))
         column = layout.column(align=True)

@@ -151,10 +151,13 @@ def test_shots_that_start_in_the_current_pose_go_on_where_the_last_one_ended(add
         if before is not None:
             keep_standing(ob, before)
             generate(ob)
+            end_standing(ob)
             from_rest.append(largest_mm(at_frame(ob, START) - before))
             ob.anyface_audio.start_from_pose = True
             keep_standing(ob, before)
         generate(ob)
+        if before is not None:
+            end_standing(ob)
         shown = film(ob, range(START, last + 1))
         if before is not None:
             jump = largest_mm(shown[0] - before)
@@ -177,6 +180,11 @@ def keep_standing(ob, positions):
     block = ob.data.shape_keys.key_blocks.get("Stands") or ob.shape_key_add(name="Stands")
     block.value = 1.0
     block.points.foreach_set("co", np.ascontiguousarray(positions, dtype=np.float32).ravel())
+
+
+def end_standing(ob):
+    """The shot before ends where this one begins."""
+    ob.data.shape_keys.key_blocks["Stands"].value = 0.0
 
 
 def test_systems_without_a_pose_begin_at_rest_and_say_nothing(addon, speaking):
