@@ -156,7 +156,6 @@ SIGNATURES = {
     "anyface_system_help": (c_char_p, [c_size_t]),
     "anyface_system_takes_events": (c_int32, [c_size_t]),
     "anyface_system_hears_feeling": (c_int32, [c_size_t]),
-    "anyface_system_starts_from_pose": (c_int32, [c_size_t]),
     "anyface_system_has_slider": (c_int32, [c_size_t, c_int32]),
     "anyface_system_control_count": (c_size_t, [c_size_t]),
     "anyface_system_control": (c_int32, [c_size_t, c_size_t, POINTER(Control), c_size_t]),

@@ -156,7 +156,7 @@ class Engine(BasisCalls, EventCalls, MeshCalls, MouthCalls, ShapeCalls, SoundCal
             return self._animation(handles, made, sound, request, len(positions), watch)
 
     def _spoken(self, handles, face, sound, request, watch):
-        motion = self._motion(handles, face, sound, request, watch)
+        motion = self._motion(handles, sound, request, watch)
         given = (self._handle, face, motion, watch.handle)
         return motion, self._own(handles, "clip", "anyface_clip_new", *given)
 
@@ -229,7 +229,7 @@ class Engine(BasisCalls, EventCalls, MeshCalls, MouthCalls, ShapeCalls, SoundCal
             watch = handles.enter_context(_Watch(self._library, progress))
             marks = landmarks, landmark_vertices
             face = self._face(handles, positions, triangles, marks, request, watch)
-            motion = self._motion(handles, face, sound, request, watch)
+            motion = self._motion(handles, sound, request, watch)
             last = self._library.anyface_motion_frame_count(motion) - 1
             out = np.empty(len(positions), dtype=np.float32)
             given = (motion, self._handle, face, min(max(frame, 0), last), _floats(out), out.size)
@@ -324,7 +324,7 @@ class Engine(BasisCalls, EventCalls, MeshCalls, MouthCalls, ShapeCalls, SoundCal
         given = (_floats(samples), len(samples), 1, round(sound.rate_hz))
         return self._own(handles, "audio", "anyface_audio_new", *given)
 
-    def _motion(self, handles, face, sound, request, watch):
+    def _motion(self, handles, sound, request, watch):
         audio = self._audio(handles, sound)
         options = self._options(MotionOptions, "anyface_motion_options_init")
         options.emotion_source = EMOTION_SOURCES.index(request.emotion_source)
@@ -345,23 +345,8 @@ class Engine(BasisCalls, EventCalls, MeshCalls, MouthCalls, ShapeCalls, SoundCal
         options.events = self._events(handles, request.events)
         if request.felt_as is not None:
             options.felt_as = self._audio(handles, request.felt_as)
-        if request.pose is not None:
-            options.starts_from = self._pose(handles, face, request)
         given = (self._handle, audio, byref(options), watch.handle)
         return self._own(handles, "motion", "anyface_motion_new", *given)
-
-    def _pose(self, handles, face, request):
-        """A motion of one frame: the landmarks of a face that stands in `request.pose`."""
-        places = np.empty((LANDMARKS, 3), dtype=np.float32)
-        vertices = np.empty(LANDMARKS, dtype=np.uint32)
-        sure = np.empty(LANDMARKS, dtype=np.float32)
-        buffers = (_floats(places), _indices(vertices), _floats(sure))
-        self._call("anyface_face_copy_landmarks", face, *buffers)
-        way = np.empty((3, 4), dtype=np.float32)
-        self._copy("anyface_face_copy_to_canonical", face, way)
-        moved = np.ascontiguousarray(request.pose[vertices] @ way[:, :3].T, dtype=np.float32)
-        given = (_floats(moved), 1, request.fps)
-        return self._own(handles, "motion", "anyface_motion_new_displacements", *given)
 
     def _options(self, kind, init: str):
         options = kind()

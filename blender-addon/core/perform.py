@@ -20,8 +20,6 @@ def perform(
     """
     verdict.check_sound(sound)
     found = space.face_space(face.matrix_world, face.axes)
-    if request.pose is not None:
-        request = replace(request, pose=found.directions(request.pose))
     with finding.searching(face):
         animation = animate(*found.seen(face), sound, request, progress)
     # Category 0 is neutral.

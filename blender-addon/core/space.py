@@ -27,10 +27,6 @@ class FaceSpace:
         """Positions `[N, 3]` from object space, float32."""
         return (positions @ self.matrix.T + self.offset).astype(np.float32)
 
-    def directions(self, displacements: np.ndarray) -> np.ndarray:
-        """Displacements `[N, 3]` from object space, float32."""
-        return (displacements @ self.matrix.T).astype(np.float32)
-
     def seen(self, face) -> tuple:
         """A `take.FaceMesh` as the library is given it.
 

@@ -92,8 +92,7 @@ class Request:
     displacements of every frame are wanted. The lips close in `closures` `[N, 2]`, seconds; with
     None where that is heard. `events` are for systems that take them, `felt_as` is another
     recording whose feeling is shown, for those that hear it; where the take is `layered`, what is
-    felt has vectors of its own. `pose` `[V, 3]`, displacements in object space, is where the face
-    stands as it begins, for systems that go on from one; None is rest.
+    felt has vectors of its own.
     """
 
     fps: float
@@ -109,7 +108,6 @@ class Request:
     events: list[Event] = field(default_factory=list)
     felt_as: "Sound | None" = None
     layered: bool = False
-    pose: np.ndarray | None = None
 
 
 @dataclass

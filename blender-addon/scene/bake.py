@@ -26,7 +26,6 @@ from . import (
     mesh,
     outputs,
     pieces,
-    pose,
     sound,
     sounds,
     stored,
@@ -81,8 +80,6 @@ class Settings:
     # A sound strip, or a file instead, whose feeling the face shows, for systems that hear it.
     felt_strip: str = ""
     felt_file: str = ""
-    # Whether the take begins as the face stands at its first frame, for systems that can.
-    start_from_pose: bool = False
     # Objects beside the face, and roles of single connected parts by number.
     parts: list[pieces.Part] = field(default_factory=list)
     loose: dict[int, str] = field(default_factory=dict)
@@ -161,8 +158,6 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         events=asked_for.events,
         layered=output.as_basis and settings.layered and systems.hears_feeling(settings.system),
     )
-    if settings.start_from_pose and systems.starts_from_pose(settings.system):
-        request.pose = pose.at(ob, scene, source.start_frame, face)
     names = [piece.name for piece in face.pieces] or [ob.name]
     plan = output.plan(ob, settings.output, request.fps, names)
     found = face, source, request, settings, plan, scene_fps, engine

@@ -47,13 +47,6 @@ class AnyfaceAudio(PropertyGroup):
         "empty for its own voice",
         options=set(),
     )
-    start_from_pose: BoolProperty(
-        name="Start from Current Pose",
-        description="The face begins as it stands at the first frame, such as the last shot "
-        "left it, and not at rest",
-        default=False,
-        options=set(),
-    )
     event_channel: IntProperty(
         name="Channel",
         description="Channel of the sequencer whose text strips say what this face does beside its "
@@ -84,7 +77,7 @@ class AnyfaceAudio(PropertyGroup):
 
 def fill(settings, ob, scene=None) -> None:
     """Puts what `ob` is asked to speak into plain settings; `scene` is the sequencer's."""
-    for name in ("event_channel", "event_markers", "marker_s", "felt_strip", "start_from_pose"):
+    for name in ("event_channel", "event_markers", "marker_s", "felt_strip"):
         setattr(settings, name, getattr(ob.anyface_audio, name))
     source = ob.anyface.source
     settings.strip = strip_of(ob, scene) if source == "STRIP" else ""
@@ -177,11 +170,6 @@ def draw_heat(layout, ob) -> None:
     row.operator("anyface.heat_map", icon="COLOR")
     if feeling_mask.shows_heat(ob):
         row.operator("anyface.heat_map_hide", text="", icon="X")
-
-
-def draw_start(layout, ob) -> None:
-    """Draws in which pose the face begins."""
-    layout.prop(ob.anyface_audio, "start_from_pose")
 
 
 def _search(layout, group, name: str, editor) -> None:

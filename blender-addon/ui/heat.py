@@ -1,7 +1,5 @@
 """*Heat Map*: where feeling is believed in the current frame, as a colour attribute."""
 
-from dataclasses import replace
-
 from bpy.types import Operator
 
 from ..core import space, systems
@@ -25,8 +23,6 @@ class _Believing:
         voice, request = snapshot.heard(progress)
         face = snapshot.face
         seen = space.face_space(face.matrix_world, face.axes).seen(face)
-        # Where the face begins moves it, but not what is believed.
-        request = replace(request, pose=None)
         return snapshot.engine.mask(*seen, voice, request, self._frame, progress)
 
 
