@@ -18,6 +18,7 @@ from .ui import (
     events,
     find_controls,
     generate,
+    heat,
     key_list,
     landmarks,
     life,
@@ -42,7 +43,7 @@ from .ui import (
 _MODULES = (
     preferences, generate, remove, mending, sample_head, panel, character, landmarks, mouth, audio,
     presets, performance, events, life, outputs, key_list, controls, find_controls, caches, takes,
-    sounds, sounds_file, scene_list, models,
+    sounds, sounds_file, scene_list, models, heat,
 )  # fmt: skip
 _CLASSES = [cls for module in _MODULES for cls in module.CLASSES]
 

@@ -1172,6 +1172,20 @@ AnyfaceStatus anyface_motion_copy_displacements(const AnyfaceMotion *motion,
                                                 size_t float_count,
                                                 AnyfaceError **error);
 
+/// Copies how far feeling is believed beside what is said in one frame, for each vertex of a face: where the face
+/// shows the one and where the other.
+///
+/// `frame`: below `T`. `buffer`: `[V]`, 0 to 1, 0 where nothing of the face is followed; `float_count` must be `V`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`, a frame out of range, a motion that was
+/// not spoken, or a system that does not tell both apart: see `anyface_system_hears_feeling()`.
+AnyfaceStatus anyface_motion_copy_mask(const AnyfaceMotion *motion,
+                                       const AnyfaceEngine *engine,
+                                       const AnyfaceFace *face,
+                                       size_t frame,
+                                       float *buffer,
+                                       size_t float_count,
+                                       AnyfaceError **error);
+
 /// Copies the rotation of the head into the caller's buffer; 0 throughout where nothing was spoken.
 ///
 /// `buffer`: `[T, 3]`: rotation vectors in radians about canonical axes through the origin between the

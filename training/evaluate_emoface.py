@@ -21,6 +21,7 @@ from torch import Tensor
 
 from training.corpus.feelings import SOURCE as EMODB
 from training.corpus.felt import with_emotion
+from training.losses import lip_gap
 from training.systems.emoface.clips import load_clips, template_of
 from training.systems.emoface.feeling import FEELINGS
 from training.systems.emoface.model import CONFIGS, EmoFace, EmoFaceConfig, Made
@@ -30,6 +31,8 @@ from training.train_emoface import parser as training_parser
 from training.train_emoface import performed, together
 
 LIP_REACH_M = 8e-3
+TAUGHT = 8
+"""Sentences on which taught feelings are told."""
 CROSSED = 3
 """Recordings of other feelings through which every sentence is felt."""
 
@@ -141,11 +144,38 @@ def crossed(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
 
 def _gap_r(judged: Judged, one: Made, two: Made) -> float:
     at = judged.model.config.landmarks
-    gaps = [
-        (judged.metres(x.motion)[:, at[62]] - judged.metres(x.motion)[:, at[66]]).norm(dim=-1)
-        for x in (one, two)
-    ]
-    return float(np.corrcoef(gaps[0], gaps[1])[0, 1])
+    gaps = [lip_gap(judged.metres(x.motion)[:, at].flatten(1)).numpy() for x in (one, two)]
+    return float(np.corrcoef(*gaps)[0, 1])
+
+
+def taught(judged: Judged, clips: list[Spoken]) -> dict[str, tuple[float, float]]:
+    """How far each taught feeling goes where it is told by its mean features.
+
+    The least-squares slope of what it adds to the neutral face over what the teacher's adds, mean over the
+    frames of a clip, and the cosine.
+    """
+    out = {}
+    neutral = [_told(judged, clip, FEELINGS[0]) for clip in clips]
+    for feeling in FEELINGS[1:]:
+        pairs = []
+        for clip, (found, truth) in zip(clips, neutral, strict=True):
+            made, meant = _told(judged, clip, feeling)
+            pairs.append((made - found, meant - truth))
+        made, meant = (torch.cat([pair[k].flatten() for pair in pairs]) for k in (0, 1))
+        along = made @ meant
+        out[feeling] = float(along / (meant @ meant)), float(along / (made.norm() * meant.norm()))
+    return out
+
+
+@torch.no_grad()
+def _told(judged: Judged, clip: Spoken, feeling: str) -> tuple[Tensor, Tensor]:
+    """Mean faces [V, 3] metres, made and true, of a sentence under a feeling that is told."""
+    given = together([clip], judged.model.config, len(clip))
+    given.feeling = judged.model.prototypes[FEELINGS.index(feeling)].expand(1, len(clip), -1)
+    label = Spoken("", "", True, [], clip.feeling, clip.weights, feeling)
+    return judged.metres(judged.model.perform(given).motion).mean(dim=0), judged.truth(clip, label).mean(
+        dim=0
+    )
 
 
 def recorded(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
@@ -192,6 +222,8 @@ def main() -> None:
         print(run, f"{len(felt)} felt clips")
         for name, (lips, upper) in branches(judged, felt).items():
             print(f"  {name:16s} √LVE {lips:.2f} mm, √EVE {upper:.2f} mm")
+        for name, (slope, cosine) in taught(judged, felt[:: max(1, len(felt) // TAUGHT)]).items():
+            print(f"  {name:16s} slope {slope:.2f}, cosine {cosine:.2f}")
         for numbers in (recorded(judged, spoken), masks(judged, felt), crossed(judged, felt)):
             print("  " + ", ".join(f"{name} {value:.3f}" for name, value in numbers.items()))
 

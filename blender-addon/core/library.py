@@ -229,6 +229,10 @@ SIGNATURES = {
     "anyface_motion_weight_count": (c_size_t, [_HANDLE]),
     "anyface_motion_weight_name": (c_char_p, [_HANDLE, c_size_t]),
     "anyface_motion_copy_weights": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
+    "anyface_motion_copy_mask": (
+        c_int32,
+        [_HANDLE, _HANDLE, _HANDLE, c_size_t, _FLOATS, c_size_t, _OUT],
+    ),
     "anyface_motion_copy_head": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_motion_copy_gaze": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_motion_free": (None, [_HANDLE]),

@@ -210,6 +210,32 @@ class Engine(BasisCalls, EventCalls, MeshCalls, MouthCalls, ShapeCalls, SoundCal
         self._copy("anyface_clip_copy_landmark_displacements", clip, moved)
         return Landmarks(neutral, moved)
 
+    def mask(
+        self,
+        positions: np.ndarray,
+        triangles: np.ndarray,
+        landmarks: np.ndarray | None,
+        landmark_vertices: np.ndarray | None,
+        sound: Sound,
+        request: Request,
+        frame: int,
+        progress: Progress,
+    ) -> np.ndarray:
+        """How far feeling is believed beside what is said in a frame of a take, `[V]` from 0 to 1.
+
+        A frame beyond the take is its nearest. The rest as for `animate`.
+        """
+        with ExitStack() as handles:
+            watch = handles.enter_context(_Watch(self._library, progress))
+            marks = landmarks, landmark_vertices
+            face = self._face(handles, positions, triangles, marks, request, watch)
+            motion = self._motion(handles, sound, request, watch)
+            last = self._library.anyface_motion_frame_count(motion) - 1
+            out = np.empty(len(positions), dtype=np.float32)
+            given = (motion, self._handle, face, min(max(frame, 0), last), _floats(out), out.size)
+            self._call("anyface_motion_copy_mask", *given)
+            return out
+
     def find(
         self,
         positions: np.ndarray,

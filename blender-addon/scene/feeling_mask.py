@@ -3,6 +3,9 @@
 import numpy as np
 
 NAME = "Feeling Mask"
+# The colour attribute that shows where feeling is believed, and its colours from 0 to 1.
+HEAT = "Feeling Heat"
+_COLOURS = ((0.0, 0.05, 0.35), (0.0, 0.45, 0.45), (0.9, 0.75, 0.1), (0.75, 0.02, 0.02))
 
 
 def of(ob) -> str:
@@ -21,6 +24,36 @@ def weights(ob, name: str) -> np.ndarray:
     at = group.index
     found = (sum(g.weight for g in v.groups if g.group == at) for v in ob.data.vertices)
     return np.fromiter(found, dtype=np.float32, count=len(ob.data.vertices))[:, None]
+
+
+def show_heat(ob, believed: np.ndarray) -> None:
+    """Puts shares `[V]` as colours on the mesh; the artist's own stay, and stay the ones shown."""
+    colours = ob.data.color_attributes
+    shown, rendered = colours.active_color_name, colours.render_color_index
+    hide_heat(ob)
+    heat = colours.new(HEAT, "FLOAT_COLOR", "POINT")
+    if shown:
+        colours.active_color_name, colours.render_color_index = shown, rendered
+    at = np.clip(believed, 0.0, 1.0) * (len(_COLOURS) - 1)
+    flat = np.ones((len(at), 4), dtype=np.float32)
+    for axis, column in enumerate(np.transpose(_COLOURS)):
+        flat[:, axis] = np.interp(at, range(len(column)), column)
+    heat.data.foreach_set("color", flat.ravel())
+    ob.data.update()
+
+
+def shows_heat(ob) -> bool:
+    """Whether the colours of `show_heat` are on the mesh."""
+    return HEAT in ob.data.color_attributes
+
+
+def hide_heat(ob) -> bool:
+    """Takes the colours of `show_heat` away; False where there are none."""
+    found = ob.data.color_attributes.get(HEAT)
+    if found is None:
+        return False
+    ob.data.color_attributes.remove(found)
+    return True
 
 
 def drop(ob) -> None:

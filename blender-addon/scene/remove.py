@@ -99,6 +99,7 @@ def _remove_keys(ob, taken: record.Record) -> None:
         for block in [b for b in shape_keys.key_blocks if b.name in ours]:
             ob.shape_key_remove(block)
     feeling_mask.drop(ob)
+    feeling_mask.hide_heat(ob)
 
 
 def _clear_keys(ob) -> None:

@@ -14,7 +14,7 @@ from bpy.props import (
 from bpy.types import Operator, PropertyGroup
 
 from ..core.errors import AnyfaceError
-from ..scene import bake, sequencer, strips
+from ..scene import bake, feeling_mask, sequencer, strips
 from . import words
 from .operators import Acting
 from .overridable import kinds, overridable
@@ -162,6 +162,14 @@ def draw_felt(layout, ob, scene) -> None:
     """Draws which strip gives the feeling, where the sequencer has any."""
     if scene is not None and scene.sequence_editor is not None:
         _search(layout, ob.anyface_audio, "felt_strip", scene.sequence_editor)
+
+
+def draw_heat(layout, ob) -> None:
+    """Draws the buttons of the heat map."""
+    row = layout.row(align=True)
+    row.operator("anyface.heat_map", icon="COLOR")
+    if feeling_mask.shows_heat(ob):
+        row.operator("anyface.heat_map_hide", text="", icon="X")
 
 
 def _search(layout, group, name: str, editor) -> None:

@@ -28,6 +28,7 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
         layout.prop(settings, "emotion_source")
         if systems.hears_feeling(settings.system):
             audio.draw_felt(layout, target(context), sequencer_scene(context))
+            audio.draw_heat(layout, target(context))
         column = layout.column(align=True)
         controls = [c for c in controls_of(settings) if c.name not in CONTROLS]
         for control in controls:

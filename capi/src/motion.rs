@@ -22,6 +22,7 @@ use crate::{
     engine::AnyfaceEngine,
     error::{AnyfaceError, Failure},
     events::AnyfaceEvents,
+    face::AnyfaceFace,
     guard, pointer,
     progress::{AnyfaceProgress, watched},
     status::AnyfaceStatus,
@@ -503,6 +504,39 @@ pub unsafe extern "C" fn anyface_motion_copy_displacements(
         let values = motion.landmarks()?.displacements.as_standard_layout();
         let values = values.as_slice().unwrap_or_default();
         unsafe { pointer::copy_out("buffer", values, buffer, float_count) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Copies how far feeling is believed beside what is said in one frame, for each vertex of a face: where the face
+/// shows the one and where the other.
+///
+/// `frame`: below `T`. `buffer`: `[V]`, 0 to 1, 0 where nothing of the face is followed; `float_count` must be `V`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`, a frame out of range, a motion that was
+/// not spoken, or a system that does not tell both apart: see `anyface_system_hears_feeling()`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_motion_copy_mask(
+    motion: *const AnyfaceMotion,
+    engine: *const AnyfaceEngine,
+    face: *const AnyfaceFace,
+    frame: usize,
+    buffer: *mut f32,
+    float_count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let motion = unsafe { pointer::handle("motion", motion) }?;
+        let engine = unsafe { pointer::handle("engine", engine) }?;
+        let face = unsafe { pointer::handle("face", face) }?;
+        let performance = motion.performance().ok_or_else(|| {
+            Failure::invalid(
+                "motion: expected one that was spoken, got one that was given or redone",
+            )
+        })?;
+        let end = frame.saturating_add(1);
+        let mask = engine.0.believed(&face.0, performance, frame..end)?;
+        let values: Vec<f32> = mask.iter().copied().collect();
+        unsafe { pointer::copy_out("buffer", &values, buffer, float_count) }
     };
     unsafe { guard::guard(error, work) }
 }

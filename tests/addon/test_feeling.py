@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from figures import FPS, film, strip, tone, write_wav
-from test_heads import import_head
+from test_heads import LANDMARKS, import_head
 
 SYSTEM, START, SECONDS = "emoface", 11, 2.0
 FRAMES = range(START, START + int(SECONDS * FPS), 4)
@@ -133,3 +133,45 @@ def test_the_take_knows_whose_feeling_it_has(addon, speaking):
     generate(ob)
     asked = addon("scene.record").read(ob.data.shape_keys).asked
     assert asked["anyface_audio"]["felt_strip"] == "Wild" and asked["anyface"]["layered"]
+
+
+def test_the_heat_map_is_one_step_and_leaves_the_artists_colours(addon, speaking):
+    ob = speaking
+    colours = ob.data.color_attributes
+    colours.new("Mine", "BYTE_COLOR", "CORNER").data[0].color = (0.25, 0.5, 0.75, 1.0)
+    colours.active_color_name = "Mine"
+    mine = [tuple(corner.color) for corner in colours["Mine"].data]
+    bpy.context.scene.frame_set(START + 20)
+    assert bpy.ops.anyface.heat_map() == {"FINISHED"}
+    assert {attribute.name for attribute in colours} == {"Mine", "Feeling Heat"}
+    assert colours.active_color_name == "Mine"
+    assert [tuple(corner.color) for corner in colours["Mine"].data] == mine
+    heat = np.empty(4 * len(ob.data.vertices), dtype=np.float32)
+    colours["Feeling Heat"].data.foreach_get("color", heat)
+    heat = heat.reshape(-1, 4)
+    # Red about the brows, where feeling moves the face, and less at the lips.
+    places = np.array([vertex.co for vertex in ob.data.vertices])
+    marks = landmarks_of(ob)
+    near = lambda numbers: (  # noqa: E731
+        np.linalg.norm(places[:, None] - marks[list(numbers)], axis=2).min(axis=1) < 0.012
+    )
+    assert heat[near(range(17, 27)), 0].mean() > heat[near(range(48, 68)), 0].mean() + 0.05
+    assert (heat[:, 3] == 1.0).all() and heat[:, :3].min() >= 0.0 and heat[:, :3].max() <= 1.0
+    # Again replaces, and hiding leaves the mesh as it was.
+    bpy.context.scene.frame_set(START + 35)
+    assert bpy.ops.anyface.heat_map() == {"FINISHED"}
+    assert {attribute.name for attribute in colours} == {"Mine", "Feeling Heat"}
+    assert bpy.ops.anyface.heat_map_hide() == {"FINISHED"}
+    assert [attribute.name for attribute in colours] == ["Mine"]
+    assert not bpy.ops.anyface.heat_map_hide.poll()
+    assert ob.data.shape_keys is None and not ob.vertex_groups
+
+
+def landmarks_of(ob):
+    """The landmarks of the default head, `[68, 3]` object space."""
+    return np.array([ob.data.vertices[mark["vertex"]].co for mark in LANDMARKS])
+
+
+def test_a_system_without_feeling_has_no_heat_map(addon, speaking):
+    speaking.anyface.system = "freetalk"
+    assert not bpy.ops.anyface.heat_map.poll()

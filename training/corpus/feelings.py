@@ -1,8 +1,6 @@
 """Felt speech: emodb_de, ten actors saying the same ten sentences in seven feelings (Burkhardt et al. 2005).
 
-Whole actors are held out, a woman and a man. Two recordings of one sentence by one actor in two feelings are
-the pseudo pairs of EmoFace (Lin et al. 2025, §3.3.2); `clock` brings one onto the time of the other by their
-labelled phones. Boredom is the project's `calm`.
+Whole actors are held out, a woman and a man. Boredom is the project's `calm`.
 """
 
 from __future__ import annotations
@@ -10,7 +8,6 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import dataclass
-from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -104,47 +101,3 @@ def _sign(text: str) -> str | None:
         return PAUSE
     plain = text.lstrip("_!").split("+")[0].split("-")[0].removesuffix(ASPIRATED)
     return SAMPA.get(plain, PAUSE)
-
-
-def pairs(clips: list[Felt]) -> list[tuple[Felt, Felt]]:
-    """Recordings of one actor and sentence in two feelings."""
-    groups: dict[tuple[str, str], list[Felt]] = {}
-    for clip in clips:
-        groups.setdefault((clip.actor, clip.sentence), []).append(clip)
-    return [(a, b) for group in groups.values() for a, b in combinations(group, 2) if a.feeling != b.feeling]
-
-
-def clock(one: list[Phone], other: list[Phone], seconds: np.ndarray) -> np.ndarray:
-    """When in `other` the same is said as at `seconds` of `one`, [T].
-
-    Phones are matched by their longest common run of labels in order; times between matched starts and
-    ends are interpolated, beyond them they run on at the same pace.
-    """
-    matched = _matched([p.label for p in one], [p.label for p in other])
-    points = [(0.0, 0.0)]
-    for i, j in matched:
-        for a, b in ((one[i].start_s, other[j].start_s), (one[i].end_s, other[j].end_s)):
-            if a > points[-1][0] and b > points[-1][1]:
-                points.append((a, b))
-    points.append((points[-1][0] + 1e3, points[-1][1] + 1e3))
-    x, y = np.array(points).T
-    return np.interp(seconds, x, y)
-
-
-def _matched(one: list[str], other: list[str]) -> list[tuple[int, int]]:
-    """Pairs of places of the longest common subsequence."""
-    best = np.zeros((len(one) + 1, len(other) + 1), int)
-    for i in range(len(one) - 1, -1, -1):
-        for j in range(len(other) - 1, -1, -1):
-            same = best[i + 1, j + 1] + 1 if one[i] == other[j] else 0
-            best[i, j] = max(same, best[i + 1, j], best[i, j + 1])
-    found, i, j = [], 0, 0
-    while i < len(one) and j < len(other):
-        if one[i] == other[j] and best[i, j] == best[i + 1, j + 1] + 1:
-            found.append((i, j))
-            i, j = i + 1, j + 1
-        elif best[i + 1, j] >= best[i, j + 1]:
-            i += 1
-        else:
-            j += 1
-    return found

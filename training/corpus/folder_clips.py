@@ -96,8 +96,7 @@ def displacement(track: Track, neutral: np.ndarray, head_moves: bool) -> tuple[n
     values = track.values
     if head_moves:
         values, _ = without_head(values, neutral)
-    turn, _ = rigid(neutral[INNER], canonical_landmarks()[INNER])
-    motion = (values - neutral) @ turn.T
+    motion = (values - neutral) @ to_canonical_axes(neutral)
     weight = np.repeat(track.found[:, None], 68, axis=1).astype(np.float32)
     if not track.found.all() and track.found.any():
         good = track.found
@@ -109,6 +108,12 @@ def displacement(track: Track, neutral: np.ndarray, head_moves: bool) -> tuple[n
     if track.seen is not None:
         weight[:, ~track.seen] = 0.0
     return motion, weight
+
+
+def to_canonical_axes(landmarks: np.ndarray) -> np.ndarray:
+    """What turns rows beside a neutral face with these landmarks [68, 3] to canonical axes, [3, 3]."""
+    turn, _ = rigid(landmarks[INNER], canonical_landmarks()[INNER])
+    return turn.T
 
 
 def without_head(values: np.ndarray, neutral: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

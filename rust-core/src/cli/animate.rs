@@ -7,16 +7,16 @@ use clap::Args;
 use super::{
     arguments::{FaceArgs, MotionArgs, SharedArgs, SoundArgs, not_onto},
     console::Console,
+    layers::{LayerArgs, Layered},
     open_mouth,
     redo::{Redo, RedoArgs},
-    stages::{new_report, note_face, note_result, read_sound, spread_into, summary, timed},
+    stages::{new_report, note_face, note_result, read_sound, summary, timed},
 };
 use crate::{
-    Engine, Face, Performance, Result,
+    Engine, Face, Result,
     mesh::{self, Mesh, Mouth},
     output::{Format, Report, write_json},
     progress::ProgressFn,
-    spread::FrameSink,
 };
 
 /// Animate a mesh with speech
@@ -46,6 +46,8 @@ pub(super) struct Animate {
     motion: MotionArgs,
     #[command(flatten)]
     redo: RedoArgs,
+    #[command(flatten)]
+    layers: LayerArgs,
 }
 
 impl Animate {
@@ -56,6 +58,7 @@ impl Animate {
             &self.out,
             &[("--mesh", &self.mesh), ("--audio", &self.audio)],
         )?;
+        self.layers.check()?;
         let request = self.motion.request(shared)?;
         let redo = self.redo.asked()?;
         let options = self.face.options(&self.mesh, None)?;
@@ -78,7 +81,12 @@ impl Animate {
         report
             .warnings
             .extend(engine.unseen_events(&face, &performance, progress)?);
-        self.spread(&engine, &face, &performance, redo, &mut report, progress)?;
+        let spoken = (&waveform, &request);
+        let layered = timed(&mut report, "motion", || {
+            self.layers
+                .of(&engine, &face, &performance, spoken, progress)
+        })?;
+        self.spread(&layered, redo, &mut report, progress)?;
         if let Some(path) = &self.report {
             write_json(path, &report)?;
         }
@@ -88,20 +96,22 @@ impl Animate {
     /// Writes the result, or an earlier one with a stretch of this.
     fn spread(
         &self,
-        engine: &Engine,
-        face: &Face,
-        performance: &Performance,
+        layered: &Layered<'_>,
         redo: Option<Redo<'_>>,
         report: &mut Report,
         progress: ProgressFn<'_>,
     ) -> Result<()> {
+        let Some(redo) = redo else {
+            return self.layers.write(layered, &self.out, report, progress);
+        };
+        let Layered {
+            engine,
+            face,
+            performance,
+            ..
+        } = *layered;
         let motion = &performance.motion;
         let (fps, articulation) = (motion.fps(), performance.articulation());
-        let Some(redo) = redo else {
-            let life = Some(&performance.life);
-            let spread = |sink: &mut dyn FrameSink| engine.spread(face, motion, sink, progress);
-            return spread_into(&self.out, face, fps, articulation, life, report, spread);
-        };
         let made = timed(report, "deform", || {
             redo.animate(engine, face, performance, &self.out, progress)
         })?;

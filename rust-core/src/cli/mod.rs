@@ -10,6 +10,7 @@ mod controls;
 mod deform;
 mod info;
 mod landmarks;
+mod layers;
 mod motion;
 mod open_mouth;
 mod parts;
@@ -41,7 +42,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    Animate(animate::Animate),
+    Animate(Box<animate::Animate>),
     Motion(motion::Motion),
     Deform(deform::Deform),
     Landmarks(landmarks::FindLandmarks),

@@ -7,26 +7,21 @@
 //! 68 landmarks cannot say how the skin folds between the brows, beside the nose and over the cheeks,
 //! and a network over them smooths it away. On a reference face the residual of every point is a linear
 //! function of the landmarks' motion; `C` are its combinations and `B` its values at points of that
-//! face's surface. For another face the points are carried over by interpolating the shift of the 68
-//! landmarks with the radial basis `|r|` (Hardy 1971); a vertex takes what the nearest points say whose
-//! skin lies in its own plane, and less where they lie far from it. There is one reference for each kind
-//! of faces that the static weights know, and a face follows that of the kind it is nearest to: every
-//! artist folds skin elsewhere.
+//! face's surface. Another face follows them by [`ReferencePoints`]. There is one reference for each kind of
+//! faces that the static weights know, and a face follows that of the kind it is nearest to: every artist
+//! folds skin elsewhere.
 //!
 //! Lengths are decimetres in the canonical frame.
 
 use std::path::Path;
 
-use faer::{Mat, linalg::solvers::Solve};
 use ndarray::Array2;
-use rayon::prelude::*;
 use serde::Deserialize;
 
-use super::nearest::{PointGrid, distance};
+use super::correspondence::{FollowingFace, ReferencePoints};
 use crate::{
     Error, Result,
     ibug::LANDMARKS,
-    mesh::closest::{cross, sub},
     models::{BuiltIn, built_in},
     nn::Weights,
 };
@@ -34,14 +29,6 @@ use crate::{
 /// Its built-in weights.
 pub static MODEL: BuiltIn = built_in!("creases");
 
-/// Points that a vertex listens to.
-const NEIGHBOURS: usize = 4;
-/// Added to distances, so that a point that is hit exactly does not stand alone, decimetres.
-const SOFT_DM: f32 = 0.003;
-/// Distance of the nearest point up to which a vertex follows wholly, and from which not at all.
-const FULL_WITHIN_DM: f32 = 0.06;
-const GONE_AT_DM: f32 = 0.12;
-const CELL_DM: f32 = 0.04;
 const COORDINATES: usize = 3 * LANDMARKS;
 
 #[derive(Deserialize)]
@@ -66,11 +53,7 @@ pub struct Creases {
 /// The creases of one reference face.
 #[derive(Debug, Clone)]
 pub struct ReferenceFace {
-    /// `[P]`.
-    points: Vec<[f32; 3]>,
-    /// `[P]`, unit.
-    normals: Vec<[f32; 3]>,
-    landmarks: [[f32; 3]; LANDMARKS],
+    reference: ReferencePoints,
     /// `B`: `[P, 3 K]`, axis by axis.
     cross: Array2<f32>,
     /// `C`: `[K, 204]`.
@@ -114,17 +97,18 @@ impl ReferenceFace {
             Ok(values.as_chunks::<3>().0.to_vec())
         };
         let landmarks = places("landmarks", LANDMARKS)?;
-        for (n, at) in landmarks.iter().enumerate() {
-            if let Some(other) = landmarks[..n].iter().position(|other| other == at) {
-                let message = format!("{}: expected 68 places, {other} is {n}", MODEL.name);
-                return Err(Error::Weights(message));
-            }
-        }
-        let cross = weights.values("cross", &[points, 3, rank])?;
-        Ok(ReferenceFace {
+        let reference = ReferencePoints {
             points: places("points", points)?,
             normals: places("normals", points)?,
             landmarks: std::array::from_fn(|n| landmarks[n]),
+        };
+        if let Some([one, other]) = reference.coinciding() {
+            let message = format!("{}: expected 68 places, {one} is {other}", MODEL.name);
+            return Err(Error::Weights(message));
+        }
+        let cross = weights.values("cross", &[points, 3, rank])?;
+        Ok(ReferenceFace {
+            reference,
             cross: Array2::from_shape_vec((points, 3 * rank), cross)
                 .expect("checked by the reader"),
             motion: weights.matrix("motion", rank, COORDINATES)?,
@@ -136,110 +120,34 @@ impl ReferenceFace {
         &self.motion
     }
 
-    /// `s B` of a face, `[V, 3 K]`, axis by axis. Which side of a triangle is its front does not matter.
-    ///
-    /// `positions`: `[V]`; `triangles`: of them; `landmarks`: of the neutral face.
-    pub fn carried_to(
-        &self,
-        positions: &[[f32; 3]],
-        triangles: &[[u32; 3]],
-        landmarks: &[[f32; 3]; LANDMARKS],
-    ) -> Array2<f32> {
-        let planes = planes(positions, triangles);
-        let points = self.warped(landmarks);
-        let grid = PointGrid::new(&points, CELL_DM);
-        let near: Vec<Vec<(u32, f32)>> = positions
-            .par_iter()
-            .map(|&p| grid.within(p, GONE_AT_DM, NEIGHBOURS))
-            .collect();
-        let mut out = Array2::zeros((positions.len(), self.cross.ncols()));
-        let rows = out.outer_iter_mut().into_par_iter().zip(near.par_iter());
-        rows.enumerate().for_each(|(v, (mut row, near))| {
-            let weight = |&(p, distance): &(u32, f32)| {
-                planes[v].along(self.normals[p as usize]) / (distance + SOFT_DM).powi(2)
-            };
-            let total: f32 = near.iter().map(weight).sum();
-            if total <= 0.0 {
-                return;
-            }
-            let fade = (GONE_AT_DM - near[0].1) / (GONE_AT_DM - FULL_WITHIN_DM);
-            for found in near {
-                let share = fade.clamp(0.0, 1.0) * weight(found) / total;
-                row.scaled_add(share, &self.cross.row(found.0 as usize));
-            }
-        });
-        out
+    /// `s B` of a face, `[V, 3 K]`, axis by axis.
+    pub fn carried_to(&self, face: FollowingFace<'_>) -> Array2<f32> {
+        self.reference.carried_to(face).of(self.cross.view())
     }
-
-    /// The points where the face of `landmarks` has them.
-    fn warped(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> Vec<[f32; 3]> {
-        let size = LANDMARKS + 1;
-        let radial = |a: [f32; 3], b: [f32; 3]| -f64::from(distance(a, b));
-        let system = Mat::from_fn(size, size, |i, j| match (i < LANDMARKS, j < LANDMARKS) {
-            (true, true) => radial(self.landmarks[i], self.landmarks[j]),
-            (false, false) => 0.0,
-            _ => 1.0,
-        });
-        let shift = Mat::from_fn(size, 3, |i, axis| match i < LANDMARKS {
-            true => f64::from(landmarks[i][axis] - self.landmarks[i][axis]),
-            false => 0.0,
-        });
-        let weights = system.partial_piv_lu().solve(&shift);
-        let moved = |&point: &[f32; 3]| {
-            let mut shift = [0, 1, 2].map(|axis| weights[(LANDMARKS, axis)]);
-            for (n, &landmark) in self.landmarks.iter().enumerate() {
-                let radial = radial(point, landmark);
-                (0..3).for_each(|axis| shift[axis] += radial * weights[(n, axis)]);
-            }
-            std::array::from_fn(|axis| point[axis] + shift[axis] as f32)
-        };
-        self.points.par_iter().map(moved).collect()
-    }
-}
-
-/// How the triangles about a vertex face, whatever their order: `Σ n nᵀ` of their doubled areas' vectors,
-/// upper triangle row by row.
-#[derive(Debug, Clone, Copy, Default)]
-struct Planes([f32; 6]);
-
-impl Planes {
-    fn add(&mut self, [x, y, z]: [f32; 3]) {
-        let products = [x * x, x * y, x * z, y * y, y * z, z * z];
-        self.0.iter_mut().zip(products).for_each(|(a, b)| *a += b);
-    }
-
-    /// Mean square of the cosine between the triangles' normals and a unit vector, 0 to 1.
-    fn along(&self, [x, y, z]: [f32; 3]) -> f32 {
-        let [xx, xy, xz, yy, yz, zz] = self.0;
-        let size = xx + yy + zz;
-        let along = xx * x * x + yy * y * y + zz * z * z;
-        let across = 2.0 * (xy * x * y + xz * x * z + yz * y * z);
-        match size > 0.0 {
-            true => ((along + across) / size).max(0.0),
-            false => 0.0,
-        }
-    }
-}
-
-fn planes(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<Planes> {
-    let mut planes = vec![Planes::default(); positions.len()];
-    for triangle in triangles {
-        let [a, b, c] = triangle.map(|v| positions[v as usize]);
-        let normal = cross(sub(b, a), sub(c, a));
-        triangle
-            .iter()
-            .for_each(|&v| planes[v as usize].add(normal));
-    }
-    planes
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ibug::MIRROR, nn::golden::Golden};
+    use crate::{
+        deform::nearest::distance, ibug::MIRROR, mesh::closest::cross, nn::golden::Golden,
+    };
 
     fn places(golden: &Golden, name: &str) -> Vec<[f32; 3]> {
         golden.values(name).as_chunks::<3>().0.to_vec()
+    }
+
+    fn carried(
+        creases: &ReferenceFace,
+        positions: &[[f32; 3]],
+        triangles: &[[u32; 3]],
+        landmarks: &[[f32; 3]; LANDMARKS],
+    ) -> Array2<f32> {
+        creases.carried_to(FollowingFace {
+            positions,
+            triangles,
+            landmarks,
+        })
     }
 
     fn golden() -> (Golden, ReferenceFace) {
@@ -259,7 +167,7 @@ mod tests {
             .map(|t| [t[0] as u32, t[1] as u32, t[2] as u32])
             .collect();
         let landmarks = std::array::from_fn(|n| landmarks[n]);
-        let got = creases.carried_to(&positions, &triangles, &landmarks);
+        let got = carried(&creases, &positions, &triangles, &landmarks);
         let expected = golden.values("carried");
         assert!(expected.iter().any(|x| x.abs() > 0.1));
         assert_eq!(got.len(), expected.len());
@@ -268,7 +176,7 @@ mod tests {
         }
         let turned = triangles.iter_mut().step_by(3);
         turned.for_each(|triangle| triangle.swap(0, 2));
-        let again = creases.carried_to(&positions, &triangles, &landmarks);
+        let again = carried(&creases, &positions, &triangles, &landmarks);
         for (a, b) in again.iter().zip(&got) {
             assert!((a - b).abs() < 1e-4, "expected {b}, got {a}");
         }
@@ -278,14 +186,14 @@ mod tests {
     fn far_from_the_face_nothing_moves() {
         let (_, creases) = golden();
         let far = [[0.0, 3.0, 0.0], [0.1, 3.0, 0.0], [f32::MAX; 3]];
-        let moved = creases.carried_to(&far, &[[0, 1, 2]], &creases.landmarks);
+        let moved = carried(&creases, &far, &[[0, 1, 2]], &creases.reference.landmarks);
         assert!(moved.iter().all(|x| *x == 0.0));
     }
 
     #[test]
     fn a_kind_without_a_reference_follows_the_last_and_none_at_all_is_an_error() {
         let creases = Creases::open(None).unwrap();
-        let rows = |kind| creases.of_kind(kind).points.len();
+        let rows = |kind| creases.of_kind(kind).reference.points.len();
         assert_ne!(rows(0), rows(1));
         assert_eq!(rows(1), rows(7));
         let (golden, _) = golden();
@@ -301,7 +209,7 @@ mod tests {
 
     fn same_on_both_sides(creases: &ReferenceFace) {
         let flip = |p: [f32; 3]| [-p[0], p[1], p[2]];
-        let landmarks = creases.landmarks;
+        let landmarks = creases.reference.landmarks;
         for n in 0..LANDMARKS {
             assert!(distance(flip(landmarks[MIRROR[n]]), landmarks[n]) < 1e-4);
         }
@@ -315,12 +223,14 @@ mod tests {
                 std::array::from_fn(|i| p[i] + beside[i]),
             ]
         };
-        let surface = creases.points[..200].iter().zip(&creases.normals);
+        let surface = creases.reference.points[..200]
+            .iter()
+            .zip(&creases.reference.normals);
         let points: Vec<[f32; 3]> = surface.flat_map(around).collect();
         let triangles: Vec<[u32; 3]> = (0..200).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
         let reflected: Vec<[f32; 3]> = points.iter().map(|&p| flip(p)).collect();
-        let here = creases.carried_to(&points, &triangles, &landmarks);
-        let there = creases.carried_to(&reflected, &triangles, &landmarks);
+        let here = carried(creases, &points, &triangles, &landmarks);
+        let there = carried(creases, &reflected, &triangles, &landmarks);
         // Anger on one side alone, and on the other.
         let rank = creases.motion.nrows();
         let mut brow = ndarray::Array1::zeros(COORDINATES);

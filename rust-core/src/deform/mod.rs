@@ -11,6 +11,7 @@ pub mod binding;
 pub mod compression;
 mod contact;
 mod corrected;
+mod correspondence;
 pub mod creases;
 mod eye_parts;
 mod eyes;
@@ -30,6 +31,7 @@ pub mod static_weights;
 mod tension_screened_biharmonic;
 
 pub use corrected::{Corrected, Corrections};
+pub use correspondence::{Correspondence, FollowingFace, ReferencePoints};
 pub use creases::{Creases, ReferenceFace};
 pub(crate) use eyes::Openings;
 pub use landmark_weights::LandmarkWeights;

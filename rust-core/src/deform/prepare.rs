@@ -4,7 +4,7 @@ use ndarray::Array2;
 
 use super::{
     Corrected, Corrections, Creases, LandmarkWeights, Plate, PlateWeights, Skin, StaticWeights,
-    VertexGeometry, binding::Follows, proxy::Prolongation, row_weights::RowWeights,
+    VertexGeometry, correspondence::FollowingFace, proxy::Prolongation, row_weights::RowWeights,
     static_weights::Correction,
 };
 use crate::{
@@ -105,7 +105,11 @@ impl<'a> SolvedSkin<'a> {
         let (positions, landmarks) = self.surface.decimetres();
         let triangles = &self.surface.skin.operators.triangles;
         let creases = creases.of_kind(weights.kind(&landmarks));
-        let carried = creases.carried_to(&positions, triangles, &landmarks);
+        let carried = creases.carried_to(FollowingFace {
+            positions: &positions,
+            triangles,
+            landmarks: &landmarks,
+        });
         let learned = weights.correction(&VertexGeometry {
             positions: &positions,
             landmarks: &landmarks,
@@ -135,22 +139,15 @@ impl<'a> SolvedSkin<'a> {
         correction: Option<&Correction>,
         strength: f32,
     ) -> LandmarkWeights {
-        let (skin, follows) = (&self.surface.skin, &self.surface.follows);
+        let surface = self.surface;
         let plate = plate.then_some(&self.plate);
-        let mut rows = RowWeights::new(skin.operators.rows(), plate, correction, strength);
+        let mut rows = RowWeights::new(surface.skin.operators.rows(), plate, correction, strength);
         rows.turn(&self.face.to_canonical);
-        let entries = |follows: &Follows| match follows {
-            Follows::Skin(corners) => corners
-                .iter()
-                .filter(|(_, share)| *share != 0.0)
-                .flat_map(|&(vertex, share)| {
-                    let row = skin.spread.row(vertex);
-                    row.map(move |(row, weight)| (row, share * weight))
-                })
-                .collect(),
-            _ => Vec::new(),
-        };
-        rows.spread(Prolongation::from_rows(follows.iter().map(entries)))
+        let follows = (0..surface.follows.len()).map(|v| {
+            let rows = surface.rows_followed(v);
+            rows.map(|(row, share)| (row as u32, share)).collect()
+        });
+        rows.spread(Prolongation::from_rows(follows))
     }
 }
 

@@ -7,11 +7,12 @@ mod perform;
 mod sliders;
 
 use std::{
+    ops::Range,
     path::{Path, PathBuf},
     sync::{Arc, OnceLock},
 };
 
-use ndarray::{Array3, ArrayView3};
+use ndarray::{Array2, Array3, ArrayView3};
 
 use crate::{
     Error, Result,
@@ -319,6 +320,76 @@ impl Engine {
             }
             Motion::Template(_) | Motion::Codes(_) => Err(spread::not_yet(motion)),
         }
+    }
+
+    /// Two motions of one length on a face, each vertex by its shares `[V]` of both, such as what is said and how
+    /// it is felt under a painted mask.
+    ///
+    /// # Errors
+    /// `InvalidInput` for motion that is not of landmarks, `ShapeMismatch` for motions of other lengths or shares of
+    /// another mesh; else those of [`Engine::spread`].
+    pub fn spread_mixed(
+        &self,
+        face: &Face,
+        parts: [(&Motion, Vec<f32>); 2],
+        sink: &mut dyn FrameSink,
+        progress: ProgressFn<'_>,
+    ) -> Result<SpreadReport> {
+        self.threads(|| {
+            let [(one, first), (other, second)] = parts;
+            let one = self.spread_of(face, one, progress)?;
+            let other = self.spread_of(face, other, progress)?;
+            let mixed = Spread::mixed([(one, first), (other, second)])?;
+            spread::into_sink(&mixed, sink, progress)
+        })
+    }
+
+    /// The way of landmarks to a face.
+    fn spread_of<'a>(
+        &self,
+        face: &'a Face,
+        motion: &Motion,
+        progress: ProgressFn<'_>,
+    ) -> Result<Spread<'a>> {
+        let clip = motion.landmarks().ok_or_else(|| {
+            let got = motion.kind();
+            Error::InvalidInput(format!("layers: expected motion of landmarks, got {got}"))
+        })?;
+        let own = face.own_motion(clip.displacements.view());
+        let deformer = self.deformer(face, progress)?.as_ref();
+        Ok(Spread::of_landmarks(face, deformer, own, clip.fps))
+    }
+
+    /// How far feeling is believed beside what is said in some frames of a performance, for each vertex of a face,
+    /// `[V, t]` from 0 to 1: `w` of EmoFace's Mesh Attention.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a system that does not tell them apart, or frames that the performance lacks; `Mesh` if
+    /// the landmarks of the face lie on no usable face.
+    pub fn believed(
+        &self,
+        face: &Face,
+        performance: &Performance,
+        frames: Range<usize>,
+    ) -> Result<Array2<f32>> {
+        let count = performance.motion.frames();
+        if frames.start > frames.end || frames.end > count {
+            return Err(Error::InvalidInput(format!(
+                "frames: expected some of {count}, got {frames:?}"
+            )));
+        }
+        self.threads(|| {
+            let made = self
+                .system
+                .believed(&performance.heard, &performance.request)?;
+            let mask = made.ok_or_else(|| {
+                let name = self.registration.name;
+                let expected = "mask: expected a system that tells what is felt from what is said";
+                Error::InvalidInput(format!("{expected} (emoface), got {name}"))
+            })?;
+            let shares = mask.at(frames, performance.motion.fps());
+            spread::on_face(face, &mask.template, shares.view())
+        })
     }
 
     /// What weights of ARKit's shapes ask of a face's landmarks, `[T, 68, 3]`, mesh units and axes.

@@ -60,6 +60,20 @@ impl FaceSurface {
         )
     }
 
+    /// Rows of the skin that a vertex of the mesh follows, and their shares.
+    pub fn rows_followed(&self, vertex: usize) -> impl Iterator<Item = (usize, f32)> + '_ {
+        let corners = match self.follows[vertex] {
+            Follows::Skin(corners) => Some(corners),
+            _ => None,
+        };
+        let felt = corners.into_iter().flatten();
+        felt.filter(|(_, share)| *share != 0.0)
+            .flat_map(|(v, share)| {
+                let rows = self.skin.spread.row(v);
+                rows.map(move |(row, weight)| (row as usize, share * weight))
+            })
+    }
+
     /// Vertices of the skin that something follows, ascending.
     pub fn followed(&self) -> Vec<u32> {
         let mut used = vec![false; self.positions.len()];

@@ -23,6 +23,7 @@ mod redo;
 mod resample;
 mod slow_noise;
 mod smooth;
+mod template;
 mod upper_face;
 mod variety;
 mod visibility;
@@ -42,6 +43,7 @@ pub use frame_stream::{LandmarkFrame, MotionStream, stream_whole};
 pub use life::{Life, LifeStrengths};
 pub use perform::{Cues, Performer};
 pub use redo::Stretch;
+pub use template::{Template, TemplateMask};
 pub use visibility::{SPOKEN_MM, VISIBLE_MM, Visibility, lip_travel};
 pub use weights::{LipGaps, WeightCues};
 

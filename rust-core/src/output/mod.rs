@@ -169,6 +169,20 @@ pub fn write_attention(path: &Path, attention: ArrayView2<'_, f32>) -> Result<()
     }
 }
 
+/// Writes a mask `[V, T]` as npz: `mask` `[T, V]`.
+///
+/// # Errors
+/// `InvalidInput` for an extension other than npz, `Io` if the file cannot be written.
+pub fn write_mask(path: &Path, mask: ArrayView2<'_, f32>) -> Result<()> {
+    match Format::from_path(path)? {
+        Format::Npz => write_atomically(path, |file| npz::write_mask(file, mask.t())),
+        _ => Err(Error::InvalidInput(format!(
+            "{}: expected a name that ends in .npz for a mask",
+            path.display()
+        ))),
+    }
+}
+
 /// Writes any value as indented JSON.
 ///
 /// # Errors

@@ -50,6 +50,14 @@ pub(super) fn write_attention(
     archive.finish()
 }
 
+/// `mask`, `[T, V]`.
+pub(super) fn write_mask(file: impl Write + Seek, mask: ArrayView2<'_, f32>) -> io::Result<()> {
+    let mut archive = Archive::new(file);
+    archive.start("mask", "<f4", mask.shape())?;
+    archive.values(mask.insert_axis(Axis(0)))?;
+    archive.finish()
+}
+
 /// An archive in the making.
 pub(super) struct Archive<W: Write + Seek> {
     zip: ZipWriter<QuietAfterFailure<W>>,

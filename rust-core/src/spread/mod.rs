@@ -5,11 +5,12 @@
 //! refused here until a system brings them. A [`Spread`] makes any stretch of frames; [`into_sink`]
 //! hands them over block by block, so that a long take on a large mesh never lies in memory whole.
 
+mod on_face;
 mod sink;
 
 use std::{borrow::Cow, ops::Range};
 
-use ndarray::{Array3, ArrayView2, Axis, Slice};
+use ndarray::{Array3, ArrayView1, ArrayView2, Axis, Slice};
 use rayon::prelude::*;
 
 use crate::{
@@ -22,6 +23,7 @@ use crate::{
     progress::{Progress, ProgressFn, report},
     rig::Rig,
 };
+pub use on_face::on_face;
 pub use sink::{Animation, ClipStart, Collector, FrameSink, LandmarkTrack};
 
 /// Motion on its way to one mesh.
@@ -38,6 +40,8 @@ enum Way<'a> {
     Landmarks(&'a dyn Deformer, Array3<f32>),
     /// Shapes of this mesh and their weights over time.
     Shapes(WeightedShapes<'a>),
+    /// Two motions of one length, and how much each vertex has of either, `[V]`.
+    Mixed(Box<[(Spread<'a>, Vec<f32>); 2]>),
 }
 
 /// Weights on their way to one mesh. Shapes add up in straight lines, which neither meet at the lids under every
@@ -102,6 +106,34 @@ impl<'a> Spread<'a> {
         }
     }
 
+    /// Two motions of one face, each vertex by its shares `[V]` of both.
+    ///
+    /// # Errors
+    /// `ShapeMismatch` where frames differ, or shares are not one a vertex.
+    pub fn mixed(parts: [(Spread<'a>, Vec<f32>); 2]) -> Result<Spread<'a>> {
+        let [(first, _), (second, _)] = &parts;
+        let (face, fps, frames) = (first.face, first.fps, first.frames);
+        let vertices = face.mesh.positions.len();
+        let wrong = |what, expected: usize, got: usize| Error::ShapeMismatch {
+            what,
+            expected: format!("[{expected}]"),
+            got: format!("[{got}]"),
+        };
+        if second.frames != frames {
+            return Err(wrong("frames of two motions", frames, second.frames));
+        }
+        let mut shares = parts.iter().map(|(_, shares)| shares.len());
+        if let Some(got) = shares.find(|got| *got != vertices) {
+            return Err(wrong("shares of the vertices", vertices, got));
+        }
+        Ok(Spread {
+            face,
+            fps,
+            frames,
+            way: Way::Mixed(Box::new(parts)),
+        })
+    }
+
     /// The mesh whose vertices move: the face's own, unless a kind of motion brings another.
     pub fn mesh(&self) -> &'a Mesh {
         &self.face.mesh
@@ -123,8 +155,26 @@ impl<'a> Spread<'a> {
                 report(progress, "deform", 1.0)?;
                 Ok(moved)
             }
+            Way::Mixed(parts) => {
+                let [one, other] = parts.as_ref();
+                let mut moved = one.0.frames(range.clone(), progress)?;
+                scale_rows(&mut moved, &one.1);
+                let mut more = other.0.frames(range, progress)?;
+                scale_rows(&mut more, &other.1);
+                moved += &more;
+                Ok(moved)
+            }
         }
     }
+}
+
+/// Displacements `[t, V, 3]` times the share of each vertex.
+fn scale_rows(moved: &mut Array3<f32>, shares: &[f32]) {
+    let shares = ArrayView1::from(shares).insert_axis(Axis(1));
+    moved
+        .axis_iter_mut(Axis(0))
+        .into_par_iter()
+        .for_each(|mut frame| frame *= &shares);
 }
 
 /// `Σ_s weight[t, s] · shape[s]` for a stretch of frames, `[t, V, 3]`.
@@ -212,14 +262,14 @@ pub fn into_sink(
     let make = |stretch: Range<usize>| Block::make(spread, stretch, progress);
     let mut landmarks = match &spread.way {
         Way::Landmarks(_, landmarks) => landmarks.clone(),
-        Way::Shapes(..) => Array3::zeros((spread.frames, LANDMARKS, 3)),
+        Way::Shapes(..) | Way::Mixed(_) => Array3::zeros((spread.frames, LANDMARKS, 3)),
     };
     let mut largest = 0.0f32;
     let mut made = stretches.next().map(make);
     while let Some(block) = made {
         let block = block?;
         largest = largest.max(block.largest);
-        if let Way::Shapes(..) = spread.way {
+        if let Way::Shapes(..) | Way::Mixed(_) = spread.way {
             let rows = Slice::from(block.stretch);
             let mut target = landmarks.slice_axis_mut(Axis(0), rows);
             target.assign(&at_landmarks(spread.face, &block.moved));

@@ -20,7 +20,7 @@ use crate::{
     face::Face,
     mesh,
     models::BuiltIn,
-    motion::{self, LipClosures, Motion, MotionStream},
+    motion::{self, LipClosures, Motion, MotionStream, TemplateMask},
     progress::ProgressFn,
     rig,
     speech::{self, Heard, SpeechInput},
@@ -198,6 +198,16 @@ pub trait System: Send + Sync {
     /// Motion while somebody is speaking, where the system can do that.
     fn stream(&self) -> Option<Box<dyn MotionStream>> {
         None
+    }
+
+    /// How far feeling is believed beside what is said, for each vertex of its template and frame; `None` where
+    /// it does not tell them apart.
+    ///
+    /// # Errors
+    /// Those of [`System::sample`].
+    fn believed(&self, heard: &Heard, request: &MotionRequest) -> Result<Option<TemplateMask>> {
+        let _ = (heard, request);
+        Ok(None)
     }
 
     /// Names of the speaking styles that its models know.

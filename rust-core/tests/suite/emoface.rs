@@ -9,13 +9,15 @@ use anyface::{
     CachePolicy, Engine, EngineOptions, Error, MotionRequest, Result,
     audio::Waveform,
     conditions::{Controls, EmotionCurve},
+    mesh::PartChoices,
     motion::Motion,
     progress::SILENT,
     speech::{FeelingEncoder, FeltVoice},
+    spread::{Collector, FrameSink, SpreadReport},
 };
-use ndarray::Array3;
+use ndarray::{Array3, Axis};
 
-use crate::performance::babble;
+use crate::{head, performance::babble};
 
 const SECONDS: f32 = 2.0;
 
@@ -247,4 +249,70 @@ fn readers_stay_neutral_and_angry_actors_do_not() {
         "{shown} of {}",
         angry.len()
     );
+}
+
+/// Displacements `[T, V, 3]` of a motion, or of two mixed.
+fn on_head(made: impl FnOnce(&mut dyn FrameSink) -> Result<SpreadReport>) -> Array3<f32> {
+    Collector::collect(made).unwrap().vertices.displacements
+}
+
+#[test]
+fn a_mask_mixes_what_is_said_and_what_is_felt_vertex_by_vertex() {
+    let face = head::prepared(&head::head(), &head::landmarks(), PartChoices::default());
+    let layer = |number: f32| {
+        let request = felt(&[("layer", number)], "happy");
+        ENGINE.perform(&voice(SECONDS), &request, SILENT).unwrap()
+    };
+    let [whole, said] = [0.0, 1.0].map(|number| layer(number).motion);
+    let alone = |motion: &Motion| on_head(|out| ENGINE.spread(&face, motion, out, SILENT));
+    let (moved, spoken) = (alone(&whole), alone(&said));
+    let vertices = face.mesh.positions.len();
+    let mask: Vec<f32> = (0..vertices).map(|v| (v % 5) as f32 / 4.0).collect();
+    let rest: Vec<f32> = mask.iter().map(|share| 1.0 - share).collect();
+    let mixed = on_head(|out| {
+        let parts = [(&said, rest.clone()), (&whole, mask.clone())];
+        ENGINE.spread_mixed(&face, parts, out, SILENT)
+    });
+    assert!((&moved - &spoken).iter().any(|x| x.abs() > 1e-3));
+    for (v, share) in mask.iter().enumerate() {
+        let of = |clip: &Array3<f32>| clip.index_axis(Axis(1), v).to_owned();
+        let expected = of(&spoken) * (1.0 - share) + of(&moved) * *share;
+        let largest = (of(&mixed) - expected).fold(0.0f32, |most, x| most.max(x.abs()));
+        assert!(largest < 1e-6, "vertex {v}: {largest}");
+    }
+    let short = [(&said, vec![0.0; 3]), (&whole, mask.clone())];
+    let refused = Collector::collect(|out| ENGINE.spread_mixed(&face, short, out, SILENT));
+    let refused = refused.err().unwrap();
+    assert!(matches!(refused, Error::ShapeMismatch { .. }), "{refused}");
+}
+
+#[test]
+fn feeling_is_believed_at_the_brows_rather_than_at_the_lips() {
+    let face = head::prepared(&head::head(), &head::landmarks(), PartChoices::default());
+    let performance = ENGINE
+        .perform(&voice(SECONDS), &felt(&[], "happy"), SILENT)
+        .unwrap();
+    let frames = performance.motion.frames();
+    let believed = |frames| ENGINE.believed(&face, &performance, frames);
+    let mask = believed(0..frames).unwrap();
+    assert_eq!(mask.dim(), (face.mesh.positions.len(), frames));
+    assert!(mask.iter().all(|w| (0.0..=1.0).contains(w)));
+    // Another frame alone is the same, and the mask changes over time.
+    assert_eq!(believed(7..8).unwrap().column(0), mask.column(7));
+    assert_ne!(mask.column(7), mask.column(frames - 1));
+    let of_region = |range: std::ops::Range<usize>| {
+        let rows = face.landmarks.vertices[range].iter();
+        let means: Vec<f32> = rows
+            .map(|&v| mask.row(v as usize).mean().unwrap())
+            .collect();
+        means.iter().sum::<f32>() / means.len() as f32
+    };
+    let (brows, lips) = (of_region(17..27), of_region(48..68));
+    assert!(brows > lips + 0.1, "brows {brows}, lips {lips}");
+    let refused = believed(0..frames + 1).unwrap_err().to_string();
+    assert!(refused.contains("frames: expected some of"), "{refused}");
+    let other = engine("freetalk");
+    let spoken = other.perform(&voice(1.0), &asked(&[]), SILENT).unwrap();
+    let refused = other.believed(&face, &spoken, 0..1).unwrap_err();
+    assert!(refused.to_string().contains("got freetalk"), "{refused}");
 }

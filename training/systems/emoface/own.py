@@ -14,11 +14,10 @@ from torch import Tensor
 
 from training.conditions import EMOTIONS
 from training.corpus.clip import FPS
-from training.corpus.faces import canonical_landmarks
 from training.corpus.folder import CorpusFolder, Row
-from training.corpus.folder_clips import INNER
-from training.corpus.grid import rigid
+from training.corpus.folder_clips import to_canonical_axes
 from training.corpus.topology import Topology
+from training.corpus.windows import interpolate
 from training.systems.emoface.feeling import FeelingEncoder
 from training.systems.emoface.model import Template
 from training.systems.emoface.rows import NEUTRAL, Spoken
@@ -31,8 +30,7 @@ def template_of(folder: CorpusFolder) -> Template:
     """The neutral mesh of the folder's first clip."""
     topology = folder.topology(folder.rows[0])
     places = topology.landmarks(topology.vertices)
-    turn, _ = rigid(places[INNER], canonical_landmarks()[INNER])
-    vertices = topology.vertices @ turn.T
+    vertices = topology.vertices @ to_canonical_axes(places)
     nearest = np.asarray(topology.nearest)
     if len(set(nearest.tolist())) < len(nearest) // 2:
         raise ValueError(
@@ -67,12 +65,8 @@ def _motion(folder: CorpusFolder, row: Row, topology: Topology) -> Tensor | None
     track = folder.vertices(row)
     if track is None:
         return None
-    places = topology.landmarks(topology.vertices)
-    turn, _ = rigid(places[INNER], canonical_landmarks()[INNER])
-    moved = (folder.unit_m * np.asarray(track.values, np.float32) - topology.vertices) @ turn.T
+    turn = to_canonical_axes(topology.landmarks(topology.vertices))
+    moved = (folder.unit_m * np.asarray(track.values, np.float32) - topology.vertices) @ turn
     at = np.arange(int(track.seconds[-1] * FPS + 1e-6) + 1) / FPS
-    after = np.clip(np.searchsorted(track.seconds, at), 1, len(track.seconds) - 1)
-    first, last = track.seconds[after - 1], track.seconds[after]
-    share = np.clip((at - first) / (last - first), 0.0, 1.0)[:, None, None]
-    mixed = (1.0 - share) * moved[after - 1] + share * moved[after]
-    return torch.from_numpy(mixed.reshape(len(at), -1).astype(np.float32))
+    rows = np.interp(at, track.seconds, np.arange(len(track.seconds)))
+    return interpolate(torch.from_numpy(moved).flatten(1), torch.from_numpy(rows)).float()

@@ -4,7 +4,9 @@ mod branch;
 mod config;
 mod model;
 mod system;
+mod template;
 
 pub use config::{EmoFaceConfig, Fusion};
 pub use model::{HeardFrame, Layer, MadeFrame, Model, Progressing};
 pub use system::{EmoFace, MODEL, REGISTRATION};
+pub use template::read_template;

@@ -203,19 +203,38 @@ impl Model {
         })
     }
 
+    /// `w` of each frame, `[T, V]`, of what is heard `[T, C]` and felt `[T, E]`: nothing is moved for it.
+    pub fn masks(&self, content: ArrayView2<'_, f32>, feeling: ArrayView2<'_, f32>) -> Array2<f32> {
+        let mut seen = SeenRows::new();
+        let mut out = Array2::zeros((content.nrows(), self.config.vertices));
+        let heard = content.outer_iter().zip(feeling.outer_iter());
+        for ((content, feeling), mut row) in heard.zip(out.outer_iter_mut()) {
+            let (content, feeling) = self.entered(content, feeling);
+            let mask = self.attention.step(&content, &feeling, &mut seen);
+            row.assign(&Array1::from_vec(mask));
+        }
+        out
+    }
+
+    /// What both branches hear, `[channels]` each.
+    fn entered(
+        &self,
+        content: ArrayView1<'_, f32>,
+        feeling: ArrayView1<'_, f32>,
+    ) -> (Vec<f32>, Vec<f32>) {
+        let channels = self.config.channels;
+        let (mut heard, mut felt) = (vec![0.0; channels], vec![0.0; channels]);
+        self.content_in.forward_row(&content.to_vec(), &mut heard);
+        self.feeling_in.forward_row(&feeling.to_vec(), &mut felt);
+        (heard, felt)
+    }
+
     /// The next frame; the one after it goes on from its `layer`.
     pub fn step(&self, heard: HeardFrame<'_>, layer: Layer, state: &mut Progressing) -> MadeFrame {
         let EmoFaceConfig {
-            channels,
-            vertices,
-            scale_m,
-            ..
+            vertices, scale_m, ..
         } = self.config;
-        let (mut content, mut feeling) = (vec![0.0; channels], vec![0.0; channels]);
-        self.content_in
-            .forward_row(&heard.content.to_vec(), &mut content);
-        self.feeling_in
-            .forward_row(&heard.feeling.to_vec(), &mut feeling);
+        let (content, feeling) = self.entered(heard.content, heard.feeling);
         let plain = self.style.row(heard.style);
         let level = |row: usize| self.level.row(row);
         let felt = &plain + &(&level(0) * (1.0 - heard.level)) + &(&level(1) * heard.level);
@@ -333,6 +352,11 @@ mod tests {
             }
         }
         assert!(largest < 1e-4, "{largest}");
+        let masks = model.masks(content.view(), feeling.view());
+        let apart = (&masks - &expected[3])
+            .iter()
+            .fold(0.0f32, |most, x| most.max(x.abs()));
+        assert!(apart < 1e-4, "{apart}");
         let shares = golden.values("shares");
         let prototype = model.prototype(&shares);
         assert!(distance(&prototype, &golden.values("prototype")) < 1e-5);

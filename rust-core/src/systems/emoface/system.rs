@@ -4,7 +4,7 @@ use std::{path::Path, sync::Arc};
 
 use ndarray::{Array1, Array2, Array3};
 
-use super::{EmoFaceConfig, HeardFrame, Layer, Model};
+use super::{EmoFaceConfig, HeardFrame, Layer, Model, read_template};
 use crate::{
     Error, Result,
     conditions::{
@@ -16,7 +16,7 @@ use crate::{
     models::{BuiltIn, built_in},
     motion::{
         self, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, PERFORMANCE_CONTROLS,
-        Performer,
+        Performer, Template, TemplateMask,
     },
     nn::Weights,
     progress::{ProgressFn, report},
@@ -99,6 +99,7 @@ pub static REGISTRATION: Registration = Registration {
 /// Both branches with everything that makes a performance of their motion.
 pub struct EmoFace {
     model: Model,
+    template: Option<Arc<Template>>,
     encoder: FeelingEncoder,
     modes: Arc<FaceModes>,
     expressions: Arc<Expressions>,
@@ -119,8 +120,10 @@ impl EmoFace {
                 "emoface: expected an emotion encoder of {wanted} features, got one of {given}"
             )));
         }
+        let weights = Weights::from_bytes(&files.weights)?;
         Ok(EmoFace {
-            model: Model::new(config, &Weights::from_bytes(&files.weights)?)?,
+            template: read_template(&weights, &config)?.map(Arc::new),
+            model: Model::new(config, &weights)?,
             encoder,
             modes: Arc::new(FaceModes::open(folder)?),
             expressions: Arc::new(Expressions::open(folder)?),
@@ -249,6 +252,23 @@ impl System for EmoFace {
             prosody: &heard.prosody,
         };
         performer.perform(sampled, request, emotion, blink_emotion)
+    }
+
+    fn believed(&self, heard: &Heard, request: &MotionRequest) -> Result<Option<TemplateMask>> {
+        let Some(template) = &self.template else {
+            return Err(Error::Weights(
+                "emoface: mask: expected a model with the triangles of its template, got none"
+                    .into(),
+            ));
+        };
+        let fps = self.config().fps;
+        let content = heard.features(fps);
+        let (feeling, _) = self.feeling(heard, request, content.nrows())?;
+        Ok(Some(TemplateMask {
+            template: Arc::clone(template),
+            shares: self.model.masks(content.view(), feeling.view()),
+            fps,
+        }))
     }
 
     fn styles(&self) -> &[String] {

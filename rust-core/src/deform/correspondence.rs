@@ -1,0 +1,161 @@
+//! Which points of a reference face every point of another face follows.
+//!
+//! The reference is bent onto the other face by interpolating the shift of the 68 landmarks with the radial
+//! basis `|r|` (Hardy 1971). A vertex then takes what the nearest points say whose skin lies in its own plane,
+//! and less where they lie far from it: the upper lip does not follow the lower one, nor a cheek the gums.
+//!
+//! Lengths are decimetres in the canonical frame.
+
+use faer::{Mat, linalg::solvers::Solve};
+use ndarray::{Array2, ArrayView2};
+use rayon::prelude::*;
+
+use super::nearest::{PointGrid, distance};
+use crate::{
+    ibug::LANDMARKS,
+    mesh::closest::{cross, sub},
+};
+
+/// Points that a vertex listens to.
+const NEIGHBOURS: usize = 4;
+/// Added to distances, so that a point that is hit exactly does not stand alone, decimetres.
+const SOFT_DM: f32 = 0.003;
+/// Distance of the nearest point up to which a vertex follows wholly, and from which not at all.
+const FULL_WITHIN_DM: f32 = 0.06;
+const GONE_AT_DM: f32 = 0.12;
+const CELL_DM: f32 = 0.04;
+
+/// Points on the surface of a reference face.
+#[derive(Debug, Clone)]
+pub struct ReferencePoints {
+    /// `[P]`.
+    pub points: Vec<[f32; 3]>,
+    /// `[P]`, unit.
+    pub normals: Vec<[f32; 3]>,
+    /// Of the same face; no two at one place.
+    pub landmarks: [[f32; 3]; LANDMARKS],
+}
+
+/// A face that is to follow a reference.
+#[derive(Clone, Copy)]
+pub struct FollowingFace<'a> {
+    /// `[V]`.
+    pub positions: &'a [[f32; 3]],
+    /// Of these; which side is the front does not matter.
+    pub triangles: &'a [[u32; 3]],
+    /// Of the neutral face.
+    pub landmarks: &'a [[f32; 3]; LANDMARKS],
+}
+
+/// For each vertex of a face the points that it follows and their shares, 1 together or less.
+#[derive(Debug, Clone)]
+pub struct Correspondence(Vec<Vec<(u32, f32)>>);
+
+impl ReferencePoints {
+    /// Two landmarks that lie at one place, between which nothing can be interpolated.
+    pub fn coinciding(&self) -> Option<[usize; 2]> {
+        let all = self.landmarks.iter().enumerate();
+        let mut pairs = all.filter_map(|(n, at)| {
+            let other = self.landmarks[..n].iter().position(|other| other == at)?;
+            Some([other, n])
+        });
+        pairs.next()
+    }
+
+    /// Which points each vertex of `face` follows.
+    pub fn carried_to(&self, face: FollowingFace<'_>) -> Correspondence {
+        let planes = planes(face.positions, face.triangles);
+        let points = self.warped(face.landmarks);
+        let grid = PointGrid::new(&points, CELL_DM);
+        let followed = |(v, &p): (usize, &[f32; 3])| {
+            let near = grid.within(p, GONE_AT_DM, NEIGHBOURS);
+            let weight = |&(p, distance): &(u32, f32)| {
+                planes[v].along(self.normals[p as usize]) / (distance + SOFT_DM).powi(2)
+            };
+            let total: f32 = near.iter().map(weight).sum();
+            if total <= 0.0 {
+                return Vec::new();
+            }
+            let fade = (GONE_AT_DM - near[0].1) / (GONE_AT_DM - FULL_WITHIN_DM);
+            let share = |found: &(u32, f32)| fade.clamp(0.0, 1.0) * weight(found) / total;
+            near.iter().map(|found| (found.0, share(found))).collect()
+        };
+        let positions = face.positions.par_iter().enumerate();
+        Correspondence(positions.map(followed).collect())
+    }
+
+    /// The points where the face of `landmarks` has them.
+    fn warped(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> Vec<[f32; 3]> {
+        let size = LANDMARKS + 1;
+        let radial = |a: [f32; 3], b: [f32; 3]| -f64::from(distance(a, b));
+        let system = Mat::from_fn(size, size, |i, j| match (i < LANDMARKS, j < LANDMARKS) {
+            (true, true) => radial(self.landmarks[i], self.landmarks[j]),
+            (false, false) => 0.0,
+            _ => 1.0,
+        });
+        let shift = Mat::from_fn(size, 3, |i, axis| match i < LANDMARKS {
+            true => f64::from(landmarks[i][axis] - self.landmarks[i][axis]),
+            false => 0.0,
+        });
+        let weights = system.partial_piv_lu().solve(&shift);
+        let moved = |&point: &[f32; 3]| {
+            let mut shift = [0, 1, 2].map(|axis| weights[(LANDMARKS, axis)]);
+            for (n, &landmark) in self.landmarks.iter().enumerate() {
+                let radial = radial(point, landmark);
+                (0..3).for_each(|axis| shift[axis] += radial * weights[(n, axis)]);
+            }
+            std::array::from_fn(|axis| point[axis] + shift[axis] as f32)
+        };
+        self.points.par_iter().map(moved).collect()
+    }
+}
+
+impl Correspondence {
+    /// What a field over the points, `[P, C]`, is on the vertices, `[V, C]`.
+    pub fn of(&self, field: ArrayView2<'_, f32>) -> Array2<f32> {
+        let mut out = Array2::zeros((self.0.len(), field.ncols()));
+        let rows = out.outer_iter_mut().into_par_iter().zip(&self.0);
+        rows.for_each(|(mut row, followed)| {
+            for &(point, share) in followed {
+                row.scaled_add(share, &field.row(point as usize));
+            }
+        });
+        out
+    }
+}
+
+/// How the triangles about a vertex face, whatever their order: `Σ n nᵀ` of their doubled areas' vectors,
+/// upper triangle row by row.
+#[derive(Debug, Clone, Copy, Default)]
+struct Planes([f32; 6]);
+
+impl Planes {
+    fn add(&mut self, [x, y, z]: [f32; 3]) {
+        let products = [x * x, x * y, x * z, y * y, y * z, z * z];
+        self.0.iter_mut().zip(products).for_each(|(a, b)| *a += b);
+    }
+
+    /// Mean square of the cosine between the triangles' normals and a unit vector, 0 to 1.
+    fn along(&self, [x, y, z]: [f32; 3]) -> f32 {
+        let [xx, xy, xz, yy, yz, zz] = self.0;
+        let size = xx + yy + zz;
+        let along = xx * x * x + yy * y * y + zz * z * z;
+        let across = 2.0 * (xy * x * y + xz * x * z + yz * y * z);
+        match size > 0.0 {
+            true => ((along + across) / size).max(0.0),
+            false => 0.0,
+        }
+    }
+}
+
+fn planes(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<Planes> {
+    let mut planes = vec![Planes::default(); positions.len()];
+    for triangle in triangles {
+        let [a, b, c] = triangle.map(|v| positions[v as usize]);
+        let normal = cross(sub(b, a), sub(c, a));
+        triangle
+            .iter()
+            .for_each(|&v| planes[v as usize].add(normal));
+    }
+    planes
+}
