@@ -1,6 +1,6 @@
 """Writes FaceTalk's head, and its speech model beside it, as the one folder that Rust reads.
 
-    python -m training.export_facetalk --head runs/facetalk_head/head.pt --motion runs/facetalk_motion/motion.pt
+    python -m training.export_facetalk --head runs/facetalk/head.pt --motion runs/facetalk_motion/motion.pt
 
 Weights are f16; maps to codes, landmarks, directions, mean and deviation stay f32.
 """

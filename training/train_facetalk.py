@@ -1,8 +1,8 @@
 """Trains FaceTalk's head: the mean head's field, the ways to it, then both deformations.
 
-    python -m training.train_facetalk template --out runs/facetalk_template
-    python -m training.train_facetalk identity --start runs/facetalk_template/head.pt --out runs/facetalk_identity
-    python -m training.train_facetalk expression --start runs/facetalk_identity/head.pt --out runs/facetalk_head
+    python -m training.train_facetalk template --out runs/template
+    python -m training.train_facetalk identity --start runs/template/head.pt --out runs/identity
+    python -m training.train_facetalk expression --start runs/identity/head.pt --out runs/facetalk
 
 Heads are ICT identities from N(0, 1), a pool of them held in memory and changed bit by bit; coefficients of
 evaluation come from seeds of their own. Seeded; resumes from `--out/last.pt` with the same bits.
@@ -32,6 +32,8 @@ EVEN_M = 1e-4
 """Errors below this count less than in proportion."""
 EIKONAL, EIKONAL_EVERY = 0.02, 8
 REFRESHED = 1
+OUT_RATE = 0.05
+"""Of the rate, for the layers that displacements come out of."""
 EXACT_UNTIL = 0.6
 """From here on the forward field gets places from the identity field, as when it is used."""
 RATES = {"template": 3e-3, "identity": 3e-3, "expression": 3e-3}
@@ -118,6 +120,18 @@ def identity_loss(head: Head, heads: IctHeads, pool: Pool, count: int, points: i
     }
 
 
+def by_rate(head: Head, learned: list[Tensor], rate: float) -> list[dict]:
+    """Groups for the optimiser: what makes displacements learns more slowly, since these are small, and what
+    sees many numbers of a code, since all of them change its sum at once."""
+    chosen = {id(p) for p in learned}
+    slow = (".out", ".press.", ".code.", "expression_code")
+    last = {id(p) for name, p in head.named_parameters() if any(part in name for part in slow)}
+    return [
+        {"params": [p for p in head.parameters() if id(p) in chosen - last], "lr": rate},
+        {"params": [p for p in head.parameters() if id(p) in chosen & last], "lr": OUT_RATE * rate},
+    ]
+
+
 def train(arguments) -> Path:
     """Runs the training; writes `head.pt` and returns its path."""
     torch.manual_seed(arguments.seed)
@@ -142,9 +156,10 @@ def train(arguments) -> Path:
     expression = ExpressionLoss(heads, Poses(arguments.data)) if arguments.part == "expression" else None
     pool = Pool(heads, arguments.pool, random) if arguments.part != "template" else None
     rate = arguments.rate or RATES[arguments.part]
-    optimiser = torch.optim.Adam(learned, rate)
+    groups = by_rate(head, learned, rate)
+    optimiser = torch.optim.Adam(groups)
     schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, rate, arguments.steps + 1, pct_start=0.05, final_div_factor=100.0
+        optimiser, [g["lr"] for g in groups], arguments.steps + 1, pct_start=0.05, final_div_factor=100.0
     )
     parts = {"head": head, "optimiser": optimiser, "schedule": schedule}
     run = Run(arguments.out, parts, arguments.steps, arguments.save_every, {"random": random})

@@ -101,9 +101,9 @@ class IctHeads:
     def _drawn(self, places: int, volume: int) -> dict[str, dict[str, Tensor]]:
         random = torch.Generator().manual_seed(5)
         corners = self.opened[self.triangles]
-        area = 0.5 * torch.linalg.cross(
-            corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        ).norm(dim=1)
+        area = 0.5 * torch.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).norm(
+            dim=1
+        )
         dense = drawn_places(area, DENSE, random)
         surface = self.at(self.opened[None], self.normals[None], dense)[0]
         tree = cKDTree(surface.numpy())

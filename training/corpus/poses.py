@@ -22,7 +22,7 @@ SPARSE_CHANNELS = 0.12
 
 
 def recorded(data: Path, held_out: bool) -> tuple[Tensor, Tensor]:
-    """Frames of facegood_zh and of grid_s1's tracker, [N, 51] and [M, 51]: those of training or the others."""
+    """Frames of facegood_zh and of grid_s1's tracker, [N, 51] and [M, 51], of training or the others."""
     spoken = []
     for weights, _ in facegood_weights(data).values():
         cut = facegood_first_held_out(len(weights))
@@ -70,7 +70,9 @@ class Poses:
 
         sparse = uniform(count, len(CHANNELS)) * (uniform(count, len(CHANNELS)) < SPARSE_CHANNELS)
         single = uniform(count, 1) * pick(torch.eye(len(CHANNELS)))
-        kinds = torch.stack([torch.zeros_like(single), single, sparse, pick(self.captured), pick(self.tracked)])
+        kinds = torch.stack(
+            [torch.zeros_like(single), single, sparse, pick(self.captured), pick(self.tracked)]
+        )
         shares = torch.tensor([REST_SHARE, SINGLE_SHARE, SPARSE_SHARE, CAPTURED_SHARE]).cumsum(0)
         kind = torch.bucketize(uniform(count), shares)
         weights = kinds[kind, torch.arange(count)]

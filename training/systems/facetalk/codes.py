@@ -148,11 +148,15 @@ def named(modes: Modes, heads: IctHeads, rows: Tensor) -> list[str]:
     """For each direction [N, 100] what changes most along it, beside how much it varies between heads; a
     name goes to one direction only."""
     random = torch.Generator().manual_seed(13)
-    people = modes.mean + torch.einsum("bk,kvc->bvc", torch.randn(200, COEFFICIENTS, generator=random), modes.modes)
+    people = modes.mean + torch.einsum(
+        "bk,kvc->bvc", torch.randn(200, COEFFICIENTS, generator=random), modes.modes
+    )
     varies = {name: value.std() for name, value in measures(people, heads.landmarks).items()}
     names: list[str] = []
     for row in rows:
         ends = modes.mean + torch.einsum("bk,kvc->bvc", torch.stack([row, -row]), modes.modes)
-        change = {n: ((v[0] - v[1]).abs() / varies[n]).item() for n, v in measures(ends, heads.landmarks).items()}
+        change = {
+            n: ((v[0] - v[1]).abs() / varies[n]).item() for n, v in measures(ends, heads.landmarks).items()
+        }
         names.append(max((n for n in change if n not in names), key=change.get))
     return names

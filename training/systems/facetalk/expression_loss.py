@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from training.corpus.heads import FACE_VERTICES, IctHeads, Places, vertex_normals
+from training.corpus.heads import FACE_VERTICES, IctHeads, vertex_normals
 from training.corpus.poses import Poses
 from training.systems.facetalk.head import Head
 
@@ -33,7 +33,7 @@ class Batch:
 
 
 def lip_pairs(heads: IctHeads) -> Tensor:
-    """Vertices of the upper and the lower lip that meet at rest and are apart in the canonical pose, [N, 2]."""
+    """Vertices of the upper and the lower lip that meet at rest and not in the canonical pose, [N, 2]."""
     skin = heads.mean[:FACE_VERTICES]
     mouth = torch.cdist(skin, heads.mean[heads.landmarks[48:]]).amin(1) < 0.02
     rows = mouth.nonzero()[:, 0]

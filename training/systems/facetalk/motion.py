@@ -115,7 +115,10 @@ class Block(nn.Module):
         width = config.width
         self.self_attn = RotaryAttention(width, config.inner, config.heads)
         self.cross_attn = RotaryAttention(width, config.inner, config.heads)
-        self.linear1, self.linear2 = nn.Linear(width, config.feedforward), nn.Linear(config.feedforward, width)
+        self.linear1, self.linear2 = (
+            nn.Linear(width, config.feedforward),
+            nn.Linear(config.feedforward, width),
+        )
         self.norm1, self.norm2, self.norm3 = (nn.LayerNorm(width) for _ in range(PLACES))
 
     def forward(self, x: Tensor, memory: Tensor, films, behind: Tensor, band: Tensor) -> Tensor:
@@ -144,11 +147,13 @@ class Denoiser(nn.Module):
         self.register_buffer("std", torch.ones(config.codes))
 
     def forward(self, noisy: Tensor, timestep: Tensor, speech: Tensor, given: Tensor, r: Tensor) -> Tensor:
-        """`noisy` [B, T, X], `timestep` [B] int, `speech` [B, T, C], `given` [B] bool, `r` [B] → [B, T, X]."""
+        """`noisy` [B, T, X], `timestep` [B], `speech` [B, T, C], `given` [B] bool, `r` [B] → x̂₀."""
         frames = noisy.shape[1]
         if speech.shape[1] != frames:
             raise ValueError(f"speech frames: expected {frames}, got {speech.shape[1]}")
-        condition = self.time(timestep_embedding(timestep, self.config.width)) + self.vividness(r[:, None] - 1.0)
+        condition = self.time(timestep_embedding(timestep, self.config.width)) + self.vividness(
+            r[:, None] - 1.0
+        )
         films = self.film(condition if self.config.film else torch.zeros_like(condition))
         memory = torch.where(given[:, None, None], self.mem_proj(speech), self.null_speech)
         rows = torch.arange(frames, device=noisy.device)
