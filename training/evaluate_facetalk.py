@@ -9,6 +9,7 @@ zero, by one Newton step. `--parts` chooses what is measured.
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -19,7 +20,7 @@ from training.corpus.faces import CHANNELS, load_makehuman
 from training.corpus.heads import COEFFICIENTS, FACE_VERTICES, IctHeads, vertex_normals
 from training.corpus.poses import Poses
 from training.export_facetalk import load_folder
-from training.fit_codes import fit_free, fit_identity
+from training.fit_codes import SequenceFit, fit_free, fit_identity, fit_sequence
 from training.systems.facetalk.expression_loss import lip_pairs
 from training.systems.facetalk.head import Head
 from training.train_facetalk import load
@@ -29,6 +30,7 @@ UNSEEN_SEED = 9_000_000
 LIPS_M = 8e-3
 FITTED_POINTS = 5000
 POSES_OF_EACH = 20
+CLOUD_POINTS, NOISE_M = 5000, 5e-4
 
 
 def unseen(count: int) -> Tensor:
@@ -199,6 +201,46 @@ def closure(head: Head, heads: IctHeads, count: int) -> None:
     )
 
 
+def sequences(head: Head, heads: IctHeads, data: Path, count: int, fit: SequenceFit) -> None:
+    """Clouds with noise of stretches of held-out takes, fitted by eq. 16 and frame by frame, from rest."""
+    poses = Poses(data, held_out=True)
+    random = torch.Generator().manual_seed(UNSEEN_SEED + 2)
+    coefficients = unseen(count)
+    canonical, scales = heads.canonical(coefficients)
+    alone = replace(fit, group=1, shared=0)
+    found: dict[str, list[Tensor]] = {}
+    for number in range(count):
+        first = int(torch.randint(0, len(poses.captured) - fit.group, (1,), generator=random))
+        weights = poses.captured[first : first + fit.group]
+        moved = torch.einsum("bm,mvc->bvc", weights - heads.rest, heads.modes)
+        posed = canonical[number] + scales[number] * moved
+        points = [face_points(heads, v, CLOUD_POINTS, UNSEEN_SEED + number) for v in posed]
+        clouds = [p + NOISE_M * torch.randn(p.shape, generator=random) for p, _ in points]
+        with torch.no_grad():
+            z = head.identity_code(coefficients[number])
+            rest = head.expression(torch.zeros(1, len(CHANNELS)))[0]
+        rows = {
+            "eq. 16": fit_sequence(head, clouds, z, fit, rest),
+            "frame by frame": fit_sequence(head, clouds, z, alone, rest),
+            "mapped weights": head.expression(weights).detach(),
+            "rest": rest.expand(len(weights), -1),
+        }
+        skin = canonical[number, :FACE_VERTICES]
+        for name, codes in rows.items():
+            with torch.no_grad():
+                x = torch.stack([p for p, _ in points]) / head.config.scale_m
+                s = head(x, z.expand(len(x), -1), codes).abs() * head.config.scale_m
+                made = head.config.scale_m * head.posed(
+                    (skin / head.config.scale_m).expand(len(codes), -1, -1), z.expand(len(codes), -1), codes
+                )
+            found.setdefault(f"{name}: surface mm", []).append(1e3 * s.mean())
+            found.setdefault(f"{name}: jerk mm", []).append(1e3 * made.diff(n=3, dim=0).norm(dim=-1).mean())
+            apart = (made - posed[:, :FACE_VERTICES]).norm(dim=-1).mean()
+            found.setdefault(f"{name}: vertices mm", []).append(1e3 * apart)
+    for name, values in found.items():
+        print(f"sequences, {name} {torch.stack(values).mean():.3f}")
+
+
 def main() -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -206,8 +248,11 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument("--heads", type=int, default=10)
-    parts = ["identity", "makehuman", "expression", "closure"]
-    parser.add_argument("--parts", nargs="*", choices=parts, default=parts)
+    parts = ["identity", "makehuman", "expression", "closure", "sequences"]
+    parser.add_argument("--parts", nargs="*", choices=parts, default=parts[:4])
+    parser.add_argument("--iterations", type=int, default=500, help="of eq. 16")
+    parser.add_argument("--points", type=int, default=5000, help="of a cloud, each time (eq. 16)")
+    parser.add_argument("--rate", type=float, default=SequenceFit.rate, help="of eq. 16")
     arguments = parser.parse_args()
     head = load_folder(arguments.head)[0] if arguments.head.is_dir() else load(arguments.head)
     heads = IctHeads(arguments.data, arguments.cache, head.config.open_jaw)
@@ -219,6 +264,13 @@ def main() -> None:
         expression(head, heads, arguments.data, arguments.heads)
     if "closure" in arguments.parts:
         closure(head, heads, arguments.heads)
+    if "sequences" in arguments.parts:
+        late, slow = int(0.6 * arguments.iterations), 0.1 * arguments.rate
+        fit = SequenceFit(
+            iterations=arguments.iterations, points=arguments.points, rate=arguments.rate,
+            late_rate=slow, late_from=late,
+        )  # fmt: skip
+        sequences(head, heads, arguments.data, arguments.heads, fit)
 
 
 if __name__ == "__main__":

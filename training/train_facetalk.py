@@ -20,7 +20,7 @@ from training.corpus.faces import CHANNELS
 from training.corpus.heads import COEFFICIENTS, IctHeads, vertex_normals
 from training.corpus.poses import Poses
 from training.run import Run
-from training.systems.facetalk.codes import set_codes
+from training.systems.facetalk.codes import set_bounds, set_codes, set_directions
 from training.systems.facetalk.config import CONFIGS, HeadConfig
 from training.systems.facetalk.expression_loss import ExpressionLoss
 from training.systems.facetalk.head import Head
@@ -136,7 +136,7 @@ def train(arguments) -> Path:
     """Runs the training; writes `head.pt` and returns its path."""
     torch.manual_seed(arguments.seed)
     torch.set_num_threads(arguments.threads)
-    if arguments.part == "template":
+    if arguments.start is None:
         config = CONFIGS[arguments.config]()
         config.channels = list(CHANNELS)
         head = Head(config)
@@ -146,7 +146,10 @@ def train(arguments) -> Path:
     heads = IctHeads(arguments.data, arguments.cache, config.open_jaw)
     random = torch.Generator().manual_seed(arguments.seed + 1)
     if arguments.part == "template":
-        print({name: round(value, 3) for name, value in set_codes(head, heads).items()})
+        set_bounds(head, heads)
+        set_directions(head, heads)
+        if arguments.start is None:
+            print({name: round(value, 3) for name, value in set_codes(head, heads).items()})
         learned = list(head.identity.template.parameters())
     elif arguments.part == "identity":
         learned = list(head.identity.locals.parameters())
@@ -203,7 +206,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
-    parser.add_argument("--start", type=Path, help="head.pt of the part before")
+    parser.add_argument("--start", type=Path, help="head.pt of the part before, or of this one to go on")
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
     parser.add_argument("--heads", type=int, default=24, help="in a batch")
     parser.add_argument("--pool", type=int, default=400, help="heads held in memory")

@@ -21,7 +21,7 @@ from training.corpus.faces import CHANNELS, canonical_landmarks, load_ict, stabi
 
 COEFFICIENTS = 100
 FACE_VERTICES = 9409
-BOX_M = 0.06
+BOX_M = 0.12
 """How far about the head the far points lie."""
 SPREAD_M, FURTHEST_M = 2e-3, 6e-3
 """Of the distance of places beside the surface: deviation and bound."""
@@ -36,7 +36,7 @@ UNCLEAR = 0.3
 """Points whose winding number is nearer to 0.5 are left out: they lie on the surface."""
 CARRIERS, CARRIER_M = 40, 4e-3
 DENSE = 1_500_000
-VERSION = 2
+VERSION = 3
 
 
 @dataclass
@@ -69,7 +69,7 @@ class Volume:
 class IctHeads:
     """ICT's identities in the canonical pose, jaw open by `open_jaw`, aligned to the canonical frame."""
 
-    def __init__(self, data: Path, cache: Path, open_jaw: float, places: int = 400_000, volume: int = 60_000):
+    def __init__(self, data: Path, cache: Path, open_jaw: float, places: int = 400_000, volume: int = 90_000):
         model = load_ict(data, "skin")
         mean = model.mean
         rim = neck_rim(mean.triangles)

@@ -20,7 +20,7 @@ from training.systems.facetalk.identity import numbers
 SAMPLES = 600
 ELSEWHERE = 0.2
 """What a vertex off the face counts."""
-SIGNIFICANT = 1e-9
+MARGIN_M = 0.01
 
 
 @dataclass
@@ -71,9 +71,8 @@ def set_codes(head: Head, heads: IctHeads) -> dict[str, float]:
     """Fills the maps to codes, landmarks, mirror signs and principal directions; how much of the movement
     each region's codes leave over."""
     config, modes = head.config, linear_modes(heads)
-    whole, reach = directions(modes, modes.area, torch.eye(COEFFICIENTS), config.global_code, True)
+    whole = directions(modes, modes.area, torch.eye(COEFFICIENTS), config.global_code, True)[0]
     whole = whole * whole.gather(1, whole.abs().argmax(1, keepdim=True)).sign()
-    head.principal.directions.copy_(whole[:DIRECTIONS])
     random = torch.Generator().manual_seed(12)
     coefficients = torch.randn(SAMPLES, COEFFICIENTS, generator=random)
     vertices = heads.canonical(coefficients)[0] / config.scale_m
@@ -102,16 +101,29 @@ def set_codes(head: Head, heads: IctHeads) -> dict[str, float]:
     weight = torch.cat(rows)
     head.identity_code.weight.copy_(weight)
     head.identity_code.bias.zero_()
-    reach_mm = 1e3 * reach[:DIRECTIONS].sqrt()
-    names = named(modes, heads, whole[:DIRECTIONS])
-    config.directions = [
-        {"name": name, "reach_mm": round(float(mm), 2)} for name, mm in zip(names, reach_mm, strict=True)
-    ]
-    every = torch.cat([heads.canonical(3.0 * c[None])[0][0] for c in coefficients[:20]])
-    low = torch.minimum(every.amin(0), vertices.amin((0, 1)) * config.scale_m) - 0.01
-    high = torch.maximum(every.amax(0), vertices.amax((0, 1)) * config.scale_m) + 0.01
-    config.bounds_m = [[round(float(x), 3) for x in low], [round(float(x), 3) for x in high]]
     return report
+
+
+@torch.no_grad()
+def set_directions(head: Head, heads: IctHeads) -> None:
+    """The sliders: directions that move the surface furthest, each the way in which its name grows."""
+    modes = linear_modes(heads)
+    rows, reach = directions(modes, modes.area, torch.eye(COEFFICIENTS), DIRECTIONS, True)
+    names = named(modes, heads, rows)
+    signs = torch.tensor([sign for _, sign in names])
+    head.principal.directions.copy_(signs[:, None] * rows)
+    head.config.directions = [
+        {"name": name, "reach_mm": round(1e3 * float(squared) ** 0.5, 2)}
+        for (name, _), squared in zip(names, reach, strict=True)
+    ]
+
+
+def set_bounds(head: Head, heads: IctHeads) -> None:
+    """The box of many random heads and a little more."""
+    random = torch.Generator().manual_seed(12)
+    vertices = heads.canonical(torch.randn(SAMPLES, COEFFICIENTS, generator=random))[0]
+    low, high = vertices.amin((0, 1)) - MARGIN_M, vertices.amax((0, 1)) + MARGIN_M
+    head.config.bounds_m = [[round(float(x), 3) for x in low], [round(float(x), 3) for x in high]]
 
 
 def measures(vertices: Tensor, landmarks: Tensor) -> dict[str, Tensor]:
@@ -144,19 +156,22 @@ def measures(vertices: Tensor, landmarks: Tensor) -> dict[str, Tensor]:
     }
 
 
-def named(modes: Modes, heads: IctHeads, rows: Tensor) -> list[str]:
-    """For each direction [N, 100] what changes most along it, beside how much it varies between heads; a
-    name goes to one direction only."""
+def named(modes: Modes, heads: IctHeads, rows: Tensor) -> list[tuple[str, float]]:
+    """For each direction [N, 100] what changes most along it, beside how much it varies between heads, and
+    the sign that makes it grow; a name goes to one direction only."""
     random = torch.Generator().manual_seed(13)
-    people = modes.mean + torch.einsum(
-        "bk,kvc->bvc", torch.randn(200, COEFFICIENTS, generator=random), modes.modes
-    )
-    varies = {name: value.std() for name, value in measures(people, heads.landmarks).items()}
-    names: list[str] = []
+
+    def people(coefficients: Tensor) -> dict[str, Tensor]:
+        vertices = modes.mean + torch.einsum("bk,kvc->bvc", coefficients, modes.modes)
+        return measures(vertices, heads.landmarks)
+
+    varies = {
+        name: value.std() for name, value in people(torch.randn(200, COEFFICIENTS, generator=random)).items()
+    }
+    found: list[tuple[str, float]] = []
     for row in rows:
-        ends = modes.mean + torch.einsum("bk,kvc->bvc", torch.stack([row, -row]), modes.modes)
-        change = {
-            n: ((v[0] - v[1]).abs() / varies[n]).item() for n, v in measures(ends, heads.landmarks).items()
-        }
-        names.append(max((n for n in change if n not in names), key=change.get))
-    return names
+        change = {n: ((v[0] - v[1]) / varies[n]).item() for n, v in people(torch.stack([row, -row])).items()}
+        taken = {name for name, _ in found}
+        name = max((n for n in change if n not in taken), key=lambda n: abs(change[n]))
+        found.append((name, 1.0 if change[name] >= 0.0 else -1.0))
+    return found
