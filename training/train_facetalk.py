@@ -34,8 +34,6 @@ EIKONAL, EIKONAL_EVERY = 0.02, 8
 REFRESHED = 1
 OUT_RATE = 0.05
 """Of the rate, for the layers that displacements come out of."""
-EXACT_UNTIL = 0.6
-"""From here on the forward field gets places from the identity field, as when it is used."""
 RATES = {"template": 3e-3, "identity": 3e-3, "expression": 3e-3}
 
 
@@ -154,8 +152,8 @@ def train(arguments) -> Path:
     elif arguments.part == "identity":
         learned = list(head.identity.locals.parameters())
     else:
-        learned = [*head.backward_field.parameters(), *head.forward_field.parameters(),
-                   *head.expression_code.parameters()]  # fmt: skip
+        learned = [*head.backward_field.parameters(), *head.forward_field.parameters()]
+        learned += [] if arguments.keep_codes else list(head.expression_code.parameters())
     expression = ExpressionLoss(heads, Poses(arguments.data)) if arguments.part == "expression" else None
     pool = Pool(heads, arguments.pool, random) if arguments.part != "template" else None
     rate = arguments.rate or RATES[arguments.part]
@@ -172,7 +170,7 @@ def train(arguments) -> Path:
         elif arguments.part == "identity":
             loss, report = identity_loss(head, heads, pool, arguments.heads, arguments.points, random)
         else:
-            exact, cycle = step < EXACT_UNTIL * arguments.steps, step % 2 == 1
+            exact, cycle = step < arguments.exact * arguments.steps, step % 2 == 1
             loss, report = expression(head, pool, arguments.heads, arguments.points, exact, cycle, random)
         optimiser.zero_grad()
         loss.backward()
@@ -211,6 +209,9 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--heads", type=int, default=24, help="in a batch")
     parser.add_argument("--pool", type=int, default=400, help="heads held in memory")
     parser.add_argument("--points", type=int, default=512, help="of each head")
+    parser.add_argument("--exact", type=float, default=0.6,
+                        help="share of steps before places come from the identity field")  # fmt: skip
+    parser.add_argument("--keep-codes", action="store_true", help="leave the map of expressions as it is")
     parser.add_argument("--steps", type=int, default=3000)
     parser.add_argument("--rate", type=float)
     parser.add_argument("--seed", type=int, default=0)

@@ -12,7 +12,7 @@ from training.corpus.poses import Poses
 from training.systems.facetalk.head import Head
 
 CODES = 5e-5
-LIPS = 2.0
+LIPS = 4.0
 TOGETHER_M, APART_M = 1.5e-3, 3e-3
 MOST_PAIRS = 400
 FAR_SHARE = 0.15
