@@ -19,6 +19,9 @@ REST_SHARE, SINGLE_SHARE, SPARSE_SHARE, CAPTURED_SHARE = 0.12, 0.15, 0.28, 0.3
 """The rest are tracked frames of grid_s1."""
 FELT_SHARE = 0.25
 SPARSE_CHANNELS = 0.12
+BLINK_SHARE = 0.25
+"""Poses whose lids are shut besides, half of them wholly."""
+LIDS = [CHANNELS.index("eyeBlinkLeft"), CHANNELS.index("eyeBlinkRight")]
 
 
 def recorded(data: Path, held_out: bool) -> tuple[Tensor, Tensor]:
@@ -78,4 +81,7 @@ class Poses:
         weights = kinds[kind, torch.arange(count)]
         emotional = (uniform(count) < FELT_SHARE) & (kind >= 3)
         added = uniform(count, 1) * pick(self.felt) * emotional[:, None]
+        blinks = uniform(count, 1) < BLINK_SHARE
+        shut = (2.0 * uniform(count, 1)).clamp(max=1.0) * blinks
+        weights[:, LIDS] = torch.maximum(weights[:, LIDS], shut)
         return (weights + added).clamp(0.0, 1.0)

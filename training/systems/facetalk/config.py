@@ -38,6 +38,7 @@ class HeadConfig:
     pressed: int = 16
     expression_width: int = 192
     expression_layers: int = 5
+    expression_octaves: int = 7
     channels: list[str] = field(default_factory=list)
     open_jaw: float = 0.3
     bounds_m: list[list[float]] = field(default_factory=lambda: [[-0.2] * 3, [0.2] * 3])
@@ -81,6 +82,7 @@ def debug_config() -> HeadConfig:
         pressed=3,
         expression_width=12,
         expression_layers=4,
+        expression_octaves=3,
         channels=["jawOpen", "mouthFunnel"],
     )
 

@@ -18,10 +18,10 @@ class Deformation(Network):
 
     def __init__(self, config: HeadConfig, code_layers: list[int]):
         super().__init__(
-            encoded(config.octaves), config.expression_code + config.pressed,
+            encoded(config.expression_octaves), config.expression_code + config.pressed,
             config.expression_width, config.expression_layers, 3, code_layers,
         )  # fmt: skip
-        self.octaves = config.octaves
+        self.octaves = config.expression_octaves
         self.press = nn.Linear(config.identity_code + 3 * config.anchors, config.pressed)
         nn.init.normal_(self.press.weight, std=0.02)
 

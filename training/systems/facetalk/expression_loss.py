@@ -1,4 +1,4 @@
-"""What trains the deformations: exact pairs of canonical and posed places, and lips that meet at rest."""
+"""What trains the deformations: exact pairs of canonical and posed places, and lips and lids that meet."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ import torch
 from torch import Tensor
 
 from training.corpus.heads import FACE_VERTICES, IctHeads, vertex_normals
-from training.corpus.poses import Poses
+from training.corpus.poses import LIDS, Poses
 from training.systems.facetalk.head import Head
 
 CODES = 5e-5
-LIPS = 4.0
+GAPS = 4.0
 TOGETHER_M, APART_M = 1.5e-3, 3e-3
-MOST_PAIRS = 400
+MOST_PAIRS = 200
+ABOUT_M = 0.02
 FAR_SHARE = 0.15
 STILL_M = 0.02
 """Places of the volume farther from the skin than this do not move."""
@@ -34,22 +35,32 @@ class Batch:
 
 def lip_pairs(heads: IctHeads) -> Tensor:
     """Vertices of the upper and the lower lip that meet at rest and not in the canonical pose, [N, 2]."""
-    skin = heads.mean[:FACE_VERTICES]
-    mouth = torch.cdist(skin, heads.mean[heads.landmarks[48:]]).amin(1) < 0.02
-    rows = mouth.nonzero()[:, 0]
-    at_rest = torch.cdist(heads.mean[rows], heads.mean[rows])
+    return meeting(heads, heads.mean, heads.landmarks[48:])
+
+
+def lid_pairs(heads: IctHeads) -> Tensor:
+    """Vertices of lids that meet when eyes are shut and not in the canonical pose, [N, 2]."""
+    return meeting(heads, heads.mean + heads.modes[LIDS].sum(0), heads.landmarks[36:48])
+
+
+def meeting(heads: IctHeads, shut: Tensor, landmarks: Tensor) -> Tensor:
+    """Pairs, the upper one first, of vertices near landmarks that are together in the pose `shut` [V, 3]."""
+    near = torch.cdist(heads.mean[:FACE_VERTICES], heads.mean[landmarks]).amin(1) < ABOUT_M
+    rows = near.nonzero()[:, 0]
+    together = torch.cdist(shut[rows], shut[rows])
     opened = torch.cdist(heads.opened[rows], heads.opened[rows])
-    a, b = ((at_rest < TOGETHER_M) & (opened > APART_M)).nonzero().T
+    a, b = ((together < TOGETHER_M) & (opened > APART_M)).nonzero().T
     higher = heads.opened[rows[a], 1] > heads.opened[rows[b], 1]
     return torch.stack([rows[a[higher]], rows[b[higher]]], 1)
 
 
 class ExpressionLoss:
-    """Holds poses, the pairs of the lips, and says the loss of one batch."""
+    """Holds poses, the pairs of lips and lids, and says the loss of one batch."""
 
     def __init__(self, heads: IctHeads, poses: Poses):
-        self.heads, self.poses, self.pairs = heads, poses, lip_pairs(heads)
-        print(f"{len(self.pairs)} pairs of lip vertices")
+        self.heads, self.poses = heads, poses
+        self.lips, self.lids = lip_pairs(heads), lid_pairs(heads)
+        print(f"pairs of vertices: {len(self.lips)} of lips, {len(self.lids)} of lids")
 
     def __call__(self, head: Head, pool, count: int, points: int, exact: bool, cycle: bool, random):
         """`exact`: places on the mean head are those of the triangles, not those the identity field finds;
@@ -63,16 +74,16 @@ class ExpressionLoss:
         turned = vertex_normals(posed, heads.triangles)
         rows = torch.randint(0, len(heads.places), (points,), generator=random)
         places = heads.places[rows]
-        some = self.pairs[torch.randint(0, len(self.pairs), (MOST_PAIRS,), generator=random)]
-        lips = some.T.flatten()
+        pairs = [p[torch.randint(0, len(p), (MOST_PAIRS,), generator=random)] for p in (self.lips, self.lids)]
+        ends = torch.cat(pairs).T.flatten()
         with torch.no_grad():
             z = head.identity_code(pool.coefficients[chosen])
             anchors = head.identity.anchors(z)
-        here = torch.cat([heads.at(canonical, normals, places), canonical[:, lips]], 1) / scale
-        there = torch.cat([heads.at(posed, turned, places), posed[:, lips]], 1) / scale
+        here = torch.cat([heads.at(canonical, normals, places), canonical[:, ends]], 1) / scale
+        there = torch.cat([heads.at(posed, turned, places), posed[:, ends]], 1) / scale
         if exact:
             on_mean = heads.at(heads.opened[None], heads.normals[None], places)
-            place = torch.cat([on_mean, heads.opened[None, lips]], 1) / scale
+            place = torch.cat([on_mean, heads.opened[None, ends]], 1) / scale
         else:
             with torch.no_grad():
                 place = head.place(here, z)
@@ -92,18 +103,20 @@ class ExpressionLoss:
             found = head.place(start, z)
         back = start + head.backward_field.move(found, z, anchors, code) - here[:, close]
         backward = back.norm(dim=-1).mean()
-        total = forward + LIPS * gap + still.norm(dim=-1).mean() + backward + CODES * code.square().mean()
+        total = forward + GAPS * gap + still.norm(dim=-1).mean() + backward + CODES * code.square().mean()
         mm = 1e3 * scale
         rest = (weights == 0.0).all(1)
+        lips, lids = (upper - lower).norm(dim=-1).split(MOST_PAIRS, 1)
         report = {
             "forward mm": mm * length[:, :points].mean().item(),
-            "lips mm": mm * length[:, points:].mean().item(),
-            "gap mm": mm * gap.item(),
+            "lips and lids mm": mm * length[:, points:].mean().item(),
+            "lips' gap mm": mm * lips.mean().item(),
+            "lids' gap mm": mm * lids.mean().item(),
             "backward mm": mm * backward.item(),
             "still mm": mm * still.norm(dim=-1).mean().item(),
         }
         if rest.any():
-            report["gap at rest mm"] = mm * (upper - lower)[rest].norm(dim=-1).mean().item()
+            report["gap at rest mm"] = mm * lips[rest].mean().item()
         return total, report
 
     def _far(self, random: torch.Generator) -> Tensor:
