@@ -24,6 +24,7 @@ from training.systems.facetalk.codes import set_bounds, set_codes, set_direction
 from training.systems.facetalk.config import CONFIGS, HeadConfig
 from training.systems.facetalk.expression_loss import ExpressionLoss
 from training.systems.facetalk.head import Head
+from training.systems.facetalk.network import widened
 
 FAR_SHARE = 0.3
 FAR_WEIGHT = 0.15
@@ -137,9 +138,10 @@ def train(arguments) -> Path:
     if arguments.start is None:
         config = CONFIGS[arguments.config]()
         config.channels = list(CHANNELS)
+        config.expression_octaves = arguments.octaves or config.expression_octaves
         head = Head(config)
     else:
-        head = load(arguments.start)
+        head = load(arguments.start, arguments.octaves)
         config = head.config
     heads = IctHeads(arguments.data, arguments.cache, config.open_jaw)
     random = torch.Generator().manual_seed(arguments.seed + 1)
@@ -189,11 +191,13 @@ def save(path: Path, head: Head) -> None:
     torch.save({"state": head.state_dict(), "config": head.config.to_json()}, path)
 
 
-def load(path: Path) -> Head:
-    """Reads what `save` wrote."""
+def load(path: Path, octaves: int | None = None) -> Head:
+    """Reads what `save` wrote; deformations then see as many `octaves` of places, if said."""
     kept = torch.load(path, map_location="cpu", weights_only=True)
-    head = Head(HeadConfig.from_json(kept["config"]))
-    head.load_state_dict(kept["state"])
+    config = HeadConfig.from_json(kept["config"])
+    config.expression_octaves = octaves or config.expression_octaves
+    head = Head(config)
+    head.load_state_dict(widened(kept["state"], config.expression_octaves))
     return head
 
 
@@ -212,6 +216,8 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--exact", type=float, default=0.6,
                         help="share of steps before places come from the identity field")  # fmt: skip
     parser.add_argument("--keep-codes", action="store_true", help="leave the map of expressions as it is")
+    parser.add_argument("--octaves", type=int,
+                        help="of the places that deformations see; fewer at first, then more")  # fmt: skip
     parser.add_argument("--steps", type=int, default=3000)
     parser.add_argument("--rate", type=float)
     parser.add_argument("--seed", type=int, default=0)

@@ -26,6 +26,18 @@ def encoded(octaves: int) -> int:
     return 3 + 6 * octaves
 
 
+def widened(state: dict[str, Tensor], octaves: int) -> dict[str, Tensor]:
+    """A head's tensors with deformations that see `octaves`, finer ones weighted 0: what they give stays."""
+    wider = dict(state)
+    for name, weight in state.items():
+        if name.split(".")[0] in ("backward_field", "forward_field") and name.split(".")[1:2] == ["point"]:
+            more = encoded(octaves) - weight.shape[-1] if weight.dim() == 2 else 0
+            if more < 0:
+                raise ValueError(f"octaves: expected at least {(weight.shape[-1] - 3) // 6}, got {octaves}")
+            wider[name] = torch.cat([weight, weight.new_zeros(len(weight), more)], 1) if more else weight
+    return wider
+
+
 class Network(nn.Module):
     """Points [B, P, I] and codes [B, C] → [B, P, O].
 
