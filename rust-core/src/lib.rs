@@ -58,6 +58,7 @@ pub mod operators;
 pub mod output;
 pub mod progress;
 pub mod rig;
+pub mod sdf;
 pub mod speech;
 pub mod spread;
 pub mod systems;

@@ -5,6 +5,7 @@
 
 pub mod cafe_talk;
 pub mod emoface;
+pub mod facetalk;
 pub mod freetalk;
 
 mod slider;

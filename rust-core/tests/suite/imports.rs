@@ -2,7 +2,7 @@
 
 use std::{fs, path::Path};
 
-const BELOW_SYSTEMS: [&str; 17] = [
+const BELOW_SYSTEMS: [&str; 18] = [
     "annotation",
     "cache",
     "conditions",
@@ -11,6 +11,7 @@ const BELOW_SYSTEMS: [&str; 17] = [
     "nn",
     "output",
     "rig",
+    "sdf",
     "speech",
     "spread",
     "text",
