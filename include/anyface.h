@@ -67,7 +67,8 @@
  *
  * Engines, meshes, audio, faces, motions, clips, bases and sliders never change after they were
  * made: any number of threads may use the same object at the same time, for example two jobs on one
- * engine.
+ * engine. Threads do not live on in a process after fork(): an engine works only in the process that
+ * made it, and fails with ANYFACE_STATUS_INVALID_INPUT in another.
  * The result does not depend on what else runs, nor on the number of threads. An AnyfaceProgress
  * may be read and cancelled from any thread while one job uses it. Only freeing needs care: an
  * object must not be freed while another thread uses it. An AnyfaceError and an AnyfaceStream belong
@@ -90,7 +91,7 @@
 /// Number of emotion categories; `anyface_emotion_name()` gives their names.
 #define ANYFACE_EMOTION_COUNT 15
 
-/// How a call ended. 3 to 10 are also the exit codes of the `anyface` command.
+/// How a call ended. Those from 3 on are also the exit codes of the `anyface` command.
 typedef enum {
     /// It did what was asked.
     ANYFACE_STATUS_OK = 0,
@@ -115,6 +116,8 @@ typedef enum {
     ANYFACE_STATUS_CANCELLED = 9,
     /// A numerical method that did not converge, or a defect in the library.
     ANYFACE_STATUS_INTERNAL = 10,
+    /// A result that does not fit into memory: take it block by block, as `anyface_clip_stream()` gives it.
+    ANYFACE_STATUS_OUT_OF_MEMORY = 13,
 } AnyfaceStatus;
 
 /// Where work that depends only on the mesh is kept between runs; for `AnyfaceEngineOptions`.
@@ -176,11 +179,14 @@ typedef enum {
 typedef enum {
     /// `emotion_strengths`; the default.
     ANYFACE_EMOTION_SOURCE_GIVEN = 0,
-    /// Arousal: how excited the voice sounds, not which feeling it has; glad, afraid and angry voices
-    /// all widen the eyes and raise the brows.
+    /// The feeling that is heard in the voice: anger, joy, fear, sadness, disgust, calm, or nothing where that
+    /// is not certain.
     ANYFACE_EMOTION_SOURCE_VOICE = 1,
     /// No emotion and nothing else that speech did not cause: no blinks, no motion of brows and lids.
     ANYFACE_EMOTION_SOURCE_OFF = 2,
+    /// Arousal: how excited the voice sounds, not which feeling it has; glad, afraid and angry voices
+    /// all widen the eyes and raise the brows.
+    ANYFACE_EMOTION_SOURCE_AROUSAL = 3,
 } AnyfaceEmotionSource;
 
 /// Something of a take that can be scaled; 1 is the take as it was made.
@@ -506,7 +512,21 @@ typedef struct {
     /// Another recording whose feeling the face shows; only until the call returns. NULL, the default, is the
     /// voice itself. A system that does not hear feeling refuses: see `anyface_system_hears_feeling()`.
     const AnyfaceAudio *felt_as;
+    /// A motion of landmarks in whose last frame the face begins; only until the call returns. NULL, the
+    /// default, is rest. Systems that do not go on from a pose refuse: see `anyface_system_starts_from_pose()`.
+    const AnyfaceMotion *starts_from;
 } AnyfaceMotionOptions;
+
+/// Takes frames in order; any result but 0 ends the call with `ANYFACE_STATUS_CANCELLED`.
+///
+/// `first_frame`: number of the first of them. `displacements`: `[frame_count, V, 3]`, mesh units, added to
+/// the neutral positions; valid during this call alone.
+/// Called from a thread of the library, which may differ from the one that started the job and from
+/// call to call; never twice at the same time. It must not throw or longjmp.
+typedef int (*AnyfaceFramesFn)(void *user,
+                               size_t first_frame,
+                               size_t frame_count,
+                               const float *displacements);
 
 #ifdef __cplusplus
 extern "C" {
@@ -660,10 +680,25 @@ AnyfaceStatus anyface_audio_new(const float *samples,
 
 /// A sound from a file: WAV, MP3, FLAC, Ogg Vorbis, M4A or AIFF.
 ///
-/// `path`: UTF-8. Free with `anyface_audio_free()`.
+/// `path`: UTF-8. Free with `anyface_audio_free()`. Ask `anyface_audio_warning()` whether something of
+/// the sound is missing because the file is damaged.
 /// Fails with `ANYFACE_STATUS_IO` if the file cannot be read, `ANYFACE_STATUS_AUDIO` if it cannot
-/// be decoded or holds no sound.
-AnyfaceStatus anyface_audio_read(const char *path, AnyfaceAudio **out, AnyfaceError **error);
+/// be decoded, holds no sound, or is damaged so that more than a fifth of it is missing;
+/// `anyface_audio_read_damaged()` takes what is left.
+AnyfaceStatus anyface_audio_read(const char *path,
+                                 AnyfaceAudio **out,
+                                 AnyfaceError **error);
+
+/// As `anyface_audio_read()`, however much is missing.
+AnyfaceStatus anyface_audio_read_damaged(const char *path,
+                                         AnyfaceAudio **out,
+                                         AnyfaceError **error);
+
+/// What is missing of a sound because its file is damaged, as a sentence in English; NULL where nothing
+/// is, and for NULL.
+///
+/// The text lives as long as the sound; a part of a sound has none.
+const char *anyface_audio_warning(const AnyfaceAudio *audio);
 
 /// A part of a sound, copied.
 ///
@@ -805,6 +840,10 @@ int32_t anyface_system_takes_events(size_t system);
 /// 1 if a system hears feeling, in the voice or in `felt_as` of `AnyfaceMotionOptions`, else 0; 0 for a number
 /// that is not below the count.
 int32_t anyface_system_hears_feeling(size_t system);
+
+/// 1 if a system goes on from the pose of `starts_from` of `AnyfaceMotionOptions`, else 0; 0 for a number that
+/// is not below the count.
+int32_t anyface_system_starts_from_pose(size_t system);
 
 /// 1 if takes of a system have an `AnyfaceSlider`, else 0; 0 for a system or slider that is not there.
 int32_t anyface_system_has_slider(size_t system,
@@ -1011,8 +1050,8 @@ const char *anyface_expression_unit(const AnyfaceExpression *expression,
 /// How strongly the text asks for it, 1 for a plain word; 0 without units, for NULL.
 float anyface_expression_strength(const AnyfaceExpression *expression);
 
-/// The nearest expression that would be understood, where there are no units; NULL otherwise, for NULL. Lives as
-/// long as the expression.
+/// The nearest expression that would be understood, where there are no units and one is near; NULL otherwise, for
+/// NULL. Lives as long as the expression.
 const char *anyface_expression_hint(const AnyfaceExpression *expression);
 
 /// Frees an expression that no running call uses; nothing happens for NULL.
@@ -1201,13 +1240,24 @@ AnyfaceStatus anyface_engine_animate(const AnyfaceEngine *engine,
 /// Puts motion on a face. Long: accepts a progress handle.
 ///
 /// `progress` may be NULL. Free with `anyface_clip_free()`; face and motion may go before.
-/// Fails with `ANYFACE_STATUS_CANCELLED`.
+/// Fails with `ANYFACE_STATUS_CANCELLED`, and with `ANYFACE_STATUS_OUT_OF_MEMORY` where all frames at once
+/// do not fit: `anyface_clip_stream()` hands them over block by block.
 AnyfaceStatus anyface_clip_new(const AnyfaceEngine *engine,
                                const AnyfaceFace *face,
                                const AnyfaceMotion *motion,
                                const AnyfaceProgress *progress,
                                AnyfaceClip **out,
                                AnyfaceError **error);
+
+/// What a clip does beyond another one of the same face, such as how it is felt beyond what is said: `other`
+/// and the result add up to `clip`.
+///
+/// It has no head and no eyes. Free with `anyface_clip_free()`; both may go before.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` where frames, vertices or rates differ.
+AnyfaceStatus anyface_clip_new_difference(const AnyfaceClip *clip,
+                                          const AnyfaceClip *other,
+                                          AnyfaceClip **out,
+                                          AnyfaceError **error);
 
 /// Number `T` of frames; 0 for NULL.
 size_t anyface_clip_frame_count(const AnyfaceClip *clip);
@@ -1283,6 +1333,23 @@ AnyfaceStatus anyface_clip_write(const AnyfaceClip *clip,
 
 /// Frees a clip that no running call uses, with everything it lent; nothing happens for NULL.
 void anyface_clip_free(AnyfaceClip *clip);
+
+/// Puts motion on a face and hands the frames over as they are made, so that a clip of any length needs
+/// no more memory than a few blocks. Long: accepts a progress handle.
+///
+/// `frames_at_once`: frames of a block, at least 1; the last may have fewer. `take_frames`, with `user`:
+/// gets every block. `progress` may be NULL. The frames are those of `anyface_clip_new()` but
+/// for the rounding of products of other sizes, a millionth of the largest displacement.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for no frames at once, `ANYFACE_STATUS_CANCELLED` where
+/// `take_frames` or the progress handle asks to stop.
+AnyfaceStatus anyface_clip_stream(const AnyfaceEngine *engine,
+                                  const AnyfaceFace *face,
+                                  const AnyfaceMotion *motion,
+                                  size_t frames_at_once,
+                                  AnyfaceFramesFn take_frames,
+                                  void *user,
+                                  const AnyfaceProgress *progress,
+                                  AnyfaceError **error);
 
 /// Finds what of the events of a motion nobody will see: events behind the end of the sound, and units that
 /// this face cannot show, such as brows where it has none. Long for a face that was never asked for its shapes:

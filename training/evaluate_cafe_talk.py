@@ -2,9 +2,11 @@
 
     python -m training.evaluate_cafe_talk --run runs/cafe_fine/cafe_talk.pt --out runs/cafe_report
 
-Writes report.json and report.md. `--ablation "without swapped labels=runs/x/cafe_talk.pt"` adds a row for a
-run trained without a part; unmasked guidance needs no run and is always a row. Weights alone are measured, on
-ICT's landmarks: what the engine adds when it shows them (lips brought together on the head) is not in here.
+`--run rust-core/models/cafe_talk_compact` measures an exported model with the encoder beside it. Writes
+report.json and report.md. `--ablation "without swapped labels=runs/x/cafe_talk.pt"` adds a row for a run or
+folder trained without a part; unmasked guidance needs no run and is always a row. Weights alone are
+measured, on ICT's landmarks: what the engine adds when it shows them (lips brought together on the head) is
+not in here.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ TITLES = {
     "intensities": "The intensity (table 9)",
     "steps": "Denoising steps",
     "alphas": "Guidance of speech and emotion",
-    "formulas": "Eq. 6 as printed and the variant, upper units",
+    "formulas": "Eq. 6 as printed and the variant",
 }
 
 
@@ -72,7 +74,7 @@ def ablations(arguments, actor: Actor, takes: list[Take], held_out: list, judge:
     for text in arguments.ablation:
         name, mark, path = text.rpartition("=")
         if not mark:
-            raise ValueError(f"--ablation: expected NAME=cafe_talk.pt, got {text!r}")
+            raise ValueError(f"--ablation: expected NAME=RUN, got {text!r}")
         other = Actor(Path(path))
         heard = [other.take(entry) for entry in held_out]
         rows.append(whole(name, other, heard, by_source(heard, arguments.few), judge, arguments.units))
@@ -136,8 +138,8 @@ def plain(value):
 def parser() -> argparse.ArgumentParser:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--run", type=Path, required=True, help="cafe_talk.pt of training.train_cafe_talk")
-    parser.add_argument("--ablation", nargs="*", default=[], metavar="NAME=cafe_talk.pt")
+    parser.add_argument("--run", type=Path, required=True, help="cafe_talk.pt, or a model folder")
+    parser.add_argument("--ablation", nargs="*", default=[], metavar="NAME=RUN")
     parser.add_argument("--out", type=Path, default=Path("runs/cafe_report"))
     parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))

@@ -39,6 +39,8 @@ from training.systems.cafe_talk.denoiser import (
     SpeechInput,
 )
 from training.systems.cafe_talk.sampling import Request, sample_weights
+from training.systems.cafe_talk.stored import ADAPTER
+from training.systems.cafe_talk.stored import load as load_stored
 from training.text.emotions import SYNONYMS
 from training.text.words import Words
 from training.train_ats import SHIPPED_ENCODER, own_clips
@@ -80,7 +82,9 @@ class CafeTalkTrainer:
     """Data, model and one optimisation step of either stage."""
 
     def __init__(self, arguments, config: CafeTalkConfig, speech: CompactSpeech | HubertSpeech):
-        self.config, self.speech, self.fine = config, speech, arguments.base is not None
+        self.config, self.speech = config, speech
+        self.joint = arguments.one_stage
+        self.fine = self.joint or arguments.base is not None
         self.swapped_share = arguments.swapped_share
         self.machine = Machine(arguments.device, arguments.precision)
         seed = self.machine.seed(arguments.seed)
@@ -97,8 +101,9 @@ class CafeTalkTrainer:
         )
         self.unit_channels = unit_matrix()
         self._measure_scale()
-        if self.fine:
-            self.model.load_state_dict(torch.load(arguments.base)["state"])
+        if arguments.base is not None:
+            self._begin_at(arguments.base)
+        if self.fine and not self.joint:
             self.model.requires_grad_(False)
             self.model.adapter.requires_grad_(True)
         self.machine.place(self.model, arguments.seed)
@@ -106,7 +111,19 @@ class CafeTalkTrainer:
 
     def parameters(self) -> list[nn.Parameter]:
         """Those of the stage."""
+        if self.joint:
+            return list(self.model.parameters())
         return list(self.model.adapter.parameters()) if self.fine else self.model.base_parameters()
+
+    def _begin_at(self, path: Path) -> None:
+        """Takes a finished base; its adapter, where it has one, is left and begins anew."""
+        stored = load_stored(path)
+        for part in ("blocks", "width", "coarse", "styles"):
+            wanted, found = getattr(self.config, part), getattr(stored.config, part)
+            if wanted != found:
+                raise ValueError(f"{path}: expected a base with {part} {wanted}, got {found}")
+        adapter = {k: v for k, v in self.model.state_dict().items() if k.startswith(ADAPTER)}
+        self.model.load_state_dict(stored.base | adapter)
 
     @torch.no_grad()
     def draw(self, count: int, frames: int) -> Step:
@@ -372,7 +389,10 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--out", type=Path, default=Path("runs/cafe_base"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument("--text", type=Path, default=Path("runs/text"), help="the text space")
-    parser.add_argument("--base", type=Path, help="cafe_talk.pt of stage 1: trains the adapter beside it")
+    parser.add_argument(
+        "--base", type=Path, help="cafe_talk.pt of stage 1, or a model folder: trains the adapter beside it"
+    )
+    parser.add_argument("--one-stage", action="store_true", help="base and adapter learn together (table 3)")
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
     parser.add_argument("--coarse", choices=["ada_ln", "film"], default="ada_ln", help="table 2 of the paper")
     parser.add_argument("--hubert", type=Path, help="folder of a HuBERT or wav2vec2 checkpoint, such as XLSR")

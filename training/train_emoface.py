@@ -3,7 +3,8 @@
     python -m training.train_emoface --data ../shared/data --out runs/emoface
 
 Reads the recorded motion of grid_s1 and facegood_zh and the felt speech of emodb_de, whose faces are made
-from its phones and labels. The emotion encoder is that of `training.train_feeling` and stays as it is.
+from its phones and labels; `--corpus` reads vertex sequences of a corpus folder instead, as the paper does.
+The emotion encoder is that of `training.train_feeling` and stays as it is.
 Seeded; resumes from `--out/last.pt` with the same bits.
 """
 
@@ -16,10 +17,11 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from training.corpus.arkit import landmarks_of
+from training.corpus.folder import CorpusFolder
 from training.losses import feature_concordance
 from training.nn.spiral_conv import spirals
 from training.run import Run
+from training.systems.emoface import own
 from training.systems.emoface.clips import load_clips, template_of
 from training.systems.emoface.model import CONFIGS, EmoFace, EmoFaceConfig, Given, Made
 from training.systems.emoface.rows import Batch, Rows, Spoken, prototypes
@@ -40,7 +42,7 @@ class EmoFaceTrainer:
     """Data, model and one optimisation step."""
 
     def __init__(self, arguments, config: EmoFaceConfig, clips: list[Spoken]):
-        template, modes = template_of(arguments.data, config.vertices)
+        template, modes = _template(arguments, config)
         config.vertices = len(template.vertices)
         config.landmarks = template.landmarks.tolist()
         self.config, self.steps = config, arguments.steps
@@ -48,21 +50,24 @@ class EmoFaceTrainer:
         self.random = torch.Generator().manual_seed(arguments.seed)
         present = {c.source for c in clips if not c.held_out}
         shares = {s: x for s, x in SHARES.items() if s in present} or {s: 1.0 for s in sorted(present)}
-        self.rows = Rows(clips, config, shares, arguments.seed, lips_met)
-        self.modes = torch.from_numpy(modes).float().flatten(1) / config.scale_m
+        self.rows = Rows(clips, config, shares, arguments.seed, lips_met, arguments.worn)
+        self.modes = None if modes is None else torch.from_numpy(modes).float().flatten(1)
         around = spirals(template.vertices, template.triangles, config.kernel, config.dilation)
         self.model = EmoFace(config, around)
         self.model.prototypes.copy_(prototypes(clips, config))
+        if arguments.base is not None:
+            self.model.load_state_dict(torch.load(arguments.base, map_location="cpu")["state"])
         self.template = template
 
     def motion(self, weights: Tensor) -> Tensor:
-        """Weights [..., 51] → displacements of the template [..., D] in units of `scale_m`."""
-        return weights @ self.modes
+        """Weights of a clip → displacements of the template [..., D] in units of `scale_m`."""
+        moved = weights if self.modes is None else weights @ self.modes
+        return moved / self.config.scale_m
 
     def loss(self, batch: Batch, step: int) -> tuple[Tensor, dict[str, float]]:
         """Eq. 7 to 9 on the second pass of the self-growing scheme, with the concordance of the mouth."""
         truth = self.motion(batch.weights)
-        before = torch.cat([self.motion(batch.first)[:, None], truth[:, :-1]], dim=1)
+        before = self.motion(batch.before)
         own = self.own_share(step)
         if own > 0.0:
             with torch.no_grad():
@@ -72,10 +77,13 @@ class EmoFaceTrainer:
             before = torch.where(taken[..., None], found.roll(1, dims=1), before)
         made = self.model(before, batch.given)
         metres = self.config.scale_m
-        parts = {name: (getattr(made, name) - truth).abs().mean() * metres for name in ("motion", "content", "feeling")}
+        parts = {
+            name: (getattr(made, name) - truth).abs().mean() * metres
+            for name in ("motion", "content", "feeling")
+        }
         velocity = (made.motion.diff(dim=1) - truth.diff(dim=1)).abs().mean() * metres
-        shown = self.landmarks(made.motion) * metres * 1e3
-        agreement, features = feature_concordance(shown, landmarks_of(batch.weights) * 1e3)
+        shown, true = (self.landmarks(x) * metres * 1e3 for x in (made.motion, truth))
+        agreement, features = feature_concordance(shown, true)
         total = RECONSTRUCTION * sum(parts.values()) + VELOCITY * velocity + CONCORDANCE * agreement
         report = {name: 1e3 * value.item() for name, value in parts.items()}
         return total, report | features | {"mask": made.mask.mean().item()}
@@ -94,6 +102,13 @@ class EmoFaceTrainer:
         return motion.unflatten(-1, (-1, 3))[..., self.config.landmarks, :].flatten(-2)
 
 
+def _template(arguments, config: EmoFaceConfig):
+    """The template, and what moves it at weight 1 of each channel; none where clips hold its vertices."""
+    if not arguments.corpus:
+        return template_of(arguments.data, config.vertices)
+    return own.template_of(CorpusFolder(arguments.corpus)), None
+
+
 @torch.no_grad()
 def validate(trainer: EmoFaceTrainer, model: EmoFace, clips: list[Spoken]) -> dict[str, float]:
     """r and slope of what a viewer sees, frame after frame from rest, on held-out neutral clips."""
@@ -104,7 +119,8 @@ def validate(trainer: EmoFaceTrainer, model: EmoFace, clips: list[Spoken]) -> di
         given = together(chosen, trainer.config, frames)
         made = model.perform(given)
         shown = trainer.landmarks(made.motion) * trainer.config.scale_m
-        pairs = [(x[: len(c)], landmarks_of(c.weights)) for x, c in zip(shown, chosen, strict=True)]
+        true = [trainer.landmarks(trainer.motion(c.weights)) * trainer.config.scale_m for c in chosen]
+        pairs = [(x[: len(c)], y) for x, y, c in zip(shown, true, chosen, strict=True)]
         report |= {f"{source} {k}": v for k, v in feature_scores(pairs).items()}
     model.train()
     return report
@@ -112,6 +128,7 @@ def validate(trainer: EmoFaceTrainer, model: EmoFace, clips: list[Spoken]) -> di
 
 def together(clips: list[Spoken], config: EmoFaceConfig, frames: int) -> Given:
     """Clips in one batch, the last frame held to the end."""
+
     def padded(x: Tensor) -> Tensor:
         return torch.cat([x.float(), x[-1:].float().expand(frames - len(x), -1)])
 
@@ -133,10 +150,12 @@ def train(arguments) -> Path:
         arguments.delta or config.delta,
     )
     config.fusion = arguments.fusion
-    clips = load_clips(arguments)
+    clips = load_clips(arguments, config)
     trainer = EmoFaceTrainer(arguments, config, clips)
     optimiser = torch.optim.AdamW(trainer.model.parameters(), arguments.rate, weight_decay=0.01)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, arguments.rate, arguments.steps + 1, pct_start=0.1)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, arguments.rate, arguments.steps + 1, pct_start=0.1
+    )
     average = torch.optim.swa_utils.AveragedModel(
         trainer.model, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.99)
     )
@@ -174,25 +193,33 @@ def save(path: Path, model: EmoFace, trainer: EmoFaceTrainer) -> None:
     torch.save(kept, path)
 
 
-def performed(model: EmoFace, clip: Spoken) -> Made:
+def performed(model: EmoFace, clip: Spoken, layer: str = "motion") -> Made:
     """A held-out clip with its own feeling, from rest."""
-    return model.perform(together([clip], model.config, len(clip)))
+    return model.perform(together([clip], model.config, len(clip)), layer=layer)
 
 
 def parser() -> argparse.ArgumentParser:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--corpus", type=Path, help="corpus folder with vertex sequences")
+    parser.add_argument("--hubert", type=Path, help="folder of a HuBERT or wav2vec2 checkpoint")
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--out", type=Path, default=Path("runs/emoface"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
-    parser.add_argument("--feeling", type=Path, default=Path("rust-core/models/feeling"), help="emotion encoder")
+    parser.add_argument(
+        "--feeling", type=Path, default=Path("rust-core/models/feeling"), help="emotion encoder"
+    )
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
     parser.add_argument("--vertices", type=int, help="of the template")
     parser.add_argument("--kernel", type=int, help="vertices of a spiral")
     parser.add_argument("--dilation", type=int, help="every so many of them")
     parser.add_argument("--delta", type=int, help="frames that the convolution sees")
     parser.add_argument("--fusion", choices=["mesh_attention", "sum"], default="mesh_attention")
-    parser.add_argument("--guided", action="store_true", help="true frames before to the end: no self-growing")
+    parser.add_argument(
+        "--guided", action="store_true", help="true frames before to the end: no self-growing"
+    )
+    parser.add_argument("--worn", type=float, default=0.0, help="rows whose past wears another feeling")
+    parser.add_argument("--base", type=Path, help="emoface.pt to go on from")
     parser.add_argument("--voices", type=int, default=4)
     parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
     parser.add_argument("--steps", type=int, default=6000)

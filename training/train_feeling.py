@@ -48,7 +48,7 @@ def felt_clips(data: Path, limit: int | None = None) -> list[Measured]:
 
 
 def readers(data: Path, count: int) -> list[Measured]:
-    """Neutral by their nature: `count` recordings of each source, evenly drawn; every other one is held out."""
+    """Neutral by their nature: `count` recordings of each source, evenly drawn; every other one held out."""
     found = []
     for source in READERS:
         paths = sorted((data / "speech" / source).glob("*.ogg"))

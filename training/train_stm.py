@@ -92,9 +92,7 @@ def restyle(motion: torch.Tensor, positions: torch.Tensor, strength: float) -> t
     centres = positions[torch.randint(len(positions), (bumps,))] + 0.1 * torch.randn(bumps, 3)
     width = torch.empty(bumps).uniform_(0.2, 0.6)
     amount = torch.exp(-0.5 * (torch.cdist(positions, centres) / width) ** 2)
-    field = torch.einsum(
-        "pk,tkij->tpij", amount, strength * torch.randn(len(motion), bumps, 3, 3)
-    )
+    field = torch.einsum("pk,tkij->tpij", amount, strength * torch.randn(len(motion), bumps, 3, 3))
     return motion + torch.einsum("tpij,tpj->tpi", field, motion)
 
 

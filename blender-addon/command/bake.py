@@ -7,6 +7,7 @@ import bpy
 
 from ..core import emotion, systems
 from ..core.errors import AnyfaceError
+from ..core.take import EMOTION_WORDS
 from ..scene import bake
 from ..ui import preferences, running
 from ..ui.settings import from_object
@@ -57,6 +58,7 @@ def _settings(ob, scene, options) -> bake.Settings:
         "system": options.system,
         "axes": options.axes,
         "landmark_file": os.path.abspath(options.landmarks) if options.landmarks else None,
+        "felt_file": os.path.abspath(options.feeling) if options.feeling else None,
         "event_file": os.path.abspath(options.events) if options.events else None,
     }
     for name, value in given.items():
@@ -71,8 +73,8 @@ def _settings(ob, scene, options) -> bake.Settings:
 
 
 def _set_emotion(settings: bake.Settings, text: str) -> None:
-    if text in ("auto", "off"):
-        settings.emotion_source = "VOICE" if text == "auto" else "OFF"
+    if text in EMOTION_WORDS:
+        settings.emotion_source = EMOTION_WORDS[text]
         return
     settings.emotion_source, settings.blend = "GIVEN", emotion.parse(text)
 

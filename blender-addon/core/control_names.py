@@ -3,7 +3,6 @@
 A list for each tool lies in `control_names/*.json`: names, in which `*` stands for anything.
 """
 
-import json
 from dataclasses import asdict, dataclass
 from fnmatch import fnmatchcase
 from functools import lru_cache
@@ -54,7 +53,7 @@ def presets() -> dict[str, list[str]]:
     """The names of each list, by its label."""
     found = {}
     for path in sorted(_FOLDER.glob("*.json")):
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json_file.read(path)
         found[document["label"]] = document["bones"]
     return found
 

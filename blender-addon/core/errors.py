@@ -1,6 +1,7 @@
 """Errors in plain words, each kind with its exit code."""
 
-# Exit code of each kind, the same as those of the `anyface` command; the last two are our own.
+# Exit code of each kind, the same as those of the `anyface` command;
+# nothing_moved and shots are our own.
 EXIT_CODES = {
     "input": 3,
     "audio": 4,
@@ -12,6 +13,7 @@ EXIT_CODES = {
     "internal": 10,
     "nothing_moved": 11,
     "shots": 12,
+    "memory": 13,
 }
 
 

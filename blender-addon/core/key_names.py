@@ -5,7 +5,6 @@ the best one first, each alone or with the share that the shape has of the key. 
 that move together.
 """
 
-import json
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -92,7 +91,7 @@ def read(path) -> list[Pair]:
 def _lists() -> dict[str, dict[str, list[tuple[list[str], float]]]]:
     found = {}
     for path in sorted(_FOLDER.glob("*.json")):
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json_file.read(path)
         found[document["label"]] = {
             shape: [_alternative(*([name] if isinstance(name, str) else name)) for name in names]
             for shape, names in document["keys"].items()

@@ -134,6 +134,7 @@ class MotionOptions(Structure):
         ("reserved_2", c_uint32),
         ("events", c_void_p),
         ("felt_as", c_void_p),
+        ("starts_from", c_void_p),
     ]
 
 
@@ -163,6 +164,8 @@ SIGNATURES = {
     "anyface_engine_free": (None, [_HANDLE]),
     "anyface_audio_new": (c_int32, [_FLOATS, c_size_t, c_uint32, c_uint32, _OUT, _OUT]),
     "anyface_audio_read": (c_int32, [c_char_p, _OUT, _OUT]),
+    "anyface_audio_read_damaged": (c_int32, [c_char_p, _OUT, _OUT]),
+    "anyface_audio_warning": (c_char_p, [_HANDLE]),
     "anyface_audio_sample_count": (c_size_t, [_HANDLE]),
     "anyface_audio_copy_samples": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_audio_free": (None, [_HANDLE]),
@@ -237,6 +240,7 @@ SIGNATURES = {
     "anyface_clip_free": (None, [_HANDLE]),
     "anyface_clip_largest_displacement": (c_float, [_HANDLE]),
     "anyface_clip_visibility": (c_int32, [_HANDLE]),
+    "anyface_clip_new_difference": (c_int32, [_HANDLE, _HANDLE, _OUT, _OUT]),
     "anyface_basis_new": (
         c_int32,
         [_HANDLE, _HANDLE, c_float, c_size_t, _HANDLE, _OUT, _OUT],

@@ -13,11 +13,11 @@ from . import systems
 from .errors import AnyfaceError, Cancelled
 from .job import Progress
 from .library import ControlSetting, EngineOptions, FaceOptions, MotionOptions, library_path, load
+from .native_basis import BasisCalls
 from .native_events import EventCalls
 from .native_mesh import MeshCalls
 from .native_mouth import MouthCalls
 from .native_shapes import ShapeCalls
-from .native_sliders import SliderCalls
 from .native_sounds import SoundCalls
 from .take import (
     EMOTION_SOURCES,
@@ -25,7 +25,6 @@ from .take import (
     SHUT_EYES,
     VISIBILITIES,
     Animation,
-    Basis,
     Found,
     Landmarks,
     Life,
@@ -35,8 +34,6 @@ from .take import (
 )
 
 LANDMARKS = 68
-# Static weights over 68 landmarks give motion of rank 204 at most.
-MAX_VECTORS = 256
 # In the order of `AnyfaceAxis`.
 AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 # Samples of a decoded sound are mono at this rate.
@@ -45,10 +42,10 @@ _CANCELLED = 9
 _FLOATS, _DOUBLES, _INDICES = POINTER(c_float), POINTER(c_double), POINTER(c_uint32)
 # `ANYFACE_CACHE_FOLDER`.
 _CACHE_IN_FOLDER = 2
-_KINDS = {3: "input", 4: "audio", 5: "mesh", 6: "face", 7: "weights", 8: "file"}
+_KINDS = {3: "input", 4: "audio", 5: "mesh", 6: "face", 7: "weights", 8: "file", 13: "memory"}
 
 
-class Engine(EventCalls, MeshCalls, MouthCalls, ShapeCalls, SliderCalls, SoundCalls):
+class Engine(BasisCalls, EventCalls, MeshCalls, MouthCalls, ShapeCalls, SoundCalls):
     """Loaded models; any number of threads may use one engine.
 
     `forward` and `up` are the axes of the meshes that it is given: Blender's heads face -Y with +Z
@@ -111,14 +108,29 @@ class Engine(EventCalls, MeshCalls, MouthCalls, ShapeCalls, SliderCalls, SoundCa
             names.append(name.decode())
         return names
 
-    def decode(self, path: str) -> tuple[np.ndarray, float]:
-        """Mono samples `[S]` float32 of a sound file, and their rate in Hz."""
+    def decode(self, path: str) -> tuple[np.ndarray, float, str]:
+        """Mono samples `[S]` float32 of a sound file, their rate in Hz, and what of the sound is
+        missing where the file is damaged ("" where nothing is).
+
+        Raises `AnyfaceError`: "audio" also where more than a fifth is missing.
+        """
         with ExitStack() as handles:
             audio = self._own(handles, "audio", "anyface_audio_read", os.fsencode(path))
             count = self._library.anyface_audio_sample_count(audio)
             samples = np.empty(count, dtype=np.float32)
             self._copy("anyface_audio_copy_samples", audio, samples)
-        return samples, _DECODED_RATE_HZ
+            warning = self._library.anyface_audio_warning(audio) or b""
+            return samples, _DECODED_RATE_HZ, warning.decode()
+
+    def is_damaged(self, path: str) -> bool:
+        """Whether a sound file that `decode` refuses could be read but for what is missing."""
+        with ExitStack() as handles:
+            name = "anyface_audio_read_damaged"
+            try:
+                self._own(handles, "audio", name, os.fsencode(path))
+            except AnyfaceError:
+                return False
+        return True
 
     def animate(
         self,
@@ -139,10 +151,14 @@ class Engine(EventCalls, MeshCalls, MouthCalls, ShapeCalls, SliderCalls, SoundCa
             watch = handles.enter_context(_Watch(self._library, progress))
             marks = landmarks, landmark_vertices
             face = self._face(handles, positions, triangles, marks, request, watch)
-            motion = self._motion(handles, sound, request, watch)
-            given = (self._handle, face, motion, watch.handle)
-            clip = self._own(handles, "clip", "anyface_clip_new", *given)
-            return self._animation(handles, (face, motion, clip), request, len(positions), watch)
+            motion, clip = self._spoken(handles, face, sound, request, watch)
+            made = face, motion, clip
+            return self._animation(handles, made, sound, request, len(positions), watch)
+
+    def _spoken(self, handles, face, sound, request, watch):
+        motion = self._motion(handles, sound, request, watch)
+        given = (self._handle, face, motion, watch.handle)
+        return motion, self._own(handles, "clip", "anyface_clip_new", *given)
 
     def _face(self, handles, positions, triangles, landmarks, request, watch):
         """A mesh made ready to be moved; `landmarks` are positions and vertices."""
@@ -152,8 +168,8 @@ class Engine(EventCalls, MeshCalls, MouthCalls, ShapeCalls, SliderCalls, SoundCa
         given = (self._handle, mesh, byref(options), watch.handle)
         return self._own(handles, "face", "anyface_face_new", *given)
 
-    def _animation(self, handles, made, request, vertices: int, watch) -> Animation:
-        """A face, its motion and its clip as numpy arrays."""
+    def _animation(self, handles, made, sound, request, vertices: int, watch) -> Animation:
+        """A face, its motion and its clip, as `sound` made them, as numpy arrays."""
         face, _, clip = made
         mm_per_unit = 1000.0 * self._library.anyface_face_metres_per_unit(face)
         largest = self._library.anyface_clip_largest_displacement(clip)
@@ -170,7 +186,10 @@ class Engine(EventCalls, MeshCalls, MouthCalls, ShapeCalls, SliderCalls, SoundCa
             self._copy("anyface_clip_copy_displacements", clip, animation.displacements)
             return animation
         limit = request.error_mm / mm_per_unit
-        animation.basis = self._basis(handles, made, shape, limit, watch)
+        if request.layered:
+            animation.basis = self._layers(handles, made, sound, request, limit, watch)
+        else:
+            animation.basis = self._basis(handles, made, limit, watch)
         animation.basis.error_mm *= mm_per_unit
         return animation
 
@@ -298,25 +317,10 @@ class Engine(EventCalls, MeshCalls, MouthCalls, ShapeCalls, SliderCalls, SoundCa
             options.closures_s, options.closure_count = _doubles(closures), len(closures)
             options.closures_given = 1
         options.events = self._events(handles, request.events)
+        if request.felt_as is not None:
+            options.felt_as = self._audio(handles, request.felt_as)
         given = (self._handle, audio, byref(options), watch.handle)
         return self._own(handles, "motion", "anyface_motion_new", *given)
-
-    def _basis(self, handles, made, shape, limit: float, watch) -> Basis:
-        """A face, its motion and its clip as a basis with sliders.
-
-        `limit` and the basis' error are in mesh units here.
-        """
-        frames, vertices, _ = shape
-        given = (self._handle, made[-1], limit, MAX_VECTORS, watch.handle)
-        basis = self._own(handles, "basis", "anyface_basis_new", *given)
-        count = self._library.anyface_basis_shape_count(basis)
-        vectors = np.empty((count, vertices, 3), dtype=np.float32)
-        weights = np.empty((frames, count), dtype=np.float32)
-        self._copy("anyface_basis_copy_shapes", basis, vectors)
-        self._copy("anyface_basis_copy_weights", basis, weights)
-        error = self._library.anyface_basis_max_error(basis)
-        sliders = self._sliders(handles, *made, basis, weights.shape, watch)
-        return Basis(vectors, weights, error, sliders, offered=self._sliders_offered)
 
     def _options(self, kind, init: str):
         options = kind()

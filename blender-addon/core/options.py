@@ -40,12 +40,17 @@ def _add_bake(task: argparse.ArgumentParser, modes: str) -> None:
     source.add_argument("--audio", metavar="FILE", help="a sound file")
     task.add_argument("--start", type=int, metavar="FRAME", help="first frame of --audio")
     task.add_argument("--scene", help="name of the scene (default: the active one)")
-    task.add_argument("--emotion", metavar="NAME:X[,…]", help="such as happy:0.7; auto; off")
+    task.add_argument(
+        "--emotion", metavar="NAME:X[,…]", help="such as happy:0.7; auto; auto-arousal; off"
+    )
     task.add_argument("--mode", help=modes)
     task.add_argument("--error", type=float, metavar="MM", help="largest error of basis keys")
     task.add_argument("--fps", type=float, help="default: the scene's")
     task.add_argument("--seed", type=int)
     task.add_argument("--style", help="speaking style")
+    task.add_argument(
+        "--feeling", metavar="FILE", help="another recording whose feeling the face shows"
+    )
     task.add_argument("--events", metavar="FILE", help="JSON, instead of strips and markers")
     task.add_argument("--axes", choices=("AUTO", "WORLD", "LOCAL", "LOCAL_Y_UP"))
     task.add_argument("--landmarks", metavar="FILE", help="JSON file with the 68 landmarks")

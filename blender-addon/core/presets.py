@@ -1,4 +1,4 @@
-"""Presets of a performance as JSON files that can be kept and handed on. No bpy.
+"""Presets of a performance as JSON files that can be kept and handed on. It knows no Blender.
 
 `{"anyface_preset": 1, "name": "Calm Narrator", "values": {"articulation": 0.8, …}}`; values that
 are left out keep what they are.
@@ -9,7 +9,7 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from . import json_file, systems
+from . import json_file, schema, systems
 from .emotion import EMOTIONS, MAX_INTENSITY
 from .errors import AnyfaceError
 from .take import EMOTION_SOURCES
@@ -47,10 +47,9 @@ def read(path) -> Preset:
     document = json_file.read(path)
     if not isinstance(document, dict) or document.get("anyface_preset") != VERSION:
         raise AnyfaceError("input", f"{path.name}: expected an Anyface preset of version {VERSION}")
-    values = document.get("values")
-    if not isinstance(values, dict):
-        raise AnyfaceError("input", f"{path.name}: expected values by name")
-    name = str(document.get("name") or path.stem)
+    values = schema.check(f"{path.name}: values", document.get("values"), schema.OBJECT)
+    name = document.get("name") or path.stem
+    schema.check(f"{path.name}: name", name, schema.TEXT)
     return Preset(name, {key: _checked(path.name, key, values[key]) for key in values}, path)
 
 

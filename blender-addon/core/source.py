@@ -8,8 +8,9 @@ import numpy as np
 
 from .take import Sound
 
-# decode(path) returns mono samples `[S]` float32 and their rate in Hz.
-Decode = Callable[[str], tuple[np.ndarray, float]]
+# decode(path) returns mono samples `[S]` float32, their rate in Hz, and what the artist should know
+# of them, "" where there is nothing.
+Decode = Callable[[str], tuple[np.ndarray, float, str]]
 
 
 @dataclass
@@ -35,7 +36,9 @@ class SoundSource:
 
     def load(self, decode: Decode) -> Sound:
         """Decodes and cuts; raises what `decode` raises."""
-        samples, rate_hz = decode(self.path)
+        samples, rate_hz, note = decode(self.path)
+        if note and note not in self.notes:
+            self.notes.append(note)
         last_s = len(samples) / rate_hz if self.last_s is None else self.last_s
         return Sound(cut(samples, rate_hz, self.first_s, last_s), rate_hz, self.name)
 
@@ -64,6 +67,8 @@ class MixedSource:
     def load(self, decode: Decode) -> Sound:
         """Decodes all and adds them up; raises what `decode` raises."""
         sounds = [part.load(decode) for part in self.parts]
+        said = {note: None for part in self.parts for note in part.notes}
+        self.notes += [note for note in said if note not in self.notes]
         rate_hz = max(sound.rate_hz for sound in sounds)
         tracks = [resampled(sound, rate_hz) for sound in sounds]
         first = [round(at * rate_hz) for at in self.at_s]

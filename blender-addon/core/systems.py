@@ -57,6 +57,8 @@ class System:
     help: str
     controls: tuple[Control, ...]
     takes_events: bool = False
+    # Whether it hears feeling, and may take it from another recording.
+    hears_feeling: bool = False
     # Names of `sliders.NAMES` that its takes may have.
     sliders: tuple[str, ...] = ()
 
@@ -126,6 +128,12 @@ def takes_events(name: str) -> bool:
     return bool(among) and find(name, among).takes_events
 
 
+def hears_feeling(name: str) -> bool:
+    """True where the system of this name hears feeling; False where none can be loaded."""
+    among = known()
+    return bool(among) and find(name, among).hears_feeling
+
+
 def read(loaded) -> tuple[System, ...]:
     """The systems of a loaded library."""
     return tuple(_system(loaded, number) for number in range(loaded.anyface_system_count()))
@@ -137,9 +145,10 @@ def _system(loaded, number: int) -> System:
     count = loaded.anyface_system_control_count(number)
     controls = tuple(_control(loaded, number, at) for at in range(count))
     takes_events = loaded.anyface_system_takes_events(number) == 1
+    hears_feeling = loaded.anyface_system_hears_feeling(number) == 1
     has = loaded.anyface_system_has_slider
     found = tuple(name for at, name in enumerate(sliders.NAMES) if has(number, at) == 1)
-    return System(name, label, text, controls, takes_events, found)
+    return System(name, label, text, controls, takes_events, hears_feeling, found)
 
 
 def _control(loaded, system: int, number: int) -> Control:

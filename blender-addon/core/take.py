@@ -75,7 +75,9 @@ class OpenedMouth:
 # What a viewer sees of a face, in the order of `AnyfaceVisibility`.
 VISIBILITIES = ("SPEAKS", "LIPS_REST", "NOTHING")
 # Where the emotion comes from, in the order of `AnyfaceEmotionSource`.
-EMOTION_SOURCES = ("GIVEN", "VOICE", "OFF")
+EMOTION_SOURCES = ("GIVEN", "VOICE", "OFF", "AROUSAL")
+# Words that say so where an emotion is written.
+EMOTION_WORDS = {"auto": "VOICE", "auto-arousal": "AROUSAL", "off": "OFF"}
 
 
 @dataclass
@@ -88,7 +90,9 @@ class Request:
     `(times_s [N], values [N])` instead, linear in between. `roles` is what the artist says of the
     mesh's parts. `error_mm` is the largest error of a basis, on a head of human size; with None the
     displacements of every frame are wanted. The lips close in `closures` `[N, 2]`, seconds; with
-    None where that is heard. `events` are for systems that take them.
+    None where that is heard. `events` are for systems that take them, `felt_as` is another
+    recording whose feeling is shown, for those that hear it; where the take is `layered`, what is
+    felt has vectors of its own.
     """
 
     fps: float
@@ -102,6 +106,8 @@ class Request:
     roles: PartRoles | None = None
     closures: np.ndarray | None = None
     events: list[Event] = field(default_factory=list)
+    felt_as: "Sound | None" = None
+    layered: bool = False
 
 
 @dataclass
@@ -164,7 +170,7 @@ class Basis:
     of any vertex in any frame from where it should be. `sliders` is what may still be changed of
     the take, by the names of `sliders.ALL`; `why_missing` says in words why others are not there.
     `offered` are the sliders that the system has at all; `packed` holds `sliders` as they are kept
-    with the take.
+    with the take. From `felt_from` on vectors are what is felt beyond what is said.
     """
 
     vectors: np.ndarray
@@ -174,6 +180,7 @@ class Basis:
     why_missing: dict[str, str] = field(default_factory=dict)
     packed: bytes = b""
     offered: tuple[str, ...] = NAMES
+    felt_from: int | None = None
 
 
 @dataclass

@@ -47,7 +47,7 @@ def _run(options, blender: str) -> list[dict]:
         reports.append(report)
         _tell(report, len(reports), len(shots))
     summary = _summary(reports, time.monotonic() - began)
-    json_file.write(folder / "batch.json", summary)
+    json_file.write(folder / f"{jobs.SUMMARY}.json", summary)
     print(f"anyface: {summary['ok']} of {len(shots)} shots are finished, reports in {folder}")
     return reports
 

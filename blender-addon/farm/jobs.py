@@ -12,12 +12,14 @@ from argparse import ArgumentError
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from ..core import json_file, model_card, options
+from ..core import json_file, model_card, options, schema
 from ..core.errors import AnyfaceError
 
-_PATHS = ("audio", "events", "landmarks", "out", "weights")
+_PATHS = ("audio", "events", "feeling", "landmarks", "out", "weights")
 _OWN = ("name", "file", "save", "faces")
 _NAME = re.compile(r"[\w.-]+")
+# The stem of the file beside the reports that tells of all of them.
+SUMMARY = "batch"
 
 
 @dataclass(frozen=True)
@@ -38,29 +40,44 @@ class Shot:
 
 def read(path: Path, reports: Path) -> list[Shot]:
     """All shots of the file; raises `AnyfaceError("input")` that names the row."""
-    content = json_file.read(path)
-    if not isinstance(content, dict) or not isinstance(content.get("shots"), list):
-        raise AnyfaceError("input", f'{path}: expected {{"shots": […]}}')
-    defaults = content.get("defaults", {})
-    shots = [
-        _shot(f"{path.name}, shot {number}", {**defaults, **row}, path.parent.resolve(), reports)
-        for number, row in enumerate(content["shots"], start=1)
-    ]
+    content = schema.check(str(path), json_file.read(path), schema.OBJECT)
+    rows = schema.check(f"{path}: shots", content.get("shots"), schema.LIST)
+    defaults = _row(f"{path.name}, defaults", content.get("defaults", {}))
+    shots = []
+    for number, row in enumerate(rows, start=1):
+        where = f"{path.name}, shot {number}"
+        row = {**defaults, **_row(where, row)}
+        shots.append(_shot(where, row, path.parent.resolve(), reports))
     _check_apart(path, shots)
     return shots
 
 
+def _row(where: str, row) -> dict:
+    """A row, or what most of them share: options that are single values, and faces of such."""
+    rules = dict.fromkeys(("file", "save", "name"), (schema.TEXT,)) | {"faces": (schema.LIST,)}
+    schema.fields(where, row, rules, schema.SCALAR)
+    for number, face in enumerate(row.get("faces", []), start=1):
+        schema.fields(f"{where}, face {number}", face, {}, schema.SCALAR)
+    return row
+
+
 def _shot(where: str, row: dict, folder: Path, reports: Path) -> Shot:
     for field in ("file", "save"):
-        if not isinstance(row.get(field), str):
+        if not row.get(field) or "\0" in row[field]:
             raise AnyfaceError("input", f"{where}: expected a path in {field!r}")
     name = row.get("name", Path(row["save"]).stem)
-    if not isinstance(name, str) or not _NAME.fullmatch(name):
+    if not _NAME.fullmatch(name):
         raise AnyfaceError(
             "input", f"{where}: name: expected letters, digits, '.', '-' and '_', got {name!r}"
         )
+    if name.casefold() == SUMMARY:
+        raise AnyfaceError(
+            "input", f"{where}: name: expected another than {name!r}, which the summary has"
+        )
     shared = {field: value for field, value in row.items() if field not in _OWN}
     faces = row.get("faces", [{}])
+    if not faces:
+        raise AnyfaceError("input", f"{where}: faces: expected at least one, got none")
     steps = tuple(_step(f"{where} ({name})", {**shared, **face}, folder) for face in faces)
     shot = Shot(
         name=name,
@@ -98,7 +115,7 @@ def _digest(shot: Shot) -> str:
     """Of the row, and of size and time of the files and models that it names."""
     digest = hashlib.blake2b(json.dumps(asdict(shot)).encode(), digest_size=12)
     words = [word.partition("=") for step in shot.steps for word in step[1:]]
-    files = ("--audio", "--events", "--landmarks")
+    files = ("--audio", "--events", "--feeling", "--landmarks")
     read = [value for option, _, value in words if option in files]
     for path in (shot.file, *read):
         if os.path.isfile(path):
@@ -115,9 +132,10 @@ def _check_apart(path: Path, shots: list[Shot]) -> None:
         seen = set()
         for shot in shots:
             value = getattr(shot, field)
-            if value in seen:
+            # Some file systems tell no small letters from large ones.
+            if value.casefold() in seen:
                 raise AnyfaceError("input", f"{path}: two shots have the {field} {value}")
-            seen.add(value)
+            seen.add(value.casefold())
     files = {shot.file for shot in shots}
     for shot in shots:
         if shot.save in files:

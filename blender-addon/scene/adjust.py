@@ -94,9 +94,7 @@ def _adjust(ob, wanted: dict[str, float]) -> None:
         if block is None or curves.value_path(name) not in made:
             continue
         more = None if added is None else (frames, now * added[:, number])
-        low, high = _change(
-            made[curves.value_path(name)], now / factor(shown, before), moved, more
-        )
+        low, high = _change(made[curves.value_path(name)], now / factor(shown, before), moved, more)
         if name in taken.keys:
             block.slider_min, block.slider_max = min(block.slider_min, low), max(1.0, high)
     record.write(shape_keys, taken)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import bpy
 import numpy as np
 
-from ..core import measure, perform
+from ..core import measure, perform, systems
 from ..core.errors import AnyfaceError
 from ..core.job import BEGUN, Progress, at_once
 from ..core.plan import Plan
@@ -64,6 +64,7 @@ class Settings:
     held: dict[str, float] = field(default_factory=dict)
     mode: str = outputs.MODES[0]
     error_mm: float = 0.1
+    layered: bool = True
     axes: str = "AUTO"
     landmark_file: str = ""
     # Several strips as one take: their names, or the channel (from 1) whose strips all speak.
@@ -76,6 +77,9 @@ class Settings:
     marker_s: float = 0.8
     # A file of events that counts instead of both.
     event_file: str = ""
+    # A sound strip, or a file instead, whose feeling the face shows, for systems that hear it.
+    felt_strip: str = ""
+    felt_file: str = ""
     # Objects beside the face, and roles of single connected parts by number.
     parts: list[pieces.Part] = field(default_factory=list)
     loose: dict[int, str] = field(default_factory=dict)
@@ -102,14 +106,19 @@ class Snapshot:
     numbers: dict[str, int] = field(default_factory=dict)
     # Start and end in seconds, and the text, of strips that say what is heard.
     sounds: list[tuple[float, float, str]] | None = None
+    # Another recording whose feeling is shown.
+    felt: SoundSource | None = None
 
     def heard(self, progress: Progress) -> tuple[Sound, Request]:
-        """The sound, decoded, and the request with the lips closed where the strips say so."""
+        """The sound, decoded, and the request with the lips closed where the strips say so and the
+        other recording that gives the feeling."""
         progress.check("sound")
         voice, request = self.source.load(decode.decoder(self.engine)), self.request
         if self.sounds is not None:
             closed = [[a, b] for a, b, label in self.sounds if self.engine.closes_lips(label)]
             request = replace(request, closures=np.array(closed).reshape(-1, 2))
+        if self.felt is not None:
+            request = replace(request, felt_as=self.felt.load(decode.decoder(self.engine)))
         return voice, request
 
     def work(self, progress: Progress) -> Take:
@@ -147,12 +156,14 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         control_keys=emotion.control_keys(ob, scene, settings, *when),
         roles=face.roles,
         events=asked_for.events,
+        layered=output.as_basis and settings.layered and systems.hears_feeling(settings.system),
     )
     names = [piece.name for piece in face.pieces] or [ob.name]
     plan = output.plan(ob, settings.output, request.fps, names)
     found = face, source, request, settings, plan, scene_fps, engine
     asked, numbers = stored.read(ob), _numbers(names, settings)
-    return Snapshot(ob.name, *found, notes, asked, numbers, sounds.read(scene, source))
+    shown = sounds.read(scene, source), _felt(scene, settings, engine)
+    return Snapshot(ob.name, *found, notes, asked, numbers, *shown)
 
 
 def _numbers(names: list[str], settings: Settings) -> dict[str, int]:
@@ -250,6 +261,18 @@ def find_sound(scene, settings: Settings, engine) -> SoundSource:
     if settings.sound_file:
         return sound.from_file(settings.sound_file, settings.start_frame)
     raise AnyfaceError("audio", NO_SOUND, ("choose_sound",))
+
+
+def _felt(scene, settings: Settings, engine) -> SoundSource | None:
+    """The recording that gives the feeling; a strip is let be where the system does not hear it."""
+    if settings.felt_file:
+        return sound.from_file(settings.felt_file, settings.start_frame)
+    if not settings.felt_strip or not systems.hears_feeling(settings.system):
+        return None
+    try:
+        return sound.from_strip(scene, settings.felt_strip, decode.decoder(engine))
+    except AnyfaceError as error:
+        raise AnyfaceError(error.kind, f"Feeling Of: {error}") from error
 
 
 def _emotion(ob, scene, settings: Settings, when: tuple):

@@ -9,14 +9,15 @@ from ..core.source import Decode
 def decoder(engine) -> Decode:
     """The decoder that tries both; any thread may call it."""
 
-    def decode(path: str) -> tuple[np.ndarray, float]:
+    def decode(path: str) -> tuple[np.ndarray, float, str]:
         try:
             return engine.decode(path)
         except AnyfaceError as error:
-            if error.kind != "audio":
+            # Blender's decoder makes half a sound of a damaged file and says nothing.
+            if error.kind != "audio" or engine.is_damaged(path):
                 raise
             try:
-                return decode_with_aud(path)
+                return (*decode_with_aud(path), "")
             except (ImportError, RuntimeError, OSError):
                 raise error from None
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import bpy
 import numpy as np
 
-from . import curves, guard, nla, outputs, record, takes
+from . import curves, feeling_mask, guard, nla, outputs, record, takes
 from .mesh import add_key, read_basis, read_key
 
 _STANDING = "Anyface.standing"
@@ -22,12 +22,12 @@ _MARK = "anyface_one_sided"
 
 @dataclass
 class _Changed:
-    """What one mesh had before: positions, slider ranges and values of keys by name, keyframes of
-    curves by take and data path."""
+    """What one mesh had before: positions, slider ranges, values and vertex groups of keys by name,
+    keyframes of curves by take and data path."""
 
     name: str
     mark: str = field(default_factory=lambda: uuid.uuid4().hex)
-    keys: dict[str, tuple[np.ndarray, float, float, float]] = field(default_factory=dict)
+    keys: dict[str, tuple[np.ndarray, float, float, float, str]] = field(default_factory=dict)
     points: dict[tuple[str, str], dict[str, np.ndarray]] = field(default_factory=dict)
     standing: list[str] = field(default_factory=list)
 
@@ -75,16 +75,17 @@ def _rewrite_take(ob, taken, changed: _Changed) -> None:
     standing, span = 0.0, None
     for name in taken.keys if bag is not None else ():
         block, curve = shape_keys.key_blocks.get(name), bag.fcurves.find(curves.value_path(name))
-        if block is None or curve is None or block.mute or block.vertex_group:
+        if block is None or curve is None or block.mute:
             continue
         before = {name: curves.places(curve, name) for name in curves.KEY_VECTORS}
         low = min(0.0, *(values[1::2].min() for values in before.values()))
-        if low == 0.0:
+        # The exporter knows no vertex groups of keys.
+        if low == 0.0 and not block.vertex_group:
             continue
         high = max(0.0, *(values[1::2].max() for values in before.values()))
         changed.points[taken.id, curve.data_path] = before
         curves.put(curve, {name: _within_one(values, low, high) for name, values in before.items()})
-        standing = standing + low * _scale(block, high - low, changed)
+        standing = standing + low * _scale(ob, block, high - low, changed)
         span = np.array(curve.range())
     if span is not None:
         name = _add_standing(ob, bag, standing, span)
@@ -100,13 +101,16 @@ def _within_one(pairs: np.ndarray, low: float, high: float) -> np.ndarray:
     return pairs
 
 
-def _scale(block, factor: float, changed: _Changed) -> np.ndarray:
-    """Makes a key move `factor` times as far; returns its displacements `[V, 3]` before."""
+def _scale(ob, block, factor: float, changed: _Changed) -> np.ndarray:
+    """Makes a key move `factor` times as far, where its vertex group lets it; returns its
+    displacements `[V, 3]` before."""
     positions, at_rest = read_key(block), read_key(block.relative_key)
-    changed.keys[block.name] = (positions, block.slider_min, block.slider_max, block.value)
-    block.points.foreach_set("co", (at_rest + factor * (positions - at_rest)).ravel())
-    block.slider_min, block.slider_max = 0.0, 1.0
-    return positions - at_rest
+    limits = block.slider_min, block.slider_max, block.value
+    changed.keys[block.name] = (positions, *limits, block.vertex_group)
+    moved = feeling_mask.weights(ob, block.vertex_group) * (positions - at_rest)
+    block.points.foreach_set("co", (at_rest + factor * moved).ravel())
+    block.slider_min, block.slider_max, block.vertex_group = 0.0, 1.0, ""
+    return moved
 
 
 def _add_standing(ob, bag, vector: np.ndarray, span: np.ndarray) -> str:
@@ -127,10 +131,11 @@ def _put_back(ob, changed: _Changed) -> None:
         _forget(nla.rest_channels(shape_keys), changed.standing)
         for name in changed.standing:
             ob.shape_key_remove(shape_keys.key_blocks[name])
-        for name, (positions, low, high, value) in changed.keys.items():
+        for name, (positions, low, high, value, group) in changed.keys.items():
             block = shape_keys.key_blocks[name]
             block.points.foreach_set("co", positions.ravel())
             block.slider_min, block.slider_max, block.value = low, high, value
+            block.vertex_group = group
     ob.data.update()
 
 

@@ -112,7 +112,10 @@ def _cut(take: Take, piece: Piece, largest: float) -> Take:
         return replace(take, frames=own, largest_mm=largest)
     if take.key_motion is not None:
         return replace(take, key_motion=_keys_cut(take.key_motion, own, rows, back))
-    return replace(take, basis=replace(take.basis, vectors=own), largest_mm=largest)
+    # The mask of the feeling is painted on the face alone.
+    felt_from = take.basis.felt_from if piece.first == 0 else None
+    basis = replace(take.basis, vectors=own, felt_from=felt_from)
+    return replace(take, basis=basis, largest_mm=largest)
 
 
 def _motion(take: Take):

@@ -3,7 +3,7 @@
 import bpy
 
 from ..core.errors import AnyfaceError
-from . import changes, curves, digest, existing, guard, outputs, record
+from . import changes, curves, digest, existing, feeling_mask, guard, outputs, record
 
 
 def remove(ob) -> bool:
@@ -95,9 +95,10 @@ def _remove_keys(ob, taken: record.Record) -> None:
     others = [b for b in shape_keys.key_blocks if b.name not in ours and b != basis]
     if taken.made_keys and not others:
         _clear_keys(ob)
-        return
-    for block in [b for b in shape_keys.key_blocks if b.name in ours]:
-        ob.shape_key_remove(block)
+    else:
+        for block in [b for b in shape_keys.key_blocks if b.name in ours]:
+            ob.shape_key_remove(block)
+    feeling_mask.drop(ob)
 
 
 def _clear_keys(ob) -> None:

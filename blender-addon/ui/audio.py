@@ -41,6 +41,12 @@ class AnyfaceAudio(PropertyGroup):
         options=set(),
     )
     chosen: CollectionProperty(type=AnyfaceStrip)
+    felt_strip: StringProperty(
+        name="Feeling Of",
+        description="Sound strip whose feeling this face shows, as long as its own is; "
+        "empty for its own voice",
+        options=set(),
+    )
     event_channel: IntProperty(
         name="Channel",
         description="Channel of the sequencer whose text strips say what this face does beside its "
@@ -71,7 +77,7 @@ class AnyfaceAudio(PropertyGroup):
 
 def fill(settings, ob, scene=None) -> None:
     """Puts what `ob` is asked to speak into plain settings; `scene` is the sequencer's."""
-    for name in ("event_channel", "event_markers", "marker_s"):
+    for name in ("event_channel", "event_markers", "marker_s", "felt_strip"):
         setattr(settings, name, getattr(ob.anyface_audio, name))
     source = ob.anyface.source
     settings.strip = strip_of(ob, scene) if source == "STRIP" else ""
@@ -152,11 +158,20 @@ def draw(layout, ob, scene, width: int) -> None:
         words.draw(layout.column(align=True), text, width, icon)
 
 
+def draw_felt(layout, ob, scene) -> None:
+    """Draws which strip gives the feeling, where the sequencer has any."""
+    if scene is not None and scene.sequence_editor is not None:
+        _search(layout, ob.anyface_audio, "felt_strip", scene.sequence_editor)
+
+
+def _search(layout, group, name: str, editor) -> None:
+    collection = "strips_all" if hasattr(editor, "strips_all") else "sequences_all"
+    layout.prop_search(group, name, editor, collection, icon="SOUND")
+
+
 def _draw_strips(column, ob, scene) -> None:
     if ob.anyface.source == "STRIP":
-        editor = scene.sequence_editor
-        collection = "strips_all" if hasattr(editor, "strips_all") else "sequences_all"
-        column.prop_search(ob.anyface, "strip", editor, collection, icon="SOUND")
+        _search(column, ob.anyface, "strip", scene.sequence_editor)
     elif ob.anyface.source == "CHANNEL":
         column.prop(ob.anyface_audio, "channel")
     else:

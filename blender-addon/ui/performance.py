@@ -4,8 +4,9 @@ from bpy.types import Panel
 
 from ..core import systems
 from ..scene.life import CONTROLS
+from . import audio
 from .panel import OfFacePanel
-from .target import target
+from .target import sequencer_scene, target
 
 _MORE = ("seed", "style", "fps")
 _OF_FACE = ("axes", "landmark_file")
@@ -25,6 +26,8 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
         if len(systems.known()) > 1:
             layout.prop(settings, "system")
         layout.prop(settings, "emotion_source")
+        if systems.hears_feeling(settings.system):
+            audio.draw_felt(layout, target(context), sequencer_scene(context))
         column = layout.column(align=True)
         controls = [c for c in controls_of(settings) if c.name not in CONTROLS]
         for control in controls:

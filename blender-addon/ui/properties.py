@@ -30,8 +30,14 @@ _EMOTION_SOURCES = [
     (
         "VOICE",
         "From the Voice",
-        "How excited the voice sounds, not which feeling it has: glad and angry voices look alike",
+        "The feeling that is heard: anger, joy, fear, sadness, disgust, calm; none if uncertain",
         1,
+    ),
+    (
+        "AROUSAL",
+        "Excitement of the Voice",
+        "How excited the voice sounds, not which feeling it has: glad and angry voices look alike",
+        3,
     ),
     ("OFF", "None", "Speech alone: no emotion, no blinks, no motion of brows and lids", 2),
 ]
@@ -98,6 +104,13 @@ class AnyfaceCharacter(PropertyGroup):
         options=set(),
     )
     mode: EnumProperty(name="Output", items=outputs.ITEMS, default=outputs.MODES[0], options=set())
+    layered: BoolProperty(
+        name="Feeling as a Layer",
+        description="Keys of what is felt are apart from keys of what is said, act where the "
+        "vertex group Feeling Mask is painted, and follow the slider of the emotion",
+        default=True,
+        options=set(),
+    )
     error_mm: FloatProperty(
         name="Precision",
         description="How far any point may be from the full performance, in mm on a head of "

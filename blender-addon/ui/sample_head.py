@@ -42,9 +42,7 @@ class ANYFACE_OT_add_sample_head(object_utils.AddObjectHelper, Operator):
 
 
 def _draw(menu, _context) -> None:
-    menu.layout.operator(
-        "anyface.add_sample_head", text="Anyface Sample Head", icon="USER"
-    )
+    menu.layout.operator("anyface.add_sample_head", text="Anyface Sample Head", icon="USER")
 
 
 def register() -> None:

@@ -1,8 +1,11 @@
 //! Sound from a file or from the caller's samples.
 
-use std::ffi::c_char;
+use std::{
+    ffi::{CString, c_char},
+    ptr::null,
+};
 
-use anyface::audio::{SAMPLE_RATE_HZ, Waveform};
+use anyface::audio::{SAMPLE_RATE_HZ, SoundFile, Waveform};
 
 use crate::{
     error::{AnyfaceError, Failure},
@@ -12,7 +15,7 @@ use crate::{
 
 /// A sound, kept as mono at 16 kHz. Never changes after it was made: any number of threads may
 /// use it at the same time.
-pub struct AnyfaceAudio(pub(crate) Waveform);
+pub struct AnyfaceAudio(pub(crate) Waveform, Option<CString>);
 
 /// A sound from samples in memory, which are copied.
 ///
@@ -34,7 +37,7 @@ pub unsafe extern "C" fn anyface_audio_new(
         let channels = channels as usize;
         let samples = unsafe { pointer::slice("samples", samples, frame_count, channels) }?;
         let waveform = Waveform::from_interleaved(samples, channels, sample_rate_hz)?;
-        unsafe { pointer::give(out, AnyfaceAudio(waveform)) };
+        unsafe { pointer::give(out, AnyfaceAudio(waveform, None)) };
         Ok(())
     };
     unsafe { guard::guard(error, work) }
@@ -42,22 +45,56 @@ pub unsafe extern "C" fn anyface_audio_new(
 
 /// A sound from a file: WAV, MP3, FLAC, Ogg Vorbis, M4A or AIFF.
 ///
-/// `path`: UTF-8. Free with `anyface_audio_free()`.
+/// `path`: UTF-8. Free with `anyface_audio_free()`. Ask `anyface_audio_warning()` whether something of
+/// the sound is missing because the file is damaged.
 /// Fails with `ANYFACE_STATUS_IO` if the file cannot be read, `ANYFACE_STATUS_AUDIO` if it cannot
-/// be decoded or holds no sound.
+/// be decoded, holds no sound, or is damaged so that more than a fifth of it is missing;
+/// `anyface_audio_read_damaged()` takes what is left.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_audio_read(
     path: *const c_char,
     out: *mut *mut AnyfaceAudio,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
+    unsafe { read(path, false, out, error) }
+}
+
+/// As `anyface_audio_read()`, however much is missing.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_audio_read_damaged(
+    path: *const c_char,
+    out: *mut *mut AnyfaceAudio,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    unsafe { read(path, true, out, error) }
+}
+
+unsafe fn read(
+    path: *const c_char,
+    any_damage: bool,
+    out: *mut *mut AnyfaceAudio,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
     let work = || {
         pointer::check_out("out", out)?;
-        let waveform = Waveform::from_file(unsafe { pointer::path("path", path) }?)?;
-        unsafe { pointer::give(out, AnyfaceAudio(waveform)) };
+        let path = unsafe { pointer::path("path", path) }?;
+        let file = SoundFile::read(path, any_damage)?;
+        let warning = file.damage.map(|damage| damage.sentence());
+        let warning = warning.and_then(|text| CString::new(text).ok());
+        unsafe { pointer::give(out, AnyfaceAudio(file.waveform, warning)) };
         Ok(())
     };
     unsafe { guard::guard(error, work) }
+}
+
+/// What is missing of a sound because its file is damaged, as a sentence in English; NULL where nothing
+/// is, and for NULL.
+///
+/// The text lives as long as the sound; a part of a sound has none.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_audio_warning(audio: *const AnyfaceAudio) -> *const c_char {
+    let warning = unsafe { audio.as_ref() }.and_then(|audio| audio.1.as_ref());
+    warning.map_or(null(), |text| text.as_ptr())
 }
 
 /// A part of a sound, copied.
@@ -78,7 +115,7 @@ pub unsafe extern "C" fn anyface_audio_trim(
         pointer::check_out("out", out)?;
         let audio = unsafe { pointer::handle("audio", audio) }?;
         let part = trim(&audio.0, start_s, duration_s)?;
-        unsafe { pointer::give(out, AnyfaceAudio(part)) };
+        unsafe { pointer::give(out, AnyfaceAudio(part, None)) };
         Ok(())
     };
     unsafe { guard::guard(error, work) }
@@ -166,11 +203,51 @@ mod tests {
     }
 
     #[test]
+    fn a_damaged_file_warns_and_one_of_which_little_is_left_fails() {
+        use std::{ffi::CStr, ptr::null_mut};
+        let name = format!("anyface-damaged-{}.wav", std::process::id());
+        let path = std::env::temp_dir().join(name);
+        let text = CString::new(path.to_str().unwrap()).unwrap();
+        let mut wav = b"RIFF\x24\x7d\0\0WAVEfmt \x10\0\0\0\x01\0\x01\0".to_vec();
+        wav.extend(16_000u32.to_le_bytes());
+        wav.extend(32_000u32.to_le_bytes());
+        wav.extend(b"\x02\0\x10\0data");
+        wav.extend(32_000u32.to_le_bytes());
+        let header = wav.len();
+        wav.resize(header + 32_000, 7);
+        for (length, warns, fails) in [
+            (32_000, false, false),
+            (28_000, true, false),
+            (9_000, true, true),
+        ] {
+            std::fs::write(&path, &wav[..header + length]).unwrap();
+            let mut audio = null_mut();
+            let status = unsafe { anyface_audio_read(text.as_ptr(), &mut audio, null_mut()) };
+            if fails {
+                assert_eq!(status, AnyfaceStatus::Audio);
+                let status =
+                    unsafe { anyface_audio_read_damaged(text.as_ptr(), &mut audio, null_mut()) };
+                assert_eq!(status, AnyfaceStatus::Ok);
+            }
+            let warning = unsafe { anyface_audio_warning(audio) };
+            assert_eq!(!warning.is_null(), warns, "{length}");
+            if warns {
+                let warning = unsafe { CStr::from_ptr(warning) }.to_str().unwrap();
+                assert!(warning.contains("of 1.00 s are missing"), "{warning}");
+            }
+            unsafe { anyface_audio_free(audio) };
+        }
+        std::fs::remove_file(&path).unwrap();
+        assert!(unsafe { anyface_audio_warning(std::ptr::null()) }.is_null());
+    }
+
+    #[test]
     fn the_copied_samples_are_those_of_the_sound() {
         let samples = [0.25, -0.5, 1.0];
-        let audio = AnyfaceAudio(Waveform {
+        let waveform = Waveform {
             samples: samples.to_vec(),
-        });
+        };
+        let audio = AnyfaceAudio(waveform, None);
         assert_eq!(unsafe { anyface_audio_sample_count(&audio) }, 3);
         let mut buffer = [0.0; 3];
         let error = std::ptr::null_mut();

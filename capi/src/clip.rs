@@ -4,6 +4,7 @@ use std::{ffi::c_char, ptr::null};
 
 use anyface::{
     Face, Performance,
+    deform::VertexClip,
     motion::{Life, Motion, Visibility, lip_travel},
     progress::ProgressFn,
     spread::{Animation, Collector},
@@ -88,6 +89,33 @@ impl AnyfaceClip {
         })
     }
 
+    fn less(&self, other: &AnyfaceClip) -> Result<AnyfaceClip, Failure> {
+        let shape = |clip: &AnyfaceClip| (clip.frame_count(), clip.vertex_count(), clip.fps());
+        let (expected, got) = (shape(self), shape(other));
+        if expected != got {
+            return Err(Failure::invalid(format!(
+                "other: expected frames, vertices and rate {expected:?}, got {got:?}"
+            )));
+        }
+        let (whole, part) = (&self.animation, &other.animation);
+        let animation = Animation {
+            vertices: VertexClip {
+                displacements: &whole.vertices.displacements - &part.vertices.displacements,
+                fps: self.fps(),
+            },
+            brought: whole.brought.clone(),
+            landmarks_neutral: whole.landmarks_neutral,
+            landmark_displacements: &whole.landmark_displacements - &part.landmark_displacements,
+        };
+        let squares = animation.vertices.displacements.rows().into_iter();
+        let largest = squares.map(|row| row.dot(&row)).fold(0.0, f32::max);
+        Ok(AnyfaceClip::new(animation, largest.sqrt(), self.visibility))
+    }
+
+    fn fps(&self) -> f64 {
+        self.animation.vertices.fps
+    }
+
     /// `[T, V, 3]`.
     fn vertices(&self) -> &[f32] {
         self.animation
@@ -167,7 +195,8 @@ pub unsafe extern "C" fn anyface_engine_animate(
 /// Puts motion on a face. Long: accepts a progress handle.
 ///
 /// `progress` may be NULL. Free with `anyface_clip_free()`; face and motion may go before.
-/// Fails with `ANYFACE_STATUS_CANCELLED`.
+/// Fails with `ANYFACE_STATUS_CANCELLED`, and with `ANYFACE_STATUS_OUT_OF_MEMORY` where all frames at once
+/// do not fit: `anyface_clip_stream()` hands them over block by block.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_clip_new(
     engine: *const AnyfaceEngine,
@@ -193,6 +222,28 @@ pub unsafe extern "C" fn anyface_clip_new(
         };
         let clip = unsafe { watched(progress, spread) }?;
         unsafe { pointer::give(out, clip) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// What a clip does beyond another one of the same face, such as how it is felt beyond what is said: `other`
+/// and the result add up to `clip`.
+///
+/// It has no head and no eyes. Free with `anyface_clip_free()`; both may go before.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` where frames, vertices or rates differ.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_clip_new_difference(
+    clip: *const AnyfaceClip,
+    other: *const AnyfaceClip,
+    out: *mut *mut AnyfaceClip,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let clip = unsafe { pointer::handle("clip", clip) }?;
+        let other = unsafe { pointer::handle("other", other) }?;
+        unsafe { pointer::give(out, clip.less(other)?) };
         Ok(())
     };
     unsafe { guard::guard(error, work) }

@@ -100,8 +100,8 @@ pub unsafe extern "C" fn anyface_expression_strength(expression: *const AnyfaceE
     unsafe { expression.as_ref() }.map_or(0.0, |expression| expression.strength)
 }
 
-/// The nearest expression that would be understood, where there are no units; NULL otherwise, for NULL. Lives as
-/// long as the expression.
+/// The nearest expression that would be understood, where there are no units and one is near; NULL otherwise, for
+/// NULL. Lives as long as the expression.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_expression_hint(
     expression: *const AnyfaceExpression,

@@ -17,6 +17,7 @@ mod versioned_options;
 mod audio;
 mod basis;
 mod clip;
+mod clip_stream;
 mod controls;
 mod emotion;
 mod engine;

@@ -104,11 +104,14 @@ impl AnyfaceMotion {
 pub enum AnyfaceEmotionSource {
     /// `emotion_strengths`; the default.
     Given = 0,
-    /// Arousal: how excited the voice sounds, not which feeling it has; glad, afraid and angry voices
-    /// all widen the eyes and raise the brows.
+    /// The feeling that is heard in the voice: anger, joy, fear, sadness, disgust, calm, or nothing where that
+    /// is not certain.
     Voice = 1,
     /// No emotion and nothing else that speech did not cause: no blinks, no motion of brows and lids.
     Off = 2,
+    /// Arousal: how excited the voice sounds, not which feeling it has; glad, afraid and angry voices
+    /// all widen the eyes and raise the brows.
+    Arousal = 3,
 }
 
 /// What a performance is asked to be; prepare it with `anyface_motion_options_init()`.
@@ -157,6 +160,9 @@ pub struct AnyfaceMotionOptions {
     /// Another recording whose feeling the face shows; only until the call returns. NULL, the default, is the
     /// voice itself. A system that does not hear feeling refuses: see `anyface_system_hears_feeling()`.
     pub felt_as: *const AnyfaceAudio,
+    /// A motion of landmarks in whose last frame the face begins; only until the call returns. NULL, the
+    /// default, is rest. Systems that do not go on from a pose refuse: see `anyface_system_starts_from_pose()`.
+    pub starts_from: *const AnyfaceMotion,
 }
 
 unsafe impl Versioned for AnyfaceMotionOptions {
@@ -182,6 +188,7 @@ unsafe impl Versioned for AnyfaceMotionOptions {
             reserved_2: 0,
             events: null(),
             felt_as: null(),
+            starts_from: null(),
         }
     }
 }
@@ -206,7 +213,28 @@ impl AnyfaceMotionOptions {
             closures: unsafe { self.closures() }?,
             events: unsafe { self.events() }?,
             felt_as: unsafe { self.felt_as() }?,
+            starts_from: unsafe { self.starts_from() }?,
         })
+    }
+
+    unsafe fn starts_from(&self) -> Result<Option<[[f32; 3]; LANDMARKS]>, Failure> {
+        if self.starts_from.is_null() {
+            return Ok(None);
+        }
+        let motion = unsafe { pointer::handle("starts_from", self.starts_from) }?.motion();
+        let last = match motion {
+            Motion::Landmarks(clip) => clip.displacements.outer_iter().last(),
+            _ => None,
+        };
+        let last = last.ok_or_else(|| {
+            let (frames, kind) = (motion.frames(), motion.kind());
+            Failure::invalid(format!(
+                "starts_from: expected frames of landmarks, got {frames} of {kind}"
+            ))
+        })?;
+        Ok(Some(std::array::from_fn(|n| {
+            std::array::from_fn(|axis| last[[n, axis]])
+        })))
     }
 
     unsafe fn felt_as(&self) -> Result<Option<Arc<FeltVoice>>, Failure> {
@@ -245,15 +273,17 @@ impl AnyfaceMotionOptions {
         const GIVEN: i32 = AnyfaceEmotionSource::Given as i32;
         const VOICE: i32 = AnyfaceEmotionSource::Voice as i32;
         const OFF: i32 = AnyfaceEmotionSource::Off as i32;
+        const AROUSAL: i32 = AnyfaceEmotionSource::Arousal as i32;
         match (self.emotion_source, self.emotion_count) {
             (GIVEN, _) => unsafe { self.given_emotion() },
             (VOICE, 0) => Ok(EmotionCurve::Auto),
             (OFF, 0) => Ok(EmotionCurve::Off),
-            (VOICE | OFF, rows) => Err(Failure::invalid(format!(
+            (AROUSAL, 0) => Ok(EmotionCurve::Arousal),
+            (VOICE | OFF | AROUSAL, rows) => Err(Failure::invalid(format!(
                 "emotion_count: expected 0 where the emotion is not given, got {rows}"
             ))),
             (other, _) => Err(Failure::invalid(format!(
-                "emotion_source: expected 0 to 2, got {other}"
+                "emotion_source: expected 0 to 3, got {other}"
             ))),
         }
     }
@@ -588,7 +618,8 @@ mod tests {
         };
         assert_eq!(unsafe { from(1).emotion() }.unwrap(), EmotionCurve::Auto);
         assert_eq!(unsafe { from(2).emotion() }.unwrap(), EmotionCurve::Off);
-        assert!(unsafe { from(3).emotion() }.is_err());
+        assert_eq!(unsafe { from(3).emotion() }.unwrap(), EmotionCurve::Arousal);
+        assert!(unsafe { from(4).emotion() }.is_err());
         let rows = [0.0; ANYFACE_EMOTION_COUNT];
         let both = AnyfaceMotionOptions {
             emotion_strengths: rows.as_ptr(),

@@ -2,7 +2,7 @@
 
 use std::ffi::{CStr, c_char};
 
-/// How a call ended. 3 to 10 are also the exit codes of the `anyface` command.
+/// How a call ended. Those from 3 on are also the exit codes of the `anyface` command.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AnyfaceStatus {
@@ -29,6 +29,8 @@ pub enum AnyfaceStatus {
     Cancelled = 9,
     /// A numerical method that did not converge, or a defect in the library.
     Internal = 10,
+    /// A result that does not fit into memory: take it block by block, as `anyface_clip_stream()` gives it.
+    OutOfMemory = 13,
 }
 
 impl AnyfaceStatus {
@@ -44,6 +46,7 @@ impl AnyfaceStatus {
             Error::Io { .. } => Self::Io,
             Error::Cancelled => Self::Cancelled,
             Error::Numerics(_) => Self::Internal,
+            Error::OutOfMemory(_) => Self::OutOfMemory,
         }
     }
 
@@ -60,12 +63,13 @@ impl AnyfaceStatus {
             Self::Io => c"input or output",
             Self::Cancelled => c"cancelled",
             Self::Internal => c"internal",
+            Self::OutOfMemory => c"out of memory",
         }
     }
 
     /// The status with this number; C can hand over any.
     fn from_code(code: i32) -> Option<Self> {
-        const ALL: [AnyfaceStatus; 11] = [
+        const ALL: [AnyfaceStatus; 12] = [
             AnyfaceStatus::Ok,
             AnyfaceStatus::NullPointer,
             AnyfaceStatus::Panic,
@@ -77,6 +81,7 @@ impl AnyfaceStatus {
             AnyfaceStatus::Io,
             AnyfaceStatus::Cancelled,
             AnyfaceStatus::Internal,
+            AnyfaceStatus::OutOfMemory,
         ];
         ALL.into_iter().find(|status| *status as i32 == code)
     }
@@ -108,6 +113,7 @@ mod tests {
             Error::io("file")(std::io::ErrorKind::NotFound.into()),
             Error::Cancelled,
             Error::Numerics(String::new()),
+            Error::OutOfMemory(String::new()),
         ];
         for error in errors {
             assert_eq!(

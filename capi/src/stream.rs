@@ -84,6 +84,15 @@ pub unsafe extern "C" fn anyface_stream_pull(
             let Some(frame) = stream.0.pull() else {
                 break;
             };
+            if frame
+                .displacements
+                .as_flattened()
+                .iter()
+                .any(|x| !x.is_finite())
+            {
+                let message = format!("stream: frame {} is not finite", frame.index);
+                return Err(anyface::Error::Numerics(message).into());
+            }
             let (values, to) = (
                 frame.displacements.as_flattened(),
                 buffer.wrapping_add(written * FRAME_FLOATS),

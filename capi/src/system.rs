@@ -217,6 +217,16 @@ pub extern "C" fn anyface_system_hears_feeling(system: usize) -> i32 {
         .into()
 }
 
+/// 1 if a system goes on from the pose of `starts_from` of `AnyfaceMotionOptions`, else 0; 0 for a number that
+/// is not below the count.
+#[unsafe(no_mangle)]
+pub extern "C" fn anyface_system_starts_from_pose(system: usize) -> i32 {
+    SYSTEMS
+        .get(system)
+        .is_some_and(|system| system.starts_from_pose)
+        .into()
+}
+
 /// 1 if takes of a system have an `AnyfaceSlider`, else 0; 0 for a system or slider that is not there.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_system_has_slider(system: usize, slider: i32) -> i32 {
@@ -270,6 +280,10 @@ mod tests {
             assert_eq!(
                 anyface_system_hears_feeling(number) == 1,
                 system.hears_feeling
+            );
+            assert_eq!(
+                anyface_system_starts_from_pose(number) == 1,
+                system.starts_from_pose
             );
             let sliders = (0..4).map(|slider| anyface_system_has_slider(number, slider));
             assert_eq!(sliders.sum::<i32>() as usize, system.sliders.len());

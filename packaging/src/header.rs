@@ -28,6 +28,7 @@ const SOURCES: &[&str] = &[
     "motion",
     "motion_weights",
     "clip",
+    "clip_stream",
     "event_notes",
     "basis",
     "sliders",

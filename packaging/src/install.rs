@@ -81,6 +81,11 @@ pub fn install(built: &Path, prefix: &Path) -> Result<()> {
             Separator::Flags,
         ),
         (
+            "pkg-config/anyface-static.pc.in",
+            "pkgconfig/anyface-static.pc",
+            Separator::Flags,
+        ),
+        (
             "cmake/anyface-config.cmake.in",
             "cmake/anyface/anyface-config.cmake",
             Separator::List,

@@ -47,6 +47,9 @@ pub enum Error {
     /// The caller's progress callback asked to stop.
     #[error("cancelled")]
     Cancelled,
+    /// A result that does not fit into memory.
+    #[error("out of memory: {0}")]
+    OutOfMemory(String),
 }
 
 impl Error {
@@ -67,6 +70,8 @@ impl Error {
             Error::Io { .. } => 8,
             Error::Cancelled => 9,
             Error::Numerics(_) => 10,
+            // 11 and 12 are the add-on's own.
+            Error::OutOfMemory(_) => 13,
         }
     }
 }

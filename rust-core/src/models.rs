@@ -6,7 +6,45 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::{Error, Result};
+use serde_json::Value;
+
+use crate::{Error, Result, nn::Weights};
+
+/// Largest magnitude of a number in a config.
+const LARGEST_NUMBER: f64 = 1e5;
+/// Numbers in configs by their names, with the least and the largest that any model may have.
+const RANGES: [(&str, f64, f64); 30] = [
+    ("adapter_inner", 1.0, 16_384.0),
+    ("alpha", -100.0, 100.0),
+    ("band", 0.0, 1_000.0),
+    ("beta", -100.0, 100.0),
+    ("blocks", 0.0, 256.0),
+    ("channels", 1.0, 16_384.0),
+    ("coarse_dilations", 1.0, 1_000.0),
+    ("delta", 1.0, 1_000.0),
+    ("dilation", 1.0, 1_000.0),
+    ("feedforward", 1.0, 65_536.0),
+    ("fine_dilations", 1.0, 1_000.0),
+    ("fps", 1.0, 240.0),
+    ("heads", 1.0, 256.0),
+    ("inner", 1.0, 16_384.0),
+    ("kernel", 1.0, 1_000.0),
+    ("latent", 1.0, 16_384.0),
+    ("layers", 0.0, 256.0),
+    ("look_back", 0.0, 10_000.0),
+    ("memory_frames", 1.0, 100_000.0),
+    ("overlap_frames", 0.0, 10_000.0),
+    ("period", 1.0, 10_000.0),
+    ("prior_colour", -100.0, 100.0),
+    ("prior_peak", -100.0, 100.0),
+    ("radius", 0.0, 10_000.0),
+    ("scale_m", 1e-6, 10.0),
+    ("steps", 1.0, 1_000.0),
+    ("temperature", 0.0, 10.0),
+    ("train_steps", 1.0, 10_000.0),
+    ("width", 1.0, 16_384.0),
+    ("window_frames", 1.0, 10_000.0),
+];
 
 /// The two files of a model.
 pub struct ModelFiles {
@@ -161,11 +199,106 @@ impl ModelFiles {
     fn read(folder: &Path) -> Result<Self> {
         let weights = folder.join("model.safetensors");
         let config = folder.join("config.json");
-        Ok(ModelFiles {
+        let files = ModelFiles {
             weights: fs::read(&weights).map_err(Error::io(weights))?.into(),
             config: fs::read_to_string(&config)
                 .map_err(Error::io(config))?
                 .into(),
-        })
+        };
+        let name = folder.file_name().unwrap_or_default().to_string_lossy();
+        let named = |message: String| Error::Weights(format!("{name}: {message}"));
+        check_numbers(&files.config).map_err(|e| named(format!("config.json: {e}")))?;
+        match Weights::from_bytes(&files.weights)?.check_range() {
+            Err(Error::Weights(message)) => Err(named(message)),
+            other => other.map(|()| files),
+        }
+    }
+}
+
+/// Holds every number of a config within its range of [`RANGES`], and the others within
+/// [`LARGEST_NUMBER`], so that no size and no constant of a model is out of all measure.
+fn check_numbers(config: &str) -> Result<(), String> {
+    let value: Value = serde_json::from_str(config).map_err(|e| e.to_string())?;
+    let mut left = vec![(String::new(), &value)];
+    while let Some((name, value)) = left.pop() {
+        match value {
+            Value::Object(fields) => {
+                left.extend(fields.iter().map(|(key, value)| (key.clone(), value)));
+            }
+            Value::Array(items) => left.extend(items.iter().map(|item| (name.clone(), item))),
+            Value::Number(number) => {
+                let known = RANGES.iter().find(|(known, ..)| *known == name);
+                let (low, high) = match known {
+                    Some((_, low, high)) => (*low, *high),
+                    None => (-LARGEST_NUMBER, LARGEST_NUMBER),
+                };
+                let is_within = number.as_f64().is_some_and(|x| (low..=high).contains(&x));
+                if !is_within {
+                    return Err(format!("{name}: expected {low} to {high}, got {number}"));
+                }
+            }
+            Value::Null | Value::Bool(_) | Value::String(_) => {}
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn built_in_models_are_within_the_ranges_and_absurd_ones_are_named() {
+        for model in crate::systems::built_in_models() {
+            check_numbers(model.config).unwrap();
+            let weights = Weights::from_bytes(model.weights).unwrap();
+            weights
+                .check_range()
+                .unwrap_or_else(|e| panic!("{}: {e}", model.name));
+        }
+        for (config, words) in [
+            (r#"{"a": [{"steps": 1e300}]}"#, "steps: expected 1 to 1000"),
+            (r#"{"width": 99999999999999999999}"#, "width: expected"),
+            (r#"{"heads": 0}"#, "heads: expected 1 to 256, got 0"),
+            (r#"{"step": 1e38}"#, "step: expected -100000 to 100000"),
+            ("[", "EOF"),
+        ] {
+            let message = check_numbers(config).unwrap_err();
+            assert!(message.contains(words), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_folder_of_infinite_weights_is_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        for model in crate::systems::built_in_models() {
+            let own = folder.path().join(model.name);
+            fs::create_dir(&own).unwrap();
+            let mut bytes = model.weights.to_vec();
+            let kind = {
+                let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+                let (_, view) = file.iter().next().unwrap();
+                (
+                    view.dtype(),
+                    view.data().as_ptr() as usize - bytes.as_ptr() as usize,
+                )
+            };
+            match kind {
+                (safetensors::Dtype::F32, at) => {
+                    bytes[at..at + 4].copy_from_slice(&f32::INFINITY.to_le_bytes());
+                }
+                (safetensors::Dtype::F16, at) => bytes[at..at + 2].copy_from_slice(&[0, 0xfc]),
+                _ => continue,
+            }
+            fs::write(own.join("model.safetensors"), &bytes).unwrap();
+            fs::write(own.join("config.json"), model.config).unwrap();
+            let error = model.open(Some(folder.path())).map(|_| ()).unwrap_err();
+            let message = error.to_string();
+            assert!(
+                matches!(error, Error::Weights(_)) && message.contains(model.name),
+                "{message}"
+            );
+            fs::remove_dir_all(&own).unwrap();
+        }
     }
 }

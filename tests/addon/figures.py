@@ -229,7 +229,11 @@ class Stage:
         with wave.open(path, "rb") as file:
             rate = file.getframerate()
             data = np.frombuffer(file.readframes(file.getnframes()), dtype="<i2")
-        return (data / 32768.0).astype(np.float32), float(rate)
+        return (data / 32768.0).astype(np.float32), float(rate), ""
+
+    def is_damaged(self, path):
+        """What it cannot read is no sound."""
+        return False
 
     def close(self):
         """Nothing is held."""

@@ -286,8 +286,7 @@ def test_teeth_that_were_not_taken_along_are_named(stage, tmp_path):
     ob.anyface_face.looked = True
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     assert "did not" in ob.anyface.report and (
-        "(Teeth_lower did not move along: Find Parts adds them)"
-        in ob.anyface.report
+        "(Teeth_lower did not move along: Find Parts adds them)" in ob.anyface.report
     )
     bpy.ops.anyface.find_parts()
     assert bpy.ops.anyface.generate() == {"FINISHED"}

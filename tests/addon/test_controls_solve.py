@@ -22,9 +22,7 @@ def last(steps):
 def task(solver, target, controls, low=-10.0, high=10.0, **more):
     """All points count alike."""
     every = np.ones(target.shape[1])
-    return solver.Task(
-        target, every, np.full(controls, low), np.full(controls, high), **more
-    )
+    return solver.Task(target, every, np.full(controls, low), np.full(controls, high), **more)
 
 
 def waves(frames, controls, seed=0):

@@ -19,6 +19,7 @@ NUMBERS = {
     "int": ctypes.c_int,
     "AnyfaceStatus": ctypes.c_int32,
     "AnyfaceProgressFn": ctypes.c_void_p,
+    "AnyfaceFramesFn": ctypes.c_void_p,
 }
 
 STRUCTS = (
@@ -119,9 +120,18 @@ def test_controls_are_numbers_that_the_library_takes(addon, engine):
 def test_sounds_are_decoded_to_mono(addon, engine, tmp_path):
     from figures import tone
 
-    samples, rate = engine.decode(tone(tmp_path / "tön.wav", seconds=1.5, rate=44100))
-    assert rate == 16000.0 and len(samples) == pytest.approx(24000, abs=2)
+    path = tone(tmp_path / "tön.wav", seconds=1.5, rate=44100)
+    samples, rate, missing = engine.decode(path)
+    assert rate == 16000.0 and len(samples) == pytest.approx(24000, abs=2) and missing == ""
     assert np.abs(samples).max() == pytest.approx(0.5, abs=0.02)
+    whole = (tmp_path / "tön.wav").read_bytes()
+    (tmp_path / "tön.wav").write_bytes(whole[: len(whole) * 9 // 10])
+    assert "of 1.50 s are missing" in engine.decode(path)[2]
+    (tmp_path / "tön.wav").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(addon("core.errors").AnyfaceError, match="are missing"):
+        engine.decode(path)
+    with pytest.raises(addon("core.errors").AnyfaceError, match="are missing"):
+        addon("scene.decode").decoder(engine)(path)
     (tmp_path / "text.wav").write_text("no sound")
     with pytest.raises(addon("core.errors").AnyfaceError) as caught:
         engine.decode(str(tmp_path / "text.wav"))

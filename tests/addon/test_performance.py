@@ -116,7 +116,8 @@ def test_controls_are_stored_as_they_always_were(face):
 
 def test_presets_hold_what_they_always_held(addon):
     held = set(addon("core.presets").names())
-    assert held == {"emotion", "emotion_source", "intensity", "event_strength", *STORED} - {"steps"}
+    levels = {"intensity", "event_strength", "feeling_level"}
+    assert held == {"emotion", "emotion_source", *levels, *STORED} - {"steps"}
 
 
 def values_of(ob, addon):
@@ -174,7 +175,7 @@ def test_the_natural_preset_is_the_default(face, addon, installed):
         ("[]", "expected an Anyface preset"),
         ('{"anyface_preset": 9}', "of version 1"),
         ('{"anyface_preset": 1, "values": {"articulation": 3}}', "expected 0 to 2, got 3"),
-        ('{"anyface_preset": 1, "values": {"articulation": NaN}}', "got nan"),
+        ('{"anyface_preset": 1, "values": {"articulation": NaN}}', "got NaN"),
         ('{"anyface_preset": 1, "values": {"emotion": "merry"}}', "got 'merry'"),
         ('{"anyface_preset": 1, "values": {"sound_file": "x"}}', "got 'sound_file'"),
     ],

@@ -128,9 +128,7 @@ def test_sounds_are_shown_mended_redone_and_written(screen, photographs):  # noq
     screen.ask(
         "scene = bpy.context.scene\nscene.use_preview_range = True\n"
         "scene.frame_preview_end, scene.frame_preview_start = 45, 25\n"
-        f"{TEXTS}[0].frame_start += 4\n{HEAD}.anyface.seed = 3\n"
-        + VIEW_ALL
-        + REDRAW
+        f"{TEXTS}[0].frame_start += 4\n{HEAD}.anyface.seed = 3\n" + VIEW_ALL + REDRAW
     )
     screen.hand("sleep", "3")
     screen.photograph(photographs / "3_mend.png")

@@ -139,6 +139,50 @@ static void cancelling(const AnyfaceEngine *engine, const AnyfaceFace *face,
     anyface_clip_free(clip);
 }
 
+/* What a host does with frames as they are made. */
+typedef struct {
+    const AnyfaceClip *whole;
+    size_t vertices, next, stop_at;
+} Frames;
+
+static int take_frames(void *user, size_t first, size_t count, const float *displacements) {
+    Frames *frames = user;
+    CHECK(first == frames->next && count >= 1 && count <= 2);
+    frames->next += count;
+    size_t floats = frames->vertices * 3;
+    const float *same = anyface_clip_displacements(frames->whole) + first * floats;
+    for (size_t i = 0; i < count * floats; i++) {
+        /* Products of other sizes are rounded otherwise. */
+        CHECK(fabsf(displacements[i] - same[i]) < 1e-6f);
+    }
+    return frames->next >= frames->stop_at;
+}
+
+static void block_by_block(const AnyfaceEngine *engine, const AnyfaceFace *face) {
+    static float moved[5 * 3 * ANYFACE_LANDMARK_COUNT];
+    for (int frame = 0; frame < 5; frame++) {
+        moved[(frame * ANYFACE_LANDMARK_COUNT + 8) * 3 + 1] = -0.002f * (float)frame;
+    }
+    AnyfaceMotion *motion = NULL;
+    AnyfaceClip *clip = NULL;
+    CHECK_OK(anyface_motion_new_displacements(moved, 5, 24.0, &motion, &error));
+    CHECK_OK(anyface_clip_new(engine, face, motion, NULL, &clip, &error));
+    Frames frames = {clip, anyface_clip_vertex_count(clip), 0, 99};
+    CHECK_OK(anyface_clip_stream(engine, face, motion, 2, take_frames, &frames, NULL, &error));
+    CHECK(frames.next == 5);
+    frames.next = 0;
+    frames.stop_at = 3;
+    CHECK_FAILS(anyface_clip_stream(engine, face, motion, 2, take_frames, &frames, NULL, &error),
+                ANYFACE_STATUS_CANCELLED, "cancelled");
+    CHECK(frames.next == 4);
+    CHECK_FAILS(anyface_clip_stream(engine, face, motion, 0, take_frames, &frames, NULL, &error),
+                ANYFACE_STATUS_INVALID_INPUT, "frames_at_once");
+    CHECK_FAILS(anyface_clip_stream(engine, face, motion, 2, NULL, NULL, NULL, &error),
+                ANYFACE_STATUS_NULL_POINTER, "take_frames");
+    anyface_motion_free(motion);
+    anyface_clip_free(clip);
+}
+
 /* The jaw's chin drops by a centimetre in the second frame; nothing else is given. */
 static void motion_of_the_host(const AnyfaceEngine *engine, const AnyfaceFace *face) {
     static float moved[2 * 3 * ANYFACE_LANDMARK_COUNT];
@@ -363,6 +407,7 @@ int main(int argc, char **argv) {
     parts(face);
     found_alone(engine, mesh, face);
     motion_of_the_host(engine, face);
+    block_by_block(engine, face);
     performed_again(engine, audio);
     mended(engine, audio);
     said(engine, audio);

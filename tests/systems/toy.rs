@@ -40,7 +40,9 @@ pub static REGISTRATION: Registration = Registration {
     models: &[],
     controls: &[CONTROLS],
     takes_events: false,
+    takes_words: false,
     hears_feeling: false,
+    starts_from_pose: false,
     sliders: &[],
     open: |_folder: Option<&Path>| Ok(Box::new(Toy)),
 };

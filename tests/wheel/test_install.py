@@ -15,12 +15,6 @@ import pytest
 
 from conftest import HEAD, ROOT
 
-LARGEST_MB = 25.0
-
-
-def test_it_is_small_enough_to_hand_out(wheel):
-    assert wheel.stat().st_size < LARGEST_MB * 1e6
-
 
 def test_its_list_names_every_file_with_its_digest(wheel):
     archive = zipfile.ZipFile(wheel)

@@ -1,8 +1,8 @@
 """Corpus folders: check one, make one from a published corpus, track the faces of videos.
 
-    python -m training.corpus check DIR
-    python -m training.corpus convert KIND SOURCE DIR
-    python -m training.corpus track DIR --model face_landmarker.task
+python -m training.corpus check DIR
+python -m training.corpus convert KIND SOURCE DIR
+python -m training.corpus track DIR --model face_landmarker.task
 """
 
 import argparse

@@ -118,9 +118,7 @@ def landmark_shapes(rng: np.random.Generator, data: Path, face: str, count: int)
 
 def _landmarks_alone(face: Face) -> Face:
     at = face.landmarks
-    return replace(
-        face, vertices=face.vertices[at], modes=face.modes[:, at], landmarks=np.arange(len(at))
-    )
+    return replace(face, vertices=face.vertices[at], modes=face.modes[:, at], landmarks=np.arange(len(at)))
 
 
 def load_or_build(data: Path, cache: Path, ict_meshes: int, makehuman_meshes: int) -> Corpus:

@@ -42,9 +42,7 @@ def keep_faces(face: Face, keep: np.ndarray) -> Face | None:
     landmarks = number[face.landmarks]
     if (landmarks < 0).any():
         return None
-    pick = sp.csr_matrix(
-        (np.ones(len(used)), (np.arange(len(used)), used)), (len(used), len(face.vertices))
-    )
+    pick = sp.csr_matrix((np.ones(len(used)), (np.arange(len(used)), used)), (len(used), len(face.vertices)))
     return carry(face, pick, compact.reshape(-1, 3), landmarks)
 
 

@@ -110,9 +110,7 @@ class VertexGeometry:
         offsets = self.positions[:, None] - self.landmarks
         distances = offsets.norm(dim=-1)
         nearness = torch.exp(-self.remoteness)[:, None]
-        return torch.cat(
-            [self.positions, offsets.flatten(1), distances, self.base, nearness], dim=1
-        )
+        return torch.cat([self.positions, offsets.flatten(1), distances, self.base, nearness], dim=1)
 
 
 class StaticWeights(nn.Module):
@@ -175,9 +173,7 @@ class StaticWeights(nn.Module):
         """`A dL + B C dL` without the mirror. landmarks: [T, N, 3]. Returns [T, V, 3], same unit."""
         mix, cross = self.one_sided(geometry)
         motion = self.motion(landmarks.flatten(1))
-        return torch.einsum("vn,tnx->tvx", mix, landmarks) + torch.einsum(
-            "vxr,tr->tvx", cross, motion
-        )
+        return torch.einsum("vn,tnx->tvx", mix, landmarks) + torch.einsum("vxr,tr->tvx", cross, motion)
 
     def forward(self, geometry: VertexGeometry, landmarks: Tensor) -> Tensor:
         """The correction, mean of both sides. landmarks: [T, N, 3]. Returns [T, V, 3]."""

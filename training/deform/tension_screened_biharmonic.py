@@ -93,9 +93,7 @@ def weights(
     return solve(cm, laplacian, mass, remoteness, landmarks, plate)
 
 
-def landmark_remoteness(
-    vertices: np.ndarray, laplacian: sp.csc_matrix, landmarks: np.ndarray
-) -> np.ndarray:
+def landmark_remoteness(vertices: np.ndarray, laplacian: sp.csc_matrix, landmarks: np.ndarray) -> np.ndarray:
     """Least ratio of distance to reach over the kinds of landmarks. vertices: [V, 3] cm. [V]."""
     graph = edge_graph(vertices, laplacian)
     ratios = [

@@ -9,9 +9,7 @@ from training.diffusion.schedule import inference_timesteps
 Predictor = Callable[[Tensor, int], Tensor]
 
 
-def ddim_sample(
-    predict_x0: Predictor, start: Tensor, alphas: Tensor, steps: int, spacing: str
-) -> Tensor:
+def ddim_sample(predict_x0: Predictor, start: Tensor, alphas: Tensor, steps: int, spacing: str) -> Tensor:
     """Runs the reverse process from `start` (any shape) and returns x₀ of the same shape.
 
     `predict_x0(x, t)` gives the clean signal seen in `x` at timestep `t`. `alphas` [train_steps]

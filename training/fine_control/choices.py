@@ -10,11 +10,12 @@ from training.systems.cafe_talk.denoiser import Sampling
 
 STEPS = (1, 2, 4, 8, 16)
 ALPHAS = (1.0, 1.5, 2.0)
-BETAS = (0.5, 1.0, 1.5, 2.0)
 SAMPLE = ("1", "4", "12", "15", "26", "45")
 """Units that stand for the sixteen where every unit would take too long."""
-UPPER = ("1", "4", "45")
-"""Units whose events should leave lips as they are."""
+UPPER, LOWER = ("1", "4", "45"), ("12", "20", "26")
+"""Units whose events should leave lips as they are, and some that move them."""
+GUIDANCES = (1.0, 2.0, 3.0)
+"""Of α, beside which the two forms of eq. 6 are set."""
 Row = dict[str, float | str]
 
 
@@ -47,22 +48,35 @@ def _row(actor: Actor, takes: list[Take], sampling: Sampling, name: Row) -> Row:
 
 
 def formulas(actor: Actor, takes: list[Take]) -> list[Row]:
-    """Eq. 6 as printed and with `G_AC` in its third term: what a slot of an upper unit does to the lips.
+    """Eq. 6 as printed and with `G_AC` in its third term: what a slot does to the lips, by α, at β 1.
 
     The amplitude of the lip gap is that with the event over that without, within the slot and outside it.
+    With a mask over frames alone an event guides every shape of its slot, with one over shapes its own.
     """
-    plain = [actor.perform(take) for take in takes]
+    return [
+        {"α": alpha, "units": name} | row
+        for alpha in GUIDANCES
+        for name, asked in (("upper", UPPER), ("lower", LOWER))
+        for row in _forms(actor, takes, replace(actor.config.sampling, alpha=alpha), asked)
+    ]
+
+
+def _forms(actor: Actor, takes: list[Take], sampling: Sampling, asked: tuple[str, ...]) -> list[Row]:
+    """A row for each third term and each mask."""
+    plain = [actor.perform(take, sampling=sampling) for take in takes]
     rows = []
     for printed in (False, True):
-        for beta in BETAS:
-            made = {u: [actor.perform(t, Asked(u, beta, printed=printed)) for t in takes] for u in UPPER}
+        for every in (False, True):
+            way = {"printed": printed, "every_shape": every}
+            made = {u: [actor.perform(t, Asked(u, 1.0, **way), sampling) for t in takes] for u in asked}
             rates = (
                 metrics.control_rate(metrics.unit_values(w, unit), t.slot)
                 for unit, row in made.items()
                 for w, t in zip(row, takes, strict=True)
             )
-            name = {"third term": "G_ACF − G_∅" if printed else "G_ACF − G_AC", "β": beta}
-            rows.append(name | {"control rate": units.mean(rates)} | _amplitudes(takes, plain, made))
+            row = {"third term": "G_ACF − G_∅" if printed else "G_ACF − G_AC"}
+            row |= {"mask": "frames" if every else "shapes", "control rate": units.mean(rates)}
+            rows.append(row | _amplitudes(takes, plain, made))
     return rows
 
 

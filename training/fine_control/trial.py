@@ -13,10 +13,10 @@ from training.corpus import arkit, bank
 from training.corpus.action_units import LOWER, unit_matrix
 from training.corpus.bank import Entry
 from training.corpus.clip import FPS, MEL_PER_FRAME
-from training.speech.compact import CompactConfig, CompactEncoder
 from training.speech.source import CompactSpeech
-from training.systems.cafe_talk.denoiser import CafeTalkConfig, Denoiser, Sampling
+from training.systems.cafe_talk.denoiser import Denoiser, Sampling
 from training.systems.cafe_talk.sampling import Request, sample_weights
+from training.systems.cafe_talk.stored import load
 
 SLOT_FRAMES = 20
 """0.8 s."""
@@ -43,7 +43,8 @@ class Take:
 class Asked:
     """Control of a take: `unit` on both sides within the slot, times `beta`; `emotion` at `intensity`.
 
-    `printed` takes eq. 6 as printed; `unmasked` lets the event guide every frame, as Ho & Salimans (2021) do.
+    `printed` takes eq. 6 as printed; `unmasked` lets the event guide every frame, as Ho & Salimans (2021) do,
+    and `every_shape` all shapes of the slot. `over_speech` lets jaw and chin hide what is said.
     `labelled` is whether the model hears the coarse condition at all.
     """
 
@@ -53,6 +54,8 @@ class Asked:
     intensity: float = 0.0
     printed: bool = False
     unmasked: bool = False
+    every_shape: bool = False
+    over_speech: bool = False
     labelled: bool = True
 
 
@@ -69,18 +72,17 @@ class Unlabelled:
 
 
 class Actor:
-    """A `cafe_talk.pt` of `training.train_cafe_talk` with its encoder."""
+    """A finished model with its encoder: a `cafe_talk.pt`, or the folder that it was exported to."""
 
     def __init__(self, path: Path):
-        saved = torch.load(path, map_location="cpu")
-        if saved.get("encoder_config") is None:
-            raise ValueError(f"{path}: expected a run with the compact encoder, got one with a checkpoint's")
-        self.config = CafeTalkConfig.from_json(saved["config"])
+        stored = load(path)
+        if stored.encoder is None:
+            raise ValueError(
+                f"{path}: expected a model with the compact encoder, got one with a checkpoint's"
+            )
+        self.config, self.encoder, self.emotions = stored.config, stored.encoder, stored.emotions
         self.model = Denoiser(self.config).eval()
-        self.model.load_state_dict(saved["state"])
-        self.encoder = CompactEncoder(CompactConfig(**saved["encoder_config"])).eval()
-        self.encoder.load_state_dict(saved["encoder"])
-        self.emotions = saved["emotions"].float()
+        self.model.load_state_dict(stored.state)
 
     @torch.no_grad()
     def take(self, entry: Entry) -> Take:
@@ -103,11 +105,14 @@ class Actor:
             events[within, [number, len(UNITS) + number]] = 1.0
             own = unit_matrix()[[number, len(UNITS) + number]].amax(dim=0)
             strength[within] = asked.beta * own
+            if asked.every_shape:
+                strength[within] = asked.beta
             if asked.unmasked:
                 strength[:] = asked.beta
         felt = self.emotions[EMOTIONS.index(asked.emotion)].expand(frames, -1)
         style = self.config.styles.index(self.config.default_style)
-        return Request(style, felt, torch.full((frames,), asked.intensity), events, strength, asked.printed)
+        intensity = torch.full((frames,), asked.intensity)
+        return Request(style, felt, intensity, events, strength, asked.printed, asked.over_speech)
 
 
 def clips(arguments) -> tuple[list[Entry], list[Entry]]:

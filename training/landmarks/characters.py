@@ -174,9 +174,7 @@ def add_brows(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:
     """Ridges along the brows, or one shelf over both eyes."""
     out, wide = rng.uniform(0.001, 0.012), rng.uniform(0.002, 0.008)
     for own in (slice(17, 22), slice(22, 27)):
-        clay.heights.append(
-            lambda xy, own=own: out * np.exp(-((line_distance(xy, flat[own]) / wide) ** 2))
-        )
+        clay.heights.append(lambda xy, own=own: out * np.exp(-((line_distance(xy, flat[own]) / wide) ** 2)))
 
 
 def add_nose(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:
@@ -213,9 +211,7 @@ def add_mouth(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:
     if gape > 0.002:
         middle, half = flat[[62, 66]].mean(0), 0.5 * np.ptp(flat[60:68, 0])
         hole = rng.uniform(0.3, 1.5) * gape
-        clay.heights.append(
-            lambda xy: -hole * (1 - ramp(radius_of(xy, middle, half, 0.5 * gape), 0.8, 1.05))
-        )
+        clay.heights.append(lambda xy: -hole * (1 - ramp(radius_of(xy, middle, half, 0.5 * gape), 0.8, 1.05)))
 
 
 def clay_of(rng: np.random.Generator) -> Clay:

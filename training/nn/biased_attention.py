@@ -15,7 +15,7 @@ def slopes(heads: int) -> Tensor:
 
 
 def temporal_bias(rows: int, heads: int, period: int, look_back: int) -> Tensor:
-    """What is added to the scores, [heads, T, T]; −∞ for rows to come and those `look_back` or more behind."""
+    """What is added to the scores, [heads, T, T]; −∞ for rows to come and those `look_back` behind."""
     behind = torch.arange(rows)[:, None] - torch.arange(rows)[None, :]
     bias = -slopes(heads)[:, None, None] * torch.div(behind, period, rounding_mode="floor")
     return bias.masked_fill((behind < 0) | (behind >= look_back), -torch.inf)
@@ -43,7 +43,7 @@ class BiasedSelfAttention(nn.Module):
         return self.out_proj(mixed.transpose(1, 2).flatten(2))
 
     def step(self, x: Tensor, kept: list[tuple[Tensor, Tensor]]) -> Tensor:
-        """The next row [B, 1, d] → [B, 1, d]; `kept` has keys and values of those before and gets this one's."""
+        """The next row [B, 1, d] → [B, 1, d]; `kept` has keys and values so far and gets this one's."""
         q, k, v = self._projected(x)
         kept.append((k, v))
         del kept[: -self.look_back]

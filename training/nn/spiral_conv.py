@@ -46,7 +46,9 @@ def _normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-30)
 
 
-def _spiral(v: int, vertices: np.ndarray, normal: np.ndarray, neighbours: list[set[int]], wanted: int) -> list:
+def _spiral(
+    v: int, vertices: np.ndarray, normal: np.ndarray, neighbours: list[set[int]], wanted: int
+) -> list:
     start = max(sorted(neighbours[v]), key=lambda n: (vertices[n, 1], vertices[n, 2], vertices[n, 0]))
     ahead = vertices[start] - vertices[v]
     ahead = ahead - normal * (ahead @ normal)

@@ -20,7 +20,9 @@ from training.corpus.action_units import (
 )
 from training.corpus.faces import CHANNELS
 from training.corpus.felt import with_emotion
+from training.systems.cafe_talk import stored
 from training.systems.cafe_talk.denoiser import CONFIGS, Coarse, Denoiser
+from training.systems.cafe_talk.priority import yielding
 from training.tests.made_up import made_up
 from training.text.emotions import SYNONYMS
 from training.text.space import BUCKETS
@@ -106,6 +108,44 @@ def test_the_second_stage_trains_the_adapter_alone(tmp_path):
     assert not {"mean", "std"} & changed
 
 
+def test_an_exported_folder_is_a_base_like_the_run_that_it_came_from(tmp_path):
+    fine = run(tmp_path, "--out", tmp_path / "fine", "--steps", 2, "--one-stage")
+    folder = export_cafe_talk.export(fine, tmp_path / "models")
+    begun = run(tmp_path, "--out", tmp_path / "begun", "--steps", 2, "--base", folder)
+    before, after = stored.load(folder), state(begun)
+    assert all(torch.equal(value, after[name]) for name, value in before.base.items())
+    assert before.state["head.weight"].dtype == torch.float32
+    moved = {name for name in after if not torch.equal(before.state[name], after[name])}
+    assert moved and all(name.startswith("adapter.") for name in moved)
+    whole = stored.load(fine)
+    assert torch.equal(whole.state["head.weight"].half().float(), before.state["head.weight"])
+    assert torch.equal(whole.emotions.half().float(), before.emotions)
+
+
+def test_in_one_stage_base_and_adapter_learn_together(tmp_path):
+    base = run(tmp_path, "--out", tmp_path / "base", "--steps", 2)
+    joint = run(tmp_path, "--out", tmp_path / "joint", "--steps", 3, "--base", base, "--one-stage")
+    before, after = state(base), state(joint)
+    changed = {name.partition(".")[0] for name in before if not torch.equal(before[name], after[name])}
+    assert {"adapter", "head", "coarse"} <= changed
+
+
+def test_a_folder_or_base_that_does_not_fit_is_told(tmp_path):
+    with pytest.raises(FileNotFoundError, match="expected a cafe_talk.pt or a model folder"):
+        stored.load(tmp_path / "nowhere.pt")
+    with pytest.raises(FileNotFoundError, match="config.json is missing"):
+        stored.load(tmp_path)
+    folder = export_cafe_talk.export(
+        run(tmp_path, "--out", tmp_path / "a", "--steps", 1), tmp_path / "models"
+    )
+    with pytest.raises(ValueError, match="expected a base with coarse film, got ada_ln"):
+        run(tmp_path, "--out", tmp_path / "b", "--steps", 1, "--base", folder, "--coarse", "film")
+    written = (folder / "config.json").read_text()
+    (folder / "config.json").write_text(written.replace('"cafe_talk"', '"freetalk"', 1))
+    with pytest.raises(ValueError, match="expected a model of cafe_talk, got one of 'freetalk'"):
+        stored.load(folder)
+
+
 def test_a_run_that_was_stopped_goes_on_with_the_same_bits(tmp_path):
     whole = run(tmp_path, "--out", tmp_path / "whole", "--steps", 6)
     run(tmp_path, "--out", tmp_path / "parts", "--steps", 6, "--stop-at", 3)
@@ -164,6 +204,16 @@ def test_lower_events_give_way_where_lips_meet():
     assert max(float(m.weights.max()) for m in made) > 0.9
     lower = [m for m in made if m.weights[:, mouth].any()]
     assert lower and all(not m.weights[40:60][:, mouth].any() for m in lower)
+
+
+def test_jaw_and_chin_give_way_to_the_speech_and_nothing_else_does():
+    jaw, chin, smile = (CHANNELS.index(c) for c in ("jawOpen", "mouthShrugLower", "mouthSmileLeft"))
+    spoken = torch.full((1, 60, len(CHANNELS)), 0.02)
+    spoken[0, :, CHANNELS.index("mouthClose")] = 0.0
+    spoken[0, [20, 21, 30, 31, 40, 41], jaw] = 0.3
+    mask = yielding(torch.full((1, 60, len(CHANNELS)), 1.5), spoken)[0]
+    assert mask[20, jaw] == 1.5 and mask[26, jaw] < 0.1 and mask[26, chin] == mask[26, jaw]
+    assert (mask[:8] == 1.5).all() and (mask[:, smile] == 1.5).all()
 
 
 def test_emotion_grows_with_its_intensity():

@@ -275,7 +275,7 @@ def test_clips_carry_motion_emotion_and_split(folders):
 
 def test_weights_at_any_rate_move_arkit_modes(folders):
     clip = clips(CorpusFolder(folders["weights"]))[2]
-    open_ = opening(np.arange(int(SECONDS * 16000)) / 16000, 10)[:: 640][: len(clip.motion)]
+    open_ = opening(np.arange(int(SECONDS * 16000)) / 16000, 10)[::640][: len(clip.motion)]
     modes = arkit_modes()
     expected = open_[:, None, None] * (modes["jawOpen"] + 0.1 * modes["mouthSmileLeft"])
     assert np.abs(clip.motion - expected).max() < 1e-3

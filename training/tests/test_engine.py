@@ -11,10 +11,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from training import export_cafe_talk, export_stm, train_ats, train_cafe_talk, train_stm
+from training import (
+    export_cafe_talk,
+    export_emoface,
+    export_stm,
+    train_ats,
+    train_cafe_talk,
+    train_emoface,
+    train_stm,
+)
 from training.corpus.faces import REPOSITORY
 from training.export import export
 from training.systems.cafe_talk.denoiser import CONFIGS as CAFE_TALK
+from training.systems.emoface.model import CONFIGS as EMOFACE
 from training.systems.freetalk.ats import CONFIGS, Sampling
 from training.systems.freetalk.stm.paper import CONFIGS as PAPER
 from training.tests.made_up import made_up
@@ -96,6 +105,22 @@ def test_cafe_talk_of_every_size_and_encoder_moves_a_mesh(faces, built_in, tmp_p
     export_cafe_talk.export(fine, tmp_path / "models")
     told += ["--weights", str(tmp_path / "models"), "--system", "cafe-talk"]
     moves(animate(faces, tmp_path, *told, "--event", "0.5-1.0:12,45L"), built_in)
+
+
+@pytest.mark.parametrize(
+    "name,features", [*((name, "compact") for name in EMOFACE), ("paper", "hubert"), ("paper", "wav2vec2")]
+)
+def test_emoface_of_every_size_and_encoder_moves_a_mesh(faces, built_in, tmp_path, name, features):
+    flags, told = ["--corpus", str(faces), "--config", name, "--out", str(tmp_path / "run")], []
+    flags += ["--tokens", "96", "--validation-clips", "1", "--steps", "20", "--log-every", "20"]
+    if features != "compact":
+        written(CHECKPOINTS[features], tmp_path / "checkpoint")
+        flags += ["--hubert", str(tmp_path / "checkpoint")]
+        told = ["--speech", str(tmp_path / "checkpoint")]
+    trained = train_emoface.train(train_emoface.parser().parse_args(flags))
+    export_emoface.export(trained, tmp_path / "models")
+    told += ["--weights", str(tmp_path / "models"), "--system", "emoface"]
+    moves(animate(faces, tmp_path, *told), built_in)
 
 
 DECODERS = [("static", "static"), ("static", "debug"), *(("paper", name) for name in PAPER)]

@@ -6,7 +6,7 @@ import math
 import pytest
 import torch
 
-from training import evaluate_cafe_talk
+from training import evaluate_cafe_talk, export_cafe_talk
 from training.corpus.faces import CHANNELS
 from training.corpus.phones import BILABIALS
 from training.fine_control import metrics, units
@@ -106,6 +106,16 @@ def test_the_report_of_a_tiny_run_has_every_table(tmp_path):
     assert found["ablations"][0].keys() == found["ablations"][2].keys()
     page = (tmp_path / "report/report.md").read_text()
     assert all(title in page for title in evaluate_cafe_talk.TITLES.values())
+
+
+def test_an_exported_folder_performs_as_its_run(tmp_path):
+    made = run(tmp_path, "--out", tmp_path / "base", "--steps", 2)
+    written, read = Actor(made), Actor(export_cafe_talk.export(made, tmp_path / "models"))
+    take = Take("a", "s", torch.randn(60, written.config.speech.channels), weights(), torch.full((240,), -1))
+    asked = Asked("12", 1.0, "happy", 1.0)
+    close, other = read.perform(take, asked), read.perform(take, Asked("12", 1.0, "sad", 1.0))
+    assert torch.allclose(written.perform(take, asked), close, atol=5e-3)
+    assert not torch.allclose(other, close, atol=1e-4)
 
 
 @pytest.mark.slow

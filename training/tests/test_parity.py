@@ -33,9 +33,7 @@ def test_ddim_matches_diffusers(ours, theirs, spacing, steps):
     key = f"{theirs}.{spacing}.{steps}"
     assert inference_timesteps(1000, steps, spacing) == reference[f"{key}.timesteps"].tolist()
     c = reference[f"{key}.c"]
-    x0 = ddim_sample(
-        lambda x, t: torch.tanh(0.3 * x + c), reference[f"{key}.x_T"], alphas, steps, spacing
-    )
+    x0 = ddim_sample(lambda x, t: torch.tanh(0.3 * x + c), reference[f"{key}.x_T"], alphas, steps, spacing)
     torch.testing.assert_close(x0, reference[f"{key}.x_0"], atol=1e-5, rtol=0)
 
 

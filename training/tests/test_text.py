@@ -41,6 +41,7 @@ def made_up_space() -> Words:
         ("raises the left eyebrow", [Clause(["raises", "eyebrow"], [], "left")]),
         ("a huge smile, not sad", [Clause(["smile"], [], None, 1.5), Clause([], ["sad"])]),
         ("don\u2019t wink but smile", [Clause([], ["wink"]), Clause(["smile"])]),
+        ("a smile without raised eyebrows, no frown", [Clause(["smile"]), Clause([], ["frown"])]),
         ("closes one eye", [Clause(["closes", "eye"], [], "one_sided")]),
         ("", [Clause()]),
     ],

@@ -15,8 +15,7 @@ HELD_OUT = {
     "6 12": "a jolly person, elated, gleeful, a person looks radiant, mirthful, gay, exultant, rejoicing",
     "6 12 26": "chuckle, she giggles, a tittering woman, he guffaws",
     "4 15": (
-        "weep, a weeping man, sobbing, scowl, a scowling person, not jolly, she is not elated, "
-        "blubbering"
+        "weep, a weeping man, sobbing, scowl, a scowling person, not jolly, she is not elated, blubbering"
     ),
     "1 4 15": "mournful, despondent, glum, a dejected person, woeful, gloomy, a person seems downhearted",
     "1 2 5 26": "astonished, a person looks flabbergasted, stunned, gobsmacked, stupefied, astonishment",

@@ -104,8 +104,12 @@ def measured(
         whole += found == true
         silent += [not found] if not true else []
     table = [understood(tower, words, t) == set(Shown.read(u).units) for t, u in TABLE_13.items()]
-    return {"f1": round(ours.f1, 3)} | {name: round(counts.f1, 3) for name, counts in floors.items()} | {
-        "whole": f"{whole} of {len(held_out)}",
-        "silent": f"{sum(silent)} of {len(silent)}",
-        "table_13": f"{sum(table)} of {len(table)}",
-    }
+    return (
+        {"f1": round(ours.f1, 3)}
+        | {name: round(counts.f1, 3) for name, counts in floors.items()}
+        | {
+            "whole": f"{whole} of {len(held_out)}",
+            "silent": f"{sum(silent)} of {len(silent)}",
+            "table_13": f"{sum(table)} of {len(table)}",
+        }
+    )

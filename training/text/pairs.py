@@ -89,8 +89,7 @@ EXPRESSIONS = {
         "curves up"
     ),
     "6 12": (
-        "genuine smile, smile with the eyes, beaming smile, happy smile, smile from ear to ear, "
-        "smiling eyes"
+        "genuine smile, smile with the eyes, beaming smile, happy smile, smile from ear to ear, smiling eyes"
     ),
     "6 12 26": (
         "laugh, laughing, laughter, laughs out loud, bursts out laughing, hilarious, hilarity, "
@@ -110,8 +109,7 @@ EXPRESSIONS = {
     ),
     "45L": "wink, winking, winks, winks an eye, closes one eye, winked",
     "9 10": (
-        "sneer, sneering, snarl, snarling, sneers, baring the teeth, shows the teeth, curls the upper "
-        "lip"
+        "sneer, sneering, snarl, snarling, sneers, baring the teeth, shows the teeth, curls the upper lip"
     ),
     "26": (
         "yawn, yawning, opens the mouth, open mouth, mouth opens, mouth open, drops the jaw, jaw "
@@ -160,8 +158,7 @@ EXPRESSIONS = {
     ),
     "10": "upper lip raiser, raises the upper lip, upper lip up, raised upper lip, upper lip rises",
     "14": (
-        "dimpler, dimples, dimple, dimpled cheeks, mouth corners tight, tightens the corners of the "
-        "mouth"
+        "dimpler, dimples, dimple, dimpled cheeks, mouth corners tight, tightens the corners of the mouth"
     ),
     "15": (
         "lip corner depressor, corners of the mouth down, mouth corners down, lowers the corners of "

@@ -24,11 +24,14 @@ RULES = {
         "speak speaks speaking feel feels feeling become becomes get gets make makes making shows "
         "showing show appears appear give gives so just only quite rather too more than both"
     ),
+    "parts": (
+        "brow brows eyebrow eyebrows forehead eye eyes lid lids eyelid eyelids nose nostril nostrils "
+        "mouth lip lips jaw chin cheek cheeks teeth"
+    ),
     "amounts": {
         "0.4": "barely hardly scarcely faint faintly minimal",
         "0.6": (
-            "slightly slight little bit subtle subtly mild mildly weak weakly tiny small hint touch "
-            "softly"
+            "slightly slight little bit subtle subtly mild mildly weak weakly tiny small hint touch softly"
         ),
         "0.8": "somewhat fairly partly moderate moderately",
         "1.25": (
@@ -36,8 +39,7 @@ RULES = {
             "great truly"
         ),
         "1.5": (
-            "extremely huge hugely utterly totally completely wildly enormous immense immensely "
-            "incredibly"
+            "extremely huge hugely utterly totally completely wildly enormous immense immensely incredibly"
         ),
     },
 }
@@ -78,7 +80,11 @@ def is_letter(c: str) -> bool:
 
 
 def clauses(text: str) -> list[Clause]:
-    """The clauses of a text; at least one, which may be empty."""
+    """The clauses of a text; at least one, which may be empty.
+
+    What is denied of a part of the face is a movement that there is not ("no raised eyebrows"), and asks for
+    no other.
+    """
     found, denies = [Clause()], False
     for token in tokens(text):
         if token in LISTED["breaks"] or not is_letter(token[0]):
@@ -87,6 +93,9 @@ def clauses(text: str) -> list[Clause]:
         else:
             denies |= token in LISTED["denials"]
             _hear(found[-1], token, denies)
+    for clause in found:
+        if LISTED["parts"] & set(clause.denied):
+            clause.denied.clear()
     return found
 
 

@@ -1,8 +1,9 @@
 """A few shape keys whose animated weights add up to the motion."""
 
+from ...core import systems
 from ...core.estimate import KEYFRAME, VERTEX, Cost, between
 from ...core.plan import PackSliders
-from .. import changes, mesh
+from .. import changes, feeling_mask, mesh
 from .output import PREFIX, Output, write_weights
 
 # Keys of a performance within 0.1 mm: for 5 s and for 50 s; longer ones need few more.
@@ -22,6 +23,8 @@ class Basis(Output):
 
     def draw(self, layout, ob):
         layout.prop(ob.anyface, "error_mm", text="Precision (mm)")
+        if systems.hears_feeling(ob.anyface.system):
+            layout.prop(ob.anyface, "layered")
 
     def cost(self, asked):
         keys = round(between(asked.seconds, _SHORT_KEYS, _LONG_KEYS))
@@ -50,6 +53,8 @@ class Basis(Output):
         for number, vector in enumerate(basis.vectors):
             block = mesh.add_key(ob, f"{PREFIX}.{number + 1:03d}", rest + vector)
             taken.keys.append(block.name)
+            if basis.felt_from is not None and number >= basis.felt_from:
+                block.vertex_group = feeling_mask.of(ob)
             if lowest[number] < 0.0:
                 block.slider_min = -1.0
         write_weights(ob, taken, taken.keys, at, basis.weights)

@@ -1,10 +1,10 @@
 """Makes any face mesh talk: speech and a mesh in, numpy arrays out.
 
-    import anyface
+import anyface
 
-    clip = anyface.animate("head.obj", "voice.wav", emotion="happy:0.7")
-    for positions in clip:      # [V, 3] of each frame, in the mesh's own units, axes and order
-        ...
+clip = anyface.animate("head.obj", "voice.wav", emotion="happy:0.7")
+for positions in clip:      # [V, 3] of each frame, in the mesh's own units, axes and order
+    ...
 """
 
 # SPDX-License-Identifier: MIT OR Apache-2.0

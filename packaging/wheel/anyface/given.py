@@ -1,6 +1,7 @@
 """What a caller may give, as what the library takes; all that does not fit is told in words."""
 
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from .core import emotion, systems
 from .core.errors import AnyfaceError
 from .core.native import LANDMARKS, Engine
-from .core.take import Request, Sound
+from .core.take import EMOTION_WORDS, Request, Sound
 
 Path = str | os.PathLike[str]
 MeshLike = Path | tuple[ArrayLike, ArrayLike | Sequence[Sequence[int]]]
@@ -17,7 +18,7 @@ MeshLike = Path | tuple[ArrayLike, ArrayLike | Sequence[Sequence[int]]]
 SoundLike = Path | tuple[ArrayLike, float]
 """A file, or samples `[S]` or `[S, C]` with their rate in Hz; floats in -1 to 1, or whole numbers."""
 EmotionLike = str | Sequence[tuple[float, str]]
-"""`happy:0.7`, a mixture, `auto`, `off`, or what holds at which second."""
+"""`happy:0.7`, a mixture, `auto`, `auto-arousal`, `off`, or what holds at which second."""
 ControlLike = float | str | tuple[ArrayLike, ArrayLike]
 """A number, the name of a choice, or seconds `[N]` and the values `[N]` there, linear in between."""
 
@@ -45,7 +46,9 @@ def mesh_of(mesh: MeshLike, engine: Engine) -> Mesh:
 def sound_of(sound: SoundLike, engine: Engine) -> Sound:
     """Mono samples and their rate."""
     if isinstance(sound, str | os.PathLike):
-        samples, rate_hz = engine.decode(os.fspath(sound))
+        samples, rate_hz, missing = engine.decode(os.fspath(sound))
+        if missing:
+            warnings.warn(missing, stacklevel=3)
         return Sound(samples, rate_hz, os.fspath(sound))
     given, rate_hz = _pair("sound", sound, "(samples, rate)")
     samples = _full_scale(np.asarray(given))
@@ -78,8 +81,8 @@ def request_of(
 ) -> Request:
     """How the face is asked to speak, with the displacements of every frame."""
     request = Request(float(fps), seed=seed, style=style, error_mm=None)
-    if feeling in ("auto", "off"):
-        request.emotion_source = {"auto": "VOICE", "off": "OFF"}[str(feeling)]
+    if isinstance(feeling, str) and feeling in EMOTION_WORDS:
+        request.emotion_source = EMOTION_WORDS[feeling]
     else:
         rows = [(0.0, feeling)] if isinstance(feeling, str) else feeling
         request.emotion = [(float(second), emotion.parse(text)) for second, text in rows]

@@ -132,9 +132,7 @@ def _facing(engine: Engine | None, forward: str, up: str) -> Engine:
     return (engine or _built_in()).facing(forward, up)
 
 
-def _run(
-    work: Callable[[Watch], Made], progress: Progress | None, cancel: Cancel | None
-) -> Made:
+def _run(work: Callable[[Watch], Made], progress: Progress | None, cancel: Cancel | None) -> Made:
     """Runs `work` in a thread and tells the caller; what a caller raises ends the work, too."""
     job = Job(work).start()
     try:

@@ -1,23 +1,27 @@
 //! Everything but plain WAV, through symphonia: MP3, FLAC, Ogg Vorbis, M4A, AIFF and odd WAVs.
 
-use std::{fs::File, path::Path};
+use std::{io::Read, path::Path};
 
 use symphonia::{
     core::{
         audio::GenericAudioBufferRef,
         codecs::audio::{AudioDecoder, AudioDecoderOptions},
         errors::Error as StreamError,
-        formats::{FormatOptions, FormatReader, TrackType, probe::Hint},
+        formats::{FormatOptions, FormatReader, Track, TrackType, probe::Hint},
         io::MediaSourceStream,
         meta::MetadataOptions,
+        packet::Packet,
+        units::{Duration, TimeBase},
     },
     default::{get_codecs, get_probe},
 };
 
 use super::{
-    Waveform,
     edit_list::{self, Edit},
+    file::{SoundDamage, SoundFile},
     intake::Intake,
+    source::Source,
+    wav::LENGTH_UNKNOWN,
 };
 use crate::{Error, Result};
 
@@ -27,12 +31,14 @@ const DAMAGE_LIMIT: u32 = 100;
 const FORMATS: &str = "WAV, MP3, FLAC, Ogg Vorbis, M4A (AAC or ALAC) or AIFF";
 
 /// Decodes the first audio track of the file.
-pub(super) fn decode(path: &Path) -> Result<Waveform> {
-    let mut format = open(path)?;
-    let (track_id, mut decoder) = open_track(path, format.as_ref())?;
+pub(super) fn decode(path: &Path, source: &Source) -> Result<SoundFile> {
+    let mut format = open(path, source)?;
+    let (track, mut decoder) = open_track(path, format.as_ref())?;
+    let track_id = track.id;
+    let mut loss = Loss::of(track, trusts_length(source)?);
     let refuse = |e: StreamError| describe(path, e);
     let mut sound = Sound {
-        edit: edit_list::read(path),
+        edit: edit_list::read(source.read()?),
         ..Sound::default()
     };
     let mut damaged = 0;
@@ -49,17 +55,32 @@ pub(super) fn decode(path: &Path) -> Result<Waveform> {
         if packet.track_id != track_id {
             continue;
         }
+        loss.meet(&packet);
         match decoder.decode(&packet) {
             Ok(decoded) => {
                 damaged = 0;
                 sound.take(path, &decoded)?;
             }
-            Err(StreamError::DecodeError(_)) if damaged < DAMAGE_LIMIT => damaged += 1,
+            // A decoder reads no file: what it calls an error of reading is a packet that ends too early.
+            Err(StreamError::DecodeError(_) | StreamError::IoError(_))
+                if damaged < DAMAGE_LIMIT =>
+            {
+                damaged += 1;
+                loss.lose(packet.dur);
+            }
+            Err(StreamError::IoError(e)) => {
+                let path = path.display();
+                return Err(Error::Audio(format!("{path}: {e}")));
+            }
             Err(e) => return Err(refuse(e)),
         }
     }
+    let damage = loss.damage(sound.seconds());
     match sound.intake {
-        Some(intake) => intake.finish(),
+        Some(intake) => Ok(SoundFile {
+            waveform: intake.finish()?,
+            damage,
+        }),
         None => Err(Error::Audio(format!(
             "{}: expected sound, got no samples",
             path.display()
@@ -67,9 +88,88 @@ pub(super) fn decode(path: &Path) -> Result<Waveform> {
     }
 }
 
-fn open(path: &Path) -> Result<Box<dyn FormatReader>> {
-    let file = File::open(path).map_err(Error::io(path))?;
-    let stream = MediaSourceStream::new(Box::new(file), Default::default());
+/// What is lost of a track on the way.
+struct Loss {
+    time_base: Option<TimeBase>,
+    /// Length of the track, where the file says it.
+    expected: Option<Duration>,
+    /// Packets that do not decode and gaps between them, in ticks.
+    lost: u64,
+    /// Where the next packet starts.
+    next: Option<i64>,
+}
+
+impl Loss {
+    fn of(track: &Track, trusts_length: bool) -> Loss {
+        let stated = track.duration.filter(|d| d.get() > 0 && trusts_length);
+        Loss {
+            time_base: track.time_base,
+            expected: stated,
+            lost: 0,
+            next: None,
+        }
+    }
+
+    fn meet(&mut self, packet: &Packet) {
+        let start = packet.pts.get();
+        let gap = self.next.map_or(0, |next| start.saturating_sub(next));
+        self.lost = self.lost.saturating_add(u64::try_from(gap).unwrap_or(0));
+        let length = i64::try_from(packet.dur.get()).unwrap_or(i64::MAX);
+        self.next = Some(start.saturating_add(length));
+    }
+
+    fn lose(&mut self, length: Duration) {
+        self.lost = self.lost.saturating_add(length.get());
+    }
+
+    /// `got_s`: length of what was decoded.
+    fn damage(&self, got_s: f64) -> Option<SoundDamage> {
+        let seconds = |ticks: Duration| {
+            let time = self.time_base?.calc_duration(ticks)?;
+            Some(time.as_secs_f64())
+        };
+        let lost_s = seconds(Duration::from(self.lost))?;
+        let whole_s = self.expected.and_then(seconds).unwrap_or(0.0);
+        let expected_s = whole_s.max(got_s);
+        SoundDamage::of(
+            lost_s.max(expected_s - got_s),
+            expected_s.max(got_s + lost_s),
+        )
+    }
+}
+
+/// Whether a length that the format reader gives is the file's own word. That of an MP3 without a header of
+/// Xing, LAME or Fraunhofer is guessed from its first frames.
+fn trusts_length(source: &Source) -> Result<bool> {
+    let mut start = Vec::new();
+    // Behind tags, which may hold pictures, the header is not looked for.
+    if source
+        .read()?
+        .take(1 << 16)
+        .read_to_end(&mut start)
+        .is_err()
+    {
+        return Ok(false);
+    }
+    let has = |word: &[u8]| start.windows(word.len()).any(|found| found == word);
+    if start.starts_with(b"RIFF") {
+        // A WAV that was written to a pipe does not know its length.
+        let at = start.windows(4).position(|word| word == b"data");
+        let length = at.and_then(|at| start.get(at + 4..at + 8)?.try_into().ok());
+        return Ok(length.is_some_and(|four| u64::from(u32::from_le_bytes(four)) < LENGTH_UNKNOWN));
+    }
+    let other = [&b"OggS"[..], b"fLaC", b"FORM"];
+    let is_mp4 = start.get(4..8) == Some(b"ftyp");
+    let has_header = || {
+        [&b"Xing"[..], b"Info", b"VBRI"]
+            .iter()
+            .any(|word| has(word))
+    };
+    Ok(is_mp4 || other.iter().any(|magic| start.starts_with(magic)) || has_header())
+}
+
+fn open(path: &Path, source: &Source) -> Result<Box<dyn FormatReader>> {
+    let stream = MediaSourceStream::new(Box::new(source.read()?), Default::default());
     let mut hint = Hint::new();
     if let Some(extension) = path.extension().and_then(|e| e.to_str()) {
         hint.with_extension(extension);
@@ -89,7 +189,10 @@ fn open(path: &Path) -> Result<Box<dyn FormatReader>> {
         })
 }
 
-fn open_track(path: &Path, format: &dyn FormatReader) -> Result<(u32, Box<dyn AudioDecoder>)> {
+fn open_track<'a>(
+    path: &Path,
+    format: &'a dyn FormatReader,
+) -> Result<(&'a Track, Box<dyn AudioDecoder>)> {
     let lacks = |what: &str| Error::Audio(format!("{}: {what}", path.display()));
     let track = format
         .default_track(TrackType::Audio)
@@ -106,7 +209,7 @@ fn open_track(path: &Path, format: &dyn FormatReader) -> Result<(u32, Box<dyn Au
                 "the codec is not supported ({e}); expected {FORMATS}"
             ))
         })?;
-    Ok((track.id, decoder))
+    Ok((track, decoder))
 }
 
 /// Decoded samples on their way to the intake, which opens with the first packet's layout.
@@ -116,13 +219,21 @@ struct Sound {
     intake: Option<Intake>,
     layout: (usize, u32),
     interleaved: Vec<f32>,
+    /// Frames that were decoded.
+    frames: u64,
 }
 
 impl Sound {
+    /// Length of all that was decoded.
+    fn seconds(&self) -> f64 {
+        self.frames as f64 / f64::from(self.layout.1.max(1))
+    }
+
     fn take(&mut self, path: &Path, decoded: &GenericAudioBufferRef<'_>) -> Result<()> {
         if decoded.frames() == 0 {
             return Ok(());
         }
+        self.frames += decoded.frames() as u64;
         let layout = (decoded.num_planes(), decoded.spec().rate());
         if self.intake.is_none() {
             let mut intake = Intake::new(layout.0, layout.1)?;

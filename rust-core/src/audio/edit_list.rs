@@ -3,11 +3,7 @@
 //! AAC encoders put 1024 to 2112 samples of start-up before the sound and say so in the edit list.
 //! symphonia decodes them as sound; left in, lips would run 20 to 130 ms late.
 
-use std::{
-    fs::File,
-    io::{Read, Seek, SeekFrom},
-    path::Path,
-};
+use std::io::{Read, Seek, SeekFrom};
 
 /// Largest movie header that is read; that of a ten-hour file is under 10 MB.
 const LARGEST_HEADER: u64 = 64 << 20;
@@ -22,8 +18,8 @@ pub(super) struct Edit {
 }
 
 /// Reads the edit of the first audio track; `None` where the file is no MP4 or has no simple edit.
-pub(super) fn read(path: &Path) -> Option<Edit> {
-    let header = movie_header(&mut File::open(path).ok()?)?;
+pub(super) fn read(mut file: impl Read + Seek) -> Option<Edit> {
+    let header = movie_header(&mut file)?;
     let movie_scale = timescale(child(&header, b"mvhd")?)?;
     let track = boxes(&header)
         .filter(|(kind, _)| *kind == b"trak")
@@ -38,8 +34,8 @@ pub(super) fn read(path: &Path) -> Option<Edit> {
 }
 
 /// Body of the top-level `moov` box.
-fn movie_header(file: &mut File) -> Option<Vec<u8>> {
-    let length = file.metadata().ok()?.len();
+fn movie_header(file: &mut (impl Read + Seek)) -> Option<Vec<u8>> {
+    let length = file.seek(SeekFrom::End(0)).ok()?;
     let mut at = 0;
     while at + 8 <= length {
         let mut head = [0; 16];

@@ -1,6 +1,6 @@
 //! Where decoders deliver: mixes to mono, checks every sample, resamples.
 
-use super::{ACCEPTED_RATES_HZ, Waveform, resample::ToSpeechRate};
+use super::{ACCEPTED_RATES_HZ, LOUDEST, Waveform, resample::ToSpeechRate};
 use crate::{Error, Result};
 
 /// Takes interleaved samples in any number of pieces and gives one [`Waveform`].
@@ -10,8 +10,9 @@ pub(super) struct Intake {
     /// Reused mono buffer.
     mono: Vec<f32>,
     frames: u64,
-    not_finite: u64,
-    first_not_finite: Option<u64>,
+    /// Frames with a sample that is not finite, or that is none for its size, and the first of each.
+    not_finite: Count,
+    too_large: Count,
     /// Frames that are still to be dropped before the sound starts.
     to_drop: usize,
     /// Frames that are still wanted.
@@ -35,8 +36,8 @@ impl Intake {
             resampler: ToSpeechRate::new(rate_hz)?,
             mono: Vec::new(),
             frames: 0,
-            not_finite: 0,
-            first_not_finite: None,
+            not_finite: Count::default(),
+            too_large: Count::default(),
             to_drop: 0,
             wanted: usize::MAX,
         })
@@ -59,27 +60,42 @@ impl Intake {
         self.mono.clear();
         let share = 1.0 / self.channels as f32;
         for frame in interleaved.chunks_exact(self.channels) {
-            let mean = frame.iter().map(|x| x * share).sum::<f32>();
-            if !mean.is_finite() {
-                self.not_finite += 1;
-                let here = self.frames + self.mono.len() as u64;
-                self.first_not_finite.get_or_insert(here);
+            let here = self.frames + self.mono.len() as u64;
+            if frame.iter().any(|x| !x.is_finite()) {
+                self.not_finite.add(here);
+            } else if frame.iter().any(|x| x.abs() > LOUDEST) {
+                self.too_large.add(here);
             }
-            self.mono.push(mean);
+            self.mono.push(frame.iter().map(|x| x * share).sum::<f32>());
         }
         self.frames += self.mono.len() as u64;
         // Once broken, the sound is refused in the end; only the count goes on.
-        match self.first_not_finite {
+        match self.not_finite.first.or(self.too_large.first) {
             None => self.resampler.push(&self.mono),
             Some(_) => Ok(()),
         }
     }
 
     pub(super) fn finish(self) -> Result<Waveform> {
-        if let Some(first) = self.first_not_finite {
+        if let Count {
+            count,
+            first: Some(first),
+        } = self.not_finite
+        {
             return Err(Error::Audio(format!(
-                "expected finite samples, got {} of {} that are NaN or infinite, the first at {first}",
-                self.not_finite, self.frames
+                "expected finite samples, got {count} of {} that are NaN or infinite, the first at {first}",
+                self.frames
+            )));
+        }
+        if let Count {
+            count,
+            first: Some(first),
+        } = self.too_large
+        {
+            return Err(Error::Audio(format!(
+                "expected samples within ±{LOUDEST}, got {count} of {} that are larger, the first at {first}; \
+                 full scale is ±1",
+                self.frames
             )));
         }
         if self.frames == 0 {
@@ -88,5 +104,19 @@ impl Intake {
         Ok(Waveform {
             samples: self.resampler.finish()?,
         })
+    }
+}
+
+/// How many frames are wrong in one way, and the first.
+#[derive(Default, Clone, Copy)]
+struct Count {
+    count: u64,
+    first: Option<u64>,
+}
+
+impl Count {
+    fn add(&mut self, here: u64) {
+        self.count += 1;
+        self.first.get_or_insert(here);
     }
 }

@@ -5,17 +5,20 @@
 
 mod compressed;
 mod edit_list;
+mod file;
 mod intake;
 mod pitch;
 mod prosody;
 mod resample;
+mod source;
 mod wav;
 
 use std::path::Path;
 
-use crate::{Error, Result};
+use crate::{Error, Result, outside::guarded};
 use intake::Intake;
 
+pub use file::{LARGEST_LOSS, SoundDamage, SoundFile};
 pub use prosody::{PROSODY_FPS, Prosody};
 
 /// Sample rate of every [`Waveform`].
@@ -23,6 +26,9 @@ pub const SAMPLE_RATE_HZ: u32 = 16_000;
 
 /// Sample rates that are accepted, in Hz.
 pub const ACCEPTED_RATES_HZ: std::ops::RangeInclusive<u32> = 4_000..=384_000;
+
+/// Magnitude beyond which a sample is no sound: 80 dB over full scale.
+pub const LOUDEST: f32 = 1e4;
 
 /// Peak below which a sound counts as silence: −60 dB of full scale.
 pub const SILENCE_PEAK: f32 = 1e-3;
@@ -49,13 +55,11 @@ impl Waveform {
     /// Channels are averaged, never summed, so nothing clips; samples outside [−1, 1] are kept.
     ///
     /// # Errors
-    /// `Io` if the file cannot be read; `Audio` if it cannot be decoded, holds no sample, or holds
-    /// samples that are not finite.
+    /// `Io` if the file cannot be read; `Audio` if it cannot be decoded, holds no sample, holds samples
+    /// that are not finite or beyond ±[`LOUDEST`], or is damaged so that more than a fifth is missing
+    /// ([`SoundFile::read`] tells how much).
     pub fn from_file(path: &Path) -> Result<Self> {
-        match wav::decode(path)? {
-            wav::Decoded::Sound(waveform) => Ok(waveform),
-            wav::Decoded::NotForUs => compressed::decode(path),
-        }
+        SoundFile::read(path, false).map(|file| file.waveform)
     }
 
     /// From a host's own samples.
@@ -65,7 +69,7 @@ impl Waveform {
     ///
     /// # Errors
     /// `Audio` for no samples, a length that is no multiple of `channels`, a rate out of range,
-    /// or samples that are not finite (says how many and where the first is).
+    /// or samples that are not finite or beyond ±[`LOUDEST`] (says how many and where the first is).
     pub fn from_interleaved(samples: &[f32], channels: usize, rate_hz: u32) -> Result<Self> {
         if channels == 0 || !samples.len().is_multiple_of(channels) {
             return Err(Error::Audio(format!(
@@ -73,9 +77,11 @@ impl Waveform {
                 samples.len()
             )));
         }
-        let mut intake = Intake::new(channels, rate_hz)?;
-        intake.push(samples)?;
-        intake.finish()
+        guarded(Error::Audio, || {
+            let mut intake = Intake::new(channels, rate_hz)?;
+            intake.push(samples)?;
+            intake.finish()
+        })
     }
 
     /// Length in seconds.

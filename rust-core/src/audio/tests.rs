@@ -234,14 +234,99 @@ fn every_other_format_keeps_the_tone_in_place() {
 }
 
 #[test]
-fn a_wav_that_was_cut_off_gives_what_it_holds() {
+fn a_wav_that_was_cut_off_says_what_is_missing() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cut.wav");
     write_wav(&path, hound::SampleFormat::Int, 16, 2);
     let bytes = std::fs::read(&path).unwrap();
-    std::fs::write(&path, &bytes[..bytes.len() / 2 + 1]).unwrap();
-    let waveform = Waveform::from_file(&path).unwrap();
-    assert!(waveform.samples.len().abs_diff(1600) < 20);
+    assert_eq!(SoundFile::read(&path, false).unwrap().damage, None);
+    std::fs::write(&path, &bytes[..bytes.len() * 5 / 8]).unwrap();
+    assert!(message(Waveform::from_file(&path)).contains("s of 0.20 s are missing"));
+    let file = SoundFile::read(&path, true).unwrap();
+    assert!(file.waveform.samples.len().abs_diff(2000) < 20);
+    let damage = file.damage.unwrap();
+    assert!((damage.share() - 0.375).abs() < 0.01, "{damage:?}");
+    std::fs::write(&path, &bytes[..bytes.len() * 17 / 20]).unwrap();
+    // 30 ms are too few to be told of.
+    assert_eq!(SoundFile::read(&path, false).unwrap().damage, None);
+    let told = SoundDamage::of(0.06, 0.4).unwrap().sentence();
+    assert!(told.contains("0.06 s of 0.40 s are missing"), "{told}");
+    // A program that writes to a pipe does not know the length.
+    let mut endless = bytes.clone();
+    endless[4..8].copy_from_slice(&[255; 4]);
+    endless[40..44].copy_from_slice(&[255; 4]);
+    std::fs::write(&path, endless).unwrap();
+    let file = SoundFile::read(&path, false).unwrap();
+    assert_eq!((file.waveform.samples.len(), file.damage), (3200, None));
+}
+
+/// Bytes of a fixture in which a stretch is replaced by zeros.
+fn with_hole(name: &str, from: f64, to: f64) -> Vec<u8> {
+    let mut bytes = std::fs::read(fixture(name)).unwrap();
+    let length = bytes.len() as f64;
+    bytes[(from * length) as usize..(to * length) as usize].fill(0);
+    bytes
+}
+
+#[test]
+fn half_a_sound_is_not_taken_for_a_whole_one() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, from) in [("tone.ogg", 0.85), ("tone.mp3", 0.5), ("tone.flac", 0.5)] {
+        let whole = SoundFile::read(&fixture(name), false).unwrap();
+        assert_eq!(whole.damage, None, "{name}");
+        let path = folder.path().join(name);
+        std::fs::write(&path, with_hole(name, from, 0.95)).unwrap();
+        match SoundFile::read(&path, true) {
+            Ok(file) => {
+                let damage = file
+                    .damage
+                    .unwrap_or_else(|| panic!("{name}: nothing is said"));
+                assert!(damage.share() > 0.05, "{name}: {damage:?}");
+            }
+            Err(Error::Audio(_)) => {}
+            Err(other) => panic!("{name}: {other}"),
+        }
+    }
+    let bytes = std::fs::read(fixture("tone.mp3")).unwrap();
+    let path = folder.path().join("half.mp3");
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    assert!(message(Waveform::from_file(&path)).contains("are missing"));
+    let file = SoundFile::read(&path, true).unwrap();
+    assert!(file.damage.unwrap().share() > 0.2 && file.waveform.samples.len() > 1000);
+}
+
+#[test]
+fn samples_that_are_no_sound_are_refused() {
+    for rate in [16_000, 44_100] {
+        let mut samples = tone(TONE_HZ, 0.5, rate, 0.2);
+        samples[777] = 3e38;
+        let text = message(Waveform::from_interleaved(&samples, 1, rate));
+        assert!(
+            text.contains("±10000") && text.contains("first at 777"),
+            "{text}"
+        );
+        samples[777] = -9_999.0;
+        Waveform::from_interleaved(&samples, 1, rate).unwrap();
+    }
+    // Left and right that cancel out are no sound either.
+    let text = message(Waveform::from_interleaved(&[3e38, -3e38], 2, 16_000));
+    assert!(text.contains("1 of 1"), "{text}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_wav_comes_through_a_pipe() {
+    use std::os::fd::AsRawFd;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tone.wav");
+    write_wav(&path, hound::SampleFormat::Int, 16, 1);
+    let bytes = std::fs::read(&path).unwrap();
+    let (reader, mut writer) = std::io::pipe().unwrap();
+    let writing = std::thread::spawn(move || std::io::Write::write_all(&mut writer, &bytes));
+    let pipe = PathBuf::from(format!("/proc/self/fd/{}", reader.as_raw_fd()));
+    let piped = Waveform::from_file(&pipe).unwrap();
+    writing.join().unwrap().unwrap();
+    assert_eq!(piped, Waveform::from_file(&path).unwrap());
 }
 
 #[test]

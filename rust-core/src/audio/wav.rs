@@ -3,34 +3,33 @@
 //! What hound does not read (A-law, µ-law, ADPCM, 64-bit floats) is left to symphonia.
 
 use std::{
-    fs::File,
     io::{BufReader, ErrorKind, Read, Seek, SeekFrom},
     path::Path,
 };
 
 use hound::{SampleFormat, WavReader};
 
-use super::{Waveform, intake::Intake};
+use super::{
+    file::{SoundDamage, SoundFile},
+    intake::Intake,
+    source::{Reading, Source},
+};
 use crate::{Error, Result};
 
 /// Frames that are decoded at a time.
 const CHUNK_FRAMES: usize = 8192;
+/// A header that claims so many bytes was written before the length was known.
+pub(super) const LENGTH_UNKNOWN: u64 = 0x7fff_0000;
 
 pub(super) enum Decoded {
-    Sound(Waveform),
+    Sound(SoundFile),
     /// Not a WAV, or a kind that hound does not read.
     NotForUs,
 }
 
 /// Decodes the file if it is a WAV of a kind that hound reads.
-pub(super) fn decode(path: &Path) -> Result<Decoded> {
-    let mut file = File::open(path).map_err(Error::io(path))?;
-    if file.metadata().map_err(Error::io(path))?.len() == 0 {
-        return Err(Error::Audio(format!(
-            "{}: the file is empty",
-            path.display()
-        )));
-    }
+pub(super) fn decode(path: &Path, source: &Source) -> Result<Decoded> {
+    let mut file = source.read()?;
     let mut magic = [0; 4];
     match file.read_exact(&mut magic) {
         Ok(()) if &magic == b"RIFF" => (),
@@ -56,11 +55,13 @@ pub(super) fn decode(path: &Path) -> Result<Decoded> {
 
 fn read_all<S: hound::Sample>(
     path: &Path,
-    mut reader: WavReader<BufReader<File>>,
+    mut reader: WavReader<BufReader<Reading>>,
     to_float: impl Fn(S) -> f32,
 ) -> Result<Decoded> {
     let spec = reader.spec();
     let channels = usize::from(spec.channels);
+    let (promised, mut got) = (u64::from(reader.len()), 0u64);
+    let promised_bytes = promised * u64::from(spec.bits_per_sample.div_ceil(8));
     let mut intake = Intake::new(channels, spec.sample_rate)?;
     let mut chunk = Vec::with_capacity(CHUNK_FRAMES * channels);
     for sample in reader.samples::<S>() {
@@ -74,13 +75,21 @@ fn read_all<S: hound::Sample>(
             Err(hound::Error::IoError(e)) => return Err(Error::io(path)(e)),
             Err(e) => return Err(Error::Audio(format!("{}: {e}", path.display()))),
         }
+        got += 1;
         if chunk.len() == CHUNK_FRAMES * channels {
             intake.push(&chunk)?;
             chunk.clear();
         }
     }
     intake.push(&chunk)?;
-    intake.finish().map(Decoded::Sound)
+    let seconds = |samples: u64| samples as f64 / f64::from(spec.sample_rate) / channels as f64;
+    Ok(Decoded::Sound(SoundFile {
+        waveform: intake.finish()?,
+        damage: match promised_bytes < LENGTH_UNKNOWN {
+            true => SoundDamage::of(seconds(promised.saturating_sub(got)), seconds(promised)),
+            false => None,
+        },
+    }))
 }
 
 /// Recorders that were stopped hard and programs that write to a pipe leave a length in the header

@@ -1,8 +1,8 @@
 //! Results of per-mesh work, kept on disk between runs.
 //!
 //! An entry's name is the blake3 hash of everything its content depends on, so entries are never
-//! out of date. A file holds the hash of its payload, which is checked on reading; a damaged file
-//! counts as absent. Files appear whole by renaming. Nothing about the cache is ever an error: a
+//! out of date. A file holds that hash, too, and that of both together with its payload; they are checked
+//! on reading, and an entry that is damaged or stands under another's name counts as absent. Files appear whole by renaming. Nothing about the cache is ever an error: a
 //! folder that cannot be read or written costs time and one warning.
 
 use std::{
@@ -20,7 +20,7 @@ pub use arrays::{Arrays, Values};
 use crate::Result;
 
 /// First bytes of every entry; the digit is the version of the layout.
-const MAGIC: &[u8; 8] = b"anyface1";
+const MAGIC: &[u8; 8] = b"anyface2";
 const EXTENSION: &str = "anyface-cache";
 const UNFINISHED: &str = "part";
 
@@ -118,6 +118,9 @@ impl Cache {
             CachePolicy::Folder(folder) => Some(folder.clone()),
             CachePolicy::UserFolder => user_folder(),
         };
+        if let Some(folder) = &folder {
+            remove_abandoned(folder);
+        }
         Cache {
             folder,
             max_bytes: DEFAULT_MAX_BYTES,
@@ -146,22 +149,23 @@ impl Cache {
             return make();
         };
         let path = folder.join(key.file_name());
-        if let Some(found) = read(&path).and_then(decode) {
+        if let Some(found) = read(&path, key).and_then(decode) {
             return Ok(found);
         }
         let made = make()?;
-        if let Err(error) = self.store(folder, &path, &encode(&made)) {
+        if let Err(error) = self.store(folder, &path, key, &encode(&made)) {
             tracing::warn!(path = %path.display(), %error, "cache not written");
         }
         Ok(made)
     }
 
-    fn store(&self, folder: &Path, path: &Path, arrays: &Arrays) -> io::Result<()> {
+    fn store(&self, folder: &Path, path: &Path, key: &CacheKey, arrays: &Arrays) -> io::Result<()> {
         let payload = arrays.to_bytes()?;
         fs::create_dir_all(folder)?;
         write_whole(folder, path, |file| {
             file.write_all(MAGIC)?;
-            file.write_all(blake3::hash(&payload).as_bytes())?;
+            file.write_all(&key.digest())?;
+            file.write_all(&seal(key, &payload))?;
             file.write_all(&payload)
         })?;
         self.evict(folder, path)
@@ -196,6 +200,26 @@ impl Cache {
         }
         Ok(())
     }
+}
+
+/// Removes what killed processes have left half written.
+fn remove_abandoned(folder: &Path) {
+    let Ok(files) = fs::read_dir(folder) else {
+        return;
+    };
+    for file in files.flatten() {
+        let path = file.path();
+        let is_part = path.extension().is_some_and(|e| e == UNFINISHED);
+        let age = file.metadata().and_then(|meta| meta.modified());
+        if is_part && age.is_ok_and(is_abandoned) {
+            remove(&path);
+        }
+    }
+}
+
+/// What binds a payload to the key that it was stored under.
+fn seal(key: &CacheKey, payload: &[u8]) -> [u8; blake3::OUT_LEN] {
+    *blake3::keyed_hash(&key.digest(), payload).as_bytes()
 }
 
 /// The user's cache folder for this program, where the system has one.
@@ -235,8 +259,8 @@ fn write_whole(
     Ok(())
 }
 
-/// A sound entry, or `None`. Marks it as used.
-fn read(path: &Path) -> Option<Arrays> {
+/// A sound entry of this very key, or `None`. Marks it as used.
+fn read(path: &Path, key: &CacheKey) -> Option<Arrays> {
     let bytes = match fs::read(path) {
         Ok(bytes) => bytes,
         Err(error) => {
@@ -246,10 +270,11 @@ fn read(path: &Path) -> Option<Arrays> {
             return None;
         }
     };
-    let (head, payload) = bytes.split_at_checked(MAGIC.len() + blake3::OUT_LEN)?;
-    let (magic, hash) = head.split_at(MAGIC.len());
-    if magic != MAGIC || blake3::hash(payload).as_bytes() != hash {
-        tracing::warn!(path = %path.display(), "cache entry is damaged, computing again");
+    let expected = [&MAGIC[..], &key.digest()].concat();
+    let (head, rest) = bytes.split_at_checked(expected.len())?;
+    let (hash, payload) = rest.split_at_checked(blake3::OUT_LEN)?;
+    if head != expected || seal(key, payload) != hash {
+        tracing::warn!(path = %path.display(), "cache entry is damaged or another's, computing again");
         return None;
     }
     if let Ok(file) = fs::File::options().append(true).open(path) {
@@ -377,6 +402,49 @@ mod tests {
             }
         }
         assert_eq!(fs::read(&file).unwrap(), b"in the way");
+    }
+
+    #[test]
+    fn an_entry_under_the_name_of_another_is_a_miss() {
+        let (_folder, cache) = cache();
+        for (name, value) in [("a", 1.0), ("b", 2.0)] {
+            cache
+                .get_or_compute(&key(name), || Ok(arrays(value)))
+                .unwrap();
+        }
+        let path = |name| cache.folder.as_ref().unwrap().join(key(name).file_name());
+        fs::copy(path("a"), path("b")).unwrap();
+        assert!(cache.get_or_compute(&key("b"), must_not_run).is_err());
+        // Its own key in front does not make another's payload its own.
+        let mut bytes = fs::read(path("a")).unwrap();
+        bytes[MAGIC.len()..][..32].copy_from_slice(&key("b").digest());
+        fs::write(path("b"), bytes).unwrap();
+        assert!(cache.get_or_compute(&key("b"), must_not_run).is_err());
+        let again = cache.get_or_compute(&key("b"), || Ok(arrays(3.0))).unwrap();
+        assert_eq!(again, arrays(3.0));
+        assert_eq!(
+            cache.get_or_compute(&key("b"), must_not_run).unwrap(),
+            arrays(3.0)
+        );
+    }
+
+    #[test]
+    fn what_killed_processes_left_goes_at_the_next_start() {
+        let (_folder, cache) = cache();
+        let folder = cache.folder.clone().unwrap();
+        fs::create_dir_all(&folder).unwrap();
+        for (name, age_s) in [("old.part", 4000), ("young.part", 30), ("old.txt", 4000)] {
+            let file = fs::File::create(folder.join(name)).unwrap();
+            file.set_modified(SystemTime::now() - Duration::from_secs(age_s))
+                .unwrap();
+        }
+        let _next = Cache::new(&CachePolicy::Folder(folder));
+        let mut left: Vec<_> = files(&cache)
+            .iter()
+            .map(|p| p.file_name().unwrap().to_owned())
+            .collect();
+        left.sort();
+        assert_eq!(left, ["old.txt", "young.part"]);
     }
 
     #[cfg(unix)]

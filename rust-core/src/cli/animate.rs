@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::{
-    arguments::{FaceArgs, MotionArgs, SharedArgs},
+    arguments::{FaceArgs, MotionArgs, SharedArgs, SoundArgs, not_onto},
     console::Console,
     open_mouth,
     redo::{Redo, RedoArgs},
@@ -39,6 +39,8 @@ pub(super) struct Animate {
     #[arg(long)]
     open_mouth: bool,
     #[command(flatten)]
+    sound: SoundArgs,
+    #[command(flatten)]
     face: FaceArgs,
     #[command(flatten)]
     motion: MotionArgs,
@@ -50,11 +52,15 @@ impl Animate {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         // What is cheap to check comes before what takes time.
         Format::from_path(&self.out)?;
-        let request = self.motion.request()?;
+        not_onto(
+            &self.out,
+            &[("--mesh", &self.mesh), ("--audio", &self.audio)],
+        )?;
+        let request = self.motion.request(shared)?;
         let redo = self.redo.asked()?;
         let options = self.face.options(&self.mesh, None)?;
         let mut report = new_report();
-        let waveform = read_sound(&mut report, &self.audio)?;
+        let waveform = read_sound(&mut report, &self.audio, &self.sound)?;
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
         let progress = &|p| console.progress(p);
         let engine = timed(&mut report, "load", || shared.engine())?;
@@ -76,8 +82,7 @@ impl Animate {
         if let Some(path) = &self.report {
             write_json(path, &report)?;
         }
-        console.report(&report, &summary(&report));
-        Ok(())
+        console.report(&report, &summary(&report))
     }
 
     /// Writes the result, or an earlier one with a stretch of this.

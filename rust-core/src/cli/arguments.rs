@@ -13,13 +13,16 @@ use super::controls::{EmotionArgs, FaceControls, MotionControls};
 use crate::{
     CachePolicy, Engine, EngineOptions, Error, MotionRequest, Result,
     annotation::Annotation,
-    audio::Waveform,
+    audio::{SoundFile, Waveform},
     conditions::{Event, check_fps},
+    ibug::LANDMARKS,
     mesh::{
         Axis, DEFAULT_PROXY, FaceOptions, FixedLandmark, LandmarkSource, ObjectNames, PartChoices,
         PartRole, PartSelector,
     },
+    output::read_landmark_motion,
     speech::FeltVoice,
+    systems::Registration,
     text::TextUnits,
 };
 
@@ -80,6 +83,45 @@ impl SharedArgs {
             threads: self.threads,
             speech: self.speech.clone(),
         }
+    }
+}
+
+/// Refuses a result that would replace a file which it is made from.
+///
+/// # Errors
+/// `InvalidInput` that names the option.
+pub(super) fn not_onto(out: &Path, inputs: &[(&str, &Path)]) -> Result<()> {
+    let Ok(place) = out.canonicalize() else {
+        return Ok(());
+    };
+    let same = inputs
+        .iter()
+        .find(|(_, input)| input.canonicalize().is_ok_and(|input| input == place));
+    match same {
+        None => Ok(()),
+        Some((option, _)) => Err(Error::InvalidInput(format!(
+            "{}: expected another file than that of {option}, which the result would replace",
+            out.display()
+        ))),
+    }
+}
+
+/// How a sound is read.
+#[derive(Args)]
+pub(super) struct SoundArgs {
+    /// Use a damaged sound file even where more than a fifth of it is missing
+    #[arg(long)]
+    any_damage: bool,
+}
+
+impl SoundArgs {
+    pub(super) fn read(&self, path: &Path) -> Result<SoundFile> {
+        SoundFile::read(path, self.any_damage).map_err(|error| match error {
+            Error::Audio(message) if message.contains("expected at least") => {
+                Error::Audio(format!("{message}; --any-damage uses the rest"))
+            }
+            other => other,
+        })
     }
 }
 
@@ -217,6 +259,9 @@ pub(super) struct MotionArgs {
     /// Another recording of which the feeling is taken (emoface), stretched to the length of the sound
     #[arg(long, value_name = "OTHER")]
     feeling: Option<PathBuf>,
+    /// Motion of `anyface motion` in whose last frame the face begins (emoface)
+    #[arg(long, value_name = "M.npz")]
+    starts_from: Option<PathBuf>,
 }
 
 impl MotionArgs {
@@ -233,6 +278,27 @@ impl MotionArgs {
         Ok(events)
     }
 
+    fn starts_from(&self) -> Result<Option<[[f32; 3]; LANDMARKS]>> {
+        let Some(path) = &self.starts_from else {
+            return Ok(None);
+        };
+        let motion = read_landmark_motion(path)?;
+        let wrong = |got: &str| {
+            let path = path.display();
+            Error::InvalidInput(format!(
+                "{path}: expected frames of `anyface motion`, got {got}"
+            ))
+        };
+        if motion.neutral.is_some() {
+            return Err(wrong("motion in the units of a mesh"));
+        }
+        let frames = motion.displacements.outer_iter();
+        let last = frames.last().ok_or_else(|| wrong("none"))?;
+        Ok(Some(std::array::from_fn(|n| {
+            std::array::from_fn(|axis| last[[n, axis]])
+        })))
+    }
+
     fn felt_as(&self) -> Result<Option<Arc<FeltVoice>>> {
         let Some(path) = &self.feeling else {
             return Ok(None);
@@ -241,14 +307,15 @@ impl MotionArgs {
         FeltVoice::checked(&sound).map(|voice| Some(Arc::new(voice)))
     }
 
-    pub(super) fn request(&self) -> Result<MotionRequest> {
+    pub(super) fn request(&self, shared: &SharedArgs) -> Result<MotionRequest> {
         check_fps(self.fps)?;
+        let system = Registration::find(shared.system.as_deref())?;
         let closures = match &self.sounds {
             Some(path) => Some(Annotation::read(path, self.fps)?.closures()?),
             None => None,
         };
         Ok(MotionRequest {
-            emotion: self.emotion.curve()?,
+            emotion: self.emotion.curve(system.takes_words, shared.weights())?,
             controls: self.controls.controls()?,
             fps: self.fps,
             seed: self.seed,
@@ -256,6 +323,7 @@ impl MotionArgs {
             closures,
             events: self.events()?,
             felt_as: self.felt_as()?,
+            starts_from: self.starts_from()?,
         })
     }
 }

@@ -1,11 +1,16 @@
 //! Talking to the person or the machine at the other end.
 
-use std::{io::IsTerminal, time::Duration};
+use std::{
+    fmt::Display,
+    io::{self, IsTerminal, Write},
+    time::Duration,
+};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
-use crate::{Error, output::Report, progress::Progress};
+use super::signals;
+use crate::{Error, Result, output::Report, progress::Progress};
 
 const BAR_STEPS: u64 = 1000;
 
@@ -31,10 +36,12 @@ impl Console {
         Console { json, bar }
     }
 
-    /// Shows the library's own log on standard error, as much as `ANYFACE_LOG` asks for.
+    /// Shows the library's own log on standard error, as much as `ANYFACE_LOG` asks for; beside JSON nothing
+    /// that was not asked for.
     pub(super) fn listen(&self) {
+        let usual = if self.json { "off" } else { "error" };
         let filter = tracing_subscriber::EnvFilter::try_from_env("ANYFACE_LOG")
-            .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("error"));
+            .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(usual));
         // A second subscriber in one process is refused; the first then goes on.
         let _ = tracing_subscriber::fmt()
             .with_env_filter(filter)
@@ -42,40 +49,52 @@ impl Console {
             .try_init();
     }
 
-    /// A progress callback for the library; it never cancels.
+    /// A progress callback for the library; a signal to end cancels.
     pub(super) fn progress(&self, progress: Progress) -> bool {
         self.bar.set_message(progress.stage);
         self.bar
             .set_position((progress.fraction * BAR_STEPS as f32) as u64);
-        true
+        !signals::are_to_end()
     }
 
     /// Prints a finished run: JSON as it is, or `summary` with the warnings.
-    pub(super) fn report(&self, report: &Report, summary: &str) {
+    ///
+    /// # Errors
+    /// `Io` if standard output cannot be written to.
+    pub(super) fn report(&self, report: &Report, summary: &str) -> Result<()> {
         self.bar.finish_and_clear();
         if self.json {
             return self.json(report);
         }
-        println!("{summary}");
-        for warning in &report.warnings {
-            eprintln!("warning: {warning}");
+        said(summary)?;
+        self.warn(&report.warnings);
+        Ok(())
+    }
+
+    /// Prints warnings; with `--json` they stand in the value itself.
+    pub(super) fn warn(&self, warnings: &[String]) {
+        if !self.json {
+            warnings
+                .iter()
+                .for_each(|warning| complained(&format!("warning: {warning}")));
         }
     }
 
     /// Prints `value` as JSON, or `text`.
-    pub(super) fn value(&self, value: &impl Serialize, text: &str) {
+    ///
+    /// # Errors
+    /// `Io` if standard output cannot be written to.
+    pub(super) fn value(&self, value: &impl Serialize, text: &str) -> Result<()> {
         self.bar.finish_and_clear();
         match self.json {
             true => self.json(value),
-            false => println!("{}", text.trim_end()),
+            false => said(text.trim_end()),
         }
     }
 
-    fn json(&self, value: &impl Serialize) {
-        match serde_json::to_string_pretty(value) {
-            Ok(text) => println!("{text}"),
-            Err(e) => eprintln!("{e}"),
-        }
+    fn json(&self, value: &impl Serialize) -> Result<()> {
+        let text = serde_json::to_string_pretty(value).map_err(io::Error::from);
+        said(&text.map_err(Error::io(STANDARD_OUTPUT))?)
     }
 
     /// Prints an error, as `{"error": {"kind", "code", "message"}}` with `--json`.
@@ -88,11 +107,30 @@ impl Console {
                     "code": error.exit_code(),
                     "message": error.to_string(),
                 }});
-                eprintln!("{body}");
+                complained(&body);
             }
-            false => eprintln!("error: {error}"),
+            false => complained(&format!("error: {error}")),
         }
     }
+}
+
+const STANDARD_OUTPUT: &str = "standard output";
+
+/// A line on standard output; a reader that has left, such as `head`, wants no more of it.
+///
+/// # Errors
+/// `Io` if it cannot be written, as where a disk is full.
+fn said(text: &str) -> Result<()> {
+    let mut out = io::stdout().lock();
+    match writeln!(out, "{text}").and_then(|()| out.flush()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        result => result.map_err(Error::io(STANDARD_OUTPUT)),
+    }
+}
+
+/// A line on standard error; nobody is left to hear that this fails.
+fn complained(text: &impl Display) {
+    let _ = writeln!(io::stderr().lock(), "{text}");
 }
 
 /// The word for an error's kind.
@@ -107,5 +145,6 @@ fn kind(error: &Error) -> &'static str {
         Error::Numerics(_) => "numerics",
         Error::Io { .. } => "io",
         Error::Cancelled => "cancelled",
+        Error::OutOfMemory(_) => "out_of_memory",
     }
 }

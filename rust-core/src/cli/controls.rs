@@ -1,6 +1,6 @@
 //! Flags for the controls of systems, drawn from their registry, and for emotion.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, path::Path};
 
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
 
@@ -8,13 +8,16 @@ use crate::{
     Result,
     conditions::{Control, ControlStage, ControlValues, Controls, EmotionCurve},
     systems::SYSTEMS,
+    text::TextUnits,
 };
 
 /// What the emotion is.
 #[derive(Args)]
 pub(super) struct EmotionArgs {
-    /// Emotion and intensity: happy:0.7, a blend happy:0.4,surprised:0.3, auto (arousal: how excited the
-    /// voice sounds, not which feeling it has) or off (speech alone: no blinks, no brows)
+    /// Emotion and intensity: happy:0.7, a blend happy:0.4,surprised:0.3, auto (the feeling
+    /// that is heard in the voice), auto-arousal (how excited it sounds, not which feeling it has) or off
+    /// (speech alone: no blinks, no brows); cafe-talk
+    /// takes other words too, such as relieved, as what lies nearest among the categories
     #[arg(long, default_value = "neutral:0")]
     emotion: String,
     /// Emotion over time: "0:neutral 2.5:happy:0.8 4:sad:0.5", seconds and emotions, linear between
@@ -23,10 +26,16 @@ pub(super) struct EmotionArgs {
 }
 
 impl EmotionArgs {
-    pub(super) fn curve(&self) -> Result<EmotionCurve> {
-        match &self.emotion_keys {
-            Some(keys) => EmotionCurve::parse_keys(keys),
-            None => EmotionCurve::parse(&self.emotion),
+    /// What was asked for; words that are no category through the text space of `models`, for a system that takes
+    /// them.
+    pub(super) fn curve(&self, takes_words: bool, models: Option<&Path>) -> Result<EmotionCurve> {
+        // Loaded for such a word alone.
+        let of = |word: &str| TextUnits::open(models)?.emotion(word);
+        match (&self.emotion_keys, takes_words) {
+            (Some(keys), true) => EmotionCurve::parse_keys_with(keys, &of),
+            (Some(keys), false) => EmotionCurve::parse_keys(keys),
+            (None, true) => EmotionCurve::parse_with(&self.emotion, &of),
+            (None, false) => EmotionCurve::parse(&self.emotion),
         }
     }
 }

@@ -6,7 +6,7 @@ use clap::Args;
 use ndarray::{Array2, Axis};
 
 use super::{
-    arguments::{FaceArgs, SharedArgs},
+    arguments::{FaceArgs, SharedArgs, not_onto},
     console::Console,
     stages::{new_report, note_face, spread_into, summary, timed},
 };
@@ -51,6 +51,10 @@ pub(super) struct Deform {
 impl Deform {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         Format::from_path(&self.out)?;
+        not_onto(
+            &self.out,
+            &[("--mesh", &self.mesh), ("--motion", &self.motion)],
+        )?;
         let mut report = new_report();
         let motion = timed(&mut report, "read", || read_landmark_motion(&self.motion))?;
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
@@ -89,8 +93,7 @@ impl Deform {
         if let Some(path) = &self.report {
             write_json(path, &report)?;
         }
-        console.report(&report, &summary(&report));
-        Ok(())
+        console.report(&report, &summary(&report))
     }
 
     /// Frame by frame: all at once would be as large as ten clips.

@@ -21,8 +21,7 @@ impl Info {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         if let Some(name) = &self.card {
             let card = card(name)?;
-            console.value(&serde_json::json!({"model": name, "card": card}), card);
-            return Ok(());
+            return console.value(&serde_json::json!({"model": name, "card": card}), card);
         }
         let version = env!("CARGO_PKG_VERSION");
         let threads = rayon::current_num_threads();
@@ -57,8 +56,7 @@ impl Info {
         }
         text += &format!("weights, built in where nothing else is said:\n{lines}");
         text += "`anyface info --card MODEL` prints a model's card";
-        console.value(&value, &text);
-        Ok(())
+        console.value(&value, &text)
     }
 }
 

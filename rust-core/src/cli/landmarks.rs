@@ -5,7 +5,7 @@ use std::{io::Write, path::PathBuf};
 use clap::Args;
 
 use super::{
-    arguments::{FaceArgs, SharedArgs, shown},
+    arguments::{FaceArgs, SharedArgs, not_onto, shown},
     console::Console,
     stages::{new_report, note_face, timed},
 };
@@ -26,6 +26,7 @@ pub(super) struct FindLandmarks {
 
 impl FindLandmarks {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
+        not_onto(&self.out, &[("--mesh", &self.mesh)])?;
         let options = self.face.options(&self.mesh, None)?;
         let mut report = new_report();
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
@@ -45,7 +46,6 @@ impl FindLandmarks {
             self.out.display(),
             mouth.sentence()
         );
-        console.report(&report, &summary);
-        Ok(())
+        console.report(&report, &summary)
     }
 }

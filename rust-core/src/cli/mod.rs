@@ -15,6 +15,7 @@ mod open_mouth;
 mod parts;
 mod redo;
 mod rig;
+mod signals;
 mod solve;
 mod sounds;
 mod stages;
@@ -58,6 +59,7 @@ pub fn run() -> ExitCode {
     let arguments = Arguments::parse();
     let console = Console::new(arguments.shared.json);
     console.listen();
+    signals::listen();
     match arguments.run(&console) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::{
-    arguments::{MotionArgs, SharedArgs, shown},
+    arguments::{MotionArgs, SharedArgs, SoundArgs, not_onto, shown},
     console::Console,
     redo::RedoArgs,
     stages::{new_report, read_sound, summary, timed},
@@ -32,6 +32,8 @@ pub(super) struct Motion {
     #[arg(long, conflicts_with_all = ["style", "sounds", "redo"])]
     causal: bool,
     #[command(flatten)]
+    sound: SoundArgs,
+    #[command(flatten)]
     motion: MotionArgs,
     #[command(flatten)]
     redo: RedoArgs,
@@ -41,10 +43,11 @@ impl Motion {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         // Which kind it is, the system says; a name that fits none is refused before anything is loaded.
         check_motion_path(&self.out, true)?;
-        let request = self.motion.request()?;
+        not_onto(&self.out, &[("--audio", &self.audio)])?;
+        let request = self.motion.request(shared)?;
         let redo = self.redo.asked()?;
         let mut report = new_report();
-        let waveform = read_sound(&mut report, &self.audio)?;
+        let waveform = read_sound(&mut report, &self.audio, &self.sound)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
         let made = timed(&mut report, "motion", || {
             let progress = |p| console.progress(p);
@@ -73,7 +76,6 @@ impl Motion {
         if let Some(path) = &self.report {
             write_json(path, &report)?;
         }
-        console.report(&report, &summary(&report));
-        Ok(())
+        console.report(&report, &summary(&report))
     }
 }

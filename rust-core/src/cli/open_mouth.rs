@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::{
-    arguments::{FaceArgs, SharedArgs, shown},
+    arguments::{FaceArgs, SharedArgs, not_onto, shown},
     console::Console,
     stages::{new_report, note_face, timed},
 };
 use crate::{
     Error, Face, Result,
-    mesh::{FaceOptions, LandmarkSource, Mesh, OpenedMouth, open_mouth},
+    mesh::{FaceOptions, LandmarkSource, Mesh, OpenedMouth, obj_text, open_mouth},
     output::write_opened_obj,
 };
 
@@ -32,6 +32,7 @@ pub(super) struct OpenMouth {
 impl OpenMouth {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         check_name(&self.out)?;
+        not_onto(&self.out, &[("--mesh", &self.mesh)])?;
         let options = self.face.options(&self.mesh, None)?;
         let mut report = new_report();
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
@@ -55,8 +56,7 @@ impl OpenMouth {
             opened.mesh.positions.len() - mesh.positions.len(),
             opened.mesh.triangles.len() - mesh.triangles.len(),
         );
-        console.report(&report, &summary);
-        Ok(())
+        console.report(&report, &summary)
     }
 }
 
@@ -77,7 +77,7 @@ fn check_name(path: &Path) -> Result<()> {
 pub(super) fn write(out: &Path, source: &Path, old: &Mesh, opened: &OpenedMouth) -> Result<()> {
     let bytes = std::fs::read(source).map_err(Error::io(source))?;
     let is_obj = !bytes.starts_with(b"ply") && !bytes.starts_with(b"glTF");
-    let text = is_obj.then(|| String::from_utf8_lossy(&bytes));
+    let text = is_obj.then(|| obj_text(&bytes));
     write_opened_obj(out, text.as_deref(), old, opened)
 }
 

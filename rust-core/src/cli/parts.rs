@@ -37,8 +37,7 @@ impl ListParts {
             "part", "role", "vertices", "middle"
         );
         list.parts.iter().for_each(|part| text += &line(part));
-        console.value(&serde_json::json!({"parts": list.parts}), &text);
-        Ok(())
+        console.value(&serde_json::json!({"parts": list.parts}), &text)
     }
 }
 

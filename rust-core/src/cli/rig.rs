@@ -6,7 +6,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::{
-    arguments::{FaceArgs, SharedArgs, shown},
+    arguments::{FaceArgs, SharedArgs, not_onto, shown},
     console::Console,
     stages::{new_report, note_face, timed},
 };
@@ -44,6 +44,7 @@ struct RigReport<'a> {
 impl MakeRig {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         let as_archive = self.as_archive()?;
+        not_onto(&self.out, &[("--mesh", &self.mesh)])?;
         let options = self.face.options(&self.mesh, None)?;
         let mut report = new_report();
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
@@ -69,8 +70,7 @@ impl MakeRig {
         if let Some(path) = &self.report {
             write_json(path, &full)?;
         }
-        console.value(&full, &summary(&report, &rig.reports));
-        Ok(())
+        console.value(&full, &summary(&report, &rig.reports))
     }
 
     fn as_archive(&self) -> Result<bool> {

@@ -6,7 +6,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::{
-    arguments::{SharedArgs, shown},
+    arguments::{SharedArgs, not_onto, shown},
     console::Console,
     stages::{new_report, timed},
 };
@@ -63,6 +63,10 @@ struct SolveReport<'a> {
 
 impl Solve {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
+        let inputs = [&self.mesh, &self.animation, &self.rig];
+        for (option, input) in ["--mesh", "--animation", "--rig"].into_iter().zip(inputs) {
+            not_onto(&self.out, &[(option, input)])?;
+        }
         let mut report = new_report();
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
         let rig = timed(&mut report, "read", || read_rig(&self.rig))?;
@@ -123,8 +127,7 @@ impl Solve {
         for warning in &report.warnings {
             text += &format!("warning: {warning}\n");
         }
-        console.value(&full, &text);
-        Ok(())
+        console.value(&full, &text)
     }
 }
 

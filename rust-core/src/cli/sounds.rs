@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::{
-    arguments::{SharedArgs, shown},
+    arguments::{SharedArgs, SoundArgs, not_onto, shown},
     console::Console,
     stages::{new_report, read_sound},
 };
@@ -38,6 +38,8 @@ pub(super) struct Sounds {
     /// (lines of start, end and label)
     #[arg(long, value_name = "O")]
     out: PathBuf,
+    #[command(flatten)]
+    sound: SoundArgs,
     /// Frames per second that .pgo and .dat count
     #[arg(long, default_value_t = 24.0)]
     fps: f64,
@@ -47,12 +49,16 @@ impl Sounds {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         AnnotationFormat::from_path(&self.out)?;
         check_fps(self.fps)?;
+        for input in self.audio.iter().chain(&self.sounds).chain(&self.text_file) {
+            not_onto(&self.out, &[("its input", input)])?;
+        }
+        let mut report = new_report();
         let found = match (&self.sounds, &self.audio) {
             (Some(path), _) => Annotation::read(path, self.fps)?,
             (None, path) => {
                 let path = path.as_deref().unwrap_or(&self.out);
                 let text = self.spoken()?;
-                let waveform = read_sound(&mut new_report(), path)?;
+                let waveform = read_sound(&mut report, path, &self.sound)?;
                 let engine = shared.engine()?;
                 match self.asks_for_phones() {
                     true => engine.listen_to_phones(&waveform, text.as_deref())?,
@@ -69,6 +75,7 @@ impl Sounds {
             "intervals": intervals,
             "duration_s": found.duration_s,
             "closures": found.closures().unwrap_or_default(),
+            "warnings": report.warnings,
         });
         if self.asks_for_phones() {
             for symbols in [Symbols::Phones, Symbols::Words] {
@@ -78,7 +85,8 @@ impl Sounds {
                     .collect();
             }
         }
-        console.value(&value, &text);
+        console.value(&value, &text)?;
+        console.warn(&report.warnings);
         Ok(())
     }
 

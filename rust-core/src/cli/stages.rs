@@ -7,9 +7,10 @@ use std::{
 
 use ndarray::Array3;
 
+use super::arguments::SoundArgs;
 use crate::{
     Face, Result,
-    audio::Waveform,
+    audio::{SoundFile, Waveform},
     ibug::REGIONS,
     mesh::Mouth,
     motion::Life,
@@ -45,9 +46,13 @@ fn note(report: &mut Report, stage: &str, spent: Duration) {
 }
 
 /// Decodes the sound and notes what is odd about it.
-pub(super) fn read_sound(report: &mut Report, path: &Path) -> Result<Waveform> {
-    let waveform = timed(report, "read", || Waveform::from_file(path))?;
+pub(super) fn read_sound(report: &mut Report, path: &Path, how: &SoundArgs) -> Result<Waveform> {
+    let SoundFile { waveform, damage } = timed(report, "read", || how.read(path))?;
     report.audio_s = Some(waveform.duration_s());
+    report.missing_audio_s = damage.map(|damage| damage.missing_s);
+    report
+        .warnings
+        .extend(damage.map(|damage| damage.sentence()));
     report.warnings.extend(warnings_of_sound(&waveform));
     Ok(waveform)
 }

@@ -19,8 +19,7 @@ pub(super) struct Units {
 impl Units {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         let understood = TextUnits::open(shared.weights())?.understood_or_error(&self.text)?;
-        console.value(&json(&self.text, &understood), &table(&understood));
-        Ok(())
+        console.value(&json(&self.text, &understood), &table(&understood))
     }
 }
 

@@ -1,6 +1,6 @@
 //! Emotion over time, written down.
 
-use super::{Emotion, EmotionCurve};
+use super::{Emotion, EmotionCurve, WordEmotion, unknown};
 use crate::{Error, Result};
 
 impl EmotionCurve {
@@ -13,9 +13,17 @@ impl EmotionCurve {
     /// `InvalidInput` for no key, a time that is not a number or does not rise, and those of
     /// [`Emotion::parse`].
     pub fn parse_keys(text: &str) -> Result<Self> {
+        EmotionCurve::parse_keys_with(text, &unknown)
+    }
+
+    /// The same with words that are no category: see [`Emotion::parse_with`].
+    ///
+    /// # Errors
+    /// Those of [`EmotionCurve::parse_keys`] and of `of`.
+    pub fn parse_keys_with(text: &str, of: WordEmotion<'_>) -> Result<Self> {
         let keys = text
             .split_whitespace()
-            .map(key)
+            .map(|word| key(word, of))
             .collect::<Result<Vec<_>>>()?;
         let rising = keys.windows(2).all(|pair| pair[0].0 < pair[1].0);
         if keys.is_empty() || !rising {
@@ -27,7 +35,7 @@ impl EmotionCurve {
     }
 }
 
-fn key(word: &str) -> Result<(f64, Emotion)> {
+fn key(word: &str, of: WordEmotion<'_>) -> Result<(f64, Emotion)> {
     let wrong = || {
         Error::InvalidInput(format!(
             "emotion keys: expected seconds:emotion, as in 2.5:happy:0.8, got {word:?}"
@@ -36,7 +44,7 @@ fn key(word: &str) -> Result<(f64, Emotion)> {
     let (time, emotion) = word.split_once(':').ok_or_else(wrong)?;
     let time_s: f64 = time.parse().map_err(|_| wrong())?;
     match time_s.is_finite() && time_s >= 0.0 && !emotion.is_empty() {
-        true => Ok((time_s, Emotion::parse(emotion)?)),
+        true => Ok((time_s, Emotion::parse_with(emotion, of)?)),
         false => Err(wrong()),
     }
 }

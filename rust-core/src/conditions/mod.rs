@@ -6,9 +6,7 @@ mod from_voice;
 mod keys;
 mod request;
 
-use std::borrow::Cow;
-
-use crate::{Error, Result, audio::Prosody};
+use crate::{Error, Result};
 use ndarray::Array2;
 
 pub use action_units::{
@@ -16,7 +14,7 @@ pub use action_units::{
 };
 pub use controls::{Control, ControlCurve, ControlStage, ControlValues, Controls};
 pub use from_voice::{arousal, emotion_from_voice};
-pub use request::{FPS, MotionRequest, check_closures, check_fps};
+pub use request::{FPS, MotionRequest, check_closures, check_fps, style_number};
 
 /// The fifteen emotion categories, in the order of the weights.
 pub const EMOTIONS: [&str; 15] = [
@@ -39,6 +37,17 @@ pub const EMOTIONS: [&str; 15] = [
 
 /// Largest intensity that a caller may ask for; 1 is a full expression.
 pub const MAX_INTENSITY: f32 = 1.5;
+
+/// Shares of [`EMOTIONS`] that a word stands for, or why it has none.
+pub type WordEmotion<'a> = &'a dyn Fn(&str) -> Result<[f32; 15]>;
+
+/// No word but the categories themselves.
+fn unknown(name: &str) -> Result<[f32; 15]> {
+    Err(Error::InvalidInput(format!(
+        "emotion: expected one of {}, got {name:?}",
+        EMOTIONS.join(", ")
+    )))
+}
 
 /// A mixture of emotions with one intensity, at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,6 +77,15 @@ impl Emotion {
     /// # Errors
     /// `InvalidInput` for an unknown name or a strength outside 0 to [`MAX_INTENSITY`].
     pub fn parse(text: &str) -> Result<Self> {
+        Emotion::parse_with(text, &unknown)
+    }
+
+    /// The same where words that are no category are emotions too: `of` gives the shares of the categories, which
+    /// sum to 1, or says why it has none.
+    ///
+    /// # Errors
+    /// Those of [`Emotion::parse`] and of `of`.
+    pub fn parse_with(text: &str, of: WordEmotion<'_>) -> Result<Self> {
         let mut strength = [0.0f32; 15];
         for item in text
             .split(',')
@@ -75,19 +93,16 @@ impl Emotion {
             .filter(|item| !item.is_empty())
         {
             let (name, value) = item.split_once(':').unwrap_or((item, "1"));
-            let index = EMOTIONS
-                .iter()
-                .position(|known| *known == name)
-                .ok_or_else(|| {
-                    Error::InvalidInput(format!(
-                        "emotion: expected one of {}, got {name:?}",
-                        EMOTIONS.join(", ")
-                    ))
-                })?;
+            let shares = match EMOTIONS.iter().position(|known| *known == name) {
+                Some(index) => std::array::from_fn(|e| f32::from(u8::from(e == index))),
+                None => of(name)?,
+            };
             let value: f32 = value.parse().map_err(|_| {
                 Error::InvalidInput(format!("emotion {name}: expected a number, got {value:?}"))
             })?;
-            strength[index] += value;
+            for (sum, share) in strength.iter_mut().zip(shares) {
+                *sum += share * value;
+            }
         }
         Self::from_strengths(strength)
     }
@@ -121,8 +136,11 @@ pub enum EmotionCurve {
     Constant(Emotion),
     /// `(time_s, emotion)` in rising order; linear in between, held outside.
     Keys(Vec<(f64, Emotion)>),
-    /// Read from the voice: see [`emotion_from_voice`]. Neutral until [`EmotionCurve::resolved`].
+    /// The feeling that is heard in the voice: see [`crate::speech::FeelingEncoder::emotion`]. Neutral until it
+    /// was heard.
     Auto,
+    /// How excited the voice sounds: see [`emotion_from_voice`]. Neutral until it was heard.
+    Arousal,
     /// No emotion, and nothing else that speech did not cause: no blinks, no motion of the upper
     /// face.
     Off,
@@ -135,23 +153,24 @@ impl Default for EmotionCurve {
 }
 
 impl EmotionCurve {
-    /// Reads `off`, `auto`, or an emotion as [`Emotion::parse`] does.
+    /// Reads `off`, `auto`, `auto-arousal`, or an emotion as [`Emotion::parse`] does.
     ///
     /// # Errors
     /// Those of [`Emotion::parse`].
     pub fn parse(text: &str) -> Result<Self> {
+        EmotionCurve::parse_with(text, &unknown)
+    }
+
+    /// The same with words that are no category: see [`Emotion::parse_with`].
+    ///
+    /// # Errors
+    /// Those of [`Emotion::parse_with`].
+    pub fn parse_with(text: &str, of: WordEmotion<'_>) -> Result<Self> {
         match text.trim() {
             "off" => Ok(Self::Off),
             "auto" => Ok(Self::Auto),
-            other => Emotion::parse(other).map(Self::Constant),
-        }
-    }
-
-    /// The curve itself, or for [`EmotionCurve::Auto`] what is heard in the voice.
-    pub fn resolved(&self, prosody: &Prosody) -> Cow<'_, EmotionCurve> {
-        match self {
-            Self::Auto => Cow::Owned(emotion_from_voice(prosody)),
-            _ => Cow::Borrowed(self),
+            "auto-arousal" => Ok(Self::Arousal),
+            other => Emotion::parse_with(other, of).map(Self::Constant),
         }
     }
 
@@ -160,7 +179,7 @@ impl EmotionCurve {
         let keys = match self {
             Self::Constant(emotion) => return *emotion,
             Self::Keys(keys) if !keys.is_empty() => keys,
-            Self::Keys(_) | Self::Auto | Self::Off => return Emotion::default(),
+            Self::Keys(_) | Self::Auto | Self::Arousal | Self::Off => return Emotion::default(),
         };
         let after = keys.partition_point(|(key_s, _)| *key_s <= time_s);
         let (before_s, before) = keys[after.saturating_sub(1)];
@@ -196,8 +215,7 @@ impl EmotionCurve {
         match self {
             Self::Constant(emotion) => Self::Constant(scale(emotion)),
             Self::Keys(keys) => Self::Keys(keys.iter().map(|(s, e)| (*s, scale(e))).collect()),
-            Self::Auto => Self::Auto,
-            Self::Off => Self::Off,
+            Self::Auto | Self::Arousal | Self::Off => self.clone(),
         }
     }
 
@@ -210,7 +228,7 @@ impl EmotionCurve {
         match self {
             Self::Constant(emotion) => felt(emotion),
             Self::Keys(keys) => keys.iter().map(|(_, e)| felt(e)).fold(0.0, f32::max),
-            Self::Auto | Self::Off => 0.0,
+            Self::Auto | Self::Arousal | Self::Off => 0.0,
         }
     }
 
@@ -250,13 +268,37 @@ mod tests {
     }
 
     #[test]
+    fn words_that_are_no_category_are_what_they_are_said_to_be() {
+        let of = |word: &str| match word {
+            "bittersweet" => {
+                let mut shares = [0.0; 15];
+                (shares[1], shares[5]) = (0.25, 0.75);
+                Ok(shares)
+            }
+            other => unknown(other),
+        };
+        let emotion = Emotion::parse_with("bittersweet:0.8,happy:0.2", &of).unwrap();
+        assert!((emotion.intensity - 1.0).abs() < 1e-6);
+        assert!((emotion.mixture[1] - 0.4).abs() < 1e-6 && (emotion.mixture[5] - 0.6).abs() < 1e-6);
+        let happy = Emotion::parse_with("happy:0.7", &of).unwrap();
+        assert_eq!(happy, Emotion::parse("happy:0.7").unwrap());
+        assert!(
+            Emotion::parse_with("sour", &of).is_err() && Emotion::parse("bittersweet").is_err()
+        );
+        let keys = EmotionCurve::parse_keys_with("0:neutral 2:bittersweet:0.5", &of).unwrap();
+        assert!((keys.at(2.0).intensity - 0.5).abs() < 1e-6);
+    }
+
+    #[test]
     fn off_and_auto_are_read_and_neutral_until_heard() {
         assert_eq!(EmotionCurve::parse(" off").unwrap(), EmotionCurve::Off);
-        let auto = EmotionCurve::parse("auto").unwrap();
-        assert_eq!(
-            (&auto, auto.at(1.0)),
-            (&EmotionCurve::Auto, Emotion::default())
-        );
+        for (text, heard) in [
+            ("auto", EmotionCurve::Auto),
+            ("auto-arousal", EmotionCurve::Arousal),
+        ] {
+            let auto = EmotionCurve::parse(text).unwrap();
+            assert_eq!((&auto, auto.at(1.0)), (&heard, Emotion::default()));
+        }
         assert!(EmotionCurve::parse("automatic").is_err());
     }
 

@@ -3,7 +3,7 @@
 use std::{ops::RangeInclusive, sync::Arc};
 
 use super::{Controls, EmotionCurve, Event};
-use crate::{Error, Result, speech::FeltVoice};
+use crate::{Error, Result, ibug::LANDMARKS, speech::FeltVoice};
 
 /// Frames per second that a result may have.
 pub const FPS: RangeInclusive<f64> = 1.0..=240.0;
@@ -38,6 +38,9 @@ pub struct MotionRequest {
     /// Another recording of which the feeling is taken, however long, where a system hears feeling
     /// (`feeling_from` of EmoFace).
     pub felt_as: Option<Arc<FeltVoice>>,
+    /// Displacements of the landmarks in canonical metres in the frame before the first, such as the last frame
+    /// of another motion; `None` is rest. For systems that make one frame from those before.
+    pub starts_from: Option<[[f32; 3]; LANDMARKS]>,
 }
 
 impl Default for MotionRequest {
@@ -51,8 +54,22 @@ impl Default for MotionRequest {
             closures: None,
             events: Vec::new(),
             felt_as: None,
+            starts_from: None,
         }
     }
+}
+
+/// The number of the style that is asked for among those that a model knows; of its default where none is.
+///
+/// # Errors
+/// `InvalidInput` for a name that it does not know.
+pub fn style_number(asked: Option<&str>, styles: &[String], default: &str) -> Result<usize> {
+    let name = asked.unwrap_or(default);
+    let found = styles.iter().position(|known| known == name);
+    found.ok_or_else(|| {
+        let known = styles.join(", ");
+        Error::InvalidInput(format!("style: expected one of {known}, got {name:?}"))
+    })
 }
 
 /// Whether lips can be together then.

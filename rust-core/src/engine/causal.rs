@@ -5,6 +5,7 @@ use crate::{
     Error, Result,
     audio::Waveform,
     conditions::{ControlStage, EmotionCurve, MotionRequest, check_fps},
+    finite::check_result,
     motion::{LandmarkClip, MotionStream, stream_whole},
     progress::{self, ProgressFn},
     speech::frames_of,
@@ -43,6 +44,7 @@ impl Engine {
         let mut stream = self.stream()?;
         progress::report(progress, "motion", 0.0)?;
         let clip = stream_whole(stream.as_mut(), &waveform.samples, &request.emotion)?;
+        check_result("motion", clip.displacements.view().into_dyn())?;
         progress::report(progress, "motion", 1.0)?;
         Ok(clip.at_rate(request.fps, frames_of(waveform.duration_s(), request.fps)))
     }
@@ -51,7 +53,7 @@ impl Engine {
         let known = self.registration.controls_of(ControlStage::Motion);
         let problem = if let Some(style) = &request.style {
             format!("no style, got {style:?}")
-        } else if request.emotion == EmotionCurve::Auto {
+        } else if matches!(request.emotion, EmotionCurve::Auto | EmotionCurve::Arousal) {
             "an emotion that is given, got one from the voice, which needs the whole sound".into()
         } else if !request.controls.ask_nothing(known) {
             format!("no controls, got {:?}", request.controls)

@@ -14,7 +14,7 @@ impl Engine {
     /// # Errors
     /// `Audio` for a sound too short to use.
     pub fn listen(&self, waveform: &Waveform) -> Result<Annotation> {
-        self.threads(|| Ok(closures_of(&Heard::of(waveform, &self.encoder)?)))
+        self.threads(|| Ok(self.closures_of(&Heard::of(waveform, &self.encoder)?)))
     }
 
     /// The same, with tiers of phones and, where a text is given, of its words. The tier of closures is
@@ -26,7 +26,7 @@ impl Engine {
         self.threads(|| {
             let heard = Heard::of(waveform, &self.encoder)?;
             let said = self.phone_model()?.said(&heard, text)?;
-            let mut found = closures_of(&heard);
+            let mut found = self.closures_of(&heard);
             for tier in &mut found.tiers {
                 tier.symbols = Symbols::Closures;
             }
@@ -46,12 +46,13 @@ impl Engine {
         let model = PhoneModel::open(self.model_folder.as_deref())?;
         Ok(self.phone_model.get_or_init(|| model))
     }
-}
 
-fn closures_of(heard: &Heard) -> Annotation {
-    let mut closures = heard.closures(None).intervals();
-    for interval in &mut closures {
-        interval[1] = interval[1].min(heard.duration_s).max(interval[0]);
+    /// As the system hears them.
+    fn closures_of(&self, heard: &Heard) -> Annotation {
+        let mut closures = self.system.closures(heard, None).intervals();
+        for interval in &mut closures {
+            interval[1] = interval[1].min(heard.duration_s).max(interval[0]);
+        }
+        Annotation::of_closures(&closures, heard.duration_s)
     }
-    Annotation::of_closures(&closures, heard.duration_s)
 }

@@ -23,12 +23,14 @@ use crate::{
         compression::{self, VertexBasis},
     },
     face::Face,
+    finite::check_result,
     mesh::{self, FaceOptions, LandmarkFinder, Mesh},
     models,
     motion::{FaceModes, LandmarkClip, Motion},
+    outside::guarded,
     progress::ProgressFn,
     rig::{self, Rig, RigModel, SolveOptions, SolvedWeights},
-    speech::{self, PhoneModel, SpeechEncoder},
+    speech::{self, FeelingEncoder, PhoneModel, SpeechEncoder},
     spread::{self, FrameSink, Spread, SpreadReport},
     systems::{Registration, System, Windows, built_in_models},
 };
@@ -95,6 +97,8 @@ pub struct Engine {
     finder: LandmarkFinder,
     /// How lids go with eyes that look up and down.
     face_modes: FaceModes,
+    /// What of a feeling is heard in a voice.
+    feeling: FeelingEncoder,
     /// Loaded where shapes are asked for.
     rig_model: OnceLock<RigModel>,
     /// Loaded where phones or words are asked for.
@@ -104,7 +108,12 @@ pub struct Engine {
     /// Names the models in what is kept of a mesh.
     key_of_models: CacheKey,
     pool: Option<rayon::ThreadPool>,
+    /// The process that made the engine: threads do not live on in a copy of it.
+    process: u32,
 }
+
+/// The process that made the first engine, and with it the threads that all share.
+static FIRST_PROCESS: OnceLock<u32> = OnceLock::new();
 
 impl EngineOptions {
     /// What can be checked of them before anything is loaded.
@@ -130,6 +139,14 @@ impl Engine {
     /// unknown system or a number of threads out of range.
     pub fn new(options: EngineOptions) -> Result<Self> {
         options.check()?;
+        match options.models.is_some() || options.speech.is_some() {
+            // Files of others: what their sizes lead to is not known before.
+            true => guarded(Error::Weights, || Self::load(options)),
+            false => Self::load(options),
+        }
+    }
+
+    fn load(options: EngineOptions) -> Result<Self> {
         let folder = options.models.as_deref();
         if let Some(folder) = folder {
             models::check_folder(folder, built_in_models(), &speech::CHECKPOINTS)?;
@@ -146,11 +163,13 @@ impl Engine {
             creases: Creases::open(folder)?,
             finder: LandmarkFinder::load(folder)?,
             face_modes: FaceModes::open(folder)?,
+            feeling: FeelingEncoder::open(folder)?,
             rig_model: OnceLock::new(),
             phone_model: OnceLock::new(),
             cache: Cache::new(&options.cache),
             key_of_models: key_of_models(folder)?,
-            pool: options.threads.map(thread_pool).transpose()?,
+            pool: threads_of_own(options.threads)?,
+            process: std::process::id(),
             model_folder: options.models,
         })
     }
@@ -255,12 +274,9 @@ impl Engine {
                 deformer: learned.as_ref(),
                 share: self.static_weights.known(&landmarks),
             };
-            Ok(Arc::new(model.make(
-                face,
-                plain.as_ref(),
-                &learned,
-                progress,
-            )?))
+            let rig = model.make(face, plain.as_ref(), &learned, progress)?;
+            check_result("rig", rig.deltas.view().into_dyn())?;
+            Ok(Arc::new(rig))
         };
         self.threads(|| face.rig(make).map(Arc::clone))
     }
@@ -344,10 +360,12 @@ impl Engine {
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
         let shares = self.threads(|| Ok(self.deformer(face, progress)?.attention(landmarks)))?;
-        shares.ok_or_else(|| {
+        let shares = shares.ok_or_else(|| {
             let message = "attention: expected a decoder that has one (paper), got one without";
             Error::InvalidInput(message.into())
-        })
+        })?;
+        check_result("attention", shares.view().into_dyn())?;
+        Ok(shares)
     }
 
     /// The whole way: sound and a face to frames in `sink`.
@@ -396,7 +414,19 @@ impl Engine {
     }
 
     /// Runs `work` on the engine's own threads, if it has any.
-    fn threads<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+    ///
+    /// # Errors
+    /// `InvalidInput` in a copy of the process that made the engine, where nobody would do the work;
+    /// otherwise those of `work`.
+    fn threads<T: Send>(&self, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+        let here = std::process::id();
+        if here != self.process {
+            return Err(Error::InvalidInput(format!(
+                "engine: expected the process that made it ({}), got {here}: threads do not live on after \
+                 fork(); make an engine in the new process",
+                self.process
+            )));
+        }
         match &self.pool {
             Some(pool) => pool.install(work),
             None => work(),
@@ -419,6 +449,16 @@ fn key_of_models(folder: Option<&Path>) -> Result<CacheKey> {
         }
     }
     Ok(key)
+}
+
+/// The threads that were asked for. In a copy of the process the shared ones are gone, so that an engine
+/// that is made there has its own.
+fn threads_of_own(asked: Option<usize>) -> Result<Option<rayon::ThreadPool>> {
+    let here = std::process::id();
+    let is_copy = *FIRST_PROCESS.get_or_init(|| here) != here;
+    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+    let wanted = asked.or_else(|| is_copy.then(|| cores().min(MAX_THREADS)));
+    wanted.map(thread_pool).transpose()
 }
 
 fn thread_pool(threads: usize) -> Result<rayon::ThreadPool> {

@@ -10,8 +10,9 @@ use crate::{
     audio::Waveform,
     conditions::{
         Control, ControlCurve, ControlStage, EmotionCurve, Event, MotionRequest, check_closures,
-        check_fps,
+        check_fps, emotion_from_voice,
     },
+    finite::check_result,
     motion::{Life, LifeStrengths, Motion, Stretch},
     progress::{ProgressFn, report},
     speech::Heard,
@@ -24,6 +25,7 @@ const PIECES: usize = 2;
 /// A control whose largest and least value lie nearer together does not change.
 const STILL: f64 = 1e-6;
 
+const FIRST_POSE: &str = "first pose: expected a system that goes on from one";
 /// Controls of what lives beside the face.
 const HEAD: &str = "head_motion";
 const GAZE: &str = "gaze";
@@ -88,7 +90,8 @@ impl Engine {
     /// The motion has one frame for every started `1 / fps` seconds of sound, at least one.
     ///
     /// # Errors
-    /// `Audio` for a sound too short to use, `InvalidInput` for a request out of range, `Cancelled`.
+    /// `Audio` for a sound too short to use, `InvalidInput` for a request out of range, `Numerics` where the
+    /// weights of a model lead to numbers that are none, `Cancelled`.
     pub fn perform(
         &self,
         waveform: &Waveform,
@@ -131,6 +134,9 @@ impl Engine {
         self.able(request.felt_as.is_none(), expected, |system| {
             system.hears_feeling
         })?;
+        self.able(request.starts_from.is_none(), FIRST_POSE, |system| {
+            system.starts_from_pose
+        })?;
         let known = self.registration.controls();
         request.controls.check(known, ControlStage::Motion)
     }
@@ -164,8 +170,13 @@ impl Engine {
 
     /// The request with the emotion that is heard in the voice.
     fn resolved(&self, request: &MotionRequest, heard: &Heard) -> MotionRequest {
+        let emotion = match &request.emotion {
+            EmotionCurve::Auto => self.feeling.emotion(&heard.voice),
+            EmotionCurve::Arousal => emotion_from_voice(&heard.prosody),
+            given => given.clone(),
+        };
         MotionRequest {
-            emotion: request.emotion.resolved(&heard.prosody).into_owned(),
+            emotion,
             ..request.clone()
         }
     }
@@ -177,6 +188,9 @@ impl Engine {
         request: MotionRequest,
     ) -> Result<Performance> {
         let (motion, life) = self.controlled(&sampled, &heard, &request, &request.emotion)?;
+        check_result("motion", motion.values())?;
+        check_result("head", life.head.view().into_dyn())?;
+        check_result("gaze", life.gaze.view().into_dyn())?;
         Ok(Performance {
             motion,
             life,

@@ -37,6 +37,7 @@ pub use fixed::{FixedLandmark, LandmarkPlace};
 pub use front_view::FrontView;
 pub use landmarks::{locate_landmarks, locate_landmarks_with};
 pub use mouth::Mouth;
+pub(crate) use obj::obj_text;
 pub use open_mouth::{OpenedMouth, TriangleSource, open_mouth};
 pub use parts::Parts;
 pub use roles::{ObjectNames, Part, PartChoices, PartRole, PartSelector, RoleSource};

@@ -7,11 +7,24 @@
 use super::Mesh;
 use crate::{Error, Result};
 
-/// Parses the text of an OBJ file; names in it may be in any encoding.
+/// The text of an OBJ file with continued lines joined; names in it may be in any encoding, a byte-order
+/// mark is dropped, and lines may end as on old Macs.
+pub(crate) fn obj_text(bytes: &[u8]) -> String {
+    let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);
+    let text = String::from_utf8_lossy(bytes);
+    let text = match text.contains('\n') {
+        true => text,
+        false => text.replace('\r', "\n").into(),
+    };
+    text.replace("\\\r\n", " ").replace("\\\n", " ")
+}
+
+/// What some editors put before text in UTF-8.
+const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
+
+/// Parses an OBJ file.
 pub(super) fn parse_obj(bytes: &[u8]) -> Result<Mesh> {
-    let text = String::from_utf8_lossy(bytes)
-        .replace("\\\r\n", " ")
-        .replace("\\\n", " ");
+    let text = obj_text(bytes);
     let mut positions = Vec::new();
     let mut polygons: Vec<(usize, Vec<i64>)> = Vec::new();
     for (number, line) in text.lines().enumerate() {
@@ -111,6 +124,16 @@ l 1 2
         assert_eq!(mesh.positions.len(), 8);
         assert_eq!(mesh.positions[0], [9.0; 3]);
         assert_eq!(mesh.triangles, [[3, 2, 1], [4, 5, 6], [4, 6, 7]]);
+    }
+
+    #[test]
+    fn a_byte_order_mark_and_ends_of_old_macs_lose_no_vertex() {
+        let plain = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n";
+        let expected = parse_obj(plain.as_bytes()).unwrap();
+        let marked = [BYTE_ORDER_MARK, plain.as_bytes()].concat();
+        assert_eq!(parse_obj(&marked).unwrap(), expected);
+        let old = plain.replace('\n', "\r");
+        assert_eq!(parse_obj(old.as_bytes()).unwrap(), expected);
     }
 
     #[test]

@@ -1,8 +1,10 @@
 //! PLY, ascii and binary, through ply-rs-bw.
 
 use ply_rs_bw::{
-    parser::Parser,
-    ply::{Property, PropertyAccess, PropertyAccessResult},
+    parser::{Parser, Reader},
+    ply::{
+        Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
+    },
 };
 
 use super::Mesh;
@@ -63,18 +65,22 @@ fn integers(property: Property) -> Option<Vec<i64>> {
 /// them, every other triangle turned, as the Stanford repository writes them). Other elements are
 /// passed over.
 pub(super) fn parse_ply(bytes: &[u8]) -> Result<Mesh> {
-    let mut source = bytes;
-    let file = Parser::<Record>::new()
-        .read_ply(&mut source)
-        .map_err(|e| Error::Mesh(format!("damaged PLY: {e}")))?;
-    let vertices = file.header.elements.get("vertex");
+    let mut source = Reader::new(bytes);
+    let parser = Parser::<Record>::new();
+    let damaged = |e: &dyn std::fmt::Display| Error::Mesh(format!("damaged PLY: {e}"));
+    let header = parser.read_header(&mut source).map_err(|e| damaged(&e))?;
+    let vertices = header.elements.get("vertex");
     let axes = ["x", "y", "z"];
     if !vertices.is_some_and(|v| axes.iter().all(|a| v.properties.contains_key(*a))) {
         return Err(Error::Mesh(
             "PLY: expected vertices with x, y and z, got none".into(),
         ));
     }
-    let records = |name: &str| file.payload.get(name).map_or(&[][..], Vec::as_slice);
+    check_counts(&header, source.get_ref().len())?;
+    let payload = parser
+        .read_payload(&mut source, &header)
+        .map_err(|e| damaged(&e))?;
+    let records = |name: &str| payload.get(name).map_or(&[][..], Vec::as_slice);
     let mut mesh = Mesh {
         positions: records("vertex").iter().map(|r| r.position).collect(),
         triangles: Vec::with_capacity(2 * records("face").len()),
@@ -95,6 +101,42 @@ pub(super) fn parse_ply(bytes: &[u8]) -> Result<Mesh> {
         }
     }
     Ok(mesh)
+}
+
+/// Holds the counts that a header claims against the bytes that follow it: a record takes at least its
+/// numbers and the counts of its lists, and one byte where it has none.
+fn check_counts(header: &Header, left: usize) -> Result<()> {
+    let mut needed = 0usize;
+    for element in header.elements.values() {
+        let smallest = |kind: &PropertyType| match (header.encoding, kind) {
+            // A digit and a space.
+            (Encoding::Ascii, _) => 2,
+            (_, PropertyType::Scalar(kind) | PropertyType::List(kind, _)) => size(kind),
+        };
+        let record: usize = element
+            .properties
+            .values()
+            .map(|property| smallest(&property.data_type))
+            .sum();
+        needed = needed.saturating_add(element.count.saturating_mul(record.max(1)));
+        // The last line may lack its end.
+        if needed > left.saturating_add(1) {
+            return Err(Error::Mesh(format!(
+                "damaged PLY: expected {} of {:?} in at least {needed} bytes, got {left}",
+                element.count, element.name
+            )));
+        }
+    }
+    Ok(())
+}
+
+fn size(kind: &ScalarType) -> usize {
+    match kind {
+        ScalarType::Char | ScalarType::UChar => 1,
+        ScalarType::Short | ScalarType::UShort => 2,
+        ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
+        ScalarType::Double => 8,
+    }
 }
 
 fn vertex_numbers(corners: &[i64]) -> Result<Vec<u32>> {
@@ -160,6 +202,24 @@ end_header
         let wrong = ascii.replace("9 0 1 2 3 -1", "9 0 1 2 3 -7");
         let message = parse_ply(wrong.as_bytes()).unwrap_err().to_string();
         assert!(message.contains("got -7"), "{message}");
+    }
+
+    #[test]
+    fn counts_are_held_against_the_bytes() {
+        for format in ["ascii", "binary_little_endian", "binary_big_endian"] {
+            for count in ["4000000000", "1000000000000000000"] {
+                let bare = format!(
+                    "ply\nformat {format} 1.0\nelement ghost {count}\n{HEADER}{}",
+                    "0 0 0 0\n".repeat(4)
+                );
+                let error = parse_ply(bare.as_bytes()).unwrap_err().to_string();
+                assert!(error.contains(count) && error.contains("ghost"), "{error}");
+                let many = format!("ply\nformat {format} 1.0\n{HEADER}0 0 255 0\n")
+                    .replace("vertex 4", &format!("vertex {count}"));
+                let error = parse_ply(many.as_bytes()).unwrap_err().to_string();
+                assert!(error.contains(count) && error.contains("vertex"), "{error}");
+            }
+        }
     }
 
     #[test]

@@ -2,7 +2,8 @@
 
 use super::vec3::{cross, dot, perpendicular, sub, unit};
 
-/// Ears are clipped at quadratic cost; larger concave polygons become fans.
+/// Ears are clipped at quadratic cost; larger concave polygons become fans, so that no mesh costs more than
+/// so much for each of its corners.
 const MAX_CLIPPED: usize = 1024;
 
 /// Appends the triangles of one polygon: a fan where it is convex, clipped ears where it is not.
@@ -51,26 +52,40 @@ fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
 
 fn clip_ears(corners: &[u32], flat: &[[f64; 2]], out: &mut Vec<[u32; 3]>) {
     let mut left: Vec<usize> = (0..corners.len()).collect();
+    let mut clipped = vec![false; corners.len()];
+    // Corners of the polygon below which none lies in the ear at a corner. Points only go, so that the
+    // search goes on where it has stopped, until the ear itself changes.
+    let mut searched = vec![0; corners.len()];
     while left.len() > 3 {
         let n = left.len();
         let around = |i: usize| [left[(i + n - 1) % n], left[i], left[(i + 1) % n]];
+        let is_ear = |&i: &usize| {
+            let ear = around(i);
+            let from = &mut searched[ear[1]];
+            is_free(ear, from, &clipped, flat)
+        };
         // A polygon that crosses itself may have no ear: cut any corner then.
-        let ear = (0..n)
-            .find(|&i| is_ear(around(i), &left, flat))
-            .unwrap_or(1);
-        out.push(around(ear).map(|i| corners[i]));
+        let ear = (0..n).find(is_ear).unwrap_or(1);
+        let [before, tip, after] = around(ear);
+        out.push([before, tip, after].map(|i| corners[i]));
+        (searched[before], searched[after], clipped[tip]) = (0, 0, true);
         left.remove(ear);
     }
     out.push([0, 1, 2].map(|i| corners[left[i]]));
 }
 
-fn is_ear([a, b, c]: [usize; 3], left: &[usize], flat: &[[f64; 2]]) -> bool {
-    let (pa, pb, pc) = (flat[a], flat[b], flat[c]);
-    turn(pa, pb, pc) > 0.0
-        && left.iter().filter(|i| ![a, b, c].contains(i)).all(|&i| {
-            let p = flat[i];
-            turn(pa, pb, p) < 0.0 || turn(pb, pc, p) < 0.0 || turn(pc, pa, p) < 0.0
-        })
+/// Whether a corner points outwards and holds no other that is left; `from` is moved on to the first that
+/// it holds.
+fn is_free(ear: [usize; 3], from: &mut usize, clipped: &[bool], flat: &[[f64; 2]]) -> bool {
+    let [a, b, c] = ear.map(|i| flat[i]);
+    let outside = |p: [f64; 2]| turn(a, b, p) < 0.0 || turn(b, c, p) < 0.0 || turn(c, a, p) < 0.0;
+    if turn(a, b, c) <= 0.0 {
+        return false;
+    }
+    while *from < flat.len() && (clipped[*from] || ear.contains(from) || outside(flat[*from])) {
+        *from += 1;
+    }
+    *from == flat.len()
 }
 
 #[cfg(test)]
@@ -116,7 +131,67 @@ mod tests {
         assert!(out[1..].iter().all(|t| t.iter().all(|&v| v < 3)));
     }
 
+    /// The rule in its plainest form: the first corner that is an ear, over and over, at cubic cost.
+    fn clip_plainly(corners: &[u32], flat: &[[f64; 2]]) -> Vec<[u32; 3]> {
+        let mut left: Vec<usize> = (0..corners.len()).collect();
+        let mut out = Vec::new();
+        while left.len() > 3 {
+            let n = left.len();
+            let around = |i: usize| [left[(i + n - 1) % n], left[i], left[(i + 1) % n]];
+            let is_ear = |&i: &usize| {
+                let ear = around(i);
+                let [a, b, c] = ear.map(|i| flat[i]);
+                let mut others = left.iter().filter(|i| !ear.contains(i)).map(|&i| flat[i]);
+                turn(a, b, c) > 0.0
+                    && others
+                        .all(|p| turn(a, b, p) < 0.0 || turn(b, c, p) < 0.0 || turn(c, a, p) < 0.0)
+            };
+            let ear = (0..n).find(is_ear).unwrap_or(1);
+            out.push(around(ear).map(|i| corners[i]));
+            left.remove(ear);
+        }
+        out.push([0, 1, 2].map(|i| corners[left[i]]));
+        out
+    }
+
+    /// A polygon whose every corner but few is blocked: a comb with teeth into each other.
+    #[test]
+    fn a_thousand_corners_that_cross_are_clipped_soon() {
+        let n = MAX_CLIPPED as u32;
+        let mut seed = 1u32;
+        let points: Vec<[f32; 3]> = (0..n)
+            .map(|_| {
+                let mut next = || {
+                    seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                    (seed >> 16) as f32
+                };
+                [next(), next(), 0.0]
+            })
+            .collect();
+        let mut mesh = Mesh {
+            positions: points,
+            triangles: Vec::new(),
+        };
+        let polygon: Vec<u32> = (0..n).collect();
+        // Cubic cost takes minutes for these.
+        for _ in 0..40 {
+            triangulate(&mesh.positions, &polygon, &mut mesh.triangles);
+        }
+        assert_eq!(mesh.triangles.len(), 40 * (MAX_CLIPPED - 2));
+    }
+
     proptest! {
+        #[test]
+        fn ears_are_those_of_the_plain_rule(
+            points in proptest::collection::vec(proptest::array::uniform2(-9i8..10), 4..40),
+        ) {
+            let flat: Vec<[f64; 2]> = points.iter().map(|p| p.map(f64::from)).collect();
+            let corners: Vec<u32> = (0..flat.len() as u32).collect();
+            let mut out = Vec::new();
+            clip_ears(&corners, &flat, &mut out);
+            prop_assert_eq!(out, clip_plainly(&corners, &flat));
+        }
+
         #[test]
         fn star_shaped_polygons_keep_their_area(radii in proptest::collection::vec(0.2f32..2.0, 4..20)) {
             let n = radii.len();

@@ -1,6 +1,11 @@
 //! What the parts of a mesh are: skin, teeth, eyes, lashes, hair, and what a caller says they are.
 
-use std::{fmt, path::Path, str::FromStr};
+use std::{
+    collections::{BTreeMap, HashMap},
+    fmt,
+    path::Path,
+    str::FromStr,
+};
 
 use serde::{Deserialize, Serialize};
 
@@ -137,7 +142,7 @@ impl ObjectNames {
         let bytes = std::fs::read(path).map_err(Error::io(path))?;
         Ok(match bytes.starts_with(b"ply") || bytes.contains(&0) {
             true => ObjectNames::default(),
-            false => ObjectNames::of_obj(&String::from_utf8_lossy(&bytes)),
+            false => ObjectNames::of_obj(&super::obj_text(&bytes)),
         })
     }
 
@@ -148,7 +153,12 @@ impl ObjectNames {
             true => "o",
             false => "g",
         };
-        let mut out = ObjectNames::default();
+        let is_vertex = |line: &&str| line.split_whitespace().next() == Some("v");
+        let mut out = ObjectNames {
+            names: Vec::new(),
+            of_vertex: vec![NO_PART; text.lines().filter(is_vertex).count()],
+        };
+        let mut known: HashMap<&str, u32> = HashMap::new();
         let (mut current, mut count) = (NO_PART, 0usize);
         for line in text.lines() {
             let (word, rest) = line
@@ -158,20 +168,17 @@ impl ObjectNames {
             match word {
                 "v" => count += 1,
                 "f" => out.claim(rest, current, count),
-                _ if word == keyword => current = out.number_of(rest.trim()),
+                _ if word == keyword => {
+                    let name = rest.trim();
+                    current = *known.entry(name).or_insert_with(|| {
+                        out.names.push(name.to_owned());
+                        out.names.len() as u32 - 1
+                    });
+                }
                 _ => {}
             }
         }
-        out.of_vertex.resize(count, NO_PART);
         out
-    }
-
-    fn number_of(&mut self, name: &str) -> u32 {
-        let known = self.names.iter().position(|n| n == name);
-        known.unwrap_or_else(|| {
-            self.names.push(name.to_owned());
-            self.names.len() - 1
-        }) as u32
     }
 
     /// Gives the corners of a face, `1/1/1 2/2/2 …`, to an object.
@@ -183,11 +190,11 @@ impl ObjectNames {
                 Some(n) if n < 0 && n >= -(count as i64) => (count as i64 + n) as usize,
                 _ => continue,
             };
-            if vertex >= self.of_vertex.len() {
-                self.of_vertex.resize(vertex + 1, NO_PART);
-            }
-            if self.of_vertex[vertex] == NO_PART {
-                self.of_vertex[vertex] = object;
+            // A number beyond the vertices names none; reading the mesh refuses it.
+            if let Some(of_vertex) = self.of_vertex.get_mut(vertex)
+                && *of_vertex == NO_PART
+            {
+                *of_vertex = object;
             }
         }
     }
@@ -198,15 +205,14 @@ impl ObjectNames {
         parts
             .iter()
             .map(|vertices| {
-                let mut counts = vec![0usize; self.names.len()];
+                let mut counts: BTreeMap<u32, usize> = BTreeMap::new();
                 for object in vertices.iter().filter_map(object) {
-                    if let Some(count) = counts.get_mut(object as usize) {
-                        *count += 1;
-                    }
+                    *counts.entry(object).or_default() += 1;
                 }
-                let most = counts.iter().copied().max().filter(|&n| n > 0)?;
-                let first = counts.iter().position(|&n| n == most)?;
-                Some(self.names[first].as_str())
+                counts.remove(&NO_PART);
+                let most = counts.values().copied().max()?;
+                let (first, _) = counts.iter().find(|(_, n)| **n == most)?;
+                self.names.get(*first as usize).map(String::as_str)
             })
             .collect()
     }
@@ -272,6 +278,15 @@ mod tests {
         assert_eq!(names.of_vertex, [0, 0, 0, 1, 1, 1, NO_PART]);
         let groups = ObjectNames::of_obj(&TWO.replace("o ", "# "));
         assert_eq!(groups.names, ["inner"]);
+    }
+
+    #[test]
+    fn vertices_that_are_not_there_cost_nothing() {
+        let names = ObjectNames::of_obj("v 0 0 0\no a\nf 9223372036854775807 4294967297 1\n");
+        assert_eq!(
+            (names.of_vertex, names.names),
+            (vec![0], vec!["a".to_owned()])
+        );
     }
 
     #[test]

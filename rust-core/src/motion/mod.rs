@@ -40,7 +40,7 @@ pub use expression::{CausalExpression, EmotionOrigin, Expressions, MODEL as EXPR
 pub use face_modes::{FaceModes, MODEL as FACE_MODES_MODEL};
 pub use frame_stream::{LandmarkFrame, MotionStream, stream_whole};
 pub use life::{Life, LifeStrengths};
-pub use perform::Cues;
+pub use perform::{Cues, Performer};
 pub use redo::Stretch;
 pub use visibility::{SPOKEN_MM, VISIBLE_MM, Visibility, lip_travel};
 pub use weights::{LipGaps, WeightCues};

@@ -3,7 +3,8 @@
 use ndarray::{Array3, ArrayView2};
 
 use super::{
-    EmotionOrigin, Expressions, FaceModes, LandmarkClip, PERFORMANCE_CONTROLS, PerformanceControls,
+    EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, PERFORMANCE_CONTROLS,
+    PerformanceControls,
     articulation::{articulate, keep_closures},
     blinks::{blinks, close_lids},
     breath::breathe,
@@ -15,7 +16,7 @@ use super::{
 use crate::{
     Result,
     audio::Prosody,
-    conditions::{ControlStage, Controls},
+    conditions::{ControlStage, Controls, EmotionCurve, MotionRequest},
     ibug,
 };
 
@@ -36,6 +37,52 @@ pub struct Cues<'a> {
     pub prosody: &'a Prosody,
     /// Same seed, same blinks, accents and variety.
     pub seed: u64,
+}
+
+/// Puts what is asked on landmarks that a system has sampled.
+#[derive(Debug, Clone, Copy)]
+pub struct Performer<'a> {
+    /// How the landmarks move together.
+    pub modes: &'a FaceModes,
+    /// The expressions of the emotions.
+    pub expressions: &'a Expressions,
+    /// Whether what was sampled shows the emotion already.
+    pub emotion_origin: EmotionOrigin,
+    /// How the speech was said.
+    pub prosody: &'a Prosody,
+}
+
+impl Performer<'_> {
+    /// The controls of `request` on `sampled`, under `emotion`; blinks come as often as under `blink_emotion`.
+    /// Motion of another kind stays as it is.
+    ///
+    /// # Errors
+    /// Those of [`FaceModes::perform`].
+    pub fn perform(
+        &self,
+        sampled: &Motion,
+        request: &MotionRequest,
+        emotion: &EmotionCurve,
+        blink_emotion: &EmotionCurve,
+    ) -> Result<Motion> {
+        let Motion::Landmarks(clip) = sampled else {
+            return Ok(sampled.clone());
+        };
+        let affect = emotion.sample(sampled.frames(), clip.fps);
+        let blink_affect = blink_emotion.sample(sampled.frames(), clip.fps);
+        let cues = Cues {
+            affect: affect.view(),
+            blink_affect: blink_affect.view(),
+            expressions: self.expressions,
+            emotion_origin: self.emotion_origin,
+            speech_only: request.emotion == EmotionCurve::Off,
+            prosody: self.prosody,
+            seed: request.seed,
+        };
+        let controls = PerformanceControls::from(&request.controls);
+        let performed = self.modes.perform(clip, &cues, &controls)?;
+        Ok(Motion::Landmarks(performed))
+    }
 }
 
 impl FaceModes {

@@ -8,6 +8,9 @@ use std::collections::HashMap;
 
 use crate::{Error, Result};
 
+/// Largest magnitude of a weight in a file.
+const LARGEST: f32 = 1e6;
+
 /// One array: shape and values in row-major order.
 #[derive(Debug, Clone, PartialEq)]
 struct Array {
@@ -81,6 +84,25 @@ impl Weights {
             Error::Weights(message) => Error::Weights(format!("{}: {message}", path.display())),
             other => other,
         })
+    }
+
+    /// Whether every number of every array can be a weight: finite, and of a magnitude that no training gives
+    /// but that products of some still hold.
+    ///
+    /// # Errors
+    /// `Weights` that names the array.
+    pub fn check_range(&self) -> Result<()> {
+        let mut names: Vec<&String> = self.arrays.keys().collect();
+        names.sort();
+        for name in names {
+            let is_weight = |x: &&f32| x.abs() <= LARGEST;
+            if let Some(value) = self.arrays[name].values.iter().find(|x| !is_weight(x)) {
+                return Err(Error::Weights(format!(
+                    "{name}: expected numbers within ±{LARGEST}, got {value}"
+                )));
+            }
+        }
+        Ok(())
     }
 
     /// The same arrays one level down: `weights.pp("layers").pp(0)` reads `layers.0.*`.
@@ -203,6 +225,22 @@ mod tests {
         ] {
             assert_eq!(widen_f16(half), single, "{half:#06x}");
         }
+    }
+
+    #[test]
+    fn weights_without_measure_are_named() {
+        for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e38, -2e6] {
+            let weights = Weights::from_bytes(&file(&[1.0, value])).unwrap();
+            let message = weights.check_range().unwrap_err().to_string();
+            assert!(
+                message.contains("a.bias: expected numbers within"),
+                "{message}"
+            );
+        }
+        Weights::from_bytes(&file(&[1.0, -1e6]))
+            .unwrap()
+            .check_range()
+            .unwrap();
     }
 
     #[test]

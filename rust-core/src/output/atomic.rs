@@ -4,6 +4,8 @@ use std::{
     fs::{self, File},
     io::{self, BufWriter, Write},
     path::{Path, PathBuf},
+    sync::{Mutex, PoisonError},
+    time::{Duration, SystemTime},
 };
 
 use tempfile::NamedTempFile;
@@ -12,6 +14,28 @@ use crate::{Error, Result};
 
 /// Bytes that are gathered before the system is asked to write them.
 const BUFFER_BYTES: usize = 1 << 20;
+/// How names of files in the making begin and end.
+const PREFIX: &str = ".anyface-";
+const SUFFIX: &str = ".part";
+/// A file in the making that was not touched for so long belongs to a process that was killed.
+const ABANDONED: Duration = Duration::from_secs(3600);
+
+/// Files in the making of this process.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+fn unfinished(change: impl FnOnce(&mut Vec<PathBuf>)) {
+    change(&mut UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner));
+}
+
+/// Removes all files in the making, before the process ends in the middle of its work.
+pub fn remove_unfinished() {
+    unfinished(|paths| {
+        for path in paths.drain(..) {
+            // It may have got its name in this very moment.
+            let _ = fs::remove_file(path);
+        }
+    });
+}
 
 /// Writes a file under a temporary name in the same folder, then renames it to `path`.
 ///
@@ -34,7 +58,15 @@ pub fn write_atomically(
 /// A file in the making; dropped before [`Unfinished::finish`] it leaves nothing.
 pub(super) struct Unfinished {
     path: PathBuf,
-    temporary: NamedTempFile,
+    temporary: Option<NamedTempFile>,
+}
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        if let Some(temporary) = &self.temporary {
+            unfinished(|paths| paths.retain(|path| path != temporary.path()));
+        }
+    }
 }
 
 impl Unfinished {
@@ -45,16 +77,24 @@ impl Unfinished {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),
         };
+        remove_abandoned(folder);
         let temporary = temporary_in(folder).map_err(Error::io(path))?;
+        unfinished(|paths| paths.push(temporary.path().to_owned()));
         let file = temporary.reopen().map_err(Error::io(path))?;
         let path = path.to_owned();
         let file = BufWriter::with_capacity(BUFFER_BYTES, file);
+        let temporary = Some(temporary);
         Ok((Unfinished { path, temporary }, file))
     }
 
     /// Renames it to its place, when everything was written.
-    pub(super) fn finish(self) -> Result<()> {
-        let persisted = self.temporary.persist(&self.path).map_err(|e| e.error);
+    pub(super) fn finish(mut self) -> Result<()> {
+        let Some(temporary) = self.temporary.take() else {
+            return Ok(());
+        };
+        let name = temporary.path().to_owned();
+        let persisted = temporary.persist(&self.path).map_err(|e| e.error);
+        unfinished(|paths| paths.retain(|path| *path != name));
         persisted.map(drop).map_err(Error::io(&self.path))
     }
 }
@@ -70,9 +110,29 @@ fn refuse_special(path: &Path) -> io::Result<()> {
     }
 }
 
+/// Removes from a folder what killed processes have left there half written.
+fn remove_abandoned(folder: &Path) {
+    let Ok(files) = fs::read_dir(folder) else {
+        return;
+    };
+    for file in files.flatten() {
+        let name = file.file_name();
+        let name = name.to_string_lossy();
+        if !name.starts_with(PREFIX) || !name.ends_with(SUFFIX) {
+            continue;
+        }
+        let touched = file.metadata().and_then(|meta| meta.modified());
+        let age = touched.map(|at| SystemTime::now().duration_since(at));
+        if age.is_ok_and(|age| age.is_ok_and(|age| age > ABANDONED)) {
+            // Somebody else may remove it at the same time.
+            let _ = fs::remove_file(file.path());
+        }
+    }
+}
+
 fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".anyface-").suffix(".part");
+    builder.prefix(PREFIX).suffix(SUFFIX);
     // tempfile makes private files; a result is an ordinary one, subject to the umask.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
@@ -105,6 +165,36 @@ mod tests {
         write_atomically(&path, |file| file.write_all(b"new")).unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"new");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn what_killed_processes_left_goes_with_the_next_file() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, age_s) in [
+            (".anyface-a.part", 4000),
+            (".anyface-b.part", 30),
+            ("c.part", 4000),
+        ] {
+            let file = File::create(folder.path().join(name)).unwrap();
+            file.set_modified(SystemTime::now() - Duration::from_secs(age_s))
+                .unwrap();
+        }
+        write_atomically(&folder.path().join("clip.npz"), |_| Ok(())).unwrap();
+        let exists = |name: &str| folder.path().join(name).exists();
+        assert!(!exists(".anyface-a.part"));
+        assert!(exists(".anyface-b.part") && exists("c.part") && exists("clip.npz"));
+    }
+
+    #[test]
+    fn a_process_that_ends_in_the_middle_removes_its_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let (own, _file) = Unfinished::create(&folder.path().join("clip.npz")).unwrap();
+        let name = own.temporary.as_ref().unwrap().path().to_owned();
+        assert!(name.exists());
+        unfinished(|paths| assert!(paths.contains(&name)));
+        drop(own);
+        unfinished(|paths| assert!(!paths.contains(&name)));
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 
     #[test]

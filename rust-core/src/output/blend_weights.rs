@@ -10,6 +10,7 @@ use serde::Serialize;
 use super::{write_atomically, write_json};
 use crate::{
     Error, Result,
+    conditions::check_fps,
     rig::{ARKIT, SolvedWeights},
 };
 
@@ -39,9 +40,10 @@ struct Document<'a> {
 /// `names` `[S]`, `weights` `[T][S]`).
 ///
 /// # Errors
-/// `InvalidInput` for another extension or, with CSV, a frame rate below 1; `Io` if the file
+/// `InvalidInput` for another extension or a frame rate out of range; `Io` if the file
 /// cannot be written.
 pub fn write_blend_weights(path: &Path, weights: &SolvedWeights, fps: f64) -> Result<()> {
+    check_fps(fps)?;
     let extension = path
         .extension()
         .and_then(|e| e.to_str())

@@ -1,11 +1,10 @@
 //! Landmark motion back from numpy archives, of ours or of numpy's making.
 
-use std::{fs::File, io::BufReader, path::Path};
+use std::path::Path;
 
-use ndarray::{Array1, Array2, Array3, ArrayViewD, IxDyn};
-use ndarray_npy::{NpzReader, ReadNpzError};
+use ndarray::{Array1, Array2, Array3, ArrayViewD};
 
-use super::rig::read_names;
+use super::numpy::NumpyArchive;
 use crate::{
     Error, Result,
     conditions::check_fps,
@@ -32,20 +31,9 @@ pub struct LandmarkMotion {
 /// `Io` if the file cannot be read, `InvalidInput` if it is no npz, lacks the displacements or
 /// holds numbers that are not finite, `ShapeMismatch` for wrong shapes.
 pub fn read_landmark_motion(path: &Path) -> Result<LandmarkMotion> {
-    let file = File::open(path).map_err(Error::io(path))?;
+    let mut npz = NumpyArchive::open(path)?;
     let bad = |e: &dyn std::fmt::Display| Error::InvalidInput(format!("{}: {e}", path.display()));
-    let mut npz = NpzReader::new(BufReader::new(file))
-        .map_err(|e| bad(&format!("expected an npz archive ({e})")))?;
-    let names = npz.names().map_err(|e| bad(&e))?;
-    let has = |name: &str| names.iter().any(|n| n == name);
-    if !has("landmark_displacements") {
-        return Err(bad(&format!(
-            "expected an array landmark_displacements, got {}",
-            names.join(", ")
-        )));
-    }
-    let displacements: Array3<f32> =
-        read(&mut npz, "landmark_displacements").map_err(|e| bad(&e))?;
+    let displacements: Array3<f32> = npz.array("landmark_displacements")?;
     let (frames, landmarks, axes) = displacements.dim();
     if (landmarks, axes) != (LANDMARKS, 3) {
         return Err(Error::ShapeMismatch {
@@ -54,14 +42,12 @@ pub fn read_landmark_motion(path: &Path) -> Result<LandmarkMotion> {
             got: format!("[{frames}, {landmarks}, {axes}]"),
         });
     }
-    let neutral = match has("landmarks_neutral") {
-        true => Some(neutral_of(
-            &read(&mut npz, "landmarks_neutral").map_err(|e| bad(&e))?,
-        )?),
+    let neutral = match npz.has("landmarks_neutral") {
+        true => Some(neutral_of(&npz.array("landmarks_neutral")?)?),
         false => None,
     };
-    let fps = match has("fps") {
-        true => Some(read_number(&mut npz, "fps").map_err(|e| bad(&e))?),
+    let fps = match npz.has("fps") {
+        true => Some(npz.number("fps")?),
         false => None,
     };
     check_finite(displacements.view().into_dyn(), fps).map_err(|e| bad(&e))?;
@@ -75,29 +61,30 @@ pub fn read_landmark_motion(path: &Path) -> Result<LandmarkMotion> {
 /// Reads `head` `[T, 3]` and `gaze` `[T, 2, 2]`; `None` in files that lack either.
 ///
 /// # Errors
-/// `Io` if the file cannot be read, `InvalidInput` if it is no npz, `ShapeMismatch` for other shapes.
+/// `Io` if the file cannot be read, `InvalidInput` if it is no npz or holds numbers that are not finite,
+/// `ShapeMismatch` for other shapes.
 pub fn read_life(path: &Path) -> Result<Option<Life>> {
-    let file = File::open(path).map_err(Error::io(path))?;
-    let bad = |e: &dyn std::fmt::Display| Error::InvalidInput(format!("{}: {e}", path.display()));
-    let mut npz = NpzReader::new(BufReader::new(file)).map_err(|e| bad(&e))?;
-    let names = npz.names().map_err(|e| bad(&e))?;
-    if !["head", "gaze"]
-        .iter()
-        .all(|name| names.iter().any(|n| n == name))
-    {
+    let mut npz = NumpyArchive::open(path)?;
+    if !npz.has("head") || !npz.has("gaze") {
         return Ok(None);
     }
-    let head: Array2<f32> = read(&mut npz, "head").map_err(|e| bad(&e))?;
-    let gaze: Array3<f32> = read(&mut npz, "gaze").map_err(|e| bad(&e))?;
+    let head: Array2<f32> = npz.array("head")?;
+    let gaze: Array3<f32> = npz.array("gaze")?;
     let frames = head.nrows();
-    match (head.ncols(), gaze.dim()) == (3, (frames, 2, 2)) {
-        true => Ok(Some(Life { head, gaze })),
-        false => Err(Error::ShapeMismatch {
+    if (head.ncols(), gaze.dim()) != (3, (frames, 2, 2)) {
+        return Err(Error::ShapeMismatch {
             what: "head and gaze",
             expected: format!("[{frames}, 3] and [{frames}, 2, 2]"),
             got: format!("{:?} and {:?}", head.shape(), gaze.shape()),
-        }),
+        });
     }
+    if head.iter().chain(&gaze).any(|x| !x.is_finite()) {
+        return Err(Error::InvalidInput(format!(
+            "{}: head and gaze: expected finite numbers, got NaN or infinity",
+            path.display()
+        )));
+    }
+    Ok(Some(Life { head, gaze }))
 }
 
 /// Reads `weights` `[T, S]`, `names` `[S]`, `fps` and `together` `[T]` (or nothing), as motion of weights is
@@ -107,20 +94,14 @@ pub fn read_life(path: &Path) -> Result<Option<Life>> {
 /// `Io` if the file cannot be read, `InvalidInput` if it is no npz, lacks one of these or holds numbers that
 /// are not finite, `ShapeMismatch` where they differ in number.
 pub fn read_weights(path: &Path) -> Result<Option<WeightClip>> {
-    let file = File::open(path).map_err(Error::io(path))?;
     let bad = |e: &dyn std::fmt::Display| Error::InvalidInput(format!("{}: {e}", path.display()));
-    let mut npz = NpzReader::new(BufReader::new(file)).map_err(|e| bad(&e))?;
-    let has_weights = npz
-        .names()
-        .map_err(|e| bad(&e))?
-        .iter()
-        .any(|n| n == "weights");
-    if !has_weights {
+    let mut npz = NumpyArchive::open(path)?;
+    if !npz.has("weights") {
         return Ok(None);
     }
-    let weights: Array2<f32> = read(&mut npz, "weights").map_err(|e| bad(&e))?;
-    let fps = read_number(&mut npz, "fps").map_err(|e| bad(&e))?;
-    let names = read_names(path)?;
+    let weights: Array2<f32> = npz.array("weights")?;
+    let fps = npz.number("fps")?;
+    let names = npz.texts("names")?;
     if names.len() != weights.ncols() {
         return Err(Error::ShapeMismatch {
             what: "weights",
@@ -128,7 +109,7 @@ pub fn read_weights(path: &Path) -> Result<Option<WeightClip>> {
             got: format!("{:?}", weights.shape()),
         });
     }
-    let together: Array1<f32> = read(&mut npz, "together").map_err(|e| bad(&e))?;
+    let together: Array1<f32> = npz.array("together")?;
     if ![0, weights.nrows()].contains(&together.len()) {
         return Err(Error::ShapeMismatch {
             what: "together",
@@ -179,36 +160,4 @@ fn check_finite(displacements: ArrayViewD<'_, f32>, fps: Option<f64>) -> Result<
         Some(fps) => check_fps(fps).map_err(|error| error.to_string()),
         None => Ok(()),
     }
-}
-
-type Archive = NpzReader<BufReader<File>>;
-
-/// An f32 array, or an f64 one rounded to f32.
-fn read<D: ndarray::Dimension>(
-    npz: &mut Archive,
-    name: &str,
-) -> Result<ndarray::Array<f32, D>, ReadNpzError> {
-    match npz.by_name::<ndarray::OwnedRepr<f32>, D>(name) {
-        Ok(array) => Ok(array),
-        Err(first) => npz
-            .by_name::<ndarray::OwnedRepr<f64>, D>(name)
-            .map(|array| array.mapv(|x| x as f32))
-            .map_err(|_| first),
-    }
-}
-
-fn read_number(npz: &mut Archive, name: &str) -> Result<f64, String> {
-    macro_rules! attempt {
-        ($($kind:ty),*) => {$(
-            if let Ok(array) = npz.by_name::<ndarray::OwnedRepr<$kind>, IxDyn>(name) {
-                let values: Vec<f64> = array.iter().map(|x| *x as f64).collect();
-                return match values[..] {
-                    [value] => Ok(value),
-                    _ => Err(format!("{name}: expected one number, got {}", values.len())),
-                };
-            }
-        )*};
-    }
-    attempt!(f64, f32, i64, i32);
-    Err(format!("{name}: expected a number"))
 }

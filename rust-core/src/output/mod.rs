@@ -11,6 +11,7 @@ mod clip_file;
 mod landmark_motion;
 mod mdd;
 mod npz;
+mod numpy;
 mod opened_obj;
 mod pc2;
 mod report;
@@ -19,7 +20,7 @@ mod vertex_motion;
 
 use std::path::Path;
 
-pub use atomic::write_atomically;
+pub use atomic::{remove_unfinished, write_atomically};
 pub use blend_weights::write_blend_weights;
 pub use clip_file::ClipFile;
 pub use landmark_motion::{LandmarkMotion, read_landmark_motion, read_life, read_weights};

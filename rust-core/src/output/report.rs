@@ -28,6 +28,9 @@ pub struct Report {
     /// Length of the sound.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub audio_s: Option<f64>,
+    /// Seconds of the sound that a damaged file has lost.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub missing_audio_s: Option<f64>,
     /// Number of vertices.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub vertices: Option<usize>,

@@ -2,15 +2,18 @@
 
 use std::{
     fs,
-    io::{self, BufWriter, Read, Write},
+    io::{self, BufWriter, Write},
     path::Path,
 };
 
 use ndarray::{Array3, ArrayView2, ArrayView3, Axis};
-use ndarray_npy::NpzReader;
 
-use super::{npz::Archive, write_atomically};
-use crate::{Error, Result, mesh::Mesh, rig::Rig};
+use super::{npz::Archive, numpy::NumpyArchive, write_atomically};
+use crate::{
+    Error, Result,
+    mesh::{Mesh, obj_text},
+    rig::Rig,
+};
 
 /// Writes `names` `[S]` (text), `deltas` `[S, V, 3]` f32 and `neutral` `[V, 3]` f32, all in mesh
 /// units and axes.
@@ -39,14 +42,10 @@ pub fn write_rig(path: &Path, rig: &Rig, mesh: &Mesh) -> Result<()> {
 /// `Io` if the file cannot be read, `InvalidInput` if it is no such archive, `ShapeMismatch` if
 /// names and deltas differ in number.
 pub fn read_rig(path: &Path) -> Result<Rig> {
-    let open = || fs::File::open(path).map_err(Error::io(path));
     let bad = |e: &dyn std::fmt::Display| Error::InvalidInput(format!("{}: {e}", path.display()));
-    let mut npz = NpzReader::new(io::BufReader::new(open()?))
-        .map_err(|e| bad(&format!("expected an npz archive ({e})")))?;
-    let deltas: Array3<f32> = npz
-        .by_name("deltas")
-        .map_err(|e| bad(&format!("expected an array deltas [S, V, 3] of f32 ({e})")))?;
-    let names = read_names(path)?;
+    let mut npz = NumpyArchive::open(path)?;
+    let deltas: Array3<f32> = npz.array("deltas")?;
+    let names = npz.texts("names")?;
     let (shapes, vertices, axes) = deltas.dim();
     if names.len() != shapes || axes != 3 {
         return Err(Error::ShapeMismatch {
@@ -65,23 +64,6 @@ pub fn read_rig(path: &Path) -> Result<Rig> {
     })
 }
 
-/// The array `names` `[S]` of text.
-///
-/// # Errors
-/// `Io` if the file cannot be read, `InvalidInput` if it has no such array.
-pub(super) fn read_names(path: &Path) -> Result<Vec<String>> {
-    let file = fs::File::open(path).map_err(Error::io(path))?;
-    let bad = |e: &dyn std::fmt::Display| Error::InvalidInput(format!("{}: {e}", path.display()));
-    let mut archive = zip::ZipArchive::new(io::BufReader::new(file)).map_err(|e| bad(&e))?;
-    let mut bytes = Vec::new();
-    archive
-        .by_name("names.npy")
-        .map_err(|e| bad(&format!("expected an array names ({e})")))?
-        .read_to_end(&mut bytes)
-        .map_err(Error::io(path))?;
-    texts(&bytes).ok_or_else(|| bad(&"names: expected an array of text"))
-}
-
 /// Writes `neutral.obj` and `NAME.obj` for every shape at strength 1 into `folder`.
 ///
 /// `source`: the bytes of the OBJ the mesh was read from; then everything but the positions stays
@@ -98,10 +80,7 @@ pub fn write_rig_folder(
 ) -> Result<()> {
     check(rig, mesh)?;
     fs::create_dir_all(folder).map_err(Error::io(folder))?;
-    let text = source.map(|bytes| {
-        let text = String::from_utf8_lossy(bytes);
-        text.replace("\\\r\n", " ").replace("\\\n", " ")
-    });
+    let text = source.map(obj_text);
     let write = |name: &str, delta: Option<ArrayView2<'_, f32>>| {
         let moved = |v: usize| -> [f32; 3] {
             let by = |i: usize| delta.map_or(0.0, |delta| delta[[v, i]]);
@@ -166,32 +145,6 @@ fn plain(
         writeln!(file, "f {a} {b} {c}")?;
     }
     Ok(())
-}
-
-/// The strings of a numpy array of Unicode text, `<U…`, UTF-32 padded with zeros.
-fn texts(npy: &[u8]) -> Option<Vec<String>> {
-    let length = match npy.get(6)? {
-        1 => usize::from(u16::from_le_bytes(npy.get(8..10)?.try_into().ok()?)) + 10,
-        _ => u32::from_le_bytes(npy.get(8..12)?.try_into().ok()?) as usize + 12,
-    };
-    let header = std::str::from_utf8(npy.get(10..length)?).ok()?;
-    let size: String = header
-        .split_once("'<U")?
-        .1
-        .chars()
-        .take_while(char::is_ascii_digit)
-        .collect();
-    let bytes = 4 * size.parse::<usize>().ok().filter(|size| *size > 0)?;
-    let text = |chunk: &[u8]| {
-        let codes = chunk
-            .chunks_exact(4)
-            .map(|c| u32::from_le_bytes([c[0], c[1], c[2], c[3]]));
-        codes
-            .take_while(|code| *code != 0)
-            .map(char::from_u32)
-            .collect()
-    };
-    npy.get(length..)?.chunks_exact(bytes).map(text).collect()
 }
 
 #[cfg(test)]

@@ -1,12 +1,11 @@
 //! Motion of vertices back from files, ours or of other tools.
 
-use std::{fs, io::BufReader, path::Path};
+use std::{fs, path::Path};
 
 use ndarray::Array3;
-use ndarray_npy::NpzReader;
 
-use super::Format;
-use crate::{Error, Result, mesh::Mesh};
+use super::{Format, numpy::NumpyArchive};
+use crate::{Error, Result, conditions::check_fps, finite::check_finite, mesh::Mesh};
 
 /// Bytes of a point cache 2's header.
 const PC2_HEADER: usize = 32;
@@ -23,20 +22,19 @@ pub struct VertexMotion {
 /// Reads npz (`displacements` `[T, V, 3]`, `fps`), pc2 or mdd (positions of the same mesh).
 ///
 /// # Errors
-/// `Io` if the file cannot be read, `InvalidInput` if it is damaged or of another kind,
+/// `Io` if the file cannot be read, `InvalidInput` if it is damaged, of another kind or holds numbers that
+/// are not finite,
 /// `ShapeMismatch` if its vertices are not the mesh's in number.
 pub fn read_vertex_motion(path: &Path, mesh: &Mesh) -> Result<VertexMotion> {
-    match Format::from_path(path)? {
-        Format::Npz => read_npz(path, mesh.positions.len()),
-        Format::Pc2 => {
-            let bytes = fs::read(path).map_err(Error::io(path))?;
-            pc2(&bytes, mesh).map_err(|e| named(path, e))
-        }
-        Format::Mdd => {
-            let bytes = fs::read(path).map_err(Error::io(path))?;
-            mdd(&bytes, mesh).map_err(|e| named(path, e))
-        }
-    }
+    let bytes = || fs::read(path).map_err(Error::io(path));
+    let motion = match Format::from_path(path)? {
+        Format::Npz => read_npz(path, mesh.positions.len())?,
+        Format::Pc2 => pc2(&bytes()?, mesh).map_err(|e| named(path, e))?,
+        Format::Mdd => mdd(&bytes()?, mesh).map_err(|e| named(path, e))?,
+    };
+    check_finite("animation", motion.displacements.view().into_dyn())
+        .map_err(|e| named(path, e))?;
+    Ok(motion)
 }
 
 fn named(path: &Path, error: Error) -> Error {
@@ -49,31 +47,34 @@ fn named(path: &Path, error: Error) -> Error {
 }
 
 fn read_npz(path: &Path, vertices: usize) -> Result<VertexMotion> {
-    let bad = |e: &dyn std::fmt::Display| Error::InvalidInput(format!("{}: {e}", path.display()));
-    let file = fs::File::open(path).map_err(Error::io(path))?;
-    let mut npz = NpzReader::new(BufReader::new(file))
-        .map_err(|e| bad(&format!("expected an npz archive ({e})")))?;
-    let displacements: Array3<f32> = npz.by_name("displacements").map_err(|e| {
-        bad(&format!(
-            "expected an array displacements [T, V, 3] of f32 ({e})"
-        ))
-    })?;
-    check(displacements.dim().1, vertices)?;
-    let fps = npz.by_name::<ndarray::OwnedRepr<f64>, ndarray::Ix0>("fps");
-    Ok(VertexMotion {
-        displacements,
-        fps: fps.ok().map(|fps| fps.into_scalar()),
-    })
+    let mut npz = NumpyArchive::open(path)?;
+    let displacements: Array3<f32> = npz.array("displacements")?;
+    let (frames, got, axes) = displacements.dim();
+    if (got, axes) != (vertices, 3) {
+        return Err(mismatch(vertices, &format!("[{frames}, {got}, {axes}]")));
+    }
+    let fps = match npz.has("fps") {
+        true => Some(npz.number("fps")?),
+        false => None,
+    };
+    if let Some(fps) = fps {
+        check_fps(fps).map_err(|e| named(path, e))?;
+    }
+    Ok(VertexMotion { displacements, fps })
+}
+
+fn mismatch(vertices: usize, got: &str) -> Error {
+    Error::ShapeMismatch {
+        what: "animation",
+        expected: format!("[T, {vertices}, 3], the mesh's vertices"),
+        got: got.into(),
+    }
 }
 
 fn check(got: usize, vertices: usize) -> Result<()> {
     match got == vertices {
         true => Ok(()),
-        false => Err(Error::ShapeMismatch {
-            what: "animation",
-            expected: format!("[T, {vertices}, 3], the mesh's vertices"),
-            got: format!("[T, {got}, 3]"),
-        }),
+        false => Err(mismatch(vertices, &format!("[T, {got}, 3]"))),
     }
 }
 

@@ -11,11 +11,12 @@
 //! clamping (Bertsekas 1999, §2.7) converges to its only minimum; there is no chance in it and
 //! nothing depends on the number of threads.
 
-use ndarray::{Array2, ArrayView3, Axis};
+use ndarray::{Array2, ArrayView3, Axis, aview1};
 
 use super::{Rig, mirrored_name};
 use crate::{
     Error, Result,
+    finite::check_result,
     nn::matrix,
     progress::{ProgressFn, report},
 };
@@ -117,9 +118,19 @@ pub fn solve(
             "animation: expected finite numbers, got NaN or infinity in frame {frame}"
         )));
     }
+    if let Some(frame) = right
+        .rows()
+        .into_iter()
+        .position(|row| row.iter().any(|x: &f64| !x.is_finite()))
+    {
+        return Err(Error::InvalidInput(format!(
+            "animation: expected motion of the size of a face, got more than single precision holds in frame \
+             {frame}"
+        )));
+    }
     let problem = Problem::new(gram, right, &rig.names[..shapes], options)?;
     let weights = problem.descend(progress)?;
-    Ok(SolvedWeights {
+    let solved = SolvedWeights {
         names: rig.names[..shapes].to_vec(),
         residual: problem.residuals(&weights, &energy, vertices),
         motion: energy
@@ -127,7 +138,12 @@ pub fn solve(
             .map(|x| (x / vertices as f64).sqrt() as f32)
             .collect(),
         weights: weights.mapv(|x| x as f32),
-    })
+    };
+    check_result("weights", solved.weights.view().into_dyn())?;
+    for rest in [&solved.residual, &solved.motion] {
+        check_result("residual", aview1(rest).into_dyn())?;
+    }
+    Ok(solved)
 }
 
 impl SolveOptions {

@@ -13,6 +13,7 @@ use crate::{
     Error, Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
     conditions::EMOTIONS,
+    metrics::quantile,
     models::{BuiltIn, built_in},
     nn::Weights,
 };
@@ -134,7 +135,7 @@ impl FeltVoice {
     }
 
     /// What is measured at each instant, `[I, 118]`; none of a sound shorter than 0.8 s.
-    fn numbers(&self) -> Array2<f64> {
+    pub(super) fn numbers(&self) -> Array2<f64> {
         let frames = self.octave.len();
         let cepstra = self.mel.dot(&cepstral_basis());
         let ends: Vec<usize> = (LEAST..=frames).step_by(STEP).collect();
@@ -147,6 +148,12 @@ impl FeltVoice {
             row.assign(&Array1::from_vec(measured));
         }
         out
+    }
+
+    /// The middle of what an instant hears, seconds.
+    pub(super) fn middle_s(instant: usize) -> f64 {
+        let end = LEAST + instant * STEP;
+        (end + end.saturating_sub(WINDOW)) as f64 / (2.0 * FRAMES_HZ)
     }
 
     fn of_window(&self, cepstra: ArrayView2<'_, f64>, first: usize, end: usize) -> Vec<f64> {
@@ -314,7 +321,7 @@ impl FeelingEncoder {
     }
 
     /// `[I, 118]` → `[I, E]`.
-    fn of_numbers(&self, numbers: &Array2<f64>) -> Array2<f64> {
+    pub(super) fn of_numbers(&self, numbers: &Array2<f64>) -> Array2<f64> {
         let x = (numbers - &self.mean) / &self.scale;
         let mut shares = x.dot(&self.weight) + &self.bias;
         for mut row in shares.rows_mut() {
@@ -407,16 +414,6 @@ fn deviation(values: &[f64]) -> f64 {
     let middle = mean(values);
     let squares: Vec<f64> = values.iter().map(|x| (x - middle).powi(2)).collect();
     mean(&squares).sqrt()
-}
-
-/// Linear between the two nearest; `values` is not empty.
-fn quantile(values: &[f64], share: f64) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let at = share * (sorted.len() - 1) as f64;
-    let below = at as usize;
-    let above = (below + 1).min(sorted.len() - 1);
-    sorted[below] + (at - below as f64) * (sorted[above] - sorted[below])
 }
 
 #[cfg(test)]

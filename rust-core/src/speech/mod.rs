@@ -6,6 +6,7 @@ mod compact;
 mod conv_features;
 mod encoder_config;
 mod feeling;
+mod felt_emotion;
 mod heard;
 pub mod hubert;
 mod letters;

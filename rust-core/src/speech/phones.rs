@@ -60,6 +60,9 @@ pub struct PhoneModel {
     table: Array2<f32>,
 }
 
+/// Phones for which lips are together.
+const BILABIALS: [&str; 3] = ["p", "b", "m"];
+
 /// Phones and words of a sound.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Said {
@@ -115,6 +118,29 @@ impl PhoneModel {
             row -= sum;
         }
         rows
+    }
+
+    /// Probability that lips are together for p, b or m in each frame of features `[T, C]`: the mean of its rows.
+    pub fn lips_together(&self, features: ArrayView2<'_, f32>) -> Vec<f32> {
+        let posteriors = self.log_posteriors(features);
+        let named = self.config.phones.iter().enumerate();
+        let own = named.filter(|(_, name)| BILABIALS.contains(&name.as_str()));
+        let own: Vec<usize> = own.map(|(class, _)| class).collect();
+        let rows = posteriors.axis_chunks_iter(ndarray::Axis(0), PARTS);
+        let each = rows.map(|rows| {
+            let sum: f32 = own
+                .iter()
+                .flat_map(|&class| rows.column(class).to_vec())
+                .map(f32::exp)
+                .sum();
+            sum / PARTS as f32
+        });
+        each.collect()
+    }
+
+    /// Whether a sound was heard by the encoder that it was trained on.
+    pub fn hears(&self, heard: &Heard) -> bool {
+        self.check(heard).is_ok()
     }
 
     /// Phones of a sound and, where a text is given, its words and the phones that fit to them.

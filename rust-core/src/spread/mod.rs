@@ -233,9 +233,11 @@ impl Block {
         };
         let moved = spread.frames(stretch.clone(), &|p| progress(share(p)))?;
         let frames = moved.axis_iter(Axis(0)).into_par_iter();
-        let most = frames
-            .map(|frame| largest(frame.view()))
-            .reduce(|| 0.0, f32::max);
+        let most = frames.zip(stretch.clone()).map(|(frame, t)| {
+            let most = largest(frame.view());
+            most.is_finite().then_some(most).ok_or(t)
+        });
+        let most = most.try_reduce(|| 0.0, |a, b| Ok(a.max(b))).map_err(lost)?;
         Ok(Block {
             stretch,
             moved,
@@ -244,13 +246,25 @@ impl Block {
     }
 }
 
-/// Length of the longest displacement of `[V, 3]`.
+/// The error for a frame that would carry numbers out that are none.
+fn lost(frame: usize) -> Error {
+    Error::Numerics(format!(
+        "displacements: frame {frame} is not finite; are the mesh, its motion or the weights of the models \
+         out of all measure?"
+    ))
+}
+
+/// Length of the longest displacement of `[V, 3]`; no number where any of them is none.
 fn largest(frame: ArrayView2<'_, f32>) -> f32 {
     let squared = frame
         .rows()
         .into_iter()
         .map(|d| d.iter().map(|x| x * x).sum::<f32>());
-    squared.fold(0.0, f32::max).sqrt()
+    let (most, sum) = squared.fold((0.0, 0.0), |(most, sum), d| (f32::max(most, d), sum + d));
+    match sum.is_nan() {
+        true => f32::NAN,
+        false => most.sqrt(),
+    }
 }
 
 /// The vertices `[t, V, 3]` nearest to the landmarks, `[t, 68, 3]`.

@@ -3,7 +3,7 @@
 use ndarray::{Array3, ArrayView3, Axis, concatenate};
 
 use super::SpreadReport;
-use crate::{Result, deform::VertexClip, ibug::LANDMARKS, mesh::Mesh};
+use crate::{Error, Result, deform::VertexClip, ibug::LANDMARKS, mesh::Mesh};
 
 /// Bytes of displacements that are made at a time where a sink says nothing else.
 const BLOCK_BYTES: usize = 64 << 20;
@@ -70,6 +70,20 @@ pub struct Animation {
     pub landmark_displacements: Array3<f32>,
 }
 
+/// Whether displacements of all frames fit into memory, asked before the work is done.
+///
+/// # Errors
+/// `OutOfMemory`.
+fn room_for(frames: usize, vertices: usize) -> Result<()> {
+    let numbers = frames.saturating_mul(vertices).saturating_mul(3);
+    Vec::<f32>::new().try_reserve_exact(numbers).map_err(|_| {
+        let megabytes = numbers as u64 / ((1 << 20) / 4);
+        Error::OutOfMemory(format!(
+            "{frames} frames of {vertices} vertices take {megabytes} MB: take them block by block or as a file"
+        ))
+    })
+}
+
 /// Keeps all frames in memory.
 #[derive(Default)]
 pub struct Collector {
@@ -119,6 +133,8 @@ impl Collector {
 
 impl FrameSink for Collector {
     fn begin(&mut self, start: &ClipStart<'_>) -> Result<()> {
+        let (frames, vertices) = (start.frames, start.mesh.positions.len());
+        room_for(frames, vertices)?;
         *self = Collector {
             fps: start.fps,
             vertices: start.mesh.positions.len(),
@@ -140,5 +156,20 @@ impl FrameSink for Collector {
     fn finish(&mut self, landmarks: &LandmarkTrack<'_>) -> Result<()> {
         self.landmarks = Some((*landmarks.neutral, landmarks.displacements.to_owned()));
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_clip_that_no_memory_holds_is_an_error_before_any_work() {
+        assert!(room_for(36_000, 9).is_ok());
+        let error = room_for(usize::MAX / 100, 8_839).unwrap_err();
+        assert!(
+            matches!(&error, Error::OutOfMemory(m) if m.contains("8839 vertices")),
+            "{error}"
+        );
     }
 }

@@ -21,7 +21,7 @@ use crate::{
     face::Face,
     mesh,
     models::BuiltIn,
-    motion::{self, Motion, MotionStream},
+    motion::{self, LipClosures, Motion, MotionStream},
     progress::ProgressFn,
     rig,
     speech::{self, Heard, SpeechInput},
@@ -63,8 +63,12 @@ pub struct Registration {
     pub controls: &'static [&'static [Control]],
     /// Whether it shows the events of a request.
     pub takes_events: bool,
+    /// Whether emotion is a place among words to it, so that words beside the categories are understood.
+    pub takes_words: bool,
     /// Whether it hears feeling in a voice, and may take it from another recording.
     pub hears_feeling: bool,
+    /// Whether it goes on from a given pose.
+    pub starts_from_pose: bool,
     /// What of a finished take may still be scaled without a new run.
     pub sliders: &'static [Slider],
     /// Loads the built-in models, or those of a folder.
@@ -164,6 +168,11 @@ pub trait System: Send + Sync {
     ) -> Result<Motion> {
         let _ = (heard, request, blink_emotion);
         Ok(sampled.clone())
+    }
+
+    /// When its lips are together: as it hears it, or in the `given` intervals `[start_s, end_s]`.
+    fn closures(&self, heard: &Heard, given: Option<&[[f64; 2]]>) -> LipClosures {
+        heard.closures(given)
     }
 
     /// Whether a face that is asked for with `controls` is worked on without a proxy.

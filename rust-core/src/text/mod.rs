@@ -13,6 +13,7 @@
 //! # Ok::<(), anyface::Error>(())
 //! ```
 
+mod emotion;
 mod event;
 mod sentence;
 mod space;
@@ -39,6 +40,8 @@ use tower::{Tower, sigmoid};
 pub static MODEL: BuiltIn = built_in!("text_units");
 /// Confidence from which a unit counts as asked for.
 const THRESHOLD: f32 = 0.5;
+/// Cosine from which an expression is near enough to a text to be named as a hint.
+const HINTED_FROM: f32 = 0.25;
 
 /// Reads texts as action units.
 #[derive(Debug, Clone)]
@@ -60,7 +63,7 @@ pub struct Understood {
     /// Number in [`ACTION_UNITS`], side, strength (1 is the model's own) and confidence from 0.5 to 1; in rising
     /// order of the number, each unit once.
     pub units: Vec<(usize, Side, f32, f32)>,
-    /// The nearest expression that would be understood, where no unit was; `None` for a text without a word.
+    /// The nearest expression that would be understood, where no unit was and one is near at all.
     pub hint: Option<String>,
 }
 
@@ -195,7 +198,8 @@ impl TextUnits {
             .collect()
     }
 
-    /// The expression of the menu that is nearest to any word of the text.
+    /// The expression of the menu that is nearest to the text, by the word of it that is farthest: of "the blue car"
+    /// a colour lies near to sorrow, and a car near to nothing.
     fn hint(&self, text: &str) -> Option<String> {
         let clauses = self.rules.clauses(text);
         let words: Vec<Array1<f32>> = clauses
@@ -209,8 +213,8 @@ impl TextUnits {
                 continue;
             };
             let near = words.iter().map(|word| cosine(word, &place));
-            let near = near.reduce(f32::max)?;
-            if nearest.is_none_or(|(best, _)| near > best) {
+            let near = near.reduce(f32::min)?;
+            if near >= HINTED_FROM && nearest.is_none_or(|(best, _)| near > best) {
                 nearest = Some((near, entry));
             }
         }

@@ -2,7 +2,7 @@
 //!
 //! Twin of `training/text/sentences.py`, whose lists stand in the model's `config.json`.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use serde::Deserialize;
 
@@ -15,6 +15,7 @@ pub(super) struct Lists {
     right: String,
     one_sided: String,
     unheard: String,
+    parts: String,
     /// By the factor, as text.
     amounts: BTreeMap<String, String>,
 }
@@ -40,13 +41,17 @@ pub(super) enum SaidSide {
 
 /// Which words do what.
 #[derive(Debug, Clone)]
-pub(super) struct Rules(HashMap<String, Role>);
+pub(super) struct Rules {
+    roles: HashMap<String, Role>,
+    /// Parts of a face: "no raised eyebrows" is about a movement that there is not, and asks for no other.
+    parts: HashSet<String>,
+}
 
 /// A part of a sentence.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Clause {
     pub words: Vec<String>,
-    /// Words behind a denial.
+    /// Words behind a denial; none where one of them is a part of a face.
     pub denied: Vec<String>,
     pub side: Option<SaidSide>,
     /// Factor of strength.
@@ -77,7 +82,8 @@ impl Rules {
             let role = Role::Side(side);
             roles.extend(words.split_whitespace().map(|word| (word.to_owned(), role)));
         }
-        Ok(Rules(roles))
+        let parts = lists.parts.split_whitespace().map(str::to_owned).collect();
+        Ok(Rules { roles, parts })
     }
 
     /// The clauses of a text; at least one, which may be empty.
@@ -86,7 +92,7 @@ impl Rules {
         let mut denies = false;
         for token in tokens(text) {
             let role = match token.starts_with(is_letter) {
-                true => self.0.get(&token).copied(),
+                true => self.roles.get(&token).copied(),
                 false => Some(Role::Break),
             };
             match role {
@@ -96,6 +102,11 @@ impl Rules {
                 }
                 Some(Role::Denial) => denies = true,
                 _ => hear(found.last_mut().expect("one at least"), token, role, denies),
+            }
+        }
+        for clause in &mut found {
+            if clause.denied.iter().any(|word| self.parts.contains(word)) {
+                clause.denied.clear();
             }
         }
         found

@@ -71,6 +71,11 @@ impl Space {
         }
     }
 
+    /// Whether it has the word or its stem, and does not go by its letters.
+    pub(super) fn knows(&self, word: &str) -> bool {
+        self.known_form(word).is_some()
+    }
+
     /// The row of the word, or of its stem by English endings.
     fn known_form(&self, word: &str) -> Option<usize> {
         if let Some(row) = self.rows.get(word) {

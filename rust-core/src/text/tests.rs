@@ -78,13 +78,31 @@ fn a_denied_emotion_is_not_shown() {
 }
 
 #[test]
+fn a_denied_movement_asks_for_no_other() {
+    let words = TextUnits::open(None).unwrap();
+    for text in [
+        "no raised eyebrows",
+        "without opening the mouth",
+        "never closes her eyes",
+    ] {
+        assert_eq!(words.understand(text), Understood::default(), "{text}");
+    }
+    let smile = units(&words.understand("a smile without raised eyebrows"));
+    assert_eq!(smile, units(&words.understand("a smile")));
+    // A denied feeling is another feeling.
+    assert_eq!(units(&words.understand("not happy")), ["4", "15"]);
+}
+
+#[test]
 fn what_says_nothing_to_a_face_has_a_hint_at_most() {
     let words = TextUnits::open(None).unwrap();
     for text in ["the blue car", "ein rotes Fahrrad", "你好"] {
         let understood = words.understand(text);
         assert_eq!(units(&understood), [""; 0], "{text}");
-        assert!(understood.hint.is_some(), "{text}");
     }
+    // A colour lies near to sorrow, a car near to nothing.
+    assert_eq!(words.understand("the blue car").hint, None);
+    assert_eq!(words.understand("livid").hint.as_deref(), Some("angry"));
     for text in ["", "  ", "the", "!?", "12345"] {
         assert_eq!(words.understand(text), Understood::default(), "{text:?}");
     }
@@ -128,7 +146,10 @@ fn events_that_say_nothing_are_refused_with_a_hint() {
     let words = TextUnits::open(None).unwrap();
     let said = |text| Event::from_text(text, &words).unwrap_err().to_string();
     let blue = said("1-2:the blue car");
-    assert!(blue.contains("the blue car") && blue.contains("expected") && blue.contains("nearest"));
+    assert!(
+        blue.contains("the blue car") && blue.contains("expected") && !blue.contains("nearest")
+    );
+    assert!(said("1-2:livid").contains("nearest that is understood: \"angry\""));
     for wrong in [
         "2-1:smile",
         "1-2:smile:3",

@@ -499,6 +499,33 @@ fn a_stretch_of_an_animated_mesh_is_made_again_and_the_rest_stays_to_the_bit() {
 }
 
 #[test]
+fn a_feeling_in_a_word_that_is_no_category_is_for_a_system_that_takes_words() {
+    let folder = folder_with_sound(&hum(1.0), 16_000);
+    let motion = ["motion", "--audio", "a.wav", "--fps", "25", "--out"];
+    let cafe = ["--system", "cafe-talk"];
+    let weights = |name: &str, emotion: &[&str]| {
+        done(&folder, &[&motion[..], &[name], &cafe, emotion].concat());
+        let read = anyface::output::read_weights(&folder.path().join(name));
+        read.unwrap().unwrap().weights
+    };
+    let angry = weights("angry.npz", &["--emotion", "angry"]);
+    let furious = weights("furious.npz", &["--emotion", "furious"]);
+    let happy = weights("happy.npz", &["--emotion-keys", "0:joyful"]);
+    let apart = |other: &ndarray::Array2<f32>| (other - &angry).mapv(f32::abs).sum();
+    assert!(apart(&furious) > 0.0 && apart(&furious) < 0.3 * apart(&happy));
+    let asked = [&motion[..], &["o.npz", "--emotion", "furious"]].concat();
+    let known = "expected one of neutral, happy";
+    refused(&folder, &asked, INVALID_INPUT, known);
+    let nothing = [&motion[..], &["o.npz", "--emotion", "bicycle"], &cafe].concat();
+    refused(
+        &folder,
+        &nothing,
+        INVALID_INPUT,
+        "or an English word for a feeling",
+    );
+}
+
+#[test]
 fn texts_become_units_or_are_refused_with_a_hint() {
     let folder = tempfile::tempdir().unwrap();
     let output = anyface(
@@ -511,7 +538,9 @@ fn texts_become_units_or_are_refused_with_a_hint() {
         (unit["unit"].as_str(), unit["side"].as_str()),
         (Some("45"), Some("right"))
     );
-    let blue = "got \"the blue car\"; the nearest that is understood";
+    let near = "got \"livid\"; the nearest that is understood: \"angry\"";
+    refused(&folder, &["units", "livid"], INVALID_INPUT, near);
+    let blue = "got \"the blue car\"";
     refused(&folder, &["units", "the blue car"], INVALID_INPUT, blue);
     refused(
         &folder,

@@ -3,9 +3,11 @@
 mod cafe_talk;
 mod command;
 mod damaged;
+mod emoface;
 mod expressions;
 mod features;
 mod head;
+mod hostile;
 mod imports;
 mod kept_faces;
 mod landmarks;

@@ -43,8 +43,13 @@ impl SharedArgs {
 
     /// An engine with these weights.
     pub(super) fn engine(&self) -> Result<Engine> {
+        self.engine_of(self.system.as_deref())
+    }
+
+    /// The same with another system.
+    pub(super) fn engine_of(&self, system: Option<&str>) -> Result<Engine> {
         Engine::new(EngineOptions {
-            system: self.system.clone(),
+            system: system.map(str::to_owned),
             models: self.weights.clone(),
             speech: self.speech.clone(),
             cache: match self.no_cache {

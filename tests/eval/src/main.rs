@@ -76,7 +76,9 @@ mod tests {
         for line in [
             "anyface-eval quality --data D --limit 3 --json",
             "anyface-eval quality --aligned A --also B --report R.md --long",
-            "anyface-eval quality --data D --weights W --quick --also B",
+            "anyface-eval quality --data D --weights W --quick --also B --beside cafe-talk --beside emoface",
+            "anyface-eval quality --data D --aligned A --only closures",
+            "anyface-eval quality --data D --system cafe-talk --only events",
             "anyface-eval gallery --out G.md --no-cache",
             "anyface-eval bench --mesh M.obj --no-proxy --runs 2 --json",
             "anyface-eval bench --mesh M.obj --triangulations",

@@ -1,6 +1,7 @@
 """Golden of Cafe-Talk's denoiser: single passes under every condition, and guided runs over two windows."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -18,8 +19,8 @@ def write(out: Path, shared: Path) -> Path:
     """`weights.*`; one pass of 21 frames: `noisy`, `timestep`, `speech`, `emotion`, `intensity`, `style`,
     `events` → `clean`, `clean_base` (no events), `clean_null` (nothing given).
 
-    Runs of 71 frames from `long.noise`: `long.weights` (no event), `long.controlled` and `long.printed`
-    with the events of `long.events` at `long.strength`. `shared` is not used.
+    Runs of 71 frames from `long.noise`: `long.weights` (no event), `long.controlled`, `long.over_speech`
+    and `long.printed` with the events of `long.events` at `long.strength`. `shared` is not used.
     """
     torch.manual_seed(17)
     config = debug_config()
@@ -73,9 +74,14 @@ def _runs(model: Denoiser) -> dict[str, Tensor]:
         "long.strength": strength,
     }
     request = Request(2, inputs["emotion"], inputs["intensity"], inputs["events"], torch.zeros_like(noise))
-    for name, given, printed in (("weights", torch.zeros_like(noise), False), ("controlled", strength, False),
-                                 ("printed", strength, True)):  # fmt: skip
-        asked = Request(request.style, request.emotion, request.intensity, request.events, given, printed)
+    ways = {
+        "weights": {},
+        "controlled": {},
+        "over_speech": {"over_speech": True},
+        "printed": {"printed": True},
+    }
+    for name, way in ways.items():
+        asked = replace(request, strength=torch.zeros_like(noise) if name == "weights" else strength, **way)
         kept[f"long.{name}"] = sample_from(model, noise, inputs["speech"], asked)
     return kept
 

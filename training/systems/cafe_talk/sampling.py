@@ -11,6 +11,7 @@ from training.diffusion.ddim import ddim_sample
 from training.diffusion.guidance import guided, mask_guided
 from training.diffusion.schedule import alphas_cumprod
 from training.systems.cafe_talk.denoiser import CafeTalkConfig, Coarse, Denoiser, Sampling
+from training.systems.cafe_talk.priority import yielding
 from training.systems.freetalk.sampling import _ramp, window_starts
 
 
@@ -20,7 +21,8 @@ class Request:
 
     `style` by number; `emotion` [T, E] in the text space, `intensity` [T]; `events` [T, 32] of 0 and 1;
     `strength` [T, 51] is Z of eq. 6, that of the events at each frame and channel, 0 outside
-    them. `printed` takes eq. 6 as printed, with G_∅ in its third term.
+    them. `printed` takes eq. 6 as printed, with G_∅ in its third term. `over_speech` lets jaw and chin hide
+    what is said (`priority`), as eq. 6 as printed does.
     """
 
     style: int
@@ -29,6 +31,7 @@ class Request:
     events: Tensor
     strength: Tensor
     printed: bool = False
+    over_speech: bool = False
 
     @staticmethod
     def neutral(config: CafeTalkConfig, emotions: np.ndarray, frames: int) -> "Request":
@@ -92,6 +95,9 @@ def _window(model: Denoiser, noise: Tensor, speech: Tensor, request: Request, sa
         if not controlled:
             return base
         fine = model(x, step, speech[None], coarse, yes, request.events[None])
-        return mask_guided(base, fine, unheard if request.printed else heard, strength)
+        if request.printed:
+            return mask_guided(base, fine, unheard, strength)
+        mask = strength if request.over_speech else yielding(strength, model.to_weights(heard))
+        return mask_guided(base, fine, heard, mask)
 
     return ddim_sample(predict, noise[None], alphas, sampling.steps, sampling.spacing)[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +18,15 @@ from training.corpus.facegood import read_facegood
 from training.corpus.faces import load_ict
 from training.corpus.feelings import SOURCE as EMODB
 from training.corpus.feelings import read_felt
+from training.corpus.folder import CorpusFolder
 from training.corpus.grid import read_grid
 from training.corpus.teacher import Teacher
 from training.speech.compact import normalise
+from training.speech.hubert import HubertFeatures
 from training.speech.log_mel import log_mel
+from training.systems.emoface import own
 from training.systems.emoface.feeling import FeelingConfig, FeelingEncoder
-from training.systems.emoface.model import Template
+from training.systems.emoface.model import ANY_STYLE, EmoFaceConfig, SpeechInput, Template
 from training.systems.emoface.rows import Spoken
 from training.systems.emoface.template import ict_template
 from training.train_ats import SHIPPED_ENCODER
@@ -42,8 +46,10 @@ def load_feeling(folder: Path) -> FeelingEncoder:
     return FeelingEncoder(config, **{name: value.double().numpy() for name, value in state.items()})
 
 
-def load_clips(arguments) -> list[Spoken]:
-    """All clips, from the cache where they were heard before by the same encoders."""
+def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:
+    """All clips; the project's own from the cache where they were heard before by the same encoders."""
+    if arguments.corpus:
+        return of_corpus(arguments, config)
     weights = (arguments.feeling / "model.safetensors").read_bytes()
     key = hashlib.sha256(weights + repr((arguments.voices, arguments.limit)).encode()).hexdigest()[:12]
     path = arguments.cache / f"emoface-{key}.pt"
@@ -55,6 +61,30 @@ def load_clips(arguments) -> list[Spoken]:
     torch.save([vars(clip) for clip in clips], partial)
     partial.rename(path)
     return clips
+
+
+@torch.no_grad()
+def of_corpus(arguments, config: EmoFaceConfig) -> list[Spoken]:
+    """Clips of a corpus folder; tells `config` their speakers and how they are heard."""
+    feeling = load_feeling(arguments.feeling)
+    if arguments.hubert is not None:
+        features = HubertFeatures(arguments.hubert)
+        config.speech = SpeechInput(features.kind, features.channels)
+        hears = lambda samples, frames: features(torch.from_numpy(samples), frames)  # noqa: E731
+    else:
+        encoder = load_encoder(SHIPPED_ENCODER).eval()
+        config.speech = SpeechInput("compact_speech", encoder.config.channels)
+        hears = partial(_said, encoder)
+    clips = own.spoken(CorpusFolder(arguments.corpus), hears, feeling)
+    config.fps, config.feeling_channels = FPS, feeling.config.coordinates + len(feeling.config.feelings)
+    config.styles = [*sorted({c.source for c in clips}), ANY_STYLE]
+    return clips
+
+
+def _said(encoder, samples: np.ndarray, frames: int) -> Tensor:
+    """What the compact encoder hears, [frames, C]."""
+    mel = fit_frames(log_mel(torch.from_numpy(samples)), MEL_PER_FRAME * frames)
+    return encoder(normalise(mel)[None])[0]
 
 
 @torch.no_grad()
@@ -79,10 +109,9 @@ def felt(arguments) -> list[Spoken]:
     teacher, found = Teacher.load(), []
     for clip in read_felt(arguments.data, arguments.limit):
         frames = max(int(len(clip.samples) * FPS / 16000), 2)
-        mel = fit_frames(log_mel(torch.from_numpy(clip.samples)), MEL_PER_FRAME * frames)
         motion = torch.from_numpy(teacher.motion(clip.phones, frames)).flatten(1)
         weights = arkit.weights_of(motion, torch.ones(204))
-        content = [encoder(normalise(mel)[None])[0].half()]
+        content = [_said(encoder, clip.samples, frames).half()]
         heard = _felt_as(feeling, clip.samples, frames)
         label = (clip.feeling, clip.share)
         found.append(Spoken(clip.name, EMODB, clip.held_out, content, heard, weights.float(), *label))

@@ -132,19 +132,25 @@ def _pitch(octave: np.ndarray, voiced: np.ndarray) -> np.ndarray:
     """Pitch and voicing of a window, [13]."""
     edges = np.diff(np.concatenate([[0], voiced.astype(int), [0]]))
     runs = np.flatnonzero(edges < 0) - np.flatnonzero(edges > 0)
-    rate = [voiced.mean(), 100.0 * len(runs) / len(voiced), *((runs.mean(), runs.std()) if len(runs) else (0, 0))]
+    rate = [
+        voiced.mean(),
+        100.0 * len(runs) / len(voiced),
+        *((runs.mean(), runs.std()) if len(runs) else (0, 0)),
+    ]
     if voiced.sum() < LEAST_VOICED:
         return np.array([NO_PITCH, 0.0, *[NO_PITCH] * 5, 0.0, 0.0, *rate])
     spoken = octave[voiced]
     steps = np.diff(spoken)
     steps = steps[np.abs(steps) < LARGEST_STEP]
     moves = (np.abs(steps).mean(), steps.mean()) if len(steps) else (0.0, 0.0)
-    return np.array([spoken.mean(), spoken.std(), *np.quantile(spoken, [0.05, 0.25, 0.5, 0.75, 0.95]), *moves, *rate])
+    return np.array(
+        [spoken.mean(), spoken.std(), *np.quantile(spoken, [0.05, 0.25, 0.5, 0.75, 0.95]), *moves, *rate]
+    )
 
 
 @dataclass
 class FeelingEncoder:
-    """`mean`, `scale` [118] of the numbers; `coordinates` [118, 6]; `weight` [118, 7] and `bias` [7] of logits."""
+    """`mean`, `scale` [118] of the numbers; `coordinates` [118, 6]; `weight` [118, 7], `bias` [7]: logits."""
 
     config: FeelingConfig
     mean: np.ndarray

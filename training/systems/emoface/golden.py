@@ -15,7 +15,7 @@ FRAMES, STYLE = 30, 1
 
 
 def write(out: Path, shared: Path) -> Path:
-    """`weights.*`; `content`, `feeling`, `level`, `first` → `motion`, `content_motion`, `feeling_motion` [T, 3 V]
+    """`weights.*`; `content`, `feeling`, `level`, `first` → `motion`, `content_…`, `feeling_motion` [T, D]
     metres, `mask` [T, V]; `shares` → `prototype`. `shared` is not used.
     """
     torch.manual_seed(23)

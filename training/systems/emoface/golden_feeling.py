@@ -14,7 +14,7 @@ RATE_HZ = 16000
 
 
 def write(out: Path, shared: Path) -> Path:
-    """`weights.*`; `samples` [48000] → `numbers` [I, 118] and F_e at 25 fps, `track` [75, 13]; `short` [5, 13]
+    """`weights.*`; `samples` [48000] → `numbers` [I, 118] and F_e, 25 fps: `track` [75, 13], `short` [5, 13]
     of the first 3,000 samples. `shared` is not used.
     """
     random = np.random.default_rng(29)

@@ -25,7 +25,6 @@ from training.systems.emoface.feeling import FEELINGS
 ANY_STYLE = "any"
 
 
-
 @dataclass
 class EmoFaceConfig:
     """Everything that inference has to know; saved as config.json."""
@@ -67,7 +66,7 @@ class EmoFaceConfig:
 
 @dataclass
 class Template:
-    """The mesh whose vertices move: `vertices` [V, 3] metres, canonical; `triangles` [F, 3]; `landmarks` [68]."""
+    """The mesh whose vertices move: `vertices` [V, 3] metres; `triangles` [F, 3]; `landmarks` [68]."""
 
     vertices: np.ndarray
     triangles: np.ndarray
@@ -91,7 +90,7 @@ class Branch(nn.Module):
         nn.init.zeros_(self.motion_out.bias)
 
     def forward(self, before: Tensor, heard: Tensor, condition: Tensor) -> Tensor:
-        """`before` [B, T, D] each frame's own past frame, `heard` [B, T, C], `condition` [B, T, d] → [B, T, D]."""
+        """`before` [B, T, D] the frame before each, `heard` [B, T, C], `condition` [B, T, d] → [B, T, D]."""
         x = self._entered(before, condition, 0)
         return self._left(self.norm1(x + self.self_attn(x)), heard)
 
@@ -157,7 +156,7 @@ class Made:
 
 
 class EmoFace(nn.Module):
-    """`M = w ⊙ M^e + (1 − w) ⊙ M^c` with w of Mesh Attention; or `M^c + M^e`, table 3's "w/o Mesh Attention"."""
+    """`M = w ⊙ M^e + (1 − w) ⊙ M^c` w of Mesh Attention; or `M^c + M^e`, "w/o Mesh Attention" of table 3."""
 
     def __init__(self, config: EmoFaceConfig, spirals: np.ndarray):
         super().__init__()
@@ -180,7 +179,9 @@ class EmoFace(nn.Module):
     def _conditions(self, given: Given) -> tuple[Tensor, Tensor]:
         style = self.style(given.style)[:, None]
         level = given.level[..., None]
-        return style.expand(-1, level.shape[1], -1), style + (1.0 - level) * self.level[0] + level * self.level[1]
+        return style.expand(-1, level.shape[1], -1), style + (1.0 - level) * self.level[
+            0
+        ] + level * self.level[1]
 
     def fused(self, content: Tensor, feeling: Tensor, mask: Tensor) -> Made:
         """Both branches [B, T, D] under the mask [B, T, V]."""
@@ -190,8 +191,9 @@ class EmoFace(nn.Module):
         return Made(w * feeling + (1.0 - w) * content, content, feeling, mask)
 
     @torch.no_grad()
-    def perform(self, given: Given, first: Tensor | None = None) -> Made:
-        """Frame after frame from a first pose [B, D] (the template if none)."""
+    def perform(self, given: Given, first: Tensor | None = None, layer: str = "motion") -> Made:
+        """Frame after frame from a first pose [B, D] (the template if none); as `layer` `content` and
+        `feeling` go on from themselves alone."""
         content, feeling = self.content_in(given.content), self.feeling_in(given.feeling)
         plain, felt = self._conditions(given)
         mask = self.mesh_attention(content, feeling)
@@ -204,7 +206,7 @@ class EmoFace(nn.Module):
                               self.feeling.step(before, feeling[:, now], felt[:, now], t, kept[1]),
                               mask[:, now])  # fmt: skip
             frames.append(made)
-            before = made.motion
+            before = getattr(made, layer)
         parts = ("motion", "content", "feeling", "mask")
         return Made(*(torch.cat([getattr(f, part) for f in frames], dim=1) for part in parts))
 
@@ -223,7 +225,7 @@ def debug_config(vertices: int = 90) -> EmoFaceConfig:
 
 
 def paper_config(vertices: int = 5023) -> EmoFaceConfig:
-    """FLAME's vertices, wav2vec2's 768 channels twice, 30 fps (§4 and appendix A.1); the width is FaceFormer's."""
+    """FLAME's vertices, wav2vec2's 768 channels twice, 30 fps (§4, appendix A.1); width: FaceFormer's."""
     return EmoFaceConfig(
         name="paper", template="own", vertices=vertices, fps=30.0, period=30, width=64, channels=768,
         speech=SpeechInput("wav2vec2", 768), feeling_channels=768,

@@ -27,8 +27,9 @@ TEMPO_OCTAVES = 0.25
 
 @dataclass
 class Spoken:
-    """A clip: `content` [voices][T, C], `feeling` [T, E] as its encoder hears it, `weights` [T, 51] of neutral
-    speech. `label` is how it was felt, `share` how far listeners agreed, 0 to 1.
+    """A clip: `content` [voices][T, C], `feeling` [T, E] as its encoder hears it, `weights` [T, 51] of
+    neutral speech. `label` is how it was felt, `share` how far listeners agreed, 0 to 1. Where the felt face
+    itself `is_recorded`, `weights` [T, 3 V] are its displacements in metres and `share` is its intensity.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Spoken:
     weights: Tensor
     label: str = NEUTRAL
     share: float = 1.0
+    is_recorded: bool = False
 
     def __len__(self) -> int:
         return len(self.weights)
@@ -46,18 +48,28 @@ class Spoken:
 
 @dataclass
 class Batch:
-    """`given` as the model takes it; `weights` [B, T, 51] of the felt face, `first` [B, 51] of the frame before."""
+    """`given` as the model takes it; `weights` [B, T, 51] felt, `before` [B, T, 51] the frame before each."""
 
     given: Given
     weights: Tensor
-    first: Tensor
+    before: Tensor
 
 
 class Rows:
     """Draws batches of rows."""
 
-    def __init__(self, clips: list[Spoken], config: EmoFaceConfig, shares: dict[str, float], seed: int, met):
-        self.config, self.met = config, met
+    def __init__(
+        self,
+        clips: list[Spoken],
+        config: EmoFaceConfig,
+        shares: dict[str, float],
+        seed: int,
+        met,
+        worn_share: float = 0.0,
+    ):
+        """`met` tells where lips meet in weights; in `worn_share` of the rows the frames before wear another
+        feeling than the one that is heard, so that it is learned from the voice and not from them."""
+        self.config, self.met, self.worn_share = config, met, worn_share
         self.random = np.random.default_rng(seed)
         self.clips = {s: [c for c in clips if c.source == s and not c.held_out] for s in shares}
         empty = [s for s, found in self.clips.items() if not found]
@@ -71,8 +83,8 @@ class Rows:
     def batch(self, count: int, frames: int) -> Batch:
         """`count` rows of `frames` frames."""
         rows = [self._row(frames) for _ in range(count)]
-        content, feeling, style, level, weights, first = (torch.stack(x) for x in zip(*rows, strict=True))
-        return Batch(Given(content, feeling, style, level), weights, first)
+        content, feeling, style, level, weights, before = (torch.stack(x) for x in zip(*rows, strict=True))
+        return Batch(Given(content, feeling, style, level), weights, before)
 
     def _row(self, frames: int):
         source = self.sources[int(self.random.choice(len(self.sources), p=self.shares))]
@@ -87,16 +99,30 @@ class Rows:
         spoken = interpolate(clip.weights, at.clamp_min(0.0))
         if start == 0.0:
             spoken[0] = 0.0
-        feeling, emotion, share = self._feeling(clip, at, frames)
-        level = float(self.random.uniform(0.0, HIGHEST_LEVEL))
-        level = 1.0 if self.random.random() < LEVEL_ONE_SHARE else level
-        felt = with_emotion(spoken, emotion, level * share, self.met(spoken))
+        if clip.is_recorded:
+            feeling, level, felt = interpolate(clip.feeling, at[1:]), clip.share, spoken
+            worn = felt.clone()
+        else:
+            feeling, emotion, share = self._feeling(clip, at, frames)
+            level = float(self.random.uniform(0.0, HIGHEST_LEVEL))
+            level = 1.0 if self.random.random() < LEVEL_ONE_SHARE else level
+            met = self.met(spoken)
+            felt = with_emotion(spoken, emotion, level * share, met)
+            worn = self._worn(spoken, met) if self.random.random() < self.worn_share else felt.clone()
         if start == 0.0:
-            felt[0] = 0.0
+            worn[0] = 0.0
         named = self.config.styles.index(
             ANY_STYLE if self.random.random() < UNNAMED_STYLE_SHARE else clip.source
         )
-        return content, feeling, torch.tensor(named), torch.full((frames,), level), felt[1:], felt[0]
+        return content, feeling, torch.tensor(named), torch.full((frames,), level), felt[1:], worn[:-1]
+
+    def _worn(self, spoken: Tensor, met: Tensor) -> Tensor:
+        """The face of another feeling, or of none, from which this one's has to be reached."""
+        other = self.config.feelings[int(self.random.integers(len(self.config.feelings)))]
+        row = torch.zeros(len(spoken), len(EMOTIONS))
+        row[:, EMOTIONS.index(other)] = 1.0
+        level = float(self.random.uniform(0.0, HIGHEST_LEVEL))
+        return with_emotion(spoken, row, torch.full((len(spoken),), level), met)
 
     def _feeling(self, clip: Spoken, at: Tensor, frames: int) -> tuple[Tensor, Tensor, Tensor]:
         """What the emotion branch hears [T, E], and what is felt [T + 1, 15] how strongly [T + 1]."""
@@ -134,7 +160,7 @@ def mixture(clip: Spoken) -> Tensor:
 
 
 def prototypes(clips: list[Spoken], config: EmoFaceConfig) -> Tensor:
-    """Mean of what the emotion encoder hears of each feeling in the last half of its training clips, [7, E]."""
+    """What the emotion encoder hears of each feeling in the last half of its training clips, mean [7, E]."""
     out = torch.zeros(len(config.feelings), config.feeling_channels)
     for row, label in enumerate(config.feelings):
         heard = [c.feeling[len(c) // 2 :] for c in clips if c.label == label and not c.held_out]

@@ -55,9 +55,7 @@ def sample_from(
     weight = torch.zeros(frames, 1)
     for start in window_starts(frames, config.window_frames, config.overlap_frames):
         span = slice(start, min(start + config.window_frames, frames))
-        clean = _sample_window(
-            model, start_noise[span], speech[span], affect[span], style, sampling
-        )
+        clean = _sample_window(model, start_noise[span], speech[span], affect[span], style, sampling)
         ramp = _ramp(span, frames, config.overlap_frames)
         total[span] += ramp * clean
         weight[span] += ramp

@@ -7,6 +7,8 @@ use crate::{Result, ibug::INNER_LIPS};
 
 /// Opening over that of the neutral face at which lips touch in speech, metres, as in [`super::super::close_lips`].
 const TOUCHING_M: f32 = -0.5e-3;
+/// How much farther than where they touch lips may be pressed, metres: beyond that one goes through the other.
+const PRESSED_M: f32 = 0.3e-3;
 const CLOSE: &str = "mouthClose";
 /// What it costs to change a weight by 1, beside a pair that misses by so many square millimetres.
 const PRICE: f32 = 0.05;
@@ -27,7 +29,8 @@ const MM: f32 = 1e3;
 ///
 /// let names: Vec<String> = ARKIT[..51].iter().map(|name| name.to_string()).collect();
 /// let mut clip = WeightClip { weights: ndarray::Array2::zeros((3, 51)), names, fps: 25.0, together: vec![] };
-/// clip.weights.column_mut(clip.column("jawOpen").unwrap()).fill(0.3);
+/// let jaw = clip.column("jawOpen").unwrap();
+/// clip.weights.column_mut(jaw).fill(0.3);
 /// let gaps = LipGaps::of_mean_face(&FaceModes::open(None)?, &clip.names)?;
 /// gaps.close(&mut clip, &LipClosures::heard(&[0.0, 0.9, 0.0], 25.0), &[false; 3]);
 /// assert!(gaps.largest(clip.weights.row(1)) < 0.0 && gaps.largest(clip.weights.row(0)) > 0.004);
@@ -142,7 +145,7 @@ impl LipGaps {
     }
 
     /// Best value of one weight with all others as they are: squared misses in millimetres, where a pair is too
-    /// wide or lies apart in depth, and a price for leaving where the weight was.
+    /// wide, goes through itself or lies apart in depth, and a price for leaving where the weight was.
     fn descend(
         &self,
         weights: &mut ArrayViewMut1<'_, f32>,
@@ -154,9 +157,13 @@ impl LipGaps {
         let (mut pull, mut slope) = (PRICE * (weights[s] - was), PRICE);
         for pair in 0..PAIRS {
             for axis in 0..2 {
-                let miss = MM * (now[pair][axis] - goal[pair][axis]);
+                let off = MM * (now[pair][axis] - goal[pair][axis]);
                 let by = MM * self.gaps[[s, pair, axis]];
-                if axis == 1 || miss > 0.0 {
+                let miss = match axis {
+                    0 if off <= 0.0 => (off + MM * PRESSED_M).min(0.0),
+                    _ => off,
+                };
+                if miss != 0.0 {
                     pull += by * miss;
                     slope += by * by;
                 }
@@ -240,6 +247,22 @@ mod tests {
             assert!(depth.abs() < 0.4e-3, "{vowel:?}: {depth}");
             let closed = clip.weights[[0, jaw]];
             assert!(closed <= was && clip.weights.iter().all(|w| (0.0..=1.0).contains(w)));
+        }
+    }
+
+    #[test]
+    fn lips_that_close_under_a_sneer_or_sucked_in_do_not_go_through_each_other() {
+        for event in [
+            [("noseSneerLeft", 0.8), ("noseSneerRight", 0.8)],
+            [("mouthRollUpper", 0.9), ("mouthRollLower", 0.9)],
+        ] {
+            for vowel in VOWELS {
+                let (mut clip, gaps) = clip(&[vowel, &event[..]].concat());
+                gaps.close(&mut clip, &LipClosures::heard(&[0.9], 25.0), &[false]);
+                let heights = gaps.opening(&clip.weights.row_mut(0)).map(|pair| pair[0]);
+                let told = format!("{event:?} in {vowel:?}: {heights:?}");
+                assert!(heights.iter().all(|h| (-1.5e-3..0.0).contains(h)), "{told}");
+            }
         }
     }
 

@@ -2,6 +2,7 @@
 
 mod config;
 mod denoiser;
+mod priority;
 mod sampling;
 mod system;
 mod windows_kept;

@@ -8,6 +8,7 @@ use ndarray::{Array2, ArrayRef2, ArrayView2, Axis, Slice, s};
 
 use super::{
     denoiser::{Coarse, Denoiser},
+    priority::Priority,
     windows_kept::WindowsKept,
 };
 use crate::{
@@ -61,8 +62,11 @@ impl Request<'_> {
             is_printed,
         } = self.guidance;
         let numbers = format!(
-            "{rows:?} {} {} {} {alpha} {beta} {is_printed}",
-            self.style, self.seed, self.steps
+            "{rows:?} {} {} {} {alpha} {beta} {is_printed} {:?}",
+            self.style,
+            self.seed,
+            self.steps,
+            &self.events.over_speech[rows.clone()]
         );
         CacheKey::new("cafe_talk_window", 1)
             .text(&numbers)
@@ -133,11 +137,15 @@ struct Window<'a> {
     events: Option<Array2<f32>>,
     /// βZ, `[T, 51]`.
     mask: Array2<f32>,
+    /// What takes from it for the speech, where an event asks for jaw or chin.
+    priority: Option<Priority>,
+    /// `[T]`, where nothing does.
+    over_speech: &'a [bool],
     guidance: Guidance,
 }
 
 impl<'a> Window<'a> {
-    fn new(denoiser: &'a Denoiser, request: &Request<'_>, rows: &Range<usize>) -> Window<'a> {
+    fn new(denoiser: &'a Denoiser, request: &'a Request<'_>, rows: &Range<usize>) -> Window<'a> {
         let take =
             |x: ArrayView2<'_, f32>| x.slice_axis(Axis(0), Slice::from(rows.clone())).to_owned();
         let (speech, emotion) = (take(request.speech), take(request.emotion));
@@ -151,6 +159,7 @@ impl<'a> Window<'a> {
         let is_controlled = mask.iter().any(|strength| *strength != 0.0);
         let needs_null = guidance.alpha != 1.0 || (is_controlled && guidance.is_printed);
         let frames = rows.len();
+        let priority = Priority::new(&denoiser.config().channels);
         Window {
             denoiser,
             heard: denoiser.conditions(frames, Some(speech.view()), Some(coarse)),
@@ -159,6 +168,8 @@ impl<'a> Window<'a> {
                 let active = request.events.active.slice(s![rows.clone(), ..]);
                 denoiser.events(active)
             }),
+            priority: (!guidance.is_printed && priority.concerns(&mask)).then_some(priority),
+            over_speech: &request.events.over_speech[rows.clone()],
             mask,
             guidance,
         }
@@ -183,7 +194,15 @@ impl<'a> Window<'a> {
                 (Some(unheard), true) => unheard,
                 _ => &heard,
             };
-            mask_guided(&mut out, &fine, other, &self.mask);
+            match &self.priority {
+                Some(priority) => {
+                    let (mut mask, mut spoken) = (self.mask.clone(), heard.clone());
+                    self.denoiser.to_weights(&mut spoken);
+                    priority.give_way(&mut mask, &spoken, self.over_speech);
+                    mask_guided(&mut out, &fine, other, &mask);
+                }
+                None => mask_guided(&mut out, &fine, other, &self.mask),
+            }
         }
         out
     }

@@ -6,8 +6,10 @@ use ndarray::s;
 
 use super::{CafeTalkConfig, Denoiser, Guidance, Request, windows_kept::WindowsKept};
 use crate::{
-    Error, Result,
-    conditions::{Control, ControlStage, ControlValues, EmotionCurve, EventTrack, MotionRequest},
+    Result,
+    conditions::{
+        Control, ControlStage, ControlValues, EmotionCurve, EventTrack, MotionRequest, style_number,
+    },
     deform::LEARNED,
     models::{BuiltIn, built_in},
     motion::{
@@ -16,7 +18,7 @@ use crate::{
     },
     nn::Weights,
     progress::ProgressFn,
-    speech::{Heard, SpeechInput},
+    speech::{Heard, PhoneModel, SpeechInput},
     systems::{Registration, Slider, System, Windows},
 };
 
@@ -86,7 +88,9 @@ pub static REGISTRATION: Registration = Registration {
     models: &[&MODEL],
     controls: &[PERFORMANCE, OWN_CONTROLS],
     takes_events: true,
+    takes_words: true,
     hears_feeling: false,
+    starts_from_pose: false,
     sliders: &Slider::ALL,
     open: |folder| Ok(Box::new(CafeTalk::open(folder)?)),
 };
@@ -96,6 +100,7 @@ pub struct CafeTalk {
     denoiser: Denoiser,
     modes: FaceModes,
     gaps: LipGaps,
+    phones: PhoneModel,
     kept: WindowsKept,
 }
 
@@ -114,6 +119,7 @@ impl CafeTalk {
             denoiser,
             modes,
             gaps,
+            phones: PhoneModel::open(folder)?,
             kept: WindowsKept::default(),
         })
     }
@@ -123,19 +129,8 @@ impl CafeTalk {
     }
 
     fn style(&self, name: Option<&str>) -> Result<usize> {
-        let CafeTalkConfig {
-            styles,
-            default_style,
-            ..
-        } = self.config();
-        let name = name.unwrap_or(default_style);
-        styles
-            .iter()
-            .position(|style| style == name)
-            .ok_or_else(|| {
-                let known = styles.join(", ");
-                Error::InvalidInput(format!("style: expected one of {known}, got {name:?}"))
-            })
+        let config = self.config();
+        style_number(name, &config.styles, &config.default_style)
     }
 
     fn guidance(&self, request: &MotionRequest) -> Guidance {
@@ -149,7 +144,7 @@ impl CafeTalk {
 
     /// Brings the lips of a clip together where that is heard or given.
     fn close_lips(&self, clip: &mut WeightClip, heard: &Heard, request: &MotionRequest) {
-        let closures: LipClosures = heard.closures(request.closures.as_deref());
+        let closures = self.closures(heard, request.closures.as_deref());
         let events = EventTrack::of(&request.events, &clip.names, clip.weights.nrows(), clip.fps);
         self.gaps.close(clip, &closures, &events.over_speech);
     }
@@ -226,6 +221,10 @@ impl System for CafeTalk {
         let mut performed = clip.perform(&self.modes, &cues, &controls)?;
         self.close_lips(&mut performed, heard, request);
         Ok(Motion::Weights(performed))
+    }
+
+    fn closures(&self, heard: &Heard, given: Option<&[[f64; 2]]>) -> LipClosures {
+        heard.closures_with(&self.phones, given)
     }
 
     fn styles(&self) -> &[String] {

@@ -90,6 +90,11 @@ impl Branch {
         self.motion_out.forward_row(&x, out);
     }
 
+    /// The layer that makes displacements, `[3 V, d]`.
+    pub fn last_layer(&self) -> &Linear {
+        &self.motion_out
+    }
+
     fn joined(&self, x: &mut [f32], y: &[f32], norm: usize) {
         add_all(x, y);
         self.norms[norm].forward_rows(x);

@@ -6,5 +6,5 @@ mod model;
 mod system;
 
 pub use config::{EmoFaceConfig, Fusion};
-pub use model::{HeardFrame, MadeFrame, Model, Progressing};
+pub use model::{HeardFrame, Layer, MadeFrame, Model, Progressing};
 pub use system::{EmoFace, MODEL, REGISTRATION};

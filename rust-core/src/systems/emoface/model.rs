@@ -3,6 +3,7 @@
 //! Lin et al. 2025, section 3; twin of `training/systems/emoface/model.py`. The formula of the fusion is not
 //! printed there; here it is `M = w ⊙ M^e + (1 − w) ⊙ M^c` with a sigmoid for `w`.
 
+use faer::{Mat, linalg::solvers::Solve};
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2};
 
 use super::{
@@ -11,6 +12,7 @@ use super::{
 };
 use crate::{
     Error, Result,
+    ibug::LANDMARKS,
     nn::{
         Weights,
         biased_attention::KeptRows,
@@ -19,6 +21,9 @@ use crate::{
         spiral_conv::{SeenRows, SpiralConv},
     },
 };
+
+/// Of the mean square of a landmark's coordinate, what keeps a first pose small.
+const RIDGE: f64 = 1e-4;
 
 /// The weights.
 pub struct Model {
@@ -81,6 +86,28 @@ pub struct Progressing {
     seen: SeenRows,
 }
 
+/// What is shown, and what the next frame goes on from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Layer {
+    /// Both branches under the mask.
+    Both,
+    /// The content branch alone.
+    Content,
+    /// The emotion branch alone.
+    Feeling,
+}
+
+impl MadeFrame {
+    /// `[3 V]`.
+    pub fn layer(&self, layer: Layer) -> &[f32] {
+        match layer {
+            Layer::Both => &self.motion,
+            Layer::Content => &self.content,
+            Layer::Feeling => &self.feeling,
+        }
+    }
+}
+
 impl Model {
     /// From the parts of a model.
     ///
@@ -115,6 +142,41 @@ impl Model {
         ArrayView1::from(shares).dot(&self.prototypes)
     }
 
+    /// The pose of the template, `[V, 3]` metres, in which its landmarks have these displacements.
+    ///
+    /// Of all poses that the last layers of both branches can make it is the smallest that comes near to
+    /// them (ridge regression): the model has no other knowledge of what faces do.
+    pub fn pose_of(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> Array2<f32> {
+        let EmoFaceConfig {
+            vertices, scale_m, ..
+        } = self.config;
+        let last = [self.content.last_layer(), self.feeling.last_layer()];
+        let width = last[0].inputs();
+        let basis = |vertex: usize, axis: usize, k: usize| {
+            f64::from(last[k / width].weight()[(k % width, 3 * vertex + axis)])
+        };
+        let at = &self.config.landmarks;
+        let seen = Mat::from_fn(3 * LANDMARKS, 2 * width, |row, k| {
+            basis(at[row / 3], row % 3, k)
+        });
+        let mut gram = &seen * seen.transpose();
+        let ridge =
+            RIDGE * (0..3 * LANDMARKS).map(|i| gram[(i, i)]).sum::<f64>() / (3 * LANDMARKS) as f64;
+        for i in 0..3 * LANDMARKS {
+            gram[(i, i)] += ridge.max(f64::MIN_POSITIVE);
+        }
+        let wanted = Mat::from_fn(3 * LANDMARKS, 1, |row, _| {
+            f64::from(landmarks[row / 3][row % 3] / scale_m)
+        });
+        let shares = seen.transpose() * gram.partial_piv_lu().solve(&wanted);
+        Array2::from_shape_fn((vertices, 3), |(vertex, axis)| {
+            let moved: f64 = (0..2 * width)
+                .map(|k| basis(vertex, axis, k) * shares[(k, 0)])
+                .sum();
+            moved as f32 * scale_m
+        })
+    }
+
     /// Before the first frame: at rest, or in the pose `first` `[V, 3]` metres.
     ///
     /// # Errors
@@ -141,8 +203,8 @@ impl Model {
         })
     }
 
-    /// The next frame.
-    pub fn step(&self, heard: HeardFrame<'_>, state: &mut Progressing) -> MadeFrame {
+    /// The next frame; the one after it goes on from its `layer`.
+    pub fn step(&self, heard: HeardFrame<'_>, layer: Layer, state: &mut Progressing) -> MadeFrame {
         let EmoFaceConfig {
             channels,
             vertices,
@@ -180,15 +242,18 @@ impl Model {
             Fusion::Sum => content[i] + feeling[i],
         };
         let motion: Vec<f32> = (0..3 * vertices).map(|i| mixed(i, mask[i / 3])).collect();
-        state.before.copy_from_slice(&motion);
-        state.frame += 1;
-        let metres = |values: Vec<f32>| values.into_iter().map(|x| x * scale_m).collect();
-        MadeFrame {
-            motion: metres(motion),
-            content: metres(content),
-            feeling: metres(feeling),
+        let mut made = MadeFrame {
+            motion,
+            content,
+            feeling,
             mask,
+        };
+        state.before.copy_from_slice(made.layer(layer));
+        state.frame += 1;
+        for values in [&mut made.motion, &mut made.content, &mut made.feeling] {
+            values.iter_mut().for_each(|x| *x *= scale_m);
         }
+        made
     }
 }
 
@@ -261,7 +326,7 @@ mod tests {
                 style: 1,
                 level: level[t],
             };
-            let made = model.step(heard, &mut state);
+            let made = model.step(heard, Layer::Both, &mut state);
             let parts = [made.motion, made.content, made.feeling, made.mask];
             for (part, expected) in parts.iter().zip(&expected) {
                 largest = largest.max(distance(part, expected.row(t)));

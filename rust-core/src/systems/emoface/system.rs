@@ -4,21 +4,24 @@ use std::{path::Path, sync::Arc};
 
 use ndarray::{Array1, Array2, Array3};
 
-use super::{EmoFaceConfig, HeardFrame, MadeFrame, Model};
+use super::{EmoFaceConfig, HeardFrame, Layer, Model};
 use crate::{
     Error, Result,
-    conditions::{Control, ControlStage, ControlValues, EMOTIONS, EmotionCurve, MotionRequest},
+    conditions::{
+        Control, ControlStage, ControlValues, Controls, EMOTIONS, EmotionCurve, MotionRequest,
+        style_number,
+    },
     deform::LEARNED,
     ibug::LANDMARKS,
     models::{BuiltIn, built_in},
     motion::{
-        self, Cues, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion,
-        PERFORMANCE_CONTROLS, PerformanceControls,
+        self, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, PERFORMANCE_CONTROLS,
+        Performer,
     },
     nn::Weights,
     progress::{ProgressFn, report},
     speech::{FeelingEncoder, Heard, SpeechInput},
-    systems::{Registration, System},
+    systems::{Registration, Slider, System},
 };
 
 /// Built-in weights.
@@ -66,6 +69,17 @@ static LAYER: Control = Control {
 
 static OWN_CONTROLS: &[Control] = &[FEELING_FROM, LEVEL, LAYER, LEARNED];
 
+impl Layer {
+    /// The one that is asked for.
+    fn of(controls: &Controls) -> Layer {
+        match LAYER.value(controls) as usize {
+            0 => Layer::Both,
+            1 => Layer::Content,
+            _ => Layer::Feeling,
+        }
+    }
+}
+
 /// How the registry knows EmoFace.
 pub static REGISTRATION: Registration = Registration {
     name: "emoface",
@@ -75,8 +89,10 @@ pub static REGISTRATION: Registration = Registration {
     models: &[&MODEL],
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
     takes_events: false,
+    takes_words: false,
     hears_feeling: true,
-    sliders: &[],
+    starts_from_pose: true,
+    sliders: &Slider::ALL,
     open: |folder| Ok(Box::new(EmoFace::open(folder)?)),
 };
 
@@ -113,22 +129,6 @@ impl EmoFace {
 
     fn config(&self) -> &EmoFaceConfig {
         self.model.config()
-    }
-
-    fn style(&self, name: Option<&str>) -> Result<usize> {
-        let EmoFaceConfig {
-            styles,
-            default_style,
-            ..
-        } = self.config();
-        let name = name.unwrap_or(default_style);
-        styles
-            .iter()
-            .position(|style| style == name)
-            .ok_or_else(|| {
-                let known = styles.join(", ");
-                Error::InvalidInput(format!("style: expected one of {known}, got {name:?}"))
-            })
     }
 
     /// What the emotion branch hears in each frame, `[T, E]`, and the level there, `[T]`.
@@ -183,13 +183,8 @@ impl EmoFace {
         Ok(self.model.prototype(&shares))
     }
 
-    /// The landmarks of the layer that is asked for, `[68, 3]` metres.
-    fn shown(&self, made: &MadeFrame, layer: usize) -> Array2<f32> {
-        let values = match layer {
-            0 => &made.motion,
-            1 => &made.content,
-            _ => &made.feeling,
-        };
+    /// The landmarks of a layer, `[3 V]` metres, as `[68, 3]`.
+    fn landmarks(&self, values: &[f32]) -> Array2<f32> {
         let at = &self.config().landmarks;
         Array2::from_shape_fn((LANDMARKS, 3), |(n, axis)| values[3 * at[n] + axis])
     }
@@ -210,9 +205,12 @@ impl System for EmoFace {
         let content = heard.features(fps);
         let frames = content.nrows();
         let (feeling, levels) = self.feeling(heard, request, frames)?;
-        let style = self.style(request.style.as_deref())?;
-        let layer = LAYER.value(&request.controls) as usize;
-        let mut state = self.model.start(None)?;
+        let config = self.config();
+        let asked = request.style.as_deref();
+        let style = style_number(asked, &config.styles, &config.default_style)?;
+        let layer = Layer::of(&request.controls);
+        let first = request.starts_from.map(|pose| self.model.pose_of(&pose));
+        let mut state = self.model.start(first.as_ref().map(|pose| pose.view()))?;
         let mut displacements = Array3::zeros((frames, LANDMARKS, 3));
         for (t, mut frame) in displacements.outer_iter_mut().enumerate() {
             report(progress, "sample", t as f32 / frames as f32)?;
@@ -222,8 +220,8 @@ impl System for EmoFace {
                 style,
                 level: levels[t],
             };
-            let made = self.model.step(now, &mut state);
-            frame.assign(&self.shown(&made, layer));
+            let made = self.model.step(now, layer, &mut state);
+            frame.assign(&self.landmarks(made.layer(layer)));
         }
         report(progress, "sample", 1.0)?;
         let wanted = heard.frames(request.fps);
@@ -239,24 +237,18 @@ impl System for EmoFace {
         request: &MotionRequest,
         blink_emotion: &EmotionCurve,
     ) -> Result<Motion> {
-        let Motion::Landmarks(clip) = sampled else {
-            return Ok(sampled.clone());
+        // What is said alone is said in the manner of nobody who feels.
+        let emotion = match Layer::of(&request.controls) {
+            Layer::Content => &EmotionCurve::default(),
+            Layer::Both | Layer::Feeling => &request.emotion,
         };
-        let frames = sampled.frames();
-        let affect = request.emotion.sample(frames, clip.fps);
-        let blink_affect = blink_emotion.sample(frames, clip.fps);
-        let cues = Cues {
-            affect: affect.view(),
-            blink_affect: blink_affect.view(),
+        let performer = Performer {
+            modes: &self.modes,
             expressions: &self.expressions,
             emotion_origin: EmotionOrigin::Learned,
-            speech_only: request.emotion == EmotionCurve::Off,
             prosody: &heard.prosody,
-            seed: request.seed,
         };
-        let controls = PerformanceControls::from(&request.controls);
-        let performed = self.modes.perform(clip, &cues, &controls)?;
-        Ok(Motion::Landmarks(performed))
+        performer.perform(sampled, request, emotion, blink_emotion)
     }
 
     fn styles(&self) -> &[String] {

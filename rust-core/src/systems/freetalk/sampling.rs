@@ -10,7 +10,7 @@ use ndarray::{Array2, Array3, ArrayRef2, ArrayView2, Axis, Slice};
 use super::ats::{Ats, Sampling};
 use crate::{
     Error, Result,
-    conditions::EMOTIONS,
+    conditions::{EMOTIONS, style_number},
     diffusion::{Ddim, frame_noise},
     progress::{self, ProgressFn},
 };
@@ -118,12 +118,7 @@ impl Ats {
                 "temperature: expected a number of at least 0, got {temperature}"
             )));
         }
-        let style = request.style.unwrap_or(&config.default_style);
-        let found = config.styles.iter().position(|known| known == style);
-        found.ok_or_else(|| {
-            let known = config.styles.join(", ");
-            Error::InvalidInput(format!("style: expected one of {known}, got {style:?}"))
-        })
+        style_number(request.style, &config.styles, &config.default_style)
     }
 }
 

@@ -19,8 +19,8 @@ use crate::{
     face::Face,
     models::{BuiltIn, built_in},
     motion::{
-        self, CausalExpression, Cues, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion,
-        MotionStream, PERFORMANCE_CONTROLS, PerformanceControls,
+        self, CausalExpression, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion,
+        MotionStream, PERFORMANCE_CONTROLS, Performer,
     },
     progress::ProgressFn,
     speech::{Heard, SpeechInput},
@@ -70,7 +70,9 @@ pub static REGISTRATION: Registration = Registration {
     models: &[&ATS_MODEL, &STREAM_MODEL, &PAPER_MODEL],
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
     takes_events: false,
+    takes_words: false,
     hears_feeling: false,
+    starts_from_pose: false,
     sliders: &Slider::ALL,
     open: |folder| Ok(Box::new(FreeTalk::open(folder)?)),
 };
@@ -161,24 +163,13 @@ impl System for FreeTalk {
         request: &MotionRequest,
         blink_emotion: &EmotionCurve,
     ) -> Result<Motion> {
-        let Motion::Landmarks(clip) = sampled else {
-            return Ok(sampled.clone());
-        };
-        let frames = sampled.frames();
-        let affect = request.emotion.sample(frames, clip.fps);
-        let blink_affect = blink_emotion.sample(frames, clip.fps);
-        let cues = Cues {
-            affect: affect.view(),
-            blink_affect: blink_affect.view(),
+        let performer = Performer {
+            modes: &self.modes,
             expressions: &self.expressions,
             emotion_origin: self.ats.config().emotion,
-            speech_only: request.emotion == EmotionCurve::Off,
             prosody: &heard.prosody,
-            seed: request.seed,
         };
-        let controls = PerformanceControls::from(&request.controls);
-        let performed = self.modes.perform(clip, &cues, &controls)?;
-        Ok(Motion::Landmarks(performed))
+        performer.perform(sampled, request, &request.emotion, blink_emotion)
     }
 
     fn samples_emotion(&self) -> bool {

@@ -13,7 +13,7 @@ use super::{
 };
 use anyface::{
     Performance, Result,
-    conditions::{ACTION_UNITS, Event, Side},
+    conditions::{ACTION_UNITS, Event, EventTrack, Side},
     metrics::{closures, control_leak, control_rate, pearson},
     motion::{Motion, WeightClip},
 };
@@ -33,7 +33,7 @@ const PER_CENT: f64 = 100.0;
 pub(super) struct EventScores {
     pub clips: usize,
     pub units: Vec<UnitScores>,
-    /// Of lower units, without an event and with one: p, b, m of the slots that close the lips.
+    /// p, b, m of the slots that close the lips, of all lower units together.
     pub closures: Closures,
 }
 
@@ -53,14 +53,23 @@ pub(super) struct UnitScores {
     pub far: f64,
     /// Pearson r of the lip gap with the recording that the event costs.
     pub gap_r_lost: f64,
+    /// The same where the event is put over the speech.
+    pub gap_r_lost_over: f64,
+    /// p, b, m of the slots that close the lips.
+    pub closures: Closures,
 }
 
-/// Lips that meet in the slots of lower units.
+/// Lips that meet in the slots of an event of strength 1, %.
 #[derive(Debug, Clone, Default, Serialize)]
 pub(super) struct Closures {
     pub count: usize,
+    /// Without an event.
     pub without_percent: f64,
     pub with_percent: f64,
+    /// With the event over the speech, which nothing then guards.
+    pub over_percent: f64,
+    /// With the unit's shapes added to the speech's.
+    pub added_percent: f64,
 }
 
 /// A performance with what is compared of it.
@@ -84,43 +93,64 @@ pub(super) fn measure(
     let Some(plain) = plain.collect::<Result<Option<Vec<Shown>>>>()? else {
         return Ok(None);
     };
-    let mut told = Closures::default();
     let mut units = Vec::new();
     for unit in 0..ACTION_UNITS.len() {
+        let mut closures = Closures::default();
         let mut rows = Vec::new();
         for (clip, plain) in clips.iter().zip(&plain) {
-            let each = STRENGTHS.iter().map(|strength| {
-                let wish = with_event(wish, unit, *strength);
+            let each = STRENGTHS.iter().map(|&strength| {
+                let wish = with_event(wish, event(unit, strength, false));
                 shown(speaker, &wish, clip)
             });
             let Some(each) = each.collect::<Result<Option<Vec<Shown>>>>()? else {
                 return Ok(None);
             };
-            if ACTION_UNITS[unit].is_lower {
-                told.add(clip, plain, &each[1])?;
-            }
-            rows.push(score(unit, clip, plain, &each)?);
+            let over = with_event(wish, event(unit, 1.0, true));
+            let Some(over) = shown(speaker, &over, clip)? else {
+                return Ok(None);
+            };
+            let added = added(speaker, clip, plain, unit)?;
+            closures.add(clip, [plain, &each[1], &over, &added])?;
+            rows.push(score(unit, clip, plain, &each, &over)?);
         }
-        units.push(mean_of(unit, &rows));
+        units.push(mean_of(unit, &rows, closures));
     }
+    let lower = units.iter().filter(|unit| unit.is_lower);
+    let closures = lower.fold(Closures::default(), |sum, unit| sum.and(&unit.closures));
     Ok(Some(EventScores {
         clips: clips.len(),
-        units,
-        closures: told.in_percent(),
+        units: units.into_iter().map(UnitScores::in_percent).collect(),
+        closures: closures.in_percent(),
     }))
 }
 
-fn with_event(wish: &Wish, unit: usize, strength: f32) -> Wish {
-    let event = Event {
+fn event(unit: usize, strength: f32, over_speech: bool) -> Event {
+    Event {
         slot_s: SLOT_S,
         units: vec![(unit, Side::Both)],
         strength,
-        over_speech: false,
-    };
+        over_speech,
+    }
+}
+
+fn with_event(wish: &Wish, event: Event) -> Wish {
     Wish {
         events: vec![event],
         ..wish.clone()
     }
+}
+
+/// The unit's shapes put on by addition, weight 1 within the slot.
+fn added(speaker: &Speaker, clip: &Clip, plain: &Shown, unit: usize) -> Result<Shown> {
+    let mut weights = plain.weights.clone();
+    let (frames, fps) = (weights.weights.nrows(), weights.fps);
+    let track = EventTrack::of(&[event(unit, 1.0, false)], &weights.names, frames, fps);
+    weights.weights += &track.mask;
+    let motion = Motion::Weights(weights.clone());
+    Ok(Shown {
+        gap_mm: gap_mm(&clip.neutral, speaker.landmarks(&motion)?.view())?,
+        weights,
+    })
 }
 
 /// `None` where the motion is no weights.
@@ -140,9 +170,10 @@ struct Row {
     leak: Option<f64>,
     far: f64,
     gap_r_lost: f64,
+    gap_r_lost_over: f64,
 }
 
-fn score(unit: usize, clip: &Clip, plain: &Shown, with: &[Shown]) -> Result<Row> {
+fn score(unit: usize, clip: &Clip, plain: &Shown, with: &[Shown], over: &Shown) -> Result<Row> {
     let slot = frames(clip);
     let of = |shown: &Shown| unit_weights(&shown.weights, unit);
     let rate = |shown: &Shown| control_rate(&of(shown), &slot).unwrap_or(0.0);
@@ -158,6 +189,7 @@ fn score(unit: usize, clip: &Clip, plain: &Shown, with: &[Shown]) -> Result<Row>
         leak: control_leak(&of(usual), &of(plain), &slot),
         far: far(&plain.weights, &usual.weights, &slot),
         gap_r_lost: r(plain) - r(usual),
+        gap_r_lost_over: r(plain) - r(over),
     })
 }
 
@@ -191,19 +223,36 @@ fn far(a: &WeightClip, b: &WeightClip, slot: &Range<usize>) -> f64 {
 }
 
 impl Closures {
-    fn add(&mut self, clip: &Clip, plain: &Shown, with: &Shown) -> Result<()> {
+    /// Counts those of one clip: without an event, with it, over the speech, added.
+    fn add(&mut self, clip: &Clip, shown: [&Shown; 4]) -> Result<()> {
         let phones = clip.phones.as_deref().unwrap_or_default();
         let inside = |(from, to): &(f64, f64)| *from >= SLOT_S[0] && *to <= SLOT_S[1];
         let wanted: Vec<_> = windows(phones).into_iter().filter(inside).collect();
         let rest_mm = rest_gap_mm(&clip.neutral)?;
-        let closed = |shown: &Shown| {
+        let closed = shown.map(|shown| {
             let found = closures(&shown.gap_mm, clip.fps, &wanted);
             found.iter().filter(|c| c.gap - rest_mm < CLOSED_MM).count() as f64
+        });
+        let [without, with, over, added] = closed;
+        let more = Closures {
+            count: wanted.len(),
+            without_percent: without,
+            with_percent: with,
+            over_percent: over,
+            added_percent: added,
         };
-        self.count += wanted.len();
-        self.without_percent += closed(plain);
-        self.with_percent += closed(with);
+        *self = self.clone().and(&more);
         Ok(())
+    }
+
+    fn and(self, other: &Closures) -> Closures {
+        Closures {
+            count: self.count + other.count,
+            without_percent: self.without_percent + other.without_percent,
+            with_percent: self.with_percent + other.with_percent,
+            over_percent: self.over_percent + other.over_percent,
+            added_percent: self.added_percent + other.added_percent,
+        }
     }
 
     fn in_percent(self) -> Closures {
@@ -211,12 +260,23 @@ impl Closures {
         Closures {
             without_percent: share * self.without_percent,
             with_percent: share * self.with_percent,
+            over_percent: share * self.over_percent,
+            added_percent: share * self.added_percent,
             ..self
         }
     }
 }
 
-fn mean_of(unit: usize, rows: &[Row]) -> UnitScores {
+impl UnitScores {
+    fn in_percent(self) -> UnitScores {
+        UnitScores {
+            closures: self.closures.in_percent(),
+            ..self
+        }
+    }
+}
+
+fn mean_of(unit: usize, rows: &[Row], closures: Closures) -> UnitScores {
     let mean =
         |of: &dyn Fn(&Row) -> f64| rows.iter().map(of).sum::<f64>() / rows.len().max(1) as f64;
     let known: Vec<f64> = rows.iter().filter_map(|row| row.leak).collect();
@@ -231,6 +291,8 @@ fn mean_of(unit: usize, rows: &[Row]) -> UnitScores {
         leak: known.iter().sum::<f64>() / known.len().max(1) as f64,
         far: rows.iter().map(|row| row.far).fold(0.0, f64::max),
         gap_r_lost: mean(&|row| row.gap_r_lost),
+        gap_r_lost_over: mean(&|row| row.gap_r_lost_over),
+        closures,
     }
 }
 
@@ -242,25 +304,35 @@ pub(super) fn section(page: &mut Page, scores: &EventScores) {
          control. Control rate (Cafe-Talk eq. 7): the unit's largest weight in the slot over the mean of the five \
          frames either side, at four strengths and without an event; leak: what the event adds to those frames, of \
          what it adds within; far: the largest change of any weight more than {FAR} frames away; r lost: \
-         correlation of the lip gap with the recording, without the event minus with it.",
-        SLOT_S[0], SLOT_S[1], scores.clips
+         correlation of the lip gap with the recording, without the event minus with it, and behind the stroke with \
+         the event put over the speech, where nothing guards it; closed: of the {} p, b and m in the slots those that \
+         close the lips, in the same way, and at last with the unit's shapes added to the speech's.",
+        SLOT_S[0],
+        SLOT_S[1],
+        scores.clips,
+        scores.units.first().map_or(0, |unit| unit.closures.count)
     ));
     let strengths = STRENGTHS.map(|strength| format!("strength {strength}"));
     let mut titles = vec!["unit", "none"];
     titles.extend(strengths.iter().map(String::as_str));
-    titles.extend(["leak", "far", "r lost"]);
+    titles.extend(["leak", "far", "r lost", "closed"]);
     let mut rows: Vec<Vec<String>> = scores.units.iter().map(row).collect();
     let count = scores.units.len() as f64;
     let mean = |k: usize| scores.units.iter().map(|u| u.control_rate[k]).sum::<f64>() / count;
     let mut last = vec!["**mean**".to_owned(), String::new()];
     last.extend((0..STRENGTHS.len()).map(|k| number(mean(k), 2)));
-    last.extend([String::new(), String::new(), String::new()]);
+    last.extend(vec![String::new(); 4]);
     rows.push(last);
     page.table(&titles, rows);
     page.block("");
     page.block(format!(
-        "Of {} p, b and m in the slots of lower units {:.0} % close the lips without the event, {:.0} % with it.",
-        scores.closures.count, scores.closures.without_percent, scores.closures.with_percent
+        "Of {} p, b and m in the slots of lower units {:.0} % close the lips without the event, {:.0} % with it; {:.0} % \
+         with the event over the speech, {:.0} % with the unit's shapes added.",
+        scores.closures.count,
+        scores.closures.without_percent,
+        scores.closures.with_percent,
+        scores.closures.over_percent,
+        scores.closures.added_percent
     ));
 }
 
@@ -271,6 +343,16 @@ fn row(unit: &UnitScores) -> Vec<String> {
     ];
     out.extend(unit.control_rate.iter().map(|rate| number(*rate, 2)));
     out.push(format!("{:.0} %", PER_CENT * unit.leak));
-    out.extend([number(unit.far, 3), number(unit.gap_r_lost, 3)]);
+    out.push(number(unit.far, 3));
+    let lost = [unit.gap_r_lost, unit.gap_r_lost_over].map(|r| number(r, 3));
+    out.push(lost.join(" / "));
+    let Closures {
+        with_percent,
+        over_percent,
+        added_percent,
+        ..
+    } = unit.closures;
+    let closed = [with_percent, over_percent, added_percent].map(|share| format!("{share:.0}"));
+    out.push(format!("{} %", closed.join(" / ")));
     out
 }

@@ -67,7 +67,8 @@ impl Figures {
             for source in recorded {
                 out.speech_sheet(album, (speaker, &head), source)?;
             }
-            if let Some(clip) = performed.first().and_then(|p| p.corpus.held_out.first()) {
+            let first = performed.first().and_then(|p| p.corpus.held_out.first());
+            if let Some(clip) = first.filter(|_| speaker.shows_emotion()) {
                 out.emotion_sheet(album, (speaker, &head), wish, clip)?;
             }
         }

@@ -74,10 +74,16 @@ pub(super) struct Quality {
     /// Folder of further predictors, each with <source>/<clip>.npz as `anyface motion` writes them
     #[arg(long, value_name = "DIR")]
     also: Option<PathBuf>,
+    /// Another system whose motion is measured in the same run, by its name; may be repeated
+    #[arg(long, value_name = "NAME")]
+    beside: Vec<String>,
     /// Print r and slope of the default model's gap, width, chin and protrusion, nothing else, in
     /// seconds; with --also those of its files
     #[arg(long, conflicts_with = "report")]
     quick: bool,
+    /// Print the numbers of one section as JSON, nothing else; closures need --aligned, also those of events
+    #[arg(long, value_name = "SECTION", conflicts_with_all = ["report", "quick"])]
+    only: Option<Section>,
     /// Also time 1, 5 and 20 minutes of sound
     #[arg(long, requires = "report")]
     long: bool,
@@ -103,6 +109,13 @@ pub(super) struct Quality {
     /// Denoising steps [default: the model's own]
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
+}
+
+/// A section that may be measured alone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Section {
+    Closures,
+    Events,
 }
 
 /// All numbers of one source.
@@ -150,19 +163,44 @@ struct Results {
     timing: timing::Timing,
 }
 
+/// One section as JSON.
+fn print_alone(scores: &impl Serialize, console: &Console) -> Result<()> {
+    let text = serde_json::to_string_pretty(scores)
+        .map_err(|error| Error::InvalidInput(format!("report: {error}")))?;
+    console.value(scores, &(text + "\n"));
+    Ok(())
+}
+
 impl Quality {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         let speaker = Speaker {
             engine: shared.engine()?,
             weights: shared.weights.clone(),
         };
+        let others = self.beside.iter().map(|name| {
+            let engine = shared.engine_of(Some(name))?;
+            let weights = shared.weights.clone();
+            Ok((name.clone(), Speaker { engine, weights }))
+        });
+        let others: Vec<(String, Speaker)> = others.collect::<Result<_>>()?;
         let weights = shared.weights.as_deref();
         let data = self.data.folder()?;
         let ict = IctLandmarks::read(&data)?;
         if self.quick {
-            return self.print_quickly(&speaker, (&data, &ict), console);
+            return self.print_quickly(&speaker, &others, (&data, &ict), console);
         }
-        let (performed, whole) = self.perform(&speaker, (&data, &ict), console)?;
+        if self.only == Some(Section::Events) {
+            let mut corpora = vec![grid::read(&data, &ict, self.limit)?];
+            if let Some(folder) = &self.aligned {
+                aligned::attach(folder, &mut corpora, &ict, self.aligned_limit)?;
+            }
+            let scores = events::measure(&speaker, &self.wish(), &corpora[0].held_out)?;
+            return print_alone(&scores, console);
+        }
+        let (performed, whole) = self.perform(&speaker, &others, (&data, &ict), console)?;
+        if self.only == Some(Section::Closures) {
+            return print_alone(&closures::measure(&performed)?, console);
+        }
         let recorded = performed.iter().chain(&whole).filter(|p| p.corpus.recorded);
         let sources: Vec<SourceScores> = recorded.map(score).collect::<Result<_>>()?;
         let table: String = sources.iter().map(|s| table(s, measures())).collect();
@@ -187,11 +225,12 @@ impl Quality {
     fn print_quickly(
         &self,
         speaker: &Speaker,
+        others: &[(String, Speaker)],
         (data, ict): (&Path, &IctLandmarks),
         console: &Console,
     ) -> Result<()> {
         let wish = self.wish();
-        let asked = self.asked(speaker, &wish);
+        let asked = self.asked(speaker, others, &wish);
         let [ends, whole] = facegood::read(data, ict, self.limit)?;
         let mut performed = vec![
             asked.perform_plainly(grid::read(data, ict, self.limit)?)?,
@@ -205,9 +244,15 @@ impl Quality {
         Ok(())
     }
 
-    fn asked<'a>(&'a self, speaker: &'a Speaker, wish: &'a Wish) -> Asked<'a> {
+    fn asked<'a>(
+        &'a self,
+        speaker: &'a Speaker,
+        others: &'a [(String, Speaker)],
+        wish: &'a Wish,
+    ) -> Asked<'a> {
         Asked {
             speaker,
+            others,
             wish,
             styles: speaker.engine.styles(),
             also: self.also.as_deref(),
@@ -227,6 +272,7 @@ impl Quality {
     fn perform(
         &self,
         speaker: &Speaker,
+        others: &[(String, Speaker)],
         (data, ict): (&Path, &IctLandmarks),
         console: &Console,
     ) -> Result<(Vec<Performed>, Option<Performed>)> {
@@ -238,7 +284,7 @@ impl Quality {
             aligned::attach(folder, &mut corpora, ict, limit)?;
         }
         let wish = self.wish();
-        let asked = self.asked(speaker, &wish);
+        let asked = self.asked(speaker, others, &wish);
         let count = corpora.len() as f32;
         let each = corpora.into_iter().enumerate();
         let performed = each.map(|(k, corpus): (usize, Corpus)| {
@@ -274,7 +320,7 @@ impl Quality {
         let effort = effort::measure(speaker, &wish, (data, &spoken), self.limit)?;
         let life = life::measure(speaker, &wish, data, clips)?;
         stage("emotion", 0.6);
-        let reading = match self.head.is_dir() {
+        let reading = match self.head.is_dir() && speaker.shows_emotion() {
             true => {
                 let heads = Head::three(&speaker.engine, data, &self.head)?;
                 let speech = &performed[1].corpus.training;
@@ -288,11 +334,15 @@ impl Quality {
             }
             false => None,
         };
-        let intensity = emotions::intensity(speaker, &wish, speaker.weights.as_deref(), clips)?;
+        let intensity = match speaker.shows_emotion() {
+            true => emotions::intensity(speaker, &wish, speaker.weights.as_deref(), clips)?,
+            false => Vec::new(),
+        };
         stage("seeds", 0.8);
         let seeds = recorded().map(|c| seeds::measure(speaker, &wish, c));
         let seeds = seeds.collect::<Result<_>>()?;
-        let steps = recorded().map(|c| steps::measure(speaker, &wish, c));
+        let sampled = recorded().filter(|_| speaker.has("steps"));
+        let steps = sampled.map(|c| steps::measure(speaker, &wish, c));
         let steps: Vec<Vec<_>> = steps.collect::<Result<_>>()?;
         stage("long sounds and pictures", 0.9);
         Ok(Results {

@@ -76,6 +76,8 @@ impl Performed {
 /// How the model is asked, and where other predictors lie.
 pub(super) struct Asked<'a> {
     pub speaker: &'a Speaker,
+    /// Other systems by name.
+    pub others: &'a [(String, Speaker)],
     pub wish: &'a Wish,
     /// The styles that the weights know.
     pub styles: &'a [String],
@@ -118,6 +120,7 @@ impl Asked<'_> {
                 motions: made.collect::<Result<_>>()?,
             });
         }
+        predictors.extend(self.other_systems(&corpus)?);
         let fitted = match corpus.training.is_empty() {
             true => None,
             false => Some(Baselines::fit(&corpus.training)?),
@@ -137,8 +140,28 @@ impl Asked<'_> {
             name: MODEL.into(),
             motions: motions.collect::<Result<_>>()?,
         }];
+        predictors.extend(self.other_systems(&corpus)?);
         predictors.extend(self.read_files(&corpus)?);
         Ok(Performed { corpus, predictors })
+    }
+
+    /// What other systems make of it as they come.
+    fn other_systems(&self, corpus: &Corpus) -> Result<Vec<Predictor>> {
+        let wish = Wish {
+            seed: self.wish.seed,
+            ..Wish::default()
+        };
+        let made = self.others.iter().map(|(name, speaker)| {
+            let motions = corpus
+                .held_out
+                .iter()
+                .map(|clip| speaker.speak(clip, &wish).map(Some));
+            Ok(Predictor {
+                name: name.clone(),
+                motions: motions.collect::<Result<_>>()?,
+            })
+        });
+        made.collect()
     }
 
     /// A corpus for which there are files alone; none where there are no files.

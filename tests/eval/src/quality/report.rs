@@ -139,7 +139,8 @@ fn glance(page: &mut Page, results: &Results) {
          does. `{MODEL}` is the model in its default style, as a user gets it; `{MODEL}, style …` is \
          asked for the style of that source; `stream` is its causal twin. `constant` is the mean \
          face of the source's own training clips; `loudness` a straight line of every coordinate \
-         over the sound's level, fitted to the same. Every other name is motion from a file."
+         over the sound's level, fitted to the same. Names of systems are their motion as they come. Every other name is motion \
+         from a file."
     ));
     page.block(format!(
         "Held out of grid_s1 is every tenth clip; of facegood_zh the last 15 % of each take, whose \
@@ -269,6 +270,9 @@ fn silence(page: &mut Page, results: &Results) {
 }
 
 fn intensity(page: &mut Page, results: &Results) {
+    if results.intensity.is_empty() {
+        return;
+    }
     page.block(format!(
         "Intensity: mean displacement, from the performance at intensity 0, of the \
          {OWN_LANDMARKS} landmarks that the category moves most (chosen on other clips), averaged \
@@ -354,6 +358,9 @@ fn seams(page: &mut Page, results: &Results) {
 }
 
 fn steps(page: &mut Page, results: &Results) {
+    if results.steps.is_empty() {
+        return;
+    }
     page.block("## Denoising steps");
     page.block("Work is processor time where the system tells it, else time that passed.");
     let rows = results.steps.iter().map(|row| {

@@ -46,6 +46,17 @@ impl Speaker {
         self.landmarks(&self.performance(waveform, fps, wish)?.motion)
     }
 
+    /// Whether the system knows a control of this name.
+    pub(super) fn has(&self, control: &str) -> bool {
+        let mut known = self.engine.system().controls();
+        known.any(|known| known.name == control)
+    }
+
+    /// Whether the emotion of a wish is shown: systems that hear feeling show what they hear.
+    pub(super) fn shows_emotion(&self) -> bool {
+        !self.engine.system().hears_feeling
+    }
+
     /// All that the engine performs.
     pub(super) fn performance(
         &self,

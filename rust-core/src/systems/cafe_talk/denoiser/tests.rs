@@ -50,12 +50,13 @@ fn guided_runs_over_two_windows_match_pytorch() {
     for (name, strength, is_printed) in [
         ("weights", &still, false),
         ("controlled", &asked, false),
+        ("over_speech", &asked, false),
         ("printed", &asked, true),
     ] {
         let events = EventTrack {
             active: active.clone(),
             mask: strength.clone(),
-            over_speech: vec![false; strength.nrows()],
+            over_speech: vec![name == "over_speech"; strength.nrows()],
         };
         let sampling = denoiser.config().sampling;
         let request = Request {

@@ -1,0 +1,71 @@
+"""The library's calls that make few vectors of a clip, and what of them may still change."""
+
+from ctypes import POINTER, c_float
+from dataclasses import replace
+
+import numpy as np
+
+from . import layers
+from .sliders import ALL, SliderChange
+from .take import Basis
+
+# Static weights over 68 landmarks give motion of rank 204 at most.
+MAX_VECTORS = 256
+_FLOATS = POINTER(c_float)
+
+
+class BasisCalls:
+    """What `native.Engine` knows of bases and their sliders."""
+
+    def _layers(self, handles, made, sound, request, limit: float, watch) -> Basis:
+        """What is said and what is felt beyond it, each within half of `limit`, as one basis."""
+        face, _, clip = made
+        layer = next(control for control in self._controls if control.name == layers.CONTROL)
+        controls = request.controls | {layer.name: layer.number(layers.SAID)}
+        spoken = self._spoken(handles, face, sound, replace(request, controls=controls), watch)
+        said = self._basis(handles, (face, *spoken), 0.5 * limit, watch)
+        more = self._own(handles, "clip", "anyface_clip_new_difference", clip, spoken[-1])
+        felt, _ = self._vectors(handles, more, 0.5 * limit, watch)
+        return layers.joined(said, felt)
+
+    def _basis(self, handles, made, limit: float, watch) -> Basis:
+        """A face, its motion and its clip as a basis with sliders.
+
+        `limit` and the basis' error are in mesh units here.
+        """
+        basis, handle = self._vectors(handles, made[-1], limit, watch)
+        basis.sliders = self._sliders(handles, *made, handle, basis.weights.shape, watch)
+        basis.offered = self._sliders_offered
+        return basis
+
+    def _vectors(self, handles, clip, limit: float, watch):
+        """A clip as a basis, and the library's handle of it."""
+        given = (self._handle, clip, limit, MAX_VECTORS, watch.handle)
+        basis = self._own(handles, "basis", "anyface_basis_new", *given)
+        count = self._library.anyface_basis_shape_count(basis)
+        frames, vertices = (
+            getattr(self._library, f"anyface_clip_{name}_count")(clip)
+            for name in ("frame", "vertex")
+        )
+        vectors = np.empty((count, vertices, 3), dtype=np.float32)
+        weights = np.empty((frames, count), dtype=np.float32)
+        self._copy("anyface_basis_copy_shapes", basis, vectors)
+        self._copy("anyface_basis_copy_weights", basis, weights)
+        return Basis(vectors, weights, self._library.anyface_basis_max_error(basis)), basis
+
+    def _sliders(self, handles, face, motion, clip, basis, shape, watch) -> dict[str, SliderChange]:
+        """The sliders that move something; `shape` is `(T, K)` of the basis."""
+        given = (self._handle, face, motion, clip, basis, watch.handle)
+        sliders = self._own(handles, "sliders", "anyface_sliders_new", *given)
+        found = {}
+        for number, name in enumerate(ALL):
+            count = self._library.anyface_sliders_knot_count(sliders, number)
+            if count == 0:
+                continue
+            knots = np.empty(count, dtype=np.float32)
+            changes = np.empty((count, *shape), dtype=np.float32)
+            for kind, array in (("knots", knots), ("changes", changes)):
+                floats = array.ctypes.data_as(_FLOATS)
+                self._call(f"anyface_sliders_copy_{kind}", sliders, number, floats, array.size)
+            found[name] = SliderChange(knots, changes)
+        return found

@@ -1,0 +1,116 @@
+//! Frames of a clip as they are made, for clips that no memory holds.
+
+use std::ffi::{c_int, c_void};
+
+use anyface::{
+    Error,
+    progress::ProgressFn,
+    spread::{ClipStart, FrameSink, LandmarkTrack},
+};
+use ndarray::{Array3, Axis};
+
+use crate::{
+    engine::AnyfaceEngine,
+    error::{AnyfaceError, Failure},
+    face::AnyfaceFace,
+    guard,
+    motion::AnyfaceMotion,
+    pointer,
+    progress::{AnyfaceProgress, watched},
+    status::AnyfaceStatus,
+};
+
+/// Takes frames in order; any result but 0 ends the call with `ANYFACE_STATUS_CANCELLED`.
+///
+/// `first_frame`: number of the first of them. `displacements`: `[frame_count, V, 3]`, mesh units, added to
+/// the neutral positions; valid during this call alone.
+/// Called from a thread of the library, which may differ from the one that started the job and from
+/// call to call; never twice at the same time. It must not throw or longjmp.
+pub type AnyfaceFramesFn = Option<
+    unsafe extern "C" fn(
+        user: *mut c_void,
+        first_frame: usize,
+        frame_count: usize,
+        displacements: *const f32,
+    ) -> c_int,
+>;
+
+/// Hands blocks on to the host.
+struct HostSink {
+    take: unsafe extern "C" fn(*mut c_void, usize, usize, *const f32) -> c_int,
+    user: *mut c_void,
+    frames_at_once: usize,
+    taken: usize,
+}
+
+// The caller vouches for `user` and the function: the header says that they are used from the
+// library's threads.
+unsafe impl Send for HostSink {}
+
+impl FrameSink for HostSink {
+    fn begin(&mut self, _start: &ClipStart<'_>) -> anyface::Result<()> {
+        Ok(())
+    }
+
+    fn frames_at_once(&self, _start: &ClipStart<'_>) -> usize {
+        self.frames_at_once
+    }
+
+    fn take(&mut self, block: Array3<f32>) -> anyface::Result<()> {
+        let block = block.as_standard_layout();
+        let frames = block.len_of(Axis(0));
+        let first = self.taken;
+        self.taken += frames;
+        match unsafe { (self.take)(self.user, first, frames, block.as_ptr()) } {
+            0 => Ok(()),
+            _ => Err(Error::Cancelled),
+        }
+    }
+
+    fn finish(&mut self, _landmarks: &LandmarkTrack<'_>) -> anyface::Result<()> {
+        Ok(())
+    }
+}
+
+/// Puts motion on a face and hands the frames over as they are made, so that a clip of any length needs
+/// no more memory than a few blocks. Long: accepts a progress handle.
+///
+/// `frames_at_once`: frames of a block, at least 1; the last may have fewer. `take_frames`, with `user`:
+/// gets every block. `progress` may be NULL. The frames are those of `anyface_clip_new()` but
+/// for the rounding of products of other sizes, a millionth of the largest displacement.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for no frames at once, `ANYFACE_STATUS_CANCELLED` where
+/// `take_frames` or the progress handle asks to stop.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_clip_stream(
+    engine: *const AnyfaceEngine,
+    face: *const AnyfaceFace,
+    motion: *const AnyfaceMotion,
+    frames_at_once: usize,
+    take_frames: AnyfaceFramesFn,
+    user: *mut c_void,
+    progress: *const AnyfaceProgress,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let engine = unsafe { pointer::handle("engine", engine) }?;
+        let face = unsafe { pointer::handle("face", face) }?;
+        let motion = unsafe { pointer::handle("motion", motion) }?;
+        let take = take_frames.ok_or(Failure::Null("take_frames"))?;
+        if frames_at_once == 0 {
+            return Err(Failure::invalid(
+                "frames_at_once: expected 1 or more, got 0",
+            ));
+        }
+        let mut sink = HostSink {
+            take,
+            user,
+            frames_at_once,
+            taken: 0,
+        };
+        let spread =
+            |watch: ProgressFn<'_>| engine.0.spread(&face.0, motion.motion(), &mut sink, watch);
+        unsafe { watched(progress, spread) }?;
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}

@@ -1,0 +1,301 @@
+//! Numbers out of a file's buffers, each range held against the bytes that are there.
+
+use std::borrow::Cow;
+
+use super::{
+    document::{Accessor, Document, SparsePart},
+    missing, refusal,
+};
+use crate::{Error, Result};
+
+/// How one number is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Component {
+    I8,
+    U8,
+    I16,
+    U16,
+    U32,
+    F32,
+}
+
+impl Component {
+    fn of(code: u32) -> Result<Component> {
+        Ok(match code {
+            5120 => Component::I8,
+            5121 => Component::U8,
+            5122 => Component::I16,
+            5123 => Component::U16,
+            5125 => Component::U32,
+            5126 => Component::F32,
+            _ => return Err(refusal(format!("expected a component type, got {code}"))),
+        })
+    }
+
+    fn size(self) -> usize {
+        match self {
+            Component::I8 | Component::U8 => 1,
+            Component::I16 | Component::U16 => 2,
+            Component::U32 | Component::F32 => 4,
+        }
+    }
+
+    /// The number that `bytes` begin with, as it is, or `normalized` to −1 … 1 or 0 … 1.
+    fn number(self, bytes: &[u8], normalized: bool) -> f32 {
+        let (value, most) = match self {
+            Component::I8 => (f32::from(bytes[0] as i8), 127.0),
+            Component::U8 => (f32::from(bytes[0]), 255.0),
+            Component::I16 => (f32::from(i16::from_le_bytes([bytes[0], bytes[1]])), 32767.0),
+            Component::U16 => (f32::from(u16::from_le_bytes([bytes[0], bytes[1]])), 65535.0),
+            Component::U32 => (self.index(bytes) as f32, u32::MAX as f32),
+            Component::F32 => (f32::from_bits(self.index(bytes)), 1.0),
+        };
+        match normalized && self != Component::F32 {
+            true => (value / most).max(-1.0),
+            false => value,
+        }
+    }
+
+    /// The same as a whole number.
+    fn index(self, bytes: &[u8]) -> u32 {
+        match self.size() {
+            1 => u32::from(bytes[0]),
+            2 => u32::from(u16::from_le_bytes([bytes[0], bytes[1]])),
+            _ => u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]),
+        }
+    }
+}
+
+/// Elements side by side in a buffer.
+struct Elements<'a> {
+    bytes: &'a [u8],
+    stride: usize,
+    size: usize,
+}
+
+impl<'a> Elements<'a> {
+    fn at(&self, i: usize) -> &'a [u8] {
+        &self.bytes[i * self.stride..][..self.size]
+    }
+}
+
+/// A description and the bytes that it speaks of.
+pub(super) struct Data<'a> {
+    pub document: &'a Document,
+    buffers: Vec<Option<Cow<'a, [u8]>>>,
+    /// Bytes of all buffers.
+    total: usize,
+}
+
+impl<'a> Data<'a> {
+    /// `binary`: the file's own data, its first buffer unless that one names another place.
+    pub(super) fn new(document: &'a Document, binary: &'a [u8]) -> Result<Data<'a>> {
+        let mut buffers = Vec::new();
+        for (number, buffer) in document.buffers.iter().enumerate() {
+            buffers.push(match &buffer.uri {
+                None if number == 0 => Some(Cow::Borrowed(binary)),
+                None => None,
+                Some(uri) => embedded(uri)?.map(Cow::Owned),
+            });
+        }
+        let sizes = buffers.iter().flatten().map(|bytes| bytes.len());
+        Ok(Data {
+            document,
+            total: sizes.sum(),
+            buffers,
+        })
+    }
+
+    fn accessor(&self, number: usize) -> Result<&'a Accessor> {
+        let accessors = &self.document.accessors;
+        let found = accessors.get(number);
+        found.ok_or_else(|| missing("accessor", number, accessors.len()))
+    }
+
+    /// How many elements an accessor has; no more than the file has bytes.
+    pub(super) fn count(&self, number: usize) -> Result<usize> {
+        let count = self.accessor(number)?.count;
+        match count <= self.total {
+            true => Ok(count),
+            false => Err(refusal(format!(
+                "expected data of {count} elements, got {} bytes",
+                self.total
+            ))),
+        }
+    }
+
+    /// Positions of floats, or of integers where the file says that it is quantised.
+    pub(super) fn positions(&self, number: usize) -> Result<Vec<[f32; 3]>> {
+        let accessor = self.accessor(number)?;
+        let component = Component::of(accessor.component_type)?;
+        let quantised = self
+            .document
+            .extensions_used
+            .iter()
+            .chain(&self.document.extensions_required)
+            .any(|name| name == "KHR_mesh_quantization");
+        let is_read = match component {
+            Component::F32 => true,
+            Component::U32 => false,
+            _ => quantised,
+        };
+        if accessor.kind != "VEC3" || !is_read {
+            return Err(refusal(format!(
+                "expected positions of VEC3 and floats, or 8 or 16 bits under KHR_mesh_quantization, got {} \
+                 and {component:?}",
+                accessor.kind
+            )));
+        }
+        let size = component.size();
+        let element = |bytes: &[u8]| -> [f32; 3] {
+            std::array::from_fn(|i| component.number(&bytes[i * size..], accessor.normalized))
+        };
+        self.elements(number, 3 * size, [0.0; 3], element)
+    }
+
+    /// Vertex numbers of 8, 16 or 32 bits.
+    pub(super) fn indices(&self, number: usize) -> Result<Vec<u32>> {
+        let accessor = self.accessor(number)?;
+        let component = Component::of(accessor.component_type)?;
+        let is_read = matches!(component, Component::U8 | Component::U16 | Component::U32);
+        if accessor.kind != "SCALAR" || !is_read {
+            return Err(refusal(format!(
+                "expected vertex numbers of SCALAR and U8, U16 or U32, got {} and {component:?}",
+                accessor.kind
+            )));
+        }
+        self.elements(number, component.size(), 0, |bytes| component.index(bytes))
+    }
+
+    /// All elements of an accessor, each of `size` bytes; `zero` stands where only some are stored.
+    fn elements<T: Copy>(
+        &self,
+        number: usize,
+        size: usize,
+        zero: T,
+        decode: impl Fn(&[u8]) -> T,
+    ) -> Result<Vec<T>> {
+        let accessor = self.accessor(number)?;
+        let count = self.count(number)?;
+        let mut out: Vec<T> = match (accessor.buffer_view, &accessor.sparse) {
+            (Some(view), _) => {
+                let stored = self.range(view, accessor.byte_offset, count, size)?;
+                (0..count).map(|i| decode(stored.at(i))).collect()
+            }
+            (None, Some(_)) => vec![zero; count],
+            (None, None) => {
+                return Err(refusal("expected data in the file itself, got none".into()));
+            }
+        };
+        if let Some(sparse) = &accessor.sparse {
+            let of = |part: &SparsePart, size: usize| {
+                self.range(part.buffer_view, part.byte_offset, sparse.count, size)
+            };
+            let component = Component::of(sparse.indices.component_type.unwrap_or_default())?;
+            let places = of(&sparse.indices, component.size())?;
+            let values = of(&sparse.values, size)?;
+            for i in 0..sparse.count {
+                let place = component.index(places.at(i)) as usize;
+                let Some(slot) = out.get_mut(place) else {
+                    return Err(refusal(format!(
+                        "expected sparse places below {count}, got {place}"
+                    )));
+                };
+                *slot = decode(values.at(i));
+            }
+        }
+        Ok(out)
+    }
+
+    /// `count` elements of `size` bytes in a view, if they are all there.
+    fn range(&self, view: usize, offset: usize, count: usize, size: usize) -> Result<Elements<'_>> {
+        let views = &self.document.buffer_views;
+        let view = match views.get(view) {
+            Some(view) => view,
+            None => return Err(missing("buffer view", view, views.len())),
+        };
+        let buffer = match self.buffers.get(view.buffer) {
+            Some(Some(buffer)) => buffer,
+            Some(None) => return Err(elsewhere(self.document, view.buffer)),
+            None => return Err(missing("buffer", view.buffer, self.buffers.len())),
+        };
+        let stride = view.byte_stride.unwrap_or(size);
+        if stride < size {
+            return Err(refusal(format!(
+                "expected a stride of at least {size} bytes, got {stride}"
+            )));
+        }
+        let needed = match count.checked_sub(1) {
+            None => Some(0),
+            Some(last) => last.checked_mul(stride).and_then(|n| n.checked_add(size)),
+        };
+        let viewed = view
+            .byte_offset
+            .checked_add(view.byte_length)
+            .and_then(|end| buffer.get(view.byte_offset..end));
+        let found = viewed.and_then(|bytes| {
+            let end = offset.checked_add(needed?)?;
+            bytes.get(offset..end)
+        });
+        match found {
+            Some(bytes) => Ok(Elements {
+                bytes,
+                stride,
+                size,
+            }),
+            None => Err(refusal(format!(
+                "expected {count} elements of {size} bytes within a view of {}, got {} bytes of data",
+                view.byte_length,
+                buffer.len()
+            ))),
+        }
+    }
+}
+
+fn elsewhere(document: &Document, buffer: usize) -> Error {
+    match document.buffers[buffer].uri.as_deref() {
+        Some(uri) => {
+            let name: String = uri.chars().take(60).collect();
+            refusal(format!(
+                "expected all data in the file itself, got some in {name}; pack it into one .glb"
+            ))
+        }
+        None => refusal("expected data in the file itself, got none".into()),
+    }
+}
+
+/// The bytes of a `data:` URI in base64; `None` where the URI names another file.
+fn embedded(uri: &str) -> Result<Option<Vec<u8>>> {
+    let Some(rest) = uri.strip_prefix("data:") else {
+        return Ok(None);
+    };
+    let text = rest.split_once(";base64,").map(|(_, text)| text);
+    let bytes = text.and_then(from_base64);
+    match bytes {
+        Some(bytes) => Ok(Some(bytes)),
+        None => Err(refusal("expected a data URI in base64, got another".into())),
+    }
+}
+
+fn from_base64(text: &str) -> Option<Vec<u8>> {
+    let text = text.trim_end_matches('=').as_bytes();
+    let mut out = Vec::with_capacity(text.len() / 4 * 3 + 2);
+    let (mut bits, mut filled) = (0u32, 0);
+    for &letter in text {
+        let six = match letter {
+            b'A'..=b'Z' => letter - b'A',
+            b'a'..=b'z' => letter - b'a' + 26,
+            b'0'..=b'9' => letter - b'0' + 52,
+            b'+' | b'-' => 62,
+            b'/' | b'_' => 63,
+            _ => return None,
+        };
+        bits = bits << 6 | u32::from(six);
+        filled += 6;
+        if filled >= 8 {
+            filled -= 8;
+            out.push((bits >> filled) as u8);
+        }
+    }
+    Some(out)
+}

@@ -1,0 +1,273 @@
+//! Binary glTF 2.0 (.glb): the triangles of the default scene.
+//!
+//! Read here and not through the gltf crate: that one panics on accessors of signed or odd sizes,
+//! follows nodes without end, and knows no quantised positions (KHR_mesh_quantization), which packers
+//! of glTF write. Only what places triangles is read; nothing is reserved that the file's bytes do not
+//! pay for.
+
+mod accessor;
+mod document;
+
+use accessor::Data;
+use document::{Document, Node, Primitive};
+
+use super::Mesh;
+use crate::{Error, Result};
+
+type Matrix = [[f32; 4]; 4];
+
+/// Vertices and corners that nodes may make by showing one mesh several times, beside four for each byte
+/// of the file.
+const SHOWN_AGAIN: usize = 4_000_000;
+/// Largest description that is read; data lies beside it.
+const LARGEST_JSON: usize = 64 << 20;
+/// How a chunk of each kind is marked.
+const JSON: &[u8] = b"JSON";
+const BINARY: &[u8] = b"BIN\0";
+
+/// What a file may require beside the format itself: how it looks, and quantised positions.
+const UNDERSTOOD: [&str; 4] = [
+    "KHR_mesh_quantization",
+    "KHR_lights_punctual",
+    "KHR_materials_",
+    "KHR_texture_",
+];
+
+/// Every mesh of the default scene, one after the other, moved by its node.
+///
+/// A skinned mesh stays as it was bound: its node moves nothing, as the format says. Triangles, strips
+/// and fans are read, lines and points passed over.
+pub(super) fn parse_glb(bytes: &[u8]) -> Result<Mesh> {
+    let (json, binary) = chunks(bytes)?;
+    if json.len() > LARGEST_JSON {
+        return Err(refusal(format!(
+            "expected a description of up to {LARGEST_JSON} bytes, got {}",
+            json.len()
+        )));
+    }
+    let document: Document =
+        serde_json::from_slice(json).map_err(|e| refusal(format!("its description: {e}")))?;
+    if let Some(unknown) = document
+        .extensions_required
+        .iter()
+        .find(|name| !UNDERSTOOD.iter().any(|known| name.starts_with(known)))
+    {
+        return Err(refusal(format!(
+            "the file needs {unknown}, which is not read"
+        )));
+    }
+    let data = Data::new(&document, binary)?;
+    let mut reading = Reading {
+        mesh: Mesh::default(),
+        data,
+        budget: SHOWN_AGAIN.saturating_add(bytes.len().saturating_mul(4)),
+    };
+    reading.scene()?;
+    Ok(reading.mesh)
+}
+
+fn refusal(what: String) -> Error {
+    Error::Mesh(format!("glTF: {what}"))
+}
+
+/// The chunk of JSON and that of data, empty where there is none.
+fn chunks(bytes: &[u8]) -> Result<(&[u8], &[u8])> {
+    let number = |at: usize| -> Result<u32> {
+        let four = bytes.get(at..at + 4).and_then(|b| b.try_into().ok());
+        four.map(u32::from_le_bytes)
+            .ok_or_else(|| refusal(format!("expected a header, got {} bytes", bytes.len())))
+    };
+    let version = number(4)?;
+    if version != 2 {
+        return Err(refusal(format!("expected version 2, got {version}")));
+    }
+    let length = number(8)? as usize;
+    let Some(whole) = bytes.get(..length) else {
+        return Err(refusal(format!(
+            "expected {length} bytes, got {}: the file ends early",
+            bytes.len()
+        )));
+    };
+    let (mut json, mut binary) = (None, None);
+    let mut rest = whole.get(12..).unwrap_or_default();
+    while let Some((head, after)) = rest.split_at_checked(8) {
+        let size = u32::from_le_bytes([head[0], head[1], head[2], head[3]]) as usize;
+        let Some((body, after)) = after.split_at_checked(size) else {
+            return Err(refusal(format!(
+                "expected a chunk of {size} bytes, got {}",
+                after.len()
+            )));
+        };
+        match &head[4..] {
+            JSON if json.is_none() => json = Some(body),
+            BINARY if binary.is_none() => binary = Some(body),
+            _ => {}
+        }
+        rest = after;
+    }
+    let json = json.ok_or_else(|| refusal("expected a description, got none".into()))?;
+    Ok((json, binary.unwrap_or_default()))
+}
+
+/// A scene on its way into a mesh.
+struct Reading<'a> {
+    mesh: Mesh,
+    data: Data<'a>,
+    /// Vertices and corners that may still be made.
+    budget: usize,
+}
+
+impl Reading<'_> {
+    /// Adds the meshes of all nodes of the scene, each node before those below it.
+    fn scene(&mut self) -> Result<()> {
+        let document = self.data.document;
+        let Some(scene) = document.scenes.get(document.scene) else {
+            return match document.scenes.is_empty() {
+                true => Ok(()),
+                false => Err(missing("scene", document.scene, document.scenes.len())),
+            };
+        };
+        let count = document.nodes.len();
+        let mut seen = vec![false; count];
+        let mut left: Vec<(usize, Matrix)> = Vec::new();
+        left.extend(scene.nodes.iter().rev().map(|&node| (node, IDENTITY)));
+        while let Some((number, above)) = left.pop() {
+            let Some(node) = document.nodes.get(number) else {
+                return Err(missing("node", number, count));
+            };
+            if std::mem::replace(&mut seen[number], true) {
+                return Err(refusal(format!(
+                    "expected every node below one other, got node {number} twice"
+                )));
+            }
+            let placed = product(above, matrix(node));
+            self.add_node(node, placed)?;
+            left.extend(node.children.iter().rev().map(|&child| (child, placed)));
+        }
+        Ok(())
+    }
+
+    fn add_node(&mut self, node: &Node, placed: Matrix) -> Result<()> {
+        let document = self.data.document;
+        let Some(number) = node.mesh else {
+            return Ok(());
+        };
+        let Some(own) = document.meshes.get(number) else {
+            return Err(missing("mesh", number, document.meshes.len()));
+        };
+        let placed = match node.skin {
+            Some(_) => IDENTITY,
+            None => placed,
+        };
+        own.primitives
+            .iter()
+            .try_for_each(|primitive| self.add_primitive(primitive, placed))
+    }
+
+    fn add_primitive(&mut self, primitive: &Primitive, placed: Matrix) -> Result<()> {
+        let (Some(positions), 4..=6) = (primitive.attributes.positions, primitive.mode) else {
+            return Ok(());
+        };
+        self.pay(self.data.count(positions)?)?;
+        let positions = self.data.positions(positions)?;
+        let first = self.mesh.positions.len();
+        let own = positions.len();
+        let place = |p: [f32; 3]| apply(placed, p);
+        self.mesh.positions.extend(positions.into_iter().map(place));
+        let corners: Vec<u32> = match primitive.indices {
+            Some(indices) => {
+                self.pay(self.data.count(indices)?)?;
+                self.data.indices(indices)?
+            }
+            None => (0..own as u32).collect(),
+        };
+        if let Some(beyond) = corners.iter().find(|&&v| v as usize >= own) {
+            return Err(refusal(format!(
+                "expected vertex numbers below {own}, got {beyond}"
+            )));
+        }
+        let mut add = |triangle: [u32; 3]| {
+            self.mesh.triangles.push(triangle.map(|v| v + first as u32));
+        };
+        let (threes, _) = corners.as_chunks::<3>();
+        match primitive.mode {
+            4 => threes.iter().for_each(|t| add(*t)),
+            // Every other triangle of a strip is turned; a corner that repeats spans none.
+            5 => corners.windows(3).enumerate().for_each(|(i, t)| {
+                if t[0] != t[1] && t[1] != t[2] && t[0] != t[2] {
+                    add([t[i % 2], t[1 - i % 2], t[2]]);
+                }
+            }),
+            _ => (2..corners.len()).for_each(|i| add([corners[0], corners[i - 1], corners[i]])),
+        }
+        Ok(())
+    }
+
+    fn pay(&mut self, count: usize) -> Result<()> {
+        self.budget = self.budget.checked_sub(count).ok_or_else(|| {
+            refusal("expected a mesh, got one that its nodes repeat without measure".into())
+        })?;
+        match u32::try_from(self.mesh.positions.len() + count) {
+            Ok(_) => Ok(()),
+            Err(_) => Err(refusal("expected fewer than 4294967296 vertices".into())),
+        }
+    }
+}
+
+fn missing(what: &str, number: usize, count: usize) -> Error {
+    refusal(format!(
+        "expected a number below the file's {count} for a {what}, got {number}"
+    ))
+}
+
+const IDENTITY: Matrix = [
+    [1.0, 0.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0, 0.0],
+    [0.0, 0.0, 1.0, 0.0],
+    [0.0, 0.0, 0.0, 1.0],
+];
+
+/// What a node does to what is below it, in columns: scale, then rotation, then translation.
+fn matrix(node: &Node) -> Matrix {
+    if let Some(m) = &node.matrix {
+        return std::array::from_fn(|c| std::array::from_fn(|r| m[4 * c + r]));
+    }
+    let [x, y, z, w] = node.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
+    let [sx, sy, sz] = node.scale.unwrap_or([1.0; 3]);
+    let [tx, ty, tz] = node.translation.unwrap_or([0.0; 3]);
+    let columns = [
+        [
+            1.0 - 2.0 * (y * y + z * z),
+            2.0 * (x * y + z * w),
+            2.0 * (x * z - y * w),
+        ],
+        [
+            2.0 * (x * y - z * w),
+            1.0 - 2.0 * (x * x + z * z),
+            2.0 * (y * z + x * w),
+        ],
+        [
+            2.0 * (x * z + y * w),
+            2.0 * (y * z - x * w),
+            1.0 - 2.0 * (x * x + y * y),
+        ],
+    ];
+    let scaled = |column: [f32; 3], s: f32| [column[0] * s, column[1] * s, column[2] * s, 0.0];
+    [
+        scaled(columns[0], sx),
+        scaled(columns[1], sy),
+        scaled(columns[2], sz),
+        [tx, ty, tz, 1.0],
+    ]
+}
+
+fn apply(m: Matrix, p: [f32; 3]) -> [f32; 3] {
+    std::array::from_fn(|i| m[0][i] * p[0] + m[1][i] * p[1] + m[2][i] * p[2] + m[3][i])
+}
+
+fn product(a: Matrix, b: Matrix) -> Matrix {
+    std::array::from_fn(|c| std::array::from_fn(|r| (0..4).map(|k| a[k][r] * b[c][k]).sum()))
+}
+
+#[cfg(test)]
+mod tests;

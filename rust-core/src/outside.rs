@@ -1,0 +1,82 @@
+//! Code of others that reads files of others: its panics are errors of those files.
+
+use std::{
+    any::Any,
+    cell::Cell,
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::Once,
+};
+
+use crate::{Error, Result};
+
+thread_local! {
+    /// Calls of this thread into such code.
+    static DEPTH: Cell<u32> = const { Cell::new(0) };
+}
+
+/// Runs a decoder; what it panics with becomes an error of the kind that `refuse` makes of a message.
+///
+/// Nothing is printed: the hook for panics is silent for this thread while the decoder runs, and as it
+/// was for all others.
+///
+/// # Errors
+/// Those of `work`.
+pub(crate) fn guarded<T>(
+    refuse: fn(String) -> Error,
+    work: impl FnOnce() -> Result<T>,
+) -> Result<T> {
+    keep_quiet();
+    DEPTH.set(DEPTH.get() + 1);
+    let result = catch_unwind(AssertUnwindSafe(work));
+    DEPTH.set(DEPTH.get() - 1);
+    result.unwrap_or_else(|panic| {
+        Err(refuse(format!(
+            "the file is damaged: its decoder stopped ({})",
+            message(panic.as_ref())
+        )))
+    })
+}
+
+fn message(panic: &(dyn Any + Send)) -> &str {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    text.or_else(|| panic.downcast_ref::<&str>().copied())
+        .unwrap_or("without a word")
+}
+
+fn keep_quiet() {
+    static HOOK: Once = Once::new();
+    HOOK.call_once(|| {
+        let before = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |info| {
+            if DEPTH.get() == 0 {
+                before(info);
+            }
+        }));
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_is_an_error_of_the_file() {
+        let index = std::hint::black_box(7);
+        let error = guarded(Error::Audio, || Ok([1, 2, 3][index])).unwrap_err();
+        assert!(
+            matches!(&error, Error::Audio(m) if m.contains("index is 7")),
+            "{error}"
+        );
+        let nested = guarded(Error::Mesh, || {
+            guarded::<()>(Error::Audio, || panic!("inner")).unwrap_err();
+            panic!("outer")
+        });
+        let error: Error = Result::<()>::unwrap_err(nested);
+        assert!(
+            matches!(&error, Error::Mesh(m) if m.contains("outer")),
+            "{error}"
+        );
+        assert_eq!(DEPTH.get(), 0);
+        assert_eq!(guarded(Error::Mesh, || Ok(5)).unwrap(), 5);
+    }
+}

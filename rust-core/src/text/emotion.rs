@@ -1,0 +1,121 @@
+//! Emotions in words that are none of the categories.
+
+use ndarray::{Array1, ArrayView2};
+
+use super::{TextUnits, cosine};
+use crate::{Error, Result, conditions::EMOTIONS};
+
+/// A word that is no nearer to any category says nothing of how somebody feels.
+const LEAST_COSINE: f32 = 0.25;
+/// Sweeps over the categories, after which nothing moves any more.
+const SWEEPS: usize = 200;
+
+impl TextUnits {
+    /// Shares of [`EMOTIONS`], which sum to 1, whose places together come nearest to that of a word: least squares
+    /// with no share below 0. A category is itself.
+    ///
+    /// ```
+    /// use anyface::{conditions::{EMOTIONS, Emotion}, text::TextUnits};
+    ///
+    /// let words = TextUnits::open(None)?;
+    /// let furious = Emotion::parse_with("furious:0.8", &|word| words.emotion(word))?;
+    /// let angry = EMOTIONS.iter().position(|name| *name == "angry").unwrap();
+    /// assert!(furious.mixture[angry] > 0.8 && (furious.intensity - 0.8).abs() < 1e-6);
+    /// # Ok::<(), anyface::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// `InvalidInput` for a word that the space lacks or that is near to no category.
+    pub fn emotion(&self, text: &str) -> Result<[f32; 15]> {
+        if let Some(own) = EMOTIONS.iter().position(|name| *name == text) {
+            return Ok(std::array::from_fn(|e| f32::from(u8::from(e == own))));
+        }
+        let clauses = self.rules.clauses(text);
+        let mut words = clauses.iter().flat_map(|clause| &clause.words);
+        let is_known = words.all(|word| self.space.knows(word));
+        let place = self.place(text).filter(|_| is_known);
+        let nearest = place.as_ref().map(|place| {
+            let near = self.emotions.outer_iter().zip(EMOTIONS);
+            let near = near.map(|(emotion, name)| (cosine(place, &emotion.to_owned()), name));
+            near.fold(
+                (f32::MIN, ""),
+                |best, next| {
+                    if next.0 > best.0 { next } else { best }
+                },
+            )
+        });
+        match (place, nearest) {
+            (Some(place), Some((near, _))) if near >= LEAST_COSINE => {
+                Ok(shares(&place, self.emotions.view()))
+            }
+            (_, nearest) => {
+                let nearest = nearest.map(|(_, name)| format!("; the nearest is {name:?}"));
+                Err(Error::InvalidInput(format!(
+                    "emotion: expected one of {}, or an English word for a feeling, got {text:?}{}",
+                    EMOTIONS.join(", "),
+                    nearest.unwrap_or_default()
+                )))
+            }
+        }
+    }
+}
+
+/// Coordinate descent on `‖place − xᵀ emotions‖²` with x ≥ 0, then shares of the sum.
+fn shares(place: &Array1<f32>, emotions: ArrayView2<'_, f32>) -> [f32; 15] {
+    let (gram, goal) = (emotions.dot(&emotions.t()), emotions.dot(place));
+    let mut x = Array1::<f32>::zeros(EMOTIONS.len());
+    for _ in 0..SWEEPS {
+        for e in 0..EMOTIONS.len() {
+            let pull = goal[e] - gram.row(e).dot(&x);
+            x[e] = (x[e] + pull / gram[[e, e]].max(f32::MIN_POSITIVE)).max(0.0);
+        }
+    }
+    let sum = x.sum();
+    std::array::from_fn(|e| x[e] / sum)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn strongest(word: &str) -> (&'static str, f32) {
+        let words = TextUnits::open(None).unwrap();
+        let shares = words.emotion(word).unwrap();
+        assert!((shares.iter().sum::<f32>() - 1.0).abs() < 1e-5, "{word}");
+        assert!(shares.iter().all(|share| *share >= 0.0), "{word}");
+        let named = shares.into_iter().zip(EMOTIONS);
+        let (share, name) = named.fold(
+            (0.0, ""),
+            |best, next| if next.0 > best.0 { next } else { best },
+        );
+        (name, share)
+    }
+
+    #[test]
+    fn words_are_what_lies_near_them_and_categories_stay() {
+        assert_eq!(strongest("angry"), ("angry", 1.0));
+        for (word, name) in [
+            ("furious", "angry"),
+            ("joyful", "happy"),
+            ("grieving", "sad"),
+            ("anxious", "upset"),
+            ("shocked", "afraid"),
+        ] {
+            assert_eq!(strongest(word).0, name, "{word}");
+        }
+        let relieved = TextUnits::open(None).unwrap().emotion("relieved").unwrap();
+        assert!(relieved[1] > 0.2, "happy: {relieved:?}");
+    }
+
+    #[test]
+    fn what_is_no_feeling_is_refused_with_the_known_names() {
+        let words = TextUnits::open(None).unwrap();
+        for text in ["car", "bicycle", "", "the", "xyzzy", "你好"] {
+            let message = words.emotion(text).unwrap_err().to_string();
+            assert!(
+                message.contains("neutral, happy") && message.contains(text),
+                "{message}"
+            );
+        }
+    }
+}

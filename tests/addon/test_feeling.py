@@ -1,0 +1,135 @@
+"""What is said and how it is felt as two layers, and the feeling of another recording."""
+
+import bpy
+import numpy as np
+import pytest
+
+from figures import FPS, film, strip, tone, write_wav
+from test_heads import import_head
+
+SYSTEM, START, SECONDS = "emoface", 11, 2.0
+FRAMES = range(START, START + int(SECONDS * FPS), 4)
+
+
+def voice(path, hertz, sway):
+    """A voice of a sort: a buzz whose pitch sways, in syllables."""
+    rate = 16000
+    time = np.arange(int(SECONDS * rate)) / rate
+    turns = 2 * np.pi * np.cumsum(hertz * 2.0 ** (sway * np.sin(5.0 * time))) / rate
+    buzz = sum(np.sin(k * turns) / k for k in range(1, 12))
+    write_wav(path, 0.25 * buzz * (0.2 + np.abs(np.sin(9.0 * time))), rate)
+    return str(path)
+
+
+@pytest.fixture
+def speaking(addon, tmp_path):
+    """The default head before its voice, with EmoFace."""
+    ob = import_head()
+    bpy.context.view_layer.objects.active = ob
+    strip(voice(tmp_path / "calm.wav", 110.0, 0.02), "Calm", START)
+    strip(voice(tmp_path / "wild.wav", 320.0, 0.5), "Wild", START, channel=2)
+    ob.anyface.strip, ob.anyface.system, ob.anyface.mode = "Calm", SYSTEM, "basis"
+    return ob
+
+
+def generate(ob):
+    assert bpy.ops.anyface.generate() == {"FINISHED"}, ob.anyface.report
+
+
+def masked_keys(ob):
+    """The keys of what is felt."""
+    return [block for block in ob.data.shape_keys.key_blocks if block.vertex_group]
+
+
+def test_layers_add_up_to_the_take_without_layers(speaking):
+    ob = speaking
+    ob.anyface.layered = False
+    generate(ob)
+    whole = film(ob, FRAMES)
+    assert not masked_keys(ob) and not ob.vertex_groups
+    ob.anyface.layered = True
+    generate(ob)
+    assert masked_keys(ob) and [group.name for group in ob.vertex_groups] == ["Feeling Mask"]
+    apart_mm = 1000.0 * np.linalg.norm(film(ob, FRAMES) - whole, axis=2)
+    assert apart_mm.max() < 2.5 * ob.anyface.error_mm
+
+
+def test_paint_takes_feeling_away_without_a_new_run(speaking):
+    ob = speaking
+    generate(ob)
+    as_made = film(ob, FRAMES)
+    ob.anyface_output.emotion = 0.0
+    said = film(ob, FRAMES)
+    ob.anyface_output.emotion = 1.0
+    assert 1000.0 * np.linalg.norm(as_made - said, axis=2).max() > 0.3
+    middle = np.median([v.co.y for v in ob.data.vertices])
+    half = [v.index for v in ob.data.vertices if v.co.y > middle]
+    ob.vertex_groups["Feeling Mask"].add(half, 0.0, "REPLACE")
+    ob.data.update()
+    painted = film(ob, FRAMES)
+    others = np.setdiff1d(np.arange(len(ob.data.vertices)), half)
+    assert np.abs(painted[:, half] - said[:, half]).max() < 2e-5
+    assert np.abs(painted[:, others] - as_made[:, others]).max() < 2e-5
+
+
+def test_a_painted_mask_serves_the_next_take_and_stays_when_that_goes(addon, speaking):
+    ob = speaking
+    generate(ob)
+    ob.vertex_groups["Feeling Mask"].add([0, 1, 2], 0.25, "REPLACE")
+    generate(ob)
+    assert [group.name for group in ob.vertex_groups] == ["Feeling Mask"]
+    assert bpy.ops.anyface.remove() == {"FINISHED"}
+    assert ob.data.shape_keys is None
+    assert ob.vertex_groups["Feeling Mask"].weight(1) == 0.25
+    ob.vertex_groups.remove(ob.vertex_groups[0])
+    generate(ob)
+    assert bpy.ops.anyface.remove() == {"FINISHED"}
+    assert not ob.vertex_groups
+
+
+def test_another_strip_gives_the_feeling(addon, speaking):
+    ob = speaking
+    generate(ob)
+    own = film(ob, FRAMES)
+    ob.anyface_audio.felt_strip = "Wild"
+    generate(ob)
+    other = film(ob, FRAMES)
+    felt_mm = 1000.0 * np.linalg.norm(other - own, axis=2)
+    assert felt_mm.max() > 0.3
+    # What is said is the same.
+    ob.anyface_output.emotion = 0.0
+    said = film(ob, FRAMES)
+    ob.anyface_audio.felt_strip = ""
+    generate(ob)
+    ob.anyface_output.emotion = 0.0
+    said_mm = 1000.0 * np.linalg.norm(film(ob, FRAMES) - said, axis=2)
+    assert said_mm.max() < 0.01
+    # A system that hears no feeling lets the strip be.
+    ob.anyface_audio.felt_strip, ob.anyface.system = "Wild", "freetalk"
+    generate(ob)
+
+
+@pytest.mark.parametrize(("seconds", "said"), [(0.5, "0.50 s"), (None, "Nobody")])
+def test_a_feeling_that_cannot_be_heard_is_told_and_nothing_is_lost(
+    addon, speaking, tmp_path, seconds, said
+):
+    ob = speaking
+    generate(ob)
+    before = film(ob, FRAMES)
+    if seconds is None:
+        ob.anyface_audio.felt_strip = "Nobody"
+    else:
+        strip(tone(tmp_path / "short.wav", seconds=seconds), "Short", START, channel=3)
+        ob.anyface_audio.felt_strip = "Short"
+    with pytest.raises(RuntimeError, match=said):
+        bpy.ops.anyface.generate()
+    assert np.array_equal(film(ob, FRAMES), before)
+    assert ob.data.shape_keys.animation_data.action is not None
+
+
+def test_the_take_knows_whose_feeling_it_has(addon, speaking):
+    ob = speaking
+    ob.anyface_audio.felt_strip = "Wild"
+    generate(ob)
+    asked = addon("scene.record").read(ob.data.shape_keys).asked
+    assert asked["anyface_audio"]["felt_strip"] == "Wild" and asked["anyface"]["layered"]

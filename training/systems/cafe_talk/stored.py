@@ -1,0 +1,79 @@
+"""A finished Cafe-Talk model, from a run or from the folder that it was exported to."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from safetensors.torch import load_file
+from torch import Tensor
+
+from training.speech.compact import CompactConfig, CompactEncoder
+from training.systems.cafe_talk.denoiser import CafeTalkConfig
+
+EMOTIONS = "emotions"
+ADAPTER = "adapter."
+
+
+@dataclass
+class Stored:
+    """`state` of the denoiser in f32, `emotions` [15, E] in the text space, and the `encoder` it hears with.
+
+    `encoder` is `None` where speech comes from a checkpoint (HuBERT, wav2vec2, XLSR).
+    """
+
+    config: CafeTalkConfig
+    state: dict[str, Tensor]
+    emotions: Tensor
+    encoder: CompactEncoder | None
+
+    @property
+    def base(self) -> dict[str, Tensor]:
+        """The state without the adapter."""
+        return {name: value for name, value in self.state.items() if not name.startswith(ADAPTER)}
+
+
+def load(path: Path) -> Stored:
+    """A `cafe_talk.pt`, or a model folder with its encoder beside it, as `export_cafe_talk` writes them.
+
+    Weights of a folder have 16 bits; they come as f32.
+    """
+    if path.is_dir():
+        return _exported(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"{path}: expected a cafe_talk.pt or a model folder, got nothing")
+    saved = torch.load(path, map_location="cpu")
+    encoder = None
+    if saved.get("encoder_config") is not None:
+        encoder = CompactEncoder(CompactConfig(**saved["encoder_config"])).eval()
+        encoder.load_state_dict(saved["encoder"])
+    config = CafeTalkConfig.from_json(saved["config"])
+    return Stored(config, saved["state"], saved[EMOTIONS].float(), encoder)
+
+
+def _exported(folder: Path) -> Stored:
+    written, state = _files(folder)
+    if written.get("system") != "cafe_talk":
+        raise ValueError(f"{folder}: expected a model of cafe_talk, got one of {written.get('system')!r}")
+    if EMOTIONS not in state:
+        raise ValueError(f"{folder}/model.safetensors: expected a tensor {EMOTIONS!r}, got none")
+    config, emotions = CafeTalkConfig.from_json(written), state.pop(EMOTIONS)
+    encoder = None
+    if config.speech.encoder == "compact_speech":
+        heard, weights = _files(folder.parent / config.speech.encoder)
+        encoder = CompactEncoder(CompactConfig(**heard)).eval()
+        encoder.load_state_dict(weights)
+    return Stored(config, state, emotions, encoder)
+
+
+def _files(folder: Path) -> tuple[dict, dict[str, Tensor]]:
+    missing = [name for name in ("config.json", "model.safetensors") if not (folder / name).is_file()]
+    if missing:
+        raise FileNotFoundError(
+            f"{folder}: expected config.json and model.safetensors, {missing[0]} is missing"
+        )
+    state = load_file(folder / "model.safetensors")
+    config = json.loads((folder / "config.json").read_text())
+    return config, {name: value.float() for name, value in state.items()}
