@@ -49,6 +49,7 @@ mod engine;
 mod error;
 pub mod face;
 mod finite;
+pub mod head;
 pub mod ibug;
 pub mod mesh;
 pub mod metrics;

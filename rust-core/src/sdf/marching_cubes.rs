@@ -1,286 +1,273 @@
 //! Marching cubes (Lorensen & Cline 1987): the surface where a field is zero, as triangles.
-//!
-//! The table of the 256 cases is made, not printed: on each face of a cell every run of inside corners is cut
-//! off by a segment, and segments join to loops. A face that is seen from two cells is cut alike in both, also
-//! where the choice is ambiguous, so that surfaces have no holes.
-
-use std::{collections::HashMap, sync::LazyLock};
 
 use ndarray::{Array2, ArrayView2};
+use rayon::prelude::*;
 
+use super::{
+    grid::{BRICK, BRICK_BYTES, Grid, NONE, Sparse},
+    table::TABLE,
+};
 use crate::{Error, Result, mesh::Mesh};
 
-/// Fine cells along a side of a coarse one.
-const COARSE: usize = 4;
-/// A coarse cell is looked into where the field at a corner is below so many of its diagonals.
-const REACH: f32 = 1.0;
-/// The most cells along a side: the grid of corners then takes 0.5 GB.
-const MOST: usize = 512;
+/// A cell is divided where the field at a corner is below so many of its diagonals. Half is exact for distances; learned
+/// ones are steeper here and there.
+const REACH: f32 = 0.65;
+/// Cells along the longest side of the coarsest grid, about.
+const COARSEST: usize = 16;
+/// Bytes that a surface may take while it is made.
+const MOST_BYTES: usize = 1 << 30;
 /// Points that the field is asked at a time.
-const BLOCK: usize = 16_384;
-
-/// Corners of a cell: bit 0 is x, bit 1 y, bit 2 z.
-const FACES: [[usize; 4]; 6] = [
-    [0, 4, 6, 2],
-    [1, 3, 7, 5],
-    [0, 1, 5, 4],
-    [2, 6, 7, 3],
-    [0, 2, 3, 1],
-    [4, 5, 7, 6],
-];
-
-/// For each case the triangles; an edge is its two corners, the lower one first.
-static TABLE: LazyLock<Vec<Vec<[Edge; 3]>>> =
-    LazyLock::new(|| (0..256).map(triangles_of).collect());
-
-type Edge = [usize; 2];
-
-/// A cube that holds the surface.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Grid {
-    /// Its lowest corner.
-    pub low: [f32; 3],
-    /// Its side.
-    pub side: f32,
-    /// Fine cells along a side; rounded up to a multiple of 4.
-    pub cells: usize,
-}
-
-impl Grid {
-    fn corners(&self) -> usize {
-        self.cells + 1
-    }
-
-    fn number(&self, [x, y, z]: [usize; 3]) -> usize {
-        (z * self.corners() + y) * self.corners() + x
-    }
-
-    fn place(&self, number: usize) -> [f32; 3] {
-        let n = self.corners();
-        let at = [number % n, number / n % n, number / (n * n)];
-        let step = self.side / self.cells as f32;
-        std::array::from_fn(|axis| self.low[axis] + step * at[axis] as f32)
-    }
-}
+const BLOCK: usize = 1024;
 
 /// The surface where `field` is zero; triangles run counter-clockwise seen from where it is positive.
 ///
 /// `field` takes points `[Q, 3]` and returns the signed distance at each, in the same unit, negative inside.
-/// It is asked on a coarse grid, and again in the coarse cells that lie near the surface. What the surface
-/// does outside the grid is not seen: there it is left open.
+/// It is asked on a coarse grid, then in ever finer cells near the surface alone; wherever the surface leaves a cell, the
+/// next one is looked into, so that it is closed if it closes within the grid. What it does outside the grid is
+/// not seen: there it is left open.
 ///
 /// # Errors
-/// `InvalidInput` for a grid without cells, with more than 512 along a side, without size, for a field that
-/// is not finite, and where nothing of the surface is found.
-pub fn surface(grid: Grid, field: impl FnMut(ArrayView2<'_, f32>) -> Vec<f32>) -> Result<Mesh> {
-    meshed(grid, field, REACH)
+/// `InvalidInput` for a field that is not finite, where nothing of the surface is found, and where more than 1 GiB would be
+/// needed, with the numbers.
+pub fn surface(grid: Grid, field: impl Fn(ArrayView2<'_, f32>) -> Vec<f32> + Sync) -> Result<Mesh> {
+    meshed(grid, field, REACH, MOST_BYTES)
 }
 
+type Corner = [usize; 3];
+
 fn meshed(
-    mut grid: Grid,
-    mut field: impl FnMut(ArrayView2<'_, f32>) -> Vec<f32>,
+    grid: Grid,
+    field: impl Fn(ArrayView2<'_, f32>) -> Vec<f32> + Sync,
     reach: f32,
+    most_bytes: usize,
 ) -> Result<Mesh> {
-    let wrong = |complaint: String| Err(Error::InvalidInput(format!("surface: {complaint}")));
-    if grid.cells == 0 || grid.cells > MOST {
-        return wrong(format!("expected 1 to {MOST} cells, got {}", grid.cells));
-    }
-    if !(grid.side > 0.0 && grid.side.is_finite() && grid.low.iter().all(|x| x.is_finite())) {
-        let Grid { low, side, .. } = grid;
-        return wrong(format!(
-            "expected a finite cube, got {low:?} and side {side}"
-        ));
-    }
-    grid.cells = grid.cells.next_multiple_of(COARSE);
-    let mut values = vec![f32::NAN; grid.corners().pow(3)];
-    let steps = || (0..=grid.cells).step_by(COARSE);
-    let coarse: Vec<usize> = steps()
-        .flat_map(|z| steps().flat_map(move |y| steps().map(move |x| [x, y, z])))
-        .map(|at| grid.number(at))
+    let longest = grid.cells.into_iter().max().unwrap_or_default();
+    let mut size = (longest / COARSEST).next_power_of_two().max(BRICK);
+    let cells = grid.cells.map(|cells| cells.next_multiple_of(size));
+    let mut known = Known {
+        sparse: Sparse::new(cells),
+        grid,
+        field,
+    };
+    check_bytes(longest, known.sparse.bytes(), most_bytes)?;
+    let steps = |axis: usize| (0..cells[axis]).step_by(size);
+    let mut near: Vec<Corner> = steps(2)
+        .flat_map(|z| steps(1).flat_map(move |y| steps(0).map(move |x| [x, y, z])))
         .collect();
-    ask(&grid, &coarse, &mut values, &mut field)?;
-    let near = near_cells(&grid, &values, reach);
-    let mut fine: Vec<usize> = near
-        .iter()
-        .flat_map(|cell| inside_of(*cell, COARSE + 1))
-        .map(|at| grid.number(at))
-        .filter(|number| values[*number].is_nan())
-        .collect();
-    fine.sort_unstable();
-    fine.dedup();
-    ask(&grid, &fine, &mut values, &mut field)?;
-    let cells = near.iter().flat_map(|cell| inside_of(*cell, COARSE));
-    let mesh = joined(&grid, &values, cells);
-    match mesh.triangles.is_empty() {
-        true => {
-            wrong("expected the field to be zero somewhere in the grid, got one sign".to_owned())
+    while size > 1 {
+        known.ask(&near, size)?;
+        near.retain(|cell| known.is_near(*cell, size, reach));
+        if size == BRICK {
+            // Cells of this size are bricks; values on their far sides lie in the next ones.
+            check_bytes(longest, near.len() * BRICK_BYTES * 3 / 2, most_bytes)?;
         }
+        size /= 2;
+        let halves = near.iter();
+        near = halves
+            .flat_map(|cell| (0..8).map(|corner| corner_of(*cell, corner, size)))
+            .filter(|cell| cell.iter().zip(grid.cells).all(|(x, cells)| *x < cells))
+            .collect();
+    }
+    let crossed = known.follow(near, (longest, most_bytes))?;
+    let mesh = known.joined(&crossed)?;
+    match mesh.triangles.is_empty() {
+        true => wrong("expected the field to be zero somewhere in the grid, got one sign".to_owned()),
         false => Ok(mesh),
     }
 }
 
-/// Writes the field at the corners of these numbers into `values`.
-fn ask(
-    grid: &Grid,
-    numbers: &[usize],
-    values: &mut [f32],
-    field: &mut impl FnMut(ArrayView2<'_, f32>) -> Vec<f32>,
-) -> Result<()> {
-    for block in numbers.chunks(BLOCK) {
-        let places: Vec<f32> = block.iter().flat_map(|n| grid.place(*n)).collect();
-        let places = Array2::from_shape_vec((block.len(), 3), places).expect("three per point");
-        let made = field(places.view());
-        for (number, value) in block.iter().zip(made) {
-            if !value.is_finite() {
-                let place = grid.place(*number);
-                return Err(Error::InvalidInput(format!(
-                    "surface: expected a finite field, got {value} at {place:?}"
-                )));
-            }
-            values[*number] = value;
-        }
+fn wrong<T>(complaint: String) -> Result<T> {
+    Err(Error::InvalidInput(format!("surface: {complaint}")))
+}
+
+fn check_bytes(longest: usize, bytes: usize, most: usize) -> Result<()> {
+    let mb = |bytes: usize| bytes.div_ceil(1 << 20);
+    match bytes > most {
+        true => wrong(format!(
+            "{longest} cells along a side need {} MB for this field, expected at most {} MB; choose fewer cells",
+            mb(bytes),
+            mb(most)
+        )),
+        false => Ok(()),
     }
-    Ok(())
 }
 
-/// Lowest corners of coarse cells that the surface may cross.
-fn near_cells(grid: &Grid, values: &[f32], reach: f32) -> Vec<[usize; 3]> {
-    let step = COARSE as f32 * grid.side / grid.cells as f32;
-    let reach = reach * step * 3f32.sqrt();
-    let starts = || (0..grid.cells).step_by(COARSE);
-    starts()
-        .flat_map(|z| starts().flat_map(move |y| starts().map(move |x| [x, y, z])))
-        .filter(|cell| {
-            let at = (0..8).map(|corner| values[grid.number(corner_of(*cell, corner, COARSE))]);
-            let (low, high) = at.fold((f32::MAX, f32::MIN), |(low, high), x| {
-                (low.min(x), high.max(x))
-            });
-            low < reach && high > -reach
-        })
-        .collect()
-}
-
-fn corner_of(cell: [usize; 3], corner: usize, size: usize) -> [usize; 3] {
+fn corner_of(cell: Corner, corner: usize, size: usize) -> Corner {
     std::array::from_fn(|axis| cell[axis] + size * (corner >> axis & 1))
 }
 
-fn inside_of(cell: [usize; 3], count: usize) -> impl Iterator<Item = [usize; 3]> {
-    let [x, y, z] = cell;
-    (0..count.pow(3)).map(move |n| {
-        [
-            x + n % count,
-            y + n / count % count,
-            z + n / (count * count),
-        ]
-    })
+/// The grid with what is known of the field.
+struct Known<F> {
+    grid: Grid,
+    sparse: Sparse,
+    field: F,
 }
 
-/// Triangles of all `cells`, whose corners are known.
-fn joined(grid: &Grid, values: &[f32], cells: impl Iterator<Item = [usize; 3]>) -> Mesh {
-    let mut mesh = Mesh::default();
-    let mut known: HashMap<[usize; 2], u32> = HashMap::new();
-    for cell in cells {
-        let numbers: [usize; 8] =
-            std::array::from_fn(|corner| grid.number(corner_of(cell, corner, 1)));
-        let case = (0..8).fold(0, |case, c| {
-            case | usize::from(values[numbers[c]] < 0.0) << c
+impl<F: Fn(ArrayView2<'_, f32>) -> Vec<f32> + Sync> Known<F> {
+    /// Makes the field known at the corners of cells.
+    fn ask(&mut self, cells: &[Corner], size: usize) -> Result<()> {
+        let mut asked = Vec::new();
+        for corner in cells.iter().flat_map(|cell| (0..8).map(|c| corner_of(*cell, c, size))) {
+            let slot = self.sparse.slot(corner);
+            let value = self.sparse.value_mut(slot);
+            if value.is_nan() {
+                *value = f32::INFINITY;
+                asked.push((slot, self.grid.place(corner)));
+            }
+        }
+        let places: Vec<[f32; 3]> = asked.iter().map(|(_, place)| *place).collect();
+        for ((slot, _), value) in asked.iter().zip(self.values(&places)?) {
+            *self.sparse.value_mut(*slot) = value;
+        }
+        Ok(())
+    }
+
+    /// The field at places.
+    fn values(&self, places: &[[f32; 3]]) -> Result<Vec<f32>> {
+        let blocks = places.par_chunks(BLOCK).map(|block| {
+            let points = Array2::from_shape_vec((block.len(), 3), block.as_flattened().to_vec());
+            let values = (self.field)(points.expect("three numbers each").view());
+            match values.iter().position(|value| !value.is_finite()) {
+                Some(bad) => wrong(format!(
+                    "expected a finite field, got {} at {:?}",
+                    values[bad], block[bad]
+                )),
+                None => Ok(values),
+            }
         });
-        for triangle in &TABLE[case] {
-            mesh.triangles.push(triangle.map(|edge| {
-                let ends = edge.map(|corner| numbers[corner]);
-                *known.entry(ends).or_insert_with(|| {
-                    mesh.positions.push(crossing(grid, values, ends));
-                    mesh.positions.len() as u32 - 1
-                })
-            }));
+        Ok(blocks.collect::<Result<Vec<_>>>()?.concat())
+    }
+
+    /// Whether the surface may cross a cell.
+    fn is_near(&self, cell: Corner, size: usize, reach: f32) -> bool {
+        let reach = reach * 3f32.sqrt() * self.grid.step * size as f32;
+        let values = (0..8).map(|corner| self.sparse.value(corner_of(cell, corner, size)));
+        let (low, high) = values.fold((f32::MAX, f32::MIN), |(low, high), x| {
+            (low.min(x), high.max(x))
+        });
+        low < reach && high > -reach
+    }
+
+    /// Bit by bit which corners of a fine cell are inside.
+    fn case(&self, cell: Corner) -> usize {
+        (0..8).fold(0, |case, corner| {
+            let value = self.sparse.value(corner_of(cell, corner, 1));
+            case | usize::from(value < 0.0) << corner
+        })
+    }
+
+    /// All cells that the surface crosses: among `first`, and wherever it leads from there.
+    fn follow(
+        &mut self,
+        first: Vec<Corner>,
+        (longest, most_bytes): (usize, usize),
+    ) -> Result<Vec<Corner>> {
+        let mut crossed = Vec::new();
+        let mut next: Vec<Corner> = first.into_iter().filter(|cell| self.sparse.see(*cell)).collect();
+        while !next.is_empty() {
+            self.ask(&next, 1)?;
+            check_bytes(longest, self.sparse.bytes(), most_bytes)?;
+            let mut beside = Vec::new();
+            for cell in next {
+                let case = self.case(cell);
+                if case == 0 || case == 255 {
+                    continue;
+                }
+                crossed.push(cell);
+                for (axis, side) in (0..3).flat_map(|axis| [(axis, 0), (axis, 1)]) {
+                    let of_side = (0..8).filter(|corner| corner >> axis & 1 == side);
+                    let inside = of_side.filter(|corner| case >> corner & 1 == 1).count();
+                    let beyond = match side {
+                        0 => cell[axis].checked_sub(1),
+                        _ => Some(cell[axis] + 1).filter(|x| *x < self.grid.cells[axis]),
+                    };
+                    let (1..=3, Some(beyond)) = (inside, beyond) else {
+                        continue;
+                    };
+                    let mut other = cell;
+                    other[axis] = beyond;
+                    if self.sparse.see(other) {
+                        beside.push(other);
+                    }
+                }
+            }
+            next = beside;
         }
+        Ok(crossed)
     }
-    mesh
-}
 
-/// Where the field is zero on the way between two corners; a little off either, so that no triangle vanishes.
-fn crossing(grid: &Grid, values: &[f32], [a, b]: [usize; 2]) -> [f32; 3] {
-    let share = (values[a] / (values[a] - values[b])).clamp(1e-3, 1.0 - 1e-3);
-    let (from, to) = (grid.place(a), grid.place(b));
-    std::array::from_fn(|axis| from[axis] + share * (to[axis] - from[axis]))
-}
-
-/// Loops of one case, each as a fan.
-fn triangles_of(case: usize) -> Vec<[Edge; 3]> {
-    let inside = |corner: usize| case >> corner & 1 == 1;
-    let mut next: HashMap<Edge, Edge> = HashMap::new();
-    for face in FACES {
-        let ends = |n: usize| [face[n % 4], face[(n + 1) % 4]];
-        for enter in (0..4).filter(|n| !inside(ends(*n)[0]) && inside(ends(*n)[1])) {
-            let leave = (enter + 1..enter + 4).find(|n| !inside(ends(*n)[1]));
-            let leave = leave.expect("a run of inside corners ends");
-            next.insert(edge(ends(enter)), edge(ends(leave)));
+    /// Triangles of the cells that the surface crosses.
+    fn joined(&mut self, cells: &[Corner]) -> Result<Mesh> {
+        let mut triangles = Vec::new();
+        let mut edges: Vec<[Corner; 2]> = Vec::new();
+        for cell in cells {
+            for triangle in &TABLE[self.case(*cell)] {
+                triangles.push(triangle.map(|[a, b]| {
+                    let ends = [a, b].map(|corner| corner_of(*cell, corner, 1));
+                    let axis = (a ^ b).trailing_zeros() as usize;
+                    let vertex = self.sparse.vertex_mut(ends[0], axis);
+                    if *vertex == NONE {
+                        *vertex = edges.len() as u32;
+                        edges.push(ends);
+                    }
+                    *vertex
+                }));
+            }
         }
+        Ok(Mesh {
+            positions: self.crossings(&edges)?,
+            triangles,
+        })
     }
-    let mut starts: Vec<Edge> = next.keys().copied().collect();
-    starts.sort_unstable();
-    let mut triangles = Vec::new();
-    for start in starts {
-        let mut around = Vec::new();
-        let mut at = start;
-        while let Some(to) = next.remove(&at) {
-            around.push(at);
-            at = to;
-        }
-        triangles.extend(fan(&around));
+
+    /// Where the field is zero on edges: between the ends, then once more between that place and the end on
+    /// the other side. A little off either end, so that no triangle vanishes.
+    fn crossings(&self, edges: &[[Corner; 2]]) -> Result<Vec<[f32; 3]>> {
+        const NEAREST: f32 = 1e-3;
+        let between = |[a, b]: [f32; 2]| a / (a - b);
+        let ends: Vec<[f32; 2]> = edges
+            .iter()
+            .map(|ends| ends.map(|corner| self.sparse.value(corner)))
+            .collect();
+        let place = |ends: &[Corner; 2], share: f32| -> [f32; 3] {
+            let [from, to] = ends.map(|corner| self.grid.place(corner));
+            std::array::from_fn(|axis| from[axis] + share * (to[axis] - from[axis]))
+        };
+        let first: Vec<f32> = ends.iter().map(|ends| between(*ends)).collect();
+        let places: Vec<[f32; 3]> =
+            edges.iter().zip(&first).map(|(ends, share)| place(ends, *share)).collect();
+        let there = self.values(&places)?;
+        let again = edges.iter().zip(&ends).zip(first.iter().zip(&there));
+        let again = again.map(|((edge, [a, b]), (share, here))| {
+            let share = match (*here < 0.0) == (*a < 0.0) {
+                true => share + (1.0 - share) * between([*here, *b]),
+                false => share * between([*a, *here]),
+            };
+            place(edge, share.clamp(NEAREST, 1.0 - NEAREST))
+        });
+        Ok(again.collect())
     }
-    triangles
-}
-
-fn edge([a, b]: [usize; 2]) -> Edge {
-    [a.min(b), a.max(b)]
-}
-
-/// A loop as triangles from the corner whose diagonals lie in no face: there the neighbour has its own edges.
-fn fan(around: &[Edge]) -> Vec<[Edge; 3]> {
-    let count = around.len();
-    let fan_from = |first: usize| -> Vec<[Edge; 3]> {
-        (1..count.saturating_sub(1))
-            .map(|n| [first, first + n, first + n + 1].map(|k| around[k % count]))
-            .collect()
-    };
-    let in_faces = |first: usize| {
-        (2..count.saturating_sub(1))
-            .filter(|n| share_a_face(around[first], around[(first + n) % count]))
-            .count()
-    };
-    match (0..count).min_by_key(|first| in_faces(*first)) {
-        Some(first) => fan_from(first),
-        None => Vec::new(),
-    }
-}
-
-fn share_a_face(a: Edge, b: Edge) -> bool {
-    let lies_in = |face: &[usize; 4], edge: Edge| edge.iter().all(|corner| face.contains(corner));
-    FACES
-        .iter()
-        .any(|face| lies_in(face, a) && lies_in(face, b))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::mesh::vec3;
+    use std::{
+        collections::HashMap,
+        sync::atomic::{AtomicUsize, Ordering},
+    };
+
     use rand::{Rng, SeedableRng};
 
+    use super::*;
+    use crate::mesh::vec3;
+
     fn grid(cells: usize) -> Grid {
-        Grid {
-            low: [-1.0; 3],
-            side: 2.0,
-            cells,
-        }
+        Grid::of_box([-1.0; 3], [1.0; 3], cells).unwrap()
     }
 
     fn sphere(points: ArrayView2<'_, f32>) -> Vec<f32> {
-        points
-            .outer_iter()
-            .map(|p| p.dot(&p).sqrt() - 0.7)
-            .collect()
+        let points = points.outer_iter();
+        points.map(|p| p.dot(&p).sqrt() - 0.7).collect()
     }
 
     /// How often each directed edge is used.
@@ -294,40 +281,45 @@ mod tests {
         used
     }
 
-    fn assert_watertight(mesh: &Mesh) {
+    fn assert_closed(mesh: &Mesh) {
         let used = directed(mesh);
         for ((a, b), count) in &used {
-            assert_eq!((*count, used.get(&(*b, *a))), (1, Some(&1)), "edge {a} {b}");
+            assert_eq!(Some(count), used.get(&(*b, *a)), "edge {a} {b}");
         }
     }
 
     #[test]
     fn a_sphere_is_closed_and_has_its_size() {
         let mesh = surface(grid(32), sphere).unwrap();
-        assert_watertight(&mesh);
-        let used = directed(&mesh).len() / 2;
-        assert_eq!(mesh.positions.len() + mesh.triangles.len(), used + 2);
+        assert_closed(&mesh);
+        let used = directed(&mesh);
+        assert!(used.values().all(|count| *count == 1));
+        let (vertices, faces) = (mesh.positions.len(), mesh.triangles.len());
+        assert_eq!(vertices + faces, used.len() / 2 + 2, "Euler's formula");
         let volume: f64 = mesh
             .triangles
             .iter()
-            .map(|t| t.map(|v| mesh.positions[v as usize]))
-            .map(|t| t.map(|x| x.map(f64::from)))
+            .map(|t| t.map(|v| mesh.positions[v as usize].map(f64::from)))
             .map(|[a, b, c]| vec3::dot(a, vec3::cross(b, c)) / 6.0)
             .sum();
         let truth = 4.0 / 3.0 * std::f64::consts::PI * 0.7f64.powi(3);
         assert!((volume / truth - 1.0).abs() < 0.01, "{volume} for {truth}");
+        for p in &mesh.positions {
+            let off = p.iter().map(|x| x * x).sum::<f32>().sqrt() - 0.7;
+            assert!(off.abs() < 1e-4, "{off}");
+        }
     }
 
     #[test]
     fn looking_near_the_surface_alone_loses_nothing() {
-        let every = meshed(grid(24), sphere, 1e6).unwrap();
-        let mut asked = 0;
-        let few = surface(grid(24), |points| {
-            asked += points.nrows();
+        let asked = AtomicUsize::new(0);
+        let count = |points: ArrayView2<'_, f32>| {
+            asked.fetch_add(points.nrows(), Ordering::Relaxed);
             sphere(points)
-        });
-        let few = few.unwrap();
-        assert!(asked < 25usize.pow(3) * 3 / 4, "{asked}");
+        };
+        let every = meshed(grid(40), sphere, 1e6, MOST_BYTES).unwrap();
+        let few = surface(grid(40), count).unwrap();
+        assert!(asked.into_inner() < 41usize.pow(3) / 2);
         let sorted = |mesh: &Mesh| {
             let mut places: Vec<_> = mesh.positions.iter().map(|p| p.map(f32::to_bits)).collect();
             places.sort_unstable();
@@ -337,35 +329,66 @@ mod tests {
         assert_eq!(every.triangles.len(), few.triangles.len());
     }
 
+    /// A field that is far steeper than a distance is followed from cell to cell.
+    #[test]
+    fn a_surface_that_was_seen_in_one_place_is_followed_all_round() {
+        let steep = |points: ArrayView2<'_, f32>| -> Vec<f32> {
+            let along = points.outer_iter().map(|p| 1.0 + 40.0 * (p[0] + 1.0));
+            sphere(points).into_iter().zip(along).map(|(s, steep)| s * steep).collect()
+        };
+        let mesh = surface(grid(64), steep).unwrap();
+        assert_closed(&mesh);
+        assert_eq!(mesh.triangles.len(), surface(grid(64), sphere).unwrap().triangles.len());
+    }
+
+    /// Random signs meet every case.
     #[test]
     fn noise_is_closed_in_every_case() {
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(3);
-        let mut cases = [false; 256];
+        let values: Vec<f32> = (0..17usize.pow(3)).map(|_| random.random_range(-1.0..1.0)).collect();
         let grid = grid(16);
-        let mut values = vec![1.0f32; grid.corners().pow(3)];
-        for at in inside_of([1; 3], 15) {
-            values[grid.number(at)] = random.random_range(-1.0..1.0);
-        }
-        for cell in inside_of([0; 3], 16) {
-            let inside = |c| values[grid.number(corner_of(cell, c, 1))] < 0.0;
-            let case = (0..8).fold(0, |case, c| case | usize::from(inside(c)) << c);
-            cases[case] = true;
+        let corner = |x: f32| ((x + 1.0) / grid.step).round() as usize;
+        let noise = |points: ArrayView2<'_, f32>| -> Vec<f32> {
+            let at = |p: [usize; 3]| match p.iter().all(|x| (1..16).contains(x)) {
+                true => values[(p[2] * 17 + p[1]) * 17 + p[0]],
+                false => 1.0,
+            };
+            points.outer_iter().map(|p| at([corner(p[0]), corner(p[1]), corner(p[2])])).collect()
+        };
+        assert_closed(&meshed(grid, noise, 1e6, MOST_BYTES).unwrap());
+        let inside = |x: usize, y: usize, z: usize| values[(z * 17 + y) * 17 + x] < 0.0;
+        let mut cases = [false; 256];
+        for n in 0..14usize.pow(3) {
+            let [x, y, z] = [1 + n % 14, 1 + n / 14 % 14, 1 + n / 196];
+            let bit = |c: usize| usize::from(inside(x + (c & 1), y + (c >> 1 & 1), z + (c >> 2))) << c;
+            cases[(0..8).map(bit).sum::<usize>()] = true;
         }
         assert!(cases.iter().all(|seen| *seen), "all 256 cases");
-        let mesh = joined(&grid, &values, inside_of([0; 3], 16));
-        let used = directed(&mesh);
-        for ((a, b), count) in &used {
-            assert_eq!(Some(count), used.get(&(*b, *a)), "edge {a} {b}");
-        }
     }
 
     #[test]
     fn wrong_grids_and_fields_are_told() {
         let told = |made: Result<Mesh>| made.unwrap_err().to_string();
-        assert!(told(surface(grid(1024), sphere)).contains("1 to 512 cells, got 1024"));
+        let box_of = |cells| Grid::of_box([-1.0; 3], [1.0; 3], cells).map(|_| Mesh::default());
+        assert!(told(box_of(0)).contains("1 to 4096"));
+        assert!(told(box_of(5000)).contains("got 5000"));
+        let flat = Grid::of_box([0.0; 3], [1.0, 0.0, 1.0], 8).map(|_| Mesh::default());
+        assert!(told(flat).contains("finite box"));
         let one_sign = |points: ArrayView2<'_, f32>| vec![1.0; points.nrows()];
         assert!(told(surface(grid(8), one_sign)).contains("one sign"));
         let nan = |points: ArrayView2<'_, f32>| vec![f32::NAN; points.nrows()];
         assert!(told(surface(grid(8), nan)).contains("finite field"));
+    }
+
+    #[test]
+    fn memory_is_told_before_it_is_taken() {
+        let asked = AtomicUsize::new(0);
+        let count = |points: ArrayView2<'_, f32>| {
+            asked.fetch_add(points.nrows(), Ordering::Relaxed);
+            sphere(points)
+        };
+        let error = meshed(grid(1024), count, REACH, 64 << 20).unwrap_err().to_string();
+        assert!(error.contains("1024 cells") && error.contains("at most 64 MB"), "{error}");
+        assert!(asked.into_inner() < 400_000, "the fine cells were not asked");
     }
 }

@@ -1,5 +1,8 @@
 //! Fields of signed distance, and their surfaces.
 
+mod grid;
 mod marching_cubes;
+mod table;
 
-pub use marching_cubes::{Grid, surface};
+pub use grid::Grid;
+pub use marching_cubes::surface;

@@ -5,7 +5,6 @@
 
 pub mod cafe_talk;
 pub mod emoface;
-pub mod facetalk;
 pub mod freetalk;
 
 mod slider;
@@ -19,6 +18,7 @@ use crate::{
     conditions::{Control, ControlStage, Controls, EmotionCurve, MotionRequest},
     deform::{self, Deformer},
     face::Face,
+    head,
     mesh,
     models::BuiltIn,
     motion::{self, LipClosures, Motion, MotionStream},
@@ -112,6 +112,7 @@ pub fn built_in_models() -> impl Iterator<Item = &'static BuiltIn> {
         &speech::PHONE_MODEL,
         &speech::FEELING_MODEL,
         &mesh::LANDMARK_MODEL,
+        &head::MODEL,
         &deform::static_weights::MODEL,
         &deform::creases::MODEL,
         &motion::FACE_MODES_MODEL,

@@ -2,11 +2,12 @@
 
 use std::{fs, path::Path};
 
-const BELOW_SYSTEMS: [&str; 18] = [
+const BELOW_SYSTEMS: [&str; 19] = [
     "annotation",
     "cache",
     "conditions",
     "face",
+    "head",
     "metrics",
     "nn",
     "output",

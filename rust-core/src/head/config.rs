@@ -23,20 +23,22 @@ pub struct HeadConfig {
     pub global_code: usize,
     /// Length `L` of each local part.
     pub local_code: usize,
-    /// Width of the network that places the anchors.
-    pub anchor_width: usize,
     /// Width of a local network.
     pub width: usize,
     /// Hidden layers of a local network.
     pub layers: usize,
-    /// Sharpness of its softplus.
-    pub beta: f32,
     /// Standard deviation of the blend.
     pub sigma: f32,
     /// Squared distance that the background counts as having.
     pub background: f32,
     /// A blend weight below this is zero.
     pub least_weight: f32,
+    /// Width of the network of the mean head.
+    pub template_width: usize,
+    /// Its hidden layers.
+    pub template_layers: usize,
+    /// Octaves in which a place on the mean head is seen.
+    pub octaves: usize,
     /// Length `X` of z_ex.
     pub expression_code: usize,
     /// Numbers that a deformation sees of the identity.
@@ -49,6 +51,19 @@ pub struct HeadConfig {
     pub channels: Vec<String>,
     /// `jawOpen` of the canonical pose.
     pub open_jaw: f32,
+    /// Lowest and highest corner of a box that holds any head, metres.
+    pub bounds_m: [[f32; 3]; 2],
+    /// Directions in which heads differ, the one that moves the surface furthest first.
+    pub directions: Vec<Direction>,
+}
+
+/// A direction in which heads differ.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Direction {
+    /// What it changes most, as a tape measures it.
+    pub name: String,
+    /// How far the surface of the face moves at 1, root mean square.
+    pub reach_mm: f32,
 }
 
 impl HeadConfig {
@@ -77,31 +92,37 @@ impl HeadConfig {
         self.global_code + (self.anchors() + 1) * self.local_code
     }
 
+    /// The landmark of every anchor: pairs one after another, then the middle.
+    pub(super) fn landmark_numbers(&self) -> Vec<usize> {
+        let pairs = self.pairs.iter().flatten();
+        pairs.chain(&self.middle).copied().collect()
+    }
+
     fn complaint(&self) -> Option<String> {
         let positive = |value: f32| value > 0.0 && value.is_finite();
         let outside = self
-            .pairs
-            .iter()
-            .flatten()
-            .chain(&self.middle)
-            .find(|landmark| **landmark >= LANDMARKS);
+            .landmark_numbers()
+            .into_iter()
+            .find(|landmark| *landmark >= LANDMARKS);
         let lengths = [
             ("scale_m", self.scale_m),
-            ("beta", self.beta),
             ("sigma", self.sigma),
             ("background", self.background),
         ];
+        let layers = [self.layers, self.expression_layers, self.template_layers];
+        let [low, high] = self.bounds_m;
         if let Some((name, value)) = lengths.iter().find(|(_, value)| !positive(*value)) {
             Some(format!("{name}: expected a positive number, got {value}"))
         } else if let Some(landmark) = outside {
             Some(format!(
                 "anchors: expected landmarks below {LANDMARKS}, got {landmark}"
             ))
-        } else if self.layers < 2 || self.expression_layers < 2 {
-            let (layers, expression) = (self.layers, self.expression_layers);
-            Some(format!(
-                "layers: expected at least 2, got {layers} and {expression}"
-            ))
+        } else if layers.iter().any(|layers| *layers < 2) {
+            Some(format!("layers: expected at least 2, got {layers:?}"))
+        } else if self.octaves > 16 {
+            Some(format!("octaves: expected at most 16, got {}", self.octaves))
+        } else if !(0..3).all(|axis| positive(high[axis] - low[axis]) && low[axis].is_finite()) {
+            Some(format!("bounds_m: expected a box, got {low:?} to {high:?}"))
         } else if !self.channels.iter().any(|name| name == "jawOpen") {
             Some("channels: expected jawOpen among them, got none".to_owned())
         } else {
