@@ -81,7 +81,8 @@ pub unsafe extern "C" fn anyface_head_new(
         let given = match coefficients.is_null() && coefficient_count == 0 {
             true => Head::random(seed),
             false => {
-                let given = unsafe { pointer::slice("coefficients", coefficients, coefficient_count, 1) }?;
+                let given =
+                    unsafe { pointer::slice("coefficients", coefficients, coefficient_count, 1) }?;
                 Head::checked(given.to_vec(), false)?
             }
         };
@@ -159,7 +160,9 @@ pub unsafe extern "C" fn anyface_head_fit(
         let options = ScanOptions::default();
         let (points, landmarks) = (&face.mesh.positions, &face.landmarks);
         let fit = unsafe {
-            watched(progress, |watch| head.model.fit_scan(points, landmarks, &options, watch))
+            watched(progress, |watch| {
+                head.model.fit_scan(points, landmarks, &options, watch)
+            })
         }?;
         let mut fitted = head.other(fit.coefficients);
         fitted.fit_mm = fit.mean_mm;
@@ -268,7 +271,9 @@ pub unsafe extern "C" fn anyface_head_mesh(
             resolution,
             parts: parts != 0,
         };
-        let one = head.model.one(head.model.identity_code(&head.coefficients)?)?;
+        let one = head
+            .model
+            .one(head.model.identity_code(&head.coefficients)?)?;
         let made = unsafe { watched(progress, |watch| one.mesh(&options, watch)) }?;
         if !landmark_vertices.is_null() {
             let vertices = &made.landmarks.vertices;
@@ -302,10 +307,14 @@ pub unsafe extern "C" fn anyface_head_field(
 ) -> AnyfaceStatus {
     let work = || {
         let head = unsafe { pointer::handle("head", head) }?;
-        let points = unsafe { pointer::slice("points", points, point_count, 3) }?.as_chunks().0;
+        let points = unsafe { pointer::slice("points", points, point_count, 3) }?
+            .as_chunks()
+            .0;
         pointer::check_room("displacements", displacements, point_count, 3)?;
         if !points.as_flattened().iter().all(|x| x.is_finite()) {
-            return Err(Failure::invalid("points: expected finite numbers".to_owned()));
+            return Err(Failure::invalid(
+                "points: expected finite numbers".to_owned(),
+            ));
         }
         let code = match weights.is_null() && weight_count == 0 {
             true => head.model.rest_code(),
@@ -314,10 +323,14 @@ pub unsafe extern "C" fn anyface_head_field(
                 head.model.expression_code(given)?
             }
         };
-        let one = head.model.one(head.model.identity_code(&head.coefficients)?)?;
+        let one = head
+            .model
+            .one(head.model.identity_code(&head.coefficients)?)?;
         let moved = one.posed(&code)?.forward(points);
         let ways = points.iter().zip(&moved);
-        let ways: Vec<f32> = ways.flat_map(|(p, q)| [0, 1, 2].map(|axis| q[axis] - p[axis])).collect();
+        let ways: Vec<f32> = ways
+            .flat_map(|(p, q)| [0, 1, 2].map(|axis| q[axis] - p[axis]))
+            .collect();
         unsafe { pointer::copy_out("displacements", &ways, displacements, ways.len()) }
     };
     unsafe { guard::guard(error, work) }
@@ -351,7 +364,10 @@ mod tests {
         unsafe {
             let (a, b) = (made(1), made(2));
             let (mut mixed, mut moved, mut mesh) = (null_mut(), null_mut(), null_mut());
-            assert_eq!(anyface_head_new_mixed(a, b, 0.5, &mut mixed, null_mut()), AnyfaceStatus::Ok);
+            assert_eq!(
+                anyface_head_new_mixed(a, b, 0.5, &mut mixed, null_mut()),
+                AnyfaceStatus::Ok
+            );
             let status = anyface_head_new_along(mixed, 1, 2.0, &mut moved, null_mut());
             assert_eq!(status, AnyfaceStatus::Ok);
             let count = anyface_head_direction_count(moved);
@@ -379,7 +395,15 @@ mod tests {
             let (chin, mut to) = ([0.0f32, -0.10, 0.07], [0.0f32; 3]);
             let ask = |weights: &[f32], to: &mut [f32; 3]| {
                 let points = chin.as_ptr();
-                anyface_head_field(head, weights.as_ptr(), weights.len(), points, 1, to.as_mut_ptr(), null_mut())
+                anyface_head_field(
+                    head,
+                    weights.as_ptr(),
+                    weights.len(),
+                    points,
+                    1,
+                    to.as_mut_ptr(),
+                    null_mut(),
+                )
             };
             assert_eq!(ask(&vec![0.0; channels], &mut to), AnyfaceStatus::Ok);
             assert!(to.iter().all(|x| x.is_finite()));
@@ -389,7 +413,9 @@ mod tests {
             let far = [9.0f32; 100];
             let status = anyface_head_new(null(), far.as_ptr(), 100, 0, &mut none, &mut error);
             assert_eq!(status, AnyfaceStatus::InvalidInput);
-            let message = CStr::from_ptr(anyface_error_message(error)).to_str().unwrap();
+            let message = CStr::from_ptr(anyface_error_message(error))
+                .to_str()
+                .unwrap();
             assert!(message.contains("no such head was learned"), "{message}");
             anyface_error_free(error);
         }

@@ -97,10 +97,16 @@ impl MakeHead {
             one.mesh(&options, &progress)
         })?;
         let landmarks = self.out.with_extension("landmarks.json");
-        timed(&mut report, "write", || self.write(&made, &landmarks, &coefficients))?;
+        timed(&mut report, "write", || {
+            self.write(&made, &landmarks, &coefficients)
+        })?;
         report.out = Some(shown(&self.out));
         report.vertices = Some(made.mesh.positions.len());
-        let names = head.config().directions.iter().map(|direction| direction.name.clone());
+        let names = head
+            .config()
+            .directions
+            .iter()
+            .map(|direction| direction.name.clone());
         let full = HeadReport {
             run: &report,
             landmarks: shown(&landmarks),
@@ -138,7 +144,11 @@ impl MakeHead {
         if let Some(path) = &self.like {
             let progress = |p| console.progress(p);
             let scan = timed(report, "read", || Mesh::read(path))?;
-            let known = self.like_landmarks.as_deref().map(LandmarkSource::read).transpose()?;
+            let known = self
+                .like_landmarks
+                .as_deref()
+                .map(LandmarkSource::read)
+                .transpose()?;
             let landmarks = timed(report, "landmarks", || {
                 let options = crate::mesh::FaceOptions {
                     landmarks: known,
@@ -148,7 +158,12 @@ impl MakeHead {
                 Ok(face.landmarks)
             })?;
             let fit = timed(report, "fit", || {
-                head.fit_scan(&scan.positions, &landmarks, &ScanOptions::default(), &progress)
+                head.fit_scan(
+                    &scan.positions,
+                    &landmarks,
+                    &ScanOptions::default(),
+                    &progress,
+                )
             })?;
             report.warnings.extend(fit.warnings.iter().cloned());
             return Ok((fit.coefficients.clone(), Some(fit)));
@@ -157,12 +172,14 @@ impl MakeHead {
             (Some(Mixture { seeds, share }), _) => {
                 Head::mixture(&Head::random(seeds[0]), &Head::random(seeds[1]), *share)?
             }
-            (None, Some(path)) => Head::checked(read_code(path)?, self.pull_back).map_err(|error| match error {
-                Error::InvalidInput(message) if message.ends_with("pulled back") => {
-                    Error::InvalidInput(format!("{message}: --pull-back"))
-                }
-                other => other,
-            })?,
+            (None, Some(path)) => {
+                Head::checked(read_code(path)?, self.pull_back).map_err(|error| match error {
+                    Error::InvalidInput(message) if message.ends_with("pulled back") => {
+                        Error::InvalidInput(format!("{message}: --pull-back"))
+                    }
+                    other => other,
+                })?
+            }
             (None, None) => match self.seed {
                 Some(seed) => Head::random(seed),
                 None => vec![0.0; COEFFICIENTS],
@@ -188,14 +205,21 @@ fn read_code(path: &Path) -> Result<Vec<f32>> {
     let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
     serde_json::from_str(&text).map_err(|error| {
         let place = path.display();
-        Error::InvalidInput(format!("{place}: expected a JSON list of {COEFFICIENTS} numbers: {error}"))
+        Error::InvalidInput(format!(
+            "{place}: expected a JSON list of {COEFFICIENTS} numbers: {error}"
+        ))
     })
 }
 
 fn mixture(text: &str) -> std::result::Result<Mixture, String> {
     let wrong = || format!("expected A,B or A,B,SHARE, as in 7,12,0.3, got {text:?}");
     let words: Vec<&str> = text.split(',').map(str::trim).collect();
-    let seed = |n: usize| words.get(n).and_then(|word| word.parse().ok()).ok_or_else(wrong);
+    let seed = |n: usize| {
+        words
+            .get(n)
+            .and_then(|word| word.parse().ok())
+            .ok_or_else(wrong)
+    };
     let share = match words.len() {
         2 => 0.5,
         3 => words[2].parse().map_err(|_| wrong())?,
@@ -210,7 +234,10 @@ fn mixture(text: &str) -> std::result::Result<Mixture, String> {
 fn direction(text: &str) -> std::result::Result<(String, f32), String> {
     let wrong = || format!("expected NAME=VALUE, as in face-width=1.5, got {text:?}");
     let (name, value) = text.split_once('=').ok_or_else(wrong)?;
-    Ok((name.trim().to_owned(), value.trim().parse().map_err(|_| wrong())?))
+    Ok((
+        name.trim().to_owned(),
+        value.trim().parse().map_err(|_| wrong())?,
+    ))
 }
 
 fn summary(report: &HeadReport<'_>, made: &MadeHead) -> String {

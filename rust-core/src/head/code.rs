@@ -14,7 +14,9 @@ const SLIDER: f32 = 4.0;
 impl Head {
     /// The coefficients of the head of a seed, `[100]` of N(0, 1).
     pub fn random(seed: u64) -> Vec<f32> {
-        frame_noise(seed, 0, 1, COEFFICIENTS).into_raw_vec_and_offset().0
+        frame_noise(seed, 0, 1, COEFFICIENTS)
+            .into_raw_vec_and_offset()
+            .0
     }
 
     /// The coefficients part of the way from `a` to `b`: 0 is `a`, 1 is `b`.
@@ -40,8 +42,14 @@ impl Head {
         let wanted = name.replace(['_', '-'], " ");
         let named = known.iter().position(|direction| direction.name == wanted);
         named.ok_or_else(|| {
-            let names: Vec<&str> = known.iter().map(|direction| direction.name.as_str()).collect();
-            let message = format!("direction: expected one of {}, got {name:?}", names.join(", "));
+            let names: Vec<&str> = known
+                .iter()
+                .map(|direction| direction.name.as_str())
+                .collect();
+            let message = format!(
+                "direction: expected one of {}, got {name:?}",
+                names.join(", ")
+            );
             Error::InvalidInput(message)
         })
     }
@@ -71,7 +79,10 @@ impl Head {
             Error::InvalidInput(message)
         })?;
         let row = self.directions.row(direction);
-        coefficients.iter_mut().zip(row).for_each(|(c, d)| *c += (value - there) * d);
+        coefficients
+            .iter_mut()
+            .zip(row)
+            .for_each(|(c, d)| *c += (value - there) * d);
         Ok(())
     }
 
@@ -82,7 +93,9 @@ impl Head {
     /// `InvalidInput` for another number of them, one that is not finite, and coefficients far outside.
     pub fn checked(mut coefficients: Vec<f32>, pull_back: bool) -> Result<Vec<f32>> {
         check("coefficients", &coefficients, COEFFICIENTS)?;
-        let largest = coefficients.iter().fold(0.0f32, |most, c| most.max(c.abs()));
+        let largest = coefficients
+            .iter()
+            .fold(0.0f32, |most, c| most.max(c.abs()));
         let average = rms(&coefficients);
         if largest <= FAR && average <= FAR_ON_AVERAGE {
             return Ok(coefficients);
@@ -93,7 +106,9 @@ impl Head {
                  {largest:.1} and {average:.1}; no such head was learned. They can be pulled back"
             )));
         }
-        coefficients.iter_mut().for_each(|c| *c = c.clamp(-FAR, FAR));
+        coefficients
+            .iter_mut()
+            .for_each(|c| *c = c.clamp(-FAR, FAR));
         let scale = (FAR_ON_AVERAGE / rms(&coefficients)).min(1.0);
         coefficients.iter_mut().for_each(|c| *c *= scale);
         Ok(coefficients)

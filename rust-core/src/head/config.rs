@@ -39,6 +39,8 @@ pub struct HeadConfig {
     pub template_layers: usize,
     /// Octaves in which a place on the mean head is seen.
     pub octaves: usize,
+    /// Octaves in which deformations see it.
+    pub expression_octaves: usize,
     /// Length `X` of z_ex.
     pub expression_code: usize,
     /// Numbers that a deformation sees of the identity.
@@ -119,8 +121,11 @@ impl HeadConfig {
             ))
         } else if layers.iter().any(|layers| *layers < 2) {
             Some(format!("layers: expected at least 2, got {layers:?}"))
-        } else if self.octaves > 16 {
-            Some(format!("octaves: expected at most 16, got {}", self.octaves))
+        } else if self.octaves.max(self.expression_octaves) > 16 {
+            let (one, other) = (self.octaves, self.expression_octaves);
+            Some(format!(
+                "octaves: expected at most 16, got {one} and {other}"
+            ))
         } else if !(0..3).all(|axis| positive(high[axis] - low[axis]) && low[axis].is_finite()) {
             Some(format!("bounds_m: expected a box, got {low:?} to {high:?}"))
         } else if !self.channels.iter().any(|name| name == "jawOpen") {

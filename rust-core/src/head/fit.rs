@@ -97,7 +97,10 @@ impl Head {
     ) -> Result<ScanFit> {
         let wrong = |complaint: String| Err(Error::InvalidInput(format!("scan: {complaint}")));
         if let Some(bad) = points.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
-            return wrong(format!("expected finite points, got {:?} at {bad}", points[bad]));
+            return wrong(format!(
+                "expected finite points, got {:?} at {bad}",
+                points[bad]
+            ));
         }
         let mut to_head = align_to_canonical(landmarks)?;
         let face = face_points(points, landmarks, &to_head);
@@ -112,14 +115,21 @@ impl Head {
         for step in 0..=options.steps {
             report(progress, "fit", step as f32 / (options.steps + 1) as f32)?;
             // The first step knows landmarks alone.
-            let count = if step == 0 { 0 } else { options.points.min(face.len()) };
+            let count = if step == 0 {
+                0
+            } else {
+                options.points.min(face.len())
+            };
             let some: Vec<[f32; 3]> = (0..count)
                 .map(|_| face[(random.next_u64() % face.len() as u64) as usize])
                 .collect();
             self.step(&mut coefficients, &mut to_head, &some, landmarks)?;
         }
         report(progress, "fit", 1.0)?;
-        let mut off = self.rest_distances(&coefficients, &face.iter().map(|p| to_head.apply(*p)).collect::<Vec<_>>())?;
+        let mut off = self.rest_distances(
+            &coefficients,
+            &face.iter().map(|p| to_head.apply(*p)).collect::<Vec<_>>(),
+        )?;
         off.iter_mut().for_each(|s| *s = 1e3 * s.abs());
         off.sort_by(f32::total_cmp);
         let mean_mm = off.iter().sum::<f32>() / off.len() as f32;
@@ -168,7 +178,9 @@ impl Head {
             let sure = landmarks.confidence[n].max(0.05) / LANDMARK_M;
             let turned = motion_of(marks[n]);
             for axis in 0..3 {
-                let of_code = moved.iter().map(|m| (m[n][axis] - here[n][axis]) / DIFFERENCE);
+                let of_code = moved
+                    .iter()
+                    .map(|m| (m[n][axis] - here[n][axis]) / DIFFERENCE);
                 let of_place = turned.iter().map(|t| -t[axis]);
                 let row: Vec<f32> = of_code.chain(of_place).map(|x| x * sure).collect();
                 system.add(&row, (places[n][axis] - marks[n][axis]) * sure);
@@ -182,17 +194,21 @@ impl Head {
             let on_mean = one.on_mean(&canonical);
             // The template's slope where the point lies on the mean head.
             let of_template = self.template_slopes(&on_mean);
-            let moved: Vec<Vec<[f32; 3]>> =
-                heads.par_iter().map(|head| head.on_mean(&canonical)).collect();
+            let moved: Vec<Vec<[f32; 3]>> = heads
+                .par_iter()
+                .map(|head| head.on_mean(&canonical))
+                .collect();
             for n in 0..points.len() {
                 let share = POINT_SHARE / (1.0 + (distance[n] / ROBUST_M).powi(2));
                 let sure = share.sqrt() / DISTANCE_M;
                 let of_code = moved.iter().map(|m| {
-                    let way: f32 =
-                        (0..3).map(|a| of_template[n][a] * (m[n][a] - on_mean[n][a])).sum();
+                    let way: f32 = (0..3)
+                        .map(|a| of_template[n][a] * (m[n][a] - on_mean[n][a]))
+                        .sum();
                     way / DIFFERENCE
                 });
-                let of_place = motion_of(places[n]).map(|t| (0..3).map(|a| slopes[n][a] * t[a]).sum());
+                let of_place =
+                    motion_of(places[n]).map(|t| (0..3).map(|a| slopes[n][a] * t[a]).sum());
                 let row: Vec<f32> = of_code.chain(of_place).map(|x: f32| x * sure).collect();
                 system.add(&row, distance[n] * sure);
             }
@@ -220,7 +236,10 @@ fn face_points(points: &[[f32; 3]], landmarks: &Landmarks, to_head: &Similarity)
     let reach = (f64::from(FACE_M) / to_head.scale) as f32;
     let near = |p: &&[f32; 3]| {
         landmarks.positions.iter().any(|mark| {
-            (0..3).map(|axis| (p[axis] - mark[axis]).powi(2)).sum::<f32>() < reach * reach
+            (0..3)
+                .map(|axis| (p[axis] - mark[axis]).powi(2))
+                .sum::<f32>()
+                < reach * reach
         })
     };
     points.iter().filter(near).copied().collect()
@@ -289,12 +308,16 @@ impl System {
             let x = f64::from(*x);
             self.right[i] -= x * f64::from(residual);
             let to = &mut self.gram[i * UNKNOWN..][..i + 1];
-            to.iter_mut().zip(row).for_each(|(to, y)| *to += x * f64::from(*y));
+            to.iter_mut()
+                .zip(row)
+                .for_each(|(to, y)| *to += x * f64::from(*y));
         }
     }
 
     fn solved(&self) -> Result<Vec<f32>> {
-        let gram = Mat::from_fn(UNKNOWN, UNKNOWN, |i, j| self.gram[i.max(j) * UNKNOWN + i.min(j)]);
+        let gram = Mat::from_fn(UNKNOWN, UNKNOWN, |i, j| {
+            self.gram[i.max(j) * UNKNOWN + i.min(j)]
+        });
         let right = Mat::from_fn(UNKNOWN, 1, |i, _| self.right[i]);
         let factor = gram.llt(Side::Lower).map_err(|_| {
             Error::Numerics("scan: the fit has no unique step; are its points finite?".into())
@@ -316,5 +339,7 @@ fn unit_note(scale: f64) -> Option<String> {
             ));
         }
     };
-    Some(format!("the scan is in {unit}; the made head comes in metres"))
+    Some(format!(
+        "the scan is in {unit}; the made head comes in metres"
+    ))
 }

@@ -77,17 +77,29 @@ impl Identity {
         let mut places = vec![0.0; 3 * LANDMARKS];
         self.landmarks.forward_row(own, &mut places);
         let landmarks = places.as_chunks::<3>().0.to_vec();
-        let mirrored: Vec<f32> = own.iter().zip(&self.mirror).map(|(x, sign)| x * sign).collect();
+        let mirrored: Vec<f32> = own
+            .iter()
+            .zip(&self.mirror)
+            .map(|(x, sign)| x * sign)
+            .collect();
         let local_codes = local.chunks_exact(config.local_code).enumerate();
         let locals = local_codes.map(|(number, local)| {
-            let own = if is_mirrored(config, number) { &mirrored[..] } else { own };
+            let own = if is_mirrored(config, number) {
+                &mirrored[..]
+            } else {
+                own
+            };
             let code: Array1<f32> = own.iter().chain(local).copied().collect();
             self.locals[network_of(config, number)].prepare(code.view())
         });
         IdentityField {
             config,
             identity: self,
-            anchors: config.landmark_numbers().iter().map(|n| landmarks[*n]).collect(),
+            anchors: config
+                .landmark_numbers()
+                .iter()
+                .map(|n| landmarks[*n])
+                .collect(),
             locals: locals.collect(),
             landmarks,
         }
@@ -121,7 +133,11 @@ impl IdentityField<'_> {
             if rows.is_empty() {
                 continue;
             }
-            let side = if is_mirrored(self.config, number) { -1.0 } else { 1.0 };
+            let side = if is_mirrored(self.config, number) {
+                -1.0
+            } else {
+                1.0
+            };
             let mut frame = Vec::with_capacity(3 * rows.len());
             for row in &rows {
                 let [x, y, z] = self.in_frame(number, points[*row]);

@@ -141,9 +141,13 @@ impl MadeHead {
     fn add_parts(&mut self) {
         for (part, places) in parts::placed(&self.landmarks.positions) {
             let (vertices, triangles) = (self.mesh.positions.len(), self.mesh.triangles.len());
-            self.objects.push((part.name.clone(), vertices..vertices + places.len()));
+            self.objects
+                .push((part.name.clone(), vertices..vertices + places.len()));
             self.mesh.positions.extend(places);
-            let moved = part.triangles.iter().map(|t| t.map(|v| v + vertices as u32));
+            let moved = part
+                .triangles
+                .iter()
+                .map(|t| t.map(|v| v + vertices as u32));
             self.mesh.triangles.extend(moved);
             let materials = part.materials.iter();
             self.materials.extend(materials.map(|(name, range)| {
@@ -154,7 +158,9 @@ impl MadeHead {
 
     /// The mesh as an OBJ with its objects and materials, metres.
     pub fn to_obj(&self) -> String {
-        let mut text = String::from("# A head made by Anyface; metres, +x subject's left, +y up, +z forward\n");
+        let mut text = String::from(
+            "# A head made by Anyface; metres, +x subject's left, +y up, +z forward\n",
+        );
         for (name, vertices) in &self.objects {
             text += &format!("o {name}\n");
             for [x, y, z] in &self.mesh.positions[vertices.clone()] {
@@ -162,7 +168,10 @@ impl MadeHead {
             }
             for (material, triangles) in &self.materials {
                 let triangles = &self.mesh.triangles[triangles.clone()];
-                if triangles.first().is_some_and(|t| vertices.contains(&(t[0] as usize))) {
+                if triangles
+                    .first()
+                    .is_some_and(|t| vertices.contains(&(t[0] as usize)))
+                {
                     text += &format!("usemtl {material}\n");
                     for [a, b, c] in triangles {
                         text += &format!("f {} {} {}\n", a + 1, b + 1, c + 1);

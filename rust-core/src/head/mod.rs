@@ -193,7 +193,10 @@ fn check(what: &str, values: &[f32], expected: usize) -> Result<()> {
 
 /// `work` on points block by block, on all cores.
 fn in_blocks<T: Send>(points: &[[f32; 3]], work: impl Fn(&[[f32; 3]]) -> Vec<T> + Sync) -> Vec<T> {
-    let blocks: Vec<Vec<T>> = points.par_chunks(BLOCK).map(|points| work(points)).collect();
+    let blocks: Vec<Vec<T>> = points
+        .par_chunks(BLOCK)
+        .map(|points| work(points))
+        .collect();
     blocks.into_iter().flatten().collect()
 }
 
@@ -223,7 +226,10 @@ impl<'a> OneHead<'a> {
     }
 
     fn inside(&self, points: &[[f32; 3]]) -> Vec<[f32; 3]> {
-        points.iter().map(|p| p.map(|x| x / self.metres())).collect()
+        points
+            .iter()
+            .map(|p| p.map(|x| x / self.metres()))
+            .collect()
     }
 
     /// z_id, `[Z]`.
@@ -261,7 +267,10 @@ impl<'a> OneHead<'a> {
     pub fn on_mean(&self, points: &[[f32; 3]]) -> Vec<[f32; 3]> {
         in_blocks(points, |points| {
             let places = self.field.on_mean(&self.inside(points));
-            places.into_iter().map(|p| p.map(|x| x * self.metres())).collect()
+            places
+                .into_iter()
+                .map(|p| p.map(|x| x * self.metres()))
+                .collect()
         })
     }
 
@@ -288,7 +297,10 @@ impl<'a> OneHead<'a> {
     }
 
     fn seen(&self, points: &[[f32; 3]]) -> Vec<f32> {
-        encode(&self.field.on_mean(&self.inside(points)), self.head.config.octaves)
+        encode(
+            &self.field.on_mean(&self.inside(points)),
+            self.head.config.expression_octaves,
+        )
     }
 
     fn moved(&self, points: &[[f32; 3]], by: &[f32]) -> Vec<[f32; 3]> {
@@ -300,10 +312,15 @@ impl<'a> OneHead<'a> {
     /// Canonical points `[V]` ready for many poses.
     pub fn mover(&self, points: Vec<[f32; 3]>) -> Mover<'_> {
         let any = self
-            .prepared(&self.head.forward, &vec![0.0; self.head.config.expression_code])
+            .prepared(
+                &self.head.forward,
+                &vec![0.0; self.head.config.expression_code],
+            )
             .expect("a code of the head's own length");
         let blocks = points.par_chunks(BLOCK);
-        let trunks = blocks.map(|points| any.trunk(&self.seen(points), points.len())).collect();
+        let trunks = blocks
+            .map(|points| any.trunk(&self.seen(points), points.len()))
+            .collect();
         Mover {
             one: self,
             points,
@@ -358,7 +375,7 @@ impl Deformation {
     fn load(weights: &Weights, config: &HeadConfig, code_layers: &[usize]) -> Result<Self> {
         let seen = config.identity_code() + 3 * config.anchors();
         let shape = Shape {
-            inputs: encoded(config.octaves),
+            inputs: encoded(config.expression_octaves),
             code: config.expression_code + config.pressed,
             width: config.expression_width,
             layers: config.expression_layers,

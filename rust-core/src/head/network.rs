@@ -186,7 +186,9 @@ impl Prepared<'_> {
         silu_all(&mut trunk);
         let mut out = vec![0.0; points * self.out.bias.len()];
         let start = Start::Row(&self.out.bias);
-        self.out.panels.multiply(&trunk, start, Finish::Plain, &mut out);
+        self.out
+            .panels
+            .multiply(&trunk, start, Finish::Plain, &mut out);
         out
     }
 }

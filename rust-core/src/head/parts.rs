@@ -5,9 +5,14 @@ use std::{ops::Range, sync::LazyLock};
 use crate::{ibug::LANDMARKS, mesh::LandmarkSource};
 
 /// The default head: `models/default_head`.
-const OBJ: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/models/default_head/head.obj"));
-const MARKS: &str =
-    include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/models/default_head/landmarks.json"));
+const OBJ: &str = include_str!(concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/models/default_head/head.obj"
+));
+const MARKS: &str = include_str!(concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/models/default_head/landmarks.json"
+));
 
 /// An object of the default head.
 pub(super) struct Part {
@@ -74,7 +79,10 @@ fn three<'a, T: std::str::FromStr + Copy>(
 ) -> [T; 3] {
     let mut out = [none; 3];
     for (to, word) in out.iter_mut().zip(words) {
-        *to = then(word.parse().unwrap_or_else(|_| panic!("the embedded file is checked by a test")));
+        *to = then(
+            word.parse()
+                .unwrap_or_else(|_| panic!("the embedded file is checked by a test")),
+        );
     }
     out
 }
@@ -90,7 +98,9 @@ fn landmarks_of(name: &str) -> &'static [usize] {
 }
 
 /// Every part, placed in a head whose landmarks at rest are `landmarks` `[68]`, metres.
-pub(super) fn placed(landmarks: &[[f32; 3]; LANDMARKS]) -> impl Iterator<Item = (&'static Part, Vec<[f32; 3]>)> {
+pub(super) fn placed(
+    landmarks: &[[f32; 3]; LANDMARKS],
+) -> impl Iterator<Item = (&'static Part, Vec<[f32; 3]>)> {
     let (parts, own) = &*PARTS;
     let landmarks = *landmarks;
     parts.iter().map(move |part| {
@@ -98,7 +108,8 @@ pub(super) fn placed(landmarks: &[[f32; 3]; LANDMARKS]) -> impl Iterator<Item = 
         let (from, from_size) = middle_and_size(own, numbers);
         let (to, to_size) = middle_and_size(&landmarks, numbers);
         let scale = to_size / from_size;
-        let place = |p: &[f32; 3]| std::array::from_fn(|axis| to[axis] + scale * (p[axis] - from[axis]));
+        let place =
+            |p: &[f32; 3]| std::array::from_fn(|axis| to[axis] + scale * (p[axis] - from[axis]));
         (part, part.positions.iter().map(place).collect())
     })
 }
@@ -108,7 +119,9 @@ fn middle_and_size(landmarks: &[[f32; 3]], numbers: &[usize]) -> ([f32; 3], f32)
     let count = numbers.len() as f32;
     let sum = |axis: usize| numbers.iter().map(|n| landmarks[*n][axis]).sum::<f32>();
     let middle: [f32; 3] = std::array::from_fn(|axis| sum(axis) / count);
-    let squares = numbers.iter().flat_map(|n| (0..3).map(|axis| (landmarks[*n][axis] - middle[axis]).powi(2)));
+    let squares = numbers
+        .iter()
+        .flat_map(|n| (0..3).map(|axis| (landmarks[*n][axis] - middle[axis]).powi(2)));
     (middle, (squares.sum::<f32>() / count).sqrt())
 }
 
@@ -120,7 +133,16 @@ mod tests {
     fn parts_come_back_where_they_were() {
         let (parts, own) = &*PARTS;
         let names: Vec<&str> = parts.iter().map(|part| part.name.as_str()).collect();
-        assert_eq!(names, ["eye_left", "eye_right", "teeth_upper", "teeth_lower", "tongue"]);
+        assert_eq!(
+            names,
+            [
+                "eye_left",
+                "eye_right",
+                "teeth_upper",
+                "teeth_lower",
+                "tongue"
+            ]
+        );
         let own: [[f32; 3]; LANDMARKS] = own.as_slice().try_into().unwrap();
         for (part, placed) in placed(&own) {
             let vertices = part.positions.len() as u32;
@@ -134,7 +156,11 @@ mod tests {
         let grown = own.map(|p| p.map(|x| 2.0 * x + 1.0));
         for (part, placed) in self::placed(&grown) {
             let p = part.positions[5].map(|x| 2.0 * x + 1.0);
-            assert!((0..3).all(|axis| (p[axis] - placed[5][axis]).abs() < 1e-5), "{}", part.name);
+            assert!(
+                (0..3).all(|axis| (p[axis] - placed[5][axis]).abs() < 1e-5),
+                "{}",
+                part.name
+            );
         }
     }
 }

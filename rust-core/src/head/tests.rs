@@ -19,7 +19,9 @@ fn head() -> &'static Head {
 }
 
 fn of_seed(seed: u64) -> OneHead<'static> {
-    head().one(head().identity_code(&Head::random(seed)).unwrap()).unwrap()
+    head()
+        .one(head().identity_code(&Head::random(seed)).unwrap())
+        .unwrap()
 }
 
 #[test]
@@ -60,7 +62,10 @@ fn codes_of_another_length_are_told() {
     let error = head.identity_code(&[f32::NAN; COEFFICIENTS]).unwrap_err();
     assert!(error.to_string().contains("finite"), "{error}");
     let error = Head::checked(vec![1.0; 7], true).unwrap_err();
-    assert!(error.to_string().contains("expected 100 numbers, got 7"), "{error}");
+    assert!(
+        error.to_string().contains("expected 100 numbers, got 7"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -79,7 +84,9 @@ fn a_direction_is_set_and_the_others_stay() {
     let head = head();
     let mut coefficients = Head::random(5);
     let before = head.along(&coefficients).unwrap();
-    let number = head.direction(&head.config().directions[2].name.replace(' ', "-")).unwrap();
+    let number = head
+        .direction(&head.config().directions[2].name.replace(' ', "-"))
+        .unwrap();
     head.set_along(&mut coefficients, number, -1.5).unwrap();
     let after = head.along(&coefficients).unwrap();
     for (n, (a, b)) in before.iter().zip(&after).enumerate() {
@@ -102,17 +109,28 @@ fn a_mixture_lies_between() {
 
 #[test]
 fn a_made_head_is_closed_and_has_its_landmarks_on_vertices() {
-    let options = HeadOptions { resolution: 64, parts: true };
+    let options = HeadOptions {
+        resolution: 64,
+        parts: true,
+    };
     let made = of_seed(3).mesh(&options, SILENT).unwrap();
     let skin = &made.objects[0];
-    let of_skin = made.mesh.triangles.iter().filter(|t| skin.1.contains(&(t[0] as usize)));
+    let of_skin = made
+        .mesh
+        .triangles
+        .iter()
+        .filter(|t| skin.1.contains(&(t[0] as usize)));
     let mut edges = std::collections::HashMap::new();
     for [a, b, c] in of_skin {
         for (from, to) in [(a, b), (b, c), (c, a)] {
-            *edges.entry((*from.min(to), *from.max(to))).or_insert(0i32) += if from < to { 1 } else { -1 };
+            *edges.entry((*from.min(to), *from.max(to))).or_insert(0i32) +=
+                if from < to { 1 } else { -1 };
         }
     }
-    assert!(edges.values().all(|sum| *sum == 0), "every edge is used once in each direction");
+    assert!(
+        edges.values().all(|sum| *sum == 0),
+        "every edge is used once in each direction"
+    );
     let mut vertices = made.landmarks.vertices.to_vec();
     for (vertex, place) in vertices.iter().zip(made.landmarks.positions) {
         assert_eq!(made.mesh.positions[*vertex as usize], place);
@@ -139,24 +157,47 @@ fn a_cancelled_head_says_so() {
 fn a_head_is_found_again_from_its_points() {
     let truth = Head::random(21);
     let one = head().one(head().identity_code(&truth).unwrap()).unwrap();
-    let options = HeadOptions { resolution: 72, parts: false };
+    let options = HeadOptions {
+        resolution: 72,
+        parts: false,
+    };
     let made = one.mesh(&options, SILENT).unwrap();
     let elsewhere = |p: [f32; 3]| [-1e3 * p[0] + 40.0, -1e3 * p[1], 1e3 * p[2] - 7.0];
     let points: Vec<[f32; 3]> = made.mesh.positions.iter().map(|p| elsewhere(*p)).collect();
     let mut landmarks = made.landmarks.clone();
     landmarks.positions = landmarks.positions.map(elsewhere);
-    let fit = head().fit_scan(&points, &landmarks, &ScanOptions::default(), SILENT).unwrap();
-    assert!(fit.warnings[0].contains("millimetres"), "{:?}", fit.warnings);
+    let fit = head()
+        .fit_scan(&points, &landmarks, &ScanOptions::default(), SILENT)
+        .unwrap();
+    assert!(
+        fit.warnings[0].contains("millimetres"),
+        "{:?}",
+        fit.warnings
+    );
     assert!((fit.metres_per_unit / 1e-3 - 1.0).abs() < 0.1);
-    let mean = head().one(head().identity_code(&[0.0; COEFFICIENTS]).unwrap()).unwrap();
+    let mean = head()
+        .one(head().identity_code(&[0.0; COEFFICIENTS]).unwrap())
+        .unwrap();
     let placed: Vec<[f32; 3]> = made.canonical.iter().take(2000).copied().collect();
     let mean_mm = 1e3 * mean.distance(&placed).iter().map(|s| s.abs()).sum::<f32>() / 2000.0;
-    assert!(fit.mean_mm < 0.5 && fit.mean_mm < 0.4 * mean_mm, "{} of {mean_mm}", fit.mean_mm);
+    assert!(
+        fit.mean_mm < 0.5 && fit.mean_mm < 0.4 * mean_mm,
+        "{} of {mean_mm}",
+        fit.mean_mm
+    );
 }
 
 #[test]
 fn scans_that_are_none_are_told() {
-    let made = of_seed(4).mesh(&HeadOptions { resolution: 48, parts: false }, SILENT).unwrap();
+    let made = of_seed(4)
+        .mesh(
+            &HeadOptions {
+                resolution: 48,
+                parts: false,
+            },
+            SILENT,
+        )
+        .unwrap();
     let told = |points: &[[f32; 3]], landmarks: &crate::mesh::Landmarks| {
         let fit = head().fit_scan(points, landmarks, &ScanOptions::default(), SILENT);
         fit.unwrap_err().to_string()
@@ -168,7 +209,13 @@ fn scans_that_are_none_are_told() {
     assert!(told(&broken, &made.landmarks).contains("finite points"));
     // A wall in the plane of the landmarks is no head.
     let wall: Vec<[f32; 3]> = (0..10_000)
-        .map(|n| [(n % 100) as f32 * 2e-3 - 0.1, (n / 100) as f32 * 2e-3 - 0.14, 0.03])
+        .map(|n| {
+            [
+                (n % 100) as f32 * 2e-3 - 0.1,
+                (n / 100) as f32 * 2e-3 - 0.14,
+                0.03,
+            ]
+        })
         .collect();
     let error = told(&wall, &made.landmarks);
     assert!(error.contains("within 3 mm"), "{error}");

@@ -71,7 +71,9 @@ fn meshed(
     let crossed = known.follow(near, (longest, most_bytes))?;
     let mesh = known.joined(&crossed)?;
     match mesh.triangles.is_empty() {
-        true => wrong("expected the field to be zero somewhere in the grid, got one sign".to_owned()),
+        true => {
+            wrong("expected the field to be zero somewhere in the grid, got one sign".to_owned())
+        }
         false => Ok(mesh),
     }
 }
@@ -107,7 +109,10 @@ impl<F: Fn(ArrayView2<'_, f32>) -> Vec<f32> + Sync> Known<F> {
     /// Makes the field known at the corners of cells.
     fn ask(&mut self, cells: &[Corner], size: usize) -> Result<()> {
         let mut asked = Vec::new();
-        for corner in cells.iter().flat_map(|cell| (0..8).map(|c| corner_of(*cell, c, size))) {
+        for corner in cells
+            .iter()
+            .flat_map(|cell| (0..8).map(|c| corner_of(*cell, c, size)))
+        {
             let slot = self.sparse.slot(corner);
             let value = self.sparse.value_mut(slot);
             if value.is_nan() {
@@ -163,7 +168,10 @@ impl<F: Fn(ArrayView2<'_, f32>) -> Vec<f32> + Sync> Known<F> {
         (longest, most_bytes): (usize, usize),
     ) -> Result<Vec<Corner>> {
         let mut crossed = Vec::new();
-        let mut next: Vec<Corner> = first.into_iter().filter(|cell| self.sparse.see(*cell)).collect();
+        let mut next: Vec<Corner> = first
+            .into_iter()
+            .filter(|cell| self.sparse.see(*cell))
+            .collect();
         while !next.is_empty() {
             self.ask(&next, 1)?;
             check_bytes(longest, self.sparse.bytes(), most_bytes)?;
@@ -234,8 +242,11 @@ impl<F: Fn(ArrayView2<'_, f32>) -> Vec<f32> + Sync> Known<F> {
             std::array::from_fn(|axis| from[axis] + share * (to[axis] - from[axis]))
         };
         let first: Vec<f32> = ends.iter().map(|ends| between(*ends)).collect();
-        let places: Vec<[f32; 3]> =
-            edges.iter().zip(&first).map(|(ends, share)| place(ends, *share)).collect();
+        let places: Vec<[f32; 3]> = edges
+            .iter()
+            .zip(&first)
+            .map(|(ends, share)| place(ends, *share))
+            .collect();
         let there = self.values(&places)?;
         let again = edges.iter().zip(&ends).zip(first.iter().zip(&there));
         let again = again.map(|((edge, [a, b]), (share, here))| {
@@ -334,18 +345,27 @@ mod tests {
     fn a_surface_that_was_seen_in_one_place_is_followed_all_round() {
         let steep = |points: ArrayView2<'_, f32>| -> Vec<f32> {
             let along = points.outer_iter().map(|p| 1.0 + 40.0 * (p[0] + 1.0));
-            sphere(points).into_iter().zip(along).map(|(s, steep)| s * steep).collect()
+            sphere(points)
+                .into_iter()
+                .zip(along)
+                .map(|(s, steep)| s * steep)
+                .collect()
         };
         let mesh = surface(grid(64), steep).unwrap();
         assert_closed(&mesh);
-        assert_eq!(mesh.triangles.len(), surface(grid(64), sphere).unwrap().triangles.len());
+        assert_eq!(
+            mesh.triangles.len(),
+            surface(grid(64), sphere).unwrap().triangles.len()
+        );
     }
 
     /// Random signs meet every case.
     #[test]
     fn noise_is_closed_in_every_case() {
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(3);
-        let values: Vec<f32> = (0..17usize.pow(3)).map(|_| random.random_range(-1.0..1.0)).collect();
+        let values: Vec<f32> = (0..17usize.pow(3))
+            .map(|_| random.random_range(-1.0..1.0))
+            .collect();
         let grid = grid(16);
         let corner = |x: f32| ((x + 1.0) / grid.step).round() as usize;
         let noise = |points: ArrayView2<'_, f32>| -> Vec<f32> {
@@ -353,14 +373,18 @@ mod tests {
                 true => values[(p[2] * 17 + p[1]) * 17 + p[0]],
                 false => 1.0,
             };
-            points.outer_iter().map(|p| at([corner(p[0]), corner(p[1]), corner(p[2])])).collect()
+            points
+                .outer_iter()
+                .map(|p| at([corner(p[0]), corner(p[1]), corner(p[2])]))
+                .collect()
         };
         assert_closed(&meshed(grid, noise, 1e6, MOST_BYTES).unwrap());
         let inside = |x: usize, y: usize, z: usize| values[(z * 17 + y) * 17 + x] < 0.0;
         let mut cases = [false; 256];
         for n in 0..14usize.pow(3) {
             let [x, y, z] = [1 + n % 14, 1 + n / 14 % 14, 1 + n / 196];
-            let bit = |c: usize| usize::from(inside(x + (c & 1), y + (c >> 1 & 1), z + (c >> 2))) << c;
+            let bit =
+                |c: usize| usize::from(inside(x + (c & 1), y + (c >> 1 & 1), z + (c >> 2))) << c;
             cases[(0..8).map(bit).sum::<usize>()] = true;
         }
         assert!(cases.iter().all(|seen| *seen), "all 256 cases");
@@ -387,8 +411,16 @@ mod tests {
             asked.fetch_add(points.nrows(), Ordering::Relaxed);
             sphere(points)
         };
-        let error = meshed(grid(1024), count, REACH, 64 << 20).unwrap_err().to_string();
-        assert!(error.contains("1024 cells") && error.contains("at most 64 MB"), "{error}");
-        assert!(asked.into_inner() < 400_000, "the fine cells were not asked");
+        let error = meshed(grid(1024), count, REACH, 64 << 20)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("1024 cells") && error.contains("at most 64 MB"),
+            "{error}"
+        );
+        assert!(
+            asked.into_inner() < 400_000,
+            "the fine cells were not asked"
+        );
     }
 }

@@ -108,7 +108,14 @@ mod tests {
     /// The 24 turns of a cell, each the corner that comes to every place.
     fn turns() -> Vec<[usize; 8]> {
         let mut turns = Vec::new();
-        for axes in [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]] {
+        for axes in [
+            [0, 1, 2],
+            [1, 2, 0],
+            [2, 0, 1],
+            [0, 2, 1],
+            [2, 1, 0],
+            [1, 0, 2],
+        ] {
             for flips in 0..8usize {
                 let even = axes == [0, 1, 2] || axes == [1, 2, 0] || axes == [2, 0, 1];
                 if even == flips.count_ones().is_multiple_of(2) {
@@ -135,7 +142,11 @@ mod tests {
         let mut pieces = Vec::new();
         while let Some(first) = left.pop_first() {
             let mut piece = BTreeSet::from([first]);
-            while let Some(next) = left.iter().copied().find(|c| piece.iter().any(|p| neighbours(*p, *c))) {
+            while let Some(next) = left
+                .iter()
+                .copied()
+                .find(|c| piece.iter().any(|p| neighbours(*p, *c)))
+            {
                 left.remove(&next);
                 piece.insert(next);
             }
@@ -149,13 +160,22 @@ mod tests {
         let turns = turns();
         assert_eq!(turns.iter().collect::<BTreeSet<_>>().len(), 24);
         let least = |case: usize| turns.iter().map(|turn| turned(case, turn)).min().unwrap();
-        let printed: BTreeMap<usize, usize> =
-            PRINTED.iter().map(|(case, count)| (least(*case), *count)).collect();
+        let printed: BTreeMap<usize, usize> = PRINTED
+            .iter()
+            .map(|(case, count)| (least(*case), *count))
+            .collect();
         assert_eq!(printed.len(), 15);
         let mut met = BTreeSet::new();
         for case in 0..256usize {
-            let few = if case.count_ones() <= 4 { case } else { 255 - case };
-            let class = [case, 255 - case].map(least).into_iter().find(|c| printed.contains_key(c));
+            let few = if case.count_ones() <= 4 {
+                case
+            } else {
+                255 - case
+            };
+            let class = [case, 255 - case]
+                .map(least)
+                .into_iter()
+                .find(|c| printed.contains_key(c));
             let class = class.unwrap_or_else(|| panic!("{case:08b} is none of the fifteen"));
             met.insert(class);
             if case == few {
@@ -178,9 +198,12 @@ mod tests {
                     .collect::<BTreeSet<Edge>>()
             });
             for edges in cut {
-                let of_piece: Vec<_> =
-                    TABLE[case].iter().filter(|t| t.iter().any(|e| edges.contains(e))).collect();
-                let used: BTreeSet<Edge> = of_piece.iter().flat_map(|t| t.iter().copied()).collect();
+                let of_piece: Vec<_> = TABLE[case]
+                    .iter()
+                    .filter(|t| t.iter().any(|e| edges.contains(e)))
+                    .collect();
+                let used: BTreeSet<Edge> =
+                    of_piece.iter().flat_map(|t| t.iter().copied()).collect();
                 assert_eq!(used, edges, "{case:08b}");
                 assert_eq!(of_piece.len(), edges.len() - 2, "{case:08b}");
             }
@@ -190,7 +213,8 @@ mod tests {
     /// Triangles look away from the inside: of one corner, and of all but one.
     #[test]
     fn triangles_face_outwards() {
-        let middle = |[a, b]: Edge| [0, 1, 2].map(|axis| ((a >> axis & 1) + (b >> axis & 1)) as f64 / 2.0);
+        let middle =
+            |[a, b]: Edge| [0, 1, 2].map(|axis| ((a >> axis & 1) + (b >> axis & 1)) as f64 / 2.0);
         for corner in 0..8usize {
             let place = [0, 1, 2].map(|axis| (corner >> axis & 1) as f64);
             for (case, sign) in [(1 << corner, 1.0), (255 - (1 << corner), -1.0)] {

@@ -19,8 +19,7 @@ use crate::{
     conditions::{Control, ControlStage, Controls, EmotionCurve, MotionRequest},
     deform::{self, Deformer},
     face::Face,
-    head,
-    mesh,
+    head, mesh,
     models::BuiltIn,
     motion::{self, LipClosures, Motion, MotionStream},
     progress::ProgressFn,
@@ -36,6 +35,7 @@ pub static SYSTEMS: &[&Registration] = &[
     &freetalk::REGISTRATION,
     &cafe_talk::REGISTRATION,
     &emoface::REGISTRATION,
+    &facetalk::REGISTRATION,
 ];
 
 /// How a system is known before it is loaded.

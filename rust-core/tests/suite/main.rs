@@ -5,6 +5,7 @@ mod command;
 mod damaged;
 mod emoface;
 mod expressions;
+mod facetalk;
 mod features;
 mod head;
 mod hostile;

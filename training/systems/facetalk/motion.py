@@ -90,7 +90,7 @@ def debug_config() -> MotionConfig:
         feedforward=24,
         look_back_frames=6,
         speech=SpeechInput("compact_speech", 16),
-        sampling=Sampling(steps=3),
+        sampling=Sampling(steps=4),
     )
 
 

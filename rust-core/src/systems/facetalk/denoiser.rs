@@ -220,7 +220,9 @@ impl Block {
     ) {
         let [before_self, before_cross, before_feed] = &self.norms;
         let look_back = config.look_back_frames;
-        let y = self.self_attn.forward_behind(&before_self.forward(x), look_back);
+        let y = self
+            .self_attn
+            .forward_behind(&before_self.forward(x), look_back);
         films[0].add(x, &y);
         let heard = before_cross.forward(x);
         let y = self.cross_attn.forward(&heard, memory, Some(config.band));
@@ -250,7 +252,10 @@ mod tests {
     fn single_passes_match_pytorch_with_and_without_speech() {
         let (golden, denoiser) = golden();
         let [noisy, speech] = ["noisy", "speech"].map(|name| golden.matrix(name));
-        let (timestep, r) = (golden.integers("timestep")[0], golden.values("vividness")[0]);
+        let (timestep, r) = (
+            golden.integers("timestep")[0],
+            golden.values("vividness")[0],
+        );
         for (name, memory) in [
             ("clean", denoiser.heard(speech.view())),
             ("clean_null", denoiser.unheard(noisy.nrows())),

@@ -2,6 +2,8 @@
 
 mod config;
 mod denoiser;
+mod system;
 
 pub use config::{MotionConfig, Sampling};
 pub use denoiser::{Denoiser, Memory};
+pub use system::{FaceTalk, REGISTRATION};
