@@ -18,10 +18,10 @@ from torch import Tensor
 
 from training.corpus.faces import CHANNELS, load_makehuman
 from training.corpus.heads import COEFFICIENTS, FACE_VERTICES, IctHeads, vertex_normals
-from training.corpus.poses import Poses
+from training.corpus.poses import LIDS, Poses
 from training.export_facetalk import load_folder
 from training.fit_codes import SequenceFit, fit_free, fit_identity, fit_sequence
-from training.systems.facetalk.expression_loss import lip_pairs
+from training.systems.facetalk.expression_loss import lid_pairs, lip_pairs
 from training.systems.facetalk.head import Head
 from training.train_facetalk import load
 
@@ -178,27 +178,33 @@ def expression(head: Head, heads: IctHeads, data: Path, count: int) -> None:
 
 @torch.no_grad()
 def closure(head: Head, heads: IctHeads, count: int) -> None:
-    """How far lips that meet on the true mesh at rest are apart, or have crossed, after the way through the
-    open pose: pairs of vertices, the part along the true lips' normal beside that of the mesh itself."""
-    pairs = lip_pairs(heads)
+    """How far lips that meet at rest, and lids that meet when shut, are apart, or have crossed, after the way
+    through the canonical pose: pairs of vertices, the part along the true surface's normal beside that of the
+    mesh itself."""
+    rest, shut = torch.zeros(len(CHANNELS)), torch.zeros(len(CHANNELS))
+    shut[LIDS] = 1.0
     canonical, scales = heads.canonical(unseen(count))
     z, size = head.identity_code(unseen(count)), head.config.scale_m
-    turned = scales[:, None, None] * torch.einsum("m,mvc->vc", heads.rest, heads.modes)
-    truth = canonical - turned
-    normals = vertex_normals(truth, heads.triangles)
-    upper, lower = pairs.T
-    code = head.expression(torch.zeros(count, len(CHANNELS)))
-    both = torch.cat([upper, lower])
-    made = size * head.posed(canonical[:, both] / size, z, code)
-    a, b = made.split(len(upper), 1)
-    along = F.normalize(normals[:, lower] - normals[:, upper], dim=-1)
-    gap = 1e3 * ((a - b) * along).sum(-1)
-    own = 1e3 * ((truth[:, upper] - truth[:, lower]) * along).sum(-1)
-    error = (gap - own).abs()
-    print(
-        f"lips at rest, {len(upper)} pairs: gap {gap.mean():.2f} mm, the mesh's {own.mean():.2f}; differs by "
-        f"{error.mean():.2f} mm in the mean, 95 % {error.quantile(0.95):.2f}, most {error.max():.2f}"
-    )
+    for name, pairs, weights in (
+        ("lips at rest", lip_pairs(heads), rest),
+        ("lids shut", lid_pairs(heads), shut),
+    ):
+        moved = torch.einsum("m,mvc->vc", weights - heads.rest, heads.modes)
+        truth = canonical + scales[:, None, None] * moved
+        normals = vertex_normals(truth, heads.triangles)
+        upper, lower = pairs.T
+        code = head.expression(weights.expand(count, -1))
+        both = torch.cat([upper, lower])
+        made = size * head.posed(canonical[:, both] / size, z, code)
+        a, b = made.split(len(upper), 1)
+        along = F.normalize(normals[:, lower] - normals[:, upper], dim=-1)
+        gap = 1e3 * ((a - b) * along).sum(-1)
+        own = 1e3 * ((truth[:, upper] - truth[:, lower]) * along).sum(-1)
+        error = (gap - own).abs()
+        print(
+            f"{name}, {len(upper)} pairs: gap {gap.mean():.2f} mm, the mesh's {own.mean():.2f}; differs by "
+            f"{error.mean():.2f} mm in the mean, 95 % {error.quantile(0.95):.2f}, most {error.max():.2f}"
+        )
 
 
 def sequences(head: Head, heads: IctHeads, data: Path, count: int, fit: SequenceFit) -> None:

@@ -1,6 +1,7 @@
 """FaceTalk's head: mirrored anchors, blending, closed-form codes, fits, and what is exported comes back."""
 
 import numpy as np
+import pytest
 import torch
 from safetensors.torch import load_file
 
@@ -12,7 +13,7 @@ from training.systems.facetalk.head import COEFFICIENTS, Head
 from training.systems.facetalk.motion import Denoiser
 from training.systems.facetalk.motion import debug_config as debug_motion
 from training.systems.facetalk.network import Network, encode, encoded
-from training.train_facetalk import uneven
+from training.train_facetalk import load, save, uneven
 
 
 def points(count: int) -> torch.Tensor:
@@ -109,6 +110,20 @@ def test_encoding_has_a_length_and_a_period():
     x = torch.tensor([[0.25, -0.5, 0.1]])
     assert encode(x, 3).shape[-1] == encoded(3) == 21
     torch.testing.assert_close(encode(x, 3)[:, 3:], encode(x + 2.0, 3)[:, 3:], atol=1e-5, rtol=1e-4)
+
+
+def test_a_head_that_sees_finer_places_begins_as_the_same_head(tmp_path):
+    head = made_head()
+    save(tmp_path / "head.pt", head)
+    finer = load(tmp_path / "head.pt", 5)
+    assert finer.config.expression_octaves == 5
+    assert finer.forward_field.point[0].in_features == encoded(5)
+    x, z = points(40), head.identity_code(torch.randn(1, COEFFICIENTS))
+    code = torch.randn(1, head.config.expression_code)
+    assert (head.posed(x, z, code) - finer.posed(x, z, code)).abs().max() < 1e-6
+    assert (head.canonical(x, z, code) - finer.canonical(x, z, code)).abs().max() < 1e-6
+    with pytest.raises(ValueError, match="expected at least 3, got 2"):
+        load(tmp_path / "head.pt", 2)
 
 
 def test_errors_along_normals_count_more():
