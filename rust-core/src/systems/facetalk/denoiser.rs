@@ -304,7 +304,7 @@ mod tests {
         speech.row_mut(12).fill(3.0);
         let after = run(&speech);
         for t in 0..speech.nrows() {
-            let apart = distance(&before.row(t), &after.row(t));
+            let apart = distance(before.row(t), after.row(t));
             assert_eq!(apart < 1e-6, t < 12, "frame {t}: {apart}");
         }
     }
