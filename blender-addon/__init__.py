@@ -22,6 +22,7 @@ from .ui import (
     key_list,
     landmarks,
     life,
+    made_head,
     mending,
     models,
     mouth,
@@ -41,9 +42,9 @@ from .ui import (
 )
 
 _MODULES = (
-    preferences, generate, remove, mending, sample_head, panel, character, landmarks, mouth, audio,
-    presets, performance, events, life, outputs, key_list, controls, find_controls, caches, takes,
-    sounds, sounds_file, scene_list, models, heat,
+    preferences, generate, remove, mending, made_head, sample_head, panel, character, landmarks,
+    mouth, audio, presets, performance, events, life, outputs, key_list, controls, find_controls,
+    caches, takes, sounds, sounds_file, scene_list, models, heat,
 )  # fmt: skip
 _CLASSES = [cls for module in _MODULES for cls in module.CLASSES]
 
@@ -56,6 +57,7 @@ def register():
         bpy.utils.register_class(cls)
     landmarks.register()
     panel.register()
+    made_head.register()
     sample_head.register()
     command.register()
     running.register()
@@ -68,6 +70,7 @@ def unregister():
     running.unregister()
     command.unregister()
     sample_head.unregister()
+    made_head.unregister()
     panel.unregister()
     landmarks.unregister()
     for cls in reversed(_CLASSES):

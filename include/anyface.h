@@ -273,6 +273,13 @@ typedef struct AnyfaceExpression AnyfaceExpression;
 /// needs. Never changes after it was made: any number of threads may use it at the same time.
 typedef struct AnyfaceFace AnyfaceFace;
 
+/// One head of FaceTalk's parametric model. Never changes after it was made: any number of threads may use
+/// it at the same time.
+///
+/// It is 100 coefficients, each from a normal distribution; all 0 is the mean head. Its frame is metres, +x to the
+/// subject's left, +y up, +z out of the face.
+typedef struct AnyfaceHead AnyfaceHead;
+
 /// A triangle mesh in the caller's own units, axes and vertex order. Never changes after it was
 /// made: any number of threads may use it at the same time.
 typedef struct AnyfaceMesh AnyfaceMesh;
@@ -1572,6 +1579,115 @@ AnyfaceStatus anyface_weights_write(const AnyfaceWeights *weights,
 
 /// Frees weights that no running call uses; nothing happens for NULL.
 void anyface_weights_free(AnyfaceWeights *weights);
+
+/// A head from coefficients, or the random one of a seed.
+///
+/// `weights_dir`: UTF-8, a folder of models instead of the built-in ones, or NULL. `coefficients`:
+/// `[coefficient_count]`, which must be 100, or NULL with 0 for those of `seed`. Free with `anyface_head_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another count, numbers that are not finite, and heads far outside what
+/// was learned; `ANYFACE_STATUS_WEIGHTS` or `ANYFACE_STATUS_IO` for a folder that cannot be used.
+AnyfaceStatus anyface_head_new(const char *weights_dir,
+                               const float *coefficients,
+                               size_t coefficient_count,
+                               uint64_t seed,
+                               AnyfaceHead **out,
+                               AnyfaceError **error);
+
+/// The head between two others: `share` 0 is `a`, 1 is `b`. Free with `anyface_head_free()`.
+///
+/// Both must be of the same model. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a share outside 0 to 1.
+AnyfaceStatus anyface_head_new_mixed(const AnyfaceHead *a,
+                                     const AnyfaceHead *b,
+                                     float share,
+                                     AnyfaceHead **out,
+                                     AnyfaceError **error);
+
+/// The same head with another value along one direction, -4 to 4; 0 is the average. Free with
+/// `anyface_head_free()`.
+///
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a value or number out of range.
+AnyfaceStatus anyface_head_new_along(const AnyfaceHead *head,
+                                     size_t direction,
+                                     float value,
+                                     AnyfaceHead **out,
+                                     AnyfaceError **error);
+
+/// The head that is most like a face at rest: a scan or a model of which the landmarks are known. Long: accepts a
+/// progress handle, which may be NULL. Free with `anyface_head_free()`.
+///
+/// `weights_dir`: as in `anyface_head_new()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for fewer than 300 vertices on the
+/// face, and where it stays more than 3 mm away on average.
+AnyfaceStatus anyface_head_fit(const char *weights_dir,
+                               const AnyfaceFace *face,
+                               const AnyfaceProgress *progress,
+                               AnyfaceHead **out,
+                               AnyfaceError **error);
+
+/// How far the face lies from the head that was fitted to it, mean, millimetres on a head of human size; 0 for NULL and
+/// heads that were not fitted.
+float anyface_head_fit_mm(const AnyfaceHead *head);
+
+/// Copies the coefficients. `buffer`: `[100]`; `count` must be 100.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
+AnyfaceStatus anyface_head_copy_coefficients(const AnyfaceHead *head,
+                                             float *buffer,
+                                             size_t count,
+                                             AnyfaceError **error);
+
+/// Number `D` of directions in which heads differ, the one that moves the surface furthest first; 0 for NULL.
+size_t anyface_head_direction_count(const AnyfaceHead *head);
+
+/// What a direction changes most, such as "face width"; lives until the head is freed. NULL for NULL or a number
+/// that is not below the count.
+const char *anyface_head_direction_name(const AnyfaceHead *head,
+                                        size_t direction);
+
+/// Copies how far the head lies along each direction. `buffer`: `[D]`; `count` must be `D`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
+AnyfaceStatus anyface_head_copy_directions(const AnyfaceHead *head,
+                                           float *buffer,
+                                           size_t count,
+                                           AnyfaceError **error);
+
+/// Number `M` of ARKit's shapes that the field knows; 0 for NULL.
+size_t anyface_head_channel_count(const AnyfaceHead *head);
+
+/// Name of a shape, such as "jawOpen"; lives until the head is freed. NULL for NULL or a number that is not below
+/// the count.
+const char *anyface_head_channel_name(const AnyfaceHead *head,
+                                      size_t channel);
+
+/// The head as a mesh at rest, metres. Long: accepts a progress handle, which may be NULL. Free with
+/// `anyface_mesh_free()`.
+///
+/// `resolution`: cells along the longest side of the grid, such as 128. `parts`: not 0 for eyes, teeth and tongue
+/// beside the skin, whose vertices and triangles come first. `skin_vertices`: may be NULL; how many of the vertices
+/// are skin. `landmark_vertices`: `[68]`, may be NULL; the vertices on which the landmarks lie.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a resolution that would take more than 1 GiB.
+AnyfaceStatus anyface_head_mesh(const AnyfaceHead *head,
+                                size_t resolution,
+                                int32_t parts,
+                                const AnyfaceProgress *progress,
+                                AnyfaceMesh **out,
+                                size_t *skin_vertices,
+                                uint32_t *landmark_vertices,
+                                AnyfaceError **error);
+
+/// The field: how far points move from the canonical pose, which has the jaw open a little, to an expression.
+///
+/// `points`: `[point_count, 3]`, metres, anywhere in and about the head. `weights`: `[weight_count]`, one for each
+/// channel, all 0 is the face at rest; or NULL with 0 for that. `displacements`: `[point_count, 3]`, metres.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `weight_count` and for numbers that are not finite.
+AnyfaceStatus anyface_head_field(const AnyfaceHead *head,
+                                 const float *weights,
+                                 size_t weight_count,
+                                 const float *points,
+                                 size_t point_count,
+                                 float *displacements,
+                                 AnyfaceError **error);
+
+/// Frees a head that no running call uses, with everything it lent; nothing happens for NULL.
+void anyface_head_free(AnyfaceHead *head);
 
 /// Starts a performance with a neutral face. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a system that
 /// needs the whole sound.

@@ -23,6 +23,7 @@ GOLDENS = {
     "emoface": "training.systems.emoface.golden",
     "feeling": "training.systems.emoface.golden_feeling",
     "facetalk_head": "training.systems.facetalk.golden",
+    "facetalk_motion": "training.systems.facetalk.golden_motion",
     "static_weights": "training.deform.golden_static_weights",
     "creases": "training.deform.golden_creases",
     "landmarks": "training.landmarks.golden",

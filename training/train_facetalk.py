@@ -1,10 +1,11 @@
-"""Trains FaceTalk's head: identity (canonical field), then expression (both deformations).
+"""Trains FaceTalk's head: the mean head's field, the ways to it, then both deformations.
 
-    python -m training.train_facetalk identity --out runs/facetalk_identity
-    python -m training.train_facetalk expression --identity runs/facetalk_identity/head.pt
+    python -m training.train_facetalk template --out runs/template
+    python -m training.train_facetalk identity --start runs/template/head.pt --out runs/identity
+    python -m training.train_facetalk expression --start runs/identity/head.pt --out runs/facetalk
 
-Heads are made as they are needed, ICT identities from N(0, 1); those of `held_out` are never drawn. Seeded;
-resumes from `--out/last.pt` with the same bits.
+Heads are ICT identities from N(0, 1), a pool of them held in memory and changed bit by bit; coefficients of
+evaluation come from seeds of their own. Seeded; resumes from `--out/last.pt` with the same bits.
 """
 
 from __future__ import annotations
@@ -13,153 +14,169 @@ import argparse
 from pathlib import Path
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from training.corpus.faces import CHANNELS
-from training.corpus.heads import COEFFICIENTS, Batch, IctHeads
+from training.corpus.heads import COEFFICIENTS, IctHeads, vertex_normals
+from training.corpus.poses import Poses
 from training.run import Run
-from training.systems.facetalk.anchors import numbers
+from training.systems.facetalk.codes import set_bounds, set_codes, set_directions
 from training.systems.facetalk.config import CONFIGS, HeadConfig
+from training.systems.facetalk.expression_loss import ExpressionLoss
 from training.systems.facetalk.head import Head
+from training.systems.facetalk.network import widened
 
-SURFACE, NORMALS, EIKONAL, FAR, ANCHORS, CODES = 2.0, 0.3, 0.1, 0.01, 7.5, 1e-4
-"""As published for NPHM but for codes (0.01 there, of sums over tables of codes; here of means); points near
-the surface, whose distance is known here, count as those on it."""
-FAR_SHARPNESS = 100.0
-MOTION, EXPRESSION_CODES, CYCLE = 100.0, 5e-5, 10.0
-
-
-def gradient(x: Tensor, s: Tensor) -> Tensor:
-    """∂s/∂x at points [Q, 3]."""
-    return torch.autograd.grad(s.sum(), x, create_graph=True)[0]
-
-
-def identity_loss(head: Head, batch: Batch) -> tuple[Tensor, dict[str, float]]:
-    """Distances, normals, eikonal term, far points, anchors and codes."""
-    scale, count = head.config.scale_m, len(batch.coefficients)
-    z = head.identity_code(batch.coefficients)
-    number = torch.arange(count)[:, None]
-
-    def field(x: Tensor) -> tuple[Tensor, Tensor]:
-        flat = (x / scale).flatten(0, 1).requires_grad_()
-        return flat, head.identity(flat, z, number.expand(-1, x.shape[1]).flatten())
-
-    on, s = field(batch.surface)
-    slope = gradient(on, s)
-    near, t = field(batch.near)
-    far, u = field(batch.far)
-    near_slope = gradient(near, t)
-    sign = batch.far_sign.flatten()
-    landmarks = batch.landmarks[:, numbers(head.config)] / scale
-    anchors = head.identity.anchors(head.identity.codes(z)[0])
-    parts = {
-        "surface": s.abs().mean(),
-        "near": (t - batch.near_distance.flatten() / scale).abs().mean(),
-        "normals": (slope - batch.normals.flatten(0, 1)).norm(dim=1).mean(),
-        "eikonal": (near_slope.norm(dim=1) - 1.0).square().mean(),
-        "far": F.softplus(-FAR_SHARPNESS * sign * u).mean(),
-        "anchors": (anchors - landmarks).square().sum(-1).mean(),
-        "codes": z.square().mean(),
-    }
-    total = SURFACE * (parts["surface"] + parts["near"]) + NORMALS * parts["normals"]
-    total = total + EIKONAL * parts["eikonal"] + FAR * parts["far"] + ANCHORS * parts["anchors"]
-    total = total + CODES * parts["codes"]
-    report = {name: value.item() for name, value in parts.items()}
-    report["surface mm"] = report["surface"] * scale * 1e3
-    return total, report
+FAR_SHARE = 0.3
+FAR_WEIGHT = 0.15
+NORMAL_WEIGHT = 4.0
+EVEN_M = 1e-4
+"""Errors below this count less than in proportion."""
+EIKONAL, EIKONAL_EVERY = 0.02, 8
+REFRESHED = 1
+OUT_RATE = 0.05
+"""Of the rate, for the layers that displacements come out of."""
+RATES = {"template": 3e-3, "identity": 3e-3, "expression": 3e-3}
 
 
-def random_weights(count: int, random: torch.Generator) -> Tensor:
-    """ARKit weights [count, 51]: a few channels each, the jaw often; some heads at rest."""
-    weights = torch.rand(count, len(CHANNELS), generator=random)
-    few = torch.rand(count, len(CHANNELS), generator=random) < 0.12
-    weights = weights * few
-    jaw = CHANNELS.index("jawOpen")
-    talks = torch.rand(count, generator=random) < 0.5
-    weights[talks, jaw] = torch.rand(int(talks.sum()), generator=random) * 0.7
-    still = torch.rand(count, generator=random) < 0.2
-    weights[still] = 0.0
-    return weights
+class Pool:
+    """Heads at hand: coefficients [N, 100], vertices and normals [N, V, 3] in metres, scales [N]."""
+
+    def __init__(self, heads: IctHeads, count: int, random: torch.Generator):
+        self.heads, self.random = heads, random
+        self.coefficients = torch.randn(count, COEFFICIENTS, generator=random)
+        parts = [self._made(part) for part in self.coefficients.split(20)]
+        self.vertices, self.normals, self.scales = (torch.cat(part) for part in zip(*parts, strict=True))
+
+    def _made(self, coefficients: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        vertices, scales = self.heads.canonical(coefficients)
+        return vertices, vertex_normals(vertices, self.heads.triangles), scales
+
+    def draw(self, count: int) -> Tensor:
+        """Numbers of `count` heads; some heads of the pool give way to new ones first."""
+        old = torch.randint(0, len(self.scales), (REFRESHED,), generator=self.random)
+        fresh = torch.randn(REFRESHED, COEFFICIENTS, generator=self.random)
+        self.coefficients[old] = fresh
+        self.vertices[old], self.normals[old], self.scales[old] = self._made(fresh)
+        return torch.randperm(len(self.scales), generator=self.random)[:count]
 
 
-def pairs(head: Head, heads: IctHeads, coefficients: Tensor, weights: Tensor, points: int,
-          random: torch.Generator) -> tuple[Tensor, Tensor]:  # fmt: skip
-    """Canonical and posed points [B, P, 3] in units of the field, a part of them off the surface."""
-    people, scales = heads.people(coefficients)
-    open_heads = heads.posed(people, scales, heads.rest.expand(len(people), -1))
-    posed = heads.posed(people, scales, weights)
-    moves = (heads.modes.norm(dim=-1) > 1e-3).any(0).float() + 0.15
-    chosen = torch.multinomial(moves, points, replacement=True, generator=random)
-    return open_heads[:, chosen] / head.config.scale_m, posed[:, chosen] / head.config.scale_m
+def drawn(count: int, among: int, random: torch.Generator) -> Tensor:
+    """Random rows."""
+    return torch.randint(0, among, (count,), generator=random)
 
 
-def expression_loss(head: Head, heads: IctHeads, arguments, random: torch.Generator):
-    """Both directions on exact pairs, and the way there and back."""
-    count, points = arguments.heads, arguments.points
-    coefficients = torch.randn(count, COEFFICIENTS, generator=random)
-    weights = random_weights(count, random)
-    canonical, posed = pairs(head, heads, coefficients, weights, points, random)
-    number = torch.arange(count).repeat_interleave(points)
-    with torch.no_grad():
-        z = head.identity_code(coefficients)
-        anchors = head.identity.anchors(head.identity.codes(z)[0])
-    code = head.expression(weights)
-    canonical, posed = canonical.flatten(0, 1), posed.flatten(0, 1)
-    ahead = canonical + head.forward_field(canonical, z, anchors, code, number)
-    back = posed + head.backward_field(posed, z, anchors, code, number)
-    again = ahead + head.backward_field(ahead, z, anchors, code, number)
-    parts = {
-        "forward": (ahead - posed).square().sum(1).mean(),
-        "backward": (back - canonical).square().sum(1).mean(),
-        "cycle": (again - canonical).square().sum(1).mean(),
-    }
-    total = MOTION * (parts["forward"] + parts["backward"]) + CYCLE * parts["cycle"]
-    total = total + EXPRESSION_CODES * code.square().mean()
-    millimetres = 1e3 * head.config.scale_m
+def template_loss(head: Head, heads: IctHeads, points: int, step: int, random: torch.Generator):
+    """Distances beside the surface and about it; sometimes that the gradient is 1 long."""
+    scale = head.config.scale_m
+    places = heads.places[drawn(points, len(heads.places), random)]
+    near = heads.at(heads.opened[None], heads.normals[None], places)[0] / scale
+    far = drawn(int(FAR_SHARE * points), len(heads.volume.points), random)
+    error = (head.identity.template(near) - places.away / scale).abs()
+    truth = heads.volume.distance[far] / scale
+    off = (head.identity.template(heads.volume.points[far] / scale) - truth).abs()
+    off = off / (1.0 + truth.abs() / 0.04)
+    total = error.mean() + FAR_WEIGHT * off.mean()
+    if step % EIKONAL_EVERY == 0:
+        x = near[: points // 8].clone().requires_grad_()
+        slope = torch.autograd.grad(head.identity.template(x).sum(), x, create_graph=True)[0]
+        total = total + EIKONAL * (slope.norm(dim=1) - 1.0).square().mean()
+    return total, {"near mm": 1e3 * scale * error.mean().item(), "far mm": 1e3 * scale * off.mean().item()}
+
+
+def uneven(error: Tensor, normals: Tensor, scale: float) -> Tensor:
+    """Lengths of errors [B, P, 3], that along normals weighted more, [B, P]."""
+    along = (error * normals).sum(-1)
+    floor = EVEN_M / scale
+    return (error.square().sum(-1) + NORMAL_WEIGHT * along.square() + floor**2).sqrt() - floor
+
+
+def identity_loss(head: Head, heads: IctHeads, pool: Pool, count: int, points: int, random: torch.Generator):
+    """The way to the mean head of places on, beside and about the surface."""
+    scale = head.config.scale_m
+    chosen = pool.draw(count)
+    vertices, normals = pool.vertices[chosen], pool.normals[chosen]
+    z = head.identity_code(pool.coefficients[chosen])
+    places = heads.places[drawn(points, len(heads.places), random)]
+    on = heads.normal(heads.normals[None], places)
+    goal = (heads.on(heads.opened[None], places) + places.away[:, None] * on) / scale
+    here = heads.at(vertices, normals, places) / scale
+    rows = drawn(int(FAR_SHARE * points), len(heads.volume.points), random)
+    far_goal = heads.volume.points[rows] / scale
+    corners = heads.volume.carriers[rows]
+    moves = vertices[:, corners] - heads.opened[corners]
+    far = far_goal + (heads.volume.share[rows][..., None] * moves).sum(2) / scale
+    x = torch.cat([here, far], 1)
+    made = x + head.identity.to_mean(x, z)
+    error, off = made[:, :points] - goal, made[:, points:] - far_goal
+    near = uneven(error, on, scale).mean()
+    calm = 1.0 / (1.0 + heads.volume.distance[rows].abs() / 0.01)
+    total = near + FAR_WEIGHT * (off.norm(dim=-1) * calm).mean()
+    mm = 1e3 * scale
     return total, {
-        "forward mm": millimetres * (ahead - posed).norm(dim=1).mean().item(),
-        "backward mm": millimetres * (back - canonical).norm(dim=1).mean().item(),
-        "cycle mm": millimetres * (again - canonical).norm(dim=1).mean().item(),
+        "along mm": mm * (error * on).sum(-1).abs().mean().item(),
+        "whole mm": mm * error.norm(dim=-1).mean().item(),
+        "far mm": mm * off.norm(dim=-1).mean().item(),
     }
+
+
+def by_rate(head: Head, learned: list[Tensor], rate: float) -> list[dict]:
+    """Groups for the optimiser: what makes displacements learns more slowly, since these are small, and what
+    sees many numbers of a code, since all of them change its sum at once."""
+    chosen = {id(p) for p in learned}
+    slow = (".out", ".press.", ".code.", "expression_code")
+    last = {id(p) for name, p in head.named_parameters() if any(part in name for part in slow)}
+    return [
+        {"params": [p for p in head.parameters() if id(p) in chosen - last], "lr": rate},
+        {"params": [p for p in head.parameters() if id(p) in chosen & last], "lr": OUT_RATE * rate},
+    ]
 
 
 def train(arguments) -> Path:
     """Runs the training; writes `head.pt` and returns its path."""
     torch.manual_seed(arguments.seed)
     torch.set_num_threads(arguments.threads)
-    if arguments.part == "identity":
+    if arguments.start is None:
         config = CONFIGS[arguments.config]()
         config.channels = list(CHANNELS)
+        config.expression_octaves = arguments.octaves or config.expression_octaves
         head = Head(config)
-        learned = [*head.identity.parameters(), *head.identity_code.parameters()]
     else:
-        head = load(arguments.identity)
+        head = load(arguments.start, arguments.octaves)
         config = head.config
-        learned = [*head.backward_field.parameters(), *head.forward_field.parameters(),
-                   *head.expression_code.parameters()]  # fmt: skip
     heads = IctHeads(arguments.data, arguments.cache, config.open_jaw)
-    if arguments.part == "identity":
-        with torch.no_grad():
-            middle = heads.opened[heads.landmarks][numbers(config)] / config.scale_m
-            head.identity.anchors.out.bias.copy_(middle.flatten())
-    optimiser = torch.optim.Adam(learned, arguments.rate)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, arguments.rate, arguments.steps + 1, pct_start=0.05, final_div_factor=30.0
-    )
     random = torch.Generator().manual_seed(arguments.seed + 1)
+    if arguments.part == "template":
+        set_bounds(head, heads)
+        set_directions(head, heads)
+        if arguments.start is None:
+            print({name: round(value, 3) for name, value in set_codes(head, heads).items()})
+        learned = list(head.identity.template.parameters())
+    elif arguments.part == "identity":
+        learned = list(head.identity.locals.parameters())
+    else:
+        learned = [*head.backward_field.parameters(), *head.forward_field.parameters()]
+        learned += [] if arguments.keep_codes else list(head.expression_code.parameters())
+    expression = ExpressionLoss(heads, Poses(arguments.data)) if arguments.part == "expression" else None
+    pool = Pool(heads, arguments.pool, random) if arguments.part != "template" else None
+    rate = arguments.rate or RATES[arguments.part]
+    groups = by_rate(head, learned, rate)
+    optimiser = torch.optim.Adam(groups)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, [g["lr"] for g in groups], arguments.steps + 1, pct_start=0.05, final_div_factor=100.0
+    )
     parts = {"head": head, "optimiser": optimiser, "schedule": schedule}
     run = Run(arguments.out, parts, arguments.steps, arguments.save_every, {"random": random})
     for step in range(run.first, arguments.steps):
-        if arguments.part == "identity":
-            coefficients = torch.randn(arguments.heads, COEFFICIENTS, generator=random)
-            batch = heads.batch(coefficients, arguments.points, arguments.points // 2, random)
-            loss, report = identity_loss(head, batch)
+        if arguments.part == "template":
+            loss, report = template_loss(head, heads, arguments.points, step, random)
+        elif arguments.part == "identity":
+            loss, report = identity_loss(head, heads, pool, arguments.heads, arguments.points, random)
         else:
-            loss, report = expression_loss(head, heads, arguments, random)
+            exact, cycle = step < arguments.exact * arguments.steps, step % 2 == 1
+            loss, report = expression(head, pool, arguments.heads, arguments.points, exact, cycle, random)
         optimiser.zero_grad()
         loss.backward()
-        torch.nn.utils.clip_grad_norm_(learned, 1.0)
+        torch.nn.utils.clip_grad_norm_(learned, 0.1)
         optimiser.step()
         schedule.step()
         run.after(step, loss.item())
@@ -174,30 +191,38 @@ def save(path: Path, head: Head) -> None:
     torch.save({"state": head.state_dict(), "config": head.config.to_json()}, path)
 
 
-def load(path: Path) -> Head:
-    """Reads what `save` wrote."""
+def load(path: Path, octaves: int | None = None) -> Head:
+    """Reads what `save` wrote; deformations then see as many `octaves` of places, if said."""
     kept = torch.load(path, map_location="cpu", weights_only=True)
-    head = Head(HeadConfig.from_json(kept["config"]))
-    head.load_state_dict(kept["state"])
+    config = HeadConfig.from_json(kept["config"])
+    config.expression_octaves = octaves or config.expression_octaves
+    head = Head(config)
+    head.load_state_dict(widened(kept["state"], config.expression_octaves))
     return head
 
 
 def parser() -> argparse.ArgumentParser:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("part", choices=["identity", "expression"])
+    parser.add_argument("part", choices=list(RATES))
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--out", type=Path, default=Path("runs/facetalk"))
+    parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
-    parser.add_argument("--identity", type=Path, default=Path("runs/facetalk_identity/head.pt"))
+    parser.add_argument("--start", type=Path, help="head.pt of the part before, or of this one to go on")
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
-    parser.add_argument("--heads", type=int, default=4, help="in a batch")
-    parser.add_argument("--points", type=int, default=600, help="of each head on the surface")
+    parser.add_argument("--heads", type=int, default=24, help="in a batch")
+    parser.add_argument("--pool", type=int, default=400, help="heads held in memory")
+    parser.add_argument("--points", type=int, default=512, help="of each head")
+    parser.add_argument("--exact", type=float, default=0.6,
+                        help="share of steps before places come from the identity field")  # fmt: skip
+    parser.add_argument("--keep-codes", action="store_true", help="leave the map of expressions as it is")
+    parser.add_argument("--octaves", type=int,
+                        help="of the places that deformations see; fewer at first, then more")  # fmt: skip
     parser.add_argument("--steps", type=int, default=3000)
-    parser.add_argument("--rate", type=float, default=2e-3)
+    parser.add_argument("--rate", type=float)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--log-every", type=int, default=200)
+    parser.add_argument("--log-every", type=int, default=100)
     parser.add_argument("--save-every", type=int, default=500)
     return parser
 

@@ -298,6 +298,17 @@ SIGNATURES = {
     "anyface_sliders_copy_knots": (c_int32, [_HANDLE, c_int32, _FLOATS, c_size_t, _OUT]),
     "anyface_sliders_copy_changes": (c_int32, [_HANDLE, c_int32, _FLOATS, c_size_t, _OUT]),
     "anyface_sliders_free": (None, [_HANDLE]),
+    "anyface_head_new": (c_int32, [c_char_p, _FLOATS, c_size_t, c_uint64, _OUT, _OUT]),
+    "anyface_head_new_mixed": (c_int32, [_HANDLE, _HANDLE, c_float, _OUT, _OUT]),
+    "anyface_head_new_along": (c_int32, [_HANDLE, c_size_t, c_float, _OUT, _OUT]),
+    "anyface_head_direction_count": (c_size_t, [_HANDLE]),
+    "anyface_head_direction_name": (c_char_p, [_HANDLE, c_size_t]),
+    "anyface_head_copy_directions": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
+    "anyface_head_mesh": (
+        c_int32,
+        [_HANDLE, c_size_t, c_int32, _HANDLE, _OUT, POINTER(c_size_t), _INDICES, _OUT],
+    ),
+    "anyface_head_free": (None, [_HANDLE]),
 }
 
 

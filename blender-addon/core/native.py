@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from . import systems
-from .errors import AnyfaceError, Cancelled
+from .calls import Calls
+from .errors import AnyfaceError
 from .job import Progress
 from .library import ControlSetting, EngineOptions, FaceOptions, MotionOptions, library_path, load
 from .native_basis import BasisCalls
@@ -38,14 +39,12 @@ LANDMARKS = 68
 AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 # Samples of a decoded sound are mono at this rate.
 _DECODED_RATE_HZ = 16000.0
-_CANCELLED = 9
 _FLOATS, _DOUBLES, _INDICES = POINTER(c_float), POINTER(c_double), POINTER(c_uint32)
 # `ANYFACE_CACHE_FOLDER`.
 _CACHE_IN_FOLDER = 2
-_KINDS = {3: "input", 4: "audio", 5: "mesh", 6: "face", 7: "weights", 8: "file", 13: "memory"}
 
 
-class Engine(BasisCalls, EventCalls, MeshCalls, MouthCalls, ShapeCalls, SoundCalls):
+class Engine(Calls, BasisCalls, EventCalls, MeshCalls, MouthCalls, ShapeCalls, SoundCalls):
     """Loaded models; any number of threads may use one engine.
 
     `forward` and `up` are the axes of the meshes that it is given: Blender's heads face -Y with +Z
@@ -353,38 +352,8 @@ class Engine(BasisCalls, EventCalls, MeshCalls, MouthCalls, ShapeCalls, SoundCal
         self._check(getattr(self._library, init)(byref(options), ctypes.sizeof(kind)), None)
         return options
 
-    def _own(self, handles: ExitStack, noun: str, function: str, *arguments):
-        handle = self._make(function, *arguments)
-        handles.callback(getattr(self._library, f"anyface_{noun}_free"), handle)
-        return handle
-
-    def _make(self, function: str, *arguments) -> c_void_p:
-        out, error = c_void_p(), c_void_p()
-        status = getattr(self._library, function)(*arguments, byref(out), byref(error))
-        self._check(status, error)
-        return out
-
-    def _copy(self, function: str, handle, array: np.ndarray) -> None:
-        self._call(function, handle, _floats(array), array.size)
-
-    def _call(self, function: str, *arguments) -> None:
-        error = c_void_p()
-        status = getattr(self._library, function)(*arguments, byref(error))
-        self._check(status, error)
-
     def _watch(self, progress: Progress) -> "_Watch":
         return _Watch(self._library, progress)
-
-    def _check(self, status: int, error: c_void_p | None) -> None:
-        if status == 0:
-            return
-        message = f"the library returned status {status}"
-        if error:
-            message = self._library.anyface_error_message(error).decode()
-            self._library.anyface_error_free(error)
-        if status == _CANCELLED:
-            raise Cancelled
-        raise AnyfaceError(_KINDS.get(status, "internal"), message)
 
 
 class _Watch:

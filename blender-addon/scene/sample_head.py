@@ -39,9 +39,22 @@ def standing(points: np.ndarray, height: float) -> np.ndarray:
     return (turned - (low + high) / 2.0) * (height / (high[2] - low[2]))
 
 
-def _material(name: str, colour):
+def materials(name: str, triangles: int) -> tuple[list, np.ndarray]:
+    """Materials for a head with the sample head's eyes, teeth and tongue, and for each of its
+    `triangles` the number of its own: all skin but for these parts, which come last."""
+    with np.load(PACKED) as packed:
+        numbers, names, colours = packed["materials"], packed["names"], packed["colours"]
+    of_skin = np.isin(names, ("skin", "lips", "mouth"))[numbers]
+    parts = numbers[~of_skin]
+    made = [_material(str(word), colour, name) for word, colour in zip(names, colours, strict=True)]
+    own = np.full(triangles, int(np.flatnonzero(names == "skin")[0]), dtype=np.int32)
+    own[triangles - len(parts) :] = parts
+    return made, own
+
+
+def _material(name: str, colour, head: str = NAME):
     """A material in that colour (linear, `[3]`)."""
-    made = bpy.data.materials.new(f"{NAME} {name.replace('_', ' ')}")
+    made = bpy.data.materials.new(f"{head} {name.replace('_', ' ')}")
     made.diffuse_color = (*(float(part) for part in colour), 1.0)
     # From 5.0 on every material has nodes.
     if made.node_tree is None:

@@ -27,6 +27,7 @@ mod events;
 mod expression;
 mod face;
 mod face_options;
+mod head;
 mod mesh;
 mod motion;
 mod motion_weights;

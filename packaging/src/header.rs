@@ -34,6 +34,7 @@ const SOURCES: &[&str] = &[
     "sliders",
     "rig",
     "weights",
+    "head",
     "stream",
 ];
 

@@ -9,6 +9,7 @@ use crate::{scene, workspace};
 const TALK_C: &str = "capi/examples/talk.c";
 const TALK_CPP: &str = "capi/examples/talk.cpp";
 const EVENTS_C: &str = "capi/examples/events.c";
+const HEAD_C: &str = "capi/examples/head.c";
 
 fn in_folder(program: &Path, folder: &Path) -> Command {
     let mut command = command(program);
@@ -143,6 +144,25 @@ fn the_example_of_events_writes_the_weights_of_the_system() {
         let output = run(wrong.args(["voice.wav", "none.csv", event]), 3);
         assert!(String::from_utf8_lossy(&output.stderr).contains("event 1"));
         assert!(!folder.join("none.csv").exists());
+    }
+}
+
+#[test]
+fn the_example_of_heads_writes_one() {
+    for linkage in [Linkage::Shared, Linkage::Static] {
+        let folder = workspace(&format!("head_c {linkage:?}"));
+        let program = compile(HEAD_C, linkage, &folder);
+        let mut command = in_folder(&program, &folder);
+        let output = succeed(command.args(["7", "head.obj", "12", "1.5"]));
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(said.contains("vertices"), "{said}");
+        let text = std::fs::read_to_string(folder.join("head.obj")).expect("the mesh is there");
+        let lines = |start: &str| text.lines().filter(|line| line.starts_with(start)).count();
+        assert!(lines("v ") > 5000 && lines("f ") > 10_000, "{said}");
+        let mut wrong = in_folder(&program, &folder);
+        let output = run(wrong.args(["7", "none.obj", "12", "9"]), 3);
+        assert!(String::from_utf8_lossy(&output.stderr).contains("-4 to 4"));
+        assert!(!folder.join("none.obj").exists());
     }
 }
 

@@ -1,9 +1,9 @@
 """Heads with all that lies about them: ICT identities, face, head and neck, with sockets, the neck capped.
 
-The skin with its sockets is one closed surface but for the neck's end, which a fan of triangles closes.
-Points of the volume are drawn once about the mean head in its canonical pose, where the winding number
-tells inside from outside, and follow the surface nearby to every other identity; points near the surface
-lie on normals.
+The skin with its sockets is one closed surface but for the neck's end, which a fan of triangles closes. All
+identities share its triangles, so a place on (or beside) the mean head has a partner on every other: places
+off the surface lie on normals. Places of the volume are drawn once about the mean head, where the winding
+number tells inside from outside, and are carried to other identities by the surface about them.
 """
 
 from __future__ import annotations
@@ -13,39 +13,63 @@ from pathlib import Path
 
 import numpy as np
 import torch
+import torch.nn.functional as F
 from scipy.spatial import cKDTree
 from torch import Tensor
 
 from training.corpus.faces import CHANNELS, canonical_landmarks, load_ict, stability
 
 COEFFICIENTS = 100
-BOX_M = 0.06
+FACE_VERTICES = 9409
+BOX_M = 0.12
 """How far about the head the far points lie."""
-NEAR_M = 5e-3
+SPREAD_M, FURTHEST_M = 2e-3, 6e-3
+"""Of the distance of places beside the surface: deviation and bound."""
+UNTOUCHED_M = 1e-4
+"""How far another part of the surface may cut the distance of such a place short."""
+ON_SURFACE = 0.4
+FACE_SHARE, FEATURE_SHARE, FEATURE_M, LIP_SHARE = 2.0, 8.0, 8e-3, 12.0
+"""How much more often than by area the face, what is near landmarks of brows, eyes, nose and mouth, and lips
+are drawn."""
 CHUNK = 100
 UNCLEAR = 0.3
 """Points whose winding number is nearer to 0.5 are left out: they lie on the surface."""
+CARRIERS, CARRIER_M = 40, 4e-3
+DENSE = 1_500_000
+VERSION = 3
 
 
 @dataclass
-class Batch:
-    """Points of `B` heads in metres. surface, normals [B, P, 3]; near [B, P, 3] with its distance [B, P];
-    far [B, R, 3] with its sign [B, R]; landmarks [B, 68, 3]; coefficients [B, 100]."""
+class Places:
+    """Places on and beside the mean head: triangle numbers [P], shares of corners [P, 3], and the distance
+    along the normal [P] in metres."""
 
-    coefficients: Tensor
-    landmarks: Tensor
-    surface: Tensor
-    normals: Tensor
-    near: Tensor
-    near_distance: Tensor
-    far: Tensor
-    far_sign: Tensor
+    triangle: Tensor
+    share: Tensor
+    away: Tensor
+
+    def __getitem__(self, rows: Tensor) -> Places:
+        return Places(self.triangle[rows], self.share[rows], self.away[rows])
+
+    def __len__(self) -> int:
+        return len(self.triangle)
+
+
+@dataclass
+class Volume:
+    """Places about the mean head: points [R, 3], signed distance [R], vertices that carry them [R, K] with
+    shares."""
+
+    points: Tensor
+    distance: Tensor
+    carriers: Tensor
+    share: Tensor
 
 
 class IctHeads:
     """ICT's identities in the canonical pose, jaw open by `open_jaw`, aligned to the canonical frame."""
 
-    def __init__(self, data: Path, cache: Path, open_jaw: float, volume: int = 12000):
+    def __init__(self, data: Path, cache: Path, open_jaw: float, places: int = 400_000, volume: int = 90_000):
         model = load_ict(data, "skin")
         mean = model.mean
         rim = neck_rim(mean.triangles)
@@ -65,20 +89,78 @@ class IctHeads:
         self.rest[CHANNELS.index("jawOpen")] = open_jaw
         self.goal = torch.from_numpy(canonical_landmarks()).float()
         self.steady = torch.from_numpy(stability() / stability().sum()).float()[:, None]
-        opened = self.mean + self.modes[CHANNELS.index("jawOpen")] * open_jaw
-        self.opened = opened
-        kept = cache / f"ict_volume_{volume}_{open_jaw}.npz"
+        self.opened = self.mean + self.modes[CHANNELS.index("jawOpen")] * open_jaw
+        self.normals = vertex_normals(self.opened[None], self.triangles)[0]
+        kept = cache / f"ict_places_{VERSION}_{places}_{volume}_{open_jaw}.pt"
         if not kept.exists():
             cache.mkdir(parents=True, exist_ok=True)
-            points, inside = volume_points(opened.numpy(), self.triangles.numpy(), volume)
-            np.savez(kept, points=points, inside=inside)
-        with np.load(kept) as file:
-            self.points, inside = torch.from_numpy(file["points"]), torch.from_numpy(file["inside"])
-        self.sign = 1.0 - 2.0 * inside.float()
-        found = cKDTree(opened.numpy()).query(self.points.numpy(), k=6)
-        distance, self.near = (torch.from_numpy(x) for x in found)
-        share = 1.0 / (distance + 3e-3).square()
-        self.share = (share / share.sum(1, keepdim=True)).float()
+            torch.save(self._drawn(places, volume), kept)
+        found = torch.load(kept)
+        self.places, self.volume = Places(**found["places"]), Volume(**found["volume"])
+
+    def _drawn(self, places: int, volume: int) -> dict[str, dict[str, Tensor]]:
+        random = torch.Generator().manual_seed(5)
+        corners = self.opened[self.triangles]
+        area = 0.5 * torch.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).norm(
+            dim=1
+        )
+        dense = drawn_places(area, DENSE, random)
+        surface = self.at(self.opened[None], self.normals[None], dense)[0]
+        tree = cKDTree(surface.numpy())
+        chance = area * self.attention()
+        found = drawn_places(chance, 3 * places, random)
+        step = SPREAD_M * torch.randn(len(found), generator=random).clamp(-3.0, 3.0)
+        step[torch.rand(len(found), generator=random) < ON_SURFACE] = 0.0
+        found.away = step.clamp(-FURTHEST_M, FURTHEST_M)
+        points = self.at(self.opened[None], self.normals[None], found)[0]
+        nearest = torch.from_numpy(tree.query(points.numpy())[0]).float()
+        clear = (nearest - found.away.abs()).abs() < UNTOUCHED_M + 0.02 * found.away.abs()
+        found = found[(clear | (found.away == 0.0)).nonzero()[:, 0][:places]]
+        points, inside = volume_points(self.opened.numpy(), self.triangles.numpy(), volume)
+        distance = torch.from_numpy(tree.query(points)[0]).float()
+        far, carriers = (torch.from_numpy(x) for x in cKDTree(self.opened.numpy()).query(points, k=CARRIERS))
+        share = torch.exp(-((far - far[:, :1]) / (CARRIER_M + 0.3 * far[:, :1])).square())
+        return {
+            "places": vars(found),
+            "volume": {
+                "points": torch.from_numpy(points),
+                "distance": torch.where(torch.from_numpy(inside), -distance, distance),
+                "carriers": carriers,
+                "share": (share / share.sum(1, keepdim=True)).float(),
+            },
+        }
+
+    def attention(self) -> Tensor:
+        """How often triangles are drawn beside their area, [F]."""
+        centre = self.opened[self.triangles].mean(1)
+        face = (self.triangles < FACE_VERTICES).all(1).float()
+        features = torch.cdist(centre, self.opened[self.landmarks[17:]]).amin(1)
+        lips = torch.cdist(centre, self.opened[self.landmarks[48:]]).amin(1)
+        near = torch.exp(-(features / FEATURE_M).square()) * FEATURE_SHARE
+        return 1.0 + FACE_SHARE * face + near + torch.exp(-(lips / FEATURE_M).square()) * LIP_SHARE
+
+    def at(self, vertices: Tensor, normals: Tensor, places: Places) -> Tensor:
+        """Places [P] on heads with vertices and normals [B, V, 3], [B, P, 3]."""
+        return self.on(vertices, places) + places.away[:, None] * self.normal(normals, places)
+
+    def on(self, vertices: Tensor, places: Places) -> Tensor:
+        """The points of the surface below places, [B, P, 3]; of other fields [B, V, 3] their values there."""
+        corners = self.triangles[places.triangle]
+        return sum(places.share[:, i, None] * vertices[:, corners[:, i]] for i in range(3))
+
+    def normal(self, normals: Tensor, places: Places) -> Tensor:
+        """Unit normals [B, P, 3]."""
+        return F.normalize(self.on(normals, places), dim=-1)
+
+    def carried(self, moves: Tensor, rows: Tensor) -> Tensor:
+        """How far places `rows` [R] of the volume go with vertices that move by [B, V, 3], [B, R, 3]."""
+        carriers, share = self.volume.carriers[rows], self.volume.share[rows]
+        return torch.einsum("brkc,rk->brc", moves[:, carriers], share)
+
+    def canonical(self, coefficients: Tensor) -> tuple[Tensor, Tensor]:
+        """Vertices [B, V, 3] in the canonical pose and the scale of each head [B]."""
+        people, scales = self.people(coefficients)
+        return self.posed(people, scales, self.rest.expand(len(people), -1)), scales
 
     def people(self, coefficients: Tensor) -> tuple[Tensor, Tensor]:
         """Coefficients [B, 100] → vertices at rest, mouth closed, [B, V, 3] and the scale of each [B]."""
@@ -100,38 +182,24 @@ class IctHeads:
         moved = (weights @ self.modes.flatten(1)).unflatten(1, (-1, 3))
         return people + scales[:, None, None] * moved
 
-    def batch(self, coefficients: Tensor, points: int, far: int, random: torch.Generator) -> Batch:
-        """Points of the heads of `coefficients`, drawn by area on the surface."""
-        people, scales = self.people(coefficients)
-        heads = self.posed(people, scales, self.rest.expand(len(people), -1))
-        count = len(heads)
-        corner = heads[:, self.triangles]
-        cross = torch.linalg.cross(corner[:, :, 1] - corner[:, :, 0], corner[:, :, 2] - corner[:, :, 0])
-        area = cross.norm(dim=-1)
-        chance = area + area.mean() * self.attention[None]
-        chosen = torch.multinomial(chance, points, replacement=True, generator=random)
-        rows = torch.arange(count)[:, None]
-        shares = torch.rand(count, points, 2, generator=random)
-        over = shares.sum(-1) > 1.0
-        shares[over] = 1.0 - shares[over]
-        picked = corner[rows, chosen]
-        surface = picked[:, :, 0] + (shares[..., None] * (picked[:, :, 1:] - picked[:, :, :1])).sum(2)
-        normals = torch.nn.functional.normalize(cross[rows, chosen], dim=-1)
-        step = torch.randn(count, points, generator=random) * 1.2e-3
-        step = step.clamp(-NEAR_M, NEAR_M)
-        some = torch.randint(0, len(self.points), (far,), generator=random)
-        move = (heads - self.opened)[:, self.near[some]]
-        away = self.points[some] + (self.share[some][..., None] * move).sum(2)
-        return Batch(coefficients, heads[:, self.landmarks], surface, normals,
-                     surface + step[..., None] * normals, step, away,
-                     self.sign[some].expand(count, -1))  # fmt: skip
 
-    @property
-    def attention(self) -> Tensor:
-        """Triangles of the face, [F], that are drawn more often than by area: its features are small."""
-        if not hasattr(self, "_attention"):
-            self._attention = (self.triangles < 9409).all(1).float()
-        return self._attention
+def drawn_places(chance: Tensor, count: int, random: torch.Generator) -> Places:
+    """Places on the surface, triangles drawn in proportion to `chance` [F]."""
+    triangle = torch.multinomial(chance, count, replacement=True, generator=random)
+    share = torch.rand(count, 2, generator=random)
+    over = share.sum(1) > 1.0
+    share[over] = 1.0 - share[over]
+    return Places(triangle, torch.cat([1.0 - share.sum(1, keepdim=True), share], 1), torch.zeros(count))
+
+
+def vertex_normals(vertices: Tensor, triangles: Tensor) -> Tensor:
+    """Unit normals [B, V, 3], triangles weighted by area."""
+    a, b, c = (vertices[:, triangles[:, i]] for i in range(3))
+    cross = torch.linalg.cross(b - a, c - a)
+    total = torch.zeros_like(vertices)
+    for i in range(3):
+        total.index_add_(1, triangles[:, i], cross)
+    return F.normalize(total, dim=-1)
 
 
 def neck_rim(triangles: np.ndarray) -> np.ndarray:

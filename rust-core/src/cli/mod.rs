@@ -8,6 +8,7 @@ mod arguments;
 mod console;
 mod controls;
 mod deform;
+mod head;
 mod info;
 mod landmarks;
 mod layers;
@@ -47,6 +48,7 @@ enum Command {
     Deform(deform::Deform),
     Landmarks(landmarks::FindLandmarks),
     OpenMouth(open_mouth::OpenMouth),
+    Head(head::MakeHead),
     Rig(rig::MakeRig),
     Solve(solve::Solve),
     Sounds(sounds::Sounds),
@@ -79,6 +81,7 @@ impl Arguments {
             Command::Deform(command) => command.run(&self.shared, console),
             Command::Landmarks(command) => command.run(&self.shared, console),
             Command::OpenMouth(command) => command.run(&self.shared, console),
+            Command::Head(command) => command.run(&self.shared, console),
             Command::Rig(command) => command.run(&self.shared, console),
             Command::Solve(command) => command.run(&self.shared, console),
             Command::Sounds(command) => command.run(&self.shared, console),
@@ -122,6 +125,9 @@ mod tests {
             "anyface animate --mesh M.obj --audio A.wav --out O.npz --sounds A.TextGrid",
             "anyface animate --mesh M.obj --audio A.wav --out O.npz --redo 1.2-2.0 --from T.npz --seed 2",
             "anyface motion --audio A.wav --out O.npz --redo 1.2-2.0 --from T.npz --emotion sad:1",
+            "anyface head --seed 7 --out H.obj --resolution 192 --direction face-width=-1.5",
+            "anyface head --mix 7,12,0.3 --out H.obj --skin-only --code-out C.json",
+            "anyface head --like S.ply --like-landmarks L.json --out H.obj",
             "anyface units smile --json",
             "anyface info --json",
         ] {

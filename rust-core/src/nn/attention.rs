@@ -127,7 +127,8 @@ impl CrossAttention {
             joint.subcols(0, channels),
             joint.subcols(channels, channels),
         );
-        let mixed = attend(matrix::view(&query), k, v, self.heads, band);
+        let reach = band.map(Reach::band);
+        let mixed = attend(matrix::view(&query), k, v, self.heads, reach);
         self.out_proj.forward(&mixed)
     }
 }
@@ -147,23 +148,45 @@ fn in_proj(weights: &Weights, channels: usize) -> Result<Linear> {
     Ok(Linear::from_parts(&weight, bias))
 }
 
+/// Which keys `j` row `i` sees: `i − behind ≤ j ≤ i + ahead`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Reach {
+    /// Keys before the row's own.
+    pub behind: usize,
+    /// Keys after it.
+    pub ahead: usize,
+}
+
+impl Reach {
+    /// As far to both sides.
+    pub fn band(radius: usize) -> Self {
+        Reach {
+            behind: radius,
+            ahead: radius,
+        }
+    }
+}
+
 /// `softmax(q kᵀ / √d) v` for each head, ibid. eq. 1.
 ///
-/// `q`: `[T, C]`; `k`, `v`: `[S, C]`. Returns `[T, C]`. Only the keys inside the band are touched,
-/// so a band makes the cost linear in `T`.
+/// `q`: `[T, C]`; `k`, `v`: `[S, C]`. Returns `[T, C]`. Only the keys within reach are touched, so a
+/// reach makes the cost linear in `T`.
 pub fn attend(
     q: MatRef<'_, f32>,
     k: MatRef<'_, f32>,
     v: MatRef<'_, f32>,
     heads: usize,
-    band: Option<usize>,
+    reach: Option<Reach>,
 ) -> Array2<f32> {
     let (channels, keys) = (q.ncols(), k.nrows());
-    assert!(band.is_none() || keys >= q.nrows(), "memory under the band");
+    assert!(
+        reach.is_none() || keys >= q.nrows(),
+        "memory within its reach"
+    );
     let width = channels / heads;
     let scale = 1.0 / (width as f32).sqrt();
     matrix::by_row_blocks(q.nrows(), channels, |rows, out| {
-        let seen = keys_seen(rows.clone(), keys, band);
+        let seen = keys_seen(rows.clone(), keys, reach);
         let mut scores = vec![0.0; rows.len() * seen.len()];
         let mut out = matrix::view_mut(out, channels);
         for head in 0..heads {
@@ -172,7 +195,7 @@ pub fn attend(
             let [k, v] = [k, v].map(|x| x.submatrix(seen.start, first, seen.len(), width));
             let target = matrix::view_mut(&mut scores, seen.len());
             matrix::scaled_product(target, scale, q, k.transpose());
-            normalise(&mut scores, rows.start, &seen, band);
+            normalise(&mut scores, rows.start, &seen, reach);
             let scores = matrix::rows_of(&scores, seen.len());
             let target = out.as_mut().subcols_mut(head * width, width);
             matrix::product(target, scores, v);
@@ -181,18 +204,20 @@ pub fn attend(
 }
 
 /// The keys that any of these query rows may see.
-fn keys_seen(rows: Range<usize>, keys: usize, band: Option<usize>) -> Range<usize> {
-    match band {
+fn keys_seen(rows: Range<usize>, keys: usize, reach: Option<Reach>) -> Range<usize> {
+    match reach {
         None => 0..keys,
-        Some(radius) => rows.start.saturating_sub(radius)..(rows.end + radius).min(keys),
+        Some(Reach { behind, ahead }) => {
+            rows.start.saturating_sub(behind)..(rows.end + ahead).min(keys)
+        }
     }
 }
 
-/// Softmax of each row over the keys inside its band; weights outside become 0.
-fn normalise(scores: &mut [f32], first_row: usize, seen: &Range<usize>, band: Option<usize>) {
+/// Softmax of each row over the keys within its reach; weights outside become 0.
+fn normalise(scores: &mut [f32], first_row: usize, seen: &Range<usize>, reach: Option<Reach>) {
     for (index, row) in scores.chunks_exact_mut(seen.len()).enumerate() {
         let i = first_row + index;
-        let own = keys_seen(i..i + 1, seen.end, band);
+        let own = keys_seen(i..i + 1, seen.end, reach);
         let (start, end) = (own.start - seen.start, own.end - seen.start);
         row[..start].fill(0.0);
         row[end..].fill(0.0);
@@ -218,7 +243,7 @@ mod tests {
             matrix::view(&k),
             matrix::view(&v),
             2,
-            Some(4),
+            Some(Reach::band(4)),
         );
         for i in 0..40usize {
             for c in 0..8 {
@@ -244,7 +269,7 @@ mod tests {
                 matrix::view(k),
                 matrix::view(v),
                 1,
-                Some(3),
+                Some(Reach::band(3)),
             )
         };
         let before = run(&k, &v);

@@ -3,7 +3,12 @@
 use ndarray::{Array2, ArrayRef2};
 use rayon::prelude::*;
 
-use super::{Weights, attention::attend, linear::Linear, matrix};
+use super::{
+    Weights,
+    attention::{Reach, attend},
+    linear::Linear,
+    matrix,
+};
 use crate::{Error, Result};
 
 const BASE: f64 = 10_000.0;
@@ -66,15 +71,33 @@ impl RotaryAttention {
         memory: &RotaryMemory,
         band: Option<usize>,
     ) -> Array2<f32> {
+        self.within(x, memory, band.map(Reach::band))
+    }
+
+    fn within(
+        &self,
+        x: &ArrayRef2<f32>,
+        memory: &RotaryMemory,
+        reach: Option<Reach>,
+    ) -> Array2<f32> {
         let mut queries = self.query.forward(x);
         turn(&mut queries, self.heads);
         let [q, k, v] = [&queries, &memory.keys, &memory.values].map(|part| matrix::view(part));
-        self.out.forward(&attend(q, k, v, self.heads, band))
+        self.out.forward(&attend(q, k, v, self.heads, reach))
     }
 
     /// Attention of `x` `[T, width]` to itself.
     pub fn forward_self(&self, x: &ArrayRef2<f32>) -> Array2<f32> {
         self.forward(x, &self.memory(x), None)
+    }
+
+    /// The same where row `i` sees itself and `look_back − 1` rows before it.
+    pub fn forward_behind(&self, x: &ArrayRef2<f32>, look_back: usize) -> Array2<f32> {
+        let reach = Reach {
+            behind: look_back.saturating_sub(1),
+            ahead: 0,
+        };
+        self.within(x, &self.memory(x), Some(reach))
     }
 }
 

@@ -5,6 +5,7 @@
 
 pub mod cafe_talk;
 pub mod emoface;
+pub mod facetalk;
 pub mod freetalk;
 
 mod slider;
@@ -18,7 +19,7 @@ use crate::{
     conditions::{Control, ControlStage, Controls, EmotionCurve, MotionRequest},
     deform::{self, Deformer},
     face::Face,
-    mesh,
+    head, mesh,
     models::BuiltIn,
     motion::{self, LipClosures, Motion, MotionStream, TemplateMask},
     progress::ProgressFn,
@@ -34,6 +35,7 @@ pub static SYSTEMS: &[&Registration] = &[
     &freetalk::REGISTRATION,
     &cafe_talk::REGISTRATION,
     &emoface::REGISTRATION,
+    &facetalk::REGISTRATION,
 ];
 
 /// How a system is known before it is loaded.
@@ -111,6 +113,7 @@ pub fn built_in_models() -> impl Iterator<Item = &'static BuiltIn> {
         &speech::PHONE_MODEL,
         &speech::FEELING_MODEL,
         &mesh::LANDMARK_MODEL,
+        &head::MODEL,
         &deform::static_weights::MODEL,
         &deform::creases::MODEL,
         &motion::FACE_MODES_MODEL,

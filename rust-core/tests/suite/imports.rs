@@ -2,15 +2,17 @@
 
 use std::{fs, path::Path};
 
-const BELOW_SYSTEMS: [&str; 17] = [
+const BELOW_SYSTEMS: [&str; 19] = [
     "annotation",
     "cache",
     "conditions",
     "face",
+    "head",
     "metrics",
     "nn",
     "output",
     "rig",
+    "sdf",
     "speech",
     "spread",
     "text",

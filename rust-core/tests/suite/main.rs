@@ -6,6 +6,7 @@ mod corpus;
 mod damaged;
 mod emoface;
 mod expressions;
+mod facetalk;
 mod features;
 mod head;
 mod hostile;

@@ -14,6 +14,8 @@ class HeadConfig:
 
     pairs: mirrored anchors, the subject's right one first; middle: those of the middle. Both are numbers of
     the 68 landmarks. Lengths inside are metres divided by `scale_m`; `sigma` and `background` are in these.
+    `bounds_m` is a box that holds any head, in metres. directions: what each slider is called and how far it
+    moves the face, a name and millimetres.
     """
 
     system: str = "facetalk"
@@ -24,19 +26,23 @@ class HeadConfig:
     middle: list[int] = field(default_factory=lambda: list(MIDDLE))
     global_code: int = 32
     local_code: int = 16
-    anchor_width: int = 64
     width: int = 64
     layers: int = 4
-    beta: float = 100.0
     sigma: float = 0.1
     background: float = 0.2
-    least_weight: float = 1e-3
+    least_weight: float = 1e-2
+    template_width: int = 128
+    template_layers: int = 5
+    octaves: int = 5
     expression_code: int = 64
     pressed: int = 16
     expression_width: int = 192
     expression_layers: int = 5
+    expression_octaves: int = 7
     channels: list[str] = field(default_factory=list)
     open_jaw: float = 0.3
+    bounds_m: list[list[float]] = field(default_factory=lambda: [[-0.2] * 3, [0.2] * 3])
+    directions: list[dict] = field(default_factory=list)
 
     @property
     def anchors(self) -> int:
@@ -55,6 +61,7 @@ class HeadConfig:
     @classmethod
     def from_json(cls, data: dict) -> HeadConfig:
         """Reads what `to_json` wrote."""
+        data = {key: value for key, value in data.items() if key != "motion"}
         return cls(**{**data, "pairs": [tuple(pair) for pair in data["pairs"]]})
 
 
@@ -66,14 +73,16 @@ def debug_config() -> HeadConfig:
         middle=MIDDLE[:2],
         global_code=6,
         local_code=3,
-        anchor_width=8,
         width=8,
         layers=4,
-        beta=20.0,
+        template_width=10,
+        template_layers=3,
+        octaves=2,
         expression_code=5,
         pressed=3,
         expression_width=12,
         expression_layers=4,
+        expression_octaves=3,
         channels=["jawOpen", "mouthFunnel"],
     )
 
@@ -90,9 +99,9 @@ def paper_config() -> HeadConfig:
         middle=[8, 27, 28, 30, 33, 51, 57],
         global_code=64,
         local_code=32,
-        anchor_width=256,
         width=200,
         layers=4,
+        template_width=256,
         expression_code=200,
         pressed=32,
         expression_width=512,

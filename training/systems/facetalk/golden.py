@@ -15,8 +15,8 @@ POINTS = 60
 
 def write(out: Path, shared: Path) -> Path:
     """`weights.*`; `points` [P, 3], `coefficients` [1, 100], `channels` [1, M] → `z` [1, Z],
-    `anchors` [A, 3], `expression` [1, X], `identity` [P], `posed`, `canonical` [P, 3], `field` [P].
-    `shared` is not used.
+    `anchors` [A, 3], `expression` [1, X], `mean_place` [P, 3], `identity` [P], `posed`, `canonical` [P, 3],
+    `field` [P]. `shared` is not used.
     """
     torch.manual_seed(31)
     config = debug_config()
@@ -24,26 +24,31 @@ def write(out: Path, shared: Path) -> Path:
     with torch.no_grad():
         for parameter in head.parameters():
             parameter.add_(0.1 * torch.randn_like(parameter))
-        points = 0.3 * torch.randn(POINTS, 3)
+        head.identity.mirror.copy_(torch.tensor([1.0, -1.0, 1.0, 1.0, -1.0, 1.0]))
+        points = 0.3 * torch.randn(1, POINTS, 3)
         coefficients, channels = torch.randn(1, COEFFICIENTS), torch.rand(1, len(config.channels))
         z, expression = head.identity_code(coefficients), head.expression(channels)
-        number = torch.zeros(POINTS, dtype=torch.long)
-        anchors = head.identity.anchors(head.identity.codes(z)[0])
-        points[: config.anchors] = anchors[0] + 0.02
+        anchors = head.identity.anchors(z)
+        points[0, : config.anchors] = anchors[0] + 0.02
         tensors = {f"weights.{key}": value for key, value in head.state_dict().items()}
         tensors |= {
-            "points": points,
+            "points": points[0],
             "coefficients": coefficients,
             "channels": channels,
             "z": z,
             "anchors": anchors[0],
             "expression": expression,
-            "identity": head.identity(points, z, number),
-            "posed": head.posed(points, z, expression, number),
-            "canonical": head.canonical(points, z, expression, number),
-            "field": head(points, z, expression, number),
+            "mean_place": head.place(points, z)[0],
+            "identity": head.identity(points, z)[0],
+            "posed": head.posed(points, z, expression)[0],
+            "canonical": head.canonical(points, z, expression)[0],
+            "field": head(points, z, expression)[0],
         }
     path = out / "facetalk_head_debug.safetensors"
+    config.directions = [
+        {"name": f"direction {number}", "reach_mm": 1.0}
+        for number in range(len(tensors["weights.principal.directions"]))
+    ]
     metadata = {"config": json.dumps(config.to_json()), "tolerance": "1e-4", "command": COMMAND}
     save_file({key: value.contiguous() for key, value in tensors.items()}, path, metadata)
     return path

@@ -15,6 +15,15 @@ from training.systems.facetalk.expression import Deformation
 from training.systems.facetalk.identity import Identity
 
 COEFFICIENTS = 100
+DIRECTIONS = 10
+
+
+class Principal(nn.Module):
+    """Directions of the coefficients, [10, 100], orthonormal; the first moves the surface furthest."""
+
+    def __init__(self):
+        super().__init__()
+        self.register_buffer("directions", torch.eye(DIRECTIONS, COEFFICIENTS))
 
 
 class Head(nn.Module):
@@ -24,29 +33,36 @@ class Head(nn.Module):
         super().__init__()
         self.config = config
         self.identity = Identity(config)
-        self.backward_field, self.forward_field = Deformation(config), Deformation(config)
+        middle, last = config.expression_layers // 2, config.expression_layers - 1
+        self.backward_field = Deformation(config, [0, middle])
+        self.forward_field = Deformation(config, [last])
         self.identity_code = nn.Linear(COEFFICIENTS, config.identity_code)
         self.expression_code = nn.Linear(len(config.channels), config.expression_code, bias=False)
+        self.principal = Principal()
         nn.init.normal_(self.identity_code.weight, std=0.1)
         nn.init.zeros_(self.identity_code.bias)
-        nn.init.normal_(self.expression_code.weight, std=0.5)
+        nn.init.orthogonal_(self.expression_code.weight)
 
     def expression(self, weights: Tensor) -> Tensor:
-        """ARKit weights [B, M] → z_ex [B, X]."""
-        rest = torch.zeros(len(self.config.channels))
+        """ARKit weights [..., M] → z_ex [..., X]."""
+        rest = torch.zeros(len(self.config.channels), device=weights.device)
         rest[self.config.channels.index("jawOpen")] = self.config.open_jaw
         return self.expression_code(weights - rest)
 
-    def posed(self, x: Tensor, z: Tensor, expression: Tensor, head: Tensor) -> Tensor:
-        """Canonical points [Q, 3] in the pose."""
-        anchors = self.identity.anchors(self.identity.codes(z)[0])
-        return x + self.forward_field(x, z, anchors, expression, head)
+    def place(self, x: Tensor, z: Tensor) -> Tensor:
+        """Where points [B, P, 3] lie on the mean head."""
+        return x + self.identity.to_mean(x, z)
 
-    def canonical(self, x: Tensor, z: Tensor, expression: Tensor, head: Tensor) -> Tensor:
-        """Posed points [Q, 3] in the canonical pose."""
-        anchors = self.identity.anchors(self.identity.codes(z)[0])
-        return x + self.backward_field(x, z, anchors, expression, head)
+    def posed(self, x: Tensor, z: Tensor, expression: Tensor) -> Tensor:
+        """Canonical points [B, P, 3] in the pose of `expression` [B, X]."""
+        anchors = self.identity.anchors(z)
+        return x + self.forward_field.move(self.place(x, z), z, anchors, expression)
 
-    def forward(self, x: Tensor, z: Tensor, expression: Tensor, head: Tensor) -> Tensor:
-        """Signed distance [Q] of posed points [Q, 3], eq. 1."""
-        return self.identity(self.canonical(x, z, expression, head), z, head)
+    def canonical(self, x: Tensor, z: Tensor, expression: Tensor) -> Tensor:
+        """Posed points [B, P, 3] in the canonical pose."""
+        anchors = self.identity.anchors(z)
+        return x + self.backward_field.move(self.place(x, z), z, anchors, expression)
+
+    def forward(self, x: Tensor, z: Tensor, expression: Tensor) -> Tensor:
+        """Signed distance [B, P] of posed points [B, P, 3], eq. 1."""
+        return self.identity(self.canonical(x, z, expression), z)

@@ -1,0 +1,45 @@
+"""Calls of the native library: handles that are freed, and failures as errors."""
+
+from contextlib import ExitStack
+from ctypes import POINTER, byref, c_float, c_void_p
+
+import numpy as np
+
+from .errors import AnyfaceError, Cancelled
+
+_CANCELLED = 9
+_KINDS = {3: "input", 4: "audio", 5: "mesh", 6: "face", 7: "weights", 8: "file", 13: "memory"}
+
+
+class Calls:
+    """What every part of the binding does with `self._library`."""
+
+    def _own(self, handles: ExitStack, noun: str, function: str, *arguments):
+        handle = self._make(function, *arguments)
+        handles.callback(getattr(self._library, f"anyface_{noun}_free"), handle)
+        return handle
+
+    def _make(self, function: str, *arguments) -> c_void_p:
+        out, error = c_void_p(), c_void_p()
+        status = getattr(self._library, function)(*arguments, byref(out), byref(error))
+        self._check(status, error)
+        return out
+
+    def _copy(self, function: str, handle, array: np.ndarray) -> None:
+        self._call(function, handle, array.ctypes.data_as(POINTER(c_float)), array.size)
+
+    def _call(self, function: str, *arguments) -> None:
+        error = c_void_p()
+        status = getattr(self._library, function)(*arguments, byref(error))
+        self._check(status, error)
+
+    def _check(self, status: int, error: c_void_p | None) -> None:
+        if status == 0:
+            return
+        message = f"the library returned status {status}"
+        if error:
+            message = self._library.anyface_error_message(error).decode()
+            self._library.anyface_error_free(error)
+        if status == _CANCELLED:
+            raise Cancelled
+        raise AnyfaceError(_KINDS.get(status, "internal"), message)

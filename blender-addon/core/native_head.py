@@ -1,0 +1,97 @@
+"""Heads made from numbers: the library's parametric head."""
+
+from contextlib import ExitStack
+from ctypes import POINTER, byref, c_float, c_size_t, c_uint32, c_void_p
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from .calls import Calls
+from .library import library_path, load
+
+_FLOATS, _INDICES = POINTER(c_float), POINTER(c_uint32)
+FARTHEST = 4.0
+"""How far a slider goes."""
+
+
+@dataclass
+class Recipe:
+    """Which head: that of `seed`, `share` of the way to that of `other`; `changes` are added to how
+    far it lies along each direction."""
+
+    seed: int = 0
+    other: int = 0
+    share: float = 0.0
+    changes: tuple[float, ...] = ()
+
+
+@dataclass
+class MadeHead:
+    """`positions` `[V, 3]` metres (+x subject's left, +y up, +z forward), `triangles` `[F, 3]`,
+    skin first; `landmark_vertices` `[68]`; the first `skin_vertices` are skin."""
+
+    positions: np.ndarray
+    triangles: np.ndarray
+    landmark_vertices: np.ndarray
+    skin_vertices: int
+
+
+class Heads(Calls):
+    """The model of heads; no speech is loaded for it."""
+
+    def __init__(self):
+        """Raises `AnyfaceError` where there is no library."""
+        self._library = load(library_path())
+
+    @cache  # noqa: B019 - one object lives as long as Blender
+    def directions(self) -> tuple[str, ...]:
+        """What each slider changes most, the one that moves the surface furthest first."""
+        with ExitStack() as handles:
+            head = self._of_seed(handles, 0)
+            count = self._library.anyface_head_direction_count(head)
+            names = (self._library.anyface_head_direction_name(head, n) for n in range(count))
+            return tuple(name.decode() for name in names)
+
+    def make(self, recipe: Recipe, resolution: int, parts: bool = True) -> MadeHead:
+        """The mesh of a head at rest. Raises `AnyfaceError`."""
+        with ExitStack() as handles:
+            head = self._of_seed(handles, recipe.seed)
+            if recipe.share > 0.0:
+                other = self._of_seed(handles, recipe.other)
+                mixed = (head, other, recipe.share)
+                head = self._own(handles, "head", "anyface_head_new_mixed", *mixed)
+            head = self._changed(handles, head, recipe.changes)
+            skin, marks = c_size_t(), np.empty(68, dtype=np.uint32)
+            mesh, error = c_void_p(), c_void_p()
+            status = self._library.anyface_head_mesh(
+                head, resolution, int(parts), None, byref(mesh), byref(skin),
+                marks.ctypes.data_as(_INDICES), byref(error),
+            )  # fmt: skip
+            self._check(status, error)
+            handles.callback(self._library.anyface_mesh_free, mesh)
+            made = MadeHead(
+                positions=np.empty((self._library.anyface_mesh_vertex_count(mesh), 3), np.float32),
+                triangles=np.empty((self._library.anyface_mesh_triangle_count(mesh), 3), np.uint32),
+                landmark_vertices=marks,
+                skin_vertices=skin.value,
+            )
+            self._copy("anyface_mesh_copy_positions", mesh, made.positions)
+            numbers = made.triangles.ctypes.data_as(_INDICES)
+            self._call("anyface_mesh_copy_triangles", mesh, numbers, made.triangles.size)
+            return made
+
+    def _of_seed(self, handles: ExitStack, seed: int):
+        return self._own(handles, "head", "anyface_head_new", None, None, 0, seed)
+
+    def _changed(self, handles: ExitStack, head, changes):
+        count = self._library.anyface_head_direction_count(head)
+        for number, change in enumerate(changes[:count]):
+            if change == 0.0:
+                continue
+            along = np.empty(count, dtype=np.float32)
+            self._copy("anyface_head_copy_directions", head, along)
+            value = float(np.clip(along[number] + change, -FARTHEST, FARTHEST))
+            moved = (head, number, value)
+            head = self._own(handles, "head", "anyface_head_new_along", *moved)
+        return head

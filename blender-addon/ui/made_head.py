@@ -1,0 +1,115 @@
+"""Add > Mesh > Anyface Head."""
+
+import bpy
+from bpy.props import FloatProperty, FloatVectorProperty, IntProperty
+from bpy.types import Operator
+from bpy_extras import object_utils
+
+from ..core.errors import AnyfaceError
+from ..core.native_head import FARTHEST, Heads, Recipe
+from ..scene import made_head
+
+SLIDERS = 10
+_HEADS: list[Heads] = []
+
+
+def heads() -> Heads:
+    """The model; the library is loaded with the first head."""
+    if not _HEADS:
+        _HEADS.append(Heads())
+    return _HEADS[0]
+
+
+class ANYFACE_OT_add_head(object_utils.AddObjectHelper, Operator):
+    """Add a head made from numbers, ready to speak: its landmarks are known"""
+
+    bl_idname = "anyface.add_head"
+    bl_label = "Add a Head"
+    bl_options = {"REGISTER", "UNDO"}
+
+    seed: IntProperty(name="Seed", description="Which random head", default=0, min=0)
+    other: IntProperty(name="Mix With", description="Seed of a second head", default=1, min=0)
+    share: FloatProperty(
+        name="Mix",
+        description="How much of the second head; 0 is none of it",
+        default=0.0,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+    )
+    changes: FloatVectorProperty(
+        name="Shape",
+        description="How far the head is changed along a direction in which heads differ",
+        size=SLIDERS,
+        default=(0.0,) * SLIDERS,
+        min=-FARTHEST,
+        max=FARTHEST,
+    )
+    resolution: IntProperty(
+        name="Resolution",
+        description="Cells along the height of the grid on which the surface is found",
+        default=128,
+        min=32,
+        soft_max=256,
+        max=512,
+    )
+    height: FloatProperty(
+        name="Height",
+        description="Of head and neck; 0.35 m is that of a human",
+        default=2.0,
+        min=0.001,
+        soft_max=10.0,
+        subtype="DISTANCE",
+    )
+
+    @classmethod
+    def poll(cls, context):
+        """In edit mode it would become part of another mesh."""
+        if context.mode != "OBJECT":
+            cls.poll_message_set("Leave this mode first (Object Mode)")
+        return context.mode == "OBJECT"
+
+    def execute(self, context):
+        """Adds it at the 3D cursor, as the active object."""
+        if self.align == "VIEW" and context.region_data is None:
+            # Scripts have no view to turn it to.
+            self.align = "WORLD"
+        recipe = Recipe(self.seed, self.other, self.share, tuple(self.changes))
+        try:
+            made = heads().make(recipe, self.resolution)
+        except AnyfaceError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        data = made_head.mesh(made, self.height)
+        ob = object_utils.object_data_add(context, data, operator=self)
+        made_head.keep_landmarks(ob, made)
+        return {"FINISHED"}
+
+    def draw(self, _context):
+        """The panel of the last operation."""
+        layout = self.layout
+        layout.use_property_split = True
+        for name in ("seed", "other", "share"):
+            layout.prop(self, name)
+        column = layout.column(align=True)
+        for number, name in enumerate(heads().directions()[:SLIDERS]):
+            column.prop(self, "changes", index=number, text=name.capitalize())
+        for name in ("resolution", "height", "align", "location", "rotation"):
+            layout.prop(self, name)
+
+
+def _draw(menu, _context) -> None:
+    menu.layout.operator("anyface.add_head", text="Anyface Head", icon="USER")
+
+
+def register() -> None:
+    """Adds it to Blender's menu."""
+    bpy.types.VIEW3D_MT_mesh_add.append(_draw)
+
+
+def unregister() -> None:
+    """Takes it off."""
+    bpy.types.VIEW3D_MT_mesh_add.remove(_draw)
+
+
+CLASSES = (ANYFACE_OT_add_head,)

@@ -1,0 +1,426 @@
+//! Heads made from numbers, and the field that moves them.
+
+use std::{
+    ffi::{CString, c_char},
+    path::Path,
+    ptr::null,
+    sync::Arc,
+};
+
+use anyface::head::{COEFFICIENTS, Head, HeadOptions, ScanOptions};
+
+use crate::{
+    error::{AnyfaceError, Failure},
+    face::AnyfaceFace,
+    guard,
+    mesh::AnyfaceMesh,
+    pointer,
+    progress::{AnyfaceProgress, watched},
+    status::AnyfaceStatus,
+};
+
+/// One head of FaceTalk's parametric model. Never changes after it was made: any number of threads may use
+/// it at the same time.
+///
+/// It is 100 coefficients, each from a normal distribution; all 0 is the mean head. Its frame is metres, +x to the
+/// subject's left, +y up, +z out of the face.
+pub struct AnyfaceHead {
+    model: Arc<Head>,
+    coefficients: Vec<f32>,
+    directions: Arc<Vec<CString>>,
+    channels: Arc<Vec<CString>>,
+    fit_mm: f32,
+}
+
+const fn shared_by_threads<T: Send + Sync>() {}
+const _: () = shared_by_threads::<AnyfaceHead>();
+
+impl AnyfaceHead {
+    fn open(folder: Option<&Path>) -> Result<Self, Failure> {
+        let model = Head::open(folder)?;
+        let text = |text: &String| CString::new(text.replace('\0', " ")).unwrap_or_default();
+        let directions = model.config().directions.iter();
+        Ok(AnyfaceHead {
+            directions: Arc::new(directions.map(|direction| text(&direction.name)).collect()),
+            channels: Arc::new(model.config().channels.iter().map(text).collect()),
+            coefficients: vec![0.0; COEFFICIENTS],
+            model: Arc::new(model),
+            fit_mm: 0.0,
+        })
+    }
+
+    /// The same model with other coefficients.
+    fn other(&self, coefficients: Vec<f32>) -> AnyfaceHead {
+        AnyfaceHead {
+            model: Arc::clone(&self.model),
+            directions: Arc::clone(&self.directions),
+            channels: Arc::clone(&self.channels),
+            coefficients,
+            fit_mm: 0.0,
+        }
+    }
+}
+
+/// A head from coefficients, or the random one of a seed.
+///
+/// `weights_dir`: UTF-8, a folder of models instead of the built-in ones, or NULL. `coefficients`:
+/// `[coefficient_count]`, which must be 100, or NULL with 0 for those of `seed`. Free with `anyface_head_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another count, numbers that are not finite, and heads far outside what
+/// was learned; `ANYFACE_STATUS_WEIGHTS` or `ANYFACE_STATUS_IO` for a folder that cannot be used.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_head_new(
+    weights_dir: *const c_char,
+    coefficients: *const f32,
+    coefficient_count: usize,
+    seed: u64,
+    out: *mut *mut AnyfaceHead,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let given = match coefficients.is_null() && coefficient_count == 0 {
+            true => Head::random(seed),
+            false => {
+                let given =
+                    unsafe { pointer::slice("coefficients", coefficients, coefficient_count, 1) }?;
+                Head::checked(given.to_vec(), false)?
+            }
+        };
+        let folder = unsafe { pointer::optional_text("weights_dir", weights_dir) }?;
+        let head = AnyfaceHead::open(folder.map(Path::new))?;
+        unsafe { pointer::give(out, head.other(given)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// The head between two others: `share` 0 is `a`, 1 is `b`. Free with `anyface_head_free()`.
+///
+/// Both must be of the same model. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a share outside 0 to 1.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_head_new_mixed(
+    a: *const AnyfaceHead,
+    b: *const AnyfaceHead,
+    share: f32,
+    out: *mut *mut AnyfaceHead,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let a = unsafe { pointer::handle("a", a) }?;
+        let b = unsafe { pointer::handle("b", b) }?;
+        let mixed = Head::mixture(&a.coefficients, &b.coefficients, share)?;
+        unsafe { pointer::give(out, a.other(mixed)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// The same head with another value along one direction, -4 to 4; 0 is the average. Free with
+/// `anyface_head_free()`.
+///
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a value or number out of range.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_head_new_along(
+    head: *const AnyfaceHead,
+    direction: usize,
+    value: f32,
+    out: *mut *mut AnyfaceHead,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let head = unsafe { pointer::handle("head", head) }?;
+        let mut moved = head.coefficients.clone();
+        head.model.set_along(&mut moved, direction, value)?;
+        unsafe { pointer::give(out, head.other(moved)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// The head that is most like a face at rest: a scan or a model of which the landmarks are known. Long: accepts a
+/// progress handle, which may be NULL. Free with `anyface_head_free()`.
+///
+/// `weights_dir`: as in `anyface_head_new()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for fewer than 300 vertices on the
+/// face, and where it stays more than 3 mm away on average.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_head_fit(
+    weights_dir: *const c_char,
+    face: *const AnyfaceFace,
+    progress: *const AnyfaceProgress,
+    out: *mut *mut AnyfaceHead,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let face = &unsafe { pointer::handle("face", face) }?.0;
+        let folder = unsafe { pointer::optional_text("weights_dir", weights_dir) }?;
+        let head = AnyfaceHead::open(folder.map(Path::new))?;
+        let options = ScanOptions::default();
+        let (points, landmarks) = (&face.mesh.positions, &face.landmarks);
+        let fit = unsafe {
+            watched(progress, |watch| {
+                head.model.fit_scan(points, landmarks, &options, watch)
+            })
+        }?;
+        let mut fitted = head.other(fit.coefficients);
+        fitted.fit_mm = fit.mean_mm;
+        unsafe { pointer::give(out, fitted) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// How far the face lies from the head that was fitted to it, mean, millimetres on a head of human size; 0 for NULL and
+/// heads that were not fitted.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_head_fit_mm(head: *const AnyfaceHead) -> f32 {
+    unsafe { head.as_ref() }.map_or(0.0, |head| head.fit_mm)
+}
+
+/// Copies the coefficients. `buffer`: `[100]`; `count` must be 100.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_head_copy_coefficients(
+    head: *const AnyfaceHead,
+    buffer: *mut f32,
+    count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let values = &unsafe { pointer::handle("head", head) }?.coefficients;
+        unsafe { pointer::copy_out("buffer", values, buffer, count) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Number `D` of directions in which heads differ, the one that moves the surface furthest first; 0 for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_head_direction_count(head: *const AnyfaceHead) -> usize {
+    unsafe { head.as_ref() }.map_or(0, |head| head.directions.len())
+}
+
+/// What a direction changes most, such as "face width"; lives until the head is freed. NULL for NULL or a number
+/// that is not below the count.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_head_direction_name(
+    head: *const AnyfaceHead,
+    direction: usize,
+) -> *const c_char {
+    let name = unsafe { head.as_ref() }.and_then(|head| head.directions.get(direction));
+    name.map_or(null(), |name| name.as_ptr())
+}
+
+/// Copies how far the head lies along each direction. `buffer`: `[D]`; `count` must be `D`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_head_copy_directions(
+    head: *const AnyfaceHead,
+    buffer: *mut f32,
+    count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let head = unsafe { pointer::handle("head", head) }?;
+        let values = head.model.along(&head.coefficients)?;
+        unsafe { pointer::copy_out("buffer", &values, buffer, count) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Number `M` of ARKit's shapes that the field knows; 0 for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_head_channel_count(head: *const AnyfaceHead) -> usize {
+    unsafe { head.as_ref() }.map_or(0, |head| head.channels.len())
+}
+
+/// Name of a shape, such as "jawOpen"; lives until the head is freed. NULL for NULL or a number that is not below
+/// the count.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_head_channel_name(
+    head: *const AnyfaceHead,
+    channel: usize,
+) -> *const c_char {
+    let name = unsafe { head.as_ref() }.and_then(|head| head.channels.get(channel));
+    name.map_or(null(), |name| name.as_ptr())
+}
+
+/// The head as a mesh at rest, metres. Long: accepts a progress handle, which may be NULL. Free with
+/// `anyface_mesh_free()`.
+///
+/// `resolution`: cells along the longest side of the grid, such as 128. `parts`: not 0 for eyes, teeth and tongue
+/// beside the skin, whose vertices and triangles come first. `skin_vertices`: may be NULL; how many of the vertices
+/// are skin. `landmark_vertices`: `[68]`, may be NULL; the vertices on which the landmarks lie.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a resolution that would take more than 1 GiB.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_head_mesh(
+    head: *const AnyfaceHead,
+    resolution: usize,
+    parts: i32,
+    progress: *const AnyfaceProgress,
+    out: *mut *mut AnyfaceMesh,
+    skin_vertices: *mut usize,
+    landmark_vertices: *mut u32,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let head = unsafe { pointer::handle("head", head) }?;
+        let options = HeadOptions {
+            resolution,
+            parts: parts != 0,
+        };
+        let one = head
+            .model
+            .one(head.model.identity_code(&head.coefficients)?)?;
+        let made = unsafe { watched(progress, |watch| one.mesh(&options, watch)) }?;
+        if !landmark_vertices.is_null() {
+            let vertices = &made.landmarks.vertices;
+            let count = vertices.len();
+            unsafe { pointer::copy_out("landmark_vertices", vertices, landmark_vertices, count) }?;
+        }
+        if !skin_vertices.is_null() {
+            let count = &[made.canonical.len()];
+            unsafe { pointer::copy_out("skin_vertices", count, skin_vertices, 1) }?;
+        }
+        unsafe { pointer::give(out, AnyfaceMesh(made.mesh)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// The field: how far points move from the canonical pose, which has the jaw open a little, to an expression.
+///
+/// `points`: `[point_count, 3]`, metres, anywhere in and about the head. `weights`: `[weight_count]`, one for each
+/// channel, all 0 is the face at rest; or NULL with 0 for that. `displacements`: `[point_count, 3]`, metres.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `weight_count` and for numbers that are not finite.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_head_field(
+    head: *const AnyfaceHead,
+    weights: *const f32,
+    weight_count: usize,
+    points: *const f32,
+    point_count: usize,
+    displacements: *mut f32,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let head = unsafe { pointer::handle("head", head) }?;
+        let points = unsafe { pointer::slice("points", points, point_count, 3) }?
+            .as_chunks()
+            .0;
+        pointer::check_room("displacements", displacements, point_count, 3)?;
+        if !points.as_flattened().iter().all(|x| x.is_finite()) {
+            return Err(Failure::invalid(
+                "points: expected finite numbers".to_owned(),
+            ));
+        }
+        let code = match weights.is_null() && weight_count == 0 {
+            true => head.model.rest_code(),
+            false => {
+                let given = unsafe { pointer::slice("weights", weights, weight_count, 1) }?;
+                head.model.expression_code(given)?
+            }
+        };
+        let one = head
+            .model
+            .one(head.model.identity_code(&head.coefficients)?)?;
+        let moved = one.posed(&code)?.forward(points);
+        let ways = points.iter().zip(&moved);
+        let ways: Vec<f32> = ways
+            .flat_map(|(p, q)| [0, 1, 2].map(|axis| q[axis] - p[axis]))
+            .collect();
+        unsafe { pointer::copy_out("displacements", &ways, displacements, ways.len()) }
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Frees a head that no running call uses, with everything it lent; nothing happens for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_head_free(head: *mut AnyfaceHead) {
+    unsafe { guard::free(head) }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{ffi::CStr, ptr::null_mut};
+
+    use super::*;
+    use crate::{
+        error::{anyface_error_free, anyface_error_message},
+        mesh::{anyface_mesh_free, anyface_mesh_vertex_count},
+    };
+
+    fn made(seed: u64) -> *mut AnyfaceHead {
+        let mut head = null_mut();
+        let status = unsafe { anyface_head_new(null(), null(), 0, seed, &mut head, null_mut()) };
+        assert_eq!(status, AnyfaceStatus::Ok);
+        head
+    }
+
+    #[test]
+    fn a_head_is_mixed_moved_and_made() {
+        unsafe {
+            let (a, b) = (made(1), made(2));
+            let (mut mixed, mut moved, mut mesh) = (null_mut(), null_mut(), null_mut());
+            assert_eq!(
+                anyface_head_new_mixed(a, b, 0.5, &mut mixed, null_mut()),
+                AnyfaceStatus::Ok
+            );
+            let status = anyface_head_new_along(mixed, 1, 2.0, &mut moved, null_mut());
+            assert_eq!(status, AnyfaceStatus::Ok);
+            let count = anyface_head_direction_count(moved);
+            let mut along = vec![0.0f32; count];
+            let status = anyface_head_copy_directions(moved, along.as_mut_ptr(), count, null_mut());
+            assert_eq!(status, AnyfaceStatus::Ok);
+            assert!((along[1] - 2.0).abs() < 1e-4);
+            assert!(!anyface_head_direction_name(moved, 0).is_null());
+            assert!(anyface_head_direction_name(moved, count).is_null());
+            let (mut skin, mut marks) = (0usize, [0u32; 68]);
+            let to = (&mut skin as *mut usize, marks.as_mut_ptr());
+            let status = anyface_head_mesh(moved, 40, 1, null(), &mut mesh, to.0, to.1, null_mut());
+            assert_eq!(status, AnyfaceStatus::Ok);
+            assert!(skin < anyface_mesh_vertex_count(mesh));
+            assert!(marks.iter().all(|v| (*v as usize) < skin));
+            anyface_mesh_free(mesh);
+            for head in [a, b, mixed, moved] {
+                anyface_head_free(head);
+            }
+        }
+    }
+
+    #[test]
+    fn the_field_closes_the_mouth_and_wrong_numbers_are_told() {
+        unsafe {
+            let head = made(1);
+            let channels = anyface_head_channel_count(head);
+            let (chin, mut to) = ([0.0f32, -0.10, 0.07], [0.0f32; 3]);
+            let ask = |weights: &[f32], to: &mut [f32; 3]| {
+                let points = chin.as_ptr();
+                anyface_head_field(
+                    head,
+                    weights.as_ptr(),
+                    weights.len(),
+                    points,
+                    1,
+                    to.as_mut_ptr(),
+                    null_mut(),
+                )
+            };
+            assert_eq!(ask(&vec![0.0; channels], &mut to), AnyfaceStatus::Ok);
+            assert!(to.iter().all(|x| x.is_finite()));
+            assert_eq!(ask(&[0.0; 3], &mut to), AnyfaceStatus::InvalidInput);
+            anyface_head_free(head);
+            let (mut none, mut error) = (null_mut(), null_mut());
+            let far = [9.0f32; 100];
+            let status = anyface_head_new(null(), far.as_ptr(), 100, 0, &mut none, &mut error);
+            assert_eq!(status, AnyfaceStatus::InvalidInput);
+            let message = CStr::from_ptr(anyface_error_message(error))
+                .to_str()
+                .unwrap();
+            assert!(message.contains("no such head was learned"), "{message}");
+            anyface_error_free(error);
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! Which head: coefficients at random, directions, mixtures.
+
+use super::{Head, check};
+use crate::{Error, Result, diffusion::frame_noise};
+
+/// Coefficients of a head; they come from N(0, 1).
+pub const COEFFICIENTS: usize = 100;
+/// A coefficient beyond this, or a root mean square beyond [`FAR_ON_AVERAGE`], is far outside what was learned.
+const FAR: f32 = 5.0;
+const FAR_ON_AVERAGE: f32 = 2.0;
+/// The most that a slider may say.
+const SLIDER: f32 = 4.0;
+
+impl Head {
+    /// The coefficients of the head of a seed, `[100]` of N(0, 1).
+    pub fn random(seed: u64) -> Vec<f32> {
+        frame_noise(seed, 0, 1, COEFFICIENTS)
+            .into_raw_vec_and_offset()
+            .0
+    }
+
+    /// The coefficients part of the way from `a` to `b`: 0 is `a`, 1 is `b`.
+    ///
+    /// # Errors
+    /// `InvalidInput` for other lengths, numbers that are not finite and a share outside 0 to 1.
+    pub fn mixture(a: &[f32], b: &[f32], share: f32) -> Result<Vec<f32>> {
+        check("coefficients", a, COEFFICIENTS)?;
+        check("coefficients", b, COEFFICIENTS)?;
+        if !(0.0..=1.0).contains(&share) {
+            let message = format!("mix: expected a share from 0 to 1, got {share}");
+            return Err(Error::InvalidInput(message));
+        }
+        Ok(a.iter().zip(b).map(|(a, b)| a + share * (b - a)).collect())
+    }
+
+    /// The number of a direction, by its name or its number.
+    ///
+    /// # Errors
+    /// `InvalidInput` for an unknown name, with the known ones.
+    pub fn direction(&self, name: &str) -> Result<usize> {
+        let known = &self.config.directions;
+        let wanted = name.replace(['_', '-'], " ");
+        let named = known.iter().position(|direction| direction.name == wanted);
+        named.ok_or_else(|| {
+            let names: Vec<&str> = known
+                .iter()
+                .map(|direction| direction.name.as_str())
+                .collect();
+            let message = format!(
+                "direction: expected one of {}, got {name:?}",
+                names.join(", ")
+            );
+            Error::InvalidInput(message)
+        })
+    }
+
+    /// How far `coefficients` lie along each direction, `[D]`.
+    ///
+    /// # Errors
+    /// `InvalidInput` for another number of them or one that is not finite.
+    pub fn along(&self, coefficients: &[f32]) -> Result<Vec<f32>> {
+        check("coefficients", coefficients, COEFFICIENTS)?;
+        Ok(self.directions.dot(&ndarray::aview1(coefficients)).to_vec())
+    }
+
+    /// Gives `coefficients` the value `value` along a direction; the others stay.
+    ///
+    /// # Errors
+    /// `InvalidInput` for another number of them, an unknown direction and a value outside −4 to 4.
+    pub fn set_along(&self, coefficients: &mut [f32], direction: usize, value: f32) -> Result<()> {
+        if !(-SLIDER..=SLIDER).contains(&value) {
+            let message = format!("direction: expected -{SLIDER} to {SLIDER}, got {value}");
+            return Err(Error::InvalidInput(message));
+        }
+        let there = self.along(coefficients)?;
+        let known = there.len();
+        let there = there.get(direction).ok_or_else(|| {
+            let message = format!("direction: expected a number below {known}, got {direction}");
+            Error::InvalidInput(message)
+        })?;
+        let row = self.directions.row(direction);
+        coefficients
+            .iter_mut()
+            .zip(row)
+            .for_each(|(c, d)| *c += (value - there) * d);
+        Ok(())
+    }
+
+    /// Coefficients as near to those that were learned as may be: `Err` says what lies outside, and
+    /// `pull_back` brings it back instead.
+    ///
+    /// # Errors
+    /// `InvalidInput` for another number of them, one that is not finite, and coefficients far outside.
+    pub fn checked(mut coefficients: Vec<f32>, pull_back: bool) -> Result<Vec<f32>> {
+        check("coefficients", &coefficients, COEFFICIENTS)?;
+        let largest = coefficients
+            .iter()
+            .fold(0.0f32, |most, c| most.max(c.abs()));
+        let average = rms(&coefficients);
+        if largest <= FAR && average <= FAR_ON_AVERAGE {
+            return Ok(coefficients);
+        }
+        if !pull_back {
+            return Err(Error::InvalidInput(format!(
+                "coefficients: expected numbers of N(0, 1), none beyond {FAR} and {FAR_ON_AVERAGE} on average, got \
+                 {largest:.1} and {average:.1}; no such head was learned. They can be pulled back"
+            )));
+        }
+        coefficients
+            .iter_mut()
+            .for_each(|c| *c = c.clamp(-FAR, FAR));
+        let scale = (FAR_ON_AVERAGE / rms(&coefficients)).min(1.0);
+        coefficients.iter_mut().for_each(|c| *c *= scale);
+        Ok(coefficients)
+    }
+
+    /// z_id `[Z]` of coefficients `[100]`.
+    ///
+    /// # Errors
+    /// `InvalidInput` for another number of them or one that is not finite.
+    pub fn identity_code(&self, coefficients: &[f32]) -> Result<Vec<f32>> {
+        check("coefficients", coefficients, COEFFICIENTS)?;
+        let mut z = vec![0.0; self.config.identity_code()];
+        self.identity_code.forward_row(coefficients, &mut z);
+        Ok(z)
+    }
+}
+
+fn rms(values: &[f32]) -> f32 {
+    (values.iter().map(|x| x * x).sum::<f32>() / values.len() as f32).sqrt()
+}

@@ -1,0 +1,358 @@
+//! A head like a scan: coefficients for which its points lie on the surface, eq. 17 without time.
+//!
+//! Gauss-Newton on robust distances under the prior N(0, 1) of the coefficients, with the 68 landmarks as a
+//! start and as a guide. Points of a face at rest are brought to the canonical pose by the backward field; how
+//! the distance changes with a coefficient comes from differences of the way to the mean head. Twin of
+//! `training/fit_codes.py`, which has no pose and no alignment to find.
+
+use faer::{Mat, Side, linalg::solvers::Solve};
+use rand_chacha::{
+    ChaCha8Rng,
+    rand_core::{RngCore, SeedableRng},
+};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::{COEFFICIENTS, Head, OneHead};
+use crate::{
+    Error, Result,
+    ibug::LANDMARKS,
+    mesh::{Landmarks, Similarity, align_to_canonical},
+    progress::{ProgressFn, report},
+};
+
+/// How far points and landmarks may well lie from a head of the model.
+const DISTANCE_M: f32 = 4e-4;
+const LANDMARK_M: f32 = 3e-3;
+/// Points are not independent: so much of their number counts.
+const POINT_SHARE: f32 = 0.05;
+/// Points farther off than this count less and less (Cauchy).
+const ROBUST_M: f32 = 3e-3;
+const DIFFERENCE: f32 = 0.05;
+const DAMPING: f64 = 0.1;
+/// Points beyond this from every landmark are no face: hair, neck and shoulders.
+const FACE_M: f32 = 0.035;
+const LEAST_POINTS: usize = 300;
+/// Above this mean distance a scan is refused.
+const MOST_MM: f32 = 3.0;
+/// A head further from the mean than so many times the usual is no head any more.
+const MOST_SPREAD: f32 = 2.0;
+/// Turns, moves and scale that the landmarks left over, in what they may well be: radians, units of the field, share.
+const PLACE: [f32; 7] = [0.05, 0.05, 0.05, 0.02, 0.02, 0.02, 0.03];
+const UNKNOWN: usize = COEFFICIENTS + PLACE.len();
+
+/// How a scan is fitted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ScanOptions {
+    /// Steps of Gauss-Newton.
+    pub steps: usize,
+    /// Points that each step sees, drawn anew.
+    pub points: usize,
+    /// Which points are drawn.
+    pub seed: u64,
+}
+
+impl Default for ScanOptions {
+    fn default() -> Self {
+        ScanOptions {
+            steps: 8,
+            points: 1200,
+            seed: 0,
+        }
+    }
+}
+
+/// Root mean square; of coefficients how far a head is from the mean one, 1 for those that are drawn.
+fn rms(values: &[f32]) -> f32 {
+    (values.iter().map(|x| x * x).sum::<f32>() / values.len() as f32).sqrt()
+}
+
+/// The head that is like a scan.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ScanFit {
+    /// `[100]`.
+    #[serde(skip)]
+    pub coefficients: Vec<f32>,
+    /// Distance of the scan's face from the head, mean.
+    pub mean_mm: f32,
+    /// Nine points of ten lie nearer than this.
+    pub most_mm: f32,
+    /// Points of the scan that are its face.
+    pub points: usize,
+    /// Metres of the scan's unit on a head of human size.
+    pub metres_per_unit: f64,
+    /// From the scan's frame to the head's, metres.
+    #[serde(skip)]
+    pub to_head: Similarity,
+    /// What the user should know.
+    #[serde(skip)]
+    pub warnings: Vec<String>,
+}
+
+impl Head {
+    /// The head that is like a scan of a face at rest. `points`: `[P]` in the scan's units and axes.
+    ///
+    /// # Errors
+    /// `InvalidInput` for points that are not finite, fewer than 300 of them on the face, and where the fit
+    /// stays above 3 mm or needs a head that is none, with the distance; `FaceNotFound` for landmarks of no face; `Cancelled`.
+    pub fn fit_scan(
+        &self,
+        points: &[[f32; 3]],
+        landmarks: &Landmarks,
+        options: &ScanOptions,
+        progress: ProgressFn<'_>,
+    ) -> Result<ScanFit> {
+        let wrong = |complaint: String| Err(Error::InvalidInput(format!("scan: {complaint}")));
+        if let Some(bad) = points.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
+            return wrong(format!(
+                "expected finite points, got {:?} at {bad}",
+                points[bad]
+            ));
+        }
+        let mut to_head = align_to_canonical(landmarks)?;
+        let face = face_points(points, landmarks, &to_head);
+        if face.len() < LEAST_POINTS {
+            let (face, all) = (face.len(), points.len());
+            return wrong(format!(
+                "expected at least {LEAST_POINTS} points on the face, got {face} of {all}"
+            ));
+        }
+        let mut random = ChaCha8Rng::seed_from_u64(options.seed);
+        let mut coefficients = vec![0.0; COEFFICIENTS];
+        for step in 0..=options.steps {
+            report(progress, "fit", step as f32 / (options.steps + 1) as f32)?;
+            // The first step knows landmarks alone.
+            let count = if step == 0 {
+                0
+            } else {
+                options.points.min(face.len())
+            };
+            let some: Vec<[f32; 3]> = (0..count)
+                .map(|_| face[(random.next_u64() % face.len() as u64) as usize])
+                .collect();
+            self.step(&mut coefficients, &mut to_head, &some, landmarks)?;
+        }
+        report(progress, "fit", 1.0)?;
+        let mut off = self.rest_distances(
+            &coefficients,
+            &face.iter().map(|p| to_head.apply(*p)).collect::<Vec<_>>(),
+        )?;
+        off.iter_mut().for_each(|s| *s = 1e3 * s.abs());
+        off.sort_by(f32::total_cmp);
+        let mean_mm = off.iter().sum::<f32>() / off.len() as f32;
+        let most_mm = off[off.len() * 9 / 10];
+        if mean_mm > MOST_MM {
+            return wrong(format!(
+                "expected a face within {MOST_MM} mm of a head that was learned, got {mean_mm:.1} mm on average and \
+                 {most_mm:.1} mm at one point of ten"
+            ));
+        }
+        let spread = rms(&coefficients);
+        if spread > MOST_SPREAD {
+            return wrong(format!(
+                "expected a face, got a shape that only a head {spread:.1} times as far from the mean as usual comes                  near to, to {mean_mm:.1} mm (at most {MOST_SPREAD} times)"
+            ));
+        }
+        Ok(ScanFit {
+            coefficients,
+            mean_mm,
+            most_mm,
+            points: off.len(),
+            metres_per_unit: to_head.scale,
+            warnings: unit_note(to_head.scale).into_iter().collect(),
+            to_head,
+        })
+    }
+
+    /// Signed distance in metres at points `[Q]` of the face at rest.
+    fn rest_distances(&self, coefficients: &[f32], points: &[[f32; 3]]) -> Result<Vec<f32>> {
+        let one = self.one(self.identity_code(coefficients)?)?;
+        let posed = one.posed(&self.rest_code())?;
+        Ok(posed.distance(points))
+    }
+
+    /// One step of Gauss-Newton, in place.
+    fn step(
+        &self,
+        coefficients: &mut [f32],
+        to_head: &mut Similarity,
+        points: &[[f32; 3]],
+        landmarks: &Landmarks,
+    ) -> Result<()> {
+        let rest = self.rest_code();
+        let one = self.one(self.identity_code(coefficients)?)?;
+        let mut system = System::new(coefficients);
+        let marks = landmarks.positions.map(|p| to_head.apply(p));
+        let places = one.posed(&rest)?.forward(&one.landmarks());
+        let heads = self.heads_beside(coefficients)?;
+        let moved: Vec<Vec<[f32; 3]>> = heads.iter().map(OneHead::landmarks).collect();
+        let here = one.landmarks();
+        for n in 0..LANDMARKS {
+            let sure = landmarks.confidence[n].max(0.05) / LANDMARK_M;
+            let turned = motion_of(marks[n]);
+            for axis in 0..3 {
+                let of_code = moved
+                    .iter()
+                    .map(|m| (m[n][axis] - here[n][axis]) / DIFFERENCE);
+                let of_place = turned.iter().map(|t| -t[axis]);
+                let row: Vec<f32> = of_code.chain(of_place).map(|x| x * sure).collect();
+                system.add(&row, (places[n][axis] - marks[n][axis]) * sure);
+            }
+        }
+        if !points.is_empty() {
+            let places: Vec<[f32; 3]> = points.iter().map(|p| to_head.apply(*p)).collect();
+            let canonical = one.posed(&rest)?.backward(&places);
+            let distance = one.distance(&canonical);
+            let slopes = one.gradient(&canonical);
+            let on_mean = one.on_mean(&canonical);
+            // The template's slope where the point lies on the mean head.
+            let of_template = self.template_slopes(&on_mean);
+            let moved: Vec<Vec<[f32; 3]>> = heads
+                .par_iter()
+                .map(|head| head.on_mean(&canonical))
+                .collect();
+            for n in 0..points.len() {
+                let share = POINT_SHARE / (1.0 + (distance[n] / ROBUST_M).powi(2));
+                let sure = share.sqrt() / DISTANCE_M;
+                let of_code = moved.iter().map(|m| {
+                    let way: f32 = (0..3)
+                        .map(|a| of_template[n][a] * (m[n][a] - on_mean[n][a]))
+                        .sum();
+                    way / DIFFERENCE
+                });
+                let of_place =
+                    motion_of(places[n]).map(|t| (0..3).map(|a| slopes[n][a] * t[a]).sum());
+                let row: Vec<f32> = of_code.chain(of_place).map(|x: f32| x * sure).collect();
+                system.add(&row, distance[n] * sure);
+            }
+        }
+        let way = system.solved()?;
+        coefficients.iter_mut().zip(&way).for_each(|(c, x)| *c += x);
+        *to_head = moved_by(&way[COEFFICIENTS..]).compose(to_head);
+        Ok(())
+    }
+
+    /// The heads a small way along each coefficient.
+    fn heads_beside(&self, coefficients: &[f32]) -> Result<Vec<OneHead<'_>>> {
+        (0..COEFFICIENTS)
+            .map(|n| {
+                let mut beside = coefficients.to_vec();
+                beside[n] += DIFFERENCE;
+                self.one(self.identity_code(&beside)?)
+            })
+            .collect()
+    }
+}
+
+/// Points of the scan that lie near its landmarks, in its own units.
+fn face_points(points: &[[f32; 3]], landmarks: &Landmarks, to_head: &Similarity) -> Vec<[f32; 3]> {
+    let reach = (f64::from(FACE_M) / to_head.scale) as f32;
+    let near = |p: &&[f32; 3]| {
+        landmarks.positions.iter().any(|mark| {
+            (0..3)
+                .map(|axis| (p[axis] - mark[axis]).powi(2))
+                .sum::<f32>()
+                < reach * reach
+        })
+    };
+    points.iter().filter(near).copied().collect()
+}
+
+/// How a point moves under small turns about the axes, moves along them and growth.
+fn motion_of([x, y, z]: [f32; 3]) -> [[f32; 3]; 7] {
+    [
+        [0.0, -z, y],
+        [z, 0.0, -x],
+        [-y, x, 0.0],
+        [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [0.0, 0.0, 1.0],
+        [x, y, z],
+    ]
+}
+
+/// The similarity of a small step; its turn is made orthonormal.
+fn moved_by(way: &[f32]) -> Similarity {
+    let [x, y, z] = [0, 1, 2].map(|n| f64::from(way[n]));
+    let angle = (x * x + y * y + z * z).sqrt().max(1e-12);
+    let (sin, cos) = angle.sin_cos();
+    let axis = [x, y, z].map(|v| v / angle);
+    let cross = [
+        [0.0, -axis[2], axis[1]],
+        [axis[2], 0.0, -axis[0]],
+        [-axis[1], axis[0], 0.0],
+    ];
+    let rotation = std::array::from_fn(|i| {
+        std::array::from_fn(|j| {
+            let same = if i == j { cos } else { 0.0 };
+            same + sin * cross[i][j] + (1.0 - cos) * axis[i] * axis[j]
+        })
+    });
+    Similarity {
+        scale: f64::from(way[6]).exp(),
+        rotation,
+        translation: [3, 4, 5].map(|n| f64::from(way[n])),
+    }
+}
+
+/// Normal equations under the prior.
+struct System {
+    gram: Vec<f64>,
+    right: Vec<f64>,
+}
+
+impl System {
+    fn new(coefficients: &[f32]) -> Self {
+        let mut gram = vec![0.0; UNKNOWN * UNKNOWN];
+        let mut right = vec![0.0; UNKNOWN];
+        for (n, c) in coefficients.iter().enumerate() {
+            gram[n * (UNKNOWN + 1)] = 1.0 + DAMPING;
+            right[n] = -f64::from(*c);
+        }
+        for (n, size) in PLACE.iter().enumerate() {
+            gram[(COEFFICIENTS + n) * (UNKNOWN + 1)] = f64::from(*size).powi(-2);
+        }
+        System { gram, right }
+    }
+
+    /// A residual and its slopes `[107]`.
+    fn add(&mut self, row: &[f32], residual: f32) {
+        for (i, x) in row.iter().enumerate() {
+            let x = f64::from(*x);
+            self.right[i] -= x * f64::from(residual);
+            let to = &mut self.gram[i * UNKNOWN..][..i + 1];
+            to.iter_mut()
+                .zip(row)
+                .for_each(|(to, y)| *to += x * f64::from(*y));
+        }
+    }
+
+    fn solved(&self) -> Result<Vec<f32>> {
+        let gram = Mat::from_fn(UNKNOWN, UNKNOWN, |i, j| {
+            self.gram[i.max(j) * UNKNOWN + i.min(j)]
+        });
+        let right = Mat::from_fn(UNKNOWN, 1, |i, _| self.right[i]);
+        let factor = gram.llt(Side::Lower).map_err(|_| {
+            Error::Numerics("scan: the fit has no unique step; are its points finite?".into())
+        })?;
+        let way = factor.solve(&right);
+        Ok((0..UNKNOWN).map(|i| way[(i, 0)] as f32).collect())
+    }
+}
+
+/// What is said of a scan in other units than metres.
+fn unit_note(scale: f64) -> Option<String> {
+    let unit = match scale {
+        0.0005..0.002 => "millimetres",
+        0.005..0.02 => "centimetres",
+        0.5..2.0 => return None,
+        _ => {
+            return Some(format!(
+                "the scan's unit is {scale:.4} m on a head of human size; the made head comes in metres"
+            ));
+        }
+    };
+    Some(format!(
+        "the scan is in {unit}; the made head comes in metres"
+    ))
+}

@@ -1,0 +1,192 @@
+//! The canonical field `I(x; z) = T(x + D(x; z))`: the mean head `T`, and small networks at anchors, blended, that say how
+//! far a point lies from the same point of the mean head.
+//!
+//! Anchors, frames, mirrored pairs and blend of NPHM (Giebenhain et al. 2023, §3.2); twin of
+//! `training/systems/facetalk/identity.py`. A point asks only the networks whose blend weight is not zero.
+
+use ndarray::Array1;
+
+use super::{
+    HeadConfig,
+    network::{Network, Prepared, Shape, Template, encode},
+};
+use crate::{
+    Result,
+    ibug::LANDMARKS,
+    nn::{Weights, elementwise::softmax, linear::Linear},
+};
+
+/// The weights of the field and of the landmarks.
+pub(super) struct Identity {
+    landmarks: Linear,
+    mirror: Vec<f32>,
+    locals: Vec<Network>,
+    template: Template,
+}
+
+/// The field of one head, in units of the field.
+pub(super) struct IdentityField<'a> {
+    config: &'a HeadConfig,
+    identity: &'a Identity,
+    /// `[68]`, of the canonical pose.
+    pub landmarks: Vec<[f32; 3]>,
+    /// `[A]`.
+    pub anchors: Vec<[f32; 3]>,
+    locals: Vec<Prepared<'a>>,
+}
+
+impl Identity {
+    pub fn load(weights: &Weights, config: &HeadConfig) -> Result<Self> {
+        let networks = config.pairs.len() + config.middle.len() + 1;
+        let shape = Shape {
+            inputs: 3,
+            code: config.global_code + config.local_code,
+            width: config.width,
+            layers: config.layers,
+            outputs: 3,
+            code_layers: &[0, config.layers / 2],
+        };
+        let locals = (0..networks)
+            .map(|n| Network::load(&weights.pp("locals").pp(n), shape))
+            .collect::<Result<_>>()?;
+        let HeadConfig {
+            octaves,
+            template_width,
+            template_layers,
+            global_code,
+            ..
+        } = *config;
+        let template = weights.pp("template");
+        let places = weights.pp("landmarks");
+        Ok(Identity {
+            landmarks: Linear::load(&places, global_code, 3 * LANDMARKS)?,
+            mirror: weights.values("mirror", &[global_code])?,
+            locals,
+            template: Template::load(&template, octaves, template_width, template_layers)?,
+        })
+    }
+
+    /// Distance to the mean head at encoded places.
+    pub fn template(&self, seen: &[f32], points: usize) -> Vec<f32> {
+        self.template.forward(seen, points)
+    }
+
+    /// The field of the head of `z` `[Z]`.
+    pub fn of<'a>(&'a self, config: &'a HeadConfig, z: &[f32]) -> IdentityField<'a> {
+        let (own, local) = z.split_at(config.global_code);
+        let mut places = vec![0.0; 3 * LANDMARKS];
+        self.landmarks.forward_row(own, &mut places);
+        let landmarks = places.as_chunks::<3>().0.to_vec();
+        let mirrored: Vec<f32> = own
+            .iter()
+            .zip(&self.mirror)
+            .map(|(x, sign)| x * sign)
+            .collect();
+        let local_codes = local.chunks_exact(config.local_code).enumerate();
+        let locals = local_codes.map(|(number, local)| {
+            let own = if is_mirrored(config, number) {
+                &mirrored[..]
+            } else {
+                own
+            };
+            let code: Array1<f32> = own.iter().chain(local).copied().collect();
+            self.locals[network_of(config, number)].prepare(code.view())
+        });
+        IdentityField {
+            config,
+            identity: self,
+            anchors: config
+                .landmark_numbers()
+                .iter()
+                .map(|n| landmarks[*n])
+                .collect(),
+            locals: locals.collect(),
+            landmarks,
+        }
+    }
+}
+
+/// Which network an anchor asks: both of a pair ask the same, the background the last.
+fn network_of(config: &HeadConfig, anchor: usize) -> usize {
+    let pairs = config.pairs.len();
+    match anchor < 2 * pairs {
+        true => anchor / 2,
+        false => anchor - pairs,
+    }
+}
+
+/// Whether an anchor is the left one of a pair.
+fn is_mirrored(config: &HeadConfig, anchor: usize) -> bool {
+    anchor < 2 * config.pairs.len() && anchor % 2 == 1
+}
+
+impl IdentityField<'_> {
+    /// Where points `[Q]` lie on the mean head, `[Q]`.
+    pub fn on_mean(&self, points: &[[f32; 3]]) -> Vec<[f32; 3]> {
+        let mut places = points.to_vec();
+        let weights = self.blend(points);
+        let columns = self.locals.len();
+        for (number, local) in self.locals.iter().enumerate() {
+            let rows: Vec<usize> = (0..points.len())
+                .filter(|row| weights[row * columns + number] > 0.0)
+                .collect();
+            if rows.is_empty() {
+                continue;
+            }
+            let side = if is_mirrored(self.config, number) {
+                -1.0
+            } else {
+                1.0
+            };
+            let mut frame = Vec::with_capacity(3 * rows.len());
+            for row in &rows {
+                let [x, y, z] = self.in_frame(number, points[*row]);
+                frame.extend([side * x, y, z]);
+            }
+            let made = local.forward(&frame, rows.len());
+            for (row, [x, y, z]) in rows.into_iter().zip(made.as_chunks::<3>().0) {
+                let weight = weights[row * columns + number];
+                for (to, x) in places[row].iter_mut().zip([side * x, *y, *z]) {
+                    *to += weight * x;
+                }
+            }
+        }
+        places
+    }
+
+    /// Signed distance, negative inside, at points `[Q]`.
+    pub fn at(&self, points: &[[f32; 3]]) -> Vec<f32> {
+        let seen = encode(&self.on_mean(points), self.config.octaves);
+        self.identity.template(&seen, points.len())
+    }
+
+    fn in_frame(&self, anchor: usize, x: [f32; 3]) -> [f32; 3] {
+        match self.anchors.get(anchor) {
+            Some(at) => std::array::from_fn(|axis| (x[axis] - at[axis]) / self.config.sigma),
+            None => x.map(|x| x / self.config.background.sqrt()),
+        }
+    }
+
+    /// Weights of anchors and background, `[Q, A + 1]`; each row sums to 1.
+    fn blend(&self, points: &[[f32; 3]]) -> Vec<f32> {
+        let sharpness = -0.5 / (self.config.sigma * self.config.sigma);
+        let mut weights = Vec::with_capacity(points.len() * self.locals.len());
+        for x in points {
+            let first = weights.len();
+            weights.extend(self.anchors.iter().map(|anchor| {
+                let squares: f32 = (0..3).map(|axis| (x[axis] - anchor[axis]).powi(2)).sum();
+                sharpness * squares
+            }));
+            weights.push(sharpness * self.config.background);
+            let row = &mut weights[first..];
+            softmax(row);
+            let mut sum = 0.0;
+            for weight in row.iter_mut() {
+                *weight = (*weight - self.config.least_weight).max(0.0);
+                sum += *weight;
+            }
+            row.iter_mut().for_each(|weight| *weight /= sum);
+        }
+        weights
+    }
+}

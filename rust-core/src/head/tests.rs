@@ -1,0 +1,222 @@
+use super::*;
+use crate::mesh::Mesh;
+use crate::{
+    nn::golden::{Golden, distance},
+    progress::SILENT,
+};
+
+fn golden() -> (Golden, Head) {
+    let golden = Golden::open("facetalk_head_debug");
+    let config = HeadConfig::from_json(&golden.metadata("config")).unwrap();
+    let head = Head::new(config, &golden.weights()).unwrap();
+    (golden, head)
+}
+
+/// The built-in head, loaded once.
+fn head() -> &'static Head {
+    static HEAD: std::sync::LazyLock<Head> = std::sync::LazyLock::new(|| Head::open(None).unwrap());
+    &HEAD
+}
+
+fn of_seed(seed: u64) -> OneHead<'static> {
+    head()
+        .one(head().identity_code(&Head::random(seed)).unwrap())
+        .unwrap()
+}
+
+#[test]
+fn every_part_equals_its_twin() {
+    let (golden, head) = golden();
+    let metres = head.config().scale_m;
+    let z = head.identity_code(&golden.values("coefficients")).unwrap();
+    assert!(distance(&z, &golden.values("z")) < 1e-5);
+    let expression = head.expression_code(&golden.values("channels")).unwrap();
+    assert!(distance(&expression, &golden.values("expression")) < 1e-5);
+    let one = head.one(z).unwrap();
+    let points: Vec<[f32; 3]> = golden
+        .matrix("points")
+        .outer_iter()
+        .map(|p| [p[0], p[1], p[2]].map(|x| x * metres))
+        .collect();
+    let check = |name: &str, made: &[f32]| {
+        let in_units: Vec<f32> = made.iter().map(|x| x / metres).collect();
+        let off = distance(&in_units, &golden.values(name));
+        assert!(off < 1e-4, "{name}: {off}");
+    };
+    check("anchors", one.anchors().as_flattened());
+    check("mean_place", one.on_mean(&points).as_flattened());
+    check("identity", &one.distance(&points));
+    let posed = one.posed(&expression).unwrap();
+    check("posed", posed.forward(&points).as_flattened());
+    check("canonical", posed.backward(&points).as_flattened());
+    check("field", &posed.distance(&points));
+    let mover = one.mover(points);
+    check("posed", mover.at(&expression).unwrap().as_flattened());
+}
+
+#[test]
+fn codes_of_another_length_are_told() {
+    let (_, head) = golden();
+    let error = head.one(vec![0.0; 5]).err().unwrap().to_string();
+    assert!(error.contains("expected 27 numbers, got 5"), "{error}");
+    let error = head.identity_code(&[f32::NAN; COEFFICIENTS]).unwrap_err();
+    assert!(error.to_string().contains("finite"), "{error}");
+    let error = Head::checked(vec![1.0; 7], true).unwrap_err();
+    assert!(
+        error.to_string().contains("expected 100 numbers, got 7"),
+        "{error}"
+    );
+}
+
+#[test]
+fn codes_far_outside_are_told_and_pulled_back() {
+    let far: Vec<f32> = Head::random(1).iter().map(|c| 3.0 * c).collect();
+    let error = Head::checked(far.clone(), false).unwrap_err().to_string();
+    assert!(error.contains("pulled back"), "{error}");
+    let near = Head::checked(far, true).unwrap();
+    assert_eq!(Head::checked(near.clone(), false).unwrap(), near);
+    let usual = Head::random(1);
+    assert_eq!(Head::checked(usual.clone(), false).unwrap(), usual);
+}
+
+#[test]
+fn a_direction_is_set_and_the_others_stay() {
+    let head = head();
+    let mut coefficients = Head::random(5);
+    let before = head.along(&coefficients).unwrap();
+    let number = head
+        .direction(&head.config().directions[2].name.replace(' ', "-"))
+        .unwrap();
+    head.set_along(&mut coefficients, number, -1.5).unwrap();
+    let after = head.along(&coefficients).unwrap();
+    for (n, (a, b)) in before.iter().zip(&after).enumerate() {
+        let wanted = if n == number { -1.5 } else { *a };
+        assert!((b - wanted).abs() < 1e-4, "{n}: {a} {b}");
+    }
+    assert!(head.set_along(&mut coefficients, 0, 9.0).is_err());
+    let error = head.direction("shoe size").unwrap_err().to_string();
+    assert!(error.contains(&head.config().directions[0].name), "{error}");
+}
+
+#[test]
+fn a_mixture_lies_between() {
+    let (a, b) = (Head::random(1), Head::random(2));
+    assert_eq!(Head::mixture(&a, &b, 0.0).unwrap(), a);
+    let half = Head::mixture(&a, &b, 0.5).unwrap();
+    assert!((half[7] - 0.5 * (a[7] + b[7])).abs() < 1e-6);
+    assert!(Head::mixture(&a, &b, 1.5).is_err());
+}
+
+#[test]
+fn a_made_head_is_closed_and_has_its_landmarks_on_vertices() {
+    let options = HeadOptions {
+        resolution: 64,
+        parts: true,
+    };
+    let made = of_seed(3).mesh(&options, SILENT).unwrap();
+    let skin = &made.objects[0];
+    let of_skin = made
+        .mesh
+        .triangles
+        .iter()
+        .filter(|t| skin.1.contains(&(t[0] as usize)));
+    let mut edges = std::collections::HashMap::new();
+    for [a, b, c] in of_skin {
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            *edges.entry((*from.min(to), *from.max(to))).or_insert(0i32) +=
+                if from < to { 1 } else { -1 };
+        }
+    }
+    assert!(
+        edges.values().all(|sum| *sum == 0),
+        "every edge is used once in each direction"
+    );
+    let mut vertices = made.landmarks.vertices.to_vec();
+    for (vertex, place) in vertices.iter().zip(made.landmarks.positions) {
+        assert_eq!(made.mesh.positions[*vertex as usize], place);
+        assert!(skin.1.contains(&(*vertex as usize)));
+    }
+    vertices.sort_unstable();
+    vertices.dedup();
+    assert_eq!(vertices.len(), 68, "no vertex twice");
+    crate::mesh::align_to_canonical(&made.landmarks).unwrap();
+    made.mesh.check().unwrap();
+    let read = Mesh::parse(made.to_obj().as_bytes()).unwrap();
+    assert_eq!(read.triangles, made.mesh.triangles);
+}
+
+#[test]
+fn a_cancelled_head_says_so() {
+    let stop = |_: crate::progress::Progress| false;
+    let made = of_seed(3).mesh(&HeadOptions::default(), &stop);
+    assert!(matches!(made, Err(Error::Cancelled)));
+}
+
+/// A head at rest as a scan: all its skin, in millimetres, upside down, with noise.
+#[test]
+fn a_head_is_found_again_from_its_points() {
+    let truth = Head::random(21);
+    let one = head().one(head().identity_code(&truth).unwrap()).unwrap();
+    let options = HeadOptions {
+        resolution: 72,
+        parts: false,
+    };
+    let made = one.mesh(&options, SILENT).unwrap();
+    let elsewhere = |p: [f32; 3]| [-1e3 * p[0] + 40.0, -1e3 * p[1], 1e3 * p[2] - 7.0];
+    let points: Vec<[f32; 3]> = made.mesh.positions.iter().map(|p| elsewhere(*p)).collect();
+    let mut landmarks = made.landmarks.clone();
+    landmarks.positions = landmarks.positions.map(elsewhere);
+    let fit = head()
+        .fit_scan(&points, &landmarks, &ScanOptions::default(), SILENT)
+        .unwrap();
+    assert!(
+        fit.warnings[0].contains("millimetres"),
+        "{:?}",
+        fit.warnings
+    );
+    assert!((fit.metres_per_unit / 1e-3 - 1.0).abs() < 0.1);
+    let mean = head()
+        .one(head().identity_code(&[0.0; COEFFICIENTS]).unwrap())
+        .unwrap();
+    let placed: Vec<[f32; 3]> = made.canonical.iter().take(2000).copied().collect();
+    let mean_mm = 1e3 * mean.distance(&placed).iter().map(|s| s.abs()).sum::<f32>() / 2000.0;
+    assert!(
+        fit.mean_mm < 0.5 && fit.mean_mm < 0.4 * mean_mm,
+        "{} of {mean_mm}",
+        fit.mean_mm
+    );
+}
+
+#[test]
+fn scans_that_are_none_are_told() {
+    let made = of_seed(4)
+        .mesh(
+            &HeadOptions {
+                resolution: 48,
+                parts: false,
+            },
+            SILENT,
+        )
+        .unwrap();
+    let told = |points: &[[f32; 3]], landmarks: &crate::mesh::Landmarks| {
+        let fit = head().fit_scan(points, landmarks, &ScanOptions::default(), SILENT);
+        fit.unwrap_err().to_string()
+    };
+    let error = told(&made.mesh.positions[..3], &made.landmarks);
+    assert!(error.contains("at least 300 points on the face"), "{error}");
+    let mut broken = made.mesh.positions.clone();
+    broken[9][1] = f32::NAN;
+    assert!(told(&broken, &made.landmarks).contains("finite points"));
+    // A wall in the plane of the landmarks is no head.
+    let wall: Vec<[f32; 3]> = (0..10_000)
+        .map(|n| {
+            [
+                (n % 100) as f32 * 2e-3 - 0.1,
+                (n / 100) as f32 * 2e-3 - 0.14,
+                0.03,
+            ]
+        })
+        .collect();
+    let error = told(&wall, &made.landmarks);
+    assert!(error.contains("expected a face"), "{error}");
+}

@@ -1,0 +1,204 @@
+//! FaceTalk as a [`System`]: speech to expression codes, which the head's field turns into motion.
+
+use std::{path::Path, sync::Arc};
+
+use ndarray::{Array2, Array3, ArrayView2};
+
+use super::{Denoiser, MotionConfig, Sampling};
+use crate::{
+    Error, Result,
+    conditions::{Control, ControlStage, ControlValues, Controls, EmotionCurve, MotionRequest},
+    deform::LEARNED,
+    diffusion::frame_noise,
+    head::{self, COEFFICIENTS, Head, HeadConfig},
+    ibug::LANDMARKS,
+    motion::{
+        self, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, PERFORMANCE_CONTROLS,
+        Performer,
+    },
+    nn::Weights,
+    progress::ProgressFn,
+    speech::{Heard, SpeechInput},
+    systems::{Registration, Slider, System},
+};
+
+/// Denoising steps; 0 leaves them to the model.
+static STEPS: Control = Control {
+    name: "steps",
+    label: "Steps",
+    help: "Denoising steps; 0 takes the model's own number.",
+    unit: "",
+    values: ControlValues::Whole,
+    low: 0.0,
+    high: 1000.0,
+    default: 0.0,
+    neutral: 0.0,
+    stage: ControlStage::Motion,
+    is_animatable: false,
+};
+
+/// r of eq. 8.
+static VIVIDNESS: Control = Control {
+    name: "vividness",
+    label: "Vividness",
+    help: "How far the face goes from rest, as the model learned it: 1 as recorded.",
+    values: ControlValues::Real,
+    low: 0.7,
+    high: 1.3,
+    default: 1.0,
+    neutral: 1.0,
+    ..STEPS
+};
+
+/// w of eq. 10.
+static GUIDANCE: Control = Control {
+    name: "speech_guidance",
+    label: "Speech Guidance",
+    help: "How much more the speech counts than chance; the mouth opens wider the higher it is.",
+    values: ControlValues::Real,
+    low: 1.0,
+    high: 3.0,
+    default: 1.5,
+    neutral: 1.5,
+    ..STEPS
+};
+
+static OWN_CONTROLS: &[Control] = &[VIVIDNESS, GUIDANCE, STEPS, LEARNED];
+
+/// How the registry knows FaceTalk.
+pub static REGISTRATION: Registration = Registration {
+    name: "facetalk",
+    label: "FaceTalk",
+    help: "Speech moves a head that is a field; its landmarks move the mesh.",
+    models: &[],
+    controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
+    takes_events: false,
+    takes_words: false,
+    hears_feeling: false,
+    starts_from_pose: false,
+    sliders: &Slider::ALL,
+    open: |folder| Ok(Box::new(FaceTalk::open(folder)?)),
+};
+
+/// The speech model and the head that its codes move.
+pub struct FaceTalk {
+    denoiser: Denoiser,
+    head: Arc<Head>,
+    modes: Arc<FaceModes>,
+    expressions: Arc<Expressions>,
+}
+
+impl FaceTalk {
+    /// The built-in models, or those of `folder`.
+    ///
+    /// # Errors
+    /// `Weights` or `Io` if a file is missing, truncated or does not fit its config.
+    pub fn open(folder: Option<&Path>) -> Result<Self> {
+        let files = head::MODEL.open(folder)?;
+        let weights = Weights::from_bytes(&files.weights)?;
+        let config = MotionConfig::from_json(&files.config)?;
+        let head = Head::new(HeadConfig::from_json(&files.config)?, &weights)?;
+        let (codes, wanted) = (config.codes, head.config().expression_code);
+        if codes != wanted {
+            return Err(Error::Weights(format!(
+                "facetalk config.json: motion: expected {wanted} codes, as the head has, got {codes}"
+            )));
+        }
+        Ok(FaceTalk {
+            denoiser: Denoiser::new(config, &weights.pp("motion"))?,
+            head: Arc::new(head),
+            modes: Arc::new(FaceModes::open(folder)?),
+            expressions: Arc::new(Expressions::open(folder)?),
+        })
+    }
+
+    fn config(&self) -> &MotionConfig {
+        self.denoiser.config()
+    }
+
+    fn sampling(&self, controls: &Controls) -> Sampling {
+        let own = self.config().sampling;
+        let steps = STEPS.value(controls) as usize;
+        Sampling {
+            steps: if steps > 0 { steps } else { own.steps },
+            guidance: GUIDANCE.value(controls),
+            vividness: VIVIDNESS.value(controls),
+            ..own
+        }
+    }
+
+    /// How landmarks of the mean head move from rest under codes `[T, X]`, `[T, 68, 3]` metres.
+    fn landmarks(&self, codes: ArrayView2<'_, f32>) -> Result<Array3<f32>> {
+        let z = self.head.identity_code(&[0.0; COEFFICIENTS])?;
+        let one = self.head.one(z)?;
+        let places = one.mover(one.landmarks());
+        let rest = places.at(&self.head.rest_code())?;
+        let mut out = Array3::zeros((codes.nrows(), LANDMARKS, 3));
+        for (code, mut frame) in codes.rows().into_iter().zip(out.outer_iter_mut()) {
+            let moved = places.at(&code.to_vec())?;
+            for (mut row, (to, from)) in frame.rows_mut().into_iter().zip(moved.iter().zip(&rest)) {
+                for axis in 0..3 {
+                    row[axis] = to[axis] - from[axis];
+                }
+            }
+        }
+        Ok(out)
+    }
+
+    fn codes(
+        &self,
+        speech: ArrayView2<'_, f32>,
+        request: &MotionRequest,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array2<f32>> {
+        let noise = frame_noise(request.seed, 0, speech.nrows(), self.config().codes);
+        let sampling = self.sampling(&request.controls);
+        self.denoiser.sample(noise, speech, &sampling, progress)
+    }
+}
+
+impl System for FaceTalk {
+    fn speech(&self) -> Option<&SpeechInput> {
+        Some(&self.config().speech)
+    }
+
+    fn sample(
+        &self,
+        heard: &Heard,
+        request: &MotionRequest,
+        progress: ProgressFn<'_>,
+    ) -> Result<Motion> {
+        if let Some(style) = &request.style {
+            return Err(Error::InvalidInput(format!(
+                "style: expected none, which is all that facetalk knows, got {style:?}"
+            )));
+        }
+        let fps = self.config().fps;
+        let codes = self.codes(heard.features(fps).view(), request, progress)?;
+        let displacements = self.landmarks(codes.view())?;
+        let frames = heard.frames(request.fps);
+        let mut clip = LandmarkClip { displacements, fps }.at_rate(request.fps, frames);
+        motion::close_lips(&mut clip, &heard.closures(request.closures.as_deref()));
+        Ok(Motion::Landmarks(clip))
+    }
+
+    fn samples_emotion(&self) -> bool {
+        false
+    }
+
+    fn perform(
+        &self,
+        sampled: &Motion,
+        heard: &Heard,
+        request: &MotionRequest,
+        blink_emotion: &EmotionCurve,
+    ) -> Result<Motion> {
+        let performer = Performer {
+            modes: &self.modes,
+            expressions: &self.expressions,
+            emotion_origin: EmotionOrigin::Added,
+            prosody: &heard.prosody,
+        };
+        performer.perform(sampled, request, &request.emotion, blink_emotion)
+    }
+}

@@ -1,0 +1,87 @@
+"""Single frames of ARKit weights, [N, 51]: what faces do in recordings, and what anybody may ask for."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import torch
+from safetensors import safe_open
+from torch import Tensor
+
+from training.corpus.arkit import facegood_weights
+from training.corpus.emotions import AU_TO_ARKIT, PROTOTYPES
+from training.corpus.faces import CHANNELS
+from training.corpus.split import facegood_first_held_out, grid_held_out
+
+REST_SHARE, SINGLE_SHARE, SPARSE_SHARE, CAPTURED_SHARE = 0.12, 0.15, 0.28, 0.3
+"""The rest are tracked frames of grid_s1."""
+FELT_SHARE = 0.25
+SPARSE_CHANNELS = 0.12
+BLINK_SHARE = 0.25
+"""Poses whose lids are shut besides, half of them wholly."""
+LIDS = [CHANNELS.index("eyeBlinkLeft"), CHANNELS.index("eyeBlinkRight")]
+
+
+def recorded(data: Path, held_out: bool) -> tuple[Tensor, Tensor]:
+    """Frames of facegood_zh and of grid_s1's tracker, [N, 51] and [M, 51], of training or the others."""
+    spoken = []
+    for weights, _ in facegood_weights(data).values():
+        cut = facegood_first_held_out(len(weights))
+        spoken.append(weights[cut:] if held_out else weights[:cut])
+    with safe_open(data / "motion/grid_s1/face_track.safetensors", "np") as file:
+        names = json.loads(file.metadata()["weight_names"])
+        clips = json.loads(file.metadata()["clips"])
+        offsets, found = file.get_tensor("clip_offsets"), file.get_tensor("found").astype(bool)
+        weights = file.get_tensor("weights")[:, [names.index(c) for c in CHANNELS]]
+    left = grid_held_out(clips)
+    chosen = np.concatenate([
+        np.arange(offsets[i], offsets[i + 1]) for i, name in enumerate(clips) if (name in left) == held_out
+    ])  # fmt: skip
+    chosen = chosen[found[chosen]]
+    return torch.cat(spoken).float(), torch.from_numpy(weights[chosen]).float() / 255.0
+
+
+def felt() -> Tensor:
+    """Each emotion's prototype as weights, clamped to 0 … 1, [E, 51]."""
+    rows = torch.zeros(len(PROTOTYPES), len(CHANNELS))
+    for row, units in zip(rows, PROTOTYPES.values(), strict=True):
+        for unit, strength in units.items():
+            for name in AU_TO_ARKIT[unit]:
+                stem = name.replace("_L", "Left").replace("_R", "Right")
+                if stem in CHANNELS:
+                    row[CHANNELS.index(stem)] += strength
+    return rows.clamp(0.0, 1.0)
+
+
+class Poses:
+    """Draws weights: frames of recordings, some under an emotion, sparse ones, single channels and rest."""
+
+    def __init__(self, data: Path, held_out: bool = False):
+        self.captured, self.tracked = recorded(data, held_out)
+        self.felt = felt()
+
+    def draw(self, count: int, random: torch.Generator) -> Tensor:
+        """Weights [count, 51] in 0 … 1."""
+
+        def pick(rows: Tensor) -> Tensor:
+            return rows[torch.randint(0, len(rows), (count,), generator=random)]
+
+        def uniform(*shape: int) -> Tensor:
+            return torch.rand(*shape, generator=random)
+
+        sparse = uniform(count, len(CHANNELS)) * (uniform(count, len(CHANNELS)) < SPARSE_CHANNELS)
+        single = uniform(count, 1) * pick(torch.eye(len(CHANNELS)))
+        kinds = torch.stack(
+            [torch.zeros_like(single), single, sparse, pick(self.captured), pick(self.tracked)]
+        )
+        shares = torch.tensor([REST_SHARE, SINGLE_SHARE, SPARSE_SHARE, CAPTURED_SHARE]).cumsum(0)
+        kind = torch.bucketize(uniform(count), shares)
+        weights = kinds[kind, torch.arange(count)]
+        emotional = (uniform(count) < FELT_SHARE) & (kind >= 3)
+        added = uniform(count, 1) * pick(self.felt) * emotional[:, None]
+        blinks = uniform(count, 1) < BLINK_SHARE
+        shut = (2.0 * uniform(count, 1)).clamp(max=1.0) * blinks
+        weights[:, LIDS] = torch.maximum(weights[:, LIDS], shut)
+        return (weights + added).clamp(0.0, 1.0)

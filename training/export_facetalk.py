@@ -1,0 +1,71 @@
+"""Writes FaceTalk's head, and its speech model beside it, as the one folder that Rust reads.
+
+    python -m training.export_facetalk --head runs/facetalk/head.pt --motion runs/facetalk_motion/motion.pt
+
+Weights are f16; maps to codes, landmarks, directions, mean and deviation stay f32.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import torch
+from safetensors.torch import load_file
+
+from training.export import write_model
+from training.systems.facetalk.config import HeadConfig
+from training.systems.facetalk.head import Head
+from training.systems.facetalk.motion import Denoiser, MotionConfig
+from training.train_facetalk import load
+
+EXACT = ("identity_code.", "expression_code.", "identity.landmarks.", "identity.mirror", "principal.",
+         "motion.mean", "motion.std")  # fmt: skip
+
+
+def export(head: Head, motion: Denoiser | None, folder: Path) -> Path:
+    """model.safetensors and config.json."""
+    state, config = dict(head.state_dict()), head.config.to_json()
+    if motion is not None:
+        state |= {f"motion.{key}": value for key, value in motion.state_dict().items()}
+        config["motion"] = motion.config.to_json()
+    stored = {key: value.float() if key.startswith(EXACT) else value.half() for key, value in state.items()}
+    return write_model(folder, stored, config, exact=True)
+
+
+def load_folder(folder: Path) -> tuple[Head, Denoiser | None]:
+    """What `export` wrote, in f32."""
+    config = json.loads((folder / "config.json").read_text())
+    state = {key: value.float() for key, value in load_file(folder / "model.safetensors").items()}
+    head = Head(HeadConfig.from_json(config))
+    head.load_state_dict({key: value for key, value in state.items() if not key.startswith("motion.")})
+    if "motion" not in config:
+        return head.eval(), None
+    motion = Denoiser(MotionConfig.from_json(config["motion"]))
+    prefix = "motion."
+    motion.load_state_dict({key[len(prefix) :]: v for key, v in state.items() if key.startswith(prefix)})
+    return head.eval(), motion.eval()
+
+
+def load_motion(path: Path) -> Denoiser:
+    """motion.pt of `training.train_facetalk_motion`."""
+    kept = torch.load(path, map_location="cpu", weights_only=True)
+    model = Denoiser(MotionConfig.from_json(kept["config"]))
+    model.load_state_dict(kept["state"])
+    return model.eval()
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--head", type=Path, required=True, help="head.pt")
+    parser.add_argument("--motion", type=Path, help="motion.pt; none: a head without speech")
+    parser.add_argument("--out", type=Path, default=Path("rust-core/models/facetalk_compact"))
+    arguments = parser.parse_args()
+    motion = load_motion(arguments.motion) if arguments.motion else None
+    print(export(load(arguments.head), motion, arguments.out))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,125 @@
+"""What trains the deformations: exact pairs of canonical and posed places, and lips and lids that meet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from training.corpus.heads import FACE_VERTICES, IctHeads, vertex_normals
+from training.corpus.poses import LIDS, Poses
+from training.systems.facetalk.head import Head
+
+CODES = 5e-5
+GAPS = 4.0
+TOGETHER_M, APART_M = 1.5e-3, 3e-3
+MOST_PAIRS = 200
+ABOUT_M = 0.02
+FAR_SHARE = 0.15
+STILL_M = 0.02
+"""Places of the volume farther from the skin than this do not move."""
+BACKWARD_POINTS, BACKWARD_AWAY_M = 0.5, 1.5e-3
+
+
+@dataclass
+class Batch:
+    """What both directions learn from. `B` heads and poses."""
+
+    z: Tensor
+    weights: Tensor
+    canonical: Tensor
+    posed: Tensor
+    normals: Tensor
+
+
+def lip_pairs(heads: IctHeads) -> Tensor:
+    """Vertices of the upper and the lower lip that meet at rest and not in the canonical pose, [N, 2]."""
+    return meeting(heads, heads.mean, heads.landmarks[48:])
+
+
+def lid_pairs(heads: IctHeads) -> Tensor:
+    """Vertices of lids that meet when eyes are shut and not in the canonical pose, [N, 2]."""
+    return meeting(heads, heads.mean + heads.modes[LIDS].sum(0), heads.landmarks[36:48])
+
+
+def meeting(heads: IctHeads, shut: Tensor, landmarks: Tensor) -> Tensor:
+    """Pairs, the upper one first, of vertices near landmarks that are together in the pose `shut` [V, 3]."""
+    near = torch.cdist(heads.mean[:FACE_VERTICES], heads.mean[landmarks]).amin(1) < ABOUT_M
+    rows = near.nonzero()[:, 0]
+    together = torch.cdist(shut[rows], shut[rows])
+    opened = torch.cdist(heads.opened[rows], heads.opened[rows])
+    a, b = ((together < TOGETHER_M) & (opened > APART_M)).nonzero().T
+    higher = heads.opened[rows[a], 1] > heads.opened[rows[b], 1]
+    return torch.stack([rows[a[higher]], rows[b[higher]]], 1)
+
+
+class ExpressionLoss:
+    """Holds poses, the pairs of lips and lids, and says the loss of one batch."""
+
+    def __init__(self, heads: IctHeads, poses: Poses):
+        self.heads, self.poses = heads, poses
+        self.lips, self.lids = lip_pairs(heads), lid_pairs(heads)
+        print(f"pairs of vertices: {len(self.lips)} of lips, {len(self.lids)} of lids")
+
+    def __call__(self, head: Head, pool, count: int, points: int, exact: bool, cycle: bool, random):
+        """`exact`: places on the mean head are those of the triangles, not those the identity field finds;
+        `cycle`: the backward field starts from where the forward field brings points."""
+        heads, scale = self.heads, head.config.scale_m
+        chosen = pool.draw(count)
+        weights = self.poses.draw(count, random)
+        canonical, normals = pool.vertices[chosen], pool.normals[chosen]
+        sizes = pool.scales[chosen][:, None, None]
+        posed = canonical + sizes * ((weights - heads.rest) @ heads.modes.flatten(1)).unflatten(1, (-1, 3))
+        turned = vertex_normals(posed, heads.triangles)
+        rows = torch.randint(0, len(heads.places), (points,), generator=random)
+        places = heads.places[rows]
+        pairs = [p[torch.randint(0, len(p), (MOST_PAIRS,), generator=random)] for p in (self.lips, self.lids)]
+        ends = torch.cat(pairs).T.flatten()
+        with torch.no_grad():
+            z = head.identity_code(pool.coefficients[chosen])
+            anchors = head.identity.anchors(z)
+        here = torch.cat([heads.at(canonical, normals, places), canonical[:, ends]], 1) / scale
+        there = torch.cat([heads.at(posed, turned, places), posed[:, ends]], 1) / scale
+        if exact:
+            on_mean = heads.at(heads.opened[None], heads.normals[None], places)
+            place = torch.cat([on_mean, heads.opened[None, ends]], 1) / scale
+        else:
+            with torch.no_grad():
+                place = head.place(here, z)
+        far = self._far(random) / scale
+        code = head.expression(weights)
+        joined = torch.cat([place, far.expand(len(place), -1, -1)], 1)
+        moved = head.forward_field.move(joined, z, anchors, code)
+        still = moved[:, place.shape[1] :]
+        error = here + moved[:, : place.shape[1]] - there
+        upper, lower = error[:, points:].chunk(2, 1)
+        length = error.norm(dim=-1)
+        forward, gap = length.mean(), (upper - lower).norm(dim=-1).mean()
+        kept = int(BACKWARD_POINTS * points)
+        close = (places.away.abs() <= BACKWARD_AWAY_M).nonzero()[:, 0][:kept]
+        start = (here + moved[:, : place.shape[1]]).detach()[:, close] if cycle else there[:, close]
+        with torch.no_grad():
+            found = head.place(start, z)
+        back = start + head.backward_field.move(found, z, anchors, code) - here[:, close]
+        backward = back.norm(dim=-1).mean()
+        total = forward + GAPS * gap + still.norm(dim=-1).mean() + backward + CODES * code.square().mean()
+        mm = 1e3 * scale
+        rest = (weights == 0.0).all(1)
+        lips, lids = (upper - lower).norm(dim=-1).split(MOST_PAIRS, 1)
+        report = {
+            "forward mm": mm * length[:, :points].mean().item(),
+            "lips and lids mm": mm * length[:, points:].mean().item(),
+            "lips' gap mm": mm * lips.mean().item(),
+            "lids' gap mm": mm * lids.mean().item(),
+            "backward mm": mm * backward.item(),
+            "still mm": mm * still.norm(dim=-1).mean().item(),
+        }
+        if rest.any():
+            report["gap at rest mm"] = mm * lips[rest].mean().item()
+        return total, report
+
+    def _far(self, random: torch.Generator) -> Tensor:
+        volume = self.heads.volume
+        far = (volume.distance > STILL_M).nonzero()[:, 0]
+        return volume.points[far[torch.randint(0, len(far), (100,), generator=random)]]

@@ -1,0 +1,52 @@
+"""Golden of FaceTalk's speech model: single passes with and without speech, and guided runs."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+from safetensors.torch import save_file
+
+from training.speech.golden_compact import randomise_norms
+from training.systems.facetalk.motion import Denoiser, debug_config, sample_from
+
+COMMAND = "python -m training.goldens facetalk_motion"
+FRAMES = 20
+
+
+@torch.no_grad()
+def write(out: Path, shared: Path) -> Path:
+    """`weights.*` (without the prefix `motion.`); `noisy`, `noise` [T, X], `timestep` [1], `speech` [T, C],
+    `vividness` [1] → `clean`, `clean_null` (one pass), `codes` (guidance 1), `guided` (guidance 1.7, r 1.2).
+    `shared` is not used.
+    """
+    torch.manual_seed(37)
+    config = debug_config()
+    model = Denoiser(config).eval()
+    randomise_norms(model)
+    for name, parameter in model.named_parameters():
+        if name.startswith("film.") or name == "null_speech":
+            parameter.copy_(0.2 * torch.randn_like(parameter))
+    model.mean.copy_(0.3 * torch.randn(config.codes))
+    model.std.copy_(0.2 + torch.rand(config.codes))
+    noisy, noise = torch.randn(FRAMES, config.codes), torch.randn(FRAMES, config.codes)
+    speech, timestep = torch.randn(FRAMES, config.speech.channels), torch.tensor([412])
+    yes, no, r = torch.tensor([True]), torch.tensor([False]), torch.tensor([1.15])
+    plain = replace(config.sampling, guidance=1.0)
+    strong = replace(config.sampling, guidance=1.7, vividness=1.2, temperature=0.8)
+    tensors = {f"weights.{key}": value for key, value in model.state_dict().items()}
+    tensors |= {
+        "noisy": noisy,
+        "noise": noise,
+        "timestep": timestep,
+        "speech": speech,
+        "vividness": r,
+        "clean": model(noisy[None], timestep, speech[None], yes, r)[0],
+        "clean_null": model(noisy[None], timestep, speech[None], no, r)[0],
+        "codes": sample_from(model, noise, speech, plain),
+        "guided": sample_from(model, noise, speech, strong),
+    }
+    path = out / "facetalk_motion_debug.safetensors"
+    metadata = {"config": json.dumps(config.to_json()), "tolerance": "1e-4", "command": COMMAND}
+    save_file({key: value.contiguous() for key, value in tensors.items()}, path, metadata)
+    return path

@@ -1,0 +1,202 @@
+"""Speech to expression codes: a transformer decoder that predicts clean codes (§4, fig. 2; eq. 2 to 10).
+
+Departures: the norm stands before each sublayer and what it adds is modulated (`nn.film`); positions are
+rotary; a row sees itself and `look_back_frames` − 1 rows behind it, so that a sound of any length is sampled
+at once as windows were trained; the model is told the augmentation r of eq. 8, which then is a control.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+
+import torch
+from torch import Tensor, nn
+
+from training.diffusion.ddim import ddim_sample
+from training.diffusion.guidance import guided
+from training.diffusion.schedule import alphas_cumprod
+from training.nn.attention import band_mask
+from training.nn.embedding import timestep_embedding
+from training.nn.film import Film, film
+from training.nn.rotary import RotaryAttention
+
+PLACES = 3
+
+
+@dataclass
+class SpeechInput:
+    """Which encoder feeds the model."""
+
+    encoder: str = "compact_speech"
+    channels: int = 192
+
+
+@dataclass
+class Diffusion:
+    """The forward process, eq. 2."""
+
+    schedule: str = "cosine"
+    train_steps: int = 1000
+
+
+@dataclass
+class Sampling:
+    """Defaults of the reverse process; guidance is w of eq. 10, vividness r of eq. 8."""
+
+    steps: int = 10
+    spacing: str = "trailing"
+    temperature: float = 1.0
+    guidance: float = 1.5
+    vividness: float = 1.0
+
+
+@dataclass
+class MotionConfig:
+    """Everything that inference has to know; `motion` in config.json."""
+
+    codes: int = 64
+    fps: float = 25.0
+    width: int = 192
+    inner: int = 192
+    blocks: int = 4
+    heads: int = 4
+    feedforward: int = 384
+    band: int = 0
+    look_back_frames: int = 48
+    film: bool = True
+    speech: SpeechInput = field(default_factory=SpeechInput)
+    diffusion: Diffusion = field(default_factory=Diffusion)
+    sampling: Sampling = field(default_factory=Sampling)
+
+    def to_json(self) -> dict:
+        """As written to config.json."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, data: dict) -> MotionConfig:
+        """Reads what `to_json` wrote."""
+        parts = {"speech": SpeechInput, "diffusion": Diffusion, "sampling": Sampling}
+        return cls(**{key: parts[key](**value) if key in parts else value for key, value in data.items()})
+
+
+def debug_config() -> MotionConfig:
+    """Small enough for a golden."""
+    return MotionConfig(
+        codes=5,
+        width=16,
+        inner=16,
+        blocks=2,
+        heads=2,
+        feedforward=24,
+        look_back_frames=6,
+        speech=SpeechInput("compact_speech", 16),
+        sampling=Sampling(steps=4),
+    )
+
+
+class Time(nn.Module):
+    """MLP of three layers behind the timestep's sinusoids."""
+
+    def __init__(self, width: int):
+        super().__init__()
+        self.linear1, self.linear2, self.linear3 = (nn.Linear(width, width) for _ in range(3))
+
+    def forward(self, x: Tensor) -> Tensor:
+        """[B, d] → [B, d]."""
+        silu = nn.functional.silu
+        return self.linear3(silu(self.linear2(silu(self.linear1(x)))))
+
+
+class Block(nn.Module):
+    """Self-attention, cross-attention and feed-forward, each followed by FiLM."""
+
+    def __init__(self, config: MotionConfig):
+        super().__init__()
+        width = config.width
+        self.self_attn = RotaryAttention(width, config.inner, config.heads)
+        self.cross_attn = RotaryAttention(width, config.inner, config.heads)
+        self.linear1, self.linear2 = (
+            nn.Linear(width, config.feedforward),
+            nn.Linear(config.feedforward, width),
+        )
+        self.norm1, self.norm2, self.norm3 = (nn.LayerNorm(width) for _ in range(PLACES))
+
+    def forward(self, x: Tensor, memory: Tensor, films, behind: Tensor, band: Tensor) -> Tensor:
+        """`x`, `memory` [B, T, d]; masks [T, T]."""
+        y = self.norm1(x)
+        x = film(x, self.self_attn(y, y, behind), *films[0])
+        x = film(x, self.cross_attn(self.norm2(x), memory, band), *films[1])
+        y = self.linear2(nn.functional.gelu(self.linear1(self.norm3(x))))
+        return film(x, y, *films[2])
+
+
+class Denoiser(nn.Module):
+    """x̂₀ = D(x_t; t, speech, r) in standardised codes."""
+
+    def __init__(self, config: MotionConfig):
+        super().__init__()
+        self.config = config
+        width = config.width
+        self.x_proj, self.mem_proj = nn.Linear(config.codes, width), nn.Linear(config.speech.channels, width)
+        self.null_speech = nn.Parameter(torch.zeros(width))
+        self.time, self.vividness = Time(width), nn.Linear(1, width)
+        self.film = Film(width, width, PLACES * config.blocks)
+        self.blocks = nn.ModuleList(Block(config) for _ in range(config.blocks))
+        self.norm, self.head = nn.LayerNorm(width), nn.Linear(width, config.codes)
+        self.register_buffer("mean", torch.zeros(config.codes))
+        self.register_buffer("std", torch.ones(config.codes))
+
+    def forward(self, noisy: Tensor, timestep: Tensor, speech: Tensor, given: Tensor, r: Tensor) -> Tensor:
+        """`noisy` [B, T, X], `timestep` [B], `speech` [B, T, C], `given` [B] bool, `r` [B] → x̂₀."""
+        frames = noisy.shape[1]
+        if speech.shape[1] != frames:
+            raise ValueError(f"speech frames: expected {frames}, got {speech.shape[1]}")
+        condition = self.time(timestep_embedding(timestep, self.config.width)) + self.vividness(
+            r[:, None] - 1.0
+        )
+        films = self.film(condition if self.config.film else torch.zeros_like(condition))
+        memory = torch.where(given[:, None, None], self.mem_proj(speech), self.null_speech)
+        rows = torch.arange(frames, device=noisy.device)
+        back = rows[:, None] - rows
+        behind = (back >= 0) & (back < self.config.look_back_frames)
+        band = band_mask(frames, frames, self.config.band, noisy.device)
+        x = self.x_proj(noisy)
+        if not self.config.film:
+            x = x + condition[:, None]
+        for number, block in enumerate(self.blocks):
+            x = block(x, memory, films[PLACES * number : PLACES * (number + 1)], behind, band)
+        return self.head(self.norm(x))
+
+    def standardise(self, codes: Tensor) -> Tensor:
+        """z_ex [..., X] → the model's space."""
+        return (codes - self.mean) / self.std
+
+    def to_codes(self, x: Tensor) -> Tensor:
+        """The model's space → z_ex."""
+        return x * self.std + self.mean
+
+
+@torch.no_grad()
+def sample_from(model: Denoiser, noise: Tensor, speech: Tensor, sampling: Sampling | None = None) -> Tensor:
+    """z_ex [T, X] of a whole sound from unit noise [T, X]; `speech` [T, C]."""
+    config, sampling = model.config, sampling or model.config.sampling
+    alphas = alphas_cumprod(config.diffusion.schedule, config.diffusion.train_steps)
+    yes, no = torch.tensor([True]), torch.tensor([False])
+    r = torch.tensor([sampling.vividness])
+
+    def predict(x: Tensor, t: int) -> Tensor:
+        step = torch.tensor([t])
+        heard = model(x, step, speech[None], yes, r)
+        if sampling.guidance == 1.0:
+            return heard
+        return guided(model(x, step, speech[None], no, r), heard, sampling.guidance)
+
+    start = sampling.temperature * noise[None]
+    return model.to_codes(ddim_sample(predict, start, alphas, sampling.steps, sampling.spacing)[0])
+
+
+def sample(model: Denoiser, speech: Tensor, seed: int = 0, sampling: Sampling | None = None) -> Tensor:
+    """z_ex [T, X] of features [T, C]."""
+    generator = torch.Generator().manual_seed(seed)
+    noise = torch.randn(len(speech), model.config.codes, generator=generator)
+    return sample_from(model, noise, speech, sampling)

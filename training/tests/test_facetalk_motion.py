@@ -1,0 +1,92 @@
+"""FaceTalk's speech model: masks, guidance, and codes that are the weights they were made of."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from training.corpus.faces import CHANNELS
+from training.systems.facetalk.config import debug_config as debug_head
+from training.systems.facetalk.head import Head
+from training.systems.facetalk.motion import Denoiser, MotionConfig, debug_config, sample, sample_from
+from training.train_facetalk_motion import Codes
+
+
+def made() -> Denoiser:
+    torch.manual_seed(2)
+    model = Denoiser(debug_config()).eval()
+    with torch.no_grad():
+        for parameter in model.parameters():
+            parameter.add_(0.1 * torch.randn_like(parameter))
+    return model
+
+
+def one_pass(model: Denoiser, noisy, speech, given=True, r=1.0, t=300) -> torch.Tensor:
+    with torch.no_grad():
+        return model(noisy, torch.tensor([t]), speech, torch.tensor([given]), torch.tensor([r]))
+
+
+def test_a_row_sees_itself_and_what_lies_behind_but_not_beyond_the_look_back():
+    model, config = made(), debug_config()
+    noisy, speech = torch.randn(1, 20, config.codes), torch.randn(1, 20, config.speech.channels)
+    before = one_pass(model, noisy, speech)
+    other = noisy.clone()
+    other[0, 9] += 1.0
+    changed = (one_pass(model, other, speech) - before).abs().amax(-1)[0] > 1e-6
+    assert not changed[:9].any() and changed[9]
+    reach = config.blocks * (config.look_back_frames - 1)
+    assert changed[9 : 9 + config.look_back_frames].all() and not changed[9 + reach + 1 :].any()
+
+
+def test_speech_is_heard_in_its_own_frame_alone_and_not_at_all_when_dropped():
+    model, config = made(), replace(debug_config(), look_back_frames=1)
+    model.config = config
+    noisy, speech = torch.randn(1, 12, config.codes), torch.randn(1, 12, config.speech.channels)
+    other = speech.clone()
+    other[0, 5] += 1.0
+    changed = (one_pass(model, noisy, other) - one_pass(model, noisy, speech)).abs().amax(-1)[0] > 1e-6
+    assert changed.nonzero()[:, 0].tolist() == [5]
+    torch.testing.assert_close(one_pass(model, noisy, other, False), one_pass(model, noisy, speech, False))
+
+
+def test_vividness_and_timestep_are_told():
+    model, config = made(), debug_config()
+    noisy, speech = torch.randn(1, 12, config.codes), torch.randn(1, 12, config.speech.channels)
+    usual = one_pass(model, noisy, speech)
+    assert (one_pass(model, noisy, speech, r=1.3) - usual).abs().max() > 1e-4
+    assert (one_pass(model, noisy, speech, t=700) - usual).abs().max() > 1e-4
+
+
+def test_guidance_goes_on_beyond_what_speech_adds():
+    model, config = made(), debug_config()
+    speech, noise = torch.randn(15, config.speech.channels), torch.randn(15, config.codes)
+    one = replace(config.sampling, steps=1)
+    deaf, heard, strong = (
+        sample_from(model, noise, speech, replace(one, guidance=w)) for w in (0.0, 1.0, 2.0)
+    )
+    torch.testing.assert_close(strong - heard, heard - deaf, atol=1e-4, rtol=1e-3)
+    assert (heard - deaf).abs().max() > 1e-3
+
+
+def test_a_seed_gives_the_same_codes_and_another_gives_others():
+    model, speech = made(), torch.randn(15, debug_config().speech.channels)
+    torch.testing.assert_close(sample(model, speech, 3), sample(model, speech, 3))
+    assert (sample(model, speech, 3) - sample(model, speech, 4)).abs().max() > 1e-3
+
+
+def test_speech_of_another_length_is_told():
+    model, config = made(), debug_config()
+    with pytest.raises(ValueError, match="expected 12, got 13"):
+        one_pass(model, torch.randn(1, 12, config.codes), torch.randn(1, 13, config.speech.channels))
+
+
+def test_codes_come_back_as_the_weights_they_were_made_of():
+    config = replace(debug_head(), channels=list(CHANNELS), expression_code=64)
+    codes = Codes(Head(config))
+    weights = torch.rand(7, len(CHANNELS))
+    torch.testing.assert_close(codes.weights(codes.of(weights)), weights, atol=1e-4, rtol=1e-4)
+
+
+def test_a_configuration_comes_back():
+    config = MotionConfig(band=2, film=False)
+    assert MotionConfig.from_json(config.to_json()) == config

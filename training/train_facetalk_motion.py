@@ -1,0 +1,183 @@
+"""Trains FaceTalk's speech model: from the compact encoder's features to expression codes (§4).
+
+    python -m training.train_facetalk_motion --head runs/facetalk/head.pt --out runs/facetalk_motion
+
+Codes are those that the head's map gives the corpora's ARKit weights; each window is scaled about the face
+at rest by r ~ U(low, high) (eq. 8), which the model is told. `--without` leaves a part out, for table 2.
+Seeded; resumes from `--out/last.pt` with the same bits.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from training.corpus import bank
+from training.corpus.arkit import landmarks_of
+from training.diffusion.schedule import add_noise, alphas_cumprod
+from training.losses import feature_concordance, motion_loss
+from training.machine import Machine
+from training.run import Run
+from training.speech.source import CompactSpeech
+from training.systems.facetalk.motion import Denoiser, MotionConfig, SpeechInput
+from training.train_ats import SHIPPED_ENCODER
+from training.train_cafe_talk import solved
+from training.train_facetalk import load
+from training.train_speech import load_encoder
+
+SHARES = {"grid_s1": 0.6, "facegood_zh": 0.4}
+DROPPED_SHARE = 0.25
+"""Rows without speech, for guidance."""
+PURE_NOISE_SHARE = 0.3
+CONCORDANCE = 0.3
+LANDMARKS = 1.0
+LANDMARK_SCALE_MM = 3.0
+LEAST_DEVIATION = 0.02
+PARTS = ["augmentation", "film", "alignment", "diffusion"]
+WIDE_BAND = 1000
+
+
+class Codes:
+    """Between ARKit weights and z_ex of a head: the map, and the way back that is shortest."""
+
+    def __init__(self, head):
+        with torch.no_grad():
+            self.matrix = head.expression_code.weight.detach().clone()
+            self.at_rest = head.expression(torch.zeros(1, len(head.config.channels)))[0].detach()
+        self.back = torch.linalg.pinv(self.matrix)
+
+    def of(self, weights: Tensor) -> Tensor:
+        """[..., 51] → [..., X]."""
+        return weights @ self.matrix.T + self.at_rest
+
+    def weights(self, codes: Tensor) -> Tensor:
+        """[..., X] → [..., 51]."""
+        return (codes - self.at_rest) @ self.back.T
+
+
+def entries_of(arguments) -> list[bank.Entry]:
+    """All clips with weights for motion."""
+    return solved(bank.load(arguments.data, arguments.cache, arguments.voices), arguments)
+
+
+class Trainer:
+    """Data, model and one step."""
+
+    def __init__(self, arguments, speech: CompactSpeech, head):
+        self.codes, self.speech = Codes(head), speech
+        self.random = torch.Generator().manual_seed(arguments.seed)
+        self.without = arguments.without
+        config = MotionConfig(codes=head.config.expression_code)
+        config.speech = SpeechInput("compact_speech", speech.encoder.config.channels)
+        config.film = "film" not in self.without
+        if "alignment" in self.without:
+            config.band = WIDE_BAND
+        if "diffusion" in self.without:
+            config.sampling = replace(config.sampling, steps=1, temperature=0.0)
+        self.low, self.high = (1.0, 1.0) if "augmentation" in self.without else arguments.augment
+        self.sampler = speech.sampler(list(SHARES), list(SHARES.values()), arguments.seed)
+        self.alphas = alphas_cumprod(config.diffusion.schedule, config.diffusion.train_steps)
+        self.model = Denoiser(config)
+        rows = torch.cat([self.sampler.batch(16, 96).motion.float().flatten(0, 1) for _ in range(12)])
+        codes = self.codes.of(rows)
+        self.model.mean.copy_(codes.mean(0))
+        self.model.std.copy_(codes.std(0).clamp_min(LEAST_DEVIATION))
+
+    def loss(self, count: int, frames: int) -> tuple[Tensor, dict[str, float]]:
+        """Eq. 4, and the same on the landmarks that codes move."""
+        batch = self.sampler.batch(count, frames)
+        r = self.low + (self.high - self.low) * torch.rand(count, generator=self.random)
+        weights = r[:, None, None] * batch.motion.float()
+        clean = self.model.standardise(self.codes.of(weights))
+        t = torch.randint(0, len(self.alphas), (count,), generator=self.random)
+        pure = torch.rand(count, generator=self.random) < PURE_NOISE_SHARE
+        if "diffusion" in self.without:
+            pure = torch.ones_like(pure)
+        t = torch.where(pure, len(self.alphas) - 1, t)
+        noise = torch.randn(clean.shape, generator=self.random)
+        if "diffusion" in self.without:
+            noise = torch.zeros_like(noise)
+        noisy = add_noise(clean, noise, self.alphas[t][:, None, None])
+        if "diffusion" in self.without:
+            noisy = torch.zeros_like(noisy)
+        given = torch.rand(count, generator=self.random) >= DROPPED_SHARE
+        with torch.no_grad():
+            speech = self.speech.windows(batch.mel)
+        found = self.model(noisy, t, speech, given, r)
+        simple = motion_loss(found - clean, torch.ones_like(clean))
+        shown, truth = (
+            1e3 * landmarks_of(w) for w in (self.codes.weights(self.model.to_codes(found)), weights)
+        )
+        near = motion_loss((shown - truth) / LANDMARK_SCALE_MM, torch.ones_like(shown))
+        agreement, parts = feature_concordance(shown[given], truth[given])
+        total = simple + LANDMARKS * near + CONCORDANCE * agreement
+        return total, {"simple": simple.item(), "landmarks": near.item()} | parts
+
+
+def train(arguments) -> Path:
+    """Runs the training; writes `motion.pt` with the averaged weights and returns its path."""
+    torch.manual_seed(arguments.seed)
+    torch.set_num_threads(arguments.threads)
+    if arguments.head.is_dir():
+        from training.export_facetalk import load_folder
+
+        head = load_folder(arguments.head)[0]
+    else:
+        head = load(arguments.head)
+    encoder = load_encoder(arguments.speech or SHIPPED_ENCODER)
+    trainer = Trainer(arguments, CompactSpeech(encoder, entries_of(arguments)), head)
+    optimiser = torch.optim.AdamW(trainer.model.parameters(), arguments.rate, weight_decay=0.01)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, arguments.rate, arguments.steps + 1, pct_start=0.05
+    )
+    average = torch.optim.swa_utils.AveragedModel(
+        trainer.model, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.995)
+    )
+    parts = {"model": trainer.model, "optimiser": optimiser, "schedule": schedule, "average": average}
+    generators = {"trainer": trainer.random, "windows": trainer.sampler.random}
+    run = Run(arguments.out, parts, arguments.steps, arguments.save_every, generators, Machine("cpu"))
+    for step in range(run.first, arguments.steps):
+        loss, report = trainer.loss(arguments.windows, arguments.frames)
+        optimiser.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(trainer.model.parameters(), 1.0)
+        optimiser.step()
+        schedule.step()
+        average.update_parameters(trainer.model)
+        run.after(step, loss.item())
+        if step % arguments.log_every == arguments.log_every - 1 or step == arguments.steps - 1:
+            run.log({"step": step + 1, "s": run.seconds(), **report})
+            kept = {"state": average.module.state_dict(), "config": trainer.model.config.to_json()}
+            torch.save(kept, run.out / "motion.pt")
+    return arguments.out / "motion.pt"
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser.add_argument("--out", type=Path, default=Path("runs/facetalk_motion"))
+    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    parser.add_argument("--head", type=Path, default=Path("rust-core/models/facetalk_compact"))
+    parser.add_argument("--speech", type=Path, help="speech.pt of training.train_speech, or a model folder")
+    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help=argparse.SUPPRESS)
+    parser.add_argument("--voices", type=int, default=4)
+    parser.add_argument("--without", nargs="*", choices=PARTS, default=[], help="table 2")
+    parser.add_argument("--augment", type=float, nargs=2, default=[0.7, 1.3], metavar=("LOW", "HIGH"))
+    parser.add_argument("--windows", type=int, default=24, help="in a batch")
+    parser.add_argument("--frames", type=int, default=48, help="of a window")
+    parser.add_argument("--steps", type=int, default=4000)
+    parser.add_argument("--rate", type=float, default=1e-3)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--log-every", type=int, default=200)
+    parser.add_argument("--save-every", type=int, default=500)
+    return parser
+
+
+if __name__ == "__main__":
+    train(parser().parse_args())
