@@ -55,7 +55,6 @@ def test_one_undo_step_takes_it_away_and_edit_mode_is_refused(addon):
     assert not bpy.ops.anyface.add_head.poll()
     bpy.ops.object.mode_set(mode="OBJECT")
     bpy.ops.ed.undo()
-    bpy.ops.ed.undo()
     assert not [ob for ob in bpy.data.objects if ob.type == "MESH"]
 
 

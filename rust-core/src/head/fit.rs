@@ -150,7 +150,8 @@ impl Head {
         let spread = rms(&coefficients);
         if spread > MOST_SPREAD {
             return wrong(format!(
-                "expected a face, got a shape that only a head {spread:.1} times as far from the mean as usual comes                  near to, to {mean_mm:.1} mm (at most {MOST_SPREAD} times)"
+                "expected a face, got a shape that only a head {spread:.1} times as far from the mean as usual comes \
+                 near to, to {mean_mm:.1} mm (at most {MOST_SPREAD} times)"
             ));
         }
         Ok(ScanFit {
