@@ -6,7 +6,7 @@ use super::{OneHead, parts};
 use crate::{
     Error, Result,
     ibug::LANDMARKS,
-    mesh::{Landmarks, Mesh},
+    mesh::{Landmarks, Mesh, Parts},
     progress::{ProgressFn, report},
     sdf::{Grid, surface},
 };
@@ -98,7 +98,7 @@ impl OneHead<'_> {
         });
         match stopped.into_inner() {
             Some(error) => Err(error),
-            None => made,
+            None => made.map(|mesh| largest_piece(&mesh)),
         }
     }
 
@@ -130,6 +130,30 @@ impl OneHead<'_> {
             }
         }
         points
+    }
+}
+
+/// The connected piece with most triangles: a field that was learned has specks of surface beside a head.
+fn largest_piece(mesh: &Mesh) -> Mesh {
+    let pieces = Parts::of(mesh.positions.len(), &mesh.triangles);
+    let piece = |t: &[u32; 3]| pieces.of_vertex[t[0] as usize];
+    let mut sizes = vec![0usize; pieces.count];
+    mesh.triangles
+        .iter()
+        .for_each(|t| sizes[piece(t) as usize] += 1);
+    let largest = (0..pieces.count).max_by_key(|&n| sizes[n]).unwrap_or(0) as u32;
+    let mut number = vec![0; mesh.positions.len()];
+    let mut positions = Vec::new();
+    for (v, place) in mesh.positions.iter().enumerate() {
+        if pieces.of_vertex[v] == largest {
+            number[v] = positions.len() as u32;
+            positions.push(*place);
+        }
+    }
+    let kept = mesh.triangles.iter().filter(|t| piece(t) == largest);
+    Mesh {
+        positions,
+        triangles: kept.map(|t| t.map(|v| number[v as usize])).collect(),
     }
 }
 

@@ -145,6 +145,20 @@ fn a_made_head_is_closed_and_has_its_landmarks_on_vertices() {
     assert_eq!(read.triangles, made.mesh.triangles);
 }
 
+/// Seed 7 has two specks of surface beside it at this resolution.
+#[test]
+fn a_made_head_is_one_piece() {
+    let options = HeadOptions {
+        resolution: 96,
+        parts: false,
+    };
+    let made = of_seed(7).mesh(&options, SILENT).unwrap().mesh;
+    let pieces = crate::mesh::Parts::of(made.positions.len(), &made.triangles);
+    assert_eq!(pieces.count, 1);
+    let lonely = pieces.of_vertex.iter().filter(|n| **n != 0).count();
+    assert_eq!(lonely, 0, "vertices without a triangle");
+}
+
 #[test]
 fn a_cancelled_head_says_so() {
     let stop = |_: crate::progress::Progress| false;
