@@ -318,6 +318,10 @@ CHANGES = (
 def hand(addon, tmp_path, monkeypatch):
     """A user in front of a head, its teeth, and two strips; the library is a stage."""
     monkeypatch.chdir(tmp_path)
+    # What this user saves for good is nothing to the tests after it.
+    own = tmp_path / "presets"
+    own.mkdir()
+    monkeypatch.setattr(addon("ui.presets"), "own_folder", lambda create=False: own)
     stage = stand_in(addon)
     sounds = [tone(tmp_path / f"{name}.wav", seconds=0.5) for name in ("a", "b")]
     # 4.2 as a Python module has no sound: then there are no strips.
