@@ -11,10 +11,13 @@
 
 use rayon::prelude::*;
 
-use crate::mesh::{
-    simplify::{Rings, Simplified},
-    tree::{blend, closest_weights},
-    vec3::{cross, dot, norm, perpendicular, sub, unit},
+use crate::{
+    mesh::{
+        simplify::{Rings, Simplified},
+        tree::{blend, closest_weights},
+        vec3::{cross, dot, norm, perpendicular, sub, unit},
+    },
+    nn::elementwise::vectorised,
 };
 
 /// Steps along the proxy in search of the closest triangle.
@@ -24,6 +27,8 @@ const MOST_STEPS: usize = 16;
 const FOLD_CM: f64 = 0.1;
 /// Vertices whose rows are there at once as they are found, before they become one matrix.
 const ROWS_AT_ONCE: usize = 1 << 16;
+/// Columns that one sum in registers takes.
+const TILE: usize = 32;
 /// Keeps the fit of a gradient defined where neighbours lie on a line.
 const RIDGE: f64 = 1e-3;
 
@@ -61,15 +66,29 @@ impl Prolongation {
 
     /// Fills `[block, columns]` with the values `[_, columns]` that the rows from `first` on take up.
     pub(crate) fn take_up(&self, first: usize, values: &[f32], columns: usize, block: &mut [f32]) {
-        for (at, own) in block.chunks_exact_mut(columns).enumerate() {
-            own.fill(0.0);
-            for (row, weight) in self.row((first + at) as u32) {
-                let from = &values[row as usize * columns..][..columns];
-                own.iter_mut()
-                    .zip(from)
-                    .for_each(|(to, x)| *to += weight * x);
+        vectorised(|| {
+            for (at, own) in block.chunks_exact_mut(columns).enumerate() {
+                let (tiles, rest) = own.as_chunks_mut::<TILE>();
+                let row = self.row((first + at) as u32);
+                for (tile, own) in tiles.iter_mut().enumerate() {
+                    let from = |v: u32| &values[v as usize * columns + tile * TILE..][..TILE];
+                    // The sum stays in registers until the row is through.
+                    let mut sum = [0.0; TILE];
+                    for (v, weight) in row.clone() {
+                        let pairs = sum.iter_mut().zip(from(v));
+                        pairs.for_each(|(to, x)| *to += weight * x);
+                    }
+                    *own = sum;
+                }
+                let done = tiles.len() * TILE;
+                rest.fill(0.0);
+                for (v, weight) in row {
+                    let from = &values[v as usize * columns + done..][..rest.len()];
+                    let pairs = rest.iter_mut().zip(from);
+                    pairs.for_each(|(to, x)| *to += weight * x);
+                }
             }
-        }
+        });
     }
 
     /// Starts of the rows `[V + 1]`, columns and weights of all entries.
@@ -95,7 +114,7 @@ impl Prolongation {
     }
 
     /// The proxy's vertices that a vertex depends on, and by how much.
-    pub fn row(&self, v: u32) -> impl Iterator<Item = (u32, f32)> + '_ {
+    pub fn row(&self, v: u32) -> impl Iterator<Item = (u32, f32)> + Clone + '_ {
         let range = self.start[v as usize] as usize..self.start[v as usize + 1] as usize;
         let columns = self.columns[range.clone()].iter().copied();
         columns.zip(self.weights[range].iter().copied())
