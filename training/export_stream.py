@@ -1,4 +1,4 @@
-"""Writes a finished streaming student as the model folder that Rust reads.
+"""Writes a finished causal student as the model folder that Rust reads.
 
     python -m training.export_stream --run runs/stream/stream.pt --models rust-core/models
 
@@ -14,13 +14,13 @@ import torch
 from safetensors.torch import load_file
 
 from training.export import write_model
-from training.systems.freetalk.stream import StreamConfig, StreamNet
+from training.speech.causal import StreamConfig, StreamNet
 
 
 def export(run: Path, models: Path) -> Path:
-    """Writes `stream/` and returns it."""
+    """Writes the folder of the model, `stream` or `causal_speech`, and returns it."""
     saved = torch.load(run, map_location="cpu")
-    return write_model(models / "stream", saved["state"], saved["config"])
+    return write_model(models / saved["config"]["model"], saved["state"], saved["config"])
 
 
 def load_stream(models: Path) -> StreamNet:
@@ -35,7 +35,9 @@ def load_stream(models: Path) -> StreamNet:
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--run", type=Path, required=True, help="stream.pt of training.train_stream")
+    parser.add_argument(
+        "--run", type=Path, required=True, help="stream.pt of training.train_stream or train_causal_speech"
+    )
     parser.add_argument("--models", type=Path, default=Path("rust-core/models"))
     arguments = parser.parse_args()
     print(export(arguments.run, arguments.models))

@@ -22,14 +22,14 @@ from training.corpus.shares import entries_of, lasting, measured_scales
 from training.export import load_models, load_run
 from training.losses import feature_concordance, landmark_weights, motion_loss
 from training.machine import Machine
-from training.speech.compact import ACTIVE_QUANTILE, clip_colour
-from training.systems.freetalk.stream import (
+from training.speech.causal import (
     StreamConfig,
     StreamNet,
     debug_config,
     normalise_running,
     perform,
 )
+from training.speech.compact import ACTIVE_QUANTILE, clip_colour
 from training.train_speech import feature_scores, start
 
 SHARES = {"grid_s1": 0.65, "facegood_zh": 0.35}
@@ -44,9 +44,8 @@ def load_teacher(arguments) -> FullModel:
     return FullModel(*found)
 
 
-def config_for(found: list[Lesson], debug: bool) -> StreamConfig:
-    """The configuration, with the mean colour and peak of the training voices as the prior."""
-    config = debug_config() if debug else StreamConfig()
+def prior_of(config: StreamConfig, found: list[Lesson]) -> StreamConfig:
+    """The configuration with the mean colour and peak of the training voices as the prior."""
     mels = [x.mels[0].float() for x in found if not x.held_out]
     colour = torch.stack([clip_colour(mel) for mel in mels]).mean(dim=0)
     peaks = [torch.quantile(mel.mean(dim=1), ACTIVE_QUANTILE) for mel in mels]
@@ -116,7 +115,8 @@ def prepare(arguments) -> list[Lesson]:
 
 def new_model(arguments, found: list[Lesson]) -> StreamNet:
     """A student that starts at the mean and deviation of the taught motion."""
-    model = StreamNet(config_for(found, arguments.config == "debug"))
+    config = debug_config() if arguments.config == "debug" else StreamConfig()
+    model = StreamNet(prior_of(config, found))
     taught = torch.cat([x.taught.float() for x in found])
     model.mean.copy_(taught.mean(dim=0))
     model.std.copy_(taught.std(dim=0).clamp_min(2e-4))

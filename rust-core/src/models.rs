@@ -13,7 +13,7 @@ use crate::{Error, Result, nn::Weights};
 /// Largest magnitude of a number in a config.
 const LARGEST_NUMBER: f64 = 1e5;
 /// Numbers in configs by their names, with the least and the largest that any model may have.
-const RANGES: [(&str, f64, f64); 30] = [
+const RANGES: [(&str, f64, f64); 31] = [
     ("adapter_inner", 1.0, 16_384.0),
     ("alpha", -100.0, 100.0),
     ("band", 0.0, 1_000.0),
@@ -33,6 +33,7 @@ const RANGES: [(&str, f64, f64); 30] = [
     ("layers", 0.0, 256.0),
     ("look_back", 0.0, 10_000.0),
     ("memory_frames", 1.0, 100_000.0),
+    ("outputs", 1.0, 65_536.0),
     ("overlap_frames", 0.0, 10_000.0),
     ("period", 1.0, 10_000.0),
     ("prior_colour", -100.0, 100.0),

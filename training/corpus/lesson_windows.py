@@ -9,10 +9,10 @@ from torch import Tensor
 from training.corpus.lessons import Lesson
 from training.corpus.windows import BANDS, AugmentOptions, WindowSampler
 from training.losses import SCALE_M
+from training.speech.causal import Heard, StreamConfig, nothing_heard
 from training.speech.compact import ACTIVE_QUANTILE, SCALE, clip_colour
 from training.speech.log_mel import FLOOR, SAMPLE_RATE_HZ, log_mel
 from training.systems.freetalk.ats import neutral_affect
-from training.systems.freetalk.stream import Heard, StreamConfig, nothing_heard
 
 DIMS = 204
 UNCAPTURED_SCALE_M = 2.0e-3

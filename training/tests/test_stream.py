@@ -9,12 +9,7 @@ from training.corpus.bank import Entry
 from training.corpus.lesson_windows import LessonSampler
 from training.corpus.lessons import FullModel, Lesson, unknown
 from training.losses import landmark_weights
-from training.speech.compact import CompactEncoder, normalise
-from training.speech.compact import debug_config as debug_encoder
-from training.speech.log_mel import log_mel
-from training.systems.freetalk.ats import AtsDenoiser
-from training.systems.freetalk.ats import debug_config as debug_ats
-from training.systems.freetalk.stream import (
+from training.speech.causal import (
     StreamConfig,
     StreamNet,
     debug_config,
@@ -22,6 +17,11 @@ from training.systems.freetalk.stream import (
     nothing_heard,
     speak,
 )
+from training.speech.compact import CompactEncoder, normalise
+from training.speech.compact import debug_config as debug_encoder
+from training.speech.log_mel import log_mel
+from training.systems.freetalk.ats import AtsDenoiser
+from training.systems.freetalk.ats import debug_config as debug_ats
 from training.train_stream import loss_of
 
 

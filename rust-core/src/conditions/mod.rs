@@ -70,6 +70,18 @@ impl Default for Emotion {
 }
 
 impl Emotion {
+    /// # Errors
+    /// `InvalidInput` for shares or an intensity that are no numbers.
+    pub(crate) fn check_finite(&self) -> Result<()> {
+        let mut values = self.mixture.iter().chain([&self.intensity]);
+        match values.find(|value| !value.is_finite()) {
+            Some(value) => Err(Error::InvalidInput(format!(
+                "emotion: expected finite numbers, got {value}"
+            ))),
+            None => Ok(()),
+        }
+    }
+
     /// Reads `happy:0.7` or a blend `happy:0.4,surprised:0.3`.
     ///
     /// Each number is that emotion's strength; the intensity is their sum.

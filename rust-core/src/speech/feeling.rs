@@ -4,6 +4,10 @@
 //! are taken: pitch, voicing, loudness, tilt, cepstra and how they move. A linear discriminant makes of them
 //! six coordinates in which the taught feelings lie apart, and the probability of each; both are `F_e`.
 
+mod live;
+
+pub use live::LiveFeeling;
+
 use std::{f64::consts::PI, path::Path};
 
 use ndarray::{Array1, Array2, ArrayView2, Axis, concatenate, s};
@@ -88,30 +92,21 @@ impl FeltVoice {
         let peak = samples.iter().fold(0.0f32, |peak, x| peak.max(x.abs()));
         let gain = if peak > SILENT { PEAK / peak } else { 1.0 };
         let scaled: Vec<f32> = samples.iter().map(|x| x * gain).collect();
-        let (mut analyser, mut stretch) = (MelAnalyser::new(), [0.0; FRAME]);
-        let (cosines, overlap) = (cosines(), overlap());
+        let (mut ear, mut stretch) = (Ear::new(), [0.0; FRAME]);
         let frames = frames_of_samples(scaled.len());
         let mut voice = FeltVoice {
             mel: Array2::zeros((frames, BANDS)),
             octave: Vec::with_capacity(frames),
             periodic: Vec::with_capacity(frames),
         };
-        let mut row = [0.0; BANDS];
         for t in 0..frames {
             cut_frame(&scaled, t, &mut stretch);
-            analyser.frame(&stretch, &mut row);
-            for (to, from) in voice.mel.row_mut(t).iter_mut().zip(row) {
+            let heard = ear.hear(&stretch);
+            for (to, from) in voice.mel.row_mut(t).iter_mut().zip(heard.mel) {
                 *to = from.into();
             }
-            let power = Array1::from_iter(analyser.power().skip(LOW_BIN).take(HIGH_BIN - LOW_BIN));
-            let share = power.dot(&cosines) / power.sum().max(1e-9) / &overlap;
-            let best = (0..share.len()).fold(0, |best, lag| match share[lag] > share[best] {
-                true => lag,
-                false => best,
-            });
-            let hertz = f64::from(SAMPLE_RATE_HZ) / (FIRST_LAG + best) as f64;
-            voice.octave.push(hertz.log2());
-            voice.periodic.push(share[best]);
+            voice.octave.push(heard.octave);
+            voice.periodic.push(heard.periodic);
         }
         voice
     }
@@ -331,6 +326,49 @@ impl FeelingEncoder {
         }
         let coordinates = x.dot(&self.coordinates);
         concatenate(Axis(1), &[coordinates.view(), shares.view()]).expect("equal rows")
+    }
+}
+
+/// What is heard in 10 ms.
+struct HeardFrame {
+    mel: [f32; BANDS],
+    /// log2 of the pitch in Hz.
+    octave: f64,
+    periodic: f64,
+}
+
+/// Measures one frame after the other.
+struct Ear {
+    analyser: MelAnalyser,
+    cosines: Array2<f64>,
+    overlap: Array1<f64>,
+}
+
+impl Ear {
+    fn new() -> Ear {
+        Ear {
+            analyser: MelAnalyser::new(),
+            cosines: cosines(),
+            overlap: overlap(),
+        }
+    }
+
+    fn hear(&mut self, stretch: &[f32; FRAME]) -> HeardFrame {
+        let mut mel = [0.0; BANDS];
+        self.analyser.frame(stretch, &mut mel);
+        let bins = self.analyser.power().skip(LOW_BIN).take(HIGH_BIN - LOW_BIN);
+        let power = Array1::from_iter(bins);
+        let share = power.dot(&self.cosines) / power.sum().max(1e-9) / &self.overlap;
+        let best = (0..share.len()).fold(0, |best, lag| match share[lag] > share[best] {
+            true => lag,
+            false => best,
+        });
+        let hertz = f64::from(SAMPLE_RATE_HZ) / (FIRST_LAG + best) as f64;
+        HeardFrame {
+            mel,
+            octave: hertz.log2(),
+            periodic: share[best],
+        }
     }
 }
 

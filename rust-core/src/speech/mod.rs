@@ -1,6 +1,7 @@
 //! Speech features: one trait, three encoders (compact, HuBERT, wav2vec2); phones and words heard in them.
 
 mod alignment;
+mod causal;
 mod checkpoint;
 mod compact;
 mod conv_features;
@@ -16,9 +17,10 @@ mod resample;
 mod transformer_encoder;
 pub mod wav2vec2;
 
+pub use causal::{CausalConfig, CausalModel, CausalSpeech};
 pub(crate) use compact::{ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE};
 pub use compact::{CompactConfig, CompactEncoder, normalise};
-pub use feeling::{FEELING_MODEL, FeelingConfig, FeelingEncoder, FeltVoice};
+pub use feeling::{FEELING_MODEL, FeelingConfig, FeelingEncoder, FeltVoice, LiveFeeling};
 pub use heard::{Heard, frames_of};
 pub use log_mel::{BANDS, FRAME, HOP, MelAnalyser, log_mel};
 pub use phones::{PHONE_MODEL, PhoneConfig, PhoneModel, Said};

@@ -7,10 +7,10 @@ import torch
 import torch.nn.functional as F
 from safetensors.torch import save_file
 
+from training.speech.causal import StreamNet, debug_config, normalise_running, speak
 from training.speech.golden_compact import randomise_norms
 from training.speech.golden_log_mel import chirp_signal
 from training.speech.log_mel import HOP, log_mel
-from training.systems.freetalk.stream import StreamNet, debug_config, normalise_running, speak
 
 COMMAND = "python -m training.goldens stream"
 

@@ -3,6 +3,7 @@
 mod branch;
 mod config;
 mod model;
+mod stream;
 mod system;
 mod template;
 

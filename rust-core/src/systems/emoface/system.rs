@@ -2,9 +2,12 @@
 
 use std::{path::Path, sync::Arc};
 
-use ndarray::{Array1, Array2, Array3};
+use ndarray::{Array2, Array3, ArrayView1, ArrayView2};
 
-use super::{EmoFaceConfig, HeardFrame, Layer, Model, read_template};
+use super::{
+    EmoFaceConfig, HeardFrame, Layer, Model, read_template,
+    stream::{EmoFaceStream, LiveParts, landmarks, prototype},
+};
 use crate::{
     Error, Result,
     conditions::{
@@ -15,17 +18,19 @@ use crate::{
     ibug::LANDMARKS,
     models::{BuiltIn, built_in},
     motion::{
-        self, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, PERFORMANCE_CONTROLS,
-        Performer, Template, TemplateMask,
+        self, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, MotionStream,
+        PERFORMANCE_CONTROLS, Performer, Template, TemplateMask,
     },
     nn::Weights,
     progress::{ProgressFn, report},
-    speech::{FeelingEncoder, Heard, SpeechInput},
+    speech::{self, COMPACT_MODEL, CausalModel, FeelingEncoder, Heard, SpeechInput},
     systems::{Registration, Slider, System},
 };
 
 /// Built-in weights.
 pub static MODEL: BuiltIn = built_in!("emoface_compact", Some("emoface"));
+/// The causal twin of the content encoder, which a stream hears.
+static CAUSAL_MODEL: BuiltIn = built_in!("causal_speech");
 
 const VOICE: usize = 0;
 const EMOTION: usize = 1;
@@ -86,7 +91,7 @@ pub static REGISTRATION: Registration = Registration {
     label: "EmoFace",
     help: "What is said and how it is felt are heard apart, from one voice or from two, and move the face \
            together.",
-    models: &[&MODEL],
+    models: &[&MODEL, &CAUSAL_MODEL],
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
     takes_events: false,
     takes_words: false,
@@ -98,9 +103,11 @@ pub static REGISTRATION: Registration = Registration {
 
 /// Both branches with everything that makes a performance of their motion.
 pub struct EmoFace {
-    model: Model,
+    model: Arc<Model>,
     template: Option<Arc<Template>>,
-    encoder: FeelingEncoder,
+    encoder: Arc<FeelingEncoder>,
+    /// None for a model that hears through another encoder than the compact one: that has no causal twin.
+    live: Option<Arc<LiveParts>>,
     modes: Arc<FaceModes>,
     expressions: Arc<Expressions>,
 }
@@ -113,7 +120,7 @@ impl EmoFace {
     pub fn open(folder: Option<&Path>) -> Result<Self> {
         let files = MODEL.open(folder)?;
         let config = EmoFaceConfig::from_json(&files.config)?;
-        let encoder = FeelingEncoder::open(folder)?;
+        let encoder = Arc::new(FeelingEncoder::open(folder)?);
         let (wanted, given) = (config.feeling_channels, encoder.channels());
         if wanted != given {
             return Err(Error::Weights(format!(
@@ -121,10 +128,14 @@ impl EmoFace {
             )));
         }
         let weights = Weights::from_bytes(&files.weights)?;
+        let template = read_template(&weights, &config)?.map(Arc::new);
+        let model = Arc::new(Model::new(config, &weights)?);
+        let live = live_parts(folder, &model, &encoder)?.map(Arc::new);
         Ok(EmoFace {
-            template: read_template(&weights, &config)?.map(Arc::new),
-            model: Model::new(config, &weights)?,
+            template,
+            model,
             encoder,
+            live,
             modes: Arc::new(FaceModes::open(folder)?),
             expressions: Arc::new(Expressions::open(folder)?),
         })
@@ -160,36 +171,11 @@ impl EmoFace {
         let mut levels = vec![0.0; frames];
         for (t, told) in affect.outer_iter().enumerate() {
             let (shares, strength) = (told.to_vec(), told[EMOTIONS.len()]);
-            rows.row_mut(t)
-                .assign(&self.prototype(&shares[..EMOTIONS.len()])?);
+            let felt = prototype(&self.model, &shares[..EMOTIONS.len()])?;
+            rows.row_mut(t).assign(&ArrayView1::from(&felt));
             levels[t] = level * strength;
         }
         Ok((rows, levels))
-    }
-
-    /// What is heard on average of a mixture of the fifteen emotions.
-    fn prototype(&self, mixture: &[f32]) -> Result<Array1<f32>> {
-        let feelings = &self.config().feelings;
-        let mut shares = vec![0.0; feelings.len()];
-        for (name, share) in EMOTIONS.iter().zip(mixture) {
-            match feelings.iter().position(|known| known == name) {
-                Some(place) => shares[place] = *share,
-                None if *share == 0.0 => {}
-                None => {
-                    return Err(Error::InvalidInput(format!(
-                        "emotion: expected what the emotion branch was taught ({}), got {name}",
-                        feelings.join(", ")
-                    )));
-                }
-            }
-        }
-        Ok(self.model.prototype(&shares))
-    }
-
-    /// The landmarks of a layer, `[3 V]` metres, as `[68, 3]`.
-    fn landmarks(&self, values: &[f32]) -> Array2<f32> {
-        let at = &self.config().landmarks;
-        Array2::from_shape_fn((LANDMARKS, 3), |(n, axis)| values[3 * at[n] + axis])
     }
 }
 
@@ -224,7 +210,8 @@ impl System for EmoFace {
                 level: levels[t],
             };
             let made = self.model.step(now, layer, &mut state);
-            frame.assign(&self.landmarks(made.layer(layer)));
+            let moved = landmarks(self.config(), made.layer(layer));
+            frame.assign(&ArrayView2::from(&moved));
         }
         report(progress, "sample", 1.0)?;
         let wanted = heard.frames(request.fps);
@@ -271,7 +258,32 @@ impl System for EmoFace {
         }))
     }
 
+    fn stream(&self) -> Option<Box<dyn MotionStream>> {
+        let parts = Arc::clone(self.live.as_ref()?);
+        Some(Box::new(EmoFaceStream::new(parts).ok()?))
+    }
+
     fn styles(&self) -> &[String] {
         &self.config().styles
     }
+}
+
+/// What a stream of this model is made of, if it can have one.
+fn live_parts(
+    folder: Option<&Path>,
+    model: &Arc<Model>,
+    feeling: &Arc<FeelingEncoder>,
+) -> Result<Option<LiveParts>> {
+    let input = &model.config().speech;
+    if input.encoder != COMPACT_MODEL.name {
+        return Ok(None);
+    }
+    let files = CAUSAL_MODEL.open(folder)?;
+    let content = CausalModel::load(&files.weights, &files.config, input.channels)?;
+    Ok(Some(LiveParts {
+        content: Arc::new(content),
+        encoder: speech::compact(folder)?,
+        feeling: Arc::clone(feeling),
+        model: Arc::clone(model),
+    }))
 }

@@ -9,7 +9,7 @@ use super::{
     AtsRequest,
     ats::Ats,
     stm::{self, paper::PaperDecoder},
-    stream::{CausalStream, StreamModel},
+    stream::{CausalStream, DIMS},
 };
 use crate::{
     Result,
@@ -23,7 +23,7 @@ use crate::{
         MotionStream, PERFORMANCE_CONTROLS, Performer,
     },
     progress::ProgressFn,
-    speech::{Heard, SpeechInput},
+    speech::{CausalModel, Heard, SpeechInput},
     systems::{Registration, Slider, System, Windows},
 };
 
@@ -80,7 +80,7 @@ pub static REGISTRATION: Registration = Registration {
 /// The denoiser with everything that makes a performance of its motion.
 pub struct FreeTalk {
     ats: Ats,
-    stream: Arc<StreamModel>,
+    stream: Arc<CausalModel>,
     modes: Arc<FaceModes>,
     expressions: Arc<Expressions>,
     /// The paper's decoder, loaded where it is asked for.
@@ -99,7 +99,7 @@ impl FreeTalk {
         let files = STREAM_MODEL.open(folder)?;
         Ok(FreeTalk {
             ats,
-            stream: Arc::new(StreamModel::load(&files.weights, &files.config)?),
+            stream: Arc::new(CausalModel::load(&files.weights, &files.config, DIMS)?),
             modes: Arc::new(FaceModes::open(folder)?),
             expressions: Arc::new(Expressions::open(folder)?),
             paper: OnceLock::new(),

@@ -1,9 +1,8 @@
-//! Sizes of the streaming student, and the look-ahead that they amount to.
+//! Sizes of a causal student, and the look-ahead that they amount to.
 
 use crate::{
     Error, Result,
     audio::SAMPLE_RATE_HZ,
-    ibug::LANDMARKS,
     speech::{BANDS, FRAME, HOP},
 };
 
@@ -23,10 +22,12 @@ const MAX_LOOK_AHEAD_S: f64 = 0.2;
 
 /// Sizes of the network, as `config.json` states them.
 #[derive(Debug, Clone, PartialEq, serde::Deserialize)]
-pub struct StreamConfig {
-    /// Number of landmarks; always 68.
-    pub landmarks: usize,
-    /// Motion frames per second; always 25.
+pub struct CausalConfig {
+    /// Name of the model, which its errors begin with.
+    pub model: String,
+    /// Numbers of a frame.
+    pub outputs: usize,
+    /// Frames per second; always 25.
     pub fps: f64,
     /// Mel bands; always [`BANDS`].
     pub bands: usize,
@@ -79,31 +80,42 @@ pub struct NormaliserConfig {
     pub peak_over_level: f32,
 }
 
-impl StreamConfig {
+impl CausalConfig {
     /// From the text of `config.json`.
     ///
     /// # Errors
     /// `Weights` if it cannot be read or asks for what this code does not have.
     pub fn from_json(text: &str) -> Result<Self> {
-        let config: StreamConfig =
-            serde_json::from_str(text).map_err(|e| Error::Weights(format!("stream: {e}")))?;
+        let config: CausalConfig =
+            serde_json::from_str(text).map_err(|e| Error::Weights(format!("causal model: {e}")))?;
         match config.problem() {
-            Some(problem) => Err(Error::Weights(format!("stream: {problem}"))),
+            Some(problem) => Err(Error::Weights(format!("{}: {problem}", config.model))),
             None => Ok(config),
         }
     }
 
     fn problem(&self) -> Option<String> {
-        let fixed = (self.landmarks, self.fps, self.bands);
+        let fixed = (self.fps, self.bands);
         let blocks = self.fine.iter().chain(&self.listen).chain(&self.perform);
         let expected = |what: &str, wanted: &str, got: String| {
             Some(format!("{what}: expected {wanted}, got {got}"))
         };
-        if fixed != (LANDMARKS, 25.0, BANDS) {
-            expected("landmarks, fps, bands", "68, 25, 64", format!("{fixed:?}"))
-        } else if self.channels == 0 || self.normaliser.prior_colour.len() != BANDS {
-            let got = (self.channels, self.normaliser.prior_colour.len());
-            expected("channels, prior_colour", "some, 64", format!("{got:?}"))
+        if fixed != (25.0, BANDS) {
+            expected("fps, bands", "25, 64", format!("{fixed:?}"))
+        } else if self.channels == 0
+            || self.outputs == 0
+            || self.normaliser.prior_colour.len() != BANDS
+        {
+            let got = (
+                self.channels,
+                self.outputs,
+                self.normaliser.prior_colour.len(),
+            );
+            expected(
+                "channels, outputs, prior_colour",
+                "some, some, 64",
+                format!("{got:?}"),
+            )
         } else if let Some(block) = blocks.clone().find(|b| b.dilation == 0 || b.ahead > 1) {
             expected(
                 "block",

@@ -1,11 +1,11 @@
-"""The causal student: speech to landmark motion while it is being spoken.
+"""Causal students: speech to numbers at 25 Hz while it is being spoken.
 
-A small convolutional network that imitates encoder and denoiser together. Log-mel at 100 Hz passes a
-running normalisation, a strided stem to 50 Hz, a strided step to 25 Hz, blocks that look a little
-ahead (`listen`), and blocks that look back only (`perform`). It speaks neutrally; the expression is added
-to what it gives. Every layer is fed with zeros before the first frame and
-with the sound itself after the last, hence a frame depends on its look-ahead alone, not on where the
-sound was cut. Twin of `rust-core/src/systems/freetalk/stream.rs`.
+A small convolutional network: of FreeTalk's stream, which imitates encoder and denoiser together and
+gives landmarks, and of EmoFace's, which imitates the encoder alone and gives its features. Log-mel at
+100 Hz passes a running normalisation, a strided stem to 50 Hz, a strided step to 25 Hz, blocks that look
+a little ahead (`listen`), and blocks that look back only (`perform`). Every layer is fed with zeros before
+the first frame and with the sound itself after the last, hence a frame depends on its look-ahead alone,
+not on where the sound was cut. Twin of `rust-core/src/speech/causal.rs`.
 """
 
 from dataclasses import asdict, dataclass, field
@@ -16,7 +16,6 @@ from torch import Tensor, nn
 
 from training.speech.compact import ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE
 from training.speech.log_mel import BANDS, FLOOR, FRAME, HOP, SAMPLE_RATE_HZ, log_mel
-from training.systems.freetalk.ats import LANDMARKS
 
 MEL_PER_FRAME = 4
 STEM_TAPS = 5
@@ -62,7 +61,7 @@ class StreamConfig:
 
     system: str = "freetalk"
     model: str = "stream"
-    landmarks: int = LANDMARKS
+    outputs: int = 204
     fps: float = 25.0
     bands: int = BANDS
     channels: int = 144
@@ -181,12 +180,12 @@ class CausalBlock(nn.Module):
 
 
 class StreamNet(nn.Module):
-    """Normalised log-mel to landmark displacements in metres."""
+    """Normalised log-mel to `outputs` numbers, such as landmark displacements in metres."""
 
     def __init__(self, config: StreamConfig):
         super().__init__()
         self.config = config
-        channels, dims = config.channels, 3 * config.landmarks
+        channels, dims = config.channels, config.outputs
         self.stem = nn.Conv1d(config.bands, channels, STEM_TAPS, stride=2)
         self.fine = nn.ModuleList(CausalBlock(channels, block) for block in config.fine)
         self.down = nn.Conv1d(channels, channels, TAPS, stride=2)
@@ -198,7 +197,7 @@ class StreamNet(nn.Module):
         self.register_buffer("std", torch.ones(dims))
 
     def forward(self, mel: Tensor) -> Tensor:
-        """`mel` [B, R, 64] normalised → displacements [B, T, 3N], metres.
+        """`mel` [B, R, 64] normalised → [B, T, D].
 
         R is `config.mel_rows(T)`: the look-ahead of the last frame included.
         """
@@ -228,14 +227,14 @@ def pad_mel(mel: Tensor, rows: int) -> Tensor:
 def perform(model: StreamNet, mel: Tensor, frames: int) -> Tensor:
     """The offline causal result of one clip.
 
-    `mel` [R, 64] raw log-mel of the sound with silence after it. Returns [T, 3N] metres, T = `frames`.
+    `mel` [R, 64] raw log-mel of the sound with silence after it. Returns [T, D], T = `frames`.
     """
     padded = pad_mel(mel, model.config.mel_rows(frames))[None]
     return model(normalise_running(padded, model.config.normaliser))[0]
 
 
 def speak(model: StreamNet, samples: Tensor, frames: int) -> Tensor:
-    """Samples [S] at 16 kHz → the first `frames` frames, [T, 3N] metres."""
+    """Samples [S] at 16 kHz → the first `frames` frames, [T, D]."""
     rows = model.config.mel_rows(frames)
     mel = log_mel(F.pad(samples, (0, max(HOP * rows - len(samples), 0))))
     return perform(model, mel, frames)

@@ -5,7 +5,7 @@ use crate::speech::{ACTIVE_RANGE, BANDS, DEEPEST, QUIETEST_LEVEL, SCALE};
 
 const QUANTILE: f32 = 0.95;
 
-/// A causal [`crate::speech::normalise`]; twin of `normalise_running` in `stream.py`.
+/// A causal [`crate::speech::normalise`]; twin of `normalise_running` in `training/speech/causal.py`.
 ///
 /// The level of a frame is its mean over bands. `peak` follows the 95 % quantile of levels by steps
 /// (up 0.95, down 0.05 of a step that shrinks while the first voice is heard). Frames within 4 nepers

@@ -1,0 +1,252 @@
+//! Speech to numbers at 25 Hz while somebody is speaking: samples in, rows out, a fifth of a second behind.
+//!
+//! A small convolutional network. Log-mel passes a running normalisation, a strided stem to 50 Hz, a strided
+//! step to 25 Hz, blocks that look a little ahead, and blocks that look back only. What its rows mean is
+//! its owner's affair: FreeTalk's stream has landmarks of it, EmoFace's what its content branch hears. Twin
+//! of `training/speech/causal.py`.
+//!
+//! Guaranteed: row `t` depends on samples below `640 t + look_ahead_samples` alone, and is the same bit for
+//! bit however the samples were cut into pushes, because every layer takes one frame at a time. State is
+//! bounded; only samples that were pushed and not yet pulled as rows pile up.
+
+mod config;
+mod layers;
+mod normaliser;
+#[cfg(test)]
+mod tests;
+
+use std::{collections::VecDeque, sync::Arc};
+
+use super::log_mel::{BANDS, FRAME, HOP, MelAnalyser};
+use crate::{
+    Error, Result,
+    audio::SAMPLE_RATE_HZ,
+    nn::{Weights, linear::Linear, norm::LayerNorm},
+};
+pub use config::{Block, CausalConfig};
+use config::{DOWN_AHEAD, SAMPLES_PER_FRAME, STEM_AHEAD, STEM_TAPS, TAPS};
+use layers::{BlockState, CausalBlock, Halving, HalvingState, through};
+use normaliser::RunningNormaliser;
+
+const EPSILON: f32 = 1e-5;
+/// Time from one mel frame to the next, seconds.
+const MEL_S: f64 = HOP as f64 / SAMPLE_RATE_HZ as f64;
+/// Beyond this a sample is limited, so that its square stays a number.
+const LOUDEST: f32 = 1e4;
+
+/// The weights of a causal network.
+pub struct CausalModel {
+    config: CausalConfig,
+    stem: Halving,
+    fine: Vec<CausalBlock>,
+    down: Halving,
+    listen: Vec<CausalBlock>,
+    perform: Vec<CausalBlock>,
+    norm: LayerNorm,
+    head: Linear,
+    mean: Vec<f32>,
+    std: Vec<f32>,
+}
+
+impl CausalModel {
+    /// From the bytes of `model.safetensors` and the text of `config.json`; `outputs` is what the owner wants.
+    ///
+    /// # Errors
+    /// `Weights` if either is damaged, they do not fit each other, or rows have another length.
+    pub fn load(weights: &[u8], config: &str, outputs: usize) -> Result<Self> {
+        let config = CausalConfig::from_json(config)?;
+        if config.outputs != outputs {
+            return Err(Error::Weights(format!(
+                "{}: outputs: expected {outputs}, got {}",
+                config.model, config.outputs
+            )));
+        }
+        Self::new(config, &Weights::from_bytes(weights)?)
+    }
+
+    pub(crate) fn new(config: CausalConfig, weights: &Weights) -> Result<Self> {
+        let (channels, outputs) = (config.channels, config.outputs);
+        let blocks = |name: &str, blocks: &[Block]| -> Result<Vec<CausalBlock>> {
+            let weights = weights.pp(name);
+            let block = |(i, block)| CausalBlock::load(&weights.pp(i), channels, block);
+            blocks.iter().enumerate().map(block).collect()
+        };
+        let stem = [channels, config.bands, STEM_TAPS];
+        Ok(CausalModel {
+            stem: Halving::load(&weights.pp("stem"), stem, STEM_AHEAD)?,
+            fine: blocks("fine", &config.fine)?,
+            down: Halving::load(&weights.pp("down"), [channels, channels, TAPS], DOWN_AHEAD)?,
+            listen: blocks("listen", &config.listen)?,
+            perform: blocks("perform", &config.perform)?,
+            norm: LayerNorm::load(&weights.pp("norm"), channels, EPSILON)?,
+            head: Linear::load(&weights.pp("head"), channels, outputs)?,
+            mean: weights.values("mean", &[outputs])?,
+            std: weights.values("std", &[outputs])?,
+            config,
+        })
+    }
+
+    /// Sizes and look-ahead.
+    pub fn config(&self) -> &CausalConfig {
+        &self.config
+    }
+}
+
+/// Speech that is being heard: push samples, pull rows.
+pub struct CausalSpeech {
+    model: Arc<CausalModel>,
+    analyser: MelAnalyser,
+    normaliser: RunningNormaliser,
+    stem: HalvingState,
+    fine: Vec<BlockState>,
+    down: HalvingState,
+    listen: Vec<BlockState>,
+    perform: Vec<BlockState>,
+    /// Seconds since somebody was last heard to speak.
+    quiet_s: f64,
+    /// From the start of the next mel frame on.
+    samples: VecDeque<f32>,
+    pushed: u64,
+    next_row: usize,
+    /// Rows in all, once the sound has ended.
+    total: Option<usize>,
+    row: Vec<f32>,
+    out: Vec<f32>,
+}
+
+impl CausalSpeech {
+    /// Before any sound.
+    pub fn new(model: Arc<CausalModel>) -> Self {
+        let states = |blocks: &[CausalBlock]| blocks.iter().map(CausalBlock::state).collect();
+        CausalSpeech {
+            analyser: MelAnalyser::new(),
+            normaliser: RunningNormaliser::new(&model.config.normaliser),
+            stem: model.stem.state(),
+            fine: states(&model.fine),
+            down: model.down.state(),
+            listen: states(&model.listen),
+            perform: states(&model.perform),
+            quiet_s: f64::INFINITY,
+            samples: VecDeque::from([0.0; FRAME / 2]),
+            pushed: 0,
+            next_row: 0,
+            total: None,
+            row: vec![0.0; model.config.channels],
+            out: vec![0.0; model.config.outputs],
+            model,
+        }
+    }
+
+    fn check_open(&self, what: &str) -> Result<()> {
+        match self.total {
+            None => Ok(()),
+            Some(total) => Err(Error::InvalidInput(format!(
+                "{what}: expected an open stream, got one that was finished after {total} frames"
+            ))),
+        }
+    }
+
+    /// Takes samples `[S]`, mono at 16 kHz.
+    ///
+    /// # Errors
+    /// `Audio` for samples that are not finite, of which none is taken; `InvalidInput` after
+    /// [`CausalSpeech::finish`].
+    pub fn push(&mut self, samples: &[f32]) -> Result<()> {
+        self.check_open("push")?;
+        if let Some(at) = samples.iter().position(|x| !x.is_finite()) {
+            let count = samples.iter().filter(|x| !x.is_finite()).count();
+            return Err(Error::Audio(format!(
+                "expected finite samples, got {count} of {} that are NaN or infinite, the first at {at}",
+                samples.len()
+            )));
+        }
+        let limited = samples.iter().map(|x| x.clamp(-LOUDEST, LOUDEST));
+        self.samples.extend(limited);
+        self.pushed += samples.len() as u64;
+        Ok(())
+    }
+
+    /// The sound ends here: silence follows it for the rows that still look ahead.
+    ///
+    /// # Errors
+    /// `InvalidInput` if it was finished before.
+    pub fn finish(&mut self) -> Result<()> {
+        self.check_open("finish")?;
+        let frame = SAMPLES_PER_FRAME as u64;
+        self.total = Some(self.pushed.div_ceil(frame) as usize);
+        let silence = self.model.config.look_ahead_samples() + FRAME;
+        self.samples.extend(std::iter::repeat_n(0.0, silence));
+        Ok(())
+    }
+
+    /// The next row `[outputs]`, if enough was heard for it. `listener` hears every 10 ms too, in
+    /// order: the samples about it.
+    pub fn pull(&mut self, mut listener: impl FnMut(&[f32; FRAME])) -> Option<&[f32]> {
+        if self.total.is_some_and(|total| self.next_row >= total) {
+            return None;
+        }
+        loop {
+            let mut mel = self.next_mel(&mut listener)?;
+            let is_active = self.normaliser.hear(&mut mel);
+            self.quiet_s = if is_active { 0.0 } else { self.quiet_s + MEL_S };
+            if self.listen(&mel).is_some() {
+                return Some(self.say());
+            }
+        }
+    }
+
+    /// Number of the row that [`CausalSpeech::pull`] gives next.
+    pub fn next_row(&self) -> usize {
+        self.next_row
+    }
+
+    /// Seconds since somebody was last heard to speak; infinite before anybody was.
+    pub fn quiet_s(&self) -> f64 {
+        self.quiet_s
+    }
+
+    /// Sizes and look-ahead.
+    pub fn config(&self) -> &CausalConfig {
+        &self.model.config
+    }
+
+    /// Raw log-mel of the next 10 ms.
+    fn next_mel(&mut self, listener: &mut impl FnMut(&[f32; FRAME])) -> Option<[f32; BANDS]> {
+        if self.samples.len() < FRAME {
+            return None;
+        }
+        let mut stretch = [0.0; FRAME];
+        for (to, from) in stretch.iter_mut().zip(&self.samples) {
+            *to = *from;
+        }
+        self.samples.drain(..HOP);
+        listener(&stretch);
+        let mut mel = [0.0; BANDS];
+        self.analyser.frame(&stretch, &mut mel);
+        Some(mel)
+    }
+
+    /// Takes one mel frame; now and then that completes what a row hears, in `row`.
+    fn listen(&mut self, mel: &[f32; BANDS]) -> Option<()> {
+        let model = &self.model;
+        self.row
+            .copy_from_slice(model.stem.step(&mut self.stem, mel)?);
+        through(&model.fine, &mut self.fine, &mut self.row)?;
+        let down = model.down.step(&mut self.down, &self.row)?;
+        self.row.copy_from_slice(down);
+        through(&model.listen, &mut self.listen, &mut self.row)
+    }
+
+    /// Turns what was heard into a row.
+    fn say(&mut self) -> &[f32] {
+        let model = &self.model;
+        through(&model.perform, &mut self.perform, &mut self.row).expect("blocks that look back");
+        model.norm.forward_rows(&mut self.row);
+        model.head.forward_row(&self.row, &mut self.out);
+        for ((x, std), mean) in self.out.iter_mut().zip(&model.std).zip(&model.mean) {
+            *x = *x * std + mean;
+        }
+        self.next_row += 1;
+        &self.out
+    }
+}

@@ -1,0 +1,158 @@
+//! `F_e` of a voice that is still being heard.
+
+use std::{collections::VecDeque, sync::Arc};
+
+use ndarray::{Array1, Array2, Axis};
+
+use super::{
+    BANDS, Ear, FRAME, FRAMES_HZ, FeelingEncoder, FeltVoice, HeardFrame, LEAST, PEAK, SILENT, STEP,
+    WINDOW, cepstral_basis,
+};
+
+/// Instants that are remembered: one after the frame, one before it, one that came early.
+const INSTANTS: usize = 3;
+
+/// What [`FeelingEncoder::at_frames`] gives of the whole, but that a voice is taken to be as loud as it has been
+/// so far, and that in the first 0.8 s it feels as the taught mean does.
+pub struct LiveFeeling {
+    encoder: Arc<FeelingEncoder>,
+    ear: Ear,
+    /// Loudest sample so far.
+    peak: f32,
+    /// The last two seconds.
+    frames: VecDeque<HeardFrame>,
+    /// Frames of 10 ms that were heard in all.
+    heard: usize,
+    /// Frames that were heard at an instant, and the features there; the newest last.
+    instants: VecDeque<(usize, Array1<f64>)>,
+}
+
+impl LiveFeeling {
+    /// Before any sound.
+    pub fn new(encoder: Arc<FeelingEncoder>) -> LiveFeeling {
+        let mean = encoder.mean.clone().insert_axis(Axis(0));
+        let mean = encoder.of_numbers(&mean).row(0).to_owned();
+        LiveFeeling {
+            ear: Ear::new(),
+            peak: 0.0,
+            frames: VecDeque::with_capacity(WINDOW),
+            heard: 0,
+            instants: VecDeque::from([(LEAST - STEP, mean)]),
+            encoder,
+        }
+    }
+
+    /// Hears the samples about the next 10 ms.
+    pub fn hear(&mut self, stretch: &[f32; FRAME]) {
+        let loudest = stretch.iter().fold(self.peak, |peak, x| peak.max(x.abs()));
+        let gain = |peak: f32| if peak > SILENT { PEAK / peak } else { 1.0 };
+        let (before, now) = (gain(self.peak), gain(loudest));
+        if before != now {
+            // What was heard is as if it had been scaled so from the start; log-mel is of power.
+            let shift = 2.0 * (now / before).ln();
+            let mel = self.frames.iter_mut().flat_map(|frame| &mut frame.mel);
+            mel.for_each(|x| *x += shift);
+        }
+        self.peak = loudest;
+        if self.frames.len() == WINDOW {
+            self.frames.pop_front();
+        }
+        let scaled = stretch.map(|x| now * x);
+        self.frames.push_back(self.ear.hear(&scaled));
+        self.heard += 1;
+        if self.heard >= LEAST && (self.heard - LEAST).is_multiple_of(STEP) {
+            let numbers = self.numbers().insert_axis(Axis(0));
+            let felt = self.encoder.of_numbers(&numbers).row(0).to_owned();
+            if self.instants.len() == INSTANTS {
+                self.instants.pop_front();
+            }
+            self.instants.push_back((self.heard, felt));
+        }
+    }
+
+    /// `F_e` at motion frame `frame`, `[E]`; up to 160 ms after it are heard.
+    pub fn at_frame(&self, frame: usize, fps: f64) -> Vec<f32> {
+        let at = frame as f64 * (FRAMES_HZ / fps);
+        let known = self.instants.iter().rposition(|(end, _)| *end as f64 <= at);
+        let below = known.unwrap_or(0);
+        let above = (below + 1).min(self.instants.len() - 1);
+        let share = ((at - self.instants[below].0 as f64) / STEP as f64).clamp(0.0, 1.0);
+        let pairs = self.instants[below].1.iter().zip(&self.instants[above].1);
+        let mixed = pairs.map(|(a, b)| (a * (1.0 - share) + b * share) as f32);
+        mixed.collect()
+    }
+
+    /// `[118]` of the frames that are remembered.
+    fn numbers(&self) -> Array1<f64> {
+        let rows = self.frames.len();
+        let voice = FeltVoice {
+            mel: Array2::from_shape_fn((rows, BANDS), |(t, band)| self.frames[t].mel[band].into()),
+            octave: self.frames.iter().map(|frame| frame.octave).collect(),
+            periodic: self.frames.iter().map(|frame| frame.periodic).collect(),
+        };
+        let cepstra = voice.mel.dot(&cepstral_basis());
+        Array1::from_vec(voice.of_window(cepstra.view(), 0, rows))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        audio::Waveform,
+        nn::golden::{Golden, distance},
+        speech::{HOP, log_mel::cut_frame},
+    };
+
+    #[test]
+    fn a_voice_that_was_heard_for_a_while_feels_as_it_does_heard_whole() {
+        let golden = Golden::open("feeling_debug");
+        let weights = golden.weights();
+        let encoder = FeelingEncoder::load(&weights, &golden.metadata("config")).unwrap();
+        let encoder = Arc::new(encoder);
+        let mut samples = golden.values("samples");
+        // The loudest sample comes first, so that the level is known from the start.
+        samples[20] = 1.0;
+        let whole = FeltVoice::of(&Waveform {
+            samples: samples.clone(),
+        });
+        let whole = encoder.at_frames(&whole, 75, 25.0);
+        let mut live = LiveFeeling::new(Arc::clone(&encoder));
+        let mut stretch = [0.0; FRAME];
+        let mut frames = 0;
+        let mut largest = 0.0f32;
+        for mel in 0..samples.len() / HOP {
+            cut_frame(&samples, mel, &mut stretch);
+            live.hear(&stretch);
+            // A frame is asked for when 18 more frames of 10 ms were heard.
+            if mel >= 18 && (mel - 18).is_multiple_of(4) && frames < 75 {
+                let felt = live.at_frame(frames, 25.0);
+                if frames * 4 >= LEAST {
+                    largest = largest.max(distance(&felt, &whole.row(frames)));
+                }
+                frames += 1;
+            }
+        }
+        assert!(frames > 60 && largest < 1e-4, "{frames} {largest}");
+    }
+
+    #[test]
+    fn a_voice_that_grows_louder_is_heard_as_if_it_had_been_scaled_from_the_start() {
+        let golden = Golden::open("feeling_debug");
+        let encoder = FeelingEncoder::load(&golden.weights(), &golden.metadata("config")).unwrap();
+        let encoder = Arc::new(encoder);
+        let samples = golden.values("samples");
+        let felt = |samples: &[f32]| {
+            let mut live = LiveFeeling::new(Arc::clone(&encoder));
+            let mut stretch = [0.0; FRAME];
+            for mel in 0..samples.len() / HOP {
+                cut_frame(samples, mel, &mut stretch);
+                live.hear(&stretch);
+            }
+            live.at_frame(70, 25.0)
+        };
+        let quiet: Vec<f32> = samples.iter().map(|x| 0.1 * x).collect();
+        assert!(distance(&felt(&samples), &felt(&quiet)) < 1e-3);
+        assert!(felt(&[]).iter().all(|x| x.is_finite()));
+    }
+}

@@ -1,0 +1,266 @@
+//! EmoFace while somebody is speaking: both encoders have causal twins, the rest looks back only anyway.
+
+use std::sync::Arc;
+
+use ndarray::{Array3, ArrayView1, ArrayView2};
+
+use super::{EmoFaceConfig, HeardFrame, Layer, Model, Progressing};
+use crate::{
+    Error, Result,
+    conditions::{EMOTIONS, Emotion},
+    ibug::LANDMARKS,
+    motion::{self, LandmarkClip, LandmarkFrame, LipClosures, MotionStream},
+    speech::{
+        CausalModel, CausalSpeech, CompactEncoder, FeelingEncoder, LiveFeeling, SpeechEncoder,
+    },
+};
+
+/// What a stream is made of, shared by all of one system.
+pub struct LiveParts {
+    /// The causal twin of the content encoder.
+    pub content: Arc<CausalModel>,
+    /// Tells of its rows where lips are closed.
+    pub encoder: CompactEncoder,
+    /// The emotion encoder, which looks back by itself.
+    pub feeling: Arc<FeelingEncoder>,
+    /// Both branches and Mesh Attention.
+    pub model: Arc<Model>,
+}
+
+/// A performance in progress, in the default style and from rest.
+///
+/// The feeling is heard in the voice; an emotion that is set with an intensity above 0 is felt instead, with
+/// the intensity as its level. Lips close at p, b and m, by ear.
+pub struct EmoFaceStream {
+    parts: Arc<LiveParts>,
+    speech: CausalSpeech,
+    felt: LiveFeeling,
+    state: Progressing,
+    style: usize,
+    emotion: Emotion,
+    /// What is heard on average of the emotion that was set, `[E]`.
+    set: Option<Vec<f32>>,
+}
+
+impl EmoFaceStream {
+    /// A face at rest before any sound.
+    ///
+    /// # Errors
+    /// `Weights` for a model whose default style is none of its styles.
+    pub fn new(parts: Arc<LiveParts>) -> Result<Self> {
+        let config = parts.model.config();
+        let style = crate::conditions::style_number(None, &config.styles, &config.default_style)?;
+        Ok(EmoFaceStream {
+            speech: CausalSpeech::new(Arc::clone(&parts.content)),
+            felt: LiveFeeling::new(Arc::clone(&parts.feeling)),
+            state: parts.model.start(None)?,
+            style,
+            emotion: Emotion::default(),
+            set: None,
+            parts,
+        })
+    }
+}
+
+impl MotionStream for EmoFaceStream {
+    fn push(&mut self, samples: &[f32]) -> Result<()> {
+        self.speech.push(samples)
+    }
+
+    fn pull(&mut self) -> Option<LandmarkFrame> {
+        let index = self.speech.next_row();
+        let felt = &mut self.felt;
+        let content = self.speech.pull(|stretch| felt.hear(stretch))?;
+        let config = self.parts.model.config();
+        let (feeling, level) = match &self.set {
+            Some(prototype) => (prototype.clone(), self.emotion.intensity),
+            None => (felt.at_frame(index, config.fps), 1.0),
+        };
+        let heard = HeardFrame {
+            content: ArrayView1::from(content),
+            feeling: ArrayView1::from(&feeling),
+            style: self.style,
+            level,
+        };
+        let closed = ArrayView2::from_shape((1, content.len()), content).ok();
+        let closed = closed.and_then(|row| self.parts.encoder.closed_lips(row));
+        let made = self.parts.model.step(heard, Layer::Both, &mut self.state);
+        let displacements = landmarks(config, made.layer(Layer::Both));
+        Some(LandmarkFrame {
+            index,
+            displacements: closed_by_ear(displacements, closed.as_deref(), config.fps),
+        })
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        self.speech.finish()
+    }
+
+    fn set_emotion(&mut self, emotion: &Emotion) -> Result<()> {
+        if *emotion == self.emotion {
+            return Ok(());
+        }
+        emotion.check_finite()?;
+        self.set = match emotion.intensity > 0.0 {
+            true => Some(prototype(&self.parts.model, &emotion.mixture)?),
+            false => None,
+        };
+        self.emotion = *emotion;
+        Ok(())
+    }
+
+    fn latency_s(&self) -> f64 {
+        self.speech.config().look_ahead_s()
+    }
+
+    fn next_frame(&self) -> usize {
+        self.speech.next_row()
+    }
+
+    fn fps(&self) -> f64 {
+        self.speech.config().fps
+    }
+}
+
+/// What is heard on average of a mixture of the fifteen emotions, `[E]`.
+///
+/// # Errors
+/// `InvalidInput` for an emotion that the branch was not taught.
+pub fn prototype(model: &Model, mixture: &[f32]) -> Result<Vec<f32>> {
+    let feelings = &model.config().feelings;
+    let mut shares = vec![0.0; feelings.len()];
+    for (name, share) in EMOTIONS.iter().zip(mixture) {
+        match feelings.iter().position(|known| known == name) {
+            Some(place) => shares[place] = *share,
+            None if *share == 0.0 => {}
+            None => {
+                return Err(Error::InvalidInput(format!(
+                    "emotion: expected what the emotion branch was taught ({}), got {name}",
+                    feelings.join(", ")
+                )));
+            }
+        }
+    }
+    Ok(model.prototype(&shares).to_vec())
+}
+
+/// The landmarks of a layer, `[3 V]` metres.
+pub fn landmarks(config: &EmoFaceConfig, values: &[f32]) -> [[f32; 3]; LANDMARKS] {
+    let at = &config.landmarks;
+    std::array::from_fn(|n| std::array::from_fn(|axis| values[3 * at[n] + axis]))
+}
+
+/// A frame with lips as far closed as is heard in it; there is no later frame to compare it with.
+fn closed_by_ear(
+    displacements: [[f32; 3]; LANDMARKS],
+    probability: Option<&[f32]>,
+    fps: f64,
+) -> [[f32; 3]; LANDMARKS] {
+    let Some(probability) = probability else {
+        return displacements;
+    };
+    let values = displacements.as_flattened().to_vec();
+    let mut clip = LandmarkClip {
+        displacements: Array3::from_shape_vec((1, LANDMARKS, 3), values).expect("68 landmarks"),
+        fps,
+    };
+    motion::close_lips(&mut clip, &LipClosures::heard(probability, fps));
+    std::array::from_fn(|n| std::array::from_fn(|axis| clip.displacements[[0, n, axis]]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conditions::EmotionCurve;
+    use crate::{
+        motion::stream_whole,
+        systems::{System, emoface::EmoFace},
+    };
+
+    fn stream() -> Box<dyn MotionStream> {
+        EmoFace::open(None).unwrap().stream().unwrap()
+    }
+
+    /// Syllables with a pitch that falls.
+    fn voice(samples: usize) -> Vec<f32> {
+        let sample = |i: usize| {
+            let t = i as f32 / 16_000.0;
+            let pitch = 2.0 * std::f32::consts::PI * (180.0 - 20.0 * t) * t;
+            let tone: f32 = (1..12).map(|k| (k as f32 * pitch).sin() / k as f32).sum();
+            0.2 * tone * (0.5 + 0.5 * (25.0 * t).sin())
+        };
+        (0..samples).map(sample).collect()
+    }
+
+    fn whole(samples: &[f32], emotion: &EmotionCurve) -> Array3<f32> {
+        stream_whole(stream().as_mut(), samples, emotion)
+            .unwrap()
+            .displacements
+    }
+
+    #[test]
+    fn pieces_of_any_size_give_the_same_bits() {
+        let samples = voice(40_000);
+        let expected = whole(&samples, &EmotionCurve::Off);
+        assert_eq!(expected.dim(), (63, LANDMARKS, 3));
+        for size in [1, 160, 7_777] {
+            let mut stream = stream();
+            let mut frames = Vec::new();
+            for piece in samples.chunks(size) {
+                stream.push(piece).unwrap();
+                frames.extend(stream.drain());
+            }
+            stream.finish().unwrap();
+            frames.extend(stream.drain());
+            let values: Vec<f32> = frames
+                .iter()
+                .flat_map(|frame| frame.displacements.as_flattened().to_vec())
+                .collect();
+            assert_eq!(values, expected.as_slice().unwrap());
+        }
+    }
+
+    #[test]
+    fn nothing_after_the_look_ahead_matters() {
+        let samples = voice(32_000);
+        let mut other = samples.clone();
+        other[20_000..].fill(0.9);
+        let frames = (20_000 - 3_200) / 640;
+        let (a, b) = (
+            whole(&samples, &EmotionCurve::Off),
+            whole(&other, &EmotionCurve::Off),
+        );
+        let begun = |x: &Array3<f32>| x.slice(ndarray::s![..frames, .., ..]).to_owned();
+        assert_eq!(begun(&a), begun(&b));
+        assert_ne!(a, b);
+    }
+
+    #[test]
+    fn an_emotion_that_is_set_is_felt_and_one_that_was_not_taught_is_refused() {
+        let samples = voice(32_000);
+        let happy = Emotion::parse("happy:1").unwrap();
+        let felt = whole(&samples, &EmotionCurve::Constant(happy));
+        let corner = |x: &Array3<f32>| {
+            let frames = x.outer_iter().skip(25);
+            frames
+                .map(|frame| frame[[54, 0]] - frame[[48, 0]])
+                .sum::<f32>()
+                / 25.0
+        };
+        assert!(corner(&felt) > corner(&whole(&samples, &EmotionCurve::Off)) + 1e-3);
+        let mut stream = stream();
+        let contempt = Emotion::parse("contempt:1").unwrap();
+        let refused = stream.set_emotion(&contempt).unwrap_err().to_string();
+        assert!(refused.contains("was taught"), "{refused}");
+    }
+
+    #[test]
+    fn silence_and_bad_samples_leave_a_sane_face() {
+        let mut stream = stream();
+        let refused = stream.push(&[0.0, f32::NAN]).unwrap_err().to_string();
+        assert!(refused.contains("1 of 2 that are NaN"), "{refused}");
+        let still = whole(&[0.0; 48_000], &EmotionCurve::Off);
+        let largest = still.iter().fold(0.0f32, |most, x| most.max(x.abs()));
+        assert!(largest < 6e-3, "{largest} m");
+    }
+}

@@ -1,0 +1,61 @@
+"""The causal twin of the speech encoder: it trains towards what the whole encoder hears, and exports."""
+
+import argparse
+import json
+
+import pytest
+import torch
+
+from training.corpus.bank import Entry
+from training.corpus.lesson_windows import LessonSampler
+from training.corpus.lessons import unknown
+from training.export_stream import export
+from training.speech.causal import StreamNet, debug_config, perform
+from training.speech.compact import CompactEncoder
+from training.speech.compact import debug_config as debug_encoder
+from training.train_causal_speech import as_lesson, loss_of, new_model, validate
+
+
+@pytest.fixture(scope="module")
+def encoder() -> CompactEncoder:
+    torch.manual_seed(3)
+    return CompactEncoder(debug_encoder()).eval().requires_grad_(False)
+
+
+@pytest.fixture(scope="module")
+def lessons():
+    generator = torch.Generator().manual_seed(4)
+    found = []
+    for index in range(6):
+        mels = torch.randn((2, 4 * 90, 64), generator=generator).half()
+        nothing = torch.zeros(90, 204)
+        found.append(Entry(f"c{index}", "speech", index == 5, mels, nothing, nothing, unknown(mels)))
+    return [as_lesson(entry) for entry in found]
+
+
+def test_the_student_comes_nearer_to_what_the_whole_encoder_hears(encoder, lessons):
+    torch.manual_seed(5)
+    model = new_model(argparse.Namespace(config="debug"), encoder, lessons)
+    assert model.config.outputs == encoder.config.channels and model.config.model == "causal_speech"
+    sampler = LessonSampler(lessons, {"speech": 1.0}, 0, model.config)
+    optimiser = torch.optim.Adam(model.parameters(), 3e-3)
+    batch, losses = sampler.batch(4, 32), []
+    for _ in range(25):
+        loss, parts = loss_of(model, encoder, batch, 32)
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        losses.append(parts["features"])
+    assert losses[-1] < 0.9 * losses[0]
+    assert set(validate(model, encoder, lessons, 4)) == {"speech met"}
+
+
+def test_the_folder_bears_the_name_of_the_model(tmp_path):
+    config = debug_config()
+    config.model, config.outputs = "causal_speech", 16
+    model = StreamNet(config).eval()
+    torch.save({"state": model.state_dict(), "config": config.to_json()}, tmp_path / "stream.pt")
+    folder = export(tmp_path / "stream.pt", tmp_path)
+    assert folder.name == "causal_speech"
+    assert json.loads((folder / "config.json").read_text())["outputs"] == 16
+    assert perform(model, torch.zeros(40, 64), 9).shape == (9, 16)
