@@ -8,6 +8,7 @@ import bpy
 
 from . import command
 from .scene import copies
+from .scene import live as following
 from .scene.gltf import after_export as glTF2_post_export_callback  # noqa: F401 - glTF's exporter
 from .scene.gltf import before_export as glTF2_pre_export_callback  # noqa: F401 - calls them
 from .ui import (
@@ -22,6 +23,7 @@ from .ui import (
     key_list,
     landmarks,
     life,
+    live,
     made_head,
     mending,
     models,
@@ -45,6 +47,7 @@ _MODULES = (
     preferences, generate, remove, mending, made_head, sample_head, panel, character, landmarks,
     mouth, audio, presets, performance, events, life, outputs, key_list, controls, find_controls,
     caches, takes, sounds, sounds_file, scene_list, models, heat,
+    live,
 )  # fmt: skip
 _CLASSES = [cls for module in _MODULES for cls in module.CLASSES]
 
@@ -62,10 +65,12 @@ def register():
     command.register()
     running.register()
     copies.register()
+    following.register()
 
 
 def unregister():
     """Blender disables the add-on; a running job is cancelled first."""
+    following.unregister()
     copies.unregister()
     running.unregister()
     command.unregister()

@@ -238,6 +238,7 @@ SIGNATURES = {
     "anyface_motion_free": (None, [_HANDLE]),
     "anyface_clip_new": (c_int32, [_HANDLE, _HANDLE, _HANDLE, _HANDLE, _OUT, _OUT]),
     "anyface_clip_frame_count": (c_size_t, [_HANDLE]),
+    "anyface_clip_copy_frame": (c_int32, [_HANDLE, c_size_t, _FLOATS, c_size_t, _OUT]),
     "anyface_clip_copy_displacements": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_clip_copy_landmarks_neutral": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_clip_copy_landmark_displacements": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
@@ -309,6 +310,13 @@ SIGNATURES = {
         [_HANDLE, c_size_t, c_int32, _HANDLE, _OUT, POINTER(c_size_t), _INDICES, _OUT],
     ),
     "anyface_head_free": (None, [_HANDLE]),
+    "anyface_stream_new": (c_int32, [_HANDLE, _OUT, _OUT]),
+    "anyface_stream_push": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
+    "anyface_stream_pull": (c_int32, [_HANDLE, _FLOATS, c_size_t, POINTER(c_size_t), _OUT]),
+    "anyface_stream_finish": (c_int32, [_HANDLE, _OUT]),
+    "anyface_stream_set_emotion": (c_int32, [_HANDLE, _FLOATS, _OUT]),
+    "anyface_stream_latency_s": (c_double, [_HANDLE]),
+    "anyface_stream_free": (None, [_HANDLE]),
 }
 
 

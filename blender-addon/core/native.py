@@ -16,6 +16,7 @@ from .job import Progress
 from .library import ControlSetting, EngineOptions, FaceOptions, MotionOptions, library_path, load
 from .native_basis import BasisCalls
 from .native_events import EventCalls
+from .native_live import LiveCalls
 from .native_mesh import MeshCalls
 from .native_mouth import MouthCalls
 from .native_shapes import ShapeCalls
@@ -44,7 +45,9 @@ _FLOATS, _DOUBLES, _INDICES = POINTER(c_float), POINTER(c_double), POINTER(c_uin
 _CACHE_IN_FOLDER = 2
 
 
-class Engine(Calls, BasisCalls, EventCalls, MeshCalls, MouthCalls, ShapeCalls, SoundCalls):
+class Engine(
+    Calls, BasisCalls, EventCalls, LiveCalls, MeshCalls, MouthCalls, ShapeCalls, SoundCalls
+):
     """Loaded models; any number of threads may use one engine.
 
     `forward` and `up` are the axes of the meshes that it is given: Blender's heads face -Y with +Z

@@ -23,6 +23,7 @@ from . import (
     guard,
     identity,
     life,
+    live,
     mesh,
     outputs,
     pieces,
@@ -134,6 +135,7 @@ class Snapshot:
 
 def read(ob, scene, settings: Settings, engine) -> Snapshot:
     """Reads mesh, sound and emotion; raises `AnyfaceError` in words for the artist."""
+    live.end(ob)
     output = outputs.of(settings.mode)
     output.check(ob, settings.output)
     life.check(ob, settings)

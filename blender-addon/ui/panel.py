@@ -8,7 +8,7 @@ import bpy
 from bpy.props import BoolProperty
 from bpy.types import Panel
 
-from ..scene import outputs
+from ..scene import live, outputs
 from . import audio, mending, presets, running, words
 from .operators import redraw
 from .target import sequencer_scene, target
@@ -121,6 +121,8 @@ def _draw_buttons(layout, context, ob) -> None:
     row = layout.row()
     row.scale_y = 1.4
     row.operator("anyface.generate", text="Generate Again" if again else "Generate")
+    if not again:
+        row.operator("anyface.live", text="", icon="PLAY", depress=live.is_on(ob))
     if again:
         layout.operator("anyface.remove", icon="TRASH")
 

@@ -6,7 +6,7 @@ use super::SpreadReport;
 use crate::{Error, Result, deform::VertexClip, ibug::LANDMARKS, mesh::Mesh};
 
 /// Bytes of displacements that are made at a time where a sink says nothing else.
-const BLOCK_BYTES: usize = 64 << 20;
+const BLOCK_BYTES: usize = 192 << 20;
 
 /// What is known of a clip before its first frame.
 #[derive(Debug, Clone, Copy)]

@@ -27,8 +27,6 @@ const MOST_STEPS: usize = 16;
 const FOLD_CM: f64 = 0.1;
 /// Vertices whose rows are there at once as they are found, before they become one matrix.
 const ROWS_AT_ONCE: usize = 1 << 16;
-/// Columns that one sum in registers takes.
-const TILE: usize = 32;
 /// Keeps the fit of a gradient defined where neighbours lie on a line.
 const RIDGE: f64 = 1e-3;
 
@@ -68,25 +66,11 @@ impl Prolongation {
     pub(crate) fn take_up(&self, first: usize, values: &[f32], columns: usize, block: &mut [f32]) {
         vectorised(|| {
             for (at, own) in block.chunks_exact_mut(columns).enumerate() {
-                let (tiles, rest) = own.as_chunks_mut::<TILE>();
-                let row = self.row((first + at) as u32);
-                for (tile, own) in tiles.iter_mut().enumerate() {
-                    let from = |v: u32| &values[v as usize * columns + tile * TILE..][..TILE];
-                    // The sum stays in registers until the row is through.
-                    let mut sum = [0.0; TILE];
-                    for (v, weight) in row.clone() {
-                        let pairs = sum.iter_mut().zip(from(v));
-                        pairs.for_each(|(to, x)| *to += weight * x);
-                    }
-                    *own = sum;
-                }
-                let done = tiles.len() * TILE;
-                rest.fill(0.0);
-                for (v, weight) in row {
-                    let from = &values[v as usize * columns + done..][..rest.len()];
-                    let pairs = rest.iter_mut().zip(from);
-                    pairs.for_each(|(to, x)| *to += weight * x);
-                }
+                let entries = self.entries(first + at);
+                let rest = take_up_by::<32>(entries, values, columns, own);
+                let rest = take_up_by::<8>(entries, values, columns, rest);
+                let rest = take_up_by::<4>(entries, values, columns, rest);
+                take_up_by::<1>(entries, values, columns, rest);
             }
         });
     }
@@ -114,11 +98,41 @@ impl Prolongation {
     }
 
     /// The proxy's vertices that a vertex depends on, and by how much.
-    pub fn row(&self, v: u32) -> impl Iterator<Item = (u32, f32)> + Clone + '_ {
-        let range = self.start[v as usize] as usize..self.start[v as usize + 1] as usize;
-        let columns = self.columns[range.clone()].iter().copied();
-        columns.zip(self.weights[range].iter().copied())
+    pub fn row(&self, v: u32) -> impl Iterator<Item = (u32, f32)> + '_ {
+        let (columns, weights) = self.entries(v as usize);
+        columns.iter().copied().zip(weights.iter().copied())
     }
+
+    #[inline(always)]
+    fn entries(&self, v: usize) -> (&[u32], &[f32]) {
+        let range = self.start[v] as usize..self.start[v + 1] as usize;
+        (&self.columns[range.clone()], &self.weights[range])
+    }
+}
+
+/// Fills the last columns, `own`, of a vertex with what it takes up, `W` at a time; gives back those that are
+/// left. The sums stay in registers until all entries are through.
+#[inline(always)]
+fn take_up_by<'a, const W: usize>(
+    (rows, weights): (&[u32], &[f32]),
+    values: &[f32],
+    columns: usize,
+    own: &'a mut [f32],
+) -> &'a mut [f32] {
+    let mut first = columns - own.len();
+    let (tiles, rest) = own.as_chunks_mut::<W>();
+    for tile in tiles {
+        let mut sum = [0.0; W];
+        for i in 0..rows.len() {
+            let from = &values[rows[i] as usize * columns + first..][..W];
+            for j in 0..W {
+                sum[j] += weights[i] * from[j];
+            }
+        }
+        *tile = sum;
+        first += W;
+    }
+    rest
 }
 
 /// Finds every vertex's place on the proxy. Returns the largest distance too.

@@ -1,0 +1,159 @@
+"""A face that follows a voice while it is played: frame after frame, in any order."""
+
+import math
+from contextlib import ExitStack
+from ctypes import POINTER, byref, c_float, c_size_t, c_void_p
+
+import numpy as np
+
+from .errors import AnyfaceError
+from .job import Progress
+from .take import Request, Sound
+
+_LANDMARKS = 68
+FPS = 25.0
+_RATE_HZ = 16000
+_SAMPLES = round(_RATE_HZ / FPS)
+# After a jump the stream starts so many frames before, which its face needs to be in motion.
+_WARM_FRAMES = 50
+# A jump ahead of so many frames is heard through, a larger one is a new start.
+_MOST_AHEAD = 100
+_FLOATS = POINTER(c_float)
+
+
+class LiveCalls:
+    """The part of the engine that makes faces which follow a voice."""
+
+    def live(
+        self,
+        positions: np.ndarray,
+        triangles: np.ndarray,
+        landmarks: np.ndarray | None,
+        landmark_vertices: np.ndarray | None,
+        sound: Sound,
+        request: Request,
+        progress: Progress,
+    ) -> "LiveFace":
+        """A mesh made ready to follow `sound`; the arguments are those of `animate`.
+
+        Raises `AnyfaceError`: "input" for a system that needs the whole sound.
+        """
+        with ExitStack() as handles:
+            watch = handles.enter_context(self._watch(progress))
+            with ExitStack() as kept:
+                marks = landmarks, landmark_vertices
+                face = self._face(kept, positions, triangles, marks, request, watch)
+                audio = self._audio(kept, sound)
+                samples = np.empty(self._library.anyface_audio_sample_count(audio), np.float32)
+                self._copy("anyface_audio_copy_samples", audio, samples)
+                found = LiveFace(self, face, len(positions), samples)
+                found.start(0)
+                found.keep(kept.pop_all())
+                return found
+
+
+class LiveFace:
+    """A face, a voice, and the stream between them. Belongs to one thread; `close` it."""
+
+    def __init__(self, engine, face, vertices: int, samples: np.ndarray):
+        self._engine, self._face, self._vertices = engine, face, vertices
+        self._samples = samples
+        self._handles, self._streams = ExitStack(), ExitStack()
+        self._strengths: np.ndarray | None = None
+        # Numbers of the frames that `_rows` ends with, and of the sample that is pushed next.
+        self._next = self._first = self._pushed = 0
+        self._ended = False
+        self._rows = np.zeros((2, _LANDMARKS, 3), dtype=np.float32)
+
+    def keep(self, handles: ExitStack) -> None:
+        """Takes over what is freed with this face."""
+        self._handles = handles
+
+    def close(self) -> None:
+        """Frees the stream and the face."""
+        self._streams.close()
+        self._handles.close()
+
+    def feel(self, strengths) -> None:
+        """The emotion from the next frame on: `[15]` strengths. Raises `AnyfaceError`."""
+        wanted = np.ascontiguousarray(strengths, dtype=np.float32)
+        if self._strengths is None or not np.array_equal(wanted, self._strengths):
+            self._strengths = wanted
+            self._set_emotion()
+
+    def at(self, seconds: float) -> np.ndarray:
+        """Displacements `[V, 3]` of the mesh, in its own units, at an instant of the voice.
+
+        At rest before it begins and after it has ended. Raises `AnyfaceError`.
+        """
+        frame = math.floor(seconds * FPS)
+        if frame < 0 or frame >= len(self._samples) / _SAMPLES:
+            return np.zeros((self._vertices, 3), dtype=np.float32)
+        # The last two rows are those of the frames `_next - 2` and `_next - 1`.
+        is_behind = frame + 2 < self._next
+        if is_behind or frame + 2 > self._next + _MOST_AHEAD:
+            self.start(max(frame - _WARM_FRAMES, 0))
+        self._pull(frame + 2)
+        share = np.float32(seconds * FPS - frame)
+        row = (1 - share) * self._rows[0] + share * self._rows[1]
+        return self._moved(row)
+
+    def start(self, frame: int) -> None:
+        """Hears the voice from the sound of `frame` on, with a face at rest."""
+        self._streams.close()
+        engine = self._engine
+        made = engine._own(self._streams, "stream", "anyface_stream_new", engine._handle)
+        self._stream = made
+        self._next = self._first = frame
+        self._pushed = frame * _SAMPLES
+        self._ended = False
+        self._rows[:] = 0.0
+        self._set_emotion()
+
+    def _set_emotion(self) -> None:
+        if self._strengths is not None:
+            given = self._strengths.ctypes.data_as(_FLOATS)
+            self._engine._call("anyface_stream_set_emotion", self._stream, given)
+
+    def _pull(self, end: int) -> None:
+        """Hears on until the rows are those of the frames `end - 2` and `end - 1`."""
+        late_s = self._engine._library.anyface_stream_latency_s(self._stream)
+        row = np.empty((1, _LANDMARKS, 3), dtype=np.float32)
+        while self._next < end:
+            needed = (self._next + 1) * _SAMPLES + math.ceil(late_s * _RATE_HZ)
+            self._push(min(needed, len(self._samples)))
+            count = c_size_t()
+            given = (self._stream, row.ctypes.data_as(_FLOATS), 1, byref(count))
+            self._engine._call("anyface_stream_pull", *given)
+            self._rows[0] = self._rows[1]
+            if count.value:
+                self._rows[1] = row[0]
+                if self._next == self._first:
+                    self._rows[0] = row[0]
+            self._next += 1
+
+    def _push(self, end: int) -> None:
+        part = np.ascontiguousarray(self._samples[self._pushed : end])
+        if len(part):
+            given = (self._stream, part.ctypes.data_as(_FLOATS), len(part))
+            self._engine._call("anyface_stream_push", *given)
+            self._pushed = end
+        if self._pushed == len(self._samples) and not self._ended:
+            self._engine._call("anyface_stream_finish", self._stream)
+            self._ended = True
+
+    def _moved(self, landmarks: np.ndarray) -> np.ndarray:
+        """The mesh `[V, 3]` under displacements of the landmarks `[68, 3]`."""
+        engine = self._engine
+        if engine._handle is None:
+            raise AnyfaceError("internal", "the models were unloaded")
+        with ExitStack() as handles:
+            row = np.ascontiguousarray(landmarks, dtype=np.float32)
+            given = (row.ctypes.data_as(_FLOATS), 1, FPS)
+            motion = engine._own(handles, "motion", "anyface_motion_new_displacements", *given)
+            made = (engine._handle, self._face, motion, c_void_p())
+            clip = engine._own(handles, "clip", "anyface_clip_new", *made)
+            out = np.empty((self._vertices, 3), dtype=np.float32)
+            given = (clip, 0, out.ctypes.data_as(_FLOATS), out.size)
+            engine._call("anyface_clip_copy_frame", *given)
+            return out

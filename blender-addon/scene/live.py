@@ -1,0 +1,187 @@
+"""A face that follows its sound in the viewport before anything is generated.
+
+All of it lies in one shape key of each object, which goes when it ends: with a file that is saved,
+opened or rendered, with an undo, or by the artist.
+"""
+
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+from bpy.app.handlers import persistent
+
+from ..core import space
+from ..core.emotion import strengths
+from ..core.errors import AnyfaceError
+from . import guard, identity, mesh, pieces
+
+KEY = "Anyface Live"
+
+
+@dataclass
+class Follower:
+    """One character: its objects by number, and what moves them."""
+
+    number: int
+    name: str
+    # Number and name of each, its rows of the displacements, its rest, the way into its own space.
+    parts: list[tuple[int, str, slice, np.ndarray, np.ndarray]]
+    face: object
+    found: space.FaceSpace
+    start_frame: float
+
+
+_followers: list[Follower] = []
+
+
+def is_on(ob) -> bool:
+    """Whether `ob` follows its sound."""
+    return bool(_of(ob))
+
+
+def _of(ob) -> list[Follower]:
+    return [f for f in _followers if identity.with_number(f.number, f.name) == ob]
+
+
+def begin(ob, snapshot, face) -> None:
+    """Lets `ob`, which `snapshot` was read from, follow its sound by `face`, a `LiveFace`.
+
+    Raises `AnyfaceError` where an object cannot have a key; nothing has changed then.
+    """
+    given = snapshot.face.pieces or [None]
+    found = []
+    for piece in given:
+        one = (
+            ob
+            if piece is None or piece is given[0]
+            else pieces.object_of(pieces.Part(piece.name), ob)
+        )
+        count = len(snapshot.face.positions) if piece is None else piece.count
+        guard.check_editable(one)
+        guard.check_size(one, count)
+        first = 0 if piece is None else piece.first
+        way = np.eye(4) if piece is None else piece.matrix
+        back = np.linalg.inv(np.asarray(way, dtype=np.float64)[:3, :3]).astype(np.float32)
+        found.append((one, slice(first, first + count), back))
+    end(ob)
+    parts = []
+    for one, rows, back in found:
+        rested = mesh.read_basis(one.data)
+        with guard.object_mode(one), guard.selection_kept(one):
+            _add_key(one, rested)
+        parts.append((identity.number(one), one.name, rows, rested, back))
+    way = space.face_space(snapshot.face.matrix_world, snapshot.face.axes)
+    _followers.append(
+        Follower(identity.number(ob), ob.name, parts, face, way, snapshot.source.start_frame)
+    )
+    show(bpy.context.scene)
+
+
+def _add_key(ob, rested: np.ndarray) -> None:
+    if ob.data.shape_keys is None:
+        ob.shape_key_add(name="Basis", from_mix=False)
+        ob.data.shape_keys.use_relative = True
+    block = mesh.add_key(ob, KEY, rested)
+    block.value = 1.0
+
+
+def end(ob) -> bool:
+    """`ob` and what moves with it stand as before; False where it did not follow."""
+    found = _of(ob)
+    for follower in found:
+        _followers.remove(follower)
+        follower.face.close()
+        for number, name, *_ in follower.parts:
+            _drop_key(identity.with_number(number, name))
+    return bool(found)
+
+
+def end_all(*_) -> None:
+    """The same for every character, also for keys that an undo brought back."""
+    for follower in list(_followers):
+        _followers.remove(follower)
+        follower.face.close()
+    for ob in bpy.data.objects:
+        if ob.type == "MESH" and ob.library is None and ob.data.library is None:
+            _drop_key(ob)
+
+
+def _drop_key(ob) -> None:
+    shape_keys = ob.data.shape_keys if ob is not None else None
+    block = shape_keys.key_blocks.get(KEY) if shape_keys is not None else None
+    if block is None:
+        return
+    with guard.object_mode(ob), guard.selection_kept(ob):
+        ob.shape_key_remove(block)
+        blocks = ob.data.shape_keys.key_blocks
+        # A Basis without other keys was made for ours, or says nothing.
+        if len(blocks) == 1 and ob.data.shape_keys.animation_data is None:
+            ob.shape_key_clear()
+
+
+def show(scene) -> None:
+    """Moves every face that follows to where it is in the current frame."""
+    for follower in list(_followers):
+        ob = identity.with_number(follower.number, follower.name)
+        try:
+            if ob is None:
+                raise AnyfaceError("mesh", f"{follower.name} is gone")
+            _show(ob, scene, follower)
+        except (AnyfaceError, ReferenceError) as error:
+            _say(ob, str(error))
+            end_all()
+            return
+
+
+def _show(ob, scene, follower: Follower) -> None:
+    scene_fps = scene.render.fps / scene.render.fps_base
+    seconds = (scene.frame_current_final - follower.start_frame) / scene_fps
+    settings = ob.anyface
+    if settings.emotion_source == "GIVEN":
+        follower.face.feel(strengths(settings.emotion, settings.intensity))
+    moved = follower.found.to_object(follower.face.at(seconds))
+    for number, name, rows, rested, back in follower.parts:
+        one = identity.with_number(number, name)
+        if one is None or one.mode == "EDIT":
+            continue
+        guard.check_size(one, len(rested))
+        block = one.data.shape_keys.key_blocks.get(KEY) if one.data.shape_keys else None
+        if block is None:
+            raise AnyfaceError("mesh", f"{name}: its key {KEY!r} is gone")
+        at = rested + moved[rows] @ back.T
+        block.points.foreach_set("co", np.ascontiguousarray(at, dtype=np.float32).ravel())
+        one.data.shape_keys.update_tag()
+        one.data.update_tag()
+
+
+def _say(ob, text: str) -> None:
+    if ob is not None and ob.library is None:
+        ob.anyface.report, ob.anyface.report_is_error = f"live: {text}", True
+
+
+@persistent
+def _on_frame(scene, *_) -> None:
+    show(scene)
+
+
+@persistent
+def _on_end(*_) -> None:
+    end_all()
+
+
+_ENDINGS = ("load_pre", "save_pre", "undo_post", "redo_post", "render_init")
+
+
+def register() -> None:
+    """Follows the frame, and ends where the file must not hold it."""
+    bpy.app.handlers.frame_change_post.append(_on_frame)
+    for name in _ENDINGS:
+        getattr(bpy.app.handlers, name).append(_on_end)
+
+
+def unregister() -> None:
+    """Ends all."""
+    end_all()
+    bpy.app.handlers.frame_change_post.remove(_on_frame)
+    for name in _ENDINGS:
+        getattr(bpy.app.handlers, name).remove(_on_end)

@@ -1,0 +1,106 @@
+"""*Live*: a face that follows its sound without a take, and of which nothing stays."""
+
+import bpy
+import numpy as np
+import pytest
+
+from figures import own_keys, shape, write_wav
+
+KEY = "Anyface Live"
+
+
+@pytest.fixture
+def talker(tmp_path):
+    """The sample head with two seconds of a voice that swells five times a second."""
+    bpy.ops.anyface.add_sample_head()
+    ob = bpy.context.object
+    at = np.arange(32000) / 16000
+    buzz = sum(np.sin(2 * np.pi * 140 * k * at) / k for k in range(1, 15))
+    write_wav(tmp_path / "voice.wav", 0.2 * buzz * (0.5 - 0.5 * np.cos(10 * np.pi * at)), 16000)
+    ob.anyface.source, ob.anyface.sound_file = "FILE", str(tmp_path / "voice.wav")
+    ob.anyface.start_frame = 1
+    bpy.context.scene.render.fps = 24
+    return ob
+
+
+def moved(ob, frame):
+    """How far the farthest vertex is from where it is at rest, in a frame."""
+    bpy.context.scene.frame_set(frame)
+    rest = np.empty(len(ob.data.vertices) * 3, dtype=np.float32)
+    ob.data.shape_keys.reference_key.points.foreach_get("co", rest)
+    return np.abs(shape(ob, frame) - rest.reshape(-1, 3)).max()
+
+
+def test_it_follows_in_any_order_and_nothing_stays(talker):
+    before = shape(talker, 1)
+    assert talker.data.shape_keys is None
+    assert bpy.ops.anyface.live() == {"FINISHED"}
+    seen = {frame: shape(talker, frame) for frame in (1, 14, 20, 26, 33)}
+    assert max(np.abs(seen[frame] - before).max() for frame in seen) > 0.002
+    # Backwards, and what was seen is seen again; a stream that begins anew is warm by then.
+    again = shape(talker, 20)
+    assert np.abs(again - seen[20]).max() < 0.1 * np.abs(seen[20] - before).max()
+    assert np.abs(shape(talker, 400) - before).max() < 1e-6, "the sound is over"
+    assert bpy.ops.anyface.live() == {"FINISHED"}
+    assert talker.data.shape_keys is None
+    assert np.array_equal(shape(talker, 20), before)
+
+
+def test_the_emotion_may_change_meanwhile(talker):
+    talker.anyface.emotion, talker.anyface.intensity = "happy", 0.0
+    bpy.ops.anyface.live()
+    plain = shape(talker, 20)
+    talker.anyface.intensity = 1.0
+    shape(talker, 30)
+    assert np.abs(shape(talker, 44) - plain).max() > 0.003
+
+
+def test_keys_of_the_artist_stay_and_the_chosen_one_stays_chosen(talker):
+    own_keys(talker, "Smile", "Frown")
+    talker.active_shape_key_index = 1
+    bpy.ops.anyface.live()
+    assert talker.data.shape_keys.key_blocks[KEY].value == 1.0
+    bpy.ops.anyface.live()
+    assert [b.name for b in talker.data.shape_keys.key_blocks] == ["Basis", "Smile", "Frown"]
+    assert talker.active_shape_key_index == 1
+
+
+def test_saving_ends_it_and_the_file_holds_nothing(talker, tmp_path, addon):
+    bpy.ops.anyface.live()
+    path = str(tmp_path / "shot.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    assert talker.data.shape_keys is None and not addon("scene.live").is_on(talker)
+    bpy.ops.anyface.live()
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert not addon("scene.live")._followers
+    assert all(ob.data.shape_keys is None for ob in bpy.data.objects if ob.type == "MESH")
+
+
+def test_a_take_is_generated_while_it_follows(talker):
+    bpy.ops.anyface.live()
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    names = [block.name for block in talker.data.shape_keys.key_blocks]
+    assert KEY not in names and len(names) > 5
+    assert not bpy.ops.anyface.live.poll()
+
+
+def test_a_mesh_that_changes_ends_it_in_words(talker, addon):
+    bpy.ops.anyface.live()
+    talker.shape_key_clear()
+    bpy.context.scene.frame_set(20)
+    assert not addon("scene.live").is_on(talker)
+    assert "key" in talker.anyface.report and talker.anyface.report_is_error
+
+
+def test_a_system_that_needs_the_whole_sound_says_so(talker):
+    talker.anyface.system = "cafe-talk"
+    with pytest.raises(RuntimeError, match="needs the whole sound"):
+        bpy.ops.anyface.live()
+    assert talker.data.shape_keys is None
+
+
+def test_emoface_follows_too(talker):
+    talker.anyface.system = "emoface"
+    bpy.ops.anyface.live()
+    bpy.context.scene.frame_set(1)
+    assert max(moved(talker, frame) for frame in range(10, 40, 6)) > 0.002
