@@ -89,25 +89,36 @@ def end(ob) -> bool:
     """`ob` and what moves with it stand as before; False where it did not follow."""
     found = _of(ob)
     for follower in found:
-        _followers.remove(follower)
-        follower.face.close()
-        for number, name, *_ in follower.parts:
-            _drop_key(identity.with_number(number, name))
+        _forget(follower)
+    _sweep()
     return bool(found)
 
 
 def end_all(*_) -> None:
-    """The same for every character, also for keys that an undo brought back."""
+    """The same for every character."""
     for follower in list(_followers):
-        _followers.remove(follower)
-        follower.face.close()
+        _forget(follower)
+    _sweep()
+
+
+def _forget(follower: Follower) -> None:
+    _followers.remove(follower)
+    follower.face.close()
+
+
+def _sweep() -> None:
+    """Takes the key from whatever follows nothing: what did until now, its copies, what an undo
+    brought back, what a crash left in a file."""
+    kept = [identity.with_number(part[0], part[1]) for f in _followers for part in f.parts]
+    meshes = [ob.data for ob in kept if ob is not None]
     for ob in bpy.data.objects:
-        if ob.type == "MESH" and ob.library is None and ob.data.library is None:
+        is_own = ob.type == "MESH" and ob.library is None and ob.data.library is None
+        if is_own and ob.data not in meshes:
             _drop_key(ob)
 
 
 def _drop_key(ob) -> None:
-    shape_keys = ob.data.shape_keys if ob is not None else None
+    shape_keys = ob.data.shape_keys
     block = shape_keys.key_blocks.get(KEY) if shape_keys is not None else None
     if block is None:
         return
@@ -169,7 +180,7 @@ def _on_end(*_) -> None:
     end_all()
 
 
-_ENDINGS = ("load_pre", "save_pre", "undo_post", "redo_post", "render_init")
+_ENDINGS = ("load_pre", "load_post", "save_pre", "undo_post", "redo_post", "render_init")
 
 
 def register() -> None:

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from figures import own_keys, shape, write_wav
+from figures import own_keys, select, shape, write_wav
 
 KEY = "Anyface Live"
 
@@ -72,6 +72,35 @@ def test_saving_ends_it_and_the_file_holds_nothing(talker, tmp_path, addon):
     assert talker.data.shape_keys is None and not addon("scene.live").is_on(talker)
     bpy.ops.anyface.live()
     bpy.ops.wm.open_mainfile(filepath=path)
+    assert not addon("scene.live")._followers
+    assert all(ob.data.shape_keys is None for ob in bpy.data.objects if ob.type == "MESH")
+
+
+def test_two_characters_follow_and_a_copy_is_left_clean(talker, addon):
+    bpy.ops.anyface.live()
+    select(talker)
+    bpy.ops.object.duplicate()
+    copy = bpy.context.object
+    assert copy != talker and KEY in copy.data.shape_keys.key_blocks
+    copy.anyface.emotion, copy.anyface.intensity = "angry", 1.0
+    bpy.context.scene.anyface.character = None
+    bpy.context.view_layer.objects.active = copy
+    assert bpy.ops.anyface.live() == {"FINISHED"}
+    shape(talker, 20)
+    assert np.abs(shape(copy, 34) - shape(talker, 34)).max() > 0.002
+    assert bpy.ops.anyface.live() == {"FINISHED"}
+    assert copy.data.shape_keys is None and addon("scene.live").is_on(talker)
+    addon("scene.live").end(talker)
+    assert talker.data.shape_keys is None
+
+
+def test_an_undo_in_the_middle_ends_it(talker, addon):
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.anyface.live()
+    bpy.context.scene.frame_set(20)
+    bpy.ops.ed.undo_push(message="something with the key in it")
+    bpy.ops.ed.undo()
+    bpy.ops.ed.redo()
     assert not addon("scene.live")._followers
     assert all(ob.data.shape_keys is None for ob in bpy.data.objects if ob.type == "MESH")
 
