@@ -128,7 +128,7 @@ mod tests {
             if mel >= 18 && (mel - 18).is_multiple_of(4) && frames < 75 {
                 let felt = live.at_frame(frames, 25.0);
                 if frames * 4 >= LEAST {
-                    largest = largest.max(distance(&felt, &whole.row(frames)));
+                    largest = largest.max(distance(&felt, whole.row(frames)));
                 }
                 frames += 1;
             }
