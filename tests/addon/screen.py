@@ -109,10 +109,10 @@ class Screen:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(shot.read_bytes())
 
-    def find(self, operator: str) -> tuple[int, int]:
-        """Where the sidebar's button of an operator is: Blender copies a button's command to the
-        clipboard on Ctrl C."""
-        return self._find(operator, "ctrl+c", 1 / 3)
+    def find(self, operator: str, share: float = 1 / 3) -> tuple[int, int]:
+        """Where the sidebar's button of an operator is, at a `share` of its width: Blender copies
+        a button's command to the clipboard on Ctrl C."""
+        return self._find(operator, "ctrl+c", share)
 
     def find_slider(self, path: str) -> tuple[int, int]:
         """Where the slider of a property is, by the end of the path that Blender copies."""

@@ -1,0 +1,54 @@
+"""*Live* in a real Blender window: pressed, played, pressed again."""
+
+import pytest
+
+from screen import Screen
+from test_heads import voice  # noqa: F401 - a fixture
+from test_window import REDRAW, photographs, screen  # noqa: F401 - fixtures
+
+# The button is a small one, at the right end of its row.
+RIGHT = 0.84
+IS_LIVE = "any('Anyface Live' in keys.key_blocks for keys in bpy.data.shape_keys)"
+# How often the picture changed while it played, and how far the face lies behind the playhead.
+WATCH = """
+import time
+seen = bpy.app.driver_namespace.setdefault("seen", [])
+def note(scene, *_):
+    seen.append((scene.frame_current, time.perf_counter()))
+bpy.app.handlers.frame_change_post.append(note)
+answer = True
+"""
+MOVED = """
+import numpy as np
+head = bpy.data.objects["Head"].data.shape_keys
+def points(block):
+    out = np.empty(3 * len(block.data), dtype=np.float32)
+    block.data.foreach_get("co", out)
+    return out
+answer = float(np.abs(points(head.key_blocks["Anyface Live"]) - points(head.reference_key)).max())
+"""
+
+
+def test_the_face_follows_what_plays(screen: Screen, photographs):  # noqa: F811
+    screen.hand("mousemove", *screen.find("anyface.live", RIGHT), "click", 1)
+    screen.wait(IS_LIVE)
+    screen.ask(WATCH)
+    screen.ask("bpy.ops.screen.animation_play()\nanswer = True")
+    screen.wait("len(bpy.app.driver_namespace['seen']) > 40")
+    screen.photograph(photographs / "live.png")
+    screen.ask("bpy.ops.screen.animation_cancel(restore_frame=False)\nanswer = True")
+    screen.ask("bpy.context.scene.frame_set(24)\nanswer = True")
+    assert screen.ask(MOVED) > 1e-3
+    seen = screen.ask("answer = bpy.app.driver_namespace['seen']")
+    played = [b[1] - a[1] for a, b in zip(seen, seen[1:], strict=False) if b[0] > a[0]]
+    assert played
+    print("median time from frame to frame:", sorted(played)[len(played) // 2])
+    screen.ask(REDRAW + "\nanswer = True")
+    screen.hand("mousemove", *screen.find("anyface.live", RIGHT), "click", 1)
+    screen.wait(f"not {IS_LIVE}")
+
+
+@pytest.fixture(autouse=True)
+def _as_before(screen: Screen):  # noqa: F811
+    yield
+    screen.ask("bpy.app.handlers.frame_change_post.pop()\nanswer = True")
