@@ -5,7 +5,7 @@ use std::{fs, io, path::Path};
 
 /// Files, and folders with all that is in them. Model cards, speech and the command are none of
 /// them: a change there leaves what is kept of a user's meshes as it was.
-pub const SOURCES: [&str; 11] = [
+pub const SOURCES: [&str; 14] = [
     "src/cache",
     "src/face",
     "src/ibug.rs",
@@ -13,6 +13,9 @@ pub const SOURCES: [&str; 11] = [
     "src/operators",
     "src/nn",
     "src/deform",
+    "src/head",
+    "models/facetalk_compact/config.json",
+    "models/facetalk_compact/model.safetensors",
     "models/landmarks/config.json",
     "models/landmarks/model.safetensors",
     "models/static_weights/config.json",

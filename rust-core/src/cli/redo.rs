@@ -71,7 +71,12 @@ impl Redo<'_> {
         )?;
         let rows = self.stretch.frames(frames, fps)?;
         let part = motion.frames_of(rows.clone());
-        let new = Collector::collect(|sink| engine.spread(face, &part, sink, progress))?;
+        let mut notes = Vec::new();
+        let new = Collector::collect(|sink| {
+            let made = engine.spread(face, &part, sink, progress)?;
+            notes.clone_from(&made.notes);
+            Ok(made)
+        })?;
         let splice = |was: &mut Array3<f32>, new: Array3<f32>| -> Result<()> {
             let mut whole = was.clone();
             let rows = ndarray::Slice::from(rows.clone());
@@ -86,6 +91,7 @@ impl Redo<'_> {
         Ok(SpreadReport {
             largest: largest(&was.vertices.displacements),
             landmarks: was.landmark_displacements,
+            notes,
         })
     }
 
@@ -97,7 +103,13 @@ impl Redo<'_> {
             _ => Motion::Landmarks(self.landmarks(new)?),
         };
         self.check(was.frames(), was.fps(), new.frames(), new.fps())?;
-        let made = was.redone(new, &self.stretch)?;
+        let made = match new {
+            // Files of motion hold no codes.
+            Motion::Codes(new) => {
+                was.redone(&Motion::Landmarks(new.landmarks.clone()), &self.stretch)?
+            }
+            _ => was.redone(new, &self.stretch)?,
+        };
         Ok((made, self.life(&performance.life, new.fps())?))
     }
 

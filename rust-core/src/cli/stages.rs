@@ -170,6 +170,7 @@ pub(super) fn note_result(
         face.metres_per_unit(),
         articulation,
     );
+    report.warnings.extend(made.notes.iter().cloned());
     report.out = Some(path.display().to_string());
     report.frames = made.landmarks.dim().0;
     report.fps = fps;

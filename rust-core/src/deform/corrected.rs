@@ -178,6 +178,26 @@ pub struct Corrected<D> {
 }
 
 impl<D: Deformer> Corrected<D> {
+    /// What the decoder makes of landmarks `[T, 68, 3]`, with displacements `[T, V, 3]` beside it, corrected.
+    fn corrected(
+        &self,
+        landmarks: ArrayView3<'_, f32>,
+        beside: Option<&Array3<f32>>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array3<f32>> {
+        let asked = self.corrections.asked(landmarks);
+        let landmarks = asked.as_standard_layout().into_owned();
+        let own = self.corrections.own_landmarks(&landmarks);
+        let mut out = self.decoder.deform(own.view(), progress)?;
+        if let Some(beside) = beside {
+            out += beside;
+        }
+        self.each_frame(landmarks.view(), &mut out, |landmarks, frame| {
+            self.corrections.apply(landmarks, frame);
+        });
+        Ok(out)
+    }
+
     /// Hands every frame of `moved` `[T, V, 3]` with its landmarks to `correct`.
     fn each_frame(
         &self,
@@ -223,14 +243,16 @@ impl<D: Deformer> Deformer for Corrected<D> {
             // The decoder says what it expected.
             return self.decoder.deform(landmarks, progress);
         }
-        let asked = self.corrections.asked(landmarks);
-        let landmarks = asked.as_standard_layout().into_owned();
-        let own = self.corrections.own_landmarks(&landmarks);
-        let mut out = self.decoder.deform(own.view(), progress)?;
-        self.each_frame(landmarks.view(), &mut out, |landmarks, frame| {
-            self.corrections.apply(landmarks, frame);
-        });
-        Ok(out)
+        self.corrected(landmarks, None, progress)
+    }
+
+    fn deform_beside(
+        &self,
+        landmarks: ArrayView3<'_, f32>,
+        beside: &Array3<f32>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array3<f32>> {
+        self.corrected(landmarks, Some(beside), progress)
     }
 
     fn shut_lids(&self, landmarks: ArrayView3<'_, f32>, moved: &mut Array3<f32>) {

@@ -35,6 +35,7 @@ pub use correspondence::{Correspondence, FollowingFace, ReferencePoints};
 pub use creases::{Creases, ReferenceFace};
 pub(crate) use eyes::Openings;
 pub use landmark_weights::LandmarkWeights;
+pub(crate) use nearest::PointGrid;
 pub use part_list::PartList;
 pub use prepare::{LEARNED, SolvedSkin, static_deformer};
 pub use skin::Skin;
@@ -85,6 +86,20 @@ pub trait Deformer: Send + Sync {
         None
     }
 
+    /// [`Deformer::deform`] with displacements `[T, V, 3]` beside what landmarks say, before what touches what is
+    /// corrected.
+    ///
+    /// # Errors
+    /// Those of [`Deformer::deform`].
+    fn deform_beside(
+        &self,
+        landmarks: ArrayView3<'_, f32>,
+        beside: &Array3<f32>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array3<f32>> {
+        Ok(self.deform(landmarks, progress)? + beside)
+    }
+
     /// [`Deformer::deform`] without the corrections that depend on what touches what: skin alone, linear
     /// where the decoder is.
     ///
@@ -127,6 +142,15 @@ impl Deformer for Box<dyn Deformer> {
 
     fn of_vertices(&self, wanted: &[u32]) -> Option<FewVertices> {
         self.as_ref().of_vertices(wanted)
+    }
+
+    fn deform_beside(
+        &self,
+        landmarks: ArrayView3<'_, f32>,
+        beside: &Array3<f32>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array3<f32>> {
+        self.as_ref().deform_beside(landmarks, beside, progress)
     }
 
     fn deform_freely(

@@ -30,9 +30,9 @@ pub struct Skin {
     /// beside it.
     pub is_skin: Vec<bool>,
     /// `[V]`, the vertex that stands for each when seams are sewn up.
-    pub(super) sewn: Vec<u32>,
+    pub(crate) sewn: Vec<u32>,
     /// Triangles of the skin, seams sewn up, over all positions; canonical centimetres.
-    pub(super) surface: Mesh,
+    pub(crate) surface: Mesh,
     /// Vertex of the surface at each landmark.
     pub(super) landmark_vertices: [u32; LANDMARKS],
     /// Of the surface or its proxy; `R` rows.

@@ -25,6 +25,7 @@ use crate::{
     },
     face::Face,
     finite::check_result,
+    head,
     mesh::{self, FaceOptions, LandmarkFinder, Mesh},
     models,
     motion::{FaceModes, LandmarkClip, Motion, WeightClip},
@@ -318,8 +319,23 @@ impl Engine {
                     spread::into_sink(&Spread::of_weights(face, shapes), sink, progress)
                 })
             }
-            Motion::Template(_) | Motion::Codes(_) => Err(spread::not_yet(motion)),
+            Motion::Codes(_) => self.threads(|| {
+                let spread = self.spread_of(face, motion, progress)?;
+                let mut made = spread::into_sink(&spread, sink, progress)?;
+                made.notes.extend(self.field_note(face));
+                Ok(made)
+            }),
+            Motion::Template(_) => Err(spread::not_yet(motion)),
         }
+    }
+
+    /// Why vertices do not follow the field of the system's own head.
+    fn field_note(&self, face: &Face) -> Option<String> {
+        let complaint = face.known_field()?.as_ref().err()?;
+        let rest = "landmarks alone move the mesh";
+        Some(format!(
+            "no head of the model is like this face, {rest}: {complaint}"
+        ))
     }
 
     /// Two motions of one length on a face, each vertex by its shares `[V]` of both, such as what is said and how
@@ -357,7 +373,14 @@ impl Engine {
         })?;
         let own = face.own_motion(clip.displacements.view());
         let deformer = self.deformer(face, progress)?.as_ref();
-        Ok(Spread::of_landmarks(face, deformer, own, clip.fps))
+        let plain = Spread::of_landmarks(face, deformer, own, clip.fps);
+        let Motion::Codes(clip) = motion else {
+            return Ok(plain);
+        };
+        match self.system.field(face, &self.cache, progress)? {
+            Some(field) => plain.with_field(field, clip.codes.view()),
+            None => Ok(plain),
+        }
     }
 
     /// How far feeling is believed beside what is said in some frames of a performance, for each vertex of a face,
@@ -406,7 +429,8 @@ impl Engine {
         match motion {
             Motion::Landmarks(clip) => Ok(clip.clone()),
             Motion::Weights(clip) => clip.landmarks(&self.face_modes),
-            Motion::Template(_) | Motion::Codes(_) => Err(spread::not_yet(motion)),
+            Motion::Codes(clip) => Ok(clip.landmarks.clone()),
+            Motion::Template(_) => Err(spread::not_yet(motion)),
         }
     }
 
@@ -523,6 +547,7 @@ fn key_of_models(folder: Option<&Path>) -> Result<CacheKey> {
             &deform::static_weights::MODEL,
             &deform::creases::MODEL,
             &mesh::LANDMARK_MODEL,
+            &head::MODEL,
         ];
         for model in of_meshes {
             let files = model.open(folder)?;

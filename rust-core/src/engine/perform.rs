@@ -263,7 +263,10 @@ impl Engine {
                 .face_modes
                 .follow_gaze(&mut clip.displacements, life.gaze.view())?,
             Motion::Weights(clip) => clip.follow_gaze(&self.face_modes, life.gaze.view())?,
-            Motion::Template(_) | Motion::Codes(_) => {}
+            Motion::Codes(clip) => self
+                .face_modes
+                .follow_gaze(&mut clip.landmarks.displacements, life.gaze.view())?,
+            Motion::Template(_) => {}
         }
         Ok((moved, life))
     }

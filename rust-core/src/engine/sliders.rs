@@ -237,18 +237,18 @@ impl Way<'_> {
         frames: &[usize],
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
-        match (motion, &self.rig) {
-            (Motion::Landmarks(clip), _) => {
-                let landmarks = clip.displacements.select(Axis(0), frames);
-                let landmarks = self.face.own_motion(landmarks.view());
-                match &self.few {
-                    Some(few) => few.deform(landmarks.view(), progress),
-                    None => {
-                        let all = self.deformer.deform(landmarks.view(), progress)?;
-                        Ok(all.select(Axis(1), &self.vertices))
-                    }
+        if let Some(clip) = motion.landmarks() {
+            let landmarks = clip.displacements.select(Axis(0), frames);
+            let landmarks = self.face.own_motion(landmarks.view());
+            return match &self.few {
+                Some(few) => few.deform(landmarks.view(), progress),
+                None => {
+                    let all = self.deformer.deform(landmarks.view(), progress)?;
+                    Ok(all.select(Axis(1), &self.vertices))
                 }
-            }
+            };
+        }
+        match (motion, &self.rig) {
             (Motion::Weights(clip), Some(rig)) => {
                 report(progress, "deform", 0.0)?;
                 let clip = clip.rows(frames);
@@ -329,7 +329,11 @@ impl Measure<'_> {
         let frames: Vec<usize> = (0..take.frames()).filter(differs).collect();
         let mut out = Array2::zeros((take.frames(), self.projection.shapes()));
         for frames in frames.chunks(FRAMES_AT_ONCE) {
-            let moved = self.moved(varied, frames, progress)?;
+            let mut moved = self.moved(varied, frames, progress)?;
+            if let Motion::Codes(_) = take {
+                // The clip has what codes add to landmarks; both motions have the same codes.
+                moved -= &self.moved(take, frames, progress)?;
+            }
             for (&t, weights) in frames
                 .iter()
                 .zip(self.projection.weights(&moved).outer_iter())

@@ -3,7 +3,6 @@
 //! Entries are named by everything they depend on: the mesh, the options, the models, and the code
 //! itself. A mesh that was seen before costs reading its file and what is kept of it.
 
-use super::Face;
 use crate::{
     Result,
     cache::{Arrays, Cache, CacheKey},
@@ -21,12 +20,16 @@ pub(super) fn key_of(mesh: &Mesh, models: &CacheKey) -> CacheKey {
 }
 
 /// Names a face whose landmarks are known, `mesh` being the key of its mesh.
-pub(super) fn key_of_face(mesh: &CacheKey, face: &Face) -> CacheKey {
+pub(super) fn key_of_face(
+    mesh: &CacheKey,
+    options: &FaceOptions,
+    landmarks: &Landmarks,
+) -> CacheKey {
     mesh.clone()
-        .text(&format!("{:?}", face.options))
-        .f32s(face.landmarks.positions.as_flattened())
-        .u32s(&face.landmarks.vertices)
-        .f32s(&face.landmarks.confidence)
+        .text(&format!("{options:?}"))
+        .f32s(landmarks.positions.as_flattened())
+        .u32s(&landmarks.vertices)
+        .f32s(&landmarks.confidence)
 }
 
 /// The landmarks that `options` give or leave to be found, and the parts of the mesh.

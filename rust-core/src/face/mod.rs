@@ -10,7 +10,9 @@ use ndarray::{Array3, ArrayView3};
 use crate::{
     Result,
     cache::{Cache, CacheKey},
+    conditions::Controls,
     deform::{Deformer, Openings, PartList},
+    head::HeadOnMesh,
     mesh::{
         self, FaceOptions, LandmarkFinder, Landmarks, Mesh, Mouth, Similarity, features::Features,
     },
@@ -55,7 +57,11 @@ pub struct Face {
     surface: OnceLock<FaceSurface>,
     deformer: OnceLock<Arc<dyn Deformer>>,
     rig: OnceLock<Arc<Rig>>,
+    field: OnceLock<Field>,
 }
+
+/// The field on a mesh, or why there is none.
+pub(crate) type Field = std::result::Result<Arc<HeadOnMesh>, String>;
 
 impl Face {
     /// Finds or takes the landmarks of a mesh, and what its parts are. `models` names what else the
@@ -105,6 +111,7 @@ impl Face {
             surface: OnceLock::new(),
             deformer: OnceLock::new(),
             rig: OnceLock::new(),
+            field: OnceLock::new(),
         }
     }
 
@@ -174,9 +181,28 @@ impl Face {
         once(&self.rig, make)
     }
 
+    /// The field on this mesh, or why there is none; `make` is called where that is not known.
+    pub(crate) fn field(&self, make: impl FnOnce() -> Result<Field>) -> Result<&Field> {
+        once(&self.field, make)
+    }
+
+    /// What [`Face::field`] has found, if it was asked.
+    pub(crate) fn known_field(&self) -> Option<&Field> {
+        self.field.get()
+    }
+
+    /// Names this face in what is kept of it and no control changes.
+    pub(crate) fn cache_key_of_mesh(&self) -> CacheKey {
+        let options = FaceOptions {
+            controls: Controls::default(),
+            ..self.options.clone()
+        };
+        face_cache::key_of_face(&self.key, &options, &self.landmarks)
+    }
+
     /// Names this face in what is kept of it.
     pub(crate) fn cache_key(&self) -> CacheKey {
-        face_cache::key_of_face(&self.key, self)
+        face_cache::key_of_face(&self.key, &self.options, &self.landmarks)
     }
 }
 

@@ -83,7 +83,11 @@ impl OneHead<'_> {
     }
 
     /// The surface of the canonical field.
-    fn canonical_surface(&self, resolution: usize, progress: ProgressFn<'_>) -> Result<Mesh> {
+    pub(super) fn canonical_surface(
+        &self,
+        resolution: usize,
+        progress: ProgressFn<'_>,
+    ) -> Result<Mesh> {
         let [low, high] = self.head.config.bounds_m;
         let grid = Grid::of_box(low, high, resolution)?;
         report(progress, "surface", 0.0)?;

@@ -11,6 +11,7 @@ mod fit;
 mod identity;
 mod make;
 mod network;
+mod on_mesh;
 mod parts;
 #[cfg(test)]
 mod tests;
@@ -26,6 +27,7 @@ pub use fit::{ScanFit, ScanOptions};
 use identity::{Identity, IdentityField};
 pub use make::{HeadOptions, MadeHead};
 use network::{Network, Prepared, Shape, encode, encoded};
+pub use on_mesh::{HeadOnMesh, Reach};
 
 use crate::{
     Error, Result,
@@ -74,10 +76,17 @@ pub struct PosedHead<'a> {
 
 /// Points of one head, ready to be moved to many poses.
 pub struct Mover<'a> {
-    one: &'a OneHead<'a>,
+    head: &'a Head,
+    trunks: Trunks,
+}
+
+/// What moving points of one head needs beside the weights.
+struct Trunks {
     points: Vec<[f32; 3]>,
+    /// What the forward field sees of the identity.
+    pressed: Vec<f32>,
     /// For each block of points what the layers before the code give.
-    trunks: Vec<Vec<f32>>,
+    blocks: Vec<Vec<f32>>,
 }
 
 impl Head {
@@ -159,6 +168,25 @@ impl Head {
                 distance
             })
         })
+    }
+
+    fn prepared<'a>(
+        &self,
+        field: &'a Deformation,
+        expression: &[f32],
+        pressed: &[f32],
+    ) -> Result<Prepared<'a>> {
+        check("z_ex", expression, self.config.expression_code)?;
+        let code: Array1<f32> = expression.iter().chain(pressed).copied().collect();
+        Ok(field.network.prepare(code.view()))
+    }
+
+    /// Points moved by as many displacements in units of the field.
+    fn moved(&self, points: &[[f32; 3]], by: &[f32]) -> Vec<[f32; 3]> {
+        let metres = self.config.scale_m;
+        let rows = points.iter().zip(by.as_chunks::<3>().0);
+        rows.map(|(p, by)| std::array::from_fn(|axis| p[axis] + metres * by[axis]))
+            .collect()
     }
 
     /// The head of `z` `[Z]`.
@@ -287,13 +315,16 @@ impl<'a> OneHead<'a> {
     }
 
     fn prepared(&self, field: &'a Deformation, expression: &[f32]) -> Result<Prepared<'a>> {
-        check("z_ex", expression, self.head.config.expression_code)?;
+        self.head.prepared(field, expression, &self.pressed(field))
+    }
+
+    /// What a deformation sees of the identity.
+    fn pressed(&self, field: &Deformation) -> Vec<f32> {
         let anchors = self.field.anchors.iter().flatten();
         let seen: Vec<f32> = self.z.iter().chain(anchors).copied().collect();
         let mut pressed = vec![0.0; self.head.config.pressed];
         field.press.forward_row(&seen, &mut pressed);
-        let code: Array1<f32> = expression.iter().chain(&pressed).copied().collect();
-        Ok(field.network.prepare(code.view()))
+        pressed
     }
 
     fn seen(&self, points: &[[f32; 3]]) -> Vec<f32> {
@@ -303,28 +334,28 @@ impl<'a> OneHead<'a> {
         )
     }
 
-    fn moved(&self, points: &[[f32; 3]], by: &[f32]) -> Vec<[f32; 3]> {
-        let rows = points.iter().zip(by.as_chunks::<3>().0);
-        rows.map(|(p, by)| std::array::from_fn(|axis| p[axis] + self.metres() * by[axis]))
-            .collect()
+    /// Canonical points `[V]` ready for many poses.
+    pub fn mover(&self, points: Vec<[f32; 3]>) -> Mover<'a> {
+        Mover {
+            head: self.head,
+            trunks: self.trunks(points),
+        }
     }
 
-    /// Canonical points `[V]` ready for many poses.
-    pub fn mover(&self, points: Vec<[f32; 3]>) -> Mover<'_> {
-        let any = self
-            .prepared(
-                &self.head.forward,
-                &vec![0.0; self.head.config.expression_code],
-            )
-            .expect("a code of the head's own length");
-        let blocks = points.par_chunks(BLOCK);
-        let trunks = blocks
+    fn trunks(&self, points: Vec<[f32; 3]>) -> Trunks {
+        let field = &self.head.forward;
+        let pressed = self.pressed(field);
+        let any = vec![0.0; self.head.config.expression_code];
+        let any = self.head.prepared(field, &any, &pressed);
+        let any = any.expect("a code of the head's own length");
+        let blocks = points
+            .par_chunks(BLOCK)
             .map(|points| any.trunk(&self.seen(points), points.len()))
             .collect();
-        Mover {
-            one: self,
+        Trunks {
             points,
-            trunks,
+            pressed,
+            blocks,
         }
     }
 }
@@ -335,12 +366,18 @@ impl Mover<'_> {
     /// # Errors
     /// `InvalidInput` for a code of another length or one that is not finite.
     pub fn at(&self, expression: &[f32]) -> Result<Vec<[f32; 3]>> {
-        let prepared = self.one.prepared(&self.one.head.forward, expression)?;
-        let blocks = self.points.par_chunks(BLOCK).zip(&self.trunks);
+        self.trunks.at(self.head, expression)
+    }
+}
+
+impl Trunks {
+    fn at(&self, head: &Head, expression: &[f32]) -> Result<Vec<[f32; 3]>> {
+        let prepared = head.prepared(&head.forward, expression, &self.pressed)?;
+        let blocks = self.points.par_chunks(BLOCK).zip(&self.blocks);
         let moved: Vec<Vec<[f32; 3]>> = blocks
             .map(|(points, trunk)| {
                 let by = prepared.finish(trunk.clone(), points.len());
-                self.one.moved(points, &by)
+                head.moved(points, &by)
             })
             .collect();
         Ok(moved.concat())
@@ -361,7 +398,7 @@ impl PosedHead<'_> {
     fn through(&self, field: &Prepared<'_>, points: &[[f32; 3]]) -> Vec<[f32; 3]> {
         in_blocks(points, |points| {
             let by = field.forward(&self.one.seen(points), points.len());
-            self.one.moved(points, &by)
+            self.one.head.moved(points, &by)
         })
     }
 

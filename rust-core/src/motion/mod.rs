@@ -43,6 +43,7 @@ pub use frame_stream::{LandmarkFrame, MotionStream, stream_whole};
 pub use life::{Life, LifeStrengths};
 pub use perform::{Cues, Performer};
 pub use redo::Stretch;
+pub(crate) use resample::at_rate;
 pub use template::{Template, TemplateMask};
 pub use visibility::{SPOKEN_MM, VISIBLE_MM, Visibility, lip_travel};
 pub use weights::{LipGaps, WeightCues};
@@ -102,15 +103,17 @@ pub struct TemplateClip {
     pub fps: f64,
 }
 
-/// Expression codes of a parametric head.
+/// Expression codes of a parametric head, and landmarks that have what codes cannot say: emotions, blinks, closed
+/// lips. A mesh that the head is like moves by the codes, and by as much as the landmarks do otherwise; any other mesh
+/// by the landmarks alone.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CodeClip {
     /// Name of the head.
     pub head: String,
     /// `[T, C]`, unitless.
     pub codes: Array2<f32>,
-    /// Frames per second.
-    pub fps: f64,
+    /// The landmarks of the mean head, as many frames.
+    pub landmarks: LandmarkClip,
 }
 
 impl Motion {
@@ -130,7 +133,7 @@ impl Motion {
             Motion::Landmarks(clip) => clip.fps,
             Motion::Weights(clip) => clip.fps,
             Motion::Template(clip) => clip.fps,
-            Motion::Codes(clip) => clip.fps,
+            Motion::Codes(clip) => clip.landmarks.fps,
         }
     }
 
@@ -139,25 +142,26 @@ impl Motion {
         self.values().shape()[0]
     }
 
-    /// The landmarks, where the motion is theirs.
+    /// The landmarks, where the motion has them.
     pub fn landmarks(&self) -> Option<&LandmarkClip> {
         match self {
             Motion::Landmarks(clip) => Some(clip),
+            Motion::Codes(clip) => Some(&clip.landmarks),
             _ => None,
         }
     }
 
-    /// Whatever moves, the frames first.
+    /// Whatever moves, the frames first; of codes their landmarks.
     pub fn values(&self) -> ArrayViewD<'_, f32> {
         match self {
             Motion::Landmarks(clip) => clip.displacements.view().into_dyn(),
             Motion::Weights(clip) => clip.weights.view().into_dyn(),
             Motion::Template(clip) => clip.displacements.view().into_dyn(),
-            Motion::Codes(clip) => clip.codes.view().into_dyn(),
+            Motion::Codes(clip) => clip.landmarks.displacements.view().into_dyn(),
         }
     }
 
-    /// The same kind of motion with other values; these have any number of frames.
+    /// The same kind of motion with other values; these have any number of frames, with codes as many as before.
     ///
     /// # Panics
     /// If a frame of `values` has another shape than one of this motion.
@@ -174,7 +178,9 @@ impl Motion {
             Motion::Template(clip) => {
                 clip.displacements = values.into_dimensionality().expect(FITS)
             }
-            Motion::Codes(clip) => clip.codes = values.into_dimensionality().expect(FITS),
+            Motion::Codes(clip) => {
+                clip.landmarks.displacements = values.into_dimensionality().expect(FITS)
+            }
         }
         out
     }

@@ -65,7 +65,7 @@ impl Performer<'_> {
         emotion: &EmotionCurve,
         blink_emotion: &EmotionCurve,
     ) -> Result<Motion> {
-        let Motion::Landmarks(clip) = sampled else {
+        let Some(clip) = sampled.landmarks() else {
             return Ok(sampled.clone());
         };
         let affect = emotion.sample(sampled.frames(), clip.fps);
@@ -81,7 +81,7 @@ impl Performer<'_> {
         };
         let controls = PerformanceControls::from(&request.controls);
         let performed = self.modes.perform(clip, &cues, &controls)?;
-        Ok(Motion::Landmarks(performed))
+        Ok(sampled.with_values(performed.displacements.into_dyn()))
     }
 }
 

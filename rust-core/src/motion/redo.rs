@@ -148,6 +148,10 @@ impl Motion {
         }
         let values = stretch.splice(self.values(), again.values(), self.fps())?;
         let mut made = self.with_values(values);
+        if let (Motion::Codes(made), Motion::Codes(again)) = (&mut made, again) {
+            let fps = made.landmarks.fps;
+            made.codes = stretch.splice(made.codes.view(), again.codes.view(), fps)?;
+        }
         if let (Motion::Weights(made), Motion::Weights(again)) = (&mut made, again)
             && made.together.len() == again.together.len()
             && !again.together.is_empty()
@@ -168,8 +172,13 @@ impl Motion {
             return Motion::Weights(clip.rows(&rows.collect::<Vec<_>>()));
         }
         let values: ArrayViewD<'_, f32> = self.values();
-        let values: ArrayD<f32> = values.slice_axis(Axis(0), Slice::from(rows)).to_owned();
-        self.with_values(values)
+        let slice = Slice::from(rows);
+        let values: ArrayD<f32> = values.slice_axis(Axis(0), slice).to_owned();
+        let mut part = self.with_values(values);
+        if let Motion::Codes(clip) = &mut part {
+            clip.codes = clip.codes.slice_axis(Axis(0), slice).to_owned();
+        }
+        part
     }
 }
 

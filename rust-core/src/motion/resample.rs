@@ -31,7 +31,7 @@ impl WeightClip {
 }
 
 /// `frames` frames that lie `step` frames of `values` apart.
-fn at_rate<D: Dimension + RemoveAxis>(
+pub(crate) fn at_rate<D: Dimension + RemoveAxis>(
     values: ArrayView<'_, f32, D>,
     step: f64,
     frames: usize,

@@ -126,7 +126,8 @@ pub fn write_motion(
             };
             write_blend_weights(path, &weights, clip.fps)
         }
-        Motion::Template(_) | Motion::Codes(_) => Err(spread::not_yet(motion)),
+        Motion::Codes(clip) => write(&clip.landmarks, None),
+        Motion::Template(_) => Err(spread::not_yet(motion)),
     }
 }
 

@@ -10,13 +10,14 @@ mod sink;
 
 use std::{borrow::Cow, ops::Range};
 
-use ndarray::{Array3, ArrayView1, ArrayView2, Axis, Slice};
+use ndarray::{Array2, Array3, ArrayView1, ArrayView2, Axis, Slice};
 use rayon::prelude::*;
 
 use crate::{
     Error, Result,
     deform::Deformer,
     face::Face,
+    head::HeadOnMesh,
     ibug::LANDMARKS,
     mesh::{Mesh, Mouth},
     motion::{LipGaps, Motion, WeightClip},
@@ -38,6 +39,8 @@ pub struct Spread<'a> {
 enum Way<'a> {
     /// Landmark displacements `[T, 68, 3]`, mesh units and axes.
     Landmarks(&'a dyn Deformer, Array3<f32>),
+    /// The same, and beside it the field of a head that the mesh is like, under codes `[T, X]`.
+    Field(&'a dyn Deformer, Array3<f32>, &'a HeadOnMesh, Array2<f32>),
     /// Shapes of this mesh and their weights over time.
     Shapes(WeightedShapes<'a>),
     /// Two motions of one length, and how much each vertex has of either, `[V]`.
@@ -76,6 +79,8 @@ pub struct SpreadReport {
     /// `[T, 68, 3]`, mesh units: what moved the mesh, or what is read off it where that was no motion
     /// of landmarks.
     pub landmarks: Array3<f32>,
+    /// What the user should know.
+    pub notes: Vec<String>,
 }
 
 impl<'a> Spread<'a> {
@@ -94,6 +99,34 @@ impl<'a> Spread<'a> {
             frames: landmarks.len_of(Axis(0)),
             way: Way::Landmarks(deformer, landmarks),
         }
+    }
+
+    /// Landmark motion, and vertices moved by the field of a head under the codes `[T, X]` that it came from.
+    ///
+    /// # Errors
+    /// `ShapeMismatch` for another number of frames, `InvalidInput` where the motion is not of landmarks.
+    pub fn with_field(
+        mut self,
+        field: &'a HeadOnMesh,
+        codes: ArrayView2<'_, f32>,
+    ) -> Result<Spread<'a>> {
+        if codes.nrows() != self.frames {
+            return Err(Error::ShapeMismatch {
+                what: "codes of a motion",
+                expected: format!("[{}, X]", self.frames),
+                got: format!("{:?}", codes.dim()),
+            });
+        }
+        self.way = match self.way {
+            Way::Landmarks(deformer, landmarks) => {
+                Way::Field(deformer, landmarks, field, codes.to_owned())
+            }
+            _ => {
+                let message = "field: expected motion of landmarks beside it, got another";
+                return Err(Error::InvalidInput(message.into()));
+            }
+        };
+        Ok(self)
     }
 
     /// Weights through shapes of the mesh.
@@ -148,6 +181,15 @@ impl<'a> Spread<'a> {
             Way::Landmarks(deformer, landmarks) => {
                 let stretch = landmarks.slice_axis(Axis(0), Slice::from(range));
                 deformer.deform(stretch, progress)
+            }
+            Way::Field(deformer, landmarks, field, codes) => {
+                let rows = Slice::from(range);
+                let codes = codes.slice_axis(Axis(0), rows);
+                let base = self.face.own_motion(field.mean_landmarks(codes)?.view());
+                let base = deformer.deform_freely(base.view(), progress)?;
+                let beside = field.beyond(codes, &base)?;
+                let stretch = landmarks.slice_axis(Axis(0), rows);
+                deformer.deform_beside(stretch, &beside, progress)
             }
             Way::Shapes(shapes) => {
                 report(progress, "deform", 0.0)?;
@@ -261,7 +303,7 @@ pub fn into_sink(
         .map(|first| first..(first + size).min(spread.frames));
     let make = |stretch: Range<usize>| Block::make(spread, stretch, progress);
     let mut landmarks = match &spread.way {
-        Way::Landmarks(_, landmarks) => landmarks.clone(),
+        Way::Landmarks(_, landmarks) | Way::Field(_, landmarks, ..) => landmarks.clone(),
         Way::Shapes(..) | Way::Mixed(_) => Array3::zeros((spread.frames, LANDMARKS, 3)),
     };
     let mut largest = 0.0f32;
@@ -283,7 +325,11 @@ pub fn into_sink(
         neutral: &spread.face.landmarks.positions,
         displacements: landmarks.view(),
     })?;
-    Ok(SpreadReport { largest, landmarks })
+    Ok(SpreadReport {
+        largest,
+        landmarks,
+        notes: Vec::new(),
+    })
 }
 
 /// Some frames of a clip.

@@ -19,7 +19,8 @@ use crate::{
     conditions::{Control, ControlStage, Controls, EmotionCurve, MotionRequest},
     deform::{self, Deformer},
     face::Face,
-    head, mesh,
+    head::{self, HeadOnMesh},
+    mesh,
     models::BuiltIn,
     motion::{self, LipClosures, Motion, MotionStream, TemplateMask},
     progress::ProgressFn,
@@ -194,6 +195,20 @@ pub trait System: Send + Sync {
         cache: &Cache,
         progress: ProgressFn<'_>,
     ) -> Result<Option<Arc<dyn Deformer>>> {
+        let _ = (face, cache, progress);
+        Ok(None)
+    }
+
+    /// The field by which codes move a face's own vertices, kept in `cache`; `None` where landmarks alone move it.
+    ///
+    /// # Errors
+    /// `Mesh` if the landmarks lie on no usable face, `Cancelled`.
+    fn field<'a>(
+        &self,
+        face: &'a Face,
+        cache: &Cache,
+        progress: ProgressFn<'_>,
+    ) -> Result<Option<&'a HeadOnMesh>> {
         let _ = (face, cache, progress);
         Ok(None)
     }

@@ -6,6 +6,7 @@
 mod arguments;
 mod bench;
 mod console;
+mod field;
 mod gallery;
 mod ict;
 mod pictures;
@@ -36,6 +37,7 @@ enum Command {
     Quality(quality::Quality),
     Gallery(gallery::Gallery),
     Bench(bench::Bench),
+    Field(field::Field),
 }
 
 fn main() -> ExitCode {
@@ -57,6 +59,7 @@ impl Arguments {
             Command::Quality(command) => command.run(&self.shared, &console),
             Command::Gallery(command) => command.run(&self.shared, &console),
             Command::Bench(command) => command.run(&self.shared, &console),
+            Command::Field(command) => command.run(&self.shared, &console),
         }
     }
 }
@@ -75,6 +78,7 @@ mod tests {
     fn the_documented_command_line_is_accepted() {
         for line in [
             "anyface-eval quality --data D --limit 3 --json",
+            "anyface-eval field --data D --heads 2",
             "anyface-eval quality --aligned A --also B --report R.md --long",
             "anyface-eval quality --data D --weights W --quick --also B --beside cafe-talk --beside emoface",
             "anyface-eval quality --data D --aligned A --only closures",

@@ -7,14 +7,16 @@ use ndarray::{Array2, Array3, ArrayView2};
 use super::{Denoiser, MotionConfig, Sampling};
 use crate::{
     Error, Result,
+    cache::Cache,
     conditions::{Control, ControlStage, ControlValues, Controls, EmotionCurve, MotionRequest},
     deform::LEARNED,
     diffusion::frame_noise,
-    head::{self, COEFFICIENTS, Head, HeadConfig},
+    face::Face,
+    head::{self, COEFFICIENTS, Head, HeadConfig, HeadOnMesh, Reach},
     ibug::LANDMARKS,
     motion::{
-        self, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, PERFORMANCE_CONTROLS,
-        Performer,
+        self, CodeClip, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion,
+        PERFORMANCE_CONTROLS, Performer,
     },
     nn::Weights,
     progress::ProgressFn,
@@ -63,7 +65,34 @@ static GUIDANCE: Control = Control {
     ..STEPS
 };
 
-static OWN_CONTROLS: &[Control] = &[VIVIDNESS, GUIDANCE, STEPS, LEARNED];
+/// How far vertices follow the field.
+static FIELD: Control = Control {
+    name: "field",
+    label: "Field",
+    help: "How far vertices follow the head's own field, which also moves what landmarks cannot say; 0 moves them by \
+           landmarks alone.",
+    values: ControlValues::Real,
+    high: 1.0,
+    default: 1.0,
+    neutral: 0.0,
+    stage: ControlStage::Face,
+    ..STEPS
+};
+
+/// σ of eq. 12.
+static SIGMA: Control = Control {
+    name: "field_reach",
+    label: "Field Reach",
+    help: "How far about mouth and eyes the field moves the mesh, centimetres (standard deviation); 0 moves all that it \
+           reaches.",
+    unit: "cm",
+    values: ControlValues::Real,
+    high: 20.0,
+    stage: ControlStage::Face,
+    ..STEPS
+};
+
+static OWN_CONTROLS: &[Control] = &[VIVIDNESS, GUIDANCE, STEPS, LEARNED, FIELD, SIGMA];
 
 /// How the registry knows FaceTalk.
 pub static REGISTRATION: Registration = Registration {
@@ -177,13 +206,41 @@ impl System for FaceTalk {
         let codes = self.codes(heard.features(fps).view(), request, progress)?;
         let displacements = self.landmarks(codes.view())?;
         let frames = heard.frames(request.fps);
-        let mut clip = LandmarkClip { displacements, fps }.at_rate(request.fps, frames);
-        motion::close_lips(&mut clip, &heard.closures(request.closures.as_deref()));
-        Ok(Motion::Landmarks(clip))
+        let codes = motion::at_rate(codes.view(), fps / request.fps, frames);
+        let mut landmarks = LandmarkClip { displacements, fps }.at_rate(request.fps, frames);
+        motion::close_lips(&mut landmarks, &heard.closures(request.closures.as_deref()));
+        Ok(Motion::Codes(CodeClip {
+            head: REGISTRATION.name.into(),
+            codes,
+            landmarks,
+        }))
     }
 
     fn samples_emotion(&self) -> bool {
         false
+    }
+
+    fn field<'a>(
+        &self,
+        face: &'a Face,
+        cache: &Cache,
+        progress: ProgressFn<'_>,
+    ) -> Result<Option<&'a HeadOnMesh>> {
+        let controls = &face.options.controls;
+        let reach = Reach {
+            share: FIELD.value(controls),
+            sigma_m: 0.01 * SIGMA.value(controls),
+        };
+        if reach.share == 0.0 {
+            return Ok(None);
+        }
+        let head = Arc::clone(&self.head);
+        // A face unlike any that was learned moves by its landmarks.
+        let made = || {
+            let field = HeadOnMesh::new(head, face, reach, cache, progress)?;
+            Ok(field.map(Arc::new))
+        };
+        Ok(face.field(made)?.as_ref().ok().map(Arc::as_ref))
     }
 
     fn perform(

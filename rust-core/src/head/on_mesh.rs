@@ -1,0 +1,562 @@
+//! The field on the vertices of somebody's mesh: where each lies in the canonical pose of the head that is like the
+//! mesh, and how far it goes from there to any expression.
+//!
+//! A vertex is a point of the face at rest, so its canonical point is the root of `forward(x) = p`. Lips at rest lie in
+//! one place: the search starts at the point of the head's own surface that is nearest and looks the same way, so
+//! that a vertex of the upper lip starts above the mouth.
+
+use std::sync::Arc;
+
+use ndarray::{Array3, ArrayView2, Axis};
+use rayon::prelude::*;
+
+use super::{COEFFICIENTS, Head, OneHead, ScanFit, ScanOptions, Trunks};
+use crate::{
+    Error, Result,
+    cache::{Arrays, Cache},
+    deform::{PointGrid, binding::Follows},
+    face::Face,
+    ibug::LANDMARKS,
+    mesh::{Mesh, Similarity},
+    progress::{ProgressFn, report},
+};
+
+/// Cells of the surface at which searches start.
+const STARTS: usize = 112;
+/// A vertex farther from the surface than the first counts less, than the second not at all; metres.
+const NEAR_M: f32 = 4e-3;
+const FAR_M: f32 = 1e-2;
+/// Cosine between the normals of a vertex and of the place where its search starts, at least.
+const SAME_WAY: f32 = 0.2;
+/// Name of a refusal in what is kept.
+const REFUSED: &str = "refused";
+const LOOKED_AT: usize = 32;
+/// A vertex whose root is not found to this does not follow the field.
+const ROOT_M: f32 = 3e-4;
+const FOUND_M: f32 = 2e-5;
+const SIMPLE_STEPS: usize = 8;
+const NEWTON_STEPS: usize = 4;
+const DIFFERENCE_M: f32 = 5e-4;
+/// Lids and lips keep to their landmarks, which know better when they touch: nearer to one than the first nothing
+/// follows the field, farther than the second all does; metres.
+const TOUCHING_M: f32 = 8e-3;
+const BEYOND_M: f32 = 3e-2;
+/// How often shares are evened out between neighbours.
+const EVENED: usize = 6;
+
+/// How far the field moves a mesh.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reach {
+    /// By which share vertices follow it, 0 to 1.
+    pub share: f32,
+    /// σ of the smoothing of eq. 12, metres; 0 for none.
+    pub sigma_m: f32,
+}
+
+impl Default for Reach {
+    fn default() -> Self {
+        Reach {
+            share: 1.0,
+            sigma_m: 0.0,
+        }
+    }
+}
+
+/// The field of one head on the vertices of a mesh that it is like.
+pub struct HeadOnMesh {
+    head: Arc<Head>,
+    vertices: usize,
+    placed: Placed,
+    /// Vertices that follow some of the followers, and by which shares.
+    carried: Vec<(u32, Vec<(u32, f32)>)>,
+    points: Trunks,
+    at_rest: Vec<[f32; 3]>,
+    /// By what the field's motion is multiplied at each follower, eq. 15.
+    smoothing: Vec<f32>,
+    /// Of the mean head.
+    landmarks: Trunks,
+    landmarks_at_rest: Vec<[f32; 3]>,
+}
+
+/// A head that is like a mesh, and where the mesh's vertices lie in it.
+struct Placed {
+    fit: ScanFit,
+    /// Vertices that follow the field, rising.
+    followers: Vec<u32>,
+    /// How far they do, above 0 and at most 1.
+    shares: Vec<f32>,
+    /// Where they lie in the canonical pose.
+    canonical: Vec<[f32; 3]>,
+}
+
+impl HeadOnMesh {
+    /// Fits a head to a face at rest and finds its vertices in it, which is kept in `cache`; why no head is like the
+    /// face, where none is.
+    ///
+    /// # Errors
+    /// `Mesh` if the landmarks lie on no usable face; `Cancelled`.
+    pub fn new(
+        head: Arc<Head>,
+        face: &Face,
+        reach: Reach,
+        cache: &Cache,
+        progress: ProgressFn<'_>,
+    ) -> Result<std::result::Result<HeadOnMesh, String>> {
+        let skin = &face.surface()?.skin;
+        let place = || {
+            let points: Vec<[f32; 3]> = (0..skin.is_skin.len())
+                .filter(|&v| skin.is_skin[v])
+                .map(|v| face.mesh.positions[v])
+                .collect();
+            let options = ScanOptions::default();
+            match head.fit_scan(&points, &face.landmarks, &options, progress) {
+                Ok(fit) => Ok(Ok(Placed::new(&head, face, fit, progress)?)),
+                Err(Error::InvalidInput(complaint)) => Ok(Err(complaint)),
+                Err(other) => Err(other),
+            }
+        };
+        let encode = |placed: &std::result::Result<Placed, String>| match placed {
+            Ok(placed) => placed.to_arrays(),
+            Err(complaint) => {
+                let mut arrays = Arrays::default();
+                arrays.insert_json(REFUSED, complaint);
+                arrays
+            }
+        };
+        let decode = |mut arrays: Arrays| match arrays.take_json(REFUSED) {
+            Some(complaint) => Some(Err(complaint)),
+            None => Placed::from_arrays(arrays).map(Ok),
+        };
+        let key = face.cache_key_of_mesh().text("field");
+        match cache.get_or_make(&key, decode, encode, place)? {
+            Ok(placed) => HeadOnMesh::of_placed(head, face, placed, reach).map(Ok),
+            Err(complaint) => Ok(Err(complaint)),
+        }
+    }
+
+    /// The same with a head that is known to be like the mesh.
+    ///
+    /// # Errors
+    /// `InvalidInput` for coefficients that are none; `Mesh` if the landmarks lie on no usable face; `Cancelled`.
+    pub fn of_fit(
+        head: Arc<Head>,
+        face: &Face,
+        fit: ScanFit,
+        reach: Reach,
+        progress: ProgressFn<'_>,
+    ) -> Result<HeadOnMesh> {
+        let placed = Placed::new(&head, face, fit, progress)?;
+        HeadOnMesh::of_placed(head, face, placed, reach)
+    }
+
+    fn of_placed(
+        head: Arc<Head>,
+        face: &Face,
+        mut placed: Placed,
+        reach: Reach,
+    ) -> Result<HeadOnMesh> {
+        let surface = face.surface()?;
+        placed.shares.iter_mut().for_each(|s| *s *= reach.share);
+        let one = head.one(head.identity_code(&placed.fit.coefficients)?)?;
+        let smoothing = smoothing(&one.landmarks(), &placed.canonical, reach.sigma_m);
+        let points = one.trunks(placed.canonical.clone());
+        let mean = head.one(head.identity_code(&[0.0; COEFFICIENTS])?)?;
+        let landmarks = mean.trunks(mean.landmarks());
+        let rest = head.rest_code();
+        Ok(HeadOnMesh {
+            vertices: surface.skin.is_skin.len(),
+            smoothing,
+            carried: carried(&surface.follows, &surface.skin.sewn, &placed.followers),
+            at_rest: points.at(&head, &rest)?,
+            points,
+            landmarks_at_rest: landmarks.at(&head, &rest)?,
+            landmarks,
+            placed,
+            head: Arc::clone(&head),
+        })
+    }
+
+    /// How the head was found.
+    pub fn fit(&self) -> &ScanFit {
+        &self.placed.fit
+    }
+
+    /// By which share each vertex `[V]` follows the field.
+    pub fn shares(&self) -> Vec<f32> {
+        let mut out = vec![0.0; self.vertices];
+        for (&v, &share) in self.placed.followers.iter().zip(&self.placed.shares) {
+            out[v as usize] = share;
+        }
+        for (v, from) in &self.carried {
+            out[*v as usize] = from
+                .iter()
+                .map(|(n, s)| s * self.placed.shares[*n as usize])
+                .sum();
+        }
+        out
+    }
+
+    /// How the landmarks of the mean head move from rest under codes `[t, X]`: `[t, 68, 3]`, canonical metres.
+    ///
+    /// # Errors
+    /// `InvalidInput` for codes of another length or that are not finite.
+    pub fn mean_landmarks(&self, codes: ArrayView2<'_, f32>) -> Result<Array3<f32>> {
+        let mut out = Array3::zeros((codes.nrows(), LANDMARKS, 3));
+        for (code, mut frame) in codes.rows().into_iter().zip(out.outer_iter_mut()) {
+            let moved = self.landmarks.at(&self.head, &code.to_vec())?;
+            let rows = moved.iter().zip(&self.landmarks_at_rest);
+            for (mut row, (to, from)) in frame.rows_mut().into_iter().zip(rows) {
+                (0..3).for_each(|axis| row[axis] = to[axis] - from[axis]);
+            }
+        }
+        Ok(out)
+    }
+
+    /// What is to be added to `base` `[t, V, 3]`, motion of the mesh, so that vertices that follow the field go where
+    /// it takes them under codes `[t, X]`: `[t, V, 3]`, mesh units and axes.
+    ///
+    /// # Errors
+    /// `InvalidInput` for codes of another length or that are not finite.
+    pub fn beyond(&self, codes: ArrayView2<'_, f32>, base: &Array3<f32>) -> Result<Array3<f32>> {
+        let mut out = Array3::zeros(base.dim());
+        let frames = out.axis_iter_mut(Axis(0)).into_par_iter();
+        let bases = base.axis_iter(Axis(0)).into_par_iter();
+        frames
+            .zip(bases)
+            .enumerate()
+            .try_for_each(|(t, (mut out, base))| {
+                let moved = self.moved(&codes.row(t).to_vec())?;
+                for (n, by) in moved.iter().enumerate() {
+                    let (v, share, smooth) = (
+                        self.placed.followers[n] as usize,
+                        self.placed.shares[n],
+                        self.smoothing[n],
+                    );
+                    for axis in 0..3 {
+                        out[[v, axis]] = share * (smooth * by[axis] - base[[v, axis]]);
+                    }
+                }
+                for (v, from) in &self.carried {
+                    for &(n, share) in from {
+                        let from = self.placed.followers[n as usize] as usize;
+                        for axis in 0..3 {
+                            out[[*v as usize, axis]] += share * out[[from, axis]];
+                        }
+                    }
+                }
+                Ok(())
+            })?;
+        Ok(out)
+    }
+
+    /// Displacements of followers from rest, mesh units and axes.
+    fn moved(&self, code: &[f32]) -> Result<Vec<[f32; 3]>> {
+        let back = self.placed.fit.to_head.inverse();
+        let scale = back.scale as f32;
+        let moved = self.points.at(&self.head, code)?;
+        let by = |(to, from): ([f32; 3], &[f32; 3])| {
+            let by = std::array::from_fn(|axis| to[axis] - from[axis]);
+            back.rotate(by).map(|x| scale * x)
+        };
+        Ok(moved.into_iter().zip(&self.at_rest).map(by).collect())
+    }
+}
+
+impl Placed {
+    fn new(head: &Head, face: &Face, fit: ScanFit, progress: ProgressFn<'_>) -> Result<Placed> {
+        let skin = &face.surface()?.skin;
+        let one = head.one(head.identity_code(&fit.coefficients)?)?;
+        let own: Vec<u32> = (0..skin.is_skin.len() as u32)
+            .filter(|&v| skin.is_skin[v as usize] && skin.sewn[v as usize] == v)
+            .collect();
+        let places: Vec<[f32; 3]> = own
+            .iter()
+            .map(|&v| fit.to_head.apply(face.mesh.positions[v as usize]))
+            .collect();
+        let normals = skin.surface.vertex_normals();
+        let turned = |v: &u32| turn_only(&fit.to_head, face, normals[*v as usize]);
+        let normals: Vec<[f32; 3]> = own.iter().map(turned).collect();
+        let (canonical, found) = canonical_points(&one, &places, &normals, progress)?;
+        let touching: Vec<[f32; 3]> = face.landmarks.positions[36..]
+            .iter()
+            .map(|p| fit.to_head.apply(*p))
+            .collect();
+        let mut shares = vec![0.0; skin.is_skin.len()];
+        let near = one.distance(&canonical);
+        for (n, &v) in own.iter().enumerate() {
+            let way = (FAR_M - near[n].abs()) / (FAR_M - NEAR_M);
+            let share = smooth(way) * beyond_touching(&touching, places[n]);
+            shares[v as usize] = if found[n] { share } else { 0.0 };
+        }
+        even_out(&mut shares, &skin.surface.triangles, &own);
+        let kept: Vec<usize> = (0..own.len())
+            .filter(|&n| found[n] && shares[own[n] as usize] > 0.0)
+            .collect();
+        Ok(Placed {
+            fit,
+            followers: kept.iter().map(|&n| own[n]).collect(),
+            shares: kept.iter().map(|&n| shares[own[n] as usize]).collect(),
+            canonical: kept.iter().map(|&n| canonical[n]).collect(),
+        })
+    }
+
+    fn to_arrays(&self) -> Arrays {
+        let mut arrays = Arrays::default();
+        let rows = self.followers.len();
+        arrays.insert_u32("followers", &[rows], self.followers.clone());
+        arrays.insert_f32("shares", &[rows], self.shares.clone());
+        let canonical = self.canonical.as_flattened().to_vec();
+        arrays.insert_f32("canonical", &[rows, 3], canonical);
+        let coefficients = self.fit.coefficients.clone();
+        arrays.insert_f32("coefficients", &[coefficients.len()], coefficients);
+        let fit = &self.fit;
+        let distances = (fit.mean_mm, fit.most_mm, fit.points);
+        let way = (fit.metres_per_unit, fit.to_head);
+        arrays.insert_json("fit", &(distances, way, &fit.warnings));
+        arrays
+    }
+
+    fn from_arrays(mut arrays: Arrays) -> Option<Placed> {
+        let (distances, way, warnings) = arrays.take_json("fit")?;
+        let (mean_mm, most_mm, points) = distances;
+        let (metres_per_unit, to_head) = way;
+        Some(Placed {
+            fit: ScanFit {
+                coefficients: arrays.take_f32("coefficients")?.1,
+                mean_mm,
+                most_mm,
+                points,
+                metres_per_unit,
+                to_head,
+                warnings,
+            },
+            followers: arrays.take_u32("followers")?.1,
+            shares: arrays.take_f32("shares")?.1,
+            canonical: arrays.take_f32("canonical")?.1.as_chunks::<3>().0.to_vec(),
+        })
+    }
+}
+
+/// 0 on lids and lips, given by points, 1 far from them.
+fn beyond_touching(points: &[[f32; 3]], p: [f32; 3]) -> f32 {
+    let squared = |q: &[f32; 3]| (0..3).map(|i| (p[i] - q[i]).powi(2)).sum::<f32>();
+    let nearest = points.iter().map(squared).fold(f32::INFINITY, f32::min);
+    smooth((nearest.sqrt() - TOUCHING_M) / (BEYOND_M - TOUCHING_M))
+}
+
+/// Weights of eq. 12 to 14 at canonical `points`: Gaussians about the mouth and, which is ours, about eyes and brows,
+/// brought to 0 to 1; 1 everywhere without a `sigma_m`.
+fn smoothing(landmarks: &[[f32; 3]], points: &[[f32; 3]], sigma_m: f32) -> Vec<f32> {
+    if sigma_m <= 0.0 {
+        return vec![1.0; points.len()];
+    }
+    let upper: Vec<[f32; 3]> = [&landmarks[17..27], &landmarks[36..48]].concat();
+    let centres = [centre(&landmarks[48..]), centre(&upper)];
+    let weight = |p: &[f32; 3]| {
+        let squared = centres.map(|c| {
+            let d: [f32; 3] = std::array::from_fn(|axis| (p[axis] - c[axis]) / sigma_m);
+            dot(d, d)
+        });
+        (-0.5 * squared[0].min(squared[1])).exp()
+    };
+    let mut weights: Vec<f32> = points.iter().map(weight).collect();
+    let least = weights.iter().copied().fold(f32::INFINITY, f32::min);
+    let most = weights.iter().copied().fold(0.0, f32::max);
+    let range = (most - least).max(f32::MIN_POSITIVE);
+    weights.iter_mut().for_each(|w| *w = (*w - least) / range);
+    weights
+}
+
+fn centre(points: &[[f32; 3]]) -> [f32; 3] {
+    std::array::from_fn(|axis| points.iter().map(|p| p[axis]).sum::<f32>() / points.len() as f32)
+}
+
+/// A direction of the canonical frame as the fitted head has it.
+fn turn_only(to_head: &Similarity, face: &Face, direction: [f32; 3]) -> [f32; 3] {
+    to_head.rotate(face.to_canonical.inverse().rotate(direction))
+}
+
+fn smooth(x: f32) -> f32 {
+    let x = x.clamp(0.0, 1.0);
+    x * x * (3.0 - 2.0 * x)
+}
+
+/// Means over neighbours, some times.
+fn even_out(shares: &mut [f32], triangles: &[[u32; 3]], own: &[u32]) {
+    for _ in 0..EVENED {
+        let mut sums = vec![(0.0, 0.0); shares.len()];
+        for triangle in triangles {
+            let mean = triangle.iter().map(|&v| shares[v as usize]).sum::<f32>() / 3.0;
+            for &v in triangle {
+                sums[v as usize].0 += mean;
+                sums[v as usize].1 += 1.0;
+            }
+        }
+        for &v in own {
+            let (sum, count) = sums[v as usize];
+            if count > 0.0 {
+                // Where the head is far nothing may follow it.
+                shares[v as usize] = shares[v as usize].min(sum / count);
+            }
+        }
+    }
+}
+
+/// Vertices that follow followers: copies at seams, lashes and brows.
+fn carried(follows: &[Follows], sewn: &[u32], followers: &[u32]) -> Vec<(u32, Vec<(u32, f32)>)> {
+    let place = |v: u32| {
+        let found = followers.binary_search(&sewn[v as usize]);
+        found.ok().map(|n| n as u32)
+    };
+    let all = follows
+        .iter()
+        .enumerate()
+        .map(|(v, follows)| (v as u32, follows));
+    all.filter(|(v, _)| followers.binary_search(v).is_err())
+        .filter_map(|(v, follows)| {
+            let Follows::Skin(corners) = follows else {
+                return None;
+            };
+            let felt = corners.iter().filter(|(_, share)| *share != 0.0);
+            let from: Vec<(u32, f32)> = felt
+                .filter_map(|&(corner, share)| Some((place(corner)?, share)))
+                .collect();
+            (!from.is_empty()).then_some((v, from))
+        })
+        .collect()
+}
+
+/// Where points `[P]` of the face at rest, with their normals, lie in the canonical pose, and whether that was found.
+fn canonical_points(
+    one: &OneHead<'_>,
+    places: &[[f32; 3]],
+    normals: &[[f32; 3]],
+    progress: ProgressFn<'_>,
+) -> Result<(Vec<[f32; 3]>, Vec<bool>)> {
+    let surface = one.canonical_surface(STARTS, progress)?;
+    report(progress, "points", 0.0)?;
+    let rest = one.head.rest_code();
+    let at_rest = Mesh {
+        positions: one.mover(surface.positions.clone()).at(&rest)?,
+        triangles: surface.triangles,
+    };
+    let towards = at_rest.vertex_normals();
+    let grid = PointGrid::new(&at_rest.positions, NEAR_M);
+    let start = |side: f32| -> Vec<Option<u32>> {
+        let points = places.par_iter().zip(normals);
+        points
+            .map(|(p, normal)| {
+                let near = grid.within(*p, FAR_M, LOOKED_AT);
+                let same = |n: &u32| side * dot(*normal, towards[*n as usize]) > SAME_WAY;
+                near.into_iter().map(|(n, _)| n).find(same)
+            })
+            .collect()
+    };
+    // Triangles of a scan may be turned inside out.
+    let (out, inside_out) = (start(1.0), start(-1.0));
+    let count = |starts: &[Option<u32>]| starts.iter().flatten().count();
+    let starts = match count(&out) >= count(&inside_out) {
+        true => out,
+        false => inside_out,
+    };
+    let rows: Vec<usize> = (0..places.len()).filter(|&n| starts[n].is_some()).collect();
+    let mut roots: Vec<[f32; 3]> = places.to_vec();
+    for &n in &rows {
+        let start = starts[n].expect("rows have a start") as usize;
+        roots[n] = std::array::from_fn(|axis| {
+            surface.positions[start][axis] + places[n][axis] - at_rest.positions[start][axis]
+        });
+    }
+    let mut found = vec![false; places.len()];
+    let mut left = rows;
+    for step in 0..SIMPLE_STEPS + NEWTON_STEPS {
+        report(
+            progress,
+            "points",
+            step as f32 / (SIMPLE_STEPS + NEWTON_STEPS) as f32,
+        )?;
+        if left.is_empty() {
+            break;
+        }
+        let is_newton = step >= SIMPLE_STEPS;
+        let here: Vec<[f32; 3]> = left.iter().map(|&n| roots[n]).collect();
+        let moved = one.mover(here.clone()).at(&rest)?;
+        let slopes = is_newton
+            .then(|| slopes_of(one, &here, &rest))
+            .transpose()?;
+        let mut still = Vec::new();
+        for (row, &n) in left.iter().enumerate() {
+            let off: [f32; 3] = std::array::from_fn(|axis| places[n][axis] - moved[row][axis]);
+            let size = dot(off, off).sqrt();
+            found[n] = size < ROOT_M;
+            if size < FOUND_M {
+                continue;
+            }
+            let by = match &slopes {
+                Some(slopes) => solve(slopes[row], off).unwrap_or(off),
+                None => off,
+            };
+            (0..3).for_each(|axis| roots[n][axis] += by[axis].clamp(-NEAR_M, NEAR_M));
+            still.push(n);
+        }
+        left = still;
+    }
+    if !left.is_empty() {
+        let here: Vec<[f32; 3]> = left.iter().map(|&n| roots[n]).collect();
+        let moved = one.mover(here).at(&rest)?;
+        for (&n, moved) in left.iter().zip(moved) {
+            let off: [f32; 3] = std::array::from_fn(|axis| places[n][axis] - moved[axis]);
+            found[n] = dot(off, off).sqrt() < ROOT_M;
+        }
+    }
+    report(progress, "points", 1.0)?;
+    Ok((roots, found))
+}
+
+/// Columns of the forward field's slope at points `[P]`, by differences.
+fn slopes_of(one: &OneHead<'_>, points: &[[f32; 3]], code: &[f32]) -> Result<Vec<[[f32; 3]; 3]>> {
+    let beside: Vec<[f32; 3]> = points
+        .iter()
+        .flat_map(|p| {
+            (0..6).map(|n| {
+                let mut p = *p;
+                p[n / 2] += if n % 2 == 0 {
+                    DIFFERENCE_M
+                } else {
+                    -DIFFERENCE_M
+                };
+                p
+            })
+        })
+        .collect();
+    let moved = one.mover(beside).at(code)?;
+    let rows = moved.as_chunks::<6>().0.iter();
+    let column = |m: &[[f32; 3]; 6], n: usize| {
+        std::array::from_fn(|axis| (m[2 * n][axis] - m[2 * n + 1][axis]) / (2.0 * DIFFERENCE_M))
+    };
+    Ok(rows
+        .map(|m| std::array::from_fn(|n| column(m, n)))
+        .collect())
+}
+
+/// `x` of `columns · x = y`, by Cramer's rule; `None` where they hardly span space.
+fn solve(columns: [[f32; 3]; 3], y: [f32; 3]) -> Option<[f32; 3]> {
+    let [a, b, c] = columns;
+    let volume = dot(a, cross(b, c));
+    (volume.abs() > 0.05).then(|| {
+        [
+            dot(y, cross(b, c)),
+            dot(a, cross(y, c)),
+            dot(a, cross(b, y)),
+        ]
+        .map(|x| x / volume)
+    })
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    (0..3).map(|axis| a[axis] * b[axis]).sum()
+}
+
+fn cross([a, b, c]: [f32; 3], [x, y, z]: [f32; 3]) -> [f32; 3] {
+    [b * z - c * y, c * x - a * z, a * y - b * x]
+}

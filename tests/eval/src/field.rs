@@ -1,0 +1,273 @@
+//! How the field of FaceTalk's head moves the vertices of heads that it never saw, beside the decoder of landmarks.
+//!
+//! Heads are ICT's identities of random coefficients with all that belongs to them, poses ARKit weights: single
+//! shapes, and frames of grid_s1's clips that are held out. The truth is ICT's own modes.
+
+use std::{path::Path, sync::Arc, time::Instant};
+
+use clap::Args;
+use ndarray::{Array2, Array3, Axis};
+
+use crate::{
+    arguments::{DataArgs, SharedArgs},
+    console::Console,
+    tensors::TensorFile,
+};
+use anyface::{
+    Engine, Error, Face, Result,
+    cache::{Cache, CachePolicy},
+    head::{Head, HeadOnMesh, Reach},
+    mesh::{FaceOptions, LandmarkSource, Mesh},
+    progress::SILENT,
+    spread::{Collector, FrameSink},
+};
+
+const MM_PER_CM: f32 = 10.0;
+/// Vertices of ICT's face, before head and neck, sockets, teeth and eyes.
+const FACE_VERTICES: usize = 9409;
+const LIPS_CM: f32 = 0.8;
+const FRAMES: usize = 20;
+const HELD_OUT_EVERY: usize = 10;
+/// Training's own identities come from small seeds.
+const UNSEEN_SEED: u64 = 9_000_000;
+
+/// Measure the field on the vertices of heads that it never saw, beside the decoder of landmarks
+#[derive(Args)]
+pub(super) struct Field {
+    #[command(flatten)]
+    data: DataArgs,
+    /// Identities
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    heads: u64,
+}
+
+struct Ict {
+    neutral: Vec<f32>,
+    triangles: Vec<[u32; 3]>,
+    landmarks: Vec<u32>,
+    identity: Vec<f32>,
+    expression: Vec<f32>,
+    names: Vec<String>,
+}
+
+/// Sums of distances, of the face and of the lips.
+#[derive(Default, Clone, Copy)]
+struct Sum([f64; 2], [f64; 2]);
+
+impl Field {
+    pub(super) fn run(&self, shared: &SharedArgs, _: &Console) -> Result<()> {
+        let data = self.data.folder()?;
+        let ict = Ict::read(&data)?;
+        let engine = shared.engine_of(Some("facetalk"))?;
+        let head = Arc::new(Head::open(shared.weights.as_deref())?);
+        let sets = self.poses(&data, &head)?;
+        let names = [
+            "no motion",
+            "decoder of true landmarks",
+            "landmarks of the mean head",
+            "field",
+            "field, fit known",
+        ];
+        let mut sums = vec![vec![Sum::default(); names.len()]; sets.len()];
+        for number in 0..self.heads {
+            let coefficients = Head::random(UNSEEN_SEED + number);
+            let mesh = ict.mesh(&coefficients)?;
+            let options = FaceOptions {
+                landmarks: Some(LandmarkSource::Vertices(ict.landmarks.clone())),
+                ..FaceOptions::default()
+            };
+            let face = engine.prepare(&mesh, &options, SILENT)?;
+            let begun = Instant::now();
+            let field = HeadOnMesh::new(
+                Arc::clone(&head),
+                &face,
+                Reach::default(),
+                &Cache::new(&CachePolicy::Off),
+                SILENT,
+            )?
+            .map_err(Error::InvalidInput)?;
+            let follow = field.shares()[..FACE_VERTICES].iter().sum::<f32>() / FACE_VERTICES as f32;
+            println!(
+                "head {number}: fitted to {:.2} mm, {:.3} of the face follows, {:.2} s",
+                field.fit().mean_mm,
+                follow,
+                begun.elapsed().as_secs_f64()
+            );
+            let mut known = field.fit().clone();
+            known.coefficients = coefficients.clone();
+            let known =
+                HeadOnMesh::of_fit(Arc::clone(&head), &face, known, Reach::default(), SILENT)?;
+            let lips = ict.lips(&mesh);
+            for (set, (_, weights)) in sets.iter().enumerate() {
+                let truth = ict.moved(&head.config().channels, weights);
+                let rows: Vec<Vec<f32>> = weights
+                    .outer_iter()
+                    .map(|row| head.expression_code(&row.to_vec()))
+                    .collect::<Result<_>>()?;
+                let codes = Array2::from_shape_fn((rows.len(), rows[0].len()), |(t, n)| rows[t][n]);
+                let still = Array3::zeros(truth.dim());
+                let marks = truth.select(
+                    Axis(1),
+                    &ict.landmarks
+                        .iter()
+                        .map(|v| *v as usize)
+                        .collect::<Vec<_>>(),
+                );
+                let decoded = spread(&engine, &face, marks)?;
+                let mean = field.mean_landmarks(codes.view())?;
+                let landmarked = spread(&engine, &face, face.own_motion(mean.view()))?;
+                let own = &landmarked + &field.beyond(codes.view(), &landmarked)?;
+                let of_known = &landmarked + &known.beyond(codes.view(), &landmarked)?;
+                for (n, made) in [&still, &decoded, &landmarked, &own, &of_known]
+                    .into_iter()
+                    .enumerate()
+                {
+                    sums[set][n].add(made, &truth, &lips);
+                }
+            }
+        }
+        for ((name, _), sums) in sets.iter().zip(&sums) {
+            println!("{name}");
+            for (kind, sum) in names.iter().zip(sums) {
+                println!(
+                    "  {kind:>26}: {:.3} mm, lips {:.3}",
+                    sum.0[0] / sum.0[1],
+                    sum.1[0] / sum.1[1]
+                );
+            }
+        }
+        Ok(())
+    }
+
+    fn poses(&self, data: &Path, head: &Head) -> Result<Vec<(String, Array2<f32>)>> {
+        let channels = &head.config().channels;
+        let mut sets = Vec::new();
+        for shapes in [
+            &["cheekPuff"][..],
+            &["cheekSquintLeft", "cheekSquintRight"],
+            &["noseSneerLeft", "noseSneerRight"],
+            &["jawOpen"],
+            &["mouthPucker"],
+            &["mouthSmileLeft", "mouthSmileRight"],
+            &["eyeBlinkLeft", "eyeBlinkRight"],
+        ] {
+            let row = Array2::from_shape_fn((1, channels.len()), |(_, n)| {
+                f32::from(u8::from(shapes.contains(&channels[n].as_str())))
+            });
+            sets.push((shapes.join(" "), row));
+        }
+        let file = TensorFile::read(&data.join("motion/grid_s1/face_track.safetensors"))?;
+        let (weights, shape) = file.floats("weights")?;
+        let (offsets, _) = file.floats("clip_offsets")?;
+        let known = file.words("weight_names")?;
+        let clips = file.words("clips")?;
+        let mut order: Vec<usize> = (0..clips.len()).collect();
+        order.sort_by_key(|c| &clips[*c]);
+        let held_out: Vec<usize> = order
+            .into_iter()
+            .step_by(HELD_OUT_EVERY)
+            .take(FRAMES)
+            .collect();
+        let spoken = Array2::from_shape_fn((held_out.len(), channels.len()), |(t, n)| {
+            let frame = ((offsets[held_out[t]] + offsets[held_out[t] + 1]) / 2.0) as usize;
+            let column = known.iter().position(|name| *name == channels[n]);
+            column.map_or(0.0, |c| weights[frame * shape[1] + c] / 255.0)
+        });
+        sets.push(("grid_s1, held out".into(), spoken));
+        Ok(sets)
+    }
+}
+
+/// Landmark motion `[T, 68, 3]` of the mesh's own through the decoder.
+fn spread(engine: &Engine, face: &Face, landmarks: Array3<f32>) -> Result<Array3<f32>> {
+    let into = |sink: &mut dyn FrameSink| engine.spread_own(face, landmarks, 1.0, sink, SILENT);
+    Ok(Collector::collect(into)?.vertices.displacements)
+}
+
+impl Sum {
+    fn add(&mut self, made: &Array3<f32>, truth: &Array3<f32>, lips: &[bool]) {
+        for (made, truth) in made.outer_iter().zip(truth.outer_iter()) {
+            for (v, is_lip) in lips.iter().enumerate() {
+                let squares: f32 = (0..3).map(|i| (made[[v, i]] - truth[[v, i]]).powi(2)).sum();
+                let distance = f64::from(MM_PER_CM * squares.sqrt());
+                self.0[0] += distance;
+                self.0[1] += 1.0;
+                if *is_lip {
+                    self.1[0] += distance;
+                    self.1[1] += 1.0;
+                }
+            }
+        }
+    }
+}
+
+impl Ict {
+    fn read(data: &Path) -> Result<Ict> {
+        let file = TensorFile::read(&data.join("faces/ict_facekit.safetensors"))?;
+        let (triangles, _) = file.floats("triangles")?;
+        let (landmarks, _) = file.floats("landmarks68")?;
+        let triangles: Vec<u32> = triangles.iter().map(|x| *x as u32).collect();
+        Ok(Ict {
+            neutral: file.floats("neutral")?.0,
+            triangles: triangles.as_chunks::<3>().0.to_vec(),
+            landmarks: landmarks.iter().map(|x| *x as u32).collect(),
+            identity: file.floats("identity")?.0,
+            expression: file.floats("expression")?.0,
+            names: file.words("expression_names")?,
+        })
+    }
+
+    fn mesh(&self, coefficients: &[f32]) -> Result<Mesh> {
+        let mut positions = self.neutral.clone();
+        let size = positions.len();
+        for (mode, c) in self.identity.chunks_exact(size).zip(coefficients) {
+            positions
+                .iter_mut()
+                .zip(mode)
+                .for_each(|(p, x)| *p += c * x);
+        }
+        Mesh::from_arrays(
+            positions.as_chunks::<3>().0.to_vec(),
+            self.triangles.clone(),
+        )
+    }
+
+    /// `[FACE_VERTICES]`, whether a vertex lies near the mouth.
+    fn lips(&self, mesh: &Mesh) -> Vec<bool> {
+        let at = |v: u32| mesh.positions[v as usize];
+        let near = |p: [f32; 3], q: [f32; 3]| {
+            (0..3).map(|i| (p[i] - q[i]).powi(2)).sum::<f32>() < LIPS_CM * LIPS_CM
+        };
+        (0..FACE_VERTICES as u32)
+            .map(|v| self.landmarks[48..].iter().any(|l| near(at(v), at(*l))))
+            .collect()
+    }
+
+    /// ICT's own motion under weights `[T, M]`, `[T, V, 3]` centimetres.
+    fn moved(&self, channels: &[String], weights: &Array2<f32>) -> Array3<f32> {
+        let size = self.neutral.len();
+        let mut out = Array3::zeros((weights.nrows(), size / 3, 3));
+        for (row, mut frame) in weights.outer_iter().zip(out.outer_iter_mut()) {
+            let frame = frame.as_slice_mut().expect("standard layout");
+            for (name, weight) in channels.iter().zip(row) {
+                let sided = name.replace("Left", "_L").replace("Right", "_R");
+                let plain = self.names.iter().any(|known| known == name);
+                let both = [format!("{name}_L"), format!("{name}_R")];
+                for (known, mode) in self.names.iter().zip(self.expression.chunks_exact(size)) {
+                    let is_it = if plain {
+                        known == name
+                    } else {
+                        *known == sided || both.contains(known)
+                    };
+                    if is_it && *weight != 0.0 {
+                        frame
+                            .iter_mut()
+                            .zip(mode)
+                            .for_each(|(x, m)| *x += weight * m);
+                    }
+                }
+            }
+        }
+        out
+    }
+}
