@@ -1,5 +1,7 @@
 """*Live* in a real Blender window: pressed, played, pressed again."""
 
+from itertools import pairwise
+
 import pytest
 
 from screen import Screen
@@ -40,7 +42,7 @@ def test_the_face_follows_what_plays(screen: Screen, photographs):  # noqa: F811
     screen.ask("bpy.context.scene.frame_set(24)\nanswer = True")
     assert screen.ask(MOVED) > 1e-3
     seen = screen.ask("answer = bpy.app.driver_namespace['seen']")
-    played = [b[1] - a[1] for a, b in zip(seen, seen[1:], strict=False) if b[0] > a[0]]
+    played = [b[1] - a[1] for a, b in pairwise(seen) if b[0] > a[0]]
     assert played
     print("median time from frame to frame:", sorted(played)[len(played) // 2])
     screen.ask(REDRAW + "\nanswer = True")

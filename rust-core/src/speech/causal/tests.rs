@@ -7,10 +7,13 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::{
+    models::{BuiltIn, built_in},
     nn::golden::{Golden, distance},
     speech::log_mel,
-    systems::freetalk::STREAM_MODEL,
 };
+
+static MODEL: BuiltIn = built_in!("causal_speech");
+const ROWS: usize = 192;
 
 const TOLERANCE: f32 = 1e-4;
 const DIMS: usize = 204;
@@ -23,8 +26,8 @@ fn golden() -> (Golden, Arc<CausalModel>) {
 }
 
 fn built_in() -> Arc<CausalModel> {
-    let files = STREAM_MODEL.open(None).unwrap();
-    Arc::new(CausalModel::load(&files.weights, &files.config, DIMS).unwrap())
+    let files = MODEL.open(None).unwrap();
+    Arc::new(CausalModel::load(&files.weights, &files.config, ROWS).unwrap())
 }
 
 fn speech() -> CausalSpeech {
@@ -230,7 +233,7 @@ fn a_listener_hears_every_ten_milliseconds_once() {
 
 #[test]
 fn a_look_ahead_of_more_than_200_ms_is_refused() {
-    let files = STREAM_MODEL.open(None).unwrap();
+    let files = MODEL.open(None).unwrap();
     let mut config: serde_json::Value = serde_json::from_str(&files.config).unwrap();
     config["listen"][0]["dilation"] = 2.into();
     let message = CausalConfig::from_json(&config.to_string())
@@ -244,11 +247,11 @@ fn a_look_ahead_of_more_than_200_ms_is_refused() {
 
 #[test]
 fn a_model_of_other_rows_is_refused() {
-    let files = STREAM_MODEL.open(None).unwrap();
-    let refused = CausalModel::load(&files.weights, &files.config, 192).err();
+    let files = MODEL.open(None).unwrap();
+    let refused = CausalModel::load(&files.weights, &files.config, 204).err();
     assert_eq!(
         refused.unwrap().to_string(),
-        "weights: stream: outputs: expected 192, got 204"
+        "weights: causal_speech: outputs: expected 204, got 192"
     );
 }
 
