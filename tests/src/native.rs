@@ -37,14 +37,15 @@ pub fn library_dir() -> &'static Path {
         None => {
             build();
             let folder = profile_dir();
-            name_by_interface(&folder);
+            name_by_interface(Path::new("libanyface.so"), &folder);
             folder
         }
     })
 }
 
-/// Programs look for the shared library under the version of its interface, which cargo does not name it by.
-fn name_by_interface(folder: &Path) {
+/// Links to a shared library in `folder` by the version of its interface, under which programs look for it and which
+/// cargo does not name it by.
+pub fn name_by_interface(library: &Path, folder: &Path) {
     let header = std::fs::read_to_string(root().join("include/anyface.h")).expect("the header");
     let mut lines = header.lines();
     let version = lines.find_map(|line| line.strip_prefix("#define ANYFACE_ABI_VERSION "));
@@ -54,7 +55,7 @@ fn name_by_interface(folder: &Path) {
     );
     // Other processes of tests may do the same.
     #[cfg(unix)]
-    if std::os::unix::fs::symlink("libanyface.so", folder.join(&name)).is_err() {
+    if std::os::unix::fs::symlink(library, folder.join(&name)).is_err() {
         assert!(folder.join(&name).exists(), "{name} cannot be made");
     }
 }

@@ -12,7 +12,7 @@ use std::{
 
 use anyface::{mesh::Mesh, output::read_vertex_motion};
 use anyface_tests::{
-    native::{profile_dir, root, succeed},
+    native::{name_by_interface, profile_dir, root, succeed},
     scene::Scene,
 };
 
@@ -169,8 +169,10 @@ fn through_c(folder: &Path, scene: &Scene) -> f32 {
         .arg(&program);
     compiler.arg("-L").arg(&libraries).arg("-lanyface_toy");
     succeed(&mut compiler);
+    // In a folder of its own: this build's library has the same interface.
+    name_by_interface(&libraries.join("libanyface_toy.so"), folder);
     let mut command = Command::new(program);
-    command.env("LD_LIBRARY_PATH", libraries);
+    command.env("LD_LIBRARY_PATH", folder);
     command
         .arg(&scene.head)
         .arg(&scene.landmarks)
