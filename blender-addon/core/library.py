@@ -309,6 +309,8 @@ SIGNATURES = {
         c_int32,
         [_HANDLE, c_size_t, c_int32, _HANDLE, _OUT, POINTER(c_size_t), _INDICES, _OUT],
     ),
+    "anyface_head_fit": (c_int32, [c_char_p, _HANDLE, _HANDLE, _OUT, _OUT]),
+    "anyface_head_fit_mm": (c_float, [_HANDLE]),
     "anyface_head_free": (None, [_HANDLE]),
     "anyface_stream_new": (c_int32, [_HANDLE, _OUT, _OUT]),
     "anyface_stream_push": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),

@@ -16,6 +16,7 @@ from .job import Progress
 from .library import ControlSetting, EngineOptions, FaceOptions, MotionOptions, library_path, load
 from .native_basis import BasisCalls
 from .native_events import EventCalls
+from .native_head import HeadCalls
 from .native_live import LiveCalls
 from .native_mesh import MeshCalls
 from .native_mouth import MouthCalls
@@ -46,7 +47,15 @@ _CACHE_IN_FOLDER = 2
 
 
 class Engine(
-    Calls, BasisCalls, EventCalls, LiveCalls, MeshCalls, MouthCalls, ShapeCalls, SoundCalls
+    Calls,
+    BasisCalls,
+    EventCalls,
+    HeadCalls,
+    LiveCalls,
+    MeshCalls,
+    MouthCalls,
+    ShapeCalls,
+    SoundCalls,
 ):
     """Loaded models; any number of threads may use one engine.
 

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 
 from .calls import Calls
+from .job import Progress
 from .library import library_path, load
 
 _FLOATS, _INDICES = POINTER(c_float), POINTER(c_uint32)
@@ -37,7 +38,51 @@ class MadeHead:
     skin_vertices: int
 
 
-class Heads(Calls):
+class HeadCalls:
+    """What `native.Engine` knows of heads."""
+
+    def head_like(
+        self, positions, triangles, landmarks, landmark_vertices, resolution, progress: Progress
+    ) -> tuple[MadeHead, float, float]:
+        """The head that is like a mesh at rest, how far the mesh lies from it (mean, millimetres
+        on a head of human size), and metres per unit of the mesh.
+
+        The other arguments are those of `native.Engine.find`. Raises `AnyfaceError`, where no head
+        is like it too, or `Cancelled`.
+        """
+        with ExitStack() as handles:
+            watch = handles.enter_context(self._watch(progress))
+            mesh = self._mesh(handles, positions, triangles)
+            options, _alive = self._face_options(landmarks, landmark_vertices, None)
+            given = (self._handle, mesh, byref(options), watch.handle)
+            face = self._own(handles, "face", "anyface_face_find", *given)
+            head = self._own(handles, "head", "anyface_head_fit", None, face, watch.handle)
+            made = self._made_head(handles, head, resolution, True, watch.handle)
+            far = self._library.anyface_head_fit_mm(head)
+            return made, far, self._library.anyface_face_metres_per_unit(face)
+
+    def _made_head(self, handles: ExitStack, head, resolution: int, parts: bool, watch) -> MadeHead:
+        skin, marks = c_size_t(), np.empty(68, dtype=np.uint32)
+        mesh, error = c_void_p(), c_void_p()
+        status = self._library.anyface_head_mesh(
+            head, resolution, int(parts), watch, byref(mesh), byref(skin),
+            marks.ctypes.data_as(_INDICES), byref(error),
+        )  # fmt: skip
+        self._check(status, error)
+        handles.callback(self._library.anyface_mesh_free, mesh)
+        made = MadeHead(
+            positions=np.empty((self._library.anyface_mesh_vertex_count(mesh), 3), np.float32),
+            triangles=np.empty((self._library.anyface_mesh_triangle_count(mesh), 3), np.uint32),
+            landmark_vertices=marks,
+            skin_vertices=skin.value,
+        )
+        self._copy("anyface_mesh_copy_positions", mesh, made.positions)
+        numbers = made.triangles.ctypes.data_as(_INDICES)
+        self._call("anyface_mesh_copy_triangles", mesh, numbers, made.triangles.size)
+        return made
+
+
+class Heads(Calls, HeadCalls):
     """The model of heads; no speech is loaded for it."""
 
     def __init__(self):
@@ -62,24 +107,7 @@ class Heads(Calls):
                 mixed = (head, other, recipe.share)
                 head = self._own(handles, "head", "anyface_head_new_mixed", *mixed)
             head = self._changed(handles, head, recipe.changes)
-            skin, marks = c_size_t(), np.empty(68, dtype=np.uint32)
-            mesh, error = c_void_p(), c_void_p()
-            status = self._library.anyface_head_mesh(
-                head, resolution, int(parts), None, byref(mesh), byref(skin),
-                marks.ctypes.data_as(_INDICES), byref(error),
-            )  # fmt: skip
-            self._check(status, error)
-            handles.callback(self._library.anyface_mesh_free, mesh)
-            made = MadeHead(
-                positions=np.empty((self._library.anyface_mesh_vertex_count(mesh), 3), np.float32),
-                triangles=np.empty((self._library.anyface_mesh_triangle_count(mesh), 3), np.uint32),
-                landmark_vertices=marks,
-                skin_vertices=skin.value,
-            )
-            self._copy("anyface_mesh_copy_positions", mesh, made.positions)
-            numbers = made.triangles.ctypes.data_as(_INDICES)
-            self._call("anyface_mesh_copy_triangles", mesh, numbers, made.triangles.size)
-            return made
+            return self._made_head(handles, head, resolution, parts, None)
 
     def _of_seed(self, handles: ExitStack, seed: int):
         return self._own(handles, "head", "anyface_head_new", None, None, 0, seed)

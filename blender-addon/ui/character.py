@@ -221,6 +221,7 @@ class ANYFACE_PT_character(OfFacePanel, Panel):
         layout.operator("anyface.find_face", icon="VIEWZOOM")
         if mouth.is_welded(ob):
             layout.operator("anyface.open_mouth", icon="MOD_BOOLEAN")
+        layout.operator("anyface.head_like", icon="USER")
         row = layout.row(align=True)
         row.operator("anyface.edit_landmarks", icon="EDITMODE_HLT")
         row.operator("anyface.reset_landmarks", text="", icon="LOOP_BACK")

@@ -7,7 +7,10 @@ from bpy_extras import object_utils
 
 from ..core.errors import AnyfaceError
 from ..core.native_head import FARTHEST, Heads, Recipe
-from ..scene import made_head
+from ..scene import made_head, mesh
+from . import running
+from .operators import InThread
+from .settings import from_object
 
 SLIDERS = 10
 _HEADS: list[Heads] = []
@@ -98,6 +101,44 @@ class ANYFACE_OT_add_head(object_utils.AddObjectHelper, Operator):
             layout.prop(self, name)
 
 
+class ANYFACE_OT_head_like(InThread, Operator):
+    """Make a closed head like this face, ready to speak, beside the mesh, which stays as it is"""
+
+    bl_idname = "anyface.head_like"
+    bl_label = "Head from This Mesh"
+
+    cancelled = ""
+    resolution: IntProperty(
+        name="Resolution",
+        description="Cells along the height of the grid on which the surface is found",
+        default=128,
+        min=32,
+        soft_max=256,
+        max=512,
+    )
+
+    def read(self, context, ob):
+        """The mesh and its landmarks."""
+        settings = from_object(ob)
+        face = mesh.read_face(ob, settings.landmark_file)
+        face.axes = settings.axes
+        return made_head.Likeness(face, running.engine(settings.system), self.resolution)
+
+    def finish(self, ob, likeness, worked):
+        """Adds the head, as the active object."""
+        made, far, height = worked
+        new = made_head.beside(ob, made, height)
+        for other in bpy.context.selected_objects:
+            other.select_set(False)
+        new.select_set(True)
+        bpy.context.view_layer.objects.active = new
+        text = (
+            f"{new.name}: {ob.name} lies {far:.1f} mm from it on average, on a head of human size"
+        )
+        self.report({"INFO"}, f"Anyface: {text}")
+        return {"FINISHED"}
+
+
 def _draw(menu, _context) -> None:
     menu.layout.operator("anyface.add_head", text="Anyface Head", icon="USER")
 
@@ -112,4 +153,4 @@ def unregister() -> None:
     bpy.types.VIEW3D_MT_mesh_add.remove(_draw)
 
 
-CLASSES = (ANYFACE_OT_add_head,)
+CLASSES = (ANYFACE_OT_add_head, ANYFACE_OT_head_like)

@@ -76,3 +76,33 @@ def test_it_speaks_without_a_search(addon, tmp_path):
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     assert len(ob.data.shape_keys.key_blocks) > 1
     assert dict(ob.items())["anyface_landmarks"] == before, "what was known stays"
+
+
+def test_a_head_like_a_mesh_stands_beside_it_and_the_mesh_stays(addon):
+    bpy.ops.anyface.add_head(seed=7, resolution=64, height=0.3)
+    ob = bpy.context.object
+    ob.rotation_euler.z, ob.location = 0.4, (1.0, 0.0, 2.0)
+    bpy.context.view_layer.update()
+    before = points(ob)
+    assert bpy.ops.anyface.head_like(resolution=64) == {"FINISHED"}
+    new = bpy.context.object
+    assert new is not ob and np.array_equal(points(ob), before)
+    assert new.users_collection == ob.users_collection
+    bpy.context.view_layer.update()
+    assert 0.9 < new.dimensions.z / ob.dimensions.z < 1.1
+    assert new.location.x - ob.location.x > 0.1 and abs(new.location.z - 2.0) < 0.05
+    load = addon("scene.landmarks").load
+    made, truth = load(new).positions, load(ob).positions
+    apart = np.linalg.norm((made - made.mean(axis=0)) - (truth - truth.mean(axis=0)), axis=1)
+    assert apart.mean() < 0.004, "a head of 0.3 m"
+
+
+def test_a_mesh_that_no_head_is_like_is_told_and_nothing_is_added(addon):
+    bpy.ops.anyface.add_head(seed=7, resolution=64)
+    ob = bpy.context.object
+    ob.scale.x = 2.2
+    bpy.context.view_layer.update()
+    objects, meshes = set(bpy.data.objects), set(bpy.data.meshes)
+    with pytest.raises(RuntimeError, match="expected a face"):
+        bpy.ops.anyface.head_like(resolution=64)
+    assert set(bpy.data.objects) == objects and set(bpy.data.meshes) == meshes
