@@ -264,10 +264,8 @@ class Engine(
         """
         with ExitStack() as handles:
             watch = handles.enter_context(_Watch(self._library, progress))
-            mesh = self._mesh(handles, positions, triangles)
-            options, _alive = self._face_options(landmarks, landmark_vertices, roles, fixed)
-            given = (self._handle, mesh, byref(options), watch.handle)
-            face = self._own(handles, "face", "anyface_face_find", *given)
+            marks = landmarks, landmark_vertices
+            face = self._found_face(handles, positions, triangles, marks, watch, roles, fixed)
             return self._found(face, len(positions))
 
     def _found(self, face, vertex_count: int) -> Found:
@@ -275,6 +273,13 @@ class Engine(
         vertices = np.empty(LANDMARKS, dtype=np.uint32)
         sure = np.empty(LANDMARKS, dtype=np.float32)
         buffers = (_floats(places), _indices(vertices), _floats(sure))
+    def _found_face(self, handles, positions, triangles, landmarks, watch, roles=None, fixed=None):
+        """A mesh whose face is known; `landmarks` are positions and vertices."""
+        mesh = self._mesh(handles, positions, triangles)
+        options, _alive = self._face_options(*landmarks, roles, fixed)
+        given = (self._handle, mesh, byref(options), watch.handle)
+        return self._own(handles, "face", "anyface_face_find", *given)
+
         self._call("anyface_face_copy_landmarks", face, *buffers)
         roles = np.empty(self._library.anyface_face_part_count(face), dtype=np.int32)
         owners = np.empty(vertex_count, dtype=np.uint32)

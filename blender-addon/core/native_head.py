@@ -52,10 +52,8 @@ class HeadCalls:
         """
         with ExitStack() as handles:
             watch = handles.enter_context(self._watch(progress))
-            mesh = self._mesh(handles, positions, triangles)
-            options, _alive = self._face_options(landmarks, landmark_vertices, None)
-            given = (self._handle, mesh, byref(options), watch.handle)
-            face = self._own(handles, "face", "anyface_face_find", *given)
+            marks = landmarks, landmark_vertices
+            face = self._found_face(handles, positions, triangles, marks, watch)
             head = self._own(handles, "head", "anyface_head_fit", None, face, watch.handle)
             made = self._made_head(handles, head, resolution, True, watch.handle)
             far = self._library.anyface_head_fit_mm(head)

@@ -1,7 +1,7 @@
 """The library's calls about lips that are one surface: parting them."""
 
 from contextlib import ExitStack
-from ctypes import POINTER, byref, c_float, c_uint32
+from ctypes import POINTER, c_float, c_uint32
 
 import numpy as np
 
@@ -23,10 +23,8 @@ class MouthCalls:
         """
         with ExitStack() as handles:
             watch = handles.enter_context(self._watch(progress))
-            mesh = self._mesh(handles, positions, triangles)
-            options, _alive = self._face_options(landmarks, landmark_vertices, None)
-            given = (self._handle, mesh, byref(options), watch.handle)
-            face = self._own(handles, "face", "anyface_face_find", *given)
+            marks = landmarks, landmark_vertices
+            face = self._found_face(handles, positions, triangles, marks, watch)
             opened = self._own(handles, "opened_mouth", "anyface_opened_mouth_new", face)
             new = self._own(handles, "mesh", "anyface_opened_mouth_mesh", opened)
             return self._opened(opened, new)

@@ -14,6 +14,14 @@ from .settings import from_object
 
 SLIDERS = 10
 _HEADS: list[Heads] = []
+RESOLUTION = {
+    "name": "Resolution",
+    "description": "Cells along the height of the grid on which the surface is found",
+    "default": 128,
+    "min": 32,
+    "soft_max": 256,
+    "max": 512,
+}
 
 
 def heads() -> Heads:
@@ -48,14 +56,7 @@ class ANYFACE_OT_add_head(object_utils.AddObjectHelper, Operator):
         min=-FARTHEST,
         max=FARTHEST,
     )
-    resolution: IntProperty(
-        name="Resolution",
-        description="Cells along the height of the grid on which the surface is found",
-        default=128,
-        min=32,
-        soft_max=256,
-        max=512,
-    )
+    resolution: IntProperty(**RESOLUTION)
     height: FloatProperty(
         name="Height",
         description="Of head and neck; 0.35 m is that of a human",
@@ -108,14 +109,7 @@ class ANYFACE_OT_head_like(InThread, Operator):
     bl_label = "Head from This Mesh"
 
     cancelled = ""
-    resolution: IntProperty(
-        name="Resolution",
-        description="Cells along the height of the grid on which the surface is found",
-        default=128,
-        min=32,
-        soft_max=256,
-        max=512,
-    )
+    resolution: IntProperty(**RESOLUTION)
 
     def read(self, context, ob):
         """The mesh and its landmarks."""

@@ -28,7 +28,7 @@ use crate::{
     head,
     mesh::{self, FaceOptions, LandmarkFinder, Mesh},
     models,
-    motion::{FaceModes, LandmarkClip, Motion, WeightClip},
+    motion::{CodeClip, FaceModes, LandmarkClip, Motion, WeightClip},
     outside::guarded,
     progress::ProgressFn,
     rig::{self, Rig, RigModel, SolveOptions, SolvedWeights},
@@ -373,13 +373,10 @@ impl Engine {
         })?;
         let own = face.own_motion(clip.displacements.view());
         let deformer = self.deformer(face, progress)?.as_ref();
-        let plain = Spread::of_landmarks(face, deformer, own, clip.fps);
-        let Motion::Codes(clip) = motion else {
-            return Ok(plain);
-        };
-        match self.system.field(face, &self.cache, progress)? {
-            Some(field) => plain.with_field(field, clip.codes.view()),
-            None => Ok(plain),
+        if let Motion::Codes(CodeClip { codes, .. }) = motion
+            && let Some(field) = self.system.field(face, &self.cache, progress)?
+        {
+            return Spread::of_field(face, deformer, own, clip.fps, (field, codes.view()));
         }
     }
 
@@ -392,6 +389,7 @@ impl Engine {
     pub fn believed(
         &self,
         face: &Face,
+        Ok(Spread::of_landmarks(face, deformer, own, clip.fps))
         performance: &Performance,
         frames: Range<usize>,
     ) -> Result<Array2<f32>> {

@@ -17,7 +17,10 @@ use crate::{
     deform::{PointGrid, binding::Follows},
     face::Face,
     ibug::LANDMARKS,
-    mesh::{Mesh, Similarity},
+    mesh::{
+        Mesh, Similarity,
+        closest::{cross, dot, norm, sub},
+    },
     progress::{ProgressFn, report},
 };
 
@@ -254,10 +257,7 @@ impl HeadOnMesh {
         let back = self.placed.fit.to_head.inverse();
         let scale = back.scale as f32;
         let moved = self.points.at(&self.head, code)?;
-        let by = |(to, from): ([f32; 3], &[f32; 3])| {
-            let by = std::array::from_fn(|axis| to[axis] - from[axis]);
-            back.rotate(by).map(|x| scale * x)
-        };
+        let by = |(to, from): ([f32; 3], &[f32; 3])| back.rotate(sub(to, *from)).map(|x| scale * x);
         Ok(moved.into_iter().zip(&self.at_rest).map(by).collect())
     }
 }
@@ -339,9 +339,9 @@ impl Placed {
 
 /// 0 on lids and lips, given by points, 1 far from them.
 fn beyond_touching(points: &[[f32; 3]], p: [f32; 3]) -> f32 {
-    let squared = |q: &[f32; 3]| (0..3).map(|i| (p[i] - q[i]).powi(2)).sum::<f32>();
-    let nearest = points.iter().map(squared).fold(f32::INFINITY, f32::min);
-    smooth((nearest.sqrt() - TOUCHING_M) / (BEYOND_M - TOUCHING_M))
+    let far = points.iter().map(|q| norm(sub(p, *q)));
+    let nearest = far.fold(f32::INFINITY, f32::min);
+    smooth((nearest - TOUCHING_M) / (BEYOND_M - TOUCHING_M))
 }
 
 /// Weights of eq. 12 to 14 at canonical `points`: Gaussians about the mouth and, which is ours, about eyes and brows,
@@ -353,11 +353,9 @@ fn smoothing(landmarks: &[[f32; 3]], points: &[[f32; 3]], sigma_m: f32) -> Vec<f
     let upper: Vec<[f32; 3]> = [&landmarks[17..27], &landmarks[36..48]].concat();
     let centres = [centre(&landmarks[48..]), centre(&upper)];
     let weight = |p: &[f32; 3]| {
-        let squared = centres.map(|c| {
-            let d: [f32; 3] = std::array::from_fn(|axis| (p[axis] - c[axis]) / sigma_m);
-            dot(d, d)
-        });
-        (-0.5 * squared[0].min(squared[1])).exp()
+        let far = centres.map(|c| norm(sub(*p, c)) / sigma_m);
+        let nearest = far[0].min(far[1]);
+        (-0.5 * nearest * nearest).exp()
     };
     let mut weights: Vec<f32> = points.iter().map(weight).collect();
     let least = weights.iter().copied().fold(f32::INFINITY, f32::min);
@@ -486,8 +484,8 @@ fn canonical_points(
             .transpose()?;
         let mut still = Vec::new();
         for (row, &n) in left.iter().enumerate() {
-            let off: [f32; 3] = std::array::from_fn(|axis| places[n][axis] - moved[row][axis]);
-            let size = dot(off, off).sqrt();
+            let off = sub(places[n], moved[row]);
+            let size = norm(off);
             found[n] = size < ROOT_M;
             if size < FOUND_M {
                 continue;
@@ -505,8 +503,7 @@ fn canonical_points(
         let here: Vec<[f32; 3]> = left.iter().map(|&n| roots[n]).collect();
         let moved = one.mover(here).at(&rest)?;
         for (&n, moved) in left.iter().zip(moved) {
-            let off: [f32; 3] = std::array::from_fn(|axis| places[n][axis] - moved[axis]);
-            found[n] = dot(off, off).sqrt() < ROOT_M;
+            found[n] = norm(sub(places[n], moved)) < ROOT_M;
         }
     }
     report(progress, "points", 1.0)?;
@@ -551,12 +548,4 @@ fn solve(columns: [[f32; 3]; 3], y: [f32; 3]) -> Option<[f32; 3]> {
         ]
         .map(|x| x / volume)
     })
-}
-
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    (0..3).map(|axis| a[axis] * b[axis]).sum()
-}
-
-fn cross([a, b, c]: [f32; 3], [x, y, z]: [f32; 3]) -> [f32; 3] {
-    [b * z - c * y, c * x - a * z, a * y - b * x]
 }

@@ -101,32 +101,31 @@ impl<'a> Spread<'a> {
         }
     }
 
-    /// Landmark motion, and vertices moved by the field of a head under the codes `[T, X]` that it came from.
+    /// The same, and vertices moved by the field of a head under the codes `[T, X]` that the motion came from.
     ///
     /// # Errors
-    /// `ShapeMismatch` for another number of frames, `InvalidInput` where the motion is not of landmarks.
-    pub fn with_field(
-        mut self,
-        field: &'a HeadOnMesh,
-        codes: ArrayView2<'_, f32>,
+    /// `ShapeMismatch` for another number of frames.
+    pub fn of_field(
+        face: &'a Face,
+        deformer: &'a dyn Deformer,
+        landmarks: Array3<f32>,
+        fps: f64,
+        (field, codes): (&'a HeadOnMesh, ArrayView2<'_, f32>),
     ) -> Result<Spread<'a>> {
-        if codes.nrows() != self.frames {
+        let frames = landmarks.len_of(Axis(0));
+        if codes.nrows() != frames {
             return Err(Error::ShapeMismatch {
                 what: "codes of a motion",
-                expected: format!("[{}, X]", self.frames),
+                expected: format!("[{frames}, X]"),
                 got: format!("{:?}", codes.dim()),
             });
         }
-        self.way = match self.way {
-            Way::Landmarks(deformer, landmarks) => {
-                Way::Field(deformer, landmarks, field, codes.to_owned())
-            }
-            _ => {
-                let message = "field: expected motion of landmarks beside it, got another";
-                return Err(Error::InvalidInput(message.into()));
-            }
-        };
-        Ok(self)
+        Ok(Spread {
+            face,
+            fps,
+            frames,
+            way: Way::Field(deformer, landmarks, field, codes.to_owned()),
+        })
     }
 
     /// Weights through shapes of the mesh.
