@@ -14,6 +14,7 @@ from pathlib import Path
 
 GOLDENS = {
     "log_mel": "training.speech.golden_log_mel",
+    "emotion_model": "training.speech.golden_emotion_model",
     "checkpoint": "training.speech.golden_checkpoint",
     "instants": "training.speech.golden_instants",
     "compact_speech": "training.speech.golden_compact",

@@ -37,6 +37,7 @@ class EngineOptions(Structure):
         ("cache", c_int32),
         ("threads", c_uint32),
         ("system", c_char_p),
+        ("emotion_model_dir", c_char_p),
     ]
 
 

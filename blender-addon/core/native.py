@@ -71,11 +71,13 @@ class Engine(
         cache: Path | None = None,
         system: str = "",
         weights: Path | None = None,
+        emotion_model: Path | None = None,
     ):
         """Loads the models of `system`, by default of the first one.
 
         `cache` is the folder for work that depends on a mesh alone, else the user's own cache
-        folder is taken; `weights` a folder of model files instead of the built-in ones. Raises
+        folder is taken; `weights` a folder of model files instead of the built-in ones, and
+        `emotion_model` that of a classifier which hears the emotion of a voice. Raises
         `AnyfaceError`.
         """
         self._library = load(library_path())
@@ -88,6 +90,8 @@ class Engine(
         if weights is not None:
             options.weights_dir = os.fsencode(weights)
         self._handle = self._make("anyface_engine_new", byref(options))
+        if emotion_model is not None:
+            options.emotion_model_dir = os.fsencode(emotion_model)
 
     @property
     def controls(self) -> tuple[systems.Control, ...]:

@@ -32,9 +32,17 @@ class AnyfacePreferences(AddonPreferences):
         subtype="DIR_PATH",
     )
 
+    emotion_model: StringProperty(
+        name="Emotion Model",
+        description="Folder of a classifier of emotions on HuBERT or wav2vec2, as Hugging Face has "
+        "it, that hears the emotion From the Voice; empty takes the built-in one",
+        subtype="DIR_PATH",
+    )
+
     def draw(self, context):
         """Draws the preferences."""
         self.layout.prop(self, "model_folder", placeholder="Built-In")
+        self.layout.prop(self, "emotion_model", placeholder="Built-In")
         self.layout.prop(self, "threads")
         self.layout.label(text=f"Library: {native.library_path()}")
 
@@ -52,6 +60,12 @@ def usual_folder() -> str:
 def model_folder(scene) -> Path | None:
     """The folder of the models that speak in `scene`; None for the built-in ones."""
     folder = scene.anyface.model_folder or usual_folder()
+    return Path(bpy.path.abspath(folder)) if folder else None
+
+
+def emotion_model() -> Path | None:
+    """The folder of the classifier that hears emotions; None for the built-in one."""
+    folder = _stored("emotion_model", "")
     return Path(bpy.path.abspath(folder)) if folder else None
 
 

@@ -17,7 +17,7 @@ current_name = ""
 # Why the current job ends early, where the artist has not said so.
 why_cancelled = ""
 # By the name of their system, the folder of their models and when these last changed.
-_engines: dict[tuple[str, Path | None, int], LazyEngine] = {}
+_engines: dict[tuple[str, Path | None, int, Path | None], LazyEngine] = {}
 # Jobs whose threads may still be at work, kept by these alone: one that was cancelled is forgotten
 # before it ends.
 _started: WeakSet[Job] = WeakSet()
@@ -29,10 +29,13 @@ def engine(system: str, folder: str | Path | None = None) -> LazyEngine:
     `folder` holds the models; None takes those that speak in the current scene.
     """
     models = Path(folder) if folder else preferences.model_folder(bpy.context.scene)
-    key = system, models, model_card.changed_ns(models) if models else 0
+    emotions = preferences.emotion_model()
+    key = system, models, model_card.changed_ns(models) if models else 0, emotions
     if key not in _engines:
         threads, cache = preferences.threads(), preferences.cache_folder()
-        _engines[key] = LazyEngine(lambda: native.Engine(threads, cache, system, models))
+        _engines[key] = LazyEngine(
+            lambda: native.Engine(threads, cache, system, models, emotions), models
+        )
     return _engines[key]
 
 

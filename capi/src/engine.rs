@@ -50,6 +50,9 @@ pub struct AnyfaceEngineOptions {
     /// What turns speech into motion: a name of `anyface_system_name()`, UTF-8; NULL, the default, for
     /// the first.
     pub system: *const c_char,
+    /// Folder of a classifier of emotions on HuBERT or wav2vec2 (`config.json` with labels, weights) that hears them
+    /// instead of the built-in one where the emotion is that of the voice, UTF-8; NULL, the default, for the built-in one.
+    pub emotion_model_dir: *const c_char,
 }
 
 unsafe impl Versioned for AnyfaceEngineOptions {
@@ -64,6 +67,7 @@ unsafe impl Versioned for AnyfaceEngineOptions {
             cache: AnyfaceCache::User as i32,
             threads: 0,
             system: null(),
+            emotion_model_dir: null(),
         }
     }
 }
@@ -74,9 +78,12 @@ impl AnyfaceEngineOptions {
     unsafe fn to_library(self) -> Result<EngineOptions, Failure> {
         let models = unsafe { pointer::optional_text("weights_dir", self.weights_dir) }?;
         let speech = unsafe { pointer::optional_text("speech_dir", self.speech_dir) }?;
+        let emotion_model = self.emotion_model_dir;
+        let emotion_model = unsafe { pointer::optional_text("emotion_model_dir", emotion_model) }?;
         let system = unsafe { pointer::optional_text("system", self.system) }?;
         Ok(EngineOptions {
             system: system.map(str::to_owned),
+            emotion_model: emotion_model.map(PathBuf::from),
             models: models.map(PathBuf::from),
             speech: speech.map(PathBuf::from),
             cache: unsafe { self.cache_policy() }?,

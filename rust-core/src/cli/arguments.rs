@@ -42,6 +42,10 @@ pub(super) struct SharedArgs {
     /// instead of the embedded speech encoder
     #[arg(long, global = true, value_name = "DIR")]
     speech: Option<PathBuf>,
+    /// Folder with a classifier of emotions on HuBERT or wav2vec2 (config.json with labels, weights) that hears them
+    /// instead of the embedded one where the emotion is `auto`
+    #[arg(long, global = true, value_name = "DIR")]
+    emotion_model: Option<PathBuf>,
     /// Folder that keeps per-mesh work between runs [default: the user's cache folder]
     #[arg(long, global = true, value_name = "DIR", conflicts_with = "no_cache")]
     cache: Option<PathBuf>,
@@ -82,6 +86,7 @@ impl SharedArgs {
             },
             threads: self.threads,
             speech: self.speech.clone(),
+            emotion_model: self.emotion_model.clone(),
         }
     }
 }

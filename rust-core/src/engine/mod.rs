@@ -32,7 +32,7 @@ use crate::{
     outside::guarded,
     progress::ProgressFn,
     rig::{self, Rig, RigModel, SolveOptions, SolvedWeights},
-    speech::{self, FeelingEncoder, PhoneModel, SpeechEncoder},
+    speech::{self, EmotionModel, FeelingEncoder, PhoneModel, SpeechEncoder},
     spread::{self, FrameSink, Spread, SpreadReport, WeightedShapes},
     systems::{Registration, System, Windows, built_in_models},
 };
@@ -56,6 +56,9 @@ pub struct EngineOptions {
     /// speech encoder; the system's weights must have been trained with it. A folder `hubert` or
     /// `wav2vec2` among the models is found where their config names it.
     pub speech: Option<PathBuf>,
+    /// A folder of a classifier of emotions in voices as Hugging Face has it, which hears them instead of the built-in
+    /// encoder where the emotion is that of the voice; see [`speech::EmotionModel`].
+    pub emotion_model: Option<PathBuf>,
 }
 
 impl Default for EngineOptions {
@@ -66,6 +69,7 @@ impl Default for EngineOptions {
             cache: CachePolicy::UserFolder,
             threads: None,
             speech: None,
+            emotion_model: None,
         }
     }
 }
@@ -101,6 +105,8 @@ pub struct Engine {
     face_modes: FaceModes,
     /// What of a feeling is heard in a voice.
     feeling: FeelingEncoder,
+    /// Another's model that hears emotions instead.
+    emotion_model: Option<EmotionModel>,
     /// Loaded where shapes are asked for.
     rig_model: OnceLock<RigModel>,
     /// Loaded where phones or words are asked for.
@@ -141,7 +147,8 @@ impl Engine {
     /// unknown system or a number of threads out of range.
     pub fn new(options: EngineOptions) -> Result<Self> {
         options.check()?;
-        match options.models.is_some() || options.speech.is_some() {
+        let given = [&options.models, &options.speech, &options.emotion_model];
+        match given.iter().any(|folder| folder.is_some()) {
             // Files of others: what their sizes lead to is not known before.
             true => guarded(Error::Weights, || Self::load(options)),
             false => Self::load(options),
@@ -166,6 +173,10 @@ impl Engine {
             finder: LandmarkFinder::load(folder)?,
             face_modes: FaceModes::open(folder)?,
             feeling: FeelingEncoder::open(folder)?,
+            emotion_model: match &options.emotion_model {
+                Some(folder) => Some(EmotionModel::load_folder(folder)?),
+                None => None,
+            },
             rig_model: OnceLock::new(),
             phone_model: OnceLock::new(),
             cache: Cache::new(&options.cache),
@@ -378,6 +389,7 @@ impl Engine {
         {
             return Spread::of_field(face, deformer, own, clip.fps, (field, codes.view()));
         }
+        Ok(Spread::of_landmarks(face, deformer, own, clip.fps))
     }
 
     /// How far feeling is believed beside what is said in some frames of a performance, for each vertex of a face,
@@ -389,7 +401,6 @@ impl Engine {
     pub fn believed(
         &self,
         face: &Face,
-        Ok(Spread::of_landmarks(face, deformer, own, clip.fps))
         performance: &Performance,
         frames: Range<usize>,
     ) -> Result<Array2<f32>> {

@@ -101,7 +101,10 @@ impl Engine {
         self.check(request)?;
         self.threads(|| {
             report(progress, "speech", 0.0)?;
-            let heard = Heard::of(waveform, &self.encoder)?;
+            let mut heard = Heard::of(waveform, &self.encoder)?;
+            if let Some(model) = &self.emotion_model {
+                heard.emotion = Some(model.emotion(waveform)?);
+            }
             report(progress, "speech", 1.0)?;
             let request = self.resolved(request, &heard);
             let sampled = self.system.sample(&heard, &request, progress)?;
@@ -171,7 +174,10 @@ impl Engine {
     /// The request with the emotion that is heard in the voice.
     fn resolved(&self, request: &MotionRequest, heard: &Heard) -> MotionRequest {
         let emotion = match &request.emotion {
-            EmotionCurve::Auto => self.feeling.emotion(&heard.voice),
+            EmotionCurve::Auto => match &heard.emotion {
+                Some(emotion) => emotion.clone(),
+                None => self.feeling.emotion(&heard.voice),
+            },
             EmotionCurve::Arousal => emotion_from_voice(&heard.prosody),
             given => given.clone(),
         };

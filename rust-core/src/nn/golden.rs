@@ -1,11 +1,20 @@
 //! Reads golden files for the tests of the networks.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use ndarray::{Array2, Array3};
-use safetensors::{Dtype, SafeTensors};
+use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 
 use super::{Weights, surface::Surface};
+
+/// A file of `tests/goldens`.
+pub(crate) fn path_of(file: &str) -> PathBuf {
+    let goldens = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/goldens");
+    goldens.join(file)
+}
+
+/// An array's name, shape and row-major values.
+pub(crate) type Named = (String, Vec<usize>, Vec<f32>);
 
 /// A file of inputs, weights and reference outputs.
 pub(crate) struct Golden {
@@ -16,10 +25,7 @@ pub(crate) struct Golden {
 impl Golden {
     /// From `tests/goldens` of the workspace.
     pub fn open(name: &str) -> Self {
-        Self::read(
-            PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/goldens"),
-            name,
-        )
+        Self::read(path_of(""), name)
     }
 
     /// From the parity files, where they are.
@@ -41,6 +47,26 @@ impl Golden {
     /// The arrays whose names start with `weights.`.
     pub fn weights(&self) -> Weights {
         self.arrays.pp("weights")
+    }
+
+    /// Writes the arrays whose names start with `prefix` as a file of their own, without it; `edit` may change name,
+    /// shape and values of each.
+    pub fn write_arrays(&self, prefix: &str, path: &Path, edit: impl Fn(Named) -> Named) {
+        let arrays: Vec<_> = self
+            .names()
+            .into_iter()
+            .filter_map(|full| {
+                let name = full.strip_prefix(prefix)?.to_owned();
+                let (name, shape, values) = edit((name, self.shape(&full), self.values(&full)));
+                let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+                Some((name, shape, bytes))
+            })
+            .collect();
+        let views = arrays.iter().map(|(name, shape, bytes)| {
+            let view = TensorView::new(Dtype::F32, shape.clone(), bytes).unwrap();
+            (name, view)
+        });
+        std::fs::write(path, safetensors::serialize(views, None).unwrap()).unwrap();
     }
 
     pub fn metadata(&self, key: &str) -> String {

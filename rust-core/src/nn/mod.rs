@@ -12,6 +12,7 @@
 pub mod ada_ln;
 pub mod attention;
 pub mod biased_attention;
+pub(crate) mod checkpoint;
 pub mod conv;
 pub mod conv2d;
 pub mod diffusion_net;

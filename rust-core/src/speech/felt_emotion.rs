@@ -12,7 +12,6 @@ const CERTAINTY: f64 = 0.8;
 const WHOLE_SHARE: f64 = 0.5;
 /// Instants before and after that are heard with one, about a second.
 const AROUND: usize = 6;
-const NEUTRAL: &str = EMOTIONS[0];
 
 impl FeelingEncoder {
     /// What is felt in a voice: nothing where it is not told with certainty, and nothing of what was not
@@ -36,30 +35,19 @@ impl FeelingEncoder {
         };
         let key = |(k, time_s): (usize, &f64)| {
             let heard = WHOLE_SHARE * &whole + (1.0 - WHOLE_SHARE) * near(k);
-            (*time_s, self.shown(&heard.to_vec()))
+            (*time_s, shown(&self.by_emotion(&heard.to_vec())))
         };
         EmotionCurve::Keys(times_s.iter().enumerate().map(key).collect())
     }
 
-    /// Probabilities of the taught feelings as what a face shows of them.
-    fn shown(&self, heard: &[f64]) -> Emotion {
-        let mut strength = [0.0; EMOTIONS.len()];
-        let (mut felt, mut sum) = (0.0, 0.0);
+    /// Probabilities of the taught feelings as those of [`EMOTIONS`].
+    fn by_emotion(&self, heard: &[f64]) -> [f64; EMOTIONS.len()] {
+        let mut shares = [0.0; EMOTIONS.len()];
         for (name, share) in self.feelings().iter().zip(heard) {
-            if name != NEUTRAL {
-                let place = EMOTIONS.iter().position(|known| known == name);
-                strength[place.expect("checked when it was loaded")] = share * share;
-                (felt, sum) = (felt + share, sum + share * share);
-            }
+            let place = EMOTIONS.iter().position(|known| known == name);
+            shares[place.expect("checked when it was loaded")] = *share;
         }
-        let intensity = ((felt - CERTAINTY) / (1.0 - CERTAINTY)).clamp(0.0, 1.0) as f32;
-        match intensity > 0.0 {
-            true => Emotion {
-                mixture: strength.map(|x| (x / sum) as f32),
-                intensity,
-            },
-            false => Emotion::default(),
-        }
+        shares
     }
 
     /// The middle of what each instant hears, seconds, and the probabilities of the feelings, `[I, feelings]`.
@@ -70,6 +58,23 @@ impl FeelingEncoder {
             (0..heard.nrows()).map(FeltVoice::middle_s).collect(),
             shares.to_owned(),
         )
+    }
+}
+
+/// Probabilities of [`EMOTIONS`], of which the first is neutral, as what a face shows of them; see
+/// [`FeelingEncoder::emotion`].
+pub(super) fn shown(shares: &[f64; EMOTIONS.len()]) -> Emotion {
+    let felt: f64 = shares[1..].iter().sum();
+    let intensity = ((felt - CERTAINTY) / (1.0 - CERTAINTY)).clamp(0.0, 1.0) as f32;
+    if intensity == 0.0 {
+        return Emotion::default();
+    }
+    let mut strength = shares.map(|share| share * share);
+    strength[0] = 0.0;
+    let sum: f64 = strength.iter().sum();
+    Emotion {
+        mixture: strength.map(|x| (x / sum) as f32),
+        intensity,
     }
 }
 
@@ -86,7 +91,7 @@ mod tests {
         let known = encoder.feelings();
         let rest = (1.0 - share) / (known.len() - 1) as f64;
         let told = |name: &String| if name == feeling { share } else { rest };
-        encoder.shown(&known.iter().map(told).collect::<Vec<_>>())
+        shown(&encoder.by_emotion(&known.iter().map(told).collect::<Vec<_>>()))
     }
 
     #[test]

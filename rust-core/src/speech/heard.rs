@@ -8,6 +8,7 @@ use super::{FeatureTrack, FeltVoice, PhoneModel, SpeechEncoder, at_motion_frames
 use crate::{
     Result,
     audio::{Prosody, Waveform},
+    conditions::EmotionCurve,
     motion::LipClosures,
 };
 
@@ -37,6 +38,8 @@ pub struct Heard {
     pub prosody: Prosody,
     /// The voice as an encoder of feelings takes it.
     pub voice: FeltVoice,
+    /// What another's model of emotions hears in it, where the engine has one.
+    pub emotion: Option<EmotionCurve>,
     /// Length of the sound in seconds.
     pub duration_s: f64,
     encoder: Arc<dyn SpeechEncoder>,
@@ -52,6 +55,7 @@ impl Heard {
             track: encoder.encode(waveform)?,
             prosody: Prosody::of(waveform),
             voice: FeltVoice::of(waveform),
+            emotion: None,
             duration_s: waveform.duration_s(),
             encoder: Arc::clone(encoder),
         })

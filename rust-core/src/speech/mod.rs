@@ -2,9 +2,9 @@
 
 mod alignment;
 mod causal;
-mod checkpoint;
 mod compact;
 mod conv_features;
+mod emotion_model;
 mod encoder_config;
 mod feeling;
 mod felt_emotion;
@@ -20,6 +20,7 @@ pub mod wav2vec2;
 pub use causal::{CausalConfig, CausalModel, CausalSpeech};
 pub(crate) use compact::{ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE};
 pub use compact::{CompactConfig, CompactEncoder, normalise};
+pub use emotion_model::EmotionModel;
 pub use feeling::{FEELING_MODEL, FeelingConfig, FeelingEncoder, FeltVoice, LiveFeeling};
 pub use heard::{Heard, frames_of};
 pub use log_mel::{BANDS, FRAME, HOP, MelAnalyser, log_mel};

@@ -10,7 +10,7 @@ use ndarray::{Array1, Array2, ArrayRef2, Axis, Slice};
 use rayon::prelude::*;
 
 use super::{
-    FeatureTrack, checkpoint,
+    FeatureTrack,
     conv_features::ConvFeatures,
     encoder_config::{EncoderConfig, read_preprocessor},
 };
@@ -20,8 +20,9 @@ use crate::{
     nn::{
         Weights,
         attention::SelfAttention,
+        checkpoint,
         conv::Conv1d,
-        elementwise::{add_all, gelu_all},
+        elementwise::{add_all, gelu_all, softmax},
         linear::Linear,
         matrix,
         norm::{LayerNorm, add_and_norm},
@@ -37,14 +38,24 @@ const CONTEXT: usize = 100;
 pub(super) struct TransformerEncoder {
     config: EncoderConfig,
     normalise: bool,
-    /// Number of the hidden state that [`TransformerEncoder::encode`] returns; `None`: the output.
-    layer: Option<usize>,
+    /// What [`TransformerEncoder::encode`] returns.
+    chosen: Chosen,
     features: ConvFeatures,
     projection_norm: Option<LayerNorm>,
     projection: Linear,
     positions: PositionalConv,
     norm: LayerNorm,
     layers: Vec<EncoderLayer>,
+}
+
+/// A hidden state, or several.
+enum Chosen {
+    /// The last, normalised in the stable variant.
+    Output,
+    /// That of this number; 0 stands before the first layer.
+    Layer(usize),
+    /// The sum of all, the output as the last, with these shares.
+    Mixed(Vec<f32>),
 }
 
 /// Every hidden state `[T, C]` (the first before the first layer) and the output.
@@ -58,6 +69,16 @@ pub struct HiddenStates {
 impl TransformerEncoder {
     /// Reads a folder whose `config.json` has this `model_type`.
     pub fn load_folder(folder: &Path, model_type: &str, layer: Option<usize>) -> Result<Self> {
+        Self::load_with(folder, model_type, layer, &checkpoint::read(folder)?)
+    }
+
+    /// The same, where the weights of the folder have been read.
+    pub fn load_with(
+        folder: &Path,
+        model_type: &str,
+        layer: Option<usize>,
+        weights: &Weights,
+    ) -> Result<Self> {
         let config = EncoderConfig::from_json(&read_text(&folder.join("config.json"))?)?;
         if config.model_type != model_type {
             return Err(Error::Weights(format!(
@@ -71,8 +92,7 @@ impl TransformerEncoder {
             // The default of Hugging Face's feature extractor.
             false => true,
         };
-        let weights = checkpoint::read(folder)?;
-        Self::new(config, &weights, normalise, layer)
+        Self::new(config, weights, normalise, layer)
     }
 
     pub fn new(
@@ -98,7 +118,7 @@ impl TransformerEncoder {
         let encoder = weights.pp("encoder");
         Ok(TransformerEncoder {
             normalise,
-            layer,
+            chosen: layer.map_or(Chosen::Output, Chosen::Layer),
             features: ConvFeatures::load(&weights.pp("feature_extractor"), &config)?,
             projection_norm: match config.feat_proj_layer_norm {
                 true => Some(LayerNorm::load(
@@ -116,6 +136,18 @@ impl TransformerEncoder {
                 .collect::<Result<_>>()?,
             config,
         })
+    }
+
+    /// Encodes to the mean of all hidden states under the softmax of `layer_weights`. The last of them is the output,
+    /// normalised in the stable variant, as in Hugging Face's transformers 4, with which such models were trained.
+    ///
+    /// # Errors
+    /// `Weights` if that array is missing or has another length.
+    pub fn mixed(mut self, weights: &Weights) -> Result<Self> {
+        let mut shares = weights.values("layer_weights", &[self.layers.len() + 1])?;
+        softmax(&mut shares);
+        self.chosen = Chosen::Mixed(shares);
+        Ok(self)
     }
 
     /// Channels of the hidden states.
@@ -172,12 +204,24 @@ impl TransformerEncoder {
     }
 
     fn chosen_state(&self, samples: &[f32]) -> Array2<f32> {
-        match self.layer {
-            None => self.run(samples, self.layers.len(), &mut |_| ()),
-            Some(layer) => {
+        match &self.chosen {
+            Chosen::Output => self.run(samples, self.layers.len(), &mut |_| ()),
+            Chosen::Layer(layer) => {
                 let mut last = Array2::zeros((0, 0));
-                self.run(samples, layer, &mut |state| last = state.to_owned());
+                self.run(samples, *layer, &mut |state| last = state.to_owned());
                 last
+            }
+            Chosen::Mixed(shares) => {
+                let (last, before) = shares.split_last().expect("a share of the output");
+                let mut before = before.iter();
+                let mut sum: Option<Array2<f32>> = None;
+                let output = self.run(samples, self.layers.len(), &mut |state| {
+                    if let Some(share) = before.next() {
+                        let sum = sum.get_or_insert_with(|| Array2::zeros(state.dim()));
+                        sum.scaled_add(*share, state);
+                    }
+                });
+                *last * output + sum.unwrap_or_default()
             }
         }
     }

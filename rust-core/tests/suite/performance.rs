@@ -9,13 +9,14 @@ use std::{
 use anyface::{
     CachePolicy, Engine, EngineOptions, MotionRequest,
     audio::Waveform,
-    conditions::{ControlCurve, Controls, EmotionCurve},
+    conditions::{ControlCurve, Controls, Emotion, EmotionCurve},
     mesh::PartChoices,
     motion::{Motion, PerformanceControls},
     output::{LandmarkMotion, read_landmark_motion},
     progress::SILENT,
 };
 use ndarray::{Array3, Axis};
+use safetensors::{SafeTensors, tensor::TensorView};
 use tempfile::TempDir;
 
 fn anyface(folder: &TempDir, line: &str) -> Output {
@@ -404,4 +405,97 @@ fn shapes_come_from_the_models_of_the_engine() {
     let face = crate::head::prepared(&mesh, &landmarks, PartChoices::default());
     let refused = engine.rig(&face, SILENT).err().unwrap().to_string();
     assert!(refused.contains("rig/model.safetensors"), "{refused}");
+}
+
+/// The golden's HuBERT as a Hugging Face folder, of which every sound is angry.
+fn always_angry() -> TempDir {
+    let golden = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../tests/goldens/emotion_model_debug.safetensors");
+    let bytes = fs::read(golden).unwrap();
+    let (_, about) = SafeTensors::read_metadata(&bytes).unwrap();
+    let config = &about.metadata().as_ref().unwrap()["hubert.config"];
+    let file = SafeTensors::deserialize(&bytes).unwrap();
+    let arrays: Vec<_> = file
+        .iter()
+        .filter_map(|(name, view)| {
+            let name = name.strip_prefix("hubert.weights.")?.to_owned();
+            let mut data = view.data().to_vec();
+            match name.as_str() {
+                "classifier.weight" => data.fill(0),
+                "classifier.bias" => {
+                    data.fill(0);
+                    data[..4].copy_from_slice(&9.0f32.to_le_bytes());
+                }
+                _ => (),
+            }
+            Some((name, view.dtype(), view.shape().to_vec(), data))
+        })
+        .collect();
+    let views = arrays.iter().map(|(name, dtype, shape, data)| {
+        (name, TensorView::new(*dtype, shape.clone(), data).unwrap())
+    });
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| fs::write(folder.path().join(name), bytes).unwrap();
+    write("config.json", config.as_bytes());
+    write(
+        "model.safetensors",
+        &safetensors::serialize(views, None).unwrap(),
+    );
+    folder
+}
+
+#[test]
+fn a_classifier_of_the_users_hears_the_emotion() {
+    let model = always_angry();
+    let engine = |emotion_model: Option<PathBuf>| {
+        Engine::new(EngineOptions {
+            cache: CachePolicy::Off,
+            emotion_model,
+            ..Default::default()
+        })
+    };
+    let samples: Vec<f32> = (0..32_000)
+        .map(|i| 0.3 * f32::sin(0.08 * i as f32))
+        .collect();
+    let waveform = Waveform {
+        samples: samples.clone(),
+    };
+    let motion = |engine: &Engine, emotion: EmotionCurve| {
+        let request = MotionRequest {
+            emotion,
+            ..Default::default()
+        };
+        match engine.perform(&waveform, &request, SILENT).unwrap().motion {
+            Motion::Landmarks(clip) => clip.displacements,
+            _ => panic!("expected landmarks"),
+        }
+    };
+    let (built_in, mine) = (
+        engine(None).unwrap(),
+        engine(Some(model.path().into())).unwrap(),
+    );
+    let angry = Emotion::parse("angry:1").unwrap();
+    let expected = motion(&built_in, EmotionCurve::Keys(vec![(0.0, angry)]));
+    let heard = motion(&mine, EmotionCurve::Auto);
+    let apart = (&heard - &expected)
+        .mapv(f32::abs)
+        .fold(0.0f32, |a, b| a.max(*b));
+    let from_built_in = (&heard - &motion(&built_in, EmotionCurve::Auto)).mapv(f32::abs);
+    assert!(
+        apart < 5e-4 && from_built_in.fold(0.0f32, |a, b| a.max(*b)) > 2e-3,
+        "{apart}"
+    );
+    // What is set by hand does not ask it.
+    let by_hand = EmotionCurve::default();
+    assert_eq!(motion(&mine, by_hand.clone()), motion(&built_in, by_hand));
+
+    fs::remove_file(model.path().join("model.safetensors")).unwrap();
+    let error = engine(Some(model.path().into())).err().unwrap();
+    assert!(error.to_string().contains("model.safetensors"), "{error}");
+    refused(
+        &sound(&samples, 16_000),
+        "motion --audio a.wav --emotion auto --emotion-model nowhere --out m.npz",
+        8,
+        "nowhere",
+    );
 }

@@ -57,6 +57,7 @@ impl SharedArgs {
                 false => CachePolicy::UserFolder,
             },
             threads: self.threads,
+            emotion_model: None,
         })
     }
 }

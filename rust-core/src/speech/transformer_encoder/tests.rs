@@ -2,10 +2,9 @@
 
 use super::*;
 use crate::{
-    nn::golden::{Golden, distance},
+    nn::golden::{Golden, Named, distance, path_of},
     speech::{SpeechEncoder, from_folder, hubert::Hubert},
 };
-use safetensors::{Dtype, tensor::TensorView};
 
 fn encoder(golden: &Golden, layer: Option<usize>) -> TransformerEncoder {
     let config = EncoderConfig::from_json(&golden.metadata("config")).unwrap();
@@ -63,29 +62,9 @@ fn chosen_layer_is_that_hidden_state_at_50_hz() {
 }
 
 /// Writes a golden as a Hugging Face folder; `edit` may change names, shapes and values.
-fn folder(
-    golden: &Golden,
-    edit: impl Fn(String, Vec<usize>, Vec<f32>) -> (String, Vec<usize>, Vec<f32>),
-) -> tempfile::TempDir {
+fn folder(golden: &Golden, edit: impl Fn(Named) -> Named) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let arrays: Vec<_> = golden
-        .names()
-        .into_iter()
-        .filter_map(|full| {
-            let name = full.strip_prefix("weights.")?.to_owned();
-            let (name, shape, values) = edit(name, golden.shape(&full), golden.values(&full));
-            let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-            Some((name, shape, bytes))
-        })
-        .collect();
-    let views = arrays.iter().map(|(name, shape, bytes)| {
-        (
-            name,
-            TensorView::new(Dtype::F32, shape.clone(), bytes).unwrap(),
-        )
-    });
-    let file = safetensors::serialize(views, None).unwrap();
-    std::fs::write(folder.path().join("model.safetensors"), file).unwrap();
+    golden.write_arrays("weights.", &folder.path().join("model.safetensors"), edit);
     std::fs::write(folder.path().join("config.json"), golden.metadata("config")).unwrap();
     folder
 }
@@ -93,7 +72,7 @@ fn folder(
 #[test]
 fn folder_with_a_head_and_old_names_gives_the_same_numbers() {
     let golden = Golden::open("hubert_tiny");
-    let folder = folder(&golden, |name, shape, values| {
+    let folder = folder(&golden, |(name, shape, values)| {
         let name = name
             .replace("parametrizations.weight.original0", "weight_g")
             .replace("parametrizations.weight.original1", "weight_v");
@@ -110,9 +89,25 @@ fn folder_with_a_head_and_old_names_gives_the_same_numbers() {
 }
 
 #[test]
+#[cfg(feature = "checkpoints")]
+fn folder_of_pytorch_gives_the_same_numbers() {
+    let golden = Golden::open("hubert_tiny");
+    let folder = folder(&golden, |all| all);
+    let raw = r#"{"do_normalize": false, "sampling_rate": 16000}"#;
+    std::fs::write(folder.path().join("preprocessor_config.json"), raw).unwrap();
+    std::fs::remove_file(folder.path().join("model.safetensors")).unwrap();
+    let pytorch = folder.path().join("pytorch_model.bin");
+    std::fs::copy(path_of("hubert_tiny.bin"), pytorch).unwrap();
+    let encoder = from_folder(folder.path(), None).unwrap();
+    let samples = golden.values("input");
+    let track = encoder.encode(&Waveform { samples }).unwrap();
+    assert!(distance(&track.features, &golden.values("output")) < 1e-2);
+}
+
+#[test]
 fn input_is_normalised_where_nothing_says_otherwise() {
     let golden = Golden::open("hubert_tiny");
-    let folder = folder(&golden, |name, shape, values| (name, shape, values));
+    let folder = folder(&golden, |all| all);
     let hubert = Hubert::load_folder(folder.path(), None).unwrap();
     let quiet: Vec<f32> = golden
         .values("input")
@@ -131,7 +126,7 @@ fn input_is_normalised_where_nothing_says_otherwise() {
 #[test]
 fn damaged_folders_are_weights_errors() {
     let golden = Golden::open("hubert_tiny");
-    let whole = folder(&golden, |name, shape, values| (name, shape, values));
+    let whole = folder(&golden, |all| all);
     let path = whole.path().join("model.safetensors");
     let bytes = std::fs::read(&path).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
@@ -141,7 +136,7 @@ fn damaged_folders_are_weights_errors() {
     };
     assert!(message(&whole).contains("whole safetensors file"));
 
-    let cut = folder(&golden, |name, mut shape, mut values| {
+    let cut = folder(&golden, |(name, mut shape, mut values)| {
         if name == "encoder.layers.1.attention.k_proj.weight" {
             shape[0] = 31;
             values.truncate(31 * 32);
