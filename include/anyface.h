@@ -1043,9 +1043,12 @@ AnyfaceStatus anyface_emotion_parse(const char *text, float *strengths, AnyfaceE
 
 /// Reads what a text asks of a face, such as "a sarcastic laugh" or "winks with the right eye".
 ///
-/// `text`: UTF-8. A text that says nothing to a face has no units, and `anyface_expression_hint()` the nearest
-/// that has some. Free with `anyface_expression_free()`.
-AnyfaceStatus anyface_expression_new(const char *text,
+/// `weights_dir`: UTF-8, a folder of models that holds `text_units`, which may read by CLIP, or NULL for the built-in
+/// reader; the last one is kept. `text`: UTF-8. A text that says nothing to a face has no units, and `anyface_expression_hint()` the nearest
+/// that has some. Free with `anyface_expression_free()`. Fails with `ANYFACE_STATUS_WEIGHTS` or
+/// `ANYFACE_STATUS_IO` for a folder that cannot be used.
+AnyfaceStatus anyface_expression_new(const char *weights_dir,
+                                     const char *text,
                                      AnyfaceExpression **out,
                                      AnyfaceError **error);
 
@@ -1095,9 +1098,11 @@ AnyfaceStatus anyface_events_parse(const char *json,
 /// Events from lines of text, as the command reads them: seconds, units or words, and strength, as in
 /// "1.2-2.0:smile:0.8" or "2.4-2.8:45L"; empty lines are left out.
 ///
-/// `text`: UTF-8. Free with `anyface_events_free()`. Fails as `anyface_events_new()` does, and for words that say
+/// `weights_dir`: as in `anyface_expression_new()`. `text`: UTF-8. Free with `anyface_events_free()`. Fails as
+/// `anyface_events_new()` does, and for words that say
 /// nothing to a face, with the nearest that do.
-AnyfaceStatus anyface_events_from_text(const char *text,
+AnyfaceStatus anyface_events_from_text(const char *weights_dir,
+                                       const char *text,
                                        AnyfaceEvents **out,
                                        AnyfaceError **error);
 

@@ -3,7 +3,9 @@
     python -m training.export_text --text runs/text --models rust-core/models
 
 model.safetensors is f16; config.json holds the words of the space, in the order of their places, and the
-lists by which a sentence is taken apart. The model card, README.md, is written by hand.
+lists by which a sentence is taken apart. The model card, README.md, is written by hand. A tower that was
+trained with `--clip FOLDER` is exported with the same, and config.json names the folder: CLIP itself stays
+where it is.
 """
 
 from __future__ import annotations
@@ -16,21 +18,23 @@ from torch import Tensor
 
 from training.conditions import UNITS
 from training.export import write_model
+from training.text.clip import ClipTower
 from training.text.pairs import MENU
 from training.text.sentences import RULES, STRENGTH
 from training.text.tower import FULL, NO_WORD, TextTower
 from training.text.words import Words
 
 
-def arrays(tower: TextTower, words: Words) -> dict[str, Tensor]:
+def arrays(tower: TextTower | ClipTower, words: Words) -> dict[str, Tensor]:
     """`vectors` [W, D], `ngrams` [G, D], `emotions` [15, D] and the tower's layers."""
     space = {"vectors": words.vectors, "ngrams": words.ngrams, "emotions": words.emotions()}
     return {k: torch.from_numpy(v) for k, v in space.items()} | tower.state_dict()
 
 
-def config(tower: TextTower, words: Words) -> dict:
-    """Sizes, words and lists."""
-    return {
+def config(tower: TextTower | ClipTower, words: Words, clip: Path | None = None) -> dict:
+    """Sizes, words and lists, and where CLIP lies."""
+    heard = {"clip": str(clip)} if clip else {}
+    return heard | {
         "model": "text_units",
         "width": words.vectors.shape[1],
         "hidden": tower.down.out_features,
@@ -50,11 +54,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--text", type=Path, default=Path("runs/text"))
     parser.add_argument("--models", type=Path, default=Path("rust-core/models"))
+    parser.add_argument("--clip", type=Path, help="as in training; seen from the model's folder if relative")
     arguments = parser.parse_args()
     words, state = Words.load(arguments.text), torch.load(arguments.text / "tower.pt")
-    tower = TextTower(words.vectors.shape[1], len(state["down.bias"]))
+    hidden, width = state["down.weight"].shape
+    tower = ClipTower(width, hidden) if arguments.clip else TextTower(words.vectors.shape[1], hidden)
     tower.load_state_dict(state)
-    write_model(arguments.models / "text_units", arrays(tower, words), config(tower, words))
+    about = config(tower, words, arguments.clip)
+    write_model(arguments.models / "text_units", arrays(tower, words), about)
 
 
 if __name__ == "__main__":

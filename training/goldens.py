@@ -33,6 +33,7 @@ GOLDENS = {
     "stream": "training.systems.freetalk.golden_stream",
     "rig": "training.rig.golden",
     "text_units": "training.text.golden",
+    "clip_text": "training.text.golden_clip",
 }
 """Model name -> module with `write(out: Path, shared: Path) -> Path`."""
 

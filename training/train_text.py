@@ -4,7 +4,7 @@
 
 Writes `tower.pt` and `measured.json` beside the text space. `--folds 5` trains on four fifths of the texts
 and measures on the rest, which is how sizes were chosen; `--info-nce 0` leaves out the alignment with the
-units' names.
+units' names. `--clip FOLDER` hears by CLIP instead of the space, as the paper does.
 """
 
 from __future__ import annotations
@@ -21,12 +21,13 @@ import torch
 import torch.nn.functional as F
 
 from training.conditions import UNITS
+from training.text.clip import ClipTower, OnClip
 from training.text.held_out import HELD_OUT
 from training.text.measure import measured
-from training.text.pairs import EMOTIONS, EXPRESSIONS, NOTHING, OPPOSITES
+from training.text.pairs import EMOTIONS, EXPRESSIONS, NOTHING, OPPOSITES, TEMPLATES
 from training.text.sentences import Clause, Shown, clauses, listed, tokens
 from training.text.space import known_form
-from training.text.tower import FULL, Heard, TextTower
+from training.text.tower import FULL, OnWords, TextTower
 from training.text.words import Words
 
 LETTERS = list("aeiouaeiouenrstldnrstbcdfghjklmnpqrstvwxyzäöüéñøß")
@@ -39,6 +40,10 @@ NAMES = ("raises the inner brows", "raises the outer brows", "lowers the brows",
          "drops the jaw", "sucks the lips in",
          "closes the eyes")  # fmt: skip
 """Text of each of `UNITS`, with which a description is aligned."""
+
+
+Hearing = OnWords | OnClip
+Tower = TextTower | ClipTower
 
 
 @dataclass
@@ -73,20 +78,16 @@ class Batches:
     """Draws one text or two, a denied one, some with a word that says nothing, or nothing at all."""
 
     def __init__(self, pairs: Pairs, words: Words, arguments: argparse.Namespace):
-        self.pairs, self.words, self.arguments = pairs, words, arguments
+        self.pairs, self.arguments = pairs, arguments
         self.random = np.random.default_rng(arguments.seed)
+        self.templates = np.random.default_rng([arguments.seed, 1])
         self.far = far_words(pairs, words)
         self.share, self.share_denied = shares(pairs.shown), shares(pairs.denied)
 
-    def draw(self) -> tuple[Heard, list[Shown]]:
+    def draw(self) -> tuple[list[Clause], list[Shown]]:
         """A batch: clauses and what they show."""
         drawn = [self._one() for _ in range(self.arguments.batch)]
-        heard = Heard.of([clause for clause, _ in drawn], self.words)
-        for places in (heard.words, heard.denied):
-            there = (places != 0).any(dim=-1, keepdim=True)
-            largest = 2.0 * self.arguments.noise * torch.rand(len(places), 1, 1)
-            places += largest * torch.randn_like(places) * there
-        return heard, [shown for _, shown in drawn]
+        return [clause for clause, _ in drawn], [shown for _, shown in drawn]
 
     def _one(self) -> tuple[Clause, Shown]:
         kind = self.random.random()
@@ -94,31 +95,47 @@ class Batches:
             return self._nothing(), Shown({}, frozenset())
         if kind < 0.3:
             text, shown = self._pick(self.pairs.denied, self.share_denied)
-            return Clause(denied=heard_words(text)), shown
+            return self._within(Clause(denied=heard_words(text), said=f"not {text}")), shown
         text, shown = self._pick(self.pairs.shown, self.share)
-        said = heard_words(text)
+        said = Clause(heard_words(text), said=text)
         if kind > 0.85:
-            other, more = self._pick(self.pairs.shown, self.share)
-            said, shown = said + heard_words(other), shown | more
+            text, more = self._pick(self.pairs.shown, self.share)
+            said, shown = beside(said, Clause(heard_words(text), said=text)), shown | more
         if self.random.random() < 0.15:
-            said = [*said, str(self.random.choice(self.far))]
-        return Clause(said), shown
+            said = beside(said, spoken([str(self.random.choice(self.far))]))
+        return self._within(said), shown
+
+    def _within(self, clause: Clause) -> Clause:
+        """The clause in a template, whose own words mean nothing."""
+        clause.said = TEMPLATES[self.templates.integers(len(TEMPLATES))].format(clause.said)
+        return clause
 
     def _nothing(self) -> Clause:
         kind = self.random.random()
         if kind < 0.05:
             return Clause()
         if kind < 0.2:
-            return Clause([self._letters() for _ in range(self.random.integers(1, 4))])
+            return spoken([self._letters() for _ in range(self.random.integers(1, 4))])
         if kind < 0.6:
-            return Clause(heard_words(str(self.random.choice(self.pairs.nothing))))
-        return Clause([str(w) for w in self.random.choice(self.far, size=self.random.integers(1, 4))])
+            text = str(self.random.choice(self.pairs.nothing))
+            return Clause(heard_words(text), said=text)
+        return spoken([str(w) for w in self.random.choice(self.far, size=self.random.integers(1, 4))])
 
     def _letters(self) -> str:
         return "".join(self.random.choice(LETTERS, size=self.random.integers(2, 11)))
 
     def _pick(self, pairs: list[tuple[str, Shown]], share: np.ndarray) -> tuple[str, Shown]:
         return pairs[min(int(np.searchsorted(share, self.random.random())), len(pairs) - 1)]
+
+
+def spoken(words: list[str]) -> Clause:
+    """A clause of nothing but these."""
+    return Clause(words, said=" ".join(words))
+
+
+def beside(one: Clause, other: Clause) -> Clause:
+    """Two clauses as one."""
+    return Clause([*one.words, *other.words], said=f"{one.said} {other.said}")
 
 
 @cache
@@ -155,50 +172,41 @@ def targets(shown: list[Shown]) -> torch.Tensor:
 
 
 def loss_of(
-    tower: TextTower, heard: Heard, shown: list[Shown], words: Words, info_nce: float
+    tower: Tower, hearing: Hearing, said: list[Clause], shown: list[Shown], arguments: argparse.Namespace
 ) -> torch.Tensor:
     """Cross-entropy of the units, of side and strength where they show, and InfoNCE with the units' names."""
     wanted = targets(shown)
-    features = tower.adapted(heard)
+    features = tower.adapted(hearing.hear(said, arguments.noise))
     logits = tower.head(features).unflatten(-1, (3, len(UNITS)))
     every = F.binary_cross_entropy_with_logits(logits, wanted, reduction="none")
     active = wanted[:, 0]
     loss = every[:, 0].mean() + 0.3 * (every[:, 1:] * active[:, None]).sum() / (2 * active.sum())
-    return loss + info_nce * aligned(tower, features, active, words) if info_nce else loss
+    weight = arguments.info_nce
+    return loss + weight * aligned(tower, hearing, features, active) if weight else loss
 
 
-def aligned(tower: TextTower, features: torch.Tensor, active: torch.Tensor, words: Words) -> torch.Tensor:
+def aligned(tower: Tower, hearing: Hearing, features: torch.Tensor, active: torch.Tensor) -> torch.Tensor:
     """InfoNCE: each description is nearest to the names of its own units (§3.3, appendix E)."""
     kinds, of = torch.unique(active, dim=0, return_inverse=True)
     names = [" ".join(NAMES[u] for u in torch.nonzero(kind).flatten().tolist()) for kind in kinds]
-    named = F.normalize(tower.adapted(Heard.of([Clause(heard_words(name)) for name in names], words)), dim=-1)
+    heard = hearing.hear([Clause(heard_words(name), said=name) for name in names])
+    named = F.normalize(tower.adapted(heard), dim=-1)
     said = active.any(dim=1)
     near = F.normalize(features, dim=-1) @ named.T / TEMPERATURE
     return F.cross_entropy(near[said], of[said])
 
 
-def anchor(tower: TextTower, pairs: Pairs, words: Words, random: np.random.Generator) -> None:
-    """Starts the hidden numbers as nearness to so many of the texts, denied words unheard."""
-    width, hidden = words.vectors.shape[1], tower.down.out_features
-    chosen = random.permutation(len(pairs.shown))[:hidden]
-    texts = (heard_words(pairs.shown[i][0]) for i in chosen)
-    places = np.stack([np.mean([words.of(w) for w in text], axis=0) for text in texts])
-    with torch.no_grad():
-        tower.down.weight[: len(chosen), :width] = torch.from_numpy(places)
-        tower.down.bias[: len(chosen)] = -0.3
-
-
-def train(pairs: Pairs, words: Words, arguments: argparse.Namespace) -> TextTower:
+def train(pairs: Pairs, words: Words, hearing: Hearing, arguments: argparse.Namespace) -> Tower:
     """Seeded; Adam with a rate that falls as a cosine."""
     torch.manual_seed(arguments.seed)
-    tower = TextTower(words.vectors.shape[1], arguments.hidden)
     batches = Batches(pairs, words, arguments)
-    anchor(tower, pairs, words, batches.random)
+    chosen = batches.random.permutation(len(pairs.shown))[: arguments.hidden]
+    near = [Clause(heard_words(pairs.shown[i][0])) for i in chosen]
+    tower = hearing.tower(arguments.hidden, near)
     optimiser = torch.optim.AdamW(tower.parameters(), lr=arguments.rate, weight_decay=arguments.decay)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, arguments.steps)
     for _ in range(arguments.steps):
-        heard, shown = batches.draw()
-        loss = loss_of(tower, heard, shown, words, arguments.info_nce)
+        loss = loss_of(tower, hearing, *batches.draw(), arguments)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
@@ -211,6 +219,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--text", type=Path, default=Path("runs/text"), help="the space, and for results")
     parser.add_argument("--wordnet", type=Path, help="WordNet's folder, to measure its synonyms beside")
+    parser.add_argument("--clip", type=Path, help="Hugging Face folder of CLIP to hear by")
     parser.add_argument("--steps", type=int, default=3000)
     parser.add_argument("--batch", type=int, default=128)
     parser.add_argument("--hidden", type=int, default=128)
@@ -223,14 +232,19 @@ def main() -> None:
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     words, pairs, started = Words.load(arguments.text), Pairs.all(), time.monotonic()
+    hearing = OnClip(arguments.clip) if arguments.clip else OnWords(words)
     for fold in range(arguments.folds):
         kept, left = pairs.without(fold, arguments.folds, arguments.seed)
-        print(f"fold {fold}:", measured(train(kept, words, arguments), words, kept.shown, left))
+        print(
+            f"fold {fold}:",
+            measured(train(kept, words, hearing, arguments), hearing, words, kept.shown, left),
+        )
     if arguments.folds:
         return
-    tower = train(pairs, words, arguments)
+    tower = train(pairs, words, hearing, arguments)
     seconds = round(time.monotonic() - started)
-    result = measured(tower, words, pairs.shown, listed(HELD_OUT), arguments.wordnet) | {"seconds": seconds}
+    result = measured(tower, hearing, words, pairs.shown, listed(HELD_OUT), arguments.wordnet)
+    result |= {"seconds": seconds}
     torch.save(tower.state_dict(), arguments.text / "tower.pt")
     (arguments.text / "measured.json").write_text(json.dumps(result, indent=1) + "\n")
     print(json.dumps(result, indent=1))

@@ -86,11 +86,13 @@ class Understood:
 
 @dataclass(frozen=True)
 class Words:
-    """What a text asks for: units, how strongly; without units the nearest text that has some."""
+    """What a text asks for: units, how strongly; without units the nearest text that has some, or
+    why it could not be read."""
 
     units: tuple[str, ...] = ()
     strength: float = 1.0
     nearest: str = ""
+    wrong: str = ""
 
 
 def _nobody(_text: str) -> Words:
@@ -114,7 +116,7 @@ def understand(
     written = _units_of(asked)
     if written is None:
         found = of_words(asked, words)
-        hint = "" if found.units else _not_understood(asked, found.nearest)
+        hint = found.wrong or ("" if found.units else _not_understood(asked, found.nearest))
         return Understood(found.units, over_speech and not hint, hint, found.strength)
     unknown = [name for name in written if name.rstrip("LR") not in known]
     if unknown:
@@ -133,7 +135,7 @@ def of_words(text: str, read: Callable[[str], Words] = _nobody) -> Words:
     if entry is not None:
         return Words(on_side(entry.units, sides.pop() if len(sides) == 1 else ""))
     found = read(text)
-    if found.units or found.nearest:
+    if found.units or found.nearest or found.wrong:
         return found
     names = [entry.name for entry in MENU]
     near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)

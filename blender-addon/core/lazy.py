@@ -2,16 +2,18 @@
 
 import threading
 from collections.abc import Callable
+from pathlib import Path
 
 
 class LazyEngine:
     """Stands for the engine that `load()` makes; everything asked of it is asked of that one.
 
-    Raises what `load` raises, again at every use until it succeeds.
+    Raises what `load` raises, again at every use until it succeeds. `models` is the folder of its
+    models, known before they are read.
     """
 
-    def __init__(self, load: Callable[[], object]):
-        self._load = load
+    def __init__(self, load: Callable[[], object], models: Path | None = None):
+        self._load, self.models = load, models
         self._engine = None
         self._lock = threading.Lock()
 

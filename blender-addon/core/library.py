@@ -207,7 +207,7 @@ SIGNATURES = {
     "anyface_opened_mouth_free": (None, [_HANDLE]),
     "anyface_action_unit_name": (c_char_p, [c_size_t]),
     "anyface_action_unit_label": (c_char_p, [c_size_t]),
-    "anyface_expression_new": (c_int32, [c_char_p, _OUT, _OUT]),
+    "anyface_expression_new": (c_int32, [c_char_p, c_char_p, _OUT, _OUT]),
     "anyface_expression_unit_count": (c_size_t, [_HANDLE]),
     "anyface_expression_unit": (c_char_p, [_HANDLE, c_size_t]),
     "anyface_expression_strength": (c_float, [_HANDLE]),

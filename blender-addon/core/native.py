@@ -81,6 +81,7 @@ class Engine(
         `AnyfaceError`.
         """
         self._library = load(library_path())
+        self.models = weights
         told = systems.find(system, systems.read(self._library))
         self._controls, self._sliders_offered = told.controls, told.sliders
         options = self._options(EngineOptions, "anyface_engine_options_init")
@@ -89,9 +90,9 @@ class Engine(
             options.cache, options.cache_dir = _CACHE_IN_FOLDER, os.fsencode(cache)
         if weights is not None:
             options.weights_dir = os.fsencode(weights)
-        self._handle = self._make("anyface_engine_new", byref(options))
         if emotion_model is not None:
             options.emotion_model_dir = os.fsencode(emotion_model)
+        self._handle = self._make("anyface_engine_new", byref(options))
 
     @property
     def controls(self) -> tuple[systems.Control, ...]:
@@ -272,11 +273,6 @@ class Engine(
             face = self._found_face(handles, positions, triangles, marks, watch, roles, fixed)
             return self._found(face, len(positions))
 
-    def _found(self, face, vertex_count: int) -> Found:
-        places = np.empty((LANDMARKS, 3), dtype=np.float32)
-        vertices = np.empty(LANDMARKS, dtype=np.uint32)
-        sure = np.empty(LANDMARKS, dtype=np.float32)
-        buffers = (_floats(places), _indices(vertices), _floats(sure))
     def _found_face(self, handles, positions, triangles, landmarks, watch, roles=None, fixed=None):
         """A mesh whose face is known; `landmarks` are positions and vertices."""
         mesh = self._mesh(handles, positions, triangles)
@@ -284,6 +280,11 @@ class Engine(
         given = (self._handle, mesh, byref(options), watch.handle)
         return self._own(handles, "face", "anyface_face_find", *given)
 
+    def _found(self, face, vertex_count: int) -> Found:
+        places = np.empty((LANDMARKS, 3), dtype=np.float32)
+        vertices = np.empty(LANDMARKS, dtype=np.uint32)
+        sure = np.empty(LANDMARKS, dtype=np.float32)
+        buffers = (_floats(places), _indices(vertices), _floats(sure))
         self._call("anyface_face_copy_landmarks", face, *buffers)
         roles = np.empty(self._library.anyface_face_part_count(face), dtype=np.int32)
         owners = np.empty(vertex_count, dtype=np.uint32)

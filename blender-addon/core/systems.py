@@ -4,9 +4,11 @@ The library keeps the list; it is read once, without loading models. Panel, pres
 drawn from it.
 """
 
+import os
 from ctypes import byref, c_void_p, sizeof
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from pathlib import Path
 
 from . import library, sliders
 from .errors import AnyfaceError
@@ -103,17 +105,29 @@ def units() -> dict[str, str]:
     return found
 
 
-@lru_cache(maxsize=4096)
-def words(text: str) -> Words:
-    """What the extension's library understands of a text; nothing where it cannot be loaded."""
+def words(text: str, models: Path | None = None) -> Words:
+    """What the extension's library understands of a text, or why it cannot.
+
+    `models` is a folder of models that may hold another reader than the built-in one.
+    """
     try:
         loaded = library.load(library.library_path())
     except AnyfaceError:
         return Words()
+    try:
+        return _words(loaded, text, models)
+    except AnyfaceError as error:
+        return Words(wrong=str(error))
+
+
+@lru_cache(maxsize=4096)
+def _words(loaded, text: str, models: Path | None) -> Words:
     made, error = c_void_p(), c_void_p()
-    if loaded.anyface_expression_new(text.encode(), byref(made), byref(error)) != 0:
+    folder = os.fsencode(models) if models else None
+    if loaded.anyface_expression_new(folder, text.encode(), byref(made), byref(error)) != 0:
+        why = loaded.anyface_error_message(error).decode()
         loaded.anyface_error_free(error)
-        return Words()
+        raise AnyfaceError("weights", why)
     count = loaded.anyface_expression_unit_count(made)
     units = [loaded.anyface_expression_unit(made, at).decode() for at in range(count)]
     hint = loaded.anyface_expression_hint(made) or b""

@@ -145,7 +145,7 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     source = find_sound(scene, settings, engine)
     scene_fps = scene.render.fps / scene.render.fps_base
     when = source.start_frame, strips.duration_s(source)
-    asked_for = events.read(scene, ob, settings, *when)
+    asked_for = events.read(scene, ob, settings, *when, engine.models)
     notes += asked_for.notes
     request = Request(
         fps=settings.fps or scene_fps,

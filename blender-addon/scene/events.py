@@ -13,7 +13,9 @@ that it names.
 
 import re
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 
@@ -107,26 +109,40 @@ def _meshes(scene) -> list:
     return [ob for ob in scene.objects if ob.type == "MESH"]
 
 
-def rows(scene, ob, settings, when: tuple[float, float | None] | None = None) -> list[Row]:
+def rows(
+    scene,
+    ob,
+    settings,
+    when: tuple[float, float | None] | None = None,
+    models: Path | None = None,
+) -> list[Row]:
     """Each strip and marker that is `ob`'s, first to last, with what is understood of it.
 
     `settings` has `event_channel`, `event_markers` and `marker_s`; `when` is the frame at which the
-    sound begins, and its seconds where they are known.
+    sound begins, and its seconds where they are known; `models` the folder of the models.
     """
+    words = partial(systems.words, models=models)
     found = [
         Row(strip.name, strip.text.strip(), *sequencer.ends(strip), Understood(), strip=strip)
         for strip in strips_of(scene, settings.event_channel, ob)
     ]
     found += marked(scene, ob, settings)
     for row in found:
-        row.understood = events.understand(row.text, systems.units(), systems.words)
+        row.understood = events.understand(row.text, systems.units(), words)
         row.wrong = row.understood.hint
         if not row.wrong and when is not None and _slot(scene, row, *when) is None:
             row.wrong = f"frames {row.first} to {row.last} lie outside the sound"
     return sorted(found, key=lambda row: row.first)
 
 
-def read(scene, ob, settings, start_frame: float, duration_s: float | None) -> Found:
+def read(
+    scene,
+    ob,
+    settings,
+    start_frame: float,
+    duration_s: float | None,
+    models: Path | None = None,
+) -> Found:
     """The events of a character for a system that takes them; none for others.
 
     Strips and markers that say nothing, or lie outside the sound, are named and left out.
@@ -137,10 +153,11 @@ def read(scene, ob, settings, start_frame: float, duration_s: float | None) -> F
             raise AnyfaceError("input", "events: expected a system that shows them")
         return found
     if settings.event_file:
-        found.events = events.of_file(settings.event_file, systems.units(), systems.words)
+        words = partial(systems.words, models=models)
+        found.events = events.of_file(settings.event_file, systems.units(), words)
         return found
     when = start_frame, duration_s
-    for row in rows(scene, ob, settings, when):
+    for row in rows(scene, ob, settings, when, models):
         if row.wrong:
             found.notes.append(f"the event {row.name} was left out: {row.wrong}")
             continue

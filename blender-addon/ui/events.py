@@ -8,7 +8,7 @@ from ..core import systems
 from ..core.errors import AnyfaceError
 from ..core.events import LEFT, MENU, RIGHT, described, on_side, understand
 from ..scene import events, sequencer
-from . import audio, words
+from . import audio, preferences, words
 from .operators import Acting
 from .panel import OfFacePanel
 from .target import sequencer_scene, target
@@ -55,7 +55,8 @@ class ANYFACE_PT_events(OfFacePanel, Panel):
         if ob.anyface_audio.event_markers:
             layout.prop(ob.anyface_audio, "marker_s")
         column = layout.column(align=True)
-        found = events.rows(scene, ob, ob.anyface_audio, _when(ob, scene))
+        models = preferences.model_folder(scene)
+        found = events.rows(scene, ob, ob.anyface_audio, _when(ob, scene), models)
         for row in found[:_MOST_ROWS]:
             _draw_row(column, row, context.region.width)
         if len(found) > _MOST_ROWS:

@@ -120,10 +120,12 @@ pub unsafe extern "C" fn anyface_events_parse(
 /// Events from lines of text, as the command reads them: seconds, units or words, and strength, as in
 /// "1.2-2.0:smile:0.8" or "2.4-2.8:45L"; empty lines are left out.
 ///
-/// `text`: UTF-8. Free with `anyface_events_free()`. Fails as `anyface_events_new()` does, and for words that say
+/// `weights_dir`: as in `anyface_expression_new()`. `text`: UTF-8. Free with `anyface_events_free()`. Fails as
+/// `anyface_events_new()` does, and for words that say
 /// nothing to a face, with the nearest that do.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_events_from_text(
+    weights_dir: *const c_char,
     text: *const c_char,
     out: *mut *mut AnyfaceEvents,
     error: *mut *mut AnyfaceError,
@@ -131,9 +133,10 @@ pub unsafe extern "C" fn anyface_events_from_text(
     let work = || {
         pointer::check_out("out", out)?;
         let text = unsafe { pointer::text("text", text) }?;
+        let words = unsafe { words(weights_dir) }?;
         let lines = text.lines().filter(|line| !line.trim().is_empty());
         let read = |(row, line): (usize, &str)| {
-            Event::from_text(line, words()?).map_err(|error| named(row, error.into()))
+            Event::from_text(line, &words).map_err(|error| named(row, error.into()))
         };
         let events = lines.enumerate().map(read).collect::<Result<_, _>>()?;
         unsafe { pointer::give(out, AnyfaceEvents(events)) };
@@ -245,7 +248,8 @@ mod tests {
     fn lines_of_words_and_units_are_events() {
         let mut made = null_mut();
         let text = c"1.2-2.0:smile:0.8\n\n2.4-2.8:45L\n";
-        let status = unsafe { anyface_events_from_text(text.as_ptr(), &mut made, null_mut()) };
+        let status =
+            unsafe { anyface_events_from_text(null(), text.as_ptr(), &mut made, null_mut()) };
         assert_eq!(status, AnyfaceStatus::Ok);
         let events = unsafe { &(*made).0 };
         assert_eq!(events.len(), 2);

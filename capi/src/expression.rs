@@ -2,8 +2,9 @@
 
 use std::{
     ffi::{CString, c_char},
+    path::PathBuf,
     ptr::null,
-    sync::LazyLock,
+    sync::{Arc, Mutex, PoisonError},
 };
 
 use anyface::{
@@ -17,14 +18,24 @@ use crate::{
     status::AnyfaceStatus,
 };
 
-static WORDS: LazyLock<Result<TextUnits, String>> =
-    LazyLock::new(|| TextUnits::open(None).map_err(|error| error.to_string()));
+/// The reader that was asked for last, and the folder of its models: one may hold half a gigabyte.
+static LAST: Mutex<Option<(Option<PathBuf>, Arc<TextUnits>)>> = Mutex::new(None);
 
-/// The built-in reader of texts, opened once.
-pub(crate) fn words() -> Result<&'static TextUnits, Failure> {
-    WORDS
-        .as_ref()
-        .map_err(|why| Failure::Library(anyface::Error::Weights(why.clone())))
+/// The reader of texts of a folder of models, or the built-in one.
+///
+/// # Safety
+/// `weights_dir` is NULL or a text that ends in 0.
+pub(crate) unsafe fn words(weights_dir: *const c_char) -> Result<Arc<TextUnits>, Failure> {
+    let folder = unsafe { pointer::optional_text("weights_dir", weights_dir) }?.map(PathBuf::from);
+    let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
+    match &*last {
+        Some((of, words)) if *of == folder => Ok(Arc::clone(words)),
+        _ => {
+            let words = Arc::new(TextUnits::open(folder.as_deref())?);
+            *last = Some((folder, Arc::clone(&words)));
+            Ok(words)
+        }
+    }
 }
 
 /// The action units of an expression in English words. Never changes after it was made: any number of threads
@@ -57,10 +68,13 @@ impl AnyfaceExpression {
 
 /// Reads what a text asks of a face, such as "a sarcastic laugh" or "winks with the right eye".
 ///
-/// `text`: UTF-8. A text that says nothing to a face has no units, and `anyface_expression_hint()` the nearest
-/// that has some. Free with `anyface_expression_free()`.
+/// `weights_dir`: UTF-8, a folder of models that holds `text_units`, which may read by CLIP, or NULL for the built-in
+/// reader; the last one is kept. `text`: UTF-8. A text that says nothing to a face has no units, and `anyface_expression_hint()` the nearest
+/// that has some. Free with `anyface_expression_free()`. Fails with `ANYFACE_STATUS_WEIGHTS` or
+/// `ANYFACE_STATUS_IO` for a folder that cannot be used.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_expression_new(
+    weights_dir: *const c_char,
     text: *const c_char,
     out: *mut *mut AnyfaceExpression,
     error: *mut *mut AnyfaceError,
@@ -68,7 +82,7 @@ pub unsafe extern "C" fn anyface_expression_new(
     let work = || {
         pointer::check_out("out", out)?;
         let text = unsafe { pointer::text("text", text) }?;
-        let expression = AnyfaceExpression::of(&words()?.understand(text));
+        let expression = AnyfaceExpression::of(&unsafe { words(weights_dir) }?.understand(text));
         unsafe { pointer::give(out, expression) };
         Ok(())
     };
@@ -127,7 +141,7 @@ mod tests {
         let said =
             |text: *const c_char| unsafe { CStr::from_ptr(text) }.to_str().unwrap().to_owned();
         unsafe {
-            let status = anyface_expression_new(text.as_ptr(), &mut made, &mut error);
+            let status = anyface_expression_new(null(), text.as_ptr(), &mut made, &mut error);
             assert_eq!(status, AnyfaceStatus::Ok);
             let count = anyface_expression_unit_count(made);
             let units = (0..count).map(|at| said(anyface_expression_unit(made, at)));

@@ -122,6 +122,8 @@ class Stage:
         self.calls, self.searches = [], []
         # Names of sliders that the takes have.
         self.sliders = ()
+        # The folder of its models: the built-in ones.
+        self.models = None
 
     def animate(self, positions, triangles, points, numbers, sound, request, progress):
         """The displacements of `motion` in the frame that was given."""

@@ -2,6 +2,7 @@
 shapes that reach named keys as the system made them.
 """
 
+import functools
 import time
 from itertools import pairwise
 
@@ -107,6 +108,17 @@ def test_texts_that_say_nothing_to_a_face_get_a_hint(addon, known):
     for text in ("the blue car", "12345 apples"):
         understood = addon("core.events").understand(text, known, addon("core.systems").words)
         assert understood.units == () and "is not understood" in understood.hint
+
+
+def test_a_folder_of_models_that_cannot_read_says_why(addon, known, tmp_path):
+    model = tmp_path / "text_units"
+    model.mkdir()
+    (model / "config.json").write_text("{}")
+    (model / "model.safetensors").write_bytes(b"")
+    words = functools.partial(addon("core.systems").words, models=tmp_path)
+    understood = addon("core.events").understand("a big grin", known, words)
+    assert understood.units == () and "safetensors" in understood.hint
+    assert addon("core.systems").words("a big grin").units
 
 
 # Strips.

@@ -162,7 +162,7 @@ static void remake_events(void) {
                                         "0.1-0.2:blink:9"};
     size_t at = draw(SLOTS);
     REMAKE(events[at], anyface_events_free,
-           anyface_events_from_text(texts[draw(6)], &events[at], &error));
+           anyface_events_from_text(NULL, texts[draw(6)], &events[at], &error));
 }
 
 static void remake_motion(void) {

@@ -7,12 +7,15 @@ import pytest
 import torch
 
 from training.conditions import UNITS
+from training.export_text import arrays, config
+from training.text.clip import OnClip
+from training.text.golden_clip import write_folder
 from training.text.held_out import HELD_OUT, TABLE_13
 from training.text.measure import Counts, measured
 from training.text.pairs import EMOTIONS, EXPRESSIONS, NOTHING, OPPOSITES, TEMPLATES
 from training.text.sentences import Clause, Shown, clauses, listed
 from training.text.space import known_form
-from training.text.tower import Heard, TextTower
+from training.text.tower import Heard, OnWords, TextTower
 from training.text.words import Words
 from training.train_text import Pairs, targets, train
 
@@ -100,7 +103,20 @@ def test_a_tower_learns_the_texts_of_its_pairs():
     options = argparse.Namespace(**options, info_nce=0.1)
     words, pairs = made_up_space(), Pairs.all()
     pairs = Pairs(pairs.shown[::12], pairs.denied[::12], pairs.nothing)
-    tower = train(pairs, words, options)
-    again = train(pairs, words, options)
+    hearing = OnWords(words)
+    tower, again = (train(pairs, words, hearing, options) for _ in range(2))
     assert all(torch.equal(a, b) for a, b in zip(tower.parameters(), again.parameters(), strict=True))
-    assert measured(tower, words, pairs.shown, pairs.shown)["f1"] > 0.6
+    assert measured(tower, hearing, words, pairs.shown, pairs.shown)["f1"] > 0.6
+
+
+@pytest.mark.slow
+def test_a_tower_on_clip_learns_and_is_exported_with_its_folder(tmp_path):
+    write_folder(tmp_path / "clip", width=64)
+    options = {"seed": 0, "hidden": 64, "rate": 3e-2, "decay": 1e-2, "noise": 0.005, "info_nce": 0.1}
+    options = argparse.Namespace(**options, steps=1200, batch=64)
+    words, pairs, hearing = made_up_space(), Pairs.all(), OnClip(tmp_path / "clip")
+    pairs = Pairs(pairs.shown[::24], pairs.denied[::24], pairs.nothing)
+    tower = train(pairs, words, hearing, options)
+    assert measured(tower, hearing, words, pairs.shown, pairs.shown)["f1"] > 0.6
+    assert config(tower, words, tmp_path / "clip")["clip"] == str(tmp_path / "clip")
+    assert arrays(tower, words)["down.weight"].shape == (64, 64)

@@ -21,15 +21,20 @@ TEXTS = (
 )  # fmt: skip
 
 
+def random_space() -> Words:
+    """A few words at random places."""
+    random = np.random.default_rng(5)
+    places, ngrams = (random.standard_normal((n, 12)).astype(np.float32) for n in (len(KNOWN.split()), 64))
+    return Words({word: row for row, word in enumerate(KNOWN.split())}, places, ngrams)
+
+
 def write(out: Path, shared: Path) -> Path:
     """`weights.*`; for each text of the metadata, `logits.N` [clauses, 3, 16] and `places.N` [words, D].
 
     `shared` is not used.
     """
-    random = np.random.default_rng(5)
     torch.manual_seed(5)
-    places, ngrams = (random.standard_normal((n, 12)).astype(np.float32) for n in (len(KNOWN.split()), 64))
-    words = Words({word: row for row, word in enumerate(KNOWN.split())}, places, ngrams)
+    words = random_space()
     tower = TextTower(12, 7)
     tensors = {f"weights.{key}": value for key, value in arrays(tower, words).items()}
     with torch.no_grad():

@@ -9,10 +9,11 @@ import numpy as np
 import torch
 
 from training.text import wordnet
+from training.text.clip import ClipTower, OnClip
 from training.text.held_out import TABLE_13
 from training.text.sentences import Shown, clauses
 from training.text.space import known_form
-from training.text.tower import Heard, TextTower
+from training.text.tower import OnWords, TextTower
 from training.text.words import Words
 
 THRESHOLD = 0.5
@@ -40,9 +41,12 @@ class Counts:
 
 
 @torch.no_grad()
-def understood(tower: TextTower, words: Words, text: str) -> set[int]:
-    """Numbers of the units that any clause shows."""
-    shares = torch.sigmoid(tower(Heard.of(clauses(text), words))[:, 0])
+def understood(tower: TextTower | ClipTower, hearing: OnWords | OnClip, text: str) -> set[int]:
+    """Numbers of the units that any clause shows; one without a word that means something shows none."""
+    said = [clause for clause in clauses(text) if clause.words or clause.denied]
+    if not said:
+        return set()
+    shares = torch.sigmoid(tower(hearing.hear(said))[:, 0])
     return set(torch.nonzero((shares > THRESHOLD).any(dim=0)).flatten().tolist())
 
 
@@ -87,23 +91,28 @@ class Synonyms:
 
 
 def measured(
-    tower: TextTower, words: Words, known: list[Pair], held_out: list[Pair], place: Path | None = None
+    tower: TextTower | ClipTower,
+    hearing: OnWords | OnClip,
+    words: Words,
+    known: list[Pair],
+    held_out: list[Pair],
+    place: Path | None = None,
 ) -> dict:
     """F1 of the tower and of the floors, texts that are right in every unit, and what table 13 gives.
 
-    `place`: WordNet's folder, for the floor of synonyms.
+    `words`: the space of the nearest text. `place`: WordNet's folder, for the floor of synonyms.
     """
     beside = {"nearest_text": Nearest(known, words)} | ({"synonym": Synonyms(known, place)} if place else {})
     ours, floors = Counts(), {name: Counts() for name in beside}
     whole, silent = 0, []
     for text, shown in held_out:
-        true, found = set(shown.units), understood(tower, words, text)
+        true, found = set(shown.units), understood(tower, hearing, text)
         ours.add(found, true)
         for name, floor in beside.items():
             floors[name].add(floor.units(text), true)
         whole += found == true
         silent += [not found] if not true else []
-    table = [understood(tower, words, t) == set(Shown.read(u).units) for t, u in TABLE_13.items()]
+    table = [understood(tower, hearing, t) == set(Shown.read(u).units) for t, u in TABLE_13.items()]
     return (
         {"f1": round(ours.f1, 3)}
         | {name: round(counts.f1, 3) for name, counts in floors.items()}

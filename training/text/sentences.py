@@ -48,12 +48,16 @@ STRENGTH = (0.1, 2.0)
 
 @dataclass
 class Clause:
-    """Words that mean something, those after a denial apart; which side is named; a factor of strength."""
+    """Words that mean something, those after a denial apart; which side is named; a factor of strength.
+
+    `said`: the clause without sides and amounts, a space between its words.
+    """
 
     words: list[str] = field(default_factory=list)
     denied: list[str] = field(default_factory=list)
     side: str | None = None
     amount: float = 1.0
+    said: str = field(default="", compare=False)
 
 
 LISTED = {name: set(words.split()) for name, words in RULES.items() if isinstance(words, str)}
@@ -104,8 +108,10 @@ def _hear(clause: Clause, token: str, denies: bool) -> None:
         clause.side = next(side for side in ("left", "right", "one_sided") if token in LISTED[side])
     elif token in AMOUNTS:
         clause.amount *= 1.0 if denies else AMOUNTS[token]
-    elif token not in LISTED["denials"] | LISTED["unheard"]:
-        (clause.denied if denies else clause.words).append(token)
+    else:
+        clause.said = f"{clause.said} {token}".lstrip()
+        if token not in LISTED["denials"] | LISTED["unheard"]:
+            (clause.denied if denies else clause.words).append(token)
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,35 @@ class Heard:
         """Looked up in the text space."""
         return Heard(_places([c.words for c in clauses], words), _places([c.denied for c in clauses], words))
 
+    def moved(self, noise: float) -> Heard:
+        """At random, each text by its own deviation, `noise` in the mean; what is no word stays 0."""
+        for places in (self.words, self.denied):
+            there = (places != 0).any(dim=-1, keepdim=True)
+            places += 2.0 * noise * torch.rand(len(places), 1, 1) * torch.randn_like(places) * there
+        return self
+
+
+class OnWords:
+    """What the tower hears with: the text space."""
+
+    def __init__(self, words: Words):
+        self.words = words
+
+    def hear(self, clauses: list[Clause], noise: float = 0.0) -> Heard:
+        """Looked up, and moved at random."""
+        heard = Heard.of(clauses, self.words)
+        return heard.moved(noise) if noise else heard
+
+    def tower(self, hidden: int, near: list[Clause]) -> TextTower:
+        """A new one, whose first hidden numbers are nearness to these clauses, denied words unheard."""
+        width = self.words.vectors.shape[1]
+        tower = TextTower(width, hidden)
+        places = np.stack([np.mean([self.words.of(w) for w in clause.words], axis=0) for clause in near])
+        with torch.no_grad():
+            tower.down.weight[: len(near), :width] = torch.from_numpy(places)
+            tower.down.bias[: len(near)] = -0.3
+        return tower
+
 
 def _places(rows: list[list[str]], words: Words) -> Tensor:
     width = words.vectors.shape[1]

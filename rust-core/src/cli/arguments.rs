@@ -270,13 +270,13 @@ pub(super) struct MotionArgs {
 }
 
 impl MotionArgs {
-    fn events(&self) -> Result<Vec<Event>> {
+    fn events(&self, models: Option<&Path>) -> Result<Vec<Event>> {
         let mut events = match &self.events {
             Some(path) => Event::read(path)?,
             None => Vec::new(),
         };
         if !self.event.is_empty() {
-            let words = TextUnits::open(None)?;
+            let words = TextUnits::open(models)?;
             let read = self.event.iter().map(|text| Event::from_text(text, &words));
             events.extend(read.collect::<Result<Vec<_>>>()?);
         }
@@ -326,7 +326,7 @@ impl MotionArgs {
             seed: self.seed,
             style: self.style.clone(),
             closures,
-            events: self.events()?,
+            events: self.events(shared.weights())?,
             felt_as: self.felt_as()?,
             starts_from: self.starts_from()?,
         })

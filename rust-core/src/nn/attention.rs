@@ -60,11 +60,16 @@ impl SelfAttention {
 
     /// `x`: `[T, C]`. Returns `[T, C]`.
     pub fn forward(&self, x: &ArrayRef2<f32>) -> Array2<f32> {
+        self.forward_within(x, None)
+    }
+
+    /// The same, where each row sees those within its reach alone.
+    pub fn forward_within(&self, x: &ArrayRef2<f32>, reach: Option<Reach>) -> Array2<f32> {
         let channels = self.out_proj.inputs();
         let joint = self.in_proj.forward(x);
         let joint = matrix::view(&joint);
         let [q, k, v] = [0, 1, 2].map(|part| joint.subcols(part * channels, channels));
-        self.out_proj.forward(&attend(q, k, v, self.heads, None))
+        self.out_proj.forward(&attend(q, k, v, self.heads, reach))
     }
 }
 
@@ -158,6 +163,12 @@ pub struct Reach {
 }
 
 impl Reach {
+    /// The row's own key and all before it.
+    pub const PAST: Reach = Reach {
+        behind: usize::MAX,
+        ahead: 0,
+    };
+
     /// As far to both sides.
     pub fn band(radius: usize) -> Self {
         Reach {

@@ -1,7 +1,7 @@
 //! Words about faces: their places in a text space, and the action units that a text asks for.
 //!
 //! The space is made from WordNet (`training/text/space.py`): synonyms lie together, opposites apart. The tower is
-//! that of Cafe-Talk (Chen et al. 2025, §3.3 and appendix E) on it.
+//! that of Cafe-Talk (Chen et al. 2025, §3.3 and appendix E) on it, or on CLIP from a folder of the user's.
 //!
 //! ```
 //! use anyface::{conditions::Side, text::TextUnits};
@@ -13,6 +13,8 @@
 //! # Ok::<(), anyface::Error>(())
 //! ```
 
+mod byte_pairs;
+mod clip;
 mod emotion;
 mod event;
 mod sentence;
@@ -21,7 +23,7 @@ mod space;
 mod tests;
 mod tower;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use ndarray::{Array1, Array2, ArrayView2};
 use serde::Deserialize;
@@ -30,11 +32,12 @@ use crate::{
     Error, Result,
     conditions::{ACTION_UNITS, EMOTIONS, Side},
     models::{BuiltIn, built_in},
-    nn::Weights,
+    nn::{Weights, elementwise::sigmoid},
 };
+use clip::ClipText;
 use sentence::{Clause, Lists, Rules, SaidSide};
 use space::Space;
-use tower::{Tower, sigmoid};
+use tower::Tower;
 
 /// The built-in text space and tower.
 pub static MODEL: BuiltIn = built_in!("text_units");
@@ -77,6 +80,9 @@ struct Config {
     full: f32,
     strength: [f32; 2],
     rules: Lists,
+    /// CLIP's folder, seen from the model's, where the tower was trained on it.
+    #[serde(default)]
+    clip: Option<PathBuf>,
     menu: Vec<String>,
     words: String,
 }
@@ -87,15 +93,17 @@ impl TextUnits {
     /// # Errors
     /// Those of [`BuiltIn::open`] and [`TextUnits::load`].
     pub fn open(folder: Option<&Path>) -> Result<Self> {
-        let files = MODEL.open(folder)?;
-        TextUnits::load(&Weights::from_bytes(&files.weights)?, &files.config)
+        let (files, place) = (MODEL.open(folder)?, MODEL.place(folder)?);
+        let weights = Weights::from_bytes(&files.weights)?;
+        TextUnits::load(&weights, &files.config, &place.unwrap_or_default())
     }
 
-    /// From arrays and the text of `config.json`.
+    /// From arrays and the text of `config.json`; `place` is the model's folder, from which a path in it is seen.
     ///
     /// # Errors
-    /// `Weights` if either is damaged or they do not fit each other.
-    pub fn load(weights: &Weights, config: &str) -> Result<Self> {
+    /// `Weights` if either is damaged or they do not fit each other; `Io` and `Weights` of CLIP's folder where the
+    /// config names one.
+    pub fn load(weights: &Weights, config: &str, place: &Path) -> Result<Self> {
         let bad = |what: String| Error::Weights(format!("{}/config.json: {what}", MODEL.name));
         let config: Config = serde_json::from_str(config).map_err(|e| bad(e.to_string()))?;
         let expected = ACTION_UNITS.map(|unit| unit.name);
@@ -109,7 +117,13 @@ impl TextUnits {
         Ok(TextUnits {
             space: Space::load(weights, &config.words, buckets, width)?,
             rules: Rules::new(&config.rules).map_err(bad)?,
-            tower: Tower::load(weights, width, config.hidden, config.no_word)?,
+            tower: match &config.clip {
+                None => Tower::on_words(weights, width, config.hidden, config.no_word)?,
+                Some(clip) => {
+                    let clip = ClipText::load_folder(&place.join(clip))?;
+                    Tower::on_clip(weights, clip, config.hidden)?
+                }
+            },
             emotions: weights.matrix("emotions", EMOTIONS.len(), width)?,
             menu: config.menu,
             full: config.full,
@@ -180,6 +194,9 @@ impl TextUnits {
     }
 
     fn units_of(&self, clause: &Clause) -> Vec<(usize, Side, f32, f32)> {
+        if clause.all_words().next().is_none() {
+            return Vec::new();
+        }
         let logits = self.tower.forward(clause, &self.space);
         let [low, high] = self.strength;
         let shares = logits.mapv(sigmoid);
@@ -219,12 +236,6 @@ impl TextUnits {
             }
         }
         nearest.map(|(_, entry)| entry.clone())
-    }
-}
-
-impl Clause {
-    fn all_words(&self) -> impl Iterator<Item = &String> {
-        self.words.iter().chain(&self.denied)
     }
 }
 

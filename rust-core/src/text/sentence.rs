@@ -50,6 +50,8 @@ pub(super) struct Rules {
 /// A part of a sentence.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Clause {
+    /// The clause without sides and amounts, a space between its words.
+    pub said: String,
     pub words: Vec<String>,
     /// Words behind a denial; none where one of them is a part of a face.
     pub denied: Vec<String>,
@@ -100,7 +102,10 @@ impl Rules {
                     found.push(Clause::new());
                     denies = false;
                 }
-                Some(Role::Denial) => denies = true,
+                Some(Role::Denial) => {
+                    denies = true;
+                    found.last_mut().expect("one at least").say(&token);
+                }
                 _ => hear(found.last_mut().expect("one at least"), token, role, denies),
             }
         }
@@ -116,15 +121,31 @@ impl Rules {
 impl Clause {
     fn new() -> Self {
         Clause {
+            said: String::new(),
             words: Vec::new(),
             denied: Vec::new(),
             side: None,
             amount: 1.0,
         }
     }
+
+    fn say(&mut self, token: &str) {
+        if !self.said.is_empty() {
+            self.said.push(' ');
+        }
+        self.said.push_str(token);
+    }
+
+    /// Words that mean something, denied ones after the others.
+    pub fn all_words(&self) -> impl Iterator<Item = &String> {
+        self.words.iter().chain(&self.denied)
+    }
 }
 
 fn hear(clause: &mut Clause, token: String, role: Option<Role>, denies: bool) {
+    if !matches!(role, Some(Role::Side(_) | Role::Amount(_))) {
+        clause.say(&token);
+    }
     match (role, denies) {
         (Some(Role::Side(side)), _) => clause.side = Some(side),
         (Some(Role::Amount(factor)), false) => clause.amount *= factor,

@@ -12,7 +12,8 @@ fn units(understood: &Understood) -> Vec<String> {
 #[test]
 fn clauses_places_and_logits_equal_pytorch() {
     let golden = Golden::open("text_units_debug");
-    let words = TextUnits::load(&golden.weights(), &golden.metadata("config")).unwrap();
+    let words =
+        TextUnits::load(&golden.weights(), &golden.metadata("config"), Path::new("")).unwrap();
     let texts: Vec<String> = serde_json::from_str(&golden.metadata("texts")).unwrap();
     for (number, text) in texts.iter().enumerate() {
         let clauses = words.rules.clauses(text);
@@ -172,7 +173,7 @@ fn events_that_say_nothing_are_refused_with_a_hint() {
 fn damaged_files_are_refused() {
     let golden = Golden::open("text_units_debug");
     let config = golden.metadata("config");
-    let load = |config: &str| TextUnits::load(&golden.weights(), config);
+    let load = |config: &str| TextUnits::load(&golden.weights(), config, Path::new(""));
     assert!(load(&config).is_ok());
     for (right, wrong) in [
         ("\"45\"", "\"46\""),

@@ -1,54 +1,82 @@
-//! The text tower of Cafe-Talk (Chen et al. 2025, appendix E) on the text space.
+//! The text tower of Cafe-Talk (Chen et al. 2025, appendix E), on the text space or, as the paper has it, on CLIP.
 //!
 //! Twin of `training/text/tower.py`, layer by layer.
 
-use ndarray::{Array1, Array2};
+use ndarray::{Array1, Array2, Axis};
 
-use super::{sentence::Clause, space::Space};
+use super::{clip::ClipText, sentence::Clause, space::Space};
 use crate::{
     Result,
     conditions::ACTION_UNITS,
-    nn::{Weights, linear::Linear},
+    nn::{Weights, elementwise::sigmoid, linear::Linear},
 };
 
 /// Rows of the head's output: it shows, on one side alone, how strong.
 const ASKED: usize = 3;
 
+/// What a clause is to the tower.
+#[derive(Debug, Clone)]
+enum Heard {
+    /// The mean of its words, weighed by a learned score, and that of the denied ones; the weight of the origin in
+    /// both.
+    Words(Linear, f32),
+    /// What CLIP makes of all that it says.
+    Clip(Box<ClipText>),
+}
+
 /// Clauses to logits.
 #[derive(Debug, Clone)]
 pub(super) struct Tower {
-    score: Linear,
+    heard: Heard,
     down: Linear,
     up: Linear,
     head: Linear,
-    /// Weight of the origin in a clause's mean.
-    no_word: f32,
 }
 
 impl Tower {
+    /// On a text space `[W, width]`; `no_word` is the weight of the origin in a clause's mean.
+    ///
     /// # Errors
     /// `Weights` if an array is missing or has another shape.
-    pub(super) fn load(
+    pub(super) fn on_words(
         weights: &Weights,
         width: usize,
         hidden: usize,
         no_word: f32,
     ) -> Result<Self> {
+        let score = Linear::load(&weights.pp("score"), width, 1)?;
+        Tower::load(weights, Heard::Words(score, no_word), 2 * width, hidden)
+    }
+
+    /// On CLIP's features.
+    ///
+    /// # Errors
+    /// As [`Tower::on_words`].
+    pub(super) fn on_clip(weights: &Weights, clip: ClipText, hidden: usize) -> Result<Self> {
+        let width = clip.width();
+        Tower::load(weights, Heard::Clip(Box::new(clip)), width, hidden)
+    }
+
+    fn load(weights: &Weights, heard: Heard, width: usize, hidden: usize) -> Result<Self> {
         Ok(Tower {
-            score: Linear::load(&weights.pp("score"), width, 1)?,
-            down: Linear::load(&weights.pp("down"), 2 * width, hidden)?,
-            up: Linear::load(&weights.pp("up"), hidden, 2 * width)?,
-            head: Linear::load(&weights.pp("head"), 2 * width, ASKED * ACTION_UNITS.len())?,
-            no_word,
+            heard,
+            down: Linear::load(&weights.pp("down"), width, hidden)?,
+            up: Linear::load(&weights.pp("up"), hidden, width)?,
+            head: Linear::load(&weights.pp("head"), width, ASKED * ACTION_UNITS.len())?,
         })
     }
 
     /// Logits `[3, 16]`: the unit shows; it does on one side alone; its strength.
     pub(super) fn forward(&self, clause: &Clause, space: &Space) -> Array2<f32> {
-        let said = self.mean(&clause.words, space);
-        let denied = self.mean(&clause.denied, space);
-        let features = said.iter().chain(&denied).copied().collect();
-        let features = Array2::from_shape_vec((1, 2 * space.width()), features).expect("one row");
+        let features: Array1<f32> = match &self.heard {
+            Heard::Words(score, no_word) => {
+                let said = mean(&clause.words, space, score, *no_word);
+                let denied = mean(&clause.denied, space, score, *no_word);
+                said.into_iter().chain(denied).collect()
+            }
+            Heard::Clip(clip) => clip.of(&clause.said),
+        };
+        let features = features.insert_axis(Axis(0));
         let hidden = self.down.forward(&features).mapv_into(|x| x.max(0.0));
         let adapted = features + self.up.forward(&hidden);
         let logits = self.head.forward(&adapted);
@@ -57,26 +85,19 @@ impl Tower {
             .into_shape_with_order(shape)
             .expect("three rows of units")
     }
-
-    /// Mean `[D]` of words, weighed by their scores.
-    fn mean(&self, words: &[String], space: &Space) -> Array1<f32> {
-        let mut sum = Array1::zeros(space.width());
-        let mut total = self.no_word;
-        for place in words.iter().map(|word| space.of(word)) {
-            if place.iter().any(|x| *x != 0.0) {
-                let score = self
-                    .score
-                    .forward(&place.view().insert_axis(ndarray::Axis(0)));
-                let weight = sigmoid(score[[0, 0]]);
-                sum.scaled_add(weight, &place);
-                total += weight;
-            }
-        }
-        sum / total
-    }
 }
 
-/// `1 / (1 + e⁻ˣ)`.
-pub(super) fn sigmoid(x: f32) -> f32 {
-    1.0 / (1.0 + (-x).exp())
+/// Mean `[D]` of words, weighed by their scores; `no_word` is the weight of the origin.
+fn mean(words: &[String], space: &Space, score: &Linear, no_word: f32) -> Array1<f32> {
+    let mut sum = Array1::zeros(space.width());
+    let mut total = no_word;
+    for place in words.iter().map(|word| space.of(word)) {
+        if place.iter().any(|x| *x != 0.0) {
+            let score = score.forward(&place.view().insert_axis(Axis(0)));
+            let weight = sigmoid(score[[0, 0]]);
+            sum.scaled_add(weight, &place);
+            total += weight;
+        }
+    }
+    sum / total
 }

@@ -1,0 +1,70 @@
+"""Cafe-Talk's own tower (Chen et al. 2025, appendix E): an adapter on the text features of CLIP.
+
+CLIP comes from a Hugging Face folder of the user's.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+import torch.nn as nn
+import torch.nn.functional as F
+from torch import Tensor
+from transformers import CLIPTextModelWithProjection, CLIPTokenizer
+
+from training.conditions import UNITS
+from training.text.sentences import Clause
+
+AT_ONCE = 256
+"""Texts that are encoded together."""
+
+
+class OnClip:
+    """What the tower hears with: the frozen text tower of CLIP."""
+
+    def __init__(self, folder: Path):
+        self.tokens = CLIPTokenizer.from_pretrained(folder)
+        self.model = CLIPTextModelWithProjection.from_pretrained(folder).eval()
+        self.most = self.model.config.max_position_embeddings
+        self.known: dict[str, Tensor] = {}
+
+    def hear(self, clauses: list[Clause], noise: float = 0.0) -> Tensor:
+        """Features [N, D] of length 1, and moved at random."""
+        known = self.places([clause.said for clause in clauses])
+        heard = torch.stack([known[clause.said] for clause in clauses])
+        return heard + 2.0 * noise * torch.rand(len(heard), 1) * torch.randn_like(heard) if noise else heard
+
+    def tower(self, hidden: int, near: list[Clause]) -> ClipTower:
+        """A new one; `near` is not used."""
+        return ClipTower(self.model.config.projection_dim, hidden)
+
+    @torch.no_grad()
+    def places(self, texts: list[str]) -> dict[str, Tensor]:
+        """Of each text; those that were asked for before are remembered."""
+        new = sorted(set(texts) - self.known.keys())
+        for first in range(0, len(new), AT_ONCE):
+            some = new[first : first + AT_ONCE]
+            given = self.tokens(
+                some, padding=True, truncation=True, max_length=self.most, return_tensors="pt"
+            )
+            self.known.update(zip(some, F.normalize(self.model(**given).text_embeds, dim=-1), strict=True))
+        return self.known
+
+
+class ClipTower(nn.Module):
+    """Features to logits: the bottleneck of two layers with a residual, and the head, as printed."""
+
+    def __init__(self, width: int, hidden: int):
+        super().__init__()
+        self.down = nn.Linear(width, hidden)
+        self.up = nn.Linear(hidden, width)
+        self.head = nn.Linear(width, 3 * len(UNITS))
+
+    def adapted(self, features: Tensor) -> Tensor:
+        """[N, D]."""
+        return features + self.up(F.relu(self.down(features)))
+
+    def forward(self, features: Tensor) -> Tensor:
+        """Logits [N, 3, 16], as those of `training.text.tower`."""
+        return self.head(self.adapted(features)).unflatten(-1, (3, len(UNITS)))
