@@ -99,6 +99,19 @@ impl Heard {
         let both = closed.iter().zip(together).map(|(a, b)| agreed(*a, b));
         heard_or_given(&both.collect::<Vec<f32>>(), rate_hz, given)
     }
+
+    /// When the lower lip is at the upper teeth, as the phones' f and v have it; never where the phones were not made
+    /// for the encoder.
+    pub fn lip_at_teeth(&self, phones: &PhoneModel) -> LipClosures {
+        let rate_hz = self.track.rate_hz;
+        match phones.hears(self) {
+            true => {
+                let features = self.features(rate_hz);
+                LipClosures::heard(&phones.lip_at_teeth(features.view()), rate_hz)
+            }
+            false => LipClosures::heard(&[], rate_hz),
+        }
+    }
 }
 
 /// What two witnesses of a closure say together: their log-odds, weighed.

@@ -2,7 +2,7 @@
 //!
 //! Twin of `training/speech/phones.py`: a read-out of the compact encoder's features, four rows of
 //! posteriors to each of its frames. Row `r` stands at `(r − 2) / 100` seconds. It is loaded where
-//! phones or words are asked for; no motion depends on it.
+//! phones or words are asked for, and by systems whose lips meet where it hears them.
 
 use std::path::Path;
 
@@ -61,7 +61,9 @@ pub struct PhoneModel {
 }
 
 /// Phones for which lips are together.
-const BILABIALS: [&str; 3] = ["p", "b", "m"];
+const BILABIALS: &[&str] = &["p", "b", "m"];
+/// Phones for which the lower lip is at the upper teeth.
+const LABIODENTALS: &[&str] = &["f", "v"];
 
 /// Phones and words of a sound.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -122,9 +124,18 @@ impl PhoneModel {
 
     /// Probability that lips are together for p, b or m in each frame of features `[T, C]`: the mean of its rows.
     pub fn lips_together(&self, features: ArrayView2<'_, f32>) -> Vec<f32> {
+        self.probability(BILABIALS, features)
+    }
+
+    /// Probability that the lower lip is at the upper teeth for f or v, in the same way.
+    pub fn lip_at_teeth(&self, features: ArrayView2<'_, f32>) -> Vec<f32> {
+        self.probability(LABIODENTALS, features)
+    }
+
+    fn probability(&self, phones: &[&str], features: ArrayView2<'_, f32>) -> Vec<f32> {
         let posteriors = self.log_posteriors(features);
         let named = self.config.phones.iter().enumerate();
-        let own = named.filter(|(_, name)| BILABIALS.contains(&name.as_str()));
+        let own = named.filter(|(_, name)| phones.contains(&name.as_str()));
         let own: Vec<usize> = own.map(|(class, _)| class).collect();
         let rows = posteriors.axis_chunks_iter(ndarray::Axis(0), PARTS);
         let each = rows.map(|rows| {

@@ -1,8 +1,11 @@
 //! Lips that meet, in weights of shapes.
 
-use ndarray::{Array1, Array2, Array3, ArrayView3, ArrayViewMut1, s};
+use ndarray::{Array2, Array3, ArrayView3, ArrayViewMut1, s};
 
-use super::super::{FaceModes, LipClosures, WeightClip};
+use super::{
+    super::{FaceModes, LipClosures, WeightClip},
+    reach::{Aim, corners_of, reach},
+};
 use crate::{Result, ibug::INNER_LIPS};
 
 /// Opening over that of the neutral face at which lips touch in speech, metres, as in [`super::super::close_lips`].
@@ -10,22 +13,12 @@ const TOUCHING_M: f32 = -0.5e-3;
 /// How much farther than where they touch lips may be pressed, metres: beyond that one goes through the other.
 const PRESSED_M: f32 = 0.3e-3;
 const CLOSE: &str = "mouthClose";
-/// What it costs to change a weight by 1, beside a pair that misses by so many square millimetres.
-const PRICE: f32 = 0.05;
-/// What it costs to move a corner of the mouth by a millimetre, beside a pair that misses by so many: who says m
-/// goes on smiling.
-const KEPT: f32 = 0.02;
-/// The corners of the mouth.
-const CORNERS: [usize; 2] = [48, 54];
-/// Sweeps over all shapes, after which nothing moves any more.
-const SWEEPS: usize = 30;
 /// A shape that moves no lip farther has no say.
 const STILL_M: f32 = 0.1e-3;
 /// How fast lips come together and part again, m/s: of the frames of grid_s1's tracked speaker 0.1 % close by more
 /// than 0.33 and part by more than 0.28.
 const FASTEST_M_S: f32 = 0.3;
 const PAIRS: usize = INNER_LIPS.len();
-const MM: f32 = 1e3;
 
 /// By how much each shape parts the lips of one head.
 ///
@@ -66,10 +59,9 @@ impl LipGaps {
             shapes[[s, upper, axis + 1]] - shapes[[s, lower, axis + 1]]
         };
         let named = |wanted: &str| names.iter().position(|name| name == wanted);
-        let corner = |(s, i): (usize, usize)| shapes[[s, CORNERS[i / 3], i % 3]];
         LipGaps {
             gaps: Array3::from_shape_fn((names.len(), PAIRS, 2), gap),
-            corners: Array2::from_shape_fn((names.len(), 3 * CORNERS.len()), corner),
+            corners: corners_of(shapes),
             close: named(CLOSE),
         }
     }
@@ -137,54 +129,22 @@ impl LipGaps {
 
     fn close_frame(&self, weights: &mut ArrayViewMut1<'_, f32>, share: f32) {
         let before = self.opening(weights);
-        let goal: [[f32; 2]; PAIRS] = std::array::from_fn(|pair| {
-            let [height, depth] = before[pair];
-            let over = (height - TOUCHING_M).max(0.0);
-            [height - share * over, (1.0 - share) * depth]
-        });
-        if (0..PAIRS).all(|pair| before[pair][0] <= TOUCHING_M) {
+        if before.iter().all(|[height, _]| *height <= TOUCHING_M) {
             return;
         }
-        let (start, moving) = (weights.to_owned(), self.moving(weights));
-        for _ in 0..SWEEPS {
-            for &s in &moving {
-                self.descend(weights, s, &start, &goal);
-            }
-        }
-    }
-
-    /// Best value of one weight with all others as they are: squared misses in millimetres, where a pair is too
-    /// wide, goes through itself or lies apart in depth, and prices for leaving where weight and corners were.
-    fn descend(
-        &self,
-        weights: &mut ArrayViewMut1<'_, f32>,
-        s: usize,
-        start: &Array1<f32>,
-        goal: &[[f32; 2]; PAIRS],
-    ) {
-        let (now, was) = (self.opening(weights), start[s]);
-        let (mut pull, mut slope) = (PRICE * (weights[s] - was), PRICE);
-        let moved = (&*weights - start).dot(&self.corners);
-        for (by, moved) in self.corners.row(s).iter().zip(moved) {
-            pull += KEPT * MM * by * MM * moved;
-            slope += KEPT * MM * by * MM * by;
-        }
-        for pair in 0..PAIRS {
-            for axis in 0..2 {
-                let off = MM * (now[pair][axis] - goal[pair][axis]);
-                let by = MM * self.gaps[[s, pair, axis]];
-                let miss = match axis {
-                    0 if off <= 0.0 => (off + MM * PRESSED_M).min(0.0),
-                    _ => off,
-                };
-                if miss != 0.0 {
-                    pull += by * miss;
-                    slope += by * by;
-                }
-            }
-        }
-        let most = if Some(s) == self.close { 1.0 } else { was };
-        weights[s] = (weights[s] - pull / slope).clamp(0.0, most.max(0.0));
+        let aim = |(pair, axis): (usize, usize)| {
+            let now = before[pair][axis];
+            let (goal, slack) = match axis {
+                0 => (now - share * (now - TOUCHING_M).max(0.0), PRESSED_M),
+                _ => ((1.0 - share) * now, 0.0),
+            };
+            let by = self.gaps.slice(s![.., pair, axis]);
+            Aim { by, goal, slack }
+        };
+        let places = (0..PAIRS).flat_map(|pair| [(pair, 0), (pair, 1)]);
+        let aims: Vec<Aim<'_>> = places.map(aim).collect();
+        let moving = self.moving(weights);
+        reach(weights, &aims, &self.corners, &moving);
     }
 
     /// Height and depth of each inner pair over neutral, metres.
@@ -194,8 +154,8 @@ impl LipGaps {
         })
     }
 
-    /// What may give way: shapes that are there and part the lips, and `mouthClose`.
-    fn moving(&self, weights: &ArrayViewMut1<'_, f32>) -> Vec<usize> {
+    /// What may give way, and how far it may go: shapes that are there and part the lips, and `mouthClose`.
+    fn moving(&self, weights: &ArrayViewMut1<'_, f32>) -> Vec<(usize, f32)> {
         let parts = |s: &usize| {
             let moves = self
                 .gaps
@@ -204,7 +164,12 @@ impl LipGaps {
                 .any(|gap| gap.abs() > STILL_M);
             moves && (weights[*s] > 0.0 || Some(*s) == self.close)
         };
-        (0..weights.len()).filter(parts).collect()
+        let most = |s: usize| match Some(s) == self.close {
+            true => 1.0,
+            false => weights[s].max(0.0),
+        };
+        let all = (0..weights.len()).filter(parts);
+        all.map(|s| (s, most(s))).collect()
     }
 }
 

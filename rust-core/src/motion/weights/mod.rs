@@ -2,6 +2,8 @@
 
 mod closing;
 mod perform;
+mod reach;
+mod teeth;
 
 use std::borrow::Cow;
 
@@ -12,6 +14,7 @@ use crate::{Result, rig::ARKIT};
 
 pub use closing::LipGaps;
 pub use perform::WeightCues;
+pub use teeth::LowerLip;
 
 /// A shape of ARKit's that the mean face has no motion for.
 const TONGUE: &str = "tongueOut";

@@ -13,8 +13,8 @@ use crate::{
     deform::LEARNED,
     models::{BuiltIn, built_in},
     motion::{
-        FaceModes, LipClosures, LipGaps, Motion, PerformanceControls, WeightClip, WeightCues,
-        control_named,
+        FaceModes, LipClosures, LipGaps, LowerLip, Motion, PerformanceControls, WeightClip,
+        WeightCues, control_named,
     },
     nn::Weights,
     progress::ProgressFn,
@@ -100,6 +100,7 @@ pub struct CafeTalk {
     denoiser: Denoiser,
     modes: FaceModes,
     gaps: LipGaps,
+    lower_lip: LowerLip,
     phones: PhoneModel,
     kept: WindowsKept,
 }
@@ -114,11 +115,14 @@ impl CafeTalk {
         let config = CafeTalkConfig::from_json(&files.config)?;
         let denoiser = Denoiser::new(config, &Weights::from_bytes(&files.weights)?)?;
         let modes = FaceModes::open(folder)?;
-        let gaps = LipGaps::of_mean_face(&modes, &denoiser.config().channels)?;
+        let shapes = &denoiser.config().channels;
+        let gaps = LipGaps::of_mean_face(&modes, shapes)?;
+        let lower_lip = LowerLip::of_mean_face(&modes, shapes)?;
         Ok(CafeTalk {
             denoiser,
             modes,
             gaps,
+            lower_lip,
             phones: PhoneModel::open(folder)?,
             kept: WindowsKept::default(),
         })
@@ -142,10 +146,14 @@ impl CafeTalk {
         }
     }
 
-    /// Brings the lips of a clip together where that is heard or given.
-    fn close_lips(&self, clip: &mut WeightClip, heard: &Heard, request: &MotionRequest) {
-        let closures = self.closures(heard, request.closures.as_deref());
+    /// Brings the lower lip of a clip to the teeth where f or v is heard, and its lips together where that is heard or
+    /// given.
+    fn make_contacts(&self, clip: &mut WeightClip, heard: &Heard, request: &MotionRequest) {
         let events = EventTrack::of(&request.events, &clip.names, clip.weights.nrows(), clip.fps);
+        let at_teeth = heard.lip_at_teeth(&self.phones);
+        self.lower_lip
+            .reach_teeth(clip, &at_teeth, &events.over_speech);
+        let closures = self.closures(heard, request.closures.as_deref());
         self.gaps.close(clip, &closures, &events.over_speech);
     }
 }
@@ -219,7 +227,7 @@ impl System for CafeTalk {
         };
         let controls = PerformanceControls::from(&request.controls);
         let mut performed = clip.perform(&self.modes, &cues, &controls)?;
-        self.close_lips(&mut performed, heard, request);
+        self.make_contacts(&mut performed, heard, request);
         Ok(Motion::Weights(performed))
     }
 

@@ -2,12 +2,15 @@
 
 use std::ops::Range;
 
+use ndarray::{Array2, Array3};
 use serde::Serialize;
 
 use super::{
+    aligned::Phone,
     bootstrap::number,
     clip::{Clip, gap_mm, rest_gap_mm},
     closures::{CLOSED_MM, windows},
+    labiodentals::Mouth,
     report::Page,
     speaker::{Speaker, Wish},
 };
@@ -35,6 +38,24 @@ pub(super) struct EventScores {
     pub units: Vec<UnitScores>,
     /// p, b, m of the slots that close the lips, of all lower units together.
     pub closures: Closures,
+    /// f and v in slots, of all lower units together.
+    pub teeth: TeethReached,
+}
+
+/// f and v in the slots of events of strength 1: median distance from the lower lip to the edge of the upper incisors,
+/// mm, as [`Mouth`] measures it.
+#[derive(Debug, Clone, Default, Serialize)]
+pub(super) struct TeethReached {
+    pub count: usize,
+    /// Without an event.
+    pub without_mm: f64,
+    pub with_mm: f64,
+    /// With the event over the speech, which nothing then guards.
+    pub over_mm: f64,
+    /// With the unit's shapes added to the speech's.
+    pub added_mm: f64,
+    /// The lower unit under which they are farthest away, and how far.
+    pub worst: Option<(String, f64)>,
 }
 
 /// One action unit on both sides; means over clips.
@@ -75,6 +96,8 @@ pub(super) struct Closures {
 /// A performance with what is compared of it.
 struct Shown {
     weights: WeightClip,
+    /// `[T, 68, 3]`, metres.
+    landmarks: Array3<f64>,
     gap_mm: Vec<f64>,
 }
 
@@ -82,12 +105,16 @@ struct Shown {
 pub(super) fn measure(
     speaker: &Speaker,
     wish: &Wish,
+    mouth: &Mouth,
     clips: &[Clip],
 ) -> Result<Option<EventScores>> {
     if !speaker.engine.system().takes_events {
         return Ok(None);
     }
     let long = |clip: &&Clip| clip.frames() as f64 / clip.fps > SLOT_S[1] + 0.5;
+    let said = |clip: &&Clip| labiodentals(clip).next().is_some();
+    let with_teeth = clips.iter().filter(long).filter(said).take(CLIPS);
+    let teeth = teeth_reached(speaker, wish, mouth, &with_teeth.collect::<Vec<_>>())?;
     let clips: Vec<&Clip> = clips.iter().filter(long).take(CLIPS).collect();
     let plain = clips.iter().map(|clip| shown(speaker, wish, clip));
     let Some(plain) = plain.collect::<Result<Option<Vec<Shown>>>>()? else {
@@ -121,7 +148,70 @@ pub(super) fn measure(
         clips: clips.len(),
         units: units.into_iter().map(UnitScores::in_percent).collect(),
         closures: closures.in_percent(),
+        teeth,
     }))
+}
+
+/// f and v of a clip's slot.
+fn labiodentals(clip: &Clip) -> impl Iterator<Item = &Phone> {
+    let phones = clip.phones.iter().flatten();
+    let inside = |phone: &&Phone| phone.from_s >= SLOT_S[0] && phone.to_s <= SLOT_S[1];
+    phones.filter(|phone| phone.is_labiodental()).filter(inside)
+}
+
+/// All lower units on clips that say f or v in their slot.
+fn teeth_reached(
+    speaker: &Speaker,
+    wish: &Wish,
+    mouth: &Mouth,
+    clips: &[&Clip],
+) -> Result<TeethReached> {
+    let mut out = TeethReached::default();
+    let mut frames: [Vec<Array2<f64>>; 4] = Default::default();
+    for unit in (0..ACTION_UNITS.len()).filter(|&unit| ACTION_UNITS[unit].is_lower) {
+        let first = frames[1].len();
+        for clip in clips {
+            let Some(plain) = shown(speaker, wish, clip)? else {
+                return Ok(out);
+            };
+            let [with, over] = [false, true].map(|over_speech| {
+                let wish = with_event(wish, event(unit, 1.0, over_speech));
+                shown(speaker, &wish, clip)
+            });
+            let added = added(speaker, clip, &plain, unit)?;
+            for (of, frames) in [Some(plain), with?, over?, Some(added)]
+                .iter()
+                .zip(&mut frames)
+            {
+                let landmarks = &of.as_ref().expect("weights, as without an event").landmarks;
+                let nearest = mouth.nearest_of(labiodentals(clip), clip, landmarks);
+                frames.extend(nearest.iter().map(|frame| frame.to_owned()));
+            }
+        }
+        let own: Vec<_> = frames[1][first..]
+            .iter()
+            .map(|frame| frame.view())
+            .collect();
+        if let Some(far) = mouth.distance_mm(&speaker.engine, &own)?
+            && out.worst.as_ref().is_none_or(|(_, worst)| far > *worst)
+        {
+            out.worst = Some((ACTION_UNITS[unit].name.to_owned(), far));
+        }
+    }
+    out.count = frames[0].len();
+    let places = [
+        &mut out.without_mm,
+        &mut out.with_mm,
+        &mut out.over_mm,
+        &mut out.added_mm,
+    ];
+    for (frames, place) in frames.iter().zip(places) {
+        let views: Vec<_> = frames.iter().map(|frame| frame.view()).collect();
+        *place = mouth
+            .distance_mm(&speaker.engine, &views)?
+            .unwrap_or(f64::NAN);
+    }
+    Ok(out)
 }
 
 fn event(unit: usize, strength: f32, over_speech: bool) -> Event {
@@ -146,20 +236,24 @@ fn added(speaker: &Speaker, clip: &Clip, plain: &Shown, unit: usize) -> Result<S
     let (frames, fps) = (weights.weights.nrows(), weights.fps);
     let track = EventTrack::of(&[event(unit, 1.0, false)], &weights.names, frames, fps);
     weights.weights += &track.mask;
-    let motion = Motion::Weights(weights.clone());
-    Ok(Shown {
-        gap_mm: gap_mm(&clip.neutral, speaker.landmarks(&motion)?.view())?,
-        weights,
-    })
+    of_weights(speaker, clip, weights)
 }
 
 /// `None` where the motion is no weights.
 fn shown(speaker: &Speaker, wish: &Wish, clip: &Clip) -> Result<Option<Shown>> {
     let Performance { motion, .. } = speaker.performance(&clip.waveform, clip.fps, wish)?;
-    let gap_mm = gap_mm(&clip.neutral, speaker.landmarks(&motion)?.view())?;
-    Ok(match motion {
-        Motion::Weights(weights) => Some(Shown { weights, gap_mm }),
-        _ => None,
+    match motion {
+        Motion::Weights(weights) => of_weights(speaker, clip, weights).map(Some),
+        _ => Ok(None),
+    }
+}
+
+fn of_weights(speaker: &Speaker, clip: &Clip, weights: WeightClip) -> Result<Shown> {
+    let landmarks = speaker.landmarks(&Motion::Weights(weights.clone()))?;
+    Ok(Shown {
+        gap_mm: gap_mm(&clip.neutral, landmarks.view())?,
+        landmarks,
+        weights,
     })
 }
 
@@ -333,6 +427,21 @@ pub(super) fn section(page: &mut Page, scores: &EventScores) {
         scores.closures.with_percent,
         scores.closures.over_percent,
         scores.closures.added_percent
+    ));
+    let teeth = &scores.teeth;
+    page.block(format!(
+        "In {} f and v in the slots of lower units, on the first {CLIPS} clips that say one there, the lower lip comes to \
+         {:.2} mm from the edge of the upper incisors without the event (median), to {:.2} mm with it; to {:.2} mm \
+         with the event over the speech, to {:.2} mm with the unit's shapes added.{}",
+        teeth.count,
+        teeth.without_mm,
+        teeth.with_mm,
+        teeth.over_mm,
+        teeth.added_mm,
+        match &teeth.worst {
+            Some((unit, mm)) => format!(" Farthest: {mm:.2} mm under unit {unit}."),
+            None => String::new(),
+        }
     ));
 }
 

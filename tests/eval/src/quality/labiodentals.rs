@@ -9,6 +9,7 @@ use ndarray::{Array3, ArrayView2, Axis};
 use serde::Serialize;
 
 use super::{
+    aligned::Phone,
     bootstrap::{Estimate, estimate},
     clip::Clip,
     heads::{Head, stacked},
@@ -52,7 +53,7 @@ pub(super) struct LabiodentalScores {
 }
 
 /// ICT's head with what of it is measured.
-struct Mouth {
+pub(super) struct Mouth {
     head: Head,
     /// Vertices of the lower lip.
     lip: Vec<usize>,
@@ -72,10 +73,9 @@ struct Record {
 /// The recording and the model on every source with f and v; all languages of espeak-ng together.
 pub(super) fn measure(
     engine: &Engine,
-    (data, ict): (&Path, &IctLandmarks),
+    mouth: &Mouth,
     performed: &[Performed],
 ) -> Result<Vec<LabiodentalScores>> {
-    let mouth = Mouth::read(engine, data, ict)?;
     let mut out = Vec::new();
     let mut made = Vec::new();
     for source in performed {
@@ -100,7 +100,7 @@ pub(super) fn measure(
 }
 
 impl Mouth {
-    fn read(engine: &Engine, data: &Path, ict: &IctLandmarks) -> Result<Self> {
+    pub(super) fn read(engine: &Engine, data: &Path, ict: &IctLandmarks) -> Result<Self> {
         let file = TensorFile::read(&data.join("faces/ict_facekit.safetensors"))?;
         let (neutral, shape) = file.floats("neutral")?;
         let names = file.words("expression_names")?;
@@ -123,6 +123,17 @@ impl Mouth {
 
     /// Of every f and v of a clip the frame in which the lower lip's landmark is nearest to the teeth.
     fn nearest_frames<'a>(&self, clip: &Clip, motion: &'a Array3<f64>) -> Vec<ArrayView2<'a, f64>> {
+        let phones = clip.phones.iter().flatten().filter(|p| p.is_labiodental());
+        self.nearest_of(phones, clip, motion)
+    }
+
+    /// The same of given phones.
+    pub(super) fn nearest_of<'a, 'p>(
+        &self,
+        phones: impl Iterator<Item = &'p Phone>,
+        clip: &Clip,
+        motion: &'a Array3<f64>,
+    ) -> Vec<ArrayView2<'a, f64>> {
         let edge = |i: usize| {
             let sum: f32 = self.edge_cm.iter().map(|p| p[i]).sum();
             f64::from(sum) / self.edge_cm.len() as f64 / 100.0
@@ -131,7 +142,6 @@ impl Mouth {
             let along = |i: usize| self.neutral[[66, i]] + motion[[*t, 66, i]] - edge(i);
             (1..3).map(|i| along(i).powi(2)).sum()
         };
-        let phones = clip.phones.iter().flatten().filter(|p| p.is_labiodental());
         let nearest = phones.filter_map(|phone| {
             let from = ((phone.from_s - LEAD_S) * clip.fps).ceil().max(0.0) as usize;
             let to = ((phone.to_s * clip.fps).floor() as usize + 1).min(clip.frames());
@@ -149,18 +159,7 @@ impl Mouth {
     ) -> Result<Option<LabiodentalScores>> {
         let every = frames.len().div_ceil(MOST).max(1);
         let chosen: Vec<_> = frames.iter().step_by(every).cloned().collect();
-        let mut records = Vec::new();
-        for batch in chosen.chunks(BATCH) {
-            let motion = stacked(batch);
-            let moved = self.head.moved(engine, &motion)?.select(Axis(1), &self.lip);
-            for (t, lip) in moved.outer_iter().enumerate() {
-                let back = LOWER_LIP.map(|n| -motion[[t, n, 2]]);
-                records.push(Record {
-                    distance_mm: MM_PER_CM * self.distance_cm(lip),
-                    tuck_mm: MM * 0.5 * (back[0] + back[1]),
-                });
-            }
-        }
+        let records = self.records(engine, &chosen)?;
         let median = |of: fn(&Record) -> f64| {
             estimate(&records, move |records| {
                 let values: Vec<f64> = records.iter().map(|r| of(r)).collect();
@@ -174,6 +173,36 @@ impl Mouth {
             distance_mm: median(|r| r.distance_mm),
             tuck_mm: median(|r| r.tuck_mm),
         }))
+    }
+
+    fn records(&self, engine: &Engine, frames: &[ArrayView2<'_, f64>]) -> Result<Vec<Record>> {
+        let mut records = Vec::new();
+        for batch in frames.chunks(BATCH) {
+            let motion = stacked(batch);
+            let moved = self.head.moved(engine, &motion)?.select(Axis(1), &self.lip);
+            for (t, lip) in moved.outer_iter().enumerate() {
+                let back = LOWER_LIP.map(|n| -motion[[t, n, 2]]);
+                records.push(Record {
+                    distance_mm: MM_PER_CM * self.distance_cm(lip),
+                    tuck_mm: MM * 0.5 * (back[0] + back[1]),
+                });
+            }
+        }
+        Ok(records)
+    }
+
+    /// Median distance from the lower lip to the incisors in frames `[68, 3]` of motion; `None` without one.
+    pub(super) fn distance_mm(
+        &self,
+        engine: &Engine,
+        frames: &[ArrayView2<'_, f64>],
+    ) -> Result<Option<f64>> {
+        let distances: Vec<f64> = self
+            .records(engine, frames)?
+            .iter()
+            .map(|record| record.distance_mm)
+            .collect();
+        Ok((!distances.is_empty()).then(|| quantile(&distances, 0.5)))
     }
 
     /// From the nearest vertex of the displaced lip, `[lip, 3]` centimetres, to the incisors.

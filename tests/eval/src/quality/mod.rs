@@ -55,6 +55,7 @@ use bootstrap::number;
 use clip::Corpus;
 use figures::Figures;
 use heads::Head;
+use labiodentals::Mouth;
 use measures::{FEATURE_ROWS, Measure, measures};
 use predictors::{Asked, Performed};
 use scores::{ClipScores, Scores, scores};
@@ -194,7 +195,8 @@ impl Quality {
             if let Some(folder) = &self.aligned {
                 aligned::attach(folder, &mut corpora, &ict, self.aligned_limit)?;
             }
-            let scores = events::measure(&speaker, &self.wish(), &corpora[0].held_out)?;
+            let mouth = Mouth::read(&speaker.engine, &data, &ict)?;
+            let scores = events::measure(&speaker, &self.wish(), &mouth, &corpora[0].held_out)?;
             return print_alone(&scores, console);
         }
         let (performed, whole) = self.perform(&speaker, &others, (&data, &ict), console)?;
@@ -312,7 +314,8 @@ impl Quality {
         let closures = closures::measure(performed)?;
         let vowels = vowels::measure(performed)?;
         stage("labiodentals", 0.4);
-        let labiodentals = labiodentals::measure(&speaker.engine, (data, ict), performed)?;
+        let mouth = Mouth::read(&speaker.engine, data, ict)?;
+        let labiodentals = labiodentals::measure(&speaker.engine, &mouth, performed)?;
         stage("effort", 0.5);
         let spoken = performed.iter().map(|p| &p.corpus);
         let spoken = spoken.filter(|c| !c.recorded && !c.is_synthetic());
@@ -359,7 +362,7 @@ impl Quality {
             reading,
             intensity,
             seeds,
-            events: events::measure(speaker, &wish, clips)?,
+            events: events::measure(speaker, &wish, &mouth, clips)?,
             seams: seams::measure(speaker, &wish, clips)?,
             steps: steps.concat(),
             timing: timing::measure(speaker, &wish, clips, self.long)?,

@@ -1,0 +1,83 @@
+//! Weights of one frame that bring points of a face where they should be, by least squares with bounds.
+
+use ndarray::{Array1, Array2, ArrayView1, ArrayView3, ArrayViewMut1};
+
+/// What it costs to change a weight by 1, beside an aim that is missed by so many square millimetres.
+const PRICE: f32 = 0.05;
+/// What it costs to move a corner of the mouth by a millimetre, beside an aim that is missed by so many: who says m
+/// goes on smiling.
+const KEPT: f32 = 0.02;
+/// Sweeps over all shapes, after which nothing moves any more.
+const SWEEPS: usize = 30;
+/// The corners of the mouth.
+const CORNERS: [usize; 2] = [48, 54];
+const MM: f32 = 1e3;
+
+/// A length of a frame, the sum of `by` times the weights, and where it should be.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Aim<'a> {
+    /// `[S]`, what each shape at weight 1 adds, metres.
+    pub by: ArrayView1<'a, f32>,
+    /// Metres.
+    pub goal: f32,
+    /// How far below the goal it may be, metres.
+    pub slack: f32,
+}
+
+impl Aim<'_> {
+    fn missed_mm(&self, weights: ArrayView1<'_, f32>) -> f32 {
+        let off = MM * (weights.dot(&self.by) - self.goal);
+        match off <= 0.0 {
+            true => (off + MM * self.slack).min(0.0),
+            false => off,
+        }
+    }
+}
+
+/// What each shape at weight 1 does to the corners of the mouth, `[S, 6]` metres, from landmarks `[S, 68, 3]`.
+pub(super) fn corners_of(shapes: ArrayView3<'_, f32>) -> Array2<f32> {
+    let corner = |(s, i): (usize, usize)| shapes[[s, CORNERS[i / 3], i % 3]];
+    Array2::from_shape_fn((shapes.dim().0, 3 * CORNERS.len()), corner)
+}
+
+/// Moves the weights `[S]` of a frame, each of `moving` between 0 and its most, so that the `aims` are met, at as small
+/// a change as can be; `kept` `[S, K]` metres holds still what should stay where it was. Coordinate descent, as in
+/// [`crate::rig::solve`].
+pub(super) fn reach(
+    weights: &mut ArrayViewMut1<'_, f32>,
+    aims: &[Aim<'_>],
+    kept: &Array2<f32>,
+    moving: &[(usize, f32)],
+) {
+    let start = weights.to_owned();
+    for _ in 0..SWEEPS {
+        for &(s, most) in moving {
+            weights[s] = best(weights.view(), s, &start, aims, kept).clamp(0.0, most);
+        }
+    }
+}
+
+/// Best value of one weight with all others as they are.
+fn best(
+    weights: ArrayView1<'_, f32>,
+    s: usize,
+    start: &Array1<f32>,
+    aims: &[Aim<'_>],
+    kept: &Array2<f32>,
+) -> f32 {
+    let mut pull = PRICE * (weights[s] - start[s]);
+    let mut slope = PRICE;
+    let moved = (&weights - start).dot(kept);
+    for (by, moved) in kept.row(s).iter().zip(moved) {
+        pull += KEPT * MM * by * MM * moved;
+        slope += KEPT * MM * by * MM * by;
+    }
+    for aim in aims {
+        let (by, missed) = (MM * aim.by[s], aim.missed_mm(weights));
+        if missed != 0.0 {
+            pull += by * missed;
+            slope += by * by;
+        }
+    }
+    weights[s] - pull / slope
+}

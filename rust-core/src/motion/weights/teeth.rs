@@ -1,0 +1,182 @@
+//! The lower lip at the upper teeth, in weights of shapes.
+
+use ndarray::{Array2, ArrayView3, ArrayViewMut1};
+
+use super::{
+    super::{FaceModes, LipClosures, WeightClip},
+    reach::{Aim, corners_of, reach},
+};
+use crate::Result;
+
+/// Where the lower lip's middle is in f and v, from where it rests, metres downward and forward: the medians of
+/// grid_s1's tracked speaker in 387 of them, none of a held-out clip.
+const AT_TEETH_M: [f32; 2] = [1.4e-3, -2.0e-3];
+/// How much farther up and back it may be, metres.
+const SLACK_M: f32 = 3e-3;
+/// The inner rim of the lower lip's middle.
+const LIP: usize = 66;
+/// The shape that tucks the lip in, and its largest weight here.
+const TUCKS: &str = "mouthRollLower";
+const MOST_TUCKED: f32 = 0.6;
+/// A shape that takes the lip no farther away has no say, metres.
+const STILL_M: f32 = 0.5e-3;
+/// How far the lip has come in the frame beside one in which it is there.
+const BESIDE: f32 = 0.5;
+
+/// How far each shape takes the lower lip of one head from where it is in f and v.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LowerLip {
+    /// `[2, S]`, down and forward at weight 1, metres.
+    away: Array2<f32>,
+    /// `[S, 6]`, what each shape at weight 1 does to the corners of the mouth, metres.
+    corners: Array2<f32>,
+    tucks: Option<usize>,
+}
+
+impl LowerLip {
+    /// Of the mean face.
+    ///
+    /// # Errors
+    /// `Weights` for a name that is none of ARKit's.
+    pub fn of_mean_face(modes: &FaceModes, names: &[String]) -> Result<LowerLip> {
+        Ok(LowerLip::new(modes.of_shapes(names)?.view(), names))
+    }
+
+    /// From displacements of landmarks at weight 1, `[S, 68, 3]`, canonical metres.
+    pub fn new(shapes: ArrayView3<'_, f32>, names: &[String]) -> LowerLip {
+        let away = |(axis, s): (usize, usize)| match axis {
+            0 => -shapes[[s, LIP, 1]],
+            _ => shapes[[s, LIP, 2]],
+        };
+        LowerLip {
+            away: Array2::from_shape_fn((2, names.len()), away),
+            corners: corners_of(shapes),
+            tucks: names.iter().position(|name| name == TUCKS),
+        }
+    }
+
+    /// Brings the lower lip of a clip to the teeth where f or v is `heard`, except where an event is `over_speech`:
+    /// shapes that keep it away give way and `mouthRollLower` comes. It never takes it farther from them.
+    pub fn reach_teeth(&self, clip: &mut WeightClip, heard: &LipClosures, over_speech: &[bool]) {
+        let step_s = 1.0 / clip.fps;
+        let share = |t: usize| match over_speech.get(t) {
+            Some(true) => 0.0,
+            _ => heard.share(t as f64 * step_s, step_s),
+        };
+        let shares: Vec<f32> = (0..clip.weights.nrows()).map(share).collect();
+        for (t, mut row) in clip.weights.outer_iter_mut().enumerate() {
+            let beside =
+                [t.wrapping_sub(1), t + 1].map(|t| shares.get(t).map_or(0.0, |s| BESIDE * s));
+            let share = shares[t].max(beside[0]).max(beside[1]);
+            if share > 0.0 && over_speech.get(t) != Some(&true) {
+                self.reach_in_frame(&mut row, share);
+            }
+        }
+    }
+
+    fn reach_in_frame(&self, weights: &mut ArrayViewMut1<'_, f32>, share: f32) {
+        let aims = [0, 1].map(|axis| {
+            let by = self.away.row(axis);
+            let now = weights.dot(&by);
+            Aim {
+                by,
+                goal: now - share * (now - AT_TEETH_M[axis]).max(0.0),
+                slack: SLACK_M,
+            }
+        });
+        let keeps_away = |s: &usize| {
+            let away = self.away.column(*s);
+            weights[*s] > 0.0 && away.iter().any(|by| *by > STILL_M)
+        };
+        let give_way = (0..weights.len()).filter(keeps_away);
+        let mut moving: Vec<(usize, f32)> = give_way.map(|s| (s, weights[s])).collect();
+        moving.extend(self.tucks.map(|s| (s, weights[s].max(MOST_TUCKED))));
+        reach(weights, &aims, &self.corners, &moving);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::ARKIT;
+
+    /// Five frames of the same weights, and the lip's place in one of them.
+    fn clip(open: &[(&str, f32)]) -> (WeightClip, LowerLip) {
+        let names: Vec<String> = ARKIT[..51].iter().map(|&name| name.to_owned()).collect();
+        let mut weights = Array2::zeros((5, names.len()));
+        for (name, weight) in open {
+            let column = names.iter().position(|known| known == name).unwrap();
+            weights.column_mut(column).fill(*weight);
+        }
+        let lip = LowerLip::of_mean_face(&FaceModes::open(None).unwrap(), &names).unwrap();
+        let clip = WeightClip {
+            names,
+            weights,
+            fps: 25.0,
+            together: Vec::new(),
+        };
+        (clip, lip)
+    }
+
+    fn place(clip: &WeightClip, lip: &LowerLip, t: usize) -> [f32; 2] {
+        [0, 1].map(|axis| clip.weights.row(t).dot(&lip.away.row(axis)))
+    }
+
+    const OPEN: [&[(&str, f32)]; 4] = [
+        &[("jawOpen", 0.4)],
+        &[("jawOpen", 0.2), ("mouthFunnel", 0.5)],
+        &[("mouthPucker", 0.6)],
+        &[
+            ("jawOpen", 0.3),
+            ("mouthShrugLower", 0.8),
+            ("mouthSmileLeft", 0.9),
+        ],
+    ];
+
+    #[test]
+    fn the_lip_comes_to_the_teeth_from_every_mouth_and_no_shape_grows_but_the_tuck() {
+        for open in OPEN {
+            let (mut clip, lip) = clip(open);
+            let before = clip.weights.clone();
+            let heard = LipClosures::heard(&[0.0, 0.0, 0.9, 0.0, 0.0], 25.0);
+            lip.reach_teeth(&mut clip, &heard, &[]);
+            let [down, forward] = place(&clip, &lip, 2);
+            let told = format!("{open:?}: {down} {forward}");
+            assert!(
+                down < AT_TEETH_M[0] + 0.6e-3 && forward < AT_TEETH_M[1] + 0.6e-3,
+                "{told}"
+            );
+            assert!(down > AT_TEETH_M[0] - SLACK_M - 1e-3, "{told}");
+            let tucks = lip.tucks.unwrap();
+            for (s, (now, was)) in clip.weights.row(2).iter().zip(before.row(2)).enumerate() {
+                assert!(
+                    s == tucks || (0.0..=*was).contains(now),
+                    "{}",
+                    clip.names[s]
+                );
+            }
+            // Half way beside it, and as it was farther off.
+            let missed = |t| {
+                let place = place(&clip, &lip, t);
+                (0..2)
+                    .map(|axis| (place[axis] - AT_TEETH_M[axis]).max(0.0))
+                    .sum::<f32>()
+            };
+            assert!(missed(2) < missed(1) && missed(1) < missed(0), "{told}");
+            assert_eq!(clip.weights.row(0), before.row(0));
+        }
+    }
+
+    #[test]
+    fn a_lip_that_is_there_stays_and_so_does_one_under_an_event_over_the_speech() {
+        let heard = LipClosures::heard(&[0.9; 5], 25.0);
+        let (mut there, lip) = clip(&[("mouthRollLower", 0.3)]);
+        let before = there.weights.clone();
+        lip.reach_teeth(&mut there, &heard, &[]);
+        assert_eq!(there.weights, before);
+        let (mut open, lip) = clip(OPEN[0]);
+        let before = open.weights.clone();
+        lip.reach_teeth(&mut open, &heard, &[true; 5]);
+        assert_eq!(open.weights, before);
+    }
+}
