@@ -340,7 +340,7 @@ def test_a_cancelled_job_ends_before_its_engine_is_freed(addon):
         free.wait(5.0)
         order.append("ended")
 
-    running._engines["", None, 0] = Engine()
+    running._engines["", None, 0, None] = Engine()
     started = running.start(job.Job(deaf), "Head")
     started.cancel()
     running.finish()
