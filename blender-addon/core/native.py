@@ -2,6 +2,7 @@
 
 import copy
 import ctypes
+import math
 import os
 from contextlib import ExitStack
 from ctypes import POINTER, byref, c_char_p, c_double, c_float, c_int32, c_uint32, c_void_p
@@ -166,10 +167,23 @@ class Engine(
         with ExitStack() as handles:
             watch = handles.enter_context(_Watch(self._library, progress))
             marks = landmarks, landmark_vertices
+            notes = self._memory_notes(len(positions), sound, request)
             face = self._face(handles, positions, triangles, marks, request, watch)
             motion, clip = self._spoken(handles, face, sound, request, watch)
             made = face, motion, clip
-            return self._animation(handles, made, sound, request, len(positions), watch)
+            animation = self._animation(handles, made, sound, request, len(positions), watch)
+            animation.notes = notes + animation.notes
+            return animation
+
+    def _memory_notes(self, vertices: int, sound: Sound, request: Request) -> list[str]:
+        """That a take may not fit into memory, before it is made; every frame lies there twice."""
+        frames = 2 * math.ceil(request.fps * len(sound.samples) / sound.rate_hz)
+        left = self._library.anyface_memory_left()
+        needed = self._library.anyface_engine_memory_needed(self._handle, vertices, frames)
+        if needed <= left:
+            return []
+        needed, left = needed >> 20, left >> 20
+        return [f"takes about {needed} MB of memory, and {left} MB were left"]
 
     def _spoken(self, handles, face, sound, request, watch):
         motion = self._motion(handles, sound, request, watch)

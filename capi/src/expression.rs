@@ -70,8 +70,8 @@ impl AnyfaceExpression {
 ///
 /// `weights_dir`: UTF-8, a folder of models that holds `text_units`, which may read by CLIP, or NULL for the built-in
 /// reader; the last one is kept. `text`: UTF-8. A text that says nothing to a face has no units, and `anyface_expression_hint()` the nearest
-/// that has some. Free with `anyface_expression_free()`. Fails with `ANYFACE_STATUS_WEIGHTS` or
-/// `ANYFACE_STATUS_IO` for a folder that cannot be used.
+/// that has some. Free with `anyface_expression_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a text of more
+/// than 1,000 letters, `ANYFACE_STATUS_WEIGHTS` or `ANYFACE_STATUS_IO` for a folder that cannot be used.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_expression_new(
     weights_dir: *const c_char,
@@ -82,7 +82,8 @@ pub unsafe extern "C" fn anyface_expression_new(
     let work = || {
         pointer::check_out("out", out)?;
         let text = unsafe { pointer::text("text", text) }?;
-        let expression = AnyfaceExpression::of(&unsafe { words(weights_dir) }?.understand(text));
+        let words = unsafe { words(weights_dir) }?;
+        let expression = AnyfaceExpression::of(&words.understand(text)?);
         unsafe { pointer::give(out, expression) };
         Ok(())
     };

@@ -24,7 +24,8 @@ const _: () = assert!(ANYFACE_EMOTION_COUNT == anyface::conditions::EMOTIONS.len
 ///
 /// It is raised when something that existed changes its meaning or goes away. A program that
 /// loads the library at run time stops where this differs from its own `ANYFACE_ABI_VERSION`.
-/// New functions, and new fields at the end of an options struct, do not raise it.
+/// New functions, and new fields at the end of an options struct, do not raise it. It counts from the first release on:
+/// until 0.1.0 is out it is 1 whatever changes, and a program is built anew with each library.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_abi_version() -> u32 {
     ANYFACE_ABI_VERSION

@@ -1,16 +1,18 @@
 //! What every target does with its bytes, for the fuzzers and for the tests, which replay the corpus.
 
-use std::io::Write;
+use std::{io::Write, path::Path};
 
 use anyface::{
     CachePolicy, Engine, EngineOptions, MotionRequest,
     annotation::Annotation,
     audio::{LOUDEST, SoundFile, Waveform},
     conditions::{EmotionCurve, Event},
+    head::{self, Head, HeadOptions},
     mesh::{FixedLandmark, LandmarkSource, Mesh, ObjectNames},
     output::{read_landmark_motion, read_life, read_rig, read_vertex_motion, read_weights},
     progress::SILENT,
-    systems::built_in_models,
+    systems::{Registration, SYSTEMS, built_in_models},
+    text::{self, TextUnits},
 };
 
 /// OBJ, PLY and GLB: a mesh that is read passes its own check and keeps to the size of its file.
@@ -116,12 +118,17 @@ pub fn models(bytes: &[u8]) {
     std::fs::create_dir(&own).unwrap();
     std::fs::write(own.join("model.safetensors"), weights).unwrap();
     std::fs::write(own.join("config.json"), config).unwrap();
+    // Of a model that all share, any system's.
+    let owns = |system: &&&Registration| system.models.iter().any(|own| own.name == model.name);
+    let shared = SYSTEMS[usize::from(part / 2) % SYSTEMS.len()];
     let options = EngineOptions {
+        system: Some(SYSTEMS.iter().find(owns).unwrap_or(&shared).name.to_owned()),
         models: Some(folder.path().to_owned()),
         cache: CachePolicy::Off,
         threads: Some(1),
         ..Default::default()
     };
+    beside_the_engine(model.name, folder.path());
     let Ok(engine) = Engine::new(options) else {
         return;
     };
@@ -129,5 +136,30 @@ pub fn models(bytes: &[u8]) {
     let request = MotionRequest::default();
     if let Ok(made) = engine.perform(&Waveform { samples }, &request, SILENT) {
         assert!(made.motion.values().iter().all(|x| x.is_finite()));
+    }
+}
+
+/// What an engine does not read for motion: texts and heads.
+fn beside_the_engine(model: &str, folder: &Path) {
+    if model == text::MODEL.name
+        && let Ok(words) = TextUnits::open(Some(folder))
+    {
+        let told = words.understand("a wide smile, the left eye shut");
+        for unit in told.unwrap_or_default().units {
+            assert!(unit.2.is_finite() && unit.3.is_finite());
+        }
+    }
+    if model == head::MODEL.name
+        && let Ok(head) = Head::open(Some(folder))
+        && let Ok(one) = head.one(vec![0.1; head.config().identity_code()])
+    {
+        let options = HeadOptions {
+            resolution: 24,
+            parts: false,
+        };
+        if let Ok(made) = one.mesh(&options, SILENT) {
+            let numbers = made.mesh.positions.as_flattened().iter();
+            assert!(numbers.copied().all(f32::is_finite));
+        }
     }
 }

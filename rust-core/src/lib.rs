@@ -51,6 +51,7 @@ pub mod face;
 mod finite;
 pub mod head;
 pub mod ibug;
+pub mod memory;
 pub mod mesh;
 pub mod metrics;
 pub mod models;

@@ -340,6 +340,26 @@ static void events(void) {
     CHECK(anyface_action_unit_name(16) == NULL && anyface_event_notes_text(NULL, 0) == NULL);
 }
 
+/* A megabyte of one word. */
+static void long_texts(void) {
+    size_t length = (size_t)1 << 20;
+    char *text = malloc(length + 1);
+    CHECK(text != NULL);
+    memset(text, 'a', length);
+    memcpy(text, "0-1:", 4);
+    text[length] = 0;
+    AnyfaceEvents *events = MARK(AnyfaceEvents);
+    AnyfaceExpression *expression = MARK(AnyfaceExpression);
+    CHECK_FAILS(anyface_events_from_text(NULL, text, &events, &error), ANYFACE_STATUS_INVALID_INPUT,
+                "at most 1000 letters, got 1048576");
+    CHECK_FAILS(anyface_expression_new(NULL, text, &expression, &error),
+                ANYFACE_STATUS_INVALID_INPUT, "at most 1000 letters, got 1048576");
+    CHECK_FAILS(anyface_events_parse(text, &events, &error), ANYFACE_STATUS_INVALID_INPUT,
+                "expected a JSON list");
+    CHECK(events == MARK(AnyfaceEvents) && expression == MARK(AnyfaceExpression));
+    free(text);
+}
+
 static void freeing_null(void) {
     anyface_error_free(NULL);
     anyface_engine_free(NULL);
@@ -368,6 +388,7 @@ int main(int argc, char **argv) {
     missing_handles();
     spoken_sounds();
     events();
+    long_texts();
     freeing_null();
     puts("ok");
     return 0;

@@ -10,14 +10,16 @@
 #include <inttypes.h>
 #include <malloc.h>
 #include <math.h>
+#include <threads.h>
+#include <time.h>
 #include <unistd.h>
 
 #define SLOTS 3
 /* Rounds after which all is freed. */
 #define LIFETIME 300
 /* Memory in use that may be added after the first third. What the process keeps beside it is the allocator's. */
-#define GROWTH_MB 1.0
-/* The product of matrices keeps so much address space for each thread that multiplies, as long as it lives. */
+#define GROWTH_MB 0.4
+/* The product of matrices keeps a block of so many bytes for each thread that multiplies, as long as it lives. */
 #define SCRATCH ((size_t)64 << 20)
 
 static AnyfaceError *error = NULL;
@@ -247,13 +249,30 @@ static void use_stream(void) {
     }
 }
 
-/* What is in use once the threads of freed engines have ended, which they do by themselves. */
+static size_t thread_count(void) {
+    FILE *file = fopen("/proc/self/status", "r");
+    char line[256];
+    size_t threads = 0;
+    CHECK(file != NULL);
+    while (threads == 0 && fgets(line, sizeof line, file) != NULL) {
+        (void)sscanf(line, "Threads: %zu", &threads);
+    }
+    fclose(file);
+    CHECK(threads > 0);
+    return threads;
+}
+
+/* What is in use once the threads of freed engines have ended, which they do by themselves: all but one scratch for
+ * each thread that is left. */
 static double in_use_mb(void) {
     double least = INFINITY;
     for (int i = 0; i < 50; i++) {
-        usleep(10000);
+        thrd_sleep(&(struct timespec){.tv_nsec = 10000000}, NULL);
+        size_t threads = thread_count();
         struct mallinfo2 of = mallinfo2();
-        least = fmin(least, (double)(of.uordblks + of.hblkhd % SCRATCH) / 1e6);
+        size_t scratches = of.hblkhd / SCRATCH;
+        size_t theirs = scratches < threads ? scratches : threads;
+        least = fmin(least, (double)(of.uordblks + of.hblkhd - theirs * SCRATCH) / 1e6);
     }
     return least;
 }

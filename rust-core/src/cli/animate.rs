@@ -10,13 +10,14 @@ use super::{
     layers::{LayerArgs, Layered},
     open_mouth,
     redo::{Redo, RedoArgs},
-    stages::{new_report, note_face, note_result, read_sound, summary, timed},
+    stages::{new_report, note_face, note_memory, note_result, read_sound, summary, timed},
 };
 use crate::{
     Engine, Face, Result,
     mesh::{self, Mesh, Mouth},
     output::{Format, Report, write_json},
     progress::ProgressFn,
+    speech::frames_of,
 };
 
 /// Animate a mesh with speech
@@ -67,6 +68,10 @@ impl Animate {
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
         let progress = &|p| console.progress(p);
         let engine = timed(&mut report, "load", || shared.engine())?;
+        let kept = self
+            .layers
+            .kept(frames_of(waveform.duration_s(), request.fps), &mesh);
+        note_memory(&mut report, &engine, &mesh, kept)?;
         let mut face = timed(&mut report, "prepare", || match self.open_mouth {
             true => engine.find(&mesh, &options, progress),
             false => engine.prepare(&mesh, &options, progress),

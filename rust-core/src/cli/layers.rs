@@ -8,9 +8,10 @@ use super::stages::spread_into;
 use crate::{
     Engine, Error, Face, MotionRequest, Performance, Result,
     audio::Waveform,
+    mesh::Mesh,
     output::{Format, Report, write_mask},
     progress::ProgressFn,
-    spread::FrameSink,
+    spread::{self, FrameSink},
 };
 
 /// The control that chooses a layer, and its value for what is said alone.
@@ -66,6 +67,15 @@ impl LayerArgs {
             }
             _ => Ok(()),
         }
+    }
+
+    /// Frames that lie in memory at once: two blocks, and the mask, whose shares are a third of a vertex's motion.
+    pub(super) fn kept(&self, frames: usize, mesh: &Mesh) -> usize {
+        let mask = match self.mask_out {
+            Some(_) => frames / 3,
+            None => 0,
+        };
+        mask + frames.min(2 * spread::frames_at_once(mesh))
     }
 
     /// Whether anything needs what is said alone.

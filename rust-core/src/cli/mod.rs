@@ -27,7 +27,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::Result;
+use crate::{Result, output::all_or_none};
 use arguments::SharedArgs;
 use console::Console;
 
@@ -63,7 +63,7 @@ pub fn run() -> ExitCode {
     let console = Console::new(arguments.shared.json);
     console.listen();
     signals::listen();
-    match arguments.run(&console) {
+    match all_or_none(|| arguments.run(&console)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             console.error(&error);

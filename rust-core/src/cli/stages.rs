@@ -9,10 +9,10 @@ use ndarray::Array3;
 
 use super::arguments::SoundArgs;
 use crate::{
-    Face, Result,
+    Engine, Face, Result,
     audio::{SoundFile, Waveform},
     ibug::REGIONS,
-    mesh::Mouth,
+    mesh::{Mesh, Mouth},
     motion::Life,
     output::{ClipFile, Report, warnings_of_sound},
     spread::{ClipStart, FrameSink, LandmarkTrack, SpreadReport},
@@ -55,6 +55,22 @@ pub(super) fn read_sound(report: &mut Report, path: &Path, how: &SoundArgs) -> R
         .extend(damage.map(|damage| damage.sentence()));
     report.warnings.extend(warnings_of_sound(&waveform));
     Ok(waveform)
+}
+
+/// Notes what a job on a mesh takes of memory before it starts; `kept`: frames that lie in memory at once.
+///
+/// # Errors
+/// `OutOfMemory` where it does not fit.
+pub(super) fn note_memory(
+    report: &mut Report,
+    engine: &Engine,
+    mesh: &Mesh,
+    kept: usize,
+) -> Result<()> {
+    let need = engine.memory_need(mesh.positions.len(), kept);
+    report.memory_mb = Some(need.bytes() >> 20);
+    report.warnings.extend(need.check()?);
+    Ok(())
 }
 
 /// Notes how sure the landmarks are.

@@ -345,7 +345,7 @@ impl EventTrack {
             .filter(|&s| event.shows(&shapes[s]))
             .collect();
         let [first, last] = event.slot_s.map(|second| (second * fps).round() as usize);
-        let slot = first.min(frames)..last.max(first + 1).min(frames);
+        let slot = first.min(frames)..last.max(first.saturating_add(1)).min(frames);
         let edge = (EDGE_S * fps).round() as usize;
         for t in slot.start.saturating_sub(edge)..(slot.end + edge).min(frames) {
             let beyond = slot
@@ -447,5 +447,7 @@ mod tests {
         assert_eq!(track.mask[[24, at("browInnerUp")]], 1.0);
         assert_eq!((track.active[[20, 0]], track.active[[20, 16]]), (1.0, 1.0));
         assert_eq!(track.active.sum(), 2.0 * 10.0 + 2.0 * 10.0);
+        let never = [Event::parse("1e300-2e300:1").unwrap()];
+        assert_eq!(EventTrack::of(&never, &shapes, 25, 25.0).active.sum(), 0.0);
     }
 }

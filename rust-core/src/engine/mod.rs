@@ -26,6 +26,7 @@ use crate::{
     face::Face,
     finite::check_result,
     head,
+    memory::MemoryNeed,
     mesh::{self, FaceOptions, LandmarkFinder, Mesh},
     models,
     motion::{CodeClip, FaceModes, LandmarkClip, Motion, WeightClip},
@@ -202,10 +203,23 @@ impl Engine {
         self.system.windows()
     }
 
+    /// What motion on a mesh of so many `vertices` takes of memory, of which so many `frames` are kept at once.
+    pub fn memory_need(&self, vertices: usize, frames: usize) -> MemoryNeed {
+        MemoryNeed {
+            vertices,
+            shapes: match self.system.moves_by_shapes() {
+                true => rig::SHAPES,
+                false => 0,
+            },
+            frames: frames.saturating_mul(self.system.copies_of_frames()),
+        }
+    }
+
     /// Finds or takes the landmarks of a mesh, without what moving it needs.
     ///
     /// # Errors
-    /// `FaceNotFound`, `Mesh`, `InvalidInput` for landmarks that cannot be, `Cancelled`.
+    /// `FaceNotFound`, `Mesh`, `InvalidInput` for landmarks that cannot be, `Cancelled`; `OutOfMemory` for a mesh whose
+    /// work does not fit into what the system has left, before it is done.
     pub fn find(
         &self,
         mesh: &Mesh,
@@ -214,6 +228,7 @@ impl Engine {
     ) -> Result<Face> {
         let known = self.registration.controls();
         options.controls.check(known, ControlStage::Face)?;
+        self.memory_need(mesh.positions.len(), 0).check()?;
         let mut options = options.clone();
         if self.system.works_on_every_vertex(&options.controls) {
             options.proxy = None;

@@ -1,4 +1,4 @@
-//! The weights of a user's network: `model.safetensors`, or `pytorch_model.bin` as PyTorch saves it.
+//! A user's network: sizes of its config, and its weights, `model.safetensors` or `pytorch_model.bin` as PyTorch saves it.
 
 use std::path::Path;
 
@@ -7,6 +7,31 @@ use crate::Result;
 
 /// The name that PyTorch's checkpoints have in a Hugging Face folder.
 const PYTORCH_FILE: &str = "pytorch_model.bin";
+
+/// Holds sizes of a user's config between 1 and the largest that any model has: name, size, largest.
+///
+/// # Errors
+/// Names the size that is not, what was expected and what it is.
+pub(crate) fn check_sizes(sizes: &[(&str, usize, usize)]) -> Result<(), String> {
+    let wrong = sizes
+        .iter()
+        .find(|(_, size, most)| !(1..=*most).contains(size));
+    match wrong {
+        Some((name, size, most)) => Err(format!("{name}: expected 1 to {most}, got {size}")),
+        None => Ok(()),
+    }
+}
+
+/// Holds the constant that keeps a norm from dividing by zero where it is one.
+///
+/// # Errors
+/// As [`check_sizes`].
+pub(crate) fn check_epsilon(epsilon: f32) -> Result<(), String> {
+    match (0.0..=1.0).contains(&epsilon) {
+        true => Ok(()),
+        false => Err(format!("layer_norm_eps: expected 0 to 1, got {epsilon}")),
+    }
+}
 
 /// Reads the one of the two files that `folder` holds; safetensors where it holds both.
 ///

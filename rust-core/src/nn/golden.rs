@@ -1,8 +1,13 @@
 //! Reads golden files for the tests of the networks.
 
-use std::path::{Path, PathBuf};
+use std::{
+    ops::Range,
+    path::{Path, PathBuf},
+};
 
 use ndarray::{Array2, Array3};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 
 use super::{Weights, surface::Surface};
@@ -149,4 +154,48 @@ pub(crate) fn distance<'a>(
             _ => panic!("lengths differ"),
         }
     }
+}
+
+/// Numbers that no config has a use for.
+const ABSURD: [&str; 6] = [
+    "0",
+    "-1",
+    "1000000000",
+    "1152921504606846976",
+    "1e300",
+    "0.5",
+];
+
+/// Seeds of [`damage`], as many as the tests of damaged models have: `ANYFACE_MUTATIONS` from `ANYFACE_MUTATIONS_FROM`.
+pub(crate) fn seeds() -> Range<u64> {
+    let number = |name: &str, usual: u64| {
+        let set = std::env::var(name).ok();
+        set.map_or(usual, |text| text.parse().expect(name))
+    };
+    let from = number("ANYFACE_MUTATIONS_FROM", 0);
+    from..from + number("ANYFACE_MUTATIONS", 12)
+}
+
+/// Damages a file in one to four places that `seed` chooses: a byte, or a whole number of a text.
+pub(crate) fn damage(path: &Path, seed: u64) {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut bytes = std::fs::read(path).unwrap();
+    let is_text = path
+        .extension()
+        .is_some_and(|ending| ending != "safetensors");
+    for _ in 0..random.random_range(1..=4) {
+        let at = random.random_range(0..bytes.len());
+        let digit = bytes[at..].iter().position(u8::is_ascii_digit);
+        match digit.filter(|_| is_text && random.random()) {
+            Some(first) => {
+                let digits = bytes[at + first..]
+                    .iter()
+                    .take_while(|b| b.is_ascii_digit());
+                let number = at + first..at + first + digits.count();
+                bytes.splice(number, ABSURD[random.random_range(0..ABSURD.len())].bytes());
+            }
+            None => bytes[at] = random.random(),
+        }
+    }
+    std::fs::write(path, bytes).unwrap();
 }

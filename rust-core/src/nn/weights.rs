@@ -18,6 +18,18 @@ struct Array {
     values: Vec<f32>,
 }
 
+impl Array {
+    fn check_range(&self, name: &str) -> Result<()> {
+        let is_weight = |x: &&f32| x.abs() <= LARGEST;
+        match self.values.iter().find(|x| !is_weight(x)) {
+            Some(value) => Err(Error::Weights(format!(
+                "{name}: expected numbers within ±{LARGEST}, got {value}"
+            ))),
+            None => Ok(()),
+        }
+    }
+}
+
 /// The arrays of a weights file under a name prefix; cheap to clone.
 ///
 /// Half-precision files are widened to `f32` when they are read: half precision saves space in
@@ -95,12 +107,7 @@ impl Weights {
         let mut names: Vec<&String> = self.arrays.keys().collect();
         names.sort();
         for name in names {
-            let is_weight = |x: &&f32| x.abs() <= LARGEST;
-            if let Some(value) = self.arrays[name].values.iter().find(|x| !is_weight(x)) {
-                return Err(Error::Weights(format!(
-                    "{name}: expected numbers within ±{LARGEST}, got {value}"
-                )));
-            }
+            self.arrays[name].check_range(name)?;
         }
         Ok(())
     }
@@ -124,7 +131,8 @@ impl Weights {
     /// An array of a known shape, values in row-major order.
     ///
     /// # Errors
-    /// `Weights` if it is missing, has another shape, or holds NaN or infinity.
+    /// `Weights` if it is missing, has another shape, or holds what is no weight: NaN, infinity, numbers beyond
+    /// ±1,000,000.
     pub fn values(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>> {
         let full = self.full_name(name);
         let array = self.arrays.get(&full).ok_or_else(|| {
@@ -136,12 +144,8 @@ impl Weights {
                 "{full}: expected {shape:?}, got {got:?}"
             )));
         }
-        match array.values.iter().find(|value| !value.is_finite()) {
-            Some(value) => Err(Error::Weights(format!(
-                "{full}: expected finite numbers, got {value}"
-            ))),
-            None => Ok(array.values.clone()),
-        }
+        array.check_range(&full)?;
+        Ok(array.values.clone())
     }
 
     /// A vector of `length` values.

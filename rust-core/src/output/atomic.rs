@@ -23,6 +23,9 @@ const ABANDONED: Duration = Duration::from_secs(3600);
 /// Files in the making of this process.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
+/// Files of the job that are whole and wait for its others; `None` where each gets its name at once.
+static WAITING: Mutex<Option<Vec<Unfinished>>> = Mutex::new(None);
+
 fn unfinished(change: impl FnOnce(&mut Vec<PathBuf>)) {
     change(&mut UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner));
 }
@@ -35,6 +38,28 @@ pub fn remove_unfinished() {
             let _ = fs::remove_file(path);
         }
     });
+}
+
+/// Runs a job whose files get their names when it has succeeded, all together, and leave nothing where it has not.
+///
+/// For a process that does one job at a time, such as the command: files of all its threads wait.
+///
+/// # Errors
+/// Those of `job`; `Io` if a file cannot get its name.
+#[cfg(feature = "cli")]
+pub(crate) fn all_or_none<T>(job: impl FnOnce() -> Result<T>) -> Result<T> {
+    let waiting = |next| {
+        let mut waiting = WAITING.lock().unwrap_or_else(PoisonError::into_inner);
+        std::mem::replace(&mut *waiting, next).unwrap_or_default()
+    };
+    waiting(Some(Vec::new()));
+    let result = job();
+    let files = waiting(None);
+    let result = result?;
+    for file in files {
+        file.place()?;
+    }
+    Ok(result)
 }
 
 /// Writes a file under a temporary name in the same folder, then renames it to `path`.
@@ -87,8 +112,20 @@ impl Unfinished {
         Ok((Unfinished { path, temporary }, file))
     }
 
-    /// Renames it to its place, when everything was written.
-    pub(super) fn finish(mut self) -> Result<()> {
+    /// Renames it to its place, when everything was written, or with the other files of its job.
+    pub(super) fn finish(self) -> Result<()> {
+        let mut waiting = WAITING.lock().unwrap_or_else(PoisonError::into_inner);
+        match &mut *waiting {
+            Some(files) => files.push(self),
+            None => {
+                drop(waiting);
+                self.place()?;
+            }
+        }
+        Ok(())
+    }
+
+    fn place(mut self) -> Result<()> {
         let Some(temporary) = self.temporary.take() else {
             return Ok(());
         };

@@ -49,6 +49,9 @@ pub struct Report {
     /// How the lips meet: `open`, `slit` or `welded`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mouth: Option<String>,
+    /// Most memory that the job takes at a time, as far as that is known before it starts; MB of 2²⁰ bytes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub memory_mb: Option<u64>,
     /// Seconds that each stage took.
     pub seconds: BTreeMap<String, f64>,
     /// What the user should know.

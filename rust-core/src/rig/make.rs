@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    ARKIT, VISEMES,
+    ARKIT, SHAPES, VISEMES,
     decoded::{Learned, fold, move_jaw},
     lids,
     network::{RigConfig, RigNetwork, SkinGeometry},
@@ -116,7 +116,7 @@ impl RigModel {
         report(progress, "shapes", 0.0)?;
         let head = face.surface()?;
         let vertices = head.positions.len();
-        let mut deltas = Array3::zeros((ARKIT.len() + VISEMES.len(), vertices, 3));
+        let mut deltas = Array3::zeros((SHAPES, vertices, 3));
         let base = landmark_weights(face, plain, progress)?;
         self.move_skin(head, base.view(), &mut deltas);
         fold(face, head, learned, &mut deltas)?;

@@ -19,3 +19,6 @@ pub use decoded::Learned;
 pub use make::{MODEL, Rig, RigModel, ShapeReport};
 pub use names::{ARKIT, VISEMES, mirrored_name};
 pub use solve::{SolveOptions, SolvedWeights, solve};
+
+/// Shapes of a rig.
+pub const SHAPES: usize = ARKIT.len() + VISEMES.len();

@@ -11,6 +11,7 @@ use crate::{
     Error, Result,
     audio::Waveform,
     conditions::{EMOTIONS, Emotion, EmotionCurve},
+    finite::check_result,
     nn::{
         Weights, checkpoint,
         elementwise::{softmax, tanh},
@@ -123,7 +124,7 @@ impl EmotionModel {
     /// after each instant. Categories are shown as those of the built-in encoder are.
     ///
     /// # Errors
-    /// `Audio` for a sound too short for the encoder.
+    /// `Audio` for a sound too short for the encoder; `Numerics` where the weights make numbers that are none.
     pub fn emotion(&self, waveform: &Waveform) -> Result<EmotionCurve> {
         if waveform.duration_s() < LEAST_S {
             return Ok(EmotionCurve::default());
@@ -138,24 +139,26 @@ impl EmotionModel {
             let around = track.features.slice_axis(Axis(0), around);
             self.outputs(&around.mean_axis(Axis(0)).expect("a frame"))
         };
-        let whole = pooled(0.0, waveform.duration_s());
+        let whole = pooled(0.0, waveform.duration_s())?;
         let count = (waveform.duration_s() / STEP_S) as usize;
         let key = |k: usize| {
             let time_s = k as f64 * STEP_S;
-            let near = pooled(time_s - AROUND_S, time_s + AROUND_S);
+            let near = pooled(time_s - AROUND_S, time_s + AROUND_S)?;
             let heard = 0.5 * (&whole + &near);
-            (time_s, self.tells.emotion(&heard))
+            Ok((time_s, self.tells.emotion(&heard)))
         };
-        Ok(EmotionCurve::Keys((0..=count).map(key).collect()))
+        let keys: Result<_> = (0..=count).map(key).collect();
+        Ok(EmotionCurve::Keys(keys?))
     }
 
     /// Probabilities of the labels, or the dimensions, from the mean of some frames, `[C]`.
-    fn outputs(&self, pooled: &Array1<f32>) -> Array1<f64> {
+    fn outputs(&self, pooled: &Array1<f32>) -> Result<Array1<f64>> {
         let mut outputs = self.logits(pooled);
+        check_result("emotion of the voice", outputs.view().into_dyn())?;
         if matches!(self.tells, Tells::Categories(_)) {
             softmax(outputs.as_slice_mut().expect("contiguous"));
         }
-        outputs.mapv(f64::from)
+        Ok(outputs.mapv(f64::from))
     }
 
     fn logits(&self, pooled: &Array1<f32>) -> Array1<f32> {
@@ -282,7 +285,7 @@ fn head(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::nn::golden::{Golden, distance};
+    use crate::nn::golden::{Golden, damage, distance, seeds};
 
     /// One of the golden's models as a Hugging Face folder.
     fn folder(golden: &Golden, name: &str) -> tempfile::TempDir {
@@ -326,6 +329,28 @@ mod tests {
             samples: sound.samples[..12_000].to_vec(),
         };
         assert_eq!(model.emotion(&short).unwrap(), EmotionCurve::default());
+    }
+
+    #[test]
+    fn damaged_folders_are_refused_or_tell_finite_emotions() {
+        let golden = Golden::open("emotion_model_debug");
+        for seed in seeds() {
+            for name in ["wav2vec2", "hubert", "regression"] {
+                for file in ["config.json", "model.safetensors"] {
+                    println!("{seed} {name} {file}");
+                    let folder = folder(&golden, name);
+                    damage(&folder.path().join(file), seed);
+                    let model = EmotionModel::load_folder(folder.path());
+                    let heard = model.and_then(|model| model.emotion(&sound(&golden)));
+                    if let Ok(EmotionCurve::Keys(keys)) = heard {
+                        let mut told = keys.iter().flat_map(|(_, emotion)| {
+                            emotion.mixture.into_iter().chain([emotion.intensity])
+                        });
+                        assert!(told.all(f32::is_finite));
+                    }
+                }
+            }
+        }
     }
 
     fn strongest(emotion: &Emotion) -> &'static str {

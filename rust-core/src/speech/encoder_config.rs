@@ -2,7 +2,11 @@
 
 use serde::Deserialize;
 
-use crate::{Error, Result, audio::SAMPLE_RATE_HZ};
+use crate::{
+    Error, Result,
+    audio::SAMPLE_RATE_HZ,
+    nn::checkpoint::{check_epsilon, check_sizes},
+};
 
 /// Where the convolutions normalise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -104,9 +108,7 @@ impl EncoderConfig {
                  got {strides} and {kernels}"
             ));
         }
-        if self.conv_stride.contains(&0) || self.conv_kernel.contains(&0) {
-            return Err("conv_stride and conv_kernel: expected positive numbers, got 0".into());
-        }
+        self.check_sizes()?;
         let groups = self.num_conv_pos_embedding_groups;
         if groups == 0 || !self.hidden_size.is_multiple_of(groups) {
             let hidden = self.hidden_size;
@@ -115,6 +117,35 @@ impl EncoderConfig {
             ));
         }
         Ok(())
+    }
+
+    fn check_sizes(&self) -> std::result::Result<(), String> {
+        check_epsilon(self.layer_norm_eps)?;
+        check_sizes(&[
+            ("hidden_size", self.hidden_size, 16_384),
+            ("num_hidden_layers", self.num_hidden_layers, 256),
+            ("num_attention_heads", self.num_attention_heads, 256),
+            ("intermediate_size", self.intermediate_size, 65_536),
+            (
+                "num_conv_pos_embeddings",
+                self.num_conv_pos_embeddings,
+                1_000,
+            ),
+        ])?;
+        let each = |name, sizes: &[usize], most| {
+            let sizes: Vec<_> = sizes.iter().map(|size| (name, *size, most)).collect();
+            check_sizes(&sizes)
+        };
+        each("conv_dim", &self.conv_dim, 16_384)?;
+        each("conv_kernel", &self.conv_kernel, 1_000)?;
+        each("conv_stride", &self.conv_stride, 1_000)?;
+        // More samples from one frame to the next than a second has say nothing of speech.
+        let hop = self
+            .conv_stride
+            .iter()
+            .try_fold(1, |hop: usize, s| hop.checked_mul(*s));
+        let hop = hop.unwrap_or(usize::MAX);
+        check_sizes(&[("conv_stride, all together", hop, SAMPLE_RATE_HZ as usize)])
     }
 }
 

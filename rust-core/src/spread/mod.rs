@@ -25,7 +25,7 @@ use crate::{
     rig::Rig,
 };
 pub use on_face::on_face;
-pub use sink::{Animation, ClipStart, Collector, FrameSink, LandmarkTrack};
+pub use sink::{Animation, ClipStart, Collector, FrameSink, LandmarkTrack, frames_at_once};
 
 /// Motion on its way to one mesh.
 pub struct Spread<'a> {

@@ -3,10 +3,15 @@
 use ndarray::{Array3, ArrayView3, Axis, concatenate};
 
 use super::SpreadReport;
-use crate::{Error, Result, deform::VertexClip, ibug::LANDMARKS, mesh::Mesh};
+use crate::{Error, Result, deform::VertexClip, ibug::LANDMARKS, memory::available, mesh::Mesh};
 
 /// Bytes of displacements that are made at a time where a sink says nothing else.
 const BLOCK_BYTES: usize = 192 << 20;
+
+/// Frames of a block where a sink says nothing else.
+pub fn frames_at_once(mesh: &Mesh) -> usize {
+    BLOCK_BYTES / (mesh.positions.len() * 12).max(1)
+}
 
 /// What is known of a clip before its first frame.
 #[derive(Debug, Clone, Copy)]
@@ -39,9 +44,9 @@ pub trait FrameSink: Send {
     /// Whatever hinders the sink.
     fn begin(&mut self, start: &ClipStart<'_>) -> Result<()>;
 
-    /// How many frames it wants to get at a time: 64 MiB of them unless it says something else.
+    /// How many frames it wants to get at a time: 192 MiB of them unless it says something else.
     fn frames_at_once(&self, start: &ClipStart<'_>) -> usize {
-        BLOCK_BYTES / (start.mesh.positions.len() * 12).max(1)
+        frames_at_once(start.mesh)
     }
 
     /// Takes the next frames, `[t, V, 3]` displacements in mesh units.
@@ -76,12 +81,16 @@ pub struct Animation {
 /// `OutOfMemory`.
 fn room_for(frames: usize, vertices: usize) -> Result<()> {
     let numbers = frames.saturating_mul(vertices).saturating_mul(3);
-    Vec::<f32>::new().try_reserve_exact(numbers).map_err(|_| {
-        let megabytes = numbers as u64 / ((1 << 20) / 4);
-        Error::OutOfMemory(format!(
-            "{frames} frames of {vertices} vertices take {megabytes} MB: take them block by block or as a file"
-        ))
-    })
+    let bytes = (numbers as u64).saturating_mul(4);
+    let is_left = available().is_none_or(|left| bytes <= left);
+    // A system that has it may still refuse it in one piece.
+    match is_left && Vec::<f32>::new().try_reserve_exact(numbers).is_ok() {
+        true => Ok(()),
+        false => Err(Error::OutOfMemory(format!(
+            "{frames} frames of {vertices} vertices take {} MB: take them block by block or as a file",
+            bytes >> 20
+        ))),
+    }
 }
 
 /// Keeps all frames in memory.

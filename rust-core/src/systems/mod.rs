@@ -184,6 +184,16 @@ pub trait System: Send + Sync {
         false
     }
 
+    /// Whether its motion moves shapes, which are made for each mesh.
+    fn moves_by_shapes(&self) -> bool {
+        false
+    }
+
+    /// Arrays of displacements `[t, V, 3]` that lie in memory while `t` frames are made.
+    fn copies_of_frames(&self) -> usize {
+        1
+    }
+
     /// The system's own way to spread landmark motion over a face; `None` where that of
     /// [`crate::deform`] serves.
     ///

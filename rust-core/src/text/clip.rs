@@ -154,12 +154,28 @@ impl Config {
             None => whole,
         };
         let config: Config = serde_json::from_value(inner).map_err(|e| e.to_string())?;
-        match config.max_position_embeddings {
-            0..2 => Err(format!(
-                "max_position_embeddings: expected 2 or more, got {}",
-                config.max_position_embeddings
-            )),
-            _ => Ok(config),
+        config.check()?;
+        Ok(config)
+    }
+
+    fn check(&self) -> std::result::Result<(), String> {
+        checkpoint::check_epsilon(self.layer_norm_eps)?;
+        checkpoint::check_sizes(&[
+            ("vocab_size", self.vocab_size, 1_000_000),
+            ("hidden_size", self.hidden_size, 16_384),
+            ("intermediate_size", self.intermediate_size, 65_536),
+            ("num_hidden_layers", self.num_hidden_layers, 256),
+            ("num_attention_heads", self.num_attention_heads, 256),
+            ("projection_dim", self.projection_dim, 16_384),
+            (
+                "max_position_embeddings",
+                self.max_position_embeddings,
+                10_000,
+            ),
+        ])?;
+        match self.max_position_embeddings {
+            1 => Err("max_position_embeddings: expected 2 or more, got 1".into()),
+            _ => Ok(()),
         }
     }
 }
@@ -196,7 +212,7 @@ impl Layer {
 mod tests {
     use super::*;
     use crate::{
-        nn::golden::{Golden, distance},
+        nn::golden::{Golden, damage, distance, seeds},
         text::TextUnits,
     };
 
@@ -256,7 +272,27 @@ mod tests {
             assert_eq!(logits.len(), expected.len(), "{text:?}");
             assert!(distance(&logits, &expected) < 1e-4, "{text:?}");
         }
-        assert_eq!(words.understand(""), Default::default());
+        assert_eq!(words.understand("").unwrap(), Default::default());
+    }
+
+    #[test]
+    fn damaged_folders_are_refused_or_give_places() {
+        let golden = Golden::open("clip_text_debug");
+        for seed in seeds() {
+            for file in [
+                "config.json",
+                "vocab.json",
+                "merges.txt",
+                "model.safetensors",
+            ] {
+                println!("{seed} {file}");
+                let folder = folder(&golden);
+                damage(&folder.path().join(file), seed);
+                if let Ok(clip) = ClipText::load_folder(folder.path()) {
+                    clip.of("she smiles, 3 times: it's naïve");
+                }
+            }
+        }
     }
 
     #[test]
@@ -280,6 +316,12 @@ mod tests {
                 "\"num_hidden_layers\": 2",
                 "\"num_hidden_layers\": 3",
                 "layers.2",
+            ),
+            (
+                "config.json",
+                "\"num_hidden_layers\": 2",
+                "\"num_hidden_layers\": 1000000000",
+                "num_hidden_layers: expected 1 to 256, got 1000000000",
             ),
             (
                 "vocab.json",

@@ -2,7 +2,7 @@
 
 use ndarray::{Array1, ArrayView2};
 
-use super::{TextUnits, cosine};
+use super::{TextUnits, check_length, cosine};
 use crate::{Error, Result, conditions::EMOTIONS};
 
 /// A word that is no nearer to any category says nothing of how somebody feels.
@@ -25,8 +25,10 @@ impl TextUnits {
     /// ```
     ///
     /// # Errors
-    /// `InvalidInput` for a word that the space lacks or that is near to no category.
+    /// `InvalidInput` for a word that the space lacks or that is near to no category, and for a text of more than
+    /// 1,000 letters.
     pub fn emotion(&self, text: &str) -> Result<[f32; 15]> {
+        check_length(text)?;
         if let Some(own) = EMOTIONS.iter().position(|name| *name == text) {
             return Ok(std::array::from_fn(|e| f32::from(u8::from(e == own))));
         }

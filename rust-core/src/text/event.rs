@@ -1,6 +1,6 @@
 //! Events whose units are said in words.
 
-use super::TextUnits;
+use super::{TextUnits, check_length};
 use crate::{
     Error, Result,
     conditions::{Event, MAX_EVENT_STRENGTH},
@@ -17,8 +17,9 @@ impl Event {
     ///
     /// # Errors
     /// Those of [`Event::parse`]; `InvalidInput` for a text in which no unit was understood, with the nearest
-    /// thing that would be.
+    /// thing that would be, and for one of more than 1,000 letters.
     pub fn from_text(text: &str, words: &TextUnits) -> Result<Event> {
+        check_length(text)?;
         let (asked, over_speech) = match text.trim_end().strip_suffix('!') {
             Some(rest) => (rest, true),
             None => (text, false),

@@ -7,7 +7,7 @@
 //! use anyface::{conditions::Side, text::TextUnits};
 //!
 //! let words = TextUnits::open(None)?;
-//! let wink = words.understand("winks with the right eye");
+//! let wink = words.understand("winks with the right eye")?;
 //! let (unit, side, ..) = wink.units[0];
 //! assert_eq!((anyface::conditions::ACTION_UNITS[unit].name, side), ("45", Side::Right));
 //! # Ok::<(), anyface::Error>(())
@@ -41,6 +41,8 @@ use tower::Tower;
 
 /// The built-in text space and tower.
 pub static MODEL: BuiltIn = built_in!("text_units");
+/// Letters of the longest text: a face is described in a line, and each clause costs a run of the tower.
+const LONGEST_TEXT: usize = 1_000;
 /// Confidence from which a unit counts as asked for.
 const THRESHOLD: f32 = 0.5;
 /// Cosine from which an expression is near enough to a text to be named as a hint.
@@ -148,7 +150,11 @@ impl TextUnits {
     }
 
     /// The units that a text asks for.
-    pub fn understand(&self, text: &str) -> Understood {
+    ///
+    /// # Errors
+    /// `InvalidInput` for a text of more than 1,000 letters.
+    pub fn understand(&self, text: &str) -> Result<Understood> {
+        check_length(text)?;
         let mut units: Vec<(usize, Side, f32, f32)> = Vec::new();
         let mut latest = Vec::new();
         for clause in self.rules.clauses(text) {
@@ -169,18 +175,19 @@ impl TextUnits {
         } else {
             None
         };
-        Understood {
+        Ok(Understood {
             units: merged(units),
             hint,
-        }
+        })
     }
 
     /// [`TextUnits::understand`], for callers who need a unit.
     ///
     /// # Errors
-    /// `InvalidInput` where none was understood: names the text, what was expected, the nearest thing.
+    /// Those of [`TextUnits::understand`]; `InvalidInput` where none was understood: names the text, what was expected,
+    /// the nearest thing.
     pub fn understood_or_error(&self, text: &str) -> Result<Understood> {
-        let understood = self.understand(text);
+        let understood = self.understand(text)?;
         if !understood.units.is_empty() {
             return Ok(understood);
         }
@@ -236,6 +243,16 @@ impl TextUnits {
             }
         }
         nearest.map(|(_, entry)| entry.clone())
+    }
+}
+
+/// Refuses what is no description of a face by its length alone.
+fn check_length(text: &str) -> Result<()> {
+    match text.chars().count() {
+        0..=LONGEST_TEXT => Ok(()),
+        got => Err(Error::InvalidInput(format!(
+            "text: expected at most {LONGEST_TEXT} letters, got {got}"
+        ))),
     }
 }
 

@@ -43,7 +43,7 @@ fn the_sentences_of_table_13_are_understood() {
         ("A person closes his eyes", &["45"]),
         ("A not happy person", &["4", "15"]),
     ] {
-        assert_eq!(units(&words.understand(text)), expected, "{text}");
+        assert_eq!(units(&words.understand(text).unwrap()), expected, "{text}");
     }
 }
 
@@ -58,9 +58,9 @@ fn sides_and_amounts_are_those_that_are_said() {
         ("blink", &["45"]),
         ("smile and wink", &["12", "45L"]),
     ] {
-        assert_eq!(units(&words.understand(text)), expected, "{text}");
+        assert_eq!(units(&words.understand(text).unwrap()), expected, "{text}");
     }
-    let strength = |text: &str| words.understand(text).units[0].2;
+    let strength = |text: &str| words.understand(text).unwrap().units[0].2;
     assert!(strength("slightly smiling") < 0.75 * strength("smiling"));
     assert!(strength("a huge smile") > 1.2 * strength("a smile"));
 }
@@ -70,7 +70,7 @@ fn a_denied_emotion_is_not_shown() {
     let words = TextUnits::open(None).unwrap();
     let smile = ActionUnit::find("12").unwrap();
     for text in ["not happy", "she isn't happy", "never glad", "without joy"] {
-        let understood = words.understand(text);
+        let understood = words.understand(text).unwrap();
         assert!(
             understood.units.iter().all(|unit| unit.0 != smile),
             "{text}"
@@ -86,26 +86,37 @@ fn a_denied_movement_asks_for_no_other() {
         "without opening the mouth",
         "never closes her eyes",
     ] {
-        assert_eq!(words.understand(text), Understood::default(), "{text}");
+        assert_eq!(
+            words.understand(text).unwrap(),
+            Understood::default(),
+            "{text}"
+        );
     }
-    let smile = units(&words.understand("a smile without raised eyebrows"));
-    assert_eq!(smile, units(&words.understand("a smile")));
+    let smile = units(&words.understand("a smile without raised eyebrows").unwrap());
+    assert_eq!(smile, units(&words.understand("a smile").unwrap()));
     // A denied feeling is another feeling.
-    assert_eq!(units(&words.understand("not happy")), ["4", "15"]);
+    assert_eq!(units(&words.understand("not happy").unwrap()), ["4", "15"]);
 }
 
 #[test]
 fn what_says_nothing_to_a_face_has_a_hint_at_most() {
     let words = TextUnits::open(None).unwrap();
     for text in ["the blue car", "ein rotes Fahrrad", "你好"] {
-        let understood = words.understand(text);
+        let understood = words.understand(text).unwrap();
         assert_eq!(units(&understood), [""; 0], "{text}");
     }
     // A colour lies near to sorrow, a car near to nothing.
-    assert_eq!(words.understand("the blue car").hint, None);
-    assert_eq!(words.understand("livid").hint.as_deref(), Some("angry"));
+    assert_eq!(words.understand("the blue car").unwrap().hint, None);
+    assert_eq!(
+        words.understand("livid").unwrap().hint.as_deref(),
+        Some("angry")
+    );
     for text in ["", "  ", "the", "!?", "12345"] {
-        assert_eq!(words.understand(text), Understood::default(), "{text:?}");
+        assert_eq!(
+            words.understand(text).unwrap(),
+            Understood::default(),
+            "{text:?}"
+        );
     }
 }
 
@@ -187,4 +198,24 @@ fn damaged_files_are_refused() {
             "{wrong}"
         );
     }
+}
+
+#[test]
+fn texts_that_describe_no_face_by_their_length_are_refused() {
+    let words = TextUnits::open(None).unwrap();
+    let long = "a".repeat(1 << 20);
+    let messages = [
+        words.understand(&long).unwrap_err(),
+        words.understood_or_error(&long).unwrap_err(),
+        words.emotion(&long).unwrap_err(),
+        Event::from_text(&format!("0-1:{long}"), &words).unwrap_err(),
+        Event::from_text(&long, &words).unwrap_err(),
+    ];
+    for message in messages.map(|error| error.to_string()) {
+        assert!(
+            message.starts_with("text: expected at most 1000 letters, got 104"),
+            "{message:.200}"
+        );
+    }
+    assert!(words.understand(&"a smile ".repeat(125)).is_ok());
 }

@@ -269,59 +269,199 @@ fn a_reader_that_has_left_is_no_error_and_a_full_disk_is_one() {
     assert!(message.contains("standard output"), "{message}");
 }
 
+/// A voice-like tone as `a.wav`.
 #[cfg(unix)]
-#[test]
-fn a_signal_cancels_and_nothing_is_left() {
-    let folder = tempfile::tempdir().unwrap();
+fn sound(folder: &Path, seconds: usize) {
     let spec = hound::WavSpec {
         channels: 1,
         sample_rate: 16_000,
         bits_per_sample: 16,
         sample_format: hound::SampleFormat::Int,
     };
-    let mut wav = hound::WavWriter::create(folder.path().join("a.wav"), spec).unwrap();
-    for i in 0..60 * 16_000 {
+    let mut wav = hound::WavWriter::create(folder.join("a.wav"), spec).unwrap();
+    for i in 0..seconds * 16_000 {
         let x = (i as f32 * 0.08).sin() * (i as f32 * 0.0015).sin();
         wav.write_sample((x * 9000.0) as i16).unwrap();
     }
     wav.finalize().unwrap();
+}
+
+/// Sends a signal to a job of `arguments` once `is_time` says so, and expects an orderly end with nothing left but the
+/// sound.
+#[cfg(unix)]
+fn interrupted(folder: &Path, arguments: &[&str], signal: &str, is_time: impl Fn() -> bool) {
     let head = crate::head::folder();
     let (mesh, marks) = (head.join("head.obj"), head.join("landmarks.json"));
-    let arguments = [
-        "animate",
-        "--audio",
-        "a.wav",
-        "--out",
-        "o.pc2",
-        "--no-cache",
-        "--mesh",
-        mesh.to_str().unwrap(),
-        "--landmarks",
-        marks.to_str().unwrap(),
-    ];
-    let files = || fs::read_dir(folder.path()).unwrap().count();
-    for (signal, waits_for_a_part) in [("-TERM", true), ("-INT", false)] {
-        let mut child = start(folder.path(), &arguments);
-        let began = Instant::now();
-        while waits_for_a_part && files() < 2 && child.try_wait().unwrap().is_none() {
+    let face = ["--mesh", mesh.to_str().unwrap(), "--landmarks"];
+    let sound = ["--audio", "a.wav", "--no-cache"];
+    let all = [arguments, &face, &[marks.to_str().unwrap()], &sound].concat();
+    let mut child = start(folder, &all);
+    let began = Instant::now();
+    while !is_time() {
+        std::thread::sleep(Duration::from_millis(2));
+        let ended = child.try_wait().unwrap();
+        assert!(ended.is_none(), "{arguments:?} ended by itself: {ended:?}");
+    }
+    let sent = Command::new("kill")
+        .args([signal, &child.id().to_string()])
+        .status();
+    assert!(sent.unwrap().success());
+    let asked = Instant::now();
+    let output = child.wait_with_output().unwrap();
+    let message = String::from_utf8_lossy(&output.stderr);
+    let spent = asked.elapsed();
+    assert_eq!(
+        output.status.code(),
+        Some(9),
+        "{arguments:?} {signal} after {:?}, in {spent:?}: {message}",
+        began.elapsed()
+    );
+    assert!(message.contains("cancelled"), "{message}");
+    let left: Vec<_> = files(folder).into_iter().filter(|n| n != "a.wav").collect();
+    assert!(left.is_empty(), "{arguments:?} {signal}: {left:?}");
+}
+
+#[cfg(unix)]
+fn files(folder: &Path) -> Vec<String> {
+    let names = fs::read_dir(folder).unwrap().map(|file| file.unwrap());
+    names
+        .map(|file| file.file_name().to_string_lossy().into_owned())
+        .collect()
+}
+
+#[cfg(unix)]
+#[test]
+fn a_signal_cancels_and_nothing_is_left() {
+    let folder = tempfile::tempdir().unwrap();
+    sound(folder.path(), 60);
+    let arguments = ["animate", "--out", "o.pc2"];
+    let writes = || files(folder.path()).len() > 1;
+    interrupted(folder.path(), &arguments, "-TERM", writes);
+    let began = Instant::now();
+    let half_a_second = || began.elapsed() > Duration::from_millis(500);
+    interrupted(folder.path(), &arguments, "-INT", half_a_second);
+}
+
+/// Of a job with several results none is there where the last is not.
+#[cfg(unix)]
+#[test]
+fn a_signal_leaves_no_layer_and_no_mask_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    sound(folder.path(), 60);
+    let layers = ["--layers", "content,feeling", "--mask-out", "m.npz"];
+    let arguments = ["animate", "--system", "emoface", "--out", "o.pc2"];
+    // The mask and one layer are whole, the other one is in the making.
+    let third = || files(folder.path()).len() > 3;
+    let all = [&arguments[..], &layers].concat();
+    interrupted(folder.path(), &all, "-TERM", third);
+}
+
+/// `ANYFACE_SIGNALS` says how many jobs of each system are interrupted at random moments.
+#[cfg(unix)]
+#[test]
+fn no_system_leaves_anything_after_a_signal_at_any_moment() {
+    let folder = tempfile::tempdir().unwrap();
+    sound(folder.path(), 60);
+    let count = std::env::var("ANYFACE_SIGNALS").map_or(1, |text| text.parse().unwrap());
+    let mut moment = 0u64;
+    for number in 0..count {
+        for system in anyface::systems::SYSTEMS.iter().map(|system| system.name) {
+            moment = (moment * 6_364_136 + 1_442_695) % 3_000;
+            let out = ["o.npz", "o.pc2", "o.mdd"][number % 3];
+            let mut arguments = vec!["animate", "--system", system, "--out", out];
+            if system == "emoface" {
+                arguments.extend(["--layers", "content,feeling", "--mask-out", "m.npz"]);
+            }
+            let signal = ["-INT", "-TERM", "-HUP"][(moment % 3) as usize];
+            let began = Instant::now();
+            let is_time = || began.elapsed() > Duration::from_millis(moment);
+            interrupted(folder.path(), &arguments, signal, is_time);
+        }
+    }
+}
+
+/// The default head with every triangle cut in four so many times, as `head.obj`.
+#[cfg(target_os = "linux")]
+fn head_cut(folder: &Path, times: usize) {
+    let mut mesh = Mesh::read(&crate::head::folder().join("head.obj")).unwrap();
+    for _ in 0..times {
+        mesh = mesh.cut_in_four();
+    }
+    let mut text = String::new();
+    for [x, y, z] in &mesh.positions {
+        text += &format!("v {x} {y} {z}\n");
+    }
+    for t in &mesh.triangles {
+        text += &format!("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1);
+    }
+    fs::write(folder.join("head.obj"), text).unwrap();
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn the_memory_that_is_told_is_that_which_is_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    sound(folder.path(), 5);
+    let marks = crate::head::folder().join("landmarks.json");
+    for (system, cuts) in [("freetalk", 0), ("freetalk", 1), ("cafe-talk", 0)] {
+        head_cut(folder.path(), cuts);
+        let face = ["--mesh", "head.obj", "--landmarks", marks.to_str().unwrap()];
+        let job = [
+            "animate",
+            "--audio",
+            "a.wav",
+            "--out",
+            "o.pc2",
+            "--no-cache",
+        ];
+        let how = ["--system", system, "--report", "r.json"];
+        let mut child = start(folder.path(), &[&job[..], &face, &how].concat());
+        let mut taken = 0;
+        while child.try_wait().unwrap().is_none() {
+            taken = taken.max(peak(child.id()) >> 20);
             std::thread::sleep(Duration::from_millis(2));
         }
-        if !waits_for_a_part {
-            std::thread::sleep(Duration::from_millis(500));
-        }
-        let sent = Command::new("kill")
-            .args([signal, &child.id().to_string()])
-            .status();
-        assert!(sent.unwrap().success());
-        let output = child.wait_with_output().unwrap();
-        let message = String::from_utf8_lossy(&output.stderr);
-        let spent = began.elapsed();
-        assert_eq!(
-            output.status.code(),
-            Some(9),
-            "{signal} after {spent:?}: {message}"
-        );
-        assert!(message.contains("cancelled"), "{message}");
-        assert_eq!(files(), 1, "{signal}");
+        let report = fs::read_to_string(folder.path().join("r.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        let told = report["memory_mb"].as_u64().unwrap();
+        let is_near = told.abs_diff(taken) as f64 <= 0.4 * taken as f64;
+        assert!(is_near, "{system}, {cuts}: told {told} MB, took {taken} MB");
     }
+}
+
+/// Four million vertices under a limit of addresses that they fit into and their work does not.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_mesh_whose_work_does_not_fit_is_refused_before_it_is_done() {
+    const VERTICES: usize = 4_000_000;
+    let folder = tempfile::tempdir().unwrap();
+    sound(folder.path(), 1);
+    let mut ply = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {VERTICES}\nproperty float x\nproperty float y\n\
+         property float z\nelement face 8\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    .into_bytes();
+    for v in 0..VERTICES {
+        for x in [v % 7, v % 5, v % 3] {
+            ply.extend((x as f32).to_le_bytes());
+        }
+    }
+    for first in 0..8i32 {
+        ply.push(3);
+        (first..first + 3).for_each(|v| ply.extend(v.to_le_bytes()));
+    }
+    fs::write(folder.path().join("m.ply"), ply).unwrap();
+    let line =
+        "ulimit -v 1500000; exec \"$0\" animate --mesh m.ply --audio a.wav --out o.pc2 --no-cache";
+    let output = Command::new("bash")
+        .args(["-c", line, env!("CARGO_BIN_EXE_anyface")])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(13), "{message}");
+    assert!(
+        message.contains("4000000 vertices take about 3"),
+        "{message}"
+    );
 }

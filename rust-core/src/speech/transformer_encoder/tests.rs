@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::{
-    nn::golden::{Golden, Named, distance, path_of},
+    nn::golden::{Golden, Named, damage, distance, path_of, seeds},
     speech::{SpeechEncoder, from_folder, hubert::Hubert},
 };
 
@@ -183,4 +183,23 @@ fn long_sound_is_encoded_in_spans_of_bounded_length() {
     // The state before the first layer depends on near frames alone, so spans change nothing.
     assert_eq!(track.features.dim(), whole.dim());
     assert!(distance(&track.features, &whole) < 1e-4);
+}
+
+#[test]
+fn damaged_folders_are_refused_or_encode() {
+    for (name, seed) in ["hubert_tiny", "wav2vec2_stable_tiny"]
+        .into_iter()
+        .flat_map(|name| seeds().map(move |seed| (name, seed)))
+    {
+        for file in ["config.json", "model.safetensors"] {
+            println!("{name} {seed} {file}");
+            let golden = Golden::open(name);
+            let folder = folder(&golden, |all| all);
+            damage(&folder.path().join(file), seed);
+            let encoder = from_folder(folder.path(), None);
+            let samples = golden.values("input");
+            // What it says of the sound is looked through where the motion is.
+            let _ = encoder.map(|encoder| encoder.encode(&Waveform { samples }));
+        }
+    }
 }

@@ -163,6 +163,10 @@ impl System for CafeTalk {
         Some(&self.config().speech)
     }
 
+    fn moves_by_shapes(&self) -> bool {
+        true
+    }
+
     fn sample(
         &self,
         heard: &Heard,

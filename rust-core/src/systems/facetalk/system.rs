@@ -220,6 +220,11 @@ impl System for FaceTalk {
         false
     }
 
+    fn copies_of_frames(&self) -> usize {
+        // What the mean head and the field make of them stand beside them.
+        3
+    }
+
     fn field<'a>(
         &self,
         face: &'a Face,
