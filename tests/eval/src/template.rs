@@ -109,8 +109,11 @@ impl Template {
     }
 }
 
-/// Names, channels and their weights `[T, M]`: every shape at full strength, and frames of speech.
-fn sets(ict: &Ict, data: &Path) -> Result<Vec<(String, Vec<String>, Array2<f32>)>> {
+/// A name, channels and their weights `[T, M]`.
+type Poses = (String, Vec<String>, Array2<f32>);
+
+/// Every shape at full strength, and frames of speech.
+fn sets(ict: &Ict, data: &Path) -> Result<Vec<Poses>> {
     let mut sets = Vec::new();
     for shape in ict.shapes() {
         let channels = vec![
