@@ -245,7 +245,7 @@ def stand_in(addon, engine=None):
     """Puts `engine`, by default a new stage, in the place of the engine of every system."""
     engine = engine or Stage(addon("core.take"))
     names = [system.name for system in addon("core.systems").known()]
-    keys = [(name, None, 0) for name in ("", *names)]
+    keys = [(name, None, 0, None) for name in ("", *names)]
     addon("ui.running")._engines.update(dict.fromkeys(keys, engine))
     return engine
 
