@@ -1171,6 +1171,16 @@ AnyfaceStatus anyface_motion_new_redone(const AnyfaceMotion *motion,
                                         AnyfaceMotion **out,
                                         AnyfaceError **error);
 
+/// Some frames of a motion, with all that they have beside their landmarks. Head and eyes go along.
+///
+/// Free with `anyface_motion_free()`; `motion` may go before. The result cannot be performed again.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for no frames, or frames that the motion lacks.
+AnyfaceStatus anyface_motion_new_frames(const AnyfaceMotion *motion,
+                                        size_t first,
+                                        size_t count,
+                                        AnyfaceMotion **out,
+                                        AnyfaceError **error);
+
 /// Motion that the caller brings: from a tracker, or edited. The array is copied.
 ///
 /// `displacements`: `[frame_count, 68, 3]` from the neutral face, canonical metres.
@@ -1182,6 +1192,19 @@ AnyfaceStatus anyface_motion_new_displacements(const float *displacements,
                                                double fps,
                                                AnyfaceMotion **out,
                                                AnyfaceError **error);
+
+/// The pose of a face whose vertices are displaced, as a motion of one frame: what `starts_from` of
+/// `AnyfaceMotionOptions` takes. The array is copied.
+///
+/// `displacements`: `[vertex_count, 3]` from the face at rest, mesh units and axes. Landmarks alone are kept of it. Free
+/// with `anyface_motion_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another number of vertices than the face has, or values that are not
+/// finite.
+AnyfaceStatus anyface_motion_new_pose(const AnyfaceFace *face,
+                                      const float *displacements,
+                                      size_t vertex_count,
+                                      AnyfaceMotion **out,
+                                      AnyfaceError **error);
 
 /// Number `T` of frames; 0 for NULL.
 size_t anyface_motion_frame_count(const AnyfaceMotion *motion);

@@ -17,6 +17,7 @@ GOLDENS = {
     "emotion_model": "training.speech.golden_emotion_model",
     "checkpoint": "training.speech.golden_checkpoint",
     "instants": "training.speech.golden_instants",
+    "resampled_speech": "training.speech.golden_resampled",
     "compact_speech": "training.speech.golden_compact",
     "phones": "training.speech.golden_phones",
     "ats_compact": "training.systems.freetalk.golden_ats",

@@ -22,7 +22,8 @@ from training.diffusion.schedule import add_noise, alphas_cumprod
 from training.losses import feature_concordance, motion_loss
 from training.machine import Machine
 from training.run import Run
-from training.speech.source import CompactSpeech
+from training.speech.hubert import FPS, HubertFeatures
+from training.speech.source import CompactSpeech, HubertSpeech
 from training.systems.facetalk.motion import Denoiser, MotionConfig, SpeechInput
 from training.train_ats import SHIPPED_ENCODER
 from training.train_cafe_talk import solved
@@ -67,12 +68,12 @@ def entries_of(arguments) -> list[bank.Entry]:
 class Trainer:
     """Data, model and one step."""
 
-    def __init__(self, arguments, speech: CompactSpeech, head):
+    def __init__(self, arguments, speech: CompactSpeech | HubertSpeech, heard: SpeechInput, head):
         self.codes, self.speech = Codes(head), speech
         self.random = torch.Generator().manual_seed(arguments.seed)
         self.without = arguments.without
         config = MotionConfig(codes=head.config.expression_code)
-        config.speech = SpeechInput("compact_speech", speech.encoder.config.channels)
+        config.speech = heard
         config.film = "film" not in self.without
         if "alignment" in self.without:
             config.band = WIDE_BAND
@@ -118,6 +119,19 @@ class Trainer:
         return total, {"simple": simple.item(), "landmarks": near.item()} | parts
 
 
+def speech_of(arguments) -> tuple[CompactSpeech | HubertSpeech, SpeechInput]:
+    """What is heard, and by which encoder; wav2vec2 as the paper has it (section 4)."""
+    if arguments.hubert is None:
+        encoder = load_encoder(arguments.speech or SHIPPED_ENCODER)
+        heard = SpeechInput("compact_speech", encoder.config.channels)
+        return CompactSpeech(encoder, entries_of(arguments)), heard
+    features = HubertFeatures(arguments.hubert, FPS)
+    clips = [clip for read in bank.READERS.values() for clip in read(arguments.data)]
+    speech = HubertSpeech(features, clips)
+    speech.entries = solved(speech.entries, arguments)
+    return speech, SpeechInput(features.kind, features.channels, features.transformer_fps)
+
+
 def train(arguments) -> Path:
     """Runs the training; writes `motion.pt` with the averaged weights and returns its path."""
     torch.manual_seed(arguments.seed)
@@ -128,8 +142,7 @@ def train(arguments) -> Path:
         head = load_folder(arguments.head)[0]
     else:
         head = load(arguments.head)
-    encoder = load_encoder(arguments.speech or SHIPPED_ENCODER)
-    trainer = Trainer(arguments, CompactSpeech(encoder, entries_of(arguments)), head)
+    trainer = Trainer(arguments, *speech_of(arguments), head)
     optimiser = torch.optim.AdamW(trainer.model.parameters(), arguments.rate, weight_decay=0.01)
     schedule = torch.optim.lr_scheduler.OneCycleLR(
         optimiser, arguments.rate, arguments.steps + 1, pct_start=0.05
@@ -164,6 +177,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument("--head", type=Path, default=Path("rust-core/models/facetalk_compact"))
     parser.add_argument("--speech", type=Path, help="speech.pt of training.train_speech, or a model folder")
+    parser.add_argument("--hubert", type=Path, help="folder of a wav2vec2 or HuBERT checkpoint instead")
     parser.add_argument("--corpus", type=Path, nargs="*", default=[], help=argparse.SUPPRESS)
     parser.add_argument("--voices", type=int, default=4)
     parser.add_argument("--without", nargs="*", choices=PARTS, default=[], help="table 2")

@@ -186,7 +186,7 @@ class Engine(
         return [f"takes about {needed} MB of memory, and {left} MB were left"]
 
     def _spoken(self, handles, face, sound, request, watch):
-        motion = self._motion(handles, sound, request, watch)
+        motion = self._motion(handles, sound, request, watch, face)
         given = (self._handle, face, motion, watch.handle)
         return motion, self._own(handles, "clip", "anyface_clip_new", *given)
 
@@ -259,7 +259,7 @@ class Engine(
             watch = handles.enter_context(_Watch(self._library, progress))
             marks = landmarks, landmark_vertices
             face = self._face(handles, positions, triangles, marks, request, watch)
-            motion = self._motion(handles, sound, request, watch)
+            motion = self._motion(handles, sound, request, watch, face)
             last = self._library.anyface_motion_frame_count(motion) - 1
             out = np.empty(len(positions), dtype=np.float32)
             given = (motion, self._handle, face, min(max(frame, 0), last), _floats(out), out.size)
@@ -359,7 +359,13 @@ class Engine(
         given = (_floats(samples), len(samples), 1, round(sound.rate_hz))
         return self._own(handles, "audio", "anyface_audio_new", *given)
 
-    def _motion(self, handles, sound, request, watch):
+    def _pose(self, handles, face, displacements):
+        """The pose of a face whose vertices are displaced, as a motion of one frame."""
+        moved = np.ascontiguousarray(displacements, dtype=np.float32)
+        given = (face, _floats(moved), len(moved))
+        return self._own(handles, "motion", "anyface_motion_new_pose", *given)
+
+    def _motion(self, handles, sound, request, watch, face=None):
         audio = self._audio(handles, sound)
         options = self._options(MotionOptions, "anyface_motion_options_init")
         options.emotion_source = EMOTION_SOURCES.index(request.emotion_source)
@@ -380,6 +386,8 @@ class Engine(
         options.events = self._events(handles, request.events)
         if request.felt_as is not None:
             options.felt_as = self._audio(handles, request.felt_as)
+        if request.starts_from is not None and face is not None:
+            options.starts_from = self._pose(handles, face, request.starts_from)
         given = (self._handle, audio, byref(options), watch.handle)
         return self._own(handles, "motion", "anyface_motion_new", *given)
 

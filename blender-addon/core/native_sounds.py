@@ -3,7 +3,7 @@
 import os
 import tempfile
 from contextlib import ExitStack
-from ctypes import POINTER, c_double, c_float
+from ctypes import POINTER, c_double
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,6 @@ import numpy as np
 from .job import Progress
 from .take import Animation, Life, Request, Sound
 
-_LANDMARK_FLOATS = 68 * 3
 _WORDS = 1
 """`AnyfaceTier` of the C interface."""
 
@@ -100,18 +99,16 @@ class SoundCalls:
             if made is not None:
                 return self._stretch_of_weights(handles, (face, spoken), made, len(positions), rows)
             frames = self._library.anyface_motion_frame_count(spoken)
-            moved = np.empty((frames, _LANDMARK_FLOATS), dtype=np.float32)
-            self._copy("anyface_motion_copy_displacements", spoken, moved)
-            life = self._life((face, spoken, None), frames)
-            part = slice(max(rows.start, 0), min(rows.stop, frames))
-            motion = self._part(handles, moved[part], request.fps)
+            part = range(max(rows.start, 0), min(rows.stop, frames))
+            given = (spoken, part.start, len(part))
+            motion = self._own(handles, "motion", "anyface_motion_new_frames", *given)
             given = (self._handle, face, motion, watch.handle)
             clip = self._own(handles, "clip", "anyface_clip_new", *given)
-            shape = (len(moved[part]), len(positions), 3)
+            shape = (len(part), len(positions), 3)
             animation = Animation(self._millimetres(face, clip))
             animation.displacements = np.empty(shape, dtype=np.float32)
             self._copy("anyface_clip_copy_displacements", clip, animation.displacements)
-        animation.life = Life(life.head[part], life.gaze[part], life.way)
+            animation.life = self._life((face, motion, clip), len(part))
         return animation
 
     def _stretch_of_weights(self, handles, given, made, vertices: int, rows: range) -> Animation:
@@ -127,11 +124,6 @@ class SoundCalls:
         animation.life = Life(life.head[part], life.gaze[part], life.way)
         animation.shape_weights = replace(made, weights=made.weights[part])
         return animation
-
-    def _part(self, handles, moved: np.ndarray, fps: float):
-        moved = np.ascontiguousarray(moved)
-        given = (moved.ctypes.data_as(POINTER(c_float)), len(moved), fps)
-        return self._own(handles, "motion", "anyface_motion_new_displacements", *given)
 
     def _millimetres(self, face, clip) -> float:
         """The largest displacement of a clip on a head of human size."""

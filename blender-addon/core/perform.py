@@ -20,6 +20,8 @@ def perform(
     """
     verdict.check_sound(sound)
     found = space.face_space(face.matrix_world, face.axes)
+    if request.starts_from is not None:
+        request = replace(request, starts_from=found.moved(request.starts_from))
     with finding.searching(face):
         animation = animate(*found.seen(face), sound, request, progress)
     # Category 0 is neutral.

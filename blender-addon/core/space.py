@@ -37,6 +37,10 @@ class FaceSpace:
         triangles = face.triangles[:, ::-1] if self.mirrored else face.triangles
         return self.points(face.positions), triangles, landmarks, face.landmark_vertices
 
+    def moved(self, displacements: np.ndarray) -> np.ndarray:
+        """Displacements `[..., 3]` from object space, float32."""
+        return (displacements @ self.matrix.T).astype(np.float32)
+
     def to_object(self, displacements: np.ndarray) -> np.ndarray:
         """Displacements `[..., 3]` back to object space, float32."""
         inverse = np.linalg.inv(self.matrix).astype(np.float32)

@@ -61,6 +61,8 @@ class System:
     takes_events: bool = False
     # Whether it hears feeling, and may take it from another recording.
     hears_feeling: bool = False
+    # Whether it goes on from a given pose.
+    starts_from_pose: bool = False
     # Names of `sliders.NAMES` that its takes may have.
     sliders: tuple[str, ...] = ()
 
@@ -148,6 +150,12 @@ def hears_feeling(name: str) -> bool:
     return bool(among) and find(name, among).hears_feeling
 
 
+def starts_from_pose(name: str) -> bool:
+    """True where the system of this name goes on from a pose; False where none can be loaded."""
+    among = known()
+    return bool(among) and find(name, among).starts_from_pose
+
+
 def read(loaded) -> tuple[System, ...]:
     """The systems of a loaded library."""
     return tuple(_system(loaded, number) for number in range(loaded.anyface_system_count()))
@@ -160,9 +168,11 @@ def _system(loaded, number: int) -> System:
     controls = tuple(_control(loaded, number, at) for at in range(count))
     takes_events = loaded.anyface_system_takes_events(number) == 1
     hears_feeling = loaded.anyface_system_hears_feeling(number) == 1
+    starts = loaded.anyface_system_starts_from_pose(number) == 1
     has = loaded.anyface_system_has_slider
     found = tuple(name for at, name in enumerate(sliders.NAMES) if has(number, at) == 1)
-    return System(name, label, text, controls, takes_events, hears_feeling, found)
+    able = takes_events, hears_feeling, starts
+    return System(name, label, text, controls, *able, found)
 
 
 def _control(loaded, system: int, number: int) -> Control:

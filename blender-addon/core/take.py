@@ -92,7 +92,8 @@ class Request:
     displacements of every frame are wanted. The lips close in `closures` `[N, 2]`, seconds; with
     None where that is heard. `events` are for systems that take them, `felt_as` is another
     recording whose feeling is shown, for those that hear it; where the take is `layered`, what is
-    felt has vectors of its own.
+    felt has vectors of its own. `starts_from` are displacements `[V, 3]` from rest of the pose in
+    which the face begins, for systems that go on from one.
     """
 
     fps: float
@@ -108,6 +109,7 @@ class Request:
     events: list[Event] = field(default_factory=list)
     felt_as: "Sound | None" = None
     layered: bool = False
+    starts_from: np.ndarray | None = None
 
 
 @dataclass

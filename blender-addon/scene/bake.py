@@ -81,6 +81,8 @@ class Settings:
     # A sound strip, or a file instead, whose feeling the face shows, for systems that hear it.
     felt_strip: str = ""
     felt_file: str = ""
+    # Whether the face begins as it stands now, for systems that go on from a pose.
+    starts_from_pose: bool = False
     # Objects beside the face, and roles of single connected parts by number.
     parts: list[pieces.Part] = field(default_factory=list)
     loose: dict[int, str] = field(default_factory=dict)
@@ -159,6 +161,7 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         roles=face.roles,
         events=asked_for.events,
         layered=output.as_basis and settings.layered and systems.hears_feeling(settings.system),
+        starts_from=_pose(ob, face, settings),
     )
     names = [piece.name for piece in face.pieces] or [ob.name]
     plan = output.plan(ob, settings.output, request.fps, names)
@@ -275,6 +278,16 @@ def _felt(scene, settings: Settings, engine) -> SoundSource | None:
         return sound.from_strip(scene, settings.felt_strip, decode.decoder(engine))
     except AnyfaceError as error:
         raise AnyfaceError(error.kind, f"Feeling Of: {error}") from error
+
+
+def _pose(ob, face: FaceMesh, settings: Settings) -> np.ndarray | None:
+    """How the face stands now, `[V, 3]` from rest, where it is to begin so; other pieces rest."""
+    if not settings.starts_from_pose or not systems.starts_from_pose(settings.system):
+        return None
+    moved = np.zeros_like(face.positions)
+    own = mesh.read_pose(ob)
+    moved[: len(own)] = own
+    return moved
 
 
 def _emotion(ob, scene, settings: Settings, when: tuple):

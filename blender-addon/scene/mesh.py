@@ -8,7 +8,7 @@ import numpy as np
 from ..core import json_file
 from ..core.errors import AnyfaceError
 from ..core.take import FaceMesh
-from . import rest
+from . import feeling_mask, rest
 
 LANDMARKS_PROPERTY = "anyface_landmarks"
 # No face can be found on fewer vertices, and looking for one would take half a minute.
@@ -78,6 +78,27 @@ def read_key(block) -> np.ndarray:
     flat = np.empty(len(block.points) * 3, dtype=np.float32)
     block.points.foreach_get("co", flat)
     return flat.reshape(-1, 3)
+
+
+def read_pose(ob) -> np.ndarray:
+    """Displacements `[V, 3]` float32 in which the shape keys of `ob` stand now.
+
+    Raises `AnyfaceError("mesh")` for keys that stand one after another instead of adding up.
+    """
+    moved = np.zeros_like(read_basis(ob.data))
+    keys = ob.data.shape_keys
+    if keys is None:
+        return moved
+    if not keys.use_relative:
+        raise AnyfaceError(
+            "mesh",
+            f"{ob.name}: Start from Current Pose reads relative shape keys, not absolute ones",
+        )
+    for block in keys.key_blocks[1:]:
+        if block.value and not block.mute:
+            reach = block.value * feeling_mask.weights(ob, block.vertex_group)
+            moved += reach * (read_key(block) - read_key(block.relative_key))
+    return moved
 
 
 def add_key(ob, name: str, positions: np.ndarray):

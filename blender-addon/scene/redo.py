@@ -73,6 +73,8 @@ def read(ob, scene, settings, engine) -> redo.Redo | FilmRedo:
     if output is None:
         raise AnyfaceError("input", _NO_TAKE)
     settings.mode = output.name
+    # A stretch goes on from the take, wherever the face stands now.
+    settings.starts_from_pose = False
     snapshot = bake.read(ob, scene, settings, engine)
     snapshot.request.error_mm = None
     if not output.redoes:

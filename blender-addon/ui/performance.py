@@ -29,6 +29,8 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
         if systems.hears_feeling(settings.system):
             audio.draw_felt(layout, target(context), sequencer_scene(context))
             audio.draw_heat(layout, target(context))
+        if systems.starts_from_pose(settings.system):
+            layout.prop(settings, "starts_from_pose")
         column = layout.column(align=True)
         controls = [c for c in controls_of(settings) if c.name not in CONTROLS]
         for control in controls:

@@ -111,6 +111,13 @@ class AnyfaceCharacter(PropertyGroup):
         default=True,
         options=set(),
     )
+    starts_from_pose: BoolProperty(
+        name="Start from Current Pose",
+        description="The take begins as the shape keys of the face stand in the current frame, as "
+        "at the end of the shot before, and goes on from there within 0.4 s",
+        default=False,
+        options=set(),
+    )
     error_mm: FloatProperty(
         name="Precision",
         description="How far any point may be from the full performance, in mm on a head of "

@@ -14,7 +14,7 @@ use anyface::{
     motion::{FaceModes, LandmarkClip, Life, Motion, Stretch},
     speech::FeltVoice,
 };
-use ndarray::ArrayView3;
+use ndarray::{ArrayView2, ArrayView3};
 
 use crate::{
     audio::AnyfaceAudio,
@@ -223,10 +223,8 @@ impl AnyfaceMotionOptions {
             return Ok(None);
         }
         let motion = unsafe { pointer::handle("starts_from", self.starts_from) }?.motion();
-        let last = match motion {
-            Motion::Landmarks(clip) => clip.displacements.outer_iter().last(),
-            _ => None,
-        };
+        let clip = motion.landmarks();
+        let last = clip.and_then(|clip| clip.displacements.outer_iter().last());
         let last = last.ok_or_else(|| {
             let (frames, kind) = (motion.frames(), motion.kind());
             Failure::invalid(format!(
@@ -430,6 +428,36 @@ pub unsafe extern "C" fn anyface_motion_new_redone(
     unsafe { guard::guard(error, work) }
 }
 
+/// Some frames of a motion, with all that they have beside their landmarks. Head and eyes go along.
+///
+/// Free with `anyface_motion_free()`; `motion` may go before. The result cannot be performed again.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for no frames, or frames that the motion lacks.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_motion_new_frames(
+    motion: *const AnyfaceMotion,
+    first: usize,
+    count: usize,
+    out: *mut *mut AnyfaceMotion,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let motion = unsafe { pointer::handle("motion", motion) }?;
+        let frames = motion.motion().frames();
+        let end = first.saturating_add(count);
+        if count == 0 || end > frames {
+            return Err(Failure::invalid(format!(
+                "frames: expected some of {frames}, got {count} from {first} on"
+            )));
+        }
+        let moved = motion.motion().frames_of(first..end);
+        let made = Made::Redone(moved, motion.life().frames_of(first..end));
+        unsafe { pointer::give(out, AnyfaceMotion::new(made)) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
 /// Motion that the caller brings: from a tracker, or edited. The array is copied.
 ///
 /// `displacements`: `[frame_count, 68, 3]` from the neutral face, canonical metres.
@@ -451,6 +479,41 @@ pub unsafe extern "C" fn anyface_motion_new_displacements(
             unsafe { pointer::slice("displacements", displacements, frame_count, columns) }?;
         let motion = motion_from(values, frame_count, fps)?;
         unsafe { pointer::give(out, AnyfaceMotion::new(Made::Given(motion))) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// The pose of a face whose vertices are displaced, as a motion of one frame: what `starts_from` of
+/// `AnyfaceMotionOptions` takes. The array is copied.
+///
+/// `displacements`: `[vertex_count, 3]` from the face at rest, mesh units and axes. Landmarks alone are kept of it. Free
+/// with `anyface_motion_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another number of vertices than the face has, or values that are not
+/// finite.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_motion_new_pose(
+    face: *const AnyfaceFace,
+    displacements: *const f32,
+    vertex_count: usize,
+    out: *mut *mut AnyfaceMotion,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let face = &unsafe { pointer::handle("face", face) }?.0;
+        let values = unsafe { pointer::slice("displacements", displacements, vertex_count, 3) }?;
+        let moved = ArrayView2::from_shape((vertex_count, 3), values)
+            .map_err(|error| Failure::invalid(format!("displacements: {error}")))?;
+        let pose = face.pose_of(moved)?;
+        let displacements = ArrayView3::from_shape((1, LANDMARKS, 3), pose.as_flattened())
+            .map_err(|error| Failure::invalid(format!("displacements: {error}")))?;
+        let clip = LandmarkClip {
+            displacements: displacements.to_owned(),
+            fps: MotionRequest::default().fps,
+        };
+        let made = Made::Given(Motion::Landmarks(clip));
+        unsafe { pointer::give(out, AnyfaceMotion::new(made)) };
         Ok(())
     };
     unsafe { guard::guard(error, work) }
@@ -661,6 +724,32 @@ mod tests {
             ..from(2)
         };
         assert!(unsafe { both.emotion() }.is_err());
+    }
+
+    #[test]
+    fn frames_of_a_motion_have_their_head_and_eyes() {
+        let values: Vec<f32> = (0..5 * LANDMARKS * 3).map(|i| i as f32).collect();
+        let life = Life {
+            head: ndarray::Array2::from_shape_fn((5, 3), |(t, _)| t as f32),
+            gaze: ndarray::Array3::zeros((5, 2, 2)),
+        };
+        let whole = AnyfaceMotion::new(Made::Redone(motion_from(&values, 5, 30.0).unwrap(), life));
+        let (mut part, mut error) = (std::ptr::null_mut(), std::ptr::null_mut());
+        let status = unsafe { anyface_motion_new_frames(&whole, 1, 3, &mut part, &mut error) };
+        assert_eq!(status, AnyfaceStatus::Ok);
+        let part = unsafe { Box::from_raw(part) };
+        let clip = part.motion().landmarks().unwrap();
+        assert_eq!(clip.displacements.dim(), (3, LANDMARKS, 3));
+        assert_eq!(clip.displacements[[0, 0, 0]], (LANDMARKS * 3) as f32);
+        assert_eq!(part.life().head.column(0).to_vec(), [1.0, 2.0, 3.0]);
+        for (first, count) in [(3, 3), (0, 0), (usize::MAX, 2)] {
+            let mut none = std::ptr::null_mut();
+            let status =
+                unsafe { anyface_motion_new_frames(&whole, first, count, &mut none, &mut error) };
+            assert_eq!(status, AnyfaceStatus::InvalidInput);
+            assert!(none.is_null());
+            drop(unsafe { Box::from_raw(error) });
+        }
     }
 
     #[test]

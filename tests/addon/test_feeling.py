@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from figures import FPS, film, strip, tone, write_wav
+from figures import FPS, film, shape, strip, tone, write_wav
 from test_heads import LANDMARKS, import_head
 
 SYSTEM, START, SECONDS = "emoface", 11, 2.0
@@ -125,6 +125,34 @@ def test_a_feeling_that_cannot_be_heard_is_told_and_nothing_is_lost(
         bpy.ops.anyface.generate()
     assert np.array_equal(film(ob, FRAMES), before)
     assert ob.data.shape_keys.animation_data.action is not None
+
+
+def test_a_take_starts_from_the_pose_of_the_current_frame(addon, speaking):
+    ob, scene = speaking, bpy.context.scene
+    generate(ob)
+    frames = [START, *FRAMES[1:]]
+    poses = dict(zip(frames, film(ob, frames), strict=True))
+    apart_mm = lambda a, b: 1000.0 * np.linalg.norm(a - b, axis=1).max()  # noqa: E731
+    far, end = max((apart_mm(pose, poses[START]), frame) for frame, pose in poses.items())
+    ob.anyface.starts_from_pose = True
+    scene.frame_set(end)
+    generate(ob)
+    joined = apart_mm(shape(ob, START), poses[end])
+    assert joined < 1.0 < 3.0 < far, (joined, far)
+    # Within half a second the face is on its own way.
+    assert apart_mm(shape(ob, START + int(0.5 * FPS)), poses[end]) > 1.0
+    # A system that starts from rest lets it be.
+    ob.anyface.system = "freetalk"
+    generate(ob)
+
+
+def test_a_pose_of_absolute_keys_is_refused_in_words(addon, speaking):
+    ob = speaking
+    ob.anyface.mode = "frames"
+    generate(ob)
+    ob.anyface.mode, ob.anyface.starts_from_pose = "basis", True
+    with pytest.raises(RuntimeError, match="Start from Current Pose"):
+        bpy.ops.anyface.generate()
 
 
 def test_the_take_knows_whose_feeling_it_has(addon, speaking):

@@ -6,6 +6,7 @@ pytorch_model.bin, and where it is there preprocessor_config.json.
 """
 
 import json
+import math
 from pathlib import Path
 
 import torch
@@ -14,13 +15,19 @@ from safetensors.torch import load_file
 from torch import Tensor
 
 SAMPLE_HZ = 16000
+FPS = 25.0
+"""Motion frames a second of every clip that is trained on."""
 MODELS = ("hubert", "wav2vec2")
 
 
 class HubertFeatures:
-    """The output of the encoder, brought to the motion's frames."""
+    """The output of the encoder, brought to the motion's frames.
 
-    def __init__(self, folder: Path | None):
+    With `transformer_fps` what the convolutions hear is brought to that rate instead, before projection and
+    transformer, as FaceFormer does (Fan et al. 2022, section 3.2).
+    """
+
+    def __init__(self, folder: Path | None, transformer_fps: float | None = None):
         if folder is None:
             raise ValueError("--hubert: expected a folder with a HuBERT or wav2vec2 checkpoint, got nothing")
         self.config = json.loads((folder / "config.json").read_text())
@@ -32,19 +39,28 @@ class HubertFeatures:
         self.normalise = about.get("do_normalize", True)
         self.state = read_checkpoint(folder, self.kind)
         self.channels = self.config["hidden_size"]
+        self.transformer_fps = transformer_fps
 
     @torch.no_grad()
     def __call__(self, samples: Tensor, frames: int) -> Tensor:
-        """`samples` [S] at 16 kHz → [frames, C], linear between hidden states; frame i is second i / 25."""
+        """`samples` [S] at 16 kHz → [frames, C], linear between neighbours; frame i is second i / 25."""
         if self.normalise:
             samples = (samples - samples.mean()) / (samples.var(correction=0) + 1e-7).sqrt()
-        rate_hz, first_s = instants(self.config)
-        return at_motion_frames(self.encode(samples), rate_hz, first_s, frames, 25.0)
+        if self.transformer_fps is None:
+            rate_hz, first_s = instants(self.config)
+            return at_motion_frames(self.encode(samples), rate_hz, first_s, frames, FPS)
+        count = max(math.ceil(len(samples) / SAMPLE_HZ * self.transformer_fps - 1e-6), 1)
+        return at_motion_frames(self.encode(samples, count), self.transformer_fps, 0.0, frames, FPS)
 
     @torch.no_grad()
-    def encode(self, samples: Tensor) -> Tensor:
-        """The encoder's output at its own rate, [T, C]; `samples` [S] as they are."""
+    def encode(self, samples: Tensor, frames: int | None = None) -> Tensor:
+        """The encoder's output, [T, C], at its own rate, or in so many `frames` at `transformer_fps`.
+
+        `samples` [S] as they are.
+        """
         x = self._convolve(samples[None, None])[0].T
+        if frames is not None:
+            x = at_motion_frames(x, *instants(self.config), frames, self.transformer_fps)
         if self.config.get("feat_proj_layer_norm", True):
             x = self._norm(x, "feature_projection.layer_norm")
         x = self._linear(x, "feature_projection.projection")

@@ -126,6 +126,18 @@ def test_transformer_encoders_match_hugging_face(name, tmp_path):
     assert (found - tensors["output"][0]).abs().max() < 1e-4
 
 
+@pytest.mark.parametrize("name", ["hubert_tiny", "wav2vec2_tiny", "wav2vec2_stable_tiny"])
+def test_the_rate_may_be_changed_before_the_transformer(name, tmp_path):
+    tensors = written(name, tmp_path / "model")
+    expected = load_file(GOLDENS / "resampled_speech.safetensors")[name]
+    features = HubertFeatures(tmp_path / "model", transformer_fps=30.0)
+    found = features.encode(tensors["input"][0], len(expected))
+    torch.testing.assert_close(found, expected, atol=1e-4, rtol=1e-4)
+    # The motion's frames are cut out of that.
+    features.transformer_fps = 25.0
+    assert features(tensors["input"][0], 25).shape == (25, features.channels)
+
+
 def test_features_of_hubert_stand_in_the_middle_of_what_they_hear():
     config = {"conv_kernel": [10, 3, 3, 3, 3, 2, 2], "conv_stride": [5, 2, 2, 2, 2, 2, 2]}
     rate_hz, first_s = instants(config)

@@ -85,7 +85,7 @@ impl ReferencePoints {
     }
 
     /// The points where the face of `landmarks` has them.
-    fn warped(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> Vec<[f32; 3]> {
+    pub(crate) fn warped(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> Vec<[f32; 3]> {
         let size = LANDMARKS + 1;
         let radial = |a: [f32; 3], b: [f32; 3]| -f64::from(distance(a, b));
         let system = Mat::from_fn(size, size, |i, j| match (i < LANDMARKS, j < LANDMARKS) {

@@ -15,6 +15,7 @@ mod correspondence;
 pub mod creases;
 mod eye_parts;
 mod eyes;
+pub(crate) mod fade;
 pub mod jaw;
 mod joined_lips;
 mod landmark_weights;
@@ -43,7 +44,7 @@ pub use static_weights::{StaticWeights, VertexGeometry};
 pub use tension_screened_biharmonic::{Plate, PlateWeights, REACHES_CM};
 
 use crate::{Result, progress::ProgressFn};
-use ndarray::{Array3, ArrayView3};
+use ndarray::{Array3, ArrayView2, ArrayView3};
 
 /// Displacements of every vertex over time.
 #[derive(Debug, Clone, PartialEq)]
@@ -112,6 +113,22 @@ pub trait Deformer: Send + Sync {
     ) -> Result<Array3<f32>> {
         self.deform(landmarks, progress)
     }
+}
+
+/// How the vertices of one face move under codes, which say more than the landmarks that go with them.
+pub trait CodeField: Send + Sync {
+    /// How the codes' own landmarks move from rest under codes `[t, X]`: `[t, 68, 3]`, canonical metres.
+    ///
+    /// # Errors
+    /// `InvalidInput` or `ShapeMismatch` for codes of another length or that are not finite.
+    fn landmarks(&self, codes: ArrayView2<'_, f32>) -> Result<Array3<f32>>;
+
+    /// What is to be added to `base` `[t, V, 3]`, motion of the mesh, so that vertices that follow the codes go where
+    /// these take them, by codes `[t, X]`: `[t, V, 3]`, mesh units and axes.
+    ///
+    /// # Errors
+    /// `InvalidInput` or `ShapeMismatch` for codes of another length or that are not finite.
+    fn beyond(&self, codes: ArrayView2<'_, f32>, base: &Array3<f32>) -> Result<Array3<f32>>;
 }
 
 /// Some vertices of a mesh.

@@ -13,7 +13,7 @@ use crate::{
         check_fps, emotion_from_voice,
     },
     finite::check_result,
-    motion::{Life, LifeStrengths, Motion, Stretch},
+    motion::{Life, LifeStrengths, Motion, Stretch, begin_in},
     progress::{ProgressFn, report},
     speech::Heard,
     systems::{Registration, SYSTEMS},
@@ -273,6 +273,11 @@ impl Engine {
                 .face_modes
                 .follow_gaze(&mut clip.landmarks.displacements, life.gaze.view())?,
             Motion::Template(_) => {}
+        }
+        let fps = moved.fps();
+        if let (Some(pose), Some(clip)) = (&request.starts_from, moved.landmarks_mut()) {
+            // Last, so that nothing that is put on a performance takes it away from the pose.
+            begin_in(pose, clip.displacements.view_mut(), fps);
         }
         Ok((moved, life))
     }

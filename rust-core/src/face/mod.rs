@@ -5,14 +5,14 @@ mod surface;
 
 use std::sync::{Arc, OnceLock};
 
-use ndarray::{Array3, ArrayView3};
+use ndarray::{Array3, ArrayView2, ArrayView3, Axis};
 
 use crate::{
-    Result,
+    Error, Result,
     cache::{Cache, CacheKey},
     conditions::Controls,
-    deform::{Deformer, Openings, PartList},
-    head::HeadOnMesh,
+    deform::{CodeField, Deformer, Openings, PartList},
+    ibug::LANDMARKS,
     mesh::{
         self, FaceOptions, LandmarkFinder, Landmarks, Mesh, Mouth, Similarity, features::Features,
     },
@@ -60,8 +60,8 @@ pub struct Face {
     field: OnceLock<Field>,
 }
 
-/// The field on a mesh, or why there is none.
-pub(crate) type Field = std::result::Result<Arc<HeadOnMesh>, String>;
+/// What codes say of the vertices of a mesh, or why they say nothing.
+pub(crate) type Field = std::result::Result<Arc<dyn CodeField>, String>;
 
 impl Face {
     /// Finds or takes the landmarks of a mesh, and what its parts are. `models` names what else the
@@ -143,6 +143,34 @@ impl Face {
         let mut own = landmarks.to_owned();
         self.openings().to_own(&mut own);
         self.to_canonical.displacements_to_mesh(own.view())
+    }
+
+    /// The canonical pose of the landmarks, `[68][3]` metres, in which the vertices of this mesh are displaced by
+    /// `moved` `[V, 3]`, mesh units and axes: a pose that a motion may start from.
+    ///
+    /// # Errors
+    /// `ShapeMismatch` for another number of vertices, `InvalidInput` for displacements that are not finite.
+    pub fn pose_of(&self, moved: ArrayView2<'_, f32>) -> Result<[[f32; 3]; LANDMARKS]> {
+        let vertices = self.mesh.positions.len();
+        if moved.dim() != (vertices, 3) {
+            return Err(Error::ShapeMismatch {
+                what: "displacements of a pose",
+                expected: format!("[{vertices}, 3]"),
+                got: format!("{:?}", moved.dim()),
+            });
+        }
+        if let Some(((vertex, _), x)) = moved.indexed_iter().find(|(_, x)| !x.is_finite()) {
+            return Err(Error::InvalidInput(format!(
+                "displacements of a pose: expected finite numbers, got {x} at vertex {vertex}"
+            )));
+        }
+        let marks = self.landmarks.vertices.map(|v| v as usize);
+        let own = moved.select(Axis(0), &marks).insert_axis(Axis(0));
+        let mut pose = self.to_canonical.displacements_to_canonical(own.view());
+        self.openings().to_canonical(&mut pose);
+        Ok(std::array::from_fn(|n| {
+            std::array::from_fn(|axis| pose[[0, n, axis]])
+        }))
     }
 
     fn openings(&self) -> &Openings {

@@ -14,7 +14,7 @@ use super::{COEFFICIENTS, Head, OneHead, ScanFit, ScanOptions, Trunks};
 use crate::{
     Error, Result,
     cache::{Arrays, Cache},
-    deform::{PointGrid, binding::Follows},
+    deform::{CodeField, PointGrid, binding::Follows, fade},
     face::Face,
     ibug::LANDMARKS,
     mesh::{
@@ -40,12 +40,8 @@ const FOUND_M: f32 = 2e-5;
 const SIMPLE_STEPS: usize = 8;
 const NEWTON_STEPS: usize = 4;
 const DIFFERENCE_M: f32 = 5e-4;
-/// Lids and lips keep to their landmarks, which know better when they touch: nearer to one than the first nothing
-/// follows the field, farther than the second all does; metres.
-const TOUCHING_M: f32 = 8e-3;
-const BEYOND_M: f32 = 3e-2;
-/// How often shares are evened out between neighbours.
-const EVENED: usize = 6;
+/// Nearer to lids and lips than the first nothing follows the field, farther than the second all does; metres.
+const BEYOND_M: (f32, f32) = (8e-3, 3e-2);
 
 /// How far the field moves a mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -199,11 +195,19 @@ impl HeadOnMesh {
         out
     }
 
-    /// How the landmarks of the mean head move from rest under codes `[t, X]`: `[t, 68, 3]`, canonical metres.
-    ///
-    /// # Errors
-    /// `InvalidInput` for codes of another length or that are not finite.
-    pub fn mean_landmarks(&self, codes: ArrayView2<'_, f32>) -> Result<Array3<f32>> {
+    /// Displacements of followers from rest, mesh units and axes.
+    fn moved(&self, code: &[f32]) -> Result<Vec<[f32; 3]>> {
+        let back = self.placed.fit.to_head.inverse();
+        let scale = back.scale as f32;
+        let moved = self.points.at(&self.head, code)?;
+        let by = |(to, from): ([f32; 3], &[f32; 3])| back.rotate(sub(to, *from)).map(|x| scale * x);
+        Ok(moved.into_iter().zip(&self.at_rest).map(by).collect())
+    }
+}
+
+impl CodeField for HeadOnMesh {
+    /// Of the mean head.
+    fn landmarks(&self, codes: ArrayView2<'_, f32>) -> Result<Array3<f32>> {
         let mut out = Array3::zeros((codes.nrows(), LANDMARKS, 3));
         for (code, mut frame) in codes.rows().into_iter().zip(out.outer_iter_mut()) {
             let moved = self.landmarks.at(&self.head, &code.to_vec())?;
@@ -215,12 +219,7 @@ impl HeadOnMesh {
         Ok(out)
     }
 
-    /// What is to be added to `base` `[t, V, 3]`, motion of the mesh, so that vertices that follow the field go where
-    /// it takes them under codes `[t, X]`: `[t, V, 3]`, mesh units and axes.
-    ///
-    /// # Errors
-    /// `InvalidInput` for codes of another length or that are not finite.
-    pub fn beyond(&self, codes: ArrayView2<'_, f32>, base: &Array3<f32>) -> Result<Array3<f32>> {
+    fn beyond(&self, codes: ArrayView2<'_, f32>, base: &Array3<f32>) -> Result<Array3<f32>> {
         let mut out = Array3::zeros(base.dim());
         let frames = out.axis_iter_mut(Axis(0)).into_par_iter();
         let bases = base.axis_iter(Axis(0)).into_par_iter();
@@ -251,15 +250,6 @@ impl HeadOnMesh {
             })?;
         Ok(out)
     }
-
-    /// Displacements of followers from rest, mesh units and axes.
-    fn moved(&self, code: &[f32]) -> Result<Vec<[f32; 3]>> {
-        let back = self.placed.fit.to_head.inverse();
-        let scale = back.scale as f32;
-        let moved = self.points.at(&self.head, code)?;
-        let by = |(to, from): ([f32; 3], &[f32; 3])| back.rotate(sub(to, *from)).map(|x| scale * x);
-        Ok(moved.into_iter().zip(&self.at_rest).map(by).collect())
-    }
 }
 
 impl Placed {
@@ -284,11 +274,11 @@ impl Placed {
         let mut shares = vec![0.0; skin.is_skin.len()];
         let near = one.distance(&canonical);
         for (n, &v) in own.iter().enumerate() {
-            let way = (FAR_M - near[n].abs()) / (FAR_M - NEAR_M);
-            let share = smooth(way) * beyond_touching(&touching, places[n]);
+            let near = fade::within(near[n].abs(), (NEAR_M, FAR_M));
+            let share = near * fade::beyond(&touching, places[n], BEYOND_M);
             shares[v as usize] = if found[n] { share } else { 0.0 };
         }
-        even_out(&mut shares, &skin.surface.triangles, &own);
+        fade::even_out(&mut shares, &skin.surface.triangles, &own);
         let kept: Vec<usize> = (0..own.len())
             .filter(|&n| found[n] && shares[own[n] as usize] > 0.0)
             .collect();
@@ -337,13 +327,6 @@ impl Placed {
     }
 }
 
-/// 0 on lids and lips, given by points, 1 far from them.
-fn beyond_touching(points: &[[f32; 3]], p: [f32; 3]) -> f32 {
-    let far = points.iter().map(|q| norm(sub(p, *q)));
-    let nearest = far.fold(f32::INFINITY, f32::min);
-    smooth((nearest - TOUCHING_M) / (BEYOND_M - TOUCHING_M))
-}
-
 /// Weights of eq. 12 to 14 at canonical `points`: Gaussians about the mouth and, which is ours, about eyes and brows,
 /// brought to 0 to 1; 1 everywhere without a `sigma_m`.
 fn smoothing(landmarks: &[[f32; 3]], points: &[[f32; 3]], sigma_m: f32) -> Vec<f32> {
@@ -372,32 +355,6 @@ fn centre(points: &[[f32; 3]]) -> [f32; 3] {
 /// A direction of the canonical frame as the fitted head has it.
 fn turn_only(to_head: &Similarity, face: &Face, direction: [f32; 3]) -> [f32; 3] {
     to_head.rotate(face.to_canonical.inverse().rotate(direction))
-}
-
-fn smooth(x: f32) -> f32 {
-    let x = x.clamp(0.0, 1.0);
-    x * x * (3.0 - 2.0 * x)
-}
-
-/// Means over neighbours, some times.
-fn even_out(shares: &mut [f32], triangles: &[[u32; 3]], own: &[u32]) {
-    for _ in 0..EVENED {
-        let mut sums = vec![(0.0, 0.0); shares.len()];
-        for triangle in triangles {
-            let mean = triangle.iter().map(|&v| shares[v as usize]).sum::<f32>() / 3.0;
-            for &v in triangle {
-                sums[v as usize].0 += mean;
-                sums[v as usize].1 += 1.0;
-            }
-        }
-        for &v in own {
-            let (sum, count) = sums[v as usize];
-            if count > 0.0 {
-                // Where the head is far nothing may follow it.
-                shares[v as usize] = shares[v as usize].min(sum / count);
-            }
-        }
-    }
 }
 
 /// Vertices that follow followers: copies at seams, lashes and brows.

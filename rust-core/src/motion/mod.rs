@@ -16,6 +16,7 @@ mod face_modes;
 mod frame_stream;
 mod gaze;
 mod head;
+mod join;
 mod life;
 mod perform;
 mod phrases;
@@ -40,6 +41,7 @@ pub use effort::effort_gain;
 pub use expression::{CausalExpression, EmotionOrigin, Expressions, MODEL as EXPRESSIONS_MODEL};
 pub use face_modes::{FaceModes, MODEL as FACE_MODES_MODEL};
 pub use frame_stream::{LandmarkFrame, MotionStream, stream_whole};
+pub(crate) use join::begin_in;
 pub use life::{Life, LifeStrengths};
 pub use perform::{Cues, Performer};
 pub use redo::Stretch;
@@ -103,16 +105,16 @@ pub struct TemplateClip {
     pub fps: f64,
 }
 
-/// Expression codes of a parametric head, and landmarks that have what codes cannot say: emotions, blinks, closed
-/// lips. A mesh that the head is like moves by the codes, and by as much as the landmarks do otherwise; any other mesh
-/// by the landmarks alone.
+/// Codes of a parametric head, or of what moves a template, and landmarks that have what codes cannot say: emotions,
+/// blinks, closed lips. A mesh moves by the codes, and by as much as the landmarks do otherwise; one that the head is
+/// unlike by the landmarks alone.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CodeClip {
-    /// Name of the head.
+    /// Name of the head, or of the system whose codes these are.
     pub head: String,
     /// `[T, C]`, unitless.
     pub codes: Array2<f32>,
-    /// The landmarks of the mean head, as many frames.
+    /// The landmarks of the mean head or template, as many frames.
     pub landmarks: LandmarkClip,
 }
 
@@ -147,6 +149,15 @@ impl Motion {
         match self {
             Motion::Landmarks(clip) => Some(clip),
             Motion::Codes(clip) => Some(&clip.landmarks),
+            _ => None,
+        }
+    }
+
+    /// The same, to be moved.
+    pub(crate) fn landmarks_mut(&mut self) -> Option<&mut LandmarkClip> {
+        match self {
+            Motion::Landmarks(clip) => Some(clip),
+            Motion::Codes(clip) => Some(&mut clip.landmarks),
             _ => None,
         }
     }

@@ -193,6 +193,19 @@ impl Life {
             gaze: stretch.splice(self.gaze.view(), again.gaze.view(), fps)?,
         })
     }
+
+    /// Some frames of it.
+    ///
+    /// # Panics
+    /// If it has fewer.
+    #[must_use]
+    pub fn frames_of(&self, rows: Range<usize>) -> Life {
+        let slice = Slice::from(rows);
+        Life {
+            head: self.head.slice_axis(Axis(0), slice).to_owned(),
+            gaze: self.gaze.slice_axis(Axis(0), slice).to_owned(),
+        }
+    }
 }
 
 #[cfg(test)]

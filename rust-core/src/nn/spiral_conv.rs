@@ -70,14 +70,13 @@ impl SpiralConv {
         })
     }
 
-    /// The next frame: `row` is `[in]`; returns `[V, out]`.
-    pub fn step(&self, row: &[f32], seen: &mut SeenRows) -> Array2<f32> {
+    /// What time gives to the next frame, `[out]`, the same for every vertex; `row` is `[in]`.
+    pub fn step_in_time(&self, row: &[f32], seen: &mut SeenRows) -> Vec<f32> {
         let delta = self.in_time.len_of(Axis(0));
         if seen.len() == delta {
             seen.pop_front();
         }
         seen.push_back(row.to_vec());
-        let mut out = self.on_surface.index_axis(Axis(0), seen.len()).to_owned();
         let newest = self.in_time.outer_iter().rev();
         let mut moved = vec![0.0f32; self.in_time.len_of(Axis(1))];
         for (weight, row) in newest.zip(seen.iter().rev()) {
@@ -85,12 +84,28 @@ impl SpiralConv {
                 *sum += weight.iter().zip(row).map(|(w, x)| w * x).sum::<f32>();
             }
         }
+        moved
+    }
+
+    /// A frame `[V, out]` of what time gives to it, once so many frames were `seen`, δ at most.
+    pub fn over_surface(&self, in_time: &[f32], seen: usize) -> Array2<f32> {
+        let mut out = self.on_surface.index_axis(Axis(0), seen).to_owned();
         for mut vertex in out.rows_mut() {
-            for (value, moved) in vertex.iter_mut().zip(&moved) {
+            for (value, moved) in vertex.iter_mut().zip(in_time) {
                 *value += moved;
             }
         }
         out
+    }
+
+    /// Channels of a frame.
+    pub fn outputs(&self) -> usize {
+        self.on_surface.len_of(Axis(2))
+    }
+
+    /// δ.
+    pub fn delta(&self) -> usize {
+        self.in_time.len_of(Axis(0))
     }
 }
 
@@ -122,7 +137,8 @@ mod tests {
         let mut seen = SeenRows::new();
         for t in 0..6 {
             let row: Vec<f32> = (0..inputs).map(|i| time(t, i)).collect();
-            let made = conv.step(&row, &mut seen);
+            let made = conv.step_in_time(&row, &mut seen);
+            let made = conv.over_surface(&made, seen.len());
             for v in 0..vertices {
                 for o in 0..outputs {
                     let mut expected = bias[o];

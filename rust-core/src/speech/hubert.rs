@@ -24,6 +24,15 @@ impl Hubert {
         Ok(Hubert { encoder })
     }
 
+    /// The same with what the convolutions hear brought to so many frames a second before the transformer; `None`
+    /// leaves it at their own rate.
+    #[must_use]
+    pub fn resampled(self, fps: Option<f64>) -> Self {
+        Hubert {
+            encoder: self.encoder.resampled(fps),
+        }
+    }
+
     /// Every hidden state of `samples`, `[S]` at 16 kHz, taken as they are and in one piece.
     ///
     /// # Errors

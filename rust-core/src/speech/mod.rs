@@ -50,12 +50,16 @@ pub struct FeatureTrack {
 }
 
 /// Which speech features a model was trained with; a part of its `config.json`.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SpeechInput {
     /// Name of the encoder: "compact_speech", "hubert" or "wav2vec2".
     pub encoder: String,
     /// Channels `C` of its features.
     pub channels: usize,
+    /// Motion frames a second to which HuBERT and wav2vec2 bring what their convolutions hear before the transformer;
+    /// without it the output of the transformer is brought there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transformer_fps: Option<f64>,
 }
 
 /// Turns sound into features.
@@ -104,11 +108,17 @@ pub fn open(
     models: Option<&Path>,
 ) -> Result<Box<dyn SpeechEncoder>> {
     let name = wanted.map_or(COMPACT_MODEL.name, |input| &input.encoder);
+    let fps = wanted.and_then(|input| input.transformer_fps);
+    if let Some(fps) = fps.filter(|fps| !(*fps > 0.0 && fps.is_finite())) {
+        return Err(Error::Weights(format!(
+            "config.json: speech: transformer_fps: expected a positive number, got {fps}"
+        )));
+    }
     let encoder = match (checkpoint, models) {
-        (Some(checkpoint), _) => from_folder(checkpoint, None)?,
+        (Some(checkpoint), _) => from_folder(checkpoint, None, fps)?,
         (None, _) if name == COMPACT_MODEL.name => Box::new(compact(models)?),
         (None, Some(models)) if models.join(name).is_dir() => {
-            from_folder(&models.join(name), None)?
+            from_folder(&models.join(name), None, fps)?
         }
         _ => {
             return Err(Error::Weights(format!(
@@ -139,12 +149,17 @@ pub const CHECKPOINTS: [&str; 2] = ["hubert", "wav2vec2"];
 /// Reads HuBERT or wav2vec2 from a Hugging Face folder, as its `config.json` says; the weights
 /// stand in `model.safetensors` or, with the feature `checkpoints`, in `pytorch_model.bin`.
 ///
-/// `layer` chooses a hidden state: 0 stands before the first layer; `None` is the output.
+/// `layer` chooses a hidden state: 0 stands before the first layer; `None` is the output. `transformer_fps` is that
+/// of [`SpeechInput`].
 ///
 /// # Errors
 /// `Io` if a file cannot be read; `Weights` if one is damaged, they do not fit each other, or the
 /// folder holds another model; `InvalidInput` for a layer that is not there.
-pub fn from_folder(folder: &Path, layer: Option<usize>) -> Result<Box<dyn SpeechEncoder>> {
+pub fn from_folder(
+    folder: &Path,
+    layer: Option<usize>,
+    transformer_fps: Option<f64>,
+) -> Result<Box<dyn SpeechEncoder>> {
     #[derive(serde::Deserialize)]
     struct Kind {
         model_type: String,
@@ -154,8 +169,14 @@ pub fn from_folder(folder: &Path, layer: Option<usize>) -> Result<Box<dyn Speech
     let kind: Kind =
         serde_json::from_str(&text).map_err(|e| Error::Weights(format!("config.json: {e}")))?;
     match kind.model_type.as_str() {
-        "hubert" => Ok(Box::new(hubert::Hubert::load_folder(folder, layer)?)),
-        "wav2vec2" => Ok(Box::new(wav2vec2::Wav2Vec2::load_folder(folder, layer)?)),
+        "hubert" => {
+            let encoder = hubert::Hubert::load_folder(folder, layer)?;
+            Ok(Box::new(encoder.resampled(transformer_fps)))
+        }
+        "wav2vec2" => {
+            let encoder = wav2vec2::Wav2Vec2::load_folder(folder, layer)?;
+            Ok(Box::new(encoder.resampled(transformer_fps)))
+        }
         other => Err(Error::Weights(format!(
             "config.json: model_type: expected hubert or wav2vec2, got {other}"
         ))),

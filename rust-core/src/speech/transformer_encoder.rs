@@ -4,15 +4,16 @@
 //! where it is there, `preprocessor_config.json`. The two networks compute the same function;
 //! they differ in training and in a few names.
 
-use std::path::Path;
+use std::{ops::Range, path::Path};
 
 use ndarray::{Array1, Array2, ArrayRef2, Axis, Slice};
 use rayon::prelude::*;
 
 use super::{
-    FeatureTrack,
+    FeatureTrack, at_motion_frames,
     conv_features::ConvFeatures,
     encoder_config::{EncoderConfig, read_preprocessor},
+    frames_of,
 };
 use crate::{
     Error, Result,
@@ -40,6 +41,8 @@ pub(super) struct TransformerEncoder {
     normalise: bool,
     /// What [`TransformerEncoder::encode`] returns.
     chosen: Chosen,
+    /// Frames a second that the transformer works on; `None` for those of the convolutions.
+    transformer_fps: Option<f64>,
     features: ConvFeatures,
     projection_norm: Option<LayerNorm>,
     projection: Linear,
@@ -119,6 +122,7 @@ impl TransformerEncoder {
         Ok(TransformerEncoder {
             normalise,
             chosen: layer.map_or(Chosen::Output, Chosen::Layer),
+            transformer_fps: None,
             features: ConvFeatures::load(&weights.pp("feature_extractor"), &config)?,
             projection_norm: match config.feat_proj_layer_norm {
                 true => Some(LayerNorm::load(
@@ -150,12 +154,22 @@ impl TransformerEncoder {
         Ok(self)
     }
 
+    /// Brings what the convolutions hear to so many frames a second before projection and transformer, linear between
+    /// neighbours, as FaceFormer does (Fan et al. 2022, section 3.2) and others after it; what is encoded has that rate.
+    ///
+    /// Differs: frame `t` is what is heard at `t / fps` seconds, where the authors stretch all that was heard over all
+    /// frames, which by the end of a clip is off by half a frame or so.
+    pub fn resampled(mut self, fps: Option<f64>) -> Self {
+        self.transformer_fps = fps;
+        self
+    }
+
     /// Channels of the hidden states.
     pub fn channels(&self) -> usize {
         self.config.hidden_size
     }
 
-    /// The chosen hidden state at the encoder's own rate.
+    /// The chosen hidden state at the rate that the transformer works on.
     ///
     /// Long sounds are encoded in spans of 30 s with 2 s of context on either side, so that cost
     /// grows with their length and not with its square. Where the first convolution normalises over
@@ -165,32 +179,82 @@ impl TransformerEncoder {
             true => unit_variance(&waveform.samples),
             false => waveform.samples.clone(),
         };
-        let (hop, field) = (self.features.hop(), self.features.receptive_field());
         self.check_length(&samples)?;
-        let frames = (samples.len() - field) / hop + 1;
+        let heard = self.heard_frames(samples.len());
+        let (rate_hz, first_s) = match self.transformer_fps {
+            Some(fps) => (fps, 0.0),
+            None => self.heard_instants(),
+        };
+        let frames = match self.transformer_fps {
+            Some(fps) => frames_of(waveform.duration_s(), fps),
+            None => heard,
+        };
         let mut features = Array2::zeros((frames, self.channels()));
         for start in (0..frames).step_by(SPAN) {
             let end = (start + SPAN).min(frames);
             let first = start.saturating_sub(CONTEXT);
             let last = (end + CONTEXT).min(frames);
-            // The first convolution's norm sees the samples after the last whole frame too.
-            let until = match last == frames {
-                true => samples.len(),
-                false => (last - 1) * hop + field,
+            let x = match self.transformer_fps {
+                None => self.convolved(&samples, first..last),
+                Some(fps) => self.convolved_at(&samples, first..last, (fps, last == frames)),
             };
-            let state = self.chosen_state(&samples[first * hop..until]);
+            let state = self.chosen_state(x);
             let inner = Slice::from(start - first..end - first);
             features
                 .slice_axis_mut(Axis(0), Slice::from(start..end))
                 .assign(&state.slice_axis(Axis(0), inner));
         }
-        let rate_hz = f64::from(SAMPLE_RATE_HZ) / hop as f64;
-        let first_s = 0.5 * field as f64 / f64::from(SAMPLE_RATE_HZ);
         Ok(FeatureTrack {
             features,
             rate_hz,
             first_s,
         })
+    }
+
+    /// Frames that the convolutions hear in so many samples.
+    fn heard_frames(&self, samples: usize) -> usize {
+        (samples - self.features.receptive_field()) / self.features.hop() + 1
+    }
+
+    /// Frames a second that the convolutions hear, and the second at which the first stands.
+    fn heard_instants(&self) -> (f64, f64) {
+        let (hop, field) = (self.features.hop(), self.features.receptive_field());
+        let rate_hz = f64::from(SAMPLE_RATE_HZ) / hop as f64;
+        (rate_hz, 0.5 * field as f64 / f64::from(SAMPLE_RATE_HZ))
+    }
+
+    /// What the convolutions hear in some of their frames, `[t, conv_dim.last()]`.
+    fn convolved(&self, samples: &[f32], frames: Range<usize>) -> Array2<f32> {
+        let (hop, field) = (self.features.hop(), self.features.receptive_field());
+        // The first convolution's norm sees the samples after the last whole frame too.
+        let until = match frames.end == self.heard_frames(samples.len()) {
+            true => samples.len(),
+            false => (frames.end - 1) * hop + field,
+        };
+        self.features.forward(&samples[frames.start * hop..until])
+    }
+
+    /// The same at some frames of another rate; `is_last` says whether the sound ends with them.
+    fn convolved_at(
+        &self,
+        samples: &[f32],
+        frames: Range<usize>,
+        (fps, is_last): (f64, bool),
+    ) -> Array2<f32> {
+        let heard = self.heard_frames(samples.len());
+        let (rate_hz, first_s) = self.heard_instants();
+        let place = |frame: usize| ((frame as f64 / fps - first_s) * rate_hz).max(0.0) as usize;
+        let first = place(frames.start).min(heard - 1);
+        let last = match is_last {
+            true => heard,
+            false => (place(frames.end - 1) + 2).min(heard),
+        };
+        let track = FeatureTrack {
+            features: self.convolved(samples, first..last),
+            rate_hz,
+            first_s: first_s + first as f64 / rate_hz - frames.start as f64 / fps,
+        };
+        at_motion_frames(&track, frames.len(), fps)
     }
 
     fn check_length(&self, samples: &[f32]) -> Result<()> {
@@ -203,19 +267,19 @@ impl TransformerEncoder {
         }
     }
 
-    fn chosen_state(&self, samples: &[f32]) -> Array2<f32> {
+    fn chosen_state(&self, x: Array2<f32>) -> Array2<f32> {
         match &self.chosen {
-            Chosen::Output => self.run(samples, self.layers.len(), &mut |_| ()),
+            Chosen::Output => self.run(x, self.layers.len(), &mut |_| ()),
             Chosen::Layer(layer) => {
                 let mut last = Array2::zeros((0, 0));
-                self.run(samples, *layer, &mut |state| last = state.to_owned());
+                self.run(x, *layer, &mut |state| last = state.to_owned());
                 last
             }
             Chosen::Mixed(shares) => {
                 let (last, before) = shares.split_last().expect("a share of the output");
                 let mut before = before.iter();
                 let mut sum: Option<Array2<f32>> = None;
-                let output = self.run(samples, self.layers.len(), &mut |state| {
+                let output = self.run(x, self.layers.len(), &mut |state| {
                     if let Some(share) = before.next() {
                         let sum = sum.get_or_insert_with(|| Array2::zeros(state.dim()));
                         sum.scaled_add(*share, state);
@@ -226,24 +290,24 @@ impl TransformerEncoder {
         }
     }
 
-    /// Every hidden state of a sound that is already normalised, in one piece.
+    /// Every hidden state of a sound that is already normalised, in one piece, at the convolutions' rate.
     pub fn hidden_states(&self, samples: &[f32]) -> Result<HiddenStates> {
         self.check_length(samples)?;
         let mut hidden = Vec::new();
-        let output = self.run(samples, self.layers.len(), &mut |state| {
+        let heard = self.features.forward(samples);
+        let output = self.run(heard, self.layers.len(), &mut |state| {
             hidden.push(state.to_owned());
         });
         Ok(HiddenStates { hidden, output })
     }
 
-    /// Runs `layers` layers, shows every hidden state and returns the output.
+    /// Runs `layers` layers on what the convolutions hear, shows every hidden state and returns the output.
     fn run(
         &self,
-        samples: &[f32],
+        mut x: Array2<f32>,
         layers: usize,
         show: &mut dyn FnMut(&ArrayRef2<f32>),
     ) -> Array2<f32> {
-        let mut x = self.features.forward(samples);
         if let Some(norm) = &self.projection_norm {
             norm.forward_in_place(&mut x);
         }

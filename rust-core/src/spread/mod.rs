@@ -1,12 +1,13 @@
 //! How motion of each kind reaches a mesh.
 //!
-//! Landmarks move it through a [`Deformer`], weights through the shapes of its own [`Rig`]. Motion of a
-//! template's vertices needs a correspondence, codes a field: both kinds are carried this far and are
-//! refused here until a system brings them. A [`Spread`] makes any stretch of frames; [`into_sink`]
+//! Landmarks move it through a [`Deformer`], weights through the shapes of its own [`Rig`], codes through landmarks
+//! and a [`CodeField`] beside them. Motion of a template's vertices alone is refused: the template of a system that
+//! gives codes moves vertices by [`TemplateOnFace`]. A [`Spread`] makes any stretch of frames; [`into_sink`]
 //! hands them over block by block, so that a long take on a large mesh never lies in memory whole.
 
 mod on_face;
 mod sink;
+mod template_on_face;
 
 use std::{borrow::Cow, ops::Range};
 
@@ -15,9 +16,8 @@ use rayon::prelude::*;
 
 use crate::{
     Error, Result,
-    deform::Deformer,
+    deform::{CodeField, Deformer},
     face::Face,
-    head::HeadOnMesh,
     ibug::LANDMARKS,
     mesh::{Mesh, Mouth},
     motion::{LipGaps, Motion, WeightClip},
@@ -26,6 +26,7 @@ use crate::{
 };
 pub use on_face::on_face;
 pub use sink::{Animation, ClipStart, Collector, FrameSink, LandmarkTrack, frames_at_once};
+pub use template_on_face::TemplateOnFace;
 
 /// Motion on its way to one mesh.
 pub struct Spread<'a> {
@@ -39,8 +40,13 @@ pub struct Spread<'a> {
 enum Way<'a> {
     /// Landmark displacements `[T, 68, 3]`, mesh units and axes.
     Landmarks(&'a dyn Deformer, Array3<f32>),
-    /// The same, and beside it the field of a head that the mesh is like, under codes `[T, X]`.
-    Field(&'a dyn Deformer, Array3<f32>, &'a HeadOnMesh, Array2<f32>),
+    /// The same, and beside it what codes `[T, X]` say of the vertices.
+    Field(
+        &'a dyn Deformer,
+        Array3<f32>,
+        &'a dyn CodeField,
+        Array2<f32>,
+    ),
     /// Shapes of this mesh and their weights over time.
     Shapes(WeightedShapes<'a>),
     /// Two motions of one length, and how much each vertex has of either, `[V]`.
@@ -101,7 +107,7 @@ impl<'a> Spread<'a> {
         }
     }
 
-    /// The same, and vertices moved by the field of a head under the codes `[T, X]` that the motion came from.
+    /// The same, and vertices moved by a field under the codes `[T, X]` that the motion came from.
     ///
     /// # Errors
     /// `ShapeMismatch` for another number of frames.
@@ -110,7 +116,7 @@ impl<'a> Spread<'a> {
         deformer: &'a dyn Deformer,
         landmarks: Array3<f32>,
         fps: f64,
-        (field, codes): (&'a HeadOnMesh, ArrayView2<'_, f32>),
+        (field, codes): (&'a dyn CodeField, ArrayView2<'_, f32>),
     ) -> Result<Spread<'a>> {
         let frames = landmarks.len_of(Axis(0));
         if codes.nrows() != frames {
@@ -184,7 +190,7 @@ impl<'a> Spread<'a> {
             Way::Field(deformer, landmarks, field, codes) => {
                 let rows = Slice::from(range);
                 let codes = codes.slice_axis(Axis(0), rows);
-                let base = self.face.own_motion(field.mean_landmarks(codes)?.view());
+                let base = self.face.own_motion(field.landmarks(codes)?.view());
                 let base = deformer.deform_freely(base.view(), progress)?;
                 let beside = field.beyond(codes, &base)?;
                 let stretch = landmarks.slice_axis(Axis(0), rows);

@@ -17,10 +17,9 @@ use crate::{
     Error, Result,
     cache::Cache,
     conditions::{Control, ControlStage, Controls, EmotionCurve, MotionRequest},
-    deform::{self, Deformer},
+    deform::{self, CodeField, Deformer},
     face::Face,
-    head::{self, HeadOnMesh},
-    mesh,
+    head, mesh,
     models::BuiltIn,
     motion::{self, LipClosures, Motion, MotionStream, TemplateMask},
     progress::ProgressFn,
@@ -218,7 +217,7 @@ pub trait System: Send + Sync {
         face: &'a Face,
         cache: &Cache,
         progress: ProgressFn<'_>,
-    ) -> Result<Option<&'a HeadOnMesh>> {
+    ) -> Result<Option<&'a dyn CodeField>> {
         let _ = (face, cache, progress);
         Ok(None)
     }

@@ -9,13 +9,15 @@ use anyface::{
     CachePolicy, Engine, EngineOptions, Error, MotionRequest, Result,
     audio::Waveform,
     conditions::{Controls, EmotionCurve},
-    mesh::PartChoices,
+    mesh::{FaceOptions, LandmarkSource, PartChoices},
     motion::Motion,
+    nn::Weights,
     progress::SILENT,
     speech::{FeelingEncoder, FeltVoice},
-    spread::{Collector, FrameSink, SpreadReport},
+    spread::{Collector, FrameSink, SpreadReport, TemplateOnFace},
+    systems::emoface::{EmoFaceConfig, MODEL, read_template},
 };
-use ndarray::{Array3, Axis};
+use ndarray::{Array2, Array3, Axis};
 
 use crate::{head, performance::babble};
 
@@ -63,8 +65,8 @@ fn felt(controls: &[(&str, f32)], emotion: &str) -> MotionRequest {
 fn performed(request: &MotionRequest) -> Result<Array3<f32>> {
     let made = ENGINE.perform(&voice(SECONDS), request, SILENT)?.motion;
     match made {
-        Motion::Landmarks(clip) => Ok(clip.displacements),
-        other => panic!("expected landmarks, got {}", other.kind()),
+        Motion::Codes(clip) => Ok(clip.landmarks.displacements),
+        other => panic!("expected codes, got {}", other.kind()),
     }
 }
 
@@ -136,6 +138,61 @@ fn a_shot_goes_on_from_the_pose_in_which_another_ended() {
         .index_axis(ndarray::Axis(0), last)
         .mapv(f32::abs);
     assert!(1e3 * apart.mean().unwrap() < 0.5);
+}
+
+/// How far the landmark that moves most goes from each frame to the next, mm.
+fn steps_mm(motion: &Array3<f32>) -> Vec<f32> {
+    let frames = motion.outer_iter();
+    let pairs = frames.clone().zip(frames.skip(1));
+    pairs.map(|(from, to)| largest_mm(&(&to - &from))).collect()
+}
+
+fn largest_mm(moved: &Array2<f32>) -> f32 {
+    let squares = moved.mapv(|x| x * x).sum_axis(Axis(1));
+    1e3 * squares.fold(0.0f32, |most, x| most.max(*x)).sqrt()
+}
+
+#[test]
+fn five_joined_shots_never_jump() {
+    let mut end: Option<Array2<f32>> = None;
+    for (n, emotion) in ["happy", "angry", "neutral:0", "sad", "happy"]
+        .iter()
+        .enumerate()
+    {
+        let pose = end
+            .as_ref()
+            .map(|end| std::array::from_fn(|n| std::array::from_fn(|axis| end[[n, axis]])));
+        // With all that is put on a performance: blinks, accents, effort, closed lips.
+        let request = MotionRequest {
+            fps: 30.0,
+            emotion: EmotionCurve::parse(emotion).unwrap(),
+            controls: Controls::default().with("feeling_from", 1.0),
+            seed: n as u64,
+            starts_from: pose,
+            ..MotionRequest::default()
+        };
+        let sound = voice(2.0 + 0.37 * n as f32);
+        let made = ENGINE.perform(&sound, &request, SILENT).unwrap().motion;
+        let moved = made.landmarks().unwrap().displacements.clone();
+        let steps = steps_mm(&moved);
+        let mut sorted = steps.clone();
+        sorted.sort_by(f32::total_cmp);
+        let fast = sorted[sorted.len() * 99 / 100];
+        if let Some(end) = &end {
+            let jump = largest_mm(&(&moved.index_axis(Axis(0), 0) - end));
+            assert!(jump < 1e-3, "shot {n} jumps by {jump} mm");
+            let begun = steps[..12].iter().fold(0.0f32, |most, x| most.max(*x));
+            assert!(
+                begun <= fast,
+                "shot {n} begins with {begun} mm a frame, 99 %: {fast}"
+            );
+        }
+        end = Some(
+            moved
+                .index_axis(Axis(0), moved.len_of(Axis(0)) - 1)
+                .to_owned(),
+        );
+    }
 }
 
 #[test]
@@ -284,6 +341,84 @@ fn a_mask_mixes_what_is_said_and_what_is_felt_vertex_by_vertex() {
     let refused = Collector::collect(|out| ENGINE.spread_mixed(&face, short, out, SILENT));
     let refused = refused.err().unwrap();
     assert!(matches!(refused, Error::ShapeMismatch { .. }), "{refused}");
+}
+
+#[test]
+fn vertices_follow_the_template_but_for_lips_and_lids() {
+    let face = head::prepared(&head::head(), &head::landmarks(), PartChoices::default());
+    let files = MODEL.open(None).unwrap();
+    let config = EmoFaceConfig::from_json(&files.config).unwrap();
+    let weights = Weights::from_bytes(&files.weights).unwrap();
+    let template = read_template(&weights, &config).unwrap().unwrap();
+    let on_face = TemplateOnFace::new(&face, &template, 1.0).unwrap();
+    let shares = on_face.shares();
+    let at = |landmark: usize| face.landmarks.vertices[landmark] as usize;
+    assert!(
+        (36..68).all(|n| shares[at(n)] < 0.02),
+        "{:?}",
+        shares[at(48)]
+    );
+    // Between a corner of the mouth and the contour lies a cheek.
+    for (corner, contour) in [(48, 3), (54, 13)] {
+        let ends = [corner, contour].map(|n| face.landmarks.positions[n]);
+        let middle: [f32; 3] = std::array::from_fn(|i| 0.5 * (ends[0][i] + ends[1][i]));
+        let far = |p: &[f32; 3]| -> f32 { (0..3).map(|i| (p[i] - middle[i]).powi(2)).sum() };
+        let places = face.mesh.positions.iter().enumerate();
+        let cheek = places
+            .min_by(|a, b| far(a.1).total_cmp(&far(b.1)))
+            .unwrap()
+            .0;
+        assert!(shares[cheek] > 0.9, "{}", shares[cheek]);
+    }
+    // What moves as a whole moves every vertex by its share, and what the landmarks did there is gone.
+    let by = ndarray::arr1(&[1e-3, -2e-3, 5e-4]);
+    let vertices = template.mesh.positions.len();
+    let motion = Array3::from_shape_fn((2, vertices, 3), |(t, _, axis)| t as f32 * by[axis]);
+    let count = face.mesh.positions.len();
+    let base = Array3::from_elem((2, count, 3), 7e-4);
+    let made = &base + &on_face.beyond(motion.view(), &base);
+    let whole = face.to_canonical.displacements_to_mesh(motion.view());
+    for ((t, v, axis), x) in made.indexed_iter() {
+        let expected = shares[v] * whole[[t, 0, axis]] + (1.0 - shares[v]) * 7e-4;
+        assert!(
+            (x - expected).abs() < 1e-6,
+            "{t} {v} {axis}: {x}, {expected}"
+        );
+    }
+    let half = TemplateOnFace::new(&face, &template, 0.5).unwrap();
+    assert!(
+        half.shares()
+            .iter()
+            .zip(shares)
+            .all(|(a, b)| (2.0 * a - b).abs() < 1e-6)
+    );
+}
+
+#[test]
+fn without_the_template_landmarks_alone_move_a_mesh() {
+    let performance = ENGINE
+        .perform(&voice(SECONDS), &felt(&[], "happy"), SILENT)
+        .unwrap();
+    let on = |share: f32| {
+        let options = FaceOptions {
+            landmarks: Some(LandmarkSource::Positions(head::landmarks())),
+            controls: Controls::default().with("template", share),
+            ..FaceOptions::default()
+        };
+        let face = ENGINE.prepare(&head::head(), &options, SILENT).unwrap();
+        let moved = on_head(|out| ENGINE.spread(&face, &performance.motion, out, SILENT));
+        let clip = performance.motion.landmarks().unwrap().clone();
+        let plain = Motion::Landmarks(clip);
+        (
+            moved,
+            on_head(|out| ENGINE.spread(&face, &plain, out, SILENT)),
+        )
+    };
+    let (moved, by_landmarks) = on(0.0);
+    assert_eq!(moved, by_landmarks);
+    let (moved, by_landmarks) = on(1.0);
+    let apart = 1e3 * (&moved - &by_landmarks).fold(0.0f32, |most, x| most.max(x.abs()));
+    assert!((0.2..6.0).contains(&apart), "{apart} mm");
 }
 
 #[test]

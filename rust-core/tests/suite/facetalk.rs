@@ -6,6 +6,7 @@ use anyface::{
     CachePolicy, Engine, EngineOptions, Error, Face, MotionRequest, Result,
     audio::Waveform,
     conditions::Controls,
+    deform::CodeField,
     head::{Head, HeadOnMesh, HeadOptions, MadeHead, Reach, ScanFit},
     mesh::{FaceOptions, LandmarkSource, Mesh, Similarity},
     motion::Motion,

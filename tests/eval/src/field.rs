@@ -16,6 +16,7 @@ use crate::{
 use anyface::{
     Engine, Error, Face, Result,
     cache::{Cache, CachePolicy},
+    deform::CodeField,
     head::{Head, HeadOnMesh, Reach},
     mesh::{FaceOptions, LandmarkSource, Mesh},
     progress::SILENT,
@@ -24,12 +25,12 @@ use anyface::{
 
 const MM_PER_CM: f32 = 10.0;
 /// Vertices of ICT's face, before head and neck, sockets, teeth and eyes.
-const FACE_VERTICES: usize = 9409;
+pub(super) const FACE_VERTICES: usize = 9409;
 const LIPS_CM: f32 = 0.8;
 const FRAMES: usize = 20;
 const HELD_OUT_EVERY: usize = 10;
 /// Training's own identities come from small seeds.
-const UNSEEN_SEED: u64 = 9_000_000;
+pub(super) const UNSEEN_SEED: u64 = 9_000_000;
 
 /// Measure the field on the vertices of heads that it never saw, beside the decoder of landmarks
 #[derive(Args)]
@@ -41,10 +42,12 @@ pub(super) struct Field {
     heads: u64,
 }
 
-struct Ict {
+/// ICT's face with its modes, centimetres.
+pub(super) struct Ict {
     neutral: Vec<f32>,
     triangles: Vec<[u32; 3]>,
-    landmarks: Vec<u32>,
+    /// Vertex of each landmark.
+    pub(super) landmarks: Vec<u32>,
     identity: Vec<f32>,
     expression: Vec<f32>,
     names: Vec<String>,
@@ -114,7 +117,7 @@ impl Field {
                         .collect::<Vec<_>>(),
                 );
                 let decoded = spread(&engine, &face, marks)?;
-                let mean = field.mean_landmarks(codes.view())?;
+                let mean = field.landmarks(codes.view())?;
                 let landmarked = spread(&engine, &face, face.own_motion(mean.view()))?;
                 let own = &landmarked + &field.beyond(codes.view(), &landmarked)?;
                 let of_known = &landmarked + &known.beyond(codes.view(), &landmarked)?;
@@ -156,30 +159,37 @@ impl Field {
             });
             sets.push((shapes.join(" "), row));
         }
-        let file = TensorFile::read(&data.join("motion/grid_s1/face_track.safetensors"))?;
-        let (weights, shape) = file.floats("weights")?;
-        let (offsets, _) = file.floats("clip_offsets")?;
-        let known = file.words("weight_names")?;
-        let clips = file.words("clips")?;
-        let mut order: Vec<usize> = (0..clips.len()).collect();
-        order.sort_by_key(|c| &clips[*c]);
-        let held_out: Vec<usize> = order
-            .into_iter()
-            .step_by(HELD_OUT_EVERY)
-            .take(FRAMES)
-            .collect();
-        let spoken = Array2::from_shape_fn((held_out.len(), channels.len()), |(t, n)| {
-            let frame = ((offsets[held_out[t]] + offsets[held_out[t] + 1]) / 2.0) as usize;
-            let column = known.iter().position(|name| *name == channels[n]);
-            column.map_or(0.0, |c| weights[frame * shape[1] + c] / 255.0)
-        });
-        sets.push(("grid_s1, held out".into(), spoken));
+        sets.push(("grid_s1, held out".into(), spoken(data, channels)?));
         Ok(sets)
     }
 }
 
+/// Weights `[T, M]` of channels in the middle of some of grid_s1's clips that are held out.
+pub(super) fn spoken(data: &Path, channels: &[String]) -> Result<Array2<f32>> {
+    let file = TensorFile::read(&data.join("motion/grid_s1/face_track.safetensors"))?;
+    let (weights, shape) = file.floats("weights")?;
+    let (offsets, _) = file.floats("clip_offsets")?;
+    let known = file.words("weight_names")?;
+    let clips = file.words("clips")?;
+    let mut order: Vec<usize> = (0..clips.len()).collect();
+    order.sort_by_key(|c| &clips[*c]);
+    let held_out: Vec<usize> = order
+        .into_iter()
+        .step_by(HELD_OUT_EVERY)
+        .take(FRAMES)
+        .collect();
+    Ok(Array2::from_shape_fn(
+        (held_out.len(), channels.len()),
+        |(t, n)| {
+            let frame = ((offsets[held_out[t]] + offsets[held_out[t] + 1]) / 2.0) as usize;
+            let column = known.iter().position(|name| *name == channels[n]);
+            column.map_or(0.0, |c| weights[frame * shape[1] + c] / 255.0)
+        },
+    ))
+}
+
 /// Landmark motion `[T, 68, 3]` of the mesh's own through the decoder.
-fn spread(engine: &Engine, face: &Face, landmarks: Array3<f32>) -> Result<Array3<f32>> {
+pub(super) fn spread(engine: &Engine, face: &Face, landmarks: Array3<f32>) -> Result<Array3<f32>> {
     let into = |sink: &mut dyn FrameSink| engine.spread_own(face, landmarks, 1.0, sink, SILENT);
     Ok(Collector::collect(into)?.vertices.displacements)
 }
@@ -202,7 +212,7 @@ impl Sum {
 }
 
 impl Ict {
-    fn read(data: &Path) -> Result<Ict> {
+    pub(super) fn read(data: &Path) -> Result<Ict> {
         let file = TensorFile::read(&data.join("faces/ict_facekit.safetensors"))?;
         let (triangles, _) = file.floats("triangles")?;
         let (landmarks, _) = file.floats("landmarks68")?;
@@ -217,7 +227,7 @@ impl Ict {
         })
     }
 
-    fn mesh(&self, coefficients: &[f32]) -> Result<Mesh> {
+    pub(super) fn mesh(&self, coefficients: &[f32]) -> Result<Mesh> {
         let mut positions = self.neutral.clone();
         let size = positions.len();
         for (mode, c) in self.identity.chunks_exact(size).zip(coefficients) {
@@ -233,7 +243,7 @@ impl Ict {
     }
 
     /// `[FACE_VERTICES]`, whether a vertex lies near the mouth.
-    fn lips(&self, mesh: &Mesh) -> Vec<bool> {
+    pub(super) fn lips(&self, mesh: &Mesh) -> Vec<bool> {
         let at = |v: u32| mesh.positions[v as usize];
         let near = |p: [f32; 3], q: [f32; 3]| {
             (0..3).map(|i| (p[i] - q[i]).powi(2)).sum::<f32>() < LIPS_CM * LIPS_CM
@@ -243,8 +253,21 @@ impl Ict {
             .collect()
     }
 
+    /// ARKit's shapes without their sides, each once.
+    pub(super) fn shapes(&self) -> Vec<String> {
+        let plain = |name: &String| {
+            name.trim_end_matches("_L")
+                .trim_end_matches("_R")
+                .to_owned()
+        };
+        let mut shapes: Vec<String> = self.names.iter().map(plain).collect();
+        shapes.sort_unstable();
+        shapes.dedup();
+        shapes
+    }
+
     /// ICT's own motion under weights `[T, M]`, `[T, V, 3]` centimetres.
-    fn moved(&self, channels: &[String], weights: &Array2<f32>) -> Array3<f32> {
+    pub(super) fn moved(&self, channels: &[String], weights: &Array2<f32>) -> Array3<f32> {
         let size = self.neutral.len();
         let mut out = Array3::zeros((weights.nrows(), size / 3, 3));
         for (row, mut frame) in weights.outer_iter().zip(out.outer_iter_mut()) {

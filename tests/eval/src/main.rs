@@ -12,6 +12,7 @@ mod ict;
 mod pictures;
 mod quality;
 mod stopwatch;
+mod template;
 mod tensors;
 
 use std::process::ExitCode;
@@ -38,6 +39,7 @@ enum Command {
     Gallery(gallery::Gallery),
     Bench(bench::Bench),
     Field(field::Field),
+    Template(template::Template),
 }
 
 fn main() -> ExitCode {
@@ -60,6 +62,7 @@ impl Arguments {
             Command::Gallery(command) => command.run(&self.shared, &console),
             Command::Bench(command) => command.run(&self.shared, &console),
             Command::Field(command) => command.run(&self.shared, &console),
+            Command::Template(command) => command.run(&self.shared, &console),
         }
     }
 }
@@ -79,6 +82,7 @@ mod tests {
         for line in [
             "anyface-eval quality --data D --limit 3 --json",
             "anyface-eval field --data D --heads 2",
+            "anyface-eval template --data D --heads 2",
             "anyface-eval quality --aligned A --also B --report R.md --long",
             "anyface-eval quality --data D --weights W --quick --also B --beside cafe-talk --beside emoface",
             "anyface-eval quality --data D --aligned A --only closures",

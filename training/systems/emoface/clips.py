@@ -68,8 +68,9 @@ def of_corpus(arguments, config: EmoFaceConfig) -> list[Spoken]:
     """Clips of a corpus folder; tells `config` their speakers and how they are heard."""
     feeling = load_feeling(arguments.feeling)
     if arguments.hubert is not None:
-        features = HubertFeatures(arguments.hubert)
-        config.speech = SpeechInput(features.kind, features.channels)
+        # FaceFormer's order of steps where the size asks for it, at the rate of all clips here.
+        features = HubertFeatures(arguments.hubert, FPS if config.speech.transformer_fps else None)
+        config.speech = SpeechInput(features.kind, features.channels, features.transformer_fps)
         hears = lambda samples, frames: features(torch.from_numpy(samples), frames)  # noqa: E731
     else:
         encoder = load_encoder(SHIPPED_ENCODER).eval()

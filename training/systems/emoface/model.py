@@ -228,7 +228,7 @@ def paper_config(vertices: int = 5023) -> EmoFaceConfig:
     """FLAME's vertices, wav2vec2's 768 channels twice, 30 fps (§4, appendix A.1); width: FaceFormer's."""
     return EmoFaceConfig(
         name="paper", template="own", vertices=vertices, fps=30.0, period=30, width=64, channels=768,
-        speech=SpeechInput("wav2vec2", 768), feeling_channels=768,
+        speech=SpeechInput("wav2vec2", 768, transformer_fps=30.0), feeling_channels=768,
     )  # fmt: skip
 
 

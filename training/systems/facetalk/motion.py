@@ -25,10 +25,11 @@ PLACES = 3
 
 @dataclass
 class SpeechInput:
-    """Which encoder feeds the model."""
+    """Which encoder feeds the model; `transformer_fps` is that of `training.speech.hubert.HubertFeatures`."""
 
     encoder: str = "compact_speech"
     channels: int = 192
+    transformer_fps: float | None = None
 
 
 @dataclass

@@ -65,6 +65,16 @@ impl Openings {
     /// Lets lids travel as far as these eyes are open, and not at all where they are sculpted shut.
     /// `moved`: `[T, 68, 3]`, canonical metres.
     pub(crate) fn to_own(&self, moved: &mut Array3<f32>) {
+        self.travel(moved, |height| height / CANONICAL_WAY_CM);
+    }
+
+    /// The way back of [`Openings::to_own`]; lids that are sculpted shut rest.
+    pub(crate) fn to_canonical(&self, moved: &mut Array3<f32>) {
+        self.travel(moved, |height| CANONICAL_WAY_CM / height);
+    }
+
+    /// Makes lids travel so many times as far, told by the height of an opening in centimetres.
+    fn travel(&self, moved: &mut Array3<f32>, times: impl Fn(f32) -> f32) {
         for mut frame in moved.outer_iter_mut() {
             for (eye, marks) in self.0.iter().zip(&EYES) {
                 let Some(eye) = eye else {
@@ -76,7 +86,7 @@ impl Openings {
                 }
                 for ((upper, lower), height) in marks.pairs.into_iter().zip(eye.heights) {
                     let closing = frame[[lower, 1]] - frame[[upper, 1]];
-                    let more = closing * (height / CANONICAL_WAY_CM - 1.0);
+                    let more = closing * (times(height) - 1.0);
                     frame[[upper, 1]] -= UPPER_SHARE * more;
                     frame[[lower, 1]] += (1.0 - UPPER_SHARE) * more;
                 }

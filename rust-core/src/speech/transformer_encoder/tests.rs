@@ -80,7 +80,7 @@ fn folder_with_a_head_and_old_names_gives_the_same_numbers() {
     });
     let preprocessor = r#"{"do_normalize": false, "sampling_rate": 16000}"#;
     std::fs::write(folder.path().join("preprocessor_config.json"), preprocessor).unwrap();
-    let encoder = from_folder(folder.path(), None).unwrap();
+    let encoder = from_folder(folder.path(), None, None).unwrap();
     let waveform = Waveform {
         samples: golden.values("input"),
     };
@@ -98,7 +98,7 @@ fn folder_of_pytorch_gives_the_same_numbers() {
     std::fs::remove_file(folder.path().join("model.safetensors")).unwrap();
     let pytorch = folder.path().join("pytorch_model.bin");
     std::fs::copy(path_of("hubert_tiny.bin"), pytorch).unwrap();
-    let encoder = from_folder(folder.path(), None).unwrap();
+    let encoder = from_folder(folder.path(), None, None).unwrap();
     let samples = golden.values("input");
     let track = encoder.encode(&Waveform { samples }).unwrap();
     assert!(distance(&track.features, &golden.values("output")) < 1e-2);
@@ -130,7 +130,7 @@ fn damaged_folders_are_weights_errors() {
     let path = whole.path().join("model.safetensors");
     let bytes = std::fs::read(&path).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-    let message = |folder: &tempfile::TempDir| match from_folder(folder.path(), None).err() {
+    let message = |folder: &tempfile::TempDir| match from_folder(folder.path(), None, None).err() {
         Some(Error::Weights(message)) => message,
         other => panic!("{other:?}"),
     };
@@ -155,7 +155,7 @@ fn damaged_folders_are_weights_errors() {
 
 #[test]
 fn missing_folder_is_an_io_error_and_short_sound_an_audio_error() {
-    let missing = from_folder(Path::new("/nonexistent"), None);
+    let missing = from_folder(Path::new("/nonexistent"), None, None);
     assert!(matches!(missing.err(), Some(Error::Io { .. })));
     let golden = Golden::open("hubert_tiny");
     let short = Waveform {
@@ -202,4 +202,41 @@ fn damaged_folders_are_refused_or_encode() {
             let _ = encoder.map(|encoder| encoder.encode(&Waveform { samples }));
         }
     }
+}
+
+#[test]
+fn the_rate_may_be_changed_before_the_transformer() {
+    let resampled = Golden::open("resampled_speech");
+    let fps: f64 = resampled.metadata("fps").parse().unwrap();
+    for name in ["hubert_tiny", "wav2vec2_tiny", "wav2vec2_stable_tiny"] {
+        let golden = Golden::open(name);
+        let encoder = encoder(&golden, None).resampled(Some(fps));
+        let samples = golden.values("input");
+        let track = encoder.encode(&Waveform { samples }).unwrap();
+        assert_eq!((track.rate_hz, track.first_s), (fps, 0.0));
+        let error = distance(&track.features, &resampled.values(name));
+        assert!(error < 1e-4, "{name}: {error}");
+    }
+}
+
+#[test]
+fn long_sound_at_another_rate_is_encoded_in_spans_too() {
+    let golden = Golden::open("wav2vec2_stable_tiny");
+    let second = golden.values("input");
+    let samples: Vec<f32> = second.iter().cycle().take(16_000 * 70).copied().collect();
+    let heard = encoder(&golden, Some(0));
+    let whole = heard.convolved(&samples, 0..heard.heard_frames(samples.len()));
+    let (rate_hz, first_s) = heard.heard_instants();
+    let track = FeatureTrack {
+        features: whole,
+        rate_hz,
+        first_s,
+    };
+    let mut expected = Array2::zeros((0, 0));
+    let brought = at_motion_frames(&track, 70 * 25, 25.0);
+    heard.run(brought, 0, &mut |state| expected = state.to_owned());
+    let encoder = heard.resampled(Some(25.0));
+    let track = encoder.encode(&Waveform { samples }).unwrap();
+    assert_eq!(track.features.dim(), (70 * 25, 32));
+    assert!(distance(&track.features, &expected) < 1e-4);
 }

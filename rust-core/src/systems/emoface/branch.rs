@@ -71,8 +71,8 @@ impl Branch {
         })
     }
 
-    /// Writes the frame, `[3 V]` in units of the model.
-    pub fn step(&self, frame: Frame<'_>, kept: &mut KeptRows, out: &mut [f32]) {
+    /// Writes the frame, `[3 V]` in units of the model; returns what its last layer made it of, `[d]`.
+    pub fn step(&self, frame: Frame<'_>, kept: &mut KeptRows, out: &mut [f32]) -> Vec<f32> {
         let width = self.motion_in.outputs();
         let (mut x, mut y) = (vec![0.0; width], vec![0.0; width]);
         self.motion_in.forward_row(frame.before, &mut x);
@@ -88,6 +88,7 @@ impl Branch {
         self.linear2.forward_row(&wide, &mut y);
         self.joined(&mut x, &y, 2);
         self.motion_out.forward_row(&x, out);
+        x
     }
 
     /// The layer that makes displacements, `[3 V, d]`.

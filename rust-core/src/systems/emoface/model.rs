@@ -4,7 +4,7 @@
 //! printed there; here it is `M = w ⊙ M^e + (1 − w) ⊙ M^c` with a sigmoid for `w`.
 
 use faer::{Mat, linalg::solvers::Solve};
-use ndarray::{Array1, Array2, ArrayView1, ArrayView2};
+use ndarray::{Array1, Array2, Array3, ArrayView1, ArrayView2, Axis, s};
 
 use super::{
     EmoFaceConfig, Fusion,
@@ -61,6 +61,8 @@ pub struct MadeFrame {
     pub feeling: Vec<f32>,
     /// `w`, 0 to 1.
     pub mask: Vec<f32>,
+    /// All this in few numbers, `[2 d + C/16]`: see [`Model::motion_of`].
+    pub code: Vec<f32>,
 }
 
 /// What is heard and told of one frame.
@@ -95,6 +97,17 @@ pub enum Layer {
     Content,
     /// The emotion branch alone.
     Feeling,
+}
+
+impl Layer {
+    /// What is added to the mask to show this layer: −1 what is said alone, 1 what is felt alone.
+    fn shift(self) -> f32 {
+        match self {
+            Layer::Both => 0.0,
+            Layer::Content => -1.0,
+            Layer::Feeling => 1.0,
+        }
+    }
 }
 
 impl MadeFrame {
@@ -216,6 +229,60 @@ impl Model {
         out
     }
 
+    /// Numbers of a code: what the last layers of both branches take, what time gives to the mask, and the layer.
+    pub fn code_size(&self) -> usize {
+        2 * self.config.width + self.attention.conv.outputs() + 1
+    }
+
+    /// The template's motion under codes `[t, K]` of frames, or of times between them: `[t, V, 3]` metres.
+    ///
+    /// Exact for every frame but the first δ − 1, whose mask is made as if frames had come before.
+    ///
+    /// # Errors
+    /// `ShapeMismatch` for codes of another size.
+    pub fn motion_of(&self, codes: ArrayView2<'_, f32>) -> Result<Array3<f32>> {
+        let (frames, size) = codes.dim();
+        if size != self.code_size() {
+            return Err(Error::ShapeMismatch {
+                what: "codes of emoface",
+                expected: format!("[{frames}, {}]", self.code_size()),
+                got: format!("[{frames}, {size}]"),
+            });
+        }
+        let EmoFaceConfig {
+            vertices,
+            width,
+            scale_m,
+            fusion,
+            ..
+        } = self.config;
+        let made = |branch: &Branch, from: usize| {
+            let hidden = codes.slice(s![.., from..from + width]).to_owned();
+            branch.last_layer().forward(&hidden)
+        };
+        let (content, feeling) = (made(&self.content, 0), made(&self.feeling, width));
+        let mut out = Array3::zeros((frames, vertices, 3));
+        for (t, mut frame) in out.axis_iter_mut(Axis(0)).enumerate() {
+            let shift = codes[[t, size - 1]];
+            let in_time = codes.slice(s![t, 2 * width..size - 1]).to_vec();
+            let shares: Vec<[f32; 2]> = match fusion {
+                Fusion::MeshAttention => {
+                    let mask = self
+                        .attention
+                        .mask_of(&in_time, self.attention.conv.delta());
+                    let believed = mask.iter().map(|w| (w + shift).clamp(0.0, 1.0));
+                    believed.map(|w| [1.0 - w, w]).collect()
+                }
+                Fusion::Sum => vec![[1.0 - shift.max(0.0), 1.0 + shift.min(0.0)]; vertices],
+            };
+            for ((v, axis), x) in frame.indexed_iter_mut() {
+                let at = [t, 3 * v + axis];
+                *x = scale_m * (shares[v][0] * content[at] + shares[v][1] * feeling[at]);
+            }
+        }
+        Ok(out)
+    }
+
     /// What both branches hear, `[channels]` each.
     fn entered(
         &self,
@@ -238,7 +305,11 @@ impl Model {
         let plain = self.style.row(heard.style);
         let level = |row: usize| self.level.row(row);
         let felt = &plain + &(&level(0) * (1.0 - heard.level)) + &(&level(1) * heard.level);
-        let mask = self.attention.step(&content, &feeling, &mut state.seen);
+        let in_time = self
+            .attention
+            .step_in_time(&content, &feeling, &mut state.seen);
+        let mask = self.attention.mask_of(&in_time, state.seen.len());
+        let mut code = Vec::with_capacity(self.code_size());
         let mut made = [vec![0.0; 3 * vertices], vec![0.0; 3 * vertices]];
         let branches = [
             (&self.content, &content, plain.to_vec()),
@@ -253,8 +324,10 @@ impl Model {
                 heard,
                 condition,
             };
-            branch.step(frame, kept, out);
+            code.extend(branch.step(frame, kept, out));
         }
+        code.extend(in_time);
+        code.push(layer.shift());
         let [content, feeling] = made;
         let mixed = |i: usize, w: f32| match self.config.fusion {
             Fusion::MeshAttention => w * feeling[i] + (1.0 - w) * content[i],
@@ -266,6 +339,7 @@ impl Model {
             content,
             feeling,
             mask,
+            code,
         };
         state.before.copy_from_slice(made.layer(layer));
         state.frame += 1;
@@ -302,6 +376,12 @@ impl MeshAttention {
 
     /// The mask of the next frame, `[V]`.
     fn step(&self, content: &[f32], feeling: &[f32], seen: &mut SeenRows) -> Vec<f32> {
+        let in_time = self.step_in_time(content, feeling, seen);
+        self.mask_of(&in_time, seen.len())
+    }
+
+    /// What time gives to the mask of the next frame, `[C/16]`.
+    fn step_in_time(&self, content: &[f32], feeling: &[f32], seen: &mut SeenRows) -> Vec<f32> {
         let quarter = self.content.outputs();
         let mut parts = vec![0.0; 2 * quarter];
         self.content.forward_row(content, &mut parts[..quarter]);
@@ -310,7 +390,12 @@ impl MeshAttention {
         let mut heard = vec![0.0; self.joint.outputs()];
         self.joint.forward_row(&parts, &mut heard);
         gelu_all(&mut heard);
-        let around = self.conv.step(&heard, seen);
+        self.conv.step_in_time(&heard, seen)
+    }
+
+    /// The mask of a frame, `[V]`, once so many were `seen`.
+    fn mask_of(&self, in_time: &[f32], seen: usize) -> Vec<f32> {
+        let around = self.conv.over_surface(in_time, seen);
         let weight = self.out.weight();
         let logit = |row: ArrayView1<'_, f32>| {
             let terms = row.iter().enumerate();
@@ -360,6 +445,43 @@ mod tests {
         let shares = golden.values("shares");
         let prototype = model.prototype(&shares);
         assert!(distance(&prototype, &golden.values("prototype")) < 1e-5);
+    }
+
+    #[test]
+    fn codes_give_the_motion_of_every_layer() {
+        let golden = Golden::open("emoface_debug");
+        let config = EmoFaceConfig::from_json(&golden.metadata("config")).unwrap();
+        let (content, feeling) = (golden.matrix("content"), golden.matrix("feeling"));
+        for fusion in [Fusion::MeshAttention, Fusion::Sum] {
+            let config = EmoFaceConfig {
+                fusion,
+                ..config.clone()
+            };
+            let delta = config.delta;
+            let model = Model::new(config, &golden.weights()).unwrap();
+            for layer in [Layer::Both, Layer::Content, Layer::Feeling] {
+                let mut state = model.start(None).unwrap();
+                for t in 0..content.nrows() {
+                    let heard = HeardFrame {
+                        content: content.row(t),
+                        feeling: feeling.row(t),
+                        style: 0,
+                        level: 1.0,
+                    };
+                    let made = model.step(heard, layer, &mut state);
+                    let code = ArrayView2::from_shape((1, made.code.len()), &made.code).unwrap();
+                    let motion = model.motion_of(code).unwrap();
+                    let apart = distance(motion.as_slice().unwrap(), made.layer(layer));
+                    assert!(
+                        t + 1 < delta || apart < 1e-6,
+                        "{fusion:?} {layer:?}: {apart}"
+                    );
+                }
+            }
+            let few = Array2::zeros((2, 5));
+            let refused = model.motion_of(few.view()).unwrap_err().to_string();
+            assert!(refused.contains("got [2, 5]"), "{refused}");
+        }
     }
 
     #[test]

@@ -10,20 +10,23 @@ use super::{
 };
 use crate::{
     Error, Result,
+    cache::Cache,
     conditions::{
         Control, ControlStage, ControlValues, Controls, EMOTIONS, EmotionCurve, MotionRequest,
         style_number,
     },
-    deform::LEARNED,
+    deform::{CodeField, LEARNED},
+    face::Face,
     ibug::LANDMARKS,
     models::{BuiltIn, built_in},
     motion::{
-        self, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, MotionStream,
+        self, CodeClip, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, MotionStream,
         PERFORMANCE_CONTROLS, Performer, Template, TemplateMask,
     },
     nn::Weights,
     progress::{ProgressFn, report},
     speech::{self, COMPACT_MODEL, CausalModel, FeelingEncoder, Heard, SpeechInput},
+    spread::TemplateOnFace,
     systems::{Registration, Slider, System},
 };
 
@@ -72,7 +75,38 @@ static LAYER: Control = Control {
     ..FEELING_FROM
 };
 
-static OWN_CONTROLS: &[Control] = &[FEELING_FROM, LEVEL, LAYER, LEARNED];
+/// How far vertices follow the template.
+static TEMPLATE: Control = Control {
+    name: "template",
+    label: "Template",
+    help: "How far vertices follow the template's own, which also move what landmarks cannot say, such as the \
+           cheeks; 0 moves them by landmarks alone.",
+    values: ControlValues::Real,
+    high: 1.0,
+    default: 1.0,
+    stage: ControlStage::Face,
+    ..FEELING_FROM
+};
+
+static OWN_CONTROLS: &[Control] = &[FEELING_FROM, LEVEL, LAYER, LEARNED, TEMPLATE];
+
+/// What codes of the branches say of the vertices of a face.
+struct TemplateField {
+    model: Arc<Model>,
+    on_face: TemplateOnFace,
+}
+
+impl CodeField for TemplateField {
+    fn landmarks(&self, codes: ArrayView2<'_, f32>) -> Result<Array3<f32>> {
+        let motion = self.model.motion_of(codes)?;
+        Ok(self.on_face.landmarks(motion.view()))
+    }
+
+    fn beyond(&self, codes: ArrayView2<'_, f32>, base: &Array3<f32>) -> Result<Array3<f32>> {
+        let motion = self.model.motion_of(codes)?;
+        Ok(self.on_face.beyond(motion.view(), base))
+    }
+}
 
 impl Layer {
     /// The one that is asked for.
@@ -201,6 +235,7 @@ impl System for EmoFace {
         let first = request.starts_from.map(|pose| self.model.pose_of(&pose));
         let mut state = self.model.start(first.as_ref().map(|pose| pose.view()))?;
         let mut displacements = Array3::zeros((frames, LANDMARKS, 3));
+        let mut codes = Array2::zeros((frames, self.model.code_size()));
         for (t, mut frame) in displacements.outer_iter_mut().enumerate() {
             report(progress, "sample", t as f32 / frames as f32)?;
             let now = HeardFrame {
@@ -212,12 +247,36 @@ impl System for EmoFace {
             let made = self.model.step(now, layer, &mut state);
             let moved = landmarks(self.config(), made.layer(layer));
             frame.assign(&ArrayView2::from(&moved));
+            codes.row_mut(t).assign(&ArrayView1::from(&made.code));
         }
         report(progress, "sample", 1.0)?;
         let wanted = heard.frames(request.fps);
         let mut clip = LandmarkClip { displacements, fps }.at_rate(request.fps, wanted);
         motion::close_lips(&mut clip, &heard.closures(request.closures.as_deref()));
-        Ok(Motion::Landmarks(clip))
+        Ok(Motion::Codes(CodeClip {
+            head: REGISTRATION.name.into(),
+            codes: motion::at_rate(codes.view(), fps / request.fps, wanted),
+            landmarks: clip,
+        }))
+    }
+
+    fn field<'a>(
+        &self,
+        face: &'a Face,
+        _: &Cache,
+        _: ProgressFn<'_>,
+    ) -> Result<Option<&'a dyn CodeField>> {
+        let share = TEMPLATE.value(&face.options.controls);
+        let Some(template) = self.template.as_ref().filter(|_| share > 0.0) else {
+            return Ok(None);
+        };
+        let made = || {
+            let on_face = TemplateOnFace::new(face, template, share)?;
+            let model = Arc::clone(&self.model);
+            let field: Arc<dyn CodeField> = Arc::new(TemplateField { model, on_face });
+            Ok(Ok(field))
+        };
+        Ok(face.field(made)?.as_ref().ok().map(Arc::as_ref))
     }
 
     fn perform(

@@ -9,7 +9,7 @@ use crate::{
     Error, Result,
     cache::Cache,
     conditions::{Control, ControlStage, ControlValues, Controls, EmotionCurve, MotionRequest},
-    deform::LEARNED,
+    deform::{CodeField, LEARNED},
     diffusion::frame_noise,
     face::Face,
     head::{self, COEFFICIENTS, Head, HeadConfig, HeadOnMesh, Reach},
@@ -230,7 +230,7 @@ impl System for FaceTalk {
         face: &'a Face,
         cache: &Cache,
         progress: ProgressFn<'_>,
-    ) -> Result<Option<&'a HeadOnMesh>> {
+    ) -> Result<Option<&'a dyn CodeField>> {
         let controls = &face.options.controls;
         let reach = Reach {
             share: FIELD.value(controls),
@@ -243,7 +243,7 @@ impl System for FaceTalk {
         // A face unlike any that was learned moves by its landmarks.
         let made = || {
             let field = HeadOnMesh::new(head, face, reach, cache, progress)?;
-            Ok(field.map(Arc::new))
+            Ok(field.map(|field| Arc::new(field) as Arc<dyn CodeField>))
         };
         Ok(face.field(made)?.as_ref().ok().map(Arc::as_ref))
     }
