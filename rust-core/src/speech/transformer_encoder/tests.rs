@@ -196,7 +196,7 @@ fn damaged_folders_are_refused_or_encode() {
             let golden = Golden::open(name);
             let folder = folder(&golden, |all| all);
             damage(&folder.path().join(file), seed);
-            let encoder = from_folder(folder.path(), None);
+            let encoder = from_folder(folder.path(), None, None);
             let samples = golden.values("input");
             // What it says of the sound is looked through where the motion is.
             let _ = encoder.map(|encoder| encoder.encode(&Waveform { samples }));
