@@ -384,7 +384,7 @@ fn no_system_leaves_anything_after_a_signal_at_any_moment() {
 /// The default head with every triangle cut in four so many times, as `head.obj`.
 #[cfg(target_os = "linux")]
 fn head_cut(folder: &Path, times: usize) {
-    let mut mesh = Mesh::read(&crate::head::folder().join("head.obj")).unwrap();
+    let mut mesh = Mesh::read(crate::head::folder().join("head.obj")).unwrap();
     for _ in 0..times {
         mesh = mesh.cut_in_four();
     }
