@@ -546,7 +546,8 @@ extern "C" {
 ///
 /// It is raised when something that existed changes its meaning or goes away. A program that
 /// loads the library at run time stops where this differs from its own `ANYFACE_ABI_VERSION`.
-/// New functions, and new fields at the end of an options struct, do not raise it.
+/// New functions, and new fields at the end of an options struct, do not raise it. It counts from the first release on:
+/// until 0.1.0 is out it is 1 whatever changes, and a program is built anew with each library.
 uint32_t anyface_abi_version(void);
 
 /// Version of the library, such as "0.1.0"; lives as long as the library is loaded.
@@ -1057,8 +1058,8 @@ AnyfaceStatus anyface_emotion_parse(const char *text, float *strengths, AnyfaceE
 ///
 /// `weights_dir`: UTF-8, a folder of models that holds `text_units`, which may read by CLIP, or NULL for the built-in
 /// reader; the last one is kept. `text`: UTF-8. A text that says nothing to a face has no units, and `anyface_expression_hint()` the nearest
-/// that has some. Free with `anyface_expression_free()`. Fails with `ANYFACE_STATUS_WEIGHTS` or
-/// `ANYFACE_STATUS_IO` for a folder that cannot be used.
+/// that has some. Free with `anyface_expression_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a text of more
+/// than 1,000 letters, `ANYFACE_STATUS_WEIGHTS` or `ANYFACE_STATUS_IO` for a folder that cannot be used.
 AnyfaceStatus anyface_expression_new(const char *weights_dir,
                                      const char *text,
                                      AnyfaceExpression **out,
