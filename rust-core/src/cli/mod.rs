@@ -21,6 +21,7 @@ mod signals;
 mod solve;
 mod sounds;
 mod stages;
+mod surface;
 mod units;
 
 use std::process::ExitCode;
@@ -128,6 +129,7 @@ mod tests {
             "anyface head --seed 7 --out H.obj --resolution 192 --direction face-width=-1.5",
             "anyface head --mix 7,12,0.3 --out H.obj --skin-only --code-out C.json",
             "anyface head --like S.ply --like-landmarks L.json --out H.obj",
+            "anyface animate --mesh M.obj --audio A.wav --system facetalk --surface 256 --out frames/",
             "anyface units smile --json",
             "anyface info --json",
         ] {

@@ -6,7 +6,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::{
-    arguments::{FaceArgs, SharedArgs, not_onto, shown},
+    arguments::{FaceArgs, SharedArgs, is_folder, not_onto, shown},
     console::Console,
     stages::{new_report, note_face, timed},
 };
@@ -76,11 +76,11 @@ impl MakeRig {
     fn as_archive(&self) -> Result<bool> {
         match self.out.extension().and_then(OsStr::to_str) {
             Some("npz") => Ok(true),
-            None | Some("") => Ok(false),
-            Some(_) if self.out.is_dir() || shown(&self.out).ends_with('/') => Ok(false),
-            Some(other) => Err(Error::InvalidInput(format!(
-                "{}: expected a name that ends in .npz, or a folder, got .{other}",
-                self.out.display()
+            _ if is_folder(&self.out) => Ok(false),
+            other => Err(Error::InvalidInput(format!(
+                "{}: expected a name that ends in .npz, or a folder, got .{}",
+                self.out.display(),
+                other.unwrap_or_default()
             ))),
         }
     }

@@ -25,8 +25,8 @@ use crate::{
     },
     face::Face,
     finite::check_result,
-    head,
-    mesh::{self, FaceOptions, LandmarkFinder, Mesh},
+    head::{self, COEFFICIENTS, Head, HeadSurface, check_surface_cells},
+    mesh::{self, FaceOptions, LandmarkFinder, Mesh, Similarity},
     models,
     motion::{CodeClip, FaceModes, LandmarkClip, Motion, WeightClip},
     outside::guarded,
@@ -343,10 +343,51 @@ impl Engine {
     /// Why vertices do not follow the field of the system's own head.
     fn field_note(&self, face: &Face) -> Option<String> {
         let complaint = face.known_field()?.as_ref().err()?;
-        let rest = "landmarks alone move the mesh";
-        Some(format!(
-            "no head of the model is like this face, {rest}: {complaint}"
-        ))
+        Some(unlike("landmarks alone move the mesh", complaint))
+    }
+
+    /// The parametric head whose codes the system's motion has.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a system whose motion has none.
+    pub fn head(&self) -> Result<&Arc<Head>> {
+        self.system.head().ok_or_else(|| {
+            let expected = "surface: expected a system whose motion moves a head of its own";
+            let name = self.registration.name;
+            Error::InvalidInput(format!("{expected} (facetalk), got {name}"))
+        })
+    }
+
+    /// The surface of the head that is like a face, where the face is, for poses by the codes of the system's motion;
+    /// where none is like it that of the mean head, and why. `cells`: along the longest side of the grid.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a system without a head, those of [`HeadSurface::new`]; `Mesh` if the landmarks lie on no
+    /// usable face.
+    pub fn head_surface(
+        &self,
+        face: &Face,
+        cells: usize,
+        progress: ProgressFn<'_>,
+    ) -> Result<(HeadSurface, Option<String>)> {
+        check_surface_cells(cells)?;
+        let head = self.head()?;
+        self.threads(|| {
+            let made = |coefficients: &[f32], to_head: &Similarity| {
+                let to_mesh = to_head.inverse();
+                HeadSurface::new(Arc::clone(head), coefficients, to_mesh, cells, progress)
+            };
+            Ok(match head::fit_face(head, face, &self.cache, progress)? {
+                Ok(fit) => (made(&fit.coefficients, &fit.to_head)?, None),
+                Err(complaint) => {
+                    let mean = made(&[0.0; COEFFICIENTS], &face.to_canonical)?;
+                    (
+                        mean,
+                        Some(unlike("the surface is that of the mean head", &complaint)),
+                    )
+                }
+            })
+        })
     }
 
     /// Two motions of one length on a face, each vertex by its shares `[V]` of both, such as what is said and how
@@ -546,6 +587,11 @@ impl Engine {
             None => work(),
         }
     }
+}
+
+/// That no head is like a face, and what happens instead.
+fn unlike(instead: &str, complaint: &str) -> String {
+    format!("no head of the model is like this face, {instead}: {complaint}")
 }
 
 /// Names the code and the models that per-mesh work depends on.

@@ -19,7 +19,7 @@ use crate::{
     conditions::{Control, ControlStage, Controls, EmotionCurve, MotionRequest},
     deform::{self, Deformer},
     face::Face,
-    head::{self, HeadOnMesh},
+    head::{self, Head, HeadOnMesh},
     mesh,
     models::BuiltIn,
     motion::{self, LipClosures, Motion, MotionStream, TemplateMask},
@@ -211,6 +211,11 @@ pub trait System: Send + Sync {
     ) -> Result<Option<&'a HeadOnMesh>> {
         let _ = (face, cache, progress);
         Ok(None)
+    }
+
+    /// The parametric head whose codes its motion has; `None` where it has another kind of motion.
+    fn head(&self) -> Option<&Arc<Head>> {
+        None
     }
 
     /// Motion while somebody is speaking, where the system can do that.

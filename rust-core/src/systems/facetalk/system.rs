@@ -220,6 +220,10 @@ impl System for FaceTalk {
         false
     }
 
+    fn head(&self) -> Option<&Arc<Head>> {
+        Some(&self.head)
+    }
+
     fn field<'a>(
         &self,
         face: &'a Face,
