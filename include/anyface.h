@@ -257,8 +257,8 @@ typedef struct AnyfaceEngine AnyfaceEngine;
 /// Why a call failed: a status and a message in English. Owned by the caller.
 typedef struct AnyfaceError AnyfaceError;
 
-/// Sentences about events, in English. Never changes after it was made: any number of threads may read it at
-/// the same time.
+/// Sentences about a motion and its events on a face, in English. Never changes after it was made: any number of
+/// threads may read it at the same time.
 typedef struct AnyfaceEventNotes AnyfaceEventNotes;
 
 /// Events of a performance. Never changes after it was made: any number of threads may use it at the same
@@ -1381,8 +1381,9 @@ AnyfaceStatus anyface_clip_stream(const AnyfaceEngine *engine,
                                   AnyfaceError **error);
 
 /// Finds what of the events of a motion nobody will see: events behind the end of the sound, and units that
-/// this face cannot show, such as brows where it has none. Long for a face that was never asked for its shapes:
-/// accepts a progress handle.
+/// this face cannot show, such as brows where it has none. After a clip of this face it is also told where no head of
+/// the system's own model is like the face, so that landmarks alone moved it. Long for a face that was never asked for
+/// its shapes: accepts a progress handle.
 ///
 /// `motion` is that of `anyface_motion_new()`. `progress` may be NULL. Free with `anyface_event_notes_free()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for motion that was not spoken, `ANYFACE_STATUS_CANCELLED`.

@@ -340,8 +340,8 @@ impl Engine {
         }
     }
 
-    /// Why vertices do not follow the field of the system's own head.
-    fn field_note(&self, face: &Face) -> Option<String> {
+    /// Why vertices of a face did not follow the field of the system's own head when motion was put on it.
+    pub fn field_note(&self, face: &Face) -> Option<String> {
         let complaint = face.known_field()?.as_ref().err()?;
         Some(unlike("landmarks alone move the mesh", complaint))
     }
