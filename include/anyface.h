@@ -1506,6 +1506,20 @@ AnyfaceStatus anyface_rig_new(const AnyfaceEngine *engine,
                               AnyfaceRig **out,
                               AnyfaceError **error);
 
+/// The shapes of `anyface_rig_new()`, with the skin moved by the field of the head of FaceTalk's model that is like the
+/// mesh; teeth, tongue, eyeballs and brows stay as they are there. Long: accepts a progress handle.
+///
+/// `in_betweens`: not 0 for ARKit's shapes at half their weight as well, "NAME_half" behind all others: the face at weight
+/// 0.5, which need not lie halfway. The rest as for `anyface_rig_new()`. Fails with
+/// `ANYFACE_STATUS_INVALID_INPUT` where no head of the model is like the face.
+AnyfaceStatus anyface_rig_new_by_field(const AnyfaceEngine *engine,
+                                       const AnyfaceMesh *mesh,
+                                       const AnyfaceFaceOptions *options,
+                                       int32_t in_betweens,
+                                       const AnyfaceProgress *progress,
+                                       AnyfaceRig **out,
+                                       AnyfaceError **error);
+
 /// Number `S` of shapes, the 52 of ARKit first; 0 for NULL.
 size_t anyface_rig_shape_count(const AnyfaceRig *rig);
 

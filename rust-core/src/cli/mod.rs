@@ -118,6 +118,7 @@ mod tests {
             "anyface open-mouth --mesh M.obj --out O.obj --landmarks L.json",
             "anyface animate --mesh M.obj --audio A.wav --out O.npz --open-mouth",
             "anyface rig --mesh M.obj --out R.npz --report R.json --landmarks L.json",
+            "anyface rig --mesh M.obj --out keys/ --by field --in-betweens",
             "anyface solve --mesh M.obj --animation A.mdd --rig R.npz --out W.csv --fps 60",
             "anyface deform --mesh M.obj --motion L.npz --out O.npz --part 3=jaw --part low=skull",
             "anyface parts --mesh M.obj --landmarks L.json --part 3=jaw --json",

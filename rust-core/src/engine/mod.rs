@@ -25,13 +25,13 @@ use crate::{
     },
     face::Face,
     finite::check_result,
-    head::{self, COEFFICIENTS, Head, HeadSurface, check_surface_cells},
+    head::{self, COEFFICIENTS, Head, HeadOnMesh, HeadSurface, Reach, check_surface_cells},
     mesh::{self, FaceOptions, LandmarkFinder, Mesh, Similarity},
     models,
     motion::{CodeClip, FaceModes, LandmarkClip, Motion, WeightClip},
     outside::guarded,
     progress::ProgressFn,
-    rig::{self, Rig, RigModel, SolveOptions, SolvedWeights},
+    rig::{self, FieldOfFace, Rig, RigModel, SolveOptions, SolvedWeights},
     speech::{self, EmotionModel, FeelingEncoder, PhoneModel, SpeechEncoder},
     spread::{self, FrameSink, Spread, SpreadReport, WeightedShapes},
     systems::{Registration, System, Windows, built_in_models},
@@ -273,13 +273,7 @@ impl Engine {
     /// `Cancelled`.
     pub fn rig(&self, face: &Face, progress: ProgressFn<'_>) -> Result<Arc<Rig>> {
         let make = || {
-            let model = match self.rig_model.get() {
-                Some(model) => model,
-                None => {
-                    let model = RigModel::open(self.model_folder.as_deref())?;
-                    self.rig_model.get_or_init(|| model)
-                }
-            };
+            let model = self.rig_model()?;
             let plain = self.static_deformer(face, 0.0, progress)?;
             let learned = self.static_deformer(face, 1.0, progress)?;
             let (_, landmarks) = face.surface()?.decimetres();
@@ -292,6 +286,53 @@ impl Engine {
             Ok(Arc::new(rig))
         };
         self.threads(|| face.rig(make).map(Arc::clone))
+    }
+
+    fn rig_model(&self) -> Result<&RigModel> {
+        match self.rig_model.get() {
+            Some(model) => Ok(model),
+            None => {
+                let model = RigModel::open(self.model_folder.as_deref())?;
+                Ok(self.rig_model.get_or_init(|| model))
+            }
+        }
+    }
+
+    /// The shapes of [`Engine::rig`] with the skin moved by the field of the parametric head that is like the face; see
+    /// [`RigModel::by_field`].
+    ///
+    /// # Errors
+    /// `InvalidInput` where no head of the model is like the face; those of [`Engine::rig`].
+    pub fn rig_by_field(
+        &self,
+        face: &Face,
+        in_betweens: bool,
+        progress: ProgressFn<'_>,
+    ) -> Result<Rig> {
+        let linear = self.rig(face, progress)?;
+        let head = match self.system.head() {
+            Some(head) => Arc::clone(head),
+            None => Arc::new(Head::open(self.model_folder.as_deref())?),
+        };
+        self.threads(|| {
+            let reach = Reach::default();
+            let field = HeadOnMesh::new(Arc::clone(&head), face, reach, &self.cache, progress)?;
+            let field = field.map_err(|complaint| {
+                let expected = "rig: expected a face that a head of the model is like, by whose field it moves";
+                Error::InvalidInput(format!("{expected}: {complaint}"))
+            })?;
+            let deformer = self.static_deformer(face, 1.0, progress)?;
+            let by = FieldOfFace {
+                head: &head,
+                field: &field,
+                deformer: deformer.as_ref(),
+            };
+            let rig = self
+                .rig_model()?
+                .by_field(face, &linear, &by, in_betweens, progress)?;
+            check_result("rig", rig.deltas.view().into_dyn())?;
+            Ok(rig)
+        })
     }
 
     /// What moves the landmarks of the mean face.

@@ -7,14 +7,14 @@
 
 use std::sync::Arc;
 
-use ndarray::{Array3, ArrayView2, Axis};
+use ndarray::{Array3, ArrayView2, ArrayView3, Axis};
 use rayon::prelude::*;
 
 use super::{COEFFICIENTS, Head, OneHead, ScanFit, ScanOptions, Trunks};
 use crate::{
     Error, Result,
     cache::{Arrays, Cache},
-    deform::{PointGrid, binding::Follows},
+    deform::{Deformer, PointGrid, binding::Follows},
     face::Face,
     ibug::LANDMARKS,
     mesh::{
@@ -201,6 +201,24 @@ impl HeadOnMesh {
             }
         }
         Ok(out)
+    }
+
+    /// The face under codes `[t, X]`: displacements `[t, V, 3]`, mesh units and axes. `deformer` moves what the field
+    /// does not reach, and adds what `landmarks` `[t, 68, 3]`, in mesh units, do beside the codes.
+    ///
+    /// # Errors
+    /// `InvalidInput` for codes of another length or that are not finite; those of the deformer.
+    pub fn frames(
+        &self,
+        (face, deformer): (&Face, &dyn Deformer),
+        landmarks: ArrayView3<'_, f32>,
+        codes: ArrayView2<'_, f32>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array3<f32>> {
+        let base = face.own_motion(self.mean_landmarks(codes)?.view());
+        let base = deformer.deform_freely(base.view(), progress)?;
+        let beside = self.beyond(codes, &base)?;
+        deformer.deform_beside(landmarks, &beside, progress)
     }
 
     /// What is to be added to `base` `[t, V, 3]`, motion of the mesh, so that vertices that follow the field go where

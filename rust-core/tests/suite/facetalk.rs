@@ -362,3 +362,68 @@ fn frames_of_a_surface_appear_whole_or_not_at_all_and_harm_no_other_file() {
     let again = write_surface_frames(&out, &surface, codes.view(), SILENT).unwrap_err();
     assert!(again.to_string().contains("4 files"), "{again}");
 }
+
+#[test]
+fn shapes_by_the_field_are_those_of_its_codes_and_bend_in_between() {
+    let (made, coefficients) = own_head(5);
+    let face = prepared(&made.mesh, &made, 1.0);
+    let rig = ENGINE.rig_by_field(&face, true, SILENT).unwrap();
+    assert_eq!(rig.names.len(), 2 * 52 + 15);
+    let shape = |name: &str| {
+        let row = rig.names.iter().position(|known| known == name).unwrap();
+        rig.deltas.index_axis(ndarray::Axis(0), row)
+    };
+    // Far from lips and lids the field alone moves the chin.
+    let one = HEAD
+        .one(HEAD.identity_code(&coefficients).unwrap())
+        .unwrap();
+    let posed = one
+        .mover(made.canonical.clone())
+        .at(&jaw_open(1.0))
+        .unwrap();
+    let chin = made.landmarks.vertices[8] as usize;
+    let truth: [f32; 3] = std::array::from_fn(|i| posed[chin][i] - made.mesh.positions[chin][i]);
+    let open = shape("jawOpen");
+    let off = distance(std::array::from_fn(|i| open[[chin, i]]), &truth);
+    let way = distance([0.0; 3], &truth);
+    assert!(way > 0.01 && off < 0.1 * way, "{off} of {way} m");
+
+    // Lids go round the eye, and the jaw hardly bends.
+    let bent = |name: &str| {
+        let halfway = shape(name).mapv(|x| 0.5 * x);
+        let off = (&shape(&format!("{name}_half")) - &halfway).mapv(f32::abs);
+        off.iter().fold(0.0f32, |most, x| most.max(*x))
+    };
+    assert!(
+        (2e-4..1e-2).contains(&bent("eyeBlinkLeft")),
+        "{} m",
+        bent("eyeBlinkLeft")
+    );
+    assert!(bent("jawOpen") > 1e-6 && bent("tongueOut") == 0.0);
+    // What mouthClose adds to an open jaw lifts the lower lip.
+    let lip = made.landmarks.vertices[57] as usize;
+    assert!(shape("mouthClose")[[lip, 1]] > 0.005);
+    let linear = ENGINE.rig(&face, SILENT).unwrap();
+    for name in ["tongueOut", "browInnerUp"] {
+        let row = linear.names.iter().position(|known| known == name);
+        let expected = linear.deltas.index_axis(ndarray::Axis(0), row.unwrap());
+        assert_eq!(shape(name), expected);
+    }
+    assert!(
+        rig.reports
+            .iter()
+            .zip(&rig.names)
+            .all(|(report, name)| report.name == *name)
+    );
+
+    // Three times as broad as any face.
+    let (made, _) = own_head(6);
+    let mut broad = made.mesh.clone();
+    broad.positions.iter_mut().for_each(|p| p[0] *= 3.0);
+    let face = prepared(&broad, &made, 1.0);
+    let refused = ENGINE.rig_by_field(&face, false, SILENT).unwrap_err();
+    assert!(
+        refused.to_string().contains("a head of the model is like"),
+        "{refused}"
+    );
+}
