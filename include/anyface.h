@@ -257,8 +257,8 @@ typedef struct AnyfaceEngine AnyfaceEngine;
 /// Why a call failed: a status and a message in English. Owned by the caller.
 typedef struct AnyfaceError AnyfaceError;
 
-/// Sentences about events, in English. Never changes after it was made: any number of threads may read it at
-/// the same time.
+/// Sentences about a motion and its events on a face, in English. Never changes after it was made: any number of
+/// threads may read it at the same time.
 typedef struct AnyfaceEventNotes AnyfaceEventNotes;
 
 /// Events of a performance. Never changes after it was made: any number of threads may use it at the same
@@ -1417,8 +1417,9 @@ AnyfaceStatus anyface_clip_stream(const AnyfaceEngine *engine,
                                   AnyfaceError **error);
 
 /// Finds what of the events of a motion nobody will see: events behind the end of the sound, and units that
-/// this face cannot show, such as brows where it has none. Long for a face that was never asked for its shapes:
-/// accepts a progress handle.
+/// this face cannot show, such as brows where it has none. After a clip of this face it is also told where no head of
+/// the system's own model is like the face, so that landmarks alone moved it. Long for a face that was never asked for
+/// its shapes: accepts a progress handle.
 ///
 /// `motion` is that of `anyface_motion_new()`. `progress` may be NULL. Free with `anyface_event_notes_free()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for motion that was not spoken, `ANYFACE_STATUS_CANCELLED`.
@@ -1540,6 +1541,20 @@ AnyfaceStatus anyface_rig_new(const AnyfaceEngine *engine,
                               const AnyfaceProgress *progress,
                               AnyfaceRig **out,
                               AnyfaceError **error);
+
+/// The shapes of `anyface_rig_new()`, with the skin moved by the field of the head of FaceTalk's model that is like the
+/// mesh; teeth, tongue, eyeballs and brows stay as they are there. Long: accepts a progress handle.
+///
+/// `in_betweens`: not 0 for ARKit's shapes at half their weight as well, "NAME_half" behind all others: the face at weight
+/// 0.5, which need not lie halfway. The rest as for `anyface_rig_new()`. Fails with
+/// `ANYFACE_STATUS_INVALID_INPUT` where no head of the model is like the face.
+AnyfaceStatus anyface_rig_new_by_field(const AnyfaceEngine *engine,
+                                       const AnyfaceMesh *mesh,
+                                       const AnyfaceFaceOptions *options,
+                                       int32_t in_betweens,
+                                       const AnyfaceProgress *progress,
+                                       AnyfaceRig **out,
+                                       AnyfaceError **error);
 
 /// Number `S` of shapes, the 52 of ARKit first; 0 for NULL.
 size_t anyface_rig_shape_count(const AnyfaceRig *rig);

@@ -209,8 +209,7 @@ class Engine(
         animation.life = self._life(made, shape[0])
         animation.landmarks = self._landmarks(clip, shape[0])
         animation.shape_weights = self._shape_weights(made[1])
-        if request.events:
-            animation.notes = self._unseen(handles, face, made[1], request.events, watch)
+        animation.notes = self._unseen(handles, face, made[1], request.events, watch)
         if request.error_mm is None:
             animation.displacements = np.empty(shape, dtype=np.float32)
             self._copy("anyface_clip_copy_displacements", clip, animation.displacements)

@@ -31,7 +31,7 @@ class EventCalls:
         return self._own(handles, "events", "anyface_events_new", rows, len(asked))
 
     def _unseen(self, handles: ExitStack, face, motion, asked: list[Asked], watch) -> list[str]:
-        """What of the events of a motion this face cannot show, in sentences with their names."""
+        """What of a motion and its events this face cannot show, in sentences with their names."""
         given = self._handle, face, motion, watch.handle
         notes = self._own(handles, "event_notes", "anyface_event_notes_new", *given)
         text = self._library.anyface_event_notes_text

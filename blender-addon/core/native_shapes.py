@@ -7,7 +7,7 @@ from ctypes import POINTER, byref, c_char_p, c_float
 import numpy as np
 
 from .job import Progress
-from .take import Rig, Solved
+from .take import NETWORK, Rig, ShapesBy, Solved
 
 _FLOATS = POINTER(c_float)
 
@@ -16,18 +16,30 @@ class ShapeCalls:
     """What `native.Engine` knows of shapes."""
 
     def rig(
-        self, positions, triangles, landmarks, landmark_vertices, roles, progress: Progress
+        self,
+        positions,
+        triangles,
+        landmarks,
+        landmark_vertices,
+        roles,
+        progress: Progress,
+        by: ShapesBy = NETWORK,
     ) -> Rig:
         """The ARKit shapes and visemes of a mesh that faces -Y with +Z up, in any units.
 
-        The arguments are those of `native.Engine.find`. Raises `AnyfaceError`, or `Cancelled`.
+        The arguments are those of `native.Engine.find`. Raises `AnyfaceError`, "input" also where
+        no head of the model is like the face `by` whose field the shapes are to move; `Cancelled`.
         """
         with ExitStack() as handles:
             watch = handles.enter_context(self._watch(progress))
             mesh = self._mesh(handles, positions, triangles)
             options, _alive = self._face_options(landmarks, landmark_vertices, roles)
-            given = (self._handle, mesh, byref(options), watch.handle)
-            rig = self._own(handles, "rig", "anyface_rig_new", *given)
+            given = self._handle, mesh, byref(options)
+            if by.field:
+                given = "anyface_rig_new_by_field", *given, by.in_betweens, watch.handle
+            else:
+                given = "anyface_rig_new", *given, watch.handle
+            rig = self._own(handles, "rig", *given)
             count = self._library.anyface_rig_shape_count(rig)
             vectors = np.empty((count, len(positions), 3), dtype=np.float32)
             for number in range(count):

@@ -71,6 +71,15 @@ def _add_rig(task: argparse.ArgumentParser, _modes: str) -> None:
     """Options of the shapes."""
     _add_face(task)
     task.add_argument("--visemes", action="store_true", help="the 15 Oculus visemes too")
+    task.add_argument(
+        "--by",
+        choices=("network", "field"),
+        default="network",
+        help="what moves the skin; field: that of a FaceTalk head that is like the face",
+    )
+    task.add_argument(
+        "--in-betweens", action="store_true", help="NAME_half at weight 0.5 too, with --by field"
+    )
 
 
 def _add_landmarks(task: argparse.ArgumentParser, _modes: str) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from . import pc2, shapes, sliders
 from .errors import AnyfaceError
 from .job import Progress
-from .take import FaceMesh, KeyMotion, Rig, Solved, Take, WrittenFile
+from .take import NETWORK, FaceMesh, KeyMotion, Rig, ShapesBy, Solved, Take, WrittenFile
 
 # Below this share of the motion nobody sees that the artist's keys speak.
 _LARGEST_LEFT_OUT = 0.97
@@ -146,9 +146,9 @@ def _arkit(face, take, engine, progress) -> tuple[Rig, Rig]:
     return tuple(Rig(rig.names[part], rig.vectors[part]) for part in (arkit, visemes))
 
 
-def make_rig(face: FaceMesh, space, engine, progress: Progress) -> Rig:
+def make_rig(face: FaceMesh, space, engine, progress: Progress, by: ShapesBy = NETWORK) -> Rig:
     """The shapes of a face in object space."""
-    rig = engine.rig(*space.seen(face), face.roles, progress)
+    rig = engine.rig(*space.seen(face), face.roles, progress, by)
     rig.vectors = space.to_object(rig.vectors)
     return rig
 

@@ -296,6 +296,20 @@ class Take:
         return len(motion.weights)
 
 
+@dataclass(frozen=True)
+class ShapesBy:
+    """What moves the skin of shapes: a network, or the `field` of the head that is like the face.
+
+    With `in_betweens` ARKit's shapes at weight 0.5 as well, `NAME_half`.
+    """
+
+    field: bool = False
+    in_betweens: bool = False
+
+
+NETWORK = ShapesBy()
+
+
 @dataclass
 class Rig:
     """Shapes of one mesh: `names` `[S]`, `vectors` `[S, V, 3]` at strength 1.

@@ -1,4 +1,4 @@
-//! What of the events of a performance a face cannot show, in words.
+//! What of a performance and its events a face cannot show, in words.
 
 use std::{
     ffi::{CString, c_char},
@@ -16,13 +16,14 @@ use crate::{
     status::AnyfaceStatus,
 };
 
-/// Sentences about events, in English. Never changes after it was made: any number of threads may read it at
-/// the same time.
+/// Sentences about a motion and its events on a face, in English. Never changes after it was made: any number of
+/// threads may read it at the same time.
 pub struct AnyfaceEventNotes(Vec<CString>);
 
 /// Finds what of the events of a motion nobody will see: events behind the end of the sound, and units that
-/// this face cannot show, such as brows where it has none. Long for a face that was never asked for its shapes:
-/// accepts a progress handle.
+/// this face cannot show, such as brows where it has none. After a clip of this face it is also told where no head of
+/// the system's own model is like the face, so that landmarks alone moved it. Long for a face that was never asked for
+/// its shapes: accepts a progress handle.
 ///
 /// `motion` is that of `anyface_motion_new()`. `progress` may be NULL. Free with `anyface_event_notes_free()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for motion that was not spoken, `ANYFACE_STATUS_CANCELLED`.
@@ -47,7 +48,7 @@ pub unsafe extern "C" fn anyface_event_notes_new(
             engine.0.unseen_events(&face.0, performance, watch)
         };
         let found = unsafe { watched(progress, find) }?;
-        let texts = found.into_iter();
+        let texts = found.into_iter().chain(engine.0.field_note(&face.0));
         let texts = texts.map(|text| CString::new(text.replace('\0', "")).unwrap_or_default());
         unsafe { pointer::give(out, AnyfaceEventNotes(texts.collect())) };
         Ok(())
@@ -77,4 +78,74 @@ pub unsafe extern "C" fn anyface_event_notes_text(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_event_notes_free(notes: *mut AnyfaceEventNotes) {
     unsafe { guard::free(notes) }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{ffi::CStr, ptr::null_mut, sync::Arc};
+
+    use anyface::{
+        CachePolicy, Engine, EngineOptions, MotionRequest,
+        audio::Waveform,
+        head::{Head, HeadOptions},
+        mesh::{FaceOptions, LandmarkSource},
+        progress::SILENT,
+    };
+
+    use super::*;
+    use crate::{
+        clip::{anyface_clip_free, anyface_clip_new},
+        motion::Made,
+    };
+
+    #[test]
+    fn a_face_that_no_head_is_like_is_told_after_its_clip() {
+        let options = EngineOptions {
+            system: Some("facetalk".into()),
+            cache: CachePolicy::Off,
+            ..EngineOptions::default()
+        };
+        let engine = Engine::new(options).unwrap();
+        let head = Arc::clone(engine.head().unwrap());
+        let code = head.identity_code(&Head::random(6)).unwrap();
+        let options = HeadOptions {
+            resolution: 72,
+            parts: false,
+        };
+        let mut made = head.one(code).unwrap().mesh(&options, SILENT).unwrap();
+        made.mesh.positions.iter_mut().for_each(|p| p[0] *= 3.0);
+        let options = FaceOptions {
+            landmarks: Some(LandmarkSource::Vertices(made.landmarks.vertices.to_vec())),
+            ..FaceOptions::default()
+        };
+        let face = AnyfaceFace(engine.prepare(&made.mesh, &options, SILENT).unwrap());
+        let samples = (0..8000).map(|i| (i as f32 * 0.08).sin()).collect();
+        let spoken = engine.perform(&Waveform { samples }, &MotionRequest::default(), SILENT);
+        let motion = AnyfaceMotion::new(Made::Spoken(Box::new(spoken.unwrap())));
+        let engine = AnyfaceEngine(engine);
+        let notes = || unsafe {
+            let mut notes = null_mut();
+            let status =
+                anyface_event_notes_new(&engine, &face, &motion, null(), &mut notes, null_mut());
+            assert_eq!(status, AnyfaceStatus::Ok);
+            let texts: Vec<String> = (0..anyface_event_notes_count(notes))
+                .map(|n| CStr::from_ptr(anyface_event_notes_text(notes, n)))
+                .map(|text| text.to_str().unwrap().to_owned())
+                .collect();
+            anyface_event_notes_free(notes);
+            texts
+        };
+        assert!(notes().is_empty());
+        unsafe {
+            let mut clip = null_mut();
+            let status = anyface_clip_new(&engine, &face, &motion, null(), &mut clip, null_mut());
+            assert_eq!(status, AnyfaceStatus::Ok);
+            anyface_clip_free(clip);
+        }
+        let told = notes();
+        assert!(
+            told.len() == 1 && told[0].contains("landmarks alone"),
+            "{told:?}"
+        );
+    }
 }

@@ -72,6 +72,35 @@ pub unsafe extern "C" fn anyface_rig_new(
     unsafe { guard::guard(error, work) }
 }
 
+/// The shapes of `anyface_rig_new()`, with the skin moved by the field of the head of FaceTalk's model that is like the
+/// mesh; teeth, tongue, eyeballs and brows stay as they are there. Long: accepts a progress handle.
+///
+/// `in_betweens`: not 0 for ARKit's shapes at half their weight as well, "NAME_half" behind all others: the face at weight
+/// 0.5, which need not lie halfway. The rest as for `anyface_rig_new()`. Fails with
+/// `ANYFACE_STATUS_INVALID_INPUT` where no head of the model is like the face.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_rig_new_by_field(
+    engine: *const AnyfaceEngine,
+    mesh: *const AnyfaceMesh,
+    options: *const AnyfaceFaceOptions,
+    in_betweens: i32,
+    progress: *const AnyfaceProgress,
+    out: *mut *mut AnyfaceRig,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let make = |engine: &Engine, mesh: &Mesh, options: &FaceOptions, watch: ProgressFn<'_>| {
+            let face = engine.find(mesh, options, watch)?;
+            engine.rig_by_field(&face, in_betweens != 0, watch)
+        };
+        let rig = unsafe { of_mesh(engine, mesh, options, progress, make) }?;
+        unsafe { pointer::give(out, AnyfaceRig::new(Arc::new(rig))) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
 /// Number `S` of shapes, the 52 of ARKit first; 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_rig_shape_count(rig: *const AnyfaceRig) -> usize {

@@ -201,3 +201,10 @@ def test_shapes_are_those_of_the_library(addon, engine):
     moved = np.linspace(0.0, 0.8, 9, dtype=np.float32)[:, None, None] * rig.vectors[jaw]
     solved = engine.solve(rig.names[:52], rig.vectors[:52], moved, progress)
     assert solved.weights[-1, jaw] == pytest.approx(0.8, abs=0.05) and solved.left_out < 0.1
+    by = addon("core.take").ShapesBy(field=True, in_betweens=True)
+    given = points, face.triangles, None, face.landmark_vertices, None, progress, by
+    bent = engine.rig(*given)
+    assert bent.names[:67] == rig.names and bent.names[67 + jaw] == "jawOpen_half"
+    whole, half = bent.vectors[jaw], bent.vectors[67 + jaw]
+    assert np.linalg.norm(half, axis=1).max() < 0.6 * np.linalg.norm(whole, axis=1).max()
+    assert not np.array_equal(whole, rig.vectors[jaw])

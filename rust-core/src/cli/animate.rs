@@ -11,6 +11,7 @@ use super::{
     open_mouth,
     redo::{Redo, RedoArgs},
     stages::{new_report, note_face, note_memory, note_result, read_sound, summary, timed},
+    surface::SurfaceArgs,
 };
 use crate::{
     Engine, Face, Result,
@@ -29,7 +30,8 @@ pub(super) struct Animate {
     /// The speech: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF
     #[arg(long, value_name = "A")]
     audio: PathBuf,
-    /// The result: .npz (arrays, with the rotation of head and eyes beside them), .pc2 or .mdd (point caches)
+    /// The result: .npz (arrays, with the rotation of head and eyes beside them), .pc2 or .mdd (point caches); with
+    /// --surface a new folder
     #[arg(long, value_name = "O")]
     out: PathBuf,
     /// Also write a report of the run
@@ -49,12 +51,17 @@ pub(super) struct Animate {
     redo: RedoArgs,
     #[command(flatten)]
     layers: LayerArgs,
+    #[command(flatten)]
+    surface: SurfaceArgs,
 }
 
 impl Animate {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         // What is cheap to check comes before what takes time.
-        Format::from_path(&self.out)?;
+        match self.surface.is_asked() {
+            true => self.surface.check(&self.out)?,
+            false => Format::from_path(&self.out).map(drop)?,
+        }
         not_onto(
             &self.out,
             &[("--mesh", &self.mesh), ("--audio", &self.audio)],
@@ -68,13 +75,17 @@ impl Animate {
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
         let progress = &|p| console.progress(p);
         let engine = timed(&mut report, "load", || shared.engine())?;
-        let kept = self
-            .layers
-            .kept(frames_of(waveform.duration_s(), request.fps), &mesh);
-        note_memory(&mut report, &engine, &mesh, kept)?;
-        let mut face = timed(&mut report, "prepare", || match self.open_mouth {
-            true => engine.find(&mesh, &options, progress),
-            false => engine.prepare(&mesh, &options, progress),
+        if self.surface.is_asked() {
+            engine.head()?;
+        } else {
+            let frames = frames_of(waveform.duration_s(), request.fps);
+            note_memory(&mut report, &engine, &mesh, self.layers.kept(frames, &mesh))?;
+        }
+        let mut face = timed(&mut report, "prepare", || {
+            match self.open_mouth || self.surface.is_asked() {
+                true => engine.find(&mesh, &options, progress),
+                false => engine.prepare(&mesh, &options, progress),
+            }
         })?;
         if self.open_mouth {
             face = self.opened(&engine, &face, &mut report, console)?;
@@ -86,16 +97,26 @@ impl Animate {
         report
             .warnings
             .extend(engine.unseen_events(&face, &performance, progress)?);
+        if self.surface.is_asked() {
+            let spoken = (&engine, &face, &performance);
+            self.surface
+                .write(spoken, &self.out, &mut report, progress)?;
+            return self.told(&report, console);
+        }
         let spoken = (&waveform, &request);
         let layered = timed(&mut report, "motion", || {
             self.layers
                 .of(&engine, &face, &performance, spoken, progress)
         })?;
         self.spread(&layered, redo, &mut report, progress)?;
+        self.told(&report, console)
+    }
+
+    fn told(&self, report: &Report, console: &Console) -> Result<()> {
         if let Some(path) = &self.report {
-            write_json(path, &report)?;
+            write_json(path, report)?;
         }
-        console.report(&report, &summary(&report))
+        console.report(report, &summary(report))
     }
 
     /// Writes the result, or an earlier one with a stretch of this.

@@ -111,6 +111,12 @@ pub(super) fn not_onto(out: &Path, inputs: &[(&str, &Path)]) -> Result<()> {
     }
 }
 
+/// Whether a result of this name is a folder: it has no ending, ends in a separator or is one already.
+pub(super) fn is_folder(out: &Path) -> bool {
+    let is_plain = out.extension().is_none_or(|ending| ending.is_empty());
+    is_plain || out.is_dir() || shown(out).ends_with(std::path::is_separator)
+}
+
 /// How a sound is read.
 #[derive(Args)]
 pub(super) struct SoundArgs {

@@ -21,6 +21,7 @@ mod signals;
 mod solve;
 mod sounds;
 mod stages;
+mod surface;
 mod units;
 
 use std::process::ExitCode;
@@ -117,6 +118,7 @@ mod tests {
             "anyface open-mouth --mesh M.obj --out O.obj --landmarks L.json",
             "anyface animate --mesh M.obj --audio A.wav --out O.npz --open-mouth",
             "anyface rig --mesh M.obj --out R.npz --report R.json --landmarks L.json",
+            "anyface rig --mesh M.obj --out keys/ --by field --in-betweens",
             "anyface solve --mesh M.obj --animation A.mdd --rig R.npz --out W.csv --fps 60",
             "anyface deform --mesh M.obj --motion L.npz --out O.npz --part 3=jaw --part low=skull",
             "anyface parts --mesh M.obj --landmarks L.json --part 3=jaw --json",
@@ -128,6 +130,7 @@ mod tests {
             "anyface head --seed 7 --out H.obj --resolution 192 --direction face-width=-1.5",
             "anyface head --mix 7,12,0.3 --out H.obj --skin-only --code-out C.json",
             "anyface head --like S.ply --like-landmarks L.json --out H.obj",
+            "anyface animate --mesh M.obj --audio A.wav --system facetalk --surface 256 --out frames/",
             "anyface units smile --json",
             "anyface info --json",
         ] {

@@ -1,12 +1,12 @@
 //! `anyface rig`: ARKit shapes and visemes for any head.
 
-use std::{ffi::OsStr, path::PathBuf};
+use std::{ffi::OsStr, path::PathBuf, sync::Arc};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use super::{
-    arguments::{FaceArgs, SharedArgs, not_onto, shown},
+    arguments::{FaceArgs, SharedArgs, is_folder, not_onto, shown},
     console::Console,
     stages::{new_report, note_face, timed},
 };
@@ -17,6 +17,15 @@ use crate::{
     rig::ShapeReport,
 };
 
+/// What moves the skin of a shape.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum By {
+    /// Landmarks of a mean face with a network's correction
+    Network,
+    /// The field of FaceTalk's head that is like the mesh
+    Field,
+}
+
 /// Make the 52 ARKit shapes and 15 visemes of a head
 #[derive(Args)]
 pub(super) struct MakeRig {
@@ -26,6 +35,12 @@ pub(super) struct MakeRig {
     /// The result: .npz (names, deltas [S, V, 3], neutral), or a folder for one OBJ a shape
     #[arg(long, value_name = "R")]
     out: PathBuf,
+    /// What moves the skin of each shape: network, or field for that of a head that is like the mesh
+    #[arg(long, value_enum, default_value_t = By::Network)]
+    by: By,
+    /// Also make each of ARKit's shapes at half its weight, NAME_half, which need not lie halfway (--by field)
+    #[arg(long)]
+    in_betweens: bool,
     /// Also write a report of every shape
     #[arg(long, value_name = "R.json")]
     report: Option<PathBuf>,
@@ -44,6 +59,12 @@ struct RigReport<'a> {
 impl MakeRig {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         let as_archive = self.as_archive()?;
+        if self.in_betweens && self.by == By::Network {
+            return Err(Error::InvalidInput(
+                "--in-betweens: expected --by field, got shapes by the network, which lie halfway at half their weight"
+                    .to_owned(),
+            ));
+        }
         not_onto(&self.out, &[("--mesh", &self.mesh)])?;
         let options = self.face.options(&self.mesh, None)?;
         let mut report = new_report();
@@ -52,7 +73,10 @@ impl MakeRig {
         let (face, rig) = timed(&mut report, "shapes", || {
             let progress = |p| console.progress(p);
             let face = engine.find(&mesh, &options, &progress)?;
-            let rig = engine.rig(&face, &progress)?;
+            let rig = match self.by {
+                By::Network => engine.rig(&face, &progress)?,
+                By::Field => Arc::new(engine.rig_by_field(&face, self.in_betweens, &progress)?),
+            };
             Ok((face, rig))
         })?;
         note_face(&mut report, &face);
@@ -76,11 +100,11 @@ impl MakeRig {
     fn as_archive(&self) -> Result<bool> {
         match self.out.extension().and_then(OsStr::to_str) {
             Some("npz") => Ok(true),
-            None | Some("") => Ok(false),
-            Some(_) if self.out.is_dir() || shown(&self.out).ends_with('/') => Ok(false),
-            Some(other) => Err(Error::InvalidInput(format!(
-                "{}: expected a name that ends in .npz, or a folder, got .{other}",
-                self.out.display()
+            _ if is_folder(&self.out) => Ok(false),
+            other => Err(Error::InvalidInput(format!(
+                "{}: expected a name that ends in .npz, or a folder, got .{}",
+                self.out.display(),
+                other.unwrap_or_default()
             ))),
         }
     }

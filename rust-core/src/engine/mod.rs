@@ -25,14 +25,14 @@ use crate::{
     },
     face::Face,
     finite::check_result,
-    head,
+    head::{self, COEFFICIENTS, Head, HeadOnMesh, HeadSurface, Reach, check_surface_cells},
     memory::MemoryNeed,
-    mesh::{self, FaceOptions, LandmarkFinder, Mesh},
+    mesh::{self, FaceOptions, LandmarkFinder, Mesh, Similarity},
     models,
     motion::{CodeClip, FaceModes, LandmarkClip, Motion, WeightClip},
     outside::guarded,
     progress::ProgressFn,
-    rig::{self, Rig, RigModel, SolveOptions, SolvedWeights},
+    rig::{self, FieldOfFace, Rig, RigModel, SolveOptions, SolvedWeights},
     speech::{self, EmotionModel, FeelingEncoder, PhoneModel, SpeechEncoder},
     spread::{self, FrameSink, Spread, SpreadReport, WeightedShapes},
     systems::{Registration, System, Windows, built_in_models},
@@ -288,13 +288,7 @@ impl Engine {
     /// `Cancelled`.
     pub fn rig(&self, face: &Face, progress: ProgressFn<'_>) -> Result<Arc<Rig>> {
         let make = || {
-            let model = match self.rig_model.get() {
-                Some(model) => model,
-                None => {
-                    let model = RigModel::open(self.model_folder.as_deref())?;
-                    self.rig_model.get_or_init(|| model)
-                }
-            };
+            let model = self.rig_model()?;
             let plain = self.static_deformer(face, 0.0, progress)?;
             let learned = self.static_deformer(face, 1.0, progress)?;
             let (_, landmarks) = face.surface()?.decimetres();
@@ -307,6 +301,53 @@ impl Engine {
             Ok(Arc::new(rig))
         };
         self.threads(|| face.rig(make).map(Arc::clone))
+    }
+
+    fn rig_model(&self) -> Result<&RigModel> {
+        match self.rig_model.get() {
+            Some(model) => Ok(model),
+            None => {
+                let model = RigModel::open(self.model_folder.as_deref())?;
+                Ok(self.rig_model.get_or_init(|| model))
+            }
+        }
+    }
+
+    /// The shapes of [`Engine::rig`] with the skin moved by the field of the parametric head that is like the face; see
+    /// [`RigModel::by_field`].
+    ///
+    /// # Errors
+    /// `InvalidInput` where no head of the model is like the face; those of [`Engine::rig`].
+    pub fn rig_by_field(
+        &self,
+        face: &Face,
+        in_betweens: bool,
+        progress: ProgressFn<'_>,
+    ) -> Result<Rig> {
+        let linear = self.rig(face, progress)?;
+        let head = match self.system.head() {
+            Some(head) => Arc::clone(head),
+            None => Arc::new(Head::open(self.model_folder.as_deref())?),
+        };
+        self.threads(|| {
+            let reach = Reach::default();
+            let field = HeadOnMesh::new(Arc::clone(&head), face, reach, &self.cache, progress)?;
+            let field = field.map_err(|complaint| {
+                let expected = "rig: expected a face that a head of the model is like, by whose field it moves";
+                Error::InvalidInput(format!("{expected}: {complaint}"))
+            })?;
+            let deformer = self.static_deformer(face, 1.0, progress)?;
+            let by = FieldOfFace {
+                head: &head,
+                field: &field,
+                deformer: deformer.as_ref(),
+            };
+            let rig = self
+                .rig_model()?
+                .by_field(face, &linear, &by, in_betweens, progress)?;
+            check_result("rig", rig.deltas.view().into_dyn())?;
+            Ok(rig)
+        })
     }
 
     /// What moves the landmarks of the mean face.
@@ -355,13 +396,54 @@ impl Engine {
         }
     }
 
-    /// Why vertices do not follow the field of the system's own head.
-    fn field_note(&self, face: &Face) -> Option<String> {
+    /// Why vertices of a face did not follow the field of the system's own head when motion was put on it.
+    pub fn field_note(&self, face: &Face) -> Option<String> {
         let complaint = face.known_field()?.as_ref().err()?;
-        let rest = "landmarks alone move the mesh";
-        Some(format!(
-            "no head of the model is like this face, {rest}: {complaint}"
-        ))
+        Some(unlike("landmarks alone move the mesh", complaint))
+    }
+
+    /// The parametric head whose codes the system's motion has.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a system whose motion has none.
+    pub fn head(&self) -> Result<&Arc<Head>> {
+        self.system.head().ok_or_else(|| {
+            let expected = "surface: expected a system whose motion moves a head of its own";
+            let name = self.registration.name;
+            Error::InvalidInput(format!("{expected} (facetalk), got {name}"))
+        })
+    }
+
+    /// The surface of the head that is like a face, where the face is, for poses by the codes of the system's motion;
+    /// where none is like it that of the mean head, and why. `cells`: along the longest side of the grid.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a system without a head, those of [`HeadSurface::new`]; `Mesh` if the landmarks lie on no
+    /// usable face.
+    pub fn head_surface(
+        &self,
+        face: &Face,
+        cells: usize,
+        progress: ProgressFn<'_>,
+    ) -> Result<(HeadSurface, Option<String>)> {
+        check_surface_cells(cells)?;
+        let head = self.head()?;
+        self.threads(|| {
+            let made = |coefficients: &[f32], to_head: &Similarity| {
+                let to_mesh = to_head.inverse();
+                HeadSurface::new(Arc::clone(head), coefficients, to_mesh, cells, progress)
+            };
+            Ok(match head::fit_face(head, face, &self.cache, progress)? {
+                Ok(fit) => (made(&fit.coefficients, &fit.to_head)?, None),
+                Err(complaint) => {
+                    let mean = made(&[0.0; COEFFICIENTS], &face.to_canonical)?;
+                    (
+                        mean,
+                        Some(unlike("the surface is that of the mean head", &complaint)),
+                    )
+                }
+            })
+        })
     }
 
     /// Two motions of one length on a face, each vertex by its shares `[V]` of both, such as what is said and how
@@ -561,6 +643,11 @@ impl Engine {
             None => work(),
         }
     }
+}
+
+/// That no head is like a face, and what happens instead.
+fn unlike(instead: &str, complaint: &str) -> String {
+    format!("no head of the model is like this face, {instead}: {complaint}")
 }
 
 /// Names the code and the models that per-mesh work depends on.

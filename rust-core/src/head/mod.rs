@@ -15,6 +15,7 @@ mod on_mesh;
 mod parts;
 #[cfg(test)]
 mod tests;
+mod volume;
 
 use std::path::Path;
 
@@ -27,7 +28,8 @@ pub use fit::{ScanFit, ScanOptions};
 use identity::{Identity, IdentityField};
 pub use make::{HeadOptions, MadeHead};
 use network::{Network, Prepared, Shape, encode, encoded};
-pub use on_mesh::{HeadOnMesh, Reach};
+pub use on_mesh::{HeadOnMesh, Reach, fit_face};
+pub use volume::{HeadSurface, SURFACE_CELLS, check_surface_cells};
 
 use crate::{
     Error, Result,

@@ -88,6 +88,20 @@ struct Placed {
     canonical: Vec<[f32; 3]>,
 }
 
+/// Fits a head to a face at rest, which is kept in `cache`; why no head is like the face, where none is.
+///
+/// # Errors
+/// `Mesh` if the landmarks lie on no usable face; `Cancelled`.
+pub fn fit_face(
+    head: &Head,
+    face: &Face,
+    cache: &Cache,
+    progress: ProgressFn<'_>,
+) -> Result<std::result::Result<ScanFit, String>> {
+    let placed = Placed::of_face(head, face, cache, progress)?;
+    Ok(placed.map(|placed| placed.fit))
+}
+
 impl HeadOnMesh {
     /// Fits a head to a face at rest and finds its vertices in it, which is kept in `cache`; why no head is like the
     /// face, where none is.
@@ -101,33 +115,7 @@ impl HeadOnMesh {
         cache: &Cache,
         progress: ProgressFn<'_>,
     ) -> Result<std::result::Result<HeadOnMesh, String>> {
-        let skin = &face.surface()?.skin;
-        let place = || {
-            let points: Vec<[f32; 3]> = (0..skin.is_skin.len())
-                .filter(|&v| skin.is_skin[v])
-                .map(|v| face.mesh.positions[v])
-                .collect();
-            let options = ScanOptions::default();
-            match head.fit_scan(&points, &face.landmarks, &options, progress) {
-                Ok(fit) => Ok(Ok(Placed::new(&head, face, fit, progress)?)),
-                Err(Error::InvalidInput(complaint)) => Ok(Err(complaint)),
-                Err(other) => Err(other),
-            }
-        };
-        let encode = |placed: &std::result::Result<Placed, String>| match placed {
-            Ok(placed) => placed.to_arrays(),
-            Err(complaint) => {
-                let mut arrays = Arrays::default();
-                arrays.insert_json(REFUSED, complaint);
-                arrays
-            }
-        };
-        let decode = |mut arrays: Arrays| match arrays.take_json(REFUSED) {
-            Some(complaint) => Some(Err(complaint)),
-            None => Placed::from_arrays(arrays).map(Ok),
-        };
-        let key = face.cache_key_of_mesh().text("field");
-        match cache.get_or_make(&key, decode, encode, place)? {
+        match Placed::of_face(&head, face, cache, progress)? {
             Ok(placed) => HeadOnMesh::of_placed(head, face, placed, reach).map(Ok),
             Err(complaint) => Ok(Err(complaint)),
         }
@@ -253,6 +241,42 @@ impl CodeField for HeadOnMesh {
 }
 
 impl Placed {
+    /// Found once for a face and kept in `cache`; why no head is like the face, where none is.
+    fn of_face(
+        head: &Head,
+        face: &Face,
+        cache: &Cache,
+        progress: ProgressFn<'_>,
+    ) -> Result<std::result::Result<Placed, String>> {
+        let skin = &face.surface()?.skin;
+        let place = || {
+            let points: Vec<[f32; 3]> = (0..skin.is_skin.len())
+                .filter(|&v| skin.is_skin[v])
+                .map(|v| face.mesh.positions[v])
+                .collect();
+            let options = ScanOptions::default();
+            match head.fit_scan(&points, &face.landmarks, &options, progress) {
+                Ok(fit) => Ok(Ok(Placed::new(head, face, fit, progress)?)),
+                Err(Error::InvalidInput(complaint)) => Ok(Err(complaint)),
+                Err(other) => Err(other),
+            }
+        };
+        let encode = |placed: &std::result::Result<Placed, String>| match placed {
+            Ok(placed) => placed.to_arrays(),
+            Err(complaint) => {
+                let mut arrays = Arrays::default();
+                arrays.insert_json(REFUSED, complaint);
+                arrays
+            }
+        };
+        let decode = |mut arrays: Arrays| match arrays.take_json(REFUSED) {
+            Some(complaint) => Some(Err(complaint)),
+            None => Placed::from_arrays(arrays).map(Ok),
+        };
+        let key = face.cache_key_of_mesh().text("field");
+        cache.get_or_make(&key, decode, encode, place)
+    }
+
     fn new(head: &Head, face: &Face, fit: ScanFit, progress: ProgressFn<'_>) -> Result<Placed> {
         let skin = &face.surface()?.skin;
         let one = head.one(head.identity_code(&fit.coefficients)?)?;

@@ -1,4 +1,4 @@
-//! A file appears whole or not at all.
+//! A file or a folder of files appears whole or not at all.
 
 use std::{
     fs::{self, File},
@@ -8,7 +8,7 @@ use std::{
     time::{Duration, SystemTime},
 };
 
-use tempfile::NamedTempFile;
+use tempfile::{NamedTempFile, TempDir};
 
 use crate::{Error, Result};
 
@@ -20,7 +20,7 @@ const SUFFIX: &str = ".part";
 /// A file in the making that was not touched for so long belongs to a process that was killed.
 const ABANDONED: Duration = Duration::from_secs(3600);
 
-/// Files in the making of this process.
+/// Files and folders in the making of this process.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 /// Files of the job that are whole and wait for its others; `None` where each gets its name at once.
@@ -30,12 +30,11 @@ fn unfinished(change: impl FnOnce(&mut Vec<PathBuf>)) {
     change(&mut UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner));
 }
 
-/// Removes all files in the making, before the process ends in the middle of its work.
+/// Removes all files and folders in the making, before the process ends in the middle of its work.
 pub fn remove_unfinished() {
     unfinished(|paths| {
         for path in paths.drain(..) {
-            // It may have got its name in this very moment.
-            let _ = fs::remove_file(path);
+            remove(&path);
         }
     });
 }
@@ -60,6 +59,14 @@ pub(crate) fn all_or_none<T>(job: impl FnOnce() -> Result<T>) -> Result<T> {
         file.place()?;
     }
     Ok(result)
+}
+
+/// Removes what was in the making; it may have got its name, or somebody else may remove it, at the same time.
+fn remove(path: &Path) {
+    let _ = match path.is_dir() {
+        true => fs::remove_dir_all(path),
+        false => fs::remove_file(path),
+    };
 }
 
 /// Writes a file under a temporary name in the same folder, then renames it to `path`.
@@ -98,10 +105,7 @@ impl Unfinished {
     /// Opens a temporary file beside `path`.
     pub(super) fn create(path: &Path) -> Result<(Unfinished, BufWriter<File>)> {
         refuse_special(path).map_err(Error::io(path))?;
-        let folder = match path.parent() {
-            Some(folder) if !folder.as_os_str().is_empty() => folder,
-            _ => Path::new("."),
-        };
+        let folder = folder_of(path);
         remove_abandoned(folder);
         let temporary = temporary_in(folder).map_err(Error::io(path))?;
         unfinished(|paths| paths.push(temporary.path().to_owned()));
@@ -136,6 +140,72 @@ impl Unfinished {
     }
 }
 
+/// A folder in the making, which is new or empty in the end's place; dropped before [`UnfinishedFolder::finish`] it
+/// leaves nothing.
+pub(super) struct UnfinishedFolder {
+    path: PathBuf,
+    temporary: Option<TempDir>,
+}
+
+impl Drop for UnfinishedFolder {
+    fn drop(&mut self) {
+        if let Some(temporary) = &self.temporary {
+            unfinished(|paths| paths.retain(|path| path != temporary.path()));
+        }
+    }
+}
+
+impl UnfinishedFolder {
+    /// Makes a temporary folder beside `path`.
+    pub(super) fn create(path: &Path) -> Result<UnfinishedFolder> {
+        let folder = folder_of(path);
+        remove_abandoned(folder);
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(PREFIX).suffix(SUFFIX);
+        // tempfile makes private folders; a result is an ordinary one, subject to the umask.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
+        let temporary = builder.tempdir_in(folder).map_err(Error::io(path))?;
+        unfinished(|paths| paths.push(temporary.path().to_owned()));
+        Ok(UnfinishedFolder {
+            path: path.to_owned(),
+            temporary: Some(temporary),
+        })
+    }
+
+    /// Where its files are written.
+    pub(super) fn place(&self) -> &Path {
+        self.temporary
+            .as_ref()
+            .map_or(&self.path, |temporary| temporary.path())
+    }
+
+    /// Renames it to its place, when every file was written; an empty folder that is there makes way.
+    pub(super) fn finish(mut self) -> Result<()> {
+        let Some(temporary) = self.temporary.take() else {
+            return Ok(());
+        };
+        let name = temporary.path().to_owned();
+        let named = match self.path.is_dir() {
+            true => fs::remove_dir(&self.path).and_then(|()| fs::rename(&name, &self.path)),
+            false => fs::rename(&name, &self.path),
+        };
+        unfinished(|paths| paths.retain(|path| *path != name));
+        named.map_err(Error::io(&self.path))?;
+        // It has another name now.
+        let _ = temporary.keep();
+        Ok(())
+    }
+}
+
+/// The folder in which `path` lies.
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
 /// Renaming onto a device or a folder would replace the device or fail late.
 fn refuse_special(path: &Path) -> io::Result<()> {
     match fs::metadata(path) {
@@ -161,8 +231,7 @@ fn remove_abandoned(folder: &Path) {
         let touched = file.metadata().and_then(|meta| meta.modified());
         let age = touched.map(|at| SystemTime::now().duration_since(at));
         if age.is_ok_and(|age| age.is_ok_and(|age| age > ABANDONED)) {
-            // Somebody else may remove it at the same time.
-            let _ = fs::remove_file(file.path());
+            remove(&file.path());
         }
     }
 }

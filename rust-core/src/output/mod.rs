@@ -16,6 +16,7 @@ mod opened_obj;
 mod pc2;
 mod report;
 mod rig;
+mod surface_frames;
 mod vertex_motion;
 
 use std::path::Path;
@@ -29,6 +30,7 @@ pub use landmark_motion::{LandmarkMotion, read_landmark_motion, read_life, read_
 pub use opened_obj::write_opened_obj;
 pub use report::{Report, warnings_of_sound};
 pub use rig::{read_rig, write_rig, write_rig_folder};
+pub use surface_frames::{check_new_folder, write_surface_frames};
 pub use vertex_motion::{VertexMotion, read_vertex_motion};
 
 use ndarray::ArrayView2;

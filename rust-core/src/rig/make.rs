@@ -37,7 +37,7 @@ const NEAR_ZERO_MM: f32 = 0.2;
 /// The shapes of one mesh.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rig {
-    /// `[S]`: the 52 of [`ARKIT`], then the 15 of [`VISEMES`].
+    /// `[S]`: the 52 of [`ARKIT`], then the 15 of [`VISEMES`]; by the field of a head shapes in between may follow.
     pub names: Vec<String>,
     /// `[S, V, 3]`, displacement of every vertex at strength 1, mesh units and axes.
     pub deltas: Array3<f32>,
@@ -66,6 +66,29 @@ pub struct RigModel {
     network: RigNetwork,
     /// `[15, 52]`.
     visemes: Array2<f32>,
+}
+
+impl ShapeReport {
+    /// Of a shape `[V, 3]` in mesh units, of which `scale` are metres on a human head; `note` is told whether it moves
+    /// visibly.
+    pub(super) fn of(
+        name: &str,
+        shape: ArrayView2<'_, f32>,
+        scale: f32,
+        note: impl FnOnce(bool) -> Option<String>,
+    ) -> ShapeReport {
+        let squared = shape.rows().into_iter().map(|d| d.dot(&d));
+        let largest = squared.fold(0.0f32, f32::max).sqrt();
+        let largest_mm = 1000.0 * scale * largest;
+        let present = largest_mm > NEAR_ZERO_MM;
+        ShapeReport {
+            note: note(present),
+            name: name.to_owned(),
+            largest,
+            largest_mm,
+            present,
+        }
+    }
 }
 
 #[derive(Deserialize)]
@@ -186,6 +209,11 @@ impl RigModel {
         }
     }
 
+    /// Weight of each ARKit shape in each viseme, `[15, 52]`.
+    pub(super) fn visemes(&self) -> &Array2<f32> {
+        &self.visemes
+    }
+
     fn mix_visemes(&self, deltas: &mut Array3<f32>) {
         let (arkit, mut visemes) = deltas.view_mut().split_at(Axis(0), ARKIT.len());
         for (mixture, mut viseme) in self
@@ -211,17 +239,8 @@ impl Rig {
             .map(|n| (*n).to_owned())
             .collect();
         let reports = names.iter().zip(deltas.outer_iter()).map(|(name, shape)| {
-            let squared = shape.rows().into_iter().map(|d| d.dot(&d));
-            let largest = squared.fold(0.0f32, f32::max).sqrt();
-            let largest_mm = 1000.0 * scale * largest;
-            let present = largest_mm > NEAR_ZERO_MM;
-            ShapeReport {
-                note: note(name, present, eyes, tongue).map(str::to_owned),
-                name: name.clone(),
-                largest,
-                largest_mm,
-                present,
-            }
+            let told = |present| note(name, present, eyes, tongue).map(str::to_owned);
+            ShapeReport::of(name, shape, scale, told)
         });
         Rig {
             reports: reports.collect(),

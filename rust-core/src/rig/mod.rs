@@ -4,8 +4,9 @@
 //! [`RigModel`] makes a [`Rig`]: on the skin each shape is the landmark motion of a mean face,
 //! spread by the face's own [`crate::deform::Deformer`], plus a [`network`]'s correction; raised brows
 //! fold the forehead as the learned decoder does; jaw parts follow the jaw, eyeballs turn, a tongue of its own comes out ([`parts`]). [`solve`] turns motion
-//! of vertices into weights.
+//! of vertices into weights. Where a parametric head is like the face, its field may move the skin instead.
 
+mod by_field;
 mod decoded;
 mod lids;
 mod make;
@@ -15,6 +16,7 @@ pub mod parts;
 pub mod solve;
 mod visemes;
 
+pub use by_field::FieldOfFace;
 pub use decoded::Learned;
 pub use make::{MODEL, Rig, RigModel, ShapeReport};
 pub use names::{ARKIT, VISEMES, mirrored_name};

@@ -190,11 +190,8 @@ impl<'a> Spread<'a> {
             Way::Field(deformer, landmarks, field, codes) => {
                 let rows = Slice::from(range);
                 let codes = codes.slice_axis(Axis(0), rows);
-                let base = self.face.own_motion(field.landmarks(codes)?.view());
-                let base = deformer.deform_freely(base.view(), progress)?;
-                let beside = field.beyond(codes, &base)?;
                 let stretch = landmarks.slice_axis(Axis(0), rows);
-                deformer.deform_beside(stretch, &beside, progress)
+                field.frames((self.face, *deformer), stretch, codes, progress)
             }
             Way::Shapes(shapes) => {
                 report(progress, "deform", 0.0)?;

@@ -19,7 +19,8 @@ use crate::{
     conditions::{Control, ControlStage, Controls, EmotionCurve, MotionRequest},
     deform::{self, CodeField, Deformer},
     face::Face,
-    head, mesh,
+    head::{self, Head},
+    mesh,
     models::BuiltIn,
     motion::{self, LipClosures, Motion, MotionStream, TemplateMask},
     progress::ProgressFn,
@@ -220,6 +221,11 @@ pub trait System: Send + Sync {
     ) -> Result<Option<&'a dyn CodeField>> {
         let _ = (face, cache, progress);
         Ok(None)
+    }
+
+    /// The parametric head whose codes its motion has; `None` where it has another kind of motion.
+    fn head(&self) -> Option<&Arc<Head>> {
+        None
     }
 
     /// Motion while somebody is speaking, where the system can do that.

@@ -129,6 +129,33 @@ fn requests_out_of_range_exit_with_3_before_any_work() {
 }
 
 #[test]
+fn surfaces_over_time_are_refused_where_they_cannot_be_and_say_what_they_would_take() {
+    let folder = folder_with_sound(&hum(0.5), 16_000);
+    let head = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/default_head/head.obj");
+    let head = head.to_str().unwrap();
+    let asked = |system: &'static str, cells: &'static str, out: &'static str| {
+        let start = ["animate", "--mesh", head, "--audio", "a.wav", "--no-cache"];
+        let end = ["--system", system, "--surface", cells, "--out", out];
+        [&start[..], &end].concat()
+    };
+    let mine = folder.path().join("mine");
+    fs::create_dir(&mine).unwrap();
+    fs::write(mine.join("a.ply"), "ply").unwrap();
+    for (system, cells, out, words) in [
+        ("facetalk", "16", "frames", "expected 32 to 512 cells"),
+        ("facetalk", "1024", "frames", "would take about 2500 MB"),
+        ("facetalk", "64", "o.npz", "expected a folder"),
+        ("facetalk", "64", "mine", "1 files, such as a.ply"),
+        ("freetalk", "64", "frames", "(facetalk), got freetalk"),
+    ] {
+        refused(&folder, &asked(system, cells, out), INVALID_INPUT, words);
+    }
+    let both = [&asked("facetalk", "64", "frames")[..], &["--open-mouth"]].concat();
+    refused(&folder, &both, USAGE, "--open-mouth");
+    assert_eq!(names(&mine).len(), 1);
+}
+
+#[test]
 fn sounds_that_cannot_be_used_exit_with_4() {
     let mut broken = hum(0.5);
     broken[77] = f32::NAN;

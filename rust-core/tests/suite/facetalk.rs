@@ -1,16 +1,24 @@
 //! FaceTalk through the engine: speech to the landmarks of a head that is a field.
 
-use std::sync::{Arc, LazyLock};
+use std::{
+    fs,
+    path::Path,
+    sync::{
+        Arc, LazyLock,
+        atomic::{AtomicUsize, Ordering},
+    },
+};
 
 use anyface::{
     CachePolicy, Engine, EngineOptions, Error, Face, MotionRequest, Result,
     audio::Waveform,
     conditions::Controls,
     deform::CodeField,
-    head::{Head, HeadOnMesh, HeadOptions, MadeHead, Reach, ScanFit},
+    head::{Head, HeadOnMesh, HeadOptions, HeadSurface, MadeHead, Reach, ScanFit},
     mesh::{FaceOptions, LandmarkSource, Mesh, Similarity},
     motion::Motion,
-    progress::SILENT,
+    output::write_surface_frames,
+    progress::{Progress, SILENT},
     spread::Collector,
 };
 use ndarray::{Array2, Array3, s};
@@ -237,4 +245,186 @@ fn a_mesh_like_a_head_moves_by_the_field_and_another_by_its_landmarks() {
     );
     let (by_landmarks, _) = spread(&prepared(&broad, &made, 0.0));
     assert_eq!(by_field, by_landmarks);
+}
+
+/// The code of an open jaw.
+fn jaw_open(weight: f32) -> Vec<f32> {
+    let channels = HEAD.config().channels.iter();
+    let weights: Vec<f32> = channels
+        .map(|name| if name == "jawOpen" { weight } else { 0.0 })
+        .collect();
+    HEAD.expression_code(&weights).unwrap()
+}
+
+/// Codes of a jaw that opens.
+fn some_codes(frames: usize) -> Array2<f32> {
+    let codes: Vec<f32> = (0..frames)
+        .flat_map(|t| jaw_open(t as f32 / frames as f32))
+        .collect();
+    Array2::from_shape_vec((frames, codes.len() / frames), codes).unwrap()
+}
+
+/// Mean distance from each of some points to the nearest of a mesh.
+fn distance_to(points: &[[f32; 3]], mesh: &Mesh) -> f32 {
+    let nearest = |p: &[f32; 3]| {
+        let all = mesh.positions.iter().map(|q| distance(*p, q));
+        all.fold(f32::INFINITY, f32::min)
+    };
+    points.iter().map(nearest).sum::<f32>() / points.len() as f32
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).unwrap();
+    let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let mut names: Vec<String> = names.collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn a_head_comes_as_a_surface_for_every_frame() {
+    let (made, _) = own_head(6);
+    // Centimetres, elsewhere.
+    let mut mesh = made.mesh.clone();
+    mesh.positions
+        .iter_mut()
+        .for_each(|p| *p = [100.0 * p[0] + 30.0, 100.0 * p[1], 100.0 * p[2] - 5.0]);
+    let face = prepared(&mesh, &made, 1.0);
+    let (surface, note) = ENGINE.head_surface(&face, 64, SILENT).unwrap();
+    assert_eq!(note, None);
+    let marks = &face.landmarks.positions[17..];
+    let rest = Mesh {
+        positions: surface.at_rest().unwrap(),
+        triangles: surface.triangles().to_vec(),
+    };
+    // Cells are 0.6 cm wide.
+    let off = distance_to(marks, &rest);
+    assert!(off < 0.35, "{off} cm");
+
+    let folder = tempfile::tempdir().unwrap();
+    let (out, codes) = (folder.path().join("frames"), some_codes(5));
+    let most = write_surface_frames(&out, &surface, codes.view(), SILENT).unwrap();
+    assert!((0.1..5.0).contains(&most), "{most} cm");
+    let expected = ["0001.ply", "0002.ply", "0003.ply", "0004.ply", "0005.ply"];
+    assert_eq!(names(&out), expected);
+    let frames = expected.map(|name| Mesh::read(out.join(name)).unwrap());
+    for (frame, code) in frames.iter().zip(codes.rows()) {
+        assert_eq!(frame.triangles, rest.triangles);
+        assert_eq!(frame.positions, surface.at(&code.to_vec()).unwrap());
+    }
+    assert_ne!(frames[0].positions, frames[4].positions);
+    assert_eq!(names(folder.path()), ["frames"]);
+}
+
+#[test]
+fn the_mean_head_stands_in_where_none_is_like_the_mesh() {
+    let (made, _) = own_head(6);
+    let mut broad = made.mesh.clone();
+    broad.positions.iter_mut().for_each(|p| p[0] *= 3.0);
+    let face = prepared(&broad, &made, 1.0);
+    let (surface, note) = ENGINE.head_surface(&face, 32, SILENT).unwrap();
+    let note = note.unwrap();
+    assert!(note.contains("that of the mean head"), "{note}");
+    let zero = vec![0.0; 100];
+    let mean = HEAD.one(HEAD.identity_code(&zero).unwrap()).unwrap();
+    let back = face.to_canonical;
+    let rest = surface.at_rest().unwrap().into_iter();
+    let rest: Vec<[f32; 3]> = rest.map(|p| back.apply(p)).collect();
+    let at_rest = mean.posed(&HEAD.rest_code()).unwrap();
+    let far = at_rest.distance(&rest).into_iter().map(f32::abs);
+    let far = far.sum::<f32>() / rest.len() as f32;
+    assert!(far < 1e-3, "{far} m");
+}
+
+#[test]
+fn frames_of_a_surface_appear_whole_or_not_at_all_and_harm_no_other_file() {
+    let zero = vec![0.0; 100];
+    let surface = HeadSurface::new(HEAD.clone(), &zero, Similarity::IDENTITY, 32, SILENT).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let (out, codes) = (folder.path().join("frames"), some_codes(4));
+
+    let told = AtomicUsize::new(0);
+    let stop = |p: Progress| p.stage != "frames" || told.fetch_add(1, Ordering::Relaxed) < 2;
+    let stopped = write_surface_frames(&out, &surface, codes.view(), &stop);
+    assert!(matches!(stopped, Err(Error::Cancelled)), "{stopped:?}");
+    assert_eq!(names(folder.path()), [] as [&str; 0]);
+
+    fs::create_dir(&out).unwrap();
+    fs::write(out.join("notes.txt"), "mine").unwrap();
+    let refused = write_surface_frames(&out, &surface, codes.view(), SILENT).unwrap_err();
+    assert!(
+        refused.to_string().contains("1 files, such as notes.txt"),
+        "{refused}"
+    );
+    assert_eq!(names(&out), ["notes.txt"]);
+    fs::remove_file(out.join("notes.txt")).unwrap();
+    write_surface_frames(&out, &surface, codes.view(), SILENT).unwrap();
+    assert_eq!(names(&out).len(), 4);
+    let again = write_surface_frames(&out, &surface, codes.view(), SILENT).unwrap_err();
+    assert!(again.to_string().contains("4 files"), "{again}");
+}
+
+#[test]
+fn shapes_by_the_field_are_those_of_its_codes_and_bend_in_between() {
+    let (made, coefficients) = own_head(5);
+    let face = prepared(&made.mesh, &made, 1.0);
+    let rig = ENGINE.rig_by_field(&face, true, SILENT).unwrap();
+    assert_eq!(rig.names.len(), 2 * 52 + 15);
+    let shape = |name: &str| {
+        let row = rig.names.iter().position(|known| known == name).unwrap();
+        rig.deltas.index_axis(ndarray::Axis(0), row)
+    };
+    // Far from lips and lids the field alone moves the chin.
+    let one = HEAD
+        .one(HEAD.identity_code(&coefficients).unwrap())
+        .unwrap();
+    let posed = one
+        .mover(made.canonical.clone())
+        .at(&jaw_open(1.0))
+        .unwrap();
+    let chin = made.landmarks.vertices[8] as usize;
+    let truth: [f32; 3] = std::array::from_fn(|i| posed[chin][i] - made.mesh.positions[chin][i]);
+    let open = shape("jawOpen");
+    let off = distance(std::array::from_fn(|i| open[[chin, i]]), &truth);
+    let way = distance([0.0; 3], &truth);
+    assert!(way > 0.01 && off < 0.1 * way, "{off} of {way} m");
+
+    // Lids go round the eye, and the jaw hardly bends.
+    let bent = |name: &str| {
+        let halfway = shape(name).mapv(|x| 0.5 * x);
+        let off = (&shape(&format!("{name}_half")) - &halfway).mapv(f32::abs);
+        off.iter().fold(0.0f32, |most, x| most.max(*x))
+    };
+    assert!(
+        (2e-4..1e-2).contains(&bent("eyeBlinkLeft")),
+        "{} m",
+        bent("eyeBlinkLeft")
+    );
+    assert!(bent("jawOpen") > 1e-6 && bent("tongueOut") == 0.0);
+    // What mouthClose adds to an open jaw lifts the lower lip.
+    let lip = made.landmarks.vertices[57] as usize;
+    assert!(shape("mouthClose")[[lip, 1]] > 0.005);
+    let linear = ENGINE.rig(&face, SILENT).unwrap();
+    for name in ["tongueOut", "browInnerUp"] {
+        let row = linear.names.iter().position(|known| known == name);
+        let expected = linear.deltas.index_axis(ndarray::Axis(0), row.unwrap());
+        assert_eq!(shape(name), expected);
+    }
+    assert!(
+        rig.reports
+            .iter()
+            .zip(&rig.names)
+            .all(|(report, name)| report.name == *name)
+    );
+
+    // Three times as broad as any face.
+    let (made, _) = own_head(6);
+    let mut broad = made.mesh.clone();
+    broad.positions.iter_mut().for_each(|p| p[0] *= 3.0);
+    let face = prepared(&broad, &made, 1.0);
+    let refused = ENGINE.rig_by_field(&face, false, SILENT).unwrap_err();
+    assert!(
+        refused.to_string().contains("a head of the model is like"),
+        "{refused}"
+    );
 }

@@ -20,6 +20,7 @@ use anyface::{
     head::{Head, HeadOnMesh, Reach},
     mesh::{FaceOptions, LandmarkSource, Mesh},
     progress::SILENT,
+    rig::Rig,
     spread::{Collector, FrameSink},
 };
 
@@ -27,6 +28,8 @@ const MM_PER_CM: f32 = 10.0;
 /// Vertices of ICT's face, before head and neck, sockets, teeth and eyes.
 pub(super) const FACE_VERTICES: usize = 9409;
 const LIPS_CM: f32 = 0.8;
+/// Vertices that a shape moves less than this do not count for it.
+const MOVING_MM: f64 = 0.5;
 const FRAMES: usize = 20;
 const HELD_OUT_EVERY: usize = 10;
 /// Training's own identities come from small seeds.
@@ -40,6 +43,9 @@ pub(super) struct Field {
     /// Identities
     #[arg(long, value_name = "N", default_value_t = 3)]
     heads: u64,
+    /// Measure ARKit's shapes of a rig instead: the network's beside the field's, at half their weight and at the whole
+    #[arg(long)]
+    rig: bool,
 }
 
 /// ICT's face with its modes, centimetres.
@@ -63,6 +69,9 @@ impl Field {
         let ict = Ict::read(&data)?;
         let engine = shared.engine_of(Some("facetalk"))?;
         let head = Arc::new(Head::open(shared.weights.as_deref())?);
+        if self.rig {
+            return self.rigs(&ict, &engine, &head);
+        }
         let sets = self.poses(&data, &head)?;
         let names = [
             "no motion",
@@ -74,12 +83,7 @@ impl Field {
         let mut sums = vec![vec![Sum::default(); names.len()]; sets.len()];
         for number in 0..self.heads {
             let coefficients = Head::random(UNSEEN_SEED + number);
-            let mesh = ict.mesh(&coefficients)?;
-            let options = FaceOptions {
-                landmarks: Some(LandmarkSource::Vertices(ict.landmarks.clone())),
-                ..FaceOptions::default()
-            };
-            let face = engine.prepare(&mesh, &options, SILENT)?;
+            let face = ict.face(&engine, &coefficients)?;
             let begun = Instant::now();
             let field = HeadOnMesh::new(
                 Arc::clone(&head),
@@ -100,7 +104,7 @@ impl Field {
             known.coefficients = coefficients.clone();
             let known =
                 HeadOnMesh::of_fit(Arc::clone(&head), &face, known, Reach::default(), SILENT)?;
-            let lips = ict.lips(&mesh);
+            let lips = ict.lips(&face.mesh);
             for (set, (_, weights)) in sets.iter().enumerate() {
                 let truth = ict.moved(&head.config().channels, weights);
                 let rows: Vec<Vec<f32>> = weights
@@ -139,6 +143,64 @@ impl Field {
                 );
             }
         }
+        Ok(())
+    }
+
+    /// Both rigs of unseen heads against ICT's own modes, over the vertices of the face that a mode moves.
+    fn rigs(&self, ict: &Ict, engine: &Engine, head: &Head) -> Result<()> {
+        let channels = &head.config().channels;
+        let mut sums = vec![[[0.0f64; 3]; 2]; channels.len()];
+        for number in 0..self.heads {
+            let face = ict.face(engine, &Head::random(UNSEEN_SEED + number))?;
+            let network = engine.rig(&face, SILENT)?;
+            let field = engine.rig_by_field(&face, true, SILENT)?;
+            for (channel, sums) in channels.iter().zip(&mut sums) {
+                let row = |name: &String| f32::from(u8::from(name == channel));
+                let weights =
+                    Array2::from_shape_fn((1, channels.len()), |(_, n)| row(&channels[n]));
+                let truth = ict.moved(channels, &weights);
+                let of = |rig: &Rig, name: &str| {
+                    let place = rig.names.iter().position(|known| known == name);
+                    place.map(|place| rig.deltas.index_axis(Axis(0), place).to_owned())
+                };
+                let missing =
+                    || Error::InvalidInput(format!("{channel}: expected a shape, got none"));
+                let whole = of(&network, channel).ok_or_else(missing)?;
+                let made = [
+                    (0.5, &whole * 0.5, of(&field, &format!("{channel}_half"))),
+                    (1.0, whole, of(&field, channel)),
+                ];
+                for ((weight, network, field), sums) in made.into_iter().zip(sums) {
+                    let field = field.ok_or_else(missing)?;
+                    for v in 0..FACE_VERTICES {
+                        let way = |of: &dyn Fn(usize) -> f32| {
+                            f64::from(MM_PER_CM * (0..3).map(|i| of(i).powi(2)).sum::<f32>().sqrt())
+                        };
+                        let moves = way(&|i| truth[[0, v, i]]);
+                        if moves > MOVING_MM {
+                            let off = |i, made: f32| made - weight * truth[[0, v, i]];
+                            sums[0] += 1.0;
+                            sums[1] += way(&|i| off(i, network[[v, i]]));
+                            sums[2] += way(&|i| off(i, field[[v, i]]));
+                        }
+                    }
+                }
+            }
+        }
+        println!("mm, network / field at 0.5, network / field at 1");
+        let mut all = [[0.0; 3]; 2];
+        let line = |[half, whole]: &[[f64; 3]; 2]| {
+            let mean = |sums: &[f64; 3], n: usize| sums[n] / sums[0].max(1.0);
+            let (a, b) = (mean(half, 1), mean(half, 2));
+            format!("{a:.3} {b:.3}  {:.3} {:.3}", mean(whole, 1), mean(whole, 2))
+        };
+        for (channel, sums) in channels.iter().zip(&sums) {
+            println!("  {channel:>20}: {}", line(sums));
+            for (all, own) in all.iter_mut().flatten().zip(sums.iter().flatten()) {
+                *all += own;
+            }
+        }
+        println!("  {:>20}: {}", "all", line(&all));
         Ok(())
     }
 
@@ -240,6 +302,15 @@ impl Ict {
             positions.as_chunks::<3>().0.to_vec(),
             self.triangles.clone(),
         )
+    }
+
+    /// The head of `coefficients`, ready to be moved.
+    fn face(&self, engine: &Engine, coefficients: &[f32]) -> Result<Face> {
+        let options = FaceOptions {
+            landmarks: Some(LandmarkSource::Vertices(self.landmarks.clone())),
+            ..FaceOptions::default()
+        };
+        engine.prepare(&self.mesh(coefficients)?, &options, SILENT)
     }
 
     /// `[FACE_VERTICES]`, whether a vertex lies near the mouth.

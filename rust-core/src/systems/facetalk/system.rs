@@ -225,6 +225,10 @@ impl System for FaceTalk {
         3
     }
 
+    fn head(&self) -> Option<&Arc<Head>> {
+        Some(&self.head)
+    }
+
     fn field<'a>(
         &self,
         face: &'a Face,

@@ -1,0 +1,79 @@
+//! The surface of the head that a mesh is like, a file for each frame.
+
+use std::path::Path;
+
+use clap::Args;
+
+use super::{
+    arguments::{is_folder, shown},
+    stages::timed,
+};
+use crate::{
+    Engine, Error, Face, Performance, Result,
+    head::check_surface_cells,
+    motion::{CodeClip, Motion},
+    output::{Report, check_new_folder, write_surface_frames},
+    progress::ProgressFn,
+    spread,
+};
+
+/// Options of a surface over time.
+#[derive(Args)]
+pub(super) struct SurfaceArgs {
+    /// Write the surface of the head that is like the mesh instead (facetalk), a PLY for each frame: cells along
+    /// its longest side, 32 to 512
+    #[arg(long, value_name = "N", conflicts_with_all = ["redo", "mask", "layers", "mask_out", "open_mouth"])]
+    surface: Option<usize>,
+}
+
+impl SurfaceArgs {
+    pub(super) fn is_asked(&self) -> bool {
+        self.surface.is_some()
+    }
+
+    /// Checks what is cheap to check.
+    pub(super) fn check(&self, out: &Path) -> Result<()> {
+        self.surface.map_or(Ok(()), check_surface_cells)?;
+        if !is_folder(out) {
+            return Err(Error::InvalidInput(format!(
+                "{}: expected a folder for the frames of a surface, as in frames/",
+                out.display()
+            )));
+        }
+        check_new_folder(out)
+    }
+
+    /// Writes the frames into the folder `out`, and notes what they are.
+    pub(super) fn write(
+        &self,
+        (engine, face, performance): (&Engine, &Face, &Performance),
+        out: &Path,
+        report: &mut Report,
+        progress: ProgressFn<'_>,
+    ) -> Result<()> {
+        let (Some(cells), Motion::Codes(CodeClip { codes, .. })) =
+            (self.surface, &performance.motion)
+        else {
+            return Err(spread::not_yet(&performance.motion));
+        };
+        let (surface, note) = timed(report, "surface", || {
+            engine.head_surface(face, cells, progress)
+        })?;
+        let largest = timed(report, "write", || {
+            write_surface_frames(out, &surface, codes.view(), progress)
+        })?;
+        report.warnings.extend(note);
+        let landmarks = engine.landmarks_of(&performance.motion)?.displacements;
+        report.note_motion(
+            Some(largest),
+            face.own_motion(landmarks.view()).view(),
+            face.metres_per_unit(),
+            performance.articulation(),
+        );
+        report.out = Some(shown(out));
+        report.frames = performance.motion.frames();
+        report.fps = performance.motion.fps();
+        report.vertices = Some(surface.vertices());
+        Ok(())
+    }
+}

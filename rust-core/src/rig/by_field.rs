@@ -1,0 +1,161 @@
+//! The shapes of a face as the field of the head that is like it makes them: each the motion under the code of its own
+//! weight, so that it is not linear in that weight, with shapes at half the weight in between where they are wanted.
+
+use ndarray::{Array2, Array3, Axis, s};
+
+use super::{
+    ARKIT, Rig, RigModel, VISEMES,
+    make::{ShapeReport, arkit},
+};
+use crate::{
+    Result,
+    deform::{CodeField, Deformer, binding::Follows},
+    face::Face,
+    head::{Head, HeadOnMesh},
+    progress::{ProgressFn, SILENT, report},
+};
+
+/// What a shape at half its weight is called.
+const HALF: &str = "_half";
+/// The built-in field has hardly learned these: it moves brows by a tenth of what they do in its data.
+const NOT_LEARNED: &str = "brow";
+/// Shapes that are made at a time.
+const AT_ONCE: usize = 16;
+
+/// A head that is like a face, and what spreads the motion of its landmarks.
+pub struct FieldOfFace<'a> {
+    /// The model of heads.
+    pub head: &'a Head,
+    /// Its field on the face.
+    pub field: &'a HeadOnMesh,
+    /// Moves what the field does not reach.
+    pub deformer: &'a dyn Deformer,
+}
+
+impl RigModel {
+    /// The shapes of `linear`, with the skin of each as the field moves it. ARKit's shapes that have a code, and the
+    /// visemes, which are mixtures of them, come from the field; teeth, tongue, eyeballs, brows and `tongueOut` stay. With
+    /// `in_betweens` a shape `NAME_half` for each of ARKit's stands behind all others: the face at weight 0.5.
+    ///
+    /// `mouthClose` is what it adds to an open jaw, as ARKit means it.
+    ///
+    /// # Errors
+    /// `Mesh` if the landmarks lie on no usable face, `Cancelled`.
+    pub fn by_field(
+        &self,
+        face: &Face,
+        linear: &Rig,
+        by: &FieldOfFace<'_>,
+        in_betweens: bool,
+        progress: ProgressFn<'_>,
+    ) -> Result<Rig> {
+        let (shapes, vertices) = (ARKIT.len() + VISEMES.len(), face.mesh.positions.len());
+        let weights = self.weights(in_betweens);
+        let mut deltas = by.moved(face, &weights, progress)?;
+        let close = arkit("mouthClose");
+        let closed = std::iter::once(close).chain(in_betweens.then_some(shapes + close));
+        for row in closed {
+            let open = deltas.index_axis(Axis(0), row - close + arkit("jawOpen"));
+            let added = &deltas.index_axis(Axis(0), row) - &open;
+            deltas.index_axis_mut(Axis(0), row).assign(&added);
+        }
+        let features = face.features();
+        let follows = &face.surface()?.follows;
+        for (row, mut made) in deltas.outer_iter_mut().enumerate() {
+            let (shape, weight) = match row < shapes {
+                true => (row, 1.0),
+                false => (row - shapes, 0.5),
+            };
+            let known = weights.row(row).iter().any(|w| *w != 0.0);
+            let share = ARKIT.get(shape).map_or(1.0, |name| features.of_shape(name));
+            let straight = linear.deltas.index_axis(Axis(0), shape);
+            for v in 0..vertices {
+                let is_skin = matches!(follows[v], Follows::Skin(_));
+                for axis in 0..3 {
+                    let by_field = share * made[[v, axis]];
+                    let plain = weight * straight[[v, axis]];
+                    made[[v, axis]] = if known && is_skin { by_field } else { plain };
+                }
+            }
+        }
+        let scale = face.metres_per_unit() as f32;
+        Ok(reported(linear, deltas, scale))
+    }
+
+    /// Weights of ARKit's shapes `[S, 52]` for every shape that is made.
+    fn weights(&self, in_betweens: bool) -> Array2<f32> {
+        let mut whole = Array2::eye(ARKIT.len());
+        whole[[arkit("mouthClose"), arkit("jawOpen")]] = 1.0;
+        let mut all = vec![whole.view(), self.visemes().view()];
+        let half = 0.5 * &whole;
+        all.extend(in_betweens.then_some(half.view()));
+        let mut all = ndarray::concatenate(Axis(0), &all).expect("52 columns each");
+        for (n, name) in ARKIT.iter().enumerate() {
+            if *name == "tongueOut" || name.starts_with(NOT_LEARNED) {
+                all.column_mut(n).fill(0.0);
+            }
+        }
+        all
+    }
+}
+
+impl FieldOfFace<'_> {
+    /// The face under weights `[S, 52]`, `[S, V, 3]`, mesh units and axes.
+    fn moved(
+        &self,
+        face: &Face,
+        weights: &Array2<f32>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array3<f32>> {
+        let (shapes, vertices) = (weights.nrows(), face.mesh.positions.len());
+        let mut out = Array3::zeros((shapes, vertices, 3));
+        for first in (0..shapes).step_by(AT_ONCE) {
+            report(progress, "field", first as f32 / shapes as f32)?;
+            let some = first..(first + AT_ONCE).min(shapes);
+            let codes = self.codes(&weights.slice(s![some.clone(), ..]).to_owned())?;
+            let marks = self.field.landmarks(codes.view())?;
+            let own = face.own_motion(marks.view());
+            let moved =
+                self.field
+                    .frames((face, self.deformer), own.view(), codes.view(), SILENT)?;
+            out.slice_mut(s![some, .., ..]).assign(&moved);
+        }
+        report(progress, "field", 1.0)?;
+        Ok(out)
+    }
+
+    fn codes(&self, weights: &Array2<f32>) -> Result<Array2<f32>> {
+        let config = self.head.config();
+        let mut codes = Array2::zeros((weights.nrows(), config.expression_code));
+        for (row, mut code) in weights.rows().into_iter().zip(codes.rows_mut()) {
+            let of = |name: &String| ARKIT.iter().position(|known| known == name);
+            let own = config.channels.iter();
+            let own: Vec<f32> = own.map(|name| of(name).map_or(0.0, |n| row[n])).collect();
+            code.assign(&ndarray::aview1(&self.head.expression_code(&own)?));
+        }
+        Ok(codes)
+    }
+}
+
+/// Names and reports: what was said of a shape of `linear` holds for the same one by the field.
+fn reported(linear: &Rig, deltas: Array3<f32>, scale: f32) -> Rig {
+    let shapes = linear.names.len();
+    let halves = ARKIT.iter().map(|name| format!("{name}{HALF}"));
+    let names = linear.names.iter().cloned().chain(halves);
+    let names: Vec<String> = names.take(deltas.len_of(Axis(0))).collect();
+    let told = |row: usize| {
+        linear
+            .reports
+            .get(row % shapes)
+            .and_then(|told| told.note.clone())
+    };
+    let rows = names.iter().zip(deltas.outer_iter()).enumerate();
+    let reports = rows
+        .map(|(row, (name, shape))| ShapeReport::of(name, shape, scale, |_| told(row)))
+        .collect();
+    Rig {
+        names,
+        deltas,
+        reports,
+    }
+}
