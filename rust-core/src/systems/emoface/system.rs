@@ -260,6 +260,11 @@ impl System for EmoFace {
         }))
     }
 
+    fn copies_of_frames(&self) -> usize {
+        // What landmarks alone and the template make of them stand beside them.
+        3
+    }
+
     fn field<'a>(
         &self,
         face: &'a Face,
