@@ -272,7 +272,8 @@ static double in_use_mb(void) {
         struct mallinfo2 of = mallinfo2();
         size_t scratches = of.hblkhd / SCRATCH;
         size_t theirs = scratches < threads ? scratches : threads;
-        least = fmin(least, (double)(of.uordblks + of.hblkhd - theirs * SCRATCH) / 1e6);
+        double now = (double)(of.uordblks + of.hblkhd - theirs * SCRATCH) / 1e6;
+        least = now < least ? now : least;
     }
     return least;
 }

@@ -337,7 +337,6 @@ mod tests {
         for seed in seeds() {
             for name in ["wav2vec2", "hubert", "regression"] {
                 for file in ["config.json", "model.safetensors"] {
-                    println!("{seed} {name} {file}");
                     let folder = folder(&golden, name);
                     damage(&folder.path().join(file), seed);
                     let model = EmotionModel::load_folder(folder.path());

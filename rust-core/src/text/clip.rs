@@ -285,7 +285,6 @@ mod tests {
                 "merges.txt",
                 "model.safetensors",
             ] {
-                println!("{seed} {file}");
                 let folder = folder(&golden);
                 damage(&folder.path().join(file), seed);
                 if let Ok(clip) = ClipText::load_folder(folder.path()) {

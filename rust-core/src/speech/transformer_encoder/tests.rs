@@ -192,7 +192,6 @@ fn damaged_folders_are_refused_or_encode() {
         .flat_map(|name| seeds().map(move |seed| (name, seed)))
     {
         for file in ["config.json", "model.safetensors"] {
-            println!("{name} {seed} {file}");
             let golden = Golden::open(name);
             let folder = folder(&golden, |all| all);
             damage(&folder.path().join(file), seed);
