@@ -194,7 +194,7 @@ class Stage:
         found = self.take_module.Found
         return found(places, np.arange(68), sure, "slit", parts, owners)
 
-    def rig(self, positions, triangles, points, numbers, roles, progress):
+    def rig(self, positions, triangles, points, numbers, roles, progress, by=None):
         """The motion's own shapes as the first ARKit shapes; the others stay still."""
         progress.check("rig")
         import importlib
