@@ -345,19 +345,16 @@ impl EventTrack {
             .filter(|&s| event.shows(&shapes[s]))
             .collect();
         let [first, last] = event.slot_s.map(|second| (second * fps).round() as usize);
-        let slot = first.min(frames)..last.max(first.saturating_add(1)).min(frames);
+        let end = last.max(first.saturating_add(1));
         let edge = (EDGE_S * fps).round() as usize;
-        for t in slot.start.saturating_sub(edge)..(slot.end + edge).min(frames) {
-            let beyond = slot
-                .start
-                .saturating_sub(t)
-                .max((t + 1).saturating_sub(slot.end));
+        for t in first.saturating_sub(edge)..end.saturating_add(edge).min(frames) {
+            let beyond = first.saturating_sub(t).max((t + 1).saturating_sub(end));
             let share = 1.0 - beyond as f32 / (edge + 1) as f32;
             for &s in &shown {
                 self.mask[[t, s]] = self.mask[[t, s]].max(share * event.strength);
             }
         }
-        for t in slot {
+        for t in first..end.min(frames) {
             self.over_speech[t] |= event.over_speech;
             for &(unit, _) in &event.units {
                 for side in 0..SIDES {
@@ -447,7 +444,14 @@ mod tests {
         assert_eq!(track.mask[[24, at("browInnerUp")]], 1.0);
         assert_eq!((track.active[[20, 0]], track.active[[20, 16]]), (1.0, 1.0));
         assert_eq!(track.active.sum(), 2.0 * 10.0 + 2.0 * 10.0);
-        let never = [Event::parse("1e300-2e300:1").unwrap()];
-        assert_eq!(EventTrack::of(&never, &shapes, 25, 25.0).active.sum(), 0.0);
+        for never in ["1e300-2e300:1", "1.2-2:1"] {
+            let never = [Event::parse(never).unwrap()];
+            let track = EventTrack::of(&never, &shapes, 25, 25.0);
+            assert_eq!((track.active.sum(), track.mask.sum()), (0.0, 0.0));
+        }
+        let soon = [Event::parse("1.04-2:1").unwrap()];
+        let mask = EventTrack::of(&soon, &shapes, 25, 25.0).mask;
+        let brow = mask.column(at("browInnerUp"));
+        assert_eq!([brow[22], brow[23], brow[24]], [0.0, 0.25, 0.5]);
     }
 }
