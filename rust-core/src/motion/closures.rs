@@ -113,6 +113,16 @@ impl LipClosures {
         given.fold(heard, f32::max)
     }
 
+    /// [`LipClosures::share`] at each frame of a clip, `[T]`; 0 where an event is `over_speech`.
+    pub(crate) fn shares(&self, frames: usize, fps: f64, over_speech: &[bool]) -> Vec<f32> {
+        let step_s = 1.0 / fps;
+        let share = |t: usize| match over_speech.get(t) {
+            Some(true) => 0.0,
+            _ => self.share(t as f64 * step_s, step_s),
+        };
+        (0..frames).map(share).collect()
+    }
+
     /// Frames in which lips move because of what was heard, without a gap.
     fn runs(&self) -> Vec<Range<usize>> {
         let mut out: Vec<Range<usize>> = Vec::new();

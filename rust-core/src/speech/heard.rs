@@ -85,32 +85,32 @@ impl Heard {
     }
 
     /// The same by two witnesses, the encoder's own read-out and the phones' p, b and m, which miss fewer than the
-    /// encoder alone at as many false ones: the card of `cafe_talk_compact` counts them.
+    /// encoder alone at as many false ones (the card of `cafe_talk_compact` counts them); and when the lower lip is at
+    /// the upper teeth, as the phones' f and v have it.
     ///
-    /// The encoder alone where the phones were not made for it.
-    pub fn closures_with(&self, phones: &PhoneModel, given: Option<&[[f64; 2]]>) -> LipClosures {
+    /// The encoder alone, and never at the teeth, where the phones were not made for it.
+    pub fn contacts_with(
+        &self,
+        phones: &PhoneModel,
+        given: Option<&[[f64; 2]]>,
+    ) -> (LipClosures, LipClosures) {
         let rate_hz = self.track.rate_hz;
-        let features = self.features(rate_hz);
-        let closed = self.encoder.closed_lips(features.view());
-        let Some(closed) = closed.filter(|_| phones.hears(self)) else {
-            return self.closures(given);
-        };
-        let together = phones.lips_together(features.view());
-        let both = closed.iter().zip(together).map(|(a, b)| agreed(*a, b));
-        heard_or_given(&both.collect::<Vec<f32>>(), rate_hz, given)
-    }
-
-    /// When the lower lip is at the upper teeth, as the phones' f and v have it; never where the phones were not made
-    /// for the encoder.
-    pub fn lip_at_teeth(&self, phones: &PhoneModel) -> LipClosures {
-        let rate_hz = self.track.rate_hz;
-        match phones.hears(self) {
-            true => {
-                let features = self.features(rate_hz);
-                LipClosures::heard(&phones.lip_at_teeth(features.view()), rate_hz)
-            }
-            false => LipClosures::heard(&[], rate_hz),
+        if !phones.hears(self) {
+            return (self.closures(given), LipClosures::heard(&[], rate_hz));
         }
+        let features = self.features(rate_hz);
+        let heard = phones.contacts(features.view());
+        let together = match self.encoder.closed_lips(features.view()) {
+            Some(closed) => {
+                let both = closed.iter().zip(&heard.together);
+                both.map(|(a, b)| agreed(*a, *b)).collect()
+            }
+            None => Vec::new(),
+        };
+        (
+            heard_or_given(&together, rate_hz, given),
+            LipClosures::heard(&heard.at_teeth, rate_hz),
+        )
     }
 }
 

@@ -65,6 +65,15 @@ const BILABIALS: &[&str] = &["p", "b", "m"];
 /// Phones for which the lower lip is at the upper teeth.
 const LABIODENTALS: &[&str] = &["f", "v"];
 
+/// How likely each frame is to be one in which lips touch, 0 to 1.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LipContacts {
+    /// That lips are together for p, b or m.
+    pub together: Vec<f32>,
+    /// That the lower lip is at the upper teeth for f or v.
+    pub at_teeth: Vec<f32>,
+}
+
 /// Phones and words of a sound.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Said {
@@ -122,18 +131,16 @@ impl PhoneModel {
         rows
     }
 
-    /// Probability that lips are together for p, b or m in each frame of features `[T, C]`: the mean of its rows.
-    pub fn lips_together(&self, features: ArrayView2<'_, f32>) -> Vec<f32> {
-        self.probability(BILABIALS, features)
-    }
-
-    /// Probability that the lower lip is at the upper teeth for f or v, in the same way.
-    pub fn lip_at_teeth(&self, features: ArrayView2<'_, f32>) -> Vec<f32> {
-        self.probability(LABIODENTALS, features)
-    }
-
-    fn probability(&self, phones: &[&str], features: ArrayView2<'_, f32>) -> Vec<f32> {
+    /// What the lips touch in each frame of features `[T, C]`: the mean of its rows.
+    pub fn contacts(&self, features: ArrayView2<'_, f32>) -> LipContacts {
         let posteriors = self.log_posteriors(features);
+        LipContacts {
+            together: self.probability(BILABIALS, &posteriors),
+            at_teeth: self.probability(LABIODENTALS, &posteriors),
+        }
+    }
+
+    fn probability(&self, phones: &[&str], posteriors: &Array2<f32>) -> Vec<f32> {
         let named = self.config.phones.iter().enumerate();
         let own = named.filter(|(_, name)| phones.contains(&name.as_str()));
         let own: Vec<usize> = own.map(|(class, _)| class).collect();

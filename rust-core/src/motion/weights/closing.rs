@@ -79,12 +79,7 @@ impl LipGaps {
     /// shapes that part them give way and `mouthClose` comes, by least squares with bounds (coordinate descent,
     /// as in [`crate::rig::solve`]). It never opens.
     pub fn close(&self, clip: &mut WeightClip, closures: &LipClosures, over_speech: &[bool]) {
-        let step_s = 1.0 / clip.fps;
-        let share = |t: usize| match over_speech.get(t) {
-            Some(true) => 0.0,
-            _ => closures.share(t as f64 * step_s, step_s),
-        };
-        let shares = (0..clip.weights.nrows()).map(share).collect();
+        let shares = closures.shares(clip.weights.nrows(), clip.fps, over_speech);
         clip.together = self.in_time(clip, shares, over_speech);
         self.bring_together(clip);
     }

@@ -58,12 +58,7 @@ impl LowerLip {
     /// Brings the lower lip of a clip to the teeth where f or v is `heard`, except where an event is `over_speech`:
     /// shapes that keep it away give way and `mouthRollLower` comes. It never takes it farther from them.
     pub fn reach_teeth(&self, clip: &mut WeightClip, heard: &LipClosures, over_speech: &[bool]) {
-        let step_s = 1.0 / clip.fps;
-        let share = |t: usize| match over_speech.get(t) {
-            Some(true) => 0.0,
-            _ => heard.share(t as f64 * step_s, step_s),
-        };
-        let shares: Vec<f32> = (0..clip.weights.nrows()).map(share).collect();
+        let shares = heard.shares(clip.weights.nrows(), clip.fps, over_speech);
         for (t, mut row) in clip.weights.outer_iter_mut().enumerate() {
             let beside =
                 [t.wrapping_sub(1), t + 1].map(|t| shares.get(t).map_or(0.0, |s| BESIDE * s));

@@ -150,10 +150,10 @@ impl CafeTalk {
     /// given.
     fn make_contacts(&self, clip: &mut WeightClip, heard: &Heard, request: &MotionRequest) {
         let events = EventTrack::of(&request.events, &clip.names, clip.weights.nrows(), clip.fps);
-        let at_teeth = heard.lip_at_teeth(&self.phones);
+        let given = request.closures.as_deref();
+        let (closures, at_teeth) = heard.contacts_with(&self.phones, given);
         self.lower_lip
             .reach_teeth(clip, &at_teeth, &events.over_speech);
-        let closures = self.closures(heard, request.closures.as_deref());
         self.gaps.close(clip, &closures, &events.over_speech);
     }
 }
@@ -236,7 +236,7 @@ impl System for CafeTalk {
     }
 
     fn closures(&self, heard: &Heard, given: Option<&[[f64; 2]]>) -> LipClosures {
-        heard.closures_with(&self.phones, given)
+        heard.contacts_with(&self.phones, given).0
     }
 
     fn styles(&self) -> &[String] {
