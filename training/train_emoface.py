@@ -4,7 +4,8 @@
 
 Reads the recorded motion of grid_s1 and facegood_zh and the felt speech of emodb_de, whose faces are made
 from its phones and labels; `--corpus` reads vertex sequences of a corpus folder instead, as the paper does.
-The emotion encoder is that of `training.train_feeling` and stays as it is.
+The emotion encoder is that of `training.train_feeling` and stays as it is, or with `--feeling-hubert` a
+second checkpoint, as in the paper.
 Seeded; resumes from `--out/last.pt` with the same bits.
 """
 
@@ -203,6 +204,9 @@ def parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--corpus", type=Path, help="corpus folder with vertex sequences")
     parser.add_argument("--hubert", type=Path, help="folder of a HuBERT or wav2vec2 checkpoint")
+    parser.add_argument(
+        "--feeling-hubert", type=Path, help="the same for the feeling, of a model on a corpus folder"
+    )
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--out", type=Path, default=Path("runs/emoface"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))

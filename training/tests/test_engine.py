@@ -117,6 +117,12 @@ def test_emoface_of_every_size_and_encoder_moves_a_mesh(faces, built_in, tmp_pat
         written(CHECKPOINTS[features], tmp_path / "checkpoint")
         flags += ["--hubert", str(tmp_path / "checkpoint")]
         told = ["--speech", str(tmp_path / "checkpoint")]
+    if features == "wav2vec2":
+        # The paper's two encoders; the second stands beside the model.
+        (tmp_path / "models").mkdir()
+        second = tmp_path / "models/feeling_hubert"
+        written(CHECKPOINTS["hubert"], second)
+        flags += ["--feeling-hubert", str(second)]
     trained = train_emoface.train(train_emoface.parser().parse_args(flags))
     export_emoface.export(trained, tmp_path / "models")
     told += ["--weights", str(tmp_path / "models"), "--system", "emoface"]

@@ -102,6 +102,9 @@ impl Engine {
         self.threads(|| {
             report(progress, "speech", 0.0)?;
             let mut heard = Heard::of(waveform, &self.encoder)?;
+            if self.system.hears_feeling_in_sound() {
+                heard.voice = heard.voice.with_sound(waveform);
+            }
             if let Some(model) = &self.emotion_model {
                 heard.emotion = Some(model.emotion(waveform)?);
             }

@@ -71,6 +71,8 @@ pub struct FeltVoice {
     octave: Vec<f64>,
     /// `[M]`, how periodic the sound is, 1 wholly.
     periodic: Vec<f64>,
+    /// The sound itself, kept where an encoder of the user's is to hear it.
+    sound: Option<Waveform>,
 }
 
 /// The discriminant.
@@ -98,6 +100,7 @@ impl FeltVoice {
             mel: Array2::zeros((frames, BANDS)),
             octave: Vec::with_capacity(frames),
             periodic: Vec::with_capacity(frames),
+            sound: None,
         };
         for t in 0..frames {
             cut_frame(&scaled, t, &mut stretch);
@@ -111,7 +114,18 @@ impl FeltVoice {
         voice
     }
 
-    /// Of a sound whose feeling is to be taken.
+    /// The same, with the sound kept for encoders that hear it themselves.
+    pub fn with_sound(mut self, waveform: &Waveform) -> FeltVoice {
+        self.sound = Some(waveform.clone());
+        self
+    }
+
+    /// What [`FeltVoice::with_sound`] kept.
+    pub fn sound(&self) -> Option<&Waveform> {
+        self.sound.as_ref()
+    }
+
+    /// Of a sound whose feeling is to be taken, with the sound itself.
     ///
     /// # Errors
     /// `Audio` if it is silent or too short for a feeling to be heard in it.
@@ -126,7 +140,7 @@ impl FeltVoice {
                 "feeling: expected a voice of at least {least_s} s, got {got}"
             )));
         }
-        Ok(FeltVoice::of(waveform))
+        Ok(FeltVoice::of(waveform).with_sound(waveform))
     }
 
     /// What is measured at each instant, `[I, 118]`; none of a sound shorter than 0.8 s.

@@ -24,7 +24,7 @@ pub use emotion_model::EmotionModel;
 pub use feeling::{FEELING_MODEL, FeelingConfig, FeelingEncoder, FeltVoice, LiveFeeling};
 pub use heard::{Heard, frames_of};
 pub use log_mel::{BANDS, FRAME, HOP, MelAnalyser, log_mel};
-pub use phones::{PHONE_MODEL, PhoneConfig, PhoneModel, Said};
+pub use phones::{LipContacts, PHONE_MODEL, PhoneConfig, PhoneModel, Said};
 pub use resample::at_motion_frames;
 pub use transformer_encoder::HiddenStates;
 
@@ -108,12 +108,7 @@ pub fn open(
     models: Option<&Path>,
 ) -> Result<Box<dyn SpeechEncoder>> {
     let name = wanted.map_or(COMPACT_MODEL.name, |input| &input.encoder);
-    let fps = wanted.and_then(|input| input.transformer_fps);
-    if let Some(fps) = fps.filter(|fps| !(*fps > 0.0 && fps.is_finite())) {
-        return Err(Error::Weights(format!(
-            "config.json: speech: transformer_fps: expected a positive number, got {fps}"
-        )));
-    }
+    let fps = transformer_fps(wanted)?;
     let encoder = match (checkpoint, models) {
         (Some(checkpoint), _) => from_folder(checkpoint, None, fps)?,
         (None, _) if name == COMPACT_MODEL.name => Box::new(compact(models)?),
@@ -128,18 +123,49 @@ pub fn open(
         }
     };
     match wanted {
-        Some(wanted)
-            if (wanted.encoder.as_str(), wanted.channels)
-                != (encoder.name(), encoder.channels()) =>
-        {
-            Err(Error::Weights(format!(
-                "the model was trained with {} features of {name}, the speech encoder is {} and gives {}",
-                wanted.channels,
-                encoder.name(),
-                encoder.channels()
-            )))
+        Some(wanted) => wanted.checked(encoder),
+        None => Ok(encoder),
+    }
+}
+
+/// The encoder by which a model hears feeling: the checkpoint in the folder `feeling_hubert` or `feeling_wav2vec2`, as
+/// `wanted` names it, of `models`.
+///
+/// # Errors
+/// Those of [`from_folder`]; `Weights` where the folder is not there or its encoder is another than was wanted.
+pub fn open_feeling(wanted: &SpeechInput, models: Option<&Path>) -> Result<Box<dyn SpeechEncoder>> {
+    let name = format!("feeling_{}", wanted.encoder);
+    let folder = models.map(|models| models.join(&name));
+    let Some(folder) = folder.filter(|folder| folder.is_dir()) else {
+        return Err(Error::Weights(format!(
+            "the model hears feeling by {}: expected a checkpoint of it as Hugging Face has them as the \
+             folder {name} beside the model, got none",
+            wanted.encoder
+        )));
+    };
+    wanted.checked(from_folder(&folder, None, transformer_fps(Some(wanted))?)?)
+}
+
+fn transformer_fps(wanted: Option<&SpeechInput>) -> Result<Option<f64>> {
+    match wanted.and_then(|input| input.transformer_fps) {
+        Some(fps) if !(fps > 0.0 && fps.is_finite()) => Err(Error::Weights(format!(
+            "config.json: speech: transformer_fps: expected a positive number, got {fps}"
+        ))),
+        fps => Ok(fps),
+    }
+}
+
+impl SpeechInput {
+    /// `encoder`, if it is the one that is named here.
+    fn checked(&self, encoder: Box<dyn SpeechEncoder>) -> Result<Box<dyn SpeechEncoder>> {
+        let (name, channels) = (encoder.name(), encoder.channels());
+        if (self.encoder.as_str(), self.channels) == (name, channels) {
+            return Ok(encoder);
         }
-        _ => Ok(encoder),
+        Err(Error::Weights(format!(
+            "the model was trained with {} features of {}, the speech encoder is {name} and gives {channels}",
+            self.channels, self.encoder
+        )))
     }
 }
 

@@ -184,6 +184,11 @@ pub trait System: Send + Sync {
         false
     }
 
+    /// Whether it hears feeling by an encoder of its own, for which [`Heard::voice`] has to keep the sound.
+    fn hears_feeling_in_sound(&self) -> bool {
+        false
+    }
+
     /// Whether its motion moves shapes, which are made for each mesh.
     fn moves_by_shapes(&self) -> bool {
         false

@@ -50,6 +50,10 @@ def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:
     """All clips; the project's own from the cache where they were heard before by the same encoders."""
     if arguments.corpus:
         return of_corpus(arguments, config)
+    if arguments.hubert is not None or arguments.feeling_hubert is not None:
+        raise ValueError(
+            "--hubert, --feeling-hubert: expected --corpus with them, got the project's own clips"
+        )
     weights = (arguments.feeling / "model.safetensors").read_bytes()
     key = hashlib.sha256(weights + repr((arguments.voices, arguments.limit)).encode()).hexdigest()[:12]
     path = arguments.cache / f"emoface-{key}.pt"
@@ -66,20 +70,31 @@ def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:
 @torch.no_grad()
 def of_corpus(arguments, config: EmoFaceConfig) -> list[Spoken]:
     """Clips of a corpus folder; tells `config` their speakers and how they are heard."""
-    feeling = load_feeling(arguments.feeling)
+    transformer_fps = config.speech.transformer_fps
+    if arguments.feeling_hubert is not None:
+        config.feeling, feels = _checkpoint(arguments.feeling_hubert, transformer_fps)
+        config.feeling_channels = config.feeling.channels
+    else:
+        feeling = load_feeling(arguments.feeling)
+        config.feeling_channels = feeling.config.coordinates + len(feeling.config.feelings)
+        feels = partial(_felt_as, feeling)
     if arguments.hubert is not None:
-        # FaceFormer's order of steps where the size asks for it, at the rate of all clips here.
-        features = HubertFeatures(arguments.hubert, FPS if config.speech.transformer_fps else None)
-        config.speech = SpeechInput(features.kind, features.channels, features.transformer_fps)
-        hears = lambda samples, frames: features(torch.from_numpy(samples), frames)  # noqa: E731
+        config.speech, hears = _checkpoint(arguments.hubert, transformer_fps)
     else:
         encoder = load_encoder(SHIPPED_ENCODER).eval()
         config.speech = SpeechInput("compact_speech", encoder.config.channels)
         hears = partial(_said, encoder)
-    clips = own.spoken(CorpusFolder(arguments.corpus), hears, feeling)
-    config.fps, config.feeling_channels = FPS, feeling.config.coordinates + len(feeling.config.feelings)
+    clips = own.spoken(CorpusFolder(arguments.corpus), hears, feels)
+    config.fps = FPS
     config.styles = [*sorted({c.source for c in clips}), ANY_STYLE]
     return clips
+
+
+def _checkpoint(folder: Path, transformer_fps: float | None) -> tuple[SpeechInput, own.Hears]:
+    """A user's encoder, in FaceFormer's order of steps where the size asks for it, at our frame rate."""
+    features = HubertFeatures(folder, FPS if transformer_fps else None)
+    about = SpeechInput(features.kind, features.channels, features.transformer_fps)
+    return about, lambda samples, frames: features(torch.from_numpy(samples), frames)
 
 
 def _said(encoder, samples: np.ndarray, frames: int) -> Tensor:

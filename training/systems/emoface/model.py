@@ -1,7 +1,8 @@
 """EmoFace: two branches that move a template frame after frame, and Mesh Attention that mixes them (§3).
 
 Both encoders are frozen and come from outside: content is heard by a speech encoder, feeling by
-`training.systems.emoface.feeling`. Displacements are metres; inside they are divided by `scale_m`.
+`training.systems.emoface.feeling` or a second speech encoder.
+Displacements are metres; inside they are divided by `scale_m`.
 
 Shapes: `T` frames, `V` template vertices, `D` = 3 V, `C` channels of heard features, `d` width of a branch.
 Differs from the paper: attention to the own frame alone is a linear layer of it, so it is one here; the
@@ -46,6 +47,7 @@ class EmoFaceConfig:
     scale_m: float = 5e-3
     fusion: str = "mesh_attention"
     speech: SpeechInput = field(default_factory=SpeechInput)
+    feeling: SpeechInput | None = None
     feeling_channels: int = 13
     feelings: list[str] = field(default_factory=lambda: list(FEELINGS))
     styles: list[str] = field(default_factory=lambda: ["grid_s1", "facegood_zh", "emodb_de", ANY_STYLE])
@@ -61,6 +63,8 @@ class EmoFaceConfig:
         """Reads what `to_json` wrote."""
         data = dict(data)
         data["speech"] = SpeechInput(**data["speech"])
+        if data.get("feeling") is not None:
+            data["feeling"] = SpeechInput(**data["feeling"])
         return cls(**data)
 
 

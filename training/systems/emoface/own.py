@@ -18,12 +18,11 @@ from training.corpus.folder import CorpusFolder, Row
 from training.corpus.folder_clips import to_canonical_axes
 from training.corpus.topology import Topology
 from training.corpus.windows import interpolate
-from training.systems.emoface.feeling import FeelingEncoder
 from training.systems.emoface.model import Template
 from training.systems.emoface.rows import NEUTRAL, Spoken
 
 Hears = Callable[[np.ndarray, int], Tensor]
-"""Samples [S] at 16 kHz and a number of frames → what is said, [T, C]."""
+"""Samples [S] at 16 kHz and a number of frames → what is heard in them, [T, C]."""
 
 
 def template_of(folder: CorpusFolder) -> Template:
@@ -39,8 +38,8 @@ def template_of(folder: CorpusFolder) -> Template:
     return Template(vertices, np.asarray(topology.triangles), nearest)
 
 
-def spoken(folder: CorpusFolder, hears: Hears, feeling: FeelingEncoder) -> list[Spoken]:
-    """Every clip with vertices, `weights` [T, 3 V] metres."""
+def spoken(folder: CorpusFolder, hears: Hears, feels: Hears) -> list[Spoken]:
+    """Every clip with vertices, `weights` [T, 3 V] metres; `feels` hears how it is said, [T, E]."""
     if folder.head_moves:
         raise ValueError(f"{folder.path}: head: expected still vertices for EmoFace, got moves")
     found = []
@@ -50,7 +49,7 @@ def spoken(folder: CorpusFolder, hears: Hears, feeling: FeelingEncoder) -> list[
             continue
         samples = folder.sound(row)
         frames = min(len(motion), int(len(samples) / 16000 * FPS))
-        heard = torch.from_numpy(feeling.track(samples, frames)).float()
+        heard = feels(samples, frames)
         label = row.emotion if row.emotion in EMOTIONS else NEUTRAL
         content = [hears(samples, frames).half()]
         about = (row.clip, row.speaker, row.held_out, content, heard, motion[:frames], label, row.intensity)

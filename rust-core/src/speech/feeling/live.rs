@@ -89,6 +89,7 @@ impl LiveFeeling {
             mel: Array2::from_shape_fn((rows, BANDS), |(t, band)| self.frames[t].mel[band].into()),
             octave: self.frames.iter().map(|frame| frame.octave).collect(),
             periodic: self.frames.iter().map(|frame| frame.periodic).collect(),
+            sound: None,
         };
         let cepstra = voice.mel.dot(&cepstral_basis());
         Array1::from_vec(voice.of_window(cepstra.view(), 0, rows))

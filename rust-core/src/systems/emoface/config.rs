@@ -54,6 +54,9 @@ pub struct EmoFaceConfig {
     pub fusion: Fusion,
     /// The encoder that hears content.
     pub speech: SpeechInput,
+    /// The encoder that hears feeling, HuBERT or wav2vec2; the built-in one where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub feeling: Option<SpeechInput>,
     /// Channels of what is heard of feeling.
     pub feeling_channels: usize,
     /// Feelings that the emotion branch was taught, all of [`EMOTIONS`].
@@ -104,6 +107,15 @@ impl EmoFaceConfig {
             format!(
                 "expected at least 16 channels, a kernel and a delta of at least 1, got {channels}, \
                  {kernel}, {delta}"
+            )
+        } else if let Some(input) = self
+            .feeling
+            .as_ref()
+            .filter(|x| x.channels != self.feeling_channels)
+        {
+            format!(
+                "feeling: expected the {} channels of feeling_channels, got {}",
+                self.feeling_channels, input.channels
             )
         } else if !self.styles.contains(&self.default_style) {
             let (known, style) = (&self.styles, &self.default_style);

@@ -2,6 +2,7 @@
 
 mod branch;
 mod config;
+mod feels;
 mod model;
 mod stream;
 mod system;

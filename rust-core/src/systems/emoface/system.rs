@@ -5,7 +5,9 @@ use std::{path::Path, sync::Arc};
 use ndarray::{Array2, Array3, ArrayView1, ArrayView2};
 
 use super::{
-    EmoFaceConfig, HeardFrame, Layer, Model, read_template,
+    EmoFaceConfig, HeardFrame, Layer, Model,
+    feels::Feels,
+    read_template,
     stream::{EmoFaceStream, LiveParts, landmarks, prototype},
 };
 use crate::{
@@ -25,7 +27,7 @@ use crate::{
     },
     nn::Weights,
     progress::{ProgressFn, report},
-    speech::{self, COMPACT_MODEL, CausalModel, FeelingEncoder, Heard, SpeechInput},
+    speech::{self, COMPACT_MODEL, CausalModel, Heard, SpeechInput},
     spread::TemplateOnFace,
     systems::{Registration, Slider, System},
 };
@@ -139,8 +141,9 @@ pub static REGISTRATION: Registration = Registration {
 pub struct EmoFace {
     model: Arc<Model>,
     template: Option<Arc<Template>>,
-    encoder: Arc<FeelingEncoder>,
-    /// None for a model that hears through another encoder than the compact one: that has no causal twin.
+    feels: Feels,
+    /// None for a model that hears content or feeling through another encoder than the built-in one: that has no causal
+    /// twin.
     live: Option<Arc<LiveParts>>,
     modes: Arc<FaceModes>,
     expressions: Arc<Expressions>,
@@ -154,21 +157,15 @@ impl EmoFace {
     pub fn open(folder: Option<&Path>) -> Result<Self> {
         let files = MODEL.open(folder)?;
         let config = EmoFaceConfig::from_json(&files.config)?;
-        let encoder = Arc::new(FeelingEncoder::open(folder)?);
-        let (wanted, given) = (config.feeling_channels, encoder.channels());
-        if wanted != given {
-            return Err(Error::Weights(format!(
-                "emoface: expected an emotion encoder of {wanted} features, got one of {given}"
-            )));
-        }
+        let feels = Feels::open(folder, &config)?;
         let weights = Weights::from_bytes(&files.weights)?;
         let template = read_template(&weights, &config)?.map(Arc::new);
         let model = Arc::new(Model::new(config, &weights)?);
-        let live = live_parts(folder, &model, &encoder)?.map(Arc::new);
+        let live = live_parts(folder, &model, &feels)?.map(Arc::new);
         Ok(EmoFace {
             template,
             model,
-            encoder,
+            feels,
             live,
             modes: Arc::new(FaceModes::open(folder)?),
             expressions: Arc::new(Expressions::open(folder)?),
@@ -191,8 +188,8 @@ impl EmoFace {
         let from = FEELING_FROM.value(&request.controls) as usize;
         if from == VOICE {
             let rows = match &request.felt_as {
-                Some(other) => self.encoder.over(other, frames),
-                None => self.encoder.at_frames(&heard.voice, frames, fps),
+                Some(other) => self.feels.over(other, frames)?,
+                None => self.feels.at_frames(&heard.voice, frames, fps)?,
             };
             return Ok((rows, vec![level; frames]));
         }
@@ -216,6 +213,10 @@ impl EmoFace {
 impl System for EmoFace {
     fn speech(&self) -> Option<&SpeechInput> {
         Some(&self.config().speech)
+    }
+
+    fn hears_feeling_in_sound(&self) -> bool {
+        matches!(self.feels, Feels::Checkpoint(_))
     }
 
     fn sample(
@@ -336,9 +337,12 @@ impl System for EmoFace {
 fn live_parts(
     folder: Option<&Path>,
     model: &Arc<Model>,
-    feeling: &Arc<FeelingEncoder>,
+    feels: &Feels,
 ) -> Result<Option<LiveParts>> {
     let input = &model.config().speech;
+    let Feels::BuiltIn(feeling) = feels else {
+        return Ok(None);
+    };
     if input.encoder != COMPACT_MODEL.name {
         return Ok(None);
     }
