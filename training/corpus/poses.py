@@ -21,6 +21,10 @@ FELT_SHARE = 0.25
 SPARSE_CHANNELS = 0.12
 BLINK_SHARE = 0.25
 """Poses whose lids are shut besides, half of them wholly."""
+UPPER_SHARE, UPPER_CHANNELS = 0.35, 0.4
+"""Poses whose brows, cheeks and nose move besides, and how many of these channels do: recordings of speech
+hardly have them, and a field that is taught a median leaves out what is rare."""
+UPPER = [i for i, name in enumerate(CHANNELS) if name.startswith(("brow", "cheekS", "eyeSq", "noseS"))]
 LIDS = [CHANNELS.index("eyeBlinkLeft"), CHANNELS.index("eyeBlinkRight")]
 
 
@@ -82,6 +86,9 @@ class Poses:
         emotional = (uniform(count) < FELT_SHARE) & (kind >= 3)
         added = uniform(count, 1) * pick(self.felt) * emotional[:, None]
         blinks = uniform(count, 1) < BLINK_SHARE
+        upper = uniform(count, len(UPPER)) * (uniform(count, len(UPPER)) < UPPER_CHANNELS)
+        upper = upper * (uniform(count, 1) < UPPER_SHARE)
+        weights[:, UPPER] = torch.maximum(weights[:, UPPER], upper)
         shut = (2.0 * uniform(count, 1)).clamp(max=1.0) * blinks
         weights[:, LIDS] = torch.maximum(weights[:, LIDS], shut)
         return (weights + added).clamp(0.0, 1.0)

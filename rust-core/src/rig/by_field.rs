@@ -17,8 +17,6 @@ use crate::{
 
 /// What a shape at half its weight is called.
 const HALF: &str = "_half";
-/// The built-in field has hardly learned these: it moves brows by a tenth of what they do in its data.
-const NOT_LEARNED: &str = "brow";
 /// Shapes that are made at a time.
 const AT_ONCE: usize = 16;
 
@@ -34,7 +32,7 @@ pub struct FieldOfFace<'a> {
 
 impl RigModel {
     /// The shapes of `linear`, with the skin of each as the field moves it. ARKit's shapes that have a code, and the
-    /// visemes, which are mixtures of them, come from the field; teeth, tongue, eyeballs, brows and `tongueOut` stay. With
+    /// visemes, which are mixtures of them, come from the field; teeth, tongue, eyeballs and `tongueOut` stay. With
     /// `in_betweens` a shape `NAME_half` for each of ARKit's stands behind all others: the face at weight 0.5.
     ///
     /// `mouthClose` is what it adds to an open jaw, as ARKit means it.
@@ -90,11 +88,7 @@ impl RigModel {
         let half = 0.5 * &whole;
         all.extend(in_betweens.then_some(half.view()));
         let mut all = ndarray::concatenate(Axis(0), &all).expect("52 columns each");
-        for (n, name) in ARKIT.iter().enumerate() {
-            if *name == "tongueOut" || name.starts_with(NOT_LEARNED) {
-                all.column_mut(n).fill(0.0);
-            }
-        }
+        all.column_mut(arkit("tongueOut")).fill(0.0);
         all
     }
 }

@@ -12,6 +12,8 @@ from training.corpus.poses import LIDS, Poses
 from training.systems.facetalk.head import Head
 
 CODES = 5e-5
+STEEP_M = 1e-3
+"""Errors beyond this count as their squares: under plain lengths a rare pose was not learned at all."""
 GAPS = 4.0
 TOGETHER_M, APART_M = 1.5e-3, 3e-3
 MOST_PAIRS = 200
@@ -52,6 +54,11 @@ def meeting(heads: IctHeads, shut: Tensor, landmarks: Tensor) -> Tensor:
     a, b = ((together < TOGETHER_M) & (opened > APART_M)).nonzero().T
     higher = heads.opened[rows[a], 1] > heads.opened[rows[b], 1]
     return torch.stack([rows[a[higher]], rows[b[higher]]], 1)
+
+
+def steep(length: Tensor, scale: float) -> Tensor:
+    """Mean of lengths and, for those beyond `STEEP_M`, of their squares."""
+    return (length + length.square() * (scale / STEEP_M)).mean()
 
 
 class ExpressionLoss:
@@ -95,15 +102,21 @@ class ExpressionLoss:
         error = here + moved[:, : place.shape[1]] - there
         upper, lower = error[:, points:].chunk(2, 1)
         length = error.norm(dim=-1)
-        forward, gap = length.mean(), (upper - lower).norm(dim=-1).mean()
+        forward, gap = steep(length, scale), (upper - lower).norm(dim=-1).mean()
         kept = int(BACKWARD_POINTS * points)
         close = (places.away.abs() <= BACKWARD_AWAY_M).nonzero()[:, 0][:kept]
         start = (here + moved[:, : place.shape[1]]).detach()[:, close] if cycle else there[:, close]
         with torch.no_grad():
             found = head.place(start, z)
         back = start + head.backward_field.move(found, z, anchors, code) - here[:, close]
-        backward = back.norm(dim=-1).mean()
-        total = forward + GAPS * gap + still.norm(dim=-1).mean() + backward + CODES * code.square().mean()
+        backward = back.norm(dim=-1)
+        total = (
+            forward
+            + GAPS * gap
+            + still.norm(dim=-1).mean()
+            + steep(backward, scale)
+            + CODES * code.square().mean()
+        )
         mm = 1e3 * scale
         rest = (weights == 0.0).all(1)
         lips, lids = (upper - lower).norm(dim=-1).split(MOST_PAIRS, 1)
@@ -112,7 +125,7 @@ class ExpressionLoss:
             "lips and lids mm": mm * length[:, points:].mean().item(),
             "lips' gap mm": mm * lips.mean().item(),
             "lids' gap mm": mm * lids.mean().item(),
-            "backward mm": mm * backward.item(),
+            "backward mm": mm * backward.mean().item(),
             "still mm": mm * still.norm(dim=-1).mean().item(),
         }
         if rest.any():
