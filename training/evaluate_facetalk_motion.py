@@ -9,8 +9,10 @@ Codes are read back as ARKit weights and shown on ICT's landmarks: nothing of th
 from __future__ import annotations
 
 import argparse
+import itertools
 from dataclasses import replace
 from pathlib import Path
+from statistics import mean
 
 import torch
 from torch import Tensor
@@ -18,12 +20,13 @@ from torch import Tensor
 from training.corpus.arkit import landmarks_of
 from training.corpus.bank import Entry
 from training.corpus.clip import MEL_PER_FRAME
-from training.corpus.faces import CHANNELS
+from training.corpus.faces import CHANNELS, load_ict
+from training.corpus.poses import felt
 from training.export import load_models
 from training.export_facetalk import load_folder, load_motion
 from training.losses import lip_gap
 from training.speech.compact import normalise
-from training.systems.facetalk.motion import Denoiser, Sampling, sample
+from training.systems.facetalk.motion import CM, Denoiser, Sampling, sample
 from training.systems.freetalk.ats import neutral_affect
 from training.systems.freetalk.sampling import sample_motion
 from training.train_facetalk import load
@@ -33,6 +36,7 @@ from training.train_speech import feature_scores
 JAW = CHANNELS.index("jawOpen")
 GUIDANCES = (1.0, 1.5, 2.0, 3.0)
 SEEDS = 5
+OFF_MM = (0.0, 0.2, 1.0)
 LONG_FRAMES, WINDOW_FRAMES = 1500, 48
 UPPER = [*range(17, 27), *range(36, 48)]
 STILL = [0, 1, 15, 16, 27, 28]
@@ -161,12 +165,37 @@ def tell(name: str, row: dict[str, float]) -> None:
     print(f"{name}: " + ", ".join(f"{key} {value:.3f}" for key, value in row.items()), flush=True)
 
 
+def from_landmarks(model: Denoiser, codes: Codes, clips, data: Path) -> dict[str, dict[str, float]]:
+    """How far vertices of ICT's face lie from those that the true weights move, mean mm, where the model is
+    told the motion of landmarks alone, which are off by so many mm: of recordings, and with an emotion on
+    them. Beside it least squares."""
+    modes = torch.from_numpy(load_ict(data, "face").mean.modes).float().flatten(1)
+    random = torch.Generator().manual_seed(3)
+    by_least_squares = torch.linalg.pinv(landmarks_of(torch.eye(len(modes))))
+    found = {name: {off: [] for off in OFF_MM} for name in ("by landmarks", "least squares", "no motion")}
+    felt_too = felt()
+    for number, clip in enumerate([clip for own in clips.values() for clip in own]):
+        for emotion, off in itertools.product((0.0, 1.0), OFF_MM):
+            truth = (clip.motion.float() + emotion * felt_too[number % len(felt_too)]).clamp(0.0, 1.0)
+            told = landmarks_of(truth)
+            told = told + 1e-3 * off * torch.randn(told.shape, generator=random)
+            made = codes.weights(sample(model, CM * told))
+            for name, weights in zip(found, (made, told @ by_least_squares, 0.0 * truth), strict=True):
+                apart = ((weights - truth) @ modes).unflatten(-1, (-1, 3)).norm(dim=-1)
+                found[name][off].append(1e3 * apart.mean().item())
+    return {
+        name: {f"vertices mm, landmarks off by {off}": mean(each) for off, each in rows.items()}
+        for name, rows in found.items()
+    }
+
+
 def main() -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--model", type=Path, default=Path("rust-core/models/facetalk_compact"))
     parser.add_argument("--head", type=Path, help="head.pt that --motion was trained with")
     parser.add_argument("--motion", type=Path, help="motion.pt instead of the folder's model")
+    parser.add_argument("--landmark-motion", type=Path, help="motion.pt of `--memory landmarks`, the same")
     parser.add_argument("--runs", nargs="*", default=[], metavar="NAME=MOTION.PT", help="table 2")
     parser.add_argument("--models", type=Path, default=Path("rust-core/models"))
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
@@ -178,10 +207,16 @@ def main() -> None:
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     encoder = load_models(arguments.models)[0]
-    head, model = (load(arguments.head), None) if arguments.head else load_folder(arguments.model)
-    model = load_motion(arguments.motion) if arguments.motion else model
+    head, motions = (load(arguments.head), {}) if arguments.head else load_folder(arguments.model)
+    model = load_motion(arguments.motion) if arguments.motion else motions["motion"]
+    by_landmarks = motions.get("landmark_motion")
+    if arguments.landmark_motion:
+        by_landmarks = load_motion(arguments.landmark_motion)
     speaker = Speaker(model, Codes(head), encoder)
     clips = by_source(entries_of(arguments), arguments.clips)
+    if by_landmarks is not None:
+        for name, found in from_landmarks(by_landmarks, speaker.codes, clips, arguments.data).items():
+            tell(name, found)
     tell("loudness", loudness(clips))
     tell("FreeTalk", freetalk(arguments.models, clips))
     usual = model.config.sampling

@@ -4,6 +4,7 @@
 
 Codes are those that the head's map gives the corpora's ARKit weights; each window is scaled about the face
 at rest by r ~ U(low, high) (eq. 8), which the model is told. `--without` leaves a part out, for table 2.
+`--memory landmarks` trains the small model that goes by the motion of landmarks instead, whatever moves them.
 Seeded; resumes from `--out/last.pt` with the same bits.
 """
 
@@ -18,13 +19,21 @@ from torch import Tensor
 
 from training.corpus import bank
 from training.corpus.arkit import landmarks_of
+from training.corpus.poses import LIDS, UPPER, felt
 from training.diffusion.schedule import add_noise, alphas_cumprod
 from training.losses import feature_concordance, motion_loss
 from training.machine import Machine
 from training.run import Run
 from training.speech.hubert import FPS, HubertFeatures
 from training.speech.source import CompactSpeech, HubertSpeech
-from training.systems.facetalk.motion import Denoiser, MotionConfig, SpeechInput
+from training.systems.facetalk.motion import (
+    CM,
+    LANDMARKS,
+    Denoiser,
+    MotionConfig,
+    SpeechInput,
+    landmark_config,
+)
 from training.train_ats import SHIPPED_ENCODER
 from training.train_cafe_talk import solved
 from training.train_facetalk import load
@@ -35,11 +44,15 @@ DROPPED_SHARE = 0.25
 """Rows without speech, for guidance."""
 PURE_NOISE_SHARE = 0.3
 CONCORDANCE = 0.3
-LANDMARKS = 1.0
+LANDMARK_WEIGHT = 1.0
 LANDMARK_SCALE_MM = 3.0
 LEAST_DEVIATION = 0.02
 PARTS = ["augmentation", "film", "alignment", "diffusion"]
 WIDE_BAND = 1000
+BESIDE_SHARE, BESIDE_FRAMES = 0.7, (6, 40)
+"""Rows of landmark motion with an emotion, shut lids and moving brows besides, and how long these last."""
+UNEVEN_MM = 1.5
+"""What tracked landmarks are off by at most, deviation."""
 
 
 class Codes:
@@ -72,14 +85,18 @@ class Trainer:
         self.codes, self.speech = Codes(head), speech
         self.random = torch.Generator().manual_seed(arguments.seed)
         self.without = arguments.without
-        config = MotionConfig(codes=head.config.expression_code)
-        config.speech = heard
+        self.by_landmarks = arguments.memory == LANDMARKS
+        codes = head.config.expression_code
+        config = landmark_config(codes) if self.by_landmarks else MotionConfig(codes=codes)
+        config.speech = config.speech if self.by_landmarks else heard
+        self.felt = felt()
         config.film = "film" not in self.without
         if "alignment" in self.without:
             config.band = WIDE_BAND
         if "diffusion" in self.without:
             config.sampling = replace(config.sampling, steps=1, temperature=0.0)
-        self.low, self.high = (1.0, 1.0) if "augmentation" in self.without else arguments.augment
+        still = self.by_landmarks or "augmentation" in self.without
+        self.low, self.high = (1.0, 1.0) if still else arguments.augment
         self.sampler = speech.sampler(list(SHARES), list(SHARES.values()), arguments.seed)
         self.alphas = alphas_cumprod(config.diffusion.schedule, config.diffusion.train_steps)
         self.model = Denoiser(config)
@@ -87,12 +104,17 @@ class Trainer:
         codes = self.codes.of(rows)
         self.model.mean.copy_(codes.mean(0))
         self.model.std.copy_(codes.std(0).clamp_min(LEAST_DEVIATION))
+        if self.by_landmarks:
+            rows = torch.cat([self.beside(self.sampler.batch(32, 48).motion.float()) for _ in range(20)])
+            self.model.begin_direct(self.memory(None, rows).flatten(0, 1), self.codes.of(rows).flatten(0, 1))
 
     def loss(self, count: int, frames: int) -> tuple[Tensor, dict[str, float]]:
         """Eq. 4, and the same on the landmarks that codes move."""
         batch = self.sampler.batch(count, frames)
         r = self.low + (self.high - self.low) * torch.rand(count, generator=self.random)
         weights = r[:, None, None] * batch.motion.float()
+        if self.by_landmarks:
+            weights = self.beside(weights)
         clean = self.model.standardise(self.codes.of(weights))
         t = torch.randint(0, len(self.alphas), (count,), generator=self.random)
         pure = torch.rand(count, generator=self.random) < PURE_NOISE_SHARE
@@ -107,16 +129,45 @@ class Trainer:
             noisy = torch.zeros_like(noisy)
         given = torch.rand(count, generator=self.random) >= DROPPED_SHARE
         with torch.no_grad():
-            speech = self.speech.windows(batch.mel)
-        found = self.model(noisy, t, speech, given, r)
+            memory = self.memory(batch, weights)
+        found = self.model(noisy, t, memory, given, r)
         simple = motion_loss(found - clean, torch.ones_like(clean))
         shown, truth = (
             1e3 * landmarks_of(w) for w in (self.codes.weights(self.model.to_codes(found)), weights)
         )
         near = motion_loss((shown - truth) / LANDMARK_SCALE_MM, torch.ones_like(shown))
         agreement, parts = feature_concordance(shown[given], truth[given])
-        total = simple + LANDMARKS * near + CONCORDANCE * agreement
+        total = simple + LANDMARK_WEIGHT * near + CONCORDANCE * agreement
         return total, {"simple": simple.item(), "landmarks": near.item()} | parts
+
+    def memory(self, batch, weights: Tensor) -> Tensor:
+        """What the model goes by, [B, T, C]: what is heard, or the landmarks that `weights` move."""
+        if not self.by_landmarks:
+            return self.speech.windows(batch.mel)
+        moved = landmarks_of(weights)
+        off = 1e-3 * UNEVEN_MM * torch.rand(len(moved), 1, 1, generator=self.random)
+        return CM * (moved + off * torch.randn(moved.shape, generator=self.random))
+
+    def beside(self, weights: Tensor) -> Tensor:
+        """Weights [B, T, 51] with what recordings of speech lack: emotions, brows, and lids that shut."""
+        count, frames, channels = weights.shape
+
+        def uniform(*shape: int) -> Tensor:
+            return torch.rand(*shape, generator=self.random)
+
+        held = self.felt[torch.randint(0, len(self.felt), (count,), generator=self.random)] * uniform(
+            count, 1
+        )
+        held[:, UPPER] += uniform(count, len(UPPER)) * (uniform(count, len(UPPER)) < 0.2)
+        held = held * (uniform(count, 1) < BESIDE_SHARE)
+        low, high = BESIDE_FRAMES
+        out = weights.clone()
+        at = torch.arange(frames) - frames * uniform(count, 1)
+        length = low + (high - low) * uniform(count, 1)
+        out = out + held[:, None] * (1.0 - (at / length).square()).clamp_min(0.0)[..., None]
+        shut = (1.0 - ((torch.arange(frames) - frames * uniform(count, 1)) / 4.0).square()).clamp_min(0.0)
+        out[..., LIDS] = torch.maximum(out[..., LIDS], (shut * (uniform(count, 1) < 0.5))[..., None])
+        return out.clamp(0.0, 1.3)
 
 
 def speech_of(arguments) -> tuple[CompactSpeech | HubertSpeech, SpeechInput]:
@@ -178,6 +229,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--head", type=Path, default=Path("rust-core/models/facetalk_compact"))
     parser.add_argument("--speech", type=Path, help="speech.pt of training.train_speech, or a model folder")
     parser.add_argument("--hubert", type=Path, help="folder of a wav2vec2 or HuBERT checkpoint instead")
+    parser.add_argument("--memory", choices=["speech", LANDMARKS], default="speech", help="what it goes by")
     parser.add_argument("--corpus", type=Path, nargs="*", default=[], help=argparse.SUPPRESS)
     parser.add_argument("--voices", type=int, default=4)
     parser.add_argument("--without", nargs="*", choices=PARTS, default=[], help="table 2")

@@ -10,7 +10,7 @@ from training.export_facetalk import export, load_folder
 from training.fit_codes import SequenceFit, fit_identity, fit_sequence
 from training.systems.facetalk.config import CONFIGS, debug_config
 from training.systems.facetalk.head import COEFFICIENTS, Head
-from training.systems.facetalk.motion import Denoiser
+from training.systems.facetalk.motion import Denoiser, landmark_config
 from training.systems.facetalk.motion import debug_config as debug_motion
 from training.systems.facetalk.network import Network, encode, encoded
 from training.train_facetalk import load, save, uneven
@@ -163,18 +163,20 @@ def test_groups_of_a_sequence_share_their_frames():
 
 def test_an_exported_folder_comes_back(tmp_path):
     head, motion = made_head(), Denoiser(debug_motion())
-    folder = export(head, motion, tmp_path / "facetalk_debug")
-    again, spoken = load_folder(folder)
+    by_landmarks = Denoiser(landmark_config(debug_motion().codes))
+    folder = export(head, {"motion": motion, "landmark_motion": by_landmarks}, tmp_path / "facetalk_debug")
+    again, motions = load_folder(folder)
     z = head.identity_code(torch.randn(1, COEFFICIENTS))
     torch.testing.assert_close(
         again.identity(points(30), z), head.identity(points(30), z), atol=2e-3, rtol=1e-2
     )
-    assert spoken.config == motion.config
+    assert motions["motion"].config == motion.config
+    assert motions["landmark_motion"].config == by_landmarks.config
     stored = load_file(folder / "model.safetensors")
     assert stored["identity_code.weight"].dtype == torch.float32
     assert stored["identity.template.layers.0.weight"].dtype == torch.float16
-    alone, nothing = load_folder(export(head, None, tmp_path / "alone"))
-    assert nothing is None and alone.config.channels == head.config.channels
+    alone, nothing = load_folder(export(head, {}, tmp_path / "alone"))
+    assert nothing == {} and alone.config.channels == head.config.channels
 
 
 def test_places_lie_in_their_triangles_and_more_often_in_likely_ones():

@@ -23,6 +23,9 @@ use crate::{
 
 /// Animate a mesh with speech
 #[derive(Args)]
+#[command(mut_arg("surface", |arg| {
+    arg.conflicts_with_all(["redo", "mask", "layers", "mask_out", "open_mouth"])
+}))]
 pub(super) struct Animate {
     /// The mesh: OBJ, PLY or GLB
     #[arg(long, value_name = "M")]
@@ -98,9 +101,9 @@ impl Animate {
             .warnings
             .extend(engine.unseen_events(&face, &performance, progress)?);
         if self.surface.is_asked() {
-            let spoken = (&engine, &face, &performance);
+            let moved = (&performance.motion, performance.articulation());
             self.surface
-                .write(spoken, &self.out, &mut report, progress)?;
+                .write((&engine, &face), moved, &self.out, &mut report, progress)?;
             return self.told(&report, console);
         }
         let spoken = (&waveform, &request);

@@ -9,6 +9,7 @@ use super::{
     arguments::{FaceArgs, SharedArgs, not_onto},
     console::Console,
     stages::{new_report, note_face, spread_into, summary, timed},
+    surface::SurfaceArgs,
 };
 use crate::{
     Engine, Error, Face, Result,
@@ -16,7 +17,8 @@ use crate::{
     mesh::{LandmarkSource, Mesh},
     motion::{LandmarkClip, Motion},
     output::{
-        Format, LandmarkMotion, read_landmark_motion, read_weights, write_attention, write_json,
+        Format, LandmarkMotion, Report, read_landmark_motion, read_weights, write_attention,
+        write_json,
     },
 };
 
@@ -25,6 +27,7 @@ const DEFAULT_FPS: f64 = 30.0;
 
 /// Put motion from a file on a mesh
 #[derive(Args)]
+#[command(mut_arg("surface", |arg| arg.conflicts_with("attention")))]
 pub(super) struct Deform {
     /// The mesh: OBJ, PLY or GLB
     #[arg(long, value_name = "M")]
@@ -34,7 +37,7 @@ pub(super) struct Deform {
     /// `anyface motion` writes them. Where it holds weights, these move the mesh's own ARKit shapes
     #[arg(long, value_name = "L.npz")]
     motion: PathBuf,
-    /// The result: .npz (arrays), .pc2 or .mdd (point caches)
+    /// The result: .npz (arrays), .pc2 or .mdd (point caches); for --surface a new folder
     #[arg(long, value_name = "O")]
     out: PathBuf,
     /// Also write by which share each vertex attends to each landmark, mean over the frames: .npz with
@@ -46,11 +49,16 @@ pub(super) struct Deform {
     report: Option<PathBuf>,
     #[command(flatten)]
     face: FaceArgs,
+    #[command(flatten)]
+    surface: SurfaceArgs,
 }
 
 impl Deform {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
-        Format::from_path(&self.out)?;
+        match self.surface.is_asked() {
+            true => self.surface.check(&self.out)?,
+            false => Format::from_path(&self.out).map(drop)?,
+        }
         not_onto(
             &self.out,
             &[("--mesh", &self.mesh), ("--motion", &self.motion)],
@@ -63,10 +71,21 @@ impl Deform {
             .map(|neutral| LandmarkSource::Positions(neutral.to_vec()));
         let options = self.face.options(&self.mesh, known)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
+        if self.surface.is_asked() {
+            engine.head()?;
+        }
         let face = timed(&mut report, "prepare", || {
-            engine.prepare(&mesh, &options, &|p| console.progress(p))
+            let progress = &|p| console.progress(p);
+            match self.surface.is_asked() {
+                true => engine.find(&mesh, &options, progress),
+                false => engine.prepare(&mesh, &options, progress),
+            }
         })?;
         note_face(&mut report, &face);
+        if self.surface.is_asked() {
+            self.write_surface((&engine, &face), motion, &mut report, console)?;
+            return self.told(&report, console);
+        }
         if let Some(path) = &self.attention {
             self.write_attention(path, &engine, &face, &motion, console)?;
         }
@@ -90,10 +109,40 @@ impl Deform {
                 }
             },
         )?;
+        self.told(&report, console)
+    }
+
+    fn told(&self, report: &Report, console: &Console) -> Result<()> {
         if let Some(path) = &self.report {
-            write_json(path, &report)?;
+            write_json(path, report)?;
         }
-        console.report(&report, &summary(&report))
+        console.report(report, &summary(report))
+    }
+
+    /// The surface of the head that goes as the landmarks do.
+    fn write_surface(
+        &self,
+        (engine, face): (&Engine, &Face),
+        motion: LandmarkMotion,
+        report: &mut Report,
+        console: &Console,
+    ) -> Result<()> {
+        if motion.neutral.is_some() {
+            return Err(Error::InvalidInput(format!(
+                "{}: expected metres on a human head for --surface, as `anyface motion` writes them, got the units of \
+                 a mesh",
+                self.motion.display()
+            )));
+        }
+        let progress = &|p| console.progress(p);
+        let clip = LandmarkClip {
+            displacements: motion.displacements,
+            fps: motion.fps.unwrap_or(DEFAULT_FPS),
+        };
+        let codes = Motion::Codes(engine.codes_of(&clip, progress)?);
+        // Nothing is known of the speech, so lips may rest.
+        self.surface
+            .write((engine, face), (&codes, 0.0), &self.out, report, progress)
     }
 
     /// Frame by frame: all at once would be as large as ten clips.

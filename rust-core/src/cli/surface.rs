@@ -9,7 +9,7 @@ use super::{
     stages::timed,
 };
 use crate::{
-    Engine, Error, Face, Performance, Result,
+    Engine, Error, Face, Result,
     head::check_surface_cells,
     motion::{CodeClip, Motion},
     output::{Report, check_new_folder, write_surface_frames},
@@ -22,7 +22,7 @@ use crate::{
 pub(super) struct SurfaceArgs {
     /// Write the surface of the head that is like the mesh instead (facetalk), a PLY for each frame: cells along
     /// its longest side, 32 to 512
-    #[arg(long, value_name = "N", conflicts_with_all = ["redo", "mask", "layers", "mask_out", "open_mouth"])]
+    #[arg(long, value_name = "N")]
     surface: Option<usize>,
 }
 
@@ -43,18 +43,17 @@ impl SurfaceArgs {
         check_new_folder(out)
     }
 
-    /// Writes the frames into the folder `out`, and notes what they are.
+    /// Writes the frames into the folder `out`, and notes what they are; lips were asked for so much `articulation`.
     pub(super) fn write(
         &self,
-        (engine, face, performance): (&Engine, &Face, &Performance),
+        (engine, face): (&Engine, &Face),
+        (motion, articulation): (&Motion, f32),
         out: &Path,
         report: &mut Report,
         progress: ProgressFn<'_>,
     ) -> Result<()> {
-        let (Some(cells), Motion::Codes(CodeClip { codes, .. })) =
-            (self.surface, &performance.motion)
-        else {
-            return Err(spread::not_yet(&performance.motion));
+        let (Some(cells), Motion::Codes(CodeClip { codes, .. })) = (self.surface, motion) else {
+            return Err(spread::not_yet(motion));
         };
         let (surface, note) = timed(report, "surface", || {
             engine.head_surface(face, cells, progress)
@@ -63,16 +62,16 @@ impl SurfaceArgs {
             write_surface_frames(out, &surface, codes.view(), progress)
         })?;
         report.warnings.extend(note);
-        let landmarks = engine.landmarks_of(&performance.motion)?.displacements;
+        let landmarks = engine.landmarks_of(motion)?.displacements;
         report.note_motion(
             Some(largest),
             face.own_motion(landmarks.view()).view(),
             face.metres_per_unit(),
-            performance.articulation(),
+            articulation,
         );
         report.out = Some(shown(out));
-        report.frames = performance.motion.frames();
-        report.fps = performance.motion.fps();
+        report.frames = motion.frames();
+        report.fps = motion.fps();
         report.vertices = Some(surface.vertices());
         Ok(())
     }

@@ -351,6 +351,7 @@ impl Engine {
     }
 
     /// What moves the landmarks of the mean face.
+    #[cfg(feature = "cli")]
     pub(crate) fn face_modes(&self) -> &FaceModes {
         &self.face_modes
     }
@@ -371,6 +372,9 @@ impl Engine {
     ) -> Result<SpreadReport> {
         match motion {
             Motion::Landmarks(clip) => {
+                if let Some(codes) = self.threads(|| self.system.codes_of(clip, progress))? {
+                    return self.spread(face, &Motion::Codes(codes), sink, progress);
+                }
                 let own = face.own_motion(clip.displacements.view());
                 self.spread_own(face, own, clip.fps, sink, progress)
             }
@@ -411,6 +415,20 @@ impl Engine {
             let expected = "surface: expected a system whose motion moves a head of its own";
             let name = self.registration.name;
             Error::InvalidInput(format!("{expected} (facetalk), got {name}"))
+        })
+    }
+
+    /// Codes under which the head of the system moves as landmarks of the mean face do, metres, whatever made these.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a system without a head, or a model of it that landmarks cannot lead; `Cancelled`.
+    pub fn codes_of(&self, clip: &LandmarkClip, progress: ProgressFn<'_>) -> Result<CodeClip> {
+        self.head()?;
+        let made = self.threads(|| self.system.codes_of(clip, progress))?;
+        made.ok_or_else(|| {
+            Error::InvalidInput(
+                "surface: expected a model with landmark_motion, which goes by landmarks, got one without".into(),
+            )
         })
     }
 

@@ -22,7 +22,7 @@ use crate::{
     head::{self, Head},
     mesh,
     models::BuiltIn,
-    motion::{self, LipClosures, Motion, MotionStream, TemplateMask},
+    motion::{self, CodeClip, LandmarkClip, LipClosures, Motion, MotionStream, TemplateMask},
     progress::ProgressFn,
     rig,
     speech::{self, Heard, SpeechInput},
@@ -225,6 +225,15 @@ pub trait System: Send + Sync {
         progress: ProgressFn<'_>,
     ) -> Result<Option<&'a dyn CodeField>> {
         let _ = (face, cache, progress);
+        Ok(None)
+    }
+
+    /// Codes under which its head moves as landmarks of the mean face do, metres; `None` where it has no model for that.
+    ///
+    /// # Errors
+    /// `Cancelled`.
+    fn codes_of(&self, clip: &LandmarkClip, progress: ProgressFn<'_>) -> Result<Option<CodeClip>> {
+        let _ = (clip, progress);
         Ok(None)
     }
 

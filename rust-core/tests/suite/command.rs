@@ -152,6 +152,24 @@ fn surfaces_over_time_are_refused_where_they_cannot_be_and_say_what_they_would_t
     }
     let both = [&asked("facetalk", "64", "frames")[..], &["--open-mouth"]].concat();
     refused(&folder, &both, USAGE, "--open-mouth");
+    let moved = |system: &'static str| {
+        let start = ["deform", "--mesh", head, "--motion", "m.npz", "--no-cache"];
+        let end = ["--system", system, "--surface", "64", "--out", "frames"];
+        [&start[..], &end].concat()
+    };
+    let both = [&moved("facetalk")[..], &["--attention", "a.npz"]].concat();
+    refused(&folder, &both, USAGE, "--attention");
+    let made = anyface(
+        folder.path(),
+        &["motion", "--audio", "a.wav", "--out", "m.npz"],
+    );
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    refused(
+        &folder,
+        &moved("freetalk"),
+        INVALID_INPUT,
+        "(facetalk), got freetalk",
+    );
     assert_eq!(names(&mine).len(), 1);
 }
 

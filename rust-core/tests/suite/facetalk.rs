@@ -1,6 +1,7 @@
 //! FaceTalk through the engine: speech to the landmarks of a head that is a field.
 
 use std::{
+    f32::consts::PI,
     fs,
     path::Path,
     sync::{
@@ -16,7 +17,7 @@ use anyface::{
     deform::CodeField,
     head::{Head, HeadOnMesh, HeadOptions, HeadSurface, MadeHead, Reach, ScanFit},
     mesh::{FaceOptions, LandmarkSource, Mesh, Similarity},
-    motion::Motion,
+    motion::{LandmarkClip, Motion, WeightClip},
     output::write_surface_frames,
     progress::{Progress, SILENT},
     spread::Collector,
@@ -264,6 +265,73 @@ fn some_codes(frames: usize) -> Array2<f32> {
     Array2::from_shape_vec((frames, codes.len() / frames), codes).unwrap()
 }
 
+/// Landmarks of the mean face whose jaw opens, which smiles and raises its brows, once in two seconds.
+fn moving_landmarks() -> LandmarkClip {
+    let names = [
+        "jawOpen",
+        "mouthSmileLeft",
+        "mouthSmileRight",
+        "browInnerUp",
+    ];
+    let wave = |t: usize| (PI * t as f32 / 50.0).sin().powi(2);
+    let weights = Array2::from_shape_fn((50, names.len()), |(t, n)| {
+        [0.5, 0.8, 0.8, 0.9][n] * wave(t)
+    });
+    let clip = WeightClip {
+        names: names.map(str::to_owned).to_vec(),
+        weights,
+        fps: 25.0,
+        together: Vec::new(),
+    };
+    ENGINE.landmarks_of(&Motion::Weights(clip)).unwrap()
+}
+
+#[test]
+fn landmarks_lead_the_head_as_speech_does() {
+    let clip = moving_landmarks();
+    let made = ENGINE.codes_of(&clip, SILENT).unwrap();
+    assert_eq!(made.landmarks, clip);
+    let mean = HEAD.one(HEAD.identity_code(&[0.0; 100]).unwrap()).unwrap();
+    let marks = mean.mover(mean.landmarks());
+    let rest = marks.at(&HEAD.rest_code()).unwrap();
+    let (mut off, mut way) = (0.0, 0.0);
+    for (t, code) in made.codes.rows().into_iter().enumerate() {
+        let moved = marks.at(&code.to_vec()).unwrap();
+        for n in 17..68 {
+            let asked: [f32; 3] = std::array::from_fn(|i| clip.displacements[[t, n, i]]);
+            let done = std::array::from_fn(|i| moved[n][i] - rest[n][i]);
+            off += distance(done, &asked);
+            way += distance([0.0; 3], &asked);
+        }
+    }
+    assert!(way > 1.0 && off < 0.25 * way, "{off} of {way} m");
+
+    // At twice the rate the same codes come, and every other frame is one of these.
+    let fast = ENGINE.codes_of(&clip.at_rate(50.0, 100), SILENT).unwrap();
+    assert_eq!(fast.codes.nrows(), 100);
+    let apart = (&fast.codes.slice(s![..;2, ..]) - &made.codes).mapv(f32::abs);
+    assert!(apart.iter().all(|x| *x < 1e-3));
+}
+
+#[test]
+fn vertices_follow_the_field_under_landmarks_of_another_system() {
+    let (made, _) = own_head(6);
+    let clip = moving_landmarks();
+    let shown = |field: f32, motion: &Motion| {
+        let face = prepared(&made.mesh, &made, field);
+        let clip = Collector::collect(|sink| ENGINE.spread(&face, motion, sink, SILENT)).unwrap();
+        clip.vertices.displacements
+    };
+    let codes = ENGINE.codes_of(&clip, SILENT).unwrap();
+    let by_landmarks = Motion::Landmarks(clip);
+    let both = [1.0, 0.0].map(|field| shown(field, &by_landmarks));
+    assert_eq!(both[0], shown(1.0, &Motion::Codes(codes)));
+    let apart = (&both[0] - &both[1])
+        .iter()
+        .fold(0.0f32, |most, x| most.max(x.abs()));
+    assert!((1e-4..2e-2).contains(&apart), "{apart} m");
+}
+
 /// Mean distance from each of some points to the nearest of a mesh.
 fn distance_to(points: &[[f32; 3]], mesh: &Mesh) -> f32 {
     let nearest = |p: &[f32; 3]| {
@@ -405,11 +473,12 @@ fn shapes_by_the_field_are_those_of_its_codes_and_bend_in_between() {
     let lip = made.landmarks.vertices[57] as usize;
     assert!(shape("mouthClose")[[lip, 1]] > 0.005);
     let linear = ENGINE.rig(&face, SILENT).unwrap();
-    for name in ["tongueOut", "browInnerUp"] {
-        let row = linear.names.iter().position(|known| known == name);
-        let expected = linear.deltas.index_axis(ndarray::Axis(0), row.unwrap());
-        assert_eq!(shape(name), expected);
-    }
+    let row = linear.names.iter().position(|known| known == "tongueOut");
+    let expected = linear.deltas.index_axis(ndarray::Axis(0), row.unwrap());
+    assert_eq!(shape("tongueOut"), expected);
+    let brow = made.landmarks.vertices[21] as usize;
+    let raised = shape("browInnerUp")[[brow, 1]];
+    assert!(raised > 0.003, "{raised} m");
     assert!(
         rig.reports
             .iter()

@@ -61,7 +61,7 @@ class HeadConfig:
     @classmethod
     def from_json(cls, data: dict) -> HeadConfig:
         """Reads what `to_json` wrote."""
-        data = {key: value for key, value in data.items() if key != "motion"}
+        data = {key: value for key, value in data.items() if not key.endswith("motion")}
         return cls(**{**data, "pairs": [tuple(pair) for pair in data["pairs"]]})
 
 

@@ -5,8 +5,12 @@ use serde::{Deserialize, Serialize};
 use crate::{
     Error, Result,
     diffusion::{Diffusion, Spacing},
+    ibug::LANDMARKS,
     speech::SpeechInput,
 };
+
+/// What stands for the encoder of a model that the motion of landmarks leads.
+const LANDMARK_MEMORY: &str = "landmarks";
 
 /// Defaults of the reverse process.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -46,6 +50,9 @@ pub struct MotionConfig {
     pub look_back_frames: usize,
     /// Whether layers are modulated, the paper's table 2.
     pub film: bool,
+    /// Whether a layer of the memory is added to what comes out.
+    #[serde(default)]
+    pub direct: bool,
     /// The encoder that feeds the model.
     pub speech: SpeechInput,
     /// The forward process, eq. 2.
@@ -54,29 +61,47 @@ pub struct MotionConfig {
     pub sampling: Sampling,
 }
 
-/// The part of `config.json` that is read here.
-#[derive(Deserialize)]
-struct WithMotion {
-    motion: MotionConfig,
+/// The parts of `config.json` that are read here.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub struct MotionConfigs {
+    /// The model that speech leads.
+    pub motion: MotionConfig,
+    /// The model that the motion of landmarks leads instead, `[T, 204]` in centimetres.
+    #[serde(default)]
+    pub landmark_motion: Option<MotionConfig>,
 }
 
-impl MotionConfig {
-    /// Reads and checks `motion` of `config.json`.
+impl MotionConfigs {
+    /// Reads and checks them.
     ///
     /// # Errors
-    /// `Weights` if there is none or its numbers contradict each other.
+    /// `Weights` if there is no `motion` or numbers contradict each other.
     pub fn from_json(text: &str) -> Result<Self> {
         let wrong =
             |complaint: String| Error::Weights(format!("facetalk config.json: {complaint}"));
-        let config = serde_json::from_str::<WithMotion>(text)
-            .map_err(|error| wrong(error.to_string()))?
-            .motion;
-        match config.complaint() {
+        let configs: MotionConfigs =
+            serde_json::from_str(text).map_err(|error| wrong(error.to_string()))?;
+        if let Some(own) = &configs.landmark_motion {
+            let SpeechInput {
+                encoder, channels, ..
+            } = &own.speech;
+            if (encoder.as_str(), *channels) != (LANDMARK_MEMORY, 3 * LANDMARKS) {
+                return Err(wrong(format!(
+                    "landmark_motion: speech: expected {} channels of {LANDMARK_MEMORY}, got {channels} of {encoder}",
+                    3 * LANDMARKS
+                )));
+            }
+        }
+        let each = [Some(&configs.motion), configs.landmark_motion.as_ref()];
+        let complaint = each.into_iter().flatten().find_map(MotionConfig::complaint);
+        match complaint {
             Some(complaint) => Err(wrong(complaint)),
-            None => Ok(config),
+            None => Ok(configs),
         }
     }
+}
 
+impl MotionConfig {
     fn complaint(&self) -> Option<String> {
         Some(if !(self.fps > 0.0 && self.fps.is_finite()) {
             format!("fps: expected a positive number, got {}", self.fps)

@@ -41,6 +41,8 @@ pub struct Denoiser {
     blocks: Vec<Block>,
     norm: LayerNorm,
     head: Linear,
+    /// Of the memory, added to what comes out.
+    direct: Option<Linear>,
     mean: Array1<f32>,
     std: Array1<f32>,
 }
@@ -55,7 +57,11 @@ struct Block {
 }
 
 /// What is heard, as the blocks see it.
-pub struct Memory(Vec<RotaryMemory>);
+pub struct Memory {
+    blocks: Vec<RotaryMemory>,
+    /// What is added to clean codes, `[T, X]`.
+    direct: Option<Array2<f32>>,
+}
 
 impl Denoiser {
     /// From the parts of a model.
@@ -78,6 +84,10 @@ impl Denoiser {
                 .collect::<Result<_>>()?,
             norm: LayerNorm::load(&weights.pp("norm"), width, EPSILON)?,
             head: linear("head", width, codes)?,
+            direct: match config.direct {
+                true => Some(linear("direct", config.speech.channels, codes)?),
+                false => None,
+            },
             mean: weights.vector("mean", codes)?,
             std: weights.vector("std", codes)?,
             config,
@@ -91,7 +101,11 @@ impl Denoiser {
 
     /// `speech` `[T, C]` as the blocks see it.
     pub fn heard(&self, speech: ArrayView2<'_, f32>) -> Memory {
-        self.memory(&self.mem_proj.forward(&speech.as_standard_layout()))
+        let speech = speech.as_standard_layout();
+        Memory {
+            direct: self.direct.as_ref().map(|layer| layer.forward(&speech)),
+            ..self.memory(&self.mem_proj.forward(&speech))
+        }
     }
 
     /// `frames` frames without speech.
@@ -105,7 +119,10 @@ impl Denoiser {
 
     fn memory(&self, heard: &Array2<f32>) -> Memory {
         let of_block = |block: &Block| block.cross_attn.memory(heard);
-        Memory(self.blocks.iter().map(of_block).collect())
+        Memory {
+            blocks: self.blocks.iter().map(of_block).collect(),
+            direct: None,
+        }
     }
 
     /// One pass in standardised space: noisy `[T, X]` to clean, with vividness `r`.
@@ -119,11 +136,15 @@ impl Denoiser {
         let films = self.film.forward(&self.condition(timestep, r));
         let mut x = self.x_proj.forward(noisy);
         let places = films.as_chunks::<PLACES>().0;
-        for ((block, memory), films) in self.blocks.iter().zip(&memory.0).zip(places) {
+        for ((block, memory), films) in self.blocks.iter().zip(&memory.blocks).zip(places) {
             block.forward(&mut x, memory, films, &self.config);
         }
         self.norm.forward_in_place(&mut x);
-        self.head.forward(&x)
+        let mut clean = self.head.forward(&x);
+        if let Some(direct) = &memory.direct {
+            clean += direct;
+        }
+        clean
     }
 
     /// What modulates, `[d]`: an MLP of three layers behind the timestep's sinusoids, and r.
@@ -238,12 +259,13 @@ mod tests {
     use crate::{
         nn::golden::{Golden, distance},
         progress::SILENT,
+        systems::facetalk::MotionConfigs,
     };
 
     fn golden() -> (Golden, Denoiser) {
         let golden = Golden::open("facetalk_motion_debug");
         let config = format!("{{\"motion\": {}}}", golden.metadata("config"));
-        let config = MotionConfig::from_json(&config).unwrap();
+        let config = MotionConfigs::from_json(&config).unwrap().motion;
         let denoiser = Denoiser::new(config, &golden.weights()).unwrap();
         (golden, denoiser)
     }
@@ -311,8 +333,15 @@ mod tests {
 
     #[test]
     fn a_config_without_motion_is_refused() {
-        let refused = MotionConfig::from_json("{}").unwrap_err().to_string();
+        let refused = MotionConfigs::from_json("{}").unwrap_err().to_string();
         assert!(refused.contains("missing field `motion`"), "{refused}");
+        let own = Golden::open("facetalk_motion_debug").metadata("config");
+        let both = format!("{{\"motion\": {own}, \"landmark_motion\": {own}}}");
+        let refused = MotionConfigs::from_json(&both).unwrap_err().to_string();
+        assert!(
+            refused.contains("expected 204 channels of landmarks, got 16 of compact_speech"),
+            "{refused}"
+        );
         let (_, denoiser) = golden();
         let noise = Array2::zeros((4, 2));
         let speech = Array2::zeros((4, denoiser.config().speech.channels));

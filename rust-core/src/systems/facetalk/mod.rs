@@ -4,6 +4,6 @@ mod config;
 mod denoiser;
 mod system;
 
-pub use config::{MotionConfig, Sampling};
+pub use config::{MotionConfig, MotionConfigs, Sampling};
 pub use denoiser::{Denoiser, Memory};
 pub use system::{FaceTalk, REGISTRATION};

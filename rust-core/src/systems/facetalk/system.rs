@@ -4,7 +4,7 @@ use std::{path::Path, sync::Arc};
 
 use ndarray::{Array2, Array3, ArrayView2};
 
-use super::{Denoiser, MotionConfig, Sampling};
+use super::{Denoiser, MotionConfig, MotionConfigs, Sampling};
 use crate::{
     Error, Result,
     cache::Cache,
@@ -20,7 +20,7 @@ use crate::{
     },
     nn::Weights,
     progress::ProgressFn,
-    speech::{Heard, SpeechInput},
+    speech::{Heard, SpeechInput, frames_of},
     systems::{Registration, Slider, System},
 };
 
@@ -109,9 +109,14 @@ pub static REGISTRATION: Registration = Registration {
     open: |folder| Ok(Box::new(FaceTalk::open(folder)?)),
 };
 
+/// Metres are told to the model that landmarks lead as centimetres.
+const CM: f32 = 100.0;
+
 /// The speech model and the head that its codes move.
 pub struct FaceTalk {
     denoiser: Denoiser,
+    /// What landmarks lead instead of speech, the paper's conclusion; a user's model may lack it.
+    by_landmarks: Option<Denoiser>,
     head: Arc<Head>,
     modes: Arc<FaceModes>,
     expressions: Arc<Expressions>,
@@ -125,16 +130,25 @@ impl FaceTalk {
     pub fn open(folder: Option<&Path>) -> Result<Self> {
         let files = head::MODEL.open(folder)?;
         let weights = Weights::from_bytes(&files.weights)?;
-        let config = MotionConfig::from_json(&files.config)?;
+        let MotionConfigs {
+            motion: config,
+            landmark_motion,
+        } = MotionConfigs::from_json(&files.config)?;
         let head = Head::new(HeadConfig::from_json(&files.config)?, &weights)?;
-        let (codes, wanted) = (config.codes, head.config().expression_code);
-        if codes != wanted {
-            return Err(Error::Weights(format!(
-                "facetalk config.json: motion: expected {wanted} codes, as the head has, got {codes}"
-            )));
-        }
+        let wanted = head.config().expression_code;
+        let denoiser = |config: MotionConfig, name: &str| {
+            if config.codes != wanted {
+                return Err(Error::Weights(format!(
+                    "facetalk config.json: {name}: expected {wanted} codes, as the head has, got {}",
+                    config.codes
+                )));
+            }
+            Denoiser::new(config, &weights.pp(name))
+        };
+        let by_landmarks = landmark_motion.map(|config| denoiser(config, "landmark_motion"));
         Ok(FaceTalk {
-            denoiser: Denoiser::new(config, &weights.pp("motion"))?,
+            denoiser: denoiser(config, "motion")?,
+            by_landmarks: by_landmarks.transpose()?,
             head: Arc::new(head),
             modes: Arc::new(FaceModes::open(folder)?),
             expressions: Arc::new(Expressions::open(folder)?),
@@ -213,6 +227,26 @@ impl System for FaceTalk {
             head: REGISTRATION.name.into(),
             codes,
             landmarks,
+        }))
+    }
+
+    fn codes_of(&self, clip: &LandmarkClip, progress: ProgressFn<'_>) -> Result<Option<CodeClip>> {
+        let Some(denoiser) = &self.by_landmarks else {
+            return Ok(None);
+        };
+        let (config, frames) = (denoiser.config(), clip.displacements.dim().0);
+        let duration_s = frames as f64 / clip.fps;
+        let told = clip.at_rate(config.fps, frames_of(duration_s, config.fps));
+        let rows = told.displacements.dim().0;
+        let told = told.displacements.mapv(|x| CM * x);
+        let told = told.into_shape_with_order((rows, 3 * LANDMARKS));
+        let noise = frame_noise(0, 0, rows, config.codes);
+        let told = told.expect("three numbers to a landmark");
+        let codes = denoiser.sample(noise, told.view(), &config.sampling, progress)?;
+        Ok(Some(CodeClip {
+            head: REGISTRATION.name.into(),
+            codes: motion::at_rate(codes.view(), config.fps / clip.fps, frames),
+            landmarks: clip.clone(),
         }))
     }
 
