@@ -107,7 +107,7 @@ fn spread(frame: &Frame, count: usize) -> Vec<[f64; 3]> {
     let total: f64 = frame.triangles.iter().map(area).sum();
     let mut points = Vec::with_capacity(count);
     let mut passed = 0.0;
-    for t in frame.triangles {
+    for t in frame.triangles.iter() {
         passed += area(t);
         while (points.len() as f64 + 0.5) * total < passed * count as f64 && points.len() < count {
             // Low-discrepancy places in the triangle (the plastic number's sequence).

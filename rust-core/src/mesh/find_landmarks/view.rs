@@ -1,5 +1,7 @@
 //! The stated frame, and one look at it through a window.
 
+use std::borrow::Cow;
+
 use super::{
     depth_view::{DepthBuffer, Window},
     network::{LandmarkNetwork, Sight},
@@ -10,10 +12,13 @@ use crate::{
     mesh::{Axis, Mesh, Similarity},
 };
 
+/// More triangles than these are not drawn: pictures have 256² pixels, and what is found is put on the whole mesh.
+const MOST_TRIANGLES: usize = 800_000;
+
 /// A mesh turned so that it should face +z with +y up, its box centred and of size one.
 pub(super) struct Frame<'a> {
     pub points: Vec<[f32; 3]>,
-    pub triangles: &'a [[u32; 3]],
+    pub triangles: Cow<'a, [[u32; 3]]>,
     pub from_mesh: Similarity,
     /// Deviation by which pictures of it are softened, pixels of the depth buffer; 0 for sharp ones.
     pub softness: f32,
@@ -32,7 +37,7 @@ impl Frame<'_> {
     pub fn soft(&self, softness: f32) -> Self {
         Frame {
             points: self.points.clone(),
-            triangles: self.triangles,
+            triangles: self.triangles.clone(),
             from_mesh: self.from_mesh,
             softness,
         }
@@ -40,7 +45,7 @@ impl Frame<'_> {
 
     /// Draws the mesh, its `points` turned, `[V]`.
     pub fn draw(&self, points: &[[f32; 3]], window: Window) -> DepthBuffer {
-        let sharp = DepthBuffer::draw(points, self.triangles, window);
+        let sharp = DepthBuffer::draw(points, &self.triangles, window);
         match self.softness > 0.0 {
             true => sharp.softened(self.softness),
             false => sharp,
@@ -49,7 +54,7 @@ impl Frame<'_> {
 
     /// Lowest and highest corner of the box around the faces of `points`, `[V]`.
     pub fn bounds_of(&self, points: &[[f32; 3]]) -> [[f32; 3]; 2] {
-        let (low, high) = bounds(points, self.triangles);
+        let (low, high) = bounds(points, &self.triangles);
         [low, high]
     }
 }
@@ -85,13 +90,54 @@ pub(super) fn stated_frame(mesh: &Mesh, forward: Axis, up: Axis) -> Result<Frame
         translation: std::array::from_fn(|i| -middle(i) / size),
         ..turn
     };
-    let points: Vec<_> = mesh.positions.iter().map(|p| from_mesh.apply(*p)).collect();
+    let mut points: Vec<_> = mesh.positions.iter().map(|p| from_mesh.apply(*p)).collect();
+    let mut triangles = Cow::Borrowed(&mesh.triangles[..]);
+    while triangles.len() > MOST_TRIANGLES {
+        let fewer = thinned(&mut points, &triangles);
+        if fewer.len() == triangles.len() {
+            break;
+        }
+        triangles = Cow::Owned(fewer);
+    }
     Ok(Frame {
         points,
-        triangles: &mesh.triangles,
+        triangles,
         from_mesh,
         softness: 0.0,
     })
+}
+
+/// About half of the triangles, and as much coarser everywhere: triangles that share no corner shrink into their
+/// first ones. Points that are left without a triangle go.
+fn thinned(points: &mut Vec<[f32; 3]>, triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
+    const NOWHERE: u32 = u32::MAX;
+    let mut goes_to = vec![NOWHERE; points.len()];
+    for t in triangles {
+        if t.iter().all(|&v| goes_to[v as usize] == NOWHERE) {
+            t.iter().for_each(|&v| goes_to[v as usize] = t[0]);
+        }
+    }
+    let mut number = vec![NOWHERE; points.len()];
+    let mut kept = Vec::with_capacity(points.len() / 2);
+    let mut fewer = Vec::with_capacity(triangles.len() / 2);
+    for t in triangles {
+        let [a, b, c] = t.map(|v| match goes_to[v as usize] {
+            NOWHERE => v,
+            first => first,
+        });
+        if a != b && b != c && c != a {
+            fewer.push([a, b, c].map(|v| {
+                let n = &mut number[v as usize];
+                if *n == NOWHERE {
+                    *n = kept.len() as u32;
+                    kept.push(points[v as usize]);
+                }
+                *n
+            }));
+        }
+    }
+    *points = kept;
+    fewer
 }
 
 fn bounds(points: &[[f32; 3]], triangles: &[[u32; 3]]) -> ([f32; 3], [f32; 3]) {
@@ -140,6 +186,46 @@ mod tests {
         assert_eq!(frame.points[0], [-0.25, -0.5, 0.0]);
         assert_eq!(frame.points[1], [0.25, -0.5, 0.0]);
         assert_eq!(frame.points[2], [-0.25, 0.5, 0.0]);
+    }
+
+    #[test]
+    fn a_dense_mesh_is_drawn_with_fewer_triangles_that_lie_where_it_lies() {
+        // A bowl of 700 × 700 cells.
+        const SIDE: u32 = 701;
+        let at = |n: u32| n as f32 / 700.0 - 0.5;
+        let point = |i: u32| {
+            let (x, y) = (at(i % SIDE), at(i / SIDE));
+            [x, y, 0.5 * (x * x + y * y)]
+        };
+        let cells = (0..SIDE * (SIDE - 1)).filter(|i| (i + 1) % SIDE != 0);
+        let mesh = Mesh {
+            positions: (0..SIDE * SIDE).map(point).collect(),
+            triangles: cells
+                .flat_map(|i| [[i, i + 1, i + SIDE], [i + 1, i + SIDE + 1, i + SIDE]])
+                .collect(),
+        };
+        let frame = stated_frame(&mesh, Axis::PosZ, Axis::PosY).unwrap();
+        assert!((200_000..MOST_TRIANGLES).contains(&frame.triangles.len()));
+        assert!(frame.points.len() < mesh.positions.len() / 2 + SIDE as usize);
+        let window = Window {
+            centre: [0.0; 2],
+            half_size: 0.5,
+        };
+        let whole: Vec<_> = mesh
+            .positions
+            .iter()
+            .map(|p| frame.from_mesh.apply(*p))
+            .collect();
+        let exact = DepthBuffer::draw(&whole, &mesh.triangles, window);
+        let thin = frame.draw(&frame.points, window);
+        for n in 1..40 {
+            let place = [n as f32 / 40.0, (40 - n) as f32 / 40.0];
+            let (a, b) = (
+                exact.depth_at(place).unwrap(),
+                thin.depth_at(place).unwrap(),
+            );
+            assert!((a - b).abs() < 2e-3, "{place:?}: {a} {b}");
+        }
     }
 
     #[test]
