@@ -169,8 +169,8 @@ impl SpeechInput {
     }
 }
 
-/// Names of the encoders that are read from checkpoints.
-pub const CHECKPOINTS: [&str; 2] = ["hubert", "wav2vec2"];
+/// Names of the folders of checkpoints among models: of encoders of speech, and of feeling ([`open_feeling`]).
+pub const CHECKPOINTS: [&str; 4] = ["hubert", "wav2vec2", "feeling_hubert", "feeling_wav2vec2"];
 
 /// Reads HuBERT or wav2vec2 from a Hugging Face folder, as its `config.json` says; the weights
 /// stand in `model.safetensors` or, with the feature `checkpoints`, in `pytorch_model.bin`.
