@@ -17,6 +17,7 @@ from .ui import (
     character,
     controls,
     events,
+    expression_keys,
     find_controls,
     generate,
     heat,
@@ -44,10 +45,10 @@ from .ui import (
 )
 
 _MODULES = (
-    preferences, generate, remove, mending, made_head, sample_head, panel, character, landmarks,
-    mouth, audio, presets, performance, events, life, outputs, key_list, controls, find_controls,
-    caches, takes, sounds, sounds_file, scene_list, models, heat,
-    live,
+    preferences, generate, remove, mending, made_head, sample_head, panel, character,
+    expression_keys, landmarks, mouth, audio, presets, performance, events, life, outputs,
+    key_list, controls, find_controls, caches, takes, sounds, sounds_file, scene_list,
+    models, heat, live,
 )  # fmt: skip
 _CLASSES = [cls for module in _MODULES for cls in module.CLASSES]
 

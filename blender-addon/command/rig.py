@@ -4,11 +4,11 @@ import argparse
 
 import bpy
 
-from ..core import finding, plan, shapes, space
+from ..core import shapes
 from ..core.errors import AnyfaceError
 from ..core.job import Progress
-from ..core.take import NETWORK, FaceMesh, Rig, ShapesBy
-from ..scene import bake, keys, outputs
+from ..core.take import ShapesBy
+from ..scene import bake, expression_keys, outputs
 from ..ui import running
 from ..ui.settings import from_object
 from .bake import named
@@ -25,22 +25,12 @@ def run(options: argparse.Namespace) -> dict:
     by = ShapesBy(options.by == "field", options.in_betweens)
     if by.in_betweens and not by.field:
         raise AnyfaceError("input", "--in-betweens: expected --by field, got shapes by the network")
-    rig = make(face, running.engine(settings.system, options.weights), by)
+    engine = running.engine(settings.system, options.weights)
+    rig = expression_keys.Making(face, engine, by).work(Progress())
     left_out = () if options.visemes else shapes.VISEMES
-    kept = [row for row, name in enumerate(rig.names) if name not in left_out]
-    names, vectors = [rig.names[row] for row in kept], rig.vectors[kept]
-    for piece in [piece.name for piece in face.pieces] or [ob.name]:
-        moved = plan.of_piece(face, vectors, piece)[1]
-        keys.add(bpy.data.objects[piece], names, moved, everything=piece == ob.name)
+    names, vectors = expression_keys.add(ob, face, rig, left_out)
     still = [name for name, vector in zip(names, vectors, strict=True) if not vector.any()]
     notes = {name: note for name, note in rig.notes.items() if name in names}
     text = f"{len(names)} shapes"
     text += f", {len(still)} move nothing ({', '.join(still)})" if still else ""
     return {"message": text, "shapes": names, "still": still, "notes": notes}
-
-
-def make(face: FaceMesh, engine, by: ShapesBy = NETWORK) -> Rig:
-    """The shapes of a face in object space."""
-    seen = space.face_space(face.matrix_world, face.axes)
-    with finding.naming(face):
-        return plan.make_rig(face, seen, engine, Progress(), by)

@@ -222,6 +222,7 @@ class ANYFACE_PT_character(OfFacePanel, Panel):
         if mouth.is_welded(ob):
             layout.operator("anyface.open_mouth", icon="MOD_BOOLEAN")
         layout.operator("anyface.head_like", icon="USER")
+        layout.operator_menu_enum("anyface.expression_keys", "by", icon="SHAPEKEY_DATA")
         row = layout.row(align=True)
         row.operator("anyface.edit_landmarks", icon="EDITMODE_HLT")
         row.operator("anyface.reset_landmarks", text="", icon="LOOP_BACK")
