@@ -2,13 +2,12 @@
 
 from dataclasses import dataclass
 
-import bpy
 import numpy as np
 
 from ..core import finding, plan, shapes, space
 from ..core.job import Progress
 from ..core.take import NETWORK, FaceMesh, Rig, ShapesBy
-from . import guard, keys
+from . import guard, keys, pieces
 
 HALF = "_half"
 # Of the slider w, 0 at its ends and 1 halfway; Blender reckons it without running Python.
@@ -31,16 +30,15 @@ class Making:
 
 
 def objects(ob, face: FaceMesh) -> list:
-    """`ob` and what moves with it."""
-    names = [piece.name for piece in face.pieces] or [ob.name]
-    return [ob if name == ob.name else bpy.data.objects[name] for name in names]
+    """`ob` and what moves with it; raises `AnyfaceError("mesh")` where a part is gone."""
+    return [ob, *(pieces.object_of(pieces.Part(piece.name), ob) for piece in face.pieces[1:])]
 
 
 def add(ob, face: FaceMesh, rig: Rig, left_out=()) -> tuple[list[str], np.ndarray]:
     """Keys of a face's shapes, but those `left_out`, on `ob` and on what moves with it.
 
-    Returns their names and vectors `[S, V, 3]`. Raises `AnyfaceError` where the mesh has changed;
-    nothing has changed then.
+    Returns their names and vectors `[S, V, 3]`. Raises `AnyfaceError` where the mesh has changed or
+    a part is gone; nothing has changed then.
     """
     kept = [row for row, name in enumerate(rig.names) if name not in left_out]
     names, vectors = [rig.names[row] for row in kept], rig.vectors[kept]

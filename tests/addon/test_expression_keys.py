@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from figures import everything, own_keys, select, shape
+from test_command import points
 from test_heads import import_head
 from test_pieces import with_parts
 
@@ -15,13 +16,6 @@ def posed(ob, **values):
         ob.data.shape_keys.key_blocks[name].value = value
     bpy.context.view_layer.update()
     return shape(ob, 1)
-
-
-def points(block):
-    """Positions `[V, 3]` of a shape key."""
-    flat = np.empty(len(block.points) * 3, dtype=np.float32)
-    block.points.foreach_get("co", flat)
-    return flat.reshape(-1, 3)
 
 
 def test_a_face_and_its_parts_get_keys_that_its_own_sliders_move(addon):
