@@ -30,6 +30,7 @@ UNSEEN_SEED = 9_000_000
 LIPS_M = 8e-3
 FITTED_POINTS = 5000
 POSES_OF_EACH = 20
+MOVED_MM = 0.5
 CLOUD_POINTS, NOISE_M = 5000, 5e-4
 
 
@@ -177,6 +178,24 @@ def expression(head: Head, heads: IctHeads, data: Path, count: int) -> None:
 
 
 @torch.no_grad()
+def shapes(head: Head, heads: IctHeads, count: int) -> None:
+    """Each of ARKit's shapes at weight 1, from rest: by which share the field goes its way, and how far
+    vertices are off that it moves by more than half a millimetre."""
+    canonical, scales = heads.canonical(unseen(count))
+    z, size = head.identity_code(unseen(count)), head.config.scale_m
+    skin = canonical[:, :FACE_VERTICES] / size
+    rest = head.posed(skin, z, head.expression(torch.zeros(count, len(CHANNELS))))
+    for number, name in enumerate(CHANNELS):
+        code = head.expression(torch.eye(len(CHANNELS))[number].expand(count, -1))
+        made = 1e3 * size * (head.posed(skin, z, code) - rest)
+        truth = 1e3 * scales[:, None, None] * heads.modes[number, :FACE_VERTICES]
+        moved = truth.norm(dim=-1) > MOVED_MM
+        share = (made * truth).sum() / truth.square().sum()
+        off, way = (x.norm(dim=-1)[moved].mean() for x in (made - truth, truth))
+        print(f"{name}: {share:.2f} of its way, off by {off:.2f} mm of {way:.2f}")
+
+
+@torch.no_grad()
 def closure(head: Head, heads: IctHeads, count: int) -> None:
     """How far lips that meet at rest, and lids that meet when shut, are apart, or have crossed, after the way
     through the canonical pose: pairs of vertices, the part along the true surface's normal beside that of the
@@ -254,8 +273,8 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument("--heads", type=int, default=10)
-    parts = ["identity", "makehuman", "expression", "closure", "sequences"]
-    parser.add_argument("--parts", nargs="*", choices=parts, default=parts[:4])
+    parts = ["identity", "makehuman", "expression", "closure", "shapes", "sequences"]
+    parser.add_argument("--parts", nargs="*", choices=parts, default=parts[:5])
     parser.add_argument("--iterations", type=int, default=500, help="of eq. 16")
     parser.add_argument("--points", type=int, default=5000, help="of a cloud, each time (eq. 16)")
     parser.add_argument("--rate", type=float, default=SequenceFit.rate, help="of eq. 16")
@@ -270,6 +289,8 @@ def main() -> None:
         expression(head, heads, arguments.data, arguments.heads)
     if "closure" in arguments.parts:
         closure(head, heads, arguments.heads)
+    if "shapes" in arguments.parts:
+        shapes(head, heads, arguments.heads)
     if "sequences" in arguments.parts:
         late, slow = int(0.6 * arguments.iterations), 0.1 * arguments.rate
         fit = SequenceFit(

@@ -64,10 +64,11 @@ def correlation(a: Tensor, b: Tensor) -> float:
     return float(torch.corrcoef(torch.stack([a, b]))[0, 1])
 
 
-def by_source(entries: list[Entry], count: int) -> dict[str, list[Entry]]:
-    """Held-out clips."""
+def by_source(entries: list[Entry], count: int, skipped: int = 0) -> dict[str, list[Entry]]:
+    """Held-out clips, the first `skipped` left out; no source that has no more."""
     sources = sorted({e.source for e in entries})
-    return {s: [e for e in entries if e.source == s and e.held_out][:count] for s in sources}
+    kept = {s: [e for e in entries if e.source == s and e.held_out][skipped:][:count] for s in sources}
+    return {source: own for source, own in kept.items() if own}
 
 
 def agreement(speaker: Speaker, clips: dict[str, list[Entry]], sampling: Sampling | None = None) -> dict:
@@ -203,6 +204,8 @@ def main() -> None:
     parser.add_argument("--corpus", nargs="*", default=[], help=argparse.SUPPRESS)
     parser.add_argument("--voices", type=int, default=4, help="as in training, whose bank is then found")
     parser.add_argument("--clips", type=int, default=30, help="held-out clips of each source")
+    parser.add_argument("--skip", type=int, default=0, help="of these, the first ones")
+    parser.add_argument("--temperature", type=float, help="of every model, for its own")
     parser.add_argument("--steps", type=int, nargs="*", default=[1, 2, 4, 10, 25])
     arguments = parser.parse_args()
     torch.set_num_threads(1)
@@ -212,8 +215,12 @@ def main() -> None:
     by_landmarks = motions.get("landmark_motion")
     if arguments.landmark_motion:
         by_landmarks = load_motion(arguments.landmark_motion)
+    others = {name: load_motion(Path(path)) for name, _, path in (r.rpartition("=") for r in arguments.runs)}
+    if arguments.temperature is not None:
+        for one in (model, *others.values()):
+            one.config.sampling.temperature = arguments.temperature
     speaker = Speaker(model, Codes(head), encoder)
-    clips = by_source(entries_of(arguments), arguments.clips)
+    clips = by_source(entries_of(arguments), arguments.clips, arguments.skip)
     if by_landmarks is not None:
         for name, found in from_landmarks(by_landmarks, speaker.codes, clips, arguments.data).items():
             tell(name, found)
@@ -232,9 +239,8 @@ def main() -> None:
     few = clips["grid_s1"][:10]
     tell("five seeds", seeds(speaker, few))
     tell("a minute", at_once(speaker, clips["grid_s1"]))
-    for row in arguments.runs:
-        name, _, path = row.rpartition("=")
-        other = Speaker(load_motion(Path(path)), speaker.codes, encoder)
+    for name, run in others.items():
+        other = Speaker(run, speaker.codes, encoder)
         found = agreement(other, clips) | seeds(other, few) | {"still mm/s": still(other, few)}
         tell(name, found)
 

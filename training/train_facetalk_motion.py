@@ -87,8 +87,7 @@ class Trainer:
         self.without = arguments.without
         self.by_landmarks = arguments.memory == LANDMARKS
         codes = head.config.expression_code
-        config = landmark_config(codes) if self.by_landmarks else MotionConfig(codes=codes)
-        config.speech = config.speech if self.by_landmarks else heard
+        config = landmark_config(codes) if self.by_landmarks else MotionConfig(codes=codes, speech=heard)
         self.felt = felt()
         config.film = "film" not in self.without
         if "alignment" in self.without:
@@ -150,7 +149,7 @@ class Trainer:
 
     def beside(self, weights: Tensor) -> Tensor:
         """Weights [B, T, 51] with what recordings of speech lack: emotions, brows, and lids that shut."""
-        count, frames, channels = weights.shape
+        count, frames = weights.shape[:2]
 
         def uniform(*shape: int) -> Tensor:
             return torch.rand(*shape, generator=self.random)
@@ -161,10 +160,9 @@ class Trainer:
         held[:, UPPER] += uniform(count, len(UPPER)) * (uniform(count, len(UPPER)) < 0.2)
         held = held * (uniform(count, 1) < BESIDE_SHARE)
         low, high = BESIDE_FRAMES
-        out = weights.clone()
         at = torch.arange(frames) - frames * uniform(count, 1)
         length = low + (high - low) * uniform(count, 1)
-        out = out + held[:, None] * (1.0 - (at / length).square()).clamp_min(0.0)[..., None]
+        out = weights + held[:, None] * (1.0 - (at / length).square()).clamp_min(0.0)[..., None]
         shut = (1.0 - ((torch.arange(frames) - frames * uniform(count, 1)) / 4.0).square()).clamp_min(0.0)
         out[..., LIDS] = torch.maximum(out[..., LIDS], (shut * (uniform(count, 1) < 0.5))[..., None])
         return out.clamp(0.0, 1.3)
