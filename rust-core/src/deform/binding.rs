@@ -7,10 +7,11 @@ use std::{
     collections::{BinaryHeap, HashMap},
 };
 
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{
-    nearest::{PointGrid, distance},
+    nearest::PointGrid,
     part_list::{PartList, skin_tree},
     role_rules::{Box3, REACH_CM, RoleRules},
 };
@@ -191,7 +192,8 @@ impl EdgeWays {
         for t in &mesh.triangles {
             for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
                 if let (Some(&i), Some(&j)) = (number.get(&a), number.get(&b)) {
-                    let length = distance(mesh.positions[a as usize], mesh.positions[b as usize]);
+                    let length = Vec3::from(mesh.positions[a as usize])
+                        .distance(mesh.positions[b as usize].into());
                     edges[i as usize].push((j, length));
                     edges[j as usize].push((i, length));
                 }

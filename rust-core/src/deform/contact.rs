@@ -10,14 +10,14 @@
 //!
 //! Lengths are canonical centimetres.
 
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-use super::{binding::Follows, skin::Skin};
+use super::{binding::Follows, nearest::nearest_between, skin::Skin};
 use crate::{
     ibug::LANDMARKS,
     mesh::{
         Mesh, Similarity,
-        closest::{dot, nearest_between, norm, sub},
         lips::{Lip, lip_of_vertices},
     },
 };
@@ -356,13 +356,13 @@ impl Line {
     fn of(landmarks: &[[f32; 3]; LANDMARKS], marks: &Marks) -> Option<Line> {
         let (start, end) = (landmarks[marks.upper[0]], landmarks[*marks.upper.last()?]);
         let way: [f32; 3] = std::array::from_fn(|i| end[i] - start[i]);
-        let length = dot(way, way).sqrt();
+        let length = Vec3::from(way).length();
         if length < 0.1 {
             return None;
         }
         let across = way.map(|x| x / length);
         let up: [f32; 3] = std::array::from_fn(|i| f32::from(i == 1) - across[1] * across[i]);
-        let size = dot(up, up).sqrt();
+        let size = Vec3::from(up).length();
         (size > 0.5).then(|| Line {
             start,
             across,
@@ -373,22 +373,24 @@ impl Line {
 
     /// 0 at one corner, 1 at the other.
     fn place(&self, p: [f32; 3]) -> f32 {
-        dot(std::array::from_fn(|i| p[i] - self.start[i]), self.across) / self.length
+        Vec3::from(std::array::from_fn(|i| p[i] - self.start[i])).dot(self.across.into())
+            / self.length
     }
 
     fn height(&self, p: [f32; 3]) -> f32 {
-        dot(p, self.up)
+        Vec3::from(p).dot(self.up.into())
     }
 
     fn is_beside(&self, p: [f32; 3], reach: f32) -> bool {
         let middle: [f32; 3] =
             std::array::from_fn(|i| self.start[i] + 0.5 * self.length * self.across[i]);
         let offset: [f32; 3] = std::array::from_fn(|i| p[i] - middle[i]);
-        dot(offset, offset).sqrt() < 0.5 * self.length + reach
+        Vec3::from(offset).length() < 0.5 * self.length + reach
     }
 }
 
 /// Distance from a point to the straight way between two others.
 fn from_piece(p: [f32; 3], a: [f32; 3], b: [f32; 3]) -> f32 {
-    norm(sub(p, nearest_between(p, a, b)))
+    let [p, a, b] = [p, a, b].map(Vec3::from);
+    p.distance(nearest_between(p, a, b))
 }

@@ -7,14 +7,12 @@
 //! Lengths are decimetres in the canonical frame.
 
 use faer::{Mat, linalg::solvers::Solve};
+use glam::Vec3;
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
 
-use super::nearest::{PointGrid, distance};
-use crate::{
-    ibug::LANDMARKS,
-    mesh::closest::{cross, sub},
-};
+use super::nearest::PointGrid;
+use crate::ibug::LANDMARKS;
 
 /// Points that a vertex listens to.
 const NEIGHBOURS: usize = 4;
@@ -87,7 +85,7 @@ impl ReferencePoints {
     /// The points where the face of `landmarks` has them.
     pub(crate) fn warped(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> Vec<[f32; 3]> {
         let size = LANDMARKS + 1;
-        let radial = |a: [f32; 3], b: [f32; 3]| -f64::from(distance(a, b));
+        let radial = |a: [f32; 3], b: [f32; 3]| -f64::from(Vec3::from(a).distance(b.into()));
         let system = Mat::from_fn(size, size, |i, j| match (i < LANDMARKS, j < LANDMARKS) {
             (true, true) => radial(self.landmarks[i], self.landmarks[j]),
             (false, false) => 0.0,
@@ -152,10 +150,10 @@ fn planes(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<Planes> {
     let mut planes = vec![Planes::default(); positions.len()];
     for triangle in triangles {
         let [a, b, c] = triangle.map(|v| positions[v as usize]);
-        let normal = cross(sub(b, a), sub(c, a));
+        let normal = (Vec3::from(b) - Vec3::from(a)).cross(Vec3::from(c) - Vec3::from(a));
         triangle
             .iter()
-            .for_each(|&v| planes[v as usize].add(normal));
+            .for_each(|&v| planes[v as usize].add(normal.into()));
     }
     planes
 }

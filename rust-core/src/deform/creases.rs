@@ -128,10 +128,10 @@ impl ReferenceFace {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
-    use crate::{
-        deform::nearest::distance, ibug::MIRROR, mesh::closest::cross, nn::golden::Golden,
-    };
+    use crate::{ibug::MIRROR, nn::golden::Golden};
 
     fn places(golden: &Golden, name: &str) -> Vec<[f32; 3]> {
         golden.values(name).as_chunks::<3>().0.to_vec()
@@ -211,12 +211,12 @@ mod tests {
         let flip = |p: [f32; 3]| [-p[0], p[1], p[2]];
         let landmarks = creases.reference.landmarks;
         for n in 0..LANDMARKS {
-            assert!(distance(flip(landmarks[MIRROR[n]]), landmarks[n]) < 1e-4);
+            assert!(Vec3::from(flip(landmarks[MIRROR[n]])).distance(landmarks[n].into()) < 1e-4);
         }
         // Small triangles on the surface, and their mirror images.
         let around = |(p, n): (&[f32; 3], &[f32; 3])| {
-            let along = cross(*n, [1.0, 0.3, 0.0]).map(|x| 0.01 * x);
-            let beside = cross(*n, along);
+            let along = 0.01 * Vec3::from(*n).cross(Vec3::new(1.0, 0.3, 0.0));
+            let beside = Vec3::from(*n).cross(along);
             [
                 *p,
                 std::array::from_fn(|i| p[i] + along[i]),

@@ -6,14 +6,12 @@
 //! and not where ears and their rings hang. Lashes are as wide as an eye and not round; cards of single
 //! lashes are as small as a pupil and stand out of the ball. Lengths are canonical centimetres.
 
+use glam::Vec3;
+
 use super::role_rules::Box3;
 use crate::{
     ibug::LANDMARKS,
-    mesh::{
-        SurfaceTree,
-        closest::{dot, norm, sub},
-        sphere::fit_sphere,
-    },
+    mesh::{SurfaceTree, sphere::fit_sphere},
 };
 
 /// Points this far within the first fit belong to the inside of an eye, as a share of the radius.
@@ -133,7 +131,7 @@ impl EyeParts {
                 .any(|eye| within(ELSEWHERE_OF_BALL, eye.radius)),
         };
         let [x, y, _] = ball.centre;
-        let is_nose = norm(sub(ball.centre, self.nose_tip)) < 1.2 * ball.radius;
+        let is_nose = Vec3::from(ball.centre).distance(self.nose_tip.into()) < 1.2 * ball.radius;
         let at_ears = (x - self.middle_x).abs() > self.ears_x && y < self.brows_y;
         size && !is_nose && !at_ears && y > self.nose_tip[1]
     }
@@ -146,7 +144,9 @@ impl EyeParts {
             let beside = (0..2).all(|i| (middle[i] - centre[i]).abs() < SMALL_BESIDE * width);
             let deep =
                 middle[2] > centre[2] - width && bounds.high[2] < centre[2] + SMALL_BEFORE * width;
-            let has_ball = balls.iter().any(|b| norm(sub(b.centre, centre)) < width);
+            let has_ball = balls
+                .iter()
+                .any(|b| Vec3::from(b.centre).distance(centre.into()) < width);
             beside && deep && bounds.largest() < SMALL * width && !has_ball
         })
     }
@@ -156,7 +156,7 @@ impl EyeParts {
 fn sphere(points: &[[f32; 3]]) -> Option<Ball> {
     let (centre, radius, _) = fit_sphere(points.iter().copied())?;
     let outer = points.iter().copied();
-    let outer = outer.filter(|p| norm(sub(*p, centre)) > INSIDE * radius);
+    let outer = outer.filter(|p| Vec3::from(*p).distance(centre.into()) > INSIDE * radius);
     if 2 * outer.clone().count() < points.len() {
         return None;
     }
@@ -175,22 +175,23 @@ fn held(ball: &Ball, skin: &SurfaceTree) -> bool {
 
 /// Whether two balls are one, as a cornea and the eye that it covers.
 fn same(a: &Ball, b: &Ball) -> bool {
-    norm(sub(a.centre, b.centre)) < 0.3 * a.radius
+    Vec3::from(a.centre).distance(b.centre.into()) < 0.3 * a.radius
         && (0.7 * a.radius..1.4 * a.radius).contains(&b.radius)
 }
 
 /// Whether a part lies in a ball, or on it as a cap.
 fn lies_on(ball: &Ball, points: &[[f32; 3]]) -> bool {
-    let ways: Vec<[f32; 3]> = points.iter().map(|p| sub(*p, ball.centre)).collect();
-    let furthest = ways.iter().map(|way| norm(*way)).fold(0.0, f32::max);
+    let centre = Vec3::from(ball.centre);
+    let ways: Vec<Vec3> = points.iter().map(|&p| Vec3::from(p) - centre).collect();
+    let furthest = ways.iter().map(|way| way.length()).fold(0.0, f32::max);
     if furthest > ON_BALL * ball.radius {
         return false;
     }
     if furthest < INSIDE * ball.radius {
         return true;
     }
-    let middle: [f32; 3] = std::array::from_fn(|i| ways.iter().map(|way| way[i]).sum::<f32>());
-    let size = norm(middle);
+    let middle: Vec3 = ways.iter().sum();
+    let size = middle.length();
     let least = CAP_DEG.to_radians().cos() * size;
     let bounds = Box3::of(points.iter().copied());
     let [wide, high] = [0, 1].map(|i| bounds.high[i] - bounds.low[i]);
@@ -199,7 +200,7 @@ fn lies_on(ball: &Ball, points: &[[f32; 3]]) -> bool {
     middle[2] > front.to_radians().cos() * size
         && ways
             .iter()
-            .all(|way| dot(*way, middle) >= least * norm(*way))
+            .all(|way| way.dot(middle) >= least * way.length())
 }
 
 #[cfg(test)]
@@ -218,7 +219,7 @@ mod tests {
     fn eye_parts() -> EyeParts {
         let marks = landmarks();
         let eye = |first: usize| {
-            let width = norm(sub(marks[first + 3], marks[first]));
+            let width = Vec3::from(marks[first + 3]).distance(marks[first].into());
             (middle(&marks[first..first + 6]), width)
         };
         EyeParts::new(&marks, [eye(36), eye(42)], middle(&marks[17..27])[1])

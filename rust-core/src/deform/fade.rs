@@ -2,7 +2,7 @@
 //!
 //! Lids and lips keep to their landmarks, which know better when they touch.
 
-use crate::mesh::closest::{norm, sub};
+use glam::Vec3;
 
 /// How often shares are evened out between neighbours.
 const EVENED: usize = 6;
@@ -14,7 +14,7 @@ pub(crate) fn within(distance: f32, (full, gone): (f32, f32)) -> f32 {
 
 /// 0 nearer to some of the `points` than the first of two distances, 1 farther than the second.
 pub(crate) fn beyond(points: &[[f32; 3]], p: [f32; 3], (near, far): (f32, f32)) -> f32 {
-    let distances = points.iter().map(|q| norm(sub(p, *q)));
+    let distances = points.iter().map(|q| Vec3::from(p).distance((*q).into()));
     let nearest = distances.fold(f32::INFINITY, f32::min);
     smooth((nearest - near) / (far - near))
 }

@@ -9,15 +9,13 @@
 //!
 //! The result is linear in the landmarks and mixes no axes.
 
+use glam::Vec3;
 use ndarray::{Array3, ArrayView3};
 use serde::{Deserialize, Serialize};
 
 use crate::{
     ibug::{INNER_LIPS, LANDMARKS, OUTER_LIPS},
-    mesh::{
-        Mouth,
-        closest::{norm, sub},
-    },
+    mesh::Mouth,
 };
 
 /// Of each inner pair the pair of borders that it lies between.
@@ -41,7 +39,8 @@ impl JoinedLips {
         if mouth != Mouth::Welded {
             return None;
         }
-        let length = |i: usize| norm(sub(landmarks[PROFILE[i]], landmarks[PROFILE[i + 1]]));
+        let length =
+            |i: usize| Vec3::from(landmarks[PROFILE[i]]).distance(landmarks[PROFILE[i + 1]].into());
         let lengths = [0, 1, 2].map(length);
         let whole: f32 = lengths.iter().sum::<f32>().max(f32::MIN_POSITIVE);
         Some(JoinedLips {
@@ -78,8 +77,8 @@ fn height_of_seam(landmarks: &[[f32; 3]; LANDMARKS], inner: usize) -> f32 {
     let (upper, lower) = INNER_LIPS[inner];
     let (border_above, border_below) = OUTER_LIPS[BORDER_OF_INNER[inner]];
     let seam = std::array::from_fn(|i| 0.5 * (landmarks[upper][i] + landmarks[lower][i]));
-    let above = norm(sub(landmarks[border_above], seam));
-    let below = norm(sub(landmarks[border_below], seam));
+    let above = Vec3::from(landmarks[border_above]).distance(seam.into());
+    let below = Vec3::from(landmarks[border_below]).distance(seam.into());
     above / (above + below).max(f32::MIN_POSITIVE)
 }
 
@@ -115,7 +114,7 @@ mod tests {
         }
         let longer = PROFILE.windows(2).map(|ends| {
             let [a, b] = [ends[0], ends[1]];
-            let before = norm(sub(rest[a], rest[b]));
+            let before = Vec3::from(rest[a]).distance(rest[b].into());
             (way(a) - way(b)) / before
         });
         let longer: Vec<f32> = longer.collect();

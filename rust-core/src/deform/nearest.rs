@@ -2,6 +2,8 @@
 
 use std::collections::HashMap;
 
+use glam::Vec3;
+
 /// Points sorted into cubes; made for queries that mostly lie near some point.
 pub(crate) struct PointGrid<'a> {
     points: &'a [[f32; 3]],
@@ -50,7 +52,12 @@ impl<'a> PointGrid<'a> {
             for y in low[1]..=high[1] {
                 for z in low[2]..=high[2] {
                     let cell = self.cells.get(&[x, y, z]).into_iter().flatten();
-                    let near = cell.map(|&i| (i, distance(self.points[i as usize], query)));
+                    let near = cell.map(|&i| {
+                        (
+                            i,
+                            Vec3::from(self.points[i as usize]).distance(query.into()),
+                        )
+                    });
                     found.extend(near.filter(|(_, d)| *d <= limit));
                 }
             }
@@ -73,7 +80,7 @@ impl<'a> PointGrid<'a> {
                         c[2].saturating_add(z),
                     ];
                     for &i in self.cells.get(&key).into_iter().flatten() {
-                        let d = distance(self.points[i as usize], query);
+                        let d = Vec3::from(self.points[i as usize]).distance(query.into());
                         // Ties go to the smaller number, whatever the order of the cells.
                         if best.is_none_or(|(j, b)| d < b || (d == b && i < j)) {
                             *best = Some((i, d));
@@ -89,9 +96,11 @@ fn cell_of(point: [f32; 3], cell: f32) -> [i32; 3] {
     point.map(|x| (x / cell).floor() as i32)
 }
 
-/// Straight distance.
-pub(crate) fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
-    (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>().sqrt()
+/// The nearest point to `p` on the straight way between two others.
+pub(crate) fn nearest_between(p: Vec3, a: Vec3, b: Vec3) -> Vec3 {
+    let way = b - a;
+    let along = (p - a).dot(way) / way.length_squared().max(1e-12);
+    a + along.clamp(0.0, 1.0) * way
 }
 
 #[cfg(test)]
@@ -110,7 +119,7 @@ mod tests {
             let query = point();
             let plain = points
                 .iter()
-                .map(|&p| distance(p, query))
+                .map(|&p| Vec3::from(p).distance(query.into()))
                 .fold(f32::INFINITY, f32::min);
             let found = grid.nearest(query, 20.0).unwrap();
             assert_eq!(found.1, plain);
@@ -128,7 +137,7 @@ mod tests {
             let query = point();
             let mut plain: Vec<(u32, f32)> = (0u32..)
                 .zip(&points)
-                .map(|(i, &p)| (i, distance(p, query)))
+                .map(|(i, &p)| (i, Vec3::from(p).distance(query.into())))
                 .filter(|(_, d)| *d <= 0.4)
                 .collect();
             plain.sort_by(|a, b| a.1.total_cmp(&b.1));

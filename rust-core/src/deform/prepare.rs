@@ -156,7 +156,12 @@ fn kept_plate(skin: &Skin, cache: &Cache) -> Result<PlateWeights> {
     let operators = &skin.operators;
     let plate = Plate::default();
     let key = CacheKey::new("plate weights", CACHE_VERSION)
-        .f64s(operators.positions.iter().flatten())
+        .f64s(
+            operators
+                .positions
+                .iter()
+                .flat_map(AsRef::<[f64; 3]>::as_ref),
+        )
         .u32s(operators.triangles.iter().flatten())
         .u32s(&skin.landmark_rows)
         .f64s(&[plate.tension, plate.screen, plate.spring]);

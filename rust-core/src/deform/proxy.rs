@@ -13,6 +13,7 @@
 mod prolongation;
 mod refine;
 
+use glam::{DVec3, Vec3};
 pub use prolongation::Prolongation;
 use prolongation::place_vertices;
 use rayon::prelude::*;
@@ -62,10 +63,10 @@ impl Proxy {
         anchors: &mut [u32; LANDMARKS],
         vertices: usize,
     ) -> Proxy {
-        let exact = positions.iter().map(|p| p.map(f64::from)).collect();
-        let mut skin = Refined::new(exact, triangles.to_vec());
+        let exact = positions.iter().map(|&p| Vec3::from(p).as_dvec3());
+        let mut skin = Refined::new(exact.collect(), triangles.to_vec());
         skin.add_landmarks(landmarks, anchors);
-        let wanted = |p: [f64; 3]| wanted_edge(p.map(|x| x as f32), landmarks);
+        let wanted = |p: DVec3| wanted_edge(p.as_vec3(), landmarks);
         let least = f64::from(LONG * EDGE_CM[0]);
         skin.split_long(least, |p| f64::from(LONG * wanted(p)), vertices);
         let (positions, triangles) = (skin.positions, skin.triangles);
@@ -80,7 +81,7 @@ impl Proxy {
         let (prolongation, error) = place_vertices(&positions, &triangles, &simple);
         Proxy {
             mesh: Mesh {
-                positions: positions.iter().map(|p| p.map(|x| x as f32)).collect(),
+                positions: positions.iter().map(|p| p.as_vec3().into()).collect(),
                 triangles: simple.triangles,
             },
             prolongation,
@@ -90,10 +91,10 @@ impl Proxy {
 }
 
 /// Wanted edge length at a place, up to a common factor.
-fn wanted_edge(here: [f32; 3], landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {
+fn wanted_edge(here: Vec3, landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {
     let of = |(n, &landmark): (usize, &[f32; 3])| {
         let edge = EDGE_CM[usize::from(!FINE.contains(&n))];
-        edge + GROWTH * super::nearest::distance(here, landmark)
+        edge + GROWTH * here.distance(landmark.into())
     };
     landmarks
         .iter()

@@ -101,11 +101,11 @@ fn end_lids(weights: &mut [f32], operators: &Operators, landmark_rows: &[u32; LA
     for eye in EYES {
         let corners: [[f64; 3]; 6] = std::array::from_fn(|i| {
             let row = landmark_rows[eye.start + i];
-            operators.positions[row as usize]
+            operators.positions[row as usize].into()
         });
         let edge = LidEdge::through(&corners);
         for (row, position) in weights.chunks_mut(LANDMARKS).zip(&operators.positions) {
-            let share = edge.share(*position) as f32;
+            let share = edge.share((*position).into()) as f32;
             row[eye.clone()].iter_mut().for_each(|w| *w *= share);
         }
     }

@@ -55,7 +55,7 @@ impl FaceSurface {
     pub fn decimetres(&self) -> (Vec<[f32; 3]>, [[f32; 3]; LANDMARKS]) {
         let positions = self.skin.operators.positions.iter();
         (
-            positions.map(|p| p.map(|x| 0.1 * x as f32)).collect(),
+            positions.map(|p| (0.1 * p.as_vec3()).into()).collect(),
             self.landmarks.map(|p| p.map(|x| 0.1 * x)),
         )
     }

@@ -7,6 +7,7 @@
 
 use std::sync::Arc;
 
+use glam::Vec3;
 use ndarray::{Array3, ArrayView2, Axis};
 use rayon::prelude::*;
 
@@ -17,10 +18,7 @@ use crate::{
     deform::{CodeField, PointGrid, binding::Follows, fade},
     face::Face,
     ibug::LANDMARKS,
-    mesh::{
-        Mesh, Similarity,
-        closest::{cross, dot, norm, sub},
-    },
+    mesh::{Mesh, Similarity},
     progress::{ProgressFn, report},
 };
 
@@ -188,7 +186,10 @@ impl HeadOnMesh {
         let back = self.placed.fit.to_head.inverse();
         let scale = back.scale as f32;
         let moved = self.points.at(&self.head, code)?;
-        let by = |(to, from): ([f32; 3], &[f32; 3])| back.rotate(sub(to, *from)).map(|x| scale * x);
+        let by = |(to, from): ([f32; 3], &[f32; 3])| {
+            back.rotate((Vec3::from(to) - Vec3::from(*from)).into())
+                .map(|x| scale * x)
+        };
         Ok(moved.into_iter().zip(&self.at_rest).map(by).collect())
     }
 }
@@ -360,7 +361,7 @@ fn smoothing(landmarks: &[[f32; 3]], points: &[[f32; 3]], sigma_m: f32) -> Vec<f
     let upper: Vec<[f32; 3]> = [&landmarks[17..27], &landmarks[36..48]].concat();
     let centres = [centre(&landmarks[48..]), centre(&upper)];
     let weight = |p: &[f32; 3]| {
-        let far = centres.map(|c| norm(sub(*p, c)) / sigma_m);
+        let far = centres.map(|c| Vec3::from(*p).distance(c.into()) / sigma_m);
         let nearest = far[0].min(far[1]);
         (-0.5 * nearest * nearest).exp()
     };
@@ -426,7 +427,9 @@ fn canonical_points(
         points
             .map(|(p, normal)| {
                 let near = grid.within(*p, FAR_M, LOOKED_AT);
-                let same = |n: &u32| side * dot(*normal, towards[*n as usize]) > SAME_WAY;
+                let same = |n: &u32| {
+                    side * Vec3::from(*normal).dot(towards[*n as usize].into()) > SAME_WAY
+                };
                 near.into_iter().map(|(n, _)| n).find(same)
             })
             .collect()
@@ -465,8 +468,8 @@ fn canonical_points(
             .transpose()?;
         let mut still = Vec::new();
         for (row, &n) in left.iter().enumerate() {
-            let off = sub(places[n], moved[row]);
-            let size = norm(off);
+            let off = Vec3::from(places[n]) - Vec3::from(moved[row]);
+            let size = off.length();
             found[n] = size < ROOT_M;
             if size < FOUND_M {
                 continue;
@@ -484,7 +487,7 @@ fn canonical_points(
         let here: Vec<[f32; 3]> = left.iter().map(|&n| roots[n]).collect();
         let moved = one.mover(here).at(&rest)?;
         for (&n, moved) in left.iter().zip(moved) {
-            found[n] = norm(sub(places[n], moved)) < ROOT_M;
+            found[n] = Vec3::from(places[n]).distance(moved.into()) < ROOT_M;
         }
     }
     report(progress, "points", 1.0)?;
@@ -518,15 +521,9 @@ fn slopes_of(one: &OneHead<'_>, points: &[[f32; 3]], code: &[f32]) -> Result<Vec
 }
 
 /// `x` of `columns · x = y`, by Cramer's rule; `None` where they hardly span space.
-fn solve(columns: [[f32; 3]; 3], y: [f32; 3]) -> Option<[f32; 3]> {
-    let [a, b, c] = columns;
-    let volume = dot(a, cross(b, c));
-    (volume.abs() > 0.05).then(|| {
-        [
-            dot(y, cross(b, c)),
-            dot(a, cross(y, c)),
-            dot(a, cross(b, y)),
-        ]
-        .map(|x| x / volume)
-    })
+fn solve(columns: [[f32; 3]; 3], y: Vec3) -> Option<Vec3> {
+    let [a, b, c] = columns.map(Vec3::from);
+    let volume = a.dot(b.cross(c));
+    let x = || Vec3::new(y.dot(b.cross(c)), a.dot(y.cross(c)), a.dot(b.cross(y)));
+    (volume.abs() > 0.05).then(|| x() / volume)
 }

@@ -2,9 +2,10 @@
 
 use std::collections::HashSet;
 
+use glam::Vec3;
+
 use super::{
     FaceOptions, KnownLandmark, LandmarkFinder, LandmarkSource, Landmarks, Mesh,
-    closest::{norm, sub},
     snap::snap_to_surface,
 };
 use crate::{
@@ -72,7 +73,7 @@ fn from_positions(mesh: &Mesh, positions: &[[f32; 3]]) -> Result<Landmarks> {
     let landmarks = snap_to_surface(mesh, &positions);
     let eyes = eye_distance(&positions);
     for (i, (p, q)) in positions.iter().zip(&landmarks.positions).enumerate() {
-        let distance = norm(sub(*p, *q));
+        let distance = Vec3::from(*p).distance((*q).into());
         if distance > FAR_IN_EYE_DISTANCES * eyes {
             return Err(Error::InvalidInput(format!(
                 "landmark {i}: {distance:.3} from the surface, expected at most {:.3} (a quarter \
@@ -122,8 +123,9 @@ fn from_known(mesh: &Mesh, given: &[KnownLandmark]) -> Result<Landmarks> {
         let (point, vertex) = (landmark.position, landmark.vertex);
         known.confidence[i] = checked_confidence(i, landmark.confidence)?;
         let place = mesh.positions.get(vertex as usize);
-        let place =
-            place.filter(|place| norm(sub(**place, point)) <= reach && used.contains(&vertex));
+        let place = place.filter(|place| {
+            Vec3::from(**place).distance(point.into()) <= reach && used.contains(&vertex)
+        });
         if let Some(place) = place {
             (known.positions[i], known.vertices[i]) = (*place, vertex);
         }
@@ -150,7 +152,7 @@ fn sixty_eight<T: Copy>(given: &[T], expected: &str) -> Result<[T; LANDMARKS]> {
 
 /// Between the outer eye corners.
 pub(crate) fn eye_distance(positions: &[[f32; 3]; LANDMARKS]) -> f32 {
-    norm(sub(positions[36], positions[45]))
+    Vec3::from(positions[36]).distance(positions[45].into())
 }
 
 #[cfg(test)]
@@ -184,7 +186,7 @@ mod tests {
         let floating = canonical_landmarks().map(|p| [p[0], p[1], p[2] + 0.0002]);
         let found = locate(&confetti(), LandmarkSource::Positions(floating.into())).unwrap();
         for (i, p) in canonical_landmarks().iter().enumerate() {
-            assert!(norm(sub(found.positions[i], *p)) < 2e-4);
+            assert!(Vec3::from(found.positions[i]).distance((*p).into()) < 2e-4);
             assert_eq!(found.vertices[i] as usize / 3, i);
         }
     }

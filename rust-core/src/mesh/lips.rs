@@ -8,11 +8,9 @@
 
 use std::collections::BinaryHeap;
 
-use super::{
-    Mesh,
-    closest::{norm, sub},
-    dijkstra::QueueEntry,
-};
+use glam::Vec3;
+
+use super::{Mesh, dijkstra::QueueEntry};
 
 /// A lip, or neither where the surface does not reach one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -56,7 +54,7 @@ pub(crate) fn lip_of_vertices(
         for &next in neighbours.of(vertex) {
             if lips[next as usize].is_none() {
                 let here = mesh.positions[vertex as usize];
-                let length = norm(sub(mesh.positions[next as usize], here));
+                let length = Vec3::from(mesh.positions[next as usize]).distance(here.into());
                 heap.push(QueueEntry(distance + length, next, lip));
             }
         }

@@ -3,8 +3,8 @@
 mod align;
 mod canonical;
 mod check;
-pub(crate) mod closest;
 pub(crate) mod dijkstra;
+pub(crate) mod direction;
 pub(crate) mod features;
 mod find_landmarks;
 mod fixed;
@@ -27,7 +27,6 @@ mod snap;
 pub(crate) mod sphere;
 mod subdivide;
 pub(crate) mod tree;
-pub(crate) mod vec3;
 
 pub use align::{Fit, Similarity};
 pub use canonical::{align_to_canonical, canonical_landmarks};

@@ -2,12 +2,9 @@
 
 use std::collections::BinaryHeap;
 
-use super::{
-    Landmarks, Mesh,
-    closest::{norm, sub},
-    dijkstra::QueueEntry,
-    parts::weld_seams,
-};
+use glam::Vec3;
+
+use super::{Landmarks, Mesh, dijkstra::QueueEntry, parts::weld_seams};
 
 /// Inner-lip landmarks that face each other, upper and lower.
 const PAIRS: [(usize, usize); 3] = [(61, 67), (62, 66), (63, 65)];
@@ -44,14 +41,14 @@ impl Mouth {
     /// By the distance along the edges between the inner lips, of which most pairs decide.
     pub fn of(mesh: &Mesh, landmarks: &Landmarks) -> Mouth {
         let at = |i: usize| landmarks.positions[i];
-        let width = norm(sub(at(48), at(54)));
+        let width = Vec3::from(at(48)).distance(at(54).into());
         let roads = Roads::near(mesh, landmarks, width);
         let mut welded = 0;
         let mut gaps = PAIRS.map(|(upper, lower)| {
-            let gap = norm(sub(at(upper), at(lower)));
+            let gap = Vec3::from(at(upper)).distance(at(lower).into());
             let [from, to] = [upper, lower].map(|i| landmarks.vertices[i]);
             let [a, b] = [from, to].map(|v| mesh.positions[v as usize]);
-            let reach = DETOUR * norm(sub(a, b)) + GROOVE_IN_WIDTHS * width;
+            let reach = DETOUR * Vec3::from(a).distance(b.into()) + GROOVE_IN_WIDTHS * width;
             welded += usize::from(roads.joined(mesh, from, to, reach));
             gap
         });
@@ -99,7 +96,9 @@ impl Roads {
         let inner = &landmarks.positions[60..68];
         let within = |v: u32, reach: f32| {
             let p = mesh.positions[v as usize];
-            inner.iter().any(|q| norm(sub(p, *q)) < reach)
+            inner
+                .iter()
+                .any(|q| Vec3::from(p).distance((*q).into()) < reach)
         };
         let all = 0..mesh.positions.len() as u32;
         let apart: Vec<u32> = all
@@ -134,7 +133,7 @@ impl Roads {
             let first = self.edges.partition_point(|e| e.0 < vertex);
             for &(_, next) in self.edges[first..].iter().take_while(|e| e.0 == vertex) {
                 let [a, b] = [vertex, next].map(|v| mesh.positions[v as usize]);
-                let there = distance + norm(sub(a, b));
+                let there = distance + Vec3::from(a).distance(b.into());
                 let known = nearest.get(&next).copied().unwrap_or(f32::MAX);
                 if there <= reach && there < known {
                     nearest.insert(next, there);
@@ -211,7 +210,7 @@ mod tests {
             let p = [mean[i][0], middle, mean[62][2]];
             let own = range;
             own.min_by(|a, b| {
-                let far = |v: &u32| norm(sub(mesh.positions[*v as usize], p));
+                let far = |v: &u32| Vec3::from(mesh.positions[*v as usize]).distance(p.into());
                 far(a).total_cmp(&far(b))
             })
         };

@@ -1,21 +1,20 @@
 //! Normals, areas and the bounding box.
 
-use super::{
-    Mesh,
-    vec3::{cross, dot, sub},
-};
+use glam::{DVec3, Vec3};
+
+use super::Mesh;
 
 impl Mesh {
     /// Position of vertex `v` in double precision.
-    pub(crate) fn point(&self, v: u32) -> [f64; 3] {
-        self.positions[v as usize].map(f64::from)
+    pub fn point(&self, v: u32) -> DVec3 {
+        Vec3::from(self.positions[v as usize]).as_dvec3()
     }
 
     /// Twice the area times the unit normal of each face. Returns `[F]`, mesh units squared.
-    pub(crate) fn face_area_vectors(&self) -> Vec<[f64; 3]> {
+    pub(crate) fn face_area_vectors(&self) -> Vec<DVec3> {
         let vector = |&[a, b, c]: &[u32; 3]| {
             let origin = self.point(a);
-            cross(sub(self.point(b), origin), sub(self.point(c), origin))
+            (self.point(b) - origin).cross(self.point(c) - origin)
         };
         self.triangles.iter().map(vector).collect()
     }
@@ -23,18 +22,16 @@ impl Mesh {
     /// Area of each face. Returns `[F]`, mesh units squared.
     pub fn face_areas(&self) -> Vec<f64> {
         let vectors = self.face_area_vectors();
-        vectors.iter().map(|&n| 0.5 * dot(n, n).sqrt()).collect()
+        vectors.iter().map(|&n| 0.5 * n.length()).collect()
     }
 
     /// Area-weighted unit normal of each vertex. Returns `[V, 3]`; zero where a vertex has no
     /// face, or faces that cancel.
     pub fn vertex_normals(&self) -> Vec<[f32; 3]> {
-        let mut sums = vec![[0f64; 3]; self.positions.len()];
+        let mut sums = vec![DVec3::ZERO; self.positions.len()];
         for (t, n) in self.triangles.iter().zip(self.face_area_vectors()) {
             for &v in t {
-                for axis in 0..3 {
-                    sums[v as usize][axis] += n[axis];
-                }
+                sums[v as usize] += n;
             }
         }
         sums.into_iter().map(unit_or_zero).collect()
@@ -56,18 +53,17 @@ impl Mesh {
     /// Length of the bounding box's diagonal; zero without vertices.
     pub fn diagonal(&self) -> f64 {
         self.bounding_box().map_or(0.0, |(low, high)| {
-            let d = sub(high.map(f64::from), low.map(f64::from));
-            dot(d, d).sqrt()
+            let [low, high] = [low, high].map(|p| Vec3::from(p).as_dvec3());
+            high.distance(low)
         })
     }
 }
 
-fn unit_or_zero(v: [f64; 3]) -> [f32; 3] {
-    let length = dot(v, v).sqrt();
-    if length > 0.0 {
-        v.map(|x| (x / length) as f32)
-    } else {
-        [0.0; 3]
+fn unit_or_zero(v: DVec3) -> [f32; 3] {
+    let length = v.length();
+    match length > 0.0 {
+        true => (v / length).as_vec3().into(),
+        false => [0.0; 3],
     }
 }
 

@@ -1,6 +1,8 @@
 //! Polygons to triangles.
 
-use super::vec3::{cross, dot, perpendicular, sub, unit};
+use glam::{DVec3, Vec3};
+
+use super::direction::{perpendicular, unit};
 
 /// Ears are clipped at quadratic cost; larger concave polygons become fans, so that no mesh costs more than
 /// so much for each of its corners.
@@ -33,16 +35,15 @@ pub(crate) fn triangulate(positions: &[[f32; 3]], polygon: &[u32], out: &mut Vec
 
 /// Corners in the plane of the polygon's mean normal (Newell), counter-clockwise.
 fn flatten(positions: &[[f32; 3]], corners: &[u32]) -> Vec<[f64; 2]> {
-    let point = |v: u32| positions[v as usize].map(f64::from);
+    let point = |v: u32| Vec3::from(positions[v as usize]).as_dvec3();
     let origin = point(corners[0]);
-    let places: Vec<_> = corners.iter().map(|&v| sub(point(v), origin)).collect();
-    let mut normal = [0.0; 3];
+    let places: Vec<_> = corners.iter().map(|&v| point(v) - origin).collect();
+    let mut normal = DVec3::ZERO;
     for (i, &p) in places.iter().enumerate() {
-        let n = cross(p, places[(i + 1) % places.len()]);
-        normal = [0, 1, 2].map(|axis| normal[axis] + n[axis]);
+        normal += p.cross(places[(i + 1) % places.len()]);
     }
     let (x, y) = perpendicular(unit(normal));
-    places.iter().map(|&p| [dot(p, x), dot(p, y)]).collect()
+    places.iter().map(|&p| [p.dot(x), p.dot(y)]).collect()
 }
 
 /// Twice the signed area of a triangle in the plane.

@@ -14,9 +14,8 @@
 //!
 //! The result depends on the input alone, not on the number of threads.
 
+use glam::DVec3;
 use rayon::prelude::*;
-
-use super::vec3::{cross, dot, norm, sub};
 
 /// Passes beyond which nothing more is tried.
 const MOST_PASSES: usize = 200;
@@ -58,7 +57,7 @@ pub struct Simplified {
 /// `positions`: `[V]`, mesh units. `triangles`: `[F]`. `wanted`: `[V]`, edge length near each
 /// vertex, mesh units. `locked`: `[V]`, vertices that stay.
 pub fn simplify(
-    positions: &[[f64; 3]],
+    positions: &[DVec3],
     triangles: &[[u32; 3]],
     wanted: &[f32],
     locked: &[bool],
@@ -81,18 +80,18 @@ pub fn simplify(
 struct Quadric {
     /// xx, xy, xz, yy, yz, zz.
     a: [f64; 6],
-    b: [f64; 3],
+    b: DVec3,
     c: f64,
     area: f64,
 }
 
 impl Quadric {
-    fn of_plane(normal: [f64; 3], point: [f64; 3], weight: f64) -> Quadric {
-        let [x, y, z] = normal;
-        let d = -dot(normal, point);
+    fn of_plane(normal: DVec3, point: DVec3, weight: f64) -> Quadric {
+        let [x, y, z] = normal.to_array();
+        let d = -normal.dot(point);
         Quadric {
             a: [x * x, x * y, x * z, y * y, y * z, z * z].map(|v| weight * v),
-            b: normal.map(|v| weight * d * v),
+            b: weight * d * normal,
             c: weight * d * d,
             area: 0.0,
         }
@@ -100,17 +99,18 @@ impl Quadric {
 
     fn add(&mut self, other: &Quadric) {
         (0..6).for_each(|i| self.a[i] += other.a[i]);
-        (0..3).for_each(|i| self.b[i] += other.b[i]);
+        self.b += other.b;
         self.c += other.c;
         self.area += other.area;
     }
 
     /// Mean squared distance at `p`.
-    fn error(&self, [x, y, z]: [f64; 3]) -> f64 {
+    fn error(&self, p: DVec3) -> f64 {
+        let [x, y, z] = p.to_array();
         let [xx, xy, xz, yy, yz, zz] = self.a;
         let squares = xx * x * x + yy * y * y + zz * z * z;
         let mixed = 2.0 * (xy * x * y + xz * x * z + yz * y * z);
-        let linear = 2.0 * dot(self.b, [x, y, z]);
+        let linear = 2.0 * self.b.dot(p);
         ((squares + mixed + linear + self.c) / self.area.max(f64::MIN_POSITIVE)).max(0.0)
     }
 }
@@ -133,7 +133,7 @@ struct Scratch {
 }
 
 struct Work<'a> {
-    positions: &'a [[f64; 3]],
+    positions: &'a [DVec3],
     wanted: &'a [f32],
     /// Told by the caller, or where surfaces meet in a way that must not change.
     locked: Vec<bool>,
@@ -145,7 +145,7 @@ struct Work<'a> {
 
 impl<'a> Work<'a> {
     fn new(
-        positions: &'a [[f64; 3]],
+        positions: &'a [DVec3],
         triangles: &[[u32; 3]],
         wanted: &'a [f32],
         locked: &[bool],
@@ -170,7 +170,7 @@ impl<'a> Work<'a> {
         work
     }
 
-    fn corners(&self, t: [u32; 3]) -> [[f64; 3]; 3] {
+    fn corners(&self, t: [u32; 3]) -> [DVec3; 3] {
         t.map(|v| self.positions[v as usize])
     }
 
@@ -178,12 +178,12 @@ impl<'a> Work<'a> {
     fn add_planes(&mut self) {
         for t in self.triangles.clone() {
             let [a, b, c] = self.corners(t);
-            let normal = cross(sub(b, a), sub(c, a));
-            let twice_area = norm(normal);
+            let normal = (b - a).cross(c - a);
+            let twice_area = normal.length();
             if twice_area <= 0.0 {
                 continue;
             }
-            let mut plane = Quadric::of_plane(normal.map(|x| x / twice_area), a, twice_area / 6.0);
+            let mut plane = Quadric::of_plane(normal / twice_area, a, twice_area / 6.0);
             plane.area = twice_area / 6.0;
             t.iter()
                 .for_each(|&v| self.quadrics[v as usize].add(&plane));
@@ -202,13 +202,13 @@ impl<'a> Work<'a> {
 
     fn add_wall(&mut self, a: u32, b: u32) {
         let (p, q) = (self.positions[a as usize], self.positions[b as usize]);
-        let along = sub(q, p);
-        let squared = dot(along, along);
+        let along = q - p;
+        let squared = along.length_squared();
         if squared <= 0.0 {
             return;
         }
         // Distance to the line: the identity less the direction, as two planes would give.
-        let [x, y, z] = along;
+        let [x, y, z] = along.to_array();
         let weight = RIM_WEIGHT * squared;
         let a6 = [
             1.0 - x * x / squared,
@@ -218,18 +218,18 @@ impl<'a> Work<'a> {
             -y * z / squared,
             1.0 - z * z / squared,
         ];
-        let times = |v: [f64; 3]| {
-            [
+        let times = |v: DVec3| {
+            DVec3::new(
                 a6[0] * v[0] + a6[1] * v[1] + a6[2] * v[2],
                 a6[1] * v[0] + a6[3] * v[1] + a6[4] * v[2],
                 a6[2] * v[0] + a6[4] * v[1] + a6[5] * v[2],
-            ]
+            )
         };
         let image = times(p);
         let wall = Quadric {
             a: a6.map(|v| weight * v),
-            b: image.map(|v| -weight * v),
-            c: weight * dot(p, image),
+            b: -weight * image,
+            c: weight * p.dot(image),
             area: 0.0,
         };
         self.quadrics[a as usize].add(&wall);
@@ -315,12 +315,11 @@ impl<'a> Work<'a> {
     fn cost(&self, from: u32, to: u32) -> (f32, f64) {
         let (p, q) = (self.positions[from as usize], self.positions[to as usize]);
         let wanted = f64::from(0.5 * (self.wanted[from as usize] + self.wanted[to as usize]));
-        let along = sub(p, q);
         let mut quadric = self.quadrics[from as usize];
         quadric.add(&self.quadrics[to as usize]);
         let moved = quadric.error(q);
         // An error of a tenth of the wanted length weighs as much as an edge of that length.
-        let cost = (dot(along, along) + 100.0 * moved) / (wanted * wanted);
+        let cost = (p.distance_squared(q) + 100.0 * moved) / (wanted * wanted);
         (cost as f32, moved)
     }
 
@@ -331,10 +330,10 @@ impl<'a> Work<'a> {
             if t.contains(&to) {
                 return true;
             }
-            let normal = |[a, b, c]: [[f64; 3]; 3]| cross(sub(b, a), sub(c, a));
+            let normal = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a);
             let before = normal(self.corners(t));
             let after = normal(self.corners(t.map(|v| if v == from { to } else { v })));
-            dot(before, after) > LEAST_COSINE * norm(before) * norm(after)
+            before.dot(after) > LEAST_COSINE * before.length() * after.length()
         })
     }
 

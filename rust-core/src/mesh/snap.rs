@@ -1,14 +1,15 @@
 //! Landmarks put on the surface: on the skin rather than an eyeball or a tooth, and inner-lip
 //! landmarks on their own lip.
 
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{
-    Landmarks, Mesh, Parts,
-    closest::{Balls, SurfacePoint, norm, sub},
+    Landmarks, Mesh, Parts, SurfaceTree,
     landmarks::eye_distance,
     lips::{lip_of_landmark, lip_of_vertices},
     parts::weld_seams,
+    tree::SurfacePoint,
 };
 use crate::ibug::LANDMARKS;
 
@@ -21,7 +22,7 @@ const DETOUR_IN_EYE_DISTANCES: f32 = 0.08;
 /// that opens. Confidence 1 throughout. The mesh must have triangles.
 pub(super) fn snap_to_surface(mesh: &Mesh, positions: &[[f32; 3]; LANDMARKS]) -> Landmarks {
     let detour = DETOUR_IN_EYE_DISTANCES * eye_distance(positions);
-    let surface = Balls::new(mesh);
+    let surface = SurfaceTree::new(mesh);
     let mut snapped: Vec<SurfacePoint> = nearest_where(&surface, positions, |_, _| true)
         .into_iter()
         .map(|found| found.expect("the mesh has triangles"))
@@ -58,14 +59,14 @@ pub(super) fn snap_to_surface(mesh: &Mesh, positions: &[[f32; 3]; LANDMARKS]) ->
 /// Nearest point of every landmark among the triangles that `allowed` (landmark, triangle) lets
 /// through.
 fn nearest_where(
-    surface: &Balls<'_>,
+    surface: &SurfaceTree,
     positions: &[[f32; 3]; LANDMARKS],
     allowed: impl Fn(usize, usize) -> bool + Sync,
 ) -> Vec<Option<SurfacePoint>> {
     positions
         .par_iter()
         .enumerate()
-        .map(|(i, p)| surface.closest(*p, |triangle| allowed(i, triangle)))
+        .map(|(i, p)| surface.closest_where(*p, |triangle| allowed(i, triangle)))
         .collect()
 }
 
@@ -99,7 +100,8 @@ fn skin_of(mesh: &Mesh, snapped: &[SurfacePoint]) -> Option<Vec<bool>> {
 }
 
 fn nearest_corner(mesh: &Mesh, place: &SurfacePoint) -> u32 {
-    let distance = |v: &u32| norm(sub(mesh.positions[*v as usize], place.position));
+    let distance =
+        |v: &u32| Vec3::from(mesh.positions[*v as usize]).distance(place.position.into());
     let corners = mesh.triangles[place.triangle];
     corners
         .into_iter()
@@ -140,7 +142,7 @@ mod tests {
         let mesh = sheet_with_eyeball(positions[37]);
         let snapped = snap_to_surface(&mesh, &positions);
         assert!(snapped.vertices[37] < 3600);
-        assert!(norm(sub(snapped.positions[37], positions[37])) < 0.004);
+        assert!(Vec3::from(snapped.positions[37]).distance(positions[37].into()) < 0.004);
     }
 
     #[test]

@@ -1,8 +1,7 @@
 //! The sphere through points, by algebraic least squares.
 
 use faer::{Mat, linalg::solvers::Solve};
-
-use super::closest::{norm, sub};
+use glam::Vec3;
 
 /// Centre and radius of the sphere that fits points best, and the root mean square of their distances from
 /// it; `None` for fewer than eight, or for points in a plane.
@@ -33,7 +32,7 @@ pub(crate) fn fit_sphere(
     let radius = (x[(3, 0)] + offset.iter().map(|x| x * x).sum::<f64>()).sqrt() as f32;
     let centre: [f32; 3] = std::array::from_fn(|i| (mean[i] + offset[i]) as f32);
     let off: f32 = points
-        .map(|p| (norm(sub(p, centre)) - radius).powi(2))
+        .map(|p| (Vec3::from(p).distance(centre.into()) - radius).powi(2))
         .sum();
     let off = (off / count as f32).sqrt();
     (radius.is_finite() && off.is_finite()).then_some((centre, radius, off))

@@ -1,9 +1,8 @@
 //! A tree of boxes over the faces of a mesh: the closest place to any number of points.
 
-use super::{
-    Mesh,
-    vec3::{dot, sub},
-};
+use glam::{DVec3, Vec3};
+
+use super::Mesh;
 
 /// Faces in a leaf.
 const LEAF: usize = 4;
@@ -12,7 +11,7 @@ const LEAF: usize = 4;
 const SHARED: usize = 10_000;
 
 /// Number and corners.
-type Face = (u32, [[f64; 3]; 3]);
+type Face = (u32, [DVec3; 3]);
 
 /// The closest place of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,6 +22,15 @@ pub struct ClosestPlace {
     pub barycentric: [f64; 3],
     /// Distance to the point that was asked about, mesh units.
     pub distance: f64,
+}
+
+/// The closest place of the faces that a caller allows, in single precision.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct SurfacePoint {
+    pub position: [f32; 3],
+    pub triangle: usize,
+    /// From the point that was asked about, mesh units.
+    pub distance: f32,
 }
 
 /// Finds closest places in time logarithmic in the number of faces. Of several equally close
@@ -36,8 +44,8 @@ pub struct SurfaceTree {
 
 #[derive(Debug, Clone)]
 struct Node {
-    low: [f64; 3],
-    high: [f64; 3],
+    low: DVec3,
+    high: DVec3,
     /// A leaf's range of faces; otherwise the second child comes `end` nodes later (the first
     /// follows the node).
     begin: u32,
@@ -68,15 +76,66 @@ impl SurfaceTree {
 
     /// The closest place to `point` (mesh units); `None` without faces.
     pub fn closest(&self, point: [f32; 3]) -> Option<ClosestPlace> {
-        let point = point.map(f64::from);
-        let mut best: Option<ClosestPlace> = None;
-        let mut best_squared = f64::INFINITY;
+        let point = Vec3::from(point).as_dvec3();
+        let (mut best, mut best_squared) = (None, f64::INFINITY);
+        self.visit(point, |face, corners| {
+            let barycentric = closest_weights(point, corners);
+            let squared = point.distance_squared(blend(corners, barycentric));
+            if squared < best_squared {
+                best_squared = squared;
+                best = Some(ClosestPlace {
+                    face,
+                    barycentric,
+                    distance: squared.sqrt(),
+                });
+            }
+            best_squared
+        });
+        best
+    }
+
+    /// The closest of the faces that `allowed` lets through, in single precision: of equally close ones that of
+    /// the smallest number. `None` if there is none.
+    pub(crate) fn closest_where(
+        &self,
+        point: [f32; 3],
+        allowed: impl Fn(usize) -> bool,
+    ) -> Option<SurfacePoint> {
+        let point = Vec3::from(point);
+        let (mut best, mut bound) = (None::<SurfacePoint>, f64::INFINITY);
+        self.visit(point.as_dvec3(), |face, corners| {
+            let triangle = face as usize;
+            if !allowed(triangle) {
+                return bound;
+            }
+            let weights = closest_weights(point.as_dvec3(), corners);
+            let position = blend(corners, weights).as_vec3();
+            let distance = point.distance(position);
+            let known = best.map_or((f32::INFINITY, 0), |b| (b.distance, b.triangle));
+            if (distance, triangle) < known {
+                best = Some(SurfacePoint {
+                    position: position.into(),
+                    triangle,
+                    distance,
+                });
+                // Rounding must not cut off a face that is as near.
+                bound = f64::from(distance + 1e-5 * (distance + point.length())).powi(2);
+            }
+            bound
+        });
+        best
+    }
+
+    /// Shows `meet` faces and their corners, those of near boxes first, as long as boxes may hold a point that is
+    /// nearer than the squared distance that it returns.
+    fn visit(&self, point: DVec3, mut meet: impl FnMut(u32, [DVec3; 3]) -> f64) {
+        let mut bound = f64::INFINITY;
         let mut stack = vec![(0.0, 0usize)];
         while let Some((nearest, at)) = stack.pop() {
             let Some(node) = self.nodes.get(at) else {
                 continue;
             };
-            if nearest >= best_squared {
+            if nearest >= bound {
                 continue;
             }
             if !node.is_leaf {
@@ -89,28 +148,17 @@ impl SurfaceTree {
                 continue;
             }
             for &(face, corners) in &self.faces[node.begin as usize..node.end as usize] {
-                let barycentric = closest_weights(point, corners);
-                let offset = sub(point, blend(corners, barycentric));
-                let squared = dot(offset, offset);
-                if squared < best_squared {
-                    best_squared = squared;
-                    best = Some(ClosestPlace {
-                        face,
-                        barycentric,
-                        distance: squared.sqrt(),
-                    });
-                }
+                bound = meet(face, corners);
             }
         }
-        best
     }
 }
 
 impl Node {
     /// Squared distance from `p` to the box.
-    fn squared(&self, p: [f64; 3]) -> f64 {
-        let outside = [0, 1, 2].map(|i| (self.low[i] - p[i]).max(p[i] - self.high[i]).max(0.0));
-        dot(outside, outside)
+    fn squared(&self, p: DVec3) -> f64 {
+        let outside = (self.low - p).max(p - self.high).max(DVec3::ZERO);
+        outside.length_squared()
     }
 }
 
@@ -129,7 +177,7 @@ fn split(faces: &mut [Face], begin: u32, nodes: &mut Vec<Node>) {
     if is_leaf {
         return;
     }
-    let size = sub(high, low);
+    let size = high - low;
     let axis = (0..3)
         .max_by(|&a, &b| size[a].total_cmp(&size[b]))
         .unwrap_or(0);
@@ -154,26 +202,22 @@ fn split(faces: &mut [Face], begin: u32, nodes: &mut Vec<Node>) {
     nodes.append(&mut below);
 }
 
-fn bounds(faces: &[Face]) -> ([f64; 3], [f64; 3]) {
-    let mut low = [f64::INFINITY; 3];
-    let mut high = [f64::NEG_INFINITY; 3];
-    for p in faces.iter().flat_map(|(_, corners)| corners) {
-        low = [0, 1, 2].map(|i| low[i].min(p[i]));
-        high = [0, 1, 2].map(|i| high[i].max(p[i]));
-    }
-    (low, high)
+fn bounds(faces: &[Face]) -> (DVec3, DVec3) {
+    let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let corners = faces.iter().flat_map(|(_, corners)| corners);
+    corners.fold(start, |(low, high), &p| (low.min(p), high.max(p)))
 }
 
-pub(crate) fn blend([a, b, c]: [[f64; 3]; 3], [u, v, w]: [f64; 3]) -> [f64; 3] {
-    [0, 1, 2].map(|i| u * a[i] + v * b[i] + w * c[i])
+pub(crate) fn blend([a, b, c]: [DVec3; 3], [u, v, w]: [f64; 3]) -> DVec3 {
+    u * a + v * b + w * c
 }
 
 /// Barycentric weights of the point of a triangle closest to `p`: the plane's own point where it
 /// lies inside, else the best of the three sides, which also serves triangles without area.
-pub(crate) fn closest_weights(p: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> [f64; 3] {
-    let (ab, ac, ap) = (sub(b, a), sub(c, a), sub(p, a));
-    let (d00, d01, d11) = (dot(ab, ab), dot(ab, ac), dot(ac, ac));
-    let (d20, d21) = (dot(ap, ab), dot(ap, ac));
+pub(crate) fn closest_weights(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
+    let (ab, ac, ap) = (b - a, c - a, p - a);
+    let (d00, d01, d11) = (ab.length_squared(), ab.dot(ac), ac.length_squared());
+    let (d20, d21) = (ap.dot(ab), ap.dot(ac));
     let determinant = d00 * d11 - d01 * d01;
     if determinant > 1e-14 * d00 * d11 {
         let v = (d11 * d20 - d01 * d21) / determinant;
@@ -182,12 +226,11 @@ pub(crate) fn closest_weights(p: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> [f64; 3]
             return [1.0 - v - w, v, w];
         }
     }
-    let side = |p0: [f64; 3], p1: [f64; 3]| -> (f64, f64) {
-        let (along, offset) = (sub(p1, p0), sub(p, p0));
-        let t = (dot(offset, along) / dot(along, along)).clamp(0.0, 1.0);
+    let side = |p0: DVec3, p1: DVec3| -> (f64, f64) {
+        let (along, offset) = (p1 - p0, p - p0);
+        let t = (offset.dot(along) / along.length_squared()).clamp(0.0, 1.0);
         let t = if t.is_nan() { 0.0 } else { t };
-        let rest = [0, 1, 2].map(|i| offset[i] - t * along[i]);
-        (dot(rest, rest), t)
+        ((offset - t * along).length_squared(), t)
     };
     let sides = [side(a, b), side(b, c), side(c, a)];
     let nearest = (0..3)
@@ -201,10 +244,56 @@ pub(crate) fn closest_weights(p: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> [f64; 3]
 
 #[cfg(test)]
 mod tests {
-    use super::{super::closest::Balls, *};
+    use super::*;
     use proptest::prelude::*;
 
+    /// Every face in its turn.
+    fn plain_search(
+        mesh: &Mesh,
+        point: [f32; 3],
+        allowed: impl Fn(usize) -> bool,
+    ) -> Option<SurfacePoint> {
+        let of_face = |triangle: usize| {
+            let corners = mesh.triangles[triangle].map(|v| mesh.point(v));
+            let weights = closest_weights(Vec3::from(point).as_dvec3(), corners);
+            let position = blend(corners, weights).as_vec3();
+            SurfacePoint {
+                position: position.into(),
+                triangle,
+                distance: Vec3::from(point).distance(position),
+            }
+        };
+        let all = (0..mesh.triangles.len()).filter(|&f| allowed(f));
+        all.map(of_face)
+            .min_by(|a, b| a.distance.total_cmp(&b.distance))
+    }
+
+    fn triangle() -> Mesh {
+        Mesh {
+            positions: vec![[0.0, 0.0, 0.0], [2.0, 0.1, -0.3], [0.4, 1.5, 0.6]],
+            triangles: vec![[0, 1, 2]],
+        }
+    }
+
     proptest! {
+        /// Against a slow twin: the best of a fine barycentric grid.
+        #[test]
+        fn closest_point_beats_every_sample(p in prop::array::uniform3(-3.0f32..3.0)) {
+            let mesh = triangle();
+            let found = SurfaceTree::new(&mesh).closest_where(p, |_| true).unwrap();
+            let mut best = f32::MAX;
+            for i in 0..=40 {
+                for j in 0..=40 - i {
+                    let (u, v) = (i as f32 / 40.0, j as f32 / 40.0);
+                    let [a, b, c] = [0, 1, 2].map(|k| Vec3::from(mesh.positions[k]));
+                    let sample = (1.0 - u - v) * a + u * b + v * c;
+                    best = best.min(sample.distance(p.into()));
+                }
+            }
+            prop_assert!(found.distance <= best + 1e-4);
+            prop_assert!(best - found.distance < 0.06);
+        }
+
         #[test]
         fn the_tree_finds_what_the_plain_search_finds(
             points in proptest::collection::vec(proptest::array::uniform3(-2i8..3), 3..40),
@@ -222,7 +311,9 @@ mod tests {
             let odd_tree = SurfaceTree::of_faces(&mesh, &odd);
             for &query in &queries {
                 for (tree, step) in [(&tree, 1), (&odd_tree, 2)] {
-                    let expected = Balls::new(&mesh).closest(query, |f| step == 1 || f % 2 == 1);
+                    let allowed = |f: usize| step == 1 || f % 2 == 1;
+                    let expected = plain_search(&mesh, query, allowed);
+                    prop_assert_eq!(SurfaceTree::new(&mesh).closest_where(query, allowed), expected);
                     let got = tree.closest(query);
                     prop_assert_eq!(got.is_some(), expected.is_some());
                     let (Some(got), Some(expected)) = (got, expected) else { continue };
@@ -231,10 +322,19 @@ mod tests {
                     prop_assert!(got.barycentric.iter().all(|w| *w >= 0.0));
                     prop_assert!(step == 1 || got.face % 2 == 1);
                     let corners = mesh.triangles[got.face as usize].map(|v| mesh.point(v));
-                    let offset = sub(blend(corners, got.barycentric), query.map(f64::from));
-                    prop_assert!((dot(offset, offset).sqrt() - got.distance).abs() < 1e-9);
+                    let place = blend(corners, got.barycentric);
+                    let away = place.distance(Vec3::from(query).as_dvec3());
+                    prop_assert!((away - got.distance).abs() < 1e-9);
                 }
             }
+        }
+    }
+
+    #[test]
+    fn no_allowed_triangle_gives_none() {
+        for mesh in [triangle(), Mesh::default()] {
+            let tree = SurfaceTree::new(&mesh);
+            assert!(tree.closest_where([0.0; 3], |_| false).is_none());
         }
     }
 

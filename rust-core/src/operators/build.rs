@@ -1,5 +1,7 @@
 //! From a mesh to its operators: which vertices take part, and under which row.
 
+use glam::DVec3;
+
 use super::{intrinsic::Intrinsic, laplacian::robust, sparse::Csr};
 use crate::{
     Error, Result,
@@ -41,7 +43,7 @@ pub struct Operators {
     /// `[R]`, the mesh vertex that stands for each row.
     pub vertex_of_row: Vec<u32>,
     /// `[R]`, mesh units.
-    pub positions: Vec<[f64; 3]>,
+    pub positions: Vec<DVec3>,
     /// `[F']`, rows; faces with repeated corners are left out.
     pub triangles: Vec<[u32; 3]>,
     /// `[R, R]`, weak Laplacian: symmetric, positive semi-definite, rows sum to zero, unitless.

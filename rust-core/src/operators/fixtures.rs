@@ -6,7 +6,7 @@ use faer::{Mat, Side};
 use safetensors::{SafeTensors, tensor::Dtype};
 
 use super::Operators;
-use crate::mesh::{Mesh, vec3::unit};
+use crate::mesh::{Mesh, direction::unit};
 
 /// A sphere of radius 1 with `20 · 4^levels` faces.
 pub fn icosphere(levels: usize) -> Mesh {
@@ -60,7 +60,10 @@ pub fn icosphere(levels: usize) -> Mesh {
             triangles.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
         }
     }
-    let positions = points.iter().map(|&p| unit(p).map(|x| x as f32)).collect();
+    let positions = points
+        .iter()
+        .map(|&p| unit(p.into()).as_vec3().into())
+        .collect();
     Mesh {
         positions,
         triangles,

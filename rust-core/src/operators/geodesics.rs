@@ -14,7 +14,7 @@ use super::{
     cholesky::SparseCholesky,
     intrinsic::{apex, area},
 };
-use crate::{Result, mesh::vec3::distance};
+use crate::Result;
 
 /// Relative size of the mass added to the singular Laplacian; errors stay near 1e-6.
 const SHIFT: f64 = 1e-6;
@@ -160,10 +160,7 @@ pub fn edge_distance(operators: &Operators, sources: &[u32]) -> Vec<f64> {
             continue;
         }
         for (other, _) in graph.row(row as usize).filter(|&(c, _)| c != row as usize) {
-            let step = distance(
-                operators.positions[row as usize],
-                operators.positions[other],
-            );
+            let step = operators.positions[row as usize].distance(operators.positions[other]);
             if so_far + step < distances[other] {
                 distances[other] = so_far + step;
                 queue.push((Reverse((so_far + step).to_bits()), other as u32));
@@ -208,7 +205,7 @@ mod tests {
         let heat = HeatGeodesics::new(&ops).unwrap().distance_from(&[middle]);
         let edges = edge_distance(&ops, &[middle]);
         for v in 0..ops.rows() {
-            let straight = distance(ops.positions[v], ops.positions[middle as usize]);
+            let straight = ops.positions[v].distance(ops.positions[middle as usize]);
             assert!(
                 (heat[v] - straight).abs() < 0.05 * 0.71,
                 "heat {v}: {straight}, {}",
@@ -233,7 +230,7 @@ mod tests {
             let p = ops.positions[v];
             let nearest = corners
                 .iter()
-                .map(|&c| distance(p, ops.positions[c as usize]));
+                .map(|&c| p.distance(ops.positions[c as usize]));
             let expected = nearest.fold(f64::INFINITY, f64::min);
             assert!(
                 (all[1][v] - expected).abs() < 0.06,

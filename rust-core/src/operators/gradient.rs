@@ -5,14 +5,16 @@
 //! onto the tangent plane, with a small ridge. Differs: normals are weighted by area, so that
 //! slivers do not tilt them.
 
+use glam::DVec3;
+
 use super::{Csr, Operators};
-use crate::mesh::vec3::{cross, dot, sub, unit};
+use crate::mesh::direction::unit;
 
 /// Ridge of the authors' code, for meshes about one unit in size.
 pub const RIDGE: f64 = 1e-5;
 
 /// At each row two tangents and the normal: orthonormal, right-handed.
-pub type Frame = [[f64; 3]; 3];
+pub type Frame = [DVec3; 3];
 
 /// Gradients as two sparse matrices.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,13 +29,12 @@ impl Operators {
     /// Tangent frames `[R]`: the first tangent is the x axis put into the tangent plane, or the y
     /// axis where the normal is within 26° of the x axis.
     pub fn tangent_frames(&self) -> Vec<Frame> {
-        let mut normals = vec![[0.0; 3]; self.rows()];
+        let mut normals = vec![DVec3::ZERO; self.rows()];
         for &[a, b, c] in &self.triangles {
             let [p, q, r] = [a, b, c].map(|v| self.positions[v as usize]);
-            let normal = cross(sub(q, p), sub(r, p));
+            let normal = (q - p).cross(r - p);
             for v in [a, b, c] {
-                let sum = &mut normals[v as usize];
-                *sum = [0, 1, 2].map(|i| sum[i] + normal[i]);
+                normals[v as usize] += normal;
             }
         }
         normals.into_iter().map(frame_of).collect()
@@ -50,8 +51,8 @@ impl Operators {
         for (row, ring) in self.rings().iter().enumerate() {
             let centre = self.positions[row];
             let tangent = |&v: &u32| {
-                let edge = sub(self.positions[v as usize], centre);
-                [dot(edge, frames[row][0]), dot(edge, frames[row][1])]
+                let edge = self.positions[v as usize] - centre;
+                [edge.dot(frames[row][0]), edge.dot(frames[row][1])]
             };
             let edges: Vec<_> = ring.iter().map(tangent).collect();
             let weights = least_squares(&edges, ridge);
@@ -87,16 +88,15 @@ impl Operators {
     }
 }
 
-fn frame_of(normal: [f64; 3]) -> Frame {
+fn frame_of(normal: DVec3) -> Frame {
     let normal = unit(normal);
     let seed = if normal[0].abs() < 0.9 {
-        [1.0, 0.0, 0.0]
+        DVec3::X
     } else {
-        [0.0, 1.0, 0.0]
+        DVec3::Y
     };
-    let along = dot(seed, normal);
-    let first = unit([0, 1, 2].map(|i| seed[i] - along * normal[i]));
-    [first, cross(normal, first), normal]
+    let first = unit(seed - seed.dot(normal) * normal);
+    [first, normal.cross(first), normal]
 }
 
 /// `(EᵀE + ridge)⁻¹ Eᵀ`, one pair a row of `E`; zeros where that has no finite value.
@@ -132,7 +132,7 @@ mod tests {
 
     fn frames(golden: &Golden) -> Vec<Frame> {
         let numbers = golden.numbers("frames");
-        let vector = |c: &[f64]| [c[0], c[1], c[2]];
+        let vector = DVec3::from_slice;
         numbers
             .chunks(9)
             .map(|f| [vector(&f[..3]), vector(&f[3..6]), vector(&f[6..])])
@@ -180,9 +180,9 @@ mod tests {
         let mesh = icosphere(2);
         let ops = Operators::new(&mesh, &OperatorOptions::default()).unwrap();
         for (row, [x, y, n]) in ops.tangent_frames().into_iter().enumerate() {
-            assert!(dot(n, ops.positions[row]) > 0.99);
-            assert!(dot(x, n).abs() < 1e-12 && (dot(x, x) - 1.0).abs() < 1e-12);
-            assert!((dot(cross(x, y), n) - 1.0).abs() < 1e-12);
+            assert!(n.dot(ops.positions[row]) > 0.99);
+            assert!(x.dot(n).abs() < 1e-12 && (x.length_squared() - 1.0).abs() < 1e-12);
+            assert!((x.cross(y).dot(n) - 1.0).abs() < 1e-12);
         }
     }
 
@@ -194,14 +194,14 @@ mod tests {
             *p = [p[0] * p[0] + 10.0, 2.0 * p[1], 0.5 * p[1] + 3.0];
         }
         let ops = Operators::new(&mesh, &OperatorOptions::default()).unwrap();
-        let slope = [0.3, -1.2, 0.7];
-        let values: Vec<f64> = ops.positions.iter().map(|&p| dot(p, slope)).collect();
+        let slope = DVec3::new(0.3, -1.2, 0.7);
+        let values: Vec<f64> = ops.positions.iter().map(|&p| p.dot(slope)).collect();
         let frames = ops.tangent_frames();
         let gradient = ops.tangent_gradient(&frames, 0.0);
         let (x, y) = (gradient.x.mul(&values), gradient.y.mul(&values));
         for row in 0..ops.rows() {
-            assert!((x[row] - dot(slope, frames[row][0])).abs() < 1e-5, "{row}");
-            assert!((y[row] - dot(slope, frames[row][1])).abs() < 1e-5, "{row}");
+            assert!((x[row] - slope.dot(frames[row][0])).abs() < 1e-5, "{row}");
+            assert!((y[row] - slope.dot(frames[row][1])).abs() < 1e-5, "{row}");
         }
         let constant = gradient.x.mul(&vec![1.0; ops.rows()]);
         assert!(constant.iter().all(|g| g.abs() < 1e-12));

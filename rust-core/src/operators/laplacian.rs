@@ -4,6 +4,8 @@
 //! the barycentric mass of the cover. Differs: nothing from `robust_laplacian.mesh_laplacian`,
 //! except that faces with repeated corners are left out first.
 
+use glam::DVec3;
+
 use super::{
     intrinsic::{Intrinsic, area},
     sparse::Csr,
@@ -20,11 +22,7 @@ pub(crate) struct RobustLaplacian {
 }
 
 /// Solves nothing yet: one pass over the triangles. `mollify` as in [`tufted::cover`].
-pub(crate) fn robust(
-    positions: &[[f64; 3]],
-    triangles: &[[u32; 3]],
-    mollify: f64,
-) -> RobustLaplacian {
+pub(crate) fn robust(positions: &[DVec3], triangles: &[[u32; 3]], mollify: f64) -> RobustLaplacian {
     let mut cover = tufted::cover(positions, triangles, mollify);
     cover.flip_to_delaunay();
     RobustLaplacian {

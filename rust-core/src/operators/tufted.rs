@@ -6,8 +6,10 @@
 //! Conventions (edge-length mollification relative to the mean edge, angular order around an
 //! edge) are those of geometry-central and the Python package `robust_laplacian`.
 
+use glam::DVec3;
+
 use super::intrinsic::{Intrinsic, NONE};
-use crate::mesh::vec3::{distance, dot, perpendicular, sub, unit};
+use crate::mesh::direction::{perpendicular, unit};
 
 /// A face beside an edge.
 #[derive(Clone, Copy)]
@@ -20,7 +22,7 @@ struct Wing {
 
 /// Builds the tufted cover of `triangles` (no repeated corners) with mollified edge lengths.
 /// `mollify`: share of the mean edge length by which triangle inequalities are to be strict.
-pub(crate) fn cover(positions: &[[f64; 3]], triangles: &[[u32; 3]], mollify: f64) -> Intrinsic {
+pub(crate) fn cover(positions: &[DVec3], triangles: &[[u32; 3]], mollify: f64) -> Intrinsic {
     let wings = sorted_wings(triangles);
     let mut cover = sheets(triangles);
     let mut begin = 0;
@@ -31,7 +33,7 @@ pub(crate) fn cover(positions: &[[f64; 3]], triangles: &[[u32; 3]], mollify: f64
         if count > 2 {
             sort_by_angle(&mut around, positions, triangles);
         }
-        let length = distance(positions[edge.0 as usize], positions[edge.1 as usize]);
+        let length = positions[edge.0 as usize].distance(positions[edge.1 as usize]);
         glue(&mut cover, &around, length);
         begin += count;
     }
@@ -92,15 +94,15 @@ fn glue(cover: &mut Intrinsic, around: &[Wing], length: f64) {
     }
 }
 
-fn sort_by_angle(around: &mut [Wing], positions: &[[f64; 3]], triangles: &[[u32; 3]]) {
+fn sort_by_angle(around: &mut [Wing], positions: &[DVec3], triangles: &[[u32; 3]]) {
     let (a, b) = around[0].edge;
     let origin = positions[a as usize];
-    let axis = unit(sub(positions[b as usize], origin));
+    let axis = unit(positions[b as usize] - origin);
     let (x, y) = perpendicular(axis);
     let angle = |wing: &Wing| {
         let opposite = triangles[wing.side as usize / 3][(wing.side as usize + 2) % 3];
-        let d = sub(positions[opposite as usize], origin);
-        dot(d, y).atan2(dot(d, x))
+        let d = positions[opposite as usize] - origin;
+        d.dot(y).atan2(d.dot(x))
     };
     around.sort_by(|p, q| angle(p).total_cmp(&angle(q)));
 }
@@ -142,7 +144,8 @@ mod tests {
             [-1.0, 1.0, 0.5],
             [-1.0, -1.0, 0.5],
             [5.0, 5.0, 5.0],
-        ];
+        ]
+        .map(DVec3::from);
         let triangles = [[0, 1, 2], [1, 0, 3], [0, 1, 4], [2, 3, 5]];
         let cover = cover(&positions, &triangles, 0.0);
         for side in 0..cover.tail.len() {
@@ -160,7 +163,7 @@ mod tests {
 
     #[test]
     fn mollification_makes_a_collapsed_triangle_proper() {
-        let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.0, 0.0]];
+        let positions = [0.0, 1.0, 0.5].map(|x| DVec3::X * x);
         let cover = cover(&positions, &[[0, 1, 2]], 1e-5);
         let [a, b, c] = cover.lengths(0);
         let mean = 2.0 / 3.0;

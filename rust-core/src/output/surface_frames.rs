@@ -6,6 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use glam::Vec3;
 use ndarray::ArrayView2;
 
 use super::atomic::UnfinishedFolder;
@@ -90,7 +91,7 @@ fn without_end(path: &Path) -> PathBuf {
 }
 
 fn squared((a, b): (&[f32; 3], &[f32; 3])) -> f32 {
-    (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum()
+    Vec3::from(*a).distance_squared((*b).into())
 }
 
 fn header(vertices: usize, triangles: usize) -> String {

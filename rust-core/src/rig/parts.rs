@@ -2,6 +2,8 @@
 //!
 //! Lengths are canonical centimetres.
 
+use glam::Vec3;
+
 use crate::{
     deform::binding::Follows,
     ibug::LANDMARKS,
@@ -108,7 +110,7 @@ fn eyeball(
 ) -> Option<Eyeball> {
     let opening: [f32; 3] =
         std::array::from_fn(|i| lids.iter().map(|p| p[i]).sum::<f32>() / lids.len() as f32);
-    let width = distance(lids[0], lids[3]);
+    let width = Vec3::from(lids[0]).distance(lids[3].into());
     let fits = |part: &Vec<u32>| {
         let (centre, radius, off) = fit_sphere(part.iter().map(|&v| positions[v as usize]))?;
         let sideways = (0..2).all(|i| (centre[i] - opening[i]).abs() < 0.5 * width);
@@ -124,7 +126,8 @@ fn eyeball(
         .filter_map(|part| fits(part).map(|ball| (part.len(), ball)));
     let (_, (centre, radius)) = balls.max_by_key(|(size, _)| *size)?;
     let inside = |part: &Vec<u32>| {
-        let within = |&v: &u32| distance(positions[v as usize], centre) < 1.1 * radius;
+        let within =
+            |&v: &u32| Vec3::from(positions[v as usize]).distance(centre.into()) < 1.1 * radius;
         part.iter().all(within) && span(positions, part) < IRIS_SHARE * 2.0 * radius
     };
     let turning = parts
@@ -156,7 +159,7 @@ pub fn tongue(
     follows: &[Follows],
     landmarks: &[[f32; 3]; LANDMARKS],
 ) -> TongueFound {
-    let unit = distance(landmarks[48], landmarks[54]) / 5.0;
+    let unit = Vec3::from(landmarks[48]).distance(landmarks[54].into()) / 5.0;
     let lips = middle_of_lips(landmarks);
     let follows_jaw = |&v: &u32| matches!(follows[v as usize], Follows::Jaw(_));
     let deep = |part: &Vec<u32>| {
@@ -224,10 +227,6 @@ fn span(positions: &[[f32; 3]], part: &[u32]) -> f32 {
     (0..3).map(along).fold(0.0, f32::max)
 }
 
-fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
-    (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>().sqrt()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -272,7 +271,7 @@ mod tests {
             for point in ball(eye.centre, 1.5) {
                 let moved = eye.look(gaze, point);
                 let there = std::array::from_fn(|i| point[i] + moved[i]);
-                assert!((distance(there, eye.centre) - 1.5).abs() < 1e-4);
+                assert!((Vec3::from(there).distance(eye.centre.into()) - 1.5).abs() < 1e-4);
             }
         }
     }

@@ -270,7 +270,7 @@ mod tests {
     use rand::{Rng, SeedableRng};
 
     use super::*;
-    use crate::mesh::vec3;
+    use glam::DVec3;
 
     fn grid(cells: usize) -> Grid {
         Grid::of_box([-1.0; 3], [1.0; 3], cells).unwrap()
@@ -311,7 +311,7 @@ mod tests {
             .triangles
             .iter()
             .map(|t| t.map(|v| mesh.positions[v as usize].map(f64::from)))
-            .map(|[a, b, c]| vec3::dot(a, vec3::cross(b, c)) / 6.0)
+            .map(|[a, b, c]| DVec3::from(a).dot(DVec3::from(b).cross(c.into())) / 6.0)
             .sum();
         let truth = 4.0 / 3.0 * std::f64::consts::PI * 0.7f64.powi(3);
         assert!((volume / truth - 1.0).abs() < 0.01, "{volume} for {truth}");

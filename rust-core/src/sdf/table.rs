@@ -82,6 +82,8 @@ fn share_a_face(a: Edge, b: Edge) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use std::collections::{BTreeMap, BTreeSet};
 
     use super::*;
@@ -218,12 +220,8 @@ mod tests {
         for corner in 0..8usize {
             let place = [0, 1, 2].map(|axis| (corner >> axis & 1) as f64);
             for (case, sign) in [(1 << corner, 1.0), (255 - (1 << corner), -1.0)] {
-                let [a, b, c] = TABLE[case][0].map(middle);
-                let normal = crate::mesh::vec3::cross(
-                    crate::mesh::vec3::sub(b, a),
-                    crate::mesh::vec3::sub(c, a),
-                );
-                let away = crate::mesh::vec3::dot(normal, crate::mesh::vec3::sub(a, place));
+                let [a, b, c] = TABLE[case][0].map(|edge| DVec3::from(middle(edge)));
+                let away = (b - a).cross(c - a).dot(a - DVec3::from(place));
                 assert!(sign * away > 0.0, "{case:08b}");
             }
         }

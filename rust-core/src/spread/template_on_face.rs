@@ -4,6 +4,7 @@
 //! nearest place of that surface that faces the same way does; less the farther it lies from it, where the template ends,
 //! and about lips and lids, which keep to their landmarks.
 
+use glam::Vec3;
 use ndarray::{Array3, ArrayView3, Axis};
 use rayon::prelude::*;
 
@@ -12,12 +13,7 @@ use crate::{
     deform::{ReferencePoints, fade},
     face::Face,
     ibug::LANDMARKS,
-    mesh::{
-        Mesh, Similarity,
-        closest::{Balls, dot, norm},
-        parts::boundary_edges,
-        tree::closest_weights,
-    },
+    mesh::{Mesh, Similarity, SurfaceTree, parts::boundary_edges, tree::closest_weights},
     motion::Template,
 };
 
@@ -59,11 +55,7 @@ impl TemplateOnFace {
         let bent = Bent::new(template, &surface.landmarks);
         let operators = &surface.skin.operators;
         let rows = Mesh {
-            positions: operators
-                .positions
-                .iter()
-                .map(|p| p.map(|x| x as f32))
-                .collect(),
+            positions: (operators.positions.iter().map(|p| p.as_vec3().into())).collect(),
             triangles: operators.triangles.clone(),
         };
         let places = bent.places(&rows, &surface.landmarks);
@@ -131,7 +123,7 @@ impl TemplateOnFace {
 struct Bent {
     mesh: Mesh,
     /// Of each triangle, twice the area times the unit normal.
-    facing: Vec<[f32; 3]>,
+    facing: Vec<Vec3>,
     /// Where it ends, lips and lids too.
     border: Vec<[f32; 3]>,
 }
@@ -154,7 +146,7 @@ impl Bent {
         ends.dedup();
         let facing = mesh.face_area_vectors();
         Bent {
-            facing: facing.iter().map(|n| n.map(|x| x as f32)).collect(),
+            facing: facing.iter().map(|n| n.as_vec3()).collect(),
             border: ends.iter().map(|&v| mesh.positions[v as usize]).collect(),
             mesh,
         }
@@ -163,22 +155,22 @@ impl Bent {
     /// Places of the `rows` of a skin, `[R]`, of a face with these landmarks.
     fn places(&self, rows: &Mesh, landmarks: &[[f32; 3]; LANDMARKS]) -> Vec<Place> {
         let normals = rows.vertex_normals();
-        let balls = Balls::new(&self.mesh);
+        let tree = SurfaceTree::new(&self.mesh);
         let place = |side: f32, row: usize| {
             let same = |n: usize| {
                 let facing = self.facing[n];
-                side * dot(normals[row], facing) > SAME_WAY * norm(facing)
+                side * facing.dot(normals[row].into()) > SAME_WAY * facing.length()
             };
             let p = rows.positions[row];
-            let found = balls.closest(p, same)?;
+            let found = tree.closest_where(p, same)?;
             let (lids, lips) = (&landmarks[36..48], &landmarks[48..]);
             let share = fade::within(found.distance, NEAR_CM)
                 * fade::beyond(&self.border, found.position, BORDER_CM)
                 * fade::beyond(lids, p, LIDS_CM)
                 * fade::beyond(lips, p, LIPS_CM);
             let corners = self.mesh.triangles[found.triangle];
-            let at = corners.map(|v| self.mesh.positions[v as usize].map(f64::from));
-            let weights = closest_weights(found.position.map(f64::from), at);
+            let at = corners.map(|v| self.mesh.point(v));
+            let weights = closest_weights(Vec3::from(found.position).as_dvec3(), at);
             Some(Place {
                 corners,
                 weights: weights.map(|w| w as f32),

@@ -3,13 +3,11 @@
 //! Points are those of an eye's own frame about the centre of the ball: across from corner to corner, up,
 //! and out of the face. Lengths are canonical centimetres.
 
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use super::ease;
-use crate::mesh::{
-    closest::{norm, sub},
-    sphere,
-};
+use crate::mesh::sphere;
 
 /// Of an eyeball to the width of its eye: 12 mm to 28 mm on human heads.
 const RADIUS_OF_WIDTH: f32 = 0.43;
@@ -36,7 +34,7 @@ impl Eyeball {
     /// Of a sphere of `radius`; `points`: of the eye's surface.
     pub(super) fn new(radius: f32, points: &[[f32; 3]]) -> Eyeball {
         let front = points.iter().filter_map(|&p| {
-            let length = norm(p);
+            let length = Vec3::from(p).length();
             let cosine = p[2] / length;
             (cosine > 0.5).then_some((cosine, length - radius))
         });
@@ -65,7 +63,7 @@ impl Eyeball {
 pub(super) fn fit_eyeball(points: &[[f32; 3]], width: f32) -> Option<([f32; 3], f32)> {
     let points = points.iter().copied();
     let (centre, radius, _) = sphere::fit_sphere(points.clone())?;
-    let outer = points.filter(|p| norm(sub(*p, centre)) > INSIDE * radius);
+    let outer = points.filter(|p| Vec3::from(*p).distance(centre.into()) > INSIDE * radius);
     let (centre, radius, _) = sphere::fit_sphere(outer)?;
     let usual = radius_of(width);
     let range = RADIUS_RANGE.0 * usual..RADIUS_RANGE.1 * usual;
@@ -119,7 +117,7 @@ mod tests {
         let points = eye([0.0; 3]);
         let ball = Eyeball::new(1.2, &points);
         for p in points {
-            let length = norm(p);
+            let length = Vec3::from(p).length();
             assert!(length < ball.radius_below(p, length) + 1e-4, "{p:?}");
         }
         assert_eq!(ball.radius_below([1.2, 0.0, 0.0], 1.2), 1.2);

@@ -2,17 +2,16 @@
 //!
 //! Lengths are canonical centimetres.
 
+use glam::Vec3;
+
 use super::{
     BETWEEN_LIDS, Between, Eyelids, Rim, RimVertex, Stem, Touched, between_samples, elevation,
     opening::{EyeFrame, Head, Opening, SAMPLES},
 };
 use crate::{
-    deform::{binding::Follows, lids::follow_share, skin::Skin},
+    deform::{binding::Follows, lids::follow_share, nearest::nearest_between, skin::Skin},
     ibug::{EYES, Eye},
-    mesh::{
-        Parts, Similarity, canonical_landmarks,
-        closest::{dot, nearest_between, norm, sub},
-    },
+    mesh::{Parts, Similarity, canonical_landmarks},
 };
 
 /// Lids keep at least this distance from the ball, and at most so much of it is added to what they had.
@@ -99,12 +98,12 @@ impl Neutral<'_> {
         let mut nearest = [(f32::INFINITY, 0u32, [0.0f32; 3]); SAMPLES];
         for (v, &p) in self.head.positions.iter().enumerate() {
             let p = self.opening.frame.local(p);
-            let far = dot(p, p) > (2.0 * self.opening.width).powi(2);
+            let far = Vec3::from(p).length_squared() > (2.0 * self.opening.width).powi(2);
             if far || !self.skin.is_skin[v] || self.lid_of(p) != lid {
                 continue;
             }
             for (best, at) in nearest.iter_mut().zip(edge) {
-                let away = norm(sub(p, *at));
+                let away = Vec3::from(p).distance((*at).into());
                 if away < best.0 {
                     *best = (away, v as u32, p);
                 }
@@ -174,7 +173,7 @@ impl Neutral<'_> {
         };
         let own = local(v);
         let whole: f32 = corners.iter().map(|(_, share)| share).sum();
-        if whole <= 0.0 || dot(own, own) > (3.0 * self.opening.width).powi(2) {
+        if whole <= 0.0 || Vec3::from(own).length_squared() > (3.0 * self.opening.width).powi(2) {
             return None;
         }
         if self.skin.is_skin[v] {
@@ -226,8 +225,8 @@ impl Neutral<'_> {
     fn off_edge(&self, lid: u8, place: [f32; 3]) -> (f32, f32) {
         let edge = &self.opening.edges[usize::from(lid)];
         let pieces = edge.windows(2).map(|ends| {
-            let nearest = nearest_between(place, ends[0], ends[1]);
-            (norm(sub(place, nearest)), nearest)
+            let nearest = nearest_between(place.into(), ends[0].into(), ends[1].into());
+            (nearest.distance(place.into()), nearest)
         });
         let nearest = pieces.min_by(|a, b| a.0.total_cmp(&b.0));
         let (distance, nearest) = nearest.expect("an edge has more than one sample");
@@ -237,7 +236,7 @@ impl Neutral<'_> {
     /// Width of this eye to that of the canonical face.
     fn size(&self) -> f32 {
         let marks = canonical_landmarks();
-        self.opening.width / (100.0 * norm(sub(marks[45], marks[42])))
+        self.opening.width / (100.0 * Vec3::from(marks[45]).distance(marks[42].into()))
     }
 
     /// By which share a place follows its lid.
@@ -254,7 +253,7 @@ impl Neutral<'_> {
     /// triangles between them cut into it by the square of their size.
     fn lift(&self, rims: &[Rim; 2]) -> f32 {
         let heights = rims.iter().flat_map(|rim| &rim.vertices).map(|v| {
-            let length = norm(v.place);
+            let length = Vec3::from(v.place).length();
             length - self.opening.ball.radius_below(v.place, length)
         });
         let mut heights: Vec<f32> = heights.collect();

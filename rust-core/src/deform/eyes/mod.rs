@@ -14,14 +14,13 @@ mod find;
 mod opening;
 mod openings;
 
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use self::{ball::Eyeball, opening::SAMPLES};
 pub(super) use find::eyelids;
 pub(super) use opening::Head;
 pub(crate) use openings::Openings;
-
-use crate::mesh::closest::{dot, norm};
 
 /// What the upper lid does of a change of the opening; the lower lid does the rest.
 const UPPER_SHARE: f32 = 0.9;
@@ -160,7 +159,7 @@ impl Eyelids {
     /// By how much a landmark rises, centimetres.
     fn height(&self, landmarks: &[f32], n: usize) -> f32 {
         let moved = [0, 1, 2].map(|i| landmarks[3 * n + i]);
-        self.to_cm * dot(moved, self.up)
+        self.to_cm * Vec3::from(moved).dot(self.up.into())
     }
 
     /// Corrects the displacements of a frame, `[V * 3]`; `landmarks`: `[204]`. Mesh units.
@@ -191,7 +190,8 @@ impl Eyelids {
 
     /// A displacement in the eye's frame, centimetres.
     fn local(&self, moved: [f32; 3]) -> [f32; 3] {
-        self.axes.map(|axis| self.to_cm * dot(axis, moved))
+        self.axes
+            .map(|axis| self.to_cm * Vec3::from(axis).dot(moved.into()))
     }
 
     fn turns(&self, closed: f32, frame: &[f32]) -> Turns {
@@ -309,7 +309,7 @@ impl Eyelids {
         let came: [f32; 3] = std::array::from_fn(|i| place[i] + moved[i]);
         let turned = turn(came, angle);
         let over = |p: [f32; 3]| {
-            let length = norm(p);
+            let length = Vec3::from(p).length();
             (length, length - self.ball.radius_below(p, length))
         };
         let ((length, height), (_, before)) = (over(turned), over(place));

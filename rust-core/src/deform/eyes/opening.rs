@@ -5,18 +5,13 @@
 //! the sphere of the skin between them or one of usual size. A shut upper lid stands out over the lower one
 //! at the lower landmarks, and there is no edge at the upper ones. Lengths are canonical centimetres.
 
+use glam::Vec3;
+
 use super::{
     Mix,
     ball::{Eyeball, fit_eyeball, radius_of},
 };
-use crate::{
-    deform::lids::LidEdge,
-    ibug::LANDMARKS,
-    mesh::{
-        FrontView,
-        closest::{cross, dot, norm, sub},
-    },
-};
+use crate::{deform::lids::LidEdge, ibug::LANDMARKS, mesh::FrontView};
 
 /// Places from corner to corner at which an opening is measured.
 pub(super) const SAMPLES: usize = 24;
@@ -82,27 +77,28 @@ pub(super) struct Opening {
 impl EyeFrame {
     /// About the middle between the corners; `None` where these are no corners of an eye.
     fn between(start: [f32; 3], end: [f32; 3]) -> Option<(EyeFrame, f32)> {
-        let way = sub(end, start);
-        let width = norm(way);
-        if width < 0.1 || way[2].abs() > SIDEWAYS * width {
+        let (start, end) = (Vec3::from(start), Vec3::from(end));
+        let way = end - start;
+        let width = way.length();
+        if width < 0.1 || way.z.abs() > SIDEWAYS * width {
             return None;
         }
-        let across = way.map(|x| x / width);
-        let up: [f32; 3] = std::array::from_fn(|i| f32::from(i == 1) - across[1] * across[i]);
-        let size = norm(up);
+        let across = way / width;
+        let up = Vec3::Y - across.y * across;
+        let size = up.length();
         if size < 0.5 {
             return None;
         }
-        let up = up.map(|x| x / size);
-        let origin = std::array::from_fn(|i| start[i] + 0.5 * way[i]);
-        let axes = [across, up, cross(across, up)];
+        let up = up / size;
+        let origin = (start + 0.5 * way).into();
+        let axes = [across, up, across.cross(up)].map(Into::into);
         Some((EyeFrame { origin, axes }, width))
     }
 
     /// A point's coordinates in this frame.
     pub(super) fn local(&self, p: [f32; 3]) -> [f32; 3] {
-        let offset = sub(p, self.origin);
-        self.axes.map(|axis| dot(axis, offset))
+        let offset = Vec3::from(p) - Vec3::from(self.origin);
+        self.axes.map(|axis| Vec3::from(axis).dot(offset))
     }
 
     /// The same axes about a point given in this frame.
@@ -120,7 +116,7 @@ impl Opening {
     pub(super) fn find(head: &Head<'_>, first: usize) -> Option<Opening> {
         let marks = &head.landmarks[first..first + 6];
         let (middle, width) = EyeFrame::between(marks[0], marks[3])?;
-        let near = |p: [f32; 3]| dot(p, p) < (NEAR * width).powi(2);
+        let near = |p: [f32; 3]| Vec3::from(p).length_squared() < (NEAR * width).powi(2);
         let locals = |triangles: &[[u32; 3]], frame: &EyeFrame| -> Vec<[[f32; 3]; 3]> {
             let all = triangles.iter();
             let corners = all.map(|t| t.map(|v| middle.local(head.positions[v as usize])));

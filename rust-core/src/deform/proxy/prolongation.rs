@@ -9,13 +9,14 @@
 //! quadratic fields are exact where the gradients are, and no crease shows along the proxy's edges.
 //! As `g_i` is linear in the values around `p_i`, all of it is one sparse matrix.
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::{
     mesh::{
+        direction::{perpendicular, unit},
         simplify::{Rings, Simplified},
         tree::{blend, closest_weights},
-        vec3::{cross, dot, norm, perpendicular, sub, unit},
     },
     nn::elementwise::vectorised,
 };
@@ -137,7 +138,7 @@ fn take_up_by<'a, const W: usize>(
 
 /// Finds every vertex's place on the proxy. Returns the largest distance too.
 pub(super) fn place_vertices(
-    positions: &[[f64; 3]],
+    positions: &[DVec3],
     skin: &[[u32; 3]],
     simple: &Simplified,
 ) -> (Prolongation, f64) {
@@ -172,16 +173,16 @@ pub(super) fn place_vertices(
 
 /// The proxy with what its vertices know of their neighbours.
 struct Coarse<'a> {
-    positions: &'a [[f64; 3]],
+    positions: &'a [DVec3],
     triangles: &'a [[u32; 3]],
     rings: Rings,
     /// `[V]`, of each vertex of the proxy: neighbour and its part `c` in the gradient
     /// `g = Σ c (f_neighbour − f)`.
-    gradients: Vec<Vec<(u32, [f64; 3])>>,
+    gradients: Vec<Vec<(u32, DVec3)>>,
 }
 
 impl<'a> Coarse<'a> {
-    fn new(positions: &'a [[f64; 3]], triangles: &'a [[u32; 3]]) -> Self {
+    fn new(positions: &'a [DVec3], triangles: &'a [[u32; 3]]) -> Self {
         let rings = Rings::of(positions.len(), triangles);
         let gradients = (0..positions.len() as u32)
             .into_par_iter()
@@ -197,15 +198,15 @@ impl<'a> Coarse<'a> {
 
     /// Columns and weights of a vertex at `point` with a `normal` that was collapsed into `root`, and how far it
     /// lies from the proxy.
-    fn row(&self, point: [f64; 3], normal: [f64; 3], root: u32) -> (Vec<(u32, f32)>, f64) {
+    fn row(&self, point: DVec3, normal: DVec3, root: u32) -> (Vec<(u32, f32)>, f64) {
         let Some((triangle, barycentric)) = self.closest(point, normal, root) else {
             return (
                 vec![(root, 1.0)],
-                norm(sub(point, self.positions[root as usize])),
+                point.distance(self.positions[root as usize]),
             );
         };
         let corners = self.triangles[triangle].map(|v| self.positions[v as usize]);
-        let distance = norm(sub(point, blend(corners, barycentric)));
+        let distance = point.distance(blend(corners, barycentric));
         let mut row: Vec<(u32, f32)> = Vec::with_capacity(16);
         let mut add =
             |column: u32, weight: f64| match row.iter_mut().find(|entry| entry.0 == column) {
@@ -213,10 +214,10 @@ impl<'a> Coarse<'a> {
                 None => row.push((column, weight as f32)),
             };
         for (&corner, b) in self.triangles[triangle].iter().zip(barycentric) {
-            let offset = sub(point, self.positions[corner as usize]);
+            let offset = point - self.positions[corner as usize];
             let mut own = b;
             for &(other, part) in &self.gradients[corner as usize] {
-                let weight = 0.5 * b * dot(part, offset);
+                let weight = 0.5 * b * part.dot(offset);
                 own -= weight;
                 add(other, weight);
             }
@@ -226,7 +227,7 @@ impl<'a> Coarse<'a> {
     }
 
     /// The closest triangle that is found by walking from `root`.
-    fn closest(&self, point: [f64; 3], normal: [f64; 3], root: u32) -> Option<(usize, [f64; 3])> {
+    fn closest(&self, point: DVec3, normal: DVec3, root: u32) -> Option<(usize, [f64; 3])> {
         let mut best: Option<(f64, usize, [f64; 3])> = None;
         let mut at = root;
         for _ in 0..MOST_STEPS {
@@ -234,10 +235,10 @@ impl<'a> Coarse<'a> {
             for &f in self.rings.faces(at) {
                 let corners = self.triangles[f as usize].map(|v| self.positions[v as usize]);
                 let barycentric = closest_weights(point, corners);
-                let offset = sub(point, blend(corners, barycentric));
+                let away = point.distance_squared(blend(corners, barycentric));
                 let [a, b, c] = corners;
-                let facing = dot(unit(cross(sub(b, a), sub(c, a))), normal);
-                let squared = dot(offset, offset) + FOLD_CM * FOLD_CM * (1.0 - facing);
+                let facing = unit((b - a).cross(c - a)).dot(normal);
+                let squared = away + FOLD_CM * FOLD_CM * (1.0 - facing);
                 if best.is_none_or(|b| squared < b.0) {
                     best = Some((squared, f as usize, barycentric));
                     improved = true;
@@ -257,19 +258,19 @@ impl<'a> Coarse<'a> {
 
 /// Least-squares gradient in the tangent plane; offsets keep their length when they are laid flat.
 fn gradient(
-    positions: &[[f64; 3]],
+    positions: &[DVec3],
     triangles: &[[u32; 3]],
     rings: &Rings,
     v: u32,
-) -> Vec<(u32, [f64; 3])> {
+) -> Vec<(u32, DVec3)> {
     let (x, y) = perpendicular(normal(positions, triangles, rings, v));
     let flat: Vec<(u32, [f64; 2])> = rings
         .neighbours(v, triangles)
         .into_iter()
         .filter_map(|(other, _)| {
-            let offset = sub(positions[other as usize], positions[v as usize]);
-            let (u, w) = (dot(offset, x), dot(offset, y));
-            let stretch = norm(offset) / u.hypot(w);
+            let offset = positions[other as usize] - positions[v as usize];
+            let (u, w) = (offset.dot(x), offset.dot(y));
+            let stretch = offset.length() / u.hypot(w);
             stretch
                 .is_finite()
                 .then_some((other, [stretch * u, stretch * w]))
@@ -290,18 +291,17 @@ fn gradient(
             let weight = 1.0 / (u * u + w * w);
             let gu = weight * (yy * u - xy * w) / determinant;
             let gw = weight * (xx * w - xy * u) / determinant;
-            (other, std::array::from_fn(|i| gu * x[i] + gw * y[i]))
+            (other, gu * x + gw * y)
         })
         .collect()
 }
 
 /// Unit normal of a vertex, by the areas around it.
-fn normal(positions: &[[f64; 3]], triangles: &[[u32; 3]], rings: &Rings, v: u32) -> [f64; 3] {
-    let mut normal = [0.0; 3];
+fn normal(positions: &[DVec3], triangles: &[[u32; 3]], rings: &Rings, v: u32) -> DVec3 {
+    let mut normal = DVec3::ZERO;
     for &f in rings.faces(v) {
         let [a, b, c] = triangles[f as usize].map(|v| positions[v as usize]);
-        let n = cross(sub(b, a), sub(c, a));
-        (0..3).for_each(|i| normal[i] += n[i]);
+        normal += (b - a).cross(c - a);
     }
     unit(normal)
 }

@@ -6,10 +6,11 @@
 
 use std::collections::HashMap;
 
+use glam::{DVec3, Vec3};
+
 use crate::mesh::{
     simplify::Rings,
     tree::{blend, closest_weights},
-    vec3::{distance, dot, sub},
 };
 
 /// A landmark nearer to its vertex than this is at the vertex, centimetres.
@@ -24,7 +25,7 @@ const MOST_ROUNDS: usize = 8;
 
 /// A surface that grows finer; vertices of the mesh come first.
 pub(super) struct Refined {
-    pub positions: Vec<[f64; 3]>,
+    pub positions: Vec<DVec3>,
     pub triangles: Vec<[u32; 3]>,
     /// Vertices from this number on were added.
     own: u32,
@@ -33,7 +34,7 @@ pub(super) struct Refined {
 }
 
 impl Refined {
-    pub(super) fn new(positions: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>) -> Refined {
+    pub(super) fn new(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Refined {
         Refined {
             own: positions.len() as u32,
             positions,
@@ -47,7 +48,7 @@ impl Refined {
     pub(super) fn add_landmarks(&mut self, landmarks: &[[f32; 3]], anchors: &mut [u32]) {
         let mut away: Vec<(u32, f64, usize)> = Vec::new();
         for (n, (landmark, &anchor)) in landmarks.iter().zip(anchors.iter()).enumerate() {
-            let way = distance(landmark.map(f64::from), self.positions[anchor as usize]);
+            let way = exact(*landmark).distance(self.positions[anchor as usize]);
             if way > AT_VERTEX_CM {
                 away.push((anchor, way, n));
             }
@@ -56,7 +57,7 @@ impl Refined {
         away.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
         self.near = self.two_rings(away.iter().map(|place| place.0));
         for (anchor, _, n) in away {
-            if let Some((face, weights)) = self.place(landmarks[n].map(f64::from), anchor) {
+            if let Some((face, weights)) = self.place(exact(landmarks[n]), anchor) {
                 anchors[n] = self.split_at(face, weights);
             }
         }
@@ -77,7 +78,7 @@ impl Refined {
 
     /// The closest of the triangles around `vertex`, and around vertices that were added there:
     /// another landmark may have cut the triangle already.
-    fn place(&self, point: [f64; 3], vertex: u32) -> Option<(usize, [f64; 3])> {
+    fn place(&self, point: DVec3, vertex: u32) -> Option<(usize, [f64; 3])> {
         let mut near = vec![vertex];
         for _ in 0..MOST_CUTS {
             let around = self.near.iter().map(|&f| self.triangles[f]);
@@ -98,8 +99,7 @@ impl Refined {
         let places = around.map(|f| {
             let corners = self.triangles[f].map(|v| self.positions[v as usize]);
             let weights = closest_weights(point, corners);
-            let offset = sub(point, blend(corners, weights));
-            (dot(offset, offset), f, weights)
+            (point.distance_squared(blend(corners, weights)), f, weights)
         });
         let nearest = places.min_by(|a, b| a.0.total_cmp(&b.0));
         nearest.map(|(_, f, weights)| (f, weights))
@@ -121,7 +121,7 @@ impl Refined {
                 let (a, b) = (t[(i + 1) % 3], t[(i + 2) % 3]);
                 let share = weights[(i + 2) % 3] / (1.0 - weights[i]);
                 let (p, q) = (self.positions[a as usize], self.positions[b as usize]);
-                let new = self.add([0, 1, 2].map(|x| p[x] + share * (q[x] - p[x])));
+                let new = self.add(p + share * (q - p));
                 self.split_side(a, b, new);
                 new
             }
@@ -147,30 +147,25 @@ impl Refined {
         self.triangles.push(triangle);
     }
 
-    fn add(&mut self, position: [f64; 3]) -> u32 {
+    fn add(&mut self, position: DVec3) -> u32 {
         self.positions.push(position);
         self.positions.len() as u32 - 1
     }
 
     /// Splits sides longer than `longest` at their middle, until there is none or `most` vertices
     /// are in use. `least`: no side shorter than this is too long anywhere.
-    pub(super) fn split_long(
-        &mut self,
-        least: f64,
-        longest: impl Fn([f64; 3]) -> f64,
-        most: usize,
-    ) {
+    pub(super) fn split_long(&mut self, least: f64, longest: impl Fn(DVec3) -> f64, most: usize) {
         let mut used = Rings::of(self.positions.len(), &self.triangles).used();
         for _ in 0..MOST_ROUNDS {
             let mut long: Vec<(f64, (u32, u32))> = Vec::new();
             for t in &self.triangles {
                 for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
                     let (p, q) = (self.positions[a as usize], self.positions[b as usize]);
-                    let length = distance(p, q);
+                    let length = p.distance(q);
                     if length < least {
                         continue;
                     }
-                    let middle = [0, 1, 2].map(|i| 0.5 * (p[i] + q[i]));
+                    let middle = 0.5 * (p + q);
                     let excess = length / longest(middle);
                     if excess > 1.0 {
                         long.push((excess, (a.min(b), a.max(b))));
@@ -186,7 +181,7 @@ impl Refined {
             let mut middles = HashMap::new();
             for (_, (a, b)) in long {
                 let (p, q) = (self.positions[a as usize], self.positions[b as usize]);
-                let new = self.add([0, 1, 2].map(|i| 0.5 * (p[i] + q[i])));
+                let new = self.add(0.5 * (p + q));
                 used += usize::from(middles.insert((a, b), new).is_none());
             }
             self.split_sides(&middles);
@@ -213,14 +208,18 @@ impl Refined {
     }
 }
 
+fn exact(p: [f32; 3]) -> DVec3 {
+    Vec3::from(p).as_dvec3()
+}
+
 fn meets(t: &[u32; 3], vertices: &[u32]) -> bool {
     t.iter().any(|v| vertices.contains(v))
 }
 
 /// A triangle cut at the middles of its sides (first to second corner, second to third, third to
 /// first).
-fn split(t: [u32; 3], middles: [Option<u32>; 3], positions: &[[f64; 3]], out: &mut Vec<[u32; 3]>) {
-    let length = |a: u32, b: u32| distance(positions[a as usize], positions[b as usize]);
+fn split(t: [u32; 3], middles: [Option<u32>; 3], positions: &[DVec3], out: &mut Vec<[u32; 3]>) {
+    let length = |a: u32, b: u32| positions[a as usize].distance(positions[b as usize]);
     let turned = |by: usize| -> ([u32; 3], [Option<u32>; 3]) {
         (
             [0, 1, 2].map(|i| t[(i + by) % 3]),

@@ -1,3 +1,5 @@
+use glam::Vec3;
+
 use super::*;
 use crate::mesh::{canonical_landmarks, parts::boundary_edges};
 
@@ -82,7 +84,7 @@ fn a_coarse_skin_gets_its_landmarks_and_keeps_its_vertices() {
     let proxy = Proxy::build(&positions, &triangles, &landmarks, &mut anchors, 3000);
     for (landmark, &anchor) in landmarks.iter().zip(&anchors) {
         let there = proxy.mesh.positions[anchor as usize];
-        let missed = crate::deform::nearest::distance(*landmark, there);
+        let missed = Vec3::from(*landmark).distance(there.into());
         // The sheet's facets cut the corner of its bend.
         assert!(missed < 0.15, "{landmark:?} has {there:?}");
     }

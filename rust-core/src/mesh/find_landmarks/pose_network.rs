@@ -4,10 +4,12 @@
 //! A small U-Net over the 128² pictures of `depth_view`. Each of 16² cells says whether a face's
 //! centre lies in it, where exactly, how large the face is and how it is turned.
 
+use glam::Vec3;
+
 use super::network::Block;
 use crate::{
     Result,
-    mesh::vec3::{cross, dot, unit},
+    mesh::direction::unit,
     nn::{
         Weights,
         conv2d::{Conv2d, Picture},
@@ -117,16 +119,15 @@ impl PoseNetwork {
 
 fn sighting(values: &[f32], column: usize, row: usize, cells: usize) -> Sighting {
     let place = |at: usize, off: f32| (at as f32 + 0.5 + off) / cells as f32;
-    let axis = |from: usize| unit([0, 1, 2].map(|i| f64::from(values[from + i])));
-    let z = axis(7);
-    let raw = axis(4);
-    let along = dot(raw, z);
-    let x = unit([0, 1, 2].map(|i| raw[i] - along * z[i]));
+    let axis = |from: usize| Vec3::from_slice(&values[from..]).as_dvec3();
+    let z = unit(axis(7));
+    let raw = unit(axis(4));
+    let x = unit(raw - raw.dot(z) * z);
     Sighting {
         presence: sigmoid(values[0]),
         place: [place(column, values[1]), place(row, values[2])],
         size: values[3].clamp(-4.0, 2.0).exp(),
-        rotation: [x, cross(z, x), z],
+        rotation: [x, z.cross(x), z].map(Into::into),
     }
 }
 
@@ -162,9 +163,9 @@ mod tests {
             5,
             16,
         );
-        let [x, y, z] = seen.rotation;
-        assert!(dot(x, z).abs() < 1e-12 && dot(x, y).abs() < 1e-12);
-        assert!((dot(cross(x, y), z) - 1.0).abs() < 1e-12);
+        let [x, y, z] = seen.rotation.map(glam::DVec3::from);
+        assert!(x.dot(z).abs() < 1e-12 && x.dot(y).abs() < 1e-12);
+        assert!((x.cross(y).dot(z) - 1.0).abs() < 1e-12);
         assert!((seen.place[0] - 3.7 / 16.0).abs() < 1e-6);
     }
 }

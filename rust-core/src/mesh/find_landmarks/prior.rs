@@ -141,6 +141,8 @@ fn deviation(measured: &Measured) -> f64 {
 
 #[cfg(test)]
 pub(super) mod tests {
+    use glam::Vec3;
+
     use super::*;
 
     /// The embedded prior.
@@ -159,15 +161,11 @@ pub(super) mod tests {
         })
     }
 
-    fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
-        (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f32>().sqrt()
-    }
-
     #[test]
     fn the_mean_face_stays_where_it_is_and_stays_sure() {
         let (positions, confidence) = embedded().refine(&mean_face()).unwrap();
         for (p, q) in positions.iter().zip(canonical_landmarks()) {
-            assert!(distance(*p, *q) < 1e-6);
+            assert!(Vec3::from(*p).distance((*q).into()) < 1e-6);
         }
         assert!(confidence.iter().all(|c| (c - 0.9).abs() < 1e-3));
     }
@@ -177,7 +175,7 @@ pub(super) mod tests {
         let mut measured = mean_face();
         measured[37].position[1] += 0.04;
         let (positions, confidence) = embedded().refine(&measured).unwrap();
-        assert!(distance(positions[37], canonical_landmarks()[37]) < 0.006);
+        assert!(Vec3::from(positions[37]).distance(canonical_landmarks()[37].into()) < 0.006);
         assert!(
             confidence[37] < 0.3 && confidence[62] > 0.8,
             "{confidence:?}"
@@ -197,7 +195,7 @@ pub(super) mod tests {
         let (positions, confidence) = embedded().refine(&measured).unwrap();
         let mean = canonical_landmarks();
         for i in 48..51 {
-            assert!(distance(positions[i], measured[i].position) < 1e-5);
+            assert!(Vec3::from(positions[i]).distance(measured[i].position.into()) < 1e-5);
             assert!(confidence[i] == 1.0);
         }
         let down = |i: usize| mean[i][1] - positions[i][1];

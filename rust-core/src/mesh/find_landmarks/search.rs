@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{
@@ -15,10 +16,7 @@ use super::{
 };
 use crate::{
     Result,
-    mesh::{
-        Similarity, canonical_landmarks,
-        vec3::{cross, unit},
-    },
+    mesh::{Similarity, canonical_landmarks, direction::unit},
     nn::conv2d::Picture,
     progress::{Progress, ProgressFn, report},
 };
@@ -400,20 +398,23 @@ fn directions() -> Vec<Similarity> {
     for corner in 0..8 {
         towards.push([0, 1, 2].map(|k| if corner >> k & 1 == 0 { 1.0 } else { -1.0 }));
     }
-    towards.into_iter().map(looking_from).collect()
+    towards
+        .into_iter()
+        .map(|d| looking_from(d.into()))
+        .collect()
 }
 
 /// The turn that brings a direction to +z, +y up where it can.
-fn looking_from(direction: [f64; 3]) -> Similarity {
+fn looking_from(direction: DVec3) -> Similarity {
     let z = unit(direction);
     let up = if z[1].abs() < 0.9 {
-        [0.0, 1.0, 0.0]
+        DVec3::Y
     } else {
-        [0.0, 0.0, -z[1]]
+        DVec3::new(0.0, 0.0, -z[1])
     };
-    let x = unit(cross(up, z));
+    let x = unit(up.cross(z));
     Similarity {
-        rotation: [x, cross(z, x), z],
+        rotation: [x, z.cross(x), z].map(Into::into),
         ..Similarity::IDENTITY
     }
 }
@@ -424,10 +425,10 @@ fn around(plane: &Plane) -> Vec<Similarity> {
     let step = std::f64::consts::TAU / VIEWS_IN_PLANE as f64;
     let view = |k: usize| {
         let (s, c) = (step * k as f64).sin_cos();
-        let z: [f64; 3] = std::array::from_fn(|i| c * u[i] + s * v[i]);
+        let z = c * u + s * v;
         let x = plane.normal;
         Similarity {
-            rotation: [x, cross(z, x), z],
+            rotation: [x, z.cross(x), z].map(Into::into),
             ..Similarity::IDENTITY
         }
     };
@@ -474,7 +475,7 @@ mod tests {
         let all = directions();
         for turn in &all {
             let [x, y, z] = turn.rotation;
-            assert!((crate::mesh::vec3::dot(cross(x, y), z) - 1.0).abs() < 1e-12);
+            assert!((DVec3::from(x).cross(y.into()).dot(z.into()) - 1.0).abs() < 1e-12);
         }
         for step in 0..500 {
             let (a, b) = (f64::from(step) * 2.399_963, f64::from(step) / 250.0 - 0.998);
@@ -482,7 +483,7 @@ mod tests {
             let d = [ring * a.cos(), b, ring * a.sin()];
             let nearest = all
                 .iter()
-                .map(|t| crate::mesh::vec3::dot(t.rotation[2], d))
+                .map(|t| DVec3::from(t.rotation[2]).dot(d.into()))
                 .fold(-1.0, f64::max);
             assert!(nearest > 40f64.to_radians().cos(), "{d:?}");
         }

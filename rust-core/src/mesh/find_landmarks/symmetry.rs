@@ -6,12 +6,13 @@
 //! weights in place of their normals).
 
 use faer::{Mat, Side};
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::view::Frame;
 use crate::mesh::{
     Similarity,
-    vec3::{cross, dot, sub, unit},
+    direction::{perpendicular, unit},
 };
 
 /// Points that are reflected, and points that they may meet.
@@ -30,42 +31,39 @@ const WORST: f64 = 0.13;
 /// `normal · x = offset`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Plane {
-    pub normal: [f64; 3],
+    pub normal: DVec3,
     pub offset: f64,
 }
 
 impl Plane {
-    fn reflect(&self, p: [f64; 3]) -> [f64; 3] {
-        let twice = 2.0 * (dot(p, self.normal) - self.offset);
-        std::array::from_fn(|i| p[i] - twice * self.normal[i])
+    fn reflect(&self, p: DVec3) -> DVec3 {
+        p - 2.0 * (p.dot(self.normal) - self.offset) * self.normal
     }
 
     /// Two axes in the plane that make a right-handed frame with the normal.
-    pub fn axes(&self) -> ([f64; 3], [f64; 3]) {
-        crate::mesh::vec3::perpendicular(self.normal)
+    pub fn axes(&self) -> (DVec3, DVec3) {
+        perpendicular(self.normal)
     }
 
     /// The similarity nearest to `pose` whose x axis is across the plane, and in which the plane is
     /// x = 0; the view z axis stays in its place around x. `None` if it would turn by over 60°.
     pub fn align(&self, pose: &Similarity, centre: [f32; 3]) -> Option<Similarity> {
-        let across = dot(pose.rotation[0], self.normal);
+        let across = self.normal.dot(pose.rotation[0].into());
         if across.abs() < 0.5 {
             return None;
         }
-        let x = self.normal.map(|n| n * across.signum());
-        let z = pose.rotation[2];
-        let along = dot(z, x);
-        let z = unit(std::array::from_fn(|i| z[i] - along * x[i]));
-        let here = pose.inverse().apply(centre).map(f64::from);
-        let beside = dot(here, self.normal) - self.offset;
-        let on_plane: [f32; 3] =
-            std::array::from_fn(|i| (here[i] - beside * self.normal[i]) as f32);
+        let x = self.normal * across.signum();
+        let z = DVec3::from(pose.rotation[2]);
+        let z = unit(z - z.dot(x) * x);
+        let here = Vec3::from(pose.inverse().apply(centre)).as_dvec3();
+        let beside = here.dot(self.normal) - self.offset;
+        let on_plane = (here - beside * self.normal).as_vec3();
         let turned = Similarity {
-            rotation: [x, cross(z, x), z],
+            rotation: [x, z.cross(x), z].map(Into::into),
             translation: [0.0; 3],
             ..*pose
         };
-        let at = turned.apply(on_plane);
+        let at = turned.apply(on_plane.into());
         Some(Similarity {
             translation: std::array::from_fn(|i| f64::from(centre[i] - at[i])),
             ..turned
@@ -78,16 +76,15 @@ pub(super) fn symmetry(frame: &Frame) -> Option<Plane> {
     let surface = spread(frame, SURFACE);
     let points = spread(frame, REFLECTED);
     let count = points.len() as f64;
-    let centre: [f64; 3] =
-        std::array::from_fn(|i| points.iter().map(|p| p[i]).sum::<f64>() / count);
-    let spread = scatter(points.iter().map(|p| (1.0, sub(*p, centre))));
+    let centre = points.iter().sum::<DVec3>() / count;
+    let spread = scatter(points.iter().map(|p| (1.0, *p - centre)));
     let radius = ((spread[0][0] + spread[1][1] + spread[2][2]) / count).sqrt();
     let best = principal(&spread)?
         .into_par_iter()
         .map(|normal| {
             let plane = Plane {
                 normal,
-                offset: dot(normal, centre),
+                offset: normal.dot(centre),
             };
             let plane = (0..ROUNDS).fold(plane, |p, _| better(&p, &points, &surface, radius));
             (miss(&plane, &points, &surface) / radius, plane)
@@ -97,12 +94,11 @@ pub(super) fn symmetry(frame: &Frame) -> Option<Plane> {
 }
 
 /// `count` points spread evenly over the surface's area, the same every time.
-fn spread(frame: &Frame, count: usize) -> Vec<[f64; 3]> {
-    let corners = |t: &[u32; 3]| t.map(|v| frame.points[v as usize].map(f64::from));
+fn spread(frame: &Frame, count: usize) -> Vec<DVec3> {
+    let corners = |t: &[u32; 3]| t.map(|v| Vec3::from(frame.points[v as usize]).as_dvec3());
     let area = |t: &[u32; 3]| {
         let [a, b, c] = corners(t);
-        let n = cross(sub(b, a), sub(c, a));
-        dot(n, n).sqrt()
+        (b - a).cross(c - a).length()
     };
     let total: f64 = frame.triangles.iter().map(area).sum();
     let mut points = Vec::with_capacity(count);
@@ -117,16 +113,14 @@ fn spread(frame: &Frame, count: usize) -> Vec<[f64; 3]> {
                 (u, v) = (1.0 - u, 1.0 - v);
             }
             let [a, b, c] = corners(t);
-            points.push(std::array::from_fn(|i| {
-                a[i] + u * (b[i] - a[i]) + v * (c[i] - a[i])
-            }));
+            points.push(a + u * (b - a) + v * (c - a));
         }
     }
     points
 }
 
 /// Σ w v vᵀ.
-fn scatter(weighted: impl Iterator<Item = (f64, [f64; 3])>) -> [[f64; 3]; 3] {
+fn scatter(weighted: impl Iterator<Item = (f64, DVec3)>) -> [[f64; 3]; 3] {
     let mut sum = [[0.0; 3]; 3];
     for (w, v) in weighted {
         for (i, row) in sum.iter_mut().enumerate() {
@@ -139,56 +133,56 @@ fn scatter(weighted: impl Iterator<Item = (f64, [f64; 3])>) -> [[f64; 3]; 3] {
 }
 
 /// Eigenvectors of a symmetric matrix, the smallest eigenvalue's first.
-fn principal(matrix: &[[f64; 3]; 3]) -> Option<Vec<[f64; 3]>> {
+fn principal(matrix: &[[f64; 3]; 3]) -> Option<Vec<DVec3>> {
     let eigen = Mat::from_fn(3, 3, |i, j| matrix[i][j])
         .self_adjoint_eigen(Side::Lower)
         .ok()?;
     let vectors = eigen.U();
-    Some((0..3).map(|k| [0, 1, 2].map(|i| vectors[(i, k)])).collect())
+    Some(
+        (0..3)
+            .map(|k| [0, 1, 2].map(|i| vectors[(i, k)]).into())
+            .collect(),
+    )
 }
 
-fn nearest(p: [f64; 3], surface: &[[f64; 3]]) -> ([f64; 3], f64) {
-    let squared = |q: &[f64; 3]| {
-        let d = sub(*q, p);
-        dot(d, d)
-    };
-    let start = ([0.0; 3], f64::INFINITY);
-    surface.iter().fold(start, |best, q| match squared(q) {
-        d if d < best.1 => (*q, d),
-        _ => best,
-    })
+fn nearest(p: DVec3, surface: &[DVec3]) -> (DVec3, f64) {
+    let start = (DVec3::ZERO, f64::INFINITY);
+    surface
+        .iter()
+        .fold(start, |best, q| match q.distance_squared(p) {
+            d if d < best.1 => (*q, d),
+            _ => best,
+        })
 }
 
 /// The plane that mirrors each point best into what its reflection is nearest to: across the
 /// differences, through the middles.
-fn better(plane: &Plane, points: &[[f64; 3]], surface: &[[f64; 3]], radius: f64) -> Plane {
-    let pairs: Vec<(f64, [f64; 3], [f64; 3])> = points
+fn better(plane: &Plane, points: &[DVec3], surface: &[DVec3], radius: f64) -> Plane {
+    let pairs: Vec<(f64, DVec3, DVec3)> = points
         .iter()
         .map(|p| {
             let (q, d2) = nearest(plane.reflect(*p), surface);
             let weight = 1.0 / (1.0 + d2 / (ROBUST * radius).powi(2));
-            let middle = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
-            (weight, middle, sub(q, *p))
+            (weight, 0.5 * (p + q), q - p)
         })
         .collect();
     let total: f64 = pairs.iter().map(|p| p.0).sum();
-    let through: [f64; 3] =
-        std::array::from_fn(|i| pairs.iter().map(|p| p.0 * p.1[i]).sum::<f64>() / total);
-    let middles = scatter(pairs.iter().map(|p| (4.0 * p.0, sub(p.1, through))));
+    let through = pairs.iter().map(|p| p.0 * p.1).sum::<DVec3>() / total;
+    let middles = scatter(pairs.iter().map(|p| (4.0 * p.0, p.1 - through)));
     let differences = scatter(pairs.iter().map(|p| (p.0, p.2)));
     let matrix =
         std::array::from_fn(|i| std::array::from_fn(|j| middles[i][j] - differences[i][j]));
     match principal(&matrix) {
         Some(axes) => Plane {
             normal: axes[0],
-            offset: dot(axes[0], through),
+            offset: axes[0].dot(through),
         },
         None => *plane,
     }
 }
 
 /// Distance within which most reflected points meet the surface.
-fn miss(plane: &Plane, points: &[[f64; 3]], surface: &[[f64; 3]]) -> f64 {
+fn miss(plane: &Plane, points: &[DVec3], surface: &[DVec3]) -> f64 {
     let mut distances: Vec<f64> = points
         .iter()
         .map(|p| nearest(plane.reflect(*p), surface).1.sqrt())
@@ -218,8 +212,8 @@ mod tests {
         mesh.positions.iter_mut().for_each(|p| *p = turn.apply(*p));
         let frame = stated_frame(&mesh, Axis::PosZ, Axis::PosY).unwrap();
         let plane = symmetry(&frame).unwrap();
-        let x = turn.rotation.map(|row| row[0]);
-        assert!(dot(x, plane.normal).abs() > 0.995, "{plane:?}");
+        let x = DVec3::from(turn.rotation.map(|row| row[0]));
+        assert!(x.dot(plane.normal).abs() > 0.995, "{plane:?}");
         let pose = turn.inverse().compose(&frame.from_mesh.inverse());
         let centre = [0.0, -0.03, 0.08];
         let aligned = plane.align(&pose, centre).unwrap();

@@ -2,6 +2,8 @@
 
 use std::borrow::Cow;
 
+use glam::DVec3;
+
 use super::{
     depth_view::{DepthBuffer, Window},
     network::{LandmarkNetwork, Sight},
@@ -69,7 +71,7 @@ pub(super) fn stated_frame(mesh: &Mesh, forward: Axis, up: Axis) -> Result<Frame
         let message = format!("axes: expected two different lines, got {forward} and {up} up");
         return Err(Error::InvalidInput(message));
     }
-    let x = crate::mesh::vec3::cross(y, z);
+    let x = DVec3::from(y).cross(z.into()).into();
     let turn = Similarity {
         rotation: [x, y, z],
         ..Similarity::IDENTITY

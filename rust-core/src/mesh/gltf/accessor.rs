@@ -2,6 +2,12 @@
 
 use std::borrow::Cow;
 
+use base64::{
+    Engine,
+    alphabet::STANDARD,
+    engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig},
+};
+
 use super::{
     document::{Accessor, Document, SparsePart},
     missing, refusal,
@@ -270,32 +276,17 @@ fn embedded(uri: &str) -> Result<Option<Vec<u8>>> {
         return Ok(None);
     };
     let text = rest.split_once(";base64,").map(|(_, text)| text);
-    let bytes = text.and_then(from_base64);
+    let bytes = text.and_then(|text| BASE64.decode(text.replace('-', "+").replace('_', "/")).ok());
     match bytes {
         Some(bytes) => Ok(Some(bytes)),
         None => Err(refusal("expected a data URI in base64, got another".into())),
     }
 }
 
-fn from_base64(text: &str) -> Option<Vec<u8>> {
-    let text = text.trim_end_matches('=').as_bytes();
-    let mut out = Vec::with_capacity(text.len() / 4 * 3 + 2);
-    let (mut bits, mut filled) = (0u32, 0);
-    for &letter in text {
-        let six = match letter {
-            b'A'..=b'Z' => letter - b'A',
-            b'a'..=b'z' => letter - b'a' + 26,
-            b'0'..=b'9' => letter - b'0' + 52,
-            b'+' | b'-' => 62,
-            b'/' | b'_' => 63,
-            _ => return None,
-        };
-        bits = bits << 6 | u32::from(six);
-        filled += 6;
-        if filled >= 8 {
-            filled -= 8;
-            out.push((bits >> filled) as u8);
-        }
-    }
-    Some(out)
-}
+/// As lenient as files need: both alphabets, with padding or without.
+const BASE64: GeneralPurpose = GeneralPurpose::new(
+    &STANDARD,
+    GeneralPurposeConfig::new()
+        .with_decode_padding_mode(DecodePaddingMode::Indifferent)
+        .with_decode_allow_trailing_bits(true),
+);

@@ -3,8 +3,10 @@
 //! From the slit it goes straight back for the thickness of the lips, widens up and down behind them
 //! and closes at the throat. Each of its rings has one vertex for each of the slit.
 
+use glam::DVec3;
+
 use super::{cut::CutMesh, patch::MouthFrame};
-use crate::mesh::{Mesh, vec3::distance};
+use crate::mesh::Mesh;
 
 /// Depth, in widths of the mouth (40 mm), and the least where the head is thin.
 const DEPTH: f64 = 0.8;
@@ -26,8 +28,8 @@ const SMOOTHING: usize = 2;
 
 /// Adds the vertices of a bag behind the slit of `cut` and returns its faces.
 pub(super) fn sew_bag(cut: &mut CutMesh, mesh: &Mesh, frame: &MouthFrame) -> Vec<[u32; 3]> {
-    let at = |&v: &u32| frame.local(cut.positions[v as usize].map(f64::from));
-    let mut line: Vec<[f64; 3]> = cut.upper.iter().map(at).collect();
+    let at = |&v: &u32| frame.local_of(cut.positions[v as usize]);
+    let mut line: Vec<DVec3> = cut.upper.iter().map(at).collect();
     let shape = Shape {
         places: places(&line),
         depth: depth(mesh, frame, line[line.len() / 2]),
@@ -38,8 +40,8 @@ pub(super) fn sew_bag(cut: &mut CutMesh, mesh: &Mesh, frame: &MouthFrame) -> Vec
     for (number, back) in RINGS.into_iter().enumerate() {
         (0..SMOOTHING * number.min(1)).for_each(|_| smooth(&mut line));
         let (above, below) = (shape.row(&line, back, 1.0), shape.row(&line, back, -1.0));
-        let mut add = |local: [f64; 3], like: u32| {
-            cut.positions.push(frame.point(local).map(|x| x as f32));
+        let mut add = |local: DVec3, like: u32| {
+            cut.positions.push(frame.point(local).as_vec3().into());
             cut.sources.push(cut.sources[like as usize]);
             cut.positions.len() as u32 - 1
         };
@@ -67,19 +69,19 @@ struct Shape {
 
 impl Shape {
     /// A row of vertices in the mouth's frame; `side`: 1 above the slit, −1 below.
-    fn row(&self, line: &[[f64; 3]], back: f64, side: f64) -> Vec<[f64; 3]> {
+    fn row(&self, line: &[DVec3], back: f64, side: f64) -> Vec<DVec3> {
         let middle = 0.5 * (line[0][0] + line[line.len() - 1][0]);
         let rise = ramp((back - 0.08) / 0.4) * (1.0 - 0.35 * ramp((back - 0.7) / 0.3));
         let height = HEIGHT * (self.depth / DEPTH).min(1.0) * rise;
         let row = line.iter().zip(&self.places);
-        row.map(|(&[x, y, z], place)| {
+        row.map(|(&DVec3 { x, y, z }, place)| {
             let inward = (4.0 * place * (1.0 - place)).max(0.0).sqrt();
             let deep = DEPTH_AT_CORNERS + (1.0 - DEPTH_AT_CORNERS) * inward;
-            [
+            DVec3::new(
                 middle + (x - middle) * (1.0 - NARROWED * back),
                 y + side * height * inward,
                 z - self.depth * back * deep,
-            ]
+            )
         })
         .collect()
     }
@@ -92,21 +94,21 @@ fn ramp(t: f64) -> f64 {
 }
 
 /// How far along a line each of its points lies, 0 to 1.
-fn places(line: &[[f64; 3]]) -> Vec<f64> {
+fn places(line: &[DVec3]) -> Vec<f64> {
     let mut places = vec![0.0];
     for ends in line.windows(2) {
-        places.push(places[places.len() - 1] + distance(ends[0], ends[1]));
+        places.push(places[places.len() - 1] + ends[0].distance(ends[1]));
     }
     let whole = places[places.len() - 1].max(f64::MIN_POSITIVE);
     places.iter().map(|place| place / whole).collect()
 }
 
 /// How deep a bag finds room behind the middle of the slit, in widths.
-fn depth(mesh: &Mesh, frame: &MouthFrame, middle: [f64; 3]) -> f64 {
+fn depth(mesh: &Mesh, frame: &MouthFrame, middle: DVec3) -> f64 {
     let behind = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|v| {
-            let [x, y, z] = frame.local(mesh.point(v));
-            [x - middle[0], y - middle[1], middle[2] - z]
+            let way = frame.local(mesh.point(v)) - middle;
+            [way.x, way.y, -way.z]
         });
         let turn = |p: [f64; 3], q: [f64; 3]| p[0] * q[1] - p[1] * q[0];
         let [u, v, w] = [turn(b, c), turn(c, a), turn(a, b)];
@@ -122,10 +124,10 @@ fn depth(mesh: &Mesh, frame: &MouthFrame, middle: [f64; 3]) -> f64 {
     (SHARE_OF_HEAD * nearest).clamp(LEAST_DEPTH, DEPTH)
 }
 
-fn smooth(line: &mut [[f64; 3]]) {
+fn smooth(line: &mut [DVec3]) {
     let old = line.to_vec();
     for i in 1..line.len() - 1 {
-        line[i] = [0, 1, 2].map(|k| 0.25 * old[i - 1][k] + 0.5 * old[i][k] + 0.25 * old[i + 1][k]);
+        line[i] = 0.25 * old[i - 1] + 0.5 * old[i] + 0.25 * old[i + 1];
     }
 }
 
@@ -150,7 +152,7 @@ mod tests {
 
     #[test]
     fn rows_start_at_the_lips_and_close_at_the_throat() {
-        let line: Vec<[f64; 3]> = (0..11).map(|i| [0.1 * f64::from(i), 0.0, 0.0]).collect();
+        let line: Vec<DVec3> = (0..11).map(|i| DVec3::X * (0.1 * f64::from(i))).collect();
         let shape = Shape {
             places: places(&line),
             depth: DEPTH,

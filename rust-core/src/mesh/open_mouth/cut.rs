@@ -2,10 +2,12 @@
 
 use std::collections::{HashMap, HashSet};
 
+use glam::DVec3;
+
 use super::{TriangleSource, patch::Patch, trace::Node};
 use crate::{
     Error, Result,
-    mesh::{Mesh, vec3::distance},
+    mesh::{Mesh, tree::blend},
 };
 
 /// A triangle of the new mesh inside of one of the old.
@@ -46,7 +48,7 @@ impl CutMesh {
         mesh: &Mesh,
         patch: &Patch,
         line: &[Node],
-        above: impl Fn([f64; 3]) -> f64,
+        above: impl Fn(DVec3) -> f64,
     ) -> Result<CutMesh> {
         let own = (0..mesh.positions.len() as u32).map(|v| [(v, 1.0), (v, 0.0), (v, 0.0)]);
         let mut cut = CutMesh {
@@ -91,9 +93,7 @@ impl CutMesh {
     /// A new vertex in between of old ones.
     fn add(&mut self, mesh: &Mesh, corners: [u32; 3], shares: [f64; 3]) -> u32 {
         let points = corners.map(|v| mesh.point(v));
-        self.positions.push(std::array::from_fn(|i| {
-            (0..3).map(|k| shares[k] * points[k][i]).sum::<f64>() as f32
-        }));
+        self.positions.push(blend(points, shares).as_vec3().into());
         self.sources
             .push([0, 1, 2].map(|k| (corners[k], shares[k] as f32)));
         self.positions.len() as u32 - 1
@@ -105,7 +105,7 @@ impl CutMesh {
         patch: &Patch,
         line: &[Node],
         in_patch: &[u32],
-        above: impl Fn([f64; 3]) -> f64,
+        above: impl Fn(DVec3) -> f64,
     ) -> Result<()> {
         let banks = Banks::new(self, patch, line, in_patch, above)?;
         self.is_inside_out = banks.is_inside_out;
@@ -278,7 +278,7 @@ fn triangles_of(rim: &[Corner], first_place: u32, positions: &[[f32; 3]]) -> Vec
             let [n2, d, e, n1, c] = [0, 1, 2, 3, 4].map(|k| at(second + k));
             let away = |a: &Corner, b: &Corner| {
                 let [p, q] = [a, b].map(|c| positions[c.0 as usize].map(f64::from));
-                distance(p, q)
+                DVec3::from(p).distance(q.into())
             };
             let mut out = vec![[n1, c, n2]];
             match away(&n2, &e) < away(&d, &n1) {
@@ -313,7 +313,7 @@ impl Banks {
         patch: &Patch,
         line: &[Node],
         in_patch: &[u32],
-        above: impl Fn([f64; 3]) -> f64,
+        above: impl Fn(DVec3) -> f64,
     ) -> Result<Banks> {
         let count = patch.points.len() as u32;
         let point = |n: usize| match line[n] {

@@ -15,6 +15,8 @@ mod valley;
 #[cfg(test)]
 mod tests;
 
+use glam::DVec3;
+
 use super::{Landmarks, Mesh, Mouth, align_to_canonical};
 use crate::{Error, Result};
 use bag::sew_bag;
@@ -85,8 +87,7 @@ pub fn open_mouth(mesh: &Mesh, landmarks: &Landmarks) -> Result<OpenedMouth> {
     }
     let to_canonical = align_to_canonical(landmarks)?;
     let frame = MouthFrame::of(landmarks, &to_canonical)?;
-    let inner: [[f64; 3]; 8] =
-        std::array::from_fn(|i| frame.local(landmarks.positions[60 + i].map(f64::from)));
+    let inner: [DVec3; 8] = std::array::from_fn(|i| frame.local_of(landmarks.positions[60 + i]));
     let found = |sewing: Sewing| -> Result<(Patch, SeamLine, Vec<Node>)> {
         let patch = Patch::around(mesh, landmarks, &frame, sewing)?;
         let seam = SeamLine::find(&patch, &inner)?;
@@ -99,7 +100,7 @@ pub fn open_mouth(mesh: &Mesh, landmarks: &Landmarks) -> Result<OpenedMouth> {
             "expected triangles smaller than the mouth, got one as wide as it".into(),
         ));
     }
-    let above = |p: [f64; 3]| p[1] - seam.height(p[0]);
+    let above = |p: DVec3| p[1] - seam.height(p[0]);
     let mut cut = CutMesh::new(mesh, &patch, &line, above)?;
     let first_bag_vertex = cut.positions.len();
     let bag = sew_bag(&mut cut, mesh, &frame);
@@ -210,20 +211,20 @@ impl OpenedMouth {
 /// Puts the landmarks of the inner lips on the rims, each at its own place between the corners.
 fn landmarks_on_rims(cut: &CutMesh, landmarks: &Landmarks, frame: &MouthFrame) -> Landmarks {
     let mut out = landmarks.clone();
-    let local = |v: u32| frame.local(cut.positions[v as usize].map(f64::from));
+    let local = |v: u32| frame.local_of(cut.positions[v as usize]);
     for n in 60..68 {
         let rim = if (61..64).contains(&n) {
             &cut.upper
         } else {
             &cut.lower
         };
-        let wanted = frame.local(landmarks.positions[n].map(f64::from))[0];
+        let wanted = frame.local_of(landmarks.positions[n]).x;
         let inner = match n {
             60 => 0..1,
             64 => rim.len() - 1..rim.len(),
             _ => 1..rim.len() - 1,
         };
-        let away = |&&v: &&u32| (local(v)[0] - wanted).abs();
+        let away = |&&v: &&u32| (local(v).x - wanted).abs();
         let nearest = rim[inner].iter().min_by(|a, b| away(a).total_cmp(&away(b)));
         let vertex = *nearest.expect("a slit has vertices between its corners");
         out.vertices[n] = vertex;

@@ -2,12 +2,14 @@
 
 use std::collections::HashMap;
 
+use glam::{DVec3, Vec3};
+
 use crate::{
     Error, Result,
     mesh::{
         Landmarks, Mesh, Parts, Similarity,
+        direction::unit,
         parts::{NO_PART, weld_seams},
-        vec3::{cross, dot, norm, sub, unit},
     },
 };
 
@@ -21,9 +23,9 @@ const LIPS: std::ops::Range<usize> = 48..68;
 /// Where the mouth is: the length of its axes is the way between the inner corners.
 pub(super) struct MouthFrame {
     /// The subject's right corner, mesh units.
-    pub start: [f64; 3],
+    pub start: DVec3,
     /// Unit vectors: to the left corner, up, out of the face.
-    pub axes: [[f64; 3]; 3],
+    pub axes: [DVec3; 3],
     /// Between the inner corners, mesh units.
     pub width: f64,
 }
@@ -31,9 +33,9 @@ pub(super) struct MouthFrame {
 impl MouthFrame {
     /// Up is half the head's and half the way from the lower to the upper lip.
     pub fn of(landmarks: &Landmarks, to_canonical: &Similarity) -> Result<MouthFrame> {
-        let at = |n: usize| landmarks.positions[n].map(f64::from);
-        let (start, way) = (at(60), sub(at(64), at(60)));
-        let (width, whole) = (norm(way), norm(sub(at(54), at(48))));
+        let at = |n: usize| Vec3::from(landmarks.positions[n]).as_dvec3();
+        let (start, way) = (at(60), at(64) - at(60));
+        let (width, whole) = (way.length(), at(54).distance(at(48)));
         if !width.is_finite() || width < 0.3 * whole || whole <= 0.0 {
             return Err(Error::InvalidInput(format!(
                 "landmarks 60 and 64: expected the inner corners of the mouth about as far apart as \
@@ -41,43 +43,37 @@ impl MouthFrame {
             )));
         }
         let across = unit(way);
-        let upright = |v: [f64; 3]| -> [f64; 3] {
-            let along = dot(v, across);
-            unit(std::array::from_fn(|i| v[i] - along * across[i]))
-        };
-        let middle = |of: [usize; 3]| -> [f64; 3] {
-            std::array::from_fn(|i| of.iter().map(|&n| at(n)[i]).sum::<f64>() / 3.0)
-        };
-        let of_head = upright(
-            to_canonical
-                .inverse()
-                .rotate([0.0, 1.0, 0.0])
-                .map(f64::from),
-        );
-        let of_lips = upright(sub(middle([50, 51, 52]), middle([56, 57, 58])));
-        let up = match dot(of_head, of_lips) > 0.3 {
-            true => upright([0, 1, 2].map(|i| of_head[i] + of_lips[i])),
+        let upright = |v: DVec3| unit(v - v.dot(across) * across);
+        let middle = |of: [usize; 3]| of.map(at).into_iter().sum::<DVec3>() / 3.0;
+        let up = to_canonical.inverse().rotate([0.0, 1.0, 0.0]);
+        let of_head = upright(Vec3::from(up).as_dvec3());
+        let of_lips = upright(middle([50, 51, 52]) - middle([56, 57, 58]));
+        let up = match of_head.dot(of_lips) > 0.3 {
+            true => upright(of_head + of_lips),
             false => of_head,
         };
         Ok(MouthFrame {
             start,
-            axes: [across, up, cross(across, up)],
+            axes: [across, up, across.cross(up)],
             width,
         })
     }
 
     /// Across, up and out, in widths of the mouth from its right corner.
-    pub fn local(&self, p: [f64; 3]) -> [f64; 3] {
-        let offset = sub(p, self.start);
-        self.axes.map(|axis| dot(axis, offset) / self.width)
+    pub fn local(&self, p: DVec3) -> DVec3 {
+        let offset = p - self.start;
+        (self.axes.map(|axis| axis.dot(offset) / self.width)).into()
+    }
+
+    /// [`MouthFrame::local`] of a point in single precision.
+    pub fn local_of(&self, p: [f32; 3]) -> DVec3 {
+        self.local(Vec3::from(p).as_dvec3())
     }
 
     /// The way back.
-    pub fn point(&self, local: [f64; 3]) -> [f64; 3] {
-        std::array::from_fn(|i| {
-            let along: f64 = (0..3).map(|k| self.axes[k][i] * local[k]).sum();
-            self.start[i] + self.width * along
-        })
+    pub fn point(&self, local: DVec3) -> DVec3 {
+        let [across, up, out] = self.axes;
+        self.start + self.width * (across * local.x + up * local.y + out * local.z)
     }
 }
 
@@ -97,7 +93,7 @@ pub(super) struct Patch {
     /// `[F', 3]`, over its own points.
     pub triangles: Vec<[u32; 3]>,
     /// `[P, 3]`, in the mouth's frame.
-    pub points: Vec<[f64; 3]>,
+    pub points: Vec<DVec3>,
 }
 
 impl Patch {
@@ -109,12 +105,12 @@ impl Patch {
         frame: &MouthFrame,
         sewing: Sewing,
     ) -> Result<Patch> {
-        let local: Vec<[f64; 3]> = (0..mesh.positions.len() as u32)
+        let local: Vec<DVec3> = (0..mesh.positions.len() as u32)
             .map(|v| frame.local(mesh.point(v)))
             .collect();
         let near = |v: u32| {
-            let [x, y, z] = local[v as usize];
-            norm([x - 0.5, FLATTER * y, z]) < REACH
+            let DVec3 { x, y, z } = local[v as usize];
+            DVec3::new(x - 0.5, FLATTER * y, z).length() < REACH
         };
         let faces: Vec<u32> = (0..mesh.triangles.len() as u32)
             .filter(|&f| mesh.triangles[f as usize].iter().any(|&v| near(v)))
@@ -154,16 +150,14 @@ impl Patch {
     }
 
     /// Length of the longest edge near a point of the mouth's frame, in widths.
-    pub fn edge_near(&self, p: [f64; 3]) -> f64 {
+    pub fn edge_near(&self, p: DVec3) -> f64 {
         let length = |t: &[u32; 3]| -> f64 {
             let [a, b, c] = t.map(|v| self.points[v as usize]);
-            [sub(a, b), sub(b, c), sub(c, a)]
-                .map(norm)
-                .into_iter()
-                .fold(0.0, f64::max)
+            let sides = [a - b, b - c, c - a].map(DVec3::length);
+            sides.into_iter().fold(0.0, f64::max)
         };
         let away = |t: &[u32; 3]| -> f64 {
-            let corners = t.map(|v| norm(sub(self.points[v as usize], p)));
+            let corners = t.map(|v| self.points[v as usize].distance(p));
             corners.into_iter().fold(f64::INFINITY, f64::min)
         };
         let nearest = self

@@ -343,7 +343,7 @@ fn texture_seams_and_faces_that_look_inward_are_no_hindrance() {
     let volume = |mesh: &Mesh| -> f64 {
         let six = |t: &[u32; 3]| {
             let [a, b, c] = t.map(|v| mesh.point(v));
-            crate::mesh::vec3::dot(a, crate::mesh::vec3::cross(b, c))
+            a.dot(b.cross(c))
         };
         mesh.triangles.iter().map(six).sum::<f64>() / 6.0
     };

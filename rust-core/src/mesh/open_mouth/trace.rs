@@ -7,13 +7,15 @@
 
 use std::collections::{BTreeMap, BinaryHeap};
 
+use glam::DVec3;
+
 use super::{patch::Patch, valley::SeamLine};
 use crate::{
     Error, Result,
     mesh::{
         Mesh,
         dijkstra::QueueEntry,
-        vec3::{distance, dot, sub},
+        tree::{blend, closest_weights},
     },
     operators::{NO_ROW, OperatorOptions, Operators, SparseCholesky},
 };
@@ -42,21 +44,14 @@ pub(super) enum Node {
 }
 
 impl Node {
-    pub fn position(self, patch: &Patch) -> [f64; 3] {
+    pub fn position(self, patch: &Patch) -> DVec3 {
         let at = |v: u32| patch.points[v as usize];
         match self {
             Node::Vertex(v) => at(v),
-            Node::Edge(a, b, t) => mix(at(a), at(b), t),
-            Node::Inside(f, shares) => {
-                let corners = patch.triangles[f as usize].map(at);
-                std::array::from_fn(|i| (0..3).map(|k| shares[k] * corners[k][i]).sum())
-            }
+            Node::Edge(a, b, t) => at(a) + t * (at(b) - at(a)),
+            Node::Inside(f, shares) => blend(patch.triangles[f as usize].map(at), shares),
         }
     }
-}
-
-fn mix(a: [f64; 3], b: [f64; 3], t: f64) -> [f64; 3] {
-    std::array::from_fn(|i| a[i] + t * (b[i] - a[i]))
 }
 
 /// The line from the subject's right corner of the mouth to the left one. `corners`: of the mouth, in
@@ -64,7 +59,7 @@ fn mix(a: [f64; 3], b: [f64; 3], t: f64) -> [f64; 3] {
 ///
 /// # Errors
 /// `Mesh` where no line leads from corner to corner.
-pub(super) fn trace(patch: &Patch, line: &SeamLine, corners: [[f64; 3]; 2]) -> Result<Vec<Node>> {
+pub(super) fn trace(patch: &Patch, line: &SeamLine, corners: [DVec3; 2]) -> Result<Vec<Node>> {
     let heights = patch.points.iter();
     let heights: Vec<f64> = heights.map(|p| p[1] - line.height(p[0])).collect();
     let heat = Heat::of(patch);
@@ -93,7 +88,7 @@ impl Heat {
     /// `None` on a patch that has no operators.
     fn of(patch: &Patch) -> Option<Heat> {
         let mesh = Mesh {
-            positions: patch.points.iter().map(|p| p.map(|x| x as f32)).collect(),
+            positions: patch.points.iter().map(|p| p.as_vec3().into()).collect(),
             triangles: patch.triangles.clone(),
         };
         let options = OperatorOptions {
@@ -136,7 +131,7 @@ impl Heat {
 struct Level<'a> {
     patch: &'a Patch,
     nodes: Vec<Node>,
-    positions: Vec<[f64; 3]>,
+    positions: Vec<DVec3>,
     /// Of each node: the other one and the triangle.
     links: Vec<Vec<(u32, u32)>>,
 }
@@ -190,7 +185,7 @@ impl<'a> Level<'a> {
     }
 
     /// The first line from corner to corner that comes near both.
-    fn line(&self, corners: [[f64; 3]; 2]) -> Option<Vec<Node>> {
+    fn line(&self, corners: [DVec3; 2]) -> Option<Vec<Node>> {
         let [starts, ends] = corners.map(|corner| {
             let reach = MISS + 1.2 * self.patch.edge_near(corner);
             self.near(corner, reach)
@@ -213,9 +208,9 @@ impl<'a> Level<'a> {
     }
 
     /// Nodes near a corner, the nearest first.
-    fn near(&self, corner: [f64; 3], reach: f64) -> Vec<u32> {
+    fn near(&self, corner: DVec3, reach: f64) -> Vec<u32> {
         let mut near: Vec<(f64, u32)> = (0..self.nodes.len() as u32)
-            .map(|n| (distance(self.positions[n as usize], corner), n))
+            .map(|n| (self.positions[n as usize].distance(corner), n))
             .filter(|(away, _)| *away < reach)
             .collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -223,16 +218,11 @@ impl<'a> Level<'a> {
     }
 
     /// Whether a way stays on the front of the mouth: nowhere far beyond its corners.
-    fn is_between(&self, way: &[u32], corners: [[f64; 3]; 2]) -> bool {
+    fn is_between(&self, way: &[u32], corners: [DVec3; 2]) -> bool {
         let (low, high) = (corners[0][0] - BEYOND, corners[1][0] + BEYOND);
         let length: f64 = way
             .windows(2)
-            .map(|ends| {
-                distance(
-                    self.positions[ends[0] as usize],
-                    self.positions[ends[1] as usize],
-                )
-            })
+            .map(|ends| self.positions[ends[0] as usize].distance(self.positions[ends[1] as usize]))
             .sum();
         let inside = |&n: &u32| (low..high).contains(&self.positions[n as usize][0]);
         way.iter().all(inside) && length < LONGEST
@@ -250,7 +240,7 @@ impl<'a> Level<'a> {
             from[node as usize] = Some(before);
             for &(next, _) in &self.links[node as usize] {
                 let [a, b] = [node, next].map(|n| self.positions[n as usize]);
-                let there = length + distance(a, b) as f32;
+                let there = length + a.distance(b) as f32;
                 if from[next as usize].is_none() && there < least[next as usize] {
                     least[next as usize] = there;
                     heap.push(QueueEntry(there, next, node));
@@ -272,7 +262,7 @@ impl<'a> Level<'a> {
     }
 
     /// Ends the way at the corners themselves where they lie well inside of a triangle that it crosses.
-    fn with_ends(&self, way: Vec<u32>, corners: [[f64; 3]; 2]) -> Vec<Node> {
+    fn with_ends(&self, way: Vec<u32>, corners: [DVec3; 2]) -> Vec<Node> {
         let mut line: Vec<Node> = way.iter().map(|&n| self.nodes[n as usize]).collect();
         let end = self.end(&way, corners[1], true);
         let start = self.end(&way, corners[0], false);
@@ -288,7 +278,7 @@ impl<'a> Level<'a> {
     }
 
     /// An end inside of a triangle, and whether it lies beyond the way's last node.
-    fn end(&self, way: &[u32], corner: [f64; 3], last: bool) -> Option<(Node, bool)> {
+    fn end(&self, way: &[u32], corner: DVec3, last: bool) -> Option<(Node, bool)> {
         let at = if last { way.len() - 1 } else { 0 };
         let inner = if last {
             at.checked_sub(1)
@@ -300,18 +290,18 @@ impl<'a> Level<'a> {
         let ways = self.links[tip as usize].iter();
         let places = ways.filter_map(|&(other, face)| {
             let q = self.positions[other as usize];
-            let way = sub(q, p);
-            let along = dot(sub(corner, p), way) / dot(way, way).max(1e-30);
+            let way = q - p;
+            let along = (corner - p).dot(way) / way.length_squared().max(1e-30);
             let fits = (TRIM..1.0 - TRIM).contains(&along) && !self.is_edge(tip, other);
             let beyond = other != before;
             fits.then(|| {
-                let place = mix(p, q, along);
-                (distance(place, corner), place, face, beyond)
+                let place = p + along * way;
+                (place.distance(corner), place, face, beyond)
             })
         });
         let (_, place, face, beyond) = places.min_by(|a, b| a.0.total_cmp(&b.0))?;
         let corners = self.patch.triangles[face as usize].map(|v| self.patch.points[v as usize]);
-        let shares = crate::mesh::tree::closest_weights(place, corners);
+        let shares = closest_weights(place, corners);
         Some((Node::Inside(face, shares), beyond))
     }
 

@@ -5,6 +5,8 @@
 //! the cheapest way through the grid from one corner to the other (dynamic programming) follows the
 //! valley, keeps near the line that the inner-lip landmarks draw, and does not jump.
 
+use glam::DVec3;
+
 use super::patch::Patch;
 use crate::{Error, Result};
 
@@ -43,7 +45,7 @@ impl SeamLine {
     ///
     /// # Errors
     /// `InvalidInput` where the lips stand apart before the floor of a pit.
-    pub fn find(patch: &Patch, inner: &[[f64; 3]; 8]) -> Result<SeamLine> {
+    pub fn find(patch: &Patch, inner: &[DVec3; 8]) -> Result<SeamLine> {
         let expected: Vec<f64> = (0..COLUMNS).map(|c| drawn(inner, place(c))).collect();
         let depths = Depths::of(patch, &expected);
         if depths.are_a_pit() {
@@ -78,7 +80,7 @@ fn place(column: usize) -> f64 {
 }
 
 /// Height of the line through the corners and the middles of the inner pairs.
-fn drawn(inner: &[[f64; 3]; 8], place: f64) -> f64 {
+fn drawn(inner: &[DVec3; 8], place: f64) -> f64 {
     let middle = |a: usize, b: usize| [0, 1].map(|i| 0.5 * (inner[a][i] + inner[b][i]));
     let mut knots = vec![[0.0, inner[0][1]]];
     for knot in [middle(1, 7), middle(2, 6), middle(3, 5)] {
@@ -115,7 +117,7 @@ impl Depths {
     }
 
     /// Keeps what of a triangle lies in front.
-    fn draw(&mut self, [a, b, c]: [[f64; 3]; 3], expected: &[f64]) {
+    fn draw(&mut self, [a, b, c]: [DVec3; 3], expected: &[f64]) {
         let twice = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
         if twice.abs() < 1e-12 {
             return;
@@ -246,7 +248,8 @@ mod tests {
             let x = f64::from(column) / 40.0 - 0.5;
             let y = f64::from(row) * 0.01 - 0.4;
             let away = (y - height(x)) / 0.04;
-            patch.points.push([x, y, -depth * (-away * away).exp()]);
+            let point = DVec3::new(x, y, -depth * (-away * away).exp());
+            patch.points.push(point);
         }
         for (row, column) in (0..rows - 1).flat_map(|r| (0..columns - 1).map(move |c| (r, c))) {
             let a = row * columns + column;
@@ -259,9 +262,9 @@ mod tests {
         patch
     }
 
-    fn level_landmarks() -> [[f64; 3]; 8] {
+    fn level_landmarks() -> [DVec3; 8] {
         let x = [0.0, 0.25, 0.5, 0.75, 1.0, 0.75, 0.5, 0.25];
-        x.map(|x| [x, 0.0, 0.0])
+        x.map(|x| DVec3::X * x)
     }
 
     #[test]

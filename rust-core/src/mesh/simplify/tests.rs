@@ -2,10 +2,10 @@ use super::*;
 use crate::mesh::parts::boundary_edges;
 
 /// A bumpy sheet of `n × n` cells over the unit square.
-fn sheet(n: u32) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
+fn sheet(n: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let point = |i: u32, j: u32| {
         let (x, y) = (f64::from(i) / f64::from(n), f64::from(j) / f64::from(n));
-        [x, y, 0.05 * (5.0 * x).sin() * (4.0 * y).cos()]
+        DVec3::new(x, y, 0.05 * (5.0 * x).sin() * (4.0 * y).cos())
     };
     let positions = (0..=n).flat_map(|j| (0..=n).map(move |i| point(i, j)));
     let cell = |a: u32| [[a, a + 1, a + n + 1], [a + 1, a + n + 2, a + n + 1]];
@@ -13,7 +13,7 @@ fn sheet(n: u32) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
     (positions.collect(), corners.flat_map(cell).collect())
 }
 
-fn coarse(n: u32, vertices: usize, locked: &[bool]) -> (Vec<[f64; 3]>, Simplified) {
+fn coarse(n: u32, vertices: usize, locked: &[bool]) -> (Vec<DVec3>, Simplified) {
     let (positions, triangles) = sheet(n);
     let wanted = vec![0.1; positions.len()];
     let options = SimplifyOptions {
@@ -37,7 +37,7 @@ fn a_sheet_comes_down_to_what_is_asked_and_keeps_its_rim() {
     assert_eq!(used, roots);
     for (a, b) in boundary_edges(&simple.triangles) {
         for v in [a, b] {
-            let [x, y, _] = positions[v as usize];
+            let DVec3 { x, y, .. } = positions[v as usize];
             assert!(x == 0.0 || x == 1.0 || y == 0.0 || y == 1.0, "{x} {y}");
         }
     }
@@ -59,7 +59,7 @@ fn locked_vertices_stay_and_nothing_goes_far() {
         assert_eq!(simple.stands_for[v], v as u32);
     }
     for (v, &root) in simple.stands_for.iter().enumerate() {
-        let gone = norm(sub(positions[v], positions[root as usize]));
+        let gone = positions[v].distance(positions[root as usize]);
         assert!(gone < 0.4, "{v} went {gone}");
     }
 }
@@ -70,7 +70,7 @@ fn edges_of_three_faces_stay_as_they_are() {
     let first = positions.len() as u32;
     // A fin along the middle row.
     for i in 0..=10 {
-        positions.push([f64::from(i) / 10.0, 0.5, 0.3]);
+        positions.push(DVec3::new(f64::from(i) / 10.0, 0.5, 0.3));
     }
     for i in 0..10 {
         triangles.push([5 * 11 + i, 5 * 11 + i + 1, first + i]);

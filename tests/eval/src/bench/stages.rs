@@ -79,11 +79,8 @@ fn solving(
         )
     })?;
     let solved = Mesh {
-        positions: skin
-            .operators
-            .positions
-            .iter()
-            .map(|p| p.map(|x| x as f32))
+        positions: (skin.operators.positions.iter())
+            .map(|p| p.as_vec3().into())
             .collect(),
         triangles: skin.operators.triangles.clone(),
     };

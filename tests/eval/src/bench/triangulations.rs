@@ -118,7 +118,9 @@ fn triangulations(mesh: &Mesh) -> (Vec<Mesh>, Vec<Vec<u32>>) {
 /// A coarser mesh and the original number of each of its vertices. Landmarks are not kept on
 /// purpose: an artist's mesh has no vertex there.
 fn down_to(mesh: &Mesh, vertices: usize) -> (Mesh, Vec<u32>) {
-    let exact: Vec<[f64; 3]> = mesh.positions.iter().map(|p| p.map(f64::from)).collect();
+    let exact: Vec<_> = (0..mesh.positions.len() as u32)
+        .map(|v| mesh.point(v))
+        .collect();
     let wanted = vec![1.0; exact.len()];
     let options = SimplifyOptions {
         vertices,
