@@ -7,54 +7,14 @@ mod plain;
 mod rhubarb;
 mod symbols;
 mod text_grid;
+mod tiers;
 
 use std::path::Path;
 
 use crate::{Error, Result, output::write_atomically};
 
 pub use symbols::Symbols;
-
-/// Label of an interval in which the lips are heard to be together, for p, b or m.
-pub const CLOSED: &str = "MBP";
-
-/// What is said when.
-///
-/// ```
-/// use anyface::annotation::{Annotation, AnnotationFormat};
-///
-/// let heard = Annotation::of_closures(&[[0.25, 0.5]], 1.0);
-/// let text = heard.to_text(AnnotationFormat::TextGrid, 24.0);
-/// let back = Annotation::from_text(&text, AnnotationFormat::TextGrid, 24.0)?;
-/// assert_eq!(back.closures()?, [[0.25, 0.5]]);
-/// # Ok::<(), anyface::Error>(())
-/// ```
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Annotation {
-    /// In the order of the file.
-    pub tiers: Vec<Tier>,
-    /// Length of the sound in seconds, where it is known; else the end of the last interval.
-    pub duration_s: f64,
-}
-
-/// Intervals of one kind.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Tier {
-    /// What its labels are.
-    pub symbols: Symbols,
-    /// In rising order; none is empty of a label.
-    pub intervals: Vec<Interval>,
-}
-
-/// A label and its time.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Interval {
-    /// Where it begins, seconds.
-    pub start_s: f64,
-    /// Where it ends, seconds, not before `start_s`.
-    pub end_s: f64,
-    /// A phone, a word or a mouth shape.
-    pub label: String,
-}
+pub use tiers::{Annotation, CLOSED, Interval, Tier};
 
 /// Kinds of files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -97,75 +57,6 @@ impl AnnotationFormat {
 }
 
 impl Annotation {
-    /// One tier that says where lips are together: `[start_s, end_s]` in rising order.
-    pub fn of_closures(closures: &[[f64; 2]], duration_s: f64) -> Annotation {
-        let interval = |&[start_s, end_s]: &[f64; 2]| Interval {
-            start_s,
-            end_s,
-            label: CLOSED.into(),
-        };
-        Annotation {
-            tiers: vec![Tier {
-                symbols: Symbols::Phones,
-                intervals: closures.iter().map(interval).collect(),
-            }],
-            duration_s,
-        }
-    }
-
-    /// Where lips are together: the intervals `[start_s, end_s]` of p, b, m and their kin, of the tier of
-    /// closures, else of the first one that can tell.
-    ///
-    /// # Errors
-    /// `InvalidInput` where there are words alone.
-    pub fn closures(&self) -> Result<Vec<[f64; 2]>> {
-        let tier = self.tier(Symbols::Closures).or_else(|| self.first_shown());
-        let tier = tier.ok_or_else(|| {
-            Error::InvalidInput(
-                "sounds: expected phones or mouth shapes, got words alone, which do not tell when \
-                 lips close"
-                    .into(),
-            )
-        })?;
-        let closed = tier.intervals.iter();
-        let closed = closed.filter(|interval| tier.symbols.closes_lips(&interval.label));
-        Ok(closed.map(|i| [i.start_s, i.end_s]).collect())
-    }
-
-    /// The intervals of the first tier of these symbols; none where there is no such tier.
-    pub fn intervals(&self, symbols: Symbols) -> &[Interval] {
-        self.tier(symbols).map_or(&[], |tier| &tier.intervals)
-    }
-
-    fn tier(&self, symbols: Symbols) -> Option<&Tier> {
-        self.tiers.iter().find(|tier| tier.symbols == symbols)
-    }
-
-    /// The first tier that a mouth shows.
-    fn first_shown(&self) -> Option<&Tier> {
-        let shown = |tier: &&Tier| tier.symbols != Symbols::Words;
-        self.tiers.iter().find(shown)
-    }
-
-    /// What a mouth shows, for files that have one tier: the first tier that says it; where there are
-    /// closures and phones, the phones with the closures over them, which alone close the lips.
-    fn shown(&self) -> (Symbols, Vec<Interval>) {
-        let (closures, phones) = (self.tier(Symbols::Closures), self.tier(Symbols::Phones));
-        let (Some(closures), Some(phones)) = (closures, phones) else {
-            let first = self.first_shown();
-            return first.map_or((Symbols::Phones, Vec::new()), |tier| {
-                (tier.symbols, tier.intervals.clone())
-            });
-        };
-        let closed = &closures.intervals;
-        let open = |phone: &&Interval| !Symbols::Phones.closes_lips(&phone.label);
-        let open = phones.intervals.iter().filter(open);
-        let mut out: Vec<Interval> = open.flat_map(|phone| outside(phone, closed)).collect();
-        out.extend(closed.iter().cloned());
-        out.sort_by(|a, b| a.start_s.total_cmp(&b.start_s));
-        (Symbols::Phones, out)
-    }
-
     /// Reads a file of the format that its extension names; `fps` is what frames of .dat count, which
     /// does not say so itself.
     ///
@@ -212,63 +103,6 @@ impl Annotation {
             AnnotationFormat::Plain => plain::write(self),
         }
     }
-
-    /// What is said in the formats of mouth shapes: intervals that touch, from 0 to the end.
-    fn filled(&self, to: Symbols) -> Vec<Interval> {
-        let (from, intervals) = self.shown();
-        let (mut out, mut at): (Vec<Interval>, f64) = (Vec::new(), 0.0);
-        let gap = |start_s: f64, end_s: f64| Interval {
-            start_s,
-            end_s,
-            label: to.between().into(),
-        };
-        // Where a label lasts to the next, the last one only says where the sound ends.
-        for interval in intervals.iter().filter(|i| i.start_s < self.duration_s) {
-            if interval.start_s > at {
-                out.push(gap(at, interval.start_s));
-            }
-            out.push(Interval {
-                label: from.as_shape(&interval.label, to),
-                ..interval.clone()
-            });
-            at = interval.end_s;
-        }
-        if self.duration_s > at {
-            out.push(gap(at, self.duration_s));
-        }
-        out
-    }
-}
-
-/// The parts of an interval that none of `others`, in rising order, covers.
-fn outside(interval: &Interval, others: &[Interval]) -> Vec<Interval> {
-    let (mut out, mut at) = (Vec::new(), interval.start_s);
-    let mut add = |start_s: f64, end_s: f64| {
-        let label = interval.label.clone();
-        if end_s > start_s {
-            out.push(Interval {
-                start_s,
-                end_s,
-                label,
-            });
-        }
-    };
-    for other in others.iter().filter(|other| other.start_s < interval.end_s) {
-        add(at, other.start_s);
-        at = at.max(other.end_s);
-    }
-    add(at, interval.end_s);
-    out
-}
-
-/// Tiers with what is known of the end; tiers without a label are left out, unless all are.
-fn finished(tiers: Vec<Tier>, duration_s: f64) -> Annotation {
-    let ends = tiers.iter().flat_map(|tier| &tier.intervals);
-    let last = ends.map(|i| i.end_s).fold(0.0, f64::max);
-    Annotation {
-        tiers,
-        duration_s: duration_s.max(last),
-    }
 }
 
 fn parse(text: &str, format: AnnotationFormat, fps: f64) -> Result<Annotation, String> {
@@ -303,36 +137,6 @@ fn decode(bytes: &[u8]) -> Result<String, String> {
                 })
         }
     }
-}
-
-/// What was expected in a line, and what stands there.
-fn wrong(line: usize, expected: &str, got: &str) -> String {
-    format!("{line}: expected {expected}, got {got:?}")
-}
-
-/// A time in seconds that can be.
-fn time(line: usize, text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(seconds) if seconds.is_finite() && seconds >= 0.0 => Ok(seconds),
-        _ => Err(wrong(line, "a time in seconds of at least 0", text)),
-    }
-}
-
-/// An interval whose end is not before its start, nor its start before `after_s`.
-fn interval(line: usize, times: [f64; 2], label: &str, after_s: f64) -> Result<Interval, String> {
-    let [start_s, end_s] = times;
-    // Half a hundred-thousandth of a second is rounding of the file.
-    if end_s < start_s || start_s < after_s - 5e-6 {
-        return Err(format!(
-            "{line}: expected an interval that begins at {after_s} s or later and does not end \
-             before, got {start_s} to {end_s}"
-        ));
-    }
-    Ok(Interval {
-        start_s,
-        end_s,
-        label: label.to_owned(),
-    })
 }
 
 #[cfg(test)]

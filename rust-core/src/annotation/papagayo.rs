@@ -2,7 +2,10 @@
 
 use std::fmt::Write;
 
-use super::{Annotation, Interval, Symbols, Tier, finished, interval, wrong};
+use super::{
+    Annotation, Interval, Symbols, Tier,
+    tiers::{finished, interval, wrong},
+};
 
 const SWITCH: &str = "MohoSwitch1";
 const PROJECT: &str = "lipsync version 1";

@@ -2,7 +2,10 @@
 
 use std::fmt::Write;
 
-use super::{Annotation, Interval, Symbols, Tier, finished, interval, time, wrong};
+use super::{
+    Annotation, Interval, Symbols, Tier,
+    tiers::{finished, interval, time, wrong},
+};
 
 /// Lines that hold something, with their numbers; `#` begins a remark.
 pub(super) fn rows(text: &str) -> impl Iterator<Item = (usize, &str)> {

@@ -2,7 +2,10 @@
 
 use std::fmt::Write;
 
-use super::{Annotation, Interval, Symbols, Tier, finished, interval, time, wrong};
+use super::{
+    Annotation, Interval, Symbols, Tier,
+    tiers::{finished, interval, time, wrong},
+};
 
 const SHAPES: [&str; 9] = ["A", "B", "C", "D", "E", "F", "G", "H", "X"];
 const EXPECTED: &str = "a mouth shape A to H or X";

@@ -5,7 +5,10 @@
 
 use std::fmt::Write;
 
-use super::{Annotation, Interval, Symbols, Tier, finished, interval, time, wrong};
+use super::{
+    Annotation, Interval, Symbols, Tier,
+    tiers::{finished, interval, time, wrong},
+};
 
 /// A number or text, and its line.
 enum Token<'a> {

@@ -23,8 +23,8 @@ use symphonia::{
 };
 
 use super::{
+    damage::{SoundDamage, SoundFile},
     edit_list::{self, Edit},
-    file::{SoundDamage, SoundFile},
     intake::Intake,
     opus::{self, OpusDecoder},
     source::Source,

@@ -1,57 +1,12 @@
-//! A sound from a file, and what of it is lost where the file is damaged.
+//! A sound from a file.
 
 use std::path::Path;
 
-use super::{Waveform, compressed, long_wav, source::Source, wav};
+use super::{Waveform, compressed, damage::SoundFile, long_wav, source::Source, wav};
 use crate::{Error, Result, outside::guarded};
 
-/// A loss below which nothing is said: less than a syllable, and less than this share.
-const UNHEARD_S: f64 = 0.05;
-const UNHEARD_SHARE: f64 = 0.01;
 /// Share of a sound whose loss makes the rest useless, unless the caller knows.
 pub const LARGEST_LOSS: f64 = 0.2;
-
-/// What a damaged file should have held and does not.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SoundDamage {
-    /// Seconds that could not be read.
-    pub missing_s: f64,
-    /// Seconds that the file says it holds.
-    pub expected_s: f64,
-}
-
-impl SoundDamage {
-    /// The loss, where there is one that can be heard.
-    pub(super) fn of(missing_s: f64, expected_s: f64) -> Option<SoundDamage> {
-        let is_heard = missing_s > UNHEARD_S && missing_s > UNHEARD_SHARE * expected_s;
-        is_heard.then_some(SoundDamage {
-            missing_s,
-            expected_s,
-        })
-    }
-
-    /// Share of the sound that is missing, 0 to 1.
-    pub fn share(&self) -> f64 {
-        self.missing_s / self.expected_s
-    }
-
-    /// For people.
-    pub fn sentence(&self) -> String {
-        format!(
-            "the sound file is damaged: {:.2} s of {:.2} s are missing, and what follows may come too early",
-            self.missing_s, self.expected_s
-        )
-    }
-}
-
-/// A sound, and what is lost of it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SoundFile {
-    /// What could be read.
-    pub waveform: Waveform,
-    /// What could not.
-    pub damage: Option<SoundDamage>,
-}
 
 impl SoundFile {
     /// Decodes a file, as [`Waveform::from_file`] does, and tells what is missing: samples that a header
@@ -95,5 +50,20 @@ fn named(path: &Path, error: Error) -> Error {
             Error::Audio(format!("{shown}: {message}"))
         }
         other => other,
+    }
+}
+
+impl Waveform {
+    /// Decodes a file: WAV (RF64 and Wave64 too), MP3, FLAC, Ogg or WebM (Vorbis or Opus), M4A (AAC or ALAC), AAC,
+    /// CAF or AIFF.
+    ///
+    /// Channels are averaged, never summed, so nothing clips; samples outside [−1, 1] are kept.
+    ///
+    /// # Errors
+    /// `Io` if the file cannot be read; `Audio` if it cannot be decoded, holds no sample, holds samples
+    /// that are not finite or beyond ±[`LOUDEST`], or is damaged so that more than a fifth is missing
+    /// ([`SoundFile::read`] tells how much).
+    pub fn from_file(path: &Path) -> Result<Self> {
+        SoundFile::read(path, false).map(|file| file.waveform)
     }
 }

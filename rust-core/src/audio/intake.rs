@@ -1,7 +1,10 @@
 //! Where decoders deliver: mixes to mono, checks every sample, resamples.
 
-use super::{ACCEPTED_RATES_HZ, LOUDEST, Waveform, resample::ToSpeechRate};
-use crate::{Error, Result};
+use super::{
+    resample::ToSpeechRate,
+    waveform::{ACCEPTED_RATES_HZ, LOUDEST, Waveform},
+};
+use crate::{Error, Result, outside::guarded};
 
 /// Takes interleaved samples in any number of pieces and gives one [`Waveform`].
 pub(super) struct Intake {
@@ -118,5 +121,29 @@ impl Count {
     fn add(&mut self, here: u64) {
         self.count += 1;
         self.first.get_or_insert(here);
+    }
+}
+
+impl Waveform {
+    /// From a host's own samples.
+    ///
+    /// `samples`: `[S, C]` interleaved, nominally in [−1, 1]; `rate_hz` within
+    /// [`ACCEPTED_RATES_HZ`]. The result has `round(S · 16000 / rate_hz)` samples, at least one.
+    ///
+    /// # Errors
+    /// `Audio` for no samples, a length that is no multiple of `channels`, a rate out of range,
+    /// or samples that are not finite or beyond ±[`LOUDEST`] (says how many and where the first is).
+    pub fn from_interleaved(samples: &[f32], channels: usize, rate_hz: u32) -> Result<Self> {
+        if channels == 0 || !samples.len().is_multiple_of(channels) {
+            return Err(Error::Audio(format!(
+                "expected whole frames of {channels} channels, got {} samples",
+                samples.len()
+            )));
+        }
+        guarded(Error::Audio, || {
+            let mut intake = Intake::new(channels, rate_hz)?;
+            intake.push(samples)?;
+            intake.finish()
+        })
     }
 }

@@ -4,8 +4,12 @@
 //! sixteenth of the work. Own code, because the crates that offer it are no longer looked after.
 //! Cost: 200 × 68 multiplications a frame, about a second for an hour of sound.
 
-use super::prosody::HOP;
+use super::SAMPLE_RATE_HZ;
 
+/// Frames per second of the tracks of prosody.
+pub const PROSODY_FPS: f64 = 100.0;
+/// Samples between frames.
+pub(super) const HOP: usize = SAMPLE_RATE_HZ as usize / PROSODY_FPS as usize;
 /// Samples of the sound to one of the tracker's.
 const DECIMATION: usize = 4;
 const RATE_HZ: f32 = 4000.0;

@@ -2,12 +2,11 @@
 
 use std::ops::Range;
 
-use super::{SAMPLE_RATE_HZ, Waveform, pitch::pitch_track};
+use super::{
+    SAMPLE_RATE_HZ, Waveform,
+    pitch::{HOP, PROSODY_FPS, pitch_track},
+};
 
-/// Frames per second of the tracks.
-pub const PROSODY_FPS: f64 = 100.0;
-/// Samples between frames.
-pub(super) const HOP: usize = SAMPLE_RATE_HZ as usize / PROSODY_FPS as usize;
 /// Levels below this are raised to it.
 const FLOOR_DB: f32 = -90.0;
 /// A frame this far below the loud parts of the speech belongs to a pause.

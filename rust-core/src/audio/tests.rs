@@ -1,6 +1,10 @@
-use std::{f64::consts::TAU, path::PathBuf};
+use std::{
+    f64::consts::TAU,
+    path::{Path, PathBuf},
+};
 
-use super::*;
+use super::{intake::Intake, *};
+use crate::{Error, Result};
 
 const TONE_HZ: f64 = 440.0;
 

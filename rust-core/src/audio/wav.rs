@@ -10,7 +10,7 @@ use std::{
 use hound::{SampleFormat, WavReader};
 
 use super::{
-    file::{SoundDamage, SoundFile},
+    damage::{SoundDamage, SoundFile},
     intake::Intake,
     source::{Reading, Source},
 };

@@ -11,9 +11,10 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{
+    box3::Box3,
     nearest::PointGrid,
     part_list::{PartList, skin_tree},
-    role_rules::{Box3, REACH_CM, RoleRules},
+    role_rules::{REACH_CM, RoleRules},
 };
 use crate::{
     ibug::LANDMARKS,

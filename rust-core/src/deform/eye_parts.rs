@@ -8,7 +8,7 @@
 
 use glam::Vec3;
 
-use super::role_rules::Box3;
+use super::box3::Box3;
 use crate::{
     ibug::LANDMARKS,
     mesh::{SurfaceTree, sphere::fit_sphere},

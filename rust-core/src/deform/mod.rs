@@ -8,6 +8,7 @@
 //! turns the result into a few basis shapes, [`projection`] finds other motion on them.
 
 pub mod binding;
+mod box3;
 pub mod compression;
 mod contact;
 mod corrected;
@@ -43,7 +44,7 @@ pub use skin::Skin;
 pub use static_weights::{StaticWeights, VertexGeometry};
 pub use tension_screened_biharmonic::{Plate, PlateWeights, REACHES_CM};
 
-use crate::{Result, face::Face, progress::ProgressFn};
+use crate::{Result, progress::ProgressFn};
 use ndarray::{Array3, ArrayView2, ArrayView3};
 
 /// Displacements of every vertex over time.
@@ -129,24 +130,6 @@ pub trait CodeField: Send + Sync {
     /// # Errors
     /// `InvalidInput` or `ShapeMismatch` for codes of another length or that are not finite.
     fn beyond(&self, codes: ArrayView2<'_, f32>, base: &Array3<f32>) -> Result<Array3<f32>>;
-
-    /// The face under codes `[t, X]`: displacements `[t, V, 3]`, mesh units and axes. `deformer` moves what does not
-    /// follow the codes, and adds what `landmarks` `[t, 68, 3]`, in mesh units, do beside them.
-    ///
-    /// # Errors
-    /// Those of [`CodeField::landmarks`] and of the deformer.
-    fn frames(
-        &self,
-        (face, deformer): (&Face, &dyn Deformer),
-        landmarks: ArrayView3<'_, f32>,
-        codes: ArrayView2<'_, f32>,
-        progress: ProgressFn<'_>,
-    ) -> Result<Array3<f32>> {
-        let base = face.own_motion(self.landmarks(codes)?.view());
-        let base = deformer.deform_freely(base.view(), progress)?;
-        let beside = self.beyond(codes, &base)?;
-        deformer.deform_beside(landmarks, &beside, progress)
-    }
 }
 
 /// Some vertices of a mesh.

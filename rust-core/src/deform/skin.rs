@@ -8,19 +8,10 @@ use super::{
 use crate::{
     Error, Result,
     ibug::LANDMARKS,
-    mesh::{
-        Mesh, PartRole, Parts,
-        lips::{Lip, lip_of_vertices},
-        parts::weld_seams,
-    },
+    mesh::{Mesh, PartRole, parts::weld_seams},
     operators::{NO_ROW, OperatorOptions, Operators},
 };
 
-/// A part with fewer landmarks than this (lashes, a brow) is not skin; its landmarks move to the
-/// skin beside it.
-const LANDMARKS_OF_SKIN: usize = 7;
-/// How far along the surface a lip is followed when lips are told apart, centimetres.
-const LIP_CM: f32 = 4.0;
 /// A landmark further from any skin than this is an error, centimetres.
 const LOST_CM: f32 = 5.0;
 
@@ -165,53 +156,4 @@ fn spread(
         (true, Some(proxy)) => proxy.prolongation.row(sewn[v]).filter_map(row).collect(),
     });
     Prolongation::from_rows(rows)
-}
-
-/// Vertices of closed lips that only coincide: sewing them up would glue the mouth.
-/// `groups`: for each vertex the one that stands for it when all seams are sewn up.
-pub(super) fn touching_lips(mesh: &Mesh, groups: &[u32], vertices: &[u32; LANDMARKS]) -> Vec<u32> {
-    let sewn: Vec<u32> = (0..groups.len() as u32)
-        .filter(|&v| groups[v as usize] != v)
-        .collect();
-    if sewn.is_empty() {
-        return Vec::new();
-    }
-    let lips = lip_of_vertices(mesh, &vertices[49..54], &vertices[55..60], LIP_CM);
-    let differ = |v: u32| {
-        let pair = (lips[v as usize], lips[groups[v as usize] as usize]);
-        matches!(
-            pair,
-            (Some(Lip::Upper), Some(Lip::Lower)) | (Some(Lip::Lower), Some(Lip::Upper))
-        )
-    };
-    let apart = sewn.into_iter().filter(|&v| differ(v));
-    apart.flat_map(|v| [v, groups[v as usize]]).collect()
-}
-
-/// Connected parts of a mesh whose seams are sewn up.
-pub(super) fn sewn_parts(mesh: &Mesh, groups: &[u32]) -> Parts {
-    let sewn = mesh.triangles.iter().map(|t| t.map(|v| groups[v as usize]));
-    let mut parts = Parts::of(mesh.positions.len(), &sewn.collect::<Vec<_>>());
-    for v in 0..groups.len() {
-        parts.of_vertex[v] = parts.of_vertex[groups[v] as usize];
-    }
-    parts
-}
-
-/// `[parts]`, whether a part is skin.
-pub(super) fn parts_of_skin(parts: &Parts, vertices: &[u32; LANDMARKS]) -> Result<Vec<bool>> {
-    let mut count = vec![0; parts.count];
-    for &v in vertices {
-        if let Some(count) = count.get_mut(parts.of_vertex[v as usize] as usize) {
-            *count += 1;
-        }
-    }
-    let most = count.iter().copied().max().unwrap_or(0);
-    if most == 0 {
-        return Err(Error::Mesh(
-            "expected landmarks on faces, got all 68 on vertices without a face".into(),
-        ));
-    }
-    let needed = LANDMARKS_OF_SKIN.min(most);
-    Ok(count.iter().map(|&c| c >= needed).collect())
 }

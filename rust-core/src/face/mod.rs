@@ -145,6 +145,24 @@ impl Face {
         self.to_canonical.displacements_to_mesh(own.view())
     }
 
+    /// This face under codes `[t, X]`: displacements `[t, V, 3]`, mesh units and axes. `deformer` moves what does not
+    /// follow the codes, and adds what `landmarks` `[t, 68, 3]`, in mesh units, do beside them.
+    ///
+    /// # Errors
+    /// Those of [`CodeField::landmarks`] and of the deformer.
+    pub(crate) fn under_codes(
+        &self,
+        (field, deformer): (&dyn CodeField, &dyn Deformer),
+        landmarks: ArrayView3<'_, f32>,
+        codes: ArrayView2<'_, f32>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array3<f32>> {
+        let base = self.own_motion(field.landmarks(codes)?.view());
+        let base = deformer.deform_freely(base.view(), progress)?;
+        let beside = field.beyond(codes, &base)?;
+        deformer.deform_beside(landmarks, &beside, progress)
+    }
+
     /// The canonical pose of the landmarks, `[68][3]` metres, in which the vertices of this mesh are displaced by
     /// `moved` `[V, 3]`, mesh units and axes: a pose that a motion may start from.
     ///

@@ -1,10 +1,8 @@
 //! Which head: coefficients at random, directions, mixtures.
 
-use super::{Head, check};
+use super::{COEFFICIENTS, Head, check};
 use crate::{Error, Result, diffusion::frame_noise};
 
-/// Coefficients of a head; they come from N(0, 1).
-pub const COEFFICIENTS: usize = 100;
 /// A coefficient beyond this, or a root mean square beyond [`FAR_ON_AVERAGE`], is far outside what was learned.
 const FAR: f32 = 5.0;
 const FAR_ON_AVERAGE: f32 = 2.0;

@@ -4,6 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Error, Result, ibug::LANDMARKS};
 
+/// Coefficients of a head; they come from N(0, 1).
+pub const COEFFICIENTS: usize = 100;
+
 /// `config.json` beside the weights. Lengths inside the fields are metres divided by `scale_m`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct HeadConfig {

@@ -22,8 +22,7 @@ use std::path::Path;
 use ndarray::{Array1, Array2};
 use rayon::prelude::*;
 
-pub use code::COEFFICIENTS;
-pub use config::{Direction, HeadConfig};
+pub use config::{COEFFICIENTS, Direction, HeadConfig};
 pub use fit::{ScanFit, ScanOptions};
 use identity::{Identity, IdentityField};
 pub use make::{HeadOptions, MadeHead};

@@ -4,9 +4,7 @@
 //! `{"version": 1, "landmarks": [{"index": 48, "vertex": 1201}, {"index": 8, "position": [x, y, z]}]}`.
 //! Where an entry has both, the position counts.
 
-use std::path::Path;
-
-use super::{Mesh, landmark_file};
+use super::Mesh;
 use crate::{Error, Result, ibug::LANDMARKS};
 
 /// One landmark that stays where the caller puts it.
@@ -28,29 +26,6 @@ pub enum LandmarkPlace {
 }
 
 impl FixedLandmark {
-    /// Reads any number of fixed landmarks from a JSON file.
-    ///
-    /// # Errors
-    /// `Io` if it cannot be read, else as [`FixedLandmark::from_json`].
-    pub fn read(path: &Path) -> Result<Vec<Self>> {
-        let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
-        Self::from_json(&text).map_err(|error| match error {
-            Error::InvalidInput(message) => {
-                Error::InvalidInput(format!("{}: {message}", path.display()))
-            }
-            other => other,
-        })
-    }
-
-    /// Reads any number of fixed landmarks, the lowest index first.
-    ///
-    /// # Errors
-    /// `InvalidInput` if the text is not in the format, has another version, an index above 67 or
-    /// twice, or an entry without place.
-    pub fn from_json(text: &str) -> Result<Vec<Self>> {
-        landmark_file::fixed_from_json(text)
-    }
-
     /// Its place, mesh units.
     ///
     /// # Errors

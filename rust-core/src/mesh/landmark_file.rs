@@ -147,7 +147,7 @@ fn expect_all(count: usize, expected: &str) -> Result<()> {
 ///
 /// # Errors
 /// As [`FixedLandmark::from_json`].
-pub(super) fn fixed_from_json(text: &str) -> Result<Vec<FixedLandmark>> {
+fn fixed_from_json(text: &str) -> Result<Vec<FixedLandmark>> {
     let document = serde_json::from_str(text)
         .map_err(|e: serde_json::Error| Error::InvalidInput(format!("landmarks: {e}")))?;
     let fixed = |entry: Entry| {
@@ -211,6 +211,31 @@ fn collect<T>(entries: &[Option<Entry>], field: impl Fn(&Entry) -> Option<T>) ->
         })
     };
     entries.iter().enumerate().map(value).collect()
+}
+
+impl FixedLandmark {
+    /// Reads any number of fixed landmarks from a JSON file.
+    ///
+    /// # Errors
+    /// `Io` if it cannot be read, else as [`FixedLandmark::from_json`].
+    pub fn read(path: &Path) -> Result<Vec<Self>> {
+        let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+        Self::from_json(&text).map_err(|error| match error {
+            Error::InvalidInput(message) => {
+                Error::InvalidInput(format!("{}: {message}", path.display()))
+            }
+            other => other,
+        })
+    }
+
+    /// Reads any number of fixed landmarks, the lowest index first.
+    ///
+    /// # Errors
+    /// `InvalidInput` if the text is not in the format, has another version, an index above 67 or
+    /// twice, or an entry without place.
+    pub fn from_json(text: &str) -> Result<Vec<Self>> {
+        fixed_from_json(text)
+    }
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::{
     FaceOptions, KnownLandmark, LandmarkFinder, LandmarkSource, Landmarks, Mesh,
-    snap::snap_to_surface,
+    snap::{eye_distance, snap_to_surface},
 };
 use crate::{
     Error, Result,
@@ -148,11 +148,6 @@ fn sixty_eight<T: Copy>(given: &[T], expected: &str) -> Result<[T; LANDMARKS]> {
         expected: expected.into(),
         got: expected.replace("68", &given.len().to_string()),
     })
-}
-
-/// Between the outer eye corners.
-pub(crate) fn eye_distance(positions: &[[f32; 3]; LANDMARKS]) -> f32 {
-    Vec3::from(positions[36]).distance(positions[45].into())
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ mod canonical;
 mod check;
 pub(crate) mod dijkstra;
 pub(crate) mod direction;
+mod face_options;
 pub(crate) mod features;
 mod find_landmarks;
 mod fixed;
@@ -31,6 +32,7 @@ pub(crate) mod tree;
 pub use align::{Fit, Similarity};
 pub use canonical::{align_to_canonical, canonical_landmarks};
 pub use check::MeshReport;
+pub use face_options::{DEFAULT_PROXY, FaceOptions};
 pub use find_landmarks::{LandmarkFinder, MODEL as LANDMARK_MODEL};
 pub use fixed::{FixedLandmark, LandmarkPlace};
 pub use front_view::FrontView;
@@ -42,7 +44,7 @@ pub use parts::Parts;
 pub use roles::{ObjectNames, Part, PartChoices, PartRole, PartSelector, RoleSource};
 pub use tree::{ClosestPlace, SurfaceTree};
 
-use crate::{conditions::Controls, ibug::LANDMARKS};
+use crate::ibug::LANDMARKS;
 
 /// A triangle mesh in the user's own units, axes and vertex order.
 ///
@@ -155,43 +157,5 @@ impl std::fmt::Display for Axis {
             Axis::PosZ => "+z",
             Axis::NegZ => "-z",
         })
-    }
-}
-
-/// What is known of a face before it is prepared.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FaceOptions {
-    /// Landmarks from the caller; `None` lets the library find them.
-    pub landmarks: Option<LandmarkSource>,
-    /// Landmarks that stay where the caller puts them; the others follow.
-    pub fixed: Vec<FixedLandmark>,
-    /// The axis out of the face: +z in OBJ and glTF, −y in Blender. Faces turned any way are found;
-    /// the axes decide where several places look alike.
-    pub forward: Axis,
-    /// The axis to the top of the head.
-    pub up: Axis,
-    /// What the caller says of the mesh's parts; the others are told by shape and place.
-    pub parts: PartChoices,
-    /// A skin of more vertices is worked on through a proxy of so many; `None` works on every
-    /// vertex, however many.
-    pub proxy: Option<usize>,
-    /// What the controls of faces are set to.
-    pub controls: Controls,
-}
-
-/// Vertices of the proxy on which large skins are worked on.
-pub const DEFAULT_PROXY: usize = 10_000;
-
-impl Default for FaceOptions {
-    fn default() -> Self {
-        FaceOptions {
-            landmarks: None,
-            fixed: Vec::new(),
-            forward: Axis::PosZ,
-            up: Axis::PosY,
-            controls: Controls::default(),
-            parts: PartChoices::default(),
-            proxy: Some(DEFAULT_PROXY),
-        }
     }
 }

@@ -6,7 +6,6 @@ use rayon::prelude::*;
 
 use super::{
     Landmarks, Mesh, Parts, SurfaceTree,
-    landmarks::eye_distance,
     lips::{lip_of_landmark, lip_of_vertices},
     parts::weld_seams,
     tree::SurfacePoint,
@@ -107,6 +106,11 @@ fn nearest_corner(mesh: &Mesh, place: &SurfacePoint) -> u32 {
         .into_iter()
         .min_by(|a, b| distance(a).total_cmp(&distance(b)))
         .unwrap_or(corners[0])
+}
+
+/// Between the outer eye corners.
+pub(crate) fn eye_distance(positions: &[[f32; 3]; LANDMARKS]) -> f32 {
+    Vec3::from(positions[36]).distance(positions[45].into())
 }
 
 #[cfg(test)]

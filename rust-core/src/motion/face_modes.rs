@@ -7,10 +7,9 @@ use std::path::Path;
 use ndarray::{Array3, ArrayView2, Axis};
 use serde::Deserialize;
 
-use super::upper_face::lids;
 use crate::{
     Error, Result,
-    ibug::LANDMARKS,
+    ibug::{EYES, LANDMARKS},
     models::{BuiltIn, built_in},
     nn::Weights,
 };
@@ -48,7 +47,9 @@ impl FaceModes {
             names: config.modes,
             modes,
         };
-        lids(&this)?;
+        for eye in &EYES {
+            this.mode(eye.mode)?;
+        }
         Ok(this)
     }
 

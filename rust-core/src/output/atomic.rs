@@ -245,6 +245,17 @@ fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
     builder.tempfile_in(folder)
 }
 
+/// Writes any value as indented JSON.
+///
+/// # Errors
+/// `Io` if the file cannot be written.
+pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
+    write_atomically(path, |file| {
+        serde_json::to_writer_pretty(&mut *file, value)?;
+        std::io::Write::write_all(file, b"\n")
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -8,6 +8,7 @@ mod atomic;
 mod blend_weights;
 mod cache;
 mod clip_file;
+mod format;
 mod landmark_motion;
 mod mdd;
 mod npz;
@@ -23,9 +24,10 @@ use std::path::Path;
 
 #[cfg(feature = "cli")]
 pub(crate) use atomic::all_or_none;
-pub use atomic::{remove_unfinished, write_atomically};
+pub use atomic::{remove_unfinished, write_atomically, write_json};
 pub use blend_weights::write_blend_weights;
 pub use clip_file::ClipFile;
+pub use format::Format;
 pub use landmark_motion::{LandmarkMotion, read_landmark_motion, read_life, read_weights};
 pub use opened_obj::write_opened_obj;
 pub use report::{Report, warnings_of_sound};
@@ -42,36 +44,6 @@ use crate::{
     rig::SolvedWeights,
     spread::{self, Animation, ClipStart, FrameSink, LandmarkTrack},
 };
-
-/// A kind of file that holds an animation.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Format {
-    /// Arrays for numpy: displacements, landmarks, frame rate.
-    Npz,
-    /// Point cache 2: positions at every frame; Blender, 3ds Max, Maya.
-    Pc2,
-    /// Lightwave point cache: times and positions, big-endian; Blender, Cinema 4D, Houdini.
-    Mdd,
-}
-
-impl Format {
-    /// From the extension of a file name.
-    ///
-    /// # Errors
-    /// `InvalidInput` for any other extension.
-    pub fn from_path(path: &Path) -> Result<Self> {
-        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
-        match extension.to_ascii_lowercase().as_str() {
-            "npz" => Ok(Format::Npz),
-            "pc2" => Ok(Format::Pc2),
-            "mdd" => Ok(Format::Mdd),
-            _ => Err(Error::InvalidInput(format!(
-                "{}: expected a name that ends in .npz, .pc2 or .mdd, got {extension:?}",
-                path.display()
-            ))),
-        }
-    }
-}
 
 /// Writes an animation in the format that the extension of `path` names; see [`ClipFile`].
 ///
@@ -186,17 +158,6 @@ pub fn write_mask(path: &Path, mask: ArrayView2<'_, f32>) -> Result<()> {
             path.display()
         ))),
     }
-}
-
-/// Writes any value as indented JSON.
-///
-/// # Errors
-/// `Io` if the file cannot be written.
-pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
-    write_atomically(path, |file| {
-        serde_json::to_writer_pretty(&mut *file, value)?;
-        std::io::Write::write_all(file, b"\n")
-    })
 }
 
 #[cfg(test)]

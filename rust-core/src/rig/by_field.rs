@@ -3,10 +3,7 @@
 
 use ndarray::{Array2, Array3, Axis, s};
 
-use super::{
-    ARKIT, Rig, RigModel, VISEMES,
-    make::{ShapeReport, arkit},
-};
+use super::{ARKIT, Rig, RigModel, ShapeReport, VISEMES, names::arkit};
 use crate::{
     Result,
     deform::{CodeField, Deformer, binding::Follows},
@@ -109,9 +106,12 @@ impl FieldOfFace<'_> {
             let codes = self.codes(&weights.slice(s![some.clone(), ..]).to_owned())?;
             let marks = self.field.landmarks(codes.view())?;
             let own = face.own_motion(marks.view());
-            let moved =
-                self.field
-                    .frames((face, self.deformer), own.view(), codes.view(), SILENT)?;
+            let moved = face.under_codes(
+                (self.field, self.deformer),
+                own.view(),
+                codes.view(),
+                SILENT,
+            )?;
             out.slice_mut(s![some, .., ..]).assign(&moved);
         }
         report(progress, "field", 1.0)?;

@@ -2,7 +2,7 @@
 
 use ndarray::{Array2, Array3, ArrayView2, ArrayView3, Axis};
 
-use super::make::arkit;
+use super::names::arkit;
 use crate::{
     Result,
     deform::{Deformer, binding::Follows},

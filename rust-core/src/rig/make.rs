@@ -4,14 +4,16 @@ use std::collections::BTreeMap;
 
 use ndarray::{Array2, Array3, ArrayView2, Axis};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 use super::{
     ARKIT, SHAPES, VISEMES,
     decoded::{Learned, fold, move_jaw},
     lids,
+    names::arkit,
     network::{RigConfig, RigNetwork, SkinGeometry},
     parts::{Eyeball, Gaze, TongueFound, eyeballs, tongue},
+    shapes::{Rig, ShapeReport},
     visemes::mixtures,
 };
 use crate::{
@@ -31,64 +33,12 @@ pub static MODEL: BuiltIn = built_in!("rig");
 const VERTICES_PER_TASK: usize = 1024;
 /// Landmarks whose weights are asked of the deformer at a time.
 const LANDMARKS_PER_PROBE: usize = 17;
-/// A shape that moves no vertex further than this on a human head counts as missing.
-const NEAR_ZERO_MM: f32 = 0.2;
-
-/// The shapes of one mesh.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Rig {
-    /// `[S]`: the 52 of [`ARKIT`], then the 15 of [`VISEMES`]; by the field of a head shapes in between may follow.
-    pub names: Vec<String>,
-    /// `[S, V, 3]`, displacement of every vertex at strength 1, mesh units and axes.
-    pub deltas: Array3<f32>,
-    /// `[S]`.
-    pub reports: Vec<ShapeReport>,
-}
-
-/// What came of one shape.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ShapeReport {
-    /// Its name.
-    pub name: String,
-    /// Largest displacement of a vertex, mesh units.
-    pub largest: f32,
-    /// The same on a human head.
-    pub largest_mm: f32,
-    /// Whether anything moves visibly.
-    pub present: bool,
-    /// Why nothing moves, or what does not move along.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub note: Option<String>,
-}
 
 /// The trained network and what else all rigs share.
 pub struct RigModel {
     network: RigNetwork,
     /// `[15, 52]`.
     visemes: Array2<f32>,
-}
-
-impl ShapeReport {
-    /// Of a shape `[V, 3]` in mesh units, of which `scale` are metres on a human head; `note` is told whether it moves
-    /// visibly.
-    pub(super) fn of(
-        name: &str,
-        shape: ArrayView2<'_, f32>,
-        scale: f32,
-        note: impl FnOnce(bool) -> Option<String>,
-    ) -> ShapeReport {
-        let squared = shape.rows().into_iter().map(|d| d.dot(&d));
-        let largest = squared.fold(0.0f32, f32::max).sqrt();
-        let largest_mm = 1000.0 * scale * largest;
-        let present = largest_mm > NEAR_ZERO_MM;
-        ShapeReport {
-            note: note(present),
-            name: name.to_owned(),
-            largest,
-            largest_mm,
-            present,
-        }
-    }
 }
 
 #[derive(Deserialize)]
@@ -336,12 +286,6 @@ fn to_mesh(deltas: &mut Array3<f32>, to_canonical: &Similarity) {
         let own = to_canonical.displacements_to_mesh(metres.view());
         shape.assign(&own.index_axis(Axis(0), 0));
     }
-}
-
-/// Number of an ARKit shape that is known to be one.
-pub(super) fn arkit(name: &str) -> usize {
-    let place = ARKIT.iter().position(|known| *known == name);
-    place.expect("the model's names were checked when it was loaded")
 }
 
 #[cfg(test)]

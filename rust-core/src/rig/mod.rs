@@ -13,13 +13,15 @@ mod make;
 mod names;
 pub mod network;
 pub mod parts;
+mod shapes;
 pub mod solve;
 mod visemes;
 
 pub use by_field::FieldOfFace;
 pub use decoded::Learned;
-pub use make::{MODEL, Rig, RigModel, ShapeReport};
+pub use make::{MODEL, RigModel};
 pub use names::{ARKIT, VISEMES, mirrored_name};
+pub use shapes::{Rig, ShapeReport};
 pub use solve::{SolveOptions, SolvedWeights, solve};
 
 /// Shapes of a rig.

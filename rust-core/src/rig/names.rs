@@ -84,6 +84,12 @@ pub fn mirrored_name(name: &str) -> String {
     }
 }
 
+/// Number of an ARKit shape that is known to be one.
+pub(super) fn arkit(name: &str) -> usize {
+    let place = ARKIT.iter().position(|known| *known == name);
+    place.expect("the model's names were checked when it was loaded")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

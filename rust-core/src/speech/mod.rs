@@ -3,8 +3,10 @@
 mod alignment;
 mod causal;
 mod compact;
+mod contacts;
 mod conv_features;
 mod emotion_model;
+mod encoder;
 mod encoder_config;
 mod feeling;
 mod felt_emotion;
@@ -21,8 +23,9 @@ pub use causal::{CausalConfig, CausalModel, CausalSpeech};
 pub(crate) use compact::{ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE};
 pub use compact::{CompactConfig, CompactEncoder, normalise};
 pub use emotion_model::EmotionModel;
+pub use encoder::{COMPACT_MODEL, FeatureTrack, SpeechEncoder, SpeechInput, frames_of};
 pub use feeling::{FEELING_MODEL, FeelingConfig, FeelingEncoder, FeltVoice, LiveFeeling};
-pub use heard::{Heard, frames_of};
+pub use heard::Heard;
 pub use log_mel::{BANDS, FRAME, HOP, MelAnalyser, log_mel};
 pub use phones::{LipContacts, PHONE_MODEL, PhoneConfig, PhoneModel, Said};
 pub use resample::at_motion_frames;
@@ -30,62 +33,7 @@ pub use transformer_encoder::HiddenStates;
 
 use std::path::Path;
 
-use crate::{
-    Error, Result,
-    audio::Waveform,
-    models::{BuiltIn, built_in},
-};
-use ndarray::{Array2, ArrayView2};
-use serde::{Deserialize, Serialize};
-
-/// Features of a stretch of speech at a constant rate.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FeatureTrack {
-    /// `[T, C]`.
-    pub features: Array2<f32>,
-    /// Frames per second.
-    pub rate_hz: f64,
-    /// Second at which the first frame stands: the middle of the sound that it hears.
-    pub first_s: f64,
-}
-
-/// Which speech features a model was trained with; a part of its `config.json`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct SpeechInput {
-    /// Name of the encoder: "compact_speech", "hubert" or "wav2vec2".
-    pub encoder: String,
-    /// Channels `C` of its features.
-    pub channels: usize,
-    /// Motion frames a second to which HuBERT and wav2vec2 bring what their convolutions hear before the transformer;
-    /// without it the output of the transformer is brought there.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub transformer_fps: Option<f64>,
-}
-
-/// Turns sound into features.
-pub trait SpeechEncoder: Send + Sync {
-    /// The name that a model's [`SpeechInput`] calls it by.
-    fn name(&self) -> &'static str;
-
-    /// Number of channels `C` of the features.
-    fn channels(&self) -> usize;
-
-    /// Encodes a waveform at the encoder's own rate.
-    ///
-    /// # Errors
-    /// [`crate::Error::Audio`] if the sound is too short to encode.
-    fn encode(&self, waveform: &Waveform) -> Result<FeatureTrack>;
-
-    /// Probability at each row of `features` `[T, C]` that the lips are together for p, b or m,
-    /// `[T]`; `None` where the encoder was not trained to say so.
-    fn closed_lips(&self, features: ArrayView2<'_, f32>) -> Option<Vec<f32>> {
-        let _ = features;
-        None
-    }
-}
-
-/// Built-in weights of [`CompactEncoder`].
-pub static COMPACT_MODEL: BuiltIn = built_in!("compact_speech");
+use crate::{Error, Result};
 
 /// The compact encoder with its built-in weights, or those of `folder`.
 ///

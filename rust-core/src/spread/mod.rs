@@ -191,7 +191,7 @@ impl<'a> Spread<'a> {
                 let rows = Slice::from(range);
                 let codes = codes.slice_axis(Axis(0), rows);
                 let stretch = landmarks.slice_axis(Axis(0), rows);
-                field.frames((self.face, *deformer), stretch, codes, progress)
+                (self.face).under_codes((*field, *deformer), stretch, codes, progress)
             }
             Way::Shapes(shapes) => {
                 report(progress, "deform", 0.0)?;

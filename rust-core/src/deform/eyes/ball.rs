@@ -6,7 +6,7 @@
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-use super::ease;
+use super::mix::ease;
 use crate::mesh::sphere;
 
 /// Of an eyeball to the width of its eye: 12 mm to 28 mm on human heads.

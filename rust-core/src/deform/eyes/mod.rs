@@ -11,19 +11,23 @@
 
 mod ball;
 mod find;
+mod mix;
 mod opening;
 mod openings;
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-use self::{ball::Eyeball, opening::SAMPLES};
+use self::{
+    ball::Eyeball,
+    mix::{Mix, ease},
+    opening::SAMPLES,
+    openings::UPPER_SHARE,
+};
 pub(super) use find::eyelids;
 pub(super) use opening::Head;
 pub(crate) use openings::Openings;
 
-/// What the upper lid does of a change of the opening; the lower lid does the rest.
-const UPPER_SHARE: f32 = 0.9;
 /// From this share of closing on the opening is exactly what the landmarks ask for.
 const EXACT_FROM: f32 = 0.5;
 /// Shut lids overlap by this much, so that no sliver between two vertices of their edges stays open.
@@ -341,35 +345,12 @@ fn between_samples<T: Mix>(values: &[T; SAMPLES], place: f32) -> T {
     values[first].mixed(values[next], rest)
 }
 
-/// What lies between two values.
-trait Mix: Copy {
-    fn mixed(self, other: Self, share: f32) -> Self;
-}
-
-impl Mix for f32 {
-    fn mixed(self, other: f32, share: f32) -> f32 {
-        self * (1.0 - share) + other * share
-    }
-}
-
-impl Mix for [f32; 3] {
-    fn mixed(self, other: [f32; 3], share: f32) -> [f32; 3] {
-        std::array::from_fn(|i| self[i].mixed(other[i], share))
-    }
-}
-
 /// Each value with its two neighbours; the ends have themselves for a neighbour.
 fn beside(values: &[f32; SAMPLES], of: impl Fn(f32, f32, f32) -> f32) -> [f32; SAMPLES] {
     std::array::from_fn(|k| {
         let (before, after) = (k.saturating_sub(1), (k + 1).min(SAMPLES - 1));
         of(values[before], values[k], values[after])
     })
-}
-
-/// 0 up to 0, 1 from 1 on, smooth between.
-fn ease(x: f32) -> f32 {
-    let x = x.clamp(0.0, 1.0);
-    x * x * (3.0 - 2.0 * x)
 }
 
 #[cfg(test)]

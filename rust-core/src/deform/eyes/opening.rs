@@ -8,8 +8,8 @@
 use glam::Vec3;
 
 use super::{
-    Mix,
     ball::{Eyeball, fit_eyeball, radius_of},
+    mix::Mix,
 };
 use crate::{deform::lids::LidEdge, ibug::LANDMARKS, mesh::FrontView};
 

@@ -2,16 +2,15 @@
 
 use ndarray::Array3;
 
-use super::{
-    UPPER_SHARE,
-    opening::{Head, Opening},
-};
+use super::opening::{Head, Opening};
 use crate::{
     deform::PartList,
     ibug::EYES,
     mesh::{Landmarks, Mesh, PartRole, Similarity},
 };
 
+/// What the upper lid does of a change of the opening; the lower lid does the rest.
+pub(super) const UPPER_SHARE: f32 = 0.9;
 /// How far the lids of the canonical face travel towards each other until they are shut: `eyeBlink` of the
 /// built-in face modes, mean of two pairs.
 const CANONICAL_WAY_CM: f32 = 0.789;

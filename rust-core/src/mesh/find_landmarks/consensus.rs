@@ -5,9 +5,7 @@ use rayon::prelude::*;
 use super::{
     depth_view::Window,
     network::LandmarkNetwork,
-    search::{HALF_SIZE_M, front, middle},
-    turned,
-    view::{Frame, Look, look},
+    view::{Frame, HALF_SIZE_M, Look, front, look, middle, turned},
 };
 use crate::{
     ibug::LANDMARKS,

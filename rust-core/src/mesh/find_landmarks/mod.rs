@@ -430,15 +430,6 @@ fn moved(places: &[(usize, [f32; 3])], by: &Similarity) -> Vec<(usize, [f32; 3])
     places.iter().map(|(i, p)| (*i, by.apply(*p))).collect()
 }
 
-/// The face's own frame for views: canonical metres as far as they are known.
-fn turned(frame: &Frame, to_canonical: &Similarity) -> Vec<[f32; 3]> {
-    frame
-        .points
-        .iter()
-        .map(|p| to_canonical.apply(*p))
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

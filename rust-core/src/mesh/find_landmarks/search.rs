@@ -11,18 +11,14 @@ use super::{
     network::LandmarkNetwork,
     pose_network::{PoseNetwork, Sighting},
     symmetry::{Plane, symmetry},
-    turned,
-    view::{Frame, Look, look},
+    view::{Frame, HALF_SIZE_M, middle, on_face, turned},
 };
 use crate::{
     Result,
-    mesh::{Similarity, canonical_landmarks, direction::unit},
+    mesh::{Similarity, direction::unit},
     nn::conv2d::Picture,
     progress::{Progress, ProgressFn, report},
 };
-
-/// Half-size of the window on a face of human size, metres; the networks were trained around it.
-pub(super) const HALF_SIZE_M: f32 = 0.105;
 
 /// A face that was found is looked at again through a window so many times its own size.
 const CLOSER: f32 = 1.35;
@@ -291,21 +287,6 @@ impl Search<'_> {
     }
 }
 
-/// The close front view of a face.
-pub(super) fn front(views: &LandmarkNetwork, frame: &Frame, to_canonical: &Similarity) -> Look {
-    let points = turned(frame, to_canonical);
-    look(views, frame, &points, on_face(HALF_SIZE_M))
-}
-
-/// A window on the middle of a face.
-fn on_face(half_size: f32) -> Window {
-    let [x, y, _] = middle();
-    Window {
-        centre: [x, y],
-        half_size,
-    }
-}
-
 fn best_first(candidates: &mut [Candidate]) {
     candidates.sort_by(|a, b| b.rank().total_cmp(&a.rank()));
 }
@@ -377,12 +358,6 @@ fn poses_on(bounds: [[f32; 3]; 2], plane: &Plane) -> Vec<Similarity> {
         }
     }
     poses
-}
-
-/// Mean of the canonical landmarks: the centre of a face.
-pub(super) fn middle() -> [f32; 3] {
-    let mean = canonical_landmarks();
-    std::array::from_fn(|k| mean.iter().map(|p| p[k]).sum::<f32>() / mean.len() as f32)
 }
 
 /// Views from the faces and corners of a cube, the stated front first.

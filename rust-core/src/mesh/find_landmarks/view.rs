@@ -11,7 +11,7 @@ use super::{
 use crate::{
     Error, Result,
     ibug::LANDMARKS,
-    mesh::{Axis, Mesh, Similarity},
+    mesh::{Axis, Mesh, Similarity, canonical_landmarks},
 };
 
 /// More triangles than these are not drawn: pictures have 256² pixels, and what is found is put on the whole mesh.
@@ -167,6 +167,39 @@ pub(super) fn look(
         sight,
         buffer,
     }
+}
+
+/// Half-size of the window on a face of human size, metres; the networks were trained around it.
+pub(super) const HALF_SIZE_M: f32 = 0.105;
+
+/// The close front view of a face.
+pub(super) fn front(views: &LandmarkNetwork, frame: &Frame, to_canonical: &Similarity) -> Look {
+    let points = turned(frame, to_canonical);
+    look(views, frame, &points, on_face(HALF_SIZE_M))
+}
+
+/// A window on the middle of a face.
+pub(super) fn on_face(half_size: f32) -> Window {
+    let [x, y, _] = middle();
+    Window {
+        centre: [x, y],
+        half_size,
+    }
+}
+
+/// Mean of the canonical landmarks: the centre of a face.
+pub(super) fn middle() -> [f32; 3] {
+    let mean = canonical_landmarks();
+    std::array::from_fn(|k| mean.iter().map(|p| p[k]).sum::<f32>() / mean.len() as f32)
+}
+
+/// The face's own frame for views: canonical metres as far as they are known.
+pub(super) fn turned(frame: &Frame, to_canonical: &Similarity) -> Vec<[f32; 3]> {
+    frame
+        .points
+        .iter()
+        .map(|p| to_canonical.apply(*p))
+        .collect()
 }
 
 #[cfg(test)]

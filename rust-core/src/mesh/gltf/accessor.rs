@@ -8,10 +8,7 @@ use base64::{
     engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig},
 };
 
-use super::{
-    document::{Accessor, Document, SparsePart},
-    missing, refusal,
-};
+use super::document::{Accessor, Document, SparsePart, missing, refusal};
 use crate::{Error, Result};
 
 /// How one number is stored.

@@ -2,6 +2,8 @@
 
 use serde::Deserialize;
 
+use crate::Error;
+
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct Document {
@@ -116,4 +118,14 @@ pub(super) struct View {
 #[derive(Deserialize)]
 pub(super) struct Buffer {
     pub uri: Option<String>,
+}
+
+pub(super) fn refusal(what: String) -> Error {
+    Error::Mesh(format!("glTF: {what}"))
+}
+
+pub(super) fn missing(what: &str, number: usize, count: usize) -> Error {
+    refusal(format!(
+        "expected a number below the file's {count} for a {what}, got {number}"
+    ))
 }

@@ -9,10 +9,10 @@ mod accessor;
 mod document;
 
 use accessor::Data;
-use document::{Document, Node, Primitive};
+use document::{Document, Node, Primitive, missing, refusal};
 
 use super::Mesh;
-use crate::{Error, Result};
+use crate::Result;
 
 type Matrix = [[f32; 4]; 4];
 
@@ -64,10 +64,6 @@ pub(super) fn parse_glb(bytes: &[u8]) -> Result<Mesh> {
     };
     reading.scene()?;
     Ok(reading.mesh)
-}
-
-fn refusal(what: String) -> Error {
-    Error::Mesh(format!("glTF: {what}"))
 }
 
 /// The chunk of JSON and that of data, empty where there is none.
@@ -212,12 +208,6 @@ impl Reading<'_> {
             Err(_) => Err(refusal("expected fewer than 4294967296 vertices".into())),
         }
     }
-}
-
-fn missing(what: &str, number: usize, count: usize) -> Error {
-    refusal(format!(
-        "expected a number below the file's {count} for a {what}, got {number}"
-    ))
 }
 
 const IDENTITY: Matrix = [

@@ -1,6 +1,7 @@
 use std::fmt::Write;
 
 use super::*;
+use crate::Error;
 
 /// A .glb file from its description and data.
 fn glb(json: &str, data: &[u8]) -> Vec<u8> {

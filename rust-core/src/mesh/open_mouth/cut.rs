@@ -4,11 +4,20 @@ use std::collections::{HashMap, HashSet};
 
 use glam::DVec3;
 
-use super::{TriangleSource, patch::Patch, trace::Node};
+use super::{patch::Patch, trace::Node};
 use crate::{
     Error, Result,
     mesh::{Mesh, tree::blend},
 };
+
+/// What a triangle of the new mesh was cut from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TriangleSource {
+    /// Triangle of the old mesh; for one of the bag the one beside which it begins.
+    pub triangle: u32,
+    /// For each corner the shares of that triangle's three corners: at least 0, sum 1.
+    pub corners: [[f32; 3]; 3],
+}
 
 /// A triangle of the new mesh inside of one of the old.
 #[derive(Debug, Clone, Copy)]

@@ -21,21 +21,13 @@ use super::{Landmarks, Mesh, Mouth, align_to_canonical};
 use crate::{Error, Result};
 use bag::sew_bag;
 use cut::CutMesh;
+pub use cut::TriangleSource;
 use patch::{MouthFrame, Patch, Sewing};
 use trace::{Node, trace};
 use valley::SeamLine;
 
 /// Fewest vertices of a slit that can open, both corners included.
 const LEAST_VERTICES: usize = 3;
-
-/// What a triangle of the new mesh was cut from.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TriangleSource {
-    /// Triangle of the old mesh; for one of the bag the one beside which it begins.
-    pub triangle: u32,
-    /// For each corner the shares of that triangle's three corners: at least 0, sum 1.
-    pub corners: [[f32; 3]; 3],
-}
 
 /// A mesh whose lips were one surface and can part now.
 #[derive(Debug, Clone, PartialEq)]

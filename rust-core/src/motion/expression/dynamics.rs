@@ -1,5 +1,7 @@
 //! How an expression comes, stays and goes.
 
+use ndarray::{ArrayView2, s};
+
 use super::table::{Expressions, Strengths};
 use crate::{
     audio::Prosody,
@@ -155,4 +157,17 @@ pub(super) fn accent_at(accents: &[BrowAccent], time_s: f64) -> f32 {
         .iter()
         .take_while(|accent| accent.start_s <= time_s);
     near.map(|accent| accent.at(time_s)).fold(0.0, f32::max)
+}
+
+impl Expressions {
+    /// What the face shows of what is asked, `affect` `[T, 16]`: `[T]`, settled at the start.
+    pub(super) fn followed(&self, affect: ArrayView2<'_, f32>, fps: f64) -> Vec<Strengths> {
+        let mut follower = Follower::default();
+        let kinds = EMOTIONS.len();
+        let asked = &affect.slice(s![.., ..kinds]) * &affect.slice(s![.., kinds..]);
+        asked
+            .outer_iter()
+            .map(|row| follower.step(&std::array::from_fn(|e| row[e]), self, fps))
+            .collect()
+    }
 }

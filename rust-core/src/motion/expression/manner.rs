@@ -2,7 +2,6 @@
 
 use ndarray::{ArrayView2, ArrayViewMut2};
 
-use super::table::{Expressions, Strengths};
 use crate::ibug::{MOUTH, speaking};
 
 /// Limits of the share of smoothed motion.
@@ -20,24 +19,6 @@ pub(super) struct Manner {
     pub(super) slur: f32,
     /// After so many seconds nine tenths of a change are there.
     pub(super) onset_s: f64,
-}
-
-impl Expressions {
-    /// How a mixture speaks; its onset is that of neutral.
-    pub(super) fn manner(&self, strengths: &Strengths) -> Manner {
-        let mut mixed = Manner {
-            opening: 1.0,
-            rounding: 1.0,
-            slur: 0.0,
-            ..self.manners[0]
-        };
-        for (strength, manner) in strengths.iter().zip(&self.manners) {
-            mixed.opening += strength * (manner.opening - 1.0);
-            mixed.rounding += strength * (manner.rounding - 1.0);
-            mixed.slur += strength * manner.slur;
-        }
-        mixed
-    }
 }
 
 impl Manner {

@@ -2,10 +2,10 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use ndarray::{Array2, Array3, ArrayView2, s};
+use ndarray::{Array2, Array3, ArrayView2};
 use serde::Deserialize;
 
-use super::{dynamics::Follower, manner::Manner};
+use super::manner::Manner;
 use crate::{
     Error, Result,
     conditions::EMOTIONS,
@@ -99,15 +99,22 @@ impl Expressions {
         }
         out
     }
+}
 
-    /// What the face shows of what is asked, `affect` `[T, 16]`: `[T]`, settled at the start.
-    pub(super) fn followed(&self, affect: ArrayView2<'_, f32>, fps: f64) -> Vec<Strengths> {
-        let mut follower = Follower::default();
-        let kinds = EMOTIONS.len();
-        let asked = &affect.slice(s![.., ..kinds]) * &affect.slice(s![.., kinds..]);
-        asked
-            .outer_iter()
-            .map(|row| follower.step(&std::array::from_fn(|e| row[e]), self, fps))
-            .collect()
+impl Expressions {
+    /// How a mixture speaks; its onset is that of neutral.
+    pub(super) fn manner(&self, strengths: &Strengths) -> Manner {
+        let mut mixed = Manner {
+            opening: 1.0,
+            rounding: 1.0,
+            slur: 0.0,
+            ..self.manners[0]
+        };
+        for (strength, manner) in strengths.iter().zip(&self.manners) {
+            mixed.opening += strength * (manner.opening - 1.0);
+            mixed.rounding += strength * (manner.rounding - 1.0);
+            mixed.slur += strength * manner.slur;
+        }
+        mixed
     }
 }

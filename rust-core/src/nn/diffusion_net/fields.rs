@@ -5,7 +5,7 @@ use std::ops::Range;
 use ndarray::{Array2, Array3};
 use rayon::prelude::*;
 
-use super::{Block, Coefficients};
+use super::block::{Block, Coefficients};
 use crate::nn::{
     elementwise::{tanh, vectorised},
     linear::Linear,

@@ -1,7 +1,10 @@
 //! The network against its authors' numbers.
 
+use ndarray::Array2;
+
 use super::*;
 use crate::nn::golden::{Golden, distance};
+use crate::nn::matrix::view;
 use ndarray::{Axis, stack};
 
 fn network(golden: &Golden, shape: DiffusionNetShape) -> DiffusionNet {

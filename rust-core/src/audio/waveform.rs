@@ -1,0 +1,46 @@
+//! The sound that everything listens to.
+
+/// Sample rate of every [`Waveform`].
+pub const SAMPLE_RATE_HZ: u32 = 16_000;
+
+/// Sample rates that are accepted, in Hz.
+pub const ACCEPTED_RATES_HZ: std::ops::RangeInclusive<u32> = 4_000..=384_000;
+
+/// Magnitude beyond which a sample is no sound: 80 dB over full scale.
+pub const LOUDEST: f32 = 1e4;
+
+/// Peak below which a sound counts as silence: −60 dB of full scale.
+pub const SILENCE_PEAK: f32 = 1e-3;
+
+/// Mono sound at [`SAMPLE_RATE_HZ`].
+///
+/// ```
+/// use anyface::audio::Waveform;
+///
+/// let stereo = [0.5f32; 2 * 48_000];
+/// let sound = Waveform::from_interleaved(&stereo, 2, 48_000)?;
+/// assert_eq!((sound.samples.len(), sound.duration_s()), (16_000, 1.0));
+/// # Ok::<(), anyface::Error>(())
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct Waveform {
+    /// `[S]`, nominally in [−1, 1], always finite.
+    pub samples: Vec<f32>,
+}
+
+impl Waveform {
+    /// Length in seconds.
+    pub fn duration_s(&self) -> f64 {
+        self.samples.len() as f64 / f64::from(SAMPLE_RATE_HZ)
+    }
+
+    /// Largest magnitude of any sample.
+    pub fn peak(&self) -> f32 {
+        self.samples.iter().fold(0.0, |peak, x| peak.max(x.abs()))
+    }
+
+    /// Whether nothing rises above [`SILENCE_PEAK`].
+    pub fn is_silent(&self) -> bool {
+        self.peak() < SILENCE_PEAK
+    }
+}

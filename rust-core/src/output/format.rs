@@ -1,0 +1,35 @@
+//! Kinds of files that hold an animation.
+
+use std::path::Path;
+
+use crate::{Error, Result};
+
+/// A kind of file that holds an animation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// Arrays for numpy: displacements, landmarks, frame rate.
+    Npz,
+    /// Point cache 2: positions at every frame; Blender, 3ds Max, Maya.
+    Pc2,
+    /// Lightwave point cache: times and positions, big-endian; Blender, Cinema 4D, Houdini.
+    Mdd,
+}
+
+impl Format {
+    /// From the extension of a file name.
+    ///
+    /// # Errors
+    /// `InvalidInput` for any other extension.
+    pub fn from_path(path: &Path) -> Result<Self> {
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
+        match extension.to_ascii_lowercase().as_str() {
+            "npz" => Ok(Format::Npz),
+            "pc2" => Ok(Format::Pc2),
+            "mdd" => Ok(Format::Mdd),
+            _ => Err(Error::InvalidInput(format!(
+                "{}: expected a name that ends in .npz, .pc2 or .mdd, got {extension:?}",
+                path.display()
+            ))),
+        }
+    }
+}
