@@ -9,10 +9,9 @@ use anyhow::Result;
 use clap::Args;
 
 use crate::{
-    extension, machine,
+    apt, extension, machine,
     python::{self, Venv},
     steps::Steps,
-    test,
 };
 
 /// Runs the tests of tests/addon on a zip.
@@ -34,7 +33,7 @@ impl Addon {
     /// Installs what is missing, then runs the tests.
     pub fn run(&self) -> Result<()> {
         let mut steps = Steps::new("addon")?;
-        machine::ensure_apt(&mut steps, machine::BLENDER_LIBRARIES)?;
+        apt::ensure(&mut steps, apt::BLENDER_LIBRARIES)?;
         let python = python::blender(&mut steps, self.blender.as_deref())?;
         let zip = match &self.zip {
             Some(zip) => zip.canonicalize()?,
@@ -58,11 +57,11 @@ pub fn built_zip(steps: &mut Steps, release: bool) -> Result<PathBuf> {
 
 /// Prints lines of the tables of docs/speed.md.
 fn bench(steps: &mut Steps, python: &Path, zip: &Path) -> Result<()> {
-    machine::ensure_apt(steps, &["flite"])?;
+    apt::ensure(steps, &["flite"])?;
     let mut measure = Command::new(python);
     measure.arg(machine::root().join("tests/addon/bench_blender.py"));
     measure.env("ANYFACE_EXTENSION", zip);
-    if let Some(blender) = test::blender(steps)? {
+    if let Some(blender) = python::blender_executable(steps)? {
         measure.env("ANYFACE_BLENDER", blender);
     }
     let output = steps.run("measure in Blender", &mut measure)?;
@@ -74,7 +73,7 @@ fn bench(steps: &mut Steps, python: &Path, zip: &Path) -> Result<()> {
 
 /// Runs the tests; `blender` is an executable to test as well.
 pub fn check(steps: &mut Steps, python: &Path, zip: &Path, blender: Option<PathBuf>) -> Result<()> {
-    let mut test = test::pytest(python, "tests/addon");
+    let mut test = python::pytest(python, "tests/addon");
     test.env("ANYFACE_EXTENSION", zip);
     if let Some(blender) = blender {
         test.env("ANYFACE_BLENDER", blender);

@@ -8,11 +8,7 @@ use std::{
 
 use anyhow::Result;
 
-use crate::{
-    install, machine,
-    package::{copy_licences, empty},
-    steps::Steps,
-};
+use crate::{install, machine, steps::Steps};
 
 const NAME: &str = "libanyface-dev";
 const PROGRAM: &str = "#include <anyface.h>\n\
@@ -33,11 +29,11 @@ pub fn build(steps: &mut Steps, built: &Path, out: &Path) -> Result<PathBuf> {
 /// Lays the files of the package out in `tree`; returns where the package goes.
 fn stage(built: &Path, tree: &Path, out: &Path) -> Result<PathBuf> {
     let version = env!("CARGO_PKG_VERSION");
-    empty(tree)?;
+    machine::empty(tree)?;
     install::install(built, &tree.join("usr"))?;
     let documents = tree.join("usr/share/doc").join(NAME);
     fs::create_dir_all(&documents)?;
-    copy_licences(&documents)?;
+    install::copy_licences(&documents)?;
     fs::copy(documents.join("NOTICE"), documents.join("copyright"))?;
     fs::create_dir_all(tree.join("DEBIAN"))?;
     let size = size_kb(&tree.join("usr"))?;

@@ -8,7 +8,7 @@ use std::{
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 
-use crate::{extension, machine, python::Venv, steps::Steps};
+use crate::{apt, extension, machine, python::Venv, steps::Steps};
 
 const SENTENCE: &str = "Hello. My name is Anyface, and I can make almost any mesh talk.";
 const FPS: u32 = 25;
@@ -43,8 +43,8 @@ impl Demo {
     pub fn run(&self) -> Result<()> {
         let mut steps = Steps::new("demo")?;
         let build = steps.start(extension::BUILD, &mut extension::library_build(PROFILE))?;
-        machine::ensure_apt(&mut steps, &["ffmpeg", "flite", "espeak-ng"])?;
-        machine::ensure_apt(&mut steps, machine::BLENDER_LIBRARIES)?;
+        apt::ensure(&mut steps, &["ffmpeg", "flite", "espeak-ng"])?;
+        apt::ensure(&mut steps, apt::BLENDER_LIBRARIES)?;
         let python = Venv::Blender.ensure(&mut steps)?;
         std::fs::create_dir_all(&self.out)?;
         let out = self.out.canonicalize()?;

@@ -9,7 +9,10 @@ use std::{
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 
-use crate::machine::{self, Platform};
+use crate::{
+    extension,
+    machine::{self, Platform},
+};
 
 /// Version of all crates of the workspace, this one too.
 const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -183,6 +186,15 @@ fn write(path: &Path, text: &str) -> Result<()> {
 fn make_folder(file: &Path) -> Result<()> {
     let folder = file.parent().context("a file lies in a folder")?;
     fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))
+}
+
+/// Puts the licences of the library into `folder`.
+pub fn copy_licences(folder: &Path) -> Result<()> {
+    for name in extension::LICENCES {
+        fs::copy(machine::root().join(name), folder.join(name))
+            .with_context(|| format!("copying {name}"))?;
+    }
+    Ok(())
 }
 
 #[cfg(test)]

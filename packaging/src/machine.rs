@@ -1,26 +1,12 @@
-//! The machine: its system, the folders of the repository, Debian packages installed where missing.
+//! The machine: its system and the folders of the repository.
 
 use std::{
+    fs,
     path::{Path, PathBuf},
     process::Command,
 };
 
-use anyhow::{Result, bail, ensure};
-
-use crate::steps::Steps;
-
-/// Libraries that Blender's Python wheel links against.
-pub const BLENDER_LIBRARIES: &[&str] = &[
-    "libx11-6",
-    "libxrender1",
-    "libxfixes3",
-    "libxi6",
-    "libxext6",
-    "libxkbcommon0",
-    "libsm6",
-    "libice6",
-    "libgl1",
-];
+use anyhow::{Context, Result, bail};
 
 /// A system for which packages are made, as Blender names it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -106,47 +92,12 @@ pub fn has(program: &str) -> bool {
         .any(|folder| folder.join(program).is_file())
 }
 
-/// Installs Debian packages that are missing.
-pub fn ensure_apt(steps: &mut Steps, packages: &[&str]) -> Result<()> {
-    if !cfg!(target_os = "linux") {
-        return Ok(());
+/// A folder with nothing in it.
+pub fn empty(folder: &Path) -> Result<()> {
+    if folder.exists() {
+        fs::remove_dir_all(folder)?;
     }
-    let missing: Vec<&str> = packages.iter().copied().filter(|p| !installed(p)).collect();
-    if missing.is_empty() {
-        return Ok(());
-    }
-    ensure!(
-        has("apt-get"),
-        "needs the packages {}, and there is no apt-get to install them",
-        missing.join(" ")
-    );
-    let mut prefix: Vec<&str> = Vec::new();
-    if !is_root() {
-        if !has("sudo") {
-            bail!("needs root once: apt-get install {}", missing.join(" "));
-        }
-        prefix.push("sudo");
-    }
-    let mut install = vec!["install", "-y", "-q", "--no-install-recommends"];
-    install.extend(&missing);
-    let name = format!("install {}", missing.join(" "));
-    for (name, arguments) in [
-        ("read Debian's list of packages", vec!["update", "-q"]),
-        (&name, install),
-    ] {
-        let words: Vec<&str> = prefix.iter().copied().chain(["apt-get"]).collect();
-        let mut command = Command::new(words[0]);
-        command.args(&words[1..]).args(arguments);
-        steps.run(name, command.env("DEBIAN_FRONTEND", "noninteractive"))?;
-    }
-    Ok(())
-}
-
-fn installed(package: &str) -> bool {
-    Command::new("dpkg-query")
-        .args(["-W", "-f=${Status}", package])
-        .output()
-        .is_ok_and(|out| String::from_utf8_lossy(&out.stdout).contains("install ok installed"))
+    fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))
 }
 
 /// Whether this process may install packages by itself.

@@ -1,6 +1,7 @@
 //! Everything a developer or a release does with the repository: `cargo xtask --help`.
 
 mod addon;
+mod apt;
 mod debian;
 mod demo;
 mod extension;

@@ -6,7 +6,7 @@ use std::{
     process::Command,
 };
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use clap::Args;
 
 use crate::{
@@ -67,9 +67,9 @@ fn tarball(steps: &mut Steps, built: &Path, out: &Path, platform: Platform) -> R
     let name = format!("anyface-{}-{}", env!("CARGO_PKG_VERSION"), platform.name());
     let stage = machine::target().join("tarball");
     let tree = stage.join(&name);
-    empty(&tree)?;
+    machine::empty(&tree)?;
     install::install(built, &tree)?;
-    copy_licences(&tree)?;
+    install::copy_licences(&tree)?;
     let path = out.join(format!("{name}.tar.gz"));
     let mut command = Command::new("tar");
     command
@@ -81,21 +81,4 @@ fn tarball(steps: &mut Steps, built: &Path, out: &Path, platform: Platform) -> R
     steps.run("pack the C library", &mut command)?;
     ensure!(path.is_file(), "tar wrote no {}", path.display());
     Ok(path)
-}
-
-/// A folder with nothing in it.
-pub fn empty(folder: &Path) -> Result<()> {
-    if folder.exists() {
-        fs::remove_dir_all(folder)?;
-    }
-    fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))
-}
-
-/// Puts the licences of the library into `folder`.
-pub fn copy_licences(folder: &Path) -> Result<()> {
-    for name in extension::LICENCES {
-        fs::copy(machine::root().join(name), folder.join(name))
-            .with_context(|| format!("copying {name}"))?;
-    }
-    Ok(())
 }

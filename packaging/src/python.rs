@@ -1,12 +1,17 @@
 //! Python environments under `target/venvs`, made where they are missing, each with the interpreter
 //! that its packages were built for.
 
-use std::{ffi::OsStr, path::PathBuf, process::Command};
+use std::{
+    ffi::OsStr,
+    path::{Path, PathBuf},
+    process::Command,
+};
 
 use anyhow::{Context, Result, bail};
 
 use crate::{
-    machine::{ensure_apt, root, target},
+    apt,
+    machine::{self, root, target},
     steps::Steps,
 };
 
@@ -111,7 +116,7 @@ fn environment(steps: &mut Steps, from: &str, name: &str, wanted: &str) -> Resul
     // Debian's python3 comes without it.
     let complete = Command::new(from).args(["-c", "import ensurepip"]).output();
     if !complete.is_ok_and(|out| out.status.success()) {
-        ensure_apt(steps, &["python3-venv"])?;
+        apt::ensure(steps, &["python3-venv"])?;
     }
     let mut create = Command::new(from);
     create.args(["-m", "venv"]).arg(&folder);
@@ -182,6 +187,44 @@ fn of_version(lines: &str, version: &str) -> String {
     let others = lines.lines().filter(|line| !line.starts_with("bpy=="));
     let others: String = others.map(|line| format!("{line}\n")).collect();
     format!("bpy=={version}.*\n{others}")
+}
+
+/// A Blender executable that knows extensions: the caller's, or Debian 13's in a folder of its own.
+pub fn blender_executable(steps: &mut Steps) -> Result<Option<PathBuf>> {
+    if let Some(path) = std::env::var_os("ANYFACE_BLENDER") {
+        return Ok(Some(path.into()));
+    }
+    if !machine::is_root() {
+        println!("note     not root: no Blender executable is installed for its test");
+        return Ok(None);
+    }
+    apt::ensure(steps, &["debootstrap"])?;
+    let folder = machine::target().join("blender-chroot");
+    let script = machine::root().join("packaging/blender-chroot.sh");
+    steps.run(
+        "install a Blender executable",
+        Command::new(script).arg(&folder),
+    )?;
+    let executable = folder.canonicalize()?.join("run-blender");
+    // It mounts /tmp in its folder, which some containers forbid.
+    let tried = Command::new(&executable).arg("--version").output()?;
+    if !tried.status.success() {
+        let why = String::from_utf8_lossy(&tried.stderr).trim().to_owned();
+        steps.ignore("tests with a Blender executable", &why);
+        return Ok(None);
+    }
+    Ok(Some(executable))
+}
+
+/// pytest on one folder, with the data for it.
+pub fn pytest(python: &Path, folder: &str) -> Command {
+    let mut command = Command::new(python);
+    command.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", folder]);
+    command.current_dir(machine::root());
+    if let Some(shared) = machine::shared() {
+        command.env("ANYFACE_SHARED", shared);
+    }
+    command
 }
 
 #[cfg(test)]

@@ -1,12 +1,12 @@
 //! `cargo xtask test`: lints, Rust tests, C hosts, the installed extension, the Python wheel, training.
 
-use std::{path::PathBuf, process::Command};
+use std::process::Command;
 
 use anyhow::Result;
 use clap::Args;
 
 use crate::{
-    addon, extension, machine,
+    addon, apt, extension, machine,
     python::{self, Venv},
     steps::Steps,
     wheel,
@@ -45,7 +45,7 @@ impl Test {
     pub fn run(&self) -> Result<()> {
         let mut steps = Steps::new("test")?;
         machine::note_room(ROOM);
-        machine::ensure_apt(&mut steps, TOOLS)?;
+        apt::ensure(&mut steps, TOOLS)?;
         lints(&mut steps)?;
         rust(&mut steps)?;
         if self.rust_only {
@@ -53,7 +53,7 @@ impl Test {
             steps.ignore("Python wheel", "--rust-only");
             steps.ignore("training", "--rust-only");
         } else {
-            machine::ensure_apt(&mut steps, machine::BLENDER_LIBRARIES)?;
+            apt::ensure(&mut steps, apt::BLENDER_LIBRARIES)?;
             python_parts(&mut steps, self.blender.as_deref())?;
             training(&mut steps)?;
         }
@@ -102,36 +102,9 @@ fn python_parts(steps: &mut Steps, version: Option<&str>) -> Result<()> {
     addon::ruff(steps)?;
     let python = python::blender(steps, version)?;
     let zip = addon::built_zip(steps, false)?;
-    let executable = blender(steps)?;
+    let executable = python::blender_executable(steps)?;
     addon::check(steps, &python, &zip, executable)?;
     wheel::check(steps, &extension::library_of("dev")?)
-}
-
-/// A Blender executable that knows extensions: the caller's, or Debian 13's in a folder of its own.
-pub fn blender(steps: &mut Steps) -> Result<Option<PathBuf>> {
-    if let Some(path) = std::env::var_os("ANYFACE_BLENDER") {
-        return Ok(Some(path.into()));
-    }
-    if !machine::is_root() {
-        println!("note     not root: no Blender executable is installed for its test");
-        return Ok(None);
-    }
-    machine::ensure_apt(steps, &["debootstrap"])?;
-    let folder = machine::target().join("blender-chroot");
-    let script = machine::root().join("packaging/blender-chroot.sh");
-    steps.run(
-        "install a Blender executable",
-        Command::new(script).arg(&folder),
-    )?;
-    let executable = folder.canonicalize()?.join("run-blender");
-    // It mounts /tmp in its folder, which some containers forbid.
-    let tried = Command::new(&executable).arg("--version").output()?;
-    if !tried.status.success() {
-        let why = String::from_utf8_lossy(&tried.stderr).trim().to_owned();
-        steps.ignore("tests with a Blender executable", &why);
-        return Ok(None);
-    }
-    Ok(Some(executable))
 }
 
 fn training(steps: &mut Steps) -> Result<()> {
@@ -139,16 +112,5 @@ fn training(steps: &mut Steps) -> Result<()> {
         return Ok(());
     }
     let python = Venv::Training.ensure(steps)?;
-    steps.check("training", &mut pytest(&python, "training/tests"))
-}
-
-/// pytest on one folder, with the data for it.
-pub fn pytest(python: &std::path::Path, folder: &str) -> Command {
-    let mut command = Command::new(python);
-    command.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", folder]);
-    command.current_dir(machine::root());
-    if let Some(shared) = machine::shared() {
-        command.env("ANYFACE_SHARED", shared);
-    }
-    command
+    steps.check("training", &mut python::pytest(&python, "training/tests"))
 }

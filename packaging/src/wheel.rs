@@ -12,11 +12,9 @@ use clap::Args;
 use crate::{
     extension,
     machine::{self, Platform},
-    package::empty,
     portable,
-    python::{PYTHON, Venv},
+    python::{self, PYTHON, Venv},
     steps::Steps,
-    test,
 };
 
 /// Four systems with their weights, 38 MB before packing, and a library that may be built for tests; PyPI
@@ -58,7 +56,7 @@ impl Wheel {
 pub fn build(steps: &mut Steps, library: &Path, out: &Path) -> Result<PathBuf> {
     ensure!(library.is_file(), "no library at {}", library.display());
     let stage = machine::target().join("wheel-stage");
-    empty(&stage)?;
+    machine::empty(&stage)?;
     let platform = Platform::here()?;
     let inside = stage.join(platform.shared_library());
     fs::copy(library, &inside)?;
@@ -101,6 +99,6 @@ fn tag(platform: Platform, library: &Path) -> Result<String> {
 /// Builds a wheel with `library` and runs the tests of tests/wheel, which install it.
 pub fn check(steps: &mut Steps, library: &Path) -> Result<()> {
     let wheel = build(steps, library, &machine::target().join("wheel"))?;
-    let mut tests = test::pytest(&Venv::Blender.python(), "tests/wheel");
+    let mut tests = python::pytest(&Venv::Blender.python(), "tests/wheel");
     steps.check("Python wheel", tests.env("ANYFACE_WHEEL", wheel))
 }
