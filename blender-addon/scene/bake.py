@@ -20,8 +20,8 @@ from . import identity, live, outputs
 from .animation import emotion
 from .events import events
 from .face import mesh, pieces
-from .life import life
-from .life.life import LifeSettings
+from .life import head_and_eyes
+from .life.settings import LifeSettings
 from .outputs import OutputSettings
 from .shape_keys import guard
 from .sound import decode, sound_source, sounds, strips
@@ -130,8 +130,9 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     live.end(ob)
     output = outputs.of(settings.mode)
     output.check(ob, settings.output)
-    life.check(ob, settings)
-    settings.held = life.held(settings) | settings.held
+    head_and_eyes.check(ob, settings)
+    off = {name: 0.0 for name in settings.life.controls_off if name in settings.controls}
+    settings.held = off | settings.held
     notes = _leave_out_foreign(ob, settings)
     face = read_face(ob, settings)
     source = find_sound(scene, settings, engine)
@@ -162,7 +163,7 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
 
 
 def _numbers(names: list[str], settings: Settings) -> dict[str, int]:
-    every = {*names, *(part.name for part in settings.parts), *life.names(settings.life)}
+    every = {*names, *(part.name for part in settings.parts), *settings.life.names}
     found = {name: bpy.data.objects.get(name) for name in every if name}
     return {name: identity.number(ob) for name, ob in found.items() if ob is not None}
 
@@ -180,7 +181,7 @@ def follow_names(snapshot: Snapshot, files: Iterable[WrittenFile]) -> None:
         piece.name = now[piece.name]
     for file in files:
         file.object_name = now[file.object_name]
-    life.rename(snapshot.settings.life, now)
+    snapshot.settings.life.rename(now)
     snapshot.numbers = {now[name]: number for name, number in snapshot.numbers.items()}
 
 
@@ -224,14 +225,14 @@ def landing(ob, snapshot: Snapshot, take: Take):
     asked = snapshot.settings.output
     start, scene_fps = snapshot.source.start_frame, snapshot.scene_fps
     output = outputs.of_take(take)
-    yield from life.look(take, snapshot.settings, start, scene_fps)
+    yield from head_and_eyes.look(take, snapshot.settings, start, scene_fps)
     take = yield from output.settle(ob, take, asked)
     keep = output.keep if output.in_files else take_list.keep
     before = (lambda: keep(ob)) if asked.new_take else None
     yield from together.landing(ob, snapshot.face.pieces, take, start, scene_fps, before)
     if not take.files:
         yield BEGUN
-    turned = yield from life.writing(ob, take, snapshot.settings, start, scene_fps)
+    turned = yield from head_and_eyes.writing(ob, take, snapshot.settings, start, scene_fps)
     notes = snapshot.notes + take.notes + snapshot.source.notes
     notes += [] if take.files else guard.notes(ob)
     notes += output.notes(ob, asked)

@@ -8,7 +8,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import identity
-from .life import life
+from .life import turns
 from .rig_controls import control_actions
 
 # What an override of an object may have for itself.
@@ -68,7 +68,7 @@ def _renew(copies: dict[str, list], originals: dict) -> None:
         if face is not None:
             identity.join(face, ob)
     for ob in before:
-        life.follow(ob, copies)
+        turns.follow(ob, copies)
         control_actions.follow(ob, copies)
         _drop_foreign_parts(ob)
 

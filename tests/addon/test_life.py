@@ -249,7 +249,7 @@ def test_life_is_off_in_one_click_and_released_alone(stage, addon, tmp_path):
     generate(ob)
     assert control.animation_data is None and "anyface_turned" not in control
     request = stage.calls[-1][5]
-    assert {request.controls[name] for name in addon("scene.life.life").CONTROLS} == {0.0}
+    assert {request.controls[name] for name in addon("scene.life.settings").CONTROLS} == {0.0}
     stored.use = True
     generate(ob)
     assert curves(control.animation_data.action)

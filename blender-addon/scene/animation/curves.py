@@ -17,6 +17,8 @@ _GROUP = "Anyface"
 _KEY_FIELDS = ("interpolation", "easing", "handle_left_type", "handle_right_type")
 _PREPARED = "anyface_{}"
 KEY_VECTORS = ("co", "handle_left", "handle_right")
+# The face comes out of rest before the first frame and goes back after the last.
+EASE_S = 0.15
 
 
 def value_path(name: str) -> str:
@@ -125,6 +127,16 @@ class Prepared:
         with suppress(ReferenceError):
             delete_action(self.action)
         self.action = None
+
+
+def with_rest(frames: np.ndarray, scene_fps: float) -> np.ndarray:
+    """Scene frames of rest, of each frame of a take `[T]`, and of rest again, `[T + 2]`.
+
+    It rests at whole frames, where keys can be seen and taken hold of.
+    """
+    ease = EASE_S * scene_fps
+    first, last = np.floor(frames[0] - ease), np.ceil(frames[-1] + ease)
+    return np.concatenate([[first], frames, [last]])
 
 
 def from_rest(values: np.ndarray) -> np.ndarray:
@@ -289,3 +301,24 @@ def delete_action(action) -> None:
     """Deletes an action that nobody else uses."""
     if action is not None and action.users - action.use_fake_user == 0:
         bpy.data.actions.remove(action)
+
+
+def drop_empty_action(animation, taken) -> None:
+    """Takes the action or slot away that was made for what `taken` records, if it is empty."""
+    action = animation.action
+    if action is None:
+        return
+    if taken.made_action and is_empty(action):
+        animation.action = None
+        delete_action(action)
+    elif taken.made_slot and channels_empty(animation):
+        slot = animation.action_slot
+        animation.action_slot = None
+        action.slots.remove(slot)
+
+
+def drop_idle_animation(block, made: bool) -> None:
+    """Takes away animation data that was `made` for a take, once nothing else is in it."""
+    animation = block.animation_data
+    if made and animation.action is None and not animation.drivers and not animation.nla_tracks:
+        block.animation_data_clear()

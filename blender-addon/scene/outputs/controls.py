@@ -3,15 +3,15 @@
 from dataclasses import dataclass
 
 import bpy
-import numpy as np
 
 from ...core.controls_plan import FollowPoints
 from ...core.errors import AnyfaceError
 from ...core.estimate import KEYFRAME, Cost
 from ...core.job import BEGUN
+from ..animation import curves
 from ..rig_controls import control_actions, control_bench, control_fit, control_sources
 from ..shape_keys import guard
-from .output import Output, times
+from .output import Output
 
 # Curves of a usual rig.
 _CURVES = 100
@@ -104,8 +104,8 @@ class Controls(Output):
         return (yield from control_fit.fit(ob, take, sources, control_actions.rests(ob)))
 
     def prepare_files(self, take, start_frame, scene_fps):
-        frames = start_frame + np.arange(take.frame_count) * (scene_fps / take.fps)
-        ends = times(frames, scene_fps)[[0, -1]]
+        frames = take.scene_frames(start_frame, scene_fps)
+        ends = curves.with_rest(frames, scene_fps)[[0, -1]]
         fitted = take.control_motion.fitted
         fitted.actions = yield from control_actions.prepare(fitted, ends, frames)
 

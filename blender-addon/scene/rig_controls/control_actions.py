@@ -15,7 +15,7 @@ import numpy as np
 from ...core.errors import AnyfaceError
 from .. import identity
 from ..animation import curves, digest
-from ..life import life
+from ..life import turns
 from ..takes import nla
 from . import control_kinds
 from .control_fit import Fitted
@@ -131,7 +131,7 @@ def release(ob, keep: bool = False) -> bool:
     """
     found = actions_of(ob)
     if found:
-        life.release(ob)
+        turns.release(ob)
     for action, mark in found:
         players = _players(action, mark)
         for block in players:
@@ -232,9 +232,7 @@ def _take_off(block, action, mark: Mark) -> None:
             # The artist's own curves, in our action: they stay where they play.
             curves.remove(animation, set(mark.paths))
     _put_back(animation, action, mark)
-    idle = animation.action is None and not animation.drivers and not animation.nla_tracks
-    if mark.made_animation_data and idle:
-        block.animation_data_clear()
+    curves.drop_idle_animation(block, mark.made_animation_data)
     for path, values in mark.before:
         control_kinds.put(block, path, values)
 

@@ -7,7 +7,7 @@ from ...core.take import Take
 from .. import outputs
 from ..animation import curves
 from ..face import mesh
-from ..outputs.output import play, times
+from ..outputs.output import play
 from ..shape_keys import guard, record
 from . import remove
 
@@ -41,7 +41,7 @@ def prepare(ob, take: Take, start_frame: float, scene_fps: float):
 def _times(take: Take, start_frame: float, scene_fps: float) -> np.ndarray:
     """Scene frames of rest, each frame and rest again; frame `t` lies at
     `start_frame + t · scene_fps / take.fps`."""
-    return times(start_frame + np.arange(take.frame_count) * (scene_fps / take.fps), scene_fps)
+    return curves.with_rest(take.scene_frames(start_frame, scene_fps), scene_fps)
 
 
 def write(ob, take: Take, start_frame: float, scene_fps: float) -> record.Record:

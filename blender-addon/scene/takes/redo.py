@@ -9,8 +9,8 @@ from ...core.redo_film import FilmRedo
 from .. import bake, copies, outputs
 from ..animation import curves
 from ..face import mesh
-from ..life import life
-from ..outputs.output import EASE_S, PREFIX, times
+from ..life import head_and_eyes
+from ..outputs.output import PREFIX
 from ..shape_keys import guard, record, slider_changes
 from ..sound import sounds
 from . import adjust, redo_film, together
@@ -102,7 +102,7 @@ def write(ob, scene, wanted: redo.Redo, made: redo.Redone) -> str:
         raise AnyfaceError("mesh", "the take has no keyframe there: has it been moved?")
     if made.life is not None:
         settings = wanted.snapshot.settings
-        life.redo(ob, made.life, settings, at, lambda *c: curves.splice(*c, stretch))
+        head_and_eyes.redo(ob, made.life, settings, at, lambda *c: curves.splice(*c, stretch))
     more = sum(len(fit.more) for fit in made.fits.values())
     sounds.follow(scene, wanted.snapshot.source)
     text = f"frames {stretch.first:g} to {stretch.last:g} redone"
@@ -143,7 +143,7 @@ def _stretch(ob, wanted: redo.Redo, scene) -> tuple[redo.Stretch, float, float]:
     if not found:
         raise AnyfaceError("mesh", "the take has no curves any more: generate again")
     # The last keyframe is one of rest, behind the last frame of the sound.
-    ends = max(found) - EASE_S * snapshot.scene_fps
+    ends = max(found) - curves.EASE_S * snapshot.scene_fps
     stretch = redo.Stretch(*between(scene, snapshot.source), start, ends, snapshot.scene_fps)
     return stretch, start, step
 
@@ -202,4 +202,6 @@ def _add(part, taken, fit: redo.Fit, at: np.ndarray, stretch: redo.Stretch) -> N
             block.slider_min = -1.0
             taken.keys.append(block.name)
             values = curves.from_rest(shares * column * strength)
-            curves.write(bag, curves.value_path(block.name), times(at, stretch.fps), values)
+            curves.write(
+                bag, curves.value_path(block.name), curves.with_rest(at, stretch.fps), values
+            )

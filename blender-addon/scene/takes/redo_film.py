@@ -8,7 +8,7 @@ from ...core.redo_film import FilmRedo
 from ...core.take import Take
 from .. import bake, outputs
 from ..animation import curves
-from ..life import life
+from ..life import head_and_eyes
 from . import together
 
 
@@ -29,7 +29,9 @@ def landing(ob, wanted: FilmRedo, take: Take):
     yield from output.redo_write(parts, snapshot, take, rows.start, at, stretch)
     if take.life is not None:
         at = at[: len(take.life.head)]
-        life.redo(ob, take.life, snapshot.settings, at, lambda *c: curves.splice(*c, stretch))
+        head_and_eyes.redo(
+            ob, take.life, snapshot.settings, at, lambda *c: curves.splice(*c, stretch)
+        )
     yield BEGUN
     return f"frames {stretch.first:g} to {stretch.last:g} redone"
 

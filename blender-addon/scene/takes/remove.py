@@ -52,10 +52,8 @@ def _remove_curves(shape_keys, taken: record.Record) -> None:
     curves.remove(animation, outputs.of_record(taken).paths(taken))
     artist_keys.restore(shape_keys, taken)
     original = _original(shape_keys, record.SHARED_ACTION, taken.shared_action_print)
-    release_action(animation, taken, original)
-    untouched = animation.action is None and not animation.drivers and not animation.nla_tracks
-    if taken.made_animation_data and untouched:
-        shape_keys.animation_data_clear()
+    _release_action(animation, taken, original)
+    curves.drop_idle_animation(shape_keys, taken.made_animation_data)
 
 
 def _original(shape_keys, name: str, wanted: str):
@@ -66,28 +64,21 @@ def _original(shape_keys, name: str, wanted: str):
     return found
 
 
-def release_action(animation, taken, original=None) -> None:
-    """Takes the action or slot away that was made for what `taken` records, if it is empty.
-
-    An `original` for which it stood in is played again, unless somebody has changed the copy.
-    """
+def _release_action(animation, taken: record.Record, original) -> None:
+    """Takes our action off; an `original` for which it stood in is played again, unless somebody
+    has changed the copy."""
     action = animation.action
-    if action is None:
+    if (
+        original is None
+        or action is None
+        or taken.shared_action_print != digest.action_digest(action)
+    ):
+        curves.drop_empty_action(animation, taken)
         return
-    if original is not None and digest.action_digest(action) == taken.shared_action_print:
-        animation.action = original
-        if taken.made_slot:
-            animation.action_slot = None
-        bpy.data.actions.remove(action)
-        return
-    if taken.made_action and curves.is_empty(action):
-        animation.action = None
-        if action.users - action.use_fake_user == 0:
-            bpy.data.actions.remove(action)
-    elif taken.made_slot and curves.channels_empty(animation):
-        slot = animation.action_slot
+    animation.action = original
+    if taken.made_slot:
         animation.action_slot = None
-        action.slots.remove(slot)
+    bpy.data.actions.remove(action)
 
 
 def _remove_keys(ob, taken: record.Record) -> None:

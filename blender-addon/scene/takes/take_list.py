@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from ...core.errors import AnyfaceError
 from .. import identity, outputs
 from ..animation import curves
-from ..life import life
+from ..life import turns
 from ..shape_keys import artist_keys, guard, record
 from . import nla, panel_settings, together
 
@@ -47,7 +47,7 @@ def keep(ob) -> bool:
     current = record.read(_editable(ob))
     kept = _keep(ob)
     if kept:
-        life.keep(ob, current.id)
+        turns.keep(ob, current.id)
     for other in others if kept else ():
         _keep(other)
     return kept
@@ -78,7 +78,7 @@ def switch(ob, take_id: str) -> None:
     _find(shape_keys, take_id)
     keep(ob)
     _play(ob, take_id)
-    life.play(ob, take_id)
+    turns.play(ob, take_id)
     for other, taken in _beside(ob, take_id):
         _play(other, taken.id)
     panel_settings.bring_back(ob)

@@ -6,7 +6,7 @@ from ...core.job import BEGUN
 from ...core.take import Piece, Take
 from .. import identity, outputs
 from ..face import pieces
-from ..life import life
+from ..life import turns
 from ..shape_keys import record
 from . import keys, remove
 
@@ -76,7 +76,7 @@ def _write(moving: list[tuple], start_frame: float, scene_fps: float, prepared: 
 def remove_all(ob) -> bool:
     """Takes the take from `ob` and from the objects beside it; False where there was none."""
     others = remove_others(ob)
-    life.release(ob)
+    turns.release(ob)
     return remove.remove(ob) or others
 
 
