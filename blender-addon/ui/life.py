@@ -4,7 +4,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, PointerProperty, StringProperty
 from bpy.types import Object, Operator, Panel, PropertyGroup
 
-from ..scene import life
+from ..scene.life import life
 from .operators import Acting
 from .overridable import kinds, overridable
 from .panel import OfFacePanel

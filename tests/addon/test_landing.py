@@ -122,7 +122,7 @@ def test_esc_comes_too_late_once_writing_has_begun_but_an_undo_does_not(addon, o
 
 
 def test_eyes_that_follow_something_are_read_in_steps(addon):
-    life = addon("scene.life")
+    life = addon("scene.life.life")
     ball = grid("Ball", 3)
     for frame, place in ((1, 0.0), (201, 2.0)):
         ball.location.x = place

@@ -15,7 +15,9 @@ from ...core.job import BEGUN
 from ...core.plan import WriteCaches
 from ...core.redo_film import PatchCaches
 from ...core.take import WrittenFile
-from .. import cache_files, guard, identity
+from .. import identity
+from ..caches import cache_files
+from ..shape_keys import guard
 from .output import EASE_S, Output, check_place
 
 MODIFIER = "Anyface Cache"

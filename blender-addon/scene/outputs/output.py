@@ -10,7 +10,10 @@ from ...core.estimate import Asked, Cost
 from ...core.key_names import Pair
 from ...core.plan import Plan
 from ...core.take import Piece, Take
-from .. import curves, guard, pieces, record, strips
+from ..animation import curves
+from ..face import pieces
+from ..shape_keys import guard, record
+from ..sound import strips
 
 PREFIX = "Anyface"
 # The face comes out of rest before the first frame and goes back after the last.
