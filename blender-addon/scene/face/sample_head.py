@@ -1,7 +1,7 @@
 """The head that comes with Anyface, for somebody who has none at hand.
 
 Its shape is sampled from the USC ICT FaceKit, Copyright (c) 2020 USC Institute for Creative
-Technologies, MIT licence; `training/make_sample_head.py` packs it.
+Technologies, MIT licence; `training/default_head/make_sample.py` packs it.
 """
 
 from pathlib import Path
