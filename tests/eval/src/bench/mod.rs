@@ -1,5 +1,6 @@
 //! `anyface-eval bench`: what each stage costs on this machine.
 
+mod clock;
 mod peak;
 mod stages;
 mod triangulations;
@@ -9,10 +10,12 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
+use clock::{Clock, Stage};
+
 use crate::{
     arguments::SharedArgs,
     console::Console,
-    stopwatch::{Stopwatch, forget_peak, peak_mib},
+    stopwatch::{forget_peak, peak_mib},
 };
 use anyface::{
     Error, Result,
@@ -45,19 +48,6 @@ pub(super) struct Bench {
     /// Solve on every vertex of the skin, not on a coarser one
     #[arg(long)]
     no_proxy: bool,
-}
-
-/// One stage, the best of its runs.
-#[derive(Debug, Clone, Serialize)]
-struct Stage {
-    name: &'static str,
-    /// On the wall.
-    elapsed_s: f64,
-    /// Processor time of all threads.
-    work_s: f64,
-    /// Billions of additions and multiplications, where they are known.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    gflop: Option<f64>,
 }
 
 /// Everything that was measured.
@@ -125,39 +115,6 @@ impl Bench {
             proxy: (!self.no_proxy).then_some(DEFAULT_PROXY),
             ..FaceOptions::default()
         })
-    }
-}
-
-/// Times stages.
-struct Clock {
-    runs: usize,
-    stages: Vec<Stage>,
-}
-
-impl Clock {
-    /// Runs `work` a few times, notes the best and returns the last result.
-    fn time<T>(
-        &mut self,
-        name: &'static str,
-        gflop: Option<f64>,
-        mut work: impl FnMut() -> Result<T>,
-    ) -> Result<T> {
-        let mut best = Stage {
-            name,
-            elapsed_s: f64::INFINITY,
-            work_s: f64::INFINITY,
-            gflop,
-        };
-        let mut result = None;
-        for _ in 0..self.runs {
-            drop(result.take());
-            let stopwatch = Stopwatch::start();
-            result = Some(work()?);
-            best.elapsed_s = best.elapsed_s.min(stopwatch.elapsed_s());
-            best.work_s = best.work_s.min(stopwatch.work_s());
-        }
-        self.stages.push(best);
-        Ok(result.expect("at least one run"))
     }
 }
 

@@ -1,6 +1,6 @@
 //! The stages in the order in which a mesh and a sound meet them.
 
-use super::Clock;
+use super::clock::Clock;
 use crate::arguments::SharedArgs;
 use anyface::{
     MotionRequest, Result,

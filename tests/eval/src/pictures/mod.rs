@@ -7,7 +7,6 @@ pub(super) mod raster;
 pub(super) mod sheets;
 
 use std::{
-    fmt::Debug,
     io::Write,
     path::{Path, PathBuf},
 };
@@ -15,6 +14,7 @@ use std::{
 use plotters::{coord::Shift, prelude::*};
 
 use anyface::{Error, Result, output::write_atomically};
+pub(super) use palette::drawing;
 
 /// Recorded motion.
 const RECORDED: RGBColor = RGBColor(40, 40, 40);
@@ -67,8 +67,4 @@ impl Album {
         write_atomically(path, |file| file.write_all(bytes))?;
         Ok(name.into())
     }
-}
-
-pub(super) fn drawing(error: impl Debug) -> Error {
-    Error::Numerics(format!("drawing: {error:?}"))
 }

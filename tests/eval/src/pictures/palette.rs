@@ -1,9 +1,9 @@
 //! PNG with at most 256 colours, a third of the size of full colour.
 
-use std::collections::HashMap;
+use std::{collections::HashMap, fmt::Debug};
 
-use super::{drawing, raster::Picture};
-use anyface::Result;
+use super::raster::Picture;
+use anyface::{Error, Result};
 
 /// Low bits of a channel that are rounded away before colours are counted.
 const ROUNDED: u8 = 3;
@@ -51,6 +51,11 @@ fn nearest(palette: &[[u8; 3]], colour: [u8; 3]) -> u8 {
     };
     let found = palette.iter().enumerate().min_by_key(|(_, c)| distance(c));
     found.map_or(0, |(number, _)| number as u8)
+}
+
+/// What went wrong in a drawing.
+pub(crate) fn drawing(error: impl Debug) -> Error {
+    Error::Numerics(format!("drawing: {error:?}"))
 }
 
 #[cfg(test)]

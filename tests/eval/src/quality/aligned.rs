@@ -8,51 +8,15 @@ use std::{
 use ndarray::Array3;
 use serde::Deserialize;
 
-use super::clip::{Clip, Corpus};
+use super::{
+    clip::{Clip, Corpus},
+    phone::Phone,
+};
 use crate::ict::IctLandmarks;
 use anyface::{Error, Result, audio::Waveform, ibug::LANDMARKS};
 
 /// Frame rate at which speech without recorded motion is performed.
 const FPS: f64 = 25.0;
-/// Names that aligners give to silence.
-const SILENCES: [&str; 8] = ["", "sil", "sp", "spn", "pau", "<eps>", "_", "h#"];
-
-/// One phone; times in seconds.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Phone {
-    pub from_s: f64,
-    pub to_s: f64,
-    pub name: String,
-}
-
-impl Phone {
-    pub(super) fn is_silence(&self) -> bool {
-        SILENCES.contains(&self.name.to_lowercase().as_str())
-    }
-
-    /// f, v and their like, in IPA and ARPABET.
-    pub(super) fn is_labiodental(&self) -> bool {
-        let letters = self.name.trim_start_matches(['ˈ', 'ˌ']);
-        letters.starts_with(['f', 'v', 'ʋ', 'ɱ', 'F', 'V'])
-    }
-
-    /// The letter of a vowel without stress and length, none for diphthongs and everything else.
-    pub(super) fn plain_vowel(&self) -> Option<char> {
-        let letters = self.name.trim_start_matches(['ˈ', 'ˌ']);
-        let mut letters = letters.trim_end_matches(['ː', 'ˑ']).chars();
-        match (letters.next(), letters.next()) {
-            (Some('ɑ'), None) => Some('a'),
-            (Some(letter @ ('a' | 'i' | 'u')), None) => Some(letter),
-            _ => None,
-        }
-    }
-
-    /// p, b, m and what IPA and ARPABET make of them: stress marks go, the letter remains.
-    pub(super) fn closes_the_lips(&self) -> bool {
-        let letters = self.name.trim_start_matches(['ˈ', 'ˌ']);
-        !self.is_silence() && letters.starts_with(['p', 'b', 'm', 'P', 'B', 'M', 'ɓ'])
-    }
-}
 
 #[derive(Deserialize)]
 struct Line {

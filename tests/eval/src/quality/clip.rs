@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use ndarray::{Array2, Array3};
 
-use super::{aligned::Phone, predictors::RECORDED};
+use super::phone::Phone;
 use anyface::{
     Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
@@ -12,6 +12,8 @@ use anyface::{
 };
 
 const MM: f64 = 1000.0;
+/// Name of the recording, where it is shown beside the predictors.
+pub(super) const RECORDED: &str = "recorded";
 
 /// Speech and the landmark motion that belongs to it; frame `t` is second `t / fps` of the sound.
 pub(super) struct Clip {

@@ -3,9 +3,9 @@
 use serde::Serialize;
 
 use super::{
-    aligned::Phone,
     bootstrap::{Estimate, estimate},
     clip::{Clip, gap_mm, rest_gap_mm},
+    phone::Phone,
     predictors::Performed,
 };
 use anyface::{

@@ -6,12 +6,12 @@ use ndarray::{Array2, Array3};
 use serde::Serialize;
 
 use super::{
-    aligned::Phone,
     bootstrap::number,
     clip::{Clip, gap_mm, rest_gap_mm},
     closures::{CLOSED_MM, windows},
     labiodentals::Mouth,
-    report::Page,
+    page::Page,
+    phone::Phone,
     speaker::{Speaker, Wish},
 };
 use anyface::{

@@ -5,10 +5,10 @@ use std::path::Path;
 use ndarray::{Array3, Axis};
 
 use super::{
-    Results,
-    clip::{Clip, gap_mm},
+    clip::{Clip, RECORDED, gap_mm},
     emotions::with_emotion,
-    predictors::{MODEL, Performed, RECORDED},
+    predictors::{MODEL, Performed},
+    results::Results,
     scores::SEGMENT,
     speaker::{Speaker, Wish},
 };

@@ -9,11 +9,11 @@ use ndarray::{Array3, ArrayView2, Axis};
 use serde::Serialize;
 
 use super::{
-    aligned::Phone,
     bootstrap::{Estimate, estimate},
-    clip::Clip,
+    clip::{Clip, RECORDED},
     heads::{Head, stacked},
-    predictors::{MODEL, Performed, RECORDED},
+    phone::Phone,
+    predictors::{MODEL, Performed},
 };
 use crate::{ict::IctLandmarks, tensors::TensorFile};
 use anyface::{Engine, Result, metrics::quantile};

@@ -1,8 +1,9 @@
 //! The rows of the table: what each number is, and how clips give it together.
 
 use super::{
+    bootstrap::estimate,
     features::{CHIN_DROP, GAP, PROTRUSION, WIDTH},
-    scores::ClipScores,
+    scores::{ClipScores, Scores},
 };
 use anyface::metrics::{LagCurve, Moments, Spectrum};
 
@@ -214,6 +215,15 @@ pub(super) fn measures() -> impl Iterator<Item = &'static Measure> {
 /// r by clip and slope of each feature: what a table at a glance shows.
 pub(super) fn pairs() -> impl Iterator<Item = [&'static Measure; 2]> {
     FEATURES.iter().map(|feature| [&feature[0], &feature[2]])
+}
+
+/// Every measure of `clips` with its interval; those that the clips do not hold are left out.
+pub(super) fn scores(clips: &[ClipScores]) -> Scores {
+    let found = measures().filter_map(|measure| {
+        let value = estimate(clips, measure.of)?;
+        Some((measure.key, value))
+    });
+    found.collect()
 }
 
 #[cfg(test)]

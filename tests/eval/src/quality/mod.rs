@@ -21,9 +21,12 @@ mod heads;
 mod labiodentals;
 mod life;
 mod measures;
+mod page;
+mod phone;
 mod predictors;
 mod reading;
 mod report;
+mod results;
 mod scores;
 mod seams;
 mod sections;
@@ -56,9 +59,10 @@ use clip::Corpus;
 use figures::Figures;
 use heads::Head;
 use labiodentals::Mouth;
-use measures::{FEATURE_ROWS, Measure, measures};
+use measures::{FEATURE_ROWS, Measure, measures, scores};
 use predictors::{Asked, Performed};
-use scores::{ClipScores, Scores, scores};
+use results::{PredictorScores, Results, SourceScores, WeightsHash};
+use scores::ClipScores;
 use speaker::{Speaker, Wish};
 
 /// Measure the model on recorded motion that training never saw, beside baselines
@@ -117,51 +121,6 @@ pub(super) struct Quality {
 enum Section {
     Closures,
     Events,
-}
-
-/// All numbers of one source.
-#[derive(Serialize)]
-struct SourceScores {
-    source: String,
-    clips: usize,
-    frames: usize,
-    predictors: Vec<PredictorScores>,
-}
-
-/// All numbers of one predictor on one source.
-#[derive(Serialize)]
-struct PredictorScores {
-    name: String,
-    scores: Scores,
-}
-
-/// Which weights were measured.
-#[derive(Serialize)]
-struct WeightsHash {
-    name: String,
-    blake3: String,
-}
-
-/// Everything that a report holds.
-#[derive(Serialize)]
-struct Results {
-    command: String,
-    weights: Vec<WeightsHash>,
-    sources: Vec<SourceScores>,
-    closures: Vec<closures::SourceClosures>,
-    silence: Vec<silence::SilenceScores>,
-    digital_silence: Option<silence::DigitalSilence>,
-    vowels: Vec<vowels::VowelScores>,
-    labiodentals: Vec<labiodentals::LabiodentalScores>,
-    effort: Vec<effort::EffortScores>,
-    life: Vec<life::LifeScores>,
-    reading: Option<reading::Reading>,
-    intensity: Vec<emotions::IntensityCurve>,
-    seeds: Vec<seeds::SeedScores>,
-    events: Option<events::EventScores>,
-    seams: Option<seams::SeamScores>,
-    steps: Vec<steps::StepScores>,
-    timing: timing::Timing,
 }
 
 /// One section as JSON.

@@ -15,7 +15,7 @@ use ndarray::Array3;
 
 use super::{
     baselines::Baselines,
-    clip::{Clip, Corpus},
+    clip::{Clip, Corpus, RECORDED},
     speaker::{Speaker, Wish, fitted},
 };
 use anyface::{Error, Result, motion::LandmarkClip, output::read_landmark_motion};
@@ -26,8 +26,6 @@ pub(super) const MODEL: &str = "model";
 const STREAM: &str = "stream";
 /// Name of the baseline that never moves.
 const CONSTANT: &str = "constant";
-/// Name of the recording, where it is shown beside the predictors.
-pub(super) const RECORDED: &str = "recorded";
 
 /// Motion of one origin for the held-out clips of a corpus.
 pub(super) struct Predictor {

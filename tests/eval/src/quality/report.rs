@@ -1,15 +1,17 @@
 //! The report as Markdown; every number in it comes from [`Results`].
 
 use super::{
-    Results, SourceScores,
     bootstrap::{Estimate, RESAMPLES, number},
+    clip::RECORDED,
     closures::{CLOSED_MM, SHUT},
     emotions::{INTENSITIES, OWN_LANDMARKS},
     events,
     facegood::WHOLE_TAKES,
     figures::Figures,
     measures::{measures, pairs},
-    predictors::{MODEL, RECORDED},
+    page::{Page, cell},
+    predictors::MODEL,
+    results::{Results, SourceScores},
     sections,
     seeds::SEEDS,
 };
@@ -51,42 +53,6 @@ pub(super) fn markdown(results: &Results, figures: &Figures, images: &str) -> St
     timing(&mut page, results);
     sheets(&mut page, figures, images);
     page.text.trim_end().to_owned() + "\n"
-}
-
-/// Markdown that grows.
-#[derive(Default)]
-pub(super) struct Page {
-    text: String,
-}
-
-impl Page {
-    fn line(&mut self, text: impl AsRef<str>) {
-        self.text += text.as_ref();
-        self.text += "\n";
-    }
-
-    /// A paragraph or a heading, and a blank line after it.
-    pub(super) fn block(&mut self, text: impl AsRef<str>) {
-        self.line(text);
-        self.line("");
-    }
-
-    fn picture(&mut self, title: &str, images: &str, file: &str) {
-        self.block(format!("![{title}]({images}/{file})"));
-    }
-
-    pub(super) fn table(&mut self, titles: &[&str], rows: impl IntoIterator<Item = Vec<String>>) {
-        self.line(format!("| {} |", titles.join(" | ")));
-        self.line(format!("|{}", " --- |".repeat(titles.len())));
-        for row in rows {
-            self.line(format!("| {} |", row.join(" | ")));
-        }
-        self.line("");
-    }
-}
-
-pub(super) fn cell(estimate: Option<&Estimate>, digits: usize) -> String {
-    estimate.map_or("–".into(), |e| e.text(digits))
 }
 
 fn header(page: &mut Page, results: &Results) {

@@ -4,12 +4,7 @@ use std::collections::BTreeMap;
 
 use ndarray::{Axis, Slice};
 
-use super::{
-    bootstrap::{Estimate, estimate},
-    clip::Clip,
-    features,
-    measures::measures,
-};
+use super::{bootstrap::Estimate, clip::Clip, features};
 use anyface::{
     Result,
     metrics::{self, LagCurve, Moments, Spectrum},
@@ -83,13 +78,4 @@ impl ClipScores {
             delta_cd: metrics::delta_cd(p, g)?,
         })
     }
-}
-
-/// Every measure of `clips` with its interval; those that the clips do not hold are left out.
-pub(super) fn scores(clips: &[ClipScores]) -> Scores {
-    let found = measures().filter_map(|measure| {
-        let value = estimate(clips, measure.of)?;
-        Some((measure.key, value))
-    });
-    found.collect()
 }

@@ -1,9 +1,9 @@
 //! Sections of the report on single things a face does.
 
 use super::{
-    Results,
     bootstrap::number,
-    report::{Page, cell},
+    page::{Page, cell},
+    results::Results,
 };
 
 pub(super) fn vowels(page: &mut Page, results: &Results) {

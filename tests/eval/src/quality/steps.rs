@@ -7,7 +7,8 @@ use super::{
     bootstrap::Estimate,
     clip::{Clip, Corpus},
     closures,
-    scores::{ClipScores, scores},
+    measures::scores,
+    scores::ClipScores,
     speaker::{Speaker, Wish},
 };
 use crate::stopwatch::Stopwatch;

@@ -1,0 +1,39 @@
+//! Markdown that grows.
+
+use super::bootstrap::Estimate;
+
+/// Markdown that grows.
+#[derive(Default)]
+pub(super) struct Page {
+    pub text: String,
+}
+
+impl Page {
+    pub(super) fn line(&mut self, text: impl AsRef<str>) {
+        self.text += text.as_ref();
+        self.text += "\n";
+    }
+
+    /// A paragraph or a heading, and a blank line after it.
+    pub(super) fn block(&mut self, text: impl AsRef<str>) {
+        self.line(text);
+        self.line("");
+    }
+
+    pub(super) fn picture(&mut self, title: &str, images: &str, file: &str) {
+        self.block(format!("![{title}]({images}/{file})"));
+    }
+
+    pub(super) fn table(&mut self, titles: &[&str], rows: impl IntoIterator<Item = Vec<String>>) {
+        self.line(format!("| {} |", titles.join(" | ")));
+        self.line(format!("|{}", " --- |".repeat(titles.len())));
+        for row in rows {
+            self.line(format!("| {} |", row.join(" | ")));
+        }
+        self.line("");
+    }
+}
+
+pub(super) fn cell(estimate: Option<&Estimate>, digits: usize) -> String {
+    estimate.map_or("–".into(), |e| e.text(digits))
+}
