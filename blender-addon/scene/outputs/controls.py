@@ -77,11 +77,8 @@ class Controls(Output):
     def plan(self, ob, asked, fps, objects):
         return FollowPoints()
 
-    def holds(self, take):
-        return take.control_motion is not None
-
     def describe(self, take):
-        fitted = take.control_motion.fitted
+        fitted = take.motion.fitted
         worst = sorted(fitted.missed.items(), key=lambda pair: -pair[1])
         missed = ", ".join(f"{name} {mm:.1f} mm" for name, mm in worst)
         return (
@@ -106,14 +103,14 @@ class Controls(Output):
     def prepare_files(self, take, start_frame, scene_fps):
         frames = take.scene_frames(start_frame, scene_fps)
         ends = curves.with_rest(frames, scene_fps)[[0, -1]]
-        fitted = take.control_motion.fitted
+        fitted = take.motion.fitted
         fitted.actions = yield from control_actions.prepare(fitted, ends, frames)
 
     def drop_files(self, take):
-        control_actions.drop(take.control_motion.fitted.actions)
+        control_actions.drop(take.motion.fitted.actions)
 
     def write_files(self, ob, take, start_frame, scene_fps):
-        fitted = take.control_motion.fitted
+        fitted = take.motion.fitted
         control_actions.write(ob, fitted, fitted.actions)
         fitted.actions = {}
 
@@ -125,7 +122,7 @@ class Controls(Output):
         sources, rests = self.sources(ob, asked), control_actions.rests(ob)
         # A stretch may hold a pause, in which little moves.
         take = yield from control_fit.fit(ob, take, sources, rests, judged=False)
-        control_actions.redo(ob, take.control_motion.fitted, at, stretch)
+        control_actions.redo(ob, take.motion.fitted, at, stretch)
         yield BEGUN
 
     def find(self, ob):
