@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from . import finding, sliders, space, verdict
+from . import finding, sliders, verdict
 from .job import Progress
 from .take import Animation, FaceMesh, Frames, Request, Sound, Take
 
@@ -19,7 +19,7 @@ def perform(
     `animate` is `native.Engine.animate`, or what stands in for it in a test.
     """
     verdict.check_sound(sound)
-    found = space.face_space(face.matrix_world, face.axes)
+    found = face.space
     if request.starts_from is not None:
         request = replace(request, starts_from=found.moved(request.starts_from))
     with finding.searching(face):
@@ -34,7 +34,7 @@ def perform(
     else:
         motion.why_missing = sliders.why_missing(request, motion.sliders, motion.offered)
         motion.vectors = found.to_object(motion.vectors)
-    take = Take(request.fps, animation.largest_mm, request.output, motion, found)
+    take = Take(request.fps, animation.largest_mm, request.output, motion)
     take.shape_weights, take.notes = animation.shape_weights, animation.notes
     if animation.life is not None:
         way = found.from_world(face.matrix_world)

@@ -107,7 +107,7 @@ class MakeKeys(Plan):
     visemes: bool
 
     def finish(self, face, take, engine, progress):
-        arkit, visemes = _arkit(face, take, engine, progress)
+        arkit, visemes = _arkit(face, engine, progress)
         made = take.shape_weights
         if made is not None:
             solved = Solved(made.of(arkit.names), made.left_out(arkit.names))
@@ -132,24 +132,24 @@ class WriteTable(Plan):
             engine.write_weights(made.names, made.weights, self.path, take.fps)
             file = WrittenFile(self.name, self.path, len(made.weights))
             return replace(take, motion=Files([file]))
-        arkit, _ = _arkit(face, take, engine, progress)
+        arkit, _ = _arkit(face, engine, progress)
         shapes_and_frames = arkit.names, arkit.vectors, take.motion.displacements
         solved = engine.solve(*shapes_and_frames, progress, self.path, take.fps)
         file = WrittenFile(self.name, self.path, take.frame_count, left_out=solved.left_out)
         return replace(take, motion=Files([file]))
 
 
-def _arkit(face, take, engine, progress) -> tuple[Rig, Rig]:
+def _arkit(face, engine, progress) -> tuple[Rig, Rig]:
     """The ARKit shapes of a face, and its visemes."""
-    rig, count = make_rig(face, take.space, engine, progress), len(shapes.ARKIT)
+    rig, count = make_rig(face, engine, progress), len(shapes.ARKIT)
     arkit, visemes = slice(count), slice(count, None)
     return tuple(Rig(rig.names[part], rig.vectors[part]) for part in (arkit, visemes))
 
 
-def make_rig(face: FaceMesh, space, engine, progress: Progress, by: ShapesBy = NETWORK) -> Rig:
+def make_rig(face: FaceMesh, engine, progress: Progress, by: ShapesBy = NETWORK) -> Rig:
     """The shapes of a face in object space."""
-    rig = engine.rig(*space.seen(face), face.roles, progress, by)
-    rig.vectors = space.to_object(rig.vectors)
+    rig = engine.rig(*face.space.seen(face), face.roles, progress, by)
+    rig.vectors = face.space.to_object(rig.vectors)
     return rig
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from .events import Event
 from .sliders import NAMES, SliderChange
-from .space import FaceSpace
+from .space import FaceSpace, face_space
 
 # How the lips of a mesh meet, in the order of `AnyfaceMouth`.
 MOUTHS = ("open", "slit", "welded")
@@ -176,6 +176,11 @@ class FaceMesh:
     pieces: list[Piece] = field(default_factory=list)
     roles: PartRoles | None = None
 
+    @property
+    def space(self) -> FaceSpace:
+        """The frame in which the library sees it; raises `AnyfaceError("mesh")` for flat ones."""
+        return face_space(self.matrix_world, self.axes)
+
 
 class Motion:
     """What a take holds: a case for each way to write one."""
@@ -321,8 +326,8 @@ class Take:
     """A finished performance in object space, ready to be written.
 
     `output` names the output that it is made for, `motion` is what that writes, in object units.
-    `largest_mm` is the largest displacement of any vertex. `space` is the frame in which the face
-    was found. Head and eyes lie in `life`; its `way` leads from the world to the canonical frame.
+    `largest_mm` is the largest displacement of any vertex. Head and eyes lie in `life`; its `way`
+    leads from the world to the canonical frame.
     `largest_of` is the largest displacement of each piece of the face, mm, where there are several.
     `shape_weights` are those that a system made itself: named keys get them as they are.
     `notes` are remarks for the report.
@@ -332,7 +337,6 @@ class Take:
     largest_mm: float
     output: str
     motion: Motion
-    space: FaceSpace | None = None
     life: Life | None = None
     largest_of: list[float] = field(default_factory=list)
     shape_weights: ShapeWeights | None = None

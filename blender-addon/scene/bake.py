@@ -114,6 +114,11 @@ class Snapshot:
             request = replace(request, felt_as=self.felt.load(decode.decoder(self.engine)))
         return voice, request
 
+    def ask(self, function, progress: Progress, *more):
+        """What a `function` of the engine makes of the face and its sound."""
+        voice, request = self.heard(progress)
+        return function(*self.face.space.seen(self.face), voice, request, *more, progress)
+
     def work(self, progress: Progress) -> Take:
         """The take; raises `AnyfaceError`."""
         voice, request = self.heard(progress)

@@ -72,7 +72,7 @@ def begin(ob, snapshot, face) -> None:
         with guard.object_mode(one), guard.selection_kept(one):
             _add_key(one, rested)
         parts.append((identity.number(one), one.name, rows, rested, back))
-    way = space.face_space(snapshot.face.matrix_world, snapshot.face.axes)
+    way = snapshot.face.space
     _followers.append(
         Follower(identity.number(ob), ob.name, parts, face, way, snapshot.source.start_frame)
     )

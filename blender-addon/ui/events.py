@@ -95,15 +95,12 @@ copied and renamed"""
     strength: FloatProperty(name="Strength", default=1.0, min=0.0, max=1.0, subtype="FACTOR")
 
     @classmethod
-    def poll(cls, context):
-        """False, with the reason, where the system shows no events."""
-        if not super().poll(context):
-            return False
-        if systems.takes_events(getattr(target(context).anyface, "system", "")):
-            return True
+    def why_not(cls, context):
+        reason = super().why_not(context)
+        if reason or systems.takes_events(getattr(target(context).anyface, "system", "")):
+            return reason
         able = [system.label for system in systems.known() if system.takes_events]
-        cls.poll_message_set(f"Choose a system that shows events: {', '.join(able) or 'none'}")
-        return False
+        return f"Choose a system that shows events: {', '.join(able) or 'none'}"
 
     def invoke(self, context, event):
         """Asks for units where no word of the menu was chosen."""

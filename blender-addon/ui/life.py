@@ -1,13 +1,11 @@
 """Life: head, gaze, blinks and breath; how strong they are, and what they turn."""
 
-import bpy
 from bpy.props import BoolProperty, EnumProperty, PointerProperty, StringProperty
 from bpy.types import Object, Operator, Panel, PropertyGroup
 
 from ..scene.life import turns
 from ..scene.life.settings import CONTROLS, LifeSettings
 from .operators import Acting
-from .overridable import kinds, overridable
 from .panel import OfFacePanel
 from .performance import controls_of
 from .target import is_there, target
@@ -29,7 +27,6 @@ def _of(kind: str):
     return lambda _self, ob: ob.type == kind
 
 
-@overridable
 class AnyfaceLife(PropertyGroup):
     """`Object.anyface_life_settings`: what head and eyes turn."""
 
@@ -152,16 +149,5 @@ class ANYFACE_OT_life_release(Acting, Operator):
         turns.release(ob)
 
 
-def register() -> None:
-    """Adds the settings to objects."""
-    bpy.utils.register_class(AnyfaceLife)
-    bpy.types.Object.anyface_life_settings = PointerProperty(type=AnyfaceLife, override=kinds())
-
-
-def unregister() -> None:
-    """Takes them away; values stay in the file."""
-    del bpy.types.Object.anyface_life_settings
-    bpy.utils.unregister_class(AnyfaceLife)
-
-
+GROUPS = (AnyfaceLife,)
 CLASSES = (ANYFACE_OT_life_release, ANYFACE_PT_life)

@@ -15,8 +15,8 @@ class ANYFACE_OT_remove(Acting, Operator):
     bl_label = "Remove"
 
     @classmethod
-    def poll(cls, context):
-        return outputs.has_take(target(context))
+    def why_not(cls, context):
+        return "" if outputs.has_take(target(context)) else "There is no take"
 
     def act(self, ob):
         """Removes the take of the character that the panel shows."""

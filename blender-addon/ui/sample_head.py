@@ -8,12 +8,31 @@ from bpy_extras import object_utils
 from ..scene.face import sample_head
 
 
-class ANYFACE_OT_add_sample_head(object_utils.AddObjectHelper, Operator):
+class AddHead(object_utils.AddObjectHelper):
+    """Adds a head at the 3D cursor, as the active object."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        """In edit mode it would become part of another mesh."""
+        if context.mode != "OBJECT":
+            cls.poll_message_set("Leave this mode first (Object Mode)")
+        return context.mode == "OBJECT"
+
+    def add(self, context, data):
+        """The new object of a mesh."""
+        if self.align == "VIEW" and context.region_data is None:
+            # Scripts have no view to turn it to.
+            self.align = "WORLD"
+        return object_utils.object_data_add(context, data, operator=self)
+
+
+class ANYFACE_OT_add_sample_head(AddHead, Operator):
     """Add a head with eyes, teeth and tongue to try Anyface on"""
 
     bl_idname = "anyface.add_sample_head"
     bl_label = "Add a Sample Head"
-    bl_options = {"REGISTER", "UNDO"}
 
     height: FloatProperty(
         name="Height",
@@ -24,20 +43,9 @@ class ANYFACE_OT_add_sample_head(object_utils.AddObjectHelper, Operator):
         subtype="DISTANCE",
     )
 
-    @classmethod
-    def poll(cls, context):
-        """In edit mode it would become part of another mesh."""
-        if context.mode != "OBJECT":
-            cls.poll_message_set("Leave this mode first (Object Mode)")
-        return context.mode == "OBJECT"
-
     def execute(self, context):
-        """Adds it at the 3D cursor, as the active object."""
-        if self.align == "VIEW" and context.region_data is None:
-            # Scripts have no view to turn it to.
-            self.align = "WORLD"
-        made = sample_head.mesh(self.height)
-        object_utils.object_data_add(context, made, operator=self)
+        """Adds it."""
+        self.add(context, sample_head.mesh(self.height))
         return {"FINISHED"}
 
 

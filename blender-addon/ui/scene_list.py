@@ -4,6 +4,7 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
 from bpy.types import Operator, Panel, PropertyGroup
 
+from ..core.errors import AnyfaceError
 from ..scene import scene_list
 from ..scene.sound import sequencer, strips
 from . import running
@@ -128,14 +129,11 @@ class ANYFACE_OT_generate_scene(InThread, Operator):
     bl_label = "Generate All"
 
     @classmethod
-    def poll(cls, context):
+    def why_not(cls, context):
         if running.is_running():
-            cls.poll_message_set("Another face is being animated")
-            return False
-        if not any(row.use and row.character for row in context.scene.anyface_list):
-            cls.poll_message_set("The list has no character")
-            return False
-        return True
+            return "Another face is being animated"
+        there = any(row.use and row.character for row in context.scene.anyface_list)
+        return "" if there else "The list has no character"
 
     def face(self, context):
         """All those of the list."""
@@ -160,13 +158,12 @@ class ANYFACE_OT_generate_scene(InThread, Operator):
     def finish(self, _ob, snapshot, takes):
         """Writes the takes."""
         outcomes = scene_list.write(snapshot, takes)
-        text = f"Anyface: {scene_list.in_one_line(outcomes)}"
+        text = scene_list.in_one_line(outcomes)
         if not any(ok for _, ok, _ in outcomes):
-            self.report({"ERROR"}, text)
-            return {"CANCELLED"}
-        whole = all(ok for _, ok, _ in outcomes)
-        self.report({"INFO"} if whole else {"WARNING"}, text)
-        return {"FINISHED"}
+            raise AnyfaceError("mesh", text)
+        if all(ok for _, ok, _ in outcomes):
+            return text
+        self.report({"WARNING"}, f"Anyface: {text}")
 
 
 def register() -> None:

@@ -44,7 +44,6 @@ def operator(addon, monkeypatch):
 
         def finish(self, ob, read, worked):
             self.wrote.append((ob.name, worked))
-            return {"FINISHED"}
 
     return Operator()
 
