@@ -1,11 +1,10 @@
 """A stretch of a finished take made again with the keys that it has; the rest stays."""
 
 from dataclasses import dataclass, field
-from functools import partial
 
 import numpy as np
 
-from . import perform, plan
+from . import plan
 from .errors import AnyfaceError
 from .job import Progress
 from .take import FaceMesh, Life
@@ -120,9 +119,7 @@ class Redo:
     def work(self, progress: Progress) -> Redone:
         """The new weights; raises `AnyfaceError`, or `Cancelled`."""
         snapshot = self.snapshot
-        voice, request = snapshot.heard(progress)
-        animate = partial(snapshot.engine.animate_stretch, rows=self.rows)
-        take = perform.perform(snapshot.face, voice, request, animate, progress)
+        take = snapshot.perform(progress, self.rows)
         frames = take.motion.displacements
         largest = np.sqrt((frames**2).sum(axis=2).max(initial=0.0))
         per_mm = largest / max(take.largest_mm, 1e-9)

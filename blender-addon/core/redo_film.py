@@ -6,12 +6,11 @@ anew. Runs in the worker thread, without Blender.
 
 import shutil
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from . import pc2, perform
+from . import pc2
 from .errors import AnyfaceError
 from .job import Progress
 from .plan import Plan, WriteTable, of_piece
@@ -33,9 +32,7 @@ class FilmRedo:
     def work(self, progress: Progress) -> Take:
         """The take of these frames alone; raises `AnyfaceError`, or `Cancelled`."""
         snapshot = self.snapshot
-        voice, request = snapshot.heard(progress)
-        animate = partial(snapshot.engine.animate_stretch, rows=self.rows)
-        take = perform.perform(snapshot.face, voice, request, animate, progress)
+        take = snapshot.perform(progress, self.rows)
         return self.plan.finish(snapshot.face, take, snapshot.engine, progress)
 
 

@@ -6,6 +6,7 @@ does not and may run anywhere.
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import bpy
 import numpy as np
@@ -119,10 +120,16 @@ class Snapshot:
         voice, request = self.heard(progress)
         return function(*self.face.space.seen(self.face), voice, request, *more, progress)
 
+    def perform(self, progress: Progress, rows: range | None = None) -> Take:
+        """The motion before its plan, of all frames or those of `rows`; raises `AnyfaceError`."""
+        animate = self.engine.animate
+        if rows is not None:
+            animate = partial(self.engine.animate_stretch, rows=rows)
+        return perform.perform(self.face, *self.heard(progress), animate, progress)
+
     def work(self, progress: Progress) -> Take:
         """The take; raises `AnyfaceError`."""
-        voice, request = self.heard(progress)
-        take = perform.perform(self.face, voice, request, self.engine.animate, progress)
+        take = self.perform(progress)
         take = self.plan.finish(self.face, take, self.engine, progress)
         output = outputs.of_take(take)
         if len(self.face.pieces) > 1 and output.moves_parts and not output.in_files:
@@ -156,7 +163,9 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         control_keys=emotion.control_keys(ob, scene, settings, *when),
         roles=face.roles,
         events=asked_for.events,
-        layered=output.as_basis and settings.layered and systems.hears_feeling(settings.system),
+        layered=output.as_basis
+        and settings.layered
+        and systems.chosen(settings.system).hears_feeling,
         output=output.name,
         starts_from=_pose(ob, face, settings),
     )
@@ -279,7 +288,7 @@ def _felt(scene, settings: Settings, engine) -> SoundSource | None:
     """The recording that gives the feeling; a strip is let be where the system does not hear it."""
     if settings.felt_file:
         return sound_source.from_file(settings.felt_file, settings.start_frame)
-    if not settings.felt_strip or not systems.hears_feeling(settings.system):
+    if not settings.felt_strip or not systems.chosen(settings.system).hears_feeling:
         return None
     try:
         return sound_source.from_strip(scene, settings.felt_strip, decode.decoder(engine))
@@ -289,7 +298,7 @@ def _felt(scene, settings: Settings, engine) -> SoundSource | None:
 
 def _pose(ob, face: FaceMesh, settings: Settings) -> np.ndarray | None:
     """How the face stands now, `[V, 3]` from rest, where it is to begin so; other pieces rest."""
-    if not settings.starts_from_pose or not systems.starts_from_pose(settings.system):
+    if not settings.starts_from_pose or not systems.chosen(settings.system).starts_from_pose:
         return None
     moved = np.zeros_like(face.positions)
     own = mesh.read_pose(ob)

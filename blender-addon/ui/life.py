@@ -3,11 +3,11 @@
 from bpy.props import BoolProperty, EnumProperty, PointerProperty, StringProperty
 from bpy.types import Object, Operator, Panel, PropertyGroup
 
+from ..core import systems
 from ..scene.life import turns
 from ..scene.life.settings import CONTROLS, LifeSettings
 from .operators import Acting
 from .panel import OfFacePanel
-from .performance import controls_of
 from .target import is_there, target
 
 _HEADS = [
@@ -100,7 +100,7 @@ class ANYFACE_PT_life(OfFacePanel, Panel):
         layout.use_property_split = True
         layout.active = stored.use
         column = layout.column(align=True)
-        for control in controls_of(ob.anyface):
+        for control in systems.chosen(getattr(ob.anyface, "system", "")).controls:
             if control.name in CONTROLS:
                 row = column.row(align=True)
                 row.use_property_decorate = control.is_animatable

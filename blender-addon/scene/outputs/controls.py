@@ -11,7 +11,7 @@ from ...core.job import BEGUN
 from ..animation import curves
 from ..rig_controls import control_actions, control_bench, control_fit, control_sources
 from ..shape_keys import guard
-from .output import Output
+from .output import Output, draw_list_buttons
 
 # Curves of a usual rig.
 _CURVES = 100
@@ -60,12 +60,7 @@ class Controls(Output):
     def draw(self, layout, ob):
         stored = ob.anyface_controls
         layout.prop(stored, "rig", placeholder=_name_of(control_sources.rig_of(ob)))
-        row = layout.row(align=True)
-        row.operator("anyface.controls_find", text="Find Controls")
-        row.operator_menu_enum("anyface.controls_preset", "preset", text="Names")
-        row.operator("anyface.controls_load", text="", icon="FILE_FOLDER")
-        row.operator("anyface.controls_save", text="", icon="FILE_TICK")
-        row.operator("anyface.controls_clear", text="", icon="X")
+        draw_list_buttons(layout, "controls", "Find Controls")
         if not len(stored.rows):
             layout.label(text="Controls are found when you generate")
             return

@@ -11,7 +11,7 @@ from ...core.estimate import KEYFRAME, SOLVE_S, Cost
 from ...core.plan import SolveKeys, by_key
 from ...core.take import Piece, Take
 from ..shape_keys import artist_keys
-from .output import Output, write_weights
+from .output import Output, draw_list_buttons, write_weights
 
 
 class Keys(Output):
@@ -44,12 +44,8 @@ class Keys(Output):
         )
 
     def draw(self, layout, ob):
-        row, stored = layout.row(align=True), ob.anyface_output
-        row.operator("anyface.mapping_find", text="Find Keys")
-        row.operator_menu_enum("anyface.mapping_preset", "preset", text="Names")
-        row.operator("anyface.mapping_load", text="", icon="FILE_FOLDER")
-        row.operator("anyface.mapping_save", text="", icon="FILE_TICK")
-        row.operator("anyface.mapping_clear", text="", icon="X")
+        stored = ob.anyface_output
+        draw_list_buttons(layout, "mapping", "Find Keys")
         if not len(stored.mapping):
             found = artist_keys.names_of(artist_keys.find(ob, []))
             layout.label(text=f"{len(found)} keys found by name")

@@ -174,6 +174,16 @@ class Output:
         """Takes away what `find` finds, and the files behind it."""
 
 
+def draw_list_buttons(layout, stem: str, find: str) -> None:
+    """Draws the buttons of an artist's list, whose operators begin with `stem`."""
+    row = layout.row(align=True)
+    row.operator(f"anyface.{stem}_find", text=find)
+    row.operator_menu_enum(f"anyface.{stem}_preset", "preset", text="Names")
+    row.operator(f"anyface.{stem}_load", text="", icon="FILE_FOLDER")
+    row.operator(f"anyface.{stem}_save", text="", icon="FILE_TICK")
+    row.operator(f"anyface.{stem}_clear", text="", icon="X")
+
+
 def write_weights(ob, taken: record.Record, names: list[str], at, weights: np.ndarray) -> None:
     """Notes the curves of the values of keys, which `play` makes: `weights` `[T, K]`, from rest and
     back to it."""
