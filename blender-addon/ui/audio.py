@@ -163,7 +163,7 @@ def draw(layout, ob, scene, width: int) -> None:
 def draw_felt(layout, ob, scene) -> None:
     """Draws which strip gives the feeling, where the sequencer has any."""
     if scene is not None and scene.sequence_editor is not None:
-        _search(layout, ob.anyface_audio, "felt_strip", scene.sequence_editor)
+        search_strip(layout, ob.anyface_audio, "felt_strip", scene.sequence_editor)
 
 
 def draw_heat(layout, ob) -> None:
@@ -174,14 +174,18 @@ def draw_heat(layout, ob) -> None:
         row.operator("anyface.heat_map_hide", text="", icon="X")
 
 
-def _search(layout, group, name: str, editor) -> None:
+def search_strip(layout, group, name: str, editor, **shown) -> None:
+    """Draws a choice among the strips of a sequencer, a plain text without one."""
+    if editor is None:
+        layout.prop(group, name, **shown)
+        return
     collection = "strips_all" if hasattr(editor, "strips_all") else "sequences_all"
-    layout.prop_search(group, name, editor, collection, icon="SOUND")
+    layout.prop_search(group, name, editor, collection, icon="SOUND", **shown)
 
 
 def _draw_strips(column, ob, scene) -> None:
     if ob.anyface.source == "STRIP":
-        _search(column, ob.anyface, "strip", scene.sequence_editor)
+        search_strip(column, ob.anyface, "strip", scene.sequence_editor)
     elif ob.anyface.source == "CHANNEL":
         column.prop(ob.anyface_audio, "channel")
     else:
@@ -255,4 +259,3 @@ def _count(found: list) -> str:
 
 
 GROUPS = (AnyfaceStrip, AnyfaceAudio)
-CLASSES = (ANYFACE_OT_use_selected_strips, ANYFACE_OT_choose_sound)

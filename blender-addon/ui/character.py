@@ -258,11 +258,3 @@ def _draw_parts(layout, ob) -> None:
 
 
 GROUPS = (AnyfacePart, AnyfaceLoose, AnyfaceFace)
-CLASSES = (
-    ANYFACE_UL_parts,
-    ANYFACE_UL_loose,
-    ANYFACE_OT_find_parts,
-    ANYFACE_OT_add_parts,
-    ANYFACE_OT_drop_part,
-    ANYFACE_PT_character,
-)

@@ -68,7 +68,4 @@ class ANYFACE_UL_controls(UIList):
         layout.label(text=item.name, icon=icon)
 
 
-CLASSES = (ANYFACE_UL_controls,)
-
-
 GROUPS = (AnyfaceControl, AnyfaceControls)

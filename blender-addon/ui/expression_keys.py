@@ -51,6 +51,3 @@ of this object move its parts too"""
         names, _ = expression_keys.add(ob, making.face, rig, shapes.VISEMES)
         expression_keys.drive(ob, making.face)
         return f"{ob.name} has {len(names)} expression keys"
-
-
-CLASSES = (ANYFACE_OT_expression_keys,)

@@ -157,12 +157,3 @@ def _list(ob, sources: list[control_sources.Source]) -> None:
         row = rows.add()
         row.name, row.kind, row.sided = source.label, source.kind, source.sided
         row.id_type, row.block, row.path = source.block.id_type, source.block.name, source.name
-
-
-CLASSES = (
-    ANYFACE_OT_controls_find,
-    ANYFACE_OT_controls_preset,
-    ANYFACE_OT_controls_clear,
-    ANYFACE_OT_controls_save,
-    ANYFACE_OT_controls_load,
-)

@@ -88,6 +88,3 @@ class ANYFACE_OT_cancel(Operator):
         """Asks the thread to stop; the running operator ends with it."""
         running.current.cancel()
         return {"FINISHED"}
-
-
-CLASSES = (ANYFACE_OT_generate, ANYFACE_OT_cancel)

@@ -58,6 +58,3 @@ class ANYFACE_OT_heat_map_hide(Acting, Operator):
     def act(self, ob):
         """Removes them."""
         feeling_mask.hide_heat(ob)
-
-
-CLASSES = (ANYFACE_OT_heat_map, ANYFACE_OT_heat_map_hide)

@@ -141,15 +141,3 @@ def fill(ob, pairs: list[Pair]) -> None:
     for pair in pairs:
         row = rows.add()
         row.shape, row.key, row.factor = pair.shape, pair.key, pair.factor
-
-
-CLASSES = (
-    ANYFACE_UL_mapping,
-    ANYFACE_OT_mapping_find,
-    ANYFACE_OT_mapping_preset,
-    ANYFACE_OT_mapping_add,
-    ANYFACE_OT_mapping_remove,
-    ANYFACE_OT_mapping_clear,
-    ANYFACE_OT_mapping_save,
-    ANYFACE_OT_mapping_load,
-)

@@ -304,11 +304,3 @@ def unregister() -> None:
         _handle = None
     shown.clear()
     del bpy.types.WindowManager.anyface_show_landmarks
-
-
-CLASSES = (
-    ANYFACE_OT_find_face,
-    ANYFACE_OT_reset_landmarks,
-    ANYFACE_OT_move_landmark,
-    ANYFACE_OT_edit_landmarks,
-)

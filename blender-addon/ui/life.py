@@ -150,4 +150,3 @@ class ANYFACE_OT_life_release(Acting, Operator):
 
 
 GROUPS = (AnyfaceLife,)
-CLASSES = (ANYFACE_OT_life_release, ANYFACE_PT_life)

@@ -62,6 +62,3 @@ meanwhile. Again ends it; so does saving, rendering and undo. Nothing of it stay
             face.close()
             raise
         return "the face follows the sound: play, or go to another frame"
-
-
-CLASSES = (ANYFACE_OT_live,)

@@ -117,20 +117,3 @@ class ANYFACE_OT_head_like(InThread, Operator):
         return (
             f"{new.name}: {ob.name} lies {far:.1f} mm from it on average, on a head of human size"
         )
-
-
-def _draw(menu, _context) -> None:
-    menu.layout.operator("anyface.add_head", text="Anyface Head", icon="USER")
-
-
-def register() -> None:
-    """Adds it to Blender's menu."""
-    bpy.types.VIEW3D_MT_mesh_add.append(_draw)
-
-
-def unregister() -> None:
-    """Takes it off."""
-    bpy.types.VIEW3D_MT_mesh_add.remove(_draw)
-
-
-CLASSES = (ANYFACE_OT_add_head, ANYFACE_OT_head_like)

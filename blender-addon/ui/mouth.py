@@ -36,6 +36,3 @@ class ANYFACE_OT_open_mouth(InThread, Operator):
     def finish(self, ob, opening, opened):
         """Changes the mesh."""
         return mouth.write(ob, opening.face, opened)
-
-
-CLASSES = (ANYFACE_OT_open_mouth,)

@@ -45,6 +45,3 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
             others = [control.name for control in controls if not control.is_slider]
             for name in (*_MORE, *others, *_OF_FACE):
                 body.prop(settings, name, slider=True)
-
-
-CLASSES = (ANYFACE_PT_performance,)

@@ -25,6 +25,3 @@ class ANYFACE_OT_remove(Acting, Operator):
             output.remove(ob)
         ob.anyface.report, ob.anyface.report_is_error = "", False
         ob.anyface.report_mends = ""
-
-
-CLASSES = (ANYFACE_OT_remove,)

@@ -1,4 +1,4 @@
-"""Add > Mesh > Anyface Sample Head."""
+"""Add > Mesh > Anyface Sample Head, and what it shares with Anyface Head."""
 
 import bpy
 from bpy.props import FloatProperty
@@ -50,17 +50,15 @@ class ANYFACE_OT_add_sample_head(AddHead, Operator):
 
 
 def _draw(menu, _context) -> None:
+    menu.layout.operator("anyface.add_head", text="Anyface Head", icon="USER")
     menu.layout.operator("anyface.add_sample_head", text="Anyface Sample Head", icon="USER")
 
 
 def register() -> None:
-    """Adds it to Blender's menu."""
+    """Adds both heads to Blender's menu."""
     bpy.types.VIEW3D_MT_mesh_add.append(_draw)
 
 
 def unregister() -> None:
-    """Takes it off."""
+    """Takes them off."""
     bpy.types.VIEW3D_MT_mesh_add.remove(_draw)
-
-
-CLASSES = (ANYFACE_OT_add_sample_head,)

@@ -7,7 +7,7 @@ from bpy.types import Operator, Panel, PropertyGroup
 from ..core.errors import AnyfaceError
 from ..scene import scene_list
 from ..scene.sound import sequencer, strips
-from . import running
+from . import audio, running
 from .operators import InThread
 from .panel import OfMorePanel
 from .settings import from_object
@@ -46,21 +46,13 @@ class ANYFACE_PT_scene(OfMorePanel, Panel):
         for number, row in enumerate(context.scene.anyface_list):
             line = column.row(align=True)
             line.prop(row, "use", text="")
-            _draw_strip(line, row, scene.sequence_editor)
+            audio.search_strip(line, row, "strip", scene.sequence_editor, text="")
             line.prop(row, "character", text="")
             line.operator("anyface.scene_row_remove", text="", icon="X").number = number
         line = layout.row(align=True)
         line.operator("anyface.scene_row_add", icon="ADD")
         line.operator("anyface.scene_fill", icon="FILE_REFRESH")
         layout.operator("anyface.generate_scene", icon="PLAY")
-
-
-def _draw_strip(layout, row, editor) -> None:
-    if editor is None:
-        layout.prop(row, "strip", text="")
-        return
-    collection = "strips_all" if hasattr(editor, "strips_all") else "sequences_all"
-    layout.prop_search(row, "strip", editor, collection, text="", icon="SOUND")
 
 
 class ANYFACE_OT_scene_row_add(Operator):
@@ -176,12 +168,3 @@ def unregister() -> None:
     """Takes it away; rows stay in the file."""
     del bpy.types.Scene.anyface_list
     bpy.utils.unregister_class(AnyfaceSceneRow)
-
-
-CLASSES = (
-    ANYFACE_OT_scene_row_add,
-    ANYFACE_OT_scene_fill,
-    ANYFACE_OT_scene_row_remove,
-    ANYFACE_OT_generate_scene,
-    ANYFACE_PT_scene,
-)

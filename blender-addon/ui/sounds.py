@@ -123,11 +123,3 @@ class ANYFACE_OT_redo(WithSound, InThread, Operator):
         text = yield from redo.landing(ob, bpy.data.scenes[self._scene], wanted, made)
         ob.anyface.report, ob.anyface.report_is_error = text, False
         return text
-
-
-CLASSES = (
-    ANYFACE_OT_sounds_show,
-    ANYFACE_OT_sounds_read,
-    ANYFACE_OT_redo,
-    ANYFACE_PT_sounds,
-)

@@ -73,6 +73,3 @@ class ANYFACE_OT_sounds_write(WithSound, WithFile, Operator):
             return f"{path}{self.kind}"
         chosen = self.properties.is_property_set("kind")
         return str(path.with_suffix(self.kind)) if chosen else str(path)
-
-
-CLASSES = (ANYFACE_OT_sounds_write,)

@@ -109,13 +109,3 @@ class ANYFACE_OT_take_delete(_OneTake, Operator):
     def act(self, ob):
         """Deletes it."""
         take_list.delete(ob, self.take)
-
-
-CLASSES = (
-    ANYFACE_OT_take_keep,
-    ANYFACE_OT_take_switch,
-    ANYFACE_OT_take_rename,
-    ANYFACE_OT_take_push_down,
-    ANYFACE_OT_take_delete,
-    ANYFACE_PT_takes,
-)

@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
+import figures
 from figures import curves, everything, grid, own_keys, shape, stand_in, tone
 
 START = 5
@@ -216,18 +217,7 @@ def operator_on(addon, monkeypatch):
             finally:
                 self.closed = True
 
-    manager = SimpleNamespace(windows=[], timers=0, modal_handler_add=lambda _: None)
-
-    def add(_seconds, window):
-        manager.timers += 1
-
-    def remove(_timer):
-        manager.timers -= 1
-
-    manager.event_timer_add, manager.event_timer_remove = add, remove
-    context = SimpleNamespace(
-        window_manager=manager, window=None, scene=bpy.context.scene, object=grid()
-    )
+    context = figures.window()
     timer = SimpleNamespace(type="TIMER", value="NOTHING")
     return Operator(), context, timer, SimpleNamespace(type="ESC", value="PRESS")
 
