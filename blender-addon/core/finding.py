@@ -26,7 +26,7 @@ def find(
     held = {number: own.points(place[None])[0] for number, place in fixed.items()}
     with naming(face) if held else searching(face):
         found = find_in(*own.seen(face), held, face.roles, progress)
-    found.positions = own.back(found.positions)
+    found.positions = own.points_to_object(found.positions)
     return found
 
 

@@ -37,7 +37,7 @@ class FaceSpace:
         triangles = face.triangles[:, ::-1] if self.mirrored else face.triangles
         return self.points(face.positions), triangles, landmarks, face.landmark_vertices
 
-    def back(self, points: np.ndarray) -> np.ndarray:
+    def points_to_object(self, points: np.ndarray) -> np.ndarray:
         """Points `[N, 3]` back in object space, float64."""
         return (np.asarray(points, dtype=np.float64) - self.offset) @ np.linalg.inv(self.matrix).T
 

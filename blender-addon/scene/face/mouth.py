@@ -41,7 +41,8 @@ class Opening:
         own = self.face.space
         with finding.naming(self.face):
             opened = self.engine.open_mouth(*own.seen(self.face), progress)
-        opened.positions, opened.landmarks = own.back(opened.positions), own.back(opened.landmarks)
+        opened.positions = own.points_to_object(opened.positions)
+        opened.landmarks = own.points_to_object(opened.landmarks)
         if own.mirrored:
             opened.triangles = opened.triangles[:, ::-1]
             opened.corner_shares = opened.corner_shares[:, ::-1, ::-1]
