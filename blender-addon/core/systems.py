@@ -138,7 +138,7 @@ def _words(loaded, text: str, models: Path | None) -> Words:
     return Words(tuple(units), strength if units else 1.0, hint.decode())
 
 
-def chosen(name: str) -> System:
+def by_name(name: str) -> System:
     """The system of this name; one that is able to nothing where none can be loaded."""
     among = known()
     return find(name, among) if among else System("", "", "", ())

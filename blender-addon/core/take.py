@@ -212,7 +212,7 @@ class Frames(Motion):
         return Frames(piece.vectors(self.displacements))
 
 
-class Weighted(Motion):
+class VectorSum(Motion):
     """`vectors` `[K, V, 3]` whose `weights` `[T, K]` add up to the motion."""
 
     @property
@@ -224,7 +224,7 @@ class Weighted(Motion):
 
 
 @dataclass
-class Basis(Weighted):
+class Basis(VectorSum):
     """Displacements as few vectors and their weights.
 
     `vectors` `[K, V, 3]`, `weights` `[T, K]` within -1..1; `error_mm` is the largest distance
@@ -387,7 +387,7 @@ class Solved:
 
 
 @dataclass
-class KeyMotion(Weighted):
+class KeyMotion(VectorSum):
     """A take as weights of named shape keys.
 
     `keys` `[S]` are names of keys, `weights` `[T, S]`. `vectors` `[S, V, 3]` in object space where

@@ -165,7 +165,7 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         events=asked_for.events,
         layered=output.as_basis
         and settings.layered
-        and systems.chosen(settings.system).hears_feeling,
+        and systems.by_name(settings.system).hears_feeling,
         output=output.name,
         starts_from=_pose(ob, face, settings),
     )
@@ -288,7 +288,7 @@ def _felt(scene, settings: Settings, engine) -> SoundSource | None:
     """The recording that gives the feeling; a strip is let be where the system does not hear it."""
     if settings.felt_file:
         return sound_source.from_file(settings.felt_file, settings.start_frame)
-    if not settings.felt_strip or not systems.chosen(settings.system).hears_feeling:
+    if not settings.felt_strip or not systems.by_name(settings.system).hears_feeling:
         return None
     try:
         return sound_source.from_strip(scene, settings.felt_strip, decode.decoder(engine))
@@ -298,7 +298,7 @@ def _felt(scene, settings: Settings, engine) -> SoundSource | None:
 
 def _pose(ob, face: FaceMesh, settings: Settings) -> np.ndarray | None:
     """How the face stands now, `[V, 3]` from rest, where it is to begin so; other pieces rest."""
-    if not settings.starts_from_pose or not systems.chosen(settings.system).starts_from_pose:
+    if not settings.starts_from_pose or not systems.by_name(settings.system).starts_from_pose:
         return None
     moved = np.zeros_like(face.positions)
     own = mesh.read_pose(ob)

@@ -94,12 +94,12 @@ class WithSound(Alone):
     """Works on the sound that the character speaks."""
 
     # A linked face can be given no sound: it is told so when the button is pressed.
-    linked_too = False
+    accepts_linked = False
 
     @classmethod
     def why_not(cls, context):
         reason, ob = super().why_not(context), target(context)
-        if reason or (cls.linked_too and ob.library is not None):
+        if reason or (cls.accepts_linked and ob.library is not None):
             return reason
         return why_not(ob, sequencer_scene(context))
 

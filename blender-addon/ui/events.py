@@ -42,7 +42,7 @@ class ANYFACE_PT_events(OfFacePanel, Panel):
         """False where the chosen system shows none."""
         if not super().poll(context):
             return False
-        return systems.chosen(getattr(target(context).anyface, "system", "")).takes_events
+        return systems.by_name(getattr(target(context).anyface, "system", "")).takes_events
 
     def draw(self, context):
         """Draws the channel, the strips with the units understood, and how one is added."""
@@ -97,7 +97,7 @@ copied and renamed"""
     @classmethod
     def why_not(cls, context):
         reason = super().why_not(context)
-        if reason or systems.chosen(getattr(target(context).anyface, "system", "")).takes_events:
+        if reason or systems.by_name(getattr(target(context).anyface, "system", "")).takes_events:
             return reason
         able = [system.label for system in systems.known() if system.takes_events]
         return f"Choose a system that shows events: {', '.join(able) or 'none'}"

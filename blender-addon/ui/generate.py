@@ -22,7 +22,7 @@ class ANYFACE_OT_generate(WithSound, InThread, Operator):
 
     busy = "Another face is being animated"
 
-    linked_too = True
+    accepts_linked = True
 
     def read(self, context, ob):
         """The settings, the mesh and the sound; teeth and tongue come along."""

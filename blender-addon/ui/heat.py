@@ -24,7 +24,7 @@ colour"""
     @classmethod
     def why_not(cls, context):
         reason = super().why_not(context)
-        if reason or systems.chosen(target(context).anyface.system).hears_feeling:
+        if reason or systems.by_name(target(context).anyface.system).hears_feeling:
             return reason
         return "This system does not tell feeling from speech"
 

@@ -100,7 +100,7 @@ class ANYFACE_PT_life(OfFacePanel, Panel):
         layout.use_property_split = True
         layout.active = stored.use
         column = layout.column(align=True)
-        for control in systems.chosen(getattr(ob.anyface, "system", "")).controls:
+        for control in systems.by_name(getattr(ob.anyface, "system", "")).controls:
             if control.name in CONTROLS:
                 row = column.row(align=True)
                 row.use_property_decorate = control.is_animatable

@@ -20,7 +20,7 @@ meanwhile. Again ends it; so does saving, rendering and undo. Nothing of it stay
 
     busy = "Another face is being animated"
 
-    linked_too = True
+    accepts_linked = True
 
     @classmethod
     def why_not(cls, context):

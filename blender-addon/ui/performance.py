@@ -26,13 +26,13 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
         if len(systems.known()) > 1:
             layout.prop(settings, "system")
         layout.prop(settings, "emotion_source")
-        if systems.chosen(settings.system).hears_feeling:
+        if systems.by_name(settings.system).hears_feeling:
             audio.draw_felt(layout, target(context), sequencer_scene(context))
             audio.draw_heat(layout, target(context))
-        if systems.chosen(settings.system).starts_from_pose:
+        if systems.by_name(settings.system).starts_from_pose:
             layout.prop(settings, "starts_from_pose")
         column = layout.column(align=True)
-        controls = [c for c in systems.chosen(settings.system).controls if c.name not in CONTROLS]
+        controls = [c for c in systems.by_name(settings.system).controls if c.name not in CONTROLS]
         for control in controls:
             if control.is_slider:
                 row = column.row(align=True)

@@ -24,7 +24,7 @@ class Basis(Output):
 
     def draw(self, layout, ob):
         layout.prop(ob.anyface, "error_mm", text="Precision (mm)")
-        if systems.chosen(ob.anyface.system).hears_feeling:
+        if systems.by_name(ob.anyface.system).hears_feeling:
             layout.prop(ob.anyface, "layered")
 
     def cost(self, asked):
