@@ -67,7 +67,7 @@ fn size_kb(folder: &Path) -> Result<u64> {
 /// Installs `package` below a folder of its own with dpkg, compiles a C program against it, runs it.
 pub fn check(steps: &mut Steps, package: &Path) -> Result<()> {
     let root = machine::target().join("debian-root");
-    empty(&root)?;
+    machine::empty(&root)?;
     for command in &mut check_commands(package, &root)? {
         let name = command.get_program().to_string_lossy().into_owned();
         steps.run(&format!("try the Debian package ({name})"), command)?;

@@ -5,7 +5,7 @@ use super::{
     features::{CHIN_DROP, GAP, PROTRUSION, WIDTH},
     scores::{ClipScores, Scores},
 };
-use anyface::metrics::{LagCurve, Moments, Spectrum};
+use crate::metrics::{LagCurve, Moments, Spectrum};
 
 const MS: f64 = 1000.0;
 
@@ -229,7 +229,7 @@ pub(super) fn scores(clips: &[ClipScores]) -> Scores {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use anyface::metrics::Spectrum;
+    use crate::metrics::Spectrum;
 
     fn clip(made: &[f64], recorded: &[f64]) -> ClipScores {
         ClipScores {

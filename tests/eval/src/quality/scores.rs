@@ -5,10 +5,8 @@ use std::collections::BTreeMap;
 use ndarray::{Axis, Slice};
 
 use super::{bootstrap::Estimate, clip::Clip, features};
-use anyface::{
-    Result,
-    metrics::{self, LagCurve, Moments, Spectrum},
-};
+use crate::metrics::{self, LagCurve, Moments, Spectrum};
+use anyface::Result;
 
 const MM: f64 = 1000.0;
 /// Delays that are searched, in frames.
