@@ -71,7 +71,7 @@ impl Motion {
         report.fps = motion.fps;
         report.out = Some(shown(&self.out));
         timed(&mut report, "write", || {
-            write_motion(&self.out, &made, life.as_ref(), engine.face_modes())
+            write_motion(&self.out, &made, &motion, life.as_ref())
         })?;
         if let Some(path) = &self.report {
             write_json(path, &report)?;
