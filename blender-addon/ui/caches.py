@@ -3,7 +3,7 @@
 from bpy.types import Operator
 
 from ..core.errors import AnyfaceError
-from ..scene import cache_files
+from ..scene.caches import cache_files
 
 
 class ANYFACE_OT_remove_unused_caches(Operator):
@@ -39,6 +39,3 @@ class ANYFACE_OT_remove_unused_caches(Operator):
             self.report({"WARNING"}, f"Anyface: {text}")
         self.report({"INFO"}, f"Anyface: {len(found.files)} unused caches deleted")
         return {"FINISHED"}
-
-
-CLASSES = (ANYFACE_OT_remove_unused_caches,)

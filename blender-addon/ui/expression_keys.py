@@ -5,7 +5,8 @@ from bpy.types import Operator
 
 from ..core import shapes
 from ..core.take import NETWORK, ShapesBy
-from ..scene import bake, expression_keys, outputs
+from ..scene import bake, outputs
+from ..scene.shape_keys import expression_keys
 from . import running
 from .operators import InThread
 from .settings import from_object
@@ -49,8 +50,4 @@ of this object move its parts too"""
             rig = expression_keys.bent(rig)
         names, _ = expression_keys.add(ob, making.face, rig, shapes.VISEMES)
         expression_keys.drive(ob, making.face)
-        self.report({"INFO"}, f"Anyface: {ob.name} has {len(names)} expression keys")
-        return {"FINISHED"}
-
-
-CLASSES = (ANYFACE_OT_expression_keys,)
+        return f"{ob.name} has {len(names)} expression keys"

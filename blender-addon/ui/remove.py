@@ -2,7 +2,8 @@
 
 from bpy.types import Operator
 
-from ..scene import outputs, together
+from ..scene import outputs
+from ..scene.takes import together
 from .operators import Acting
 from .target import target
 
@@ -14,8 +15,8 @@ class ANYFACE_OT_remove(Acting, Operator):
     bl_label = "Remove"
 
     @classmethod
-    def poll(cls, context):
-        return outputs.has_take(target(context))
+    def why_not(cls, context):
+        return "" if outputs.has_take(target(context)) else "There is no take"
 
     def act(self, ob):
         """Removes the take of the character that the panel shows."""
@@ -24,6 +25,3 @@ class ANYFACE_OT_remove(Acting, Operator):
             output.remove(ob)
         ob.anyface.report, ob.anyface.report_is_error = "", False
         ob.anyface.report_mends = ""
-
-
-CLASSES = (ANYFACE_OT_remove,)

@@ -3,9 +3,9 @@
 from bpy.props import StringProperty
 from bpy.types import Operator, Panel
 
-from ..scene import record, takes
-from . import running
-from .operators import Acting
+from ..scene.shape_keys import record
+from ..scene.takes import take_list
+from .operators import Alone
 from .panel import OfFacePanel
 from .target import target
 
@@ -25,7 +25,7 @@ class ANYFACE_PT_takes(OfFacePanel, Panel):
         layout, ob = self.layout, target(context)
         layout.prop(ob.anyface_output, "new_take")
         column = layout.column(align=True)
-        for row in takes.rows(ob):
+        for row in take_list.rows(ob):
             line = column.row(align=True)
             switch = line.operator("anyface.take_switch", text=row.name, icon=_ICONS[row.state])
             switch.take = row.id
@@ -36,32 +36,32 @@ class ANYFACE_PT_takes(OfFacePanel, Panel):
         layout.operator("anyface.take_keep")
 
 
-class _TakeOperator(Acting, Operator):
-    @classmethod
-    def poll(cls, context):
-        return not running.is_running() and bool(takes.rows(target(context)))
-
-
-class ANYFACE_OT_take_keep(_TakeOperator):
+class ANYFACE_OT_take_keep(Alone, Operator):
     """Let the take that plays wait in the list; the next one is made beside it"""
 
     bl_idname = "anyface.take_keep"
     bl_label = "Keep Take"
 
     @classmethod
-    def poll(cls, context):
-        return not running.is_running() and record.is_generated(target(context))
+    def why_not(cls, context):
+        plays = record.is_generated(target(context))
+        return super().why_not(context) or ("" if plays else "No take plays")
 
     def act(self, ob):
         """Keeps it."""
-        takes.keep(ob)
+        take_list.keep(ob)
 
 
-class _OneTake(_TakeOperator):
+class _OneTake(Alone):
     take: StringProperty(options={"HIDDEN"})
 
+    @classmethod
+    def why_not(cls, context):
+        takes = take_list.rows(target(context))
+        return super().why_not(context) or ("" if takes else "There are no takes")
 
-class ANYFACE_OT_take_switch(_OneTake):
+
+class ANYFACE_OT_take_switch(_OneTake, Operator):
     """Play this take instead of the other"""
 
     bl_idname = "anyface.take_switch"
@@ -69,10 +69,10 @@ class ANYFACE_OT_take_switch(_OneTake):
 
     def act(self, ob):
         """Switches."""
-        takes.switch(ob, self.take)
+        take_list.switch(ob, self.take)
 
 
-class ANYFACE_OT_take_rename(_OneTake):
+class ANYFACE_OT_take_rename(_OneTake, Operator):
     """Give the take another name"""
 
     bl_idname = "anyface.take_rename"
@@ -86,10 +86,10 @@ class ANYFACE_OT_take_rename(_OneTake):
 
     def act(self, ob):
         """Renames."""
-        takes.rename(ob, self.take, self.name)
+        take_list.rename(ob, self.take, self.name)
 
 
-class ANYFACE_OT_take_push_down(_OneTake):
+class ANYFACE_OT_take_push_down(_OneTake, Operator):
     """Put the take as a strip into the NLA editor, where takes can be moved and blended"""
 
     bl_idname = "anyface.take_push_down"
@@ -97,10 +97,10 @@ class ANYFACE_OT_take_push_down(_OneTake):
 
     def act(self, ob):
         """Pushes it down."""
-        takes.push_down(ob, self.take)
+        take_list.push_down(ob, self.take)
 
 
-class ANYFACE_OT_take_delete(_OneTake):
+class ANYFACE_OT_take_delete(_OneTake, Operator):
     """Delete the take with its keys, its action and its strip"""
 
     bl_idname = "anyface.take_delete"
@@ -108,14 +108,4 @@ class ANYFACE_OT_take_delete(_OneTake):
 
     def act(self, ob):
         """Deletes it."""
-        takes.delete(ob, self.take)
-
-
-CLASSES = (
-    ANYFACE_OT_take_keep,
-    ANYFACE_OT_take_switch,
-    ANYFACE_OT_take_rename,
-    ANYFACE_OT_take_push_down,
-    ANYFACE_OT_take_delete,
-    ANYFACE_PT_takes,
-)
+        take_list.delete(ob, self.take)

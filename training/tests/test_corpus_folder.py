@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import soundfile
 
+from training.align import canonical_landmarks
 from training.corpus.check import check
 from training.corpus.checked import CorpusError
 from training.corpus.clip import inner_gap
-from training.corpus.faces import canonical_landmarks
 from training.corpus.folder import CorpusFolder
 from training.corpus.folder_clips import arkit_modes, clips
 from training.corpus.mirror import permutation
@@ -254,7 +254,7 @@ def test_a_sound_corpus_has_nothing_odd(folders, kind):
     report = check(folders[kind])
     assert (report.errors, report.odd) == ([], [])
     assert report.kinds[kind] == 6 and abs(np.median(report.lags_s)) < 0.03
-    assert ("train_stm" in report.sentences()[-1]) == (kind == "vertices")
+    assert ("stm.train" in report.sentences()[-1]) == (kind == "vertices")
 
 
 def test_an_error_of_one_clip_does_not_hide_another(copy):

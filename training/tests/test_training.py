@@ -9,16 +9,16 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from training import export_stm, train_stm
 from training.corpus.sequence_meshes import sequence_meshes
 from training.deform.static_weights import CONFIGS as STATIC
-from training.export import export
+from training.export import export, main
 from training.run import Run
 from training.systems.freetalk.ats import CONFIGS, AtsConfig, AtsDenoiser
+from training.systems.freetalk.stm import train as train_stm
 from training.systems.freetalk.stm.paper import CONFIGS as PAPER
+from training.systems.freetalk.train import parser, train
 from training.tests.made_up import made_up
 from training.tests.test_speech import written
-from training.train_ats import parser, train
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def run(corpus: Path, out: Path, *more: str) -> Path:
 
 def exported(trained: Path, models: Path, name: str) -> AtsConfig:
     """Writes the model folder, loads it again and returns its config."""
-    export(trained, models, None, None)
+    export("ats", models, run=trained)
     config = AtsConfig.from_json(json.loads((models / f"ats_{name}/config.json").read_text()))
     model = AtsDenoiser(config)
     state = load_file(models / f"ats_{name}/model.safetensors")
@@ -107,7 +107,7 @@ def test_every_decoder_trains_on_sequences_and_exports(sequences, tmp_path, mode
     saved = train_decoder(sequences, tmp_path, model, config, 20)
     out = capsys.readouterr().out
     assert "held out, training-free:" in out and f"held out, {model}:" in out
-    export_stm.main(["--runs", str(tmp_path), "--models", str(tmp_path / "models"), "--trained", "corpus"])
+    main(["stm", "--runs", str(tmp_path), "--models", str(tmp_path / "models"), "--trained", "corpus"])
     folder = tmp_path / "models" / {"static": "static_weights", "paper": "stm_paper"}[model]
     assert json.loads((folder / "config.json").read_text()) == saved["config"]
     stored = load_file(folder / "model.safetensors")

@@ -15,8 +15,11 @@ from ...core.job import BEGUN
 from ...core.plan import WriteCaches
 from ...core.redo_film import PatchCaches
 from ...core.take import WrittenFile
-from .. import cache_files, guard, identity
-from .output import EASE_S, Output, check_place
+from .. import identity
+from ..animation import curves
+from ..caches import cache_files
+from ..shape_keys import guard
+from .output import Output, check_place
 
 MODIFIER = "Anyface Cache"
 # Modifiers that leave every vertex where it is.
@@ -71,22 +74,19 @@ class Cache(Output):
     def plan(self, ob, asked, fps, objects):
         place = Path(bpy.path.abspath(asked.cache_folder or f"//{cache_files.FOLDER}"))
         paths = {name: str(place / file) for name, file in cache_files.names(objects).items()}
-        return WriteCaches(paths, math.ceil(EASE_S * fps))
-
-    def holds(self, take):
-        return bool(take.files and take.files[0].vertices)
+        return WriteCaches(paths, math.ceil(curves.EASE_S * fps))
 
     def describe(self, take):
-        return f"cache {', '.join(bpy.path.basename(file.path) for file in take.files)}"
+        return f"cache {', '.join(bpy.path.basename(file.path) for file in take.motion.files)}"
 
     def check_files(self, take):
-        for file in take.files:
+        for file in take.motion.files:
             other = bpy.data.objects.get(file.object_name)
             guard.check_mesh(other)
             guard.check_size(other, file.vertices)
 
     def write_files(self, ob, take, start_frame, scene_fps):
-        for file in take.files:
+        for file in take.motion.files:
             other = bpy.data.objects[file.object_name]
             _play(other, file, start_frame, scene_fps / take.fps)
             if other != ob:
@@ -124,7 +124,7 @@ class Cache(Output):
         return PatchCaches(paths, first, shares, snapshot.plan.ease)
 
     def redo_write(self, parts, snapshot, take, first, at, stretch):
-        for file in take.files:
+        for file in take.motion.files:
             self.find(bpy.data.objects[file.object_name]).filepath = _relative(file.path)
         yield BEGUN
 

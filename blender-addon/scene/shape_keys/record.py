@@ -1,0 +1,115 @@
+"""What was generated on a mesh, written down beside it, so that Remove removes exactly that.
+
+The record lies in a custom property of the shape keys' data-block and goes when they go.
+"""
+
+import json
+import uuid
+from dataclasses import asdict, dataclass, field
+
+from ...core import json_file
+
+PROPERTY = "anyface"
+# Takes that wait beside the current one, as a list of records.
+KEPT = "anyface_takes"
+# What of the artist's waits while something of ours stands in for it: pointers.
+SHARED_MESH, SHARED_ACTION = "anyface_shared_mesh", "anyface_shared_action"
+REPLACED_ACTION = "anyface_replaced"
+ORIGINALS = (SHARED_MESH, SHARED_ACTION, REPLACED_ACTION)
+
+
+@dataclass
+class Record:
+    """One generated take.
+
+    `mode` is the name of its output. `keys` are the names of our shape keys in order; `made_keys`
+    says that the mesh had none before. The `made_*` and `shared_*` fields say what else must be
+    undone: an action, a slot or animation data of ours, copies made because mesh or action were
+    shared (their digests at that time). On an object beside a face, `belongs_to` is the
+    id of the face's take. `values` are keys of the artist's that are animated, as they were set
+    before; `replaced_print` is the digest of the action that stands in for his. `name` is the
+    take's in the panel; `adjusted` is what `adjust` has made of it. Its frames lie at `first_frame`
+    and every `frame_step` after it; `still` is `why_missing` of its basis. `asked` are the panel's
+    settings and its report; `shown` are shapes by the artist's keys that show most of them,
+    `factors` by key where it stands at weight 1 of each shape that it shows.
+    """
+
+    mode: str
+    id: str = field(default_factory=lambda: uuid.uuid4().hex[:12])
+    keys: list[str] = field(default_factory=list)
+    made_keys: bool = False
+    made_animation_data: bool = False
+    made_action: bool = False
+    made_slot: bool = False
+    shared_action_print: str = ""
+    shared_mesh_print: str = ""
+    belongs_to: str = ""
+    values: dict[str, float] = field(default_factory=dict)
+    replaced_print: str = ""
+    name: str = ""
+    in_nla: bool = False
+    adjusted: dict[str, float] = field(default_factory=dict)
+    first_frame: float = 0.0
+    frame_step: float = 1.0
+    still: dict[str, str] = field(default_factory=dict)
+    asked: dict = field(default_factory=dict)
+    shown: dict[str, str] = field(default_factory=dict)
+    factors: dict[str, dict[str, float]] = field(default_factory=dict)
+    # Curves that were made beforehand, and what is to be written as curves; no fields of a record.
+    prepared = None
+    waiting = None
+
+
+def read(shape_keys) -> Record | None:
+    """The record of the current take of a mesh's shape keys (None for none), or None."""
+    text = shape_keys.get(PROPERTY) if shape_keys is not None else None
+    try:
+        return json_file.known_fields(Record, json.loads(text)) if isinstance(text, str) else None
+    except (ValueError, TypeError, AttributeError):
+        return None
+
+
+def write(shape_keys, record: Record) -> None:
+    """Stores the record of the current take."""
+    shape_keys[PROPERTY] = json.dumps(asdict(record))
+
+
+def clear(shape_keys) -> None:
+    """Takes the record of the current take away."""
+    if PROPERTY in shape_keys:
+        del shape_keys[PROPERTY]
+
+
+def read_kept(shape_keys) -> list[Record]:
+    """The takes that wait beside the current one."""
+    text = shape_keys.get(KEPT) if shape_keys is not None else None
+    try:
+        return [json_file.known_fields(Record, row) for row in json.loads(text or "[]")]
+    except (ValueError, TypeError, AttributeError):
+        return []
+
+
+def write_kept(shape_keys, records: list[Record]) -> None:
+    """Stores the takes that wait."""
+    if records:
+        shape_keys[KEPT] = json.dumps([asdict(record) for record in records])
+    elif KEPT in shape_keys:
+        del shape_keys[KEPT]
+
+
+def everyone(shape_keys) -> list[Record]:
+    """The current take and all that wait."""
+    current = read(shape_keys)
+    return ([current] if current is not None else []) + read_kept(shape_keys)
+
+
+def all_keys(shape_keys) -> set[str]:
+    """The names of all keys that are ours."""
+    return {name for record in everyone(shape_keys) for name in record.keys}
+
+
+def is_generated(ob) -> bool:
+    """True where `ob` (or None) carries a generated take in its shape keys."""
+    if ob is None or ob.type != "MESH" or ob.data is None:
+        return False
+    return read(ob.data.shape_keys) is not None
