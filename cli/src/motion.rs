@@ -3,8 +3,7 @@
 use std::path::PathBuf;
 
 use anyface::{
-    Result,
-    motion::{self, FaceModes},
+    Result, motion,
     output::{check_motion_path, write_json, write_motion},
 };
 use clap::Args;
