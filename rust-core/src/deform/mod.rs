@@ -14,6 +14,7 @@ mod contact;
 mod corrected;
 mod correspondence;
 pub mod creases;
+mod decoder;
 mod eye_parts;
 mod eyes;
 pub(crate) mod fade;
@@ -35,6 +36,7 @@ mod tension_screened_biharmonic;
 pub use corrected::{Corrected, Corrections};
 pub use correspondence::{Correspondence, FollowingFace, ReferencePoints};
 pub use creases::{Creases, ReferenceFace};
+pub use decoder::{CodeSpace, Decoder};
 pub(crate) use eyes::Openings;
 pub use landmark_weights::LandmarkWeights;
 pub(crate) use nearest::PointGrid;
@@ -44,8 +46,11 @@ pub use skin::Skin;
 pub use static_weights::{StaticWeights, VertexGeometry};
 pub use tension_screened_biharmonic::{Plate, PlateWeights, REACHES_CM};
 
-use crate::{Result, progress::ProgressFn};
+use std::sync::Arc;
+
 use ndarray::{Array3, ArrayView2, ArrayView3};
+
+use crate::{Result, progress::ProgressFn};
 
 /// Displacements of every vertex over time.
 #[derive(Debug, Clone, PartialEq)]
@@ -131,6 +136,9 @@ pub trait CodeField: Send + Sync {
     /// `InvalidInput` or `ShapeMismatch` for codes of another length or that are not finite.
     fn beyond(&self, codes: ArrayView2<'_, f32>, base: &Array3<f32>) -> Result<Array3<f32>>;
 }
+
+/// The field on one face, or why no field fits it.
+pub type Field = std::result::Result<Arc<dyn CodeField>, String>;
 
 /// Some vertices of a mesh.
 pub struct FewVertices {

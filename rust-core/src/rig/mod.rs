@@ -17,7 +17,7 @@ mod shapes;
 pub mod solve;
 mod visemes;
 
-pub use by_field::FieldOfFace;
+pub use by_field::{FieldOfFace, ShapeSource};
 pub use decoded::Learned;
 pub use make::{MODEL, RigModel};
 pub use names::{ARKIT, VISEMES, mirrored_name};
