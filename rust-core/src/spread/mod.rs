@@ -25,7 +25,9 @@ use crate::{
     rig::Rig,
 };
 pub use on_face::on_face;
-pub use sink::{Animation, ClipStart, Collector, FrameSink, LandmarkTrack, frames_at_once};
+pub use sink::{
+    Animation, ClipStart, Collector, FrameSink, LandmarkTrack, SpreadReport, frames_at_once,
+};
 pub use template_on_face::TemplateOnFace;
 
 /// What is to be put on a face.
@@ -118,18 +120,6 @@ impl WeightedShapes<'_> {
         self.deformer.shut_lids(landmarks, &mut moved);
         moved
     }
-}
-
-/// How far things move, over all frames.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SpreadReport {
-    /// Largest displacement of any vertex, mesh units.
-    pub largest: f32,
-    /// `[T, 68, 3]`, mesh units: what moved the mesh, or what is read off it where that was no motion
-    /// of landmarks.
-    pub landmarks: Array3<f32>,
-    /// What the user should know.
-    pub notes: Vec<String>,
 }
 
 impl<'a> Spread<'a> {

@@ -2,7 +2,6 @@
 
 use ndarray::{Array3, ArrayView3, Axis, concatenate};
 
-use super::SpreadReport;
 use crate::{Error, Result, deform::VertexClip, ibug::LANDMARKS, memory::available, mesh::Mesh};
 
 /// Bytes of displacements that are made at a time where a sink says nothing else.
@@ -159,6 +158,18 @@ impl FrameSink for Collector {
         self.landmarks = Some((*landmarks.neutral, landmarks.displacements.to_owned()));
         Ok(())
     }
+}
+
+/// How far things move, over all frames.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SpreadReport {
+    /// Largest displacement of any vertex, mesh units.
+    pub largest: f32,
+    /// `[T, 68, 3]`, mesh units: what moved the mesh, or what is read off it where that was no motion
+    /// of landmarks.
+    pub landmarks: Array3<f32>,
+    /// What the user should know.
+    pub notes: Vec<String>,
 }
 
 #[cfg(test)]
