@@ -43,10 +43,8 @@ class BasisCalls:
         given = (self._handle, clip, limit, MAX_VECTORS, watch.handle)
         basis = self._own(handles, "basis", "anyface_basis_new", *given)
         count = self._library.anyface_basis_shape_count(basis)
-        frames, vertices = (
-            getattr(self._library, f"anyface_clip_{name}_count")(clip)
-            for name in ("frame", "vertex")
-        )
+        frames = self._library.anyface_clip_frame_count(clip)
+        vertices = self._library.anyface_clip_vertex_count(clip)
         vectors = np.empty((count, vertices, 3), dtype=np.float32)
         weights = np.empty((frames, count), dtype=np.float32)
         self._copy("anyface_basis_copy_shapes", basis, vectors)

@@ -33,8 +33,10 @@ def perform(
     if animation.life is not None:
         way = found.from_world(face.matrix_world)
         take.life = replace(animation.life, way=animation.life.way @ way)
-    if animation.basis is None:
+    take.clip = animation.clip
+    if animation.displacements is not None:
         take.frames = found.to_object(animation.displacements)
+    if animation.basis is None:
         return take
     take.basis = animation.basis
     take.basis.why_missing = sliders.why_missing(request, take.basis.sliders, take.basis.offered)

@@ -18,7 +18,10 @@ _LARGEST_LEFT_OUT = 0.97
 
 
 class Plan:
-    """The take is written as it is. Other plans leave out its frames, the largest array of all."""
+    """The take is written as it is. Other plans leave out its frames, the largest array of all, or
+    never get them: where a plan `keeps_clip`, the motion stays in the library."""
+
+    keeps_clip = False
 
     def finish(self, face: FaceMesh, take: Take, engine, progress: Progress) -> Take:
         """The take as it is to be written; raises `AnyfaceError`, or `Cancelled`."""
@@ -63,12 +66,12 @@ class SolveKeys(Plan):
     factors: np.ndarray
     vectors: np.ndarray
     shown: dict[str, str]
+    keeps_clip = True
 
     def finish(self, face, take, engine, progress):
         # Existing keys are those of the face; objects beside it have others.
-        moved = take.frames[:, : self.vectors.shape[1]]
         vectors = np.tensordot(self.factors, self.vectors, axes=1).astype(np.float32)
-        solved = as_made(take, self.shapes) or engine.solve(self.shapes, vectors, moved, progress)
+        solved = as_made(take, self.shapes) or _solved(take, engine, self.shapes, vectors, progress)
         if solved.left_out > _LARGEST_LEFT_OUT:
             shown = 1.0 - solved.left_out
             raise AnyfaceError(
@@ -82,7 +85,17 @@ class SolveKeys(Plan):
         motion.shown, motion.factors = self.shown, by_key(self.shapes, self.keys, self.factors)
         if take.shape_weights is not None:
             motion.missing = take.shape_weights.missing(self.shapes)
-        return replace(take, frames=None, key_motion=motion)
+        return replace(take, frames=None, clip=None, key_motion=motion)
+
+
+def _solved(take: Take, engine, names, vectors, progress: Progress, path: str = "") -> Solved:
+    """Weights of the shapes `vectors` `[S, V, 3]` of a face in object space, on the clip where the
+    take has one; with `path` they are written there."""
+    if take.clip is not None:
+        given = names, vectors, take.space.back, progress, path, take.fps
+        return take.clip.weights(*given)
+    moved = take.frames[:, : vectors.shape[1]]
+    return engine.solve(names, vectors, moved, progress, path, take.fps)
 
 
 def as_made(take: Take, shapes: list[str]) -> Solved | None:
@@ -105,6 +118,7 @@ class MakeKeys(Plan):
     """The ARKit shapes and their weights; with `visemes` these shapes too, without weights."""
 
     visemes: bool
+    keeps_clip = True
 
     def finish(self, face, take, engine, progress):
         arkit, visemes = _arkit(face, take, engine, progress)
@@ -112,10 +126,10 @@ class MakeKeys(Plan):
         if made is not None:
             solved = Solved(made.of(arkit.names), made.left_out(arkit.names))
         else:
-            solved = engine.solve(arkit.names, arkit.vectors, take.frames, progress)
+            solved = _solved(take, engine, arkit.names, arkit.vectors, progress)
         motion = KeyMotion(arkit.names, solved.weights, solved.left_out, arkit.vectors)
         motion.visemes = visemes if self.visemes else None
-        return replace(take, frames=None, key_motion=motion)
+        return replace(take, frames=None, clip=None, key_motion=motion)
 
 
 @dataclass
@@ -124,6 +138,7 @@ class WriteTable(Plan):
 
     name: str
     path: str
+    keeps_clip = True
 
     def finish(self, face, take, engine, progress):
         Path(self.path).parent.mkdir(parents=True, exist_ok=True)
@@ -131,12 +146,12 @@ class WriteTable(Plan):
         if made is not None:
             engine.write_weights(made.names, made.weights, self.path, take.fps)
             file = WrittenFile(self.name, self.path, len(made.weights))
-            return replace(take, frames=None, files=[file])
+            return replace(take, frames=None, clip=None, files=[file])
         arkit, _ = _arkit(face, take, engine, progress)
-        given = (arkit.names, arkit.vectors, take.frames, progress, self.path, take.fps)
-        solved = engine.solve(*given)
-        file = WrittenFile(self.name, self.path, len(take.frames), left_out=solved.left_out)
-        return replace(take, frames=None, files=[file])
+        solved = _solved(take, engine, arkit.names, arkit.vectors, progress, self.path)
+        count = len(solved.weights)
+        file = WrittenFile(self.name, self.path, count, left_out=solved.left_out)
+        return replace(take, frames=None, clip=None, files=[file])
 
 
 def _arkit(face, take, engine, progress) -> tuple[Rig, Rig]:

@@ -89,8 +89,9 @@ class Request:
     `systems.Control`, of others the default; those in `control_keys` follow
     `(times_s [N], values [N])` instead, linear in between. `roles` is what the artist says of the
     mesh's parts. `error_mm` is the largest error of a basis, on a head of human size; with None the
-    displacements of every frame are wanted. The lips close in `closures` `[N, 2]`, seconds; with
-    None where that is heard. `events` are for systems that take them, `felt_as` is another
+    displacements of every frame are wanted. With `keeps_clip` neither comes back, but the clip
+    itself, on which weights of shapes are solved. The lips close in `closures` `[N, 2]`, seconds;
+    with None where that is heard. `events` are for systems that take them, `felt_as` is another
     recording whose feeling is shown, for those that hear it; where the take is `layered`, what is
     felt has vectors of its own. `starts_from` are displacements `[V, 3]` from rest of the pose in
     which the face begins, for systems that go on from one.
@@ -110,6 +111,7 @@ class Request:
     felt_as: "Sound | None" = None
     layered: bool = False
     starts_from: np.ndarray | None = None
+    keeps_clip: bool = False
 
 
 @dataclass
@@ -241,16 +243,17 @@ class ShapeWeights:
 class Animation:
     """What the library returns for one mesh, in the frame in which it was given.
 
-    `basis` or `displacements` `[T, V, 3]` float32, as was asked. `largest_mm` is the largest
-    displacement of any vertex in any frame, on a head of human size, blinks included; `visibility`
-    is one of `VISIBILITIES`. `shape_weights` is what moves where the system makes weights;
-    `notes` are remarks for the report.
+    `basis`, `displacements` `[T, V, 3]` float32 or a `native_shapes.Clip`, as was asked.
+    `largest_mm` is the largest displacement of any vertex in any frame, on a head of human size,
+    blinks included; `visibility` is one of `VISIBILITIES`. `shape_weights` is what moves where the
+    system makes weights; `notes` are remarks for the report.
     """
 
     largest_mm: float
     visibility: str = "SPEAKS"
     basis: Basis | None = None
     displacements: np.ndarray | None = None
+    clip: object = None
     life: Life | None = None
     landmarks: Landmarks | None = None
     shape_weights: ShapeWeights | None = None
@@ -262,7 +265,7 @@ class Take:
     """A finished performance in object space, ready to be written.
 
     One of `basis`, `frames` (`[T, V, 3]`, object units), `key_motion`, `control_motion` and `files`
-    is set.
+    is set; where weights of shapes are to be solved, that is a `clip` at first.
     `largest_mm` is the largest displacement of any vertex. `space` is the frame in which the face
     was found. Head and eyes lie in `life`; its `way` leads from the world to the canonical frame.
     `largest_of` is the largest displacement of each piece of the face, mm, where there are several.
@@ -274,6 +277,7 @@ class Take:
     largest_mm: float
     basis: Basis | None = None
     frames: np.ndarray | None = None
+    clip: object = None
     key_motion: "KeyMotion | None" = None
     control_motion: "ControlMotion | None" = None
     files: "list[WrittenFile]" = field(default_factory=list)

@@ -117,6 +117,7 @@ class Snapshot:
     def work(self, progress: Progress) -> Take:
         """The take; raises `AnyfaceError`."""
         voice, request = self.heard(progress)
+        request = replace(request, keeps_clip=self.plan.keeps_clip)
         take = perform.perform(self.face, voice, request, self.engine.animate, progress)
         take = self.plan.finish(self.face, take, self.engine, progress)
         moved = take.frames is not None or take.basis is not None or take.key_motion is not None
