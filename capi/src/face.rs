@@ -1,13 +1,12 @@
 //! A mesh with its landmarks and everything that does not depend on time.
 
-use std::ffi::c_char;
-
 use anyface::{
     Engine, Face,
     deform::PartList,
     ibug::LANDMARKS,
     mesh::{Landmarks, Mouth},
 };
+use libc::c_char;
 
 use crate::{
     engine::AnyfaceEngine,
