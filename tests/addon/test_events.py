@@ -73,7 +73,7 @@ def test_units_and_words_are_understood(addon, text, units):
         ("", "says nothing"),
         ("  !", "says nothing"),
         ("the blue car", "expected units such as 12,6L"),
-        ("smil", "nearest: smile"),
+        ("livid", 'nearest that is understood: "angry"'),
         ("99", "expected some of 1, 2, 4"),
         ("12,99L", "got 99L"),
         ("улыбка", "is not understood"),
