@@ -62,8 +62,11 @@ class BasisCalls:
                 continue
             knots = np.empty(count, dtype=np.float32)
             changes = np.empty((count, *shape), dtype=np.float32)
-            for kind, array in (("knots", knots), ("changes", changes)):
+            for function, array in (
+                ("anyface_sliders_copy_knots", knots),
+                ("anyface_sliders_copy_changes", changes),
+            ):
                 floats = array.ctypes.data_as(_FLOATS)
-                self._call(f"anyface_sliders_copy_{kind}", sliders, number, floats, array.size)
+                self._call(function, sliders, number, floats, array.size)
             found[name] = SliderChange(knots, changes)
         return found
