@@ -11,15 +11,26 @@ import numpy as np
 from . import pc2, shapes, sliders
 from .errors import AnyfaceError
 from .job import Progress
-from .take import NETWORK, FaceMesh, KeyMotion, Rig, ShapesBy, Solved, Take, WrittenFile
+from .take import (
+    NETWORK,
+    ClipMotion,
+    FaceMesh,
+    Files,
+    KeyMotion,
+    Rig,
+    ShapesBy,
+    Solved,
+    Take,
+    WrittenFile,
+)
 
 # Below this share of the motion nobody sees that the artist's keys speak.
 _LARGEST_LEFT_OUT = 0.97
 
 
 class Plan:
-    """The take is written as it is. Other plans leave out its frames, the largest array of all, or
-    never get them: where a plan `keeps_clip`, the motion stays in the library."""
+    """The take is written as it is. Other plans put another motion in place of its frames, which
+    stay in the library where a plan `keeps_clip`."""
 
     keeps_clip = False
 
@@ -32,8 +43,8 @@ class PackSliders(Plan):
     """What the sliders of a basis change is packed, to be kept with the take."""
 
     def finish(self, face, take, engine, progress):
-        if take.basis.sliders:
-            take.basis.packed = sliders.pack(take.basis.sliders)
+        if take.motion.sliders:
+            take.motion.packed = sliders.pack(take.motion.sliders)
         return take
 
 
@@ -47,12 +58,12 @@ class WriteCaches(Plan):
     def finish(self, face, take, engine, progress):
         files = []
         for name, path in self.paths.items():
-            rest, moved = of_piece(face, take.frames, name)
+            rest, moved = of_piece(face, take.motion.displacements, name)
             if files and not moved.any():
                 continue
             pc2.write(Path(path), rest, moved, self.ease, progress)
             files.append(WrittenFile(name, path, len(moved), len(rest), self.ease))
-        return replace(take, frames=None, files=files)
+        return replace(take, motion=Files(files))
 
 
 @dataclass
@@ -85,16 +96,16 @@ class SolveKeys(Plan):
         motion.shown, motion.factors = self.shown, by_key(self.shapes, self.keys, self.factors)
         if take.shape_weights is not None:
             motion.missing = take.shape_weights.missing(self.shapes)
-        return replace(take, frames=None, clip=None, key_motion=motion)
+        return replace(take, motion=motion)
 
 
 def _solved(take: Take, engine, names, vectors, progress: Progress, path: str = "") -> Solved:
     """Weights of the shapes `vectors` `[S, V, 3]` of a face in object space, on the clip where the
     take has one; with `path` they are written there."""
-    if take.clip is not None:
-        given = names, vectors, take.space.back, progress, path, take.fps
-        return take.clip.weights(*given)
-    moved = take.frames[:, : vectors.shape[1]]
+    motion = take.motion
+    if isinstance(motion, ClipMotion):
+        return motion.clip.weights(names, vectors, motion.way, progress, path, take.fps)
+    moved = motion.displacements[:, : vectors.shape[1]]
     return engine.solve(names, vectors, moved, progress, path, take.fps)
 
 
@@ -121,7 +132,7 @@ class MakeKeys(Plan):
     keeps_clip = True
 
     def finish(self, face, take, engine, progress):
-        arkit, visemes = _arkit(face, take, engine, progress)
+        arkit, visemes = _arkit(face, engine, progress)
         made = take.shape_weights
         if made is not None:
             solved = Solved(made.of(arkit.names), made.left_out(arkit.names))
@@ -129,7 +140,7 @@ class MakeKeys(Plan):
             solved = _solved(take, engine, arkit.names, arkit.vectors, progress)
         motion = KeyMotion(arkit.names, solved.weights, solved.left_out, arkit.vectors)
         motion.visemes = visemes if self.visemes else None
-        return replace(take, frames=None, clip=None, key_motion=motion)
+        return replace(take, motion=motion)
 
 
 @dataclass
@@ -146,25 +157,24 @@ class WriteTable(Plan):
         if made is not None:
             engine.write_weights(made.names, made.weights, self.path, take.fps)
             file = WrittenFile(self.name, self.path, len(made.weights))
-            return replace(take, frames=None, clip=None, files=[file])
-        arkit, _ = _arkit(face, take, engine, progress)
+            return replace(take, motion=Files([file]))
+        arkit, _ = _arkit(face, engine, progress)
         solved = _solved(take, engine, arkit.names, arkit.vectors, progress, self.path)
-        count = len(solved.weights)
-        file = WrittenFile(self.name, self.path, count, left_out=solved.left_out)
-        return replace(take, frames=None, clip=None, files=[file])
+        file = WrittenFile(self.name, self.path, take.frame_count, left_out=solved.left_out)
+        return replace(take, motion=Files([file]))
 
 
-def _arkit(face, take, engine, progress) -> tuple[Rig, Rig]:
+def _arkit(face, engine, progress) -> tuple[Rig, Rig]:
     """The ARKit shapes of a face, and its visemes."""
-    rig, count = make_rig(face, take.space, engine, progress), len(shapes.ARKIT)
+    rig, count = make_rig(face, engine, progress), len(shapes.ARKIT)
     arkit, visemes = slice(count), slice(count, None)
     return tuple(Rig(rig.names[part], rig.vectors[part]) for part in (arkit, visemes))
 
 
-def make_rig(face: FaceMesh, space, engine, progress: Progress, by: ShapesBy = NETWORK) -> Rig:
+def make_rig(face: FaceMesh, engine, progress: Progress, by: ShapesBy = NETWORK) -> Rig:
     """The shapes of a face in object space."""
-    rig = engine.rig(*space.seen(face), face.roles, progress, by)
-    rig.vectors = space.to_object(rig.vectors)
+    rig = engine.rig(*face.space.seen(face), face.roles, progress, by)
+    rig.vectors = face.space.to_object(rig.vectors)
     return rig
 
 
@@ -173,8 +183,7 @@ def of_piece(face: FaceMesh, moved: np.ndarray, name: str) -> tuple[np.ndarray, 
     piece = next((piece for piece in face.pieces if piece.name == name), None)
     if piece is None or len(face.pieces) == 1:
         return face.positions, moved
-    rows = slice(piece.first, piece.first + piece.count)
     back = np.linalg.inv(piece.matrix)
     turn = back[:3, :3].T.astype(np.float32)
-    rest = face.positions[rows] @ turn + back[:3, 3].astype(np.float32)
-    return rest, moved[:, rows] @ turn
+    rest = face.positions[piece.rows] @ turn + back[:3, 3].astype(np.float32)
+    return rest, moved[:, piece.rows] @ turn

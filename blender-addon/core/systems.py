@@ -102,22 +102,10 @@ def units() -> dict[str, str]:
     return dict(zip(names, library.texts(loaded.anyface_action_unit_label), strict=True))
 
 
-def takes_events(name: str) -> bool:
-    """True where the system of this name shows events; False where none can be loaded."""
+def by_name(name: str) -> System:
+    """The system of this name; one that is able to nothing where none can be loaded."""
     among = known()
-    return bool(among) and find(name, among).takes_events
-
-
-def hears_feeling(name: str) -> bool:
-    """True where the system of this name hears feeling; False where none can be loaded."""
-    among = known()
-    return bool(among) and find(name, among).hears_feeling
-
-
-def starts_from_pose(name: str) -> bool:
-    """True where the system of this name goes on from a pose; False where none can be loaded."""
-    among = known()
-    return bool(among) and find(name, among).starts_from_pose
+    return find(name, among) if among else System("", "", "", ())
 
 
 def read(loaded) -> tuple[System, ...]:
