@@ -335,7 +335,6 @@ mod tests {
                 displacements,
                 fps: 25.0,
             },
-            brought: None,
             landmarks_neutral: [[0.0; 3]; 68],
             landmark_displacements: Array3::zeros((2, 68, 3)),
         };
