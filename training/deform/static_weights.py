@@ -22,6 +22,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
+from training.nn.config import Config
+
 LANDMARKS = 68
 CORRECTION_SCALE = 0.1
 """Outputs of the network are multiplied by this, so that training starts near zero."""
@@ -39,7 +41,7 @@ SHAPE_NOISE_DM = 0.007
 
 
 @dataclass(frozen=True)
-class StaticConfig:
+class StaticConfig(Config):
     """Sizes; saved beside the weights as config.json.
 
     kinds: number of kinds of faces learned. shape_modes: K, of the landmarks of each kind.

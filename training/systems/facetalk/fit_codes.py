@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from training.run import downhill
 from training.systems.facetalk.head import COEFFICIENTS, Head
 
 SDF, TEMPORAL, EXPRESSION = 10.0, 0.1, 0.0025
@@ -78,10 +79,7 @@ def fit_free(head: Head, points: Tensor, z: Tensor, steps: int, stay: float, see
         s = distances(head, some[None], z[None])[0]
         lost = (ROBUST_M * (1.0 + (s / ROBUST_M).square()).log()).mean() / DISTANCE_M
         loss = lost + stay * (z - start).square().mean()
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        schedule.step()
+        downhill(loss, optimiser, schedule)
     return z.detach()
 
 
