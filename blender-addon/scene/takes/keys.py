@@ -83,20 +83,3 @@ def remove_earlier(ob) -> None:
         if output.on_mesh:
             output.remove(ob)
     remove.remove(ob)
-
-
-def add(ob, names: list[str], vectors: np.ndarray, everything: bool) -> None:
-    """Keys that nobody animates yet, from `vectors` `[S, V, 3]` in object space.
-
-    Those that move nothing are left out unless `everything` is wanted.
-    """
-    wanted = [number for number in range(len(names)) if everything or vectors[number].any()]
-    if not wanted:
-        return
-    with guard.object_mode(ob), guard.selection_kept(ob):
-        if ob.data.shape_keys is None:
-            ob.shape_key_add(name="Basis", from_mix=False)
-        rest = mesh.read_basis(ob.data)
-        for number in wanted:
-            mesh.add_key(ob, names[number], rest + vectors[number])
-        ob.data.update()
