@@ -23,7 +23,6 @@ DISTANCE_M, LANDMARK_M = 4e-4, 3e-3
 POINT_SHARE = 0.05
 ROBUST_M = 3e-3
 """Points farther off than this count less and less (Cauchy)."""
-LEAST_SLOPE = 0.3
 DIFFERENCE = 0.05
 ITERATIONS, POINTS = 8, 1200
 DAMPING = 0.1
