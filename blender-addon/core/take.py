@@ -183,7 +183,11 @@ class FaceMesh:
 
 
 class Motion:
-    """What a take holds: a case for each way to write one."""
+    """What a take holds: a case for each way to write one.
+
+    Of one that becomes keys `vectors` `[K, V, 3]` are what they move, None where they are the
+    artist's own, and `weights` `[T, K]` are animated, None where each key is a frame.
+    """
 
     # Where it lies beside the .blend.
     files = ()
@@ -203,10 +207,15 @@ class Frames(Motion):
     """The `displacements` of every frame, `[T, V, 3]`."""
 
     displacements: np.ndarray
+    weights = None
 
     @property
     def frame_count(self):
         return len(self.displacements)
+
+    @property
+    def vectors(self):
+        return self.displacements
 
     def of_piece(self, piece):
         return Frames(piece.vectors(self.displacements))

@@ -45,12 +45,6 @@ class Frames(Output):
     def describe(self, take):
         return "one key per frame"
 
-    def vectors(self, take):
-        return take.motion.displacements
-
-    def weights(self, take):
-        return None
-
     def write(self, ob, take, rest, at, taken):
         shape_keys = ob.data.shape_keys
         shape_keys.use_relative = False

@@ -111,14 +111,6 @@ class Output:
         return take
         yield
 
-    def vectors(self, take: Take) -> np.ndarray | None:
-        """What becomes keys, `[K, V, 3]`; None where the artist's keys are used."""
-        return take.motion.vectors
-
-    def weights(self, take: Take) -> np.ndarray | None:
-        """What is animated, `[T, K]`; its curves may be prepared. None where there is but one."""
-        return take.motion.weights
-
     def write(self, ob, take: Take, rest, at, taken: record.Record) -> None:
         """Writes keys and curves on `ob` and notes them in `taken`.
 
