@@ -11,7 +11,13 @@ use std::{
 };
 
 /// Folders of sources, each with a root of its own.
-const CRATES: [&str; 5] = ["rust-core/src", "cli/src", "capi/src", "packaging/src", "tests/eval/src"];
+const CRATES: [&str; 5] = [
+    "rust-core/src",
+    "cli/src",
+    "capi/src",
+    "packaging/src",
+    "tests/eval/src",
+];
 
 /// Names of modules from the root of a crate.
 type Module = Vec<String>;
@@ -43,11 +49,17 @@ fn tokens(text: &str) -> Vec<String> {
     let (mut out, mut i) = (Vec::new(), 0);
     let at = |i: usize| letters.get(i).copied().unwrap_or('\0');
     while i < letters.len() {
-        let raw = letters[i..].iter().skip(1).take_while(|c| **c == '#').count();
+        let raw = letters[i..]
+            .iter()
+            .skip(1)
+            .take_while(|c| **c == '#')
+            .count();
         match (at(i), at(i + 1)) {
             ('/', '/') => i += letters[i..].iter().take_while(|c| **c != '\n').count(),
             ('r', '"' | '#') if at(i + 1 + raw) == '"' => {
-                let end: String = std::iter::once('"').chain("#".repeat(raw).chars()).collect();
+                let end: String = std::iter::once('"')
+                    .chain("#".repeat(raw).chars())
+                    .collect();
                 let rest: String = letters[i + 2 + raw..].iter().collect();
                 let inside = rest.split(&end).next().unwrap_or_default();
                 i += 2 + raw + inside.chars().count() + end.len();
@@ -64,7 +76,9 @@ fn tokens(text: &str) -> Vec<String> {
             // A lifetime.
             ('\'', _) => {
                 let name = letters[i + 1..].iter();
-                i += 1 + name.take_while(|c| c.is_alphanumeric() || **c == '_').count();
+                i += 1 + name
+                    .take_while(|c| c.is_alphanumeric() || **c == '_')
+                    .count();
             }
             (':', ':') => {
                 out.push("::".to_owned());
@@ -171,11 +185,13 @@ fn read(text: &str) -> Source {
                 let mut names = Vec::new();
                 leaves(&all[i + 1..end - 1], &[], &mut names);
                 let is_signpost = before == "pub" || before == ")";
-                source.imports.extend(names.into_iter().map(|(path, name)| Import {
-                    path,
-                    name,
-                    is_signpost,
-                }));
+                source
+                    .imports
+                    .extend(names.into_iter().map(|(path, name)| Import {
+                        path,
+                        name,
+                        is_signpost,
+                    }));
                 i = end;
                 continue;
             }
@@ -194,7 +210,8 @@ fn read(text: &str) -> Source {
                 source.words.insert(word.to_owned());
                 if all.get(i + 1).is_some_and(|t| t == "::") && before != "::" {
                     let steps = all[i..].chunks(2);
-                    let steps = steps.take_while(|s| s[0].starts_with(|c: char| c.is_alphabetic() || c == '_'));
+                    let steps = steps
+                        .take_while(|s| s[0].starts_with(|c: char| c.is_alphabetic() || c == '_'));
                     let mut path = Vec::new();
                     for step in steps {
                         path.push(step[0].clone());
@@ -220,7 +237,9 @@ struct Crate {
 
 impl Crate {
     fn read(folder: &str) -> Crate {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(folder);
+        let root = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("..")
+            .join(folder);
         let mut of_crate = Crate {
             sources: BTreeMap::new(),
             files: BTreeMap::new(),
@@ -230,7 +249,8 @@ impl Crate {
             .sources
             .iter()
             .flat_map(|(module, source)| {
-                let below = |name: &String| [module.as_slice(), &[name.clone()]].concat();
+                let below =
+                    |name: &String| [module.as_slice(), std::slice::from_ref(name)].concat();
                 source.of_tests.iter().map(below).collect::<Vec<_>>()
             })
             .collect();
@@ -295,7 +315,7 @@ impl Crate {
     fn file_of(&self, path: &[String], depth: usize) -> Option<Module> {
         let mut at = Vec::new();
         for (i, step) in path.iter().enumerate() {
-            let below = [at.as_slice(), &[step.clone()]].concat();
+            let below = [at.as_slice(), std::slice::from_ref(step)].concat();
             if self.sources.contains_key(&below) {
                 at = below;
                 continue;
@@ -358,23 +378,33 @@ impl Crate {
             }
             found
         };
-        let reached: BTreeMap<&Module, BTreeSet<Module>> =
-            imports.keys().map(|module| (module, reached(module))).collect();
+        let reached: BTreeMap<&Module, BTreeSet<Module>> = imports
+            .keys()
+            .map(|module| (module, reached(module)))
+            .collect();
         let group = |module: &&Module| -> BTreeSet<Module> {
             let back = reached[*module].iter();
-            back.filter(|other| reached[*other].contains(*module)).cloned().collect()
+            back.filter(|other| reached[*other].contains(*module))
+                .cloned()
+                .collect()
         };
         let groups: BTreeSet<BTreeSet<Module>> = imports.keys().map(|m| group(&m)).collect();
         let shown = |group: &BTreeSet<Module>| {
             let lines = group.iter().map(|module| {
-                let inside = imports[module].iter().filter(|(other, _)| group.contains(*other));
+                let inside = imports[module]
+                    .iter()
+                    .filter(|(other, _)| group.contains(*other));
                 let inside = inside.map(|(other, names)| format!("{} {names:?}", other.join("::")));
                 let inside: Vec<String> = inside.collect();
                 format!("  {} imports {}", module.join("::"), inside.join(", "))
             });
             lines.collect::<Vec<_>>().join("\n")
         };
-        groups.iter().filter(|group| !group.is_empty()).map(shown).collect()
+        groups
+            .iter()
+            .filter(|group| !group.is_empty())
+            .map(shown)
+            .collect()
     }
 }
 
@@ -382,8 +412,15 @@ impl Crate {
 fn no_file_imports_itself_through_others() {
     let circles = CRATES.iter().flat_map(|folder| {
         let circles = Crate::read(folder).circles();
-        circles.into_iter().map(move |circle| format!("{folder}:\n{circle}"))
+        circles
+            .into_iter()
+            .map(move |circle| format!("{folder}:\n{circle}"))
     });
     let circles: Vec<String> = circles.collect();
-    assert!(circles.is_empty(), "{} circles\n{}", circles.len(), circles.join("\n"));
+    assert!(
+        circles.is_empty(),
+        "{} circles\n{}",
+        circles.len(),
+        circles.join("\n")
+    );
 }

@@ -12,20 +12,8 @@ mod slider;
 mod system;
 mod windows;
 
-use std::{path::Path, sync::Arc};
+use crate::{Error, Result, deform, head, mesh, models::BuiltIn, motion, rig, speech, text};
 
-use crate::{
-    Error, Result,
-    conditions::{Control, ControlStage, Controls, EmotionCurve, MotionRequest},
-    deform::{self, Decoder},
-    head, mesh,
-    models::BuiltIn,
-    motion::{self, EmotionOrigin, LandmarkClip, Motion, MotionKind, MotionStream, TemplateMask},
-    progress::ProgressFn,
-    rig,
-    speech::{self, Heard, PhoneModel, SpeechInput},
-    text,
-};
 pub use slider::Slider;
 pub use system::{Ability, Description, FeelingMask, Registration, Sampled, System};
 pub use windows::Windows;

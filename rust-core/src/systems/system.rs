@@ -2,17 +2,15 @@
 
 use std::{path::Path, sync::Arc};
 
+use super::{Slider, Windows};
 use crate::{
-    Error, Result,
+    Result,
     conditions::{Control, ControlStage, Controls, EmotionCurve, MotionRequest},
-    deform::{self, Decoder},
-    head, mesh,
+    deform::Decoder,
     models::BuiltIn,
-    motion::{self, EmotionOrigin, LandmarkClip, Motion, MotionKind, MotionStream, TemplateMask},
+    motion::{EmotionOrigin, LandmarkClip, Motion, MotionKind, MotionStream, TemplateMask},
     progress::ProgressFn,
-    rig,
-    speech::{self, Heard, PhoneModel, SpeechInput},
-    text,
+    speech::{Heard, PhoneModel, SpeechInput},
 };
 
 /// How a system is known before it is loaded.
