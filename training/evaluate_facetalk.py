@@ -269,7 +269,7 @@ def sequences(head: Head, heads: IctHeads, data: Path, count: int, fit: Sequence
 def main() -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--head", type=Path, default=Path("rust-core/models/facetalk_compact"))
+    parser.add_argument("--head", type=Path, default=Path("weights/facetalk/facetalk_compact"))
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument("--heads", type=int, default=10)

@@ -1,6 +1,6 @@
 """Measures FaceTalk's speech model on held-out clips, FreeTalk and loudness beside it.
 
-    python -m training.evaluate_facetalk_motion --model rust-core/models/facetalk_compact
+    python -m training.evaluate_facetalk_motion --model weights/facetalk/facetalk_compact
 
 Codes are read back as ARKit weights and shown on ICT's landmarks: nothing of the head's field is in here.
 `--runs NAME=motion.pt` adds rows for runs without a part (table 2).
@@ -193,12 +193,12 @@ def from_landmarks(model: Denoiser, codes: Codes, clips, data: Path) -> dict[str
 def main() -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--model", type=Path, default=Path("rust-core/models/facetalk_compact"))
+    parser.add_argument("--model", type=Path, default=Path("weights/facetalk/facetalk_compact"))
     parser.add_argument("--head", type=Path, help="head.pt that --motion was trained with")
     parser.add_argument("--motion", type=Path, help="motion.pt instead of the folder's model")
     parser.add_argument("--landmark-motion", type=Path, help="motion.pt of `--memory landmarks`, the same")
     parser.add_argument("--runs", nargs="*", default=[], metavar="NAME=MOTION.PT", help="table 2")
-    parser.add_argument("--models", type=Path, default=Path("rust-core/models"))
+    parser.add_argument("--models", type=Path, default=Path("weights"))
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument("--corpus", nargs="*", default=[], help=argparse.SUPPRESS)

@@ -105,8 +105,8 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--model", type=Path, default=Path("rust-core/models/phones"))
-    parser.add_argument("--encoder", type=Path, default=Path("rust-core/models/compact_speech"))
+    parser.add_argument("--model", type=Path, default=Path("weights/shared/phones"))
+    parser.add_argument("--encoder", type=Path, default=Path("weights/shared/compact_speech"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument("--minutes", type=float, default=3.0)
     arguments = parser.parse_args()

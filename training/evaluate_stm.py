@@ -118,7 +118,7 @@ def rbf_linear(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
 
 def shipped_static() -> Method:
     """The static decoder with the weights of the repository."""
-    folder = REPOSITORY / "rust-core/models/static_weights"
+    folder = REPOSITORY / "weights/shared/static_weights"
     model = StaticWeights(StaticConfig(**json.loads((folder / "config.json").read_text())))
     state = load_file(folder / "model.safetensors")
     model.load_state_dict({name: value.float() for name, value in state.items()})

@@ -1,6 +1,6 @@
 """Writes a finished ATS run as the two model folders that Rust reads.
 
-    python -m training.export --run runs/ats/ats.pt --models rust-core/models
+    python -m training.export --run runs/ats/ats.pt --models weights
 
 `compact_speech/` and `ats_<name>/` each get model.safetensors and config.json. Weights are stored
 as f16, which changes the lip opening by less than 0.01 mm; the motion's mean and deviation stay
@@ -27,11 +27,16 @@ def export(run: Path, models: Path, sampling: Sampling | None, style: str | None
     config = AtsConfig.from_json(saved["config"])
     config.sampling = sampling or config.sampling
     config.default_style = style or config.default_style
-    folders = [write_model(models / f"ats_{config.name}", saved["state"], config.to_json())]
+    folders = [write_model(model_folder(models, f"ats_{config.name}"), saved["state"], config.to_json())]
     if saved["encoder_config"] is not None:
-        encoder = models / "compact_speech"
+        encoder = model_folder(models, "compact_speech")
         folders.append(write_model(encoder, saved["encoder"], saved["encoder_config"]))
     return folders
+
+
+def model_folder(models: Path, name: str) -> Path:
+    """The folder of a model: `models/name`, or that of the crate which has it, where `models` is `weights`."""
+    return next(iter(models.glob(f"*/{name}")), models / name)
 
 
 def write_model(folder: Path, state: dict[str, Tensor], config: dict, exact: bool = False) -> Path:
@@ -46,12 +51,12 @@ def write_model(folder: Path, state: dict[str, Tensor], config: dict, exact: boo
 
 def load_models(models: Path, name: str = "compact") -> tuple[CompactEncoder, AtsDenoiser]:
     """The shipped encoder and denoiser, ready for inference."""
-    encoder_json = json.loads((models / "compact_speech/config.json").read_text())
+    encoder_json = json.loads((model_folder(models, "compact_speech") / "config.json").read_text())
     encoder = CompactEncoder(CompactConfig(**encoder_json))
-    ats_json = json.loads((models / f"ats_{name}/config.json").read_text())
+    ats_json = json.loads((model_folder(models, f"ats_{name}") / "config.json").read_text())
     denoiser = AtsDenoiser(AtsConfig.from_json(ats_json))
     for folder, model in ((f"ats_{name}", denoiser), ("compact_speech", encoder)):
-        state = load_file(models / folder / "model.safetensors")
+        state = load_file(model_folder(models, folder) / "model.safetensors")
         model.load_state_dict({key: value.float() for key, value in state.items()})
     return encoder.eval(), denoiser.eval()
 
@@ -70,7 +75,7 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--run", type=Path, required=True, help="ats.pt of training.train_ats")
-    parser.add_argument("--models", type=Path, default=Path("rust-core/models"))
+    parser.add_argument("--models", type=Path, default=Path("weights"))
     parser.add_argument("--steps", type=int, help="default number of denoising steps")
     parser.add_argument("--spacing", choices=["leading", "trailing"], default="trailing")
     parser.add_argument("--temperature", type=float, default=0.0)

@@ -1,6 +1,6 @@
 """Writes a finished EmoFace run as the model folder that Rust reads.
 
-    python -m training.export_emoface --run runs/emoface/emoface.pt --models rust-core/models
+    python -m training.export_emoface --run runs/emoface/emoface.pt --models weights/emoface
 
 Weights are stored as f16; the template's vertices and the numbers of its spirals and triangles stay f32.
 """
@@ -26,7 +26,7 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--run", type=Path, required=True, help="emoface.pt of training.train_emoface")
-    parser.add_argument("--models", type=Path, default=Path("rust-core/models"))
+    parser.add_argument("--models", type=Path, default=Path("weights/emoface"))
     arguments = parser.parse_args()
     print(export(arguments.run, arguments.models))
 

@@ -1,6 +1,6 @@
 """Writes the table of expressions as the model that `rust-core/src/motion/expression` reads.
 
-    python -m training.export_expressions --data ../shared/data --models rust-core/models
+    python -m training.export_expressions --data ../shared/data --models weights/shared
 
 `expressions/` gets `lasting` and `opening`, [15, 68, 3] f32 each: what an emotion at intensity 1 adds to
 the landmarks in canonical metres (`training/corpus/emotions.py`), and a config.json with how it changes
@@ -30,7 +30,7 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--models", type=Path, default=Path("rust-core/models"))
+    parser.add_argument("--models", type=Path, default=Path("weights/shared"))
     args = parser.parse_args()
     lasting, opening = expressions(args.data)
     folder = args.models / "expressions"

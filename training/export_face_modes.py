@@ -1,6 +1,6 @@
 """Writes ICT FaceKit's expression modes at the landmarks as the model that `rust-core/src/motion` reads.
 
-    python -m training.export_face_modes --data ../shared/data --models rust-core/models
+    python -m training.export_face_modes --data ../shared/data --models weights/shared
 
 `face_modes/` gets `modes` [M, 68, 3] f32, canonical metres, and a config.json with the modes' names. The
 model card, README.md, is written by hand. Nothing is trained here.
@@ -20,7 +20,7 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--models", type=Path, default=Path("rust-core/models"))
+    parser.add_argument("--models", type=Path, default=Path("weights/shared"))
     args = parser.parse_args()
     ict = IctLandmarks(args.data)
     names = list(ict.modes)

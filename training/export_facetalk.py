@@ -69,7 +69,7 @@ def main() -> None:
     parser.add_argument("--head", type=Path, required=True, help="head.pt")
     parser.add_argument("--motion", type=Path, help="motion.pt; none: a head without speech")
     parser.add_argument("--landmark-motion", type=Path, help="motion.pt of `--memory landmarks`")
-    parser.add_argument("--out", type=Path, default=Path("rust-core/models/facetalk_compact"))
+    parser.add_argument("--out", type=Path, default=Path("weights/facetalk/facetalk_compact"))
     arguments = parser.parse_args()
     given = zip(MOTIONS, (arguments.motion, arguments.landmark_motion), strict=True)
     motions = {name: load_motion(path) for name, path in given if path is not None}

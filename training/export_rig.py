@@ -1,6 +1,6 @@
 """Writes the trained rig as the model folder that Rust reads.
 
-    python -m training.export_rig --data ../shared/data --runs runs/rig --models rust-core/models
+    python -m training.export_rig --data ../shared/data --runs runs/rig --models weights/shared
 
 model.safetensors is f16 except the feature statistics; config.json holds sizes, names and the
 mixtures of the visemes. The model card, README.md, is written by hand.
@@ -28,7 +28,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--runs", type=Path, default=Path("runs/rig"))
-    parser.add_argument("--models", type=Path, default=Path("rust-core/models"))
+    parser.add_argument("--models", type=Path, default=Path("weights/shared"))
     args = parser.parse_args()
     folder = args.models / "rig"
     folder.mkdir(parents=True, exist_ok=True)

@@ -1,6 +1,6 @@
 """Writes the trained Sparse-To-Mesh decoders as the model folders that Rust reads.
 
-    python -m training.export_stm --runs runs/stm --models rust-core/models
+    python -m training.export_stm --runs runs/stm --models weights
 
 `static_weights/` and `stm_paper/` (whichever has been trained) each get model.safetensors, f16 except
 the statistics, and config.json; `--trained corpus` takes the decoder of corpus folders. The model
@@ -15,6 +15,8 @@ from pathlib import Path
 
 import torch
 from safetensors.torch import save_file
+
+from training.export import model_folder
 
 EXACT = ("feature_mean", "feature_scale", "shape_mean", "shape_basis")
 
@@ -33,14 +35,14 @@ def main(arguments: list[str] | None = None) -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=Path, default=Path("runs/stm"))
-    parser.add_argument("--models", type=Path, default=Path("rust-core/models"))
+    parser.add_argument("--models", type=Path, default=Path("weights"))
     parser.add_argument("--trained", choices=["both", "corpus"], default="both")
     args = parser.parse_args(arguments)
     for name, kind in (("static_weights", "static"), ("stm_paper", "paper")):
         trained = args.runs / f"{kind}_{args.trained}.pt"
         if trained.exists():
             saved = torch.load(trained, map_location="cpu")
-            print(write_model(args.models / name, saved["state"], saved["config"]))
+            print(write_model(model_folder(args.models, name), saved["state"], saved["config"]))
 
 
 if __name__ == "__main__":

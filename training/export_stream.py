@@ -1,6 +1,6 @@
 """Writes a finished causal student as the model folder that Rust reads.
 
-    python -m training.export_stream --run runs/stream/stream.pt --models rust-core/models
+    python -m training.export_stream --run runs/stream/stream.pt --models weights/freetalk
 
 Weights are stored as f16; the motion's mean and deviation stay f32. The model card, README.md, is
 written by hand.
@@ -38,7 +38,7 @@ def main() -> None:
     parser.add_argument(
         "--run", type=Path, required=True, help="stream.pt of training.train_stream or train_causal_speech"
     )
-    parser.add_argument("--models", type=Path, default=Path("rust-core/models"))
+    parser.add_argument("--models", type=Path, default=Path("weights/freetalk"))
     arguments = parser.parse_args()
     print(export(arguments.run, arguments.models))
 

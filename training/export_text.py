@@ -1,6 +1,6 @@
 """Writes the text space and the tower as the model folder that Rust reads.
 
-    python -m training.export_text --text runs/text --models rust-core/models
+    python -m training.export_text --text runs/text --models weights/cafe-talk
 
 model.safetensors is f16; config.json holds the words of the space, in the order of their places, and the
 lists by which a sentence is taken apart. The model card, README.md, is written by hand. A tower that was
@@ -53,7 +53,7 @@ def main() -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--text", type=Path, default=Path("runs/text"))
-    parser.add_argument("--models", type=Path, default=Path("rust-core/models"))
+    parser.add_argument("--models", type=Path, default=Path("weights/cafe-talk"))
     parser.add_argument("--clip", type=Path, help="as in training; seen from the model's folder if relative")
     arguments = parser.parse_args()
     words, state = Words.load(arguments.text), torch.load(arguments.text / "tower.pt")

@@ -1,6 +1,6 @@
 """Measures the creases of reference faces and writes the model that `deform/creases.rs` reads.
 
-    python -m training.fit_creases --data ../shared/data --models rust-core/models
+    python -m training.fit_creases --data ../shared/data --models weights/shared
 
 The references are ICT FaceKit's mean face and MakeHuman's, one for each kind that the static weights
 know. What these weights leave over of the 51 shapes is a linear function of the landmarks; it is regressed
@@ -275,7 +275,7 @@ def main() -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--models", type=Path, default=Path("rust-core/models"))
+    parser.add_argument("--models", type=Path, default=Path("weights/shared"))
     parser.add_argument("--score", action="store_true", help="measure on faces that it was not made from")
     args = parser.parse_args()
     torch.set_num_threads(1)

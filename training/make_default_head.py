@@ -1,7 +1,7 @@
 """Makes the default head: an ICT identity on our own triangulation, with eyes, teeth and tongue.
 
     python -m training.make_default_head --data ../shared/data --seed 11 \
-        --out rust-core/models/default_head
+        --out weights/shared/default_head
 
 writes `head.obj` and `head.mtl` (metres, +x subject's left, +y up, +z out of the face, origin
 between the jaw hinges; one object per part) and `landmarks.json` (the 68 iBUG landmarks).
@@ -86,7 +86,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--seed", type=int, default=11)
-    parser.add_argument("--out", type=Path, default=Path("rust-core/models/default_head"))
+    parser.add_argument("--out", type=Path, default=Path("weights/shared/default_head"))
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     ict = load_file(args.data / "faces/ict_facekit.safetensors")

@@ -46,7 +46,7 @@ from training.systems.freetalk.ats import (
 from training.systems.freetalk.sampling import sample_motion
 from training.train_speech import HEARD_EVERY, SHARES, feature_scores, load_encoder
 
-SHIPPED_ENCODER = REPOSITORY / "rust-core/models/compact_speech"
+SHIPPED_ENCODER = REPOSITORY / "weights/shared/compact_speech"
 
 STEPS = 1500
 DEBUG_STEPS = 20

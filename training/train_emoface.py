@@ -211,7 +211,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--out", type=Path, default=Path("runs/emoface"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument(
-        "--feeling", type=Path, default=Path("rust-core/models/feeling"), help="emotion encoder"
+        "--feeling", type=Path, default=Path("weights/shared/feeling"), help="emotion encoder"
     )
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
     parser.add_argument("--vertices", type=int, help="of the template")

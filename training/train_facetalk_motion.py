@@ -224,7 +224,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--out", type=Path, default=Path("runs/facetalk_motion"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
-    parser.add_argument("--head", type=Path, default=Path("rust-core/models/facetalk_compact"))
+    parser.add_argument("--head", type=Path, default=Path("weights/facetalk/facetalk_compact"))
     parser.add_argument("--speech", type=Path, help="speech.pt of training.train_speech, or a model folder")
     parser.add_argument("--hubert", type=Path, help="folder of a wav2vec2 or HuBERT checkpoint instead")
     parser.add_argument("--memory", choices=["speech", LANDMARKS], default="speech", help="what it goes by")

@@ -1,6 +1,6 @@
 """Fits the emotion encoder to emodb_de and to readers' neutral speech, and measures it.
 
-    python -m training.train_feeling --data ../shared/data --models rust-core/models
+    python -m training.train_feeling --data ../shared/data --models weights/shared
     python -m training.train_feeling --data ../shared/data --leave-one-out
 
 The second fits once without each of the ten actors and prints how often the others' feelings are told from
@@ -111,7 +111,7 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--models", type=Path, default=Path("rust-core/models"))
+    parser.add_argument("--models", type=Path, default=Path("weights/shared"))
     parser.add_argument("--leave-one-out", action="store_true", help="measure instead of writing the model")
     parser.add_argument("--readers", type=int, default=60, help="neutral recordings of each source")
     parser.add_argument("--shrinkage", type=float, default=SHRINKAGE, help="of the covariance")

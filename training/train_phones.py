@@ -143,7 +143,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--out", type=Path, default=Path("runs/phones"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
-    parser.add_argument("--encoder", type=Path, default=Path("rust-core/models/compact_speech"))
+    parser.add_argument("--encoder", type=Path, default=Path("weights/shared/compact_speech"))
     parser.add_argument("--leave", nargs="*", default=[], help="sources that nothing learns from")
     parser.add_argument("--minutes", type=float, default=3.0, help="of each language by espeak-ng")
     parser.add_argument("--hidden", type=int, default=160)

@@ -1,6 +1,6 @@
 """Trains the streaming student on what the full model performs and on captured motion.
 
-    python -m training.train_stream --data ../shared/data --models rust-core/models --out runs/stream
+    python -m training.train_stream --data ../shared/data --models weights --out runs/stream
 
 The teacher is the encoder and denoiser in `--models`, or with `--ats` those of a finished run. It
 performs every clip once; that is kept under `--out`. `--speech DIR ...` adds
@@ -158,7 +158,7 @@ def parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--models", type=Path, default=Path("rust-core/models"))
+    parser.add_argument("--models", type=Path, default=Path("weights"))
     parser.add_argument("--ats", type=Path, help="ats.pt of training.train_ats, not --models")
     parser.add_argument("--speech", type=Path, nargs="*", default=[], help="folders of sound")
     parser.add_argument("--speech-limit", type=int, help="sounds of each folder")

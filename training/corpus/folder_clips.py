@@ -17,7 +17,7 @@ from training.corpus.grid import closed_shape, rigid
 from training.corpus.topology import Topology
 from training.corpus.tracks import SOUND_HZ, Track
 
-MODES = REPOSITORY / "rust-core/models/face_modes"
+MODES = REPOSITORY / "weights/shared/face_modes"
 INNER = slice(27, 68)
 QUIET_SHARE = 0.2
 HOP = int(SOUND_HZ / FPS)

@@ -28,7 +28,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--views", type=Path, default=Path("runs/landmarks"))
     parser.add_argument("--pose", type=Path, default=Path("runs/pose"))
-    parser.add_argument("--out", type=Path, default=Path("rust-core/models/landmarks"))
+    parser.add_argument("--out", type=Path, default=Path("weights/shared/landmarks"))
     args = parser.parse_args()
     views, pose = Config(), PoseConfig()
     tensors = {f"views.{k}": v for k, v in folded(LandmarkNetwork(views), args.views / "network.pt").items()}

@@ -12,7 +12,7 @@ from training.corpus.manner import MANNERS
 from training.export_expressions import config
 from training.tests.test_parity import SHARED, needs_shared
 
-FOLDER = Path(__file__).resolve().parents[2] / "rust-core/models/expressions"
+FOLDER = Path(__file__).resolve().parents[2] / "weights/shared/expressions"
 
 
 def test_every_emotion_has_a_prototype_and_a_manner():

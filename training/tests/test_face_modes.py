@@ -9,7 +9,7 @@ from safetensors.numpy import load_file
 from training.corpus.ict import IctLandmarks
 from training.tests.test_parity import SHARED, needs_shared
 
-FOLDER = Path(__file__).resolve().parents[2] / "rust-core/models/face_modes"
+FOLDER = Path(__file__).resolve().parents[2] / "weights/shared/face_modes"
 
 
 @needs_shared

@@ -8,15 +8,10 @@ use ndarray::{Array3, ArrayView2, Axis};
 use serde::Deserialize;
 
 use super::upper_face::lids;
-use crate::{
-    Error, Result,
-    ibug::LANDMARKS,
-    models::{BuiltIn, built_in},
-    nn::Weights,
-};
+use crate::{Error, Result, ibug::LANDMARKS, models::BuiltIn, nn::Weights};
 
 /// Its built-in weights.
-pub static MODEL: BuiltIn = built_in!("face_modes");
+pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::FACE_MODES);
 
 /// Expression modes of the mean ICT face.
 #[derive(Debug, Clone)]

@@ -30,11 +30,7 @@ pub use transformer_encoder::HiddenStates;
 
 use std::path::Path;
 
-use crate::{
-    Error, Result,
-    audio::Waveform,
-    models::{BuiltIn, built_in},
-};
+use crate::{Error, Result, audio::Waveform, models::BuiltIn};
 use ndarray::{Array2, ArrayView2};
 use serde::{Deserialize, Serialize};
 
@@ -85,7 +81,7 @@ pub trait SpeechEncoder: Send + Sync {
 }
 
 /// Built-in weights of [`CompactEncoder`].
-pub static COMPACT_MODEL: BuiltIn = built_in!("compact_speech");
+pub static COMPACT_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::COMPACT_SPEECH);
 
 /// The compact encoder with its built-in weights, or those of `folder`.
 ///

@@ -131,7 +131,8 @@ fn requests_out_of_range_exit_with_3_before_any_work() {
 #[test]
 fn surfaces_over_time_are_refused_where_they_cannot_be_and_say_what_they_would_take() {
     let folder = folder_with_sound(&hum(0.5), 16_000);
-    let head = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/default_head/head.obj");
+    let head =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../weights/shared/default_head/head.obj");
     let head = head.to_str().unwrap();
     let asked = |system: &'static str, cells: &'static str, out: &'static str| {
         let start = ["animate", "--mesh", head, "--audio", "a.wav", "--no-cache"];

@@ -87,12 +87,12 @@ pub fn babble(seconds: f32, rate_hz: u32) -> Vec<f32> {
 
 pub(super) fn model(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("models")
+        .join("../weights")
         .join(name)
 }
 
 fn head() -> String {
-    let folder = model("default_head");
+    let folder = model("shared/default_head");
     format!(
         "--mesh {} --landmarks {}",
         folder.join("head.obj").display(),
@@ -239,9 +239,9 @@ fn damaged_weights_are_refused() {
     let folder = sound(&babble(0.2, 16_000), 16_000);
     let own = folder.path().join("own/ats_compact");
     fs::create_dir_all(&own).unwrap();
-    let weights = fs::read(model("ats_compact").join("model.safetensors")).unwrap();
+    let weights = fs::read(model("freetalk/ats_compact").join("model.safetensors")).unwrap();
     fs::copy(
-        model("ats_compact").join("config.json"),
+        model("freetalk/ats_compact").join("config.json"),
         own.join("config.json"),
     )
     .unwrap();
@@ -291,7 +291,7 @@ fn a_head_talks_in_every_format() {
     assert_eq!(length("o.mdd"), 8 + 10 * 4 + 10 * 8510 * 12);
 
     // The landmark motion of one run, put on the mesh again, is the same animation.
-    let mesh = model("default_head").join("head.obj");
+    let mesh = model("shared/default_head").join("head.obj");
     let deform = format!(
         "deform --mesh {} --motion o.npz --cache cache --out d.npz",
         mesh.display()
@@ -358,7 +358,7 @@ fn an_hour_of_sound_is_read_whole() {
 #[test]
 fn landmarks_of_the_default_head_are_found_and_written() {
     let folder = tempfile::tempdir().unwrap();
-    let mesh = model("default_head").join("head.obj");
+    let mesh = model("shared/default_head").join("head.obj");
     let line = format!("landmarks --mesh {} --out l.json", mesh.display());
     let (said, _) = done(&folder, &line);
     assert!(said.contains("68 landmarks"), "{said}");

@@ -110,7 +110,7 @@ fn ten_runs_give_the_numbers_that_they_gave() {
     write_sound(folder.path(), "v.wav", 1.5);
     write_sound(folder.path(), "short.wav", 0.1);
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
-    let head = root.join("models/default_head");
+    let head = root.join("../weights/shared/default_head");
     let mesh = Mesh::read(head.join("head.obj")).unwrap();
     let words = format!(
         "--mesh {} --landmarks {} --no-cache",

@@ -48,7 +48,7 @@ pub(crate) struct Gallery {
     #[arg(
         long,
         value_name = "DIR",
-        default_value = "rust-core/models/default_head"
+        default_value = "weights/shared/default_head"
     )]
     head: PathBuf,
     /// A folder of further meshes, such as heads of characters

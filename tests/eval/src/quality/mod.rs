@@ -92,7 +92,7 @@ pub(super) struct Quality {
     #[arg(
         long,
         value_name = "DIR",
-        default_value = "rust-core/models/default_head"
+        default_value = "weights/shared/default_head"
     )]
     head: PathBuf,
     /// Use the first N held-out clips of each source only
