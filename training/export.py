@@ -74,7 +74,7 @@ def load_run(run: Path) -> tuple[CompactEncoder, AtsDenoiser]:
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--run", type=Path, required=True, help="ats.pt of training.train_ats")
+    parser.add_argument("--run", type=Path, required=True, help="ats.pt of training.systems.freetalk.train")
     parser.add_argument("--models", type=Path, default=Path("weights"))
     parser.add_argument("--steps", type=int, help="default number of denoising steps")
     parser.add_argument("--spacing", choices=["leading", "trailing"], default="trailing")

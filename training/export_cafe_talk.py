@@ -31,7 +31,9 @@ def export(run: Path, models: Path, sampling: Sampling | None = None, style: str
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--run", type=Path, required=True, help="cafe_talk.pt of training.train_cafe_talk")
+    parser.add_argument(
+        "--run", type=Path, required=True, help="cafe_talk.pt of training.systems.cafe_talk.train"
+    )
     parser.add_argument("--models", type=Path, default=Path("weights"))
     parser.add_argument("--steps", type=int, default=Sampling.steps, help="default number of denoising steps")
     parser.add_argument("--alpha", type=float, default=Sampling.alpha, help="guidance of speech and emotion")

@@ -25,7 +25,9 @@ def export(run: Path, models: Path) -> Path:
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--run", type=Path, required=True, help="emoface.pt of training.train_emoface")
+    parser.add_argument(
+        "--run", type=Path, required=True, help="emoface.pt of training.systems.emoface.train"
+    )
     parser.add_argument("--models", type=Path, default=Path("weights/emoface"))
     arguments = parser.parse_args()
     print(export(arguments.run, arguments.models))

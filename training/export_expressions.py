@@ -15,7 +15,7 @@ from pathlib import Path
 
 from safetensors.numpy import save_file
 
-from training.conditions import EMOTIONS
+from training.corpus.conditions import EMOTIONS
 from training.corpus.emotions import expressions
 from training.corpus.manner import MANNERS, OFFSET_OVER_ONSET
 

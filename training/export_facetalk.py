@@ -19,7 +19,7 @@ from training.export import write_model
 from training.systems.facetalk.config import HeadConfig
 from training.systems.facetalk.head import Head
 from training.systems.facetalk.motion import Denoiser, MotionConfig
-from training.train_facetalk import load
+from training.systems.facetalk.train import load
 
 MOTIONS = ("motion", "landmark_motion")
 """By speech, and by the motion of landmarks."""
@@ -56,7 +56,7 @@ def load_folder(folder: Path) -> tuple[Head, dict[str, Denoiser]]:
 
 
 def load_motion(path: Path) -> Denoiser:
-    """motion.pt of `training.train_facetalk_motion`."""
+    """motion.pt of `training.systems.facetalk.train_motion`."""
     kept = torch.load(path, map_location="cpu", weights_only=True)
     model = Denoiser(MotionConfig.from_json(kept["config"]))
     model.load_state_dict(kept["state"])

@@ -36,7 +36,10 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
-        "--run", type=Path, required=True, help="stream.pt of training.train_stream or train_causal_speech"
+        "--run",
+        type=Path,
+        required=True,
+        help="stream.pt of training.systems.freetalk.train_stream or train_causal_speech",
     )
     parser.add_argument("--models", type=Path, default=Path("weights/freetalk"))
     arguments = parser.parse_args()

@@ -16,7 +16,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from training.conditions import UNITS
+from training.corpus.conditions import UNITS
 from training.export import write_model
 from training.text.clip import ClipTower
 from training.text.pairs import MENU

@@ -1,8 +1,8 @@
 """Where a run computes: `--device`, `--precision`, and the processes of several GPUs.
 
 One process needs PyTorch alone. Several are started by `accelerate launch --num_processes N -m
-training.train_ats …`: each draws its own batches, and gradients are averaged before every step, so that N
-processes train on N times the batch. Only the first one writes, logs and judges.
+training.systems.freetalk.train …`: each draws its own batches, and gradients are averaged before every
+step, so that N processes train on N times the batch. Only the first one writes, logs and judges.
 """
 
 from __future__ import annotations

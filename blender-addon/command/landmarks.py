@@ -8,7 +8,7 @@ import bpy
 
 from ..core import json_file
 from ..core.job import Progress
-from ..scene import landmarks, mesh
+from ..scene.face import landmarks, mesh
 from ..ui.landmarks import keep, search_of
 from .bake import named
 

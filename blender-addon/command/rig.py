@@ -8,7 +8,8 @@ from ..core import shapes
 from ..core.errors import AnyfaceError
 from ..core.job import Progress
 from ..core.take import ShapesBy
-from ..scene import bake, expression_keys, outputs
+from ..scene import bake, outputs
+from ..scene.shape_keys import expression_keys
 from ..ui import running
 from ..ui.settings import from_object
 from .bake import named

@@ -283,6 +283,10 @@ class Take:
     shape_weights: ShapeWeights | None = None
     notes: list[str] = field(default_factory=list)
 
+    def scene_frames(self, start_frame: float, scene_fps: float) -> np.ndarray:
+        """The scene frames `[T]` of its frames, of which the first lies at `start_frame`."""
+        return start_frame + np.arange(self.frame_count) * (scene_fps / self.fps)
+
     @property
     def frame_count(self) -> int:
         """The number of frames `T`."""

@@ -16,26 +16,16 @@ from ..core.job import BEGUN, Progress, at_once
 from ..core.plan import Plan
 from ..core.source import SoundSource
 from ..core.take import FaceMesh, Request, Sound, Take, WrittenFile
-from . import (
-    decode,
-    emotion,
-    events,
-    guard,
-    identity,
-    life,
-    live,
-    mesh,
-    outputs,
-    pieces,
-    sound,
-    sounds,
-    stored,
-    strips,
-    takes,
-    together,
-)
-from .life import LifeSettings
+from . import identity, live, outputs
+from .animation import emotion
+from .events import events
+from .face import mesh, pieces
+from .life import head_and_eyes
+from .life.settings import LifeSettings
 from .outputs import OutputSettings
+from .shape_keys import guard
+from .sound import decode, sound_source, sounds, strips
+from .takes import panel_settings, take_list, together
 
 NO_SOUND = "no sound: choose a strip or a sound file"
 
@@ -140,8 +130,9 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     live.end(ob)
     output = outputs.of(settings.mode)
     output.check(ob, settings.output)
-    life.check(ob, settings)
-    settings.held = life.held(settings) | settings.held
+    head_and_eyes.check(ob, settings)
+    off = {name: 0.0 for name in settings.life.controls_off if name in settings.controls}
+    settings.held = off | settings.held
     notes = _leave_out_foreign(ob, settings)
     face = read_face(ob, settings)
     source = find_sound(scene, settings, engine)
@@ -166,13 +157,13 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     names = [piece.name for piece in face.pieces] or [ob.name]
     plan = output.plan(ob, settings.output, request.fps, names)
     found = face, source, request, settings, plan, scene_fps, engine
-    asked, numbers = stored.read(ob), _numbers(names, settings)
+    asked, numbers = panel_settings.read(ob), _numbers(names, settings)
     shown = sounds.read(scene, source), _felt(scene, settings, engine)
     return Snapshot(ob.name, *found, notes, asked, numbers, *shown)
 
 
 def _numbers(names: list[str], settings: Settings) -> dict[str, int]:
-    every = {*names, *(part.name for part in settings.parts), *life.names(settings.life)}
+    every = {*names, *(part.name for part in settings.parts), *settings.life.names}
     found = {name: bpy.data.objects.get(name) for name in every if name}
     return {name: identity.number(ob) for name, ob in found.items() if ob is not None}
 
@@ -190,7 +181,7 @@ def follow_names(snapshot: Snapshot, files: Iterable[WrittenFile]) -> None:
         piece.name = now[piece.name]
     for file in files:
         file.object_name = now[file.object_name]
-    life.rename(snapshot.settings.life, now)
+    snapshot.settings.life.rename(now)
     snapshot.numbers = {now[name]: number for name, number in snapshot.numbers.items()}
 
 
@@ -234,19 +225,19 @@ def landing(ob, snapshot: Snapshot, take: Take):
     asked = snapshot.settings.output
     start, scene_fps = snapshot.source.start_frame, snapshot.scene_fps
     output = outputs.of_take(take)
-    yield from life.look(take, snapshot.settings, start, scene_fps)
+    yield from head_and_eyes.look(take, snapshot.settings, start, scene_fps)
     take = yield from output.settle(ob, take, asked)
-    keep = output.keep if output.in_files else takes.keep
+    keep = output.keep if output.in_files else take_list.keep
     before = (lambda: keep(ob)) if asked.new_take else None
     yield from together.landing(ob, snapshot.face.pieces, take, start, scene_fps, before)
     if not take.files:
         yield BEGUN
-    turned = yield from life.writing(ob, take, snapshot.settings, start, scene_fps)
+    turned = yield from head_and_eyes.writing(ob, take, snapshot.settings, start, scene_fps)
     notes = snapshot.notes + take.notes + snapshot.source.notes
     notes += [] if take.files else guard.notes(ob)
     notes += output.notes(ob, asked)
     text = " ".join([describe(take), *(f"({note})" for note in [*turned, *notes])])
-    stored.note(ob, snapshot.asked, text)
+    panel_settings.note(ob, snapshot.asked, text)
     return text
 
 
@@ -262,20 +253,20 @@ def find_sound(scene, settings: Settings, engine) -> SoundSource:
         chosen = strips.chosen(scene, settings.strips, settings.channel)
         return strips.as_one(scene, chosen, decode.decoder(engine))
     if settings.strip:
-        return sound.from_strip(scene, settings.strip, decode.decoder(engine))
+        return sound_source.from_strip(scene, settings.strip, decode.decoder(engine))
     if settings.sound_file:
-        return sound.from_file(settings.sound_file, settings.start_frame)
+        return sound_source.from_file(settings.sound_file, settings.start_frame)
     raise AnyfaceError("audio", NO_SOUND, ("choose_sound",))
 
 
 def _felt(scene, settings: Settings, engine) -> SoundSource | None:
     """The recording that gives the feeling; a strip is let be where the system does not hear it."""
     if settings.felt_file:
-        return sound.from_file(settings.felt_file, settings.start_frame)
+        return sound_source.from_file(settings.felt_file, settings.start_frame)
     if not settings.felt_strip or not systems.hears_feeling(settings.system):
         return None
     try:
-        return sound.from_strip(scene, settings.felt_strip, decode.decoder(engine))
+        return sound_source.from_strip(scene, settings.felt_strip, decode.decoder(engine))
     except AnyfaceError as error:
         raise AnyfaceError(error.kind, f"Feeling Of: {error}") from error
 

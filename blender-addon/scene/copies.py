@@ -7,7 +7,9 @@ that is duplicated alone leaves its teeth to the first one.
 import bpy
 from bpy.app.handlers import persistent
 
-from . import control_take, identity, life
+from . import identity
+from .life import turns
+from .rig_controls import control_actions
 
 # What an override of an object may have for itself.
 _GROUPS = (
@@ -66,8 +68,8 @@ def _renew(copies: dict[str, list], originals: dict) -> None:
         if face is not None:
             identity.join(face, ob)
     for ob in before:
-        life.follow(ob, copies)
-        control_take.follow(ob, copies)
+        turns.follow(ob, copies)
+        control_actions.follow(ob, copies)
         _drop_foreign_parts(ob)
 
 

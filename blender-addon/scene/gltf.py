@@ -12,8 +12,12 @@ from dataclasses import dataclass, field
 import bpy
 import numpy as np
 
-from . import curves, feeling_mask, guard, nla, outputs, record, takes
-from .mesh import add_key, read_basis, read_key
+from . import outputs
+from .animation import curves
+from .face import feeling_mask
+from .face.mesh import add_key, read_basis, read_key
+from .shape_keys import guard, record
+from .takes import nla, take_list
 
 _STANDING = "Anyface.standing"
 # Marks shape keys that are changed, with the number of the change.
@@ -71,7 +75,7 @@ def _rewrite(ob, wanted) -> None:
 
 def _rewrite_take(ob, taken, changed: _Changed) -> None:
     shape_keys = ob.data.shape_keys
-    bag = takes.channels_of(shape_keys, taken)
+    bag = take_list.channels_of(shape_keys, taken)
     standing, span = 0.0, None
     for name in taken.keys if bag is not None else ():
         block, curve = shape_keys.key_blocks.get(name), bag.fcurves.find(curves.value_path(name))
@@ -125,7 +129,7 @@ def _put_back(ob, changed: _Changed) -> None:
     del shape_keys[_MARK]
     with guard.object_mode(ob), guard.selection_kept(ob):
         for taken in record.everyone(shape_keys):
-            bag = takes.channels_of(shape_keys, taken)
+            bag = take_list.channels_of(shape_keys, taken)
             _put_curves_back(bag, taken.id, changed)
             _forget(bag, changed.standing)
         _forget(nla.rest_channels(shape_keys), changed.standing)

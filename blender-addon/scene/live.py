@@ -13,7 +13,9 @@ from bpy.app.handlers import persistent
 from ..core import space
 from ..core.emotion import strengths
 from ..core.errors import AnyfaceError
-from . import guard, identity, mesh, pieces
+from . import identity
+from .face import mesh, pieces
+from .shape_keys import guard
 
 KEY = "Anyface Live"
 

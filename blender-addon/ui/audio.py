@@ -14,7 +14,9 @@ from bpy.props import (
 from bpy.types import Operator, PropertyGroup
 
 from ..core.errors import AnyfaceError
-from ..scene import bake, feeling_mask, sequencer, strips
+from ..scene import bake
+from ..scene.face import feeling_mask
+from ..scene.sound import sequencer, strips
 from . import words
 from .operators import Acting
 from .overridable import kinds, overridable

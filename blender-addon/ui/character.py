@@ -13,7 +13,8 @@ from bpy.types import Object, Operator, Panel, PropertyGroup, UIList
 
 from ..core.errors import AnyfaceError
 from ..core.take import ROLES
-from ..scene import identity, landmarks, mouth, pieces
+from ..scene import identity
+from ..scene.face import landmarks, mouth, pieces
 from . import words
 from .operators import Acting
 from .overridable import kinds, overridable

@@ -11,8 +11,8 @@ from bpy.props import (
 )
 from bpy.types import Object, PropertyGroup, UIList
 
-from ..scene import control_sources
 from ..scene.outputs.controls import ControlRow
+from ..scene.rig_controls import control_sources
 from .overridable import kinds, overridable
 from .target import is_there
 

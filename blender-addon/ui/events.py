@@ -7,7 +7,8 @@ from bpy.types import Operator, Panel
 from ..core import systems
 from ..core.errors import AnyfaceError
 from ..core.events import LEFT, MENU, RIGHT, described, on_side, understand
-from ..scene import events, sequencer
+from ..scene.events import events
+from ..scene.sound import sequencer
 from . import audio, preferences, words
 from .operators import Acting
 from .panel import OfFacePanel

@@ -5,7 +5,8 @@ from bpy.types import Operator
 
 from ..core import shapes
 from ..core.take import NETWORK, ShapesBy
-from ..scene import bake, expression_keys, outputs
+from ..scene import bake, outputs
+from ..scene.shape_keys import expression_keys
 from . import running
 from .operators import InThread
 from .settings import from_object

@@ -12,8 +12,8 @@ from ..core.control_names import Row
 from ..core.errors import AnyfaceError
 from ..core.job import at_once
 from ..core.take import ControlMotion, Found
-from ..scene import control_bench, control_fit, control_sources, control_take
-from ..scene.control_kinds import COLLECTIONS
+from ..scene.rig_controls import control_actions, control_bench, control_fit, control_sources
+from ..scene.rig_controls.control_kinds import COLLECTIONS
 from . import landmarks, output_properties
 from .operators import InThread, WithFile
 from .target import OfFace, is_there, target
@@ -39,7 +39,7 @@ class ANYFACE_OT_controls_find(InThread, Operator):
         sources = _sources(ob)
         motion = _still(search.face.positions[: len(ob.data.vertices)], found)
         bench = control_bench.Bench(ob, control_fit.rigs_of(sources), motion.vertices)
-        given = bench, motion, sources, control_take.rests(ob)
+        given = bench, motion, sources, control_actions.rests(ob)
         handles = yield from control_fit.try_all(ob, *given)
         moving = {handle.source.key for handle in handles}
         listed = [source for source in sources if source.key in moving]

@@ -5,7 +5,8 @@ from bpy.types import Operator
 
 from ..core import wording
 from ..core.job import BEGUN
-from ..scene import bake, outputs, stored
+from ..scene import bake, outputs
+from ..scene.takes import panel_settings
 from . import audio, character, mending, running
 from .operators import InThread, redraw
 from .settings import from_object
@@ -57,7 +58,7 @@ class ANYFACE_OT_generate(InThread, Operator):
             text = f"{text} ({more})"
         ob.anyface.report, ob.anyface.report_is_error = text, False
         mending.keep(ob, ("find_parts",) if left else ())
-        stored.note(ob, snapshot.asked, text)
+        panel_settings.note(ob, snapshot.asked, text)
         self.report({"INFO"}, f"Anyface: {text}")
         return {"FINISHED"}
 

@@ -3,7 +3,8 @@
 from bpy.types import Operator
 
 from ..core import space, systems
-from ..scene import bake, feeling_mask
+from ..scene import bake
+from ..scene.face import feeling_mask
 from . import running
 from .operators import InThread
 from .settings import from_object

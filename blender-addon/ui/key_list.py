@@ -8,7 +8,7 @@ from bpy.types import Operator, UIList
 
 from ..core import key_names
 from ..core.key_names import Pair
-from ..scene import existing
+from ..scene.shape_keys import artist_keys
 from . import output_properties
 from .operators import WithFile
 from .target import OfFace, target
@@ -53,7 +53,7 @@ class ANYFACE_OT_mapping_find(_OnMapping, Operator):
         """Replaces the list."""
         ob = target(context)
         text = "no key has a known name: press + and pick shapes and keys by hand"
-        return self._replace(ob, existing.find(ob, []), text)
+        return self._replace(ob, artist_keys.find(ob, []), text)
 
 
 class ANYFACE_OT_mapping_preset(_OnMapping, Operator):
@@ -134,7 +134,7 @@ class ANYFACE_OT_mapping_save(_OnMapping, WithFile, Operator):
 
     def act(self, ob):
         """Writes the list, or what is found by name where it is empty."""
-        found = output_properties.read(ob).mapping or existing.find(ob, [])
+        found = output_properties.read(ob).mapping or artist_keys.find(ob, [])
         path = bpy.path.ensure_ext(bpy.path.abspath(self.filepath), ".json")
         key_names.write(found, Path(path))
 

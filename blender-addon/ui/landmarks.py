@@ -11,7 +11,9 @@ from mathutils import Vector
 
 from ..core.errors import AnyfaceError
 from ..core.job import Job, Progress
-from ..scene import bake, guard, landmarks
+from ..scene import bake
+from ..scene.face import landmarks
+from ..scene.shape_keys import guard
 from . import character, running
 from .operators import Alone, InThread, redraw
 from .settings import from_object

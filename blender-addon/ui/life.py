@@ -4,7 +4,8 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, PointerProperty, StringProperty
 from bpy.types import Object, Operator, Panel, PropertyGroup
 
-from ..scene import life
+from ..scene.life import turns
+from ..scene.life.settings import CONTROLS, LifeSettings
 from .operators import Acting
 from .overridable import kinds, overridable
 from .panel import OfFacePanel
@@ -62,11 +63,11 @@ class AnyfaceLife(PropertyGroup):
     )
 
 
-def read(ob) -> life.LifeSettings:
+def read(ob) -> LifeSettings:
     """The settings of `ob` without Blender; objects that were deleted count as not named."""
     stored = ob.anyface_life_settings
     of_bone = stored.head == "BONE"
-    return life.LifeSettings(
+    return LifeSettings(
         use=stored.use,
         head=stored.head,
         head_object=_name(stored.head_armature if of_bone else stored.head_object),
@@ -103,7 +104,7 @@ class ANYFACE_PT_life(OfFacePanel, Panel):
         layout.active = stored.use
         column = layout.column(align=True)
         for control in controls_of(ob.anyface):
-            if control.name in life.CONTROLS:
+            if control.name in CONTROLS:
                 row = column.row(align=True)
                 row.use_property_decorate = control.is_animatable
                 row.prop(ob.anyface, control.name, slider=True)
@@ -148,7 +149,7 @@ class ANYFACE_OT_life_release(Acting, Operator):
 
     def act(self, ob):
         """Removes what the take has put on other objects."""
-        life.release(ob)
+        turns.release(ob)
 
 
 def register() -> None:

@@ -7,7 +7,7 @@ from bpy_extras import object_utils
 
 from ..core.errors import AnyfaceError
 from ..core.native_head import FARTHEST, Heads, Recipe
-from ..scene import made_head, mesh
+from ..scene.face import made_head, mesh
 from . import running
 from .operators import InThread
 from .settings import from_object

@@ -11,7 +11,9 @@ from bpy.props import StringProperty
 from bpy.types import Operator
 
 from ..core.errors import AnyfaceError
-from ..scene import mouth, outputs, sequencer
+from ..scene import outputs
+from ..scene.face import mouth
+from ..scene.sound import sequencer
 from .operators import Alone
 from .target import is_there, sequencer_scene
 

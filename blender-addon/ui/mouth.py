@@ -2,7 +2,8 @@
 
 from bpy.types import Operator
 
-from ..scene import guard, mesh, mouth
+from ..scene.face import mesh, mouth
+from ..scene.shape_keys import guard
 from . import running
 from .operators import InThread
 from .settings import from_object

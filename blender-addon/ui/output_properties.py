@@ -14,8 +14,9 @@ from bpy.types import PropertyGroup
 
 from ..core import shapes
 from ..core.key_names import Pair
-from ..scene import adjust, record
 from ..scene.outputs import OutputSettings
+from ..scene.shape_keys import record
+from ..scene.takes import adjust
 from . import controls
 from .overridable import kinds, overridable
 

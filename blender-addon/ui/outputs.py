@@ -3,7 +3,10 @@
 from bpy.props import StringProperty
 from bpy.types import Operator, Panel
 
-from ..scene import adjust, estimate, outputs, record
+from ..scene import outputs
+from ..scene.outputs import estimate
+from ..scene.shape_keys import record
+from ..scene.takes import adjust
 from . import audio, output_properties, running, words
 from .panel import OfFacePanel
 from .target import sequencer_scene, target

@@ -3,7 +3,7 @@
 from bpy.types import Panel
 
 from ..core import systems
-from ..scene.life import CONTROLS
+from ..scene.life.settings import CONTROLS
 from . import audio
 from .panel import OfFacePanel
 from .target import sequencer_scene, target

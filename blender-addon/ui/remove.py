@@ -2,7 +2,8 @@
 
 from bpy.types import Operator
 
-from ..scene import outputs, together
+from ..scene import outputs
+from ..scene.takes import together
 from .operators import Acting
 from .target import target
 

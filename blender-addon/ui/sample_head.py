@@ -5,7 +5,7 @@ from bpy.props import FloatProperty
 from bpy.types import Operator
 from bpy_extras import object_utils
 
-from ..scene import sample_head
+from ..scene.face import sample_head
 
 
 class ANYFACE_OT_add_sample_head(object_utils.AddObjectHelper, Operator):

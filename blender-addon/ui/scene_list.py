@@ -4,7 +4,8 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
 from bpy.types import Operator, Panel, PropertyGroup
 
-from ..scene import scene_list, sequencer, strips
+from ..scene import scene_list
+from ..scene.sound import sequencer, strips
 from . import running
 from .operators import InThread
 from .panel import OfMorePanel

@@ -3,8 +3,9 @@
 from dataclasses import fields
 
 from ..core import systems
-from ..scene import copies, existing, outputs
+from ..scene import copies, outputs
 from ..scene.bake import Settings
+from ..scene.shape_keys import artist_keys
 from . import audio, character, life, output_properties
 
 # As many keys as these with known names are a face that was made to speak.
@@ -36,5 +37,5 @@ def _start_with_keys(ob) -> None:
     """A face that has many keys with known names speaks with these, until the artist chooses."""
     if ob.library is not None or ob.type != "MESH" or ob.anyface.is_property_set("mode"):
         return
-    if len(existing.names_of(existing.find(ob, []))) >= _MANY_KEYS:
+    if len(artist_keys.names_of(artist_keys.find(ob, []))) >= _MANY_KEYS:
         ob.anyface.mode = outputs.Keys.name

@@ -6,7 +6,9 @@ from bpy.types import Operator, Panel
 
 from ..core.errors import AnyfaceError
 from ..core.job import at_once
-from ..scene import bake, decode, redo, sounds
+from ..scene import bake
+from ..scene.sound import decode, sounds
+from ..scene.takes import redo
 from . import audio, running, texts, words
 from .operators import Alone, InThread
 from .panel import OfFacePanel

@@ -7,7 +7,8 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy.types import Operator
 
 from ..core.errors import AnyfaceError
-from ..scene import bake, sounds, strips
+from ..scene import bake
+from ..scene.sound import sounds, strips
 from . import running
 from .settings import from_object
 from .sounds import WithSound

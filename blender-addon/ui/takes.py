@@ -3,7 +3,8 @@
 from bpy.props import StringProperty
 from bpy.types import Operator, Panel
 
-from ..scene import record, takes
+from ..scene.shape_keys import record
+from ..scene.takes import take_list
 from . import running
 from .operators import Acting
 from .panel import OfFacePanel
@@ -25,7 +26,7 @@ class ANYFACE_PT_takes(OfFacePanel, Panel):
         layout, ob = self.layout, target(context)
         layout.prop(ob.anyface_output, "new_take")
         column = layout.column(align=True)
-        for row in takes.rows(ob):
+        for row in take_list.rows(ob):
             line = column.row(align=True)
             switch = line.operator("anyface.take_switch", text=row.name, icon=_ICONS[row.state])
             switch.take = row.id
@@ -39,7 +40,7 @@ class ANYFACE_PT_takes(OfFacePanel, Panel):
 class _TakeOperator(Acting, Operator):
     @classmethod
     def poll(cls, context):
-        return not running.is_running() and bool(takes.rows(target(context)))
+        return not running.is_running() and bool(take_list.rows(target(context)))
 
 
 class ANYFACE_OT_take_keep(_TakeOperator):
@@ -54,7 +55,7 @@ class ANYFACE_OT_take_keep(_TakeOperator):
 
     def act(self, ob):
         """Keeps it."""
-        takes.keep(ob)
+        take_list.keep(ob)
 
 
 class _OneTake(_TakeOperator):
@@ -69,7 +70,7 @@ class ANYFACE_OT_take_switch(_OneTake):
 
     def act(self, ob):
         """Switches."""
-        takes.switch(ob, self.take)
+        take_list.switch(ob, self.take)
 
 
 class ANYFACE_OT_take_rename(_OneTake):
@@ -86,7 +87,7 @@ class ANYFACE_OT_take_rename(_OneTake):
 
     def act(self, ob):
         """Renames."""
-        takes.rename(ob, self.take, self.name)
+        take_list.rename(ob, self.take, self.name)
 
 
 class ANYFACE_OT_take_push_down(_OneTake):
@@ -97,7 +98,7 @@ class ANYFACE_OT_take_push_down(_OneTake):
 
     def act(self, ob):
         """Pushes it down."""
-        takes.push_down(ob, self.take)
+        take_list.push_down(ob, self.take)
 
 
 class ANYFACE_OT_take_delete(_OneTake):
@@ -108,7 +109,7 @@ class ANYFACE_OT_take_delete(_OneTake):
 
     def act(self, ob):
         """Deletes it."""
-        takes.delete(ob, self.take)
+        take_list.delete(ob, self.take)
 
 
 CLASSES = (

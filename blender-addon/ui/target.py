@@ -2,7 +2,7 @@
 
 from ..core import key_names
 from ..scene import outputs
-from ..scene.mesh import LANDMARKS_PROPERTY
+from ..scene.face.mesh import LANDMARKS_PROPERTY
 
 # Words in the names of heads, the best one first.
 _HEADS = ("head", "face", "body")

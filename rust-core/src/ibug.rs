@@ -13,7 +13,7 @@ pub const MIRROR: [usize; LANDMARKS] = [
     52, 51, 50, 49, 48, 59, 58, 57, 56, 55, 64, 63, 62, 61, 60, 67, 66, 65,
 ];
 
-/// The parts of a face, as they are told to users. Twin of `REGIONS` in `blender-addon/scene/landmarks.py`.
+/// The parts of a face, as they are told to users. Twin of `REGIONS` in `blender-addon/scene/face/landmarks.py`.
 pub const REGIONS: [(&str, Range<usize>); 5] = [
     ("mouth", MOUTH),
     ("eyes", LIDS),

@@ -262,7 +262,7 @@ def own_arkit_keys(ob) -> None:
 
 def words(ob) -> str:
     """The line of the panel."""
-    module = importlib.import_module(f"{PACKAGE}.scene.estimate")
+    module = importlib.import_module(f"{PACKAGE}.scene.outputs.estimate")
     output = importlib.import_module(f"{PACKAGE}.ui.output_properties").read(ob)
     seconds = importlib.import_module(f"{PACKAGE}.ui.audio").seconds(ob, bpy.context.scene)
     return module.describe(ob, bpy.context.scene, seconds, ob.anyface, output)

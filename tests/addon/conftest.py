@@ -69,7 +69,7 @@ def empty_file(installed):
 
 @pytest.fixture
 def addon():
-    """`addon("scene.keys")` is that module of the installed extension."""
+    """`addon("scene.takes.keys")` is that module of the installed extension."""
     return lambda name: importlib.import_module(f"{PACKAGE}.{name}")
 
 

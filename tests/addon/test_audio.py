@@ -40,7 +40,7 @@ def two(tmp_path):
 
 def heard(addon, stage, names=(), channel=0):
     """The frame at which the take begins, its sound, and its notes."""
-    strips = addon("scene.strips")
+    strips = addon("scene.sound.strips")
     scene = bpy.context.scene
     source = strips.as_one(scene, strips.chosen(scene, list(names), channel), stage.decode)
     return source.start_frame, source.load(stage.decode), source.notes

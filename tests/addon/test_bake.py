@@ -217,5 +217,5 @@ def test_the_mesh_around_a_tongue_is_named_where_no_face_is_found(addon):
     bpy.context.object.name = "Skin"
     tongue = grid("Tongue")
     bpy.context.view_layer.update()
-    hints = addon("scene.mesh").read_face(tongue).hints
+    hints = addon("scene.face.mesh").read_face(tongue).hints
     assert hints == ["Skin lies around it: pick that mesh if it is the face"]

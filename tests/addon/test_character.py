@@ -30,7 +30,7 @@ def test_find_face_stores_the_landmarks_and_says_so(stage, addon):
     ob.location.x = 2.0
     bpy.context.view_layer.update()
     assert bpy.ops.anyface.find_face() == {"FINISHED"}
-    stored = addon("scene.landmarks").load(ob)
+    stored = addon("scene.face.landmarks").load(ob)
     assert np.abs(stored.positions - points_of(ob)[:68]).max() < 1e-6
     text, icon = addon("ui.character").status(ob)
     assert (text, icon) == ("face found, 97 % sure; the lips part", "CHECKMARK")
@@ -46,7 +46,7 @@ def test_doubtful_regions_are_named_and_drawn(stage, addon):
     ob["anyface_landmarks"] = json.dumps(document)
     text, icon = addon("ui.character").status(ob)
     assert text.endswith("not sure of brows and jaw: drag the orange points") and icon == "ERROR"
-    stored = addon("scene.landmarks").load(ob)
+    stored = addon("scene.face.landmarks").load(ob)
     found, doubtful, held = addon("ui.landmarks").kinds(stored)
     assert (held, found) == ([3], list(range(27, 68)))
     assert doubtful == [n for n in range(27) if n != 3]
@@ -98,14 +98,14 @@ def test_reset_forgets_the_landmarks(stage):
 def test_a_ray_drags_a_landmark_over_the_surface_and_the_others_follow(stage, addon):
     ob = grid()
     bpy.ops.anyface.find_face()
-    landmarks = addon("scene.landmarks")
+    landmarks = addon("scene.face.landmarks")
     drag = landmarks.Drag(ob)
     drag.hold(30)
     before = drag.stored.positions.copy()
     assert drag.move((0.03, -1.0, 0.04), (0.0, 1.0, 0.0))
     assert drag.stored.positions[30] == pytest.approx((0.03, 0.0, 0.04), abs=1e-6)
     assert not drag.move((5.0, -1.0, 0.0), (0.0, 1.0, 0.0))
-    face = addon("scene.mesh").read_face(ob)
+    face = addon("scene.face.mesh").read_face(ob)
     found = drag.search(face, stage).work(addon("core.job").Progress())
     addon("ui.landmarks").keep(ob, found, drag.stored.fixed)
     stored = landmarks.load(ob)
@@ -121,7 +121,7 @@ def test_landmarks_that_were_put_stay_when_others_are_dragged(stage, addon):
     bpy.ops.anyface.find_face()
     assert bpy.ops.anyface.move_landmark(number=8, place=(0.01, 0.5, 0.02)) == {"FINISHED"}
     assert bpy.ops.anyface.move_landmark(number=9, place=(0.05, 0.0, 0.02)) == {"FINISHED"}
-    stored = addon("scene.landmarks").load(ob)
+    stored = addon("scene.face.landmarks").load(ob)
     assert stored.positions[8] == pytest.approx((0.01, 0.0, 0.02), abs=1e-6)
     assert stored.positions[9] == pytest.approx((0.05, 0.0, 0.02), abs=1e-6)
     assert stored.fixed == {8, 9} and set(stage.searches[-1][3]) == {8, 9}
@@ -130,7 +130,7 @@ def test_landmarks_that_were_put_stay_when_others_are_dragged(stage, addon):
 def test_the_pointer_takes_the_nearest_landmark_within_reach(stage, addon):
     ob = grid()
     bpy.ops.anyface.find_face()
-    drag = addon("scene.landmarks").Drag(ob)
+    drag = addon("scene.face.landmarks").Drag(ob)
     pixels = np.column_stack([np.arange(68) * 20.0, np.zeros(68)])
     pixels[3] = np.nan
     assert drag.hold_near(np.array((101.0, 5.0)), pixels, 14.0) and drag.held == 5
@@ -140,7 +140,7 @@ def test_the_pointer_takes_the_nearest_landmark_within_reach(stage, addon):
 def test_dragging_needs_a_face(stage, addon):
     ob = grid()
     with pytest.raises(addon("core.errors").AnyfaceError, match="find the face first"):
-        addon("scene.landmarks").Drag(ob)
+        addon("scene.face.landmarks").Drag(ob)
     with pytest.raises(RuntimeError, match="3D view"):
         bpy.ops.anyface.edit_landmarks()
 
@@ -218,7 +218,7 @@ def test_a_part_that_cannot_be_keyed_stops_everything_before_writing(stage, tmp_
 
 
 def test_parts_that_rest_get_no_keys(stage, addon):
-    take, pieces = addon("core.take"), addon("scene.pieces")
+    take, pieces = addon("core.take"), addon("scene.face.pieces")
     vectors = np.zeros((1, 6, 3), dtype=np.float32)
     vectors[0, :4, 2] = 0.01
     made = take.Take(24.0, 5.0, basis=take.Basis(vectors, np.ones((3, 1)), 0.0))
@@ -275,7 +275,7 @@ def test_loose_parts_are_listed_and_their_role_can_be_overridden(stage, addon, t
     ],
 )
 def test_names_tell_roles(addon, name, role):
-    assert addon("scene.pieces").role_of_name(name) == role
+    assert addon("scene.face.pieces").role_of_name(name) == role
 
 
 def test_teeth_that_were_not_taken_along_are_named(stage, tmp_path):
@@ -348,7 +348,7 @@ def test_teeth_on_a_posed_bone_are_read_as_in_the_rest_pose(stage, addon, tmp_pa
     )
     bpy.context.view_layer.update()
     assert (teeth.matrix_world.translation - place.translation).length > 3.0
-    assert np.abs(addon("scene.rest").world(teeth) - np.array(place)).max() < 1e-5
+    assert np.abs(addon("scene.face.rest").world(teeth) - np.array(place)).max() < 1e-5
     assert [part.name for part in add(ob)] == ["Teeth_lower"]
     bpy.ops.anyface.find_parts()
     assert bpy.ops.anyface.generate() == {"FINISHED"}
@@ -362,7 +362,7 @@ def test_constraints_in_a_circle_or_without_a_target_hold_nothing(addon):
     ob.constraints.new("ARMATURE")
     ob.location.x = 2.0
     bpy.context.view_layer.update()
-    world = addon("scene.rest").world
+    world = addon("scene.face.rest").world
     assert np.allclose(world(ob), np.array(ob.matrix_world))
     ob.constraints.new("CHILD_OF").target = other
     other.constraints.new("CHILD_OF").target = ob

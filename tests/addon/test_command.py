@@ -143,7 +143,7 @@ def test_landmarks_are_stored_and_written(addon, tmp_path):
     rows = json.loads(out.read_text())["landmarks"]
     assert [row["index"] for row in rows] == list(range(68))
     bpy.ops.wm.open_mainfile(filepath=str(save))
-    stored = addon("scene.landmarks").load(bpy.data.objects["Head"])
+    stored = addon("scene.face.landmarks").load(bpy.data.objects["Head"])
     assert stored.sure > 0.5
     assert stored.positions[30] == pytest.approx(rows[30]["position"], abs=1e-6)
 

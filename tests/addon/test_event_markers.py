@@ -17,7 +17,7 @@ def read(addon, ob=None, marker_s=0.5, duration_s=SECONDS, **more):
     bpy.context.scene.render.fps = FPS
     given = {"system": SYSTEM, "event_markers": True, "marker_s": marker_s} | more
     settings = addon("scene.bake").Settings(**given)
-    return addon("scene.events").read(bpy.context.scene, ob, settings, START, duration_s)
+    return addon("scene.events.events").read(bpy.context.scene, ob, settings, START, duration_s)
 
 
 def told(events):
@@ -123,7 +123,7 @@ def test_strips_and_markers_are_listed_together(addon):
     put(addon, "wink", START + 6, START + 12)
     mark("the blue car", START + 8)
     mark("smile", START)
-    rows = addon("scene.events").rows(scene, ob, ob.anyface_audio, (START, SECONDS))
+    rows = addon("scene.events.events").rows(scene, ob, ob.anyface_audio, (START, SECONDS))
     assert [(row.text, row.first - START, row.last - START) for row in rows] == [
         ("smile", 0, FPS),
         ("wink", 6, 12),
@@ -167,5 +167,5 @@ def test_a_take_that_comes_back_brings_how_it_listened(addon, tmp_path):
     ob.anyface_audio.event_markers, ob.anyface_audio.marker_s = True, 1.5
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     ob.anyface_audio.event_markers, ob.anyface_audio.marker_s = False, 0.4
-    addon("scene.stored").bring_back(ob)
+    addon("scene.takes.panel_settings").bring_back(ob)
     assert ob.anyface_audio.event_markers and ob.anyface_audio.marker_s == 1.5

@@ -26,9 +26,9 @@ FRAMES = range(START, START + int(SECONDS * FPS), 3)
 
 def strip_rows(addon):
     """All that an artist sees of every text strip."""
-    found = addon("scene.sequencer").all_strips(bpy.context.scene)
+    found = addon("scene.sound.sequencer").all_strips(bpy.context.scene)
     texts = [s for s in found if s.type == "TEXT"]
-    ends = addon("scene.sequencer").ends
+    ends = addon("scene.sound.sequencer").ends
     return [(s.name, s.text, s.channel, ends(s), s.blend_alpha, s.mute) for s in texts]
 
 
@@ -87,7 +87,7 @@ def test_of_a_take_without_emotion_and_blinks_the_panel_says_why(addon, bare):
     ob = bare
     ob.anyface.emotion_source = "OFF"
     generate(ob)
-    why = addon("scene.adjust").why_not
+    why = addon("scene.takes.adjust").why_not
     assert why(ob, "articulation") == ""
     assert "emotion off" in why(ob, "emotion") and "emotion off" in why(ob, "blinks")
 
@@ -247,8 +247,10 @@ def test_moving_a_strip_is_undone_and_the_take_follows_it(addon, speaking):  # n
     generate(ob)
     first = weights_of(ob)
     bpy.ops.ed.undo_push(message="Generate")
-    made = next(s for s in addon("scene.sequencer").all_strips(bpy.context.scene) if s == made)
-    addon("scene.sequencer").place(made, START + 40, START + 52)
+    made = next(
+        s for s in addon("scene.sound.sequencer").all_strips(bpy.context.scene) if s == made
+    )
+    addon("scene.sound.sequencer").place(made, START + 40, START + 52)
     bpy.ops.ed.undo_push(message="move")
     bpy.ops.ed.undo()
     assert strip_rows(addon)[0][3] == (START + 10, START + 22)
@@ -275,7 +277,7 @@ def test_a_linked_copy_and_a_full_copy_hear_the_same_strips(addon, tmp_path):
         assert bpy.ops.anyface.generate() == {"FINISHED"}
         # What names Anna stays hers: her copies are called otherwise.
         names = [event.name for event in stage.calls[-1][-1].events]
-        expected = addon("scene.events").strips_of(bpy.context.scene, CHANNEL, copy)
+        expected = addon("scene.events.events").strips_of(bpy.context.scene, CHANNEL, copy)
         assert names == [s.name for s in expected] == ["smile"]
     select(ob)
     assert bpy.ops.anyface.generate() == {"FINISHED"}
@@ -437,7 +439,7 @@ def test_a_take_of_events_waits_beside_another(addon, bare):
     generate(ob)
     plain = film(ob, FRAMES)
     assert np.abs(plain - smiling).max() > 1e-3
-    takes = addon("scene.takes")
+    takes = addon("scene.takes.take_list")
     first = next(row.id for row in takes.rows(ob) if row.name == "Take 1")
     takes.switch(ob, first)
     assert np.abs(film(ob, FRAMES) - smiling).max() < 1e-6

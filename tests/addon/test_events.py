@@ -24,7 +24,9 @@ def editor_strips():
 
 def put(addon, text, first, last, channel=CHANNEL):
     """A text strip as an artist makes it."""
-    made = addon("scene.sequencer").new_text(bpy.context.scene, text or "E", channel, first, last)
+    made = addon("scene.sound.sequencer").new_text(
+        bpy.context.scene, text or "E", channel, first, last
+    )
     made.text = text
     return made
 
@@ -33,7 +35,7 @@ def found(addon, channel=CHANNEL, duration_s=SECONDS):
     """What is read of the channel, the sound beginning at frame `START`."""
     bpy.context.scene.render.fps = FPS
     settings = addon("scene.bake").Settings(system=SYSTEM, event_channel=channel)
-    return addon("scene.events").read(bpy.context.scene, None, settings, START, duration_s)
+    return addon("scene.events.events").read(bpy.context.scene, None, settings, START, duration_s)
 
 
 @pytest.fixture
@@ -136,7 +138,7 @@ def test_a_strip_is_an_event_by_text_place_length_and_opacity(addon):
     assert smile.strength == 0.5 and not smile.over_speech
     assert jaw.over_speech and (jaw.start_s, jaw.end_s) == (0.0, 6 / FPS)
     # Moving the strip moves the event, trimming it trims it.
-    addon("scene.sequencer").place(first, START + 30, START + 36)
+    addon("scene.sound.sequencer").place(first, START + 30, START + 36)
     moved = found(addon).events[1]
     assert (moved.start_s, moved.end_s) == (30 / FPS, 36 / FPS)
 
@@ -173,7 +175,7 @@ def test_bad_strips_are_named_and_the_rest_is_made(addon):
 
 def test_other_systems_and_no_channel_have_no_events(addon):
     put(addon, "smile", START, START + 9)
-    read, of = addon("scene.events").read, addon("scene.bake").Settings
+    read, of = addon("scene.events.events").read, addon("scene.bake").Settings
     for settings in (of(system="freetalk", event_channel=CHANNEL), of(system=SYSTEM)):
         assert read(bpy.context.scene, None, settings, START, SECONDS).events == []
 
@@ -184,9 +186,9 @@ def test_a_strip_that_names_a_character_is_its_own_where_several_share_a_channel
         ob.anyface_audio.event_channel = CHANNEL
     put(addon, "smile", 1, 9).name = "Anna_smile"
     put(addon, "wink", 9, 20)
-    made = addon("scene.events").add(bpy.context.scene, ben, CHANNEL, "frown", 30)
+    made = addon("scene.events.events").add(bpy.context.scene, ben, CHANNEL, "frown", 30)
     assert made.name.startswith("Ben ")
-    strips_of = addon("scene.events").strips_of
+    strips_of = addon("scene.events.events").strips_of
     theirs = {ob.name: strips_of(bpy.context.scene, CHANNEL, ob) for ob in (anna, ben)}
     assert [s.text for s in theirs["Anna"]] == ["smile", "wink"]
     assert [s.text for s in theirs["Ben"]] == ["wink", "frown"]
@@ -202,18 +204,18 @@ def test_add_at_playhead_writes_strips_beside_each_other(addon):
     scene.frame_set(20)
     assert bpy.ops.anyface.event_add(expression="smile", side="LEFT") == {"FINISHED"}
     channel = ob.anyface_audio.event_channel
-    (made,) = addon("scene.events").strips_of(scene, channel)
+    (made,) = addon("scene.events.events").strips_of(scene, channel)
     assert (made.text, made.mute, made.blend_alpha) == ("left smile", True, 1.0)
-    first, last = addon("scene.sequencer").ends(made)
+    first, last = addon("scene.sound.sequencer").ends(made)
     assert first == 20 and last > 30
     with pytest.raises(RuntimeError, match="move the playhead"):
         bpy.ops.anyface.event_add(expression="wink")
     # The one before ends where the next begins.
     scene.frame_set(14)
     bpy.ops.anyface.event_add(expression="UNITS", units="9,10", side="RIGHT", strength=0.4)
-    both = addon("scene.events").strips_of(scene, channel)
+    both = addon("scene.events.events").strips_of(scene, channel)
     assert [s.text for s in both] == ["9R,10R", "left smile"]
-    assert addon("scene.sequencer").ends(both[0]) == (14, 20)
+    assert addon("scene.sound.sequencer").ends(both[0]) == (14, 20)
     assert both[0].blend_alpha == pytest.approx(0.4)
     with pytest.raises(RuntimeError, match="expected some of"):
         bpy.ops.anyface.event_add(expression="UNITS", units="99")
@@ -230,7 +232,7 @@ def test_adding_an_event_is_one_undo_step(addon):
     bpy.ops.ed.undo_push(message="Add Event")
     bpy.ops.ed.undo()
     assert everything() == before
-    assert addon("scene.sequencer").all_strips(bpy.context.scene) == []
+    assert addon("scene.sound.sequencer").all_strips(bpy.context.scene) == []
 
 
 def test_events_of_each_character_reach_its_request_and_a_copy_brings_them(addon, tmp_path):
@@ -351,7 +353,7 @@ def test_an_event_moves_its_slot_and_nothing_far_from_it_and_goes_with_its_strip
     slot = max(change(without, with_it, name, inside) for name in brows)
     beside = max(change(without, with_it, name, far) for name in without)
     assert slot > 0.3 and beside < 0.02
-    addon("scene.sequencer").place(made, START + 2 * FPS, START + int(2.6 * FPS))
+    addon("scene.sound.sequencer").place(made, START + 2 * FPS, START + int(2.6 * FPS))
     assert bpy.ops.anyface.generate() == {"FINISHED"}, ob.anyface.report
     moved = weights_of(ob)
     behind, before = range(START + 2 * FPS, START + 62), range(START, START + 2 * FPS - 12)
@@ -407,7 +409,7 @@ def test_every_output_of_a_bare_mesh_speaks_with_events(addon, tmp_path):
         assert bpy.ops.anyface.generate() == {"FINISHED"}, ob.anyface.report
         assert "moves by up to" in ob.anyface.report
         # Of basis keys what may be changed is drawn, of named keys the groups.
-        sliders = set(addon("scene.adjust").names_of(ob)) & {"articulation", "emotion"}
+        sliders = set(addon("scene.takes.adjust").names_of(ob)) & {"articulation", "emotion"}
         assert len(sliders) == (2 if mode == "basis" else 0)
     assert len(weights_of(ob)) == 52
     assert "event" not in ob.anyface.report

@@ -73,10 +73,10 @@ def world(ob, frame):
 
 def mask(addon, ob):
     """Half of the take's keys act where a vertex group lets them."""
-    group = ob.vertex_groups.new(name=addon("scene.feeling_mask").NAME)
+    group = ob.vertex_groups.new(name=addon("scene.face.feeling_mask").NAME)
     for vertex in range(len(ob.data.vertices)):
         group.add([vertex], (0.0, 0.5, 1.0)[vertex % 3], "REPLACE")
-    for name in addon("scene.record").read(ob.data.shape_keys).keys[::2]:
+    for name in addon("scene.shape_keys.record").read(ob.data.shape_keys).keys[::2]:
         ob.data.shape_keys.key_blocks[name].vertex_group = group.name
 
 
@@ -146,7 +146,7 @@ def test_takes_beside_the_one_that_plays_are_exported_and_stay(stage, tmp_path, 
     for _ in range(2):
         ob.anyface_output.new_take = True
         assert bpy.ops.anyface.generate() == {"FINISHED"}
-    row = addon("scene.takes").rows(ob)[0]
+    row = addon("scene.takes.take_list").rows(ob)[0]
     assert bpy.ops.anyface.take_push_down(take=row.id) == {"FINISHED"}
     before = {frame: world(ob, frame) for frame in FRAMES}
     gltf, untouched = addon("scene.gltf"), everything()

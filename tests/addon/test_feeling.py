@@ -159,7 +159,7 @@ def test_the_take_knows_whose_feeling_it_has(addon, speaking):
     ob = speaking
     ob.anyface_audio.felt_strip = "Wild"
     generate(ob)
-    asked = addon("scene.record").read(ob.data.shape_keys).asked
+    asked = addon("scene.shape_keys.record").read(ob.data.shape_keys).asked
     assert asked["anyface_audio"]["felt_strip"] == "Wild" and asked["anyface"]["layered"]
 
 

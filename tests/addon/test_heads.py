@@ -263,7 +263,7 @@ def test_find_face_says_what_it_found(addon):
     text, icon = addon("ui.character").status(ob)
     assert text.startswith("face found, ") and "the lips part" in text
     assert icon == "CHECKMARK"
-    found = addon("scene.landmarks").load(ob).positions
+    found = addon("scene.face.landmarks").load(ob).positions
     truth = np.array([row["position"] for row in LANDMARKS])
     assert np.linalg.norm(found - truth, axis=1).mean() < 0.005
     roles = {row.found for row in ob.anyface_face.loose}
@@ -273,7 +273,7 @@ def test_find_face_says_what_it_found(addon):
 def test_a_dragged_landmark_stays_and_its_neighbours_follow(addon):
     ob = import_head()
     bpy.ops.anyface.find_face()
-    landmarks = addon("scene.landmarks")
+    landmarks = addon("scene.face.landmarks")
     sure, before = landmarks.load(ob).sure, landmarks.load(ob).positions
     target = before[48] + (before[48] - before[54]) * 0.2
     bpy.ops.anyface.move_landmark(number=48, place=target)

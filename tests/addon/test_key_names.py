@@ -134,7 +134,7 @@ def test_a_list_by_hand_has_rows_shares_and_a_file(stage, tmp_path):
 
 
 def test_one_key_takes_several_shapes(stage, addon, tmp_path):
-    existing, Pair = addon("scene.existing"), addon("core.key_names").Pair
+    existing, Pair = addon("scene.shape_keys.artist_keys"), addon("core.key_names").Pair
     pairs = [Pair("eyeBlinkLeft", "Blink", 0.5), Pair("eyeBlinkRight", "Blink", 0.5),
              Pair("jawOpen", "Open")]  # fmt: skip
     shown, factors = existing.factors(pairs)

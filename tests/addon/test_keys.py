@@ -33,7 +33,7 @@ def rest(ob):
 def test_every_frame_shows_its_displacement(addon, make_take, mode):
     ob = grid()
     take, moved = make_take(ob, mode)
-    addon("scene.keys").write(ob, take, START, SCENE_FPS)
+    addon("scene.takes.keys").write(ob, take, START, SCENE_FPS)
     base = rest(ob)
     for t in (0, 1, 7, FRAMES - 1):
         assert np.abs(shape(ob, START + t) - base - moved[t]).max() < 3e-5
@@ -44,7 +44,7 @@ def test_every_frame_shows_its_displacement(addon, make_take, mode):
 def test_frames_lie_in_scene_time_at_other_rates(addon, make_take):
     ob = grid()
     take, moved = make_take(ob, fps=30.0)
-    addon("scene.keys").write(ob, take, START, SCENE_FPS)
+    addon("scene.takes.keys").write(ob, take, START, SCENE_FPS)
     assert np.abs(shape(ob, START + 10 * 24 / 30) - rest(ob) - moved[10]).max() < 3e-5
     assert np.abs(shape(ob, START + 5 * 24 / 30) - rest(ob) - moved[5]).max() < 3e-5
 
@@ -54,7 +54,7 @@ def test_artists_keys_still_add_up(addon, make_take):
     own_keys(ob, "Smile", "Frown")
     before = shape(ob, START + 3)
     take, moved = make_take(ob)
-    addon("scene.keys").write(ob, take, START, SCENE_FPS)
+    addon("scene.takes.keys").write(ob, take, START, SCENE_FPS)
     assert np.abs(shape(ob, START + 3) - before - moved[3]).max() < 3e-5
 
 
@@ -143,13 +143,13 @@ def test_remove_leaves_the_file_as_it_was(addon, make_take, artist):
     before = everything()
     for seed in (0, 1):
         take, _ = make_take(ob, seed=seed)
-        addon("scene.keys").write(ob, take, START, SCENE_FPS)
+        addon("scene.takes.keys").write(ob, take, START, SCENE_FPS)
         bpy.context.scene.frame_set(5)
         assert everything() != before
-    assert addon("scene.remove").remove(ob)
+    assert addon("scene.takes.remove").remove(ob)
     bpy.context.scene.frame_set(5)
     assert everything() == before
-    assert not addon("scene.remove").remove(ob)
+    assert not addon("scene.takes.remove").remove(ob)
 
 
 @pytest.mark.parametrize("artist", ARTISTS)
@@ -159,7 +159,7 @@ def test_a_take_changes_nothing_of_the_artists(addon, make_take, artist):
     bpy.context.scene.frame_set(5)
     before = everything()
     take, _ = make_take(ob)
-    addon("scene.keys").write(ob, take, START, SCENE_FPS)
+    addon("scene.takes.keys").write(ob, take, START, SCENE_FPS)
     bpy.context.scene.frame_set(5)
     ours = ("Anyface", "anyface", "eval_time")
     copied = artist in (artist_shared_mesh, artist_shared_action)
@@ -180,9 +180,9 @@ def test_frames_mode_leaves_the_file_as_it_was(addon, make_take):
     ob = grid()
     before = everything()
     take, _ = make_take(ob, "frames")
-    addon("scene.keys").write(ob, take, START, SCENE_FPS)
+    addon("scene.takes.keys").write(ob, take, START, SCENE_FPS)
     assert not ob.data.shape_keys.use_relative
-    addon("scene.remove").remove(ob)
+    addon("scene.takes.remove").remove(ob)
     assert everything() == before
 
 
@@ -192,7 +192,7 @@ def test_frames_mode_refuses_a_mesh_with_own_keys(addon, make_take):
     before = everything()
     take, _ = make_take(ob, "frames")
     with pytest.raises(addon("core.errors").AnyfaceError, match="choose New Keys"):
-        addon("scene.keys").write(ob, take, START, SCENE_FPS)
+        addon("scene.takes.keys").write(ob, take, START, SCENE_FPS)
     assert everything() == before
 
 
@@ -201,21 +201,21 @@ def test_modes_replace_each_other(addon, make_take):
     before = everything()
     for mode in ("basis", "frames", "basis"):
         take, moved = make_take(ob, mode)
-        addon("scene.keys").write(ob, take, START, SCENE_FPS)
+        addon("scene.takes.keys").write(ob, take, START, SCENE_FPS)
         assert np.abs(shape(ob, START + 4) - rest(ob) - moved[4]).max() < 3e-5
     bpy.context.scene.frame_set(1)
-    addon("scene.remove").remove(ob)
+    addon("scene.takes.remove").remove(ob)
     assert everything() == before
 
 
 def test_a_renamed_key_and_later_work_stay(addon, make_take):
     ob = grid()
     take, _ = make_take(ob)
-    addon("scene.keys").write(ob, take, START, SCENE_FPS)
+    addon("scene.takes.keys").write(ob, take, START, SCENE_FPS)
     blocks = ob.data.shape_keys.key_blocks
     blocks["Anyface.002"].name = "Kept"
     ob.shape_key_add(name="Later", from_mix=False)
-    addon("scene.remove").remove(ob)
+    addon("scene.takes.remove").remove(ob)
     assert [block.name for block in ob.data.shape_keys.key_blocks] == ["Basis", "Kept", "Later"]
     action = ob.data.shape_keys.animation_data.action
     assert [curve.data_path for curve in curves(action)] == ['key_blocks["Kept"].value']
@@ -225,9 +225,9 @@ def test_changed_copies_are_not_thrown_away(addon, make_take):
     ob = grid()
     artist_shared_mesh(ob)
     take, _ = make_take(ob)
-    addon("scene.keys").write(ob, take, START, SCENE_FPS)
+    addon("scene.takes.keys").write(ob, take, START, SCENE_FPS)
     ob.data.vertex_colors.new(name="Painted")
-    addon("scene.remove").remove(ob)
+    addon("scene.takes.remove").remove(ob)
     assert "Painted" in ob.data.attributes
     assert ob.data != bpy.data.objects["Twin"].data
 
@@ -238,10 +238,10 @@ def test_names_that_the_artist_took_are_left_alone(addon, make_take):
     before = everything()
     take, moved = make_take(ob)
     start = shape(ob, START + 2)
-    addon("scene.keys").write(ob, take, START, SCENE_FPS)
+    addon("scene.takes.keys").write(ob, take, START, SCENE_FPS)
     assert np.abs(shape(ob, START + 2) - start - moved[2]).max() < 3e-5
     bpy.context.scene.frame_set(1)
-    addon("scene.remove").remove(ob)
+    addon("scene.takes.remove").remove(ob)
     assert everything() == before
 
 
@@ -251,7 +251,7 @@ def test_a_take_survives_saving_and_loading(addon, make_take, tmp_path):
     bpy.context.scene.frame_set(1)
     before = everything()
     take, _ = make_take(ob)
-    addon("scene.keys").write(ob, take, START, SCENE_FPS)
+    addon("scene.takes.keys").write(ob, take, START, SCENE_FPS)
     moved = shape(ob, START + 6)
     path = str(tmp_path / "shot.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
@@ -259,7 +259,7 @@ def test_a_take_survives_saving_and_loading(addon, make_take, tmp_path):
     ob = bpy.data.objects["Head"]
     assert np.abs(shape(ob, START + 6) - moved).max() < 1e-6
     bpy.context.scene.frame_set(1)
-    addon("scene.remove").remove(ob)
+    addon("scene.takes.remove").remove(ob)
     assert everything() == before
 
 
@@ -267,7 +267,7 @@ def test_a_changed_mesh_is_refused(addon, make_take):
     ob = grid()
     take, _ = make_take(grid("Other", side=5))
     with pytest.raises(addon("core.errors").AnyfaceError, match="expected 25 vertices, got 144"):
-        addon("scene.keys").write(ob, take, START, SCENE_FPS)
+        addon("scene.takes.keys").write(ob, take, START, SCENE_FPS)
     assert ob.data.shape_keys is None
 
 
@@ -282,7 +282,7 @@ def test_linked_meshes_are_refused_in_words(addon, make_take, tmp_path):
     bpy.context.scene.collection.objects.link(ob)
     take, _ = make_take(ob)
     with pytest.raises(addon("core.errors").AnyfaceError, match=r"linked from.*make.*local"):
-        addon("scene.keys").write(ob, take, START, SCENE_FPS)
+        addon("scene.takes.keys").write(ob, take, START, SCENE_FPS)
 
 
 def test_a_hundred_takes_leave_nothing_behind(addon, make_take):
@@ -292,7 +292,7 @@ def test_a_hundred_takes_leave_nothing_behind(addon, make_take):
     before = everything()
     for seed in range(100):
         take, _ = make_take(ob, seed=seed, frames=8)
-        addon("scene.keys").write(ob, take, START, SCENE_FPS)
-        addon("scene.remove").remove(ob)
+        addon("scene.takes.keys").write(ob, take, START, SCENE_FPS)
+        addon("scene.takes.remove").remove(ob)
     bpy.context.scene.frame_set(5)
     assert everything() == before

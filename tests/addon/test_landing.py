@@ -122,7 +122,7 @@ def test_esc_comes_too_late_once_writing_has_begun_but_an_undo_does_not(addon, o
 
 
 def test_eyes_that_follow_something_are_read_in_steps(addon):
-    life = addon("scene.life")
+    life, look = addon("scene.life.settings"), addon("scene.life.head_and_eyes").look
     ball = grid("Ball", 3)
     for frame, place in ((1, 0.0), (201, 2.0)):
         ball.location.x = place
@@ -130,9 +130,9 @@ def test_eyes_that_follow_something_are_read_in_steps(addon):
     bpy.context.scene.frame_set(7)
     still = addon("core.take").Life(np.zeros((200, 3)), np.zeros((200, 2, 2)), np.eye(3, 4))
     settings = SimpleNamespace(life=life.LifeSettings(gaze="PARTS", look_at="Ball"))
-    take = SimpleNamespace(life=still, frame_count=200, fps=24.0)
+    take = addon("core.take").Take(24.0, 9.0, frames=np.zeros((200, 1, 3)), life=still)
     steps = 0
-    for _ in life.look(take, settings, 1.0, 24.0):
+    for _ in look(take, settings, 1.0, 24.0):
         steps += 1
         assert bpy.context.scene.frame_current == 7
     assert steps >= 40 and still.looked_at.shape == (200, 3)

@@ -249,7 +249,7 @@ def test_life_is_off_in_one_click_and_released_alone(stage, addon, tmp_path):
     generate(ob)
     assert control.animation_data is None and "anyface_turned" not in control
     request = stage.calls[-1][5]
-    assert {request.controls[name] for name in addon("scene.life").CONTROLS} == {0.0}
+    assert {request.controls[name] for name in addon("scene.life.settings").CONTROLS} == {0.0}
     stored.use = True
     generate(ob)
     assert curves(control.animation_data.action)
@@ -290,7 +290,7 @@ def test_takes_bring_their_heads_along(stage, addon, tmp_path):
     bpy.context.scene.frame_set(1)
     ob.anyface.head_motion = 2.0
     generate(ob)
-    rows = {row.name: row.id for row in addon("scene.takes").rows(ob)}
+    rows = {row.name: row.id for row in addon("scene.takes.take_list").rows(ob)}
     for name, factor in (("Take 1", 1.0), ("Take 2", 2.0), ("Take 1", 1.0)):
         bpy.context.scene.frame_set(1)
         bpy.ops.anyface.take_switch(take=rows[name])

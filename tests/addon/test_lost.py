@@ -274,7 +274,7 @@ def takes_of(ob):
 
     from conftest import PACKAGE
 
-    return importlib.import_module(f"{PACKAGE}.scene.takes").rows(ob)
+    return importlib.import_module(f"{PACKAGE}.scene.takes.take_list").rows(ob)
 
 
 def test_waiting_takes_of_a_copy_are_its_own(stage, tmp_path):

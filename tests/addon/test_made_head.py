@@ -20,7 +20,7 @@ def test_it_stands_upright_at_the_cursor_and_knows_its_landmarks(addon):
     ob = bpy.context.object
     assert tuple(ob.location) == (1.0, 2.0, 3.0)
     assert np.isclose(ob.dimensions.z, 2.0) and not ob.data.validate()
-    stored = addon("scene.landmarks").load(ob)
+    stored = addon("scene.face.landmarks").load(ob)
     assert stored.sure == 1.0
     places = points(ob)
     apart = np.linalg.norm(places[:, None] - stored.positions[None], axis=2).min(axis=0)
@@ -35,7 +35,7 @@ def test_it_stands_upright_at_the_cursor_and_knows_its_landmarks(addon):
 def test_seeds_mixtures_and_sliders_make_other_heads(addon):
     def jaw(**asked):
         bpy.ops.anyface.add_head(**SMALL, **asked)
-        return addon("scene.landmarks").load(bpy.context.object).positions
+        return addon("scene.face.landmarks").load(bpy.context.object).positions
 
     one, other = jaw(seed=3), jaw(seed=4)
     assert np.abs(one - other).max() > 0.01
@@ -91,7 +91,7 @@ def test_a_head_like_a_mesh_stands_beside_it_and_the_mesh_stays(addon):
     bpy.context.view_layer.update()
     assert 0.9 < new.dimensions.z / ob.dimensions.z < 1.1
     assert new.location.x - ob.location.x > 0.1 and abs(new.location.z - 2.0) < 0.05
-    load = addon("scene.landmarks").load
+    load = addon("scene.face.landmarks").load
     made, truth = load(new).positions, load(ob).positions
     apart = np.linalg.norm((made - made.mean(axis=0)) - (truth - truth.mean(axis=0)), axis=1)
     assert apart.mean() < 0.004, "a head of 0.3 m"

@@ -108,10 +108,10 @@ def test_the_mesh_stays_whole_and_the_face_is_known_to_part(mask, addon):
     before = rim(mask.data)
     _opened(mask)
     assert rim(mask.data) == before
-    assert addon("scene.landmarks").load(mask).mouth == "slit"
+    assert addon("scene.face.landmarks").load(mask).mouth == "slit"
     assert not bpy.ops.anyface.open_mouth.poll()
     assert bpy.ops.anyface.find_face() == {"FINISHED"}
-    assert addon("scene.landmarks").load(mask).mouth == "slit"
+    assert addon("scene.face.landmarks").load(mask).mouth == "slit"
 
 
 def test_normals_of_the_artist_stay(mask):

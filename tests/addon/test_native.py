@@ -131,7 +131,7 @@ def test_sounds_are_decoded_to_mono(addon, engine, tmp_path):
     with pytest.raises(addon("core.errors").AnyfaceError, match="are missing"):
         engine.decode(path)
     with pytest.raises(addon("core.errors").AnyfaceError, match="are missing"):
-        addon("scene.decode").decoder(engine)(path)
+        addon("scene.sound.decode").decoder(engine)(path)
     (tmp_path / "text.wav").write_text("no sound")
     with pytest.raises(addon("core.errors").AnyfaceError) as caught:
         engine.decode(str(tmp_path / "text.wav"))
@@ -187,7 +187,7 @@ def test_shapes_are_those_of_the_library(addon, engine):
         up_axis="Z",
     )
     ob = bpy.context.object
-    mesh, space = addon("scene.mesh"), addon("core.space")
+    mesh, space = addon("scene.face.mesh"), addon("core.space")
     ob["anyface_landmarks"] = json.dumps([row["vertex"] for row in LANDMARKS])
     face = mesh.read_face(ob)
     turned = space.face_space(np.eye(4), "LOCAL_Y_UP")

@@ -104,7 +104,7 @@ def test_remove_takes_the_keys_of_a_stretch_along(stage, tmp_path):
 
 def test_a_stretch_follows_the_strength_and_the_shift_of_the_take(addon, stage, tmp_path):
     ob = spoken(tmp_path)
-    addon("scene.adjust").adjust(ob, strength=0.5, shift=3.0)
+    addon("scene.takes.adjust").adjust(ob, strength=0.5, shift=3.0)
     before = film(ob, range(1, 70))
     assert bpy.ops.anyface.redo() == {"FINISHED"}
     assert np.abs(film(ob, range(1, 70)) - before).max() < 2e-5
@@ -112,7 +112,7 @@ def test_a_stretch_follows_the_strength_and_the_shift_of_the_take(addon, stage, 
 
 def test_the_stretch_is_the_preview_range_or_what_markers_enclose(addon, stage, tmp_path):
     spoken(tmp_path)
-    scene, between = bpy.context.scene, addon("scene.redo").between
+    scene, between = bpy.context.scene, addon("scene.takes.redo").between
     assert between(scene) == (FIRST, LAST)
     for marker in scene.timeline_markers:
         marker.select = False
@@ -291,7 +291,7 @@ def test_strips_are_written_as_files_of_other_tools_and_read_back(addon, tmp_pat
     source = addon("scene.bake").find_sound(
         scene, addon("ui.settings").from_object(ob, scene), engine
     )
-    addon("scene.sounds").show(scene, source, np.array([[0.25, 0.5], [1.0, 1.25]]))
+    addon("scene.sound.sounds").show(scene, source, np.array([[0.25, 0.5], [1.0, 1.25]]))
     assert bpy.ops.anyface.sounds_write(filepath=str(tmp_path / "shot.v1"), kind=kind)
     written = tmp_path / f"shot.v1{kind}"
     text = written.read_text()
@@ -299,12 +299,12 @@ def test_strips_are_written_as_files_of_other_tools_and_read_back(addon, tmp_pat
     first, _ = marks()
     first.text, first.frame_start = "f", first.frame_start + 1
     assert bpy.ops.anyface.sounds_read(filepath=str(written)) == {"FINISHED"}
-    found = addon("scene.sounds").read(scene, source)
+    found = addon("scene.sound.sounds").read(scene, source)
     assert len(found) == 2 and np.allclose([row[:2] for row in found], [[0.25, 0.5], [1.0, 1.25]])
 
 
 def test_a_file_names_its_kind_itself_and_overlapping_strips_follow_each_other(addon, tmp_path):
-    apart = addon("scene.sounds").apart
+    apart = addon("scene.sound.sounds").apart
     rows = [(0.1, 0.3, "p"), (0.2, 0.4, "m"), (0.25, 0.35, "b"), (0.5, 0.6, "")]
     assert apart(rows) == [(0.1, 0.3, "p"), (0.3, 0.4, "m"), (0.5, 0.6, "MBP")]
     engine = addon("ui.running").engine("")

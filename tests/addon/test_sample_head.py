@@ -9,8 +9,8 @@ from conftest import ROOT
 
 
 def packed():
-    path = ROOT / "training" / "make_sample_head.py"
-    spec = importlib.util.spec_from_file_location("make_sample_head", path)
+    path = ROOT / "training" / "default_head" / "make_sample.py"
+    spec = importlib.util.spec_from_file_location("make_sample", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

@@ -188,14 +188,14 @@ def test_a_slider_is_undone_in_one_step(stage, tmp_path):
 
 
 def test_each_take_keeps_its_own_sliders(stage, tmp_path, addon):
-    takes, ob = addon("scene.takes"), ready(tmp_path)
+    takes, ob = addon("scene.takes.take_list"), ready(tmp_path)
     before = everything()
     ob.anyface_output.new_take = True
     generate()
     ob.anyface_output.articulation = 0.5
     stage.sliders = ("emotion",)
     generate()
-    adjust, rows = addon("scene.adjust"), {row.name: row.id for row in takes.rows(ob)}
+    adjust, rows = addon("scene.takes.adjust"), {row.name: row.id for row in takes.rows(ob)}
     assert adjust.why_not(ob, "emotion") == "" and adjust.why_not(ob, "articulation")
     assert ob.anyface_output.articulation == 1.0
     takes.switch(ob, rows["Take 1"])
@@ -224,7 +224,7 @@ def test_objects_beside_the_face_follow(stage, tmp_path):
 
 
 def test_what_cannot_act_says_why(stage, tmp_path, addon):
-    adjust, ob = addon("scene.adjust"), ready(tmp_path)
+    adjust, ob = addon("scene.takes.adjust"), ready(tmp_path)
     stage.sliders = ()
     generate()
     said = {name: adjust.why_not(ob, name) for name in NAMES}
@@ -252,7 +252,7 @@ def test_takes_of_an_earlier_version_say_so(stage, tmp_path, addon):
     old = {k: v for k, v in json.loads(keys["anyface"]).items() if k not in ("still", "frame_step")}
     keys["anyface"] = json.dumps(old)
     keys["anyface_sliders_" + old["id"]] = b"damaged"
-    assert "earlier version" in addon("scene.adjust").why_not(ob, "emotion")
+    assert "earlier version" in addon("scene.takes.adjust").why_not(ob, "emotion")
     ob.anyface_output.strength = 0.5
     assert ob.anyface_output.strength == 0.5
 
@@ -263,7 +263,7 @@ def test_caches_say_why(stage, tmp_path, addon):
     ob = bpy.data.objects["Head"]
     ob.anyface.mode = "cache"
     generate()
-    assert "cache" in addon("scene.adjust").why_not(ob, "blinks")
+    assert "cache" in addon("scene.takes.adjust").why_not(ob, "blinks")
 
 
 def test_packing_loses_next_to_nothing(addon):

@@ -26,7 +26,7 @@ def with_length(path, frame=11):
 def read(addon, name="Voice"):
     """The frame at which a strip begins, and its sound."""
     stage = Stage(addon("core.take"))
-    source = addon("scene.sound").from_strip(bpy.context.scene, name, stage.decode)
+    source = addon("scene.sound.sound_source").from_strip(bpy.context.scene, name, stage.decode)
     return source.start_frame, source.load(stage.decode)
 
 
@@ -70,7 +70,7 @@ def test_a_retimed_strip_plays_as_blender_plays_it(addon, tmp_path):
     scene = bpy.context.scene
     scene.sequence_editor.active_strip = voice
     voice.select, other.select = True, False
-    with bpy.context.temp_override(**addon("scene.sequencer").override(scene)):
+    with bpy.context.temp_override(**addon("scene.sound.sequencer").override(scene)):
         set_speed = bpy.ops.sequencer.retiming_segment_speed_set
         # Gone in 5.2, which always does as if it were false.
         known = "keep_retiming" in set_speed.get_rna_type().properties
@@ -97,7 +97,7 @@ def test_a_missing_file_is_named(addon, tmp_path):
     with pytest.raises(addon("core.errors").AnyfaceError, match=r"no sound file at .*a\.wav"):
         read(addon)
     with pytest.raises(addon("core.errors").AnyfaceError, match="empty path"):
-        addon("scene.sound").from_file("", 1)
+        addon("scene.sound.sound_source").from_file("", 1)
 
 
 def test_aud_averages_channels(addon, tmp_path):
@@ -112,6 +112,6 @@ def test_aud_averages_channels(addon, tmp_path):
         file.setframerate(RATE)
         pairs = np.column_stack([left, left * 0.5])
         file.writeframes((pairs * 32767).astype("<i2").tobytes())
-    samples, rate = addon("scene.decode").decode_with_aud(path)
+    samples, rate = addon("scene.sound.decode").decode_with_aud(path)
     assert rate == RATE and samples.shape == (RATE,)
     assert samples.mean() == pytest.approx(0.6, abs=1e-3)

@@ -50,7 +50,7 @@ def two_takes(stage, ob):
 
 
 def rows(addon, ob):
-    return {row.name: row for row in addon("scene.takes").rows(ob)}
+    return {row.name: row for row in addon("scene.takes.take_list").rows(ob)}
 
 
 ARTISTS = [artist_nothing, artist_keys, artist_curves]

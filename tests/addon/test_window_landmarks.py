@@ -11,7 +11,7 @@ LOOK = """
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Vector
 import importlib
-landmarks = importlib.import_module("bl_ext.user_default.anyface.scene.landmarks")
+landmarks = importlib.import_module("bl_ext.user_default.anyface.scene.face.landmarks")
 window, area, region, _ = area_of('VIEW_3D')
 ob = bpy.data.objects["Head"]
 stored = landmarks.load(ob)

@@ -14,8 +14,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from training.conditions import SIDES, UNITS
 from training.corpus.clip import FPS
+from training.corpus.conditions import SIDES, UNITS
 from training.corpus.faces import CHANNELS
 
 STEMS = {

@@ -3,7 +3,7 @@
     python -m training.corpus.aligned --data ../shared/data --out runs/aligned
 
 writes the held-out part of each source as a folder of sound and `phones.jsonl`, for
-`cargo measure quality --aligned`. The corpora here train the speech encoder (`training.train_speech`) and
+`cargo measure quality --aligned`. The corpora here train the speech encoder (`training.speech.train`) and
 drive the co-articulation teacher.
 """
 

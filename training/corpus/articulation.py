@@ -3,7 +3,7 @@
 Strengths and rates are those of Cohen & Massaro's dominance functions ("Modeling coarticulation in
 synthetic visual speech", 1993), drawn from the articulatory features of `phones`. k g h n t d s z
 are weak: they take the shape of their neighbours. All numbers here are our own guesses;
-`training.fit_teacher` corrects them with recorded motion.
+`training.corpus.fit_teacher` corrects them with recorded motion.
 """
 
 import numpy as np

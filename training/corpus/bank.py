@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from training.conditions import EMOTIONS
 from training.corpus.aligned import Utterance, read_grid_speech
 from training.corpus.clip import FPS, MEL_PER_FRAME, Clip, fit_frames
+from training.corpus.conditions import EMOTIONS
 from training.corpus.facegood import read_facegood
 from training.corpus.folder import CorpusFolder
 from training.corpus.folder_clips import clips as folder_clips

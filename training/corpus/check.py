@@ -70,9 +70,9 @@ def trains(report: Report) -> list[str]:
         return []
     found = []
     if any(report.kinds[kind] for kind in ("landmarks", "weights", "vertices")):
-        found.append("train_ats (sound to landmarks)")
+        found.append("systems.freetalk.train (sound to landmarks)")
     if report.kinds["vertices"] and not report.head_moves:
-        found.append("train_stm (landmarks to mesh)")
+        found.append("systems.freetalk.stm.train (landmarks to mesh)")
     return found
 
 

@@ -1,6 +1,6 @@
 """Phones of speech that nobody transcribed in time, read by a trained speech encoder.
 
-A first run of `training.train_speech --targets phones` gives log-posteriors at 100 Hz. Where the
+A first run of `training.speech.train --targets phones` gives log-posteriors at 100 Hz. Where the
 text is known (kerstin_de), espeak-ng's phones for it are aligned to them; where it is not
 (picovoice_en, more than 50 speakers), the likeliest sequence is taken. Both are Viterbi (1967).
 """

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from training.conditions import EMOTIONS
+from training.corpus.conditions import EMOTIONS
 from training.corpus.ict import IctLandmarks
 
 AU_TO_ARKIT = {

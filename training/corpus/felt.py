@@ -5,7 +5,7 @@ from functools import lru_cache
 import torch
 from torch import Tensor
 
-from training.conditions import EMOTIONS
+from training.corpus.conditions import EMOTIONS
 from training.corpus.emotions import AU_TO_ARKIT, OPENING, PROTOTYPES
 from training.corpus.faces import CHANNELS
 from training.corpus.manner import MANNERS

@@ -25,7 +25,6 @@ from pathlib import Path
 
 import numpy as np
 
-from training.conditions import EMOTIONS
 from training.corpus.checked import (
     CorpusError,
     need_finite,
@@ -35,6 +34,7 @@ from training.corpus.checked import (
     read_npz,
     read_text,
 )
+from training.corpus.conditions import EMOTIONS
 from training.corpus.phones import Phone
 from training.corpus.topology import Topology, topology_of
 from training.corpus.tracks import Track, read_phones, read_sound_any, read_vertices, read_weights

@@ -7,7 +7,7 @@ Differs: τ is the distance from the segment's core (its middle half; all but 0.
 of a pause), not from its centre. p, b and m override the sum: their lips meet.
 
 The components are patterns of grid_s1's landmarks (`measure_basis`), so the teacher moves as that
-speaker does. `training.fit_teacher` fits T, α and θ to his recorded motion and writes `teacher.json`.
+speaker does. `training.corpus.fit_teacher` fits T, α and θ to his recorded motion and writes `teacher.json`.
 Reading aloud at speed, he hardly tells vowels apart; clear speech does (Lindblom 1990), so `CLARITY`
 moves the targets of vowels as a textbook orders them.
 """

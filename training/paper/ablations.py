@@ -20,15 +20,15 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from training import train_ats
 from training.corpus.bank import few, of_folders
 from training.corpus.sequence_meshes import SequenceMesh, sequence_meshes
 from training.paper.tables import LIPS, LONGEST_FRAMES, UPPER, Table, means, scores_of
 from training.speech.source import CompactSpeech
+from training.speech.train import load_encoder
+from training.systems.freetalk import train as train_ats
 from training.systems.freetalk.ats import ANY_STYLE, AtsConfig, AtsDenoiser
 from training.systems.freetalk.stm.paper import PaperConfig, PaperDecoder
 from training.systems.freetalk.stm.train_paper import Length, paper_mesh, predict, train_paper
-from training.train_speech import load_encoder
 
 STM_CONFIG = PaperConfig(32, 32, 2, 2, 3, 4, 16, 48, 6, False)
 """Small enough for many trainings on a desk; position and normal go in, as in the paper."""

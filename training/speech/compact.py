@@ -19,7 +19,7 @@ QUIETEST_LEVEL = -9.0
 DEEPEST = -12.0
 SCALE = 4.0
 UNTRAINED_CLOSURE = -20.0
-"""Bias of the closure read-out before `training.train_closure`: lips are never together."""
+"""Bias of the closure read-out before `training.speech.train_closure`: lips are never together."""
 
 
 @dataclass

@@ -8,7 +8,7 @@ from safetensors.torch import save_file
 
 from training.speech.letters import UNITS, best_path, emissions, states_of, table_of_rules
 from training.speech.phones import PhoneConfig, PhoneReadout
-from training.train_phones import log_likelihood
+from training.speech.train_phones import log_likelihood
 
 COMMAND = "python -m training.goldens phones"
 TEXT = "Der Größe b, thought 7 – aal"

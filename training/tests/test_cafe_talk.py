@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from training import export_cafe_talk, train_cafe_talk
-from training.conditions import EMOTIONS, SIDES, UNITS
+from training import export_cafe_talk
 from training.corpus.action_units import (
     STEMS,
     active_units,
@@ -18,9 +17,11 @@ from training.corpus.action_units import (
     sparse,
     unit_matrix,
 )
+from training.corpus.conditions import EMOTIONS, SIDES, UNITS
 from training.corpus.faces import CHANNELS
 from training.corpus.felt import with_emotion
 from training.systems.cafe_talk import stored
+from training.systems.cafe_talk import train as train_cafe_talk
 from training.systems.cafe_talk.denoiser import CONFIGS, Coarse, Denoiser
 from training.systems.cafe_talk.priority import yielding
 from training.tests.made_up import made_up

@@ -13,7 +13,7 @@ from training.export_stream import export
 from training.speech.causal import StreamNet, debug_config, perform
 from training.speech.compact import CompactEncoder
 from training.speech.compact import debug_config as debug_encoder
-from training.train_causal_speech import as_lesson, loss_of, new_model, validate
+from training.speech.train_causal import as_lesson, loss_of, new_model, validate
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from training.corpus.closures import (
 from training.corpus.decoded import align, decode
 from training.corpus.phones import SEGMENTS
 from training.losses import lip_gap
-from training.train_closure import closed_share
+from training.speech.train_closure import closed_share
 
 
 def open_mouth(frames: int, gap_m: float = 0.01) -> np.ndarray:

@@ -56,7 +56,7 @@ def test_losses_are_zero_for_the_truth_only():
 @pytest.mark.slow
 def test_debug_config_trains_and_exports(tmp_path):
     from training.export import export, load_models
-    from training.train_ats import parser, train
+    from training.systems.freetalk.train import parser, train
 
     paths = {"--data": SHARED / "data", "--out": tmp_path / "run", "--cache": tmp_path / "cache"}
     flat = [str(x) for pair in paths.items() for x in pair]

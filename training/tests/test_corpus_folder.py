@@ -254,7 +254,7 @@ def test_a_sound_corpus_has_nothing_odd(folders, kind):
     report = check(folders[kind])
     assert (report.errors, report.odd) == ([], [])
     assert report.kinds[kind] == 6 and abs(np.median(report.lags_s)) < 0.03
-    assert ("train_stm" in report.sentences()[-1]) == (kind == "vertices")
+    assert ("stm.train" in report.sentences()[-1]) == (kind == "vertices")
 
 
 def test_an_error_of_one_clip_does_not_hide_another(copy):

@@ -223,7 +223,7 @@ def test_a_corpus_becomes_a_folder(tmp_path, name, capsys):
     motion = clips(folder)[0].motion
     drop = motion[:, 8, 1] - motion[0, 8, 1]
     assert -0.05 < drop.min() < -1e-3
-    assert "can train: train_ats" in capsys.readouterr().out
+    assert "can train: systems.freetalk.train" in capsys.readouterr().out
 
 
 def test_labels_come_from_names():

@@ -5,8 +5,11 @@ from pathlib import Path
 import pytest
 import torch
 
-from training import train_ats, train_closure, train_speech, train_stream
 from training.run import Run
+from training.speech import train as train_speech
+from training.speech import train_closure
+from training.systems.freetalk import train as train_ats
+from training.systems.freetalk import train_stream
 from training.tests.made_up import made_up
 
 pytestmark = pytest.mark.slow

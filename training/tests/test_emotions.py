@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from safetensors.numpy import load_file
 
-from training.conditions import EMOTIONS
+from training.corpus.conditions import EMOTIONS
 from training.corpus.emotions import PROTOTYPES, YIELDING, expressions
 from training.corpus.manner import MANNERS
 from training.export_expressions import config

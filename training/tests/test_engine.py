@@ -15,16 +15,16 @@ from training import (
     export_cafe_talk,
     export_emoface,
     export_stm,
-    train_ats,
-    train_cafe_talk,
-    train_emoface,
-    train_stm,
 )
 from training.corpus.faces import REPOSITORY
 from training.export import export
+from training.systems.cafe_talk import train as train_cafe_talk
 from training.systems.cafe_talk.denoiser import CONFIGS as CAFE_TALK
+from training.systems.emoface import train as train_emoface
 from training.systems.emoface.model import CONFIGS as EMOFACE
+from training.systems.freetalk import train as train_ats
 from training.systems.freetalk.ats import CONFIGS, Sampling
+from training.systems.freetalk.stm import train as train_stm
 from training.systems.freetalk.stm.paper import CONFIGS as PAPER
 from training.tests.made_up import made_up
 from training.tests.test_cafe_talk import little_space

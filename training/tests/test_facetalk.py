@@ -7,13 +7,13 @@ from safetensors.torch import load_file
 
 from training.corpus.heads import Places, drawn_places, neck_rim, vertex_normals, winding_number
 from training.export_facetalk import export, load_folder
-from training.fit_codes import SequenceFit, fit_identity, fit_sequence
 from training.systems.facetalk.config import CONFIGS, debug_config
+from training.systems.facetalk.fit_codes import SequenceFit, fit_identity, fit_sequence
 from training.systems.facetalk.head import COEFFICIENTS, Head
 from training.systems.facetalk.motion import Denoiser, landmark_config
 from training.systems.facetalk.motion import debug_config as debug_motion
 from training.systems.facetalk.network import Network, encode, encoded
-from training.train_facetalk import load, save, uneven
+from training.systems.facetalk.train import load, save, uneven
 
 
 def points(count: int) -> torch.Tensor:

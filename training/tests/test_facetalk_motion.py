@@ -9,7 +9,7 @@ from training.corpus.faces import CHANNELS
 from training.systems.facetalk.config import debug_config as debug_head
 from training.systems.facetalk.head import Head
 from training.systems.facetalk.motion import Denoiser, MotionConfig, debug_config, sample, sample_from
-from training.train_facetalk_motion import Codes
+from training.systems.facetalk.train_motion import Codes
 
 
 def made() -> Denoiser:

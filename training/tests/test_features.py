@@ -6,8 +6,8 @@ from torch import nn
 from training.corpus.bank import UNKNOWN, Entry
 from training.corpus.features import FeatureSampler
 from training.systems.freetalk.ats import paper_config
+from training.systems.freetalk.train import AtsTrainer, parser
 from training.tests.test_parity import SHARED, needs_shared
-from training.train_ats import AtsTrainer, parser
 
 
 class RandomSpeech:

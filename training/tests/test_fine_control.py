@@ -6,11 +6,12 @@ import math
 import pytest
 import torch
 
-from training import evaluate_cafe_talk, export_cafe_talk
+from training import export_cafe_talk
 from training.corpus.faces import CHANNELS
 from training.corpus.phones import BILABIALS
-from training.fine_control import metrics, units
-from training.fine_control.trial import Actor, Asked, Take
+from training.systems.cafe_talk import evaluate as evaluate_cafe_talk
+from training.systems.cafe_talk.fine_control import metrics, units
+from training.systems.cafe_talk.fine_control.trial import Actor, Asked, Take
 from training.tests.test_cafe_talk import run
 
 

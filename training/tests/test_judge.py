@@ -3,10 +3,10 @@
 import pytest
 import torch
 
-from training import judge as judging
-from training.conditions import EMOTIONS
 from training.corpus.bank import Entry
+from training.corpus.conditions import EMOTIONS
 from training.corpus.faces import CHANNELS
+from training.systems.cafe_talk import judge as judging
 
 CLEAR = [EMOTIONS.index(e) for e in ("neutral", "happy", "surprised", "angry")]
 

@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 import torch
 
-from training import recipes
 from training.corpus.faces import REPOSITORY
 from training.losses import motion_loss as landmark_loss
 from training.machine import Machine
+from training.systems.freetalk import recipes
 from training.systems.freetalk.ats import CONFIGS
 from training.systems.freetalk.stm.train_paper import motion_loss
+from training.systems.freetalk.train import AtsTrainer, parser, speech_source, start, steps_of, train
 from training.tests.made_up import made_up
-from training.train_ats import AtsTrainer, parser, speech_source, start, steps_of, train
 
 FLAGS = ["--config", "debug", "--voices", "1", "--validation-clips", "0"]
 
@@ -53,7 +53,7 @@ def test_precision_is_what_was_asked_for(corpus, tmp_path):
 def test_two_processes_train_as_one_and_go_on_with_the_same_bits(corpus, tmp_path):
     def launch(out: str, *more: str) -> subprocess.CompletedProcess:
         command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc_per_node", "2"]
-        command += ["-m", "training.train_ats", *FLAGS, "--device", "cpu", "--steps", "4"]
+        command += ["-m", "training.systems.freetalk.train", *FLAGS, "--device", "cpu", "--steps", "4"]
         flags = ["--corpus", corpus, "--out", tmp_path / out, *more]
         return subprocess.run([*command, *map(str, flags)], cwd=REPOSITORY, capture_output=True, text=True)
 

@@ -22,7 +22,7 @@ from training.speech.compact import debug_config as debug_encoder
 from training.speech.log_mel import log_mel
 from training.systems.freetalk.ats import AtsDenoiser
 from training.systems.freetalk.ats import debug_config as debug_ats
-from training.train_stream import loss_of
+from training.systems.freetalk.train_stream import loss_of
 
 
 @pytest.fixture

@@ -101,7 +101,7 @@ def test_random_utterances_differ_and_repeat_with_their_seed(teacher):
 
 
 def test_fitted_model_with_gradients_is_the_teacher():
-    from training.fit_teacher import Dominance, measures, padded
+    from training.corpus.fit_teacher import Dominance, measures, padded
 
     guess = Teacher.load(clear=False)
     model = Dominance(guess.basis, np.ones(len(SEGMENTS), bool))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from training.conditions import UNITS
+from training.corpus.conditions import UNITS
 from training.export_text import arrays, config
 from training.text.clip import OnClip
 from training.text.golden_clip import write_folder
@@ -16,8 +16,8 @@ from training.text.pairs import EMOTIONS, EXPRESSIONS, NOTHING, OPPOSITES, TEMPL
 from training.text.sentences import Clause, Shown, clauses, listed
 from training.text.space import known_form
 from training.text.tower import Heard, OnWords, TextTower
+from training.text.train import Pairs, targets, train
 from training.text.words import Words
-from training.train_text import Pairs, targets, train
 
 PARTS_OF_A_FACE = {"eyes", "mouth", "eyebrows", "brows", "nose"}
 

@@ -9,16 +9,17 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from training import export_stm, train_stm
+from training import export_stm
 from training.corpus.sequence_meshes import sequence_meshes
 from training.deform.static_weights import CONFIGS as STATIC
 from training.export import export
 from training.run import Run
 from training.systems.freetalk.ats import CONFIGS, AtsConfig, AtsDenoiser
+from training.systems.freetalk.stm import train as train_stm
 from training.systems.freetalk.stm.paper import CONFIGS as PAPER
+from training.systems.freetalk.train import parser, train
 from training.tests.made_up import made_up
 from training.tests.test_speech import written
-from training.train_ats import parser, train
 
 
 @pytest.fixture(scope="module")

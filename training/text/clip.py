@@ -13,7 +13,7 @@ import torch.nn.functional as F
 from torch import Tensor
 from transformers import CLIPTextModelWithProjection, CLIPTokenizer
 
-from training.conditions import UNITS
+from training.corpus.conditions import UNITS
 from training.text.sentences import Clause
 
 AT_ONCE = 256

@@ -1,4 +1,4 @@
-"""Descriptions whose words of expression no training pair has: `training.train_text` measures on them."""
+"""Descriptions whose words of expression no training pair has: `training.text.train` measures on them."""
 
 TABLE_13 = {
     "A person is smiling": "12",

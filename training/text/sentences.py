@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from training.conditions import UNITS
+from training.corpus.conditions import UNITS
 
 RULES = {
     "breaks": "and but while then plus also",

@@ -16,7 +16,7 @@ import torch.nn as nn
 import torch.nn.functional as F
 from torch import Tensor
 
-from training.conditions import UNITS
+from training.corpus.conditions import UNITS
 from training.text.sentences import Clause
 from training.text.words import Words
 

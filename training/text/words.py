@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from training.conditions import EMOTIONS
+from training.corpus.conditions import EMOTIONS
 from training.text.emotions import SYNONYMS
 from training.text.space import known_form, ngram_buckets
 

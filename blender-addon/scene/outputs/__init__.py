@@ -2,7 +2,7 @@
 
 from ...core.errors import AnyfaceError
 from ...core.take import Take
-from .. import record
+from ..shape_keys import record
 from .arkit import Arkit
 from .basis import Basis
 from .cache import Cache

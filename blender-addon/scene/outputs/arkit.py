@@ -4,7 +4,8 @@ from ...core import shapes
 from ...core.errors import AnyfaceError
 from ...core.estimate import KEYFRAME, RIG_S, SOLVE_S, VERTEX, Cost
 from ...core.plan import MakeKeys
-from .. import guard, mesh, record
+from ..face import mesh
+from ..shape_keys import guard, record
 from . import keys
 from .output import Output, write_weights
 

@@ -3,7 +3,8 @@
 from ...core import systems
 from ...core.estimate import KEYFRAME, VERTEX, Cost, between
 from ...core.plan import PackSliders
-from .. import changes, feeling_mask, mesh
+from ..face import feeling_mask, mesh
+from ..shape_keys import slider_changes
 from .output import PREFIX, Output, write_weights
 
 # Keys of a performance within 0.1 mm: for 5 s and for 50 s; longer ones need few more.
@@ -48,7 +49,7 @@ class Basis(Output):
         taken.first_frame = float(at[1])
         taken.frame_step = float(at[-2] - at[1]) / max(take.frame_count - 1, 1)
         taken.still = basis.why_missing
-        changes.write(ob.data.shape_keys, taken, basis.packed)
+        slider_changes.write(ob.data.shape_keys, taken, basis.packed)
         lowest = basis.weights.min(axis=0, initial=0.0)
         for number, vector in enumerate(basis.vectors):
             block = mesh.add_key(ob, f"{PREFIX}.{number + 1:03d}", rest + vector)

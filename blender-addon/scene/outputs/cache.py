@@ -15,8 +15,11 @@ from ...core.job import BEGUN
 from ...core.plan import WriteCaches
 from ...core.redo_film import PatchCaches
 from ...core.take import WrittenFile
-from .. import cache_files, guard, identity
-from .output import EASE_S, Output, check_place
+from .. import identity
+from ..animation import curves
+from ..caches import cache_files
+from ..shape_keys import guard
+from .output import Output, check_place
 
 MODIFIER = "Anyface Cache"
 # Modifiers that leave every vertex where it is.
@@ -71,7 +74,7 @@ class Cache(Output):
     def plan(self, ob, asked, fps, objects):
         place = Path(bpy.path.abspath(asked.cache_folder or f"//{cache_files.FOLDER}"))
         paths = {name: str(place / file) for name, file in cache_files.names(objects).items()}
-        return WriteCaches(paths, math.ceil(EASE_S * fps))
+        return WriteCaches(paths, math.ceil(curves.EASE_S * fps))
 
     def holds(self, take):
         return bool(take.files and take.files[0].vertices)

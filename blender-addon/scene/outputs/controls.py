@@ -3,14 +3,15 @@
 from dataclasses import dataclass
 
 import bpy
-import numpy as np
 
 from ...core.controls_plan import FollowPoints
 from ...core.errors import AnyfaceError
 from ...core.estimate import KEYFRAME, Cost
 from ...core.job import BEGUN
-from .. import control_bench, control_fit, control_sources, control_take, guard
-from .output import Output, times
+from ..animation import curves
+from ..rig_controls import control_actions, control_bench, control_fit, control_sources
+from ..shape_keys import guard
+from .output import Output
 
 # Curves of a usual rig.
 _CURVES = 100
@@ -99,21 +100,21 @@ class Controls(Output):
     def settle(self, ob, take, asked):
         sources = self.sources(ob, asked)
         for source in sources:
-            control_take.check(source.block)
-        return (yield from control_fit.fit(ob, take, sources, control_take.rests(ob)))
+            control_actions.check(source.block)
+        return (yield from control_fit.fit(ob, take, sources, control_actions.rests(ob)))
 
     def prepare_files(self, take, start_frame, scene_fps):
-        frames = start_frame + np.arange(take.frame_count) * (scene_fps / take.fps)
-        ends = times(frames, scene_fps)[[0, -1]]
+        frames = take.scene_frames(start_frame, scene_fps)
+        ends = curves.with_rest(frames, scene_fps)[[0, -1]]
         fitted = take.control_motion.fitted
-        fitted.actions = yield from control_take.prepare(fitted, ends, frames)
+        fitted.actions = yield from control_actions.prepare(fitted, ends, frames)
 
     def drop_files(self, take):
-        control_take.drop(take.control_motion.fitted.actions)
+        control_actions.drop(take.control_motion.fitted.actions)
 
     def write_files(self, ob, take, start_frame, scene_fps):
         fitted = take.control_motion.fitted
-        control_take.write(ob, fitted, fitted.actions)
+        control_actions.write(ob, fitted, fitted.actions)
         fitted.actions = {}
 
     def redo_plan(self, ob, snapshot, first, shares):
@@ -121,24 +122,24 @@ class Controls(Output):
 
     def redo_write(self, parts, snapshot, take, first, at, stretch):
         ob, asked = parts[0], snapshot.settings.output
-        sources, rests = self.sources(ob, asked), control_take.rests(ob)
+        sources, rests = self.sources(ob, asked), control_actions.rests(ob)
         # A stretch may hold a pause, in which little moves.
         take = yield from control_fit.fit(ob, take, sources, rests, judged=False)
-        control_take.redo(ob, take.control_motion.fitted, at, stretch)
+        control_actions.redo(ob, take.control_motion.fitted, at, stretch)
         yield BEGUN
 
     def find(self, ob):
         if ob is None or ob.type != "MESH":
             return None
-        return control_take.actions_of(ob) or None
+        return control_actions.actions_of(ob) or None
 
     def keep(self, ob):
         """The actions of the earlier take stay in the file."""
-        control_take.release(ob, keep=True)
+        control_actions.release(ob, keep=True)
 
     def remove(self, ob):
         """Takes the curves away, and nothing else; bones and properties stand as before."""
-        control_take.release(ob)
+        control_actions.release(ob)
 
 
 def _name_of(block) -> str:

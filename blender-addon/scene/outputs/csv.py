@@ -12,7 +12,8 @@ from ...core.estimate import RIG_S, SOLVE_S, Cost
 from ...core.job import BEGUN
 from ...core.plan import WriteTable
 from ...core.redo_film import PatchTable
-from .. import guard, identity
+from .. import identity
+from ..shape_keys import guard
 from .output import Output, check_place
 
 PROPERTY = "anyface_csv"

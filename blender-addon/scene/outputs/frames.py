@@ -6,7 +6,9 @@ from ...core import plan
 from ...core.errors import AnyfaceError
 from ...core.estimate import KEYFRAME, VERTEX, Cost
 from ...core.job import BEGUN
-from .. import curves, guard, mesh, record
+from ..animation import curves
+from ..face import mesh
+from ..shape_keys import guard, record
 from .output import PREFIX, Output
 
 

@@ -10,7 +10,7 @@ from ...core.errors import AnyfaceError
 from ...core.estimate import KEYFRAME, SOLVE_S, Cost
 from ...core.plan import SolveKeys, by_key
 from ...core.take import Piece, Take
-from .. import existing
+from ..shape_keys import artist_keys
 from .output import Output, write_weights
 
 
@@ -25,9 +25,9 @@ class Keys(Output):
 
     def check(self, ob, asked):
         super().check(ob, asked)
-        if existing.find(ob, asked.mapping):
+        if artist_keys.find(ob, asked.mapping):
             return
-        left = existing.left_alone(ob, asked.mapping)
+        left = artist_keys.left_alone(ob, asked.mapping)
         if left:
             raise AnyfaceError(
                 "mesh",
@@ -51,7 +51,7 @@ class Keys(Output):
         row.operator("anyface.mapping_save", text="", icon="FILE_TICK")
         row.operator("anyface.mapping_clear", text="", icon="X")
         if not len(stored.mapping):
-            found = existing.names_of(existing.find(ob, []))
+            found = artist_keys.names_of(artist_keys.find(ob, []))
             layout.label(text=f"{len(found)} keys found by name")
         row = layout.row()
         rows = stored, "mapping", stored, "mapping_index"
@@ -64,11 +64,11 @@ class Keys(Output):
         return Cost(asked.keys * asked.frames * KEYFRAME, SOLVE_S)
 
     def plan(self, ob, asked, fps, objects):
-        pairs = existing.find(ob, asked.mapping)
-        keys = existing.names_of(pairs)
-        shown, factors = existing.factors(pairs)
-        vectors = existing.vectors(ob, keys)
-        return SolveKeys(shown, keys, factors, vectors, existing.shown_by(pairs))
+        pairs = artist_keys.find(ob, asked.mapping)
+        keys = artist_keys.names_of(pairs)
+        shown, factors = artist_keys.factors(pairs)
+        vectors = artist_keys.vectors(ob, keys)
+        return SolveKeys(shown, keys, factors, vectors, artist_keys.shown_by(pairs))
 
     def holds(self, take):
         return take.key_motion is not None and take.key_motion.vectors is None
@@ -79,7 +79,7 @@ class Keys(Output):
         return f"{said}, no key shows {_some(missing)}" if missing else said
 
     def notes(self, ob, asked):
-        left = existing.left_alone(ob, asked.mapping)
+        left = artist_keys.left_alone(ob, asked.mapping)
         return [f"driven, muted or locked, left alone: {_some(left)}"] if left else []
 
     def split(self, take, parts):
@@ -93,7 +93,7 @@ class Keys(Output):
             raise AnyfaceError("mesh", f"{ob.name} has lost the key {missing[0]} meanwhile")
         taken.values = dict.fromkeys(motion.keys, 0.0)
         taken.shown, taken.factors = motion.shown, motion.factors
-        existing.note_values(ob.data.shape_keys, taken)
+        artist_keys.note_values(ob.data.shape_keys, taken)
         write_weights(ob, taken, motion.keys, at, motion.weights)
 
 
@@ -106,15 +106,15 @@ def describe(take: Take, what: str) -> str:
 def _of_object(take: Take, piece: Piece) -> Take | None:
     """The take on the keys that an object beside the face has of the same shapes, or None."""
     other, motion = bpy.data.objects.get(piece.name), take.key_motion
-    theirs = existing.find(other, []) if other is not None else []
+    theirs = artist_keys.find(other, []) if other is not None else []
     shared = [pair for pair in theirs if pair.shape in motion.shapes]
     if not shared:
         return None
-    shown, factors = existing.factors(shared)
+    shown, factors = artist_keys.factors(shared)
     own = motion.shape_weights[:, [motion.shapes.index(shape) for shape in shown]]
     weights = np.clip(own @ factors, 0.0, 1.0)
-    keys = existing.names_of(shared)
-    own = replace(motion, keys=keys, weights=weights, shown=existing.shown_by(shared))
+    keys = artist_keys.names_of(shared)
+    own = replace(motion, keys=keys, weights=weights, shown=artist_keys.shown_by(shared))
     own.factors = by_key(shown, keys, factors)
     return replace(take, key_motion=own)
 

@@ -10,21 +10,12 @@ from ...core.estimate import Asked, Cost
 from ...core.key_names import Pair
 from ...core.plan import Plan
 from ...core.take import Piece, Take
-from .. import curves, guard, pieces, record, strips
+from ..animation import curves
+from ..face import pieces
+from ..shape_keys import guard, record
+from ..sound import strips
 
 PREFIX = "Anyface"
-# The face comes out of rest before the first frame and goes back after the last.
-EASE_S = 0.15
-
-
-def times(frames: np.ndarray, scene_fps: float) -> np.ndarray:
-    """Scene frames of rest, of each frame of a take `[T]`, and of rest again, `[T + 2]`.
-
-    It rests at whole frames, where keys can be seen and taken hold of.
-    """
-    ease = EASE_S * scene_fps
-    first, last = np.floor(frames[0] - ease), np.ceil(frames[-1] + ease)
-    return np.concatenate([[first], frames, [last]])
 
 
 @dataclass

@@ -2,7 +2,7 @@
 //!
 //! The jaw is a rigid body: it turns about the hinge in front of the ears (pitch, and a little yaw)
 //! and the hinge slides. Those five numbers are linear in the displacements of the contour's
-//! landmarks 2 to 14, a ridge regression on ICT FaceKit's lower teeth (`training/fit_jaw.py`) that
+//! landmarks 2 to 14, a ridge regression on ICT FaceKit's lower teeth (`training/deform/fit_jaw.py`) that
 //! tells the bone's motion from that of the skin over it. What they do to a point is not linear: it
 //! turns with the bone, so that wide open jaws keep the shape of their teeth.
 
@@ -15,7 +15,7 @@ use crate::ibug::LANDMARKS;
 /// Pitch and yaw in radians, slide x, y, z in canonical centimetres.
 const NUMBERS: usize = 5;
 
-/// What `training/fit_jaw.py` writes.
+/// What `training/deform/fit_jaw.py` writes.
 #[derive(Deserialize)]
 struct Fitted {
     landmarks: Vec<usize>,

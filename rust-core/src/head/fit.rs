@@ -3,7 +3,7 @@
 //! Gauss-Newton on robust distances under the prior N(0, 1) of the coefficients, with the 68 landmarks as a
 //! start and as a guide. Points of a face at rest are brought to the canonical pose by the backward field; how
 //! the distance changes with a coefficient comes from differences of the way to the mean head. Twin of
-//! `training/fit_codes.py`, which has no pose and no alignment to find.
+//! `training/systems/facetalk/fit_codes.py`, which has no pose and no alignment to find.
 
 use faer::{Mat, Side, linalg::solvers::Solve};
 use rand_chacha::{

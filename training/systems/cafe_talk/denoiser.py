@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, field
 import torch
 from torch import Tensor, nn
 
-from training.conditions import EMOTIONS, SIDES, UNITS
+from training.corpus.conditions import EMOTIONS, SIDES, UNITS
 from training.corpus.faces import CHANNELS
 from training.nn.ada_ln import PER_LAYER, AdaLn, modulated, table
 from training.nn.attention import band_mask

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from training.conditions import SIDES
+from training.corpus.conditions import SIDES
 from training.diffusion.ddim import ddim_sample
 from training.diffusion.guidance import guided, mask_guided
 from training.diffusion.schedule import alphas_cumprod

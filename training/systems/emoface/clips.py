@@ -24,13 +24,13 @@ from training.corpus.teacher import Teacher
 from training.speech.compact import normalise
 from training.speech.hubert import HubertFeatures
 from training.speech.log_mel import log_mel
+from training.speech.train import load_encoder
 from training.systems.emoface import own
 from training.systems.emoface.feeling import FeelingConfig, FeelingEncoder
 from training.systems.emoface.model import ANY_STYLE, EmoFaceConfig, SpeechInput, Template
 from training.systems.emoface.rows import Spoken
 from training.systems.emoface.template import ict_template
-from training.train_ats import SHIPPED_ENCODER
-from training.train_speech import load_encoder
+from training.systems.freetalk.train import SHIPPED_ENCODER
 
 
 def template_of(data: Path, vertices: int) -> tuple[Template, np.ndarray]:

@@ -12,8 +12,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from training.conditions import EMOTIONS
 from training.corpus.clip import FPS
+from training.corpus.conditions import EMOTIONS
 from training.corpus.folder import CorpusFolder, Row
 from training.corpus.folder_clips import to_canonical_axes
 from training.corpus.topology import Topology

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from training.conditions import EMOTIONS
+from training.corpus.conditions import EMOTIONS
 from training.corpus.felt import with_emotion
 from training.corpus.windows import interpolate
 from training.systems.emoface.model import ANY_STYLE, EmoFaceConfig, Given

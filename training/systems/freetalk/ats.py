@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, field
 import torch
 from torch import Tensor, nn
 
-from training.conditions import EMOTIONS
+from training.corpus.conditions import EMOTIONS
 from training.nn.attention import MultiheadAttention, band_mask
 from training.nn.embedding import Mlp, timestep_embedding
 from training.nn.transformer import TransformerDecoderLayer

@@ -22,8 +22,8 @@ from training.deform.static_weights import FLIP, MIRROR
 from training.deform.surface import surface_operators, vertex_normals
 from training.machine import Machine
 from training.nn.diffusion_net import SurfaceOperators
-from training.recipes import STM, Recipe
 from training.run import Run
+from training.systems.freetalk.recipes import STM, Recipe
 from training.systems.freetalk.stm.paper import LANDMARKS, PaperConfig, PaperDecoder
 
 FRAMES = 4

@@ -1,0 +1,1 @@
+"""Blender's curves: actions, keyframes, and values of the panel over time."""

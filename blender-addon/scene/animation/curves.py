@@ -1,0 +1,324 @@
+"""F-curves of an ID's action across Blender's versions.
+
+Up to 4.3 an action holds its curves itself; from 4.4 on they lie in the channelbag of a slot,
+and 5.0 has no other way.
+"""
+
+from contextlib import suppress
+
+import bpy
+import numpy as np
+
+LAYERED = hasattr(bpy.types, "ActionSlots")
+# Values of the interpolation enum of a keyframe.
+_CONSTANT, _LINEAR = 0, 1
+_GROUP = "Anyface"
+# What a keyframe holds beside its place.
+_KEY_FIELDS = ("interpolation", "easing", "handle_left_type", "handle_right_type")
+_PREPARED = "anyface_{}"
+KEY_VECTORS = ("co", "handle_left", "handle_right")
+# The face comes out of rest before the first frame and goes back after the last.
+EASE_S = 0.15
+
+
+def value_path(name: str) -> str:
+    """The data path of the value of a shape key."""
+    escaped = name.replace("\\", "\\\\").replace('"', '\\"')
+    return f'key_blocks["{escaped}"].value'
+
+
+def channels(animation_data, create: bool = False):
+    """What holds the curves (`.fcurves`, `.groups`) of this ID in its action, or None.
+
+    With `create` a missing layer, strip or channelbag of the assigned slot is made.
+    """
+    action = animation_data.action if animation_data is not None else None
+    if action is None:
+        return None
+    if not LAYERED:
+        return action
+    slot = animation_data.action_slot
+    if slot is None:
+        return None
+    strip = _keyframe_strip(action, create)
+    return strip.channelbag(slot, ensure=create) if strip is not None else None
+
+
+def action_of(shape_keys):
+    """The action assigned to the shape keys of a mesh (None for none), or None."""
+    animation = shape_keys.animation_data if shape_keys is not None else None
+    return animation.action if animation is not None else None
+
+
+def _keyframe_strip(action, create: bool):
+    for layer in action.layers:
+        for strip in layer.strips:
+            if strip.type == "KEYFRAME":
+                return strip
+    if not create:
+        return None
+    layer = action.layers[0] if len(action.layers) else action.layers.new("Layer")
+    return layer.strips.new(type="KEYFRAME")
+
+
+def find(animation_data, data_path: str):
+    """The curve of `data_path`, or None."""
+    bag = channels(animation_data)
+    return bag.fcurves.find(data_path) if bag is not None else None
+
+
+def find_any(animation_data, data_path: str):
+    """A curve of any element of `data_path`, or None."""
+    bag = channels(animation_data)
+    every = bag.fcurves if bag is not None else ()
+    return next((curve for curve in every if curve.data_path == data_path), None)
+
+
+def write(
+    bag, data_path: str, frames: np.ndarray, values: np.ndarray, constant=False, index=0
+) -> None:
+    """A new curve with keys at `frames` `[T]`, linear in between (or held).
+
+    `index` is the element of a property that has several.
+    """
+    stale = bag.fcurves.find(data_path, index=index)
+    if stale is not None:
+        bag.fcurves.remove(stale)
+    curve = bag.fcurves.new(data_path, index=index)
+    curve.group = bag.groups.get(_GROUP) or bag.groups.new(_GROUP)
+    points = curve.keyframe_points
+    points.add(len(frames))
+    pairs = np.column_stack([frames, values]).astype(np.float32)
+    points.foreach_set("co", pairs.ravel())
+    kind = _CONSTANT if constant else _LINEAR
+    points.foreach_set("interpolation", np.full(len(frames), kind, dtype=np.int32))
+    curve.update()
+
+
+class Prepared:
+    """Curves of keys in an action that nobody plays yet: they are made one by one beforehand."""
+
+    def __init__(self, name: str):
+        self.action, self._bag = new_action(name)
+
+    def make(self, frames: np.ndarray, weights: np.ndarray):
+        """Makes a curve for each column of `weights` `[T, K]`, from rest and back to it at
+        `frames` `[T + 2]`; yields after each."""
+        for number, column in enumerate(weights.T):
+            write(self._bag, _PREPARED.format(number), frames, from_rest(column))
+            yield
+
+    def play(self, shape_keys, names: list[str]) -> bool:
+        """Gives the curves to the keys called `names`, in the order in which they were made; False
+        where they cannot be used: the artist's keys play an action already."""
+        animation, self_action = shape_keys.animation_data, self.action
+        if animation is None or animation.action is not None or self_action is None:
+            return False
+        made = [self._bag.fcurves.find(_PREPARED.format(n)) for n in range(len(names))]
+        for curve, name in zip(made, names, strict=True):
+            curve.data_path = value_path(name)
+        animation.action, self.action = self_action, None
+        if LAYERED and animation.action_slot is None:
+            animation.action_slot = self_action.slots[0]
+        return True
+
+    def drop(self) -> None:
+        """Deletes what was not used; an undo may have done so already."""
+        with suppress(ReferenceError):
+            delete_action(self.action)
+        self.action = None
+
+
+def with_rest(frames: np.ndarray, scene_fps: float) -> np.ndarray:
+    """Scene frames of rest, of each frame of a take `[T]`, and of rest again, `[T + 2]`.
+
+    It rests at whole frames, where keys can be seen and taken hold of.
+    """
+    ease = EASE_S * scene_fps
+    first, last = np.floor(frames[0] - ease), np.ceil(frames[-1] + ease)
+    return np.concatenate([[first], frames, [last]])
+
+
+def from_rest(values: np.ndarray) -> np.ndarray:
+    """Values `[T]` of a take with rest before and after, `[T + 2]`."""
+    return np.concatenate([[0.0], values, [0.0]])
+
+
+def remove(animation_data, data_paths: set[str]) -> None:
+    """Removes the curves of `data_paths`, and our group once it is empty."""
+    bag = channels(animation_data)
+    if bag is None:
+        return
+    for curve in [curve for curve in bag.fcurves if curve.data_path in data_paths]:
+        bag.fcurves.remove(curve)
+    group = bag.groups.get(_GROUP)
+    if group is not None and len(group.channels) == 0:
+        bag.groups.remove(group)
+
+
+def is_empty(action) -> bool:
+    """True where no slot of the action holds a curve."""
+    return all(len(bag.fcurves) == 0 for bag in bags(action))
+
+
+def bags(action) -> list:
+    """All holders of curves of an action."""
+    if not LAYERED:
+        return [action]
+    strips = [strip for layer in action.layers for strip in layer.strips]
+    return [bag for strip in strips for bag in strip.channelbags]
+
+
+def own_channels(animation_data, name: str, id_type: str, taken):
+    """Where new curves go: the assigned action, or a new one called `name`.
+
+    What had to be made (action, slot) is written down in the record `taken`. An action that the
+    artist assigned keeps its slot and its curves.
+    """
+    if animation_data.action is None:
+        action = bpy.data.actions.new(name)
+        animation_data.action = action
+        taken.made_action = True
+    if LAYERED and animation_data.action_slot is None:
+        slot = animation_data.action.slots.new(id_type=id_type, name=name)
+        animation_data.action_slot = slot
+        taken.made_slot = True
+    return channels(animation_data, create=True)
+
+
+def channels_empty(animation_data) -> bool:
+    """True where the assigned slot (or action) holds no curve."""
+    bag = channels(animation_data)
+    return bag is None or len(bag.fcurves) == 0
+
+
+def key_channels(ob, taken):
+    """Where curves of a mesh's shape keys go: the artist's action, or one of our own."""
+    shape_keys = ob.data.shape_keys
+    animation = shape_keys.animation_data
+    if animation is None:
+        animation = shape_keys.animation_data_create()
+        taken.made_animation_data = True
+    return own_channels(animation, f"{ob.name} {_GROUP}", "KEY", taken)
+
+
+def new_action(name: str, id_type: str = "KEY"):
+    """A new action for shape keys or another kind of ID, and what holds its curves."""
+    action = bpy.data.actions.new(name)
+    if not LAYERED:
+        return action, action
+    slot = action.slots.new(id_type=id_type, name=name)
+    strip = action.layers.new("Layer").strips.new(type="KEYFRAME")
+    return action, strip.channelbag(slot, ensure=True)
+
+
+def places(curve, name: str = "co") -> np.ndarray:
+    """One of `KEY_VECTORS` of all keyframes, `[2T]`: frame, value, frame, …"""
+    found = np.empty(len(curve.keyframe_points) * 2, dtype=np.float32)
+    curve.keyframe_points.foreach_get(name, found)
+    return found
+
+
+def put(curve, named: dict[str, np.ndarray]) -> None:
+    """Sets places `[2T]` of all keyframes, by the names of `KEY_VECTORS`."""
+    for name, values in named.items():
+        curve.keyframe_points.foreach_set(name, values)
+    curve.update()
+
+
+def splice(curve, at: np.ndarray, new: np.ndarray, stretch) -> bool:
+    """Mixes the keyframes of a curve inside a `core.redo.Stretch` with values `new` `[n]` at
+    frames `at` `[n]`.
+
+    Between its ends alone; False where there is none.
+    """
+    points = places(curve)
+    frames, values = points[0::2], points[1::2]
+    shares = stretch.of_keyframes(frames)
+    if not stretch.shares(frames.astype(np.float64)).any():
+        return False
+    added = np.where(shares > 0.0, shares * (np.interp(frames, at, new) - values), 0.0)
+    moved = {name: places(curve, name) for name in KEY_VECTORS}
+    for vectors in moved.values():
+        vectors[1::2] += added.astype(np.float32)
+    put(curve, moved)
+    return True
+
+
+def copy(source, bag) -> None:
+    """A curve with the keys of `source`, in `bag`; one that is there already goes."""
+    place = {"data_path": source.data_path, "index": source.array_index}
+    stale = bag.fcurves.find(**place)
+    if stale is not None:
+        bag.fcurves.remove(stale)
+    made = bag.fcurves.new(**place)
+    made.extrapolation, made.mute, made.lock = source.extrapolation, source.mute, source.lock
+    if source.group is not None:
+        name = source.group.name
+        made.group = bag.groups.get(name) or bag.groups.new(name)
+    count = len(source.keyframe_points)
+    made.keyframe_points.add(count)
+    for name in KEY_VECTORS:
+        made.keyframe_points.foreach_set(name, places(source, name))
+    for name in _KEY_FIELDS:
+        values = np.empty(count, dtype=np.int32)
+        source.keyframe_points.foreach_get(name, values)
+        made.keyframe_points.foreach_set(name, values)
+    made.update()
+
+
+def copy_paths(source, bag, data_paths: set[str]) -> None:
+    """Copies the curves of `data_paths` from an action into `bag`."""
+    for curve in [curve for other in bags(source) for curve in other.fcurves]:
+        if curve.data_path in data_paths:
+            copy(curve, bag)
+
+
+def own_action(block, action) -> None:
+    """Where others use `action` too, all that `block` plays and keeps of it becomes a copy."""
+    if action is None:
+        return
+    animation = block.animation_data
+    tracks = animation.nla_tracks if animation is not None else ()
+    strips = [strip for track in tracks for strip in track.strips if strip.action == action]
+    names = [name for name, value in block.items() if value == action]
+    plays = animation is not None and animation.action == action
+    if action.users - action.use_fake_user <= len(strips) + len(names) + plays:
+        return
+    copy = action.copy()
+    for name in names:
+        block[name] = copy
+    if plays:
+        animation.action = copy
+    for strip in strips:
+        handle = strip.action_slot_handle if LAYERED else 0
+        strip.action = copy
+        if LAYERED:
+            strip.action_slot = next(slot for slot in copy.slots if slot.handle == handle)
+
+
+def delete_action(action) -> None:
+    """Deletes an action that nobody else uses."""
+    if action is not None and action.users - action.use_fake_user == 0:
+        bpy.data.actions.remove(action)
+
+
+def drop_empty_action(animation, taken) -> None:
+    """Takes the action or slot away that was made for what `taken` records, if it is empty."""
+    action = animation.action
+    if action is None:
+        return
+    if taken.made_action and is_empty(action):
+        animation.action = None
+        delete_action(action)
+    elif taken.made_slot and channels_empty(animation):
+        slot = animation.action_slot
+        animation.action_slot = None
+        action.slots.remove(slot)
+
+
+def drop_idle_animation(block, made: bool) -> None:
+    """Takes away animation data that was `made` for a take, once nothing else is in it."""
+    animation = block.animation_data
+    if made and animation.action is None and not animation.drivers and not animation.nla_tracks:
+        block.animation_data_clear()

@@ -1,0 +1,1 @@
+"""Point caches on disk."""

@@ -1,0 +1,123 @@
+"""Point caches on disk: how they are named, and which of them nobody plays any more.
+
+A name tells the version of the .blend, the object and the take, so no run writes over another's
+file. Nothing deletes one but *Remove Unused Caches*, and only where no .blend beside it names it.
+"""
+
+import gzip
+import mmap
+import re
+import uuid
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+
+from ...core.errors import AnyfaceError
+
+# Folders of this name are ours and go when they are empty.
+FOLDER = "anyface_cache"
+SUFFIX = ".pc2"
+_OURS = re.compile(r".+_[0-9a-f]{8}\.pc2")
+_GZIP, _ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
+
+
+@dataclass
+class Unused:
+    """`files` that may go, and the `unread` .blend files for whose sake others stay."""
+
+    files: list[Path]
+    unread: list[Path]
+
+    @property
+    def megabytes(self) -> float:
+        """How much room deleting them gives, MB."""
+        return sum(path.stat().st_size for path in self.files) / 1e6
+
+
+def names(objects: list[str]) -> dict[str, str]:
+    """File names of a new take by the name of each object."""
+    version = Path(bpy.data.filepath).stem or "untitled"
+    take = uuid.uuid4().hex[:8]
+    clean = bpy.path.clean_name
+    return {name: f"{clean(version)}_{clean(name)}_{take}{SUFFIX}" for name in objects}
+
+
+def take_of(path: str) -> str:
+    """What the names of all files of a take have in common."""
+    return Path(path).stem.rpartition("_")[2]
+
+
+def unused() -> Unused:
+    """The caches beside this .blend, and in folders that it plays from, that no .blend names.
+
+    Files are looked for where the folder of the caches lies, in folders there, and in those beside.
+    """
+    played = _played()
+    folders = {path.parent for path in played}
+    if bpy.data.filepath:
+        folders.add(Path(bpy.data.filepath).parent / FOLDER)
+    found = Unused([], [])
+    for folder in sorted(folder for folder in folders if folder.is_dir()):
+        files = [path for path in folder.iterdir() if _OURS.fullmatch(path.name)]
+        spare = [path for path in files if path.resolve() not in played]
+        _add_unnamed(spare, folder.parent, found)
+    return found
+
+
+def delete(files: list[Path]) -> None:
+    """Deletes caches, and our folders where they are empty then."""
+    try:
+        for path in files:
+            path.unlink(missing_ok=True)
+    except OSError as error:
+        raise AnyfaceError("file", f"{path}: {error.strerror or error}") from error
+    for folder in {path.parent for path in files}:
+        if folder.name == FOLDER and folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
+
+
+def _add_unnamed(spare: list[Path], beside: Path, found: Unused) -> None:
+    """Adds those of `spare` that no .blend near `beside`, backups included, names."""
+    places = (beside.glob("*.blend*"), beside.glob("*/*.blend*"), beside.parent.glob("*/*.blend*"))
+    for blend in {path for place in places for path in place if path.is_file()} if spare else ():
+        named = _named_in(blend, [path.name for path in spare])
+        if named is None:
+            found.unread.append(blend)
+            return
+        spare = [path for path in spare if path.name not in named]
+    found.files += spare
+
+
+def _named_in(blend: Path, wanted: list[str]) -> set[str] | None:
+    """The file names among `wanted` that a .blend holds; None where it cannot be read here."""
+    try:
+        with open(blend, "rb") as file:
+            start = file.read(4)
+            if start == _ZSTD:
+                content = _unzstd(blend)
+            elif start.startswith(_GZIP):
+                content = gzip.decompress(blend.read_bytes())
+            else:
+                content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) if start else b""
+            return {name for name in wanted if content.find(name.encode()) >= 0}
+    except (OSError, EOFError, ValueError, ImportError):
+        return None
+
+
+def _unzstd(blend: Path) -> bytes:
+    import zstandard
+
+    try:
+        with open(blend, "rb") as file:
+            unpacked = zstandard.ZstdDecompressor().stream_reader(file, read_across_frames=True)
+            return unpacked.read()
+    except zstandard.ZstdError as error:
+        raise ValueError(str(error)) from error
+
+
+def _played() -> set[Path]:
+    modifiers = (modifier for ob in bpy.data.objects for modifier in ob.modifiers)
+    caches = [modifier for modifier in modifiers if modifier.type == "MESH_CACHE"]
+    paths = [bpy.path.abspath(m.filepath, library=m.id_data.library) for m in caches if m.filepath]
+    return {Path(path).resolve() for path in paths}

@@ -1,0 +1,1 @@
+"""Text strips and timeline markers that are events."""

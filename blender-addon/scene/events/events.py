@@ -1,0 +1,236 @@
+"""Text strips and timeline markers that are events.
+
+Of a strip the text is the expression, the place the slot, the opacity the strength. It belongs to
+the characters that name its channel; where the name of one of them stands in its own, to that one
+alone. Those of *Add at Playhead* are muted, for Blender would render them over the picture; muted
+strips act all the same.
+
+Of a marker the name is the expression, with `:0.5` behind it the strength; it begins where it
+stands, and lasts as long as the character's settings say, or until a marker that is named `end`, or
+`end` and the same expression. It belongs to the characters that listen to markers, or to the one
+that it names.
+"""
+
+import re
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from ...core import events, systems
+from ...core.errors import AnyfaceError
+from ...core.events import Event, Understood
+from ..animation import curves
+from ..sound import sequencer, sounds, strips
+
+# Steps in which an opacity that changes over time is followed.
+_STEP = 0.05
+# How long a new event is, seconds.
+LENGTH_S = 0.8
+
+
+@dataclass
+class Row:
+    """A strip, or a marker without one, as the panel lists it: `text` from `first` up to `last`.
+
+    `wrong` says in words why it does nothing, or not all.
+    """
+
+    name: str
+    text: str
+    first: int
+    last: int
+    understood: Understood
+    wrong: str = ""
+    strip: object = None
+    strength: float = 1.0
+
+
+@dataclass
+class Found:
+    """The events of a character, and what is to be said of strips that are none."""
+
+    events: list[Event] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+def strips_of(scene, channel: int, ob=None) -> list:
+    """The text strips of a channel, first to last; those that show sounds are left out.
+
+    With `ob` those that name another character of this channel are left out too.
+    """
+    faces, every = others(scene, channel), sequencer.all_strips(scene) if channel else []
+    found = [s for s in every if s.type == "TEXT" and s.channel == channel and not sounds.shows(s)]
+    if ob is not None:
+        found = [s for s in found if strips.named_in(s.name, faces) in (None, ob)]
+    return sorted(found, key=lambda strip: sequencer.ends(strip)[0])
+
+
+def marked(scene, ob, settings) -> list[Row]:
+    """Each marker that may be an event of `ob`; none where it does not listen to markers.
+
+    `settings` has `event_markers` and `marker_s`. Markers that bind a camera and those that still
+    have the name that Blender gave them say nothing.
+    """
+    if not settings.event_markers:
+        return []
+    faces = [other for other in _meshes(scene) if other.anyface_audio.event_markers]
+    named = [marker for marker in scene.timeline_markers if _says_something(marker)]
+    named = [marker for marker in named if strips.named_in(marker.name, faces) in (None, ob)]
+    fps = scene.render.fps / scene.render.fps_base
+    length, found, begun = max(1, round(settings.marker_s * fps)), [], []
+    for marker in sorted(named, key=lambda marker: marker.frame):
+        text, strength = events.strength_of(strips.without_name(marker.name, faces))
+        ended = events.ended_by(text, [row.text for row in begun])
+        if ended is not None:
+            row = begun.pop(ended)
+            row.last = max(marker.frame, row.first + 1)
+            continue
+        last = marker.frame + length
+        row = Row(marker.name, text, marker.frame, last, Understood(), strength=strength)
+        found.append(row)
+        begun.append(row)
+    return found
+
+
+def _says_something(marker) -> bool:
+    by_blender = re.fullmatch(r"(F|Marker)[_. ]?\d*", marker.name)
+    return marker.camera is None and not by_blender and bool(marker.name.strip())
+
+
+def others(scene, channel: int) -> list:
+    """The characters whose events lie in a channel."""
+    meshes = _meshes(scene)
+    return [ob for ob in meshes if channel and ob.anyface_audio.event_channel == channel]
+
+
+def _meshes(scene) -> list:
+    return [ob for ob in scene.objects if ob.type == "MESH"]
+
+
+def rows(
+    scene,
+    ob,
+    settings,
+    when: tuple[float, float | None] | None = None,
+    models: Path | None = None,
+) -> list[Row]:
+    """Each strip and marker that is `ob`'s, first to last, with what is understood of it.
+
+    `settings` has `event_channel`, `event_markers` and `marker_s`; `when` is the frame at which the
+    sound begins, and its seconds where they are known; `models` the folder of the models.
+    """
+    words = partial(systems.words, models=models)
+    found = [
+        Row(strip.name, strip.text.strip(), *sequencer.ends(strip), Understood(), strip=strip)
+        for strip in strips_of(scene, settings.event_channel, ob)
+    ]
+    found += marked(scene, ob, settings)
+    for row in found:
+        row.understood = events.understand(row.text, systems.units(), words)
+        row.wrong = row.understood.hint
+        if not row.wrong and when is not None and _slot(scene, row, *when) is None:
+            row.wrong = f"frames {row.first} to {row.last} lie outside the sound"
+    return sorted(found, key=lambda row: row.first)
+
+
+def read(
+    scene,
+    ob,
+    settings,
+    start_frame: float,
+    duration_s: float | None,
+    models: Path | None = None,
+) -> Found:
+    """The events of a character for a system that takes them; none for others.
+
+    Strips and markers that say nothing, or lie outside the sound, are named and left out.
+    """
+    found = Found()
+    if not systems.takes_events(settings.system):
+        if settings.event_file:
+            raise AnyfaceError("input", "events: expected a system that shows them")
+        return found
+    if settings.event_file:
+        words = partial(systems.words, models=models)
+        found.events = events.of_file(settings.event_file, systems.units(), words)
+        return found
+    when = start_frame, duration_s
+    for row in rows(scene, ob, settings, when, models):
+        if row.wrong:
+            found.notes.append(f"the event {row.name} was left out: {row.wrong}")
+            continue
+        slot = _slot(scene, row, *when)
+        for start_s, end_s, strength in _pieces(scene, row, slot, start_frame):
+            units, over = row.understood.units, row.understood.over_speech
+            strength = min(strength * row.understood.strength, events.MAX_STRENGTH)
+            found.events.append(Event(start_s, end_s, units, strength, over, row.name))
+    found.notes = events.shortened(found.notes)
+    return found
+
+
+def add(scene, ob, channel: int, text: str, frame: int, strength: float = 1.0):
+    """A new strip of `ob` at `frame`, which ends where the next one of its channel begins; it names
+    the character where others have the same channel. Returns it."""
+    fps = scene.render.fps / scene.render.fps_base
+    last = frame + max(1, round(LENGTH_S * fps))
+    behind = [sequencer.ends(strip)[0] for strip in _in_channel(scene, channel)]
+    last = min([last, *(first for first in behind if first > frame)])
+    shared = any(other != ob for other in others(scene, channel))
+    name = f"{ob.name} {text}" if shared else text
+    strip = sequencer.new_text(scene, name, channel, frame, last)
+    strip.text, strip.mute, strip.blend_alpha = text, True, strength
+    return strip
+
+
+def is_free(scene, channel: int, frame: int) -> bool:
+    """True where no strip of a channel plays at a frame."""
+    ends = [sequencer.ends(strip) for strip in _in_channel(scene, channel)]
+    return all(not first <= frame < last for first, last in ends)
+
+
+def free_channel(scene) -> int:
+    """The first channel above everything that is there."""
+    return 1 + max((strip.channel for strip in sequencer.all_strips(scene)), default=0)
+
+
+def _in_channel(scene, channel: int) -> list:
+    return [strip for strip in sequencer.all_strips(scene) if strip.channel == channel]
+
+
+def _slot(scene, row: Row, start_frame: float, duration_s: float | None):
+    """The frames of a strip or marker that lie in the sound; None where none does."""
+    fps = scene.render.fps / scene.render.fps_base
+    ends = np.inf if duration_s is None else start_frame + duration_s * fps
+    first, last = max(row.first, start_frame), min(row.last, ends)
+    return (first, last) if first < last else None
+
+
+def _pieces(scene, row: Row, slot, start_frame: float) -> list[tuple[float, float, float]]:
+    """Start and end in seconds, and strength: one piece, or as many as the opacity has steps."""
+    fps = scene.render.fps / scene.render.fps_base
+    first, last = slot
+    seconds = [(at - start_frame) / fps for at in (first, last)]
+    curve = None if row.strip is None else _opacity_curve(scene, row.strip)
+    if curve is None:
+        opacity = 1.0 if row.strip is None else float(row.strip.blend_alpha)
+        return [(*seconds, row.strength * opacity)]
+    frames = np.arange(np.floor(first), np.ceil(last))
+    strengths = [_STEP * round(np.clip(curve.evaluate(at), 0.0, 1.0) / _STEP) for at in frames]
+    changes = [0, *(np.flatnonzero(np.diff(strengths)) + 1), len(frames)]
+    found = []
+    for begins, ends in pairwise(changes):
+        if strengths[begins] == 0.0:
+            continue
+        start_s = max((frames[begins] - start_frame) / fps, seconds[0])
+        end_s = min((frames[ends - 1] + 1 - start_frame) / fps, seconds[1])
+        found.append((float(start_s), float(end_s), float(strengths[begins])))
+    return found
+
+
+def _opacity_curve(scene, strip):
+    """The keyframes of a strip's opacity, which lie in the scene's action, or None."""
+    path = f"{strip.path_from_id()}.blend_alpha"
+    return curves.find(scene.animation_data, path)

@@ -1,0 +1,217 @@
+"""The 68 landmarks of a face: stored on its object, found, and dragged one at a time."""
+
+import json
+from dataclasses import dataclass, field
+
+import numpy as np
+from mathutils import Vector
+from mathutils.bvhtree import BVHTree
+
+from ...core import finding, wording
+from ...core.errors import AnyfaceError
+from ...core.job import Progress
+from ...core.take import FaceMesh, Found
+from . import mesh, rest
+
+COUNT = 68
+# How the lips were found to meet, in words.
+_MOUTHS = {
+    "open": "the mouth stands open",
+    "slit": "the lips part",
+    "welded": "the lips are one surface and cannot part",
+}
+# Chains and loops of iBUG 300-W, as they are drawn.
+CHAINS = (range(17), range(17, 22), range(22, 27), range(27, 31), range(31, 36))
+LOOPS = (range(36, 42), range(42, 48), range(48, 60), range(60, 68))
+REGIONS = {
+    "mouth": range(48, 68),
+    "eyes": range(36, 48),
+    "brows": range(17, 27),
+    "nose": range(27, 36),
+    "jaw": range(17),
+}
+DOUBTFUL = 0.4
+"""Mean confidence of a region's landmarks below which an artist should look at them."""
+
+
+@dataclass
+class Stored:
+    """Landmarks as they lie on an object: `positions` `[68, 3]` in object space, `confidence`
+    `[68]`, and the numbers of those that the artist has put where they are."""
+
+    positions: np.ndarray
+    confidence: np.ndarray
+    mouth: str = ""
+    shut_eyes: str = ""
+    fixed: set[int] = field(default_factory=set)
+
+    @property
+    def sure(self) -> float:
+        """The mean confidence, 0 to 1."""
+        return float(self.confidence.mean())
+
+    @property
+    def doubtful(self) -> list[str]:
+        """Names of the regions that an artist should look at; none that is all put by hand."""
+        held = np.isin(np.arange(COUNT), list(self.fixed))
+        confidence = np.where(held, 1.0, self.confidence)
+        return [name for name, own in REGIONS.items() if confidence[list(own)].mean() < DOUBTFUL]
+
+
+def load(ob) -> Stored | None:
+    """The landmarks stored on `ob`, or None. Raises `AnyfaceError` for text that holds none."""
+    text = ob.get(mesh.LANDMARKS_PROPERTY)
+    points, vertices = mesh.read_landmarks(ob)
+    if points is None and vertices is None:
+        return None
+    if points is None:
+        points = mesh.read_basis(ob.data)[vertices]
+    stored = Stored(np.asarray(points, dtype=np.float64), np.ones(COUNT))
+    rows = _rows(text)
+    if rows is not None:
+        stored.confidence = np.array([row.get("confidence", 1.0) for row in rows["landmarks"]])
+        stored.mouth = rows.get("mouth", "")
+        stored.shut_eyes = rows.get("shut_eyes", "")
+        stored.fixed = {row["index"] for row in rows["landmarks"] if row.get("fixed")}
+    return stored
+
+
+def _rows(text) -> dict | None:
+    if not isinstance(text, str) or not text.lstrip().startswith("{"):
+        return None
+    value = json.loads(text)
+    if "landmarks" not in value:
+        return None
+    value["landmarks"].sort(key=lambda row: row["index"])
+    return value
+
+
+def store(ob, found: Found, fixed=()) -> None:
+    """Writes what was found on `ob`, in the format of a landmark file; `fixed` are numbers."""
+    if ob.library is not None or not ob.is_editable:
+        text = f"{ob.name} is linked: make it local to keep the points of its face on it"
+        raise AnyfaceError("mesh", text, ("make_local",))
+    rows = []
+    for number in range(COUNT):
+        row = {
+            "index": number,
+            "position": [round(float(x), 9) for x in found.positions[number]],
+            "vertex": int(found.vertices[number]),
+            "confidence": round(float(found.confidence[number]), 4),
+        }
+        rows.append(row | ({"fixed": True} if number in fixed else {}))
+    confidence = round(float(found.confidence.mean()), 4)
+    document = {"version": 1, "confidence": confidence, "mouth": found.mouth, "landmarks": rows}
+    document["shut_eyes"] = found.shut_eyes
+    document["box"] = mesh.box_of(mesh.read_basis(ob.data)).round(6).tolist()
+    ob[mesh.LANDMARKS_PROPERTY] = json.dumps(document)
+
+
+def clear(ob) -> None:
+    """Takes the stored landmarks away: the next run finds them."""
+    if mesh.LANDMARKS_PROPERTY in ob:
+        del ob[mesh.LANDMARKS_PROPERTY]
+
+
+def describe(stored: Stored) -> str:
+    """In words: "face found, 97 % sure; the lips part"."""
+    text = f"face found, {round(100 * stored.sure)} % sure"
+    if stored.mouth:
+        text += f"; {_MOUTHS.get(stored.mouth, stored.mouth)}"
+    if stored.shut_eyes:
+        text += f"; {stored.shut_eyes} sculpted shut: nothing blinks there"
+    if stored.fixed:
+        text += f"; {len(stored.fixed)} put by hand"
+    if stored.doubtful:
+        text += f"; not sure of {wording.listed(stored.doubtful)}: drag the orange points"
+    return text
+
+
+@dataclass
+class Search:
+    """A snapshot for finding landmarks; `work` needs nothing of Blender: any thread may run it."""
+
+    face: FaceMesh
+    engine: object
+    fixed: dict[int, np.ndarray] = field(default_factory=dict)
+    confidence: np.ndarray | None = None
+
+    def work(self, progress: Progress) -> Found:
+        """What was found, in object space; raises `AnyfaceError`.
+
+        Landmarks that only follow are as sure as they were (`confidence` `[68]`).
+        """
+        found = finding.find(self.face, self.fixed, self.engine.find, progress)
+        if self.confidence is not None:
+            found.confidence = np.maximum(found.confidence, self.confidence)
+        return found
+
+
+class Surface:
+    """The Basis of a face as a surface that rays meet, in object space."""
+
+    def __init__(self, ob):
+        points = mesh.read_basis(ob.data)
+        triangles = mesh.read_triangles(ob.data)
+        self._tree = BVHTree.FromPolygons(points.tolist(), triangles.tolist(), all_triangles=True)
+
+    def hit(self, origin, direction) -> np.ndarray | None:
+        """Where a ray from `origin` `[3]` first meets the surface, or None."""
+        place = self._tree.ray_cast(Vector(origin), Vector(direction))[0]
+        return None if place is None else np.array(place)
+
+    def nearest(self, point) -> np.ndarray:
+        """The point of the surface nearest to `point` `[3]`."""
+        return np.array(self._tree.find_nearest(Vector(point))[0])
+
+
+class Drag:
+    """One landmark held by the pointer: it moves over the surface, then the others follow."""
+
+    def __init__(self, ob, surface: Surface | None = None):
+        self.stored = load(ob)
+        if self.stored is None:
+            raise AnyfaceError("face", f"{ob.name}: find the face first")
+        self._before = self.stored.positions.copy()
+        self.surface = surface or Surface(ob)
+        self.held: int | None = None
+
+    def hold(self, number: int) -> None:
+        """Takes landmark `number`, 0 to 67."""
+        if not 0 <= number < COUNT:
+            raise AnyfaceError("input", f"point: expected 0 to {COUNT - 1}, got {number}")
+        self.held = number
+
+    def hold_near(self, at: np.ndarray, places: np.ndarray, reach: float) -> bool:
+        """Takes the landmark nearest to `at` `[2]` among `places` `[68, 2]`, NaN for unseen."""
+        apart = np.linalg.norm(places - at, axis=1)
+        apart = np.where(np.isnan(apart), np.inf, apart)
+        self.held = int(apart.argmin()) if apart.min() <= reach else None
+        return self.held is not None
+
+    def move(self, origin, direction) -> bool:
+        """Moves the held landmark to where a ray in object space meets the face."""
+        place = self.surface.hit(origin, direction)
+        if place is None or self.held is None:
+            return False
+        self.stored.positions[self.held] = place
+        return True
+
+    def search(self, face: FaceMesh, engine) -> Search:
+        """What lets the others follow: all that the artist has put stay, the held one too."""
+        self.stored.fixed.add(self.held)
+        face.landmarks, face.landmark_vertices = self._before, None
+        fixed = {number: self.stored.positions[number] for number in sorted(self.stored.fixed)}
+        return Search(face, engine, fixed, self.stored.confidence)
+
+
+def head(ob) -> tuple[np.ndarray, float]:
+    """Centre `[3]` and radius of the head in the world: from landmarks, or the object's box."""
+    stored = load(ob)
+    if stored is None:
+        box = mesh.corners(ob)
+        return box.mean(axis=0), 0.75 * float(np.ptp(box, axis=0).max())
+    matrix = rest.world(ob)
+    world = stored.positions @ matrix[:3, :3].T + matrix[:3, 3]
+    # From chin to brows is half a head.
+    return world.mean(axis=0), 1.5 * float(np.ptp(world, axis=0).max())

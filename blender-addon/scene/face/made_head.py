@@ -1,0 +1,86 @@
+"""A head made from numbers, as an object whose face is known."""
+
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+from mathutils import Vector
+
+from ...core import finding, space
+from ...core.job import Progress
+from ...core.native_head import MadeHead
+from ...core.take import FaceMesh, Found
+from . import landmarks, sample_head
+
+NAME = "Anyface Head"
+
+
+def mesh(made: MadeHead, height: float):
+    """A new mesh of the head, looking along -Y with +Z up, its box centred on the origin.
+
+    `height` is that of the box, in Blender's units.
+    """
+    points = sample_head.standing(made.positions.astype(np.float64), height)
+    data = bpy.data.meshes.new(NAME)
+    data.from_pydata(points.tolist(), [], made.triangles.tolist())
+    materials, numbers = sample_head.materials(NAME, len(made.triangles))
+    for material in materials:
+        data.materials.append(material)
+    data.polygons.foreach_set("material_index", numbers)
+    data.polygons.foreach_set("use_smooth", np.ones(len(data.polygons), dtype=bool))
+    data.update()
+    return data
+
+
+@dataclass
+class Likeness:
+    """A snapshot for a head that is like a face; `work` needs nothing of Blender: any thread may
+    run it."""
+
+    face: FaceMesh
+    engine: object
+    resolution: int
+
+    def work(self, progress: Progress) -> tuple[MadeHead, float, float]:
+        """The head, the mesh's distance from it in millimetres, and the height of the head's box in
+        the scene's units; raises `AnyfaceError`."""
+        own = space.face_space(self.face.matrix_world, self.face.axes)
+        with finding.naming(self.face):
+            made, far, metres = self.engine.head_like(
+                *own.seen(self.face), self.resolution, progress
+            )
+        return made, far, float(np.ptp(made.positions[:, 1])) / metres
+
+
+def beside(ob, made: MadeHead, height: float):
+    """A new object of the head at the subject's left of `ob`, which stays as it is."""
+    data = mesh(made, height)
+    new = bpy.data.objects.new(NAME, data)
+    # Collections of a linked file take nothing.
+    own = [collection for collection in ob.users_collection if collection.library is None]
+    for collection in own or [bpy.context.scene.collection]:
+        collection.objects.link(new)
+    points = np.empty(len(data.vertices) * 3, dtype=np.float32)
+    data.vertices.foreach_get("co", points)
+    corners = np.array([ob.matrix_world @ Vector(corner) for corner in ob.bound_box])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    half = float(np.abs(points.reshape(-1, 3)[:, 0]).max())
+    new.location = (high[0] + 1.2 * half, (low[1] + high[1]) / 2.0, (low[2] + high[2]) / 2.0)
+    keep_landmarks(new, made)
+    return new
+
+
+def keep_landmarks(ob, made: MadeHead) -> None:
+    """Stores the landmarks on the object: none need be searched."""
+    points = np.empty(len(ob.data.vertices) * 3, dtype=np.float32)
+    ob.data.vertices.foreach_get("co", points)
+    vertices = made.landmark_vertices
+    found = Found(
+        positions=points.reshape(-1, 3)[vertices],
+        vertices=vertices,
+        confidence=np.ones(len(vertices)),
+        mouth="slit",
+        part_roles=np.empty(0),
+        part_of_vertex=np.empty(0),
+    )
+    landmarks.store(ob, found)

@@ -1,0 +1,155 @@
+"""A face made of several objects: teeth, tongue, eyes and lashes beside the face mesh.
+
+All of them are read into one mesh in the face object's space and animated in one run; the result
+is cut apart again, and each object gets its own keys.
+"""
+
+from dataclasses import dataclass, replace
+
+import bpy
+import numpy as np
+
+from ...core import measure
+from ...core.errors import AnyfaceError
+from ...core.job import Progress
+from ...core.take import BY_SHAPE, ROLES, FaceMesh, KeyMotion, PartRoles, Piece, Take
+from . import mesh, rest
+
+# An object that moves less than this in every frame gets no keys.
+STILL_MM = 0.005
+# Words in the names of objects and what such objects are, the first that fits.
+_NAMES = (
+    (("lash", "brow", "beard", "mustache", "moustache"), "nearest"),
+    (("tongue", "teeth_low", "teeth low", "lower", "bottom"), "jaw"),
+    (("teeth_up", "teeth up", "upper", "hair", "glasses", "hat"), "skull"),
+    (("eye", "pupil", "iris", "cornea"), "gaze"),
+)
+
+
+@dataclass
+class Part:
+    """An object beside the face; `role` is one of `ROLES`, or "" to tell it by shape and place."""
+
+    name: str
+    role: str = ""
+
+
+def add(face: FaceMesh, ob, parts: list[Part], loose: dict[int, str]) -> None:
+    """Puts the objects of `parts` behind the vertices of `face`, which was read from `ob`.
+
+    `loose` gives roles to single connected parts by number. Raises `AnyfaceError("mesh")` for
+    objects that are gone or no meshes.
+    """
+    face.pieces = [Piece(ob.name, 0, len(face.positions), np.eye(4), BY_SHAPE)]
+    positions, triangles = [face.positions], [face.triangles]
+    to_face = _inverse(rest.world(ob), ob.name) if parts else np.eye(4)
+    for part in parts:
+        other = object_of(part, ob)
+        matrix = to_face @ rest.world(other)
+        _inverse(matrix, other.name)
+        own = mesh.read_face(other)
+        first = sum(len(block) for block in positions)
+        corners = own.triangles[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else own.triangles
+        positions.append((own.positions @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32))
+        triangles.append(corners + np.uint32(first))
+        role = ROLES.index(part.role) if part.role else BY_SHAPE
+        face.pieces.append(Piece(other.name, first, len(own.positions), matrix, role))
+    face.positions = np.concatenate(positions)
+    face.triangles = np.concatenate(triangles)
+    if parts or loose:
+        face.roles = _roles(face.pieces, loose)
+
+
+def _inverse(matrix: np.ndarray, name: str) -> np.ndarray:
+    """The way back; raises `AnyfaceError("mesh")` where an object is flattened to nothing."""
+    if not np.isfinite(matrix).all() or np.linalg.cond(matrix[:3, :3]) > 1e6:
+        raise AnyfaceError("mesh", f"{name} is scaled to zero along an axis: give it a scale first")
+    return np.linalg.inv(matrix)
+
+
+def object_of(part: Part, ob):
+    """The object of a part; raises `AnyfaceError("mesh")` where it cannot be one."""
+    other = bpy.data.objects.get(part.name)
+    if other is None:
+        text = f"{part.name} is gone: take it out of the parts of {ob.name}"
+        raise AnyfaceError("mesh", text, ("drop_lost_parts",))
+    if other.type != "MESH":
+        kind = other.type.lower()
+        raise AnyfaceError("mesh", f"{part.name}: expected a mesh, got a {kind}: take it out")
+    if other == ob or other.data == ob.data:
+        raise AnyfaceError("mesh", f"{part.name} is the face itself: take it out of its parts")
+    return other
+
+
+def _roles(pieces: list[Piece], loose: dict[int, str]) -> PartRoles:
+    owners = np.concatenate([np.full(p.count, n, dtype=np.uint32) for n, p in enumerate(pieces)])
+    roles = [piece.role for piece in pieces]
+    return PartRoles(owners, roles, list(loose), [ROLES.index(role) for role in loose.values()])
+
+
+def split(take: Take, pieces: list[Piece]) -> list[tuple[Piece, Take | None]]:
+    """The take of each piece in its object's own space; None where it does not move.
+
+    The face itself always has one.
+    """
+    largest = take.largest_of or measure.largest(take, pieces, Progress())
+    out = []
+    for number, piece in enumerate(pieces):
+        moves = number == 0 or largest[number] >= STILL_MM
+        out.append((piece, _cut(take, piece, largest[number]) if moves else None))
+    return out
+
+
+def _cut(take: Take, piece: Piece, largest: float) -> Take:
+    """The vertices of a piece, turned into its object's own space; they move by `largest` mm."""
+    rows = slice(piece.first, piece.first + piece.count)
+    back = np.linalg.inv(piece.matrix[:3, :3]).astype(np.float32)
+    moved = take.frames if take.frames is not None else _motion(take).vectors
+    own = np.ascontiguousarray(moved[:, rows])
+    if not np.array_equal(back, np.eye(3)):
+        own = own @ back.T
+    if take.frames is not None:
+        return replace(take, frames=own, largest_mm=largest)
+    if take.key_motion is not None:
+        return replace(take, key_motion=_keys_cut(take.key_motion, own, rows, back))
+    # The mask of the feeling is painted on the face alone.
+    felt_from = take.basis.felt_from if piece.first == 0 else None
+    basis = replace(take.basis, vectors=own, felt_from=felt_from)
+    return replace(take, basis=basis, largest_mm=largest)
+
+
+def _motion(take: Take):
+    """What holds the vectors and weights of a take in keys."""
+    return take.basis if take.basis is not None else take.key_motion
+
+
+def _keys_cut(motion: KeyMotion, own: np.ndarray, rows: slice, back: np.ndarray) -> KeyMotion:
+    more = motion.visemes
+    if more is not None:
+        more = replace(more, vectors=np.ascontiguousarray(more.vectors[:, rows] @ back.T))
+    return replace(motion, vectors=own, visemes=more)
+
+
+def suggest(ob, objects, centre, radius: float) -> list[Part]:
+    """Objects that look like parts of the face: meshes near `centre` (world, `[3]`), not larger
+    than the head of `radius`, with the role that their name tells."""
+    found = []
+    for other in objects:
+        if other == ob or other.type != "MESH" or other.data == ob.data:
+            continue
+        if len(other.data.polygons) == 0 or other.get(mesh.LANDMARKS_PROPERTY):
+            continue
+        box = mesh.corners(other)
+        middle, size = box.mean(axis=0), np.ptp(box, axis=0).max()
+        if np.linalg.norm(middle - centre) <= radius and size <= 2.5 * radius:
+            found.append(Part(other.name, role_of_name(other.name)))
+    return found
+
+
+def role_of_name(name: str) -> str:
+    """The role that the name of an object tells, or ""."""
+    lower = name.lower()
+    for words, role in _NAMES:
+        if any(word in lower for word in words):
+            return role
+    return ""

@@ -1,0 +1,203 @@
+"""Head and eyes of a take: which objects or bones they turn. Nothing of it is in the skin."""
+
+import bpy
+import numpy as np
+
+from ...core import turn
+from ...core.errors import AnyfaceError
+from ...core.job import BEGUN, at_once
+from ...core.take import Life, Take
+from ..animation import curves
+from ..face import mesh, pieces
+from . import turning, turns
+
+# No eye turns farther than this, radians: yaw and pitch.
+_MOST = np.radians([45.0, 35.0])
+# Eyes of the library, right one first: canonical metres.
+_EYES = np.array([[-0.032, 0.046, 0.071], [0.032, 0.046, 0.071]])
+# Frames of the scene that are looked at before the interface is asked again.
+_FEW = 4
+# An object whose middle lies nearer to the face's than this holds both eyes, canonical metres.
+_BOTH_M = 0.01
+
+
+def check(ob, settings) -> None:
+    """Raises `AnyfaceError` in words where head or eyes have nowhere to go."""
+    asked = settings.life
+    if not asked.use:
+        return
+    if asked.head in ("OBJECT", "BONE"):
+        _object(asked.head_object, "the head turns")
+    if asked.head == "BONE":
+        _bone(asked.head_object, asked.head_bone)
+    if asked.gaze == "BONES":
+        for name in asked.eye_bones:
+            _bone(asked.eye_armature, name)
+    if asked.look_at:
+        _object(asked.look_at, "the eyes look at")
+    # What cannot be turned says so before anything is made.
+    still = Life(np.zeros((1, 3)), np.zeros((1, 2, 2)), np.eye(3, 4))
+    _turned(ob, still, settings, np.arange(3.0))
+
+
+def look(take: Take, settings, start_frame: float, scene_fps: float):
+    """Notes where the eyes look in each frame of a take, yielding between frames of the scene.
+
+    At each yield the scene stands at the frame of the artist's again.
+    """
+    asked = settings.life
+    if take.life is None or not asked.use or asked.gaze == "NONE" or not asked.look_at:
+        return
+    frames = take.scene_frames(start_frame, scene_fps)
+    take.life.looked_at = yield from _points(asked.look_at, take.life, frames)
+
+
+def writing(ob, take: Take, settings, start_frame: float, scene_fps: float):
+    """Turns what `settings` names with `take`; what an earlier one turns is let go first.
+
+    Yields between objects; returns what was done, in words.
+    """
+    turns.release(ob)
+    asked = settings.life
+    if take.life is None or not asked.use:
+        return []
+    at = curves.with_rest(take.scene_frames(start_frame, scene_fps), scene_fps)
+    turned = _turned(ob, take.life, settings, at)
+    for other, channels in turned.items():
+        turns.put(ob, other, channels, at)
+        yield BEGUN
+    notes = [f"{', '.join(other.name for other in turned)} turn"] if turned else []
+    if asked.head == "OWN":
+        notes.append(f"head in the action {_alone(ob, take.life, at).name}")
+    return notes
+
+
+def redo(ob, life: Life, settings, at: np.ndarray, splice) -> None:
+    """Hands the curves of head and eyes, and what they would be at scene frames `at` `[n]`, to
+    `splice(curve, at, values)`; those in an action on nobody stay."""
+    if not settings.life.use:
+        return
+    padded = np.concatenate([at[:1], at, at[-1:]])
+    for other, channels in _turned(ob, life, settings, padded).items():
+        bag = curves.channels(other.animation_data)
+        for channel in channels if bag is not None else ():
+            for index, column in enumerate(channel.values.T):
+                curve = bag.fcurves.find(channel.path, index=index)
+                if curve is not None:
+                    splice(curve, at, column[1:-1])
+
+
+def _turned(ob, life: Life, settings, at) -> dict:
+    """The channels of each object that turns."""
+    asked, found = settings.life, {}
+    axes = _axes(life)
+    if asked.head in ("OBJECT", "BONE"):
+        vectors = _eased(life.head) @ axes.T
+        other = _object(asked.head_object, "the head turns")
+        one = asked.head == "BONE"
+        channels = (
+            [turning.of_bone(other, asked.head_bone, vectors, turns.paths_of(ob, other))]
+            if one
+            else turning.of_object(other, vectors, turns.paths_of(ob, other))
+        )
+        found.setdefault(other, []).extend(channels)
+    for side in range(2) if asked.gaze != "NONE" else ():
+        angles = life.gaze[:, side].astype(np.float64)
+        if asked.look_at:
+            if life.looked_at is None:
+                life.looked_at = at_once(_points(asked.look_at, life, at[1:-1]))
+            angles = turn.to_object(angles, life.looked_at, _EYES[side])
+        angles = np.clip(angles, -_MOST, _MOST)
+        vectors = _eased(turn.of_gaze(angles)) @ axes.T
+        if asked.gaze == "BONES":
+            armature = _object(asked.eye_armature, "the eyes turn")
+            bone = turning.of_bone(
+                armature, asked.eye_bones[side], vectors, turns.paths_of(ob, armature)
+            )
+            found.setdefault(armature, []).append(bone)
+            continue
+        for eye in _eyes(ob, life, settings)[side]:
+            middle = mesh.corners(eye).mean(axis=0)
+            channels = turning.of_object(eye, vectors, turns.paths_of(ob, eye), middle)
+            found.setdefault(eye, []).extend(channels)
+    return found
+
+
+def _eased(vectors: np.ndarray) -> np.ndarray:
+    """From rest and back to it, `[T + 2, 3]`."""
+    return np.concatenate([np.zeros((1, 3)), vectors, np.zeros((1, 3))])
+
+
+def _axes(life: Life) -> np.ndarray:
+    """The canonical axes in the world, as columns `[3, 3]`."""
+    linear = np.asarray(life.way, dtype=np.float64)[:, :3]
+    return (linear / np.linalg.norm(linear, axis=1, keepdims=True)).T
+
+
+def _canonical(life: Life, points: np.ndarray) -> np.ndarray:
+    """World points `[N, 3]` in the canonical frame."""
+    way = np.asarray(life.way, dtype=np.float64)
+    return points @ way[:, :3].T + way[:, 3]
+
+
+def _points(name: str, life: Life, at: np.ndarray):
+    """Where an object is at scene frames `[T]`, canonical frame `[T, 3]`; yields between frames."""
+    other = _object(name, "the eyes look at")
+    rests = other.animation_data is None and other.parent is None and not len(other.constraints)
+    if rests:
+        place = np.array(other.matrix_world.translation)
+        return _canonical(life, np.broadcast_to(place, (len(at), 3)))
+    places, scene = [], bpy.context.scene
+    for few in np.array_split(at, max(1, len(at) // _FEW)):
+        now = scene.frame_current_final
+        for frame in few:
+            _go(scene, frame)
+            places.append(np.array(other.matrix_world.translation))
+        _go(scene, now)
+        yield
+    return _canonical(life, np.array(places))
+
+
+def _go(scene, frame: float) -> None:
+    scene.frame_set(int(np.floor(frame)), subframe=float(frame % 1.0))
+
+
+def _eyes(ob, life: Life, settings) -> tuple[list, list]:
+    """The objects that are the right and the left eye."""
+    asked = settings.life
+    if any(asked.eyes):
+        return tuple([_object(name, "an eye")] if name else [] for name in asked.eyes)
+    sides: tuple[list, list] = ([], [])
+    for part in settings.parts:
+        if (part.role or pieces.role_of_name(part.name)) != "gaze":
+            continue
+        eye = pieces.object_of(part, ob)
+        across = _canonical(life, mesh.corners(eye).mean(axis=0)[None])[0, 0]
+        if abs(across) > _BOTH_M:
+            sides[int(across > 0.0)].append(eye)
+    return sides
+
+
+def _alone(ob, life: Life, at):
+    """The head's rotation in an action of its own, which any object may be given."""
+    action, bag = curves.new_action(f"{ob.name} Head", "OBJECT")
+    action.use_fake_user = True
+    vectors = _eased(life.head) @ _axes(life).T
+    turns = turning.eulers(turn.of_vectors(vectors))
+    for index, column in enumerate(turns.T):
+        curves.write(bag, "delta_rotation_euler", at, column, index=index)
+    turns.put_alone(ob, action)
+    return action
+
+
+def _object(name: str, what: str):
+    found = bpy.data.objects.get(name)
+    if found is None:
+        raise AnyfaceError("input", f"Life: pick the object that {what}")
+    return found
+
+
+def _bone(armature: str, name: str) -> None:
+    found = _object(armature, "holds the bones")
+    if found.type != "ARMATURE" or name not in found.pose.bones:
+        raise AnyfaceError("input", f"Life: expected a bone of {found.name}, got {name!r}")

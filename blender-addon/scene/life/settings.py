@@ -1,0 +1,42 @@
+"""What an artist asks of head and eyes."""
+
+from dataclasses import dataclass
+
+# Controls of the library that *Life* turns off together.
+CONTROLS = ("head_motion", "gaze", "breath", "variety", "blinks_per_minute")
+
+
+@dataclass
+class LifeSettings:
+    """Where head and eyes go, by names of objects and bones.
+
+    `head` is "NONE", "OBJECT", "BONE" or "OWN", an action of its own on nobody; `gaze` is "NONE",
+    "PARTS" or "BONES". `eyes` and `eye_bones` name the right and the left one; with no eyes named,
+    parts with the role gaze turn. The eyes rest on `look_at` where that is named.
+    """
+
+    use: bool = True
+    head: str = "NONE"
+    head_object: str = ""
+    head_bone: str = ""
+    gaze: str = "NONE"
+    eyes: tuple[str, str] = ("", "")
+    eye_armature: str = ""
+    eye_bones: tuple[str, str] = ("", "")
+    look_at: str = ""
+
+    @property
+    def names(self) -> list[str]:
+        """The names of all objects that take part."""
+        return [self.head_object, *self.eyes, self.eye_armature, self.look_at]
+
+    def rename(self, now: dict[str, str]) -> None:
+        """Objects have got other names: `now` by the old one."""
+        for name in ("head_object", "eye_armature", "look_at"):
+            setattr(self, name, now.get(getattr(self, name), getattr(self, name)))
+        self.eyes = tuple(now.get(name, name) for name in self.eyes)
+
+    @property
+    def controls_off(self) -> tuple[str, ...]:
+        """Controls that are 0 whatever the panel says: all of *Life* off, or no head to turn."""
+        return CONTROLS if not self.use else ("head_motion",) if self.head == "NONE" else ()

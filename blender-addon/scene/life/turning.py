@@ -1,0 +1,138 @@
+"""Rotation over time of an object or a bone, relative to how it stands.
+
+An object turns by its delta rotation, so that its own rotation, and keyframes on that, stay the
+artist's. A bone has no such thing: its rotation itself is animated, where nobody else does that.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from mathutils import Matrix, Quaternion
+
+from ...core import turn
+from ...core.errors import AnyfaceError
+from ..animation import curves
+
+_EULER, _QUATERNION = "euler", "quaternion"
+
+
+@dataclass
+class Channel:
+    """Values `[T, N]` of a property of an object by its data path, and `before` `[N]`."""
+
+    path: str
+    values: np.ndarray
+    before: list[float] = field(default_factory=list)
+
+
+def of_object(ob, vectors: np.ndarray, mine: set[str], centre=None) -> list[Channel]:
+    """The channels that turn `ob` by rotation vectors `[T, 3]` about the world's axes.
+
+    Curves on the data paths `mine` may be there. It turns about its origin, or about `centre` `[3]`
+    in the world where that lies elsewhere. Raises `AnyfaceError("mesh")` where it cannot be turned
+    in this way.
+    """
+    parent = np.array(ob.matrix_world) @ _inverse(ob.matrix_basis, ob.name)
+    turns = turn.of_vectors(vectors @ _rotation(parent, ob.name))
+    kind = _kind(ob.rotation_mode, ob.name)
+    found = getattr(ob, f"delta_rotation_{kind}")
+    rest = found.to_quaternion() if kind == _EULER else found
+    path = f"delta_rotation_{kind}"
+    channels = [Channel(path, _values(turns, rest, ob.rotation_mode), list(found))]
+    if centre is not None:
+        origin = np.array(ob.matrix_basis.translation)
+        away = origin - (np.linalg.inv(parent) @ [*centre, 1.0])[:3]
+        shift = (turn.matrices(turns) - np.eye(3)) @ away
+        if np.abs(shift).max(initial=0.0) > 1e-6:
+            before = list(ob.delta_location)
+            channels.append(Channel("delta_location", shift + before, before))
+    return [_free(ob, channel, mine, ob.name) for channel in channels]
+
+
+def of_bone(armature, name: str, vectors: np.ndarray, mine: set[str]) -> Channel:
+    """The channel that turns a pose bone by rotation vectors `[T, 3]` about the world's axes.
+
+    Raises `AnyfaceError("mesh")` for a bone that is not there, or whose rotation has keyframes.
+    """
+    bone = armature.pose.bones.get(name) if armature.type == "ARMATURE" else None
+    what = f"the bone {name} of {armature.name}"
+    if bone is None:
+        raise AnyfaceError("mesh", f"{what} is not there: pick another one under Life")
+    at_rest = np.array(bone.matrix) @ _inverse(bone.matrix_basis, what)
+    turns = turn.of_vectors(vectors @ _rotation(np.array(armature.matrix_world) @ at_rest, what))
+    kind = _kind(bone.rotation_mode, what)
+    found = getattr(bone, f"rotation_{kind}")
+    rest = found.to_quaternion() if kind == _EULER else found
+    path = bone.path_from_id(f"rotation_{kind}")
+    channel = Channel(path, _values(turns, rest, bone.rotation_mode), list(found))
+    return _free(armature, channel, mine, what)
+
+
+def eulers(turns: np.ndarray) -> np.ndarray:
+    """XYZ angles `[T, 3]` of quaternions `[T, 4]`, without jumps."""
+    return _values(turns, Quaternion(), "XYZ")
+
+
+def put_back(ob, channels: dict[str, list[float]]) -> None:
+    """Sets the values of data paths; bones that are gone are passed over."""
+    for path, values in channels.items():
+        holder, _, name = path.rpartition(".")
+        try:
+            owner = ob.path_resolve(holder) if holder else ob
+        except ValueError:
+            continue
+        setattr(owner, name, values)
+
+
+def _values(turns: np.ndarray, rest, mode: str) -> np.ndarray:
+    """What turns on top of `rest` are in a rotation mode, without jumps, `[T, 3]` or `[T, 4]`."""
+    every = turn.times(turns, np.tile(np.array(rest)[None], (len(turns), 1)))
+    if mode == "QUATERNION":
+        return every
+    rows, last = [], Quaternion(rest).to_euler(mode)
+    for row in every:
+        last = Quaternion(row).to_euler(mode, last)
+        rows.append(tuple(last))
+    return np.array(rows)
+
+
+def _kind(mode: str, what: str) -> str:
+    if mode == "AXIS_ANGLE":
+        raise AnyfaceError(
+            "mesh", f"{what} rotates by axis and angle: set its rotation mode to XYZ or quaternion"
+        )
+    return _QUATERNION if mode == "QUATERNION" else _EULER
+
+
+def _free(ob, channel: Channel, mine: set[str], what: str) -> Channel:
+    """The channel, where neither a keyframe nor a driver of the artist's has it."""
+    animation = ob.animation_data
+    bag = curves.channels(animation)
+    taken = [*(bag.fcurves if bag is not None else ())]
+    taken += animation.drivers if animation is not None else ()
+    if channel.path not in mine and any(curve.data_path == channel.path for curve in taken):
+        raise AnyfaceError(
+            "mesh",
+            f"{what} has keyframes or drivers on {channel.path}: pick an empty or a bone that has "
+            "none there",
+        )
+    return channel
+
+
+def _rotation(matrix: np.ndarray, what: str) -> np.ndarray:
+    """The rotation `[3, 3]` nearest to the linear part of `matrix` (polar decomposition)."""
+    linear = matrix[:3, :3] / max(np.abs(matrix[:3, :3]).max(), 1e-20)
+    if not np.isfinite(linear).all() or np.linalg.cond(linear) > 1e6:
+        raise AnyfaceError("mesh", f"{what} is scaled to zero along an axis: give it a scale first")
+    left, _, right = np.linalg.svd(linear)
+    # A mirrored frame turns the other way about every axis.
+    return left @ right * np.sign(np.linalg.det(linear))
+
+
+def _inverse(matrix: Matrix, what: str) -> np.ndarray:
+    try:
+        return np.array(matrix.inverted())
+    except ValueError as error:
+        raise AnyfaceError(
+            "mesh", f"{what} is scaled to zero along an axis: give it a scale first"
+        ) from error

@@ -1,0 +1,193 @@
+"""What takes have put on the objects that they turn, and how these are let go again.
+
+It stands in a custom property of each object, beside the id of the character whose it is; Remove
+takes exactly that away.
+"""
+
+import json
+from dataclasses import asdict, dataclass, field, fields
+
+import bpy
+import numpy as np
+
+from ...core.errors import AnyfaceError
+from .. import identity
+from ..animation import curves
+from . import turning
+
+# On what a character turns: a list of `Entry`.
+ENTRIES = "anyface_turned"
+# On what waits or stands alone: the action that holds the curves.
+_ACTION = "anyface_turned_"
+
+
+@dataclass
+class Entry:
+    """What a character's take has put on an object.
+
+    `owner` is the character's, `take` the id of a take that waits, empty for the one that plays;
+    `before` are values by data path as they were. The `made_*` fields say what must be undone.
+    """
+
+    owner: str
+    take: str = ""
+    before: dict[str, list[float]] = field(default_factory=dict)
+    made_action: bool = False
+    made_slot: bool = False
+    made_animation_data: bool = False
+
+
+def put(ob, other, channels: list[turning.Channel], at: np.ndarray) -> None:
+    """Puts curves of a take of `ob` on another object; `at` `[T + 2]` are scene frames."""
+    identity.of(other)
+    entry = Entry(identity.of(ob), before={channel.path: channel.before for channel in channels})
+    bag = _channels(other, entry)
+    for channel in channels:
+        for index, column in enumerate(channel.values.T):
+            curves.write(bag, channel.path, at, column, index=index)
+    _store(other, [*_entries(other), entry])
+
+
+def put_alone(ob, action) -> None:
+    """An action on nobody belongs to the playing take of `ob`."""
+    ob[_ACTION + "now"] = action
+
+
+def paths_of(ob, other) -> set[str]:
+    """Data paths on an object that the playing take of `ob` has already."""
+    return {path for entry in _of(ob, _entries(other), "") for path in entry.before}
+
+
+def release(ob) -> None:
+    """Lets go of everything that the playing take of `ob` turns, as it was before."""
+    owned = _owned(ob)
+    for other, entries in owned:
+        for entry in _of(ob, entries, ""):
+            entries = [kept for kept in entries if kept is not entry]
+            _inherit(entries, entry)
+            _take_off(other, entry)
+        _store(other, entries)
+    curves.delete_action(ob.pop(_ACTION + "now", None))
+    if owned:
+        # Where things stand is read of what was just let go.
+        bpy.context.view_layer.update()
+
+
+def keep(ob, take_id: str) -> None:
+    """The playing take waits: its curves lie in an action that a property points to."""
+    for other, entries in _owned(ob):
+        for entry in _of(ob, entries, ""):
+            action, bag = curves.new_action(f"{other.name} {take_id}", "OBJECT")
+            curves.copy_paths(other.animation_data.action, bag, set(entry.before))
+            _inherit([kept for kept in entries if kept is not entry], entry)
+            _take_off(other, entry)
+            entry.take = take_id
+            other[_ACTION + take_id] = action
+            _store(other, entries)
+    if _ACTION + "now" in ob:
+        ob[_ACTION + "own_" + take_id] = ob.pop(_ACTION + "now")
+
+
+def play(ob, take_id: str) -> None:
+    """A take that waits plays again."""
+    for other, entries in _owned(ob):
+        for entry in _of(ob, entries, take_id):
+            action = other.pop(_ACTION + take_id)
+            entry.take = ""
+            if action is not None:
+                curves.copy_paths(action, _channels(other, entry), set(entry.before))
+                curves.delete_action(action)
+            _store(other, entries)
+    if _ACTION + "own_" + take_id in ob:
+        ob[_ACTION + "now"] = ob.pop(_ACTION + "own_" + take_id)
+
+
+def follow(copy, copies: dict[str, list]) -> None:
+    """What turns on a `copy` belongs to the copy of its character; `copies` are objects by old id.
+
+    Where the character was not copied, the curves are the artist's from now on.
+    """
+    kept = []
+    for entry in _entries(copy):
+        faces = copies.get(entry.owner, [])
+        found = faces if len(faces) == 1 else [face for face in faces if _names(face, copy)]
+        if found:
+            entry.owner = identity.known(found[0])
+            kept.append(entry)
+    if ENTRIES in copy:
+        _store(copy, kept)
+
+
+def _names(face, other) -> bool:
+    """Whether the settings of `face` name another object."""
+    stored = face.anyface_life_settings
+    kinds = [prop.identifier for prop in stored.bl_rna.properties if prop.type == "POINTER"]
+    found = [getattr(stored, kind) for kind in kinds]
+    return other in [*found, *(row.object for row in face.anyface_face.parts)]
+
+
+def _channels(other, entry: Entry):
+    """Where curves on an object go: the artist's action, or one of our own."""
+    if other.library is not None:
+        raise AnyfaceError("mesh", f"{other.name} is linked: pick an object of this file")
+    if other.animation_data is None:
+        other.animation_data_create()
+        entry.made_animation_data = True
+    action = other.animation_data.action
+    if _entries(other):
+        curves.own_action(other, action)
+        action = other.animation_data.action
+    if action is not None and not curves.LAYERED and action.users - action.use_fake_user > 1:
+        raise AnyfaceError("mesh", f"{other.name} shares its action: make it single-user first")
+    return curves.own_channels(other.animation_data, f"{other.name} Anyface", "OBJECT", entry)
+
+
+def _take_off(other, entry: Entry) -> None:
+    animation = other.animation_data
+    if animation is not None:
+        curves.own_action(other, animation.action)
+        curves.remove(animation, set(entry.before))
+        curves.drop_empty_action(animation, entry)
+        curves.drop_idle_animation(other, entry.made_animation_data)
+    entry.made_action = entry.made_slot = entry.made_animation_data = False
+    turning.put_back(other, entry.before)
+
+
+def _of(ob, entries: list[Entry], take_id: str) -> list[Entry]:
+    """What one take of `ob` has put on an object."""
+    return [e for e in entries if e.owner == identity.known(ob) and e.take == take_id]
+
+
+def _inherit(others: list[Entry], gone: Entry) -> None:
+    """What was made for one and still serves another is undone with that."""
+    playing = [entry for entry in others if not entry.take]
+    if not playing:
+        return
+    for name in ("made_action", "made_slot", "made_animation_data"):
+        setattr(playing[0], name, getattr(playing[0], name) or getattr(gone, name))
+        setattr(gone, name, False)
+
+
+def _owned(ob) -> list[tuple]:
+    """The objects that takes of `ob` turn, and everything that is on them."""
+    owner = identity.known(ob)
+    if not owner:
+        return []
+    found = [(other, _entries(other)) for other in bpy.data.objects]
+    return [(o, entries) for o, entries in found if any(e.owner == owner for e in entries)]
+
+
+def _entries(other) -> list[Entry]:
+    known = {item.name for item in fields(Entry)}
+    try:
+        rows = json.loads(other.get(ENTRIES, "[]"))
+        return [Entry(**{k: v for k, v in row.items() if k in known}) for row in rows]
+    except (ValueError, TypeError, AttributeError):
+        return []
+
+
+def _store(other, entries: list[Entry]) -> None:
+    if entries:
+        other[ENTRIES] = json.dumps([asdict(entry) for entry in entries])
+    elif ENTRIES in other:
+        del other[ENTRIES]

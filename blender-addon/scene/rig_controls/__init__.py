@@ -1,0 +1,1 @@
+"""Controls of a rig: which there are, what they move, and the actions that play them."""

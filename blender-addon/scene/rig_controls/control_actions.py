@@ -1,0 +1,285 @@
+"""A take on the controls of a rig: actions of its own, written, found, and taken away again.
+
+A data-block that plays nothing plays our action; elsewhere it is a strip on a track of its own, and
+what the artist's action has on the same controls stands aside. What must be undone lies on our
+action, beside the id of the face whose take it is.
+"""
+
+import json
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
+
+import bpy
+import numpy as np
+
+from ...core.errors import AnyfaceError
+from .. import identity
+from ..animation import curves, digest
+from ..life import turns
+from ..takes import nla
+from . import control_kinds
+from .control_fit import Fitted
+from .control_kinds import COLLECTIONS, Control
+
+MARK = "anyface_controls"
+# On our action: the artist's, of which a copy without some curves plays meanwhile.
+_ASIDE = "anyface_controls_aside"
+_TRACK = "Anyface"
+
+
+@dataclass
+class Mark:
+    """What an action of ours says of itself.
+
+    `owner` is the id of the face, `block` that of the object that plays it (the name of other
+    data-blocks). `before` are values by data path as they were; `paths` are those of our curves.
+    """
+
+    owner: str
+    block: str
+    before: list[tuple[str, list[float]]] = field(default_factory=list)
+    paths: list[str] = field(default_factory=list)
+    made_animation_data: bool = False
+    aside_print: str = ""
+
+
+def check(block) -> None:
+    """Raises `AnyfaceError("mesh")` where a data-block can be given no curves."""
+    if block.library is not None:
+        raise AnyfaceError(
+            "mesh",
+            f"{block.name} is linked from {block.library.filepath}: make a library override of the "
+            "character (Object > Library Override > Make)",
+        )
+    animation = block.animation_data
+    if animation is not None and animation.use_tweak_mode:
+        raise AnyfaceError("mesh", f"{block.name}: leave the NLA strip's tweak mode (Tab) first")
+
+
+def prepare(fitted: Fitted, at: np.ndarray, times: np.ndarray):
+    """Makes an action with curves of all controls on whole frames, from rest and back to it, for
+    each data-block; yields between controls. Closed before its end it leaves nothing.
+
+    `times` `[T]` are the scene frames of the values, `at` the first and the last frame of all.
+    """
+    by_block, made = {}, {}
+    for control, moved in fitted.moved:
+        by_block.setdefault(control.block, []).append((control, moved))
+    try:
+        for block, moved in by_block.items():
+            check(block)
+            made[block], bag = curves.new_action(f"{block.name} Anyface", block.id_type)
+            for control, rows in moved:
+                _write_curves(bag, control, rows, at, times)
+                yield
+    except BaseException:
+        drop(made)
+        raise
+    return made
+
+
+def drop(made: dict) -> None:
+    """Deletes actions that were prepared and not used; an undo may have done so already."""
+    for action in made.values():
+        with suppress(ReferenceError):
+            curves.delete_action(action)
+
+
+def write(ob, fitted: Fitted, made: dict) -> None:
+    """Gives each data-block the action that was prepared for it."""
+    for block in made:
+        check(block)
+    for block, action in made.items():
+        controls = [control for control, _ in fitted.moved if control.block == block]
+        _write_on(ob, block, controls, action)
+
+
+def redo(ob, fitted: Fitted, at: np.ndarray, stretch) -> None:
+    """Mixes the curves of a take of `ob` inside a `core.redo.Stretch` with other values `[n]` of
+    its controls at scene frames `at` `[n]`."""
+    marked = [(action, mark.block, mark.paths) for action, mark in actions_of(ob)]
+    for control, rows in fitted.moved:
+        name, path = _id(control.block), control.curve_path
+        found = [action for action, block, paths in marked if block == name and path in paths]
+        bags = [bag for action in found for bag in curves.bags(action)]
+        for index, column in control.columns(rows).items():
+            for curve in [bag.fcurves.find(path, index=index) for bag in bags]:
+                if curve is not None:
+                    curves.splice(curve, at[: len(column)], column, stretch)
+
+
+def actions_of(ob) -> list[tuple]:
+    """The actions that a take of `ob` plays, and what they say of themselves."""
+    owner = identity.known(ob)
+    marked = [(action, _read(action)) for action in bpy.data.actions if action.library is None]
+    return [(a, mark) for a, mark in marked if owner and mark is not None and mark.owner == owner]
+
+
+def rests(ob) -> dict[tuple, float]:
+    """Where numbers that a take of `ob` animates are at rest, by data-block and data path."""
+    found = {}
+    for action, mark in actions_of(ob):
+        for block in _players(action, mark):
+            found |= {(block, path): values[0] for path, values in mark.before if len(values) == 1}
+    return found
+
+
+def release(ob, keep: bool = False) -> bool:
+    """Takes the take of `ob` off all rigs, as they were before; False where there is none.
+
+    With `keep` its actions stay in the file and are the artist's.
+    """
+    found = actions_of(ob)
+    if found:
+        turns.release(ob)
+    for action, mark in found:
+        players = _players(action, mark)
+        for block in players:
+            _take_off(block, action, mark)
+        if players or action.users == action.use_fake_user:
+            _part_with(action, keep)
+    return bool(found)
+
+
+def follow(copy, copies: dict[str, list]) -> None:
+    """The take that a `copy` of a rig plays belongs to the copy of its face, where there is one;
+    `copies` are objects by old id. Otherwise it is the artist's."""
+    for action in _played(copy):
+        mark = _read(action)
+        if mark is None or mark.block == identity.known(copy):
+            continue
+        fresh = action.copy()
+        _replace(copy, action, fresh)
+        del fresh[MARK]
+        faces = copies.get(mark.owner, [])
+        if len(faces) == 1:
+            mark.owner, mark.block = identity.known(faces[0]), identity.known(copy)
+            fresh[MARK] = json.dumps(asdict(mark))
+
+
+def _write_on(ob, block, controls: list[Control], action) -> None:
+    if block.id_type == "OBJECT":
+        identity.of(block)
+    mark = Mark(identity.of(ob), _id(block))
+    animation = block.animation_data
+    if animation is None:
+        animation, mark.made_animation_data = block.animation_data_create(), True
+    for control in controls:
+        mark.before.append((control.path, control.read()))
+        mark.paths.append(control.curve_path)
+    _set_aside(block, animation, action, mark)
+    _play(animation, action)
+    action[MARK] = json.dumps(asdict(mark))
+
+
+def _write_curves(bag, control: Control, rows: np.ndarray, at, times) -> None:
+    whole = np.arange(np.ceil(times[0]), np.floor(times[-1]) + 1.0)
+    frames = np.concatenate([[at[0]], whole, [at[1]]])
+    rest = control.columns(np.zeros((1, rows.shape[1])))
+    for index, column in control.columns(rows).items():
+        values = np.interp(whole, times, column)
+        values = np.concatenate([rest[index], values, rest[index]])
+        curves.write(bag, control.curve_path, frames, values, index=index)
+
+
+def _play(animation, action) -> None:
+    if animation.action is None:
+        animation.action = action
+        if curves.LAYERED and animation.action_slot is None:
+            animation.action_slot = action.slots[0]
+        return
+    first, last = action.frame_range
+    strip = nla.add_strip(animation, _TRACK, action, first)
+    strip.action_frame_start, strip.action_frame_end = first, last
+    strip.extrapolation = "HOLD"
+
+
+def _set_aside(block, animation, action, mark: Mark) -> None:
+    """A copy of the artist's action, without what is ours now, plays in its place."""
+    original = animation.action
+    if original is None or not any(curves.find_any(animation, path) for path in mark.paths):
+        return
+    action[_ASIDE] = original
+    animation.action = original.copy()
+    curves.remove(animation, set(mark.paths))
+    mark.aside_print = digest.action_digest(animation.action)
+
+
+def _put_back(animation, action, mark: Mark) -> None:
+    original = action.get(_ASIDE)
+    if original is None:
+        return
+    del action[_ASIDE]
+    stand_in = animation.action
+    if stand_in is not None and digest.action_digest(stand_in) != mark.aside_print:
+        # The artist has worked in the copy since: it stays, with what we had taken out.
+        curves.copy_paths(original, curves.channels(animation, create=True), set(mark.paths))
+        return
+    animation.action = original
+    curves.delete_action(stand_in)
+
+
+def _take_off(block, action, mark: Mark) -> None:
+    animation = block.animation_data
+    nla.remove_strips(animation, action)
+    if animation.action == action:
+        curves.own_action(block, action)
+        action = animation.action
+        every = {curve.data_path for bag in curves.bags(action) for curve in bag.fcurves}
+        if every <= set(mark.paths):
+            animation.action = None
+        else:
+            # The artist's own curves, in our action: they stay where they play.
+            curves.remove(animation, set(mark.paths))
+    _put_back(animation, action, mark)
+    curves.drop_idle_animation(block, mark.made_animation_data)
+    for path, values in mark.before:
+        control_kinds.put(block, path, values)
+
+
+def _part_with(action, keep: bool) -> None:
+    if MARK in action:
+        del action[MARK]
+    if keep:
+        action.use_fake_user = True
+    elif action.users == action.use_fake_user:
+        bpy.data.actions.remove(action)
+
+
+def _players(action, mark: Mark) -> list:
+    """The data-blocks that play an action for its face: not copies of them."""
+    every = [block for name in COLLECTIONS.values() for block in getattr(bpy.data, name)]
+    players = [block for block in every if action in _played(block)]
+    return [block for block in players if _id(block) == mark.block] or (
+        players if len(players) == 1 and players[0].id_type != "OBJECT" else []
+    )
+
+
+def _played(block) -> list:
+    animation = block.animation_data if block.library is None else None
+    if animation is None:
+        return []
+    strips = [strip.action for track in animation.nla_tracks for strip in track.strips]
+    return [action for action in {animation.action, *strips} if action is not None]
+
+
+def _replace(block, action, fresh) -> None:
+    animation = block.animation_data
+    if animation.action == action:
+        animation.action = fresh
+    for strip in [strip for track in animation.nla_tracks for strip in track.strips]:
+        if strip.action == action:
+            strip.action = fresh
+
+
+def _id(block) -> str:
+    if block.id_type != "OBJECT":
+        return block.name
+    return identity.known(block)
+
+
+def _read(action) -> Mark | None:
+    try:
+        return Mark(**json.loads(action[MARK]))
+    except (KeyError, ValueError, TypeError):
+        return None

@@ -1,0 +1,291 @@
+"""What an artist moves to move a face: where a bone is, how it is turned, a number on its own.
+
+A control reads and sets its values, and knows where its curves go. Values are relative to rest.
+"""
+
+import json
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+from mathutils import Euler, Quaternion, Vector
+
+from ...core import turn
+
+# A bone of no limit turns no farther than this, radians; a number goes no farther than this.
+MOST_TURN, MOST_VALUE = 1.0, 10.0
+# Kinds of data-blocks that hold controls, by `ID.id_type`.
+COLLECTIONS = {"OBJECT": "objects", "ARMATURE": "armatures", "MESH": "meshes"}
+
+
+@dataclass
+class Control:
+    """Numbers of one property that move together: `indices` of its elements are free.
+
+    `block` is the data-block and `path` the data path of the property; `lowest` and `highest` are
+    limits of each free element from rest.
+    """
+
+    block: bpy.types.ID
+    path: str
+    indices: list[int]
+    lowest: list[float]
+    highest: list[float]
+    # The bone that is moved; empty for a number. What a number is at rest.
+    bone: str = ""
+    rest: float = 0.0
+
+    @property
+    def label(self) -> str:
+        """What the artist knows it by."""
+        return self.bone or self.path.rpartition("[")[2].strip("]\"'") or self.path
+
+    @property
+    def curve_path(self) -> str:
+        """The data path of its curves, whose elements have indices."""
+        return self.path
+
+    def read(self) -> list[float]:
+        """The property as it is."""
+        raise NotImplementedError
+
+    def write(self, values: list[float]) -> None:
+        """Sets the property as `read` gives it."""
+        raise NotImplementedError
+
+    def set(self, moved) -> None:
+        """Sets the free elements as far from rest as `moved`."""
+        raise NotImplementedError
+
+    def columns(self, moved: np.ndarray) -> dict[int, np.ndarray]:
+        """Curves `[T]` of the property by index for values `[T, N]` of the free elements."""
+        raise NotImplementedError
+
+
+class Location(Control):
+    """Where a pose bone is."""
+
+    def read(self):
+        return list(self._bone.location)
+
+    def write(self, values):
+        self._bone.location = values
+
+    def set(self, moved):
+        place = [0.0, 0.0, 0.0]
+        for index, value in zip(self.indices, moved, strict=True):
+            place[index] = value
+        self._bone.location = place
+
+    def columns(self, moved):
+        return dict(zip(self.indices, moved.T, strict=True))
+
+    @property
+    def _bone(self):
+        return self.block.pose.bones[self.bone]
+
+
+class EulerTurn(Location):
+    """How a pose bone with Euler angles is turned; angles that are locked stay at 0."""
+
+    def read(self):
+        return list(self._bone.rotation_euler)
+
+    def write(self, values):
+        self._bone.rotation_euler = Euler(values, self._bone.rotation_mode)
+
+    def set(self, moved):
+        angles = [0.0, 0.0, 0.0]
+        for index, value in zip(self.indices, moved, strict=True):
+            angles[index] = value
+        self.write(angles)
+
+
+class VectorTurn(Location):
+    """How a pose bone with a quaternion, or an axis and an angle, is turned.
+
+    Values are the components of the rotation vector, radians.
+    """
+
+    def read(self):
+        return list(getattr(self._bone, self._name))
+
+    def write(self, values):
+        setattr(self._bone, self._name, values)
+
+    def set(self, moved):
+        row = self.columns(np.array([moved]))
+        self.write([float(row[index][0]) for index in range(4)])
+
+    def columns(self, moved):
+        vectors = np.zeros((len(moved), 3))
+        vectors[:, self.indices] = moved
+        if self._name == "rotation_quaternion":
+            return dict(enumerate(turn.of_vectors(vectors).T))
+        angles = np.linalg.norm(vectors, axis=1)
+        # Where nothing is turned any axis will do.
+        axes = np.where(angles[:, None] > 0.0, vectors, [0.0, 1.0, 0.0])
+        axes = axes / np.linalg.norm(axes, axis=1, keepdims=True)
+        return dict(enumerate([angles, *axes.T]))
+
+    @property
+    def _name(self) -> str:
+        return self.path.rpartition(".")[2]
+
+
+class Number(Control):
+    """A custom property, or another number, of an object, a bone or their data."""
+
+    @property
+    def curve_path(self):
+        return self.path if _is_custom(self.path) or self.path[-1] != "]" else _body(self.path)
+
+    def read(self):
+        owner, key, index = split(self.block, self.path)
+        value = owner[key] if index is None and _is_custom(self.path) else getattr(owner, key)
+        return [float(value if index is None else value[index])]
+
+    def write(self, values):
+        put(self.block, self.path, values)
+
+    def set(self, moved):
+        self.write([self.rest + float(moved[0])])
+
+    def columns(self, moved):
+        return {self.indices[0]: self.rest + moved[:, 0]}
+
+
+def _is_custom(path: str) -> bool:
+    return path.endswith(('"]', "']"))
+
+
+def _body(path: str) -> str:
+    """A data path without the element at its end."""
+    return path.rpartition("[")[0]
+
+
+def split(block, path: str) -> tuple:
+    """The owner of a property, its name, and the element (None for the whole) of a data path.
+
+    Raises `ValueError` for a path that leads nowhere.
+    """
+    if _is_custom(path):
+        at = path.rindex("[" + path[-2])
+        owner = block.path_resolve(path[:at]) if at else block
+        inside = path[at + 2 : -2].replace("\\'", "'") if path[-2] == "'" else None
+        key = json.loads(path[at + 1 : -1]) if inside is None else inside
+        if key not in owner:
+            raise ValueError(f"{path}: expected a property that is there")
+        return owner, key, None
+    body, index = path, None
+    if path.endswith("]"):
+        body, index = _body(path), int(path.rpartition("[")[2][:-1])
+    at = body.rfind(".")
+    owner = block.path_resolve(body[:at]) if at >= 0 else block
+    if not hasattr(owner, body[at + 1 :]):
+        raise ValueError(f"{path}: expected a property that is there")
+    return owner, body[at + 1 :], index
+
+
+def put(block, path: str, values: list[float]) -> None:
+    """Sets what a control was, once it is gone: `values` as its `read` gave them."""
+    try:
+        owner, key, index = split(block, path)
+    except (ValueError, AttributeError):
+        return
+    if _is_custom(path):
+        owner[key] = values[0]
+    elif index is not None:
+        getattr(owner, key)[index] = values[0]
+    else:
+        setattr(owner, key, values if len(values) > 1 else values[0])
+    block.update_tag()
+
+
+def number(block, path: str) -> Number | None:
+    """The control of a number by its data path; None where it is none that moves smoothly."""
+    try:
+        owner, key, index = split(block, path)
+        custom = _is_custom(path)
+        value = owner[key] if custom else getattr(owner, key)
+        value = value if index is None else value[index]
+    except (ValueError, KeyError, IndexError, AttributeError, TypeError):
+        return None
+    if not isinstance(value, float) or _driven(block, path, index):
+        return None
+    low, high = _limits(owner, key, custom)
+    low, high = max(low, value - MOST_VALUE), min(high, value + MOST_VALUE)
+    found = Number(block, path, [index or 0], [low - value], [high - value])
+    found.rest = value
+    return found
+
+
+def _limits(owner, key: str, custom: bool) -> tuple[float, float]:
+    if custom:
+        told = owner.id_properties_ui(key).as_dict()
+        return (max(told.get("min", -MOST_VALUE), told.get("soft_min", -MOST_VALUE)),
+                min(told.get("max", MOST_VALUE), told.get("soft_max", MOST_VALUE)))  # fmt: skip
+    told = owner.bl_rna.properties[key]
+    return told.soft_min, told.soft_max
+
+
+def location(rig, bone, reach: float) -> Location | None:
+    """The control of where a pose bone is, `reach` from rest where nothing limits it; or None."""
+    if bone.bone.use_connect and bone.parent is not None:
+        return None
+    path = f"{bone.path_from_id()}.location"
+    free = [i for i in range(3) if not bone.lock_location[i] and not _driven(rig, path, i)]
+    low, high = _constrained(bone, "LIMIT_LOCATION", reach)
+    return Location(rig, path, free, [low[i] for i in free], [high[i] for i in free], bone.name)
+
+
+def rotation(rig, bone) -> Control | None:
+    """The control of how a pose bone is turned; None where it is driven."""
+    mode = bone.rotation_mode
+    name = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}.get(
+        mode, "rotation_euler"
+    )
+    path = f"{bone.path_from_id()}.{name}"
+    euler = name == "rotation_euler"
+    if not euler and any(_driven(rig, path, index) for index in range(4)):
+        return None
+    free = [i for i in range(3) if not bone.lock_rotation[i]]
+    free = [i for i in free if not (euler and _driven(rig, path, i))]
+    low, high = _constrained(bone, "LIMIT_ROTATION", MOST_TURN)
+    kind = EulerTurn if euler else VectorTurn
+    return kind(rig, path, free, [low[i] for i in free], [high[i] for i in free], bone.name)
+
+
+def _driven(block, path: str, index: int | None) -> bool:
+    path, index = (path, 0) if index is None else (_body(path) if path[-1] == "]" else path, index)
+    animation = block.animation_data
+    drivers = animation.drivers if animation is not None else ()
+    return any(d.data_path == path and d.array_index == index for d in drivers)
+
+
+def _constrained(bone, kind: str, reach: float) -> tuple[list[float], list[float]]:
+    """What a limit in the bone's own space allows, around rest."""
+    low, high = [-reach] * 3, [reach] * 3
+    for constraint in bone.constraints:
+        if constraint.type != kind or constraint.mute or constraint.owner_space != "LOCAL":
+            continue
+        for i, axis in enumerate("xyz"):
+            below, above = _limits_of(constraint, kind, axis)
+            low[i], high[i] = max(low[i], min(below, 0.0)), min(high[i], max(above, 0.0))
+    return low, high
+
+
+def _limits_of(constraint, kind: str, axis: str) -> tuple[float, float]:
+    below, above = getattr(constraint, f"min_{axis}"), getattr(constraint, f"max_{axis}")
+    if kind == "LIMIT_ROTATION":
+        used = getattr(constraint, f"use_limit_{axis}")
+        return (below, above) if used else (-np.inf, np.inf)
+    used = getattr(constraint, f"use_min_{axis}"), getattr(constraint, f"use_max_{axis}")
+    return (below if used[0] else -np.inf), (above if used[1] else np.inf)
+
+
+def at_rest(bone) -> bool:
+    """True for a pose bone that nobody has moved."""
+    _, basis_turn, scale = bone.matrix_basis.decompose()
+    still = bone.location.length_squared == 0.0 and basis_turn == Quaternion()
+    return still and scale == Vector((1.0, 1.0, 1.0))

@@ -1,0 +1,165 @@
+"""The rig of a face, and which of its bones and numbers may move it."""
+
+from dataclasses import dataclass
+
+import bpy
+
+from ...core import control_names
+from ...core.errors import AnyfaceError
+from . import control_kinds
+from .control_kinds import COLLECTIONS, Control
+
+BONE, NUMBER = "BONE", "NUMBER"
+# Bones of these kinds are worked by others.
+_INNER = ("DEF-", "ORG-", "MCH-", "VIS-", "VIS_", "WGT-")
+
+
+@dataclass(frozen=True)
+class Source:
+    """A bone by its name, or a number by its data path, of a data-block.
+
+    `sided` says that its two directions may do different things: something is driven by it.
+    """
+
+    kind: str
+    block: bpy.types.ID
+    name: str
+    sided: bool = False
+
+    @property
+    def label(self) -> str:
+        """What the artist knows it by: the bone, or the property's name."""
+        if self.kind == BONE or not self.name.endswith("]"):
+            return self.name
+        owner, _, last = self.name.rpartition("[")
+        return last.strip("]\"'") if last[0] in "\"'" else f"{owner} {'XYZW'[int(last[:-1])]}"
+
+    @property
+    def key(self) -> tuple:
+        """What tells it from others."""
+        return self.kind, self.block.name, self.name
+
+    def controls(self, reach: float) -> list[Control]:
+        """What can be moved of it; bones go `reach` from rest where nothing limits them."""
+        if self.kind == NUMBER:
+            found = [control_kinds.number(self.block, self.name)]
+        else:
+            bone = self.block.pose.bones.get(self.name)
+            if bone is None:
+                return []
+            found = [control_kinds.location(self.block, bone, reach)]
+            found.append(control_kinds.rotation(self.block, bone))
+        return [control for control in found if control is not None and control.indices]
+
+
+def rig_of(ob):
+    """The armature that moves `ob`: that of its modifier, its parent, or that of its drivers."""
+    found = [m.object for m in ob.modifiers if m.type == "ARMATURE" and m.object is not None]
+    parent = ob.parent
+    while parent is not None:
+        found.append(parent)
+        parent = parent.parent
+    found += [target for _, target, _ in _targets(_blocks(ob, None))]
+    return next((other for other in found if getattr(other, "type", "") == "ARMATURE"), None)
+
+
+def has_any(ob) -> bool:
+    """Whether there is something that may move the face `ob`."""
+    return rig_of(ob) is not None or any(True for _ in _targets(_blocks(ob, None)))
+
+
+def propose(ob, rig, left_alone: list[str]) -> list[Source]:
+    """What may move the face `ob`: what drivers read, then bones of `rig` (None for no rig).
+
+    Bones are those of a list of names that fits, or all that an artist sees. Those of names
+    `left_alone` are worked by others.
+    """
+    found = {source.key: source for source in _driving(ob, rig)}
+    if rig is not None:
+        seen = [bone.name for bone in rig.pose.bones if _is_seen(rig, bone)]
+        _, named = control_names.guess([bone.name for bone in rig.pose.bones])
+        for name in named or seen:
+            source = Source(BONE, rig, name, name in _acting(rig))
+            found.setdefault(source.key, source)
+    return [source for source in found.values() if source.name not in left_alone]
+
+
+def of_preset(rig, preset: str) -> list[Source]:
+    """The bones of `rig` that a list names."""
+    names = control_names.fitting(preset, [bone.name for bone in rig.pose.bones])
+    return [Source(BONE, rig, name, name in _acting(rig)) for name in names]
+
+
+def find(kind: str, id_type: str, block: str, name: str, sided: bool) -> Source:
+    """The source that a stored row names; raises `AnyfaceError("input")` where it is gone."""
+    found = getattr(bpy.data, COLLECTIONS.get(id_type, "objects")).get(block)
+    if kind == NUMBER:
+        there = found is not None and _leads(found, name)
+    else:
+        there = found is not None and found.type == "ARMATURE" and name in found.pose.bones
+    if not there:
+        raise AnyfaceError("input", f"{block} has no {name} any more: press Find Controls")
+    return Source(kind, found, name, sided)
+
+
+def _leads(block, path: str) -> bool:
+    """Whether a data path leads somewhere."""
+    try:
+        block.path_resolve(path)
+    except ValueError:
+        return False
+    return True
+
+
+def _driving(ob, rig) -> list[Source]:
+    """What the drivers of a face and its rig read, each source once."""
+    found = []
+    for variable, block, target in _targets(_blocks(ob, rig)):
+        if block.id_type not in COLLECTIONS:
+            continue
+        if variable.type == "SINGLE_PROP":
+            found.append(_of_path(block, target.data_path))
+        elif target.bone_target:
+            found.append(Source(BONE, block, target.bone_target, True))
+        elif variable.type == "TRANSFORMS" and target.transform_type.startswith("LOC_"):
+            axis = "XYZ".index(target.transform_type[-1])
+            found.append(Source(NUMBER, block, f"location[{axis}]", True))
+    return [source for source in found if source is not None]
+
+
+def _of_path(block, path: str) -> Source | None:
+    for bone in block.pose.bones if path.startswith("pose.bones[") else ():
+        prefix = bone.path_from_id() + "."
+        if path.startswith((prefix + "location", prefix + "rotation")):
+            return Source(BONE, block, bone.name, True)
+    return Source(NUMBER, block, path, True)
+
+
+def _blocks(ob, rig) -> list:
+    blocks = [ob, ob.data, ob.data.shape_keys]
+    blocks += [rig, rig.data] if rig is not None else []
+    return [block for block in blocks if block is not None]
+
+
+def _targets(blocks: list):
+    """Each variable of each driver with the data-block that it reads and its target."""
+    for block in blocks:
+        animation = block.animation_data
+        for curve in animation.drivers if animation is not None else ():
+            for variable in curve.driver.variables:
+                for target in variable.targets:
+                    if target.id is not None:
+                        yield variable, target.id, target
+
+
+def _acting(rig) -> set[str]:
+    """Bones whose place plays an action on others."""
+    every = [c for bone in rig.pose.bones for c in bone.constraints if c.type == "ACTION"]
+    return {constraint.subtarget for constraint in every}
+
+
+def _is_seen(rig, bone) -> bool:
+    if bone.name.startswith(_INNER) or getattr(bone, "hide", False) or bone.bone.hide:
+        return False
+    collections = bone.bone.collections
+    return not len(collections) or any(c.is_visible_effectively for c in collections)

@@ -1,0 +1,127 @@
+"""A take on the keys that the artist already has: only their values are animated."""
+
+import numpy as np
+
+from ...core import key_names
+from ...core.key_names import Pair
+from ..animation import curves, digest
+from ..face.mesh import read_key
+from . import record
+
+# Holds the action that a copy of ours stands in for, so that it is saved with the file.
+REPLACED = record.REPLACED_ACTION
+
+
+def find(ob, mapping: list[Pair]) -> list[Pair]:
+    """The pairs whose keys can be animated; `mapping` empty finds them by name.
+
+    Keys that a driver moves, muted and locked ones are left to the artist.
+    """
+    shape_keys = ob.data.shape_keys
+    if shape_keys is None:
+        return []
+    free = [block.name for block in _free(shape_keys)]
+    if not mapping:
+        return key_names.guess(free)[1]
+    return [pair for pair in mapping if pair.key in free]
+
+
+def names_of(pairs: list[Pair]) -> list[str]:
+    """The keys of pairs, each once."""
+    return list(dict.fromkeys(pair.key for pair in pairs))
+
+
+def factors(pairs: list[Pair]) -> tuple[list[str], np.ndarray]:
+    """The shapes of pairs `[S]`, and how far each moves each of `names_of`, `[S, K]`."""
+    shown, keys = list(dict.fromkeys(pair.shape for pair in pairs)), names_of(pairs)
+    found = np.zeros((len(shown), len(keys)), dtype=np.float32)
+    for pair in pairs:
+        found[shown.index(pair.shape), keys.index(pair.key)] += pair.factor
+    return shown, found
+
+
+def shown_by(pairs: list[Pair]) -> dict[str, str]:
+    """The shape that each key shows most of."""
+    most = sorted(pairs, key=lambda pair: pair.factor)
+    return {pair.key: pair.shape for pair in most}
+
+
+def left_alone(ob, mapping: list[Pair]) -> list[str]:
+    """Keys that show a shape too and are not animated: driven, muted or locked ones."""
+    shape_keys = ob.data.shape_keys
+    if shape_keys is None:
+        return []
+    free = {block.name for block in _free(shape_keys)}
+    names = [block.name for block in shape_keys.key_blocks if block.name not in free]
+    ours = record.all_keys(shape_keys)
+    wanted = mapping or key_names.guess([name for name in names if name not in ours])[1]
+    return [key for key in names_of(wanted) if key in names]
+
+
+def vectors(ob, names) -> np.ndarray:
+    """What each key moves at value 1, `[S, V, 3]` in object space."""
+    blocks = ob.data.shape_keys.key_blocks
+    return np.stack(
+        [read_key(blocks[name]) - read_key(blocks[name].relative_key) for name in names]
+    )
+
+
+def note_values(shape_keys, taken: record.Record) -> None:
+    """Notes how the artist's keys are set now, and sets his curves on them aside."""
+    blocks = shape_keys.key_blocks
+    taken.values = {name: blocks[name].value for name in taken.values if name in blocks}
+    _set_action_aside(shape_keys, {curves.value_path(name) for name in taken.values}, taken)
+
+
+def restore(shape_keys, taken: record.Record) -> None:
+    """Gives the keys back as they were, once our curves are gone."""
+    _put_action_back(shape_keys, taken)
+    for name, value in taken.values.items():
+        block = shape_keys.key_blocks.get(name)
+        if block is not None:
+            block.value = value
+
+
+def _set_action_aside(shape_keys, paths: set[str], taken) -> None:
+    animation = shape_keys.animation_data
+    if animation is None or not any(curves.find(animation, path) for path in paths):
+        return
+    original = animation.action
+    shape_keys[REPLACED] = original
+    animation.action = original.copy()
+    curves.remove(animation, paths)
+    taken.replaced_print = digest.action_digest(animation.action)
+
+
+def _put_action_back(shape_keys, taken) -> None:
+    original = shape_keys.get(REPLACED)
+    if original is None:
+        return
+    del shape_keys[REPLACED]
+    animation = shape_keys.animation_data
+    copy = animation.action if animation is not None else None
+    if copy is None:
+        return
+    if digest.action_digest(copy) == taken.replaced_print:
+        animation.action = original
+        curves.delete_action(copy)
+        return
+    # The artist has worked in the copy since: it stays, with what we had taken out.
+    paths = {curves.value_path(name) for name in taken.values}
+    curves.copy_paths(original, curves.channels(animation, create=True), paths)
+
+
+def _free(shape_keys) -> list:
+    animation = shape_keys.animation_data
+    drivers = animation.drivers if animation is not None else ()
+    driven = {driver.data_path for driver in drivers}
+    ours = record.all_keys(shape_keys)
+    return [
+        block
+        for block in shape_keys.key_blocks
+        if block != shape_keys.reference_key
+        and block.name not in ours
+        and curves.value_path(block.name) not in driven
+        and not block.mute
+        and not getattr(block, "lock_shape", False)
+    ]

@@ -1,0 +1,87 @@
+"""ARKit's shapes as shape keys of the artist's own, which nobody animates yet."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...core import finding, plan, shapes, space
+from ...core.job import Progress
+from ...core.take import NETWORK, FaceMesh, Rig, ShapesBy
+from ..face import pieces
+from ..takes import keys
+from . import guard
+
+HALF = "_half"
+# Of the slider w, 0 at its ends and 1 halfway; Blender reckons it without running Python.
+HALFWAY = "1 - abs(2 * w - 1)"
+
+
+@dataclass
+class Making:
+    """A snapshot of a face; `work` needs nothing of Blender: any thread may run it."""
+
+    face: FaceMesh
+    engine: object
+    by: ShapesBy = NETWORK
+
+    def work(self, progress: Progress) -> Rig:
+        """The shapes in object space; raises `AnyfaceError`."""
+        seen = space.face_space(self.face.matrix_world, self.face.axes)
+        with finding.naming(self.face):
+            return plan.make_rig(self.face, seen, self.engine, progress, self.by)
+
+
+def objects(ob, face: FaceMesh) -> list:
+    """`ob` and what moves with it; raises `AnyfaceError("mesh")` where a part is gone."""
+    return [ob, *(pieces.object_of(pieces.Part(piece.name), ob) for piece in face.pieces[1:])]
+
+
+def add(ob, face: FaceMesh, rig: Rig, left_out=()) -> tuple[list[str], np.ndarray]:
+    """Keys of a face's shapes, but those `left_out`, on `ob` and on what moves with it.
+
+    Returns their names and vectors `[S, V, 3]`. Raises `AnyfaceError` where the mesh has changed or
+    a part is gone; nothing has changed then.
+    """
+    kept = [row for row, name in enumerate(rig.names) if name not in left_out]
+    names, vectors = [rig.names[row] for row in kept], rig.vectors[kept]
+    moved = [(one, plan.of_piece(face, vectors, one.name)[1]) for one in objects(ob, face)]
+    for one, own in moved:
+        guard.check_editable(one)
+        guard.check_size(one, own.shape[1])
+    for one, own in moved:
+        keys.add(one, names, own, everything=one == ob)
+    return names, vectors
+
+
+def bent(rig: Rig) -> Rig:
+    """The same with each `NAME_half` as what half of `NAME` lacks of it."""
+    rows = {name: row for row, name in enumerate(rig.names)}
+    vectors = rig.vectors.copy()
+    for name in shapes.ARKIT:
+        if name + HALF in rows:
+            vectors[rows[name + HALF]] -= 0.5 * vectors[rows[name]]
+    return Rig(rig.names, vectors, rig.notes)
+
+
+def drive(ob, face: FaceMesh) -> None:
+    """Lets one slider of `ob` move a shape, what it lacks halfway, and the key of each part."""
+    own = ob.data.shape_keys
+    for name in shapes.ARKIT:
+        if name + HALF in own.key_blocks:
+            _driven(own, name + HALF, own, name, HALFWAY)
+    for one in objects(ob, face):
+        part = one.data.shape_keys
+        if one == ob or part is None:
+            continue
+        for name in (*shapes.ARKIT, *(name + HALF for name in shapes.ARKIT)):
+            if name in part.key_blocks and name in own.key_blocks:
+                _driven(part, name, own, name, "w")
+
+
+def _driven(of, name: str, by, source: str, expression: str) -> None:
+    driver = of.key_blocks[name].driver_add("value").driver
+    variable = driver.variables.new()
+    variable.name = "w"
+    variable.targets[0].id_type, variable.targets[0].id = "KEY", by
+    variable.targets[0].data_path = f'key_blocks["{source}"].value'
+    driver.expression = expression

@@ -1,0 +1,34 @@
+"""What the sliders of a take change, kept with the shape keys: a packed custom property a take."""
+
+from ...core import sliders
+from . import record
+
+_PROPERTY = "anyface_sliders_"
+# What was unpacked last, with the bytes it came from: a drag asks many times a second.
+_last: tuple[bytes, dict[str, sliders.SliderChange]] = (b"", {})
+
+
+def write(shape_keys, taken: record.Record, packed: bytes) -> None:
+    """Stores the sliders of a take; nothing where it has none."""
+    if packed:
+        shape_keys[_PROPERTY + taken.id] = packed
+
+
+def read(shape_keys, taken: record.Record) -> dict[str, sliders.SliderChange]:
+    """The sliders of a take by name; none where nothing was stored, or something else."""
+    global _last
+    packed = shape_keys.get(_PROPERTY + taken.id)
+    if not isinstance(packed, bytes):
+        return {}
+    if packed != _last[0]:
+        try:
+            _last = packed, sliders.unpack(packed)
+        except ValueError:
+            return {}
+    return _last[1]
+
+
+def clear(shape_keys, taken: record.Record) -> None:
+    """Takes the sliders of a take away."""
+    if _PROPERTY + taken.id in shape_keys:
+        del shape_keys[_PROPERTY + taken.id]

@@ -1,0 +1,1 @@
+"""Sound: strips of the sequencer and files, decoded, and what is heard in them."""

@@ -1,0 +1,138 @@
+"""Several sound strips as one take, and what the panel says of a sound before it is used."""
+
+import math
+import os
+import re
+import wave
+from dataclasses import dataclass
+from functools import lru_cache
+
+import bpy
+
+from ...core.errors import AnyfaceError
+from ...core.source import Decode, MixedSource
+from . import sequencer, sound_source
+
+
+def chosen(scene, names: list[str], channel: int) -> list:
+    """The strips called `names`, or else all sound strips of a channel, first to last.
+
+    Raises `AnyfaceError("audio")` where there are none.
+    """
+    strips = sequencer.sound_strips(scene)
+    if names:
+        found = [sequencer.sound_strip(scene, name) for name in names]
+        return sorted(found, key=lambda strip: sequencer.ends(strip)[0])
+    found = [strip for strip in strips if strip.channel == channel]
+    if not found:
+        known = ", ".join(str(n) for n in sorted({strip.channel for strip in strips})) or "none"
+        raise AnyfaceError(
+            "audio",
+            f"no sound strip on channel {channel} of {scene.name} (there are some on {known})",
+        )
+    return found
+
+
+def named_in(name: str, objects: list):
+    """The object whose name stands anywhere in that of a strip, the longest one; or None."""
+    said, named = f" {_words(name)} ", [ob for ob in objects if _words(ob.name)]
+    named = [ob for ob in named if f" {_words(ob.name)} " in said]
+    return max(named, key=lambda ob: len(ob.name), default=None)
+
+
+def without_name(name: str, objects: list) -> str:
+    """A name without that of the object which stands in it: "Anna: smile" is "smile"."""
+    found = named_in(name, objects)
+    if found is None:
+        return name
+    letters = r"[\W_]*".join(map(re.escape, _words(found.name).split()))
+    return re.sub(rf"(?i)[\W_]*{letters}[\s:_.-]*", " ", name, count=1).strip()
+
+
+def _words(name: str) -> str:
+    """ "Anna_01.wav" is "anna 01 wav"."""
+    return " ".join(re.findall(r"[^\W\d_]+|\d+", name.lower()))
+
+
+def as_one(scene, strips: list, decode: Decode) -> MixedSource:
+    """The strips as they play: each at its place, muted ones left out and named.
+
+    Raises `AnyfaceError("audio")` where all are muted.
+    """
+    audible = [strip for strip in strips if not strip.mute]
+    muted = [strip.name for strip in strips if strip.mute]
+    if not audible:
+        text = f"all chosen strips are muted ({', '.join(muted)}): unmute one"
+        raise AnyfaceError("audio", text, ("unmute",))
+    fps = scene.render.fps / scene.render.fps_base
+    parts = [sound_source.from_strip(scene, strip.name, decode) for strip in audible]
+    start = min(part.start_frame for part in parts)
+    places = [(part.start_frame - start) / fps for part in parts]
+    name = audible[0].name if len(audible) == 1 else f"{len(audible)} strips"
+    notes = [f"muted and left out: {', '.join(muted)}"] if muted else []
+    return MixedSource(parts, places, name, start, notes)
+
+
+@dataclass
+class Length:
+    """What the panel shows of a sound: scene frames (the last one not included) and seconds."""
+
+    first: float
+    last: float
+    seconds: float
+
+    def __str__(self) -> str:
+        # The last frame on which something is heard.
+        last = max(math.ceil(self.last) - 1, math.floor(self.first))
+        return f"frames {self.first:g} to {last}, {self.seconds:.2f} s"
+
+
+def length_of(scene, strips: list, with_muted: bool = False) -> Length | None:
+    """Where strips begin and end; muted ones are left out unless `with_muted`. None without any."""
+    audible = [strip for strip in strips if with_muted or not strip.mute]
+    if not audible:
+        return None
+    ends = [sequencer.ends(strip) for strip in audible]
+    first, last = min(start for start, _ in ends), max(end for _, end in ends)
+    return Length(first, last, (last - first) * scene.render.fps_base / scene.render.fps)
+
+
+def length_of_file(scene, path: str, start_frame: float) -> Length | None:
+    """Where a sound file ends that begins at `start_frame`; None where that is not known yet."""
+    seconds = seconds_of(path)
+    if seconds is None:
+        return None
+    frames = seconds * scene.render.fps / scene.render.fps_base
+    return Length(start_frame, start_frame + round(frames, 2), seconds)
+
+
+def seconds_of(path: str) -> float | None:
+    """Length of a sound file in seconds; None where that is not known before decoding."""
+    full = bpy.path.abspath(path)
+    if not path or not os.path.isfile(full):
+        return None
+    return _seconds(full, os.stat(full).st_mtime_ns)
+
+
+def duration_s(source) -> float | None:
+    """Length of a `SoundSource` or `MixedSource` in seconds, None where it is not known yet."""
+    known = source.duration_s
+    return seconds_of(getattr(source, "path", "")) if known is None else known
+
+
+@lru_cache(maxsize=32)
+def _seconds(path: str, _changed: int) -> float | None:
+    """Length of a sound file from its header; the panel asks at every redraw."""
+    try:
+        with wave.open(path, "rb") as file:
+            return file.getnframes() / file.getframerate()
+    except (wave.Error, EOFError, OSError):
+        pass
+    try:
+        import aud
+
+        sound_file = aud.Sound(path)
+        return sound_file.length / sound_file.specs[0]
+    except Exception:
+        # Whatever the decoder says, the panel goes on; Generate tells what is wrong.
+        return None

@@ -1,0 +1,1 @@
+"""Takes: written, removed, kept beside others, changed, and made again in part."""

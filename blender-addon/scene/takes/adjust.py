@@ -1,0 +1,160 @@
+"""Changes a take that is there already: how strongly it moves, what it shows, and when."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from ...core import shapes, sliders
+from .. import copies, outputs
+from ..animation import curves
+from ..shape_keys import guard, record, slider_changes
+from . import together
+
+# What a take of named shapes can change on its own: beginnings of the shapes' names.
+GROUPS = {
+    "mouth": ("jaw", "mouth", "tongue", "viseme_"),
+    "blinks": ("eyeBlink",),
+    "brows": ("brow",),
+}
+# Weights below this are rounding.
+_NOTHING = 1e-6
+_NAMED = "it acts on New Keys; scale mouth, blinks and brows instead"
+_OLDER = "the take was made by an earlier version: generate again"
+
+
+def adjust(ob, **wanted: float) -> None:
+    """Changes the take of `ob` and of the objects beside it.
+
+    `strength` scales all of it, a name of `GROUPS` those shapes, `shift` moves it by scene frames;
+    a name of `sliders.NAMES` changes basis keys as a new run would, within its limits, where
+    `why_not` has no objection. All count from the take as it was made; what is not named stays.
+    """
+    copies.settle()
+    for part in (ob, *together.others_of(ob)):
+        if record.is_generated(part):
+            _adjust(part, wanted)
+
+
+def has_take(ob) -> bool:
+    """True where `ob` carries a take in its keys or as a cache."""
+    return outputs.of_object(ob) is not None
+
+
+def is_named(ob) -> bool:
+    """True where the take of `ob` is one of named shapes."""
+    output = outputs.of_object(ob)
+    return output is not None and not output.as_basis and not output.finished
+
+
+def names_of(ob) -> tuple[str, ...]:
+    """What the panel shows of a take beside its strength: sliders, or groups of shapes."""
+    if is_named(ob):
+        return tuple(groups_of(record.read(ob.data.shape_keys)))
+    taken = record.read(ob.data.shape_keys) if record.is_generated(ob) else None
+    still = taken.still if taken is not None else {}
+    return tuple(name for name in sliders.NAMES if still.get(name) != sliders.NONE)
+
+
+def why_not(ob, name: str) -> str:
+    """Why a name of `names_of` cannot change the take of `ob`, or ""."""
+    output = outputs.of_object(ob)
+    if output is None:
+        return "there is no take: generate one"
+    if output.finished:
+        return output.finished
+    taken = record.read(ob.data.shape_keys)
+    if not output.as_basis:
+        return "" if name in groups_of(taken) else _NAMED
+    if name in slider_changes.read(ob.data.shape_keys, taken):
+        return ""
+    return taken.still.get(name, _OLDER)
+
+
+def groups_of(taken: record.Record) -> list[str]:
+    """The groups that a take has shapes of."""
+    found = [_group(taken.shown.get(name, name)) for name in (*taken.keys, *taken.values)]
+    return [name for name in GROUPS if name in found]
+
+
+def _adjust(ob, wanted: dict[str, float]) -> None:
+    guard.own(ob)
+    shape_keys = ob.data.shape_keys
+    taken = record.read(shape_keys)
+    before, shift = dict(taken.adjusted), taken.adjusted.get("shift", 0.0)
+    found, output = slider_changes.read(shape_keys, taken), outputs.of_record(taken)
+    taken.adjusted |= _possible(wanted, output, found)
+    moved = taken.adjusted.get("shift", 0.0) - shift
+    added = _added(found, before, taken.adjusted)
+    if added is not None:
+        frames = taken.first_frame + shift + taken.frame_step * np.arange(len(added))
+    bag = curves.channels(shape_keys.animation_data)
+    made = {curve.data_path: curve for curve in bag.fcurves} if bag is not None else {}
+    if "eval_time" in made:
+        _change(made["eval_time"], 1.0, moved)
+    for number, name in enumerate((*taken.keys, *taken.values) if not output.finished else ()):
+        shown = taken.shown.get(name, name)
+        now, block = factor(shown, taken.adjusted), shape_keys.key_blocks.get(name)
+        if block is None or curves.value_path(name) not in made:
+            continue
+        more = None if added is None else (frames, now * added[:, number])
+        low, high = _change(made[curves.value_path(name)], now / factor(shown, before), moved, more)
+        if name in taken.keys:
+            block.slider_min, block.slider_max = min(block.slider_min, low), max(1.0, high)
+    record.write(shape_keys, taken)
+
+
+def _possible(wanted, output, found) -> dict[str, float]:
+    """What is wanted and can be; of basis keys within the limits of their sliders."""
+    if not output.as_basis:
+        groups = ("strength", "shift", *GROUPS)
+        return {name: value for name, value in wanted.items() if name in groups}
+    limited = {
+        name: min(max(wanted[name], change.limits[0]), change.limits[1])
+        for name, change in found.items()
+        if name in wanted and name in sliders.NAMES
+    }
+    return {name: wanted[name] for name in ("strength", "shift") if name in wanted} | limited
+
+
+def _added(found, before, after) -> np.ndarray | None:
+    """What sliders that stand elsewhere than before add to the weights, `[T, K]`; None for none."""
+    moved = []
+    for name, change in found.items():
+        old, new = sliders.place(name, before), sliders.place(name, after)
+        if old != new:
+            moved.append(change.at(new) - change.at(old))
+    return sum(moved) if moved else None
+
+
+def factor(name: str, adjusted: dict[str, float]) -> float:
+    """By how much a shape of a take was scaled."""
+    return adjusted.get("strength", 1.0) * adjusted.get(_group(name), 1.0)
+
+
+# A drag asks for every key many times a second.
+@lru_cache(maxsize=1024)
+def _group(key: str) -> str:
+    """The group of a key, whatever its spelling; empty for none."""
+    shape = next(iter(shapes.match([key])), "")
+    return next((name for name, starts in GROUPS.items() if shape.startswith(starts)), "")
+
+
+def _change(curve, factor: float, moved: float, more=None) -> tuple[float, float]:
+    """Scales a curve, adds `more` (values at frames `[T]`, before they move), moves it in time.
+
+    Keyframes that the artist has moved or added go along; outside the take nothing is added.
+    Returns the lowest and the highest value.
+    """
+    points = curves.places(curve)
+    points[1::2] *= factor
+    if more is not None:
+        frames, added = more
+        # Keyframes lie at rounded numbers.
+        half = 0.5 * (frames[1] - frames[0]) if len(frames) > 1 else 0.5
+        inside = (points[0::2] > frames[0] - half) & (points[0::2] < frames[-1] + half)
+        points[1::2] += inside * np.interp(points[0::2], frames, added)
+    # Blender passes over keys at exactly 0.
+    points[1::2] *= np.abs(points[1::2]) > _NOTHING
+    points[0::2] += moved
+    curves.put(curve, {"co": points})
+    return float(points[1::2].min(initial=0.0)), float(points[1::2].max(initial=0.0))

@@ -1,0 +1,102 @@
+"""Writes a take as shape keys."""
+
+import numpy as np
+
+from ...core.job import BEGUN, at_once
+from ...core.take import Take
+from .. import outputs
+from ..animation import curves
+from ..face import mesh
+from ..outputs.output import play
+from ..shape_keys import guard, record
+from . import remove
+
+
+def check(ob, take: Take) -> None:
+    """Raises `AnyfaceError` where its output objects, or the mesh has changed since it was read."""
+    output = outputs.of_take(take)
+    output.check_object(ob)
+    made = output.vectors(take)
+    if made is not None:
+        guard.check_size(ob, made.shape[1])
+
+
+def prepare(ob, take: Take, start_frame: float, scene_fps: float):
+    """Makes the curves of a take beforehand, yielding after each; returns `curves.Prepared`.
+
+    Closed before its end it leaves nothing.
+    """
+    weights = outputs.of_take(take).weights(take)
+    if weights is None:
+        return None
+    prepared = curves.Prepared(f"{ob.name} Anyface")
+    try:
+        yield from prepared.make(_times(take, start_frame, scene_fps), weights)
+    except BaseException:
+        prepared.drop()
+        raise
+    return prepared
+
+
+def _times(take: Take, start_frame: float, scene_fps: float) -> np.ndarray:
+    """Scene frames of rest, each frame and rest again; frame `t` lies at
+    `start_frame + t · scene_fps / take.fps`."""
+    return curves.with_rest(take.scene_frames(start_frame, scene_fps), scene_fps)
+
+
+def write(ob, take: Take, start_frame: float, scene_fps: float) -> record.Record:
+    """Puts `take` on `ob` with its first frame at `start_frame`; an earlier take goes.
+
+    Nothing is written where `check` objects.
+    """
+    return at_once(writing(ob, take, start_frame, scene_fps, None))
+
+
+def writing(ob, take: Take, start_frame: float, scene_fps: float, prepared: curves.Prepared | None):
+    """The same in steps with curves that were `prepared`: keys, then curves; yields `BEGUN`.
+
+    Between the steps Blender evaluates what there is: both at once would take it too long.
+    """
+    check(ob, take)
+    output, at = outputs.of_take(take), _times(take, start_frame, scene_fps)
+    with guard.object_mode(ob):
+        remove_earlier(ob)
+        with guard.selection_kept(ob):
+            taken = record.Record(output.name)
+            taken.prepared = prepared
+            guard.make_single_user(ob, taken)
+            record.write(ob.data.shape_keys, taken)
+            output.write(ob, take, mesh.read_basis(ob.data), at, taken)
+            record.write(ob.data.shape_keys, taken)
+            ob.data.update()
+    if taken.waiting is not None:
+        yield BEGUN
+        for _ in play(ob, taken):
+            yield BEGUN
+        record.write(ob.data.shape_keys, taken)
+    return taken
+
+
+def remove_earlier(ob) -> None:
+    """Takes away the take that a new one replaces."""
+    for output in outputs.ALL:
+        if output.on_mesh:
+            output.remove(ob)
+    remove.remove(ob)
+
+
+def add(ob, names: list[str], vectors: np.ndarray, everything: bool) -> None:
+    """Keys that nobody animates yet, from `vectors` `[S, V, 3]` in object space.
+
+    Those that move nothing are left out unless `everything` is wanted.
+    """
+    wanted = [number for number in range(len(names)) if everything or vectors[number].any()]
+    if not wanted:
+        return
+    with guard.object_mode(ob), guard.selection_kept(ob):
+        if ob.data.shape_keys is None:
+            ob.shape_key_add(name="Basis", from_mix=False)
+        rest = mesh.read_basis(ob.data)
+        for number in wanted:
+            mesh.add_key(ob, names[number], rest + vectors[number])
+        ob.data.update()

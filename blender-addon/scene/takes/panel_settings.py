@@ -1,0 +1,53 @@
+"""The panel's settings of a character as plain values, kept with each take."""
+
+from .. import outputs
+from ..shape_keys import record
+
+# Property groups of an object; those of the output that act on a take are no settings.
+GROUPS = ("anyface", "anyface_audio", "anyface_life_settings")
+_REPORT = "report"
+_KINDS = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
+
+
+def read(ob) -> dict:
+    """The settings by group and name; chosen strips by their names."""
+    found = {name: _values(getattr(ob, name)) for name in GROUPS}
+    found["chosen"] = [row.name for row in ob.anyface_audio.chosen]
+    return found
+
+
+def note(ob, asked: dict, report: str) -> None:
+    """Keeps settings, and what was said of the result, with the take that plays on `ob`."""
+    taken = record.read(ob.data.shape_keys) if outputs.has_take(ob) else None
+    if taken is not None:
+        taken.asked = {**asked, _REPORT: report}
+        record.write(ob.data.shape_keys, taken)
+
+
+def bring_back(ob) -> None:
+    """Sets the panel to what the playing take was made with; curves on settings stay."""
+    taken = record.read(ob.data.shape_keys)
+    asked = taken.asked if taken is not None else {}
+    for name in GROUPS:
+        _set(getattr(ob, name), asked.get(name, {}))
+    if "chosen" in asked:
+        ob.anyface_audio.chosen.clear()
+        for name in asked["chosen"]:
+            ob.anyface_audio.chosen.add().name = name
+    if _REPORT in asked:
+        ob.anyface.report, ob.anyface.report_is_error = asked[_REPORT], False
+
+
+def _values(group) -> dict:
+    names = [p.identifier for p in group.bl_rna.properties if p.type in _KINDS]
+    own = [name for name in names if not group.is_property_readonly(name)]
+    return {name: getattr(group, name) for name in own if name not in ("name", _REPORT)}
+
+
+def _set(group, values: dict) -> None:
+    for name, value in values.items():
+        # A later version may have other settings, or other choices.
+        try:
+            setattr(group, name, value)
+        except (AttributeError, TypeError):
+            continue

@@ -1,0 +1,207 @@
+"""Makes the frames between two markers of a take again; every keyframe outside stays as it is."""
+
+import numpy as np
+
+from ...core import redo, sliders
+from ...core.errors import AnyfaceError
+from ...core.job import BEGUN
+from ...core.redo_film import FilmRedo
+from .. import bake, copies, outputs
+from ..animation import curves
+from ..face import mesh
+from ..life import head_and_eyes
+from ..outputs.output import PREFIX
+from ..shape_keys import guard, record, slider_changes
+from ..sound import sounds
+from . import adjust, redo_film, together
+
+_NO_TAKE = "no take to redo: press Generate first"
+_NO_RANGE = (
+    "no stretch to redo: move a word, set a preview range (P), or put a marker (M) before and "
+    "behind it"
+)
+# What moves by less looks the same: twice the error of a take, mm.
+_NOTHING_MM = 0.2
+_REDONE = "a stretch of the take was redone: generate again"
+
+
+def between(scene, source=None) -> tuple[float, float]:
+    """The frames that *Redo* is about: the preview range, two selected markers, where words of the
+    sound `source` have moved, or the markers before and behind the current frame.
+
+    Raises `AnyfaceError("input")` where there are none.
+    """
+    if scene.use_preview_range:
+        return float(scene.frame_preview_start), float(scene.frame_preview_end)
+    chosen = sorted(marker.frame for marker in scene.timeline_markers if marker.select)
+    if len(chosen) == 2 and chosen[0] < chosen[1]:
+        return float(chosen[0]), float(chosen[1])
+    moved = None if source is None else sounds.stretch_of_words(scene, source)
+    if moved is not None:
+        return float(moved[0]), float(moved[1])
+    frames, now = [marker.frame for marker in scene.timeline_markers], scene.frame_current
+    before = [frame for frame in frames if frame <= now]
+    behind = [frame for frame in frames if frame > now]
+    if not before or not behind:
+        raise AnyfaceError("input", _NO_RANGE)
+    return float(max(before)), float(min(behind))
+
+
+def why_not(ob) -> str:
+    """Why the take of `ob` cannot be redone in part, or ""."""
+    return "" if _output_of(ob) is not None else _NO_TAKE
+
+
+def _output_of(ob):
+    """The output whose take is meant: what moves the mesh, else a table."""
+    made = outputs.of_object(ob)
+    return made or next((output for output in outputs.ALL if output.find(ob)), None)
+
+
+def read(ob, scene, settings, engine) -> redo.Redo | FilmRedo:
+    """Reads what a stretch is made of with the panel's settings; raises `AnyfaceError`."""
+    copies.settle()
+    output = _output_of(ob)
+    if output is None:
+        raise AnyfaceError("input", _NO_TAKE)
+    settings.mode = output.name
+    # A stretch goes on from the take, wherever the face stands now.
+    settings.starts_from_pose = False
+    snapshot = bake.read(ob, scene, settings, engine)
+    snapshot.request.error_mm = None
+    if not output.redoes:
+        return redo_film.read(ob, output, snapshot, between(scene, snapshot.source))
+    found = [ob, *together.others_of(ob)]
+    keys = [_keys_of(part) for part in found if _takes_part(snapshot.face, ob, part)]
+    wanted = redo.Redo(snapshot, range(0), keys)
+    stretch, start, step = _stretch(ob, wanted, scene)
+    wanted.rows = redo.rows_of(stretch, start, step)
+    return wanted
+
+
+def landing(ob, scene, wanted: redo.Redo | FilmRedo, made):
+    """Writes what was made, in steps like `bake.landing`; returns in one line what was done."""
+    if isinstance(wanted, FilmRedo):
+        text = yield from redo_film.landing(ob, wanted, made)
+        sounds.follow(scene, wanted.snapshot.source)
+        return text
+    text = write(ob, scene, wanted, made)
+    yield BEGUN
+    return text
+
+
+def write(ob, scene, wanted: redo.Redo, made: redo.Redone) -> str:
+    """Puts the new stretch into the curves; returns in one line what was done."""
+    bake.follow_names(wanted.snapshot, ())
+    stretch, start, step = _stretch(ob, wanted, scene)
+    at = start + step * (wanted.rows.start + np.arange(made.frames))
+    parts = {part.name: part for part in (ob, *together.others_of(ob))}
+    by_mm = made.unit_mm * max(_change(parts[k.name], k, made, at, stretch) for k in wanted.keys)
+    changed = [_write(parts[name], fit, at, stretch) for name, fit in made.fits.items()]
+    if not any(changed):
+        raise AnyfaceError("mesh", "the take has no keyframe there: has it been moved?")
+    if made.life is not None:
+        settings = wanted.snapshot.settings
+        head_and_eyes.redo(ob, made.life, settings, at, lambda *c: curves.splice(*c, stretch))
+    more = sum(len(fit.more) for fit in made.fits.values())
+    sounds.follow(scene, wanted.snapshot.source)
+    text = f"frames {stretch.first:g} to {stretch.last:g} redone"
+    if by_mm < _NOTHING_MM:
+        return f"{text} as they were: change the seed, the emotion or the strips first"
+    left_out = max(fit.left_out for fit in made.fits.values())
+    text += f", other by {by_mm:.1f} mm at most" + (f", {more} more keys" if more else "")
+    return text + (f", keys show {1.0 - left_out:.0%} of it" if left_out > 0.1 else "")
+
+
+def _takes_part(face, ob, part) -> bool:
+    return part == ob or redo.is_of(face, part.name)
+
+
+def _keys_of(part) -> redo.ObjectKeys:
+    """The keys of the take on one object that are there."""
+    shape_keys = part.data.shape_keys
+    taken = record.read(shape_keys)
+    names = list(_curves(part, taken))
+    rest = mesh.read_basis(part.data)
+    blocks = [shape_keys.key_blocks[name] for name in names]
+    vectors = [mesh.read_key(block) - mesh.read_key(block.relative_key) for block in blocks]
+    shapes = [taken.shown.get(name, name) for name in names]
+    free = outputs.of_record(taken).as_basis
+    factors = [
+        taken.factors.get(name, {shape: 1.0}) for name, shape in zip(names, shapes, strict=True)
+    ]
+    moves = np.array(vectors).reshape(-1, *rest.shape)
+    return redo.ObjectKeys(part.name, shapes, moves, free, factors)
+
+
+def _stretch(ob, wanted: redo.Redo, scene) -> tuple[redo.Stretch, float, float]:
+    """The stretch, the scene frame at which the take begins and how far its frames lie apart."""
+    snapshot, taken = wanted.snapshot, record.read(ob.data.shape_keys)
+    start = snapshot.source.start_frame + taken.adjusted.get("shift", 0.0)
+    step = snapshot.scene_fps / snapshot.request.fps
+    found = [curve.range()[1] for curve in _curves(ob, taken).values()]
+    if not found:
+        raise AnyfaceError("mesh", "the take has no curves any more: generate again")
+    # The last keyframe is one of rest, behind the last frame of the sound.
+    ends = max(found) - curves.EASE_S * snapshot.scene_fps
+    stretch = redo.Stretch(*between(scene, snapshot.source), start, ends, snapshot.scene_fps)
+    return stretch, start, step
+
+
+def _curves(part, taken) -> dict:
+    """The curves of a take's keys on one object by name, in the order of the keys."""
+    shape_keys = part.data.shape_keys
+    names = [name for name in (*taken.keys, *taken.values) if name in shape_keys.key_blocks]
+    paths = {name: curves.value_path(name) for name in names}
+    found = {name: curves.find(shape_keys.animation_data, path) for name, path in paths.items()}
+    return {name: curve for name, curve in found.items() if curve is not None}
+
+
+def _change(part, keys: redo.ObjectKeys, made: redo.Redone, at, stretch) -> float:
+    """How far the new weights move any vertex of an object from where it was, object units."""
+    taken = record.read(part.data.shape_keys)
+    found = [np.array(curves.places(curve)) for curve in _curves(part, taken).values()]
+    was = np.array([np.interp(at, points[0::2], points[1::2]) for points in found]).T
+    scale = [adjust.factor(shape, taken.adjusted) for shape in keys.shapes]
+    shares = stretch.shares(at)[:, None]
+    return redo.moved_by(keys, shares * (made.fits[keys.name].weights * scale - was))
+
+
+def _write(part, fit: redo.Fit, at: np.ndarray, stretch: redo.Stretch) -> bool:
+    """Puts new weights into the curves of one object; False where no keyframe lies there."""
+    guard.own(part)
+    shape_keys = part.data.shape_keys
+    taken = record.read(shape_keys)
+    made, changed = _curves(part, taken), False
+    for (name, curve), column in zip(made.items(), fit.weights.T, strict=True):
+        column = column * adjust.factor(taken.shown.get(name, name), taken.adjusted)
+        if not curves.splice(curve, at, column, stretch):
+            continue
+        block, changed = shape_keys.key_blocks[name], True
+        block.slider_min = min(block.slider_min, float(column.min()))
+        block.slider_max = max(block.slider_max, float(column.max()))
+    if changed:
+        _add(part, taken, fit, at, stretch)
+        slider_changes.clear(shape_keys, taken)
+        taken.still = dict.fromkeys(sliders.NAMES, _REDONE)
+        record.write(shape_keys, taken)
+        part.data.update()
+    return changed
+
+
+def _add(part, taken, fit: redo.Fit, at: np.ndarray, stretch: redo.Stretch) -> None:
+    """Keys for what those of the take cannot show; at rest outside the stretch."""
+    if not len(fit.more):
+        return
+    strength = adjust.factor("", taken.adjusted)
+    bag = curves.key_channels(part, taken)
+    with guard.object_mode(part), guard.selection_kept(part):
+        rest, shares = mesh.read_basis(part.data), stretch.shares(at)
+        for vector, column in zip(fit.more, fit.more_weights.T, strict=True):
+            block = mesh.add_key(part, f"{PREFIX}.{len(taken.keys) + 1:03d}", rest + vector)
+            block.slider_min = -1.0
+            taken.keys.append(block.name)
+            values = curves.from_rest(shares * column * strength)
+            curves.write(
+                bag, curves.value_path(block.name), curves.with_rest(at, stretch.fps), values
+            )

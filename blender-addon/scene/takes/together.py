@@ -1,0 +1,98 @@
+"""Writes one take on all the objects of a face, and takes it from all of them again."""
+
+import bpy
+
+from ...core.job import BEGUN
+from ...core.take import Piece, Take
+from .. import identity, outputs
+from ..face import pieces
+from ..life import turns
+from ..shape_keys import record
+from . import keys, remove
+
+
+def landing(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: float, before=None):
+    """Puts `take` on `ob` and on the objects beside it that move, in steps: yields between them.
+
+    An earlier one goes, but for a table, which changes no mesh. Nothing is written where one of
+    the objects cannot be: all are checked first. Closed before it yields `BEGUN` it has changed
+    nothing. `before` is called when nothing can go wrong any more.
+    """
+    output = outputs.of_take(take)
+    if output.in_files:
+        yield from _landing_files(ob, output, take, start_frame, scene_fps, before)
+        return
+    (_, own), *others = output.split(take, parts) if len(parts) > 1 else [(None, take)]
+    for piece, part in others:
+        other = pieces.object_of(pieces.Part(piece.name), ob)
+        output.check_object(other)
+        if part is not None:
+            keys.check(other, part)
+    keys.check(ob, own)
+    moving = [(ob, own)]
+    moving += [(bpy.data.objects[p.name], part) for p, part in others if part is not None]
+    prepared = []
+    try:
+        for other, part in moving:
+            made = yield from keys.prepare(other, part, start_frame, scene_fps)
+            prepared.append(made)
+        if before is not None:
+            before()
+        yield from _write(moving, start_frame, scene_fps, prepared)
+    finally:
+        for made in prepared:
+            if made is not None:
+                made.drop()
+
+
+def _landing_files(ob, output, take: Take, start_frame: float, scene_fps: float, before):
+    """The same for what lies elsewhere: files, the curves of a rig."""
+    output.check_files(take)
+    yield from output.prepare_files(take, start_frame, scene_fps)
+    try:
+        if before is not None:
+            before()
+        if output.on_mesh:
+            remove_others(ob)
+            keys.remove_earlier(ob)
+        output.write_files(ob, take, start_frame, scene_fps)
+    finally:
+        output.drop_files(take)
+
+
+def _write(moving: list[tuple], start_frame: float, scene_fps: float, prepared: list):
+    """Writes the takes of a face and of what moves beside it, with curves that were prepared."""
+    (ob, own), *others = moving
+    remove_others(ob)
+    first = yield from keys.writing(ob, own, start_frame, scene_fps, prepared[0])
+    for (other, part), made in zip(others, prepared[1:], strict=True):
+        yield BEGUN
+        taken = yield from keys.writing(other, part, start_frame, scene_fps, made)
+        taken.belongs_to = first.id
+        record.write(other.data.shape_keys, taken)
+        identity.join(ob, other)
+
+
+def remove_all(ob) -> bool:
+    """Takes the take from `ob` and from the objects beside it; False where there was none."""
+    others = remove_others(ob)
+    turns.release(ob)
+    return remove.remove(ob) or others
+
+
+def remove_others(ob) -> bool:
+    """Takes the take of `ob` from the objects beside it, also renamed ones."""
+    found = others_of(ob)
+    for other in found:
+        remove.remove(other)
+    return bool(found)
+
+
+def others_of(ob) -> list:
+    """The objects that got their keys together with `ob`."""
+    if not record.is_generated(ob):
+        return []
+    own = record.read(ob.data.shape_keys).id
+    meshes = [other for other in identity.parts_of(ob) if other.type == "MESH"]
+    records = [(other, record.read(other.data.shape_keys)) for other in meshes]
+    return [other for other, taken in records if taken is not None and taken.belongs_to == own]

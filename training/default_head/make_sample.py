@@ -1,0 +1,63 @@
+"""Packs the default head for *Add > Mesh > Anyface Sample Head* of the Blender extension.
+
+    python -m training.default_head.make_sample
+
+reads `weights/shared/default_head/head.obj` and `head.mtl` and writes
+`blender-addon/sample_head.npz`: `positions` `[V, 3]` (integers, micrometres, axes of the file),
+`triangles` `[F, 3]`, `materials` `[F]` (numbers of `names`), `names` `[M]` and `colours` `[M, 3]`
+(linear, 0 to 1). The same head gives the same file.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+HEAD = ROOT / "weights/shared/default_head/head.obj"
+PACKED = ROOT / "blender-addon/sample_head.npz"
+MICROMETRES = 1e6
+
+
+def read(path: Path) -> dict[str, np.ndarray]:
+    """The arrays of the packed file, from an OBJ and the MTL beside it."""
+    colours = read_colours(path.with_suffix(".mtl"))
+    names, material = list(colours), 0
+    positions, triangles, materials = [], [], []
+    for line in path.read_text().splitlines():
+        kind, *values = line.split() or [""]
+        if kind == "usemtl":
+            material = names.index(values[0])
+        elif kind == "v":
+            positions.append([float(value) for value in values])
+        elif kind == "f":
+            triangles.append([int(value) - 1 for value in values])
+            materials.append(material)
+    return {
+        "positions": np.rint(np.array(positions) * MICROMETRES).astype("<i4"),
+        "triangles": np.array(triangles, dtype="<u2"),
+        "materials": np.array(materials, dtype="u1"),
+        "names": np.array(names),
+        "colours": np.array([colours[name] for name in names], dtype="<f4"),
+    }
+
+
+def read_colours(path: Path) -> dict[str, list[float]]:
+    """The diffuse colour of each material of an MTL."""
+    colours, name = {}, ""
+    for line in path.read_text().splitlines():
+        kind, *values = line.split() or [""]
+        if kind == "newmtl":
+            name = values[0]
+        elif kind == "Kd":
+            colours[name] = [float(value) for value in values]
+    return colours
+
+
+def main() -> None:
+    """Entry of the command."""
+    np.savez_compressed(PACKED, **read(HEAD))
+    print(f"{PACKED}: {PACKED.stat().st_size} bytes")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,254 @@
+"""Pretrains the compact speech encoder: log-mel → landmark motion and what the mouth articulates.
+
+    python -m training.speech.train --data ../shared/data --out runs/speech
+
+Each source of motion has its own linear read-out, so that two people do not average into one.
+Speech without a face (many voices, eighteen languages) joins through `--targets`: articulatory
+features of its phones, the phones themselves, or CTC. With `--corpus DIR [DIR ...]` it hears corpus folders
+alone, and their phones where they say them. Only the encoder is kept. Seeded; resumes from `--out/last.pt`
+with the same bits.
+"""
+
+import argparse
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from safetensors.torch import load_file
+from torch import nn
+
+from training.corpus import bank, spoken
+from training.corpus.closures import closures_met
+from training.corpus.shares import entries_of, lasting, measured_scales, with_phones
+from training.corpus.teacher import Teacher
+from training.corpus.windows import AugmentOptions, Batch, WindowSampler, plain_options
+from training.losses import (
+    FEATURES,
+    feature_concordance,
+    landmark_weights,
+    lip_gap,
+    motion_loss,
+    source_scale,
+)
+from training.machine import Machine
+from training.run import Run
+from training.speech.compact import CompactConfig, CompactEncoder, debug_config, normalise
+from training.speech.targets import TARGETS, PhoneHead
+
+SHARES = {"grid_s1": 0.35, "facegood_zh": 0.2, "taught": 0.45}
+CONCORDANCE = 0.3
+ARTICULATION = 0.5
+HEARD_EVERY = 2
+
+
+class SpeechToMotion(nn.Module):
+    """The encoder and one linear read-out to 204 displacements (in units of the source)."""
+
+    def __init__(self, config: CompactConfig, sources: list[str], targets: str, dropout: float = 0.1):
+        super().__init__()
+        self.encoder = CompactEncoder(config)
+        self.dropout = nn.Dropout(dropout)
+        self.readouts = nn.ModuleList(nn.Linear(config.channels, 204) for _ in sources)
+        self.phones = PhoneHead(targets, config.channels)
+
+    def forward(self, mel: torch.Tensor, source: torch.Tensor) -> torch.Tensor:
+        """`mel` [B, 4 T, 64], `source` [B] → [B, T, 204] in units of the source's scale."""
+        return self.read_out(self.dropout(self.encoder(mel)), source)
+
+    def read_out(self, features: torch.Tensor, source: torch.Tensor) -> torch.Tensor:
+        """`features` [B, T, C], `source` [B] → [B, T, 204]."""
+        every = torch.stack([readout(features) for readout in self.readouts])
+        return every[source, torch.arange(len(source))]
+
+
+def loss_of(model: SpeechToMotion, batch: Batch, scale: torch.Tensor, weight: torch.Tensor, machine: Machine):
+    """Motion loss, gap concordance and articulation of one batch; `scale` [B, 1, 1] metres of its sources."""
+    with machine.autocast():
+        features = model.dropout(model.encoder(batch.mel))
+        prediction = model.read_out(features, batch.source).float()
+        said = model.phones.loss(features, batch.phones)
+    truth = batch.motion / scale
+    motion = motion_loss(prediction - truth, batch.weight * weight)
+    seen = batch.weight.amax(dim=(1, 2)) > 0
+    agreement, parts = feature_concordance(prediction[seen], truth[seen])
+    parts |= {"motion": motion.item(), "said": said.item()}
+    return motion + CONCORDANCE * agreement + ARTICULATION * said, parts
+
+
+@torch.no_grad()
+def motion_scores(model: SpeechToMotion, entries, source: int) -> dict[str, float]:
+    """r by clip and slope of every feature, of one read-out."""
+    model.eval()
+    pairs = []
+    for entry in entries:
+        mel = normalise(entry.mels[0].float())[None]
+        pairs.append((model(mel, torch.tensor([source]))[0], entry.motion))
+    model.train()
+    return feature_scores(pairs)
+
+
+def feature_scores(pairs) -> dict[str, float]:
+    """r by clip, and slope of predicted over true within clips, of every feature.
+
+    `pairs`: predicted and true motion [T, 204] of each clip.
+    """
+    report = {}
+    for name, of in FEATURES.items():
+        centred = [[of(x) - of(x).mean() for x in pair] for pair in pairs]
+        each = torch.stack([torch.corrcoef(torch.stack(pair))[0, 1] for pair in centred])
+        made, true = (torch.cat(x) for x in zip(*centred, strict=True))
+        report[f"{name} r"] = float(each.nanmean())
+        report[f"{name} slope"] = float((made * true).mean() / true.square().mean())
+    return report
+
+
+@torch.no_grad()
+def closure_scores(model: SpeechToMotion, entries, source: int) -> dict[str, float]:
+    """Share of p, b, m at which a read-out's lips meet, by the source of the speech."""
+    model.eval()
+    met: dict[str, list[bool]] = {}
+    for entry in entries:
+        mel = normalise(entry.mels[0].float())[None]
+        gap = lip_gap(model(mel, torch.tensor([source]))[0])
+        label = entry.name.split("/")[0]
+        met.setdefault(label, []).extend(closures_met(gap - gap.quantile(0.02), entry.phones))
+    model.train()
+    return {f"{label} closed": float(np.mean(found)) for label, found in sorted(met.items())}
+
+
+def validate(model, entries, heard: list[bank.Entry], sources: list[str]) -> dict[str, float]:
+    """Held-out clips of trained sources, all of a source left out (each read-out), closures of `heard`."""
+    judge = sources.index(spoken.SOURCE if spoken.SOURCE in sources else sources[0])
+    report = {k: round(v, 3) for k, v in closure_scores(model, heard, judge).items()}
+    for name in sorted({e.source for e in entries} - {spoken.SOURCE}):
+        known = name in sources
+        chosen = [e for e in entries if e.source == name and (e.held_out or not known)]
+        for index, source in enumerate(s for s in sources if s != spoken.SOURCE):
+            if not chosen or (known and source != name):
+                continue
+            scores = motion_scores(model, chosen[:60], index)
+            label = name if known else f"{name}<-{source}"
+            report |= {f"{label} {key}": round(value, 3) for key, value in scores.items()}
+    return report
+
+
+@dataclass
+class Speech:
+    """What a training hears: its entries, those it is judged by, and how often each source is drawn."""
+
+    entries: list[bank.Entry]
+    judged: list[bank.Entry]
+    heard: list[bank.Entry]
+    shares: dict[str, float]
+
+
+def speech_of(arguments) -> Speech:
+    """Corpus folders, or the project's own sources with speech that has no face."""
+    debug = arguments.config == "debug"
+    voices, limit = (2, 4) if debug else (arguments.voices, None)
+    entries = entries_of(arguments, voices, limit)
+    if arguments.corpus:
+        return Speech(entries, entries, with_phones([e for e in entries if e.held_out]), lasting(entries))
+    if arguments.targets != "none" and not debug:
+        left = tuple(arguments.leave_speech)
+        teacher = Teacher.load() if arguments.teacher else None
+        speech = (arguments.minutes, left, teacher, arguments.reader)
+        entries += spoken.load(arguments.data, arguments.cache, *speech)
+    found = {e.source for e in entries} - {*arguments.leave_out}
+    judged = entries + ([] if debug else spoken.unseen(arguments.data))
+    heard = [e for e in judged if e.source == spoken.SOURCE and e.held_out][::HEARD_EVERY]
+    return Speech(entries, judged, heard, {s: share for s, share in SHARES.items() if s in found})
+
+
+def train(arguments) -> Path:
+    """Runs the training and returns the checkpoint's path."""
+    torch.manual_seed(arguments.seed)
+    torch.set_num_threads(arguments.threads)
+    machine = Machine("cpu", "bfloat16")
+    config = debug_config() if arguments.config == "debug" else CompactConfig()
+    speech = speech_of(arguments)
+    sources, scales = list(speech.shares), measured_scales([*speech.shares], speech.entries)
+    options = AugmentOptions() if arguments.augment else plain_options()
+    shares = list(speech.shares.values())
+    sampler = WindowSampler(speech.entries, sources, shares, arguments.seed, options)
+    model = SpeechToMotion(config, sources, arguments.targets)
+    if arguments.init is not None:
+        model.load_state_dict(torch.load(arguments.init)["state"])
+    run = start(arguments, model, {"windows": sampler.random}, 0.995)
+    schedule, average, weight = run.parts["schedule"], run.parts["average"], landmark_weights()
+    for step in range(run.first, run.steps):
+        batch = sampler.batch(arguments.batch, arguments.frames)
+        loss, parts = loss_of(model, batch, source_scale(sources, batch.source, scales), weight, machine)
+        machine.step(loss, model, run.parts["optimiser"], 1.0)
+        schedule.step()
+        average.update_parameters(model)
+        run.after(step, loss.item())
+        if step % arguments.log_every == arguments.log_every - 1 or step == run.steps - 1:
+            scores = validate(average.module, speech.judged, speech.heard, sources)
+            run.log({"step": step + 1, "s": run.seconds(), **parts, **scores})
+    final = {"state": average.module.state_dict(), "config": config.to_json(), "sources": sources}
+    torch.save(final | {"targets": arguments.targets}, arguments.out / "speech.pt")
+    return arguments.out / "speech.pt"
+
+
+def start(arguments, model: nn.Module, generators: dict, average: float) -> Run:
+    """Optimiser, schedule and averaged weights as they were where the run stopped; `debug` takes 20 steps."""
+    steps = min(arguments.steps, 20) if arguments.config == "debug" else arguments.steps
+    optimiser = torch.optim.AdamW(model.parameters(), lr=arguments.rate, weight_decay=0.02)
+    warmup = max(steps // 20, 1)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, arguments.rate, steps + 1, pct_start=warmup / steps
+    )
+    averaged = torch.optim.swa_utils.AveragedModel(
+        model, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(average)
+    )
+    parts = {"model": model, "optimiser": optimiser, "schedule": schedule, "average": averaged}
+    return Run(arguments.out, parts, steps, arguments.save_every, generators)
+
+
+def load_encoder(path: Path) -> CompactEncoder:
+    """The encoder of a finished run, or of a model folder, ready for inference."""
+    if path.is_dir():
+        encoder = CompactEncoder(CompactConfig(**json.loads((path / "config.json").read_text())))
+        state = load_file(path / "model.safetensors")
+        encoder.load_state_dict({name: value.float() for name, value in state.items()})
+        return encoder.eval()
+    saved = torch.load(path)
+    encoder = CompactEncoder(CompactConfig(**saved["config"]))
+    state = {k.removeprefix("encoder."): v for k, v in saved["state"].items() if "encoder." in k}
+    encoder.load_state_dict(state)
+    return encoder.eval()
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser.add_argument("--out", type=Path, default=Path("runs/speech"))
+    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    parser.add_argument("--config", choices=["compact", "debug"], default="compact")
+    parser.add_argument("--leave-out", nargs="*", default=[], choices=[*SHARES], help="sources of motion")
+    parser.add_argument("--leave-speech", nargs="*", default=[], help="speech to leave out (nathalie_nl, …)")
+    parser.add_argument("--targets", choices=TARGETS, default="phones")
+    parser.add_argument("--teacher", action=argparse.BooleanOptionalAction, default=True)
+    parser.add_argument("--reader", type=Path, help="an earlier speech.pt that reads untimed speech")
+    parser.add_argument("--minutes", type=float, default=5.0, help="of each language by espeak-ng")
+    parser.add_argument("--augment", action=argparse.BooleanOptionalAction, default=True)
+    parser.add_argument("--voices", type=int, default=7)
+    parser.add_argument("--init", type=Path, help="start from this speech.pt")
+    parser.add_argument("--steps", type=int, default=1500)
+    parser.add_argument("--batch", type=int, default=24)
+    parser.add_argument("--frames", type=int, default=96)
+    parser.add_argument("--rate", type=float, default=2e-3)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--log-every", type=int, default=150)
+    parser.add_argument("--save-every", type=int, default=50, help="steps between checkpoints")
+    return parser
+
+
+if __name__ == "__main__":
+    train(parser().parse_args())

@@ -1,0 +1,182 @@
+"""Trains the causal twin of the compact speech encoder: what EmoFace's content branch hears of a live voice.
+
+    python -m training.speech.train_causal --data ../shared/data --out runs/causal_speech
+
+The student hears a stretch of speech under a running normalisation with a fifth of a second of look-ahead;
+the encoder, which is not trained, hears the same stretch whole. Windows are those of
+`training.systems.freetalk.train_stream`, rooms, noises and levels included. Seeded; resumes from
+`--out/last.pt` with the same bits; `--config debug` takes a minute. `python -m training.export_stream --run
+runs/causal_speech/stream.pt` writes the model.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from training.corpus.bank import Entry
+from training.corpus.clip import FPS, MEL_PER_FRAME, fit_frames
+from training.corpus.feelings import SOURCE as EMODB
+from training.corpus.feelings import read_felt
+from training.corpus.lesson_windows import DIMS, LessonBatch, LessonSampler
+from training.corpus.lessons import Lesson, speech_entries, unknown
+from training.corpus.shares import entries_of
+from training.machine import Machine
+from training.speech.causal import StreamConfig, StreamNet, debug_config, normalise_running, pad_mel, perform
+from training.speech.compact import CompactEncoder, normalise
+from training.speech.log_mel import SAMPLE_RATE_HZ, log_mel
+from training.speech.train import load_encoder, start
+from training.systems.freetalk.train import SHIPPED_ENCODER
+from training.systems.freetalk.train_stream import prior_of
+
+SPEECH = ("picovoice_en", "kerstin_de", "kathleen_en", "nathalie_nl")
+EDGE = 12
+"""Frames at either end of a window that the whole encoder hears too little around."""
+CLOSURE = 0.1
+
+
+def as_lesson(entry: Entry) -> Lesson:
+    """An entry with no motion of its own: the encoder judges every window as it is drawn."""
+    still = torch.zeros(len(entry.motion), DIMS)
+    return Lesson(**(vars(entry) | {"motion": still, "weight": still}), taught=still.half())
+
+
+def felt_entries(data: Path, limit: int | None) -> list[Entry]:
+    """emodb_de: shouted, whispered and sobbed speech, two actors held out."""
+    found = []
+    for clip in read_felt(data, limit):
+        frames = max(int(len(clip.samples) * FPS / SAMPLE_RATE_HZ), 2)
+        mels = fit_frames(log_mel(torch.from_numpy(clip.samples)), MEL_PER_FRAME * frames)[None].half()
+        nothing = torch.zeros(frames, DIMS)
+        found.append(Entry(clip.name, EMODB, clip.held_out, mels, nothing, nothing, unknown(mels)))
+    return found
+
+
+def prepare(arguments) -> list[Lesson]:
+    """All that is heard."""
+    debug = arguments.config == "debug"
+    limit = 4 if debug else None
+    entries = entries_of(arguments, 2 if debug else arguments.voices, limit)
+    if not arguments.corpus:
+        entries += felt_entries(arguments.data, limit)
+        for name in SPEECH:
+            entries += speech_entries(
+                arguments.data / "speech" / name, 4 if debug else arguments.speech_limit
+            )
+    return [as_lesson(entry) for entry in entries]
+
+
+@torch.no_grad()
+def whole(encoder: CompactEncoder, mel: Tensor, frames: int) -> Tensor:
+    """What the encoder hears of raw log-mel [B, R, 64] if it hears all of it, [B, frames, C]."""
+    heard = torch.stack([normalise(row) for row in mel])
+    return encoder(heard)[:, :frames]
+
+
+def loss_of(model: StreamNet, encoder: CompactEncoder, batch: LessonBatch, frames: int):
+    """Distance of features in their own deviations, and of what they say of closed lips."""
+    taught = whole(encoder, batch.mel, frames)
+    mel = normalise_running(batch.mel, model.config.normaliser, batch.heard)
+    with torch.autocast("cpu", torch.bfloat16):
+        made = model(mel).float()
+    inner = slice(EDGE, frames)
+    apart = F.smooth_l1_loss(made[:, inner] / model.std, taught[:, inner] / model.std)
+    closed = F.binary_cross_entropy(
+        encoder.closed(made[:, inner]).clamp(1e-4, 1 - 1e-4), encoder.closed(taught[:, inner])
+    )
+    return apart + CLOSURE * closed, {"features": apart.item(), "closed": closed.item()}
+
+
+@torch.no_grad()
+def validate(model: StreamNet, encoder: CompactEncoder, found: list[Lesson], count: int) -> dict[str, float]:
+    """Share of the variance of features that is met on held-out clips, by source, from a cold start."""
+    model.eval()
+    report = {}
+    for source in sorted({x.source for x in found if x.held_out}):
+        rest, spread = 0.0, 0.0
+        for clip in [x for x in found if x.held_out and x.source == source][:count]:
+            mel, frames = clip.mels[0].float(), len(clip.motion)
+            taught = whole(encoder, pad_mel(mel, MEL_PER_FRAME * frames)[None], frames)[0]
+            made = perform(model, mel, frames)
+            rest += (made - taught).square().sum().item()
+            spread += (taught - taught.mean(dim=0)).square().sum().item()
+        report[f"{source} met"] = 1.0 - rest / spread
+    model.train()
+    return report
+
+
+def new_model(arguments, encoder: CompactEncoder, found: list[Lesson]) -> StreamNet:
+    """A student that starts at the mean and deviation of the features."""
+    config = debug_config() if arguments.config == "debug" else StreamConfig(channels=arguments.channels)
+    config.system, config.model = "emoface", "causal_speech"
+    config.outputs = encoder.config.channels
+    prior_of(config, found)
+    model = StreamNet(config)
+    clips = [x.mels[0].float() for x in found if not x.held_out][::5]
+    heard = torch.cat([whole(encoder, mel[None], len(mel) // MEL_PER_FRAME)[0] for mel in clips])
+    model.mean.copy_(heard.mean(dim=0))
+    model.std.copy_(heard.std(dim=0).clamp_min(1e-3))
+    return model
+
+
+def train(arguments) -> Path:
+    """Runs the training; writes `stream.pt` with the averaged weights and returns its path."""
+    torch.manual_seed(arguments.seed)
+    torch.set_num_threads(arguments.threads)
+    debug = arguments.config == "debug"
+    encoder = load_encoder(arguments.encoder).eval().requires_grad_(False)
+    found = prepare(arguments)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    model = new_model(arguments, encoder, found)
+    seconds: dict[str, float] = {}
+    for lesson in found:
+        seconds[lesson.source] = seconds.get(lesson.source, 0.0) + len(lesson.motion) / FPS
+    shares = {source: s**0.5 for source, s in seconds.items()}
+    sampler = LessonSampler(found, shares, arguments.seed, model.config)
+    run, machine = start(arguments, model, {"windows": sampler.random}, arguments.average), Machine("cpu")
+    schedule, average = run.parts["schedule"], run.parts["average"]
+    count, frames = (4, 32) if debug else (arguments.batch, arguments.frames)
+    for step in range(run.first, run.steps):
+        loss, parts = loss_of(model, encoder, sampler.batch(count, frames), frames)
+        machine.step(loss, model, run.parts["optimiser"], 1.0)
+        schedule.step()
+        average.update_parameters(model)
+        run.after(step, loss.item())
+        if step % arguments.log_every == arguments.log_every - 1 or step == run.steps - 1:
+            scores = validate(average.module, encoder, found, 4 if debug else 30)
+            run.log({"step": step + 1, "s": run.seconds(), **parts, **scores})
+            state = average.module.state_dict()
+            torch.save({"state": state, "config": model.config.to_json()}, run.out / "stream.pt")
+    return run.out / "stream.pt"
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser.add_argument("--encoder", type=Path, default=SHIPPED_ENCODER, help="model folder or run")
+    parser.add_argument("--speech-limit", type=int, default=150, help="sounds of each folder")
+    parser.add_argument("--out", type=Path, default=Path("runs/causal_speech"))
+    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    parser.add_argument("--config", choices=["stream", "debug"], default="stream")
+    parser.add_argument("--channels", type=int, default=144)
+    parser.add_argument("--voices", type=int, default=4)
+    parser.add_argument("--steps", type=int, default=2500)
+    parser.add_argument("--batch", type=int, default=16)
+    parser.add_argument("--frames", type=int, default=112)
+    parser.add_argument("--rate", type=float, default=2e-3)
+    parser.add_argument("--average", type=float, default=0.99, help="decay of averaged weights")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--log-every", type=int, default=150)
+    parser.add_argument("--save-every", type=int, default=50, help="steps between checkpoints")
+    return parser
+
+
+if __name__ == "__main__":
+    train(parser().parse_args())

@@ -1,0 +1,171 @@
+"""Measures a run of Cafe-Talk: events, emotions, and the settings that the paper does not print.
+
+    python -m training.systems.cafe_talk.evaluate --run runs/cafe_fine/cafe_talk.pt --out runs/cafe_report
+
+`--run weights/cafe-talk/cafe_talk_compact` measures an exported model with the encoder beside it. Writes
+report.json and report.md. `--ablation "without swapped labels=runs/x/cafe_talk.pt"` adds a row for a run or
+folder trained without a part; unmasked guidance needs no run and is always a row. Weights alone are
+measured, on ICT's landmarks: what the engine adds when it shows them (lips brought together on the head) is
+not in here.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from pathlib import Path
+
+import torch
+
+from training.corpus.conditions import UNITS
+from training.systems.cafe_talk import judge as judging
+from training.systems.cafe_talk.fine_control import choices, emotions, trial, units
+from training.systems.cafe_talk.fine_control.trial import Actor, Take
+
+PARTS = ("units", "ablations", "emotions", "steps", "alphas", "formulas")
+TITLES = {
+    "speech": "Speech without emotion or event",
+    "units": "Every unit, by β",
+    "ablations": "Without a part (tables 2 and 3)",
+    "labels": "The label (table 8)",
+    "intensities": "The intensity (table 9)",
+    "steps": "Denoising steps",
+    "alphas": "Guidance of speech and emotion",
+    "formulas": "Eq. 6 as printed and the variant",
+}
+
+
+def report(arguments) -> dict[str, list[dict]]:
+    """All tables that `--only` names, as rows by title."""
+    torch.set_num_threads(arguments.threads)
+    lessons, held_out = trial.clips(arguments)
+    if not held_out:
+        raise ValueError("expected held-out clips, got none")
+    actor = Actor(arguments.run)
+    takes = [actor.take(entry) for entry in held_out]
+    found = {"speech": [choices.speech(actor, takes)]}
+    only = arguments.only
+    if "units" in only:
+        scores = units.measure(actor, takes, arguments.units)
+        found["units"] = units.to_json(scores)
+    judge = None
+    if {"emotions", "ablations"} & set(only):
+        judge = judging.taught(lessons, arguments.judge_steps, arguments.seed)
+    few = by_source(takes, arguments.few)
+    if "ablations" in only:
+        found["ablations"] = ablations(arguments, actor, takes, held_out, judge)
+    if "emotions" in only:
+        found["labels"] = named(emotions.by_label(judge, actor, few))
+        found["intensities"] = named(emotions.by_intensity(judge, actor, few))
+    for name in ("steps", "alphas", "formulas"):
+        if name in only:
+            found[name] = getattr(choices, name)(actor, few)
+    return found
+
+
+def ablations(arguments, actor: Actor, takes: list[Take], held_out: list, judge: judging.Judge) -> list[dict]:
+    """A row for the run, for its guidance without a mask, and for each run of `--ablation`."""
+    few = by_source(takes, arguments.few)
+    usual = (units.USUAL,)
+    rows = [whole("the run", actor, takes, few, judge, arguments.units)]
+    unmasked = units.measure(actor, takes, arguments.units, usual, unmasked=True)
+    rows.append({"model": "without the mask of guidance"} | units.summary(unmasked))
+    for text in arguments.ablation:
+        name, mark, path = text.rpartition("=")
+        if not mark:
+            raise ValueError(f"--ablation: expected NAME=RUN, got {text!r}")
+        other = Actor(Path(path))
+        heard = [other.take(entry) for entry in held_out]
+        rows.append(whole(name, other, heard, by_source(heard, arguments.few), judge, arguments.units))
+    return rows
+
+
+def whole(name: str, actor: Actor, takes: list[Take], few: list[Take], judge, asked: list[str]) -> dict:
+    """Speech, events and emotions of one model."""
+    events = units.summary(units.measure(actor, takes, asked, (units.USUAL,)))
+    felt = emotions.accuracy(judge, actor, few)
+    return {"model": name} | choices.speech(actor, takes) | events | felt
+
+
+def by_source(takes: list[Take], count: int) -> list[Take]:
+    """The first takes of each source."""
+    sources = sorted({t.source for t in takes})
+    return [t for s in sources for t in [t for t in takes if t.source == s][:count]]
+
+
+def named(rows: dict[str, dict[str, float]]) -> list[dict]:
+    """Rows with their names as the first column."""
+    return [{"": name} | row for name, row in rows.items()]
+
+
+def page(found: dict[str, list[dict]]) -> str:
+    """All tables in Markdown."""
+    parts = [f"## {TITLES[name]}\n\n{table(rows)}" for name, rows in found.items()]
+    return "\n".join(["# Cafe-Talk, measured\n", *parts])
+
+
+def table(rows: list[dict]) -> str:
+    """A Markdown table; a cell that is a table itself becomes columns."""
+    flat = [{k: v for key, value in row.items() for k, v in _columns(key, value)} for row in rows]
+    heads = list(dict.fromkeys(key for row in flat for key in row))
+    lines = [f"| {' | '.join(heads)} |", "| --- |" + " --- |" * (len(heads) - 1)]
+    lines += [f"| {' | '.join(_cell(row.get(head, math.nan)) for head in heads)} |" for row in flat]
+    return "\n".join(lines) + "\n"
+
+
+def _columns(key: str, value) -> list[tuple]:
+    if isinstance(value, dict):
+        return [(f"{key.replace('_', ' ')} {k}", v) for k, v in value.items()]
+    return [(key.replace("_", " "), value)]
+
+
+def _cell(value) -> str:
+    if isinstance(value, float):
+        return "–" if math.isnan(value) else f"{value:.3f}"
+    return {True: "yes", False: "no"}[value] if isinstance(value, bool) else str(value)
+
+
+def plain(value):
+    """The same with `None` for NaN, which JSON does not know."""
+    if isinstance(value, dict):
+        return {k: plain(v) for k, v in value.items()}
+    if isinstance(value, list):
+        return [plain(v) for v in value]
+    return None if isinstance(value, float) and math.isnan(value) else value
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--run", type=Path, required=True, help="cafe_talk.pt, or a model folder")
+    parser.add_argument("--ablation", nargs="*", default=[], metavar="NAME=RUN")
+    parser.add_argument("--out", type=Path, default=Path("runs/cafe_report"))
+    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    parser.add_argument("--voices", type=int, default=7, help="as in training, whose bank is then found")
+    parser.add_argument("--only", nargs="*", choices=PARTS, default=list(PARTS))
+    parser.add_argument("--units", nargs="*", choices=UNITS, default=list(UNITS))
+    parser.add_argument("--clips", type=int, default=8, help="held-out clips of each source")
+    parser.add_argument("--few", type=int, default=3, help="of them for emotions and settings")
+    parser.add_argument("--seconds", type=float, default=6.0, help="of each clip at most")
+    parser.add_argument("--lessons", type=int, default=40, help="clips of each source that teach the judge")
+    parser.add_argument("--judge-steps", type=int, default=800)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1)
+    return parser
+
+
+def main(line: list[str] | None = None) -> None:
+    """Entry of the command."""
+    arguments = parser().parse_args(line)
+    found = report(arguments)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    (arguments.out / "report.json").write_text(json.dumps(plain(found), indent=1, ensure_ascii=False) + "\n")
+    (arguments.out / "report.md").write_text(page(found), encoding="utf-8")
+    print(arguments.out / "report.md")
+
+
+if __name__ == "__main__":
+    main()

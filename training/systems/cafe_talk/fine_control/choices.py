@@ -1,0 +1,92 @@
+"""Numbers that the paper does not print, tried: denoising steps, α, β, and the third term of eq. 6."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from training.systems.cafe_talk.denoiser import Sampling
+from training.systems.cafe_talk.fine_control import metrics, units
+from training.systems.cafe_talk.fine_control.trial import Actor, Asked, Take
+
+STEPS = (1, 2, 4, 8, 16)
+ALPHAS = (1.0, 1.5, 2.0)
+SAMPLE = ("1", "4", "12", "15", "26", "45")
+"""Units that stand for the sixteen where every unit would take too long."""
+UPPER, LOWER = ("1", "4", "45"), ("12", "20", "26")
+"""Units whose events should leave lips as they are, and some that move them."""
+GUIDANCES = (1.0, 2.0, 3.0)
+"""Of α, beside which the two forms of eq. 6 are set."""
+Row = dict[str, float | str]
+
+
+def speech(actor: Actor, takes: list[Take], sampling: Sampling | None = None) -> dict[str, float]:
+    """r and slope of the lip gap without emotion or event, by source."""
+    report: dict[str, float] = {}
+    for source in sorted({t.source for t in takes}):
+        own = [t for t in takes if t.source == source]
+        made = [actor.perform(t, sampling=sampling) for t in own]
+        report[f"{source} r"] = units.mean(metrics.gap_r(w, t.truth) for w, t in zip(made, own, strict=True))
+        slopes = (metrics.gap_slope(w, t.truth) for w, t in zip(made, own, strict=True))
+        report[f"{source} slope"] = units.mean(slopes)
+    return report
+
+
+def steps(actor: Actor, takes: list[Take]) -> list[Row]:
+    """Lip gap and control rate by the number of denoising steps."""
+    usual = actor.config.sampling
+    return [_row(actor, takes, replace(usual, steps=count), {"steps": count}) for count in STEPS]
+
+
+def alphas(actor: Actor, takes: list[Take]) -> list[Row]:
+    """The same by α, the guidance of speech and emotion."""
+    return [_row(actor, takes, replace(actor.config.sampling, alpha=a), {"α": a}) for a in ALPHAS]
+
+
+def _row(actor: Actor, takes: list[Take], sampling: Sampling, name: Row) -> Row:
+    found = units.measure(actor, takes, SAMPLE, (units.USUAL,), sampling)
+    return name | speech(actor, takes, sampling) | units.summary(found)
+
+
+def formulas(actor: Actor, takes: list[Take]) -> list[Row]:
+    """Eq. 6 as printed and with `G_AC` in its third term: what a slot does to the lips, by α, at β 1.
+
+    The amplitude of the lip gap is that with the event over that without, within the slot and outside it.
+    With a mask over frames alone an event guides every shape of its slot, with one over shapes its own.
+    """
+    return [
+        {"α": alpha, "units": name} | row
+        for alpha in GUIDANCES
+        for name, asked in (("upper", UPPER), ("lower", LOWER))
+        for row in _forms(actor, takes, replace(actor.config.sampling, alpha=alpha), asked)
+    ]
+
+
+def _forms(actor: Actor, takes: list[Take], sampling: Sampling, asked: tuple[str, ...]) -> list[Row]:
+    """A row for each third term and each mask."""
+    plain = [actor.perform(take, sampling=sampling) for take in takes]
+    rows = []
+    for printed in (False, True):
+        for every in (False, True):
+            way = {"printed": printed, "every_shape": every}
+            made = {u: [actor.perform(t, Asked(u, 1.0, **way), sampling) for t in takes] for u in asked}
+            rates = (
+                metrics.control_rate(metrics.unit_values(w, unit), t.slot)
+                for unit, row in made.items()
+                for w, t in zip(row, takes, strict=True)
+            )
+            row = {"third term": "G_ACF − G_∅" if printed else "G_ACF − G_AC"}
+            row |= {"mask": "frames" if every else "shapes", "control rate": units.mean(rates)}
+            rows.append(row | _amplitudes(takes, plain, made))
+    return rows
+
+
+def _amplitudes(takes: list[Take], plain: list, made: dict[str, list]) -> Row:
+    out: Row = {}
+    for name, inside in (("inside", True), ("outside", False)):
+        shares = (
+            metrics.amplitude_mm(w, t.slot, inside) / max(metrics.amplitude_mm(p, t.slot, inside), 1e-6)
+            for row in made.values()
+            for w, p, t in zip(row, plain, takes, strict=True)
+        )
+        out[f"lip amplitude {name}"] = units.mean(shares)
+    return out

@@ -1,0 +1,89 @@
+"""A unit's weight under four β, and lips with and without lower events, as one picture.
+
+The paper's figure 10, through the `anyface` command:
+
+    python -m training.systems.cafe_talk.fine_control.curves \
+        --anyface target/release/anyface --audio SOUND --out CURVES.png
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import tempfile
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import numpy as np
+from matplotlib import pyplot
+
+# The unit of the upper picture, the shape that it moves, and the factors on the model's own β.
+UNIT, SHAPE, FACTORS = "12", "mouthSmileLeft", (0.5, 1.0, 1.5, 2.0)
+# Lower events of the lower picture.
+LOWER = {"smile": "12,6", "jaw drop": "26"}
+# Landmarks of the inner lips, in the middle.
+UPPER_LIP, LOWER_LIP = 62, 66
+MM = 1000.0
+# Nothing that chance adds.
+STILL = ("--blinks", "0", "--brow-accents", "0", "--fps", "50")
+
+
+def motion(anyface: Path, audio: Path, *more: str) -> dict[str, np.ndarray]:
+    """The arrays of `anyface motion --system cafe-talk`."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "motion.npz"
+        given = ("motion", "--system", "cafe-talk", "--audio", audio, "--out", out, *STILL, *more)
+        subprocess.run([anyface, *given], check=True, capture_output=True)
+        return dict(np.load(out))
+
+
+def weight(arrays: dict[str, np.ndarray], shape: str) -> np.ndarray:
+    """The weight of a shape over time, [T]."""
+    return arrays["weights"][:, arrays["names"].tolist().index(shape)]
+
+
+def opening(arrays: dict[str, np.ndarray]) -> np.ndarray:
+    """How far the lips part more than at rest, [T] mm."""
+    moved = arrays["landmark_displacements"]
+    return MM * (moved[:, UPPER_LIP, 1] - moved[:, LOWER_LIP, 1])
+
+
+def draw(anyface: Path, audio: Path, slot: tuple[float, float], out: Path) -> None:
+    """Both pictures below each other, the slot of the event marked."""
+    figure, (above, below) = pyplot.subplots(2, 1, figsize=(8.8, 5.6), sharex=True, layout="constrained")
+    at = f"{slot[0]:g}-{slot[1]:g}"
+    plain = motion(anyface, audio)
+    time = np.arange(len(plain["weights"])) / plain["fps"]
+    above.plot(time, weight(plain, SHAPE), color="0.3", label="no event")
+    for factor, colour in zip(FACTORS, pyplot.get_cmap("viridis")(np.linspace(0.8, 0.1, 4)), strict=True):
+        made = motion(anyface, audio, "--event", f"{at}:{UNIT}", "--event-strength", f"{factor}")
+        above.plot(time, weight(made, SHAPE), color=colour, label=f"β times {factor:g}")
+    above.set(ylabel=f"{SHAPE} under unit {UNIT}")
+    below.plot(time, opening(plain), color="0.3", label="no event")
+    for name, units in LOWER.items():
+        below.plot(time, opening(motion(anyface, audio, "--event", f"{at}:{units}")), label=name)
+    below.axhline(0.0, color="0.7", linewidth=0.8)
+    below.set(xlabel="seconds", ylabel="lips apart, mm over rest")
+    for axes in (above, below):
+        axes.axvspan(*slot, color="0.93", zorder=0)
+        axes.margins(x=0)
+        axes.legend(loc="upper right", fontsize=8)
+    figure.savefig(out, dpi=100)
+    pyplot.close(figure)
+
+
+def main() -> None:
+    """Draws the picture of a sound."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--anyface", type=Path, default=Path("target/release/anyface"))
+    parser.add_argument("--audio", type=Path, required=True)
+    parser.add_argument("--slot", type=float, nargs=2, default=(1.0, 2.2), metavar="S")
+    parser.add_argument("--out", type=Path, required=True)
+    asked = parser.parse_args()
+    draw(asked.anyface, asked.audio, tuple(asked.slot), asked.out)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,74 @@
+"""Whether the coarse condition is obeyed: Acc and Div of generated takes (tables 2, 8 and 9 of Cafe-Talk)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from torch import Tensor
+
+from training.corpus.conditions import EMOTIONS
+from training.systems.cafe_talk import judge as judging
+from training.systems.cafe_talk.fine_control.trial import Actor, Asked, Take
+
+INTENSITIES = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
+NEUTRAL = EMOTIONS.index("neutral")
+Scores = dict[str, float]
+
+
+def performed(actor: Actor, takes: list[Take], **asked) -> Callable[[int, int], Tensor]:
+    """Takes by the number of the clip and of the emotion."""
+
+    def make(clip: int, emotion: int) -> Tensor:
+        return actor.perform(takes[clip], Asked(emotion=EMOTIONS[emotion], **asked))
+
+    return make
+
+
+def recorded(takes: list[Take], intensity: float) -> Callable[[int, int], Tensor]:
+    """The recordings themselves under each emotion: what the judge could find at best."""
+    return lambda clip, emotion: judging.felt(takes[clip].truth, emotion, intensity)
+
+
+def accuracy(judge: judging.Judge, actor: Actor, takes: list[Take], intensity: float = 1.0) -> Scores:
+    """Acc and Div at one intensity."""
+    return judging.judged(judge, performed(actor, takes, intensity=intensity), len(takes)).scores()
+
+
+def by_label(judge: judging.Judge, actor: Actor, takes: list[Take]) -> dict[str, Scores]:
+    """Table 8: the label told, masked, and at odds with the voice.
+
+    The recorded voices are neutral, so that every other label is one that the voice does not have. With the
+    label masked a take is the same whatever was asked, and 1 in 15 is right.
+    """
+    count = len(takes)
+    told = judging.judged(judge, performed(actor, takes, intensity=1.0), count)
+    masked = [actor.perform(take, Asked(labelled=False)) for take in takes]
+    untold = judging.judged(judge, lambda clip, _: masked[clip], count)
+    odds = told.asked != NEUTRAL
+    return {
+        "recordings under the emotion": judging.judged(judge, recorded(takes, 1.0), count).scores(),
+        "label told": told.scores(),
+        "label masked": untold.scores(),
+        "label against the voice, label as truth": told.scores(odds),
+        "label against the voice, voice as truth": told.scores(odds, NEUTRAL),
+    }
+
+
+def by_intensity(judge: judging.Judge, actor: Actor, takes: list[Take]) -> dict[str, Scores]:
+    """Table 9: Acc and Div from no intensity to 1.5.
+
+    Beside them `change`, the mean change of a weight against no intensity, which grows on where Acc is full.
+    """
+    plain = [actor.perform(take) for take in takes]
+    rows = {}
+    for intensity in INTENSITIES:
+        made, sizes = performed(actor, takes, intensity=intensity), []
+
+        def kept(clip: int, emotion: int, made=made, sizes=sizes) -> Tensor:
+            weights = made(clip, emotion)
+            sizes.append(float((weights - plain[clip]).abs().mean()))
+            return weights
+
+        scores = judging.judged(judge, kept, len(takes)).scores()
+        rows[f"intensity {intensity}"] = scores | {"change": sum(sizes) / len(sizes)}
+    return rows

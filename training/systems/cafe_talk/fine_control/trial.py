@@ -1,0 +1,152 @@
+"""A finished run under trial: held-out clips through it, with events and emotions as asked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+
+from training.corpus import arkit, bank
+from training.corpus.action_units import LOWER, unit_matrix
+from training.corpus.bank import Entry
+from training.corpus.clip import FPS, MEL_PER_FRAME
+from training.corpus.conditions import EMOTIONS, SIDES, UNITS
+from training.speech.source import CompactSpeech
+from training.systems.cafe_talk.denoiser import Denoiser, Sampling
+from training.systems.cafe_talk.sampling import Request, sample_weights
+from training.systems.cafe_talk.stored import load
+
+SLOT_FRAMES = 20
+"""0.8 s."""
+
+
+@dataclass
+class Take:
+    """A clip to speak: `features` [T, C] of its sound, `truth` [T, 51], `phones` [4 T]."""
+
+    name: str
+    source: str
+    features: Tensor
+    truth: Tensor
+    phones: Tensor
+
+    @property
+    def slot(self) -> tuple[int, int]:
+        """Where events are tried: 0.8 s in the middle."""
+        first = max((len(self.truth) - SLOT_FRAMES) // 2, 0)
+        return first, first + min(SLOT_FRAMES, len(self.truth))
+
+
+@dataclass
+class Asked:
+    """Control of a take: `unit` on both sides within the slot, times `beta`; `emotion` at `intensity`.
+
+    `printed` takes eq. 6 as printed; `unmasked` lets the event guide every frame, as Ho & Salimans (2021) do,
+    and `every_shape` all shapes of the slot. `over_speech` lets jaw and chin hide what is said.
+    `labelled` is whether the model hears the coarse condition at all.
+    """
+
+    unit: str | None = None
+    beta: float = 1.0
+    emotion: str = "neutral"
+    intensity: float = 0.0
+    printed: bool = False
+    unmasked: bool = False
+    every_shape: bool = False
+    over_speech: bool = False
+    labelled: bool = True
+
+
+class Unlabelled:
+    """A denoiser that is never told the coarse condition (table 8: the label masked)."""
+
+    def __init__(self, model: Denoiser):
+        self.model, self.config, self.to_weights = model, model.config, model.to_weights
+
+    def __call__(self, noisy: Tensor, timestep: Tensor, speech: Tensor, coarse, *more) -> Tensor:
+        """As the denoiser, under its learned null."""
+        withheld = torch.zeros_like(coarse.given)
+        return self.model(noisy, timestep, speech, replace(coarse, given=withheld), *more)
+
+
+class Actor:
+    """A finished model with its encoder: a `cafe_talk.pt`, or the folder that it was exported to."""
+
+    def __init__(self, path: Path):
+        stored = load(path)
+        if stored.encoder is None:
+            raise ValueError(
+                f"{path}: expected a model with the compact encoder, got one with a checkpoint's"
+            )
+        self.config, self.encoder, self.emotions = stored.config, stored.encoder, stored.emotions
+        self.model = Denoiser(self.config).eval()
+        self.model.load_state_dict(stored.state)
+
+    @torch.no_grad()
+    def take(self, entry: Entry) -> Take:
+        """A clip through the encoder."""
+        features = CompactSpeech(self.encoder, []).clip(entry)
+        return Take(entry.name, entry.source, features, entry.motion.float(), entry.phones)
+
+    def perform(self, take: Take, asked: Asked | None = None, sampling: Sampling | None = None) -> Tensor:
+        """Weights [T, 51] of a take."""
+        asked = asked or Asked()
+        model: nn.Module | Unlabelled = self.model if asked.labelled else Unlabelled(self.model)
+        return sample_weights(model, take.features, self._request(take, asked), sampling=sampling)
+
+    def _request(self, take: Take, asked: Asked) -> Request:
+        frames = len(take.truth)
+        events = torch.zeros(frames, SIDES * len(UNITS))
+        strength = torch.zeros(frames, len(self.config.channels))
+        if asked.unit is not None:
+            number, within = UNITS.index(asked.unit), slice(*take.slot)
+            events[within, [number, len(UNITS) + number]] = 1.0
+            own = unit_matrix()[[number, len(UNITS) + number]].amax(dim=0)
+            strength[within] = asked.beta * own
+            if asked.every_shape:
+                strength[within] = asked.beta
+            if asked.unmasked:
+                strength[:] = asked.beta
+        felt = self.emotions[EMOTIONS.index(asked.emotion)].expand(frames, -1)
+        style = self.config.styles.index(self.config.default_style)
+        intensity = torch.full((frames,), asked.intensity)
+        return Request(style, felt, intensity, events, strength, asked.printed, asked.over_speech)
+
+
+def clips(arguments) -> tuple[list[Entry], list[Entry]]:
+    """Clips to teach the judge, and held-out ones to judge and measure; weights [T, 51] for motion.
+
+    `arguments`: `corpus` folders, or the `data` folder with `cache` and `voices` as in training, whose bank
+    is then found; `lessons` and `clips` of each source, at most `seconds` of each.
+    """
+    if arguments.corpus:
+        entries = bank.of_folders(arguments.corpus, 1)
+    else:
+        entries = bank.load(arguments.data, arguments.cache, arguments.voices)
+    taken = first_of_each(entries, arguments.lessons, arguments.clips)
+    solved = arkit.as_weights(taken, None if arguments.corpus else arguments.data)
+    cut = [shortened(entry, int(arguments.seconds * FPS)) for entry in solved]
+    return [e for e in cut if not e.held_out], [e for e in cut if e.held_out]
+
+
+def first_of_each(entries: list[Entry], training: int, held_out: int) -> list[Entry]:
+    """The first clips of each source, so many for training and so many held out."""
+    taken: list[Entry] = []
+    for source in sorted({e.source for e in entries}):
+        for kept, count in ((False, training), (True, held_out)):
+            taken += [e for e in entries if e.source == source and e.held_out is kept][:count]
+    return taken
+
+
+def shortened(entry: Entry, frames: int) -> Entry:
+    """The first `frames` of a clip."""
+    rows = MEL_PER_FRAME * frames
+    sound = {"mels": entry.mels[:, :rows], "phones": entry.phones[:rows]}
+    return replace(entry, **sound, motion=entry.motion[:frames], weight=entry.weight[:frames])
+
+
+def upper_units() -> list[str]:
+    """Units that speech does not need."""
+    return [unit for unit in UNITS if unit not in LOWER]

@@ -1,0 +1,119 @@
+"""A judge of emotions: which of the fifteen do weights [T, 51] show? (Cafe-Talk, appendix D.2.)
+
+An MLP, a `cls` token, positions, one layer of a transformer with 8 heads, and a head on the token. It learns
+from recorded speech under added emotions; what it is asked about are other clips. `Acc` is the share of
+clips whose emotion it finds, `Div` the deviation of its features over clips.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from training.corpus.bank import Entry
+from training.corpus.conditions import EMOTIONS
+from training.corpus.faces import CHANNELS
+from training.corpus.felt import with_emotion
+from training.nn.embedding import timestep_embedding
+from training.systems.cafe_talk.train import lips_met
+
+WIDTH, HEADS = 64, 8
+WINDOW_FRAMES = 50
+BATCH, RATE = 64, 2e-3
+INTENSITIES = (0.25, 1.5)
+"""Of the emotions that the judge learns from."""
+
+
+class Judge(nn.Module):
+    """Weights [B, T, 51] → scores of the fifteen emotions [B, 15]."""
+
+    def __init__(self):
+        super().__init__()
+        self.mlp = nn.Sequential(nn.Linear(len(CHANNELS), WIDTH), nn.GELU(), nn.Linear(WIDTH, WIDTH))
+        self.cls = nn.Parameter(torch.zeros(WIDTH))
+        self.layer = nn.TransformerEncoderLayer(WIDTH, HEADS, 2 * WIDTH, 0.1, batch_first=True)
+        self.head = nn.Linear(WIDTH, len(EMOTIONS))
+
+    def features(self, weights: Tensor) -> Tensor:
+        """What the token knows of [B, T, 51], [B, d]."""
+        x = self.mlp(weights)
+        x = torch.cat([self.cls.expand(len(x), 1, -1), x], dim=1)
+        return self.layer(x + timestep_embedding(torch.arange(x.shape[1]), WIDTH))[:, 0]
+
+    def forward(self, weights: Tensor) -> Tensor:
+        """[B, T, 51] → [B, 15]."""
+        return self.head(self.features(weights))
+
+    @torch.no_grad()
+    def verdict(self, weights: Tensor) -> tuple[int, Tensor]:
+        """Number of the emotion of a clip [T, 51], and its features [d]: means over windows of 2 s."""
+        count = max(len(weights) // WINDOW_FRAMES, 1)
+        windows = weights[: count * WINDOW_FRAMES].unflatten(0, (count, -1))
+        return int(self(windows).mean(dim=0).argmax()), self.features(windows).mean(dim=0)
+
+
+def felt(weights: Tensor, emotion: int, intensity: float) -> Tensor:
+    """Recorded speech [T, 51] under an emotion, as the model's targets are made."""
+    rows = torch.zeros(len(weights), len(EMOTIONS))
+    rows[:, emotion] = 1.0
+    return with_emotion(weights, rows, torch.full((len(weights),), intensity), lips_met(weights))
+
+
+def taught(lessons: list[Entry], steps: int, seed: int = 0) -> Judge:
+    """A judge trained on windows of `lessons`; those shorter than 2 s are left out."""
+    usable = [e.motion.float() for e in lessons if len(e.motion) >= WINDOW_FRAMES]
+    if not usable:
+        count = len(lessons)
+        raise ValueError(f"judge: expected clips of {WINDOW_FRAMES} frames or more, got none in {count}")
+    random = np.random.default_rng(seed)
+    with torch.random.fork_rng():
+        torch.manual_seed(seed)
+        judge = Judge()
+        optimiser = torch.optim.AdamW(judge.parameters(), RATE, weight_decay=0.02)
+        schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, steps + 1)
+        for _ in range(steps):
+            shown, label = _batch(usable, random)
+            optimiser.zero_grad()
+            nn.functional.cross_entropy(judge(shown), label).backward()
+            optimiser.step()
+            schedule.step()
+    return judge.eval()
+
+
+def _batch(usable: list[Tensor], random: np.random.Generator) -> tuple[Tensor, Tensor]:
+    labels = random.integers(0, len(EMOTIONS), BATCH)
+    rows = []
+    for label in labels:
+        clip = usable[random.integers(len(usable))]
+        first = int(random.integers(0, len(clip) - WINDOW_FRAMES + 1))
+        window = clip[first : first + WINDOW_FRAMES]
+        rows.append(felt(window, int(label), float(random.uniform(*INTENSITIES))))
+    return torch.stack(rows), torch.from_numpy(labels)
+
+
+@dataclass
+class Verdicts:
+    """Of generated takes: numbers of the emotions asked for and found, [N] each; features [N, d]."""
+
+    asked: np.ndarray
+    found: np.ndarray
+    features: Tensor
+
+    def scores(self, rows: np.ndarray | None = None, truth: int | None = None) -> dict[str, float]:
+        """Acc and Div of some of them; against one emotion for all where `truth` is given."""
+        rows = np.ones(len(self.asked), bool) if rows is None else rows
+        wanted = self.asked if truth is None else np.full(len(self.asked), truth)
+        spread = self.features[torch.from_numpy(rows)].std(dim=0).mean()
+        return {"Acc": float((self.found == wanted)[rows].mean()), "Div": float(spread)}
+
+
+def judged(judge: Judge, makes: Callable[[int, int], Tensor], count: int) -> Verdicts:
+    """The judge on `makes(clip, emotion)` [T, 51], over `count` clips and all emotions."""
+    asked = [(clip, emotion) for clip in range(count) for emotion in range(len(EMOTIONS))]
+    each = [judge.verdict(makes(clip, emotion)) for clip, emotion in asked]
+    found, features = zip(*each, strict=True)
+    return Verdicts(np.array([e for _, e in asked]), np.array(found), torch.stack(features))

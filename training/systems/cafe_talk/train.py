@@ -1,0 +1,421 @@
+"""Trains Cafe-Talk: first the base, then the adapter for fine control beside the frozen base.
+
+    python -m training.systems.cafe_talk.train --data ../shared/data --out runs/cafe_base
+    python -m training.systems.cafe_talk.train --base runs/cafe_base/cafe_talk.pt ... --out runs/cafe_fine
+
+`--corpus` trains on corpus folders and nothing else. Seeded; resumes from `--out/last.pt` with the same bits;
+`--device` and `--precision` say where it computes (`training/machine.py`).
+"""
+
+import argparse
+import hashlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import nn
+
+from training.corpus import arkit, bank, spoken
+from training.corpus.action_units import active_units, random_events, sparse, unit_matrix
+from training.corpus.bank import Entry
+from training.corpus.faces import CHANNELS
+from training.corpus.felt import with_emotion
+from training.corpus.teacher import Teacher
+from training.diffusion.schedule import add_noise, alphas_cumprod
+from training.losses import feature_concordance, lip_gap, motion_loss
+from training.machine import Machine, add_arguments
+from training.run import Run
+from training.speech.compact import CompactEncoder
+from training.speech.compact import debug_config as debug_encoder
+from training.speech.hubert import HubertFeatures
+from training.speech.source import CompactSpeech, HubertSpeech
+from training.speech.train import SHARES, feature_scores, load_encoder
+from training.systems.cafe_talk.denoiser import (
+    ANY_STYLE,
+    CONFIGS,
+    CafeTalkConfig,
+    Coarse,
+    Denoiser,
+    SpeechInput,
+)
+from training.systems.cafe_talk.sampling import Request, sample_weights
+from training.systems.cafe_talk.stored import ADAPTER
+from training.systems.cafe_talk.stored import load as load_stored
+from training.systems.freetalk.train import SHIPPED_ENCODER, own_clips
+from training.text.emotions import SYNONYMS
+from training.text.words import Words
+
+MASKED_SHARE = 0.2
+"""Rows without speech, and independently rows without the coarse condition (§3.1.2)."""
+CONCORDANCE = 0.3
+PURE_NOISE_SHARE = 0.3
+UNSEEN_WEIGHT = 0.1
+UNLABELLED_SHARE = 0.6
+FELT_SHARE, CHANGING_SHARE = 0.75, 0.2
+LEAST_DEVIATION = 0.05
+MOUTH_WEIGHT = 2.0
+EVENT_SHARE, SWAPPED_SHARE = 0.5, 0.5
+EVENT_WEIGHT = 4.0
+"""Of an event's own channels, beside what was recorded."""
+TOLD_INTENSITY = (0.3, 1.2)
+"""Of the emotion that a row with a swapped label is told."""
+CONTACT_FRAMES, SPOKEN_M = 6, 2.5e-3
+"""Lips that meet in speech part so far within so many frames."""
+MET_M, PARTED_M = -0.3e-3, 1.0e-3
+"""Openings over that of the neutral face between which lips count as less and less closed."""
+
+
+@dataclass
+class Step:
+    """One batch; `weights`, `seen` [B, T, 51]; `events` [B, T, 32]; the rest as the denoiser takes it."""
+
+    mel: torch.Tensor
+    weights: torch.Tensor
+    seen: torch.Tensor
+    coarse: Coarse
+    events: torch.Tensor
+    swapped: torch.Tensor
+
+
+class CafeTalkTrainer:
+    """Data, model and one optimisation step of either stage."""
+
+    def __init__(self, arguments, config: CafeTalkConfig, speech: CompactSpeech | HubertSpeech):
+        self.config, self.speech = config, speech
+        self.joint = arguments.one_stage
+        self.fine = self.joint or arguments.base is not None
+        self.swapped_share = arguments.swapped_share
+        self.machine = Machine(arguments.device, arguments.precision)
+        seed = self.machine.seed(arguments.seed)
+        self.generator = np.random.default_rng(seed)
+        self.random = torch.Generator().manual_seed(seed)
+        self.sources, shares = source_shares(speech.entries)
+        self.sampler = speech.sampler(self.sources, shares, seed)
+        self.alphas = alphas_cumprod(config.diffusion.schedule, config.diffusion.train_steps)
+        self.words = Words.load(arguments.text)
+        self.model = Denoiser(config)
+        self.channel_weight = torch.ones(len(CHANNELS))
+        self.channel_weight[[i for i, c in enumerate(CHANNELS) if c.startswith(("jaw", "mouth"))]] = (
+            MOUTH_WEIGHT
+        )
+        self.unit_channels = unit_matrix()
+        self._measure_scale()
+        if arguments.base is not None:
+            self._begin_at(arguments.base)
+        if self.fine and not self.joint:
+            self.model.requires_grad_(False)
+            self.model.adapter.requires_grad_(True)
+        self.machine.place(self.model, arguments.seed)
+        self.speech.to(self.machine.device)
+
+    def parameters(self) -> list[nn.Parameter]:
+        """Those of the stage."""
+        if self.joint:
+            return list(self.model.parameters())
+        return list(self.model.adapter.parameters()) if self.fine else self.model.base_parameters()
+
+    def _begin_at(self, path: Path) -> None:
+        """Takes a finished base; its adapter, where it has one, is left and begins anew."""
+        stored = load_stored(path)
+        for part in ("blocks", "width", "coarse", "styles"):
+            wanted, found = getattr(self.config, part), getattr(stored.config, part)
+            if wanted != found:
+                raise ValueError(f"{path}: expected a base with {part} {wanted}, got {found}")
+        adapter = {k: v for k, v in self.model.state_dict().items() if k.startswith(ADAPTER)}
+        self.model.load_state_dict(stored.base | adapter)
+
+    @torch.no_grad()
+    def draw(self, count: int, frames: int) -> Step:
+        """A batch of speech under random emotions and, in the second stage, with events."""
+        batch = self.sampler.batch(count, frames)
+        rows = [self._acted(*row) for row in zip(batch.motion.float(), batch.affect, strict=True)]
+        weights, emotion, intensity, events = (torch.stack(column) for column in zip(*rows, strict=True))
+        withheld = torch.rand(count, generator=self.random) < UNLABELLED_SHARE
+        label = torch.tensor([self.config.styles.index(s) for s in self.sources])[batch.source]
+        label = torch.where(withheld, self.config.styles.index(ANY_STYLE), label)
+        swapped = torch.rand(count, generator=self.random) < self.swapped_share
+        swapped &= events.any(dim=-1).any(dim=-1)
+        given = (torch.rand(count, generator=self.random) >= MASKED_SHARE) | swapped
+        felt = self._told(emotion, swapped)
+        seen = torch.maximum(
+            batch.weight.float().clamp_min(UNSEEN_WEIGHT), (intensity[..., None] > 0).float()
+        )
+        if self.fine:
+            seen = torch.maximum(seen, EVENT_WEIGHT * self._controlled(events))
+            told = torch.from_numpy(self.generator.uniform(*TOLD_INTENSITY, (count, 1))).float()
+            intensity = torch.where(swapped[:, None], told, intensity)
+        device = self.machine.device
+        coarse = Coarse(*(t.to(device) for t in (label, felt, intensity, given)))
+        return Step(
+            *(t.to(device) for t in (batch.mel, weights, seen)), coarse, events.to(device), swapped.to(device)
+        )
+
+    def _controlled(self, events: torch.Tensor) -> torch.Tensor:
+        """Z_ctrl of eq. 5: channels of active units, [B, T, 51] of 0 and 1; `events` [B, T, 32]."""
+        return (events @ self.unit_channels.to(events.device)).clamp(max=1.0)
+
+    def _acted(self, spoken_weights: torch.Tensor, affect: torch.Tensor):
+        """Weights, emotion [T, 15], intensity [T] and events [T, 32] of one row."""
+        frames = len(spoken_weights)
+        emotion, intensity = affect[:, :-1], affect[:, -1]
+        weights = spoken_weights
+        closed = lips_met(spoken_weights)
+        if not intensity.any() and self.generator.random() < FELT_SHARE:
+            emotion, intensity = self._feeling(frames)
+            weights = with_emotion(spoken_weights, emotion, intensity, closed)
+        if not self.fine:
+            return weights, emotion, intensity, torch.zeros(frames, len(self.unit_channels))
+        events = sparse(active_units(weights, self.generator), self.generator)
+        if self.generator.random() < EVENT_SHARE:
+            added = random_events(frames, lips_touch(spoken_weights), self.generator)
+            weights = torch.maximum(weights, (weights + added.weights).clamp(max=1.0))
+            events = torch.maximum(events, added.active)
+        return weights, emotion, intensity, events
+
+    def _feeling(self, frames: int) -> tuple[torch.Tensor, torch.Tensor]:
+        """A random emotion and intensity; in some rows both change smoothly."""
+        rows = torch.zeros(2, len(self.config.emotions))
+        rows[[0, 1], torch.from_numpy(self.generator.integers(0, rows.shape[1], 2))] = 1.0
+        levels = torch.from_numpy(self.generator.uniform(0.0, 1.5, 2)).float()
+        share = torch.zeros(frames)
+        if self.generator.random() < CHANGING_SHARE:
+            middle, width = self.generator.uniform(0, frames), self.generator.uniform(5, 20)
+            share = torch.sigmoid((torch.arange(frames) - middle) / width * 4.0)
+        emotion = (1 - share)[:, None] * rows[0] + share[:, None] * rows[1]
+        return emotion, (1 - share) * levels[0] + share * levels[1]
+
+    def _told(self, emotion: torch.Tensor, swapped: torch.Tensor) -> torch.Tensor:
+        """Places in the text space [B, T, E] of words for what is felt, or something else where swapped."""
+        out = []
+        for row, other in zip(emotion, swapped, strict=True):
+            names = [self.generator.choice(SYNONYMS[e]) for e in self.config.emotions]
+            places = torch.from_numpy(np.stack([self.words.of(str(n)) for n in names]))
+            if other:
+                places = places.roll(int(self.generator.integers(1, len(places))), dims=0)
+            out.append(row @ places)
+        return torch.stack(out)
+
+    def loss(self, step: Step) -> tuple[torch.Tensor, dict[str, float]]:
+        """Eq. 4, with the concordance of what a viewer sees; eq. 5 in rows whose label was swapped."""
+        count, device = len(step.weights), self.machine.device
+        t = torch.randint(0, len(self.alphas), (count,), generator=self.random)
+        pure = torch.rand(count, generator=self.random) < PURE_NOISE_SHARE
+        t = torch.where(pure, len(self.alphas) - 1, t)
+        noise = torch.randn(step.weights.shape, generator=self.random)
+        cool = torch.rand(count, 1, 1, generator=self.random)
+        noise = torch.where(pure[:, None, None], noise * cool, noise)
+        clean = self.model.standardise(step.weights)
+        noisy = add_noise(clean, noise.to(device), self.alphas[t][:, None, None].to(device))
+        speech_given = (torch.rand(count, generator=self.random) >= MASKED_SHARE).to(device)
+        with self.machine.autocast():
+            speech = self.speech.windows(step.mel)
+            events = step.events if self.fine else None
+            found = self.model(noisy, t.to(device), speech, step.coarse, speech_given, events).float()
+        seen = torch.where(step.swapped[:, None, None], self._controlled(step.events), step.seen)
+        seen = seen * self.channel_weight.to(device)
+        error = found - clean
+        if self.fine:
+            rows = zip(error.split(1), seen.split(1), strict=True)
+            simple = torch.stack([motion_loss(*row) for row in rows]).mean()
+        else:
+            simple = motion_loss(error, seen)
+        as_it_is = speech_given & step.coarse.given & ~step.swapped
+        shown = [arkit.landmarks_of(x[as_it_is]) * 1e3 for x in (self.model.to_weights(found), step.weights)]
+        agreement, parts = feature_concordance(*shown)
+        return simple + CONCORDANCE * agreement, {"simple": simple.item()} | parts
+
+    def _measure_scale(self) -> None:
+        """Mean and deviation of the training weights, emotions included, into the model."""
+        rows = [self.draw(16, min(self.config.window_frames, 96)).weights for _ in range(12)]
+        weights = torch.cat(rows).flatten(0, 1)
+        self.model.mean.copy_(weights.mean(dim=0))
+        self.model.std.copy_(weights.std(dim=0).clamp_min(LEAST_DEVIATION))
+
+
+def lips_met(weights: torch.Tensor) -> torch.Tensor:
+    """1 where weights [T, 51] bring the lips together, 0 where they are parted, [T]."""
+    gap = lip_gap(arkit.landmarks_of(weights))
+    return ((PARTED_M - gap) / (PARTED_M - MET_M)).clamp(0.0, 1.0)
+
+
+def lips_touch(weights: torch.Tensor) -> torch.Tensor:
+    """As `lips_met`, but 0 for lips that rest: those that do not part within a quarter of a second, [T]."""
+    gap = lip_gap(arkit.landmarks_of(weights))
+    around = nn.functional.max_pool1d(gap[None, None], 2 * CONTACT_FRAMES + 1, 1, CONTACT_FRAMES)[0, 0]
+    return lips_met(weights) * (around > SPOKEN_M).float()
+
+
+def source_shares(entries: list[Entry]) -> tuple[list[str], list[float]]:
+    """Sources to train on and how often each is drawn: ours as they were set, others by their length."""
+    frames: dict[str, int] = {}
+    for entry in entries:
+        if not entry.held_out:
+            frames[entry.source] = frames.get(entry.source, 0) + len(entry.motion)
+    known = {s: share for s, share in SHARES.items() if s in frames}
+    shares = known or {s: n / sum(frames.values()) for s, n in sorted(frames.items())}
+    return list(shares), list(shares.values())
+
+
+@torch.no_grad()
+def validate(trainer: CafeTalkTrainer, model: Denoiser, clips: int) -> dict[str, float]:
+    """r and slope of what a viewer sees, on held-out clips, neutral."""
+    report, device = {}, model.mean.device
+    model.eval().cpu()
+    for source in sorted({e.source for e in trainer.speech.entries} - {spoken.SOURCE}):
+        chosen = [e for e in trainer.speech.entries if e.source == source and e.held_out][:clips]
+        pairs = []
+        for entry in chosen:
+            request = Request.neutral(trainer.config, trainer.words.emotions(), len(entry.motion))
+            made = sample_weights(model, trainer.speech.clip(entry), request)
+            pairs.append((arkit.landmarks_of(made), arkit.landmarks_of(entry.motion.float())))
+        if pairs:
+            report |= {f"{source} {k}": v for k, v in feature_scores(pairs).items()}
+    model.train().to(device)
+    return report
+
+
+def train(arguments) -> Path:
+    """Runs a stage; writes `cafe_talk.pt` with the averaged weights and returns its path."""
+    torch.manual_seed(arguments.seed)
+    torch.set_num_threads(arguments.threads)
+    config = CONFIGS[arguments.config]()
+    speech = speech_source(arguments, config)
+    config.text_width = Words.load(arguments.text).vectors.shape[1]
+    if arguments.corpus:
+        config.styles = [*sorted({e.source for e in speech.entries}), ANY_STYLE]
+    config.coarse = arguments.coarse
+    trainer = CafeTalkTrainer(arguments, config, speech)
+    run = start(arguments, trainer)
+    optimiser, schedule, average = (run.parts[name] for name in ("optimiser", "schedule", "average"))
+    lengths = [n for n in (64, 96, 128, 192, 250) if n <= config.window_frames] or [24]
+    until = min(arguments.steps, arguments.stop_at or arguments.steps)
+    for step in range(run.first, until):
+        frames = lengths[int(torch.randint(0, len(lengths), (1,), generator=trainer.random))]
+        loss, parts = trainer.loss(trainer.draw(max(1, arguments.tokens // frames), frames))
+        trainer.machine.step(loss, trainer.model, optimiser, 1.0)
+        schedule.step()
+        average.update_parameters(trainer.model)
+        run.after(step, loss.item())
+        if step % arguments.log_every == arguments.log_every - 1 or step == until - 1:
+            if trainer.machine.rank > 0:
+                continue
+            scores = validate(trainer, average.module, arguments.validation_clips)
+            run.log({"step": step + 1, "s": run.seconds(), **parts, **scores})
+            save(run.out / "cafe_talk.pt", average.module, trainer)
+    if until < arguments.steps:
+        run.save(until)
+    return arguments.out / "cafe_talk.pt"
+
+
+def start(arguments, trainer: CafeTalkTrainer) -> Run:
+    """Optimiser, schedule and averaged weights, as they were where the run stopped."""
+    optimiser = torch.optim.AdamW(trainer.parameters(), arguments.rate, weight_decay=0.02)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, arguments.rate, arguments.steps + 1, pct_start=0.1
+    )
+    average = torch.optim.swa_utils.AveragedModel(
+        trainer.model, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.995)
+    )
+    parts = {"model": trainer.model, "optimiser": optimiser, "schedule": schedule, "average": average}
+    generators = {"trainer": trainer.random, "events": trainer.generator, "windows": trainer.sampler.random}
+    machine, board = trainer.machine, arguments.tensorboard
+    return Run(arguments.out, parts, arguments.steps, arguments.save_every, generators, machine, board)
+
+
+def save(path: Path, model: Denoiser, trainer: CafeTalkTrainer) -> None:
+    """One file with the denoiser, its configuration, the emotions' places and the encoder."""
+    state = {key: value.cpu() for key, value in model.state_dict().items()}
+    emotions = torch.from_numpy(trainer.words.emotions())
+    kept = {"state": state, "config": model.config.to_json(), "emotions": emotions, **trainer.speech.saved()}
+    torch.save(kept, path)
+
+
+def speech_source(arguments, config: CafeTalkConfig) -> CompactSpeech | HubertSpeech:
+    """The encoder and all clips as weights; the solved ones are kept in the cache."""
+    if arguments.hubert is not None:
+        features = HubertFeatures(arguments.hubert)
+        config.speech = SpeechInput(features.kind, features.channels)
+        source = HubertSpeech(features, own_clips(arguments))
+        source.entries = arkit.as_weights(source.entries, None if arguments.corpus else arguments.data)
+        return source
+    if arguments.config == "debug":
+        encoder = CompactEncoder(debug_encoder())
+        voices, limit = 2, arguments.limit or 4
+    else:
+        encoder, voices, limit = (
+            load_encoder(arguments.speech or SHIPPED_ENCODER),
+            arguments.voices,
+            arguments.limit,
+        )
+        config.speech = SpeechInput("compact_speech", encoder.config.channels)
+    if arguments.corpus:
+        return CompactSpeech(
+            encoder, arkit.as_weights(bank.of_folders(arguments.corpus, voices, arguments.seed, limit))
+        )
+    entries = bank.load(arguments.data, arguments.cache, voices, limit=limit)
+    if arguments.config != "debug":
+        left = tuple(arguments.leave_speech)
+        entries += spoken.load(
+            arguments.data, arguments.cache, arguments.minutes, left, Teacher.load(), arguments.reader
+        )
+    return CompactSpeech(encoder, solved(entries, arguments))
+
+
+def solved(entries: list[Entry], arguments) -> list[Entry]:
+    """`arkit.as_weights`, from the cache where it was done before by the same code on the same clips."""
+    code = Path(arkit.__file__).read_bytes() + repr([(e.name, len(e.motion)) for e in entries]).encode()
+    path = arguments.cache / f"arkit-{hashlib.sha256(code).hexdigest()[:12]}.pt"
+    if path.exists():
+        found = torch.load(path)
+        return [replace(e, motion=m, weight=w) for e, (m, w) in zip(entries, found, strict=True)]
+    found = arkit.as_weights(entries, arguments.data)
+    partial = path.with_suffix(".partial")
+    torch.save([(e.motion.half(), _constant_once(e.weight)) for e in found], partial)
+    partial.rename(path)
+    return found
+
+
+def _constant_once(weight: torch.Tensor) -> torch.Tensor:
+    """[T, 51]; rows that are all alike take the room of one."""
+    return weight[:1].expand(len(weight), -1) if weight.var(0).max() == 0 else weight
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser.add_argument("--out", type=Path, default=Path("runs/cafe_base"))
+    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    parser.add_argument("--text", type=Path, default=Path("runs/text"), help="the text space")
+    parser.add_argument(
+        "--base", type=Path, help="cafe_talk.pt of stage 1, or a model folder: trains the adapter beside it"
+    )
+    parser.add_argument("--one-stage", action="store_true", help="base and adapter learn together (table 3)")
+    parser.add_argument("--config", choices=list(CONFIGS), default="compact")
+    parser.add_argument("--coarse", choices=["ada_ln", "film"], default="ada_ln", help="table 2 of the paper")
+    parser.add_argument("--hubert", type=Path, help="folder of a HuBERT or wav2vec2 checkpoint, such as XLSR")
+    parser.add_argument("--speech", type=Path, help="speech.pt of training.speech.train, or a model folder")
+    parser.add_argument("--leave-speech", nargs="*", default=[], help="speech to leave out (nathalie_nl, …)")
+    parser.add_argument("--reader", type=Path, help="an earlier speech.pt that reads untimed speech")
+    parser.add_argument("--minutes", type=float, default=5.0, help="of each language by espeak-ng")
+    parser.add_argument("--voices", type=int, default=7)
+    parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
+    parser.add_argument("--swapped-share", type=float, default=SWAPPED_SHARE, help="rows with eq. 5")
+    parser.add_argument("--steps", type=int, default=6000)
+    parser.add_argument("--tokens", type=int, default=2000, help="frames in a batch")
+    parser.add_argument("--rate", type=float, default=8e-4)
+    add_arguments(parser, "bfloat16")
+    parser.add_argument("--tensorboard", action="store_true", help="logs for TensorBoard too, into --out")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--log-every", type=int, default=300)
+    parser.add_argument("--save-every", type=int, default=50, help="steps between checkpoints")
+    parser.add_argument("--stop-at", type=int, help="stop after this step; the same command goes on")
+    parser.add_argument("--validation-clips", type=int, default=12, help="of each source, at every log")
+    return parser
+
+
+if __name__ == "__main__":
+    train(parser().parse_args())

@@ -1,0 +1,232 @@
+"""What EmoFace's branches and its Mesh Attention are worth, on actors that were held out.
+
+    python -m training.systems.emoface.evaluate --data ../shared/data --run runs/emoface/emoface.pt
+
+Every sentence of the actors of emodb_de that were never heard is spoken from rest with the feeling of its
+own voice; truth is the teacher's face under the label (faces of these recordings do not exist). Then the same
+sentence is felt through another recording. Errors are on the template: √LVE over the vertices about the lips,
+√EVE over those above the middle of the nose, mm (metrics as in `docs/measuring.md`). There is nothing random
+in it. `--run` may be given several times, so that runs stand beside one another.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from training.corpus.feelings import SOURCE as EMODB
+from training.corpus.felt import with_emotion
+from training.losses import lip_gap
+from training.systems.cafe_talk.train import lips_met
+from training.systems.emoface.clips import load_clips, template_of
+from training.systems.emoface.feeling import FEELINGS
+from training.systems.emoface.model import CONFIGS, EmoFace, EmoFaceConfig, Made
+from training.systems.emoface.rows import Spoken, mixture
+from training.systems.emoface.train import parser as training_parser
+from training.systems.emoface.train import performed, together
+
+LIP_REACH_M = 8e-3
+TAUGHT = 8
+"""Sentences on which taught feelings are told."""
+CROSSED = 3
+"""Recordings of other feelings through which every sentence is felt."""
+
+
+@dataclass
+class Judged:
+    """A model with all that is needed to score it: `modes` [51, D] metres; `lips`, `upper` vertices."""
+
+    model: EmoFace
+    modes: Tensor
+    lips: np.ndarray
+    upper: np.ndarray
+
+    def truth(self, clip: Spoken, feeling: Spoken | None = None) -> Tensor:
+        """[T, V, 3] metres: the clip's speech under its own label, or under that of another."""
+        one = feeling or clip
+        frames = len(clip)
+        emotion, share = mixture(one).expand(frames, -1), torch.full((frames,), one.share)
+        spoken = clip.weights.float()
+        return (with_emotion(spoken, emotion, share, lips_met(spoken)) @ self.modes).unflatten(-1, (-1, 3))
+
+    def metres(self, motion: Tensor) -> Tensor:
+        """[1, T, D] in units of the model → [T, V, 3] metres."""
+        return motion[0].unflatten(-1, (-1, 3)) * self.model.config.scale_m
+
+
+def opened(run: Path, data: Path) -> Judged:
+    """A run as `training.systems.emoface.train` saved it."""
+    saved = torch.load(run, map_location="cpu")
+    config = EmoFaceConfig.from_json(saved["config"])
+    model = EmoFace(config, saved["spirals"].numpy())
+    model.load_state_dict(saved["state"])
+    template, modes = template_of(data, config.vertices)
+    points = template.vertices
+    lips = points[template.landmarks[48:]]
+    near = np.linalg.norm(points[:, None] - lips, axis=-1).min(axis=1) < LIP_REACH_M
+    upper = points[:, 1] > points[template.landmarks[29], 1]
+    return Judged(
+        model.eval(), torch.from_numpy(modes).float().flatten(1), np.flatnonzero(near), np.flatnonzero(upper)
+    )
+
+
+def largest_mm(found: Tensor, truth: Tensor, among: np.ndarray) -> float:
+    """Mean over frames of the largest squared error among some vertices, mm²."""
+    apart = ((found - truth)[:, among] * 1e3).pow(2).sum(dim=-1)
+    return float(apart.max(dim=1).values.mean())
+
+
+def branches(judged: Judged, clips: list[Spoken]) -> dict[str, tuple[float, float]]:
+    """√LVE and √EVE of the whole, of each branch, of their sum and of no motion."""
+    sums: dict[str, list[tuple[float, float]]] = {}
+    for clip in clips:
+        truth, made = judged.truth(clip), performed(judged.model, clip)
+        alone = {
+            layer: getattr(performed(judged.model, clip, layer), layer) for layer in ("content", "feeling")
+        }
+        rows = {
+            "no motion": torch.zeros_like(truth),
+            "content branch": judged.metres(alone["content"]),
+            "emotion branch": judged.metres(alone["feeling"]),
+            "their sum": judged.metres(made.content + made.feeling),
+            "under the mask": judged.metres(made.motion),
+        }
+        for name, found in rows.items():
+            errors = largest_mm(found, truth, judged.lips), largest_mm(found, truth, judged.upper)
+            sums.setdefault(name, []).append(errors)
+    return {name: tuple(np.sqrt(np.mean(found, axis=0))) for name, found in sums.items()}
+
+
+@torch.no_grad()
+def felt_as(judged: Judged, clip: Spoken, other: Spoken) -> Made:
+    """A sentence with the feeling of another recording, stretched to its length."""
+    given = together([clip], judged.model.config, len(clip))
+    at = np.linspace(0.2 * (len(other) - 1), len(other) - 1, len(clip)).round().astype(int)
+    given.feeling = other.feeling[at].float()[None]
+    return judged.model.perform(given)
+
+
+def crossed(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
+    """How often a face wears the feeling that the other recording was meant to have; lip gap with its take.
+
+    The class of a face is that of the seven under which the teacher's face of this sentence lies nearest in
+    the mean over vertices and frames. It is a measure by our own tables, not by people.
+    """
+    right, heard, agreement = [], [], []
+    for n, clip in enumerate(clips):
+        own = performed(judged.model, clip)
+        others = [c for c in clips if c.name[:2] == clip.name[:2] and c.label != clip.label]
+        for other in others[n % 7 :: max(1, len(others) // CROSSED)][:CROSSED]:
+            made = felt_as(judged, clip, other)
+            found = judged.metres(made.motion)
+            label = {
+                f: Spoken("", "", True, [], clip.feeling, clip.weights, f, other.share) for f in FEELINGS
+            }
+            apart = {
+                f: float((found - judged.truth(clip, one)).norm(dim=-1).mean()) for f, one in label.items()
+            }
+            right.append(min(apart, key=apart.get) == other.label)
+            shares = other.feeling[len(other) // 2 :, -len(FEELINGS) :].float().mean(dim=0)
+            heard.append(FEELINGS[int(shares.argmax())] == other.label)
+            agreement.append(_gap_r(judged, own, made))
+    return {
+        "felt as the other recording": float(np.mean(right)),
+        "of those whose feeling was heard right": float(np.mean(np.array(right)[np.array(heard)])),
+        "heard right": float(np.mean(heard)),
+        "lip gap r with the own take": float(np.mean(agreement)),
+    }
+
+
+def _gap_r(judged: Judged, one: Made, two: Made) -> float:
+    at = judged.model.config.landmarks
+    gaps = [lip_gap(judged.metres(x.motion)[:, at].flatten(1)).numpy() for x in (one, two)]
+    return float(np.corrcoef(*gaps)[0, 1])
+
+
+def taught(judged: Judged, clips: list[Spoken]) -> dict[str, tuple[float, float]]:
+    """How far each taught feeling goes where it is told by its mean features.
+
+    The least-squares slope of what it adds to the neutral face over what the teacher's adds, mean over the
+    frames of a clip, and the cosine.
+    """
+    out = {}
+    neutral = [_told(judged, clip, FEELINGS[0]) for clip in clips]
+    for feeling in FEELINGS[1:]:
+        pairs = []
+        for clip, (found, truth) in zip(clips, neutral, strict=True):
+            made, meant = _told(judged, clip, feeling)
+            pairs.append((made - found, meant - truth))
+        made, meant = (torch.cat([pair[k].flatten() for pair in pairs]) for k in (0, 1))
+        along = made @ meant
+        out[feeling] = float(along / (meant @ meant)), float(along / (made.norm() * meant.norm()))
+    return out
+
+
+@torch.no_grad()
+def _told(judged: Judged, clip: Spoken, feeling: str) -> tuple[Tensor, Tensor]:
+    """Mean faces [V, 3] metres, made and true, of a sentence under a feeling that is told."""
+    given = together([clip], judged.model.config, len(clip))
+    given.feeling = judged.model.prototypes[FEELINGS.index(feeling)].expand(1, len(clip), -1)
+    label = Spoken("", "", True, [], clip.feeling, clip.weights, feeling)
+    return judged.metres(judged.model.perform(given).motion).mean(dim=0), judged.truth(clip, label).mean(
+        dim=0
+    )
+
+
+def recorded(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
+    """Largest errors on recorded neutral speech of held-out clips, √LVE mm."""
+    out = {}
+    for source in sorted({c.source for c in clips}):
+        errors = []
+        for clip in (c for c in clips if c.source == source):
+            found = judged.metres(performed(judged.model, clip).motion)
+            errors.append(largest_mm(found, judged.truth(clip), judged.lips))
+        out[source] = float(np.sqrt(np.mean(errors)))
+    return out
+
+
+def masks(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
+    """w, mean over frames, at the mouth, the jaw and the eyes: the paper's figure 4 in three numbers."""
+    at = judged.model.config.landmarks
+    regions = {"mouth": at[48:], "jaw": at[4:13], "eyes and brows": at[17:27] + at[36:48]}
+    found = torch.stack([performed(judged.model, clip).mask[0].mean(dim=0) for clip in clips]).mean(dim=0)
+    return {name: float(found[places].mean()) for name, places in regions.items()}
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line: that of training, and the runs."""
+    parser = training_parser()
+    parser.description = __doc__.splitlines()[0]
+    parser.add_argument(
+        "--run", type=Path, action="append", required=True, help="emoface.pt; may be repeated"
+    )
+    parser.add_argument("--clips", type=int, default=1000, help="felt clips at most, evenly drawn")
+    return parser
+
+
+def main() -> None:
+    """Command line."""
+    arguments = parser().parse_args()
+    torch.set_num_threads(arguments.threads)
+    held_out = [c for c in load_clips(arguments, CONFIGS[arguments.config]()) if c.held_out]
+    felt = [c for c in held_out if c.source == EMODB]
+    felt = felt[:: max(1, len(felt) // arguments.clips)][: arguments.clips]
+    spoken = [c for s in ("grid_s1", "facegood_zh") for c in [c for c in held_out if c.source == s][:24]]
+    for run in arguments.run:
+        judged = opened(run, arguments.data)
+        print(run, f"{len(felt)} felt clips")
+        for name, (lips, upper) in branches(judged, felt).items():
+            print(f"  {name:16s} √LVE {lips:.2f} mm, √EVE {upper:.2f} mm")
+        for name, (slope, cosine) in taught(judged, felt[:: max(1, len(felt) // TAUGHT)]).items():
+            print(f"  {name:16s} slope {slope:.2f}, cosine {cosine:.2f}")
+        for numbers in (recorded(judged, spoken), masks(judged, felt), crossed(judged, felt)):
+            print("  " + ", ".join(f"{name} {value:.3f}" for name, value in numbers.items()))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,249 @@
+"""Measures FaceTalk's speech model on held-out clips, FreeTalk and loudness beside it.
+
+    python -m training.systems.facetalk.evaluate_motion --model weights/facetalk/facetalk_compact
+
+Codes are read back as ARKit weights and shown on ICT's landmarks: nothing of the head's field is in here.
+`--runs NAME=motion.pt` adds rows for runs without a part (table 2).
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+from dataclasses import replace
+from pathlib import Path
+from statistics import mean
+
+import torch
+from torch import Tensor
+
+from training.corpus.arkit import landmarks_of
+from training.corpus.bank import Entry
+from training.corpus.clip import MEL_PER_FRAME
+from training.corpus.faces import CHANNELS, load_ict
+from training.corpus.poses import felt
+from training.export import load_models
+from training.export_facetalk import load_folder, load_motion
+from training.losses import lip_gap
+from training.speech.compact import normalise
+from training.speech.train import feature_scores
+from training.systems.facetalk.motion import CM, Denoiser, Sampling, sample
+from training.systems.facetalk.train import load
+from training.systems.facetalk.train_motion import Codes, entries_of
+from training.systems.freetalk.ats import neutral_affect
+from training.systems.freetalk.sampling import sample_motion
+
+JAW = CHANNELS.index("jawOpen")
+GUIDANCES = (1.0, 1.5, 2.0, 3.0)
+SEEDS = 5
+OFF_MM = (0.0, 0.2, 1.0)
+LONG_FRAMES, WINDOW_FRAMES = 1500, 48
+UPPER = [*range(17, 27), *range(36, 48)]
+STILL = [0, 1, 15, 16, 27, 28]
+"""Landmarks that no speech moves: the ends of the jaw line and the bridge of the nose."""
+
+
+class Speaker:
+    """A model with its encoder and the way from codes to weights."""
+
+    def __init__(self, model: Denoiser, codes: Codes, encoder):
+        self.model, self.codes, self.encoder = model, codes, encoder
+
+    @torch.no_grad()
+    def heard(self, entry: Entry) -> Tensor:
+        """Features [T, C] of a clip."""
+        return self.encoder(normalise(entry.mels[0].float())[None])[0]
+
+    def says(self, speech: Tensor, seed: int = 0, sampling: Sampling | None = None) -> Tensor:
+        """Weights [T, 51]."""
+        return self.codes.weights(sample(self.model, speech, seed, sampling))
+
+
+def correlation(a: Tensor, b: Tensor) -> float:
+    """Pearson's r."""
+    return float(torch.corrcoef(torch.stack([a, b]))[0, 1])
+
+
+def by_source(entries: list[Entry], count: int, skipped: int = 0) -> dict[str, list[Entry]]:
+    """Held-out clips, the first `skipped` left out; no source that has no more."""
+    sources = sorted({e.source for e in entries})
+    kept = {s: [e for e in entries if e.source == s and e.held_out][skipped:][:count] for s in sources}
+    return {source: own for source, own in kept.items() if own}
+
+
+def agreement(speaker: Speaker, clips: dict[str, list[Entry]], sampling: Sampling | None = None) -> dict:
+    """r and slope of the lip gap, amplitude, and r of jawOpen, by source."""
+    report = {}
+    for source, own in clips.items():
+        made = [speaker.says(speaker.heard(e), 0, sampling) for e in own]
+        shown = [(landmarks_of(m), landmarks_of(e.motion.float())) for m, e in zip(made, own, strict=True)]
+        scores = feature_scores(shown)
+        report[f"{source} gap r"], report[f"{source} slope"] = scores["gap r"], scores["gap slope"]
+        report[f"{source} gap mm"] = 1e3 * float(torch.cat([lip_gap(m) for m, _ in shown]).std())
+        pairs = [correlation(m[:, JAW], e.motion[:, JAW].float()) for m, e in zip(made, own, strict=True)]
+        report[f"{source} jawOpen r"] = float(torch.tensor(pairs).nanmean())
+    return report
+
+
+def freetalk(models: Path, clips: dict[str, list[Entry]]) -> dict[str, float]:
+    """The same of the shipped FreeTalk, on landmarks; r of its chin against jawOpen."""
+    encoder, model = load_models(models)
+    style = model.config.styles.index(model.config.default_style)
+    report = {}
+    for source, own in clips.items():
+        made = []
+        for e in own:
+            with torch.no_grad():
+                speech = encoder(normalise(e.mels[0].float())[None])[0]
+            made.append(sample_motion(model, speech, neutral_affect(1, len(speech))[0], style))
+        truth = [landmarks_of(e.motion.float()) for e in own]
+        scores = feature_scores(list(zip(made, truth, strict=True)))
+        report[f"{source} gap r"], report[f"{source} slope"] = scores["gap r"], scores["gap slope"]
+        chins = [correlation(-m[:, 25], e.motion[:, JAW].float()) for m, e in zip(made, own, strict=True)]
+        report[f"{source} chin against jawOpen r"] = float(torch.tensor(chins).nanmean())
+    return report
+
+
+def loudness(clips: dict[str, list[Entry]]) -> dict[str, float]:
+    """r of the level of each frame with the lip gap and with jawOpen."""
+    report = {}
+    for source, own in clips.items():
+        gaps, jaws = [], []
+        for e in own:
+            level = e.mels[0].float().mean(1).unflatten(0, (-1, MEL_PER_FRAME)).mean(1)
+            gaps.append(correlation(level, lip_gap(landmarks_of(e.motion.float()))))
+            jaws.append(correlation(level, e.motion[:, JAW].float()))
+        report[f"{source} gap r"] = float(torch.tensor(gaps).nanmean())
+        report[f"{source} jawOpen r"] = float(torch.tensor(jaws).nanmean())
+    return report
+
+
+def seeds(speaker: Speaker, clips: list[Entry], sampling: Sampling | None = None) -> dict[str, float]:
+    """How far five seeds lie apart: deviation between them in mm, and r of their lip gaps."""
+    upper, mouth, agreed = [], [], []
+    for e in clips:
+        speech = speaker.heard(e)
+        shown = torch.stack([landmarks_of(speaker.says(speech, seed, sampling)) for seed in range(SEEDS)])
+        apart = 1e3 * shown.unflatten(-1, (68, 3)).std(0).norm(dim=-1)
+        upper.append(apart[:, UPPER].mean())
+        gaps = lip_gap(shown)
+        mouth.append(1e3 * gaps.std(0).mean())
+        matrix = torch.corrcoef(gaps)
+        agreed.append((matrix.sum() - SEEDS) / (SEEDS * (SEEDS - 1)))
+    return {
+        "brows and eyes mm": float(torch.stack(upper).mean()),
+        "mouth opening mm": float(torch.stack(mouth).mean()),
+        "gap r between seeds": float(torch.stack(agreed).mean()),
+    }
+
+
+def at_once(speaker: Speaker, clips: list[Entry]) -> dict[str, float]:
+    """A minute in one go beside windows of two seconds: r of the lip gap, and where the mean drifts."""
+    speech = torch.cat([speaker.heard(e) for e in clips])[:LONG_FRAMES]
+    truth = lip_gap(landmarks_of(torch.cat([e.motion.float() for e in clips])[:LONG_FRAMES]))
+    whole = lip_gap(landmarks_of(speaker.says(speech)))
+    parts = lip_gap(torch.cat([landmarks_of(speaker.says(p)) for p in speech.split(WINDOW_FRAMES)]))
+    first, last = whole[: len(whole) // 3].mean(), whole[-(len(whole) // 3) :].mean()
+    return {
+        "seconds": len(speech) / speaker.model.config.fps,
+        "r at once": correlation(whole, truth),
+        "r in windows": correlation(parts, truth),
+        "last third less first mm": 1e3 * float(last - first),
+    }
+
+
+def still(speaker: Speaker, clips: list[Entry]) -> float:
+    """RMS speed of landmarks that speech should not move, mm a second."""
+    found = []
+    for e in clips:
+        shown = landmarks_of(speaker.says(speaker.heard(e))).unflatten(-1, (68, 3))[:, STILL]
+        found.append(shown.diff(dim=0).norm(dim=-1).flatten())
+    return 1e3 * speaker.model.config.fps * float(torch.cat(found).square().mean().sqrt())
+
+
+def tell(name: str, row: dict[str, float]) -> None:
+    """One line."""
+    print(f"{name}: " + ", ".join(f"{key} {value:.3f}" for key, value in row.items()), flush=True)
+
+
+def from_landmarks(model: Denoiser, codes: Codes, clips, data: Path) -> dict[str, dict[str, float]]:
+    """How far vertices of ICT's face lie from those that the true weights move, mean mm, where the model is
+    told the motion of landmarks alone, which are off by so many mm: of recordings, and with an emotion on
+    them. Beside it least squares."""
+    modes = torch.from_numpy(load_ict(data, "face").mean.modes).float().flatten(1)
+    random = torch.Generator().manual_seed(3)
+    by_least_squares = torch.linalg.pinv(landmarks_of(torch.eye(len(modes))))
+    found = {name: {off: [] for off in OFF_MM} for name in ("by landmarks", "least squares", "no motion")}
+    felt_too = felt()
+    for number, clip in enumerate([clip for own in clips.values() for clip in own]):
+        for emotion, off in itertools.product((0.0, 1.0), OFF_MM):
+            truth = (clip.motion.float() + emotion * felt_too[number % len(felt_too)]).clamp(0.0, 1.0)
+            told = landmarks_of(truth)
+            told = told + 1e-3 * off * torch.randn(told.shape, generator=random)
+            made = codes.weights(sample(model, CM * told))
+            for name, weights in zip(found, (made, told @ by_least_squares, 0.0 * truth), strict=True):
+                apart = ((weights - truth) @ modes).unflatten(-1, (-1, 3)).norm(dim=-1)
+                found[name][off].append(1e3 * apart.mean().item())
+    return {
+        name: {f"vertices mm, landmarks off by {off}": mean(each) for off, each in rows.items()}
+        for name, rows in found.items()
+    }
+
+
+def main() -> None:
+    """Entry of the command."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--model", type=Path, default=Path("weights/facetalk/facetalk_compact"))
+    parser.add_argument("--head", type=Path, help="head.pt that --motion was trained with")
+    parser.add_argument("--motion", type=Path, help="motion.pt instead of the folder's model")
+    parser.add_argument("--landmark-motion", type=Path, help="motion.pt of `--memory landmarks`, the same")
+    parser.add_argument("--runs", nargs="*", default=[], metavar="NAME=MOTION.PT", help="table 2")
+    parser.add_argument("--models", type=Path, default=Path("weights"))
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    parser.add_argument("--corpus", nargs="*", default=[], help=argparse.SUPPRESS)
+    parser.add_argument("--voices", type=int, default=4, help="as in training, whose bank is then found")
+    parser.add_argument("--clips", type=int, default=30, help="held-out clips of each source")
+    parser.add_argument("--skip", type=int, default=0, help="of these, the first ones")
+    parser.add_argument("--temperature", type=float, help="of every model, for its own")
+    parser.add_argument("--steps", type=int, nargs="*", default=[1, 2, 4, 10, 25])
+    arguments = parser.parse_args()
+    torch.set_num_threads(1)
+    encoder = load_models(arguments.models)[0]
+    head, motions = (load(arguments.head), {}) if arguments.head else load_folder(arguments.model)
+    model = load_motion(arguments.motion) if arguments.motion else motions["motion"]
+    by_landmarks = motions.get("landmark_motion")
+    if arguments.landmark_motion:
+        by_landmarks = load_motion(arguments.landmark_motion)
+    others = {name: load_motion(Path(path)) for name, _, path in (r.rpartition("=") for r in arguments.runs)}
+    if arguments.temperature is not None:
+        for one in (model, *others.values()):
+            one.config.sampling.temperature = arguments.temperature
+    speaker = Speaker(model, Codes(head), encoder)
+    clips = by_source(entries_of(arguments), arguments.clips, arguments.skip)
+    if by_landmarks is not None:
+        for name, found in from_landmarks(by_landmarks, speaker.codes, clips, arguments.data).items():
+            tell(name, found)
+    tell("loudness", loudness(clips))
+    tell("FreeTalk", freetalk(arguments.models, clips))
+    usual = model.config.sampling
+    silent = torch.zeros_like(speaker.heard(clips["grid_s1"][0]))
+    quiet = lip_gap(landmarks_of(speaker.says(silent, 0, replace(usual, guidance=0.0))))
+    print(f"no speech: lip gap's deviation {1e3 * quiet.std():.2f} mm")
+    for w in GUIDANCES:
+        tell(f"w {w}", agreement(speaker, clips, replace(usual, guidance=w)))
+    for steps in arguments.steps:
+        tell(f"{steps} steps", agreement(speaker, clips, replace(usual, steps=steps)))
+    for r in (0.7, 1.0, 1.3):
+        tell(f"vividness {r}", agreement(speaker, clips, replace(usual, vividness=r)))
+    few = clips["grid_s1"][:10]
+    tell("five seeds", seeds(speaker, few))
+    tell("a minute", at_once(speaker, clips["grid_s1"]))
+    for name, run in others.items():
+        other = Speaker(run, speaker.codes, encoder)
+        found = agreement(other, clips) | seeds(other, few) | {"still mm/s": still(other, few)}
+        tell(name, found)
+
+
+if __name__ == "__main__":
+    main()

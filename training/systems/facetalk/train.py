@@ -1,0 +1,231 @@
+"""Trains FaceTalk's head: the mean head's field, the ways to it, then both deformations.
+
+    python -m training.systems.facetalk.train template --out runs/template
+    python -m training.systems.facetalk.train identity --start runs/template/head.pt --out runs/identity
+    python -m training.systems.facetalk.train expression --start runs/identity/head.pt --out runs/facetalk
+
+Heads are ICT identities from N(0, 1), a pool of them held in memory and changed bit by bit; coefficients of
+evaluation come from seeds of their own. Seeded; resumes from `--out/last.pt` with the same bits.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from training.corpus.faces import CHANNELS
+from training.corpus.heads import COEFFICIENTS, IctHeads, vertex_normals
+from training.corpus.poses import Poses
+from training.run import Run
+from training.systems.facetalk.codes import set_bounds, set_codes, set_directions
+from training.systems.facetalk.config import CONFIGS, HeadConfig
+from training.systems.facetalk.expression_loss import ExpressionLoss
+from training.systems.facetalk.head import Head
+from training.systems.facetalk.network import widened
+
+FAR_SHARE = 0.3
+FAR_WEIGHT = 0.15
+NORMAL_WEIGHT = 4.0
+EVEN_M = 1e-4
+"""Errors below this count less than in proportion."""
+EIKONAL, EIKONAL_EVERY = 0.02, 8
+REFRESHED = 1
+OUT_RATE = 0.05
+"""Of the rate, for the layers that displacements come out of."""
+RATES = {"template": 3e-3, "identity": 3e-3, "expression": 3e-3}
+
+
+class Pool:
+    """Heads at hand: coefficients [N, 100], vertices and normals [N, V, 3] in metres, scales [N]."""
+
+    def __init__(self, heads: IctHeads, count: int, random: torch.Generator):
+        self.heads, self.random = heads, random
+        self.coefficients = torch.randn(count, COEFFICIENTS, generator=random)
+        parts = [self._made(part) for part in self.coefficients.split(20)]
+        self.vertices, self.normals, self.scales = (torch.cat(part) for part in zip(*parts, strict=True))
+
+    def _made(self, coefficients: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        vertices, scales = self.heads.canonical(coefficients)
+        return vertices, vertex_normals(vertices, self.heads.triangles), scales
+
+    def draw(self, count: int) -> Tensor:
+        """Numbers of `count` heads; some heads of the pool give way to new ones first."""
+        old = torch.randint(0, len(self.scales), (REFRESHED,), generator=self.random)
+        fresh = torch.randn(REFRESHED, COEFFICIENTS, generator=self.random)
+        self.coefficients[old] = fresh
+        self.vertices[old], self.normals[old], self.scales[old] = self._made(fresh)
+        return torch.randperm(len(self.scales), generator=self.random)[:count]
+
+
+def drawn(count: int, among: int, random: torch.Generator) -> Tensor:
+    """Random rows."""
+    return torch.randint(0, among, (count,), generator=random)
+
+
+def template_loss(head: Head, heads: IctHeads, points: int, step: int, random: torch.Generator):
+    """Distances beside the surface and about it; sometimes that the gradient is 1 long."""
+    scale = head.config.scale_m
+    places = heads.places[drawn(points, len(heads.places), random)]
+    near = heads.at(heads.opened[None], heads.normals[None], places)[0] / scale
+    far = drawn(int(FAR_SHARE * points), len(heads.volume.points), random)
+    error = (head.identity.template(near) - places.away / scale).abs()
+    truth = heads.volume.distance[far] / scale
+    off = (head.identity.template(heads.volume.points[far] / scale) - truth).abs()
+    off = off / (1.0 + truth.abs() / 0.04)
+    total = error.mean() + FAR_WEIGHT * off.mean()
+    if step % EIKONAL_EVERY == 0:
+        x = near[: points // 8].clone().requires_grad_()
+        slope = torch.autograd.grad(head.identity.template(x).sum(), x, create_graph=True)[0]
+        total = total + EIKONAL * (slope.norm(dim=1) - 1.0).square().mean()
+    return total, {"near mm": 1e3 * scale * error.mean().item(), "far mm": 1e3 * scale * off.mean().item()}
+
+
+def uneven(error: Tensor, normals: Tensor, scale: float) -> Tensor:
+    """Lengths of errors [B, P, 3], that along normals weighted more, [B, P]."""
+    along = (error * normals).sum(-1)
+    floor = EVEN_M / scale
+    return (error.square().sum(-1) + NORMAL_WEIGHT * along.square() + floor**2).sqrt() - floor
+
+
+def identity_loss(head: Head, heads: IctHeads, pool: Pool, count: int, points: int, random: torch.Generator):
+    """The way to the mean head of places on, beside and about the surface."""
+    scale = head.config.scale_m
+    chosen = pool.draw(count)
+    vertices, normals = pool.vertices[chosen], pool.normals[chosen]
+    z = head.identity_code(pool.coefficients[chosen])
+    places = heads.places[drawn(points, len(heads.places), random)]
+    on = heads.normal(heads.normals[None], places)
+    goal = (heads.on(heads.opened[None], places) + places.away[:, None] * on) / scale
+    here = heads.at(vertices, normals, places) / scale
+    rows = drawn(int(FAR_SHARE * points), len(heads.volume.points), random)
+    far_goal = heads.volume.points[rows] / scale
+    corners = heads.volume.carriers[rows]
+    moves = vertices[:, corners] - heads.opened[corners]
+    far = far_goal + (heads.volume.share[rows][..., None] * moves).sum(2) / scale
+    x = torch.cat([here, far], 1)
+    made = x + head.identity.to_mean(x, z)
+    error, off = made[:, :points] - goal, made[:, points:] - far_goal
+    near = uneven(error, on, scale).mean()
+    calm = 1.0 / (1.0 + heads.volume.distance[rows].abs() / 0.01)
+    total = near + FAR_WEIGHT * (off.norm(dim=-1) * calm).mean()
+    mm = 1e3 * scale
+    return total, {
+        "along mm": mm * (error * on).sum(-1).abs().mean().item(),
+        "whole mm": mm * error.norm(dim=-1).mean().item(),
+        "far mm": mm * off.norm(dim=-1).mean().item(),
+    }
+
+
+def by_rate(head: Head, learned: list[Tensor], rate: float) -> list[dict]:
+    """Groups for the optimiser: what makes displacements learns more slowly, since these are small, and what
+    sees many numbers of a code, since all of them change its sum at once."""
+    chosen = {id(p) for p in learned}
+    slow = (".out", ".press.", ".code.", "expression_code")
+    last = {id(p) for name, p in head.named_parameters() if any(part in name for part in slow)}
+    return [
+        {"params": [p for p in head.parameters() if id(p) in chosen - last], "lr": rate},
+        {"params": [p for p in head.parameters() if id(p) in chosen & last], "lr": OUT_RATE * rate},
+    ]
+
+
+def train(arguments) -> Path:
+    """Runs the training; writes `head.pt` and returns its path."""
+    torch.manual_seed(arguments.seed)
+    torch.set_num_threads(arguments.threads)
+    if arguments.start is None:
+        config = CONFIGS[arguments.config]()
+        config.channels = list(CHANNELS)
+        config.expression_octaves = arguments.octaves or config.expression_octaves
+        head = Head(config)
+    else:
+        head = load(arguments.start, arguments.octaves)
+        config = head.config
+    heads = IctHeads(arguments.data, arguments.cache, config.open_jaw)
+    random = torch.Generator().manual_seed(arguments.seed + 1)
+    if arguments.part == "template":
+        set_bounds(head, heads)
+        set_directions(head, heads)
+        if arguments.start is None:
+            print({name: round(value, 3) for name, value in set_codes(head, heads).items()})
+        learned = list(head.identity.template.parameters())
+    elif arguments.part == "identity":
+        learned = list(head.identity.locals.parameters())
+    else:
+        learned = [*head.backward_field.parameters(), *head.forward_field.parameters()]
+        learned += [] if arguments.keep_codes else list(head.expression_code.parameters())
+    expression = ExpressionLoss(heads, Poses(arguments.data)) if arguments.part == "expression" else None
+    pool = Pool(heads, arguments.pool, random) if arguments.part != "template" else None
+    rate = arguments.rate or RATES[arguments.part]
+    groups = by_rate(head, learned, rate)
+    optimiser = torch.optim.Adam(groups)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, [g["lr"] for g in groups], arguments.steps + 1, pct_start=0.05, final_div_factor=100.0
+    )
+    parts = {"head": head, "optimiser": optimiser, "schedule": schedule}
+    run = Run(arguments.out, parts, arguments.steps, arguments.save_every, {"random": random})
+    for step in range(run.first, arguments.steps):
+        if arguments.part == "template":
+            loss, report = template_loss(head, heads, arguments.points, step, random)
+        elif arguments.part == "identity":
+            loss, report = identity_loss(head, heads, pool, arguments.heads, arguments.points, random)
+        else:
+            exact, cycle = step < arguments.exact * arguments.steps, step % 2 == 1
+            loss, report = expression(head, pool, arguments.heads, arguments.points, exact, cycle, random)
+        optimiser.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(learned, 0.1)
+        optimiser.step()
+        schedule.step()
+        run.after(step, loss.item())
+        if step % arguments.log_every == arguments.log_every - 1 or step == arguments.steps - 1:
+            run.log({"step": step + 1, "s": run.seconds(), **report})
+            save(run.out / "head.pt", head)
+    return arguments.out / "head.pt"
+
+
+def save(path: Path, head: Head) -> None:
+    """Weights and configuration in one file."""
+    torch.save({"state": head.state_dict(), "config": head.config.to_json()}, path)
+
+
+def load(path: Path, octaves: int | None = None) -> Head:
+    """Reads what `save` wrote; deformations then see as many `octaves` of places, if said."""
+    kept = torch.load(path, map_location="cpu", weights_only=True)
+    config = HeadConfig.from_json(kept["config"])
+    config.expression_octaves = octaves or config.expression_octaves
+    head = Head(config)
+    head.load_state_dict(widened(kept["state"], config.expression_octaves))
+    return head
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("part", choices=list(RATES))
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    parser.add_argument("--start", type=Path, help="head.pt of the part before, or of this one to go on")
+    parser.add_argument("--config", choices=list(CONFIGS), default="compact")
+    parser.add_argument("--heads", type=int, default=24, help="in a batch")
+    parser.add_argument("--pool", type=int, default=400, help="heads held in memory")
+    parser.add_argument("--points", type=int, default=512, help="of each head")
+    parser.add_argument("--exact", type=float, default=0.6,
+                        help="share of steps before places come from the identity field")  # fmt: skip
+    parser.add_argument("--keep-codes", action="store_true", help="leave the map of expressions as it is")
+    parser.add_argument("--octaves", type=int,
+                        help="of the places that deformations see; fewer at first, then more")  # fmt: skip
+    parser.add_argument("--steps", type=int, default=3000)
+    parser.add_argument("--rate", type=float)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--log-every", type=int, default=100)
+    parser.add_argument("--save-every", type=int, default=500)
+    return parser
+
+
+if __name__ == "__main__":
+    train(parser().parse_args())

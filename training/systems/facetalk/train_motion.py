@@ -1,0 +1,247 @@
+"""Trains FaceTalk's speech model: from the compact encoder's features to expression codes (§4).
+
+    python -m training.systems.facetalk.train_motion --head runs/facetalk/head.pt --out runs/facetalk_motion
+
+Codes are those that the head's map gives the corpora's ARKit weights; each window is scaled about the face
+at rest by r ~ U(low, high) (eq. 8), which the model is told. `--without` leaves a part out, for table 2.
+`--memory landmarks` trains the small model that goes by the motion of landmarks instead, whatever moves them.
+Seeded; resumes from `--out/last.pt` with the same bits.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from training.corpus import bank
+from training.corpus.arkit import landmarks_of
+from training.corpus.poses import LIDS, UPPER, felt
+from training.diffusion.schedule import add_noise, alphas_cumprod
+from training.losses import feature_concordance, motion_loss
+from training.machine import Machine
+from training.run import Run
+from training.speech.hubert import FPS, HubertFeatures
+from training.speech.source import CompactSpeech, HubertSpeech
+from training.speech.train import load_encoder
+from training.systems.cafe_talk.train import solved
+from training.systems.facetalk.motion import (
+    CM,
+    LANDMARKS,
+    Denoiser,
+    MotionConfig,
+    SpeechInput,
+    landmark_config,
+)
+from training.systems.facetalk.train import load
+from training.systems.freetalk.train import SHIPPED_ENCODER
+
+SHARES = {"grid_s1": 0.6, "facegood_zh": 0.4}
+DROPPED_SHARE = 0.25
+"""Rows without speech, for guidance."""
+PURE_NOISE_SHARE = 0.3
+CONCORDANCE = 0.3
+LANDMARK_WEIGHT = 1.0
+LANDMARK_SCALE_MM = 3.0
+LEAST_DEVIATION = 0.02
+PARTS = ["augmentation", "film", "alignment", "diffusion"]
+WIDE_BAND = 1000
+BESIDE_SHARE, BESIDE_FRAMES = 0.7, (6, 40)
+"""Rows of landmark motion with an emotion, shut lids and moving brows besides, and how long these last."""
+UNEVEN_MM = 1.5
+"""What tracked landmarks are off by at most, deviation."""
+
+
+class Codes:
+    """Between ARKit weights and z_ex of a head: the map, and the way back that is shortest."""
+
+    def __init__(self, head):
+        with torch.no_grad():
+            self.matrix = head.expression_code.weight.detach().clone()
+            self.at_rest = head.expression(torch.zeros(1, len(head.config.channels)))[0].detach()
+        self.back = torch.linalg.pinv(self.matrix)
+
+    def of(self, weights: Tensor) -> Tensor:
+        """[..., 51] → [..., X]."""
+        return weights @ self.matrix.T + self.at_rest
+
+    def weights(self, codes: Tensor) -> Tensor:
+        """[..., X] → [..., 51]."""
+        return (codes - self.at_rest) @ self.back.T
+
+
+def entries_of(arguments) -> list[bank.Entry]:
+    """All clips with weights for motion."""
+    return solved(bank.load(arguments.data, arguments.cache, arguments.voices), arguments)
+
+
+class Trainer:
+    """Data, model and one step."""
+
+    def __init__(self, arguments, speech: CompactSpeech | HubertSpeech, heard: SpeechInput, head):
+        self.codes, self.speech = Codes(head), speech
+        self.random = torch.Generator().manual_seed(arguments.seed)
+        self.without = arguments.without
+        self.by_landmarks = arguments.memory == LANDMARKS
+        codes = head.config.expression_code
+        config = landmark_config(codes) if self.by_landmarks else MotionConfig(codes=codes, speech=heard)
+        self.felt = felt()
+        config.film = "film" not in self.without
+        if "alignment" in self.without:
+            config.band = WIDE_BAND
+        if "diffusion" in self.without:
+            config.sampling = replace(config.sampling, steps=1, temperature=0.0)
+        still = self.by_landmarks or "augmentation" in self.without
+        self.low, self.high = (1.0, 1.0) if still else arguments.augment
+        self.sampler = speech.sampler(list(SHARES), list(SHARES.values()), arguments.seed)
+        self.alphas = alphas_cumprod(config.diffusion.schedule, config.diffusion.train_steps)
+        self.model = Denoiser(config)
+        rows = torch.cat([self.sampler.batch(16, 96).motion.float().flatten(0, 1) for _ in range(12)])
+        codes = self.codes.of(rows)
+        self.model.mean.copy_(codes.mean(0))
+        self.model.std.copy_(codes.std(0).clamp_min(LEAST_DEVIATION))
+        if self.by_landmarks:
+            rows = torch.cat([self.beside(self.sampler.batch(32, 48).motion.float()) for _ in range(20)])
+            self.model.begin_direct(self.memory(None, rows).flatten(0, 1), self.codes.of(rows).flatten(0, 1))
+
+    def loss(self, count: int, frames: int) -> tuple[Tensor, dict[str, float]]:
+        """Eq. 4, and the same on the landmarks that codes move."""
+        batch = self.sampler.batch(count, frames)
+        r = self.low + (self.high - self.low) * torch.rand(count, generator=self.random)
+        weights = r[:, None, None] * batch.motion.float()
+        if self.by_landmarks:
+            weights = self.beside(weights)
+        clean = self.model.standardise(self.codes.of(weights))
+        t = torch.randint(0, len(self.alphas), (count,), generator=self.random)
+        pure = torch.rand(count, generator=self.random) < PURE_NOISE_SHARE
+        if "diffusion" in self.without:
+            pure = torch.ones_like(pure)
+        t = torch.where(pure, len(self.alphas) - 1, t)
+        noise = torch.randn(clean.shape, generator=self.random)
+        if "diffusion" in self.without:
+            noise = torch.zeros_like(noise)
+        noisy = add_noise(clean, noise, self.alphas[t][:, None, None])
+        if "diffusion" in self.without:
+            noisy = torch.zeros_like(noisy)
+        given = torch.rand(count, generator=self.random) >= DROPPED_SHARE
+        with torch.no_grad():
+            memory = self.memory(batch, weights)
+        found = self.model(noisy, t, memory, given, r)
+        simple = motion_loss(found - clean, torch.ones_like(clean))
+        shown, truth = (
+            1e3 * landmarks_of(w) for w in (self.codes.weights(self.model.to_codes(found)), weights)
+        )
+        near = motion_loss((shown - truth) / LANDMARK_SCALE_MM, torch.ones_like(shown))
+        agreement, parts = feature_concordance(shown[given], truth[given])
+        total = simple + LANDMARK_WEIGHT * near + CONCORDANCE * agreement
+        return total, {"simple": simple.item(), "landmarks": near.item()} | parts
+
+    def memory(self, batch, weights: Tensor) -> Tensor:
+        """What the model goes by, [B, T, C]: what is heard, or the landmarks that `weights` move."""
+        if not self.by_landmarks:
+            return self.speech.windows(batch.mel)
+        moved = landmarks_of(weights)
+        off = 1e-3 * UNEVEN_MM * torch.rand(len(moved), 1, 1, generator=self.random)
+        return CM * (moved + off * torch.randn(moved.shape, generator=self.random))
+
+    def beside(self, weights: Tensor) -> Tensor:
+        """Weights [B, T, 51] with what recordings of speech lack: emotions, brows, and lids that shut."""
+        count, frames = weights.shape[:2]
+
+        def uniform(*shape: int) -> Tensor:
+            return torch.rand(*shape, generator=self.random)
+
+        held = self.felt[torch.randint(0, len(self.felt), (count,), generator=self.random)] * uniform(
+            count, 1
+        )
+        held[:, UPPER] += uniform(count, len(UPPER)) * (uniform(count, len(UPPER)) < 0.2)
+        held = held * (uniform(count, 1) < BESIDE_SHARE)
+        low, high = BESIDE_FRAMES
+        at = torch.arange(frames) - frames * uniform(count, 1)
+        length = low + (high - low) * uniform(count, 1)
+        out = weights + held[:, None] * (1.0 - (at / length).square()).clamp_min(0.0)[..., None]
+        shut = (1.0 - ((torch.arange(frames) - frames * uniform(count, 1)) / 4.0).square()).clamp_min(0.0)
+        out[..., LIDS] = torch.maximum(out[..., LIDS], (shut * (uniform(count, 1) < 0.5))[..., None])
+        return out.clamp(0.0, 1.3)
+
+
+def speech_of(arguments) -> tuple[CompactSpeech | HubertSpeech, SpeechInput]:
+    """What is heard, and by which encoder; wav2vec2 as the paper has it (section 4)."""
+    if arguments.hubert is None:
+        encoder = load_encoder(arguments.speech or SHIPPED_ENCODER)
+        heard = SpeechInput("compact_speech", encoder.config.channels)
+        return CompactSpeech(encoder, entries_of(arguments)), heard
+    features = HubertFeatures(arguments.hubert, FPS)
+    clips = [clip for read in bank.READERS.values() for clip in read(arguments.data)]
+    speech = HubertSpeech(features, clips)
+    speech.entries = solved(speech.entries, arguments)
+    return speech, SpeechInput(features.kind, features.channels, features.transformer_fps)
+
+
+def train(arguments) -> Path:
+    """Runs the training; writes `motion.pt` with the averaged weights and returns its path."""
+    torch.manual_seed(arguments.seed)
+    torch.set_num_threads(arguments.threads)
+    if arguments.head.is_dir():
+        from training.export_facetalk import load_folder
+
+        head = load_folder(arguments.head)[0]
+    else:
+        head = load(arguments.head)
+    trainer = Trainer(arguments, *speech_of(arguments), head)
+    optimiser = torch.optim.AdamW(trainer.model.parameters(), arguments.rate, weight_decay=0.01)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, arguments.rate, arguments.steps + 1, pct_start=0.05
+    )
+    average = torch.optim.swa_utils.AveragedModel(
+        trainer.model, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.995)
+    )
+    parts = {"model": trainer.model, "optimiser": optimiser, "schedule": schedule, "average": average}
+    generators = {"trainer": trainer.random, "windows": trainer.sampler.random}
+    run = Run(arguments.out, parts, arguments.steps, arguments.save_every, generators, Machine("cpu"))
+    for step in range(run.first, arguments.steps):
+        loss, report = trainer.loss(arguments.windows, arguments.frames)
+        optimiser.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(trainer.model.parameters(), 1.0)
+        optimiser.step()
+        schedule.step()
+        average.update_parameters(trainer.model)
+        run.after(step, loss.item())
+        if step % arguments.log_every == arguments.log_every - 1 or step == arguments.steps - 1:
+            run.log({"step": step + 1, "s": run.seconds(), **report})
+            kept = {"state": average.module.state_dict(), "config": trainer.model.config.to_json()}
+            torch.save(kept, run.out / "motion.pt")
+    return arguments.out / "motion.pt"
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser.add_argument("--out", type=Path, default=Path("runs/facetalk_motion"))
+    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    parser.add_argument("--head", type=Path, default=Path("weights/facetalk/facetalk_compact"))
+    parser.add_argument("--speech", type=Path, help="speech.pt of training.speech.train, or a model folder")
+    parser.add_argument("--hubert", type=Path, help="folder of a wav2vec2 or HuBERT checkpoint instead")
+    parser.add_argument("--memory", choices=["speech", LANDMARKS], default="speech", help="what it goes by")
+    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help=argparse.SUPPRESS)
+    parser.add_argument("--voices", type=int, default=4)
+    parser.add_argument("--without", nargs="*", choices=PARTS, default=[], help="table 2")
+    parser.add_argument("--augment", type=float, nargs=2, default=[0.7, 1.3], metavar=("LOW", "HIGH"))
+    parser.add_argument("--windows", type=int, default=24, help="in a batch")
+    parser.add_argument("--frames", type=int, default=48, help="of a window")
+    parser.add_argument("--steps", type=int, default=4000)
+    parser.add_argument("--rate", type=float, default=1e-3)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--log-every", type=int, default=200)
+    parser.add_argument("--save-every", type=int, default=500)
+    return parser
+
+
+if __name__ == "__main__":
+    train(parser().parse_args())

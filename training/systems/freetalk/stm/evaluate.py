@@ -1,0 +1,194 @@
+"""Prints the errors of Sparse-To-Mesh on faces it did not see.
+
+    python -m training.systems.freetalk.stm.evaluate --data ../shared/data --runs runs/stm
+    python -m training.systems.freetalk.stm.evaluate --corpus DIR [DIR ...] --runs runs/stm
+
+With `--corpus`: on the held-out clips of corpus folders with vertex sequences, decoders trained on such
+(`RUNS/{static,paper}_corpus.pt`) beside the shipped static one and baselines. Otherwise:
+Held-out take of facegood_zh plus upper face, at test identities, warps and triangulations of ICT
+and at the MakeHuman head as it is and remeshed. Mean distance in millimetres over all vertices /
+over the lips (within 1 cm of a lip landmark), frames and meshes weighted alike.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import torch
+from safetensors.torch import load_file
+from scipy.interpolate import RBFInterpolator
+
+from training.corpus.expressions import UPPER, evaluation_frames, load_speech
+from training.corpus.faces import CHANNELS, REPOSITORY
+from training.corpus.prepared import Corpus, PreparedMesh, load_or_build
+from training.corpus.sequence_meshes import held_out_errors, sequence_meshes
+from training.deform.static_weights import StaticConfig, StaticWeights, deform
+from training.systems.freetalk.stm.paper import PaperConfig, PaperDecoder
+from training.systems.freetalk.stm.train_paper import PaperMesh, paper_mesh, predict
+
+LIDS_WITHIN_DM = 0.1
+"""A vertex nearer than this to an eye landmark counts as lid."""
+
+Method = Callable[[PreparedMesh, torch.Tensor], torch.Tensor]
+
+
+def errors(
+    method: Method, meshes: list[PreparedMesh], speech: np.ndarray, upper: bool
+) -> tuple[float, float]:
+    """Mean and lip error in mm of a method that takes a mesh and landmark motion [T, N, 3] dm.
+
+    upper: whether brows, lids and nose move besides the mouth.
+    """
+    rng = np.random.default_rng(9)
+    mean, lips = [], []
+    for mesh in meshes:
+        frames = evaluation_frames(rng, speech, 50)
+        frames[:, UPPER] *= float(upper)
+        weights = torch.from_numpy(frames).float()
+        truth = torch.einsum("tm,mvx->tvx", weights, mesh.modes)
+        error = 100.0 * (method(mesh, truth[:, mesh.landmarks]) - truth).norm(dim=-1)
+        mean.append(error.mean().item())
+        lips.append(error[:, mesh.lips].mean().item())
+    return float(np.mean(mean)), float(np.mean(lips))
+
+
+def lid_error(method: Method, meshes: list[PreparedMesh]) -> float:
+    """Mean error in mm within `LIDS_WITHIN_DM` of an eye landmark, both eyes fully closed."""
+    closed = [CHANNELS.index("eyeBlinkLeft"), CHANNELS.index("eyeBlinkRight")]
+    found = []
+    for mesh in meshes:
+        truth = mesh.modes[closed].sum(0)[None]
+        error = 100.0 * (method(mesh, truth[:, mesh.landmarks]) - truth).norm(dim=-1)[0]
+        distance = torch.cdist(mesh.geometry.positions, mesh.geometry.landmarks[36:48])
+        found.append(error[distance.min(1).values < LIDS_WITHIN_DM].mean().item())
+    return float(np.mean(found))
+
+
+def no_motion(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
+    """The floor: nothing moves."""
+    return torch.zeros(len(landmarks), len(mesh.lips), 3)
+
+
+def static(path: Path, familiarity: float | None) -> Method:
+    """The static decoder with the weights of `path`, told how familiar each face is or not."""
+    saved = torch.load(path)
+    model = StaticWeights(StaticConfig(**saved["config"]))
+    model.load_state_dict(saved["state"])
+
+    def method(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
+        own = model.familiarity(mesh.geometry.landmarks)
+        learned = 1.0 if familiarity is None else familiarity / own
+        return deform(model, mesh.geometry, landmarks, learned)
+
+    return method
+
+
+def training_free(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
+    """The tension-screened biharmonic weights alone."""
+    return torch.einsum("vn,tnx->tvx", mesh.geometry.base, landmarks)
+
+
+def paper(path: Path) -> Method:
+    """The paper's decoder with the weights of `path`; operators are computed once per mesh."""
+    saved = torch.load(path)
+    config = PaperConfig(**saved["config"])
+    model = PaperDecoder(config)
+    model.load_state_dict(saved["state"])
+    seen: dict[int, PaperMesh] = {}
+
+    def method(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
+        if id(mesh) not in seen:
+            seen[id(mesh)] = paper_mesh(mesh, config)
+        parts = [predict(model, seen[id(mesh)], part) for part in landmarks.split(5)]
+        return torch.cat(parts)
+
+    return method
+
+
+def rbf_linear(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
+    """Radial basis functions |x| through the landmarks, with a constant (scipy's RBFInterpolator)."""
+    at, places = mesh.geometry.landmarks.numpy(), mesh.geometry.positions.numpy()
+    unit = RBFInterpolator(at, np.eye(len(at)), kernel="linear")(places)
+    return torch.einsum("vn,tnx->tvx", torch.from_numpy(unit).float(), landmarks)
+
+
+def shipped_static() -> Method:
+    """The static decoder with the weights of the repository."""
+    folder = REPOSITORY / "weights/shared/static_weights"
+    model = StaticWeights(StaticConfig(**json.loads((folder / "config.json").read_text())))
+    state = load_file(folder / "model.safetensors")
+    model.load_state_dict({name: value.float() for name, value in state.items()})
+    return lambda mesh, landmarks: deform(model, mesh.geometry, landmarks, 1.0)
+
+
+def corpus_rows(runs: Path) -> list[tuple[str, Method]]:
+    """Baselines, the shipped static decoder, and decoders trained on corpus folders."""
+    table = [("no motion", no_motion), ("RBF, linear kernel", rbf_linear)]
+    table += [("training-free (TSB)", training_free), ("static, shipped", shipped_static())]
+    for name, read in (("static", lambda path: static(path, None)), ("paper", paper)):
+        path = runs / f"{name}_corpus.pt"
+        if path.exists():
+            table.append((f"{name}, trained on sequences", read(path)))
+    return table
+
+
+def print_corpus_table(folders: list[Path], runs: Path, frames: int) -> None:
+    """One line a method: mean and lips, mm, on held-out clips."""
+    meshes = sequence_meshes(folders, held_out=True)
+    print(f"{len(meshes)} held-out faces, {frames} frames of each clip; mm: mean / lips")
+    with torch.no_grad():
+        for name, method in corpus_rows(runs):
+            mean, lips = held_out_errors(method, meshes, frames)
+            print(f"{name:40}{mean:8.3f} /{lips:6.3f}", flush=True)
+
+
+def rows(runs: Path) -> list[tuple[str, Method]]:
+    """Every method that `runs` has weights for."""
+    table = [("no motion", no_motion), ("training-free (TSB)", training_free)]
+    for faces in ("both", "ict", "makehuman"):
+        path = runs / f"static_{faces}.pt"
+        if path.exists():
+            table.append((f"static, trained on {faces}", static(path, None)))
+            table.append((f"static, trained on {faces}, f = 1", static(path, 1.0)))
+    for faces in ("both", "ict", "makehuman"):
+        path = runs / f"paper_{faces}.pt"
+        if path.exists():
+            table.append((f"paper, trained on {faces}", paper(path)))
+    return table
+
+
+def print_table(corpus: Corpus, speech: np.ndarray, runs: Path) -> None:
+    """One line a method: ICT, then MakeHuman; speech with upper face, speech alone, lids of a blink."""
+    faces = ("ict", "makehuman")
+    heads = "".join(f"{head:>16}" for head in ("ICT unseen", "MakeHuman", "ICT, mouth", "MH, mouth"))
+    print(f"{'mm: mean / lips':40}{heads}{'lids: ICT':>10}{'MH':>8}")
+    with torch.no_grad():
+        for name, method in rows(runs):
+            cells = [errors(method, corpus.test[f], speech, u) for u in (True, False) for f in faces]
+            text = "".join(f"{mean:8.3f} /{lips:6.3f}" for mean, lips in cells)
+            lids = "".join(f"{lid_error(method, corpus.test[f]):9.3f}" for f in faces)
+            print(f"{name:40}{text}{lids}", flush=True)
+
+
+def main() -> None:
+    """Entry of the command."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser.add_argument("--runs", type=Path, default=Path("runs/stm"))
+    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
+    parser.add_argument("--frames", type=int, default=50, help="of each clip of corpus folders")
+    args = parser.parse_args()
+    torch.set_num_threads(1)
+    if args.corpus:
+        print_corpus_table(args.corpus, args.runs, args.frames)
+        return
+    corpus = load_or_build(args.data, args.runs / "corpus.pkl", 70, 45)
+    print_table(corpus, load_speech(args.data).test, args.runs)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,397 @@
+"""Trains the ATS denoiser on top of a speech encoder.
+
+    python -m training.systems.freetalk.train --corpus DIR [DIR ...] --out runs/ats
+    python -m training.systems.freetalk.train --data ../shared/data --speech runs/speech/speech.pt
+
+`--corpus` trains on corpus folders (`training/corpus/folder.py`) and nothing else, with their emotions;
+`--data` on the project's own sources. `--config compact` (default), `paper` or `debug` (trains and exports
+in under a minute). Each hears the shipped compact encoder, that of `--speech` (`debug`: a random one), or
+HuBERT or wav2vec2 from `--hubert FOLDER`; `paper` must be told which. `--recipe paper` has the losses and
+rates of the paper. Seeded; resumes from `--out/last.pt` with the same bits; `--device` and `--precision` say
+where it computes, and several GPUs are told by `accelerate launch` (`training/machine.py`).
+"""
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from torch import nn
+
+from training.corpus import bank, spoken
+from training.corpus.bank import Entry
+from training.corpus.clip import Clip
+from training.corpus.closures import closures_met
+from training.corpus.faces import REPOSITORY
+from training.corpus.shares import entries_of, lasting, measured_scales, with_phones
+from training.corpus.split import leave_clips
+from training.corpus.teacher import Teacher
+from training.diffusion.schedule import add_noise, alphas_cumprod
+from training.losses import feature_concordance, landmark_weights, lip_gap, motion_loss, source_scale
+from training.machine import Machine, add_arguments
+from training.run import Run
+from training.speech.compact import CompactEncoder
+from training.speech.compact import debug_config as debug_encoder
+from training.speech.hubert import HubertFeatures
+from training.speech.source import CompactSpeech, HubertSpeech
+from training.speech.train import HEARD_EVERY, SHARES, feature_scores, load_encoder
+from training.systems.freetalk import recipes
+from training.systems.freetalk.ats import (
+    ANY_STYLE,
+    CONFIGS,
+    AtsConfig,
+    AtsDenoiser,
+    Sampling,
+    SpeechInput,
+)
+from training.systems.freetalk.sampling import sample_motion
+
+SHIPPED_ENCODER = REPOSITORY / "weights/shared/compact_speech"
+
+STEPS = 1500
+DEBUG_STEPS = 20
+TOKENS = 2048
+CONCORDANCE = 0.3
+PURE_NOISE_SHARE = 0.3
+UNSEEN_WEIGHT = 0.1
+NEUTRAL_GAP_M = 0.8e-3
+"""Opening of the inner lips in ICT's neutral face, which the motion starts from."""
+UNLABELLED_SHARE = 0.6
+
+
+@dataclass
+class Step:
+    """One training batch: what the encoder hears; the rest as in `AtsDenoiser.forward`."""
+
+    mel: torch.Tensor
+    motion: torch.Tensor
+    weight: torch.Tensor
+    affect: torch.Tensor
+    source: torch.Tensor
+
+
+class AtsTrainer:
+    """Data, model and one optimisation step."""
+
+    def __init__(
+        self,
+        arguments,
+        config: AtsConfig,
+        speech: CompactSpeech | HubertSpeech,
+        denoiser: type[AtsDenoiser] = AtsDenoiser,
+    ):
+        self.config, self.speech = config, speech
+        self.machine = Machine(arguments.device, arguments.precision)
+        self.recipe = recipes.chosen(recipes.ATS, arguments)
+        seed = self.machine.seed(arguments.seed)
+        self.random = torch.Generator().manual_seed(seed)
+        shares = source_shares(arguments, speech.entries)
+        self.sources = list(shares)
+        self.scale_m = measured_scales(self.sources, speech.entries)
+        self.sampler = speech.sampler(self.sources, list(shares.values()), seed)
+        self.heard = judged_by_phones(arguments, speech.entries)
+        self.validated = arguments.validation_clips
+        self.alphas = alphas_cumprod(config.diffusion.schedule, config.diffusion.train_steps)
+        self.model = denoiser(config, dropout=self.recipe.dropout)
+        self.landmark_weight = landmark_weights()
+        self._measure_scale()
+        self.machine.place(self.model, arguments.seed)
+        self.speech.to(self.machine.device)
+        self.parts = nn.ModuleDict({"denoiser": self.model, "encoder": speech.encoder})
+
+    def parameters(self, rate: float, encoder_rate: float) -> list[dict]:
+        """Parameter groups; the encoder stays as it was trained at rate 0."""
+        groups = [{"params": list(self.model.parameters()), "lr": rate}]
+        if encoder_rate > 0.0:
+            self.speech.encoder.requires_grad_(True)
+            groups.append({"params": list(self.speech.encoder.parameters()), "lr": encoder_rate})
+        return groups
+
+    @torch.no_grad()
+    def draw(self, count: int, frames: int) -> Step:
+        """A batch of motion, and its speech features."""
+        batch = self.sampler.batch(count, frames)
+        withheld = torch.rand(count, generator=self.random) < (1.0 if self.recipe.plain else UNLABELLED_SHARE)
+        label = torch.tensor([self.config.styles.index(s) for s in self.sources])[batch.source]
+        label = torch.where(withheld, self.config.styles.index(ANY_STYLE), label)
+        weight = batch.weight
+        if not self.recipe.plain:
+            scale = source_scale(self.sources, batch.source, self.scale_m)
+            weight = weight.clamp_min(UNSEEN_WEIGHT) * self.landmark_weight / scale.square()
+        tensors = [batch.mel, batch.motion, weight, batch.affect, label]
+        return Step(*[t.to(self.machine.device) for t in tensors])
+
+    def loss(self, step: Step) -> tuple[torch.Tensor, dict[str, float]]:
+        """x₀ loss at random noise levels: eq. 15 in mm, or ours and the concordance of what a viewer sees."""
+        count, frames = step.motion.shape[:2]
+        device = self.machine.device
+        t, noise = self._noise(step.motion.shape)
+        clean = self.model.standardise(step.motion)
+        noisy = add_noise(clean, noise.to(device), self.alphas[t][:, None, None].to(device))
+        room = self.config.window_frames - frames
+        offset = int(torch.randint(0, room + 1, (1,), generator=self.random))
+        with self.machine.autocast():
+            speech = self.speech.windows(step.mel)
+            found = self.model(noisy, t.to(device), speech, step.affect, step.source, offset).float()
+        error = (found - clean) * self.model.std
+        shares = (self.recipe.velocity, self.recipe.acceleration)
+        if self.recipe.plain:
+            motion = 3e6 * motion_loss(error, step.weight, *shares)
+            return motion, {"motion": motion.item()}
+        motion = motion_loss(error, step.weight, *shares) * step.weight.mean() / self.landmark_weight.mean()
+        agreement, parts = feature_concordance(self.model.to_metres(found) * 1e3, step.motion * 1e3)
+        return motion + CONCORDANCE * agreement, {"motion": motion.item()} | parts
+
+    def _noise(self, shape: torch.Size) -> tuple[torch.Tensor, torch.Tensor]:
+        """Levels [B] and noise of `shape` [B, T, D]; ours is often all noise, weaker than normal at times."""
+        t = torch.randint(0, len(self.alphas), shape[:1], generator=self.random)
+        if self.recipe.plain:
+            return t, torch.randn(shape, generator=self.random)
+        pure = torch.rand(shape[0], generator=self.random) < PURE_NOISE_SHARE
+        t = torch.where(pure, len(self.alphas) - 1, t)
+        noise = torch.randn(shape, generator=self.random)
+        cool = torch.rand(shape[0], 1, 1, generator=self.random)
+        return t, torch.where(pure[:, None, None], noise * cool, noise)
+
+    def _measure_scale(self) -> None:
+        """Mean and deviation of the training motion into the model."""
+        frames = min(self.config.window_frames, 96)
+        motion = torch.cat([self.sampler.batch(16, frames).motion for _ in range(12)]).flatten(0, 1)
+        self.model.mean.copy_(motion.mean(dim=0))
+        self.model.std.copy_(motion.std(dim=0).clamp_min(2e-4))
+
+
+def source_shares(arguments, entries: list[Entry]) -> dict[str, float]:
+    """How often each source is drawn: of corpus folders as long as they last, of ours as they were set."""
+    if arguments.corpus:
+        return lasting(entries)
+    found = {e.source for e in entries if not e.held_out}
+    given = dict(zip(SHARES, arguments.shares, strict=True))
+    return {s: given[s] for s in SHARES if s in found and s not in arguments.leave_out}
+
+
+def judged_by_phones(arguments, entries: list[Entry]) -> list[Entry]:
+    """Held-out speech with phones, by which closures are counted."""
+    if arguments.corpus:
+        return with_phones([e for e in entries if e.held_out])
+    if arguments.config != "compact":
+        return []
+    held_out = [e for e in entries if e.source == spoken.SOURCE and e.held_out]
+    return held_out[::HEARD_EVERY] + spoken.unseen(arguments.data)
+
+
+@torch.no_grad()
+def validate(trainer: AtsTrainer, model, speech, sampling: Sampling) -> dict:
+    """r and slope of every feature on unseen clips, in the source's own style and in `any`."""
+    report, entries = {}, speech.entries
+    model.eval()
+    for source in sorted({e.source for e in entries} - {spoken.SOURCE}):
+        known = source in trainer.sources
+        chosen = [e for e in entries if e.source == source and (e.held_out or not known)]
+        chosen = chosen[: trainer.validated]
+        if not chosen:
+            continue
+        for name in (source, ANY_STYLE) if known else (ANY_STYLE,):
+            style = trainer.config.styles.index(name)
+            pairs = [(clip_motion(speech, model, e, style, sampling), e.motion) for e in chosen]
+            report |= {f"{source} {name} {k}": v for k, v in feature_scores(pairs).items()}
+    if trainer.validated:
+        report |= closure_report(trainer, model, speech, sampling)
+    model.train()
+    return report
+
+
+def closure_report(trainer: AtsTrainer, model, speech, sampling: Sampling) -> dict[str, float]:
+    """Share of p, b, m at which the default style's lips meet, by source of the speech."""
+    met: dict[str, list[bool]] = {}
+    style = trainer.config.styles.index(ANY_STYLE)
+    for entry in trainer.heard:
+        gap = lip_gap(clip_motion(speech, model, entry, style, sampling))
+        label = entry.name.split("/")[0]
+        met.setdefault(label, []).extend(closures_met(gap + NEUTRAL_GAP_M, entry.phones))
+    return {f"{label} closed": sum(found) / len(found) for label, found in sorted(met.items())}
+
+
+@torch.no_grad()
+def clip_motion(speech, model, entry, style: int, sampling: Sampling, seed: int = 0) -> torch.Tensor:
+    """Motion [T, 204] that the model makes of one clip, metres."""
+    device = model.mean.device
+    features = speech.clip(entry)
+    affect = entry.affect().expand(len(entry.motion), -1)
+    motion = sample_motion(model.cpu(), features, affect, style, seed, sampling)
+    model.to(device)
+    return motion
+
+
+def train(arguments, denoiser: type[AtsDenoiser] = AtsDenoiser) -> Path:
+    """Runs the training; writes `ats.pt` with the averaged weights and returns its path.
+
+    Another `denoiser` is one that lacks a part, for comparison; the engine knows the whole one alone.
+    """
+    torch.manual_seed(arguments.seed)
+    torch.set_num_threads(arguments.threads)
+    config = CONFIGS[arguments.config]()
+    source = speech_source(arguments, config)
+    leave_clips(source.entries, arguments.leave_clips)
+    if arguments.corpus:
+        fit_to_corpora(config, source.entries)
+    trainer = AtsTrainer(arguments, config, source, denoiser)
+    if arguments.init is not None:
+        start_from(trainer, arguments.init)
+    steps = steps_of(arguments, trainer)
+    run = start(arguments, trainer, steps)
+    optimiser, schedule, average = (run.parts[name] for name in ("optimiser", "schedule", "average"))
+    lengths = [n for n in (64, 96, 128, 192, 256) if n <= config.window_frames] or [24]
+    until = min(steps, arguments.stop_at or steps)
+    for step in range(run.first, until):
+        frames = lengths[int(torch.randint(0, len(lengths), (1,), generator=trainer.random))]
+        loss, parts = trainer.loss(trainer.draw(batch_of(arguments, trainer.recipe, frames), frames))
+        trainer.machine.step(loss, trainer.parts, optimiser, 1.0)
+        schedule.step()
+        average.update_parameters(trainer.parts)
+        run.after(step, loss.item())
+        if step % arguments.log_every == arguments.log_every - 1 or step == until - 1:
+            report(run, step, trainer, average.module, parts)
+    if until < steps:
+        run.save(until)
+    return arguments.out / "ats.pt"
+
+
+def steps_of(arguments, trainer: AtsTrainer) -> int:
+    """As asked for, else the recipe's epochs over the training clips, else 1500; `debug` takes 20 at most."""
+    clips = sum(not e.held_out for e in trainer.speech.entries)
+    usual = trainer.recipe.steps(clips) if trainer.recipe.epochs else STEPS
+    steps = arguments.steps or usual
+    return min(steps, DEBUG_STEPS) if arguments.config == "debug" else steps
+
+
+def batch_of(arguments, recipe: recipes.Recipe, frames: int) -> int:
+    """Windows of `frames` in a batch."""
+    if arguments.tokens is None and recipe.batch is not None:
+        return recipe.batch
+    tokens = 192 if arguments.config == "debug" else arguments.tokens or TOKENS
+    return max(1, tokens // frames)
+
+
+def start(arguments, trainer: AtsTrainer, steps: int) -> Run:
+    """Optimiser, schedule and averaged weights of a run of `steps`, as they were where it stopped."""
+    recipe = trainer.recipe
+    groups = trainer.parameters(recipe.rate, arguments.encoder_rate)
+    optimiser = torch.optim.AdamW(groups, weight_decay=recipe.weight_decay)
+    rates = [group["lr"] for group in groups]
+    if recipe.annealed:
+        schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, rates, steps + 1, pct_start=0.1)
+    else:
+        schedule = torch.optim.lr_scheduler.ConstantLR(optimiser, 1.0)
+    average = torch.optim.swa_utils.AveragedModel(
+        trainer.parts, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(recipe.average)
+    )
+    parts = {"model": trainer.parts, "optimiser": optimiser, "schedule": schedule, "average": average}
+    generators = {"trainer": trainer.random, "windows": trainer.sampler.random}
+    machine, board = trainer.machine, arguments.tensorboard
+    return Run(arguments.out, parts, steps, arguments.save_every, generators, machine, board)
+
+
+def report(run: Run, step: int, trainer: AtsTrainer, averaged: nn.ModuleDict, parts: dict) -> None:
+    """Scores on held-out clips, into the log, and `ats.pt`; the first process does it for all."""
+    if trainer.machine.rank > 0:
+        return
+    denoiser, heard = averaged["denoiser"], trainer.speech.using(averaged["encoder"])
+    scores = validate(trainer, denoiser, heard, trainer.config.sampling)
+    run.log({"step": step + 1, "s": run.seconds(), **parts, **scores})
+    save(run.out / "ats.pt", denoiser, heard, trainer.recipe)
+
+
+def start_from(trainer: AtsTrainer, path: Path) -> None:
+    """Takes the weights of an `ats.pt`, its encoder included."""
+    saved = torch.load(path)
+    trainer.model.load_state_dict(saved["state"])
+    if saved["encoder"] is not None:
+        trainer.speech.encoder.load_state_dict(saved["encoder"])
+
+
+def fit_to_corpora(config: AtsConfig, entries: list[Entry]) -> None:
+    """Styles are the names of the corpora; emotions are learned where a label in training says one."""
+    config.styles = [*sorted({e.source for e in entries}), ANY_STYLE]
+    config.closing_styles = [ANY_STYLE]
+    felt = any(e.emotion != "neutral" and e.intensity > 0 and not e.held_out for e in entries)
+    config.emotion = "learned" if felt else "added"
+
+
+def save(path: Path, model: AtsDenoiser, speech: CompactSpeech | HubertSpeech, recipe) -> None:
+    """One file with the denoiser, its encoder, both configurations and how it was trained."""
+    state = {key: value.cpu() for key, value in model.state_dict().items()}
+    about = {"config": model.config.to_json(), "recipe": recipe.record()}
+    torch.save({"state": state, **about, **speech.saved()}, path)
+
+
+def speech_source(arguments, config: AtsConfig) -> CompactSpeech | HubertSpeech:
+    """The speech that the configuration asks for."""
+    if hears_hubert(arguments, config):
+        features = HubertFeatures(arguments.hubert)
+        config.speech = SpeechInput(features.kind, features.channels)
+        return HubertSpeech(features, own_clips(arguments))
+    if arguments.config == "debug":
+        return CompactSpeech(CompactEncoder(debug_encoder()), entries_of(arguments, 2, 4))
+    encoder = load_encoder(arguments.speech or SHIPPED_ENCODER)
+    config.speech = SpeechInput("compact_speech", encoder.config.channels)
+    source = CompactSpeech(encoder, entries_of(arguments, arguments.voices, arguments.limit))
+    if spoken.SOURCE not in arguments.leave_out and not arguments.corpus:
+        left, cache = tuple(arguments.leave_speech), arguments.cache
+        teacher = Teacher.load()
+        speech = (arguments.minutes, left, teacher, arguments.reader)
+        source.entries += spoken.load(arguments.data, cache, *speech)
+    return source
+
+
+def hears_hubert(arguments, config: AtsConfig) -> bool:
+    """Whether features are those of `--hubert`; any size takes them, `paper` unless `--speech` is given."""
+    return arguments.hubert is not None or (config.speech.encoder == "hubert" and arguments.speech is None)
+
+
+def own_clips(arguments) -> list[Clip]:
+    """Of the corpus folders, else of the project's own sources, before anything is heard."""
+    if arguments.corpus:
+        return bank.clips_of_folders(arguments.corpus, arguments.limit)
+    sources = [bank.few(read(arguments.data), arguments.limit) for read in bank.READERS.values()]
+    return [clip for clips in sources for clip in clips]
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser.add_argument("--out", type=Path, default=Path("runs/ats"))
+    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    parser.add_argument("--config", choices=list(CONFIGS), default="compact")
+    parser.add_argument("--speech", type=Path, help="speech.pt of training.speech.train, or a model folder")
+    parser.add_argument("--hubert", type=Path, help="folder of a HuBERT or wav2vec2 checkpoint (paper)")
+    parser.add_argument("--leave-out", nargs="*", default=[], choices=[*SHARES], help="sources of motion")
+    parser.add_argument("--leave-clips", nargs="*", default=[], help="begins of names of clips to hold out")
+    parser.add_argument("--leave-speech", nargs="*", default=[], help="speech to leave out (nathalie_nl, …)")
+    parser.add_argument("--reader", type=Path, help="an earlier speech.pt that reads untimed speech")
+    parser.add_argument("--minutes", type=float, default=5.0, help="of each language by espeak-ng")
+    default = list(SHARES.values())
+    parser.add_argument("--shares", type=float, nargs=3, default=default, help=f"of {[*SHARES]}")
+    parser.add_argument("--voices", type=int, default=7)
+    parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
+    parser.add_argument("--init", type=Path, help="start from this ats.pt, its encoder included")
+    parser.add_argument("--steps", type=int, help=f"{STEPS}, or the epochs of the recipe")
+    parser.add_argument("--tokens", type=int, help=f"frames in a batch: {TOKENS}, or the batch of the recipe")
+    recipes.add_arguments(parser)
+    parser.add_argument("--encoder-rate", type=float, default=0.0, help="tunes the encoder as well")
+    parser.add_argument("--dropout", type=float, help="in place of the recipe's")
+    add_arguments(parser, "bfloat16")
+    parser.add_argument("--tensorboard", action="store_true", help="logs for TensorBoard too, into --out")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--log-every", type=int, default=150)
+    parser.add_argument("--save-every", type=int, default=50, help="steps between checkpoints")
+    parser.add_argument("--stop-at", type=int, help="stop after this step; the same command goes on")
+    parser.add_argument("--validation-clips", type=int, default=40, help="of each source, at every log")
+    return parser
+
+
+if __name__ == "__main__":
+    train(parser().parse_args())

@@ -1,0 +1,184 @@
+"""Trains the streaming student on what the full model performs and on captured motion.
+
+    python -m training.systems.freetalk.train_stream --data ../shared/data --out runs/stream
+
+The teacher is the encoder and denoiser in `--models`, or with `--ats` those of a finished run. It
+performs every clip once; that is kept under `--out`. `--speech DIR ...` adds
+folders of speech without motion, which the teacher alone judges: more voices than were captured;
+`--minutes` adds recorded and synthetic speech of many languages (`training/corpus/spoken.py`), `--corpus
+DIR [DIR ...]` takes corpus folders in place of the project's own. Seeded; resumes from `--out/last.pt` with
+the same bits; `--config debug` takes a minute.
+"""
+
+import argparse
+from pathlib import Path
+
+import torch
+
+from training.corpus import lessons, spoken
+from training.corpus.lesson_windows import DIMS, LessonBatch, LessonSampler
+from training.corpus.lessons import FullModel, Lesson
+from training.corpus.shares import entries_of, lasting, measured_scales
+from training.export import load_models, load_run
+from training.losses import feature_concordance, landmark_weights, motion_loss
+from training.machine import Machine
+from training.speech.causal import (
+    StreamConfig,
+    StreamNet,
+    debug_config,
+    normalise_running,
+    perform,
+)
+from training.speech.compact import ACTIVE_QUANTILE, clip_colour
+from training.speech.train import feature_scores, start
+
+SHARES = {"grid_s1": 0.65, "facegood_zh": 0.35}
+CONCORDANCE = 0.2
+CAPTURED_SHARE = 0.5
+HELD_OUT_CLIPS = 60
+
+
+def load_teacher(arguments) -> FullModel:
+    """The full model of `--ats`, or of `--models`."""
+    found = load_models(arguments.models) if arguments.ats is None else load_run(arguments.ats)
+    return FullModel(*found)
+
+
+def prior_of(config: StreamConfig, found: list[Lesson]) -> StreamConfig:
+    """The configuration with the mean colour and peak of the training voices as the prior."""
+    mels = [x.mels[0].float() for x in found if not x.held_out]
+    colour = torch.stack([clip_colour(mel) for mel in mels]).mean(dim=0)
+    peaks = [torch.quantile(mel.mean(dim=1), ACTIVE_QUANTILE) for mel in mels]
+    config.normaliser.prior_colour = [round(x, 3) for x in colour.tolist()]
+    config.normaliser.prior_peak = round(float(torch.stack(peaks).mean()), 3)
+    return config
+
+
+def captured_shares(arguments, found: list[Lesson]) -> dict[str, float]:
+    """Share of each source with captured motion among them."""
+    if not arguments.corpus:
+        return SHARES
+    return lasting([x for x in found if bool((x.weight > 0).any())])
+
+
+def shares_of(found: list[Lesson], speech_share: float, among: dict[str, float]) -> dict[str, float]:
+    """How often each source is drawn: speech without motion, if any, gets `speech_share`."""
+    others = sorted({x.source for x in found} - {*among})
+    captured = 1.0 - speech_share if others else 1.0
+    shares = {source: captured * share for source, share in among.items()}
+    seconds = {source: sum(len(x.motion) for x in found if x.source == source) for source in others}
+    total = sum(seconds.values())
+    return shares | {source: speech_share * s / total for source, s in seconds.items()}
+
+
+def loss_of(model: StreamNet, batch: LessonBatch, weight: torch.Tensor):
+    """Motion loss against the captured and the taught motion, and concordance of what a viewer sees."""
+    mel = normalise_running(batch.mel, model.config.normaliser, batch.heard)
+    with torch.autocast("cpu", torch.bfloat16):
+        prediction = model(mel).float()
+    captured = motion_loss((prediction - batch.captured) / batch.scale, batch.weight * weight)
+    everywhere = weight.expand_as(batch.taught)
+    taught = motion_loss((prediction - batch.taught) / batch.scale, everywhere)
+    motion = CAPTURED_SHARE * captured + (1.0 - CAPTURED_SHARE) * taught
+    agreement, parts = feature_concordance(prediction * 1e3, batch.captured * 1e3)
+    return motion + CONCORDANCE * agreement, {"captured": captured.item(), "taught": taught.item()} | parts
+
+
+@torch.no_grad()
+def validate(model: StreamNet, found: list[Lesson], captured: dict[str, float]) -> dict[str, float]:
+    """r and slope of every feature on unseen clips: with the capture where there is one, else the teacher."""
+    model.eval()
+    report = {}
+    for source in sorted({x.source for x in found if x.held_out}):
+        chosen = [x for x in found if x.held_out and x.source == source][:HELD_OUT_CLIPS]
+        made = [perform(model, x.mels[0].float(), len(x.motion)) for x in chosen]
+        true = [x.motion if source in captured else x.taught.float() for x in chosen]
+        scores = feature_scores(list(zip(made, true, strict=True)))
+        report |= {f"{source} {key}": value for key, value in scores.items()}
+    model.train()
+    return report
+
+
+def prepare(arguments) -> list[Lesson]:
+    """Bank and teacher to lessons."""
+    debug = arguments.config == "debug"
+    voices, limit = (2, 4) if debug else (arguments.voices, None)
+    entries = entries_of(arguments, voices, limit)
+    if arguments.minutes > 0:
+        entries += spoken.load(arguments.data, arguments.cache, arguments.minutes)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    teacher = load_teacher(arguments)
+    count = 4 if debug else arguments.speech_limit
+    say = lambda text: print(text, flush=True)  # noqa: E731
+    return lessons.load(entries, teacher, arguments.out, arguments.speech, count, say)
+
+
+def new_model(arguments, found: list[Lesson]) -> StreamNet:
+    """A student that starts at the mean and deviation of the taught motion."""
+    config = debug_config() if arguments.config == "debug" else StreamConfig()
+    model = StreamNet(prior_of(config, found))
+    taught = torch.cat([x.taught.float() for x in found])
+    model.mean.copy_(taught.mean(dim=0))
+    model.std.copy_(taught.std(dim=0).clamp_min(2e-4))
+    assert model.std.shape == (DIMS,)
+    return model
+
+
+def train(arguments) -> Path:
+    """Runs the training; writes `stream.pt` with the averaged weights and returns its path."""
+    torch.manual_seed(arguments.seed)
+    torch.set_num_threads(arguments.threads)
+    debug = arguments.config == "debug"
+    found = prepare(arguments)
+    model = new_model(arguments, found)
+    captured = captured_shares(arguments, found)
+    shares = shares_of(found, arguments.speech_share, captured)
+    scales = measured_scales([*captured], found)
+    sampler = LessonSampler(found, shares, arguments.seed, model.config, scales)
+    generators = {"windows": sampler.random}
+    run, machine = start(arguments, model, generators, arguments.average), Machine("cpu")
+    schedule, average, weight = run.parts["schedule"], run.parts["average"], landmark_weights()
+    count, frames = (4, 32) if debug else (arguments.batch, arguments.frames)
+    for step in range(run.first, run.steps):
+        loss, parts = loss_of(model, sampler.batch(count, frames), weight)
+        machine.step(loss, model, run.parts["optimiser"], 1.0)
+        schedule.step()
+        average.update_parameters(model)
+        run.after(step, loss.item())
+        if step % arguments.log_every == arguments.log_every - 1 or step == run.steps - 1:
+            scores = validate(average.module, found, captured)
+            run.log({"step": step + 1, "s": run.seconds(), **parts, **scores})
+            state = average.module.state_dict()
+            torch.save({"state": state, "config": model.config.to_json()}, run.out / "stream.pt")
+    return run.out / "stream.pt"
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser.add_argument("--models", type=Path, default=Path("weights"))
+    parser.add_argument("--ats", type=Path, help="ats.pt of training.systems.freetalk.train, not --models")
+    parser.add_argument("--speech", type=Path, nargs="*", default=[], help="folders of sound")
+    parser.add_argument("--speech-limit", type=int, help="sounds of each folder")
+    parser.add_argument("--minutes", type=float, default=0.0, help="of each language by espeak-ng")
+    parser.add_argument("--speech-share", type=float, default=0.4)
+    parser.add_argument("--out", type=Path, default=Path("runs/stream"))
+    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    parser.add_argument("--config", choices=["stream", "debug"], default="stream")
+    parser.add_argument("--voices", type=int, default=7)
+    parser.add_argument("--steps", type=int, default=1500)
+    parser.add_argument("--batch", type=int, default=16)
+    parser.add_argument("--frames", type=int, default=112)
+    parser.add_argument("--rate", type=float, default=2e-3)
+    parser.add_argument("--average", type=float, default=0.99, help="decay of averaged weights")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--log-every", type=int, default=150)
+    parser.add_argument("--save-every", type=int, default=50, help="steps between checkpoints")
+    return parser
+
+
+if __name__ == "__main__":
+    train(parser().parse_args())

@@ -1,0 +1,254 @@
+"""Trains the tower that turns text into action units, and measures it.
+
+    python -m training.text.train --text runs/text --seed 0
+
+Writes `tower.pt` and `measured.json` beside the text space. `--folds 5` trains on four fifths of the texts
+and measures on the rest, which is how sizes were chosen; `--info-nce 0` leaves out the alignment with the
+units' names. `--clip FOLDER` hears by CLIP instead of the space, as the paper does.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+
+from training.corpus.conditions import UNITS
+from training.text.clip import ClipTower, OnClip
+from training.text.held_out import HELD_OUT
+from training.text.measure import measured
+from training.text.pairs import EMOTIONS, EXPRESSIONS, NOTHING, OPPOSITES, TEMPLATES
+from training.text.sentences import Clause, Shown, clauses, listed, tokens
+from training.text.space import known_form
+from training.text.tower import FULL, OnWords, TextTower
+from training.text.words import Words
+
+LETTERS = list("aeiouaeiouenrstldnrstbcdfghjklmnpqrstvwxyzäöüéñøß")
+FAR = 0.4
+"""Cosine below which a word says nothing to a face."""
+TEMPERATURE = 0.1
+NAMES = ("raises the inner brows", "raises the outer brows", "lowers the brows", "raises the upper lids",
+         "raises the cheeks", "tightens the lids", "wrinkles the nose", "raises the upper lip",
+         "lip corners up", "dimples", "lip corners down", "raises the chin", "stretches the lips",
+         "drops the jaw", "sucks the lips in",
+         "closes the eyes")  # fmt: skip
+"""Text of each of `UNITS`, with which a description is aligned."""
+
+
+Hearing = OnWords | OnClip
+Tower = TextTower | ClipTower
+
+
+@dataclass
+class Pairs:
+    """Texts by kind, each with what it shows."""
+
+    shown: list[tuple[str, Shown]]
+    denied: list[tuple[str, Shown]]
+    nothing: list[str]
+
+    @staticmethod
+    def all() -> Pairs:
+        """All that is written down in `training.text.pairs`."""
+        opposites = [
+            (text, Shown.read(OPPOSITES.get(units, "")))
+            for table in (EMOTIONS, EXPRESSIONS)
+            for units, texts in table.items()
+            for text in map(str.strip, texts.split(","))
+        ]
+        nothing = [text.strip() for text in NOTHING.split(",")]
+        return Pairs(listed(EMOTIONS) + listed(EXPRESSIONS), opposites, nothing)
+
+    def without(self, fold: int, folds: int, seed: int) -> tuple[Pairs, list[tuple[str, Shown]]]:
+        """Those of all folds but one, and that one's."""
+        of = np.random.default_rng(seed).integers(0, folds, len(self.shown))
+        kept = [i for i in range(len(of)) if of[i] != fold]
+        left = [self.shown[i] for i in range(len(of)) if of[i] == fold]
+        return Pairs([self.shown[i] for i in kept], [self.denied[i] for i in kept], self.nothing), left
+
+
+class Batches:
+    """Draws one text or two, a denied one, some with a word that says nothing, or nothing at all."""
+
+    def __init__(self, pairs: Pairs, words: Words, arguments: argparse.Namespace):
+        self.pairs, self.arguments = pairs, arguments
+        self.random = np.random.default_rng(arguments.seed)
+        self.templates = np.random.default_rng([arguments.seed, 1])
+        self.far = far_words(pairs, words)
+        self.share, self.share_denied = shares(pairs.shown), shares(pairs.denied)
+
+    def draw(self) -> tuple[list[Clause], list[Shown]]:
+        """A batch: clauses and what they show."""
+        drawn = [self._one() for _ in range(self.arguments.batch)]
+        return [clause for clause, _ in drawn], [shown for _, shown in drawn]
+
+    def _one(self) -> tuple[Clause, Shown]:
+        kind = self.random.random()
+        if kind < 0.2:
+            return self._nothing(), Shown({}, frozenset())
+        if kind < 0.3:
+            text, shown = self._pick(self.pairs.denied, self.share_denied)
+            return self._within(Clause(denied=heard_words(text), said=f"not {text}")), shown
+        text, shown = self._pick(self.pairs.shown, self.share)
+        said = Clause(heard_words(text), said=text)
+        if kind > 0.85:
+            text, more = self._pick(self.pairs.shown, self.share)
+            said, shown = beside(said, Clause(heard_words(text), said=text)), shown | more
+        if self.random.random() < 0.15:
+            said = beside(said, spoken([str(self.random.choice(self.far))]))
+        return self._within(said), shown
+
+    def _within(self, clause: Clause) -> Clause:
+        """The clause in a template, whose own words mean nothing."""
+        clause.said = TEMPLATES[self.templates.integers(len(TEMPLATES))].format(clause.said)
+        return clause
+
+    def _nothing(self) -> Clause:
+        kind = self.random.random()
+        if kind < 0.05:
+            return Clause()
+        if kind < 0.2:
+            return spoken([self._letters() for _ in range(self.random.integers(1, 4))])
+        if kind < 0.6:
+            text = str(self.random.choice(self.pairs.nothing))
+            return Clause(heard_words(text), said=text)
+        return spoken([str(w) for w in self.random.choice(self.far, size=self.random.integers(1, 4))])
+
+    def _letters(self) -> str:
+        return "".join(self.random.choice(LETTERS, size=self.random.integers(2, 11)))
+
+    def _pick(self, pairs: list[tuple[str, Shown]], share: np.ndarray) -> tuple[str, Shown]:
+        return pairs[min(int(np.searchsorted(share, self.random.random())), len(pairs) - 1)]
+
+
+def spoken(words: list[str]) -> Clause:
+    """A clause of nothing but these."""
+    return Clause(words, said=" ".join(words))
+
+
+def beside(one: Clause, other: Clause) -> Clause:
+    """Two clauses as one."""
+    return Clause([*one.words, *other.words], said=f"{one.said} {other.said}")
+
+
+@cache
+def heard_words(text: str) -> list[str]:
+    """Words of a text's first clause that mean something; those of the templates never do."""
+    return clauses(text)[0].words
+
+
+def shares(pairs: list[tuple[str, Shown]]) -> np.ndarray:
+    """How often each pair is drawn, summed: a kind of units as the square root of its number of texts."""
+    kinds = [tuple(sorted(shown.units.items())) for _, shown in pairs]
+    share = np.array([kinds.count(kind) for kind in kinds]) ** -0.5
+    return np.cumsum(share / share.sum())
+
+
+def far_words(pairs: Pairs, words: Words) -> np.ndarray:
+    """Known words that lie near no word of the pairs: they say nothing. None that is held out."""
+    used = sorted({w for text, _ in pairs.shown for c in clauses(text) for w in c.words})
+    nearest = (words.vectors @ np.stack([words.of(w) for w in used]).T).max(axis=1)
+    kept_back = {known_form(w, words.rows) for text, _ in listed(HELD_OUT) for w in tokens(text)}
+    far = (name for name, near in zip(words.rows, nearest, strict=True) if near < FAR)
+    return np.array([name for name in far if name not in kept_back])
+
+
+def targets(shown: list[Shown]) -> torch.Tensor:
+    """[N, 3, 16] as the tower's logits: shows, on one side, strength of 1.5."""
+    wanted = torch.zeros(len(shown), 3, len(UNITS))
+    for row, what in enumerate(shown):
+        for unit, strength in what.units.items():
+            wanted[row, 0, unit] = 1.0
+            wanted[row, 1, unit] = float(unit in what.one_sided)
+            wanted[row, 2, unit] = strength / FULL
+    return wanted
+
+
+def loss_of(
+    tower: Tower, hearing: Hearing, said: list[Clause], shown: list[Shown], arguments: argparse.Namespace
+) -> torch.Tensor:
+    """Cross-entropy of the units, of side and strength where they show, and InfoNCE with the units' names."""
+    wanted = targets(shown)
+    features = tower.adapted(hearing.hear(said, arguments.noise))
+    logits = tower.head(features).unflatten(-1, (3, len(UNITS)))
+    every = F.binary_cross_entropy_with_logits(logits, wanted, reduction="none")
+    active = wanted[:, 0]
+    loss = every[:, 0].mean() + 0.3 * (every[:, 1:] * active[:, None]).sum() / (2 * active.sum())
+    weight = arguments.info_nce
+    return loss + weight * aligned(tower, hearing, features, active) if weight else loss
+
+
+def aligned(tower: Tower, hearing: Hearing, features: torch.Tensor, active: torch.Tensor) -> torch.Tensor:
+    """InfoNCE: each description is nearest to the names of its own units (§3.3, appendix E)."""
+    kinds, of = torch.unique(active, dim=0, return_inverse=True)
+    names = [" ".join(NAMES[u] for u in torch.nonzero(kind).flatten().tolist()) for kind in kinds]
+    heard = hearing.hear([Clause(heard_words(name), said=name) for name in names])
+    named = F.normalize(tower.adapted(heard), dim=-1)
+    said = active.any(dim=1)
+    near = F.normalize(features, dim=-1) @ named.T / TEMPERATURE
+    return F.cross_entropy(near[said], of[said])
+
+
+def train(pairs: Pairs, words: Words, hearing: Hearing, arguments: argparse.Namespace) -> Tower:
+    """Seeded; Adam with a rate that falls as a cosine."""
+    torch.manual_seed(arguments.seed)
+    batches = Batches(pairs, words, arguments)
+    chosen = batches.random.permutation(len(pairs.shown))[: arguments.hidden]
+    near = [Clause(heard_words(pairs.shown[i][0])) for i in chosen]
+    tower = hearing.tower(arguments.hidden, near)
+    optimiser = torch.optim.AdamW(tower.parameters(), lr=arguments.rate, weight_decay=arguments.decay)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, arguments.steps)
+    for _ in range(arguments.steps):
+        loss = loss_of(tower, hearing, *batches.draw(), arguments)
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        schedule.step()
+    return tower.eval()
+
+
+def main() -> None:
+    """Entry of the command."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--text", type=Path, default=Path("runs/text"), help="the space, and for results")
+    parser.add_argument("--wordnet", type=Path, help="WordNet's folder, to measure its synonyms beside")
+    parser.add_argument("--clip", type=Path, help="Hugging Face folder of CLIP to hear by")
+    parser.add_argument("--steps", type=int, default=3000)
+    parser.add_argument("--batch", type=int, default=128)
+    parser.add_argument("--hidden", type=int, default=128)
+    parser.add_argument("--rate", type=float, default=1e-2)
+    parser.add_argument("--decay", type=float, default=1e-2)
+    parser.add_argument("--noise", type=float, default=0.06, help="mean deviation of the numbers of a place")
+    parser.add_argument("--info-nce", type=float, default=0.1)
+    parser.add_argument("--folds", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=0)
+    arguments = parser.parse_args()
+    torch.set_num_threads(1)
+    words, pairs, started = Words.load(arguments.text), Pairs.all(), time.monotonic()
+    hearing = OnClip(arguments.clip) if arguments.clip else OnWords(words)
+    for fold in range(arguments.folds):
+        kept, left = pairs.without(fold, arguments.folds, arguments.seed)
+        print(
+            f"fold {fold}:",
+            measured(train(kept, words, hearing, arguments), hearing, words, kept.shown, left),
+        )
+    if arguments.folds:
+        return
+    tower = train(pairs, words, hearing, arguments)
+    seconds = round(time.monotonic() - started)
+    result = measured(tower, hearing, words, pairs.shown, listed(HELD_OUT), arguments.wordnet)
+    result |= {"seconds": seconds}
+    torch.save(tower.state_dict(), arguments.text / "tower.pt")
+    (arguments.text / "measured.json").write_text(json.dumps(result, indent=1) + "\n")
+    print(json.dumps(result, indent=1))
+
+
+if __name__ == "__main__":
+    main()
