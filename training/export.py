@@ -1,90 +1,202 @@
-"""Writes a finished ATS run as the two model folders that Rust reads.
+"""Writes finished runs as the model folders that the library embeds.
 
-    python -m training.export --run runs/ats/ats.pt --models weights
+    python -m training.export NAME [--models DIR] …
 
-`compact_speech/` and `ats_<name>/` each get model.safetensors and config.json. Weights are stored
-as f16, which changes the lip opening by less than 0.01 mm; the motion's mean and deviation stay
-f32. The model card, README.md, is written by hand.
+NAME is one of `MODELS`; `python -m training.export NAME --help` tells its flags. Each folder gets
+model.safetensors and config.json; without `--models` it is that of the embedded model. Weights are stored as
+f16, which changes the lip opening by less than 0.01 mm; statistics stay f32. The model card, README.md, is
+written by hand.
 """
 
+from __future__ import annotations
+
 import argparse
-import json
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Annotated, Literal
 
+import numpy as np
 import torch
-from safetensors.torch import load_file, save_file
-from torch import Tensor
+from torch import Tensor, nn
 
-from training.speech.compact import CompactConfig, CompactEncoder
-from training.systems.freetalk.ats import AtsConfig, AtsDenoiser, Sampling
+from training import DATA, shipped
+from training.corpus.emotions import expressions
+from training.corpus.faces import CHANNELS
+from training.corpus.ict import IctLandmarks
+from training.corpus.manner import manners_config
+from training.landmarks import prior
+from training.landmarks.network import Config, LandmarkNetwork, start_from
+from training.landmarks.pose_network import PoseConfig, PoseNetwork
+from training.nn.checkpoint import EXACT, write_model
+from training.rig.network import CONFIGS as RIG
+from training.rig.visemes import solve
+from training.run import add_flags
+from training.systems.cafe_talk.denoiser import CafeTalkConfig
+from training.systems.facetalk import stored as facetalk_files
+from training.systems.freetalk.ats import AtsConfig, Sampling
+from training.text.stored import arrays, config_of, load_tower
 
-EXACT = ("mean", "std", "vertices", "triangles", "spirals")
+Run = Annotated[Path, "what the model's trainer wrote"]
 
 
-def export(run: Path, models: Path, sampling: Sampling | None, style: str | None) -> list[Path]:
-    """Writes both folders, or the one of a user's own encoder, and returns them."""
+@dataclass
+class Model:
+    """One folder: its name, weights, config.json, and what stays f32."""
+
+    name: str
+    state: dict[str, Tensor]
+    config: dict
+    exact: tuple[str, ...] = EXACT
+
+
+def ats(
+    run: Run,
+    steps: Annotated[int | None, "default number of denoising steps"] = None,
+    spacing: Literal["leading", "trailing"] = "trailing",
+    temperature: float = 0.0,
+    style: Annotated[str | None, "default speaking style"] = None,
+) -> Iterator[Model]:
+    """An ats.pt of training.systems.freetalk.train, and its encoder."""
     saved = torch.load(run, map_location="cpu")
     config = AtsConfig.from_json(saved["config"])
-    config.sampling = sampling or config.sampling
+    config.sampling = Sampling(steps, spacing, temperature) if steps else config.sampling
     config.default_style = style or config.default_style
-    folders = [write_model(model_folder(models, f"ats_{config.name}"), saved["state"], config.to_json())]
+    yield Model(f"ats_{config.name}", saved["state"], config.to_json())
     if saved["encoder_config"] is not None:
-        encoder = model_folder(models, "compact_speech")
-        folders.append(write_model(encoder, saved["encoder"], saved["encoder_config"]))
-    return folders
+        yield Model("compact_speech", saved["encoder"], saved["encoder_config"])
 
 
-def model_folder(models: Path, name: str) -> Path:
-    """The folder of a model: `models/name`, or that of the crate which has it, where `models` is `weights`."""
-    return next(iter(models.glob(f"*/{name}")), models / name)
+def stm(runs: Path = Path("runs/stm"), trained: Literal["both", "corpus"] = "both") -> Iterator[Model]:
+    """Decoders of training.systems.freetalk.stm.train, whichever there are."""
+    for name, kind in (("static_weights", "static"), ("stm_paper", "paper")):
+        path = runs / f"{kind}_{trained}.pt"
+        if path.exists():
+            saved = torch.load(path, map_location="cpu")
+            yield Model(name, saved["state"], saved["config"])
 
 
-def write_model(folder: Path, state: dict[str, Tensor], config: dict, exact: bool = False) -> Path:
-    """`model.safetensors` and `config.json` of one model; `exact` keeps f32 everywhere."""
-    folder.mkdir(parents=True, exist_ok=True)
-    stored = {k: v.contiguous() if exact or k in EXACT else v.half().contiguous() for k, v in state.items()}
-    save_file(stored, folder / "model.safetensors")
-    (folder / "model.safetensors").chmod(0o644)
-    (folder / "config.json").write_text(json.dumps(config, indent=2) + "\n")
-    return folder
-
-
-def load_models(models: Path, name: str = "compact") -> tuple[CompactEncoder, AtsDenoiser]:
-    """The shipped encoder and denoiser, ready for inference."""
-    encoder_json = json.loads((model_folder(models, "compact_speech") / "config.json").read_text())
-    encoder = CompactEncoder(CompactConfig(**encoder_json))
-    ats_json = json.loads((model_folder(models, f"ats_{name}") / "config.json").read_text())
-    denoiser = AtsDenoiser(AtsConfig.from_json(ats_json))
-    for folder, model in ((f"ats_{name}", denoiser), ("compact_speech", encoder)):
-        state = load_file(model_folder(models, folder) / "model.safetensors")
-        model.load_state_dict({key: value.float() for key, value in state.items()})
-    return encoder.eval(), denoiser.eval()
-
-
-def load_run(run: Path) -> tuple[CompactEncoder, AtsDenoiser]:
-    """Encoder and denoiser of a finished run, ready for inference."""
+def stream(run: Run) -> Iterator[Model]:
+    """A stream.pt of training.systems.freetalk.train_stream or training.speech.train_causal."""
     saved = torch.load(run, map_location="cpu")
-    encoder = CompactEncoder(CompactConfig(**saved["encoder_config"])).eval()
-    encoder.load_state_dict(saved["encoder"])
-    denoiser = AtsDenoiser(AtsConfig.from_json(saved["config"])).eval()
-    denoiser.load_state_dict(saved["state"])
-    return encoder, denoiser
+    yield Model(saved["config"]["model"], saved["state"], saved["config"])
 
 
-def main() -> None:
-    """Command line."""
+def cafe_talk(
+    run: Run,
+    steps: Annotated[int | None, "default number of denoising steps; none: as in training"] = None,
+    alpha: Annotated[float | None, "guidance of speech and emotion"] = None,
+    beta: Annotated[float | None, "guidance of events at strength 1"] = None,
+    style: Annotated[str | None, "default speaking style"] = None,
+) -> Iterator[Model]:
+    """A cafe_talk.pt with the places of the emotions, and the random encoder of a debug run."""
+    saved = torch.load(run, map_location="cpu")
+    config = CafeTalkConfig.from_json(saved["config"])
+    changed = {"steps": steps, "alpha": alpha, "beta": beta}
+    config.sampling = replace(config.sampling, **{k: v for k, v in changed.items() if v is not None})
+    config.default_style = style or config.default_style
+    if config.name == "debug" and saved["encoder_config"] is not None:
+        yield Model("compact_speech", saved["encoder"], saved["encoder_config"])
+    state = saved["state"] | {"emotions": saved["emotions"].float()}
+    yield Model(f"cafe_talk_{config.name}", state, config.to_json())
+
+
+def emoface(run: Run) -> Iterator[Model]:
+    """An emoface.pt; the template and its spirals are part of it."""
+    saved = torch.load(run, map_location="cpu")
+    state = {key: value for key, value in saved["state"].items() if not key.endswith("spirals")}
+    state |= {key: saved[key].float() for key in ("vertices", "triangles", "spirals")}
+    config = saved["config"] | {"triangles": len(saved["triangles"])}
+    yield Model(f"emoface_{config['name']}", state, config)
+
+
+def facetalk(
+    head: Annotated[Path, "head.pt"],
+    motion: Annotated[Path | None, "motion.pt; none: a head without speech"] = None,
+    landmark_motion: Annotated[Path | None, "motion.pt of `--memory landmarks`"] = None,
+) -> Iterator[Model]:
+    """A head, its speech model and the one by landmarks."""
+    paths = zip(facetalk_files.MOTIONS, (motion, landmark_motion), strict=True)
+    motions = {name: facetalk_files.load_motion(path) for name, path in paths if path is not None}
+    head = facetalk_files.load_head(head)
+    name, exact = f"facetalk_{head.config.name}", facetalk_files.EXACT
+    yield Model(name, *facetalk_files.joined(head, motions), exact)
+
+
+def rig(data: Path = DATA, runs: Path = Path("runs/rig")) -> Iterator[Model]:
+    """What training.rig.train learned on both faces, and visemes as mixtures of shapes."""
+    mixtures, errors = solve(data)
+    for viseme, (error, motion) in errors.items():
+        print(f"{viseme}: mixture is {error:.2f} mm from the true viseme, which moves {motion:.2f} mm")
+    config = asdict(RIG["rig"]) | {"shapes": CHANNELS, "visemes": mixtures}
+    yield Model("rig", torch.load(runs / "rig_both.pt", map_location="cpu"), config)
+
+
+def text(
+    text: Path = Path("runs/text"),
+    clip: Annotated[Path | None, "as in training; seen from the model's folder if relative"] = None,
+) -> Iterator[Model]:
+    """The text space and its tower; a tower upon CLIP names the folder of CLIP, which stays where it is."""
+    words, tower = load_tower(text, clip is not None)
+    yield Model("text_units", arrays(tower, words), config_of(tower, words, clip))
+
+
+def landmarks(
+    data: Path = DATA, views: Path = Path("runs/landmarks"), pose: Path = Path("runs/pose")
+) -> Iterator[Model]:
+    """Both networks that find a face, normalisation folded, and the prior of its shape."""
+    sizes, pose_sizes = Config(), PoseConfig()
+
+    def folded(name: str, network: nn.Module, run: Path) -> dict[str, Tensor]:
+        start_from(run / "network.pt", network, "")
+        network.fold()
+        return {f"{name}.{key}": value for key, value in network.state_dict().items()}
+
+    state = folded("views", LandmarkNetwork(sizes), views) | folded("pose", PoseNetwork(pose_sizes), pose)
+    state["prior.modes"] = torch.from_numpy(prior.modes(data))
+    config = {"widths": sizes.widths, "pose_widths": pose_sizes.widths, "prior_modes": prior.MODES}
+    yield Model("landmarks", state, config)
+
+
+def expression_table(data: Path = DATA) -> Iterator[Model]:
+    """`lasting` and `opening` [15, 68, 3], what an emotion at intensity 1 adds to the landmarks in canonical
+    metres, and how it changes articulation. Nothing is trained."""
+    state = zip(("lasting", "opening"), map(torch.from_numpy, expressions(data)), strict=True)
+    yield Model("expressions", dict(state), manners_config(), ("",))
+
+
+def face_modes(data: Path = DATA) -> Iterator[Model]:
+    """ICT FaceKit's expression modes at the landmarks, [M, 68, 3] canonical metres. Nothing is trained."""
+    modes = IctLandmarks(data).modes
+    state = {"modes": torch.from_numpy(np.stack(list(modes.values())).astype(np.float32))}
+    yield Model("face_modes", state, {"name": "face_modes", "modes": list(modes)}, ("",))
+
+
+MODELS = {
+    "ats": ats, "stm": stm, "stream": stream, "cafe_talk": cafe_talk, "emoface": emoface,
+    "facetalk": facetalk, "rig": rig, "text": text, "landmarks": landmarks,
+    "expressions": expression_table, "face_modes": face_modes,
+}  # fmt: skip
+
+
+def export(name: str, models: Path | None = None, **options) -> list[Path]:
+    """Writes the folders of one of `MODELS` below `models`, or over the embedded ones, and returns them."""
+    written = []
+    for model in MODELS[name](**options):
+        folder = models / model.name if models else shipped(model.name)
+        written.append(write_model(folder, model.state, model.config, model.exact))
+    return written
+
+
+def main(given: list[str] | None = None) -> None:
+    """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--run", type=Path, required=True, help="ats.pt of training.systems.freetalk.train")
-    parser.add_argument("--models", type=Path, default=Path("weights"))
-    parser.add_argument("--steps", type=int, help="default number of denoising steps")
-    parser.add_argument("--spacing", choices=["leading", "trailing"], default="trailing")
-    parser.add_argument("--temperature", type=float, default=0.0)
-    parser.add_argument("--style", help="default speaking style")
-    arguments = parser.parse_args()
-    sampling = None
-    if arguments.steps:
-        sampling = Sampling(arguments.steps, arguments.spacing, arguments.temperature)
-    for folder in export(arguments.run, arguments.models, sampling, arguments.style):
+    names = parser.add_subparsers(dest="name", required=True)
+    for name, function in MODELS.items():
+        of_model = names.add_parser(name, help=function.__doc__.splitlines()[0], description=function.__doc__)
+        of_model.add_argument("--models", type=Path, help="folder of model folders")
+        add_flags(of_model, function)
+    for folder in export(**vars(parser.parse_args(given))):
         print(folder)
 
 

@@ -94,3 +94,18 @@ def lip_scale(motions: list[Tensor]) -> float:
     """Typical lip motion of a source in metres: RMS distance of the lips from rest, [T, 204] each."""
     lips = torch.cat([m[:, 3 * LIPS[0] : 3 * LIPS[-1] + 3] for m in motions]).unflatten(1, (-1, 3))
     return max(float(lips.square().sum(-1).mean().sqrt()), LEAST_SCALE_M)
+
+
+def feature_scores(pairs) -> dict[str, float]:
+    """r by clip, and slope of predicted over true within clips, of every feature.
+
+    `pairs`: predicted and true motion [T, 204] of each clip.
+    """
+    report = {}
+    for name, of in FEATURES.items():
+        centred = [[of(x) - of(x).mean() for x in pair] for pair in pairs]
+        each = torch.stack([torch.corrcoef(torch.stack(pair))[0, 1] for pair in centred])
+        made, true = (torch.cat(x) for x in zip(*centred, strict=True))
+        report[f"{name} r"] = float(each.nanmean())
+        report[f"{name} slope"] = float((made * true).mean() / true.square().mean())
+    return report

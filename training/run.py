@@ -6,11 +6,14 @@ run gives the same bits as one that was never stopped.
 
 from __future__ import annotations
 
+import argparse
 import csv
+import inspect
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
+from typing import Annotated, Literal, Protocol, get_args, get_origin
 
 import numpy as np
 import torch
@@ -133,3 +136,30 @@ def _restore(generator: torch.Generator | np.random.Generator, state) -> None:
         generator.set_state(state)
     else:
         generator.bit_generator.state = state
+
+
+def add_flags(parser: argparse.ArgumentParser, function: Callable) -> None:
+    """A flag for each parameter of a function; with `Annotated` the second part is what `--help` says."""
+    for name, parameter in inspect.signature(function, eval_str=True).parameters.items():
+        kind, told = parameter.annotation, None
+        if get_origin(kind) is Annotated:
+            kind, told = get_args(kind)
+        options = {"help": told, "default": parameter.default}
+        if parameter.default is parameter.empty:
+            options |= {"default": None, "required": True}
+        if get_origin(kind) is Literal:
+            options["choices"] = get_args(kind)
+        elif kind is bool:
+            options["action"] = "store_true"
+        elif get_origin(kind) is list:
+            options |= {"type": get_args(kind)[0], "nargs": "*"}
+        else:
+            options["type"] = next(part for part in (*get_args(kind), kind) if part is not type(None))
+        parser.add_argument(f"--{name.replace('_', '-')}", **options)
+
+
+def command(function: Callable, given: list[str] | None = None) -> None:
+    """Calls a function with what the command line says of its parameters."""
+    parser = argparse.ArgumentParser(description=(function.__doc__ or "").splitlines()[0])
+    add_flags(parser, function)
+    function(**vars(parser.parse_args(given)))

@@ -23,7 +23,7 @@ import torch
 from safetensors.torch import save_file
 from torch import Tensor
 
-from training.export import write_model
+from training.nn.checkpoint import write_model
 from training.speech.hubert import HubertFeatures, instants
 from training.systems.freetalk.ats import AtsDenoiser, SpeechInput, debug_config
 from training.tests.made_up import face_mesh, spoken

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
+from training.align import canonical_landmarks, similarity, stability
 from training.corpus.checked import CorpusError
 from training.corpus.clip import inner_gap
-from training.corpus.faces import canonical_landmarks, stability
 from training.corpus.folder import SOUNDS, CorpusFolder, Row
 from training.corpus.folder_clips import INNER, loudness, observed, without_head
 from training.corpus.tracks import SOUND_HZ, Track
@@ -197,13 +197,8 @@ def shape_oddities(shape: np.ndarray) -> list[str]:
 
 def fit_error(shape: np.ndarray) -> float:
     """RMS distance [m] of the steady landmarks to the canonical ones after the best similarity."""
-    goal = canonical_landmarks()[INNER] - canonical_landmarks()[INNER].mean(axis=0)
-    moved = shape[INNER] - shape[INNER].mean(axis=0)
-    weight = stability()[INNER][:, None]
-    u, s, vt = np.linalg.svd((weight * goal).T @ moved)
-    sign = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
-    scale = (s * sign).sum() / (weight * moved**2).sum()
-    rest = goal - scale * moved @ ((u * sign) @ vt).T
+    goal, weight = canonical_landmarks()[INNER], stability()[INNER]
+    rest = goal - similarity(shape[INNER], goal, weight / weight.sum())(shape[INNER])
     return float(np.sqrt((rest**2).sum(axis=1).mean()))
 
 

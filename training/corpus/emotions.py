@@ -6,7 +6,7 @@ units added; ill borrows from the pain units 4, 7, 9 and 43 of Prkachin & Solomo
 its lids and presses its lips (Keltner 1995); pleased, calm, upset, suspicious and drunk are our own
 choice, and all strengths are. ICT's brows and corners move little at weight 1, so weights go beyond it;
 a negative one moves a brow the other way, where ICT has no shape for that. `manner` says how an emotion
-changes articulation; `training.export_expressions` writes both for `rust-core/src/motion/expression`.
+changes articulation; `training.export expressions` writes both for `rust-core/src/motion/expression`.
 """
 
 from pathlib import Path

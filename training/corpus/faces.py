@@ -15,8 +15,7 @@ from pathlib import Path
 import numpy as np
 from safetensors import safe_open
 
-REPOSITORY = Path(__file__).resolve().parents[2]
-CANONICAL = REPOSITORY / "rust-core/src/mesh/canonical_landmarks.json"
+from training.align import canonical_landmarks, similarity, stability
 
 CHANNELS = [
     "browDownLeft", "browDownRight", "browInnerUp", "browOuterUpLeft", "browOuterUpRight",
@@ -64,37 +63,10 @@ class IctModel:
         return align(replace(self.mean, name=name, vertices=vertices))
 
 
-def canonical_landmarks() -> np.ndarray:
-    """The landmarks that define the canonical frame. [N, 3] m."""
-    return np.array(json.loads(CANONICAL.read_text())["landmarks"])
-
-
-def stability() -> np.ndarray:
-    """How much each landmark says about where the head is. [N].
-
-    Mirrors `stability` of `rust-core/src/mesh/canonical.rs`: what a decoder sees while it is
-    trained and while it is used must be turned and scaled alike.
-    """
-    weight = np.full(68, 0.7)
-    weight[:17], weight[17:27], weight[27:36], weight[36:48] = 0.15, 0.4, 1.5, 1.0
-    weight[[36, 39, 42, 45]] = 2.0
-    return weight
-
-
 def align(face: Face) -> Face:
-    """Brings a face to the canonical frame by the similarity of its steadiest landmarks (Umeyama 1991)."""
-    source, target = face.vertices[face.landmarks], canonical_landmarks()
-    weight = stability()[:, None] / stability().sum()
-    centre, goal = (weight * source).sum(0), (weight * target).sum(0)
-    u, s, vt = np.linalg.svd((weight * (target - goal)).T @ (source - centre))
-    flip = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
-    rotation = (u * flip) @ vt
-    scale = (s * flip).sum() / (weight * (source - centre) ** 2).sum()
-    return replace(
-        face,
-        vertices=scale * (face.vertices - centre) @ rotation.T + goal,
-        modes=scale * face.modes @ rotation.T,
-    )
+    """Brings a face to the canonical frame by the similarity of its steadiest landmarks."""
+    fit = similarity(face.vertices[face.landmarks], canonical_landmarks(), stability())
+    return replace(face, vertices=fit(face.vertices), modes=fit.scale * face.modes @ fit.rotation.T)
 
 
 def load_ict(data: Path, region: str = "face") -> IctModel:

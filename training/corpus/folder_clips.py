@@ -9,15 +9,16 @@ import numpy as np
 from safetensors.numpy import load_file
 from scipy.interpolate import CubicSpline
 
+from training import shipped
+from training.align import canonical_landmarks, similarity, steady
 from training.corpus.checked import CorpusError
 from training.corpus.clip import FPS, Clip
-from training.corpus.faces import REPOSITORY, canonical_landmarks, stability
 from training.corpus.folder import UNKNOWN_EMOTION, CorpusFolder, Row
-from training.corpus.grid import closed_shape, rigid
+from training.corpus.grid import closed_shape
 from training.corpus.topology import Topology
 from training.corpus.tracks import SOUND_HZ, Track
 
-MODES = REPOSITORY / "weights/shared/face_modes"
+MODES = shipped("face_modes")
 INNER = slice(27, 68)
 QUIET_SHARE = 0.2
 HOP = int(SOUND_HZ / FPS)
@@ -112,23 +113,16 @@ def displacement(track: Track, neutral: np.ndarray, head_moves: bool) -> tuple[n
 
 def to_canonical_axes(landmarks: np.ndarray) -> np.ndarray:
     """What turns rows beside a neutral face with these landmarks [68, 3] to canonical axes, [3, 3]."""
-    turn, _ = rigid(landmarks[INNER], canonical_landmarks()[INNER])
-    return turn.T
+    return similarity(landmarks[INNER], canonical_landmarks()[INNER]).rotation.T
 
 
 def without_head(values: np.ndarray, neutral: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """[T, 68, 3] with every frame laid on the neutral face by its steadiest landmarks (Kabsch 1976).
+    """[T, 68, 3] with every frame laid on the neutral face by its steadiest landmarks.
 
     Also returns the rotations [T, 3, 3] that did it.
     """
-    weight = (stability() * (np.arange(68) >= 27) * (np.arange(68) < 48))[:, None]
-    weight = weight / weight.sum()
-    centres, goal = (weight * values).sum(axis=1, keepdims=True), (weight * neutral).sum(axis=0)
-    u, _, vt = np.linalg.svd(np.einsum("tni,nj->tij", weight * (values - centres), neutral - goal))
-    sign = np.ones((len(values), 3))
-    sign[:, 2] = np.sign(np.linalg.det(np.swapaxes(vt, 1, 2) @ np.swapaxes(u, 1, 2)))
-    turns = np.einsum("tki,tk,tjk->tij", vt, sign, u)
-    return np.einsum("tij,tnj->tni", turns, values - centres) + goal, turns
+    fit = similarity(values, neutral, steady())
+    return (values - fit.centre[:, None]) @ np.swapaxes(fit.rotation, 1, 2) + fit.goal, fit.rotation
 
 
 def loudness(samples: np.ndarray, seconds: np.ndarray) -> np.ndarray:

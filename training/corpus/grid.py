@@ -14,6 +14,7 @@ import numpy as np
 from safetensors import safe_open
 from scipy.ndimage import gaussian_filter1d
 
+from training.align import similarity
 from training.corpus.clip import Clip, inner_gap, read_sound
 from training.corpus.ict import IctLandmarks
 from training.corpus.split import grid_held_out
@@ -39,7 +40,7 @@ def read_grid(data: Path) -> list[Clip]:
     spans = [slice(a, b) for a, b in pairwise(offsets)]
     tracks = [_smooth(_fill(landmarks[span], ~seen[span])) for span in spans]
     neutral = rest_template(tracks, [seen[span] for span in spans])
-    turn, _ = rigid(neutral[INNER], 100.0 * IctLandmarks(data).neutral[INNER])
+    turn = similarity(neutral[INNER], 100.0 * IctLandmarks(data).neutral[INNER]).rotation
     held_out = grid_held_out(names)
     clips = []
     for name, track, span in zip(names, tracks, spans, strict=True):
@@ -91,12 +92,3 @@ def closed_shape(frames: np.ndarray) -> np.ndarray:
     gap = inner_gap(frames, np.zeros((68, 3), np.float32))
     slope, height = np.polyfit(gap, frames.reshape(len(frames), -1), 1)
     return (height + slope * np.quantile(gap, REST_SHARE)).reshape(68, 3)
-
-
-def rigid(source: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation [3, 3] and shift [3] with target ≈ source @ Rᵀ + shift (Kabsch 1976)."""
-    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
-    u, _, vt = np.linalg.svd(a.T @ b)
-    sign = np.diag([1.0, 1.0, np.sign(np.linalg.det(vt.T @ u.T))])
-    turn = vt.T @ sign @ u.T
-    return turn, target.mean(axis=0) - source.mean(axis=0) @ turn.T

@@ -17,7 +17,8 @@ import torch.nn.functional as F
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from training.corpus.faces import CHANNELS, canonical_landmarks, load_ict, stability
+from training.align import canonical_landmarks, similarity, stability
+from training.corpus.faces import CHANNELS, load_ict
 
 COEFFICIENTS = 100
 FACE_VERTICES = 9409
@@ -88,7 +89,7 @@ class IctHeads:
         self.rest = torch.zeros(len(CHANNELS))
         self.rest[CHANNELS.index("jawOpen")] = open_jaw
         self.goal = torch.from_numpy(canonical_landmarks()).float()
-        self.steady = torch.from_numpy(stability() / stability().sum()).float()[:, None]
+        self.steady = torch.from_numpy(stability()).float()
         self.opened = self.mean + self.modes[CHANNELS.index("jawOpen")] * open_jaw
         self.normals = vertex_normals(self.opened[None], self.triangles)[0]
         kept = cache / f"ict_places_{VERSION}_{places}_{volume}_{open_jaw}.pt"
@@ -165,17 +166,9 @@ class IctHeads:
     def people(self, coefficients: Tensor) -> tuple[Tensor, Tensor]:
         """Coefficients [B, 100] → vertices at rest, mouth closed, [B, V, 3] and the scale of each [B]."""
         at = self.mean + (coefficients @ self.identity).unflatten(1, (-1, 3))
-        scales = []
-        for head in at:
-            source = head[self.landmarks]
-            centre, goal = (self.steady * source).sum(0), (self.steady * self.goal).sum(0)
-            u, s, vt = torch.linalg.svd((self.steady * (self.goal - goal)).T @ (source - centre))
-            flip = torch.tensor([1.0, 1.0, float(torch.sign(torch.linalg.det(u @ vt)))])
-            turn = (u * flip) @ vt
-            scale = (s * flip).sum() / (self.steady * (source - centre).square()).sum()
-            head.copy_(scale * (head - centre) @ turn.T + goal)
-            scales.append(scale)
-        return at, torch.stack(scales)
+        fits = [similarity(head[self.landmarks], self.goal, self.steady) for head in at]
+        people = torch.stack([fit(head) for fit, head in zip(fits, at, strict=True)])
+        return people, torch.stack([fit.scale for fit in fits])
 
     def posed(self, people: Tensor, scales: Tensor, weights: Tensor) -> Tensor:
         """Heads at rest moved by ARKit weights [B, M], [B, V, 3]."""

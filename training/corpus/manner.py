@@ -9,7 +9,9 @@ expressions take 0.3 to 0.6 s to come and longer to go (Ekman 2003, "Darwin, dec
 expression").
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+
+from training.corpus.conditions import EMOTIONS
 
 OFFSET_OVER_ONSET = 1.7
 
@@ -46,3 +48,9 @@ MANNERS = {
     "ill": Manner(opening=0.75, rounding=0.9, slur=0.35, onset_s=0.6),
     "drunk": Manner(opening=0.85, rounding=0.9, slur=0.65, onset_s=0.6),
 }
+
+
+def manners_config() -> dict:
+    """As written to config.json of the table of expressions."""
+    manners = {emotion: asdict(MANNERS[emotion]) for emotion in EMOTIONS}
+    return {"name": "expressions", "emotions": manners, "offset_over_onset": OFFSET_OVER_ONSET}

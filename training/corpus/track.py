@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from training.align import canonical_landmarks, steady
 from training.corpus.checked import CorpusError
-from training.corpus.faces import canonical_landmarks, stability
 from training.corpus.folder import SOUNDS
 from training.corpus.folder_clips import without_head
 from training.corpus.readers.weights import split_of
@@ -94,10 +94,10 @@ def track_clip(writer: CorpusWriter, clip: str, pictures: Iterable[np.ndarray], 
 
 def metres_per_pixel(places: np.ndarray) -> float:
     """One scale of a clip [T, 68, 3], by which its steady landmarks are as far apart as a human's."""
-    weight = (stability() * (np.arange(68) >= 27) * (np.arange(68) < 48))[:, None]
+    weight = steady()[:, None]
 
     def spread(points: np.ndarray) -> np.ndarray:
-        centred = points - (weight * points).sum(-2, keepdims=True) / weight.sum()
+        centred = points - (weight * points).sum(-2, keepdims=True)
         return np.sqrt((weight * centred**2).sum((-2, -1)))
 
     return float(spread(canonical_landmarks()) / np.median(spread(places)))

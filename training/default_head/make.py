@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from safetensors.numpy import load_file
 
+from training import shipped
 from training.default_head import parts, skin
 from training.default_head.parts import Part
 from training.landmarks.canonical import from_ict
@@ -86,7 +87,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--seed", type=int, default=11)
-    parser.add_argument("--out", type=Path, default=Path("weights/shared/default_head"))
+    parser.add_argument("--out", type=Path, default=shipped("default_head"))
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     ict = load_file(args.data / "faces/ict_facekit.safetensors")

@@ -1,6 +1,6 @@
 """Measures the creases of reference faces and writes the model that `deform/creases.rs` reads.
 
-    python -m training.deform.fit_creases --data ../shared/data --models weights/shared
+    python -m training.deform.fit_creases --data ../shared/data
 
 The references are ICT FaceKit's mean face and MakeHuman's, one for each kind that the static weights
 know. What these weights leave over of the 51 shapes is a linear function of the landmarks; it is regressed
@@ -13,16 +13,14 @@ sides. With `--score` errors on identities and warps it was not measured on.
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.numpy import save_file
-from safetensors.torch import load_file
 from scipy.spatial import cKDTree
 
+from training import shipped
 from training.corpus.emotions import AU_TO_ARKIT, PROTOTYPES
 from training.corpus.expressions import evaluation_frames, load_speech, training_frames
 from training.corpus.faces import CHANNELS, Face, align, load_ict, load_makehuman
@@ -32,6 +30,7 @@ from training.corpus.warp import stylise
 from training.deform.creases import Creases
 from training.deform.static_weights import MIRROR, StaticConfig, StaticWeights, deform
 from training.deform.surface import vertex_normals
+from training.nn.checkpoint import load_model, write_model
 
 NOISE_DM = 0.005
 RANK = 18
@@ -45,13 +44,12 @@ FACE = range(17, 68)
 SIDE = np.array([-1.0, 1.0, 1.0])
 
 
-def read_static(models: Path) -> StaticWeights:
+def read_static(models: Path | None) -> StaticWeights:
     """The static weights that are shipped."""
-    config = json.loads((models / "static_weights/config.json").read_text())
-    model = StaticWeights(StaticConfig(**config)).eval()
-    state = load_file(models / "static_weights/model.safetensors")
-    model.load_state_dict({k: v.float() for k, v in state.items()})
-    return model
+    return load_model(
+        models / "static_weights" if models else shipped("static_weights"),
+        lambda config: StaticWeights(StaticConfig(**config)),
+    )
 
 
 @torch.no_grad()
@@ -201,21 +199,18 @@ def measure(
     )
 
 
-def write_model(folder: Path, faces: dict[str, Creases]) -> None:
+def write_creases(folder: Path, faces: dict[str, Creases]) -> None:
     """`model.safetensors`, a prefix for each face, f16 but for the landmarks, and `config.json`."""
-    folder.mkdir(parents=True, exist_ok=True)
-    tensors = {}
-    for name, creases in faces.items():
-        own = {k: v.astype(np.float16) for k, v in vars(creases).items()}
-        own["landmarks"] = creases.landmarks.astype(np.float32)
-        tensors |= {f"{name}.{k}": np.ascontiguousarray(v) for k, v in own.items()}
-    save_file(tensors, folder / "model.safetensors")
-    (folder / "model.safetensors").chmod(0o644)
+    state = {
+        f"{name}.{key}": torch.from_numpy(value).float()
+        for name, creases in faces.items()
+        for key, value in vars(creases).items()
+    }
     sizes = [
         {"name": name, "points": len(creases.points), "rank": len(creases.motion)}
         for name, creases in faces.items()
     ]
-    (folder / "config.json").write_text(json.dumps({"faces": sizes}, indent=1) + "\n")
+    write_model(folder, state, {"faces": sizes}, tuple(f"{name}.landmarks" for name in faces))
 
 
 def unseen(rng: np.random.Generator, data: Path) -> list[tuple[str, Face]]:
@@ -275,7 +270,7 @@ def main() -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--models", type=Path, default=Path("weights/shared"))
+    parser.add_argument("--models", type=Path, help="folder of models; none: the embedded ones")
     parser.add_argument("--score", action="store_true", help="measure on faces that it was not made from")
     args = parser.parse_args()
     torch.set_num_threads(1)
@@ -284,7 +279,7 @@ def main() -> None:
         name: measure(np.random.default_rng(0), prepare(face), model, weights, POINTS[name])
         for name, face in references(args.data).items()
     }
-    write_model(args.models / "creases", faces)
+    write_creases(args.models / "creases" if args.models else shipped("creases"), faces)
     if args.score:
         score(np.random.default_rng(2026), faces, args.data, args.models)
 

@@ -17,8 +17,10 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from training import REPOSITORY
+from training.align import canonical_landmarks, similarity
 from training.corpus.expressions import load_speech, training_frames
-from training.corpus.faces import CHANNELS, REPOSITORY, canonical_landmarks
+from training.corpus.faces import CHANNELS
 from training.deform.evaluate_parts import GAZE, load_head
 
 CONTOUR = list(range(2, 15))
@@ -29,27 +31,19 @@ TARGET = REPOSITORY / "rust-core/src/deform/jaw_from_contour.json"
 
 def hinge_of(teeth: np.ndarray, opening: np.ndarray) -> np.ndarray:
     """The point of the middle plane [3] about which displacements [V, 3] turn the teeth [V, 3]."""
-    rotation, centre, goal = rigid(teeth, teeth + opening)
-    turned = rotation - np.eye(3)
-    shift = goal - rotation @ centre
+    fit = similarity(teeth, teeth + opening)
+    turned, shift = fit.rotation - np.eye(3), fit.goal - fit.rotation @ fit.centre
     y, z = np.linalg.lstsq(turned[1:, 1:], -shift[1:], rcond=None)[0]
     return np.array([0.0, y, z])
-
-
-def rigid(start: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rotation [3, 3] and the two centres of the rigid motion nearest to `start` → `end` [V, 3]."""
-    centre, goal = start.mean(0), end.mean(0)
-    u, _, vt = np.linalg.svd((end - goal).T @ (start - centre))
-    return u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt, centre, goal
 
 
 def poses(teeth: np.ndarray, motion: np.ndarray) -> np.ndarray:
     """Pitch, yaw (radians) and slide x, y, z of every frame [T, 5]; `teeth` about the hinge."""
     out = []
     for frame in motion:
-        rotation, centre, goal = rigid(teeth, teeth + frame)
-        turn = Rotation.from_matrix(rotation).as_rotvec()
-        out.append([turn[0], turn[1], *(goal - rotation @ centre)])
+        fit = similarity(teeth, teeth + frame)
+        turn = Rotation.from_matrix(fit.rotation).as_rotvec()
+        out.append([turn[0], turn[1], *(fit.goal - fit.rotation @ fit.centre)])
     return np.array(out)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from safetensors.torch import save_file
 
-from training.corpus.faces import canonical_landmarks
+from training.align import canonical_landmarks
 from training.deform import tension_screened_biharmonic as plate
 from training.deform.static_weights import (
     CONFIGS,

@@ -1,11 +1,24 @@
 """Noise schedules: how much of the clean signal is left after each diffusion step."""
 
 import math
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
 MAX_BETA = 0.999
+
+
+@dataclass
+class Diffusion:
+    """The forward process of a model, as it stands in its configuration."""
+
+    schedule: str = "cosine"
+    train_steps: int = 1000
+
+    def alphas(self) -> Tensor:
+        """ᾱ_t of its steps, [steps]."""
+        return alphas_cumprod(self.schedule, self.train_steps)
 
 
 def alphas_cumprod(schedule: str, steps: int) -> Tensor:

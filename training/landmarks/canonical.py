@@ -16,19 +16,14 @@ from pathlib import Path
 import numpy as np
 from safetensors.numpy import load_file
 
+from training.align import CANONICAL
+
 HINGES = [0, 1, 15, 16]
-REPO = Path(__file__).resolve().parents[2]
-FILE = REPO / "rust-core/src/mesh/canonical_landmarks.json"
-
-
-def mean_landmarks() -> np.ndarray:
-    """Mean canonical landmarks, `[68, 3]`, metres."""
-    return np.array(json.loads(FILE.read_text())["landmarks"])
 
 
 def from_ict(points_cm: np.ndarray) -> np.ndarray:
     """Points of the ICT model, `[..., 3]` in its own centimetres, to canonical metres."""
-    origin = np.array(json.loads(FILE.read_text())["ict_origin_cm"])
+    origin = np.array(json.loads(CANONICAL.read_text())["ict_origin_cm"])
     return (points_cm - origin) * 0.01
 
 
@@ -49,7 +44,7 @@ def main() -> None:
     }
     lines = [f"  {json.dumps(p)}" for p in document.pop("landmarks")]
     head = json.dumps(document, indent=2).rstrip("}\n")
-    FILE.write_text(head + ',\n  "landmarks": [\n' + ",\n".join(lines) + "\n  ]\n}\n")
+    CANONICAL.write_text(head + ',\n  "landmarks": [\n' + ",\n".join(lines) + "\n  ]\n}\n")
 
 
 if __name__ == "__main__":

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from training.align import canonical_landmarks
 from training.landmarks import adorn
-from training.landmarks.canonical import mean_landmarks
 from training.landmarks.samples import Head
 from training.landmarks.stylise import ramp
 
@@ -78,7 +78,7 @@ def line_distance(xy: np.ndarray, path: np.ndarray) -> np.ndarray:
 
 def layout(rng: np.random.Generator, clay: Clay) -> np.ndarray:
     """Where the features lie: `[68, 2]`, from human proportions with every part moved and scaled."""
-    flat = mean_landmarks()[:, :2].copy()
+    flat = canonical_landmarks()[:, :2].copy()
     flat *= clay.radii[:2] / [0.078, 0.108] * np.exp(rng.normal(0, 0.08, 2))
     apart, size, tall = np.exp(rng.normal(0.05, 0.2)), np.exp(rng.normal(0.1, 0.35)), rng.uniform(0.6, 2.6)
     up, single = rng.normal(0.0, 0.012), rng.random() < 0.04
@@ -125,7 +125,7 @@ def mouth_outline(rng: np.random.Generator) -> np.ndarray:
 
 def jaw_outline(clay: Clay) -> np.ndarray:
     """Seventeen points near the edge of the front, in the directions of a human jaw's."""
-    d = mean_landmarks()[:17, :2] / [0.078, 0.108]
+    d = canonical_landmarks()[:17, :2] / [0.078, 0.108]
     reach = (np.abs(d) ** clay.power).sum(1, keepdims=True) ** (1 / clay.power)
     return 0.95 * d / reach * clay.radii[:2]
 

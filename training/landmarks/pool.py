@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from training.align import canonical_landmarks
 from training.landmarks import heads, render, samples
-from training.landmarks.canonical import mean_landmarks
 from training.landmarks.faceless import faceless
 from training.landmarks.stepped import stepped
 
@@ -46,7 +46,7 @@ def rotation(rng: np.random.Generator, wide: bool) -> np.ndarray:
 def window(rng: np.random.Generator, landmarks: np.ndarray, tight: bool) -> tuple[np.ndarray, float]:
     """Centre and half-size: tight as after a first guess, or loose as in the search."""
     spread = np.sqrt(((landmarks - landmarks.mean(0)) ** 2).sum(1).mean())
-    mean = mean_landmarks()
+    mean = canonical_landmarks()
     scale = spread / np.sqrt(((mean - mean.mean(0)) ** 2).sum(1).mean())
     middle = landmarks[:, :2].mean(0)
     if tight:

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from training.align import canonical_landmarks, similarity
 from training.landmarks import heads, pool, render, samples
-from training.landmarks.canonical import mean_landmarks
 from training.landmarks.faceless import faceless
 
 HEADS_SHARE = 16
@@ -33,16 +33,10 @@ def any_rotation(rng: np.random.Generator) -> np.ndarray:
 
 def pose_of(landmarks: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Rotation (rows: face axes), centre and scale that take canonical landmarks here: p = s·Rᵀq + c."""
-    mean = mean_landmarks()
-    weights = np.r_[np.full(17, 0.3), np.ones(51)][:, None]
-    a, b = (np.average(x, 0, weights[:, 0]) for x in (mean, landmarks))
-    q, p = mean - a, landmarks - b
-    u, s, vt = np.linalg.svd((p * weights).T @ q)
-    flip = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
-    turn = (u * flip) @ vt
-    scale = (s * flip).sum() / (weights * q**2).sum()
-    centre = b + scale * turn @ (mean.mean(0) - a)
-    return turn.T, centre, scale
+    mean = canonical_landmarks()
+    weight = np.r_[np.full(17, 0.3), np.ones(51)]
+    fit = similarity(mean, landmarks, weight / weight.sum())
+    return fit.rotation.T, fit(mean.mean(0)[None])[0], float(fit.scale)
 
 
 def view_of(rng: np.random.Generator, front: np.ndarray) -> np.ndarray:

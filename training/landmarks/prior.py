@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from training.align import canonical_landmarks, similarity, stability
 from training.landmarks import pool, samples
-from training.landmarks.canonical import mean_landmarks
 from training.landmarks.characters import character
 from training.landmarks.covers import covered
 from training.landmarks.stylise import stylise
@@ -17,23 +17,9 @@ from training.landmarks.stylise import stylise
 MODES = 48
 
 
-def stability() -> np.ndarray:
-    """`[68]`, how much each landmark says about the pose; twin of `canonical::stability`."""
-    weights = np.full(68, 0.7)
-    weights[:17], weights[17:27], weights[27:36], weights[36:48] = 0.15, 0.4, 1.5, 1.0
-    weights[[36, 39, 42, 45]] = 2.0
-    return weights
-
-
 def aligned(landmarks: np.ndarray) -> np.ndarray:
     """`[68, 3]` brought to the mean ones."""
-    mean, weights = mean_landmarks(), stability()[:, None]
-    a, b = ((weights * x).sum(0) / weights.sum() for x in (landmarks, mean))
-    p, q = landmarks - a, mean - b
-    u, s, vt = np.linalg.svd((q * weights).T @ p)
-    flip = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
-    scale = (s * flip).sum() / (weights * p**2).sum()
-    return scale * p @ ((u * flip) @ vt).T + b
+    return similarity(landmarks, canonical_landmarks(), stability())(landmarks)
 
 
 def only_landmarks(faces: samples.Faces) -> samples.Faces:
@@ -66,7 +52,7 @@ def shapes(data: Path, count: int, seed: int) -> np.ndarray:
             head = covered(rng, head)
         if rng.random() < 0.75:
             head = samples.warp(rng, head, rng.choice([0.5, 1.0, 2.0]))
-        out[i] = (aligned(head.landmarks) - mean_landmarks()).ravel()
+        out[i] = (aligned(head.landmarks) - canonical_landmarks()).ravel()
     return out
 
 

@@ -11,6 +11,7 @@ import fast_simplification
 import numpy as np
 from safetensors.numpy import load_file
 
+from training.align import canonical_landmarks
 from training.landmarks import canonical
 
 # ICT parts by first and last vertex; the safetensors metadata names them.
@@ -76,7 +77,7 @@ class Faces:
         """Puts MakeHuman's head where the mean ICT head is, by the nose and the eyes."""
         steady = list(range(27, 48))
         here = self.mh_points[self.mh_landmarks][steady].mean(0)
-        there = canonical.mean_landmarks()[steady].mean(0)
+        there = canonical_landmarks()[steady].mean(0)
         self.mh_points = (self.mh_points + (there - here)).astype(np.float32)
 
     def ict_head(self, rng: np.random.Generator, coefficients: np.ndarray) -> Head:

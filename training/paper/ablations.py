@@ -23,8 +23,8 @@ from torch import Tensor
 from training.corpus.bank import few, of_folders
 from training.corpus.sequence_meshes import SequenceMesh, sequence_meshes
 from training.paper.tables import LIPS, LONGEST_FRAMES, UPPER, Table, means, scores_of
+from training.speech.compact import load_encoder
 from training.speech.source import CompactSpeech
-from training.speech.train import load_encoder
 from training.systems.freetalk import train as train_ats
 from training.systems.freetalk.ats import ANY_STYLE, AtsConfig, AtsDenoiser
 from training.systems.freetalk.stm.paper import PaperConfig, PaperDecoder

@@ -9,7 +9,8 @@ from pathlib import Path
 import torch
 from safetensors.torch import save_file
 
-from training.corpus.faces import CHANNELS, canonical_landmarks
+from training.align import canonical_landmarks
+from training.corpus.faces import CHANNELS
 from training.rig.network import CONFIGS, RigNetwork, SkinGeometry
 
 

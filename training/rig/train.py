@@ -4,7 +4,7 @@
 
 Trains three times: on both faces (shipped), on ICT alone and on MakeHuman alone (for the errors on a
 face left out), seeded, one thread. Results are `RUNS/rig_{both,ict,makehuman}.pt`;
-`training.rig.evaluate` prints their errors and `training.export_rig` writes the shipped one.
+`training.rig.evaluate` prints their errors and `training.export rig` writes the shipped one.
 """
 
 from __future__ import annotations

@@ -8,12 +8,13 @@ the first frame and with the sound itself after the last, hence a frame depends 
 not on where the sound was cut. Twin of `rust-core/src/speech/causal.rs`.
 """
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from training.nn.config import Config
 from training.speech.compact import ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE
 from training.speech.log_mel import BANDS, FLOOR, FRAME, HOP, SAMPLE_RATE_HZ, log_mel
 
@@ -56,7 +57,7 @@ def _blocks(*pairs: tuple[int, int]) -> list[Block]:
 
 
 @dataclass
-class StreamConfig:
+class StreamConfig(Config):
     """Everything that inference has to know; saved as config.json."""
 
     system: str = "freetalk"
@@ -69,19 +70,6 @@ class StreamConfig:
     listen: list[Block] = field(default_factory=lambda: _blocks((1, 1), (1, 1), (1, 1), (3, 0)))
     perform: list[Block] = field(default_factory=lambda: _blocks((1, 0), (2, 0), (4, 0)))
     normaliser: Normaliser = field(default_factory=Normaliser)
-
-    def to_json(self) -> dict:
-        """As written to config.json."""
-        return asdict(self)
-
-    @classmethod
-    def from_json(cls, data: dict) -> "StreamConfig":
-        """Reads what `to_json` wrote."""
-        data = dict(data)
-        for name in ("fine", "listen", "perform"):
-            data[name] = [Block(**block) for block in data[name]]
-        data["normaliser"] = Normaliser(**data["normaliser"])
-        return cls(**data)
 
     def mel_ahead(self) -> int:
         """Mel frames after 4 t that frame t depends on."""

@@ -5,12 +5,16 @@ them, and a final norm. A linear read-out of the features says when lips close. 
 centred on mel frame 4 i, i.e. on second i / 25.
 """
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
+from pathlib import Path
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from training import shipped
+from training.nn.checkpoint import load_model, restored
+from training.nn.config import Config
 from training.speech.log_mel import BANDS
 
 ACTIVE_QUANTILE = 0.95
@@ -18,12 +22,13 @@ ACTIVE_RANGE = 4.0
 QUIETEST_LEVEL = -9.0
 DEEPEST = -12.0
 SCALE = 4.0
+SHIPPED_ENCODER = shipped("compact_speech")
 UNTRAINED_CLOSURE = -20.0
 """Bias of the closure read-out before `training.speech.train_closure`: lips are never together."""
 
 
 @dataclass
-class CompactConfig:
+class CompactConfig(Config):
     """Sizes of the encoder; `rate_hz` is what they amount to."""
 
     model: str = "compact_speech"
@@ -32,10 +37,6 @@ class CompactConfig:
     fine_dilations: list[int] = field(default_factory=lambda: [1, 2])
     coarse_dilations: list[int] = field(default_factory=lambda: [1, 2, 4, 8, 1, 2])
     rate_hz: float = 25.0
-
-    def to_json(self) -> dict:
-        """As written to config.json."""
-        return asdict(self)
 
 
 def debug_config() -> CompactConfig:
@@ -107,3 +108,12 @@ class CompactEncoder(nn.Module):
         for block in self.coarse:
             x = block(x)
         return self.norm(x)
+
+
+def load_encoder(path: Path) -> CompactEncoder:
+    """The encoder of a finished run, or of a model folder, ready for inference."""
+    if path.is_dir():
+        return load_model(path, lambda config: CompactEncoder(CompactConfig(**config)))
+    saved = torch.load(path)
+    state = {k.removeprefix("encoder."): v for k, v in saved["state"].items() if "encoder." in k}
+    return restored(CompactEncoder(CompactConfig(**saved["config"])), state)

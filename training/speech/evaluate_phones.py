@@ -12,12 +12,13 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import load_file
 
+from training import shipped
 from training.corpus.heard import Heard, load
+from training.nn.checkpoint import read_model, restored
+from training.speech.compact import load_encoder
 from training.speech.letters import best_path, emissions, romanised, states_of, word_times
 from training.speech.phones import CLASSES, COARSE, PhoneConfig, PhoneReadout, class_of_segment
-from training.speech.train import load_encoder
 from training.speech.train_phones import log_likelihood, rows_of
 
 RATE_HZ = 100.0
@@ -25,15 +26,12 @@ FIRST_S = -0.02
 WITHIN_S = (0.05, 0.1)
 
 
-def read_model(folder: Path) -> tuple[PhoneReadout, np.ndarray]:
+def read_phones(folder: Path) -> tuple[PhoneReadout, np.ndarray]:
     """The read-out and the table of letters of a model folder."""
-    config = json.loads((folder / "config.json").read_text())
+    config, state = read_model(folder)
     config.pop("units")
-    model = PhoneReadout(PhoneConfig(**config))
-    state = {name: value.float() for name, value in load_file(folder / "model.safetensors").items()}
     table = state.pop("table").double().numpy()
-    model.load_state_dict(state)
-    return model.eval(), table
+    return restored(PhoneReadout(PhoneConfig(**config)), state), table
 
 
 @torch.no_grad()
@@ -105,15 +103,15 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--model", type=Path, default=Path("weights/shared/phones"))
-    parser.add_argument("--encoder", type=Path, default=Path("weights/shared/compact_speech"))
+    parser.add_argument("--model", type=Path, default=shipped("phones"))
+    parser.add_argument("--encoder", type=Path, default=shipped("compact_speech"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument("--minutes", type=float, default=3.0)
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     encoder = load_encoder(arguments.encoder)
     every = load(arguments.data, arguments.cache, encoder, arguments.minutes)
-    for source, row in measure(*read_model(arguments.model), every).items():
+    for source, row in measure(*read_phones(arguments.model), every).items():
         print(source, json.dumps(row))
 
 

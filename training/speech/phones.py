@@ -4,13 +4,14 @@ Twin of `rust-core/src/speech/phones.rs`. Frame t of the encoder stands at t / 2
 posteriors stands at (4 t + j − 2) / 100 s, the middle two of the four lie around the encoder's frame.
 """
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
 from training.corpus.phones import PAUSE, SEGMENTS
+from training.nn.config import Config
 
 PARTS = 4
 """Rows of posteriors to a frame of the encoder."""
@@ -75,17 +76,13 @@ def class_of_segment() -> Tensor:
 
 
 @dataclass
-class PhoneConfig:
+class PhoneConfig(Config):
     """Sizes of the read-out and the signs of its classes."""
 
     model: str = "phones"
     channels: int = 192
     hidden: int = 128
     phones: list[str] = field(default_factory=lambda: list(CLASSES))
-
-    def to_json(self) -> dict:
-        """As written to config.json."""
-        return asdict(self)
 
 
 class PhoneReadout(nn.Module):

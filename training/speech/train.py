@@ -10,13 +10,11 @@ with the same bits.
 """
 
 import argparse
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import load_file
 from torch import nn
 
 from training.corpus import bank, spoken
@@ -25,8 +23,8 @@ from training.corpus.shares import entries_of, lasting, measured_scales, with_ph
 from training.corpus.teacher import Teacher
 from training.corpus.windows import AugmentOptions, Batch, WindowSampler, plain_options
 from training.losses import (
-    FEATURES,
     feature_concordance,
+    feature_scores,
     landmark_weights,
     lip_gap,
     motion_loss,
@@ -87,21 +85,6 @@ def motion_scores(model: SpeechToMotion, entries, source: int) -> dict[str, floa
         pairs.append((model(mel, torch.tensor([source]))[0], entry.motion))
     model.train()
     return feature_scores(pairs)
-
-
-def feature_scores(pairs) -> dict[str, float]:
-    """r by clip, and slope of predicted over true within clips, of every feature.
-
-    `pairs`: predicted and true motion [T, 204] of each clip.
-    """
-    report = {}
-    for name, of in FEATURES.items():
-        centred = [[of(x) - of(x).mean() for x in pair] for pair in pairs]
-        each = torch.stack([torch.corrcoef(torch.stack(pair))[0, 1] for pair in centred])
-        made, true = (torch.cat(x) for x in zip(*centred, strict=True))
-        report[f"{name} r"] = float(each.nanmean())
-        report[f"{name} slope"] = float((made * true).mean() / true.square().mean())
-    return report
 
 
 @torch.no_grad()
@@ -206,20 +189,6 @@ def start(arguments, model: nn.Module, generators: dict, average: float) -> Run:
     )
     parts = {"model": model, "optimiser": optimiser, "schedule": schedule, "average": averaged}
     return Run(arguments.out, parts, steps, arguments.save_every, generators)
-
-
-def load_encoder(path: Path) -> CompactEncoder:
-    """The encoder of a finished run, or of a model folder, ready for inference."""
-    if path.is_dir():
-        encoder = CompactEncoder(CompactConfig(**json.loads((path / "config.json").read_text())))
-        state = load_file(path / "model.safetensors")
-        encoder.load_state_dict({name: value.float() for name, value in state.items()})
-        return encoder.eval()
-    saved = torch.load(path)
-    encoder = CompactEncoder(CompactConfig(**saved["config"]))
-    state = {k.removeprefix("encoder."): v for k, v in saved["state"].items() if "encoder." in k}
-    encoder.load_state_dict(state)
-    return encoder.eval()
 
 
 def parser() -> argparse.ArgumentParser:

@@ -5,7 +5,7 @@
 The student hears a stretch of speech under a running normalisation with a fifth of a second of look-ahead;
 the encoder, which is not trained, hears the same stretch whole. Windows are those of
 `training.systems.freetalk.train_stream`, rooms, noises and levels included. Seeded; resumes from
-`--out/last.pt` with the same bits; `--config debug` takes a minute. `python -m training.export_stream --run
+`--out/last.pt` with the same bits; `--config debug` takes a minute. `python -m training.export stream --run
 runs/causal_speech/stream.pt` writes the model.
 """
 
@@ -27,10 +27,9 @@ from training.corpus.lessons import Lesson, speech_entries, unknown
 from training.corpus.shares import entries_of
 from training.machine import Machine
 from training.speech.causal import StreamConfig, StreamNet, debug_config, normalise_running, pad_mel, perform
-from training.speech.compact import CompactEncoder, normalise
+from training.speech.compact import SHIPPED_ENCODER, CompactEncoder, load_encoder, normalise
 from training.speech.log_mel import SAMPLE_RATE_HZ, log_mel
-from training.speech.train import load_encoder, start
-from training.systems.freetalk.train import SHIPPED_ENCODER
+from training.speech.train import start
 from training.systems.freetalk.train_stream import prior_of
 
 SPEECH = ("picovoice_en", "kerstin_de", "kathleen_en", "nathalie_nl")

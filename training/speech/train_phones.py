@@ -16,14 +16,15 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from training import shipped
 from training.corpus.espeak import Espeak
 from training.corpus.heard import Heard, load
 from training.corpus.phones import SEGMENTS, segments
-from training.export import write_model
+from training.nn.checkpoint import write_model
+from training.speech.compact import load_encoder
 from training.speech.letters import NEVER as LETTERS_NEVER
 from training.speech.letters import UNITS, best_path, table_of_rules
 from training.speech.phones import CLASSES, PARTS, PhoneConfig, PhoneReadout, class_of_segment
-from training.speech.train import load_encoder
 
 FRAMES = 64
 FEATURE_NOISE = 0.1
@@ -143,7 +144,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--out", type=Path, default=Path("runs/phones"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
-    parser.add_argument("--encoder", type=Path, default=Path("weights/shared/compact_speech"))
+    parser.add_argument("--encoder", type=Path, default=shipped("compact_speech"))
     parser.add_argument("--leave", nargs="*", default=[], help="sources that nothing learns from")
     parser.add_argument("--minutes", type=float, default=3.0, help="of each language by espeak-ng")
     parser.add_argument("--hidden", type=int, default=160)

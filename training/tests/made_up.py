@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from training.corpus.faces import canonical_landmarks
+from training.align import canonical_landmarks
 from training.corpus.folder_clips import arkit_modes
 from training.corpus.writer import CorpusWriter
 

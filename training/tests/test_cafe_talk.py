@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import torch
 
-from training import export_cafe_talk
 from training.corpus.action_units import (
     STEMS,
     active_units,
@@ -20,6 +19,7 @@ from training.corpus.action_units import (
 from training.corpus.conditions import EMOTIONS, SIDES, UNITS
 from training.corpus.faces import CHANNELS
 from training.corpus.felt import with_emotion
+from training.export import export
 from training.systems.cafe_talk import stored
 from training.systems.cafe_talk import train as train_cafe_talk
 from training.systems.cafe_talk.denoiser import CONFIGS, Coarse, Denoiser
@@ -111,7 +111,7 @@ def test_the_second_stage_trains_the_adapter_alone(tmp_path):
 
 def test_an_exported_folder_is_a_base_like_the_run_that_it_came_from(tmp_path):
     fine = run(tmp_path, "--out", tmp_path / "fine", "--steps", 2, "--one-stage")
-    folder = export_cafe_talk.export(fine, tmp_path / "models")
+    folder = export("cafe_talk", tmp_path / "models", run=fine)[-1]
     begun = run(tmp_path, "--out", tmp_path / "begun", "--steps", 2, "--base", folder)
     before, after = stored.load(folder), state(begun)
     assert all(torch.equal(value, after[name]) for name, value in before.base.items())
@@ -136,9 +136,8 @@ def test_a_folder_or_base_that_does_not_fit_is_told(tmp_path):
         stored.load(tmp_path / "nowhere.pt")
     with pytest.raises(FileNotFoundError, match="config.json is missing"):
         stored.load(tmp_path)
-    folder = export_cafe_talk.export(
-        run(tmp_path, "--out", tmp_path / "a", "--steps", 1), tmp_path / "models"
-    )
+    made = run(tmp_path, "--out", tmp_path / "a", "--steps", 1)
+    folder = export("cafe_talk", tmp_path / "models", run=made)[-1]
     with pytest.raises(ValueError, match="expected a base with coarse film, got ada_ln"):
         run(tmp_path, "--out", tmp_path / "b", "--steps", 1, "--base", folder, "--coarse", "film")
     written = (folder / "config.json").read_text()
@@ -158,9 +157,8 @@ def test_a_run_that_was_stopped_goes_on_with_the_same_bits(tmp_path):
 def test_what_is_exported_is_what_the_config_says(tmp_path):
     from safetensors.torch import load_file
 
-    folder = export_cafe_talk.export(
-        run(tmp_path, "--out", tmp_path / "run", "--steps", 2), tmp_path / "models"
-    )
+    made = run(tmp_path, "--out", tmp_path / "run", "--steps", 2)
+    folder = export("cafe_talk", tmp_path / "models", run=made)[-1]
     weights = load_file(folder / "model.safetensors")
     assert weights["emotions"].shape == (len(EMOTIONS), 64)
     assert weights["mean"].dtype == torch.float32 and weights["head.weight"].dtype == torch.float16

@@ -9,7 +9,7 @@ import torch
 from training.corpus.bank import Entry
 from training.corpus.lesson_windows import LessonSampler
 from training.corpus.lessons import unknown
-from training.export_stream import export
+from training.export import export
 from training.speech.causal import StreamNet, debug_config, perform
 from training.speech.compact import CompactEncoder
 from training.speech.compact import debug_config as debug_encoder
@@ -55,7 +55,7 @@ def test_the_folder_bears_the_name_of_the_model(tmp_path):
     config.model, config.outputs = "causal_speech", 16
     model = StreamNet(config).eval()
     torch.save({"state": model.state_dict(), "config": config.to_json()}, tmp_path / "stream.pt")
-    folder = export(tmp_path / "stream.pt", tmp_path)
+    folder = export("stream", tmp_path, run=tmp_path / "stream.pt")[0]
     assert folder.name == "causal_speech"
     assert json.loads((folder / "config.json").read_text())["outputs"] == 16
     assert perform(model, torch.zeros(40, 64), 9).shape == (9, 16)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
+from training.align import similarity
 from training.corpus.facegood import resample
-from training.corpus.grid import rigid
 from training.corpus.mirror import mirror, permutation, symmetrise
 from training.corpus.split import facegood_first_held_out, grid_held_out
 from training.losses import concordance_loss, motion_loss
@@ -25,14 +25,15 @@ def test_mirror_is_its_own_inverse():
     np.testing.assert_allclose(symmetrise(motion), mirror(symmetrise(motion)))
 
 
-def test_rigid_recovers_a_known_motion():
+def test_a_similarity_recovers_a_known_motion():
     random = np.random.default_rng(1)
     points = random.standard_normal((68, 3))
     turn, _ = np.linalg.qr(random.standard_normal((3, 3)))
     turn *= np.sign(np.linalg.det(turn))
-    found, shift = rigid(points, points @ turn.T + 2.0)
-    np.testing.assert_allclose(found, turn, atol=1e-9)
-    np.testing.assert_allclose(shift, 2.0, atol=1e-9)
+    found = similarity(points, points @ turn.T + 2.0)
+    np.testing.assert_allclose(found.rotation, turn, atol=1e-9)
+    np.testing.assert_allclose(found.scale, 1.0, atol=1e-9)
+    np.testing.assert_allclose(found(points), points @ turn.T + 2.0, atol=1e-9)
 
 
 def test_resampling_keeps_a_slow_wave():
@@ -55,13 +56,14 @@ def test_losses_are_zero_for_the_truth_only():
 @needs_shared
 @pytest.mark.slow
 def test_debug_config_trains_and_exports(tmp_path):
-    from training.export import export, load_models
+    from training.export import export
+    from training.systems.freetalk.stored import load_models
     from training.systems.freetalk.train import parser, train
 
     paths = {"--data": SHARED / "data", "--out": tmp_path / "run", "--cache": tmp_path / "cache"}
     flat = [str(x) for pair in paths.items() for x in pair]
     run = train(parser().parse_args([*flat, "--config", "debug"]))
-    export(run, tmp_path / "models", None, None)
+    export("ats", tmp_path / "models", run=run)
     encoder, denoiser = load_models(tmp_path / "models", "debug")
     assert denoiser.config.speech.channels == encoder.config.channels
     assert (denoiser.std > 0).all()

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import soundfile
 
+from training.align import canonical_landmarks
 from training.corpus.check import check
 from training.corpus.checked import CorpusError
 from training.corpus.clip import inner_gap
-from training.corpus.faces import canonical_landmarks
 from training.corpus.folder import CorpusFolder
 from training.corpus.folder_clips import arkit_modes, clips
 from training.corpus.mirror import permutation

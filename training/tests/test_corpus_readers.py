@@ -9,10 +9,10 @@ import pytest
 import scipy.sparse
 import soundfile
 
+from training.align import canonical_landmarks
 from training.corpus.__main__ import main
 from training.corpus.check import check
 from training.corpus.checked import CorpusError
-from training.corpus.faces import canonical_landmarks
 from training.corpus.folder import CorpusFolder
 from training.corpus.folder_clips import clips
 from training.corpus.readers import READERS

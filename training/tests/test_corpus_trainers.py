@@ -8,6 +8,7 @@ import torch
 from training.run import Run
 from training.speech import train as train_speech
 from training.speech import train_closure
+from training.speech.compact import load_encoder
 from training.systems.freetalk import train as train_ats
 from training.systems.freetalk import train_stream
 from training.tests.made_up import made_up
@@ -66,7 +67,7 @@ def test_a_trainer_killed_goes_on_with_the_same_bits(corpus, finished, tmp_path,
 
 def test_an_encoder_of_a_corpus_is_taken_by_the_denoiser(corpus, tmp_path):
     state(train_speech, corpus, tmp_path / "speech", "--batch", "4", "--frames", "24")
-    encoder = train_speech.load_encoder(tmp_path / "speech/speech.pt")
+    encoder = load_encoder(tmp_path / "speech/speech.pt")
     assert encoder.config.channels == 16
 
 

@@ -1,18 +1,17 @@
 """The exported expressions are those of the tables; strengths and closures are checked in Rust."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 from safetensors.numpy import load_file
 
+from training import shipped
 from training.corpus.conditions import EMOTIONS
 from training.corpus.emotions import PROTOTYPES, YIELDING, expressions
-from training.corpus.manner import MANNERS
-from training.export_expressions import config
+from training.corpus.manner import MANNERS, manners_config
 from training.tests.test_parity import SHARED, needs_shared
 
-FOLDER = Path(__file__).resolve().parents[2] / "weights/shared/expressions"
+FOLDER = shipped("expressions")
 
 
 def test_every_emotion_has_a_prototype_and_a_manner():
@@ -21,7 +20,7 @@ def test_every_emotion_has_a_prototype_and_a_manner():
 
 def test_the_exported_manners_are_up_to_date():
     exported = json.loads((FOLDER / "config.json").read_text())
-    assert exported == config(), "run training.export_expressions again"
+    assert exported == manners_config(), "run training.export expressions again"
 
 
 @needs_shared

@@ -11,19 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from training import (
-    export_cafe_talk,
-    export_emoface,
-    export_stm,
-)
-from training.corpus.faces import REPOSITORY
+from training import REPOSITORY
 from training.export import export
 from training.systems.cafe_talk import train as train_cafe_talk
 from training.systems.cafe_talk.denoiser import CONFIGS as CAFE_TALK
 from training.systems.emoface import train as train_emoface
 from training.systems.emoface.model import CONFIGS as EMOFACE
 from training.systems.freetalk import train as train_ats
-from training.systems.freetalk.ats import CONFIGS, Sampling
+from training.systems.freetalk.ats import CONFIGS
 from training.systems.freetalk.stm import train as train_stm
 from training.systems.freetalk.stm.paper import CONFIGS as PAPER
 from training.tests.made_up import made_up
@@ -82,7 +77,7 @@ def test_ats_of_every_size_and_encoder_moves_a_mesh(faces, built_in, tmp_path, n
     flags += ["--corpus", str(faces), "--out", str(out), "--config", name, "--tokens", "96"]
     flags += ["--voices", "1", "--validation-clips", "0", "--steps", "6" if name == "paper" else "20"]
     trained = train_ats.train(train_ats.parser().parse_args(flags))
-    export(trained, models, Sampling(4, "trailing", 0.0), None)
+    export("ats", models, run=trained, steps=4)
     moves(animate(faces, tmp_path, "--weights", models, *told), built_in)
 
 
@@ -102,7 +97,7 @@ def test_cafe_talk_of_every_size_and_encoder_moves_a_mesh(faces, built_in, tmp_p
         told = ["--speech", str(tmp_path / "checkpoint")]
     run = lambda *more: train_cafe_talk.train(train_cafe_talk.parser().parse_args([*flags, *map(str, more)]))  # noqa: E731
     fine = run("--base", run("--out", tmp_path / "base"), "--out", tmp_path / "fine")
-    export_cafe_talk.export(fine, tmp_path / "models")
+    export("cafe_talk", tmp_path / "models", run=fine)
     told += ["--weights", str(tmp_path / "models"), "--system", "cafe-talk"]
     moves(animate(faces, tmp_path, *told, "--event", "0.5-1.0:12,45L"), built_in)
 
@@ -124,7 +119,7 @@ def test_emoface_of_every_size_and_encoder_moves_a_mesh(faces, built_in, tmp_pat
         written(CHECKPOINTS["hubert"], second)
         flags += ["--feeling-hubert", str(second)]
     trained = train_emoface.train(train_emoface.parser().parse_args(flags))
-    export_emoface.export(trained, tmp_path / "models")
+    export("emoface", tmp_path / "models", run=trained)
     told += ["--weights", str(tmp_path / "models"), "--system", "emoface"]
     moves(animate(faces, tmp_path, *told), built_in)
 
@@ -137,5 +132,5 @@ def test_a_decoder_of_every_size_moves_a_mesh(faces, built_in, tmp_path, model, 
     flags = [model, "--corpus", str(faces), "--config", config, "--runs", str(tmp_path), "--steps", "20"]
     train_stm.main([*flags, "--shapes", "80"])
     models = tmp_path / "models"
-    export_stm.main(["--runs", str(tmp_path), "--models", str(models), "--trained", "corpus"])
+    export("stm", models, runs=tmp_path, trained="corpus")
     moves(animate(faces, tmp_path, "--weights", models, "--decoder", model), built_in)

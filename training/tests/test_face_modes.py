@@ -1,15 +1,15 @@
 """The exported modes are ICT's."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 from safetensors.numpy import load_file
 
+from training import shipped
 from training.corpus.ict import IctLandmarks
 from training.tests.test_parity import SHARED, needs_shared
 
-FOLDER = Path(__file__).resolve().parents[2] / "weights/shared/face_modes"
+FOLDER = shipped("face_modes")
 
 
 @needs_shared

@@ -6,14 +6,15 @@ import torch
 from safetensors.torch import load_file
 
 from training.corpus.heads import Places, drawn_places, neck_rim, vertex_normals, winding_number
-from training.export_facetalk import export, load_folder
+from training.nn.checkpoint import write_model
 from training.systems.facetalk.config import CONFIGS, debug_config
 from training.systems.facetalk.fit_codes import SequenceFit, fit_identity, fit_sequence
 from training.systems.facetalk.head import COEFFICIENTS, Head
 from training.systems.facetalk.motion import Denoiser, landmark_config
 from training.systems.facetalk.motion import debug_config as debug_motion
 from training.systems.facetalk.network import Network, encode, encoded
-from training.systems.facetalk.train import load, save, uneven
+from training.systems.facetalk.stored import EXACT, joined, load_folder, load_head
+from training.systems.facetalk.train import save, uneven
 
 
 def points(count: int) -> torch.Tensor:
@@ -114,8 +115,8 @@ def test_encoding_has_a_length_and_a_period():
 
 def test_a_head_that_sees_finer_places_begins_as_the_same_head(tmp_path):
     head = made_head()
-    save(tmp_path / "head.pt", head)
-    finer = load(tmp_path / "head.pt", 5)
+    save(tmp_path / "head.pt", head, head.config)
+    finer = load_head(tmp_path / "head.pt", 5)
     assert finer.config.expression_octaves == 5
     assert finer.forward_field.point[0].in_features == encoded(5)
     x, z = points(40), head.identity_code(torch.randn(1, COEFFICIENTS))
@@ -123,7 +124,7 @@ def test_a_head_that_sees_finer_places_begins_as_the_same_head(tmp_path):
     assert (head.posed(x, z, code) - finer.posed(x, z, code)).abs().max() < 1e-6
     assert (head.canonical(x, z, code) - finer.canonical(x, z, code)).abs().max() < 1e-6
     with pytest.raises(ValueError, match="expected at least 3, got 2"):
-        load(tmp_path / "head.pt", 2)
+        load_head(tmp_path / "head.pt", 2)
 
 
 def test_errors_along_normals_count_more():
@@ -164,7 +165,8 @@ def test_groups_of_a_sequence_share_their_frames():
 def test_an_exported_folder_comes_back(tmp_path):
     head, motion = made_head(), Denoiser(debug_motion())
     by_landmarks = Denoiser(landmark_config(debug_motion().codes))
-    folder = export(head, {"motion": motion, "landmark_motion": by_landmarks}, tmp_path / "facetalk_debug")
+    both = joined(head, {"motion": motion, "landmark_motion": by_landmarks})
+    folder = write_model(tmp_path / "facetalk_debug", *both, EXACT)
     again, motions = load_folder(folder)
     z = head.identity_code(torch.randn(1, COEFFICIENTS))
     torch.testing.assert_close(
@@ -175,7 +177,7 @@ def test_an_exported_folder_comes_back(tmp_path):
     stored = load_file(folder / "model.safetensors")
     assert stored["identity_code.weight"].dtype == torch.float32
     assert stored["identity.template.layers.0.weight"].dtype == torch.float16
-    alone, nothing = load_folder(export(head, {}, tmp_path / "alone"))
+    alone, nothing = load_folder(write_model(tmp_path / "alone", *joined(head, {}), EXACT))
     assert nothing == {} and alone.config.channels == head.config.channels
 
 

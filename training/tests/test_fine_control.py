@@ -6,9 +6,9 @@ import math
 import pytest
 import torch
 
-from training import export_cafe_talk
 from training.corpus.faces import CHANNELS
 from training.corpus.phones import BILABIALS
+from training.export import export
 from training.systems.cafe_talk import evaluate as evaluate_cafe_talk
 from training.systems.cafe_talk.fine_control import metrics, units
 from training.systems.cafe_talk.fine_control.trial import Actor, Asked, Take
@@ -111,7 +111,7 @@ def test_the_report_of_a_tiny_run_has_every_table(tmp_path):
 
 def test_an_exported_folder_performs_as_its_run(tmp_path):
     made = run(tmp_path, "--out", tmp_path / "base", "--steps", 2)
-    written, read = Actor(made), Actor(export_cafe_talk.export(made, tmp_path / "models"))
+    written, read = Actor(made), Actor(export("cafe_talk", tmp_path / "models", run=made)[-1])
     take = Take("a", "s", torch.randn(60, written.config.speech.channels), weights(), torch.full((240,), -1))
     asked = Asked("12", 1.0, "happy", 1.0)
     close, other = read.perform(take, asked), read.perform(take, Asked("12", 1.0, "sad", 1.0))

@@ -1,6 +1,7 @@
 """What modules of the package take from each other is there, also where a library is not installed."""
 
 import ast
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -37,3 +38,17 @@ def test_imported_names_exist(path):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("training"):
             for alias in node.names:
                 assert offers(node.module, alias.name), f"{node.module} has no {alias.name}"
+
+
+def test_no_module_imports_itself_through_others():
+    names = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in MODULES}
+    graph = {}
+    for name, path in names.items():
+        imports = [
+            n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.ImportFrom) and n.module
+        ]
+        found = {f"{n.module}.{alias.name}" for n in imports for alias in n.names} | {
+            n.module for n in imports
+        }
+        graph[name] = found & names.keys()
+    TopologicalSorter(graph).prepare()

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from training.corpus.faces import REPOSITORY
+from training import REPOSITORY
 from training.losses import motion_loss as landmark_loss
 from training.machine import Machine
 from training.systems.freetalk import recipes

@@ -8,7 +8,7 @@ import pytest
 import torch
 from safetensors.numpy import load_file
 
-from training.corpus.faces import REPOSITORY
+from training import REPOSITORY
 from training.corpus.folder import CorpusFolder
 from training.paper import ablations
 from training.paper.__main__ import page

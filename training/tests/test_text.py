@@ -7,7 +7,6 @@ import pytest
 import torch
 
 from training.corpus.conditions import UNITS
-from training.export_text import arrays, config
 from training.text.clip import OnClip
 from training.text.golden_clip import write_folder
 from training.text.held_out import HELD_OUT, TABLE_13
@@ -15,6 +14,7 @@ from training.text.measure import Counts, measured
 from training.text.pairs import EMOTIONS, EXPRESSIONS, NOTHING, OPPOSITES, TEMPLATES
 from training.text.sentences import Clause, Shown, clauses, listed
 from training.text.space import known_form
+from training.text.stored import arrays, config_of
 from training.text.tower import Heard, OnWords, TextTower
 from training.text.train import Pairs, targets, train
 from training.text.words import Words
@@ -118,5 +118,5 @@ def test_a_tower_on_clip_learns_and_is_exported_with_its_folder(tmp_path):
     pairs = Pairs(pairs.shown[::24], pairs.denied[::24], pairs.nothing)
     tower = train(pairs, words, hearing, options)
     assert measured(tower, hearing, words, pairs.shown, pairs.shown)["f1"] > 0.6
-    assert config(tower, words, tmp_path / "clip")["clip"] == str(tmp_path / "clip")
+    assert config_of(tower, words, tmp_path / "clip")["clip"] == str(tmp_path / "clip")
     assert arrays(tower, words)["down.weight"].shape == (64, 64)

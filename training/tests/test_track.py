@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from training.align import canonical_landmarks
 from training.corpus import track
 from training.corpus.__main__ import main
 from training.corpus.check import check
 from training.corpus.checked import CorpusError
-from training.corpus.faces import canonical_landmarks
 from training.corpus.folder import CorpusFolder
 from training.corpus.folder_clips import clips
 from training.corpus.track import IBUG_OF_MESH, PICTURE_TO_FACE, Seen

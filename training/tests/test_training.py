@@ -9,10 +9,9 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from training import export_stm
 from training.corpus.sequence_meshes import sequence_meshes
 from training.deform.static_weights import CONFIGS as STATIC
-from training.export import export
+from training.export import export, main
 from training.run import Run
 from training.systems.freetalk.ats import CONFIGS, AtsConfig, AtsDenoiser
 from training.systems.freetalk.stm import train as train_stm
@@ -36,7 +35,7 @@ def run(corpus: Path, out: Path, *more: str) -> Path:
 
 def exported(trained: Path, models: Path, name: str) -> AtsConfig:
     """Writes the model folder, loads it again and returns its config."""
-    export(trained, models, None, None)
+    export("ats", models, run=trained)
     config = AtsConfig.from_json(json.loads((models / f"ats_{name}/config.json").read_text()))
     model = AtsDenoiser(config)
     state = load_file(models / f"ats_{name}/model.safetensors")
@@ -108,7 +107,7 @@ def test_every_decoder_trains_on_sequences_and_exports(sequences, tmp_path, mode
     saved = train_decoder(sequences, tmp_path, model, config, 20)
     out = capsys.readouterr().out
     assert "held out, training-free:" in out and f"held out, {model}:" in out
-    export_stm.main(["--runs", str(tmp_path), "--models", str(tmp_path / "models"), "--trained", "corpus"])
+    main(["stm", "--runs", str(tmp_path), "--models", str(tmp_path / "models"), "--trained", "corpus"])
     folder = tmp_path / "models" / {"static": "static_weights", "paper": "stm_paper"}[model]
     assert json.loads((folder / "config.json").read_text()) == saved["config"]
     stored = load_file(folder / "model.safetensors")

@@ -7,8 +7,8 @@ import numpy as np
 import torch
 from safetensors.torch import save_file
 
-from training.export_text import arrays, config
 from training.text.sentences import clauses
+from training.text.stored import arrays, config_of
 from training.text.tower import Heard, TextTower
 from training.text.words import Words
 
@@ -44,6 +44,10 @@ def write(out: Path, shared: Path) -> Path:
             tensors[f"logits.{number}"] = tower(Heard.of(parts, words))
             tensors[f"places.{number}"] = torch.from_numpy(np.array(said, np.float32).reshape(-1, 12))
     path = out / "text_units_debug.safetensors"
-    metadata = {"config": json.dumps(config(tower, words)), "texts": json.dumps(TEXTS), "tolerance": "1e-4"}
+    metadata = {
+        "config": json.dumps(config_of(tower, words)),
+        "texts": json.dumps(TEXTS),
+        "tolerance": "1e-4",
+    }
     save_file({k: v.contiguous() for k, v in tensors.items()}, path, metadata | {"command": COMMAND})
     return path

@@ -7,10 +7,10 @@ import torch
 from safetensors.torch import save_file
 from transformers import CLIPConfig, CLIPTextModelWithProjection, CLIPTokenizer
 
-from training.export_text import arrays, config
 from training.text.clip import OnClip
 from training.text.golden import random_space
 from training.text.sentences import clauses
+from training.text.stored import arrays, config_of
 
 COMMAND = "python -m training.goldens clip_text"
 TEXTS = (
@@ -81,7 +81,7 @@ def write(out: Path, shared: Path) -> Path:
     }
     for key, file in (("config", "config.json"), ("vocab", "vocab.json"), ("merges", "merges.txt")):
         metadata[key] = (folder / file).read_text()
-    metadata["model_config"] = json.dumps(config(tower, words, Path("clip")))
+    metadata["model_config"] = json.dumps(config_of(tower, words, Path("clip")))
     for file in folder.iterdir():
         file.unlink()
     folder.rmdir()

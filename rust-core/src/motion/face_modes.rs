@@ -1,6 +1,6 @@
 //! ARKit's expressions at the landmarks.
 //!
-//! Twin of `training/corpus/ict.py`, written by `training/export_face_modes.py`.
+//! Twin of `training/corpus/ict.py`, written by `training/export.py`.
 
 use std::path::Path;
 

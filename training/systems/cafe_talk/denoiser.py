@@ -5,15 +5,17 @@ linear layer for all blocks and a table in each (`nn.ada_ln`), which alone fits 
 parameters; a unit of the fine condition is active on the left, on the right or on both sides.
 """
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
 import torch
 from torch import Tensor, nn
 
 from training.corpus.conditions import EMOTIONS, SIDES, UNITS
 from training.corpus.faces import CHANNELS
+from training.diffusion.schedule import Diffusion
 from training.nn.ada_ln import PER_LAYER, AdaLn, modulated, table
 from training.nn.attention import band_mask
+from training.nn.config import Config, SpeechInput
 from training.nn.embedding import Mlp, timestep_embedding
 from training.nn.film import Film, film
 from training.nn.rotary import RotaryAttention
@@ -21,23 +23,6 @@ from training.nn.rotary import RotaryAttention
 ANY_STYLE = "any"
 ADA_LAYERS, FILM_PLACES, ADAPTER_PLACES = 2, 2, 1
 EVENT_KERNEL = 3
-
-
-@dataclass
-class SpeechInput:
-    """Which encoder feeds the model; `transformer_fps` is that of `training.speech.hubert.HubertFeatures`."""
-
-    encoder: str = "compact_speech"
-    channels: int = 192
-    transformer_fps: float | None = None
-
-
-@dataclass
-class Diffusion:
-    """The forward process, eq. 2."""
-
-    schedule: str = "cosine"
-    train_steps: int = 1000
 
 
 @dataclass
@@ -52,7 +37,7 @@ class Sampling:
 
 
 @dataclass
-class CafeTalkConfig:
+class CafeTalkConfig(Config):
     """Everything that inference has to know; saved as config.json.
 
     `coarse` is how the coarse condition enters: `ada_ln`, or `film` as in the paper's table 2.
@@ -82,19 +67,6 @@ class CafeTalkConfig:
     units: list[str] = field(default_factory=lambda: list(UNITS))
     styles: list[str] = field(default_factory=lambda: ["grid_s1", "facegood_zh", "taught", ANY_STYLE])
     default_style: str = ANY_STYLE
-
-    def to_json(self) -> dict:
-        """As written to config.json."""
-        return asdict(self)
-
-    @classmethod
-    def from_json(cls, data: dict) -> "CafeTalkConfig":
-        """Reads what `to_json` wrote."""
-        data = dict(data)
-        data["speech"] = SpeechInput(**data["speech"])
-        data["diffusion"] = Diffusion(**data["diffusion"])
-        data["sampling"] = Sampling(**data["sampling"])
-        return cls(**data)
 
 
 def compact_config() -> CafeTalkConfig:

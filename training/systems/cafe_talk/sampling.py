@@ -9,7 +9,6 @@ from torch import Tensor
 from training.corpus.conditions import SIDES
 from training.diffusion.ddim import ddim_sample
 from training.diffusion.guidance import guided, mask_guided
-from training.diffusion.schedule import alphas_cumprod
 from training.systems.cafe_talk.denoiser import CafeTalkConfig, Coarse, Denoiser, Sampling
 from training.systems.cafe_talk.priority import yielding
 from training.systems.freetalk.sampling import _ramp, window_starts
@@ -79,7 +78,7 @@ def sample_from(
 
 def _window(model: Denoiser, noise: Tensor, speech: Tensor, request: Request, sampling: Sampling) -> Tensor:
     diffusion = model.config.diffusion
-    alphas = alphas_cumprod(diffusion.schedule, diffusion.train_steps)
+    alphas = diffusion.alphas()
     yes, no = torch.tensor([True]), torch.tensor([False])
     coarse = Coarse(torch.tensor([request.style]), request.emotion[None], request.intensity[None], yes)
     controlled = bool(request.strength.any())

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import torch
-from safetensors.torch import load_file
 from torch import Tensor
 
-from training.speech.compact import CompactConfig, CompactEncoder
+from training.nn.checkpoint import read_model, restored
+from training.speech.compact import CompactConfig, CompactEncoder, load_encoder
 from training.systems.cafe_talk.denoiser import CafeTalkConfig
 
 EMOTIONS = "emotions"
@@ -36,7 +35,7 @@ class Stored:
 
 
 def load(path: Path) -> Stored:
-    """A `cafe_talk.pt`, or a model folder with its encoder beside it, as `export_cafe_talk` writes them.
+    """A `cafe_talk.pt`, or a model folder with its encoder beside it, as `training.export` writes them.
 
     Weights of a folder have 16 bits; they come as f32.
     """
@@ -47,14 +46,13 @@ def load(path: Path) -> Stored:
     saved = torch.load(path, map_location="cpu")
     encoder = None
     if saved.get("encoder_config") is not None:
-        encoder = CompactEncoder(CompactConfig(**saved["encoder_config"])).eval()
-        encoder.load_state_dict(saved["encoder"])
+        encoder = restored(CompactEncoder(CompactConfig(**saved["encoder_config"])), saved["encoder"])
     config = CafeTalkConfig.from_json(saved["config"])
     return Stored(config, saved["state"], saved[EMOTIONS].float(), encoder)
 
 
 def _exported(folder: Path) -> Stored:
-    written, state = _files(folder)
+    written, state = read_model(folder)
     if written.get("system") != "cafe_talk":
         raise ValueError(f"{folder}: expected a model of cafe_talk, got one of {written.get('system')!r}")
     if EMOTIONS not in state:
@@ -62,18 +60,5 @@ def _exported(folder: Path) -> Stored:
     config, emotions = CafeTalkConfig.from_json(written), state.pop(EMOTIONS)
     encoder = None
     if config.speech.encoder == "compact_speech":
-        heard, weights = _files(folder.parent / config.speech.encoder)
-        encoder = CompactEncoder(CompactConfig(**heard)).eval()
-        encoder.load_state_dict(weights)
+        encoder = load_encoder(folder.parent / config.speech.encoder)
     return Stored(config, state, emotions, encoder)
-
-
-def _files(folder: Path) -> tuple[dict, dict[str, Tensor]]:
-    missing = [name for name in ("config.json", "model.safetensors") if not (folder / name).is_file()]
-    if missing:
-        raise FileNotFoundError(
-            f"{folder}: expected config.json and model.safetensors, {missing[0]} is missing"
-        )
-    state = load_file(folder / "model.safetensors")
-    config = json.loads((folder / "config.json").read_text())
-    return config, {name: value.float() for name, value in state.items()}

@@ -22,27 +22,21 @@ from training.corpus.bank import Entry
 from training.corpus.faces import CHANNELS
 from training.corpus.felt import with_emotion
 from training.corpus.teacher import Teacher
-from training.diffusion.schedule import add_noise, alphas_cumprod
-from training.losses import feature_concordance, lip_gap, motion_loss
+from training.diffusion.schedule import add_noise
+from training.losses import feature_concordance, feature_scores, lip_gap, motion_loss
 from training.machine import Machine, add_arguments
+from training.nn.config import SpeechInput
 from training.run import Run
-from training.speech.compact import CompactEncoder
+from training.speech.compact import SHIPPED_ENCODER, CompactEncoder, load_encoder
 from training.speech.compact import debug_config as debug_encoder
 from training.speech.hubert import HubertFeatures
 from training.speech.source import CompactSpeech, HubertSpeech
-from training.speech.train import SHARES, feature_scores, load_encoder
-from training.systems.cafe_talk.denoiser import (
-    ANY_STYLE,
-    CONFIGS,
-    CafeTalkConfig,
-    Coarse,
-    Denoiser,
-    SpeechInput,
-)
+from training.speech.train import SHARES
+from training.systems.cafe_talk.denoiser import ANY_STYLE, CONFIGS, CafeTalkConfig, Coarse, Denoiser
 from training.systems.cafe_talk.sampling import Request, sample_weights
 from training.systems.cafe_talk.stored import ADAPTER
 from training.systems.cafe_talk.stored import load as load_stored
-from training.systems.freetalk.train import SHIPPED_ENCODER, own_clips
+from training.systems.freetalk.train import own_clips
 from training.text.emotions import SYNONYMS
 from training.text.words import Words
 
@@ -92,7 +86,7 @@ class CafeTalkTrainer:
         self.random = torch.Generator().manual_seed(seed)
         self.sources, shares = source_shares(speech.entries)
         self.sampler = speech.sampler(self.sources, shares, seed)
-        self.alphas = alphas_cumprod(config.diffusion.schedule, config.diffusion.train_steps)
+        self.alphas = config.diffusion.alphas()
         self.words = Words.load(arguments.text)
         self.model = Denoiser(config)
         self.channel_weight = torch.ones(len(CHANNELS))

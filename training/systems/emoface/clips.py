@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import load_file
 from torch import Tensor
 
 from training.corpus import arkit, bank
@@ -21,16 +19,15 @@ from training.corpus.feelings import read_felt
 from training.corpus.folder import CorpusFolder
 from training.corpus.grid import read_grid
 from training.corpus.teacher import Teacher
-from training.speech.compact import normalise
+from training.nn.checkpoint import read_model
+from training.speech.compact import SHIPPED_ENCODER, load_encoder, normalise
 from training.speech.hubert import HubertFeatures
 from training.speech.log_mel import log_mel
-from training.speech.train import load_encoder
 from training.systems.emoface import own
 from training.systems.emoface.feeling import FeelingConfig, FeelingEncoder
 from training.systems.emoface.model import ANY_STYLE, EmoFaceConfig, SpeechInput, Template
 from training.systems.emoface.rows import Spoken
 from training.systems.emoface.template import ict_template
-from training.systems.freetalk.train import SHIPPED_ENCODER
 
 
 def template_of(data: Path, vertices: int) -> tuple[Template, np.ndarray]:
@@ -41,9 +38,9 @@ def template_of(data: Path, vertices: int) -> tuple[Template, np.ndarray]:
 
 def load_feeling(folder: Path) -> FeelingEncoder:
     """The emotion encoder of a model folder."""
-    config = FeelingConfig(**json.loads((folder / "config.json").read_text()))
-    state = load_file(folder / "model.safetensors")
-    return FeelingEncoder(config, **{name: value.double().numpy() for name, value in state.items()})
+    config, state = read_model(folder)
+    arrays = {name: value.double().numpy() for name, value in state.items()}
+    return FeelingEncoder(FeelingConfig(**config), **arrays)
 
 
 def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:

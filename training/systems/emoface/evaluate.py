@@ -22,6 +22,7 @@ from torch import Tensor
 from training.corpus.feelings import SOURCE as EMODB
 from training.corpus.felt import with_emotion
 from training.losses import lip_gap
+from training.nn.checkpoint import restored
 from training.systems.cafe_talk.train import lips_met
 from training.systems.emoface.clips import load_clips, template_of
 from training.systems.emoface.feeling import FEELINGS
@@ -63,15 +64,14 @@ def opened(run: Path, data: Path) -> Judged:
     """A run as `training.systems.emoface.train` saved it."""
     saved = torch.load(run, map_location="cpu")
     config = EmoFaceConfig.from_json(saved["config"])
-    model = EmoFace(config, saved["spirals"].numpy())
-    model.load_state_dict(saved["state"])
+    model = restored(EmoFace(config, saved["spirals"].numpy()), saved["state"])
     template, modes = template_of(data, config.vertices)
     points = template.vertices
     lips = points[template.landmarks[48:]]
     near = np.linalg.norm(points[:, None] - lips, axis=-1).min(axis=1) < LIP_REACH_M
     upper = points[:, 1] > points[template.landmarks[29], 1]
     return Judged(
-        model.eval(), torch.from_numpy(modes).float().flatten(1), np.flatnonzero(near), np.flatnonzero(upper)
+        model, torch.from_numpy(modes).float().flatten(1), np.flatnonzero(near), np.flatnonzero(upper)
     )
 
 

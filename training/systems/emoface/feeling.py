@@ -11,11 +11,12 @@ Frames of 10 ms are those of `log_mel`; instants stand 160 ms apart.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
 
+from training.nn.config import Config
 from training.speech.log_mel import BANDS, FFT, FRAME, SAMPLE_RATE_HZ, log_mel, power_spectrum
 
 FEELINGS = ["neutral", "angry", "happy", "afraid", "sad", "disgusted", "calm"]
@@ -40,17 +41,13 @@ NUMBERS = 118
 
 
 @dataclass
-class FeelingConfig:
+class FeelingConfig(Config):
     """Everything that inference has to know; saved as config.json."""
 
     model: str = "feeling"
     numbers: int = NUMBERS
     coordinates: int = 6
     feelings: list[str] = field(default_factory=lambda: list(FEELINGS))
-
-    def to_json(self) -> dict:
-        """As written to config.json."""
-        return asdict(self)
 
 
 @dataclass

@@ -11,7 +11,7 @@ level of feeling enters the emotion branch alone; the formula of the fusion is n
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
@@ -19,15 +19,15 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from training.nn.biased_attention import BiasedSelfAttention, periodic_positions
+from training.nn.config import Config, SpeechInput
 from training.nn.spiral_conv import SpiralConv3D
-from training.systems.cafe_talk.denoiser import SpeechInput
 from training.systems.emoface.feeling import FEELINGS
 
 ANY_STYLE = "any"
 
 
 @dataclass
-class EmoFaceConfig:
+class EmoFaceConfig(Config):
     """Everything that inference has to know; saved as config.json."""
 
     system: str = "emoface"
@@ -53,19 +53,6 @@ class EmoFaceConfig:
     styles: list[str] = field(default_factory=lambda: ["grid_s1", "facegood_zh", "emodb_de", ANY_STYLE])
     default_style: str = ANY_STYLE
     landmarks: list[int] = field(default_factory=list)
-
-    def to_json(self) -> dict:
-        """As written to config.json."""
-        return asdict(self)
-
-    @classmethod
-    def from_json(cls, data: dict) -> EmoFaceConfig:
-        """Reads what `to_json` wrote."""
-        data = dict(data)
-        data["speech"] = SpeechInput(**data["speech"])
-        if data.get("feeling") is not None:
-            data["feeling"] = SpeechInput(**data["feeling"])
-        return cls(**data)
 
 
 @dataclass

@@ -18,11 +18,11 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from training import shipped
 from training.corpus.folder import CorpusFolder
-from training.losses import feature_concordance
+from training.losses import feature_concordance, feature_scores
 from training.nn.spiral_conv import spirals
 from training.run import Run
-from training.speech.train import feature_scores
 from training.systems.cafe_talk.train import lips_met
 from training.systems.emoface import own
 from training.systems.emoface.clips import load_clips, template_of
@@ -210,9 +210,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--out", type=Path, default=Path("runs/emoface"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
-    parser.add_argument(
-        "--feeling", type=Path, default=Path("weights/shared/feeling"), help="emotion encoder"
-    )
+    parser.add_argument("--feeling", type=Path, default=shipped("feeling"), help="emotion encoder")
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
     parser.add_argument("--vertices", type=int, help="of the template")
     parser.add_argument("--kernel", type=int, help="vertices of a spiral")

@@ -1,6 +1,6 @@
 """Fits the emotion encoder to emodb_de and to readers' neutral speech, and measures it.
 
-    python -m training.systems.emoface.train_feeling --data ../shared/data --models weights/shared
+    python -m training.systems.emoface.train_feeling --data ../shared/data
     python -m training.systems.emoface.train_feeling --data ../shared/data --leave-one-out
 
 The second fits once without each of the ten actors and prints how often the others' feelings are told from
@@ -16,9 +16,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from training import shipped
 from training.corpus.clip import read_sound
 from training.corpus.feelings import read_felt
-from training.export import write_model
+from training.nn.checkpoint import write_model
 from training.systems.emoface.feeling import FEELINGS, FeelingEncoder, fitted, numbers, voice_of
 
 READERS = ("kathleen_en", "kerstin_de", "nathalie_nl", "picovoice_en")
@@ -111,7 +112,7 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--models", type=Path, default=Path("weights/shared"))
+    parser.add_argument("--models", type=Path, help="folder of models; none: the embedded ones")
     parser.add_argument("--leave-one-out", action="store_true", help="measure instead of writing the model")
     parser.add_argument("--readers", type=int, default=60, help="neutral recordings of each source")
     parser.add_argument("--shrinkage", type=float, default=SHRINKAGE, help="of the covariance")
@@ -127,7 +128,8 @@ def main() -> None:
     model = fit([c for c in clips if not c.held_out] + taught, arguments.shrinkage)
     state = {name: torch.from_numpy(getattr(model, name)).float()
              for name in ("mean", "scale", "coordinates", "weight", "bias")}  # fmt: skip
-    print(write_model(arguments.models / "feeling", state, model.config.to_json(), exact=True))
+    folder = arguments.models / "feeling" if arguments.models else shipped("feeling")
+    print(write_model(folder, state, model.config.to_json(), exact=("",)))
     kept = [c for c in clips if c.held_out]
     if kept:
         print("actors held out", scores(logits_of(model, kept), np.array([c.label for c in kept])))

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
+
+from training.nn.config import Config
 
 PAIRS = [(0, 16), (3, 13), (5, 11), (19, 24), (36, 45), (39, 42), (31, 35), (48, 54)]
 MIDDLE = [8, 27, 30, 51, 57]
 
 
 @dataclass
-class HeadConfig:
+class HeadConfig(Config):
     """Everything that inference has to know.
 
     pairs: mirrored anchors, the subject's right one first; middle: those of the middle. Both are numbers of
@@ -54,15 +56,11 @@ class HeadConfig:
         """Length of z_id: the global part, one for every anchor and one for the background."""
         return self.global_code + (self.anchors + 1) * self.local_code
 
-    def to_json(self) -> dict:
-        """As written to config.json."""
-        return asdict(self)
-
     @classmethod
     def from_json(cls, data: dict) -> HeadConfig:
-        """Reads what `to_json` wrote."""
+        """Reads what `to_json` wrote, in a folder with the models that move the head too."""
         data = {key: value for key, value in data.items() if not key.endswith("motion")}
-        return cls(**{**data, "pairs": [tuple(pair) for pair in data["pairs"]]})
+        return super().from_json(data | {"pairs": [tuple(pair) for pair in data["pairs"]]})
 
 
 def debug_config() -> HeadConfig:

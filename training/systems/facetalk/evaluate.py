@@ -16,14 +16,14 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from training import shipped
 from training.corpus.faces import CHANNELS, load_makehuman
 from training.corpus.heads import COEFFICIENTS, FACE_VERTICES, IctHeads, vertex_normals
 from training.corpus.poses import LIDS, Poses
-from training.export_facetalk import load_folder
 from training.systems.facetalk.expression_loss import lid_pairs, lip_pairs
 from training.systems.facetalk.fit_codes import SequenceFit, fit_free, fit_identity, fit_sequence
 from training.systems.facetalk.head import Head
-from training.systems.facetalk.train import load
+from training.systems.facetalk.stored import load_folder, load_head
 
 UNSEEN_SEED = 9_000_000
 """Training's own generators are seeded by small numbers."""
@@ -269,7 +269,7 @@ def sequences(head: Head, heads: IctHeads, data: Path, count: int, fit: Sequence
 def main() -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--head", type=Path, default=Path("weights/facetalk/facetalk_compact"))
+    parser.add_argument("--head", type=Path, default=shipped("facetalk_compact"))
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument("--heads", type=int, default=10)
@@ -279,7 +279,7 @@ def main() -> None:
     parser.add_argument("--points", type=int, default=5000, help="of a cloud, each time (eq. 16)")
     parser.add_argument("--rate", type=float, default=SequenceFit.rate, help="of eq. 16")
     arguments = parser.parse_args()
-    head = load_folder(arguments.head)[0] if arguments.head.is_dir() else load(arguments.head)
+    head = load_folder(arguments.head)[0] if arguments.head.is_dir() else load_head(arguments.head)
     heads = IctHeads(arguments.data, arguments.cache, head.config.open_jaw)
     if "identity" in arguments.parts:
         identity(head, heads, arguments.heads)

@@ -17,21 +17,20 @@ from statistics import mean
 import torch
 from torch import Tensor
 
+from training import shipped
 from training.corpus.arkit import landmarks_of
 from training.corpus.bank import Entry
 from training.corpus.clip import MEL_PER_FRAME
 from training.corpus.faces import CHANNELS, load_ict
 from training.corpus.poses import felt
-from training.export import load_models
-from training.export_facetalk import load_folder, load_motion
-from training.losses import lip_gap
+from training.losses import feature_scores, lip_gap
 from training.speech.compact import normalise
-from training.speech.train import feature_scores
 from training.systems.facetalk.motion import CM, Denoiser, Sampling, sample
-from training.systems.facetalk.train import load
+from training.systems.facetalk.stored import load_folder, load_head, load_motion
 from training.systems.facetalk.train_motion import Codes, entries_of
 from training.systems.freetalk.ats import neutral_affect
 from training.systems.freetalk.sampling import sample_motion
+from training.systems.freetalk.stored import load_models
 
 JAW = CHANNELS.index("jawOpen")
 GUIDANCES = (1.0, 1.5, 2.0, 3.0)
@@ -193,12 +192,12 @@ def from_landmarks(model: Denoiser, codes: Codes, clips, data: Path) -> dict[str
 def main() -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--model", type=Path, default=Path("weights/facetalk/facetalk_compact"))
+    parser.add_argument("--model", type=Path, default=shipped("facetalk_compact"))
     parser.add_argument("--head", type=Path, help="head.pt that --motion was trained with")
     parser.add_argument("--motion", type=Path, help="motion.pt instead of the folder's model")
     parser.add_argument("--landmark-motion", type=Path, help="motion.pt of `--memory landmarks`, the same")
     parser.add_argument("--runs", nargs="*", default=[], metavar="NAME=MOTION.PT", help="table 2")
-    parser.add_argument("--models", type=Path, default=Path("weights"))
+    parser.add_argument("--models", type=Path, help="folder of models; none: the embedded ones")
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument("--corpus", nargs="*", default=[], help=argparse.SUPPRESS)
@@ -210,7 +209,7 @@ def main() -> None:
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     encoder = load_models(arguments.models)[0]
-    head, motions = (load(arguments.head), {}) if arguments.head else load_folder(arguments.model)
+    head, motions = (load_head(arguments.head), {}) if arguments.head else load_folder(arguments.model)
     model = load_motion(arguments.motion) if arguments.motion else motions["motion"]
     by_landmarks = motions.get("landmark_motion")
     if arguments.landmark_motion:

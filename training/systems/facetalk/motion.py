@@ -7,15 +7,16 @@ at once as windows were trained; the model is told the augmentation r of eq. 8, 
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
 import torch
 from torch import Tensor, nn
 
 from training.diffusion.ddim import ddim_sample
 from training.diffusion.guidance import guided
-from training.diffusion.schedule import alphas_cumprod
+from training.diffusion.schedule import Diffusion
 from training.nn.attention import band_mask
+from training.nn.config import Config, SpeechInput
 from training.nn.embedding import timestep_embedding
 from training.nn.film import Film, film
 from training.nn.rotary import RotaryAttention
@@ -24,23 +25,6 @@ PLACES = 3
 LANDMARKS = "landmarks"
 """The memory of a model that goes by landmarks instead of speech: their motion, [T, 204] centimetres."""
 CM = 100.0
-
-
-@dataclass
-class SpeechInput:
-    """Which encoder feeds the model; `transformer_fps` is that of `training.speech.hubert.HubertFeatures`."""
-
-    encoder: str = "compact_speech"
-    channels: int = 192
-    transformer_fps: float | None = None
-
-
-@dataclass
-class Diffusion:
-    """The forward process, eq. 2."""
-
-    schedule: str = "cosine"
-    train_steps: int = 1000
 
 
 @dataclass
@@ -55,7 +39,7 @@ class Sampling:
 
 
 @dataclass
-class MotionConfig:
+class MotionConfig(Config):
     """Everything that inference has to know; `motion` in config.json."""
 
     codes: int = 64
@@ -72,16 +56,6 @@ class MotionConfig:
     speech: SpeechInput = field(default_factory=SpeechInput)
     diffusion: Diffusion = field(default_factory=Diffusion)
     sampling: Sampling = field(default_factory=Sampling)
-
-    def to_json(self) -> dict:
-        """As written to config.json."""
-        return asdict(self)
-
-    @classmethod
-    def from_json(cls, data: dict) -> MotionConfig:
-        """Reads what `to_json` wrote."""
-        parts = {"speech": SpeechInput, "diffusion": Diffusion, "sampling": Sampling}
-        return cls(**{key: parts[key](**value) if key in parts else value for key, value in data.items()})
 
 
 def landmark_config(codes: int) -> MotionConfig:
@@ -212,7 +186,7 @@ class Denoiser(nn.Module):
 def sample_from(model: Denoiser, noise: Tensor, speech: Tensor, sampling: Sampling | None = None) -> Tensor:
     """z_ex [T, X] of a whole sound from unit noise [T, X]; `speech` [T, C]."""
     config, sampling = model.config, sampling or model.config.sampling
-    alphas = alphas_cumprod(config.diffusion.schedule, config.diffusion.train_steps)
+    alphas = config.diffusion.alphas()
     yes, no = torch.tensor([True]), torch.tensor([False])
     r = torch.tensor([sampling.vividness])
 

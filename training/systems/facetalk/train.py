@@ -21,10 +21,10 @@ from training.corpus.heads import COEFFICIENTS, IctHeads, vertex_normals
 from training.corpus.poses import Poses
 from training.run import Run
 from training.systems.facetalk.codes import set_bounds, set_codes, set_directions
-from training.systems.facetalk.config import CONFIGS, HeadConfig
+from training.systems.facetalk.config import CONFIGS
 from training.systems.facetalk.expression_loss import ExpressionLoss
 from training.systems.facetalk.head import Head
-from training.systems.facetalk.network import widened
+from training.systems.facetalk.stored import load_head, save
 
 FAR_SHARE = 0.3
 FAR_WEIGHT = 0.15
@@ -141,7 +141,7 @@ def train(arguments) -> Path:
         config.expression_octaves = arguments.octaves or config.expression_octaves
         head = Head(config)
     else:
-        head = load(arguments.start, arguments.octaves)
+        head = load_head(arguments.start, arguments.octaves)
         config = head.config
     heads = IctHeads(arguments.data, arguments.cache, config.open_jaw)
     random = torch.Generator().manual_seed(arguments.seed + 1)
@@ -182,23 +182,8 @@ def train(arguments) -> Path:
         run.after(step, loss.item())
         if step % arguments.log_every == arguments.log_every - 1 or step == arguments.steps - 1:
             run.log({"step": step + 1, "s": run.seconds(), **report})
-            save(run.out / "head.pt", head)
+            save(run.out / "head.pt", head, config)
     return arguments.out / "head.pt"
-
-
-def save(path: Path, head: Head) -> None:
-    """Weights and configuration in one file."""
-    torch.save({"state": head.state_dict(), "config": head.config.to_json()}, path)
-
-
-def load(path: Path, octaves: int | None = None) -> Head:
-    """Reads what `save` wrote; deformations then see as many `octaves` of places, if said."""
-    kept = torch.load(path, map_location="cpu", weights_only=True)
-    config = HeadConfig.from_json(kept["config"])
-    config.expression_octaves = octaves or config.expression_octaves
-    head = Head(config)
-    head.load_state_dict(widened(kept["state"], config.expression_octaves))
-    return head
 
 
 def parser() -> argparse.ArgumentParser:

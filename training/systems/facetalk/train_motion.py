@@ -17,27 +17,21 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from training import shipped
 from training.corpus import bank
 from training.corpus.arkit import landmarks_of
 from training.corpus.poses import LIDS, UPPER, felt
-from training.diffusion.schedule import add_noise, alphas_cumprod
+from training.diffusion.schedule import add_noise
 from training.losses import feature_concordance, motion_loss
 from training.machine import Machine
+from training.nn.config import SpeechInput
 from training.run import Run
+from training.speech.compact import SHIPPED_ENCODER, load_encoder
 from training.speech.hubert import FPS, HubertFeatures
 from training.speech.source import CompactSpeech, HubertSpeech
-from training.speech.train import load_encoder
 from training.systems.cafe_talk.train import solved
-from training.systems.facetalk.motion import (
-    CM,
-    LANDMARKS,
-    Denoiser,
-    MotionConfig,
-    SpeechInput,
-    landmark_config,
-)
-from training.systems.facetalk.train import load
-from training.systems.freetalk.train import SHIPPED_ENCODER
+from training.systems.facetalk.motion import CM, LANDMARKS, Denoiser, MotionConfig, landmark_config
+from training.systems.facetalk.stored import load_folder, load_head, save
 
 SHARES = {"grid_s1": 0.6, "facegood_zh": 0.4}
 DROPPED_SHARE = 0.25
@@ -97,7 +91,7 @@ class Trainer:
         still = self.by_landmarks or "augmentation" in self.without
         self.low, self.high = (1.0, 1.0) if still else arguments.augment
         self.sampler = speech.sampler(list(SHARES), list(SHARES.values()), arguments.seed)
-        self.alphas = alphas_cumprod(config.diffusion.schedule, config.diffusion.train_steps)
+        self.alphas = config.diffusion.alphas()
         self.model = Denoiser(config)
         rows = torch.cat([self.sampler.batch(16, 96).motion.float().flatten(0, 1) for _ in range(12)])
         codes = self.codes.of(rows)
@@ -186,11 +180,9 @@ def train(arguments) -> Path:
     torch.manual_seed(arguments.seed)
     torch.set_num_threads(arguments.threads)
     if arguments.head.is_dir():
-        from training.export_facetalk import load_folder
-
         head = load_folder(arguments.head)[0]
     else:
-        head = load(arguments.head)
+        head = load_head(arguments.head)
     trainer = Trainer(arguments, *speech_of(arguments), head)
     optimiser = torch.optim.AdamW(trainer.model.parameters(), arguments.rate, weight_decay=0.01)
     schedule = torch.optim.lr_scheduler.OneCycleLR(
@@ -213,8 +205,7 @@ def train(arguments) -> Path:
         run.after(step, loss.item())
         if step % arguments.log_every == arguments.log_every - 1 or step == arguments.steps - 1:
             run.log({"step": step + 1, "s": run.seconds(), **report})
-            kept = {"state": average.module.state_dict(), "config": trainer.model.config.to_json()}
-            torch.save(kept, run.out / "motion.pt")
+            save(run.out / "motion.pt", average.module, trainer.model.config)
     return arguments.out / "motion.pt"
 
 
@@ -224,7 +215,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--out", type=Path, default=Path("runs/facetalk_motion"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
-    parser.add_argument("--head", type=Path, default=Path("weights/facetalk/facetalk_compact"))
+    parser.add_argument("--head", type=Path, default=shipped("facetalk_compact"))
     parser.add_argument("--speech", type=Path, help="speech.pt of training.speech.train, or a model folder")
     parser.add_argument("--hubert", type=Path, help="folder of a wav2vec2 or HuBERT checkpoint instead")
     parser.add_argument("--memory", choices=["speech", LANDMARKS], default="speech", help="what it goes by")

@@ -7,13 +7,15 @@ layers, as pre-norm needs.
 """
 
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
 import torch
 from torch import Tensor, nn
 
 from training.corpus.conditions import EMOTIONS
+from training.diffusion.schedule import Diffusion
 from training.nn.attention import MultiheadAttention, band_mask
+from training.nn.config import Config
 from training.nn.embedding import Mlp, timestep_embedding
 from training.nn.transformer import TransformerDecoderLayer
 
@@ -32,14 +34,6 @@ class SpeechInput:
 
 
 @dataclass
-class Diffusion:
-    """The forward process."""
-
-    schedule: str = "cosine"
-    train_steps: int = 1000
-
-
-@dataclass
 class Sampling:
     """Defaults of the reverse process. `temperature` scales the starting noise."""
 
@@ -49,7 +43,7 @@ class Sampling:
 
 
 @dataclass
-class AtsConfig:
+class AtsConfig(Config):
     """Everything that inference has to know; saved as config.json.
 
     In `closing_styles` lips meet where the speech encoder says so; the other styles are as recorded.
@@ -78,19 +72,6 @@ class AtsConfig:
     styles: list[str] = field(default_factory=lambda: ["grid_s1", "facegood_zh", "taught", ANY_STYLE])
     default_style: str = ANY_STYLE
     closing_styles: list[str] = field(default_factory=lambda: ["taught", ANY_STYLE])
-
-    def to_json(self) -> dict:
-        """As written to config.json."""
-        return asdict(self)
-
-    @classmethod
-    def from_json(cls, data: dict) -> "AtsConfig":
-        """Reads what `to_json` wrote."""
-        data = dict(data)
-        data["speech"] = SpeechInput(**data["speech"])
-        data["diffusion"] = Diffusion(**data["diffusion"])
-        data["sampling"] = Sampling(**data["sampling"])
-        return cls(**data)
 
 
 def compact_config() -> AtsConfig:

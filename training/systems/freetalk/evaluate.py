@@ -23,11 +23,11 @@ from training.corpus.aligned import read_grid_speech
 from training.corpus.clip import FPS
 from training.corpus.lessons import FullModel
 from training.corpus.teacher import Teacher
-from training.export import load_run
 from training.losses import SCALE_M
 from training.speech.compact import CompactConfig, normalise
 from training.speech.train import SpeechToMotion
 from training.systems.freetalk.ats import Sampling
+from training.systems.freetalk.stored import load_run
 
 SAMPLES_PER_FRAME = 640
 

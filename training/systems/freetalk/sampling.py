@@ -4,7 +4,6 @@ import torch
 from torch import Tensor
 
 from training.diffusion.ddim import ddim_sample
-from training.diffusion.schedule import alphas_cumprod
 from training.systems.freetalk.ats import AtsDenoiser, Sampling
 
 
@@ -64,7 +63,7 @@ def sample_from(
 
 def _sample_window(model, noise, speech, affect, style, sampling) -> Tensor:
     diffusion = model.config.diffusion
-    alphas = alphas_cumprod(diffusion.schedule, diffusion.train_steps)
+    alphas = diffusion.alphas()
     label = torch.tensor([style])
 
     def predict(x: Tensor, t: int) -> Tensor:

@@ -22,19 +22,25 @@ from training.corpus import bank, spoken
 from training.corpus.bank import Entry
 from training.corpus.clip import Clip
 from training.corpus.closures import closures_met
-from training.corpus.faces import REPOSITORY
 from training.corpus.shares import entries_of, lasting, measured_scales, with_phones
 from training.corpus.split import leave_clips
 from training.corpus.teacher import Teacher
-from training.diffusion.schedule import add_noise, alphas_cumprod
-from training.losses import feature_concordance, landmark_weights, lip_gap, motion_loss, source_scale
+from training.diffusion.schedule import add_noise
+from training.losses import (
+    feature_concordance,
+    feature_scores,
+    landmark_weights,
+    lip_gap,
+    motion_loss,
+    source_scale,
+)
 from training.machine import Machine, add_arguments
 from training.run import Run
-from training.speech.compact import CompactEncoder
+from training.speech.compact import SHIPPED_ENCODER, CompactEncoder, load_encoder
 from training.speech.compact import debug_config as debug_encoder
 from training.speech.hubert import HubertFeatures
 from training.speech.source import CompactSpeech, HubertSpeech
-from training.speech.train import HEARD_EVERY, SHARES, feature_scores, load_encoder
+from training.speech.train import HEARD_EVERY, SHARES
 from training.systems.freetalk import recipes
 from training.systems.freetalk.ats import (
     ANY_STYLE,
@@ -45,8 +51,6 @@ from training.systems.freetalk.ats import (
     SpeechInput,
 )
 from training.systems.freetalk.sampling import sample_motion
-
-SHIPPED_ENCODER = REPOSITORY / "weights/shared/compact_speech"
 
 STEPS = 1500
 DEBUG_STEPS = 20
@@ -91,7 +95,7 @@ class AtsTrainer:
         self.sampler = speech.sampler(self.sources, list(shares.values()), seed)
         self.heard = judged_by_phones(arguments, speech.entries)
         self.validated = arguments.validation_clips
-        self.alphas = alphas_cumprod(config.diffusion.schedule, config.diffusion.train_steps)
+        self.alphas = config.diffusion.alphas()
         self.model = denoiser(config, dropout=self.recipe.dropout)
         self.landmark_weight = landmark_weights()
         self._measure_scale()

@@ -19,8 +19,7 @@ from training.corpus import lessons, spoken
 from training.corpus.lesson_windows import DIMS, LessonBatch, LessonSampler
 from training.corpus.lessons import FullModel, Lesson
 from training.corpus.shares import entries_of, lasting, measured_scales
-from training.export import load_models, load_run
-from training.losses import feature_concordance, landmark_weights, motion_loss
+from training.losses import feature_concordance, feature_scores, landmark_weights, motion_loss
 from training.machine import Machine
 from training.speech.causal import (
     StreamConfig,
@@ -30,7 +29,8 @@ from training.speech.causal import (
     perform,
 )
 from training.speech.compact import ACTIVE_QUANTILE, clip_colour
-from training.speech.train import feature_scores, start
+from training.speech.train import start
+from training.systems.freetalk.stored import load_models, load_run
 
 SHARES = {"grid_s1": 0.65, "facegood_zh": 0.35}
 CONCORDANCE = 0.2
@@ -158,7 +158,7 @@ def parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--models", type=Path, default=Path("weights"))
+    parser.add_argument("--models", type=Path, help="folder of models; none: the embedded ones")
     parser.add_argument("--ats", type=Path, help="ats.pt of training.systems.freetalk.train, not --models")
     parser.add_argument("--speech", type=Path, nargs="*", default=[], help="folders of sound")
     parser.add_argument("--speech-limit", type=int, help="sounds of each folder")

@@ -16,7 +16,7 @@ pub(super) type Strengths = [f32; EMOTIONS.len()];
 
 /// The expression of every emotion at intensity 1 and its manner of speaking.
 ///
-/// Twin of `training/corpus/{emotions,manner}.py`, written by `training/export_expressions.py`.
+/// Twin of `training/corpus/{emotions,manner}.py`, written by `training/export.py`.
 #[derive(Debug, Clone)]
 pub struct Expressions {
     /// `[15, 204]`, canonical metres: what lasts through speech.

@@ -13,20 +13,20 @@ over the lips (within 1 cm of a lip landmark), frames and meshes weighted alike.
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import load_file
 from scipy.interpolate import RBFInterpolator
 
+from training import shipped
 from training.corpus.expressions import UPPER, evaluation_frames, load_speech
-from training.corpus.faces import CHANNELS, REPOSITORY
+from training.corpus.faces import CHANNELS
 from training.corpus.prepared import Corpus, PreparedMesh, load_or_build
 from training.corpus.sequence_meshes import held_out_errors, sequence_meshes
 from training.deform.static_weights import StaticConfig, StaticWeights, deform
+from training.nn.checkpoint import load_model, restored
 from training.systems.freetalk.stm.paper import PaperConfig, PaperDecoder
 from training.systems.freetalk.stm.train_paper import PaperMesh, paper_mesh, predict
 
@@ -76,8 +76,7 @@ def no_motion(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
 def static(path: Path, familiarity: float | None) -> Method:
     """The static decoder with the weights of `path`, told how familiar each face is or not."""
     saved = torch.load(path)
-    model = StaticWeights(StaticConfig(**saved["config"]))
-    model.load_state_dict(saved["state"])
+    model = restored(StaticWeights(StaticConfig(**saved["config"])), saved["state"])
 
     def method(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
         own = model.familiarity(mesh.geometry.landmarks)
@@ -96,8 +95,7 @@ def paper(path: Path) -> Method:
     """The paper's decoder with the weights of `path`; operators are computed once per mesh."""
     saved = torch.load(path)
     config = PaperConfig(**saved["config"])
-    model = PaperDecoder(config)
-    model.load_state_dict(saved["state"])
+    model = restored(PaperDecoder(config), saved["state"])
     seen: dict[int, PaperMesh] = {}
 
     def method(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
@@ -118,10 +116,7 @@ def rbf_linear(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
 
 def shipped_static() -> Method:
     """The static decoder with the weights of the repository."""
-    folder = REPOSITORY / "weights/shared/static_weights"
-    model = StaticWeights(StaticConfig(**json.loads((folder / "config.json").read_text())))
-    state = load_file(folder / "model.safetensors")
-    model.load_state_dict({name: value.float() for name, value in state.items()})
+    model = load_model(shipped("static_weights"), lambda config: StaticWeights(StaticConfig(**config)))
     return lambda mesh, landmarks: deform(model, mesh.geometry, landmarks, 1.0)
 
 

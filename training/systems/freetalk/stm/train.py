@@ -11,7 +11,7 @@ same bits. `--config` chooses its size: `paper` is that of the paper (width 128,
 With `--data` each command trains three times: on both faces (shipped), on ICT alone and on MakeHuman
 alone (for the leave-one-face-out errors), seeded, one thread by default. Results are
 `RUNS/{static,paper}_{both,ict,makehuman}.pt`; `training.systems.freetalk.stm.evaluate` prints their
-errors and `training.export_stm` writes the shipped one.
+errors and `training.export stm` writes the shipped one.
 """
 
 from __future__ import annotations

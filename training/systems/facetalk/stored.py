@@ -1,0 +1,66 @@
+"""FaceTalk's head and the models that move it: checkpoints, and the one folder that holds all of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+
+from training.nn.checkpoint import read_model, restored
+from training.systems.facetalk.config import HeadConfig
+from training.systems.facetalk.head import Head
+from training.systems.facetalk.motion import Denoiser, MotionConfig
+from training.systems.facetalk.network import widened
+
+MOTIONS = ("motion", "landmark_motion")
+"""By speech, and by the motion of landmarks."""
+EXACT = ("identity_code.", "expression_code.", "identity.landmarks.", "identity.mirror", "principal.",
+         "motion.mean", "motion.std", "landmark_motion.mean", "landmark_motion.std")  # fmt: skip
+
+
+def save(path: Path, network: nn.Module, config) -> None:
+    """Weights and configuration in one file."""
+    torch.save({"state": network.state_dict(), "config": config.to_json()}, path)
+
+
+def load_head(path: Path, octaves: int | None = None) -> Head:
+    """A head.pt; deformations then see as many `octaves` of places, if said."""
+    kept = torch.load(path, map_location="cpu", weights_only=True)
+    config = HeadConfig.from_json(kept["config"])
+    config.expression_octaves = octaves or config.expression_octaves
+    head = Head(config)
+    head.load_state_dict(widened(kept["state"], config.expression_octaves))
+    return head
+
+
+def load_motion(path: Path) -> Denoiser:
+    """A motion.pt."""
+    kept = torch.load(path, map_location="cpu", weights_only=True)
+    return restored(Denoiser(MotionConfig.from_json(kept["config"])), kept["state"])
+
+
+def joined(head: Head, motions: dict[str, Denoiser]) -> tuple[dict[str, Tensor], dict]:
+    """State and configuration of all; `motions` by what they are called there, `MOTIONS`."""
+    state, config = dict(head.state_dict()), head.config.to_json()
+    for name, motion in motions.items():
+        state |= {f"{name}.{key}": value for key, value in motion.state_dict().items()}
+        config[name] = motion.config.to_json()
+    return state, config
+
+
+def load_folder(folder: Path) -> tuple[Head, dict[str, Denoiser]]:
+    """What was exported, in f32."""
+    config, state = read_model(folder)
+
+    def of(name: str) -> dict[str, Tensor]:
+        return {
+            key.removeprefix(f"{name}."): state.pop(key) for key in list(state) if key.startswith(f"{name}.")
+        }
+
+    motions = {
+        name: restored(Denoiser(MotionConfig.from_json(config[name])), of(name))
+        for name in MOTIONS
+        if name in config
+    }
+    return restored(Head(HeadConfig.from_json(config)), state), motions

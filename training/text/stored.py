@@ -1,0 +1,49 @@
+"""The text space and the tower as they stand in a model folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from training.corpus.conditions import UNITS
+from training.text.clip import ClipTower
+from training.text.pairs import MENU
+from training.text.sentences import RULES, STRENGTH
+from training.text.tower import FULL, NO_WORD, TextTower
+from training.text.words import Words
+
+
+def load_tower(folder: Path, on_clip: bool) -> tuple[Words, TextTower | ClipTower]:
+    """What `training.text.space` and `training.text.train` left in a folder."""
+    words, state = Words.load(folder), torch.load(folder / "tower.pt")
+    hidden, width = state["down.weight"].shape
+    tower = ClipTower(width, hidden) if on_clip else TextTower(words.vectors.shape[1], hidden)
+    tower.load_state_dict(state)
+    return words, tower
+
+
+def arrays(tower: TextTower | ClipTower, words: Words) -> dict[str, Tensor]:
+    """`vectors` [W, D], `ngrams` [G, D], `emotions` [15, D] and the tower's layers."""
+    space = {"vectors": words.vectors, "ngrams": words.ngrams, "emotions": words.emotions()}
+    return {k: torch.from_numpy(v) for k, v in space.items()} | tower.state_dict()
+
+
+def config_of(tower: TextTower | ClipTower, words: Words, clip: Path | None = None) -> dict:
+    """Sizes, the words in the order of their places, the lists by which a sentence is taken apart, and where
+    CLIP lies."""
+    heard = {"clip": str(clip)} if clip else {}
+    return heard | {
+        "model": "text_units",
+        "width": words.vectors.shape[1],
+        "hidden": tower.down.out_features,
+        "ngrams": len(words.ngrams),
+        "units": UNITS,
+        "no_word": NO_WORD,
+        "full": FULL,
+        "strength": STRENGTH,
+        "rules": RULES,
+        "menu": MENU.split(", "),
+        "words": " ".join(words.rows),
+    }
