@@ -3,8 +3,8 @@
 
 use std::{fs, io, path::Path};
 
-/// Files, and folders with all that is in them. Speech and the command are none of
-/// them: a change there leaves what is kept of a user's meshes as it was.
+/// Files, and folders with all that is in them. Speech is none of them: a change there
+/// leaves what is kept of a user's meshes as it was.
 pub const SOURCES: [&str; 8] = [
     "src/cache",
     "src/face",

@@ -40,8 +40,6 @@
 pub mod annotation;
 pub mod audio;
 pub mod cache;
-#[cfg(feature = "cli")]
-pub mod cli;
 pub mod conditions;
 pub mod deform;
 pub mod diffusion;
@@ -53,7 +51,6 @@ pub mod head;
 pub mod ibug;
 pub mod memory;
 pub mod mesh;
-pub mod metrics;
 pub mod models;
 pub mod motion;
 pub mod nn;

@@ -27,7 +27,7 @@ impl Tree {
         if folder.exists() {
             fs::remove_dir_all(&folder).unwrap();
         }
-        for part in ["rust-core", "capi", "include"] {
+        for part in ["rust-core", "cli", "capi", "include"] {
             copy(&root().join(part), &folder.join(part));
         }
         fs::copy(root().join("Cargo.lock"), folder.join("Cargo.lock")).unwrap();
@@ -36,7 +36,7 @@ impl Tree {
             .lines()
             .find(|line| line.starts_with("members"))
             .unwrap();
-        let text = text.replace(members, "members = [\"rust-core\", \"capi\"]");
+        let text = text.replace(members, "members = [\"rust-core\", \"cli\", \"capi\"]");
         let weights = format!("path = \"{}/weights/", root().display());
         let text = text.replace("path = \"weights/", &weights);
         fs::write(folder.join("Cargo.toml"), text).unwrap();
@@ -116,7 +116,7 @@ fn a_toy_of_a_file_and_two_words_moves_a_mesh_through_the_command_and_c() {
         "name = \"anyface_toy\"\n",
     );
     tree.edit(
-        "rust-core/Cargo.toml",
+        "cli/Cargo.toml",
         "[[bin]]\nname = \"anyface\"",
         "[[bin]]\nname = \"anyface-toy\"",
     );

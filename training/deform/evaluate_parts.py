@@ -183,7 +183,7 @@ def rims(head: Head, upper: list[int], lower: list[int]) -> tuple[np.ndarray, np
 
 def crossing(positions: np.ndarray, upper: np.ndarray, lower: np.ndarray) -> str:
     """Share of the upper rim's vertices below the lower rim in all frames [T, V, 3], the deepest, and the
-    mean gap of the others. The same as `metrics::rim_crossing`."""
+    mean gap of the others. The same as `rust-core/tests/suite/rim_crossing.rs`."""
     gaps = []
     for frame in positions:
         order = lower[np.argsort(frame[lower, 0])]

@@ -1,4 +1,4 @@
-"""The metrics of the FreeTalk paper (§4.2); numbers of the Rust twins in `rust-core/src/metrics`.
+"""The metrics of the FreeTalk paper (§4.2); numbers of the Rust twins in `tests/eval/src/metrics`.
 
 Shapes: `P` prediction and `G` truth [T, N, 3], displacements from the neutral face; `lips` and `upper` are
 numbers of points. Lengths come out in the unit of the motion, LVE, EVE and δM in its square.

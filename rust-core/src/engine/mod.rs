@@ -350,12 +350,6 @@ impl Engine {
         })
     }
 
-    /// What moves the landmarks of the mean face.
-    #[cfg(feature = "cli")]
-    pub(crate) fn face_modes(&self) -> &FaceModes {
-        &self.face_modes
-    }
-
     /// Puts motion of any kind on a face and hands the frames to `sink`, block by block.
     ///
     /// What the face lacks for this kind of motion is made first and stays with it.

@@ -45,8 +45,7 @@ pub fn remove_unfinished() {
 ///
 /// # Errors
 /// Those of `job`; `Io` if a file cannot get its name.
-#[cfg(feature = "cli")]
-pub(crate) fn all_or_none<T>(job: impl FnOnce() -> Result<T>) -> Result<T> {
+pub fn all_or_none<T>(job: impl FnOnce() -> Result<T>) -> Result<T> {
     let waiting = |next| {
         let mut waiting = WAITING.lock().unwrap_or_else(PoisonError::into_inner);
         std::mem::replace(&mut *waiting, next).unwrap_or_default()

@@ -21,9 +21,7 @@ mod vertex_motion;
 
 use std::path::Path;
 
-#[cfg(feature = "cli")]
-pub(crate) use atomic::all_or_none;
-pub use atomic::{remove_unfinished, write_atomically};
+pub use atomic::{all_or_none, remove_unfinished, write_atomically};
 pub use blend_weights::write_blend_weights;
 pub use clip_file::ClipFile;
 pub use landmark_motion::{LandmarkMotion, read_landmark_motion, read_life, read_weights};

@@ -6,7 +6,7 @@ use std::{fmt::Write as _, path::Path};
 use super::write_atomically;
 use crate::{
     Result,
-    mesh::{Mesh, OpenedMouth, polygons::triangulate},
+    mesh::{Mesh, OpenedMouth, obj_text, polygons::triangulate},
 };
 
 /// Vertex, texture and normal numbers of a corner, from 0.
@@ -18,19 +18,19 @@ const BAG: &str = "mouth_inside";
 /// Words of an OBJ file for vertices, texture coordinates and normals.
 const KINDS: [&str; 3] = ["v", "vt", "vn"];
 
-/// Writes the new mesh. `source`: the old file's text where that was OBJ: its lines stay but for the
-/// faces at the mouth; untouched polygons stay polygons.
+/// Writes the new mesh. `source`: the bytes of the old file where that was OBJ: its lines stay but for
+/// the faces at the mouth; untouched polygons stay polygons.
 ///
 /// # Errors
 /// `Io` if the file cannot be written.
 pub fn write_opened_obj(
     path: &Path,
-    source: Option<&str>,
+    source: Option<&[u8]>,
     old: &Mesh,
     opened: &OpenedMouth,
 ) -> Result<()> {
     let text = match source {
-        Some(source) => Rewriter::new(source, old, opened).text(),
+        Some(source) => Rewriter::new(&obj_text(source), old, opened).text(),
         None => plain(opened),
     };
     write_atomically(path, |file| {

@@ -17,7 +17,6 @@ use crate::{
     Error, Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
     conditions::EMOTIONS,
-    metrics::quantile,
     models::BuiltIn,
     nn::Weights,
 };
@@ -466,6 +465,20 @@ fn deviation(values: &[f64]) -> f64 {
     let middle = mean(values);
     let squares: Vec<f64> = values.iter().map(|x| (x - middle).powi(2)).collect();
     mean(&squares).sqrt()
+}
+
+/// The value below which a share `q` of `values` lies, linear between order statistics as numpy counts it; NaN
+/// without values.
+fn quantile(values: &[f64], q: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let Some(last) = sorted.len().checked_sub(1) else {
+        return f64::NAN;
+    };
+    let position = q * last as f64;
+    let below = position.floor() as usize;
+    let above = (below + 1).min(last);
+    sorted[below] + (sorted[above] - sorted[below]) * (position - below as f64)
 }
 
 #[cfg(test)]

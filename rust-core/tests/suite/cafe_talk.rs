@@ -13,7 +13,7 @@ use anyface::{
 };
 use ndarray::{Axis, s};
 
-use crate::{head, performance::babble};
+use crate::{head, voice::babble};
 
 const FPS: f64 = 25.0;
 

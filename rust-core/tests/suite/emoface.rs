@@ -19,7 +19,7 @@ use anyface::{
 };
 use ndarray::{Array2, Array3, Axis};
 
-use crate::{head, performance::babble};
+use crate::{head, voice::babble};
 
 const SECONDS: f32 = 2.0;
 

@@ -9,7 +9,7 @@ use anyface::{
 };
 use ndarray::{Array3, Axis, s};
 
-use crate::{head, performance::babble};
+use crate::{head, voice::babble};
 
 fn voice() -> Waveform {
     Waveform {

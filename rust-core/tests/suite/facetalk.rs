@@ -24,7 +24,7 @@ use anyface::{
 };
 use ndarray::{Array2, Array3, s};
 
-use crate::performance::babble;
+use crate::voice::babble;
 
 const SECONDS: f32 = 3.0;
 

@@ -2,13 +2,12 @@
 
 use std::{fs, path::Path};
 
-const BELOW_SYSTEMS: [&str; 19] = [
+const BELOW_SYSTEMS: [&str; 18] = [
     "annotation",
     "cache",
     "conditions",
     "face",
     "head",
-    "metrics",
     "nn",
     "output",
     "rig",

@@ -5,7 +5,6 @@ use anyface::{
     audio::{Prosody, Waveform},
     conditions::EmotionCurve,
     mesh::{FaceOptions, LandmarkSource, Mesh, PartChoices, PartRole},
-    metrics::{EyeballsInSight, eyeballs_in_sight},
     motion::{
         Cues, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, PerformanceControls,
         WeightClip,
@@ -16,7 +15,10 @@ use anyface::{
 };
 use ndarray::{Array2, Array3, ArrayView2, Axis};
 
-use crate::head::{self, closing};
+use crate::{
+    eyeballs_in_sight::{EyeballsInSight, eyeballs_in_sight},
+    head::{self, closing},
+};
 
 const FPS: f64 = 30.0;
 const FRAMES: usize = 120;

@@ -9,7 +9,7 @@ use anyface::{
 };
 use ndarray::{Axis, s};
 
-use crate::{head::engine, performance::babble};
+use crate::{head::engine, voice::babble};
 
 /// 5th and 95th percentiles of the deviation of pitch over the clips of grid_s1, degrees.
 const TRACKED_PITCH_DEG: (f32, f32) = (0.40, 1.13);

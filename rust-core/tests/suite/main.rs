@@ -1,15 +1,15 @@
-//! Tests of the whole library and its command, in one binary so that it is linked once.
+//! Tests of the whole library, in one binary so that it is linked once.
 
 mod cafe_talk;
-mod command;
 mod corpus;
 mod damaged;
 mod emoface;
 mod expressions;
+#[path = "../../../tests/eval/src/metrics/eyeballs_in_sight.rs"]
+mod eyeballs_in_sight;
 mod facetalk;
 mod features;
 mod head;
-mod hostile;
 mod imports;
 mod kept_faces;
 mod landmarks;
@@ -17,7 +17,8 @@ mod lids;
 mod life;
 mod parts;
 mod performance;
-mod runs;
+mod rim_crossing;
 mod sliders;
 mod spread;
+mod voice;
 mod weights;

@@ -9,7 +9,6 @@ use anyface::{
         FaceOptions, LandmarkSource, Mesh, ObjectNames, PartChoices, PartRole, PartSelector,
         RoleSource, SurfaceTree,
     },
-    metrics::{RimCrossing, rim_crossing},
     progress::SILENT,
 };
 use ndarray::Array3;
@@ -18,6 +17,7 @@ use proptest::prelude::*;
 use super::head::{
     LIDS, LIPS, Points, closing, engine, head, landmarks, mm, moved, opening, prepared, sum,
 };
+use super::rim_crossing::{RimCrossing, rim_crossing};
 
 fn names() -> ObjectNames {
     ObjectNames::read(concat!(

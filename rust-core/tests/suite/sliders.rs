@@ -18,7 +18,7 @@ use anyface::{
 };
 use ndarray::{Array2, Array3, Axis};
 
-use crate::{head, performance::babble};
+use crate::{head, voice::babble};
 
 const MAX_ERROR_M: f32 = 1e-4;
 

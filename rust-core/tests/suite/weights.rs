@@ -8,13 +8,19 @@ use anyface::{
     progress::SILENT,
 };
 
-use super::performance::model;
-
 /// A copy of a built-in model in `folder`, under `name`.
 fn copy(folder: &Path, built_in: &str, name: &str) {
     fs::create_dir_all(folder.join(name)).unwrap();
     for file in ["config.json", "model.safetensors"] {
-        fs::copy(model(built_in).join(file), folder.join(name).join(file)).unwrap();
+        let models = Path::new(env!("CARGO_MANIFEST_DIR")).join(match built_in {
+            "compact_speech" => "../weights/shared",
+            _ => "../weights/freetalk",
+        });
+        fs::copy(
+            models.join(built_in).join(file),
+            folder.join(name).join(file),
+        )
+        .unwrap();
     }
 }
 

@@ -9,6 +9,7 @@ mod console;
 mod field;
 mod gallery;
 mod ict;
+mod metrics;
 mod pictures;
 mod quality;
 mod stopwatch;

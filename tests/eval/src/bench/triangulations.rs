@@ -6,6 +6,7 @@ use ndarray::Array3;
 use serde_json::{Value, json};
 
 use crate::arguments::SharedArgs;
+use crate::metrics::quantile;
 use anyface::{
     MotionRequest, Result,
     audio::Waveform,
@@ -13,7 +14,6 @@ use anyface::{
         self, FaceOptions, LandmarkSource, Mesh,
         simplify::{SimplifyOptions, simplify},
     },
-    metrics::quantile,
     progress::SILENT,
     spread::Collector,
 };

@@ -6,13 +6,13 @@ use super::{
     cells::{Cells, View, beside, under},
     subjects::Subject,
 };
+use crate::metrics::eyeballs_in_sight;
 use crate::pictures::raster::Picture;
 use anyface::{
     Engine, Face, Result,
     audio::{Prosody, Waveform},
     conditions::EmotionCurve,
     mesh::PartRole,
-    metrics::eyeballs_in_sight,
     motion::{
         Cues, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, PerformanceControls,
     },

@@ -3,10 +3,10 @@
 use plotters::prelude::*;
 
 use super::{Album, Canvas, FONT, GRID, MODEL, OTHER, RECORDED, SOUND, drawing};
+use crate::metrics::{Spectrum, quantile};
 use anyface::{
     Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
-    metrics::{Spectrum, quantile},
 };
 
 /// Longest stretch of a clip that is shown, seconds.

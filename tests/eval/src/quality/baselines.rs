@@ -89,7 +89,7 @@ fn loudness(waveform: &Waveform, frames: usize, fps: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use anyface::metrics;
+    use crate::metrics;
 
     /// A chin that falls with loudness, 2 s at 25 fps.
     fn clip() -> Clip {

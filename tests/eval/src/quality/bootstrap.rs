@@ -6,7 +6,7 @@ use rand_chacha::{
 };
 use serde::Serialize;
 
-use anyface::metrics::quantile;
+use crate::metrics::quantile;
 
 /// Number of resamples behind every interval.
 pub(super) const RESAMPLES: usize = 1000;

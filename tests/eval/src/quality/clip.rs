@@ -5,10 +5,10 @@ use std::ops::Range;
 use ndarray::{Array2, Array3};
 
 use super::{aligned::Phone, predictors::RECORDED};
+use crate::metrics;
 use anyface::{
     Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
-    metrics,
 };
 
 const MM: f64 = 1000.0;

@@ -8,10 +8,8 @@ use super::{
     clip::{Clip, gap_mm, rest_gap_mm},
     predictors::Performed,
 };
-use anyface::{
-    Result,
-    metrics::{self, Closure, closures, quantile},
-};
+use crate::metrics::{self, Closure, closures, quantile};
+use anyface::Result;
 
 /// Lips this near to how they lie at rest are closed, millimetres.
 pub(super) const CLOSED_MM: f64 = 0.5;

@@ -12,7 +12,8 @@ use super::{
     speaker::{Speaker, Wish},
     voices::{shouted, whispered},
 };
-use anyface::{Error, Result, audio::Waveform, metrics::quantile};
+use crate::metrics::quantile;
+use anyface::{Error, Result, audio::Waveform};
 
 /// The effortful feeling, and those it is held against.
 const LOUD: &str = "anger";

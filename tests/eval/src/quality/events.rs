@@ -14,10 +14,10 @@ use super::{
     report::Page,
     speaker::{Speaker, Wish},
 };
+use crate::metrics::{closures, control_leak, control_rate, pearson};
 use anyface::{
     Performance, Result,
     conditions::{ACTION_UNITS, Event, EventTrack, Side},
-    metrics::{closures, control_leak, control_rate, pearson},
     motion::{Motion, WeightClip},
 };
 

@@ -2,10 +2,9 @@
 
 use ndarray::Array2;
 
-use anyface::{
-    Result,
-    metrics::{self, mouth_width},
-};
+use anyface::Result;
+
+use crate::metrics::{self, mouth_width};
 
 const MM: f64 = 1000.0;
 const CHIN: usize = 8;

@@ -12,12 +12,13 @@ use super::{
     scores::SEGMENT,
     speaker::{Speaker, Wish},
 };
+use crate::metrics::Spectrum;
 use crate::pictures::{
     Album,
     lip_plots::Track,
     sheets::{Head, Row},
 };
-use anyface::{Result, conditions::EMOTIONS, metrics::Spectrum};
+use anyface::{Result, conditions::EMOTIONS};
 
 /// Clips in a plot over time.
 const TRACKS: usize = 3;

@@ -11,8 +11,9 @@ use std::{ops::Range, path::Path};
 use ndarray::{Array2, Array3, ArrayView2, Axis, Slice};
 
 use super::clip::{Clip, Corpus};
+use crate::metrics::quantile;
 use crate::{ict::IctLandmarks, tensors::TensorFile};
-use anyface::{Result, audio::Waveform, ibug::LANDMARKS, mesh::Similarity, metrics::quantile};
+use anyface::{Result, audio::Waveform, ibug::LANDMARKS, mesh::Similarity};
 
 /// Where the track lies in the data folder.
 pub(super) const TRACK: &str = "motion/grid_s1/face_track.safetensors";

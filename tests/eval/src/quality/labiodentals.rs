@@ -15,8 +15,9 @@ use super::{
     heads::{Head, stacked},
     predictors::{MODEL, Performed, RECORDED},
 };
+use crate::metrics::quantile;
 use crate::{ict::IctLandmarks, tensors::TensorFile};
-use anyface::{Engine, Result, metrics::quantile};
+use anyface::{Engine, Result};
 
 /// Vertices of ICT's upper teeth.
 const UPPER_TEETH: std::ops::Range<usize> = 17_039..19_247;

@@ -11,8 +11,9 @@ use super::{
     grid::{FPS, TRACK, every_tenth, spans},
     speaker::{Speaker, Wish},
 };
+use crate::metrics::quantile;
 use crate::tensors::TensorFile;
-use anyface::{Result, metrics::quantile};
+use anyface::Result;
 
 /// What is measured of a clip.
 pub(super) const QUANTITIES: [&str; 5] = [

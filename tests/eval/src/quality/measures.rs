@@ -4,7 +4,7 @@ use super::{
     features::{CHIN_DROP, GAP, PROTRUSION, WIDTH},
     scores::ClipScores,
 };
-use anyface::metrics::{LagCurve, Moments, Spectrum};
+use crate::metrics::{LagCurve, Moments, Spectrum};
 
 const MS: f64 = 1000.0;
 
@@ -219,7 +219,7 @@ pub(super) fn pairs() -> impl Iterator<Item = [&'static Measure; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use anyface::metrics::Spectrum;
+    use crate::metrics::Spectrum;
 
     fn clip(made: &[f64], recorded: &[f64]) -> ClipScores {
         ClipScores {

@@ -10,10 +10,8 @@ use super::{
     features,
     measures::measures,
 };
-use anyface::{
-    Result,
-    metrics::{self, LagCurve, Moments, Spectrum},
-};
+use crate::metrics::{self, LagCurve, Moments, Spectrum};
+use anyface::Result;
 
 const MM: f64 = 1000.0;
 /// Delays that are searched, in frames.

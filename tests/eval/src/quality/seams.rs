@@ -14,11 +14,11 @@ use super::{
     clip::Clip,
     speaker::{Speaker, Wish},
 };
+use crate::metrics::{rms_accelerations, rms_speeds, root_mean_square};
 use anyface::{
     Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
     ibug::LANDMARKS,
-    metrics::{rms_accelerations, rms_speeds, root_mean_square},
     systems::Windows,
 };
 

@@ -10,11 +10,8 @@ use super::{
     scores::{lips, upper},
     speaker::{Speaker, Wish},
 };
-use anyface::{
-    Result,
-    ibug::LANDMARKS,
-    metrics::{closures, pearson, seed_deviation},
-};
+use crate::metrics::{closures, pearson, seed_deviation};
+use anyface::{Result, ibug::LANDMARKS};
 
 /// Performances of each clip.
 pub(super) const SEEDS: usize = 5;

@@ -9,11 +9,11 @@ use super::{
     scores::lips,
     speaker::{Speaker, Wish},
 };
+use crate::metrics::{self, quantile, rms_speeds, root_mean_square};
 use anyface::{
     Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
     ibug::LANDMARKS,
-    metrics::{self, quantile, rms_speeds, root_mean_square},
 };
 
 /// Shorter pauses do not count, seconds.

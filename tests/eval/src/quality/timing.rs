@@ -6,11 +6,11 @@ use super::{
     clip::Clip,
     speaker::{Speaker, Wish},
 };
+use crate::metrics::quantile;
 use crate::stopwatch::{Stopwatch, forget_peak, peak_mib};
 use anyface::{
     Error, Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
-    metrics::quantile,
 };
 
 const FPS: f64 = 30.0;

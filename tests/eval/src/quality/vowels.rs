@@ -8,7 +8,8 @@ use super::{
     features::{self, GAP, PROTRUSION, WIDTH},
     predictors::Performed,
 };
-use anyface::{Result, metrics};
+use crate::metrics;
+use anyface::Result;
 
 const VOWELS: [char; 3] = ['i', 'u', 'a'];
 /// Shorter vowels have no middle to speak of, seconds.

@@ -1,0 +1,175 @@
+//! `anyface animate`: speech and a mesh to vertex displacements.
+
+use std::path::PathBuf;
+
+use anyface::{
+    Engine, Face, Result,
+    mesh::{self, Mesh, Mouth},
+    output::{Format, Report, write_json},
+    progress::ProgressFn,
+    speech::frames_of,
+};
+use clap::Args;
+
+use crate::{
+    arguments::{FaceArgs, MotionArgs, SharedArgs, SoundArgs, not_onto},
+    console::Console,
+    layers::{LayerArgs, Layered},
+    open_mouth,
+    redo::{Redo, RedoArgs},
+    stages::{new_report, note_face, note_memory, note_result, read_sound, summary, timed},
+    surface::SurfaceArgs,
+};
+
+/// Animate a mesh with speech
+#[derive(Args)]
+#[command(mut_arg("surface", |arg| {
+    arg.conflicts_with_all(["redo", "mask", "layers", "mask_out", "open_mouth"])
+}))]
+pub struct Animate {
+    /// The mesh: OBJ, PLY or GLB
+    #[arg(long, value_name = "M")]
+    mesh: PathBuf,
+    /// The speech: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF
+    #[arg(long, value_name = "A")]
+    audio: PathBuf,
+    /// The result: .npz (arrays, with the rotation of head and eyes beside them), .pc2 or .mdd (point caches); with
+    /// --surface a new folder
+    #[arg(long, value_name = "O")]
+    out: PathBuf,
+    /// Also write a report of the run
+    #[arg(long, value_name = "R.json")]
+    report: Option<PathBuf>,
+    /// Part lips that are one surface first; the new mesh is written beside the result, its name with
+    /// _open_mouth.obj behind it
+    #[arg(long)]
+    open_mouth: bool,
+    #[command(flatten)]
+    sound: SoundArgs,
+    #[command(flatten)]
+    face: FaceArgs,
+    #[command(flatten)]
+    motion: MotionArgs,
+    #[command(flatten)]
+    redo: RedoArgs,
+    #[command(flatten)]
+    layers: LayerArgs,
+    #[command(flatten)]
+    surface: SurfaceArgs,
+}
+
+impl Animate {
+    pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
+        // What is cheap to check comes before what takes time.
+        match self.surface.is_asked() {
+            true => self.surface.check(&self.out)?,
+            false => Format::from_path(&self.out).map(drop)?,
+        }
+        not_onto(
+            &self.out,
+            &[("--mesh", &self.mesh), ("--audio", &self.audio)],
+        )?;
+        self.layers.check()?;
+        let request = self.motion.request(shared)?;
+        let redo = self.redo.asked()?;
+        let options = self.face.options(&self.mesh, None)?;
+        let mut report = new_report();
+        let waveform = read_sound(&mut report, &self.audio, &self.sound)?;
+        let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
+        let progress = &|p| console.progress(p);
+        let engine = timed(&mut report, "load", || shared.engine())?;
+        if self.surface.is_asked() {
+            engine.head()?;
+        } else {
+            let frames = frames_of(waveform.duration_s(), request.fps);
+            note_memory(&mut report, &engine, &mesh, self.layers.kept(frames, &mesh))?;
+        }
+        let mut face = timed(&mut report, "prepare", || {
+            match self.open_mouth || self.surface.is_asked() {
+                true => engine.find(&mesh, &options, progress),
+                false => engine.prepare(&mesh, &options, progress),
+            }
+        })?;
+        if self.open_mouth {
+            face = self.opened(&engine, &face, &mut report, console)?;
+        }
+        note_face(&mut report, &face);
+        let performance = timed(&mut report, "motion", || {
+            engine.perform(&waveform, &request, progress)
+        })?;
+        report
+            .warnings
+            .extend(engine.unseen_events(&face, &performance, progress)?);
+        if self.surface.is_asked() {
+            let moved = (&performance.motion, performance.articulation());
+            self.surface
+                .write((&engine, &face), moved, &self.out, &mut report, progress)?;
+            return self.told(&report, console);
+        }
+        let spoken = (&waveform, &request);
+        let layered = timed(&mut report, "motion", || {
+            self.layers
+                .of(&engine, &face, &performance, spoken, progress)
+        })?;
+        self.spread(&layered, redo, &mut report, progress)?;
+        self.told(&report, console)
+    }
+
+    fn told(&self, report: &Report, console: &Console) -> Result<()> {
+        if let Some(path) = &self.report {
+            write_json(path, report)?;
+        }
+        console.report(report, &summary(report))
+    }
+
+    /// Writes the result, or an earlier one with a stretch of this.
+    fn spread(
+        &self,
+        layered: &Layered<'_>,
+        redo: Option<Redo<'_>>,
+        report: &mut Report,
+        progress: ProgressFn<'_>,
+    ) -> Result<()> {
+        let Some(redo) = redo else {
+            return self.layers.write(layered, &self.out, report, progress);
+        };
+        let Layered {
+            engine,
+            face,
+            performance,
+            ..
+        } = *layered;
+        let motion = &performance.motion;
+        let (fps, articulation) = (motion.fps(), performance.articulation());
+        let made = timed(report, "deform", || {
+            redo.animate(engine, face, performance, &self.out, progress)
+        })?;
+        note_result(report, &self.out, face, fps, articulation, &made);
+        Ok(())
+    }
+
+    /// The same face with lips that part; its mesh is written beside the result.
+    fn opened(
+        &self,
+        engine: &Engine,
+        face: &Face,
+        report: &mut Report,
+        console: &Console,
+    ) -> Result<Face> {
+        let progress = &|p| console.progress(p);
+        if face.mouth() != Mouth::Welded {
+            return engine.prepare(&face.mesh, &face.options, progress);
+        }
+        let opened = timed(report, "open", || {
+            mesh::open_mouth(&face.mesh, &face.landmarks)
+        })?;
+        let out = open_mouth::beside(&self.out);
+        timed(report, "write", || {
+            open_mouth::write(&out, &self.mesh, &face.mesh, &opened)
+        })?;
+        let options = open_mouth::options_after(face, &opened);
+        timed(report, "prepare", || {
+            engine.prepare(&opened.mesh, &options, progress)
+        })
+    }
+}

@@ -1,0 +1,354 @@
+//! Options that several subcommands share.
+
+use std::{
+    fmt::{Display, Formatter},
+    path::{Path, PathBuf},
+    str::FromStr,
+    sync::Arc,
+};
+
+use anyface::{
+    CachePolicy, Engine, EngineOptions, Error, MotionRequest, Result,
+    annotation::Annotation,
+    audio::{SoundFile, Waveform},
+    conditions::{Event, check_fps},
+    ibug::LANDMARKS,
+    mesh::{
+        Axis, DEFAULT_PROXY, FaceOptions, FixedLandmark, LandmarkSource, ObjectNames, PartChoices,
+        PartRole, PartSelector,
+    },
+    output::read_landmark_motion,
+    speech::FeltVoice,
+    systems::Registration,
+    text::TextUnits,
+};
+use clap::Args;
+
+use crate::controls::{EmotionArgs, FaceControls, MotionControls};
+
+/// A coarser skin than this has no lips to speak of.
+const LEAST_PROXY: usize = 500;
+
+/// Options of every subcommand.
+#[derive(Args)]
+pub struct SharedArgs {
+    /// What turns speech into motion [default: the first that `anyface info` lists]
+    #[arg(long, global = true, value_name = "NAME")]
+    system: Option<String>,
+    /// Folder of models (folders such as ats_paper, stm_paper, hubert) that override the embedded ones
+    #[arg(long, global = true, value_name = "DIR")]
+    weights: Option<PathBuf>,
+    /// Folder with a HuBERT or wav2vec2 config.json and model.safetensors or pytorch_model.bin,
+    /// instead of the embedded speech encoder
+    #[arg(long, global = true, value_name = "DIR")]
+    speech: Option<PathBuf>,
+    /// Folder with a classifier of emotions on HuBERT or wav2vec2 (config.json with labels, weights) that hears them
+    /// instead of the embedded one where the emotion is `auto`
+    #[arg(long, global = true, value_name = "DIR")]
+    emotion_model: Option<PathBuf>,
+    /// Folder that keeps per-mesh work between runs [default: the user's cache folder]
+    #[arg(long, global = true, value_name = "DIR", conflicts_with = "no_cache")]
+    cache: Option<PathBuf>,
+    /// Keep no per-mesh work between runs
+    #[arg(long, global = true)]
+    no_cache: bool,
+    /// Worker threads [default: one per core]
+    #[arg(long, global = true, value_name = "N")]
+    threads: Option<usize>,
+    /// Print results and errors as JSON
+    #[arg(long, global = true)]
+    pub json: bool,
+}
+
+impl SharedArgs {
+    pub fn engine(&self) -> Result<Engine> {
+        Engine::new(self.options())
+    }
+
+    /// The folder of models that was given.
+    pub fn weights(&self) -> Option<&Path> {
+        self.weights.as_deref()
+    }
+
+    /// Whether an engine can be made of them, before any work is done.
+    pub fn check(&self) -> Result<()> {
+        self.options().check()
+    }
+
+    fn options(&self) -> EngineOptions {
+        EngineOptions {
+            system: self.system.clone(),
+            models: self.weights.clone(),
+            cache: match (&self.cache, self.no_cache) {
+                (Some(folder), _) => CachePolicy::Folder(folder.clone()),
+                (None, true) => CachePolicy::Off,
+                (None, false) => CachePolicy::UserFolder,
+            },
+            threads: self.threads,
+            speech: self.speech.clone(),
+            emotion_model: self.emotion_model.clone(),
+        }
+    }
+}
+
+/// Refuses a result that would replace a file which it is made from.
+///
+/// # Errors
+/// `InvalidInput` that names the option.
+pub fn not_onto(out: &Path, inputs: &[(&str, &Path)]) -> Result<()> {
+    let Ok(place) = out.canonicalize() else {
+        return Ok(());
+    };
+    let same = inputs
+        .iter()
+        .find(|(_, input)| input.canonicalize().is_ok_and(|input| input == place));
+    match same {
+        None => Ok(()),
+        Some((option, _)) => Err(Error::InvalidInput(format!(
+            "{}: expected another file than that of {option}, which the result would replace",
+            out.display()
+        ))),
+    }
+}
+
+/// Whether a result of this name is a folder: it has no ending, ends in a separator or is one already.
+pub fn is_folder(out: &Path) -> bool {
+    let is_plain = out.extension().is_none_or(|ending| ending.is_empty());
+    is_plain || out.is_dir() || shown(out).ends_with(std::path::is_separator)
+}
+
+/// How a sound is read.
+#[derive(Args)]
+pub struct SoundArgs {
+    /// Use a damaged sound file even where more than a fifth of it is missing
+    #[arg(long)]
+    any_damage: bool,
+}
+
+impl SoundArgs {
+    pub fn read(&self, path: &Path) -> Result<SoundFile> {
+        SoundFile::read(path, self.any_damage).map_err(|error| match error {
+            Error::Audio(message) if message.contains("expected at least") => {
+                Error::Audio(format!("{message}; --any-damage uses the rest"))
+            }
+            other => other,
+        })
+    }
+}
+
+/// How the face is found and moved.
+#[derive(Args)]
+pub struct FaceArgs {
+    /// Landmarks as JSON: 68 positions or 68 vertex numbers [default: found on the mesh]
+    #[arg(long, value_name = "L.json")]
+    landmarks: Option<PathBuf>,
+    /// Some landmarks as JSON that stay where they are; the others follow
+    #[arg(long, value_name = "F.json")]
+    fix: Option<PathBuf>,
+    /// Axis out of the face where several places look alike: x, -x, y, -y, z or -z
+    #[arg(long, default_value = "z", value_parser = axis, allow_hyphen_values = true)]
+    forward: Axis,
+    /// Axis to the top of the head
+    #[arg(long, default_value = "y", value_parser = axis, allow_hyphen_values = true)]
+    up: Axis,
+    #[command(flatten)]
+    controls: FaceControls,
+    /// What a part of the mesh is, by number or by name of its object (see `anyface parts`): skin,
+    /// jaw, skull, mouth, nearest, gaze or still; may be repeated
+    #[arg(long = "part", value_name = "PART=ROLE", value_parser = part)]
+    parts: Vec<(PartSelector, PartRole)>,
+    /// Work on a skin of more vertices through a coarser one of N; "off": on every vertex
+    #[arg(long, value_name = "N", default_value_t = ProxySize(Some(DEFAULT_PROXY)))]
+    proxy: ProxySize,
+}
+
+/// `off` or a number of vertices.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct ProxySize(Option<usize>);
+
+impl FromStr for ProxySize {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        match (text, text.parse()) {
+            ("off", _) => Ok(ProxySize(None)),
+            (_, Ok(vertices @ LEAST_PROXY..)) => Ok(ProxySize(Some(vertices))),
+            _ => Err(format!(
+                "expected off or at least {LEAST_PROXY}, got {text:?}"
+            )),
+        }
+    }
+}
+
+impl Display for ProxySize {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        match self.0 {
+            Some(vertices) => vertices.fmt(f),
+            None => f.write_str("off"),
+        }
+    }
+}
+
+impl FaceArgs {
+    /// `mesh`: the file that names the objects. `known`: landmarks that the caller has from elsewhere,
+    /// used unless the user gave others.
+    pub fn options(&self, mesh: &Path, known: Option<LandmarkSource>) -> Result<FaceOptions> {
+        let landmarks = match &self.landmarks {
+            Some(path) => Some(LandmarkSource::read(path)?),
+            None => known,
+        };
+        let fixed = match &self.fix {
+            Some(path) => FixedLandmark::read(path)?,
+            None => Vec::new(),
+        };
+        Ok(FaceOptions {
+            landmarks,
+            fixed,
+            forward: self.forward,
+            up: self.up,
+            controls: self.controls.controls()?,
+            parts: PartChoices {
+                names: match self
+                    .parts
+                    .iter()
+                    .any(|(s, _)| matches!(s, PartSelector::Name(_)))
+                {
+                    true => ObjectNames::read(mesh)?,
+                    false => ObjectNames::default(),
+                },
+                roles: self.parts.clone(),
+            },
+            proxy: self.proxy.0,
+        })
+    }
+}
+
+/// Reads `3=jaw` and `teeth_low=jaw`.
+fn part(text: &str) -> std::result::Result<(PartSelector, PartRole), String> {
+    let wrong = || format!("expected PART=ROLE, as in 3=jaw, got {text:?}");
+    let (part, role) = text.rsplit_once('=').ok_or_else(wrong)?;
+    let selector = match part.parse() {
+        Ok(number) => PartSelector::Number(number),
+        Err(_) => PartSelector::Name(part.to_owned()),
+    };
+    let role = role.parse().map_err(|error: Error| error.to_string())?;
+    Ok((selector, role))
+}
+
+/// What the performance is asked to be.
+#[derive(Args)]
+pub struct MotionArgs {
+    #[command(flatten)]
+    emotion: EmotionArgs,
+    #[command(flatten)]
+    controls: MotionControls,
+    /// Frames per second
+    #[arg(long, default_value_t = 30.0)]
+    fps: f64,
+    /// Same seed, same motion
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Speaking style by name [default: the model's own]
+    #[arg(long, value_name = "NAME")]
+    style: Option<String>,
+    /// Where lips close, instead of where it is heard: the p, b and m of a .TextGrid, .tsv, .json, .pgo,
+    /// .dat (which counts frames of --fps) or .txt, such as `anyface sounds` writes
+    #[arg(long, value_name = "S")]
+    sounds: Option<PathBuf>,
+    /// What the face does and when (cafe-talk): seconds, action units with L or R for one side or words, and
+    /// strength, as in 1.2-2.0:12,6:0.8 or 2.4-2.8:left wink; a ! at the end puts it over the speech; may be
+    /// repeated
+    #[arg(long = "event", value_name = "E")]
+    event: Vec<String>,
+    /// Events of a JSON file, a list of {"start_s", "end_s", "units": ["12", "45L"], "strength", "over_speech"}
+    #[arg(long, value_name = "E.json")]
+    events: Option<PathBuf>,
+    /// Another recording of which the feeling is taken (emoface), stretched to the length of the sound
+    #[arg(long, value_name = "OTHER")]
+    feeling: Option<PathBuf>,
+    /// Motion of `anyface motion` in whose last frame the face begins (emoface)
+    #[arg(long, value_name = "M.npz")]
+    starts_from: Option<PathBuf>,
+}
+
+impl MotionArgs {
+    fn events(&self, models: Option<&Path>) -> Result<Vec<Event>> {
+        let mut events = match &self.events {
+            Some(path) => Event::read(path)?,
+            None => Vec::new(),
+        };
+        if !self.event.is_empty() {
+            let words = TextUnits::open(models)?;
+            let read = self.event.iter().map(|text| Event::from_text(text, &words));
+            events.extend(read.collect::<Result<Vec<_>>>()?);
+        }
+        Ok(events)
+    }
+
+    fn starts_from(&self) -> Result<Option<[[f32; 3]; LANDMARKS]>> {
+        let Some(path) = &self.starts_from else {
+            return Ok(None);
+        };
+        let motion = read_landmark_motion(path)?;
+        let wrong = |got: &str| {
+            let path = path.display();
+            Error::InvalidInput(format!(
+                "{path}: expected frames of `anyface motion`, got {got}"
+            ))
+        };
+        if motion.neutral.is_some() {
+            return Err(wrong("motion in the units of a mesh"));
+        }
+        let frames = motion.displacements.outer_iter();
+        let last = frames.last().ok_or_else(|| wrong("none"))?;
+        Ok(Some(std::array::from_fn(|n| {
+            std::array::from_fn(|axis| last[[n, axis]])
+        })))
+    }
+
+    fn felt_as(&self) -> Result<Option<Arc<FeltVoice>>> {
+        let Some(path) = &self.feeling else {
+            return Ok(None);
+        };
+        let sound = Waveform::from_file(path)?;
+        FeltVoice::checked(&sound).map(|voice| Some(Arc::new(voice)))
+    }
+
+    pub fn request(&self, shared: &SharedArgs) -> Result<MotionRequest> {
+        check_fps(self.fps)?;
+        let system = Registration::find(shared.system.as_deref())?;
+        let closures = match &self.sounds {
+            Some(path) => Some(Annotation::read(path, self.fps)?.closures()?),
+            None => None,
+        };
+        Ok(MotionRequest {
+            emotion: self.emotion.curve(system.takes_words, shared.weights())?,
+            controls: self.controls.controls()?,
+            fps: self.fps,
+            seed: self.seed,
+            style: self.style.clone(),
+            closures,
+            events: self.events(shared.weights())?,
+            felt_as: self.felt_as()?,
+            starts_from: self.starts_from()?,
+        })
+    }
+}
+
+/// Reads `x`, `+x` or `-x`, and the same for the others.
+fn axis(text: &str) -> std::result::Result<Axis, String> {
+    match text.trim_start_matches('+').to_ascii_lowercase().as_str() {
+        "x" => Ok(Axis::PosX),
+        "-x" => Ok(Axis::NegX),
+        "y" => Ok(Axis::PosY),
+        "-y" => Ok(Axis::NegY),
+        "z" => Ok(Axis::PosZ),
+        "-z" => Ok(Axis::NegZ),
+        _ => Err(format!("expected x, -x, y, -y, z or -z, got {text:?}")),
+    }
+}
+
+/// A path as text for reports.
+pub fn shown(path: &Path) -> String {
+    path.display().to_string()
+}

@@ -1,0 +1,150 @@
+//! Talking to the person or the machine at the other end.
+
+use std::{
+    fmt::Display,
+    io::{self, IsTerminal, Write},
+    time::Duration,
+};
+
+use anyface::{Error, Result, output::Report, progress::Progress};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde::Serialize;
+
+use crate::signals;
+
+const BAR_STEPS: u64 = 1000;
+
+/// Where results, progress and errors go.
+pub struct Console {
+    json: bool,
+    bar: ProgressBar,
+}
+
+impl Console {
+    /// A progress bar appears on a terminal only, and never beside JSON.
+    pub fn new(json: bool) -> Self {
+        let bar = ProgressBar::new(BAR_STEPS);
+        match std::io::stderr().is_terminal() && !json {
+            true => {
+                let style =
+                    ProgressStyle::with_template("{msg:>10} {bar:40} {percent:>3} % {elapsed}");
+                bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+                bar.enable_steady_tick(Duration::from_millis(200));
+            }
+            false => bar.set_draw_target(ProgressDrawTarget::hidden()),
+        }
+        Console { json, bar }
+    }
+
+    /// Shows the library's own log on standard error, as much as `ANYFACE_LOG` asks for; beside JSON nothing
+    /// that was not asked for.
+    pub fn listen(&self) {
+        let usual = if self.json { "off" } else { "error" };
+        let filter = tracing_subscriber::EnvFilter::try_from_env("ANYFACE_LOG")
+            .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(usual));
+        // A second subscriber in one process is refused; the first then goes on.
+        let _ = tracing_subscriber::fmt()
+            .with_env_filter(filter)
+            .with_writer(std::io::stderr)
+            .try_init();
+    }
+
+    /// A progress callback for the library; a signal to end cancels.
+    pub fn progress(&self, progress: Progress) -> bool {
+        self.bar.set_message(progress.stage);
+        self.bar
+            .set_position((progress.fraction * BAR_STEPS as f32) as u64);
+        !signals::are_to_end()
+    }
+
+    /// Prints a finished run: JSON as it is, or `summary` with the warnings.
+    ///
+    /// # Errors
+    /// `Io` if standard output cannot be written to.
+    pub fn report(&self, report: &Report, summary: &str) -> Result<()> {
+        self.bar.finish_and_clear();
+        if self.json {
+            return self.json(report);
+        }
+        said(summary)?;
+        self.warn(&report.warnings);
+        Ok(())
+    }
+
+    /// Prints warnings; with `--json` they stand in the value itself.
+    pub fn warn(&self, warnings: &[String]) {
+        if !self.json {
+            warnings
+                .iter()
+                .for_each(|warning| complained(&format!("warning: {warning}")));
+        }
+    }
+
+    /// Prints `value` as JSON, or `text`.
+    ///
+    /// # Errors
+    /// `Io` if standard output cannot be written to.
+    pub fn value(&self, value: &impl Serialize, text: &str) -> Result<()> {
+        self.bar.finish_and_clear();
+        match self.json {
+            true => self.json(value),
+            false => said(text.trim_end()),
+        }
+    }
+
+    fn json(&self, value: &impl Serialize) -> Result<()> {
+        let text = serde_json::to_string_pretty(value).map_err(io::Error::from);
+        said(&text.map_err(Error::io(STANDARD_OUTPUT))?)
+    }
+
+    /// Prints an error, as `{"error": {"kind", "code", "message"}}` with `--json`.
+    pub fn error(&self, error: &Error) {
+        self.bar.finish_and_clear();
+        match self.json {
+            true => {
+                let body = serde_json::json!({"error": {
+                    "kind": kind(error),
+                    "code": error.exit_code(),
+                    "message": error.to_string(),
+                }});
+                complained(&body);
+            }
+            false => complained(&format!("error: {error}")),
+        }
+    }
+}
+
+const STANDARD_OUTPUT: &str = "standard output";
+
+/// A line on standard output; a reader that has left, such as `head`, wants no more of it.
+///
+/// # Errors
+/// `Io` if it cannot be written, as where a disk is full.
+fn said(text: &str) -> Result<()> {
+    let mut out = io::stdout().lock();
+    match writeln!(out, "{text}").and_then(|()| out.flush()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        result => result.map_err(Error::io(STANDARD_OUTPUT)),
+    }
+}
+
+/// A line on standard error; nobody is left to hear that this fails.
+fn complained(text: &impl Display) {
+    let _ = writeln!(io::stderr().lock(), "{text}");
+}
+
+/// The word for an error's kind.
+fn kind(error: &Error) -> &'static str {
+    match error {
+        Error::InvalidInput(_) => "invalid_input",
+        Error::ShapeMismatch { .. } => "shape_mismatch",
+        Error::Audio(_) => "audio",
+        Error::Mesh(_) => "mesh",
+        Error::FaceNotFound(_) => "face_not_found",
+        Error::Weights(_) => "weights",
+        Error::Numerics(_) => "numerics",
+        Error::Io { .. } => "io",
+        Error::Cancelled => "cancelled",
+        Error::OutOfMemory(_) => "out_of_memory",
+    }
+}

@@ -1,0 +1,171 @@
+//! `anyface deform`: motion of landmarks or weights from a file on a mesh.
+
+use std::path::{Path, PathBuf};
+
+use anyface::{
+    Engine, Error, Face, Result,
+    ibug::LANDMARKS,
+    mesh::{LandmarkSource, Mesh},
+    motion::{LandmarkClip, Motion},
+    output::{
+        Format, LandmarkMotion, Report, read_landmark_motion, read_weights, write_attention,
+        write_json,
+    },
+};
+use clap::Args;
+use ndarray::{Array2, Axis};
+
+use crate::{
+    arguments::{FaceArgs, SharedArgs, not_onto},
+    console::Console,
+    stages::{new_report, note_face, spread_into, summary, timed},
+    surface::SurfaceArgs,
+};
+
+/// Frame rate of motion files that do not state theirs.
+const DEFAULT_FPS: f64 = 30.0;
+
+/// Put motion from a file on a mesh
+#[derive(Args)]
+#[command(mut_arg("surface", |arg| arg.conflicts_with("attention")))]
+pub struct Deform {
+    /// The mesh: OBJ, PLY or GLB
+    #[arg(long, value_name = "M")]
+    mesh: PathBuf,
+    /// Motion, .npz: landmarks_neutral [68, 3] and landmark_displacements [T, 68, 3] in mesh
+    /// units; without landmarks_neutral, the displacements are metres on a human head, as
+    /// `anyface motion` writes them. Where it holds weights, these move the mesh's own ARKit shapes
+    #[arg(long, value_name = "L.npz")]
+    motion: PathBuf,
+    /// The result: .npz (arrays), .pc2 or .mdd (point caches); for --surface a new folder
+    #[arg(long, value_name = "O")]
+    out: PathBuf,
+    /// Also write by which share each vertex attends to each landmark, mean over the frames: .npz with
+    /// attention [V, 68]. Needs --decoder paper and motion in mesh units
+    #[arg(long, value_name = "A.npz")]
+    attention: Option<PathBuf>,
+    /// Also write a report of the run
+    #[arg(long, value_name = "R.json")]
+    report: Option<PathBuf>,
+    #[command(flatten)]
+    face: FaceArgs,
+    #[command(flatten)]
+    surface: SurfaceArgs,
+}
+
+impl Deform {
+    pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
+        match self.surface.is_asked() {
+            true => self.surface.check(&self.out)?,
+            false => Format::from_path(&self.out).map(drop)?,
+        }
+        not_onto(
+            &self.out,
+            &[("--mesh", &self.mesh), ("--motion", &self.motion)],
+        )?;
+        let mut report = new_report();
+        let motion = timed(&mut report, "read", || read_landmark_motion(&self.motion))?;
+        let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
+        let known = motion
+            .neutral
+            .map(|neutral| LandmarkSource::Positions(neutral.to_vec()));
+        let options = self.face.options(&self.mesh, known)?;
+        let engine = timed(&mut report, "load", || shared.engine())?;
+        if self.surface.is_asked() {
+            engine.head()?;
+        }
+        let face = timed(&mut report, "prepare", || {
+            let progress = &|p| console.progress(p);
+            match self.surface.is_asked() {
+                true => engine.find(&mesh, &options, progress),
+                false => engine.prepare(&mesh, &options, progress),
+            }
+        })?;
+        note_face(&mut report, &face);
+        if self.surface.is_asked() {
+            self.write_surface((&engine, &face), motion, &mut report, console)?;
+            return self.told(&report, console);
+        }
+        if let Some(path) = &self.attention {
+            self.write_attention(path, &engine, &face, &motion, console)?;
+        }
+        let weights = read_weights(&self.motion)?;
+        let fps = motion.fps.unwrap_or(DEFAULT_FPS);
+        let (progress, displacements) = (&|p| console.progress(p), motion.displacements);
+        // Nothing is known of the speech, so lips may rest.
+        spread_into(
+            &self.out,
+            &face,
+            fps,
+            0.0,
+            None,
+            &mut report,
+            |sink| match (motion.neutral, weights) {
+                (Some(_), _) => engine.spread_own(&face, displacements, fps, sink, progress),
+                (None, Some(clip)) => engine.spread(&face, &Motion::Weights(clip), sink, progress),
+                (None, None) => {
+                    let clip = LandmarkClip { displacements, fps };
+                    engine.spread(&face, &Motion::Landmarks(clip), sink, progress)
+                }
+            },
+        )?;
+        self.told(&report, console)
+    }
+
+    fn told(&self, report: &Report, console: &Console) -> Result<()> {
+        if let Some(path) = &self.report {
+            write_json(path, report)?;
+        }
+        console.report(report, &summary(report))
+    }
+
+    /// The surface of the head that goes as the landmarks do.
+    fn write_surface(
+        &self,
+        (engine, face): (&Engine, &Face),
+        motion: LandmarkMotion,
+        report: &mut Report,
+        console: &Console,
+    ) -> Result<()> {
+        if motion.neutral.is_some() {
+            return Err(Error::InvalidInput(format!(
+                "{}: expected metres on a human head for --surface, as `anyface motion` writes them, got the units of \
+                 a mesh",
+                self.motion.display()
+            )));
+        }
+        let progress = &|p| console.progress(p);
+        let clip = LandmarkClip {
+            displacements: motion.displacements,
+            fps: motion.fps.unwrap_or(DEFAULT_FPS),
+        };
+        let codes = Motion::Codes(engine.codes_of(&clip, progress)?);
+        // Nothing is known of the speech, so lips may rest.
+        self.surface
+            .write((engine, face), (&codes, 0.0), &self.out, report, progress)
+    }
+
+    /// Frame by frame: all at once would be as large as ten clips.
+    fn write_attention(
+        &self,
+        path: &Path,
+        engine: &Engine,
+        face: &Face,
+        motion: &LandmarkMotion,
+        console: &Console,
+    ) -> Result<()> {
+        if motion.neutral.is_none() {
+            return Err(Error::InvalidInput(format!(
+                "{}: expected landmarks_neutral for --attention, got none",
+                self.motion.display()
+            )));
+        }
+        let mut mean = Array2::zeros((face.mesh.positions.len(), LANDMARKS));
+        let frames = motion.displacements.dim().0;
+        for frame in motion.displacements.axis_chunks_iter(Axis(0), 1) {
+            let shares = engine.attention(face, frame, &|p| console.progress(p))?;
+            mean.scaled_add(1.0 / frames as f32, &shares.index_axis(Axis(0), 0));
+        }
+        write_attention(path, mean.view())
+    }
+}

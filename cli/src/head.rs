@@ -1,0 +1,262 @@
+//! `anyface head`: a head made from numbers.
+
+use std::{
+    io::Write,
+    path::{Path, PathBuf},
+};
+
+use anyface::{
+    Error, Result,
+    head::{COEFFICIENTS, Head, HeadOptions, MadeHead, ScanFit, ScanOptions},
+    mesh::{LandmarkSource, Mesh},
+    output::{Report, write_atomically},
+};
+use clap::Args;
+use serde::Serialize;
+
+use crate::{
+    arguments::{SharedArgs, not_onto, shown},
+    console::Console,
+    stages::{new_report, timed},
+};
+
+/// Make a head: at random, from sliders, a mixture of two, or like a scan
+#[derive(Args)]
+pub struct MakeHead {
+    /// The result: .obj with the objects skin, eyes, teeth and tongue; NAME.landmarks.json is written beside it
+    #[arg(long, value_name = "HEAD.obj")]
+    out: PathBuf,
+    /// Which random head
+    #[arg(long, value_name = "N", conflicts_with_all = ["mix", "code", "like"])]
+    seed: Option<u64>,
+    /// A head between those of two seeds, half of each or another share of the second, as in 7,12 or 7,12,0.3
+    #[arg(long, value_name = "A,B[,SHARE]", value_parser = mixture, conflicts_with_all = ["code", "like"])]
+    mix: Option<Mixture>,
+    /// Its coefficients as a JSON list of 100 numbers, such as --code-out writes
+    #[arg(long, value_name = "C.json", conflicts_with = "like")]
+    code: Option<PathBuf>,
+    /// A clean head like this scan or model: OBJ, PLY or GLB
+    #[arg(long, value_name = "SCAN")]
+    like: Option<PathBuf>,
+    /// Landmarks of the scan as JSON [default: found on it]
+    #[arg(long, value_name = "L.json", requires = "like")]
+    like_landmarks: Option<PathBuf>,
+    /// A slider, -4 to 4, 0 is the average head; see `anyface info --json`; may be repeated
+    #[arg(long, value_name = "NAME=VALUE", value_parser = direction, allow_hyphen_values = true)]
+    direction: Vec<(String, f32)>,
+    /// Bring coefficients that are far from any that were learned back to those
+    #[arg(long)]
+    pull_back: bool,
+    /// Cells along the longest side of the grid on which the surface is found
+    #[arg(long, value_name = "N", default_value_t = HeadOptions::default().resolution)]
+    resolution: usize,
+    /// The skin alone, without eyes, teeth and tongue
+    #[arg(long)]
+    skin_only: bool,
+    /// Also write the coefficients as JSON
+    #[arg(long, value_name = "C.json")]
+    code_out: Option<PathBuf>,
+}
+
+/// Two seeds and the share of the second.
+#[derive(Debug, Clone, Copy)]
+struct Mixture {
+    seeds: [u64; 2],
+    share: f32,
+}
+
+/// A run and what the head is.
+#[derive(Serialize)]
+struct HeadReport<'a> {
+    #[serde(flatten)]
+    run: &'a Report,
+    landmarks: String,
+    coefficients: &'a [f32],
+    /// How far along each direction.
+    directions: Vec<(String, f32)>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fit: Option<ScanFit>,
+}
+
+impl MakeHead {
+    pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
+        self.check()?;
+        let progress = |p| console.progress(p);
+        let mut report = new_report();
+        let head = timed(&mut report, "load", || Head::open(shared.weights()))?;
+        let (mut coefficients, fit) = self.coefficients(&head, shared, console, &mut report)?;
+        for (name, value) in &self.direction {
+            head.set_along(&mut coefficients, head.direction(name)?, *value)?;
+        }
+        let options = HeadOptions {
+            resolution: self.resolution,
+            parts: !self.skin_only,
+        };
+        let made = timed(&mut report, "surface", || {
+            let one = head.one(head.identity_code(&coefficients)?)?;
+            one.mesh(&options, &progress)
+        })?;
+        let landmarks = self.out.with_extension("landmarks.json");
+        timed(&mut report, "write", || {
+            self.write(&made, &landmarks, &coefficients)
+        })?;
+        report.out = Some(shown(&self.out));
+        report.vertices = Some(made.mesh.positions.len());
+        let names = head
+            .config()
+            .directions
+            .iter()
+            .map(|direction| direction.name.clone());
+        let full = HeadReport {
+            run: &report,
+            landmarks: shown(&landmarks),
+            coefficients: &coefficients,
+            directions: names.zip(head.along(&coefficients)?).collect(),
+            fit,
+        };
+        console.warn(&report.warnings);
+        console.value(&full, &summary(&full, &made))
+    }
+
+    fn check(&self) -> Result<()> {
+        if self.out.extension().is_none_or(|ending| ending != "obj") {
+            return Err(Error::InvalidInput(format!(
+                "{}: expected a name that ends in .obj",
+                self.out.display()
+            )));
+        }
+        let inputs = [("--like", &self.like), ("--code", &self.code)];
+        for (name, path) in inputs {
+            if let Some(path) = path {
+                not_onto(&self.out, &[(name, path)])?;
+            }
+        }
+        Ok(())
+    }
+
+    fn coefficients(
+        &self,
+        head: &Head,
+        shared: &SharedArgs,
+        console: &Console,
+        report: &mut Report,
+    ) -> Result<(Vec<f32>, Option<ScanFit>)> {
+        if let Some(path) = &self.like {
+            let progress = |p| console.progress(p);
+            let scan = timed(report, "read", || Mesh::read(path))?;
+            let known = self
+                .like_landmarks
+                .as_deref()
+                .map(LandmarkSource::read)
+                .transpose()?;
+            let landmarks = timed(report, "landmarks", || {
+                let options = anyface::mesh::FaceOptions {
+                    landmarks: known,
+                    ..Default::default()
+                };
+                let face = shared.engine()?.find(&scan, &options, &progress)?;
+                Ok(face.landmarks)
+            })?;
+            let fit = timed(report, "fit", || {
+                head.fit_scan(
+                    &scan.positions,
+                    &landmarks,
+                    &ScanOptions::default(),
+                    &progress,
+                )
+            })?;
+            report.warnings.extend(fit.warnings.iter().cloned());
+            return Ok((fit.coefficients.clone(), Some(fit)));
+        }
+        let coefficients = match (&self.mix, &self.code) {
+            (Some(Mixture { seeds, share }), _) => {
+                Head::mixture(&Head::random(seeds[0]), &Head::random(seeds[1]), *share)?
+            }
+            (None, Some(path)) => {
+                Head::checked(read_code(path)?, self.pull_back).map_err(|error| match error {
+                    Error::InvalidInput(message) if message.ends_with("pulled back") => {
+                        Error::InvalidInput(format!("{message}: --pull-back"))
+                    }
+                    other => other,
+                })?
+            }
+            (None, None) => match self.seed {
+                Some(seed) => Head::random(seed),
+                None => vec![0.0; COEFFICIENTS],
+            },
+        };
+        Ok((coefficients, None))
+    }
+
+    fn write(&self, made: &MadeHead, landmarks: &Path, coefficients: &[f32]) -> Result<()> {
+        let write = |path: &Path, text: &str| {
+            write_atomically(path, |file| file.write_all(text.as_bytes()))
+        };
+        write(landmarks, &made.landmarks.to_json())?;
+        if let Some(path) = &self.code_out {
+            let text = serde_json::to_string(coefficients).expect("numbers serialise");
+            write(path, &text)?;
+        }
+        write(&self.out, &made.to_obj())
+    }
+}
+
+fn read_code(path: &Path) -> Result<Vec<f32>> {
+    let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+    serde_json::from_str(&text).map_err(|error| {
+        let place = path.display();
+        Error::InvalidInput(format!(
+            "{place}: expected a JSON list of {COEFFICIENTS} numbers: {error}"
+        ))
+    })
+}
+
+fn mixture(text: &str) -> std::result::Result<Mixture, String> {
+    let wrong = || format!("expected A,B or A,B,SHARE, as in 7,12,0.3, got {text:?}");
+    let words: Vec<&str> = text.split(',').map(str::trim).collect();
+    let seed = |n: usize| {
+        words
+            .get(n)
+            .and_then(|word| word.parse().ok())
+            .ok_or_else(wrong)
+    };
+    let share = match words.len() {
+        2 => 0.5,
+        3 => words[2].parse().map_err(|_| wrong())?,
+        _ => return Err(wrong()),
+    };
+    Ok(Mixture {
+        seeds: [seed(0)?, seed(1)?],
+        share,
+    })
+}
+
+fn direction(text: &str) -> std::result::Result<(String, f32), String> {
+    let wrong = || format!("expected NAME=VALUE, as in face-width=1.5, got {text:?}");
+    let (name, value) = text.split_once('=').ok_or_else(wrong)?;
+    Ok((
+        name.trim().to_owned(),
+        value.trim().parse().map_err(|_| wrong())?,
+    ))
+}
+
+fn summary(report: &HeadReport<'_>, made: &MadeHead) -> String {
+    let total: f64 = report.run.seconds.values().sum();
+    let mut text = format!(
+        "wrote {} and {}: {} vertices, of them {} skin, in {total:.2} s\n",
+        report.run.out.as_deref().unwrap_or("nothing"),
+        report.landmarks,
+        made.mesh.positions.len(),
+        made.canonical.len()
+    );
+    if let Some(fit) = &report.fit {
+        text += &format!(
+            "the scan's face lies {:.2} mm from it, {:.2} mm at nine points of ten\n",
+            fit.mean_mm, fit.most_mm
+        );
+    }
+    for (name, value) in &report.directions {
+        text += &format!("{name:>20} {value:5.2}\n");
+    }
+    text
+}

@@ -1,0 +1,51 @@
+//! `anyface landmarks`: the 68 landmarks of a mesh.
+
+use std::{io::Write, path::PathBuf};
+
+use anyface::{Result, mesh::Mesh, output::write_atomically};
+use clap::Args;
+
+use crate::{
+    arguments::{FaceArgs, SharedArgs, not_onto, shown},
+    console::Console,
+    stages::{new_report, note_face, timed},
+};
+
+/// Find the 68 landmarks of a mesh
+#[derive(Args)]
+pub struct FindLandmarks {
+    /// The mesh: OBJ, PLY or GLB
+    #[arg(long, value_name = "M")]
+    mesh: PathBuf,
+    /// The result as JSON: position, vertex and confidence of each, and how the lips meet
+    #[arg(long, value_name = "L.json")]
+    out: PathBuf,
+    #[command(flatten)]
+    face: FaceArgs,
+}
+
+impl FindLandmarks {
+    pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
+        not_onto(&self.out, &[("--mesh", &self.mesh)])?;
+        let options = self.face.options(&self.mesh, None)?;
+        let mut report = new_report();
+        let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
+        let engine = timed(&mut report, "load", || shared.engine())?;
+        let face = timed(&mut report, "landmarks", || {
+            engine.find(&mesh, &options, &|p| console.progress(p))
+        })?;
+        let mouth = face.mouth();
+        let json = face.landmarks.to_json_with_mouth(mouth);
+        write_atomically(&self.out, |file| file.write_all(json.as_bytes()))?;
+        note_face(&mut report, &face);
+        report.out = Some(shown(&self.out));
+        report.vertices = Some(mesh.positions.len());
+        let [least, mean] = report.landmark_confidence.unwrap_or_default();
+        let summary = format!(
+            "wrote {}: 68 landmarks, confidence {mean:.2} on average, {least:.2} at least; {}",
+            self.out.display(),
+            mouth.sentence()
+        );
+        console.report(&report, &summary)
+    }
+}

@@ -1,0 +1,246 @@
+//! What is said and how it is felt, apart: two layers, a mask between them, and what the model believes.
+
+use std::path::{Path, PathBuf};
+
+use anyface::{
+    Engine, Error, Face, MotionRequest, Performance, Result,
+    audio::Waveform,
+    mesh::Mesh,
+    output::{Format, Report, write_mask},
+    progress::ProgressFn,
+    spread::{self, FrameSink},
+};
+use clap::{Args, ValueEnum};
+
+use crate::stages::spread_into;
+
+/// The control that chooses a layer, and its value for what is said alone.
+const CONTROL: &str = "layer";
+const SAID: f32 = 1.0;
+
+/// Options of layers.
+#[derive(Args)]
+pub struct LayerArgs {
+    /// Where feeling acts (emoface): a JSON list of a share from 0 to 1 for each vertex; where it is 0 only what is
+    /// said moves the face
+    #[arg(long, value_name = "M.json", conflicts_with = "redo")]
+    mask: Option<PathBuf>,
+    /// Also write layers (emoface): content, what is said alone, and feeling, what is felt beyond it, beside the
+    /// result with _content and _feeling in their names
+    #[arg(
+        long,
+        value_name = "LAYERS",
+        value_delimiter = ',',
+        conflicts_with = "redo"
+    )]
+    layers: Vec<Layer>,
+    /// Also write how far feeling is believed in each vertex and frame (emoface): .npz with mask [T, V]
+    #[arg(long, value_name = "W.npz", conflicts_with = "redo")]
+    mask_out: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Layer {
+    Content,
+    Feeling,
+}
+
+/// A performance with what is said of it alone.
+pub struct Layered<'a> {
+    pub engine: &'a Engine,
+    pub face: &'a Face,
+    pub performance: &'a Performance,
+    said: Option<Performance>,
+    /// `[V]`, 1 without a mask.
+    mask: Vec<f32>,
+}
+
+impl LayerArgs {
+    /// Checks what is cheap to check.
+    pub fn check(&self) -> Result<()> {
+        match &self.mask_out {
+            Some(path) if Format::from_path(path)? != Format::Npz => {
+                Err(Error::InvalidInput(format!(
+                    "{}: expected a name that ends in .npz for a mask",
+                    path.display()
+                )))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Frames that lie in memory at once: two blocks, and the mask, whose shares are a third of a vertex's motion.
+    pub fn kept(&self, frames: usize, mesh: &Mesh) -> usize {
+        let mask = match self.mask_out {
+            Some(_) => frames / 3,
+            None => 0,
+        };
+        mask + frames.min(2 * spread::frames_at_once(mesh))
+    }
+
+    /// Whether anything needs what is said alone.
+    fn parts(&self) -> bool {
+        self.mask.is_some() || !self.layers.is_empty()
+    }
+
+    /// The performance of `request`, and beside it what is said alone where that is needed.
+    pub fn of<'a>(
+        &self,
+        engine: &'a Engine,
+        face: &'a Face,
+        performance: &'a Performance,
+        (waveform, request): (&Waveform, &MotionRequest),
+        progress: ProgressFn<'_>,
+    ) -> Result<Layered<'a>> {
+        let vertices = face.mesh.positions.len();
+        let mask = match &self.mask {
+            Some(path) => read_mask(path, vertices)?,
+            None => vec![1.0; vertices],
+        };
+        let said = match self.parts() {
+            true => {
+                let controls = request.controls.with(CONTROL, SAID);
+                let request = MotionRequest {
+                    controls,
+                    ..request.clone()
+                };
+                Some(engine.perform(waveform, &request, progress)?)
+            }
+            false => None,
+        };
+        Ok(Layered {
+            engine,
+            face,
+            performance,
+            said,
+            mask,
+        })
+    }
+
+    /// Writes the result into `out`, and the layers beside it.
+    pub fn write(
+        &self,
+        layered: &Layered<'_>,
+        out: &Path,
+        report: &mut Report,
+        progress: ProgressFn<'_>,
+    ) -> Result<()> {
+        let Layered {
+            engine,
+            face,
+            performance,
+            ..
+        } = *layered;
+        if let Some(path) = &self.mask_out {
+            let frames = 0..performance.motion.frames();
+            write_mask(path, engine.believed(face, performance, frames)?.view())?;
+        }
+        for layer in &self.layers {
+            layered.part(*layer, &beside(out, *layer), progress)?;
+        }
+        let (fps, articulation) = (performance.motion.fps(), performance.articulation());
+        let life = Some(&performance.life);
+        let spread = |sink: &mut dyn FrameSink| layered.spread(sink, progress);
+        spread_into(out, face, fps, articulation, life, report, spread)
+    }
+}
+
+impl Layered<'_> {
+    /// Both layers under the mask.
+    fn spread(
+        &self,
+        sink: &mut dyn FrameSink,
+        progress: ProgressFn<'_>,
+    ) -> Result<anyface::spread::SpreadReport> {
+        let whole = &self.performance.motion;
+        match &self.said {
+            Some(said) if self.mask.iter().any(|share| *share != 1.0) => {
+                let rest = self.mask.iter().map(|share| 1.0 - share).collect();
+                let parts = [(&said.motion, rest), (whole, self.mask.clone())];
+                self.engine.spread_mixed(self.face, parts, sink, progress)
+            }
+            _ => self.engine.spread(self.face, whole, sink, progress),
+        }
+    }
+
+    /// One layer into a file of its own.
+    fn part(&self, layer: Layer, out: &Path, progress: ProgressFn<'_>) -> Result<()> {
+        let said = self.said.as_ref().map_or(self.performance, |said| said);
+        let negative = self.mask.iter().map(|share| -share).collect();
+        let spread = |sink: &mut dyn FrameSink| match layer {
+            Layer::Content => self.engine.spread(self.face, &said.motion, sink, progress),
+            Layer::Feeling => {
+                let whole = (&self.performance.motion, self.mask.clone());
+                let parts = [(&said.motion, negative), whole];
+                self.engine.spread_mixed(self.face, parts, sink, progress)
+            }
+        };
+        let fps = said.motion.fps();
+        let mut report = crate::stages::new_report();
+        spread_into(out, self.face, fps, 0.0, None, &mut report, spread)
+    }
+}
+
+/// `talk.npz` → `talk_content.npz`.
+fn beside(out: &Path, layer: Layer) -> PathBuf {
+    let word = match layer {
+        Layer::Content => "content",
+        Layer::Feeling => "feeling",
+    };
+    let stem = out.file_stem().unwrap_or_default().to_string_lossy();
+    let ending = out.extension().unwrap_or_default().to_string_lossy();
+    out.with_file_name(format!("{stem}_{word}.{ending}"))
+}
+
+/// The shares of a mask.
+fn read_mask(path: &Path, vertices: usize) -> Result<Vec<f32>> {
+    let wrong = |told: String| Error::InvalidInput(format!("{}: {told}", path.display()));
+    let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+    let mask: Vec<f32> = serde_json::from_str(&text)
+        .map_err(|error| wrong(format!("mask: expected a list of numbers: {error}")))?;
+    if mask.len() != vertices {
+        let got = mask.len();
+        return Err(wrong(format!(
+            "mask: expected a share for each of {vertices} vertices, got {got}"
+        )));
+    }
+    match mask.iter().position(|share| !(0.0..=1.0).contains(share)) {
+        Some(v) => Err(wrong(format!(
+            "mask: expected shares from 0 to 1, got {} at vertex {v}",
+            mask[v]
+        ))),
+        None => Ok(mask),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn masks_of_another_mesh_and_beyond_one_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("mask.json");
+        let read = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            read_mask(&path, 3)
+        };
+        assert_eq!(read("[0, 0.5, 1]").unwrap(), [0.0, 0.5, 1.0]);
+        for (text, told) in [
+            ("[0, 1]", "each of 3 vertices, got 2"),
+            ("[0, 1.5, 1]", "got 1.5 at vertex 1"),
+            ("[0, -0.1, 1]", "got -0.1 at vertex 1"),
+            ("{}", "expected a list of numbers"),
+            ("[0, null, 1]", "expected a list of numbers"),
+        ] {
+            let message = read(text).unwrap_err().to_string();
+            assert!(message.contains(told), "{text}: {message}");
+        }
+    }
+
+    #[test]
+    fn layers_stand_beside_the_result() {
+        let out = beside(Path::new("/tmp/a/talk.pc2"), Layer::Feeling);
+        assert_eq!(out, Path::new("/tmp/a/talk_feeling.pc2"));
+    }
+}

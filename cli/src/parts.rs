@@ -1,0 +1,54 @@
+//! `anyface parts`: the parts of a mesh and what each of them is.
+
+use std::path::PathBuf;
+
+use anyface::{
+    Result,
+    mesh::{Mesh, ObjectNames, Part},
+};
+use clap::Args;
+
+use crate::{
+    arguments::{FaceArgs, SharedArgs},
+    console::Console,
+};
+
+/// List the parts of a mesh (teeth, eyes, lashes, …) and what each of them follows
+#[derive(Args)]
+pub struct ListParts {
+    /// The mesh: OBJ or PLY
+    #[arg(long, value_name = "M")]
+    mesh: PathBuf,
+    #[command(flatten)]
+    face: FaceArgs,
+}
+
+impl ListParts {
+    pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
+        let mut options = self.face.options(&self.mesh, None)?;
+        options.parts.names = ObjectNames::read(&self.mesh)?;
+        let mesh = Mesh::read(&self.mesh)?;
+        let face = shared
+            .engine()?
+            .find(&mesh, &options, &|p| console.progress(p))?;
+        let list = &face.parts;
+        let mut text = format!(
+            "{:>4} {:<8} {:>8}  {:<32} name\n",
+            "part", "role", "vertices", "middle"
+        );
+        list.parts.iter().for_each(|part| text += &line(part));
+        console.value(&serde_json::json!({"parts": list.parts}), &text)
+    }
+}
+
+fn line(part: &Part) -> String {
+    let middle = [0, 1, 2].map(|i| format!("{:.4}", 0.5 * (part.low[i] + part.high[i])));
+    format!(
+        "{:>4} {:<8} {:>8}  {:<32} {}\n",
+        part.number,
+        part.role.name(),
+        part.vertices,
+        middle.join(" "),
+        part.name.as_deref().unwrap_or("-")
+    )
+}

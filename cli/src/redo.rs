@@ -1,0 +1,178 @@
+//! A stretch of an earlier result made again.
+
+use std::path::{Path, PathBuf};
+
+use anyface::{
+    Engine, Error, Face, Performance, Result,
+    deform::VertexClip,
+    mesh::Mesh,
+    motion::{LandmarkClip, Life, Motion, Stretch, WeightClip},
+    output::{
+        Format, read_landmark_motion, read_life, read_vertex_motion, read_weights, write_animation,
+    },
+    progress::ProgressFn,
+    spread::{Animation, Collector, SpreadReport},
+};
+use clap::Args;
+use ndarray::Array3;
+
+/// Options of a stretch that is made again.
+#[derive(Args)]
+pub struct RedoArgs {
+    /// Make only these seconds again, blended at the ends; every frame outside stays to the bit
+    #[arg(long, value_name = "S-S", requires = "from", value_parser = Stretch::parse)]
+    redo: Option<Stretch>,
+    /// The earlier result, .npz, of the same mesh, sound and frame rate
+    #[arg(long, value_name = "T.npz", requires = "redo")]
+    from: Option<PathBuf>,
+}
+
+/// What is made again, and of which file.
+pub struct Redo<'a> {
+    stretch: Stretch,
+    from: &'a Path,
+}
+
+impl RedoArgs {
+    /// What is asked for; checks what is cheap to check.
+    pub fn asked(&self) -> Result<Option<Redo<'_>>> {
+        let (Some(stretch), Some(from)) = (self.redo, self.from.as_deref()) else {
+            return Ok(None);
+        };
+        if Format::from_path(from)? != Format::Npz {
+            return Err(Error::InvalidInput(format!(
+                "{}: expected a name that ends in .npz to make a stretch of it again",
+                from.display()
+            )));
+        }
+        Ok(Some(Redo { stretch, from }))
+    }
+}
+
+impl Redo<'_> {
+    /// The earlier animation with the stretch as in `performance`, written to `out`.
+    pub fn animate(
+        &self,
+        engine: &Engine,
+        face: &Face,
+        performance: &Performance,
+        out: &Path,
+        progress: ProgressFn<'_>,
+    ) -> Result<SpreadReport> {
+        let motion = &performance.motion;
+        let (frames, fps) = (motion.frames(), motion.fps());
+        let mut was = self.animation(&face.mesh)?;
+        self.check(
+            was.vertices.displacements.dim().0,
+            was.vertices.fps,
+            frames,
+            fps,
+        )?;
+        let rows = self.stretch.frames(frames, fps)?;
+        let part = motion.frames_of(rows.clone());
+        let mut notes = Vec::new();
+        let new = Collector::collect(|sink| {
+            let made = engine.spread(face, &part, sink, progress)?;
+            notes.clone_from(&made.notes);
+            Ok(made)
+        })?;
+        let splice = |was: &mut Array3<f32>, new: Array3<f32>| -> Result<()> {
+            let mut whole = was.clone();
+            let rows = ndarray::Slice::from(rows.clone());
+            whole.slice_axis_mut(ndarray::Axis(0), rows).assign(&new);
+            *was = self.stretch.splice(was.view(), whole.view(), fps)?;
+            Ok(())
+        };
+        splice(&mut was.vertices.displacements, new.vertices.displacements)?;
+        splice(&mut was.landmark_displacements, new.landmark_displacements)?;
+        let life = self.life(&performance.life, fps)?;
+        write_animation(out, &was, Some(&life), &face.mesh)?;
+        Ok(SpreadReport {
+            largest: largest(&was.vertices.displacements),
+            landmarks: was.landmark_displacements,
+            notes,
+        })
+    }
+
+    /// Motion and life of the file with the stretch as in `performance`.
+    pub fn motion(&self, performance: &Performance) -> Result<(Motion, Life)> {
+        let new = &performance.motion;
+        let was = match new {
+            Motion::Weights(clip) => Motion::Weights(self.weights(clip)?),
+            _ => Motion::Landmarks(self.landmarks(new)?),
+        };
+        self.check(was.frames(), was.fps(), new.frames(), new.fps())?;
+        let made = match new {
+            // Files of motion hold no codes.
+            Motion::Codes(new) => {
+                was.redone(&Motion::Landmarks(new.landmarks.clone()), &self.stretch)?
+            }
+            _ => was.redone(new, &self.stretch)?,
+        };
+        Ok((made, self.life(&performance.life, new.fps())?))
+    }
+
+    /// The weights of the file, in the order of `new`.
+    fn weights(&self, new: &WeightClip) -> Result<WeightClip> {
+        match read_weights(self.from)? {
+            Some(was) if was.names == new.names => Ok(was),
+            Some(_) => Err(self.wrong("the shapes of this system, got others")),
+            None => Err(self.wrong("arrays weights and names, got none")),
+        }
+    }
+
+    fn landmarks(&self, new: &Motion) -> Result<LandmarkClip> {
+        let was = read_landmark_motion(self.from)?;
+        if was.neutral.is_some() {
+            return Err(self.wrong("landmark motion in metres, got that of a mesh"));
+        }
+        Ok(LandmarkClip {
+            displacements: was.displacements,
+            fps: was.fps.unwrap_or(new.fps()),
+        })
+    }
+
+    fn animation(&self, mesh: &Mesh) -> Result<Animation> {
+        let vertices = read_vertex_motion(self.from, mesh)?;
+        let landmarks = read_landmark_motion(self.from)?;
+        let (Some(fps), Some(landmarks_neutral)) = (vertices.fps, landmarks.neutral) else {
+            return Err(self.wrong("arrays fps and landmarks_neutral, got none"));
+        };
+        Ok(Animation {
+            vertices: VertexClip {
+                displacements: vertices.displacements,
+                fps,
+            },
+            brought: None,
+            landmarks_neutral,
+            landmark_displacements: landmarks.displacements,
+        })
+    }
+
+    fn life(&self, new: &Life, fps: f64) -> Result<Life> {
+        match read_life(self.from)? {
+            Some(was) => was.redone(new, &self.stretch, fps),
+            None => Err(self.wrong("arrays head and gaze, got none")),
+        }
+    }
+
+    fn check(&self, frames: usize, fps: f64, new_frames: usize, new_fps: f64) -> Result<()> {
+        match (frames, fps) == (new_frames, new_fps) {
+            true => Ok(()),
+            false => Err(self.wrong(&format!(
+                "{new_frames} frames at {new_fps} fps as of this sound, got {frames} at {fps} fps"
+            ))),
+        }
+    }
+
+    fn wrong(&self, expected: &str) -> Error {
+        Error::InvalidInput(format!("{}: expected {expected}", self.from.display()))
+    }
+}
+
+/// Largest displacement of any vertex.
+fn largest(displacements: &Array3<f32>) -> f32 {
+    let vectors = displacements.rows();
+    let lengths = vectors.into_iter().map(|moved| moved.dot(&moved));
+    lengths.fold(0.0, f32::max).sqrt()
+}

@@ -1,0 +1,145 @@
+//! `anyface rig`: ARKit shapes and visemes for any head.
+
+use std::{ffi::OsStr, path::PathBuf, sync::Arc};
+
+use anyface::{
+    Error, Result,
+    mesh::Mesh,
+    output::{Report, write_json, write_rig, write_rig_folder},
+    rig::ShapeReport,
+};
+use clap::{Args, ValueEnum};
+use serde::Serialize;
+
+use crate::{
+    arguments::{FaceArgs, SharedArgs, is_folder, not_onto, shown},
+    console::Console,
+    stages::{new_report, note_face, timed},
+};
+
+/// What moves the skin of a shape.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum By {
+    /// Landmarks of a mean face with a network's correction
+    Network,
+    /// The field of FaceTalk's head that is like the mesh
+    Field,
+}
+
+/// Make the 52 ARKit shapes and 15 visemes of a head
+#[derive(Args)]
+pub struct MakeRig {
+    /// The mesh: OBJ or PLY
+    #[arg(long, value_name = "M")]
+    mesh: PathBuf,
+    /// The result: .npz (names, deltas [S, V, 3], neutral), or a folder for one OBJ a shape
+    #[arg(long, value_name = "R")]
+    out: PathBuf,
+    /// What moves the skin of each shape: network, or field for that of a head that is like the mesh
+    #[arg(long, value_enum, default_value_t = By::Network)]
+    by: By,
+    /// Also make each of ARKit's shapes at half its weight, NAME_half, which need not lie halfway (--by field)
+    #[arg(long)]
+    in_betweens: bool,
+    /// Also write a report of every shape
+    #[arg(long, value_name = "R.json")]
+    report: Option<PathBuf>,
+    #[command(flatten)]
+    face: FaceArgs,
+}
+
+/// A run and what came of each shape.
+#[derive(Serialize)]
+struct RigReport<'a> {
+    #[serde(flatten)]
+    run: &'a Report,
+    shapes: &'a [ShapeReport],
+}
+
+impl MakeRig {
+    pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
+        let as_archive = self.as_archive()?;
+        if self.in_betweens && self.by == By::Network {
+            return Err(Error::InvalidInput(
+                "--in-betweens: expected --by field, got shapes by the network, which lie halfway at half their weight"
+                    .to_owned(),
+            ));
+        }
+        not_onto(&self.out, &[("--mesh", &self.mesh)])?;
+        let options = self.face.options(&self.mesh, None)?;
+        let mut report = new_report();
+        let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
+        let engine = timed(&mut report, "load", || shared.engine())?;
+        let (face, rig) = timed(&mut report, "shapes", || {
+            let progress = |p| console.progress(p);
+            let face = engine.find(&mesh, &options, &progress)?;
+            let rig = match self.by {
+                By::Network => engine.rig(&face, &progress)?,
+                By::Field => Arc::new(engine.rig_by_field(&face, self.in_betweens, &progress)?),
+            };
+            Ok((face, rig))
+        })?;
+        note_face(&mut report, &face);
+        timed(&mut report, "write", || match as_archive {
+            true => write_rig(&self.out, &rig, &mesh),
+            false => write_rig_folder(&self.out, &rig, &mesh, self.source()?.as_deref()),
+        })?;
+        report.out = Some(shown(&self.out));
+        report.vertices = Some(mesh.positions.len());
+        note_shapes(&mut report, &rig.reports);
+        let full = RigReport {
+            run: &report,
+            shapes: &rig.reports,
+        };
+        if let Some(path) = &self.report {
+            write_json(path, &full)?;
+        }
+        console.value(&full, &summary(&report, &rig.reports))
+    }
+
+    fn as_archive(&self) -> Result<bool> {
+        match self.out.extension().and_then(OsStr::to_str) {
+            Some("npz") => Ok(true),
+            _ if is_folder(&self.out) => Ok(false),
+            other => Err(Error::InvalidInput(format!(
+                "{}: expected a name that ends in .npz, or a folder, got .{}",
+                self.out.display(),
+                other.unwrap_or_default()
+            ))),
+        }
+    }
+
+    /// The bytes of the mesh, if it is an OBJ.
+    fn source(&self) -> Result<Option<Vec<u8>>> {
+        let bytes = std::fs::read(&self.mesh).map_err(Error::io(&self.mesh))?;
+        Ok((!bytes.starts_with(b"ply")).then_some(bytes))
+    }
+}
+
+fn note_shapes(report: &mut Report, shapes: &[ShapeReport]) {
+    report.largest_displacement_mm = shapes.iter().map(|s| s.largest_mm).reduce(f32::max);
+    for shape in shapes.iter().filter(|shape| shape.name != "viseme_sil") {
+        if let Some(note) = &shape.note {
+            report.warnings.push(format!("{}: {note}", shape.name));
+        }
+    }
+}
+
+/// For people: the shapes in a table, then what is amiss.
+fn summary(report: &Report, shapes: &[ShapeReport]) -> String {
+    let present = shapes.iter().filter(|shape| shape.present).count();
+    let total: f64 = report.seconds.values().sum();
+    let mut text = format!(
+        "wrote {}: {present} of {} shapes move, in {total:.2} s\n",
+        report.out.as_deref().unwrap_or("nothing"),
+        shapes.len()
+    );
+    for shape in shapes {
+        let note = shape
+            .note
+            .as_deref()
+            .map_or(String::new(), |note| format!("  {note}"));
+        text += &format!("{:>20} {:6.1} mm{note}\n", shape.name, shape.largest_mm);
+    }
+    text
+}

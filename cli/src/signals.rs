@@ -1,0 +1,46 @@
+//! Signals that ask the command to end: the first cancels, the second ends it at once.
+
+#[cfg(unix)]
+use std::process::exit;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+#[cfg(unix)]
+use anyface::output::remove_unfinished;
+
+/// Exit code of the second signal: 128 and the number of SIGINT, as shells have it.
+#[cfg(unix)]
+const AT_ONCE: i32 = 130;
+
+static TO_END: AtomicBool = AtomicBool::new(false);
+
+/// Whether somebody has asked the command to end.
+pub fn are_to_end() -> bool {
+    TO_END.load(Ordering::Relaxed)
+}
+
+/// Listens for SIGINT, SIGTERM and SIGHUP from now on. The first makes the next report of progress cancel the
+/// job, which removes what it has half written; the second does not wait for that.
+#[cfg(unix)]
+pub fn listen() {
+    use signal_hook::{
+        consts::{SIGHUP, SIGINT, SIGTERM},
+        iterator::Signals,
+    };
+    let Ok(mut signals) = Signals::new([SIGINT, SIGTERM, SIGHUP]) else {
+        return;
+    };
+    // A command without this thread can still be ended, only not politely.
+    let _ = std::thread::Builder::new()
+        .name("signals".into())
+        .spawn(move || {
+            for _ in signals.forever() {
+                if TO_END.swap(true, Ordering::Relaxed) {
+                    remove_unfinished();
+                    exit(AT_ONCE);
+                }
+            }
+        });
+}
+
+#[cfg(not(unix))]
+pub fn listen() {}

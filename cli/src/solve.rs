@@ -1,0 +1,136 @@
+//! `anyface solve`: any vertex animation into weights of ARKit shapes.
+
+use std::path::PathBuf;
+
+use anyface::{
+    Result,
+    conditions::check_fps,
+    mesh::Mesh,
+    output::{Report, read_rig, read_vertex_motion, write_blend_weights, write_json},
+    rig::{ARKIT, SolveOptions, SolvedWeights},
+};
+use clap::Args;
+use serde::Serialize;
+
+use crate::{
+    arguments::{SharedArgs, not_onto, shown},
+    console::Console,
+    stages::{new_report, timed},
+};
+
+/// Share of the motion that may stay unexplained before the user is told.
+const POOR: f32 = 0.3;
+
+/// Turn a vertex animation into weights of ARKit shapes
+#[derive(Args)]
+pub struct Solve {
+    /// The mesh: OBJ or PLY
+    #[arg(long, value_name = "M")]
+    mesh: PathBuf,
+    /// Motion of its vertices: .npz (displacements [T, V, 3]), .pc2 or .mdd
+    #[arg(long, value_name = "A")]
+    animation: PathBuf,
+    /// Its shapes, as `anyface rig` writes them
+    #[arg(long, value_name = "R.npz")]
+    rig: PathBuf,
+    /// The result: .csv (Live Link Face) or .json
+    #[arg(long, value_name = "W")]
+    out: PathBuf,
+    /// Frames per second [default: what the animation says, else 30]
+    #[arg(long)]
+    fps: Option<f64>,
+    /// How strongly a weight is held to its value in the frames beside
+    #[arg(long, default_value_t = SolveOptions::default().smoothness)]
+    smoothness: f64,
+    /// How strongly left and right are held together
+    #[arg(long, default_value_t = SolveOptions::default().symmetry)]
+    symmetry: f64,
+    /// Also write a report of the run
+    #[arg(long, value_name = "R.json")]
+    report: Option<PathBuf>,
+}
+
+/// A run and how well the shapes fit the motion.
+#[derive(Serialize)]
+struct SolveReport<'a> {
+    #[serde(flatten)]
+    run: &'a Report,
+    /// Root mean square over vertices and frames, mesh units.
+    motion_rms: f32,
+    /// The same of what the weights leave.
+    residual_rms: f32,
+}
+
+impl Solve {
+    pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
+        let inputs = [&self.mesh, &self.animation, &self.rig];
+        for (option, input) in ["--mesh", "--animation", "--rig"].into_iter().zip(inputs) {
+            not_onto(&self.out, &[(option, input)])?;
+        }
+        let mut report = new_report();
+        let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
+        let rig = timed(&mut report, "read", || read_rig(&self.rig))?;
+        let motion = timed(&mut report, "read", || {
+            read_vertex_motion(&self.animation, &mesh)
+        })?;
+        let fps = self.fps.or(motion.fps).unwrap_or(30.0);
+        check_fps(fps)?;
+        let options = SolveOptions {
+            smoothness: self.smoothness,
+            symmetry: self.symmetry,
+            ..SolveOptions::default()
+        };
+        let shapes = rig
+            .names
+            .iter()
+            .take_while(|n| ARKIT.contains(&n.as_str()))
+            .count();
+        let solved = timed(&mut report, "solve", || {
+            let moved = motion.displacements.view();
+            let engine = shared.engine()?;
+            engine.solve(&rig, shapes, moved, &options, &|p| console.progress(p))
+        })?;
+        timed(&mut report, "write", || {
+            write_blend_weights(&self.out, &solved, fps)
+        })?;
+        report.out = Some(shown(&self.out));
+        report.frames = solved.weights.nrows();
+        report.fps = fps;
+        report.vertices = Some(mesh.positions.len());
+        self.tell(&mut report, &solved, console)
+    }
+
+    fn tell(&self, report: &mut Report, solved: &SolvedWeights, console: &Console) -> Result<()> {
+        let (motion, residual) = (rms(&solved.motion), rms(&solved.residual));
+        if residual > POOR * motion {
+            report.warnings.push(format!(
+                "the shapes leave {:.0} % of the motion unexplained; does the whole head move, \
+                 or does the mouth do what no mixture of the shapes does?",
+                100.0 * residual / motion
+            ));
+        }
+        let full = SolveReport {
+            run: report,
+            motion_rms: motion,
+            residual_rms: residual,
+        };
+        if let Some(path) = &self.report {
+            write_json(path, &full)?;
+        }
+        let mut text = format!(
+            "wrote {}: {} frames at {} fps, {:.1} % of the motion left over\n",
+            self.out.display(),
+            report.frames,
+            report.fps,
+            100.0 * residual / motion.max(f32::MIN_POSITIVE)
+        );
+        for warning in &report.warnings {
+            text += &format!("warning: {warning}\n");
+        }
+        console.value(&full, &text)
+    }
+}
+
+fn rms(values: &[f32]) -> f32 {
+    (values.iter().map(|x| x * x).sum::<f32>() / values.len().max(1) as f32).sqrt()
+}

@@ -1,0 +1,222 @@
+//! The stages that subcommands put together, each timed into the report.
+
+use std::{
+    path::Path,
+    time::{Duration, Instant},
+};
+
+use anyface::{
+    Engine, Face, Result,
+    audio::{SoundFile, Waveform},
+    ibug::REGIONS,
+    mesh::{Mesh, Mouth},
+    motion::Life,
+    output::{ClipFile, Report, warnings_of_sound},
+    spread::{ClipStart, FrameSink, LandmarkTrack, SpreadReport},
+};
+use ndarray::Array3;
+
+use crate::arguments::SoundArgs;
+
+/// Mean confidence of a region's landmarks below which the user should look at them.
+const DOUBTFUL: f32 = 0.4;
+
+/// An empty report of this version.
+pub fn new_report() -> Report {
+    Report {
+        version: env!("CARGO_PKG_VERSION").into(),
+        ..Report::default()
+    }
+}
+
+/// Runs one stage and adds its time to the report.
+pub fn timed<T>(report: &mut Report, stage: &str, work: impl FnOnce() -> Result<T>) -> Result<T> {
+    let start = Instant::now();
+    let result = work();
+    note(report, stage, start.elapsed());
+    result
+}
+
+fn note(report: &mut Report, stage: &str, spent: Duration) {
+    *report.seconds.entry(stage.into()).or_default() += spent.as_secs_f64();
+}
+
+/// Decodes the sound and notes what is odd about it.
+pub fn read_sound(report: &mut Report, path: &Path, how: &SoundArgs) -> Result<Waveform> {
+    let SoundFile { waveform, damage } = timed(report, "read", || how.read(path))?;
+    report.audio_s = Some(waveform.duration_s());
+    report.missing_audio_s = damage.map(|damage| damage.missing_s);
+    report
+        .warnings
+        .extend(damage.map(|damage| damage.sentence()));
+    report.warnings.extend(warnings_of_sound(&waveform));
+    Ok(waveform)
+}
+
+/// Notes what a job on a mesh takes of memory before it starts; `kept`: frames that lie in memory at once.
+///
+/// # Errors
+/// `OutOfMemory` where it does not fit.
+pub fn note_memory(report: &mut Report, engine: &Engine, mesh: &Mesh, kept: usize) -> Result<()> {
+    let need = engine.memory_need(mesh.positions.len(), kept);
+    report.memory_mb = Some(need.bytes() >> 20);
+    report.warnings.extend(need.check()?);
+    Ok(())
+}
+
+/// Notes how sure the landmarks are.
+fn note_landmarks(report: &mut Report, confidence: &[f32; 68]) {
+    let least = confidence.iter().copied().fold(f32::INFINITY, f32::min);
+    let mean = confidence.iter().sum::<f32>() / confidence.len() as f32;
+    report.landmark_confidence = Some([least, mean]);
+    let doubtful: Vec<String> = REGIONS
+        .into_iter()
+        .map(|(name, own)| {
+            (
+                name,
+                confidence[own.clone()].iter().sum::<f32>() / own.len() as f32,
+            )
+        })
+        .filter(|(_, sure)| *sure < DOUBTFUL)
+        .map(|(name, sure)| format!("{name} {sure:.2}"))
+        .collect();
+    if !doubtful.is_empty() {
+        report.warnings.push(format!(
+            "landmarks are uncertain (confidence of {}); check them with `anyface landmarks`, or \
+             give them with --landmarks",
+            doubtful.join(", ")
+        ));
+    }
+}
+
+/// Notes how the lips meet; welded ones are worth a warning.
+fn note_mouth(report: &mut Report, mouth: Mouth) {
+    report.mouth = Some(mouth.name().into());
+    if mouth == Mouth::Welded {
+        report.warnings.push(mouth.sentence().into());
+    }
+}
+
+/// A sink that times another one.
+struct TimedSink<S> {
+    inner: S,
+    spent: Duration,
+}
+
+impl<S: FrameSink> TimedSink<S> {
+    fn new(inner: S) -> Self {
+        TimedSink {
+            inner,
+            spent: Duration::ZERO,
+        }
+    }
+
+    fn timed<T>(&mut self, work: impl FnOnce(&mut S) -> T) -> T {
+        let start = Instant::now();
+        let result = work(&mut self.inner);
+        self.spent += start.elapsed();
+        result
+    }
+}
+
+impl<S: FrameSink> FrameSink for TimedSink<S> {
+    fn begin(&mut self, start: &ClipStart<'_>) -> Result<()> {
+        self.timed(|sink| sink.begin(start))
+    }
+
+    fn frames_at_once(&self, start: &ClipStart<'_>) -> usize {
+        self.inner.frames_at_once(start)
+    }
+
+    fn take(&mut self, block: Array3<f32>) -> Result<()> {
+        self.timed(|sink| sink.take(block))
+    }
+
+    fn finish(&mut self, landmarks: &LandmarkTrack<'_>) -> Result<()> {
+        self.timed(|sink| sink.finish(landmarks))
+    }
+}
+
+/// Runs `spread` into the file at `path`, and notes what it did and how long it took; `articulation` is
+/// what the lips were asked for, `life` what is written beside the frames.
+pub fn spread_into(
+    path: &Path,
+    face: &Face,
+    fps: f64,
+    articulation: f32,
+    life: Option<&Life>,
+    report: &mut Report,
+    spread: impl FnOnce(&mut dyn FrameSink) -> Result<SpreadReport>,
+) -> Result<()> {
+    let started = Instant::now();
+    let mut sink = TimedSink::new(ClipFile::new(path)?.with_life(life));
+    let made = spread(&mut sink)?;
+    note(report, "write", sink.spent);
+    note(
+        report,
+        "deform",
+        started.elapsed().saturating_sub(sink.spent),
+    );
+    note_result(report, path, face, fps, articulation, &made);
+    Ok(())
+}
+
+/// Notes what was written to `path`.
+pub fn note_result(
+    report: &mut Report,
+    path: &Path,
+    face: &Face,
+    fps: f64,
+    articulation: f32,
+    made: &SpreadReport,
+) {
+    let landmarks = made.landmarks.view();
+    report.note_motion(
+        Some(made.largest),
+        landmarks,
+        face.metres_per_unit(),
+        articulation,
+    );
+    report.warnings.extend(made.notes.iter().cloned());
+    report.out = Some(path.display().to_string());
+    report.frames = made.landmarks.dim().0;
+    report.fps = fps;
+    report.vertices = Some(face.mesh.positions.len());
+}
+
+/// Notes what was found of a face.
+pub fn note_face(report: &mut Report, face: &Face) {
+    note_landmarks(report, &face.landmarks.confidence);
+    note_mouth(report, face.mouth());
+    report.warnings.extend(face.at_rest());
+    report.warnings.extend(shut_eyes_sentence(face));
+}
+
+/// That eyes are sculpted shut, where they are.
+pub fn shut_eyes_sentence(face: &Face) -> Option<String> {
+    let which = match face.shut_eyes() {
+        [false, false] => return None,
+        [true, true] => "both eyes are",
+        [true, false] => "the right eye is",
+        [false, true] => "the left eye is",
+    };
+    Some(format!("{which} sculpted shut: nothing blinks there"))
+}
+
+/// One line for people.
+pub fn summary(report: &Report) -> String {
+    let mut text = format!(
+        "wrote {}: {} frames at {} fps",
+        report.out.as_deref().unwrap_or("nothing"),
+        report.frames,
+        report.fps
+    );
+    if let Some(vertices) = report.vertices {
+        text += &format!(", {vertices} vertices");
+    }
+    if let (Some(most), Some(mm)) = (report.largest_displacement, report.largest_displacement_mm) {
+        text += &format!(", moving up to {most:.4} units ({mm:.1} mm on a human head)");
+    }
+    let total: f64 = report.seconds.values().sum();
+    text + &format!(", in {total:.2} s")
+}

@@ -1,0 +1,596 @@
+//! The `anyface` command from outside: exit codes, errors, and that failures leave no file.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+use tempfile::TempDir;
+
+/// Exit codes that scripts rely on.
+const USAGE: i32 = 2;
+const INVALID_INPUT: i32 = 3;
+const AUDIO: i32 = 4;
+const MESH: i32 = 5;
+const IO: i32 = 8;
+
+fn anyface(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_anyface"))
+        .current_dir(folder)
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Expects a failure of one kind that says `words` and leaves the folder as it was.
+fn refused(folder: &TempDir, arguments: &[&str], code: i32, words: &str) {
+    let before = names(folder.path());
+    let output = anyface(folder.path(), arguments);
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {message}");
+    assert!(message.contains(words), "{arguments:?}: {message}");
+    assert_eq!(names(folder.path()), before, "{arguments:?} left files");
+}
+
+fn names(folder: &Path) -> Vec<PathBuf> {
+    let mut names: Vec<PathBuf> = fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect();
+    names.sort();
+    names
+}
+
+fn folder_with_sound(samples: &[f32], rate_hz: u32) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let spec = hound::WavSpec {
+        channels: 1,
+        sample_rate: rate_hz,
+        bits_per_sample: 32,
+        sample_format: hound::SampleFormat::Float,
+    };
+    let mut wav = hound::WavWriter::create(folder.path().join("a.wav"), spec).unwrap();
+    for sample in samples {
+        wav.write_sample(*sample).unwrap();
+    }
+    wav.finalize().unwrap();
+    folder
+}
+
+fn hum(seconds: f32) -> Vec<f32> {
+    (0..(seconds * 16_000.0) as usize)
+        .map(|i| (i as f32 * 0.08).sin() * (i as f32 * 0.0015).sin() * 0.5)
+        .collect()
+}
+
+const MOTION: [&str; 5] = ["motion", "--audio", "a.wav", "--out", "o.npz"];
+
+#[test]
+fn usage_mistakes_exit_with_2() {
+    let folder = tempfile::tempdir().unwrap();
+    refused(&folder, &["dance"], USAGE, "dance");
+    refused(&folder, &["motion", "--out", "o.npz"], USAGE, "--audio");
+    refused(
+        &folder,
+        &["landmarks", "--mesh", "m", "--out", "l", "--up", "w"],
+        USAGE,
+        "expected x, -x",
+    );
+}
+
+#[test]
+fn causal_motion_is_written_like_any_other() {
+    let folder = folder_with_sound(&hum(1.01), 16_000);
+    let output = anyface(
+        folder.path(),
+        &[&MOTION[..], &["--causal", "--fps", "25"]].concat(),
+    );
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let motion = anyface::output::read_landmark_motion(&folder.path().join("o.npz")).unwrap();
+    assert_eq!(
+        (motion.displacements.dim(), motion.fps),
+        ((26, 68, 3), Some(25.0))
+    );
+    let style = [&MOTION[..], &["--causal", "--style", "any"]].concat();
+    let refusal = anyface(folder.path(), &style);
+    assert_eq!(refusal.status.code(), Some(USAGE));
+}
+
+#[test]
+fn requests_out_of_range_exit_with_3_before_any_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let with = |extra: &[&'static str]| [&MOTION[..], extra].concat();
+    for (extra, words) in [
+        (["--fps", "0"], "fps: expected 1 to 240, got 0"),
+        (["--fps", "nan"], "fps: expected 1 to 240"),
+        (["--emotion", "joyful:1"], "expected one of neutral, happy"),
+        (["--emotion", "happy:9"], "sum of at most"),
+        (["--threads", "0"], "threads: expected 1 to 256, got 0"),
+        (
+            ["--articulation", "3"],
+            "articulation: expected 0 to 2, got 3",
+        ),
+        (["--jaw-lips", "-2"], "jaw_lips: expected -1 to 1, got -2"),
+        (["--emotion-keys", "happy"], "expected seconds:emotion"),
+    ] {
+        refused(&folder, &with(&extra), INVALID_INPUT, words);
+    }
+    let arguments = ["motion", "--audio", "a.wav", "--out", "o.pc2"];
+    refused(&folder, &arguments, INVALID_INPUT, ".npz");
+    let arguments = [
+        "animate", "--mesh", "m.obj", "--audio", "a.wav", "--out", "o.abc",
+    ];
+    refused(&folder, &arguments, INVALID_INPUT, ".npz, .pc2 or .mdd");
+}
+
+#[test]
+fn surfaces_over_time_are_refused_where_they_cannot_be_and_say_what_they_would_take() {
+    let folder = folder_with_sound(&hum(0.5), 16_000);
+    let head = crate::model("default_head").join("head.obj");
+    let head = head.to_str().unwrap();
+    let asked = |system: &'static str, cells: &'static str, out: &'static str| {
+        let start = ["animate", "--mesh", head, "--audio", "a.wav", "--no-cache"];
+        let end = ["--system", system, "--surface", cells, "--out", out];
+        [&start[..], &end].concat()
+    };
+    let mine = folder.path().join("mine");
+    fs::create_dir(&mine).unwrap();
+    fs::write(mine.join("a.ply"), "ply").unwrap();
+    for (system, cells, out, words) in [
+        ("facetalk", "16", "frames", "expected 32 to 512 cells"),
+        ("facetalk", "1024", "frames", "would take about 2500 MB"),
+        ("facetalk", "64", "o.npz", "expected a folder"),
+        ("facetalk", "64", "mine", "1 files, such as a.ply"),
+        ("freetalk", "64", "frames", "(facetalk), got freetalk"),
+    ] {
+        refused(&folder, &asked(system, cells, out), INVALID_INPUT, words);
+    }
+    let both = [&asked("facetalk", "64", "frames")[..], &["--open-mouth"]].concat();
+    refused(&folder, &both, USAGE, "--open-mouth");
+    let moved = |system: &'static str| {
+        let start = ["deform", "--mesh", head, "--motion", "m.npz", "--no-cache"];
+        let end = ["--system", system, "--surface", "64", "--out", "frames"];
+        [&start[..], &end].concat()
+    };
+    let both = [&moved("facetalk")[..], &["--attention", "a.npz"]].concat();
+    refused(&folder, &both, USAGE, "--attention");
+    let made = anyface(
+        folder.path(),
+        &["motion", "--audio", "a.wav", "--out", "m.npz"],
+    );
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    refused(
+        &folder,
+        &moved("freetalk"),
+        INVALID_INPUT,
+        "(facetalk), got freetalk",
+    );
+    assert_eq!(names(&mine).len(), 1);
+}
+
+#[test]
+fn sounds_that_cannot_be_used_exit_with_4() {
+    let mut broken = hum(0.5);
+    broken[77] = f32::NAN;
+    broken[99] = f32::INFINITY;
+    let folder = folder_with_sound(&broken, 16_000);
+    refused(
+        &folder,
+        &MOTION,
+        AUDIO,
+        "got 2 of 8000 that are NaN or infinite, the first at 77",
+    );
+    let folder = folder_with_sound(&[], 16_000);
+    refused(&folder, &MOTION, AUDIO, "no samples");
+    let folder = folder_with_sound(&hum(0.1), 2_000);
+    refused(&folder, &MOTION, AUDIO, "got 2000");
+    fs::write(folder.path().join("a.wav"), b"").unwrap();
+    refused(&folder, &MOTION, AUDIO, "empty");
+    fs::write(folder.path().join("a.wav"), [9; 3000]).unwrap();
+    refused(&folder, &MOTION, AUDIO, "expected WAV, MP3");
+}
+
+#[test]
+fn missing_files_exit_with_8_and_their_name() {
+    let folder = tempfile::tempdir().unwrap();
+    refused(&folder, &MOTION, IO, "a.wav");
+    let arguments = ["landmarks", "--mesh", "m.obj", "--out", "l.json"];
+    refused(&folder, &arguments, IO, "m.obj");
+    let arguments = [
+        "deform", "--mesh", "m.obj", "--motion", "l.npz", "--out", "o.npz",
+    ];
+    refused(&folder, &arguments, IO, "l.npz");
+}
+
+/// The paper's heat maps: shares of 68 landmarks for each vertex of the skin, from the command.
+#[test]
+fn attention_of_the_papers_decoder_is_written_and_other_decoders_have_none() {
+    let folder = folder_with_sound(&hum(0.2), 16_000);
+    let head = crate::model("default_head");
+    let (mesh, marks) = (head.join("head.obj"), head.join("landmarks.json"));
+    let on_head = |first: &[&str], rest: &[&str]| {
+        let head = [
+            "--mesh",
+            mesh.to_str().unwrap(),
+            "--landmarks",
+            marks.to_str().unwrap(),
+        ];
+        let arguments = [first, &head, &["--no-cache"], rest].concat();
+        anyface(folder.path(), &arguments)
+    };
+    let made = on_head(&["animate", "--audio", "a.wav", "--out", "o.npz"], &[]);
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    let deform = [
+        "deform",
+        "--motion",
+        "o.npz",
+        "--out",
+        "p.pc2",
+        "--attention",
+        "a.npz",
+    ];
+    let refused = on_head(&deform, &[]);
+    assert_eq!(refused.status.code(), Some(INVALID_INPUT));
+    assert!(
+        text(&refused.stderr).contains("paper"),
+        "{}",
+        text(&refused.stderr)
+    );
+    let made = on_head(&deform, &["--decoder", "paper"]);
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    let file = fs::File::open(folder.path().join("a.npz")).unwrap();
+    let mut npz = ndarray_npy::NpzReader::new(file).unwrap();
+    let shares: ndarray::Array2<f32> = npz.by_name("attention").unwrap();
+    assert_eq!(shares.ncols(), 68);
+    let sums: Vec<f32> = shares.rows().into_iter().map(|row| row.sum()).collect();
+    // Eyeballs and teeth follow no skin.
+    assert!(
+        sums.iter()
+            .all(|sum| (sum - 1.0).abs() < 1e-4 || *sum == 0.0)
+    );
+    assert!(sums.iter().filter(|sum| **sum > 0.5).count() > 4_000);
+}
+
+#[test]
+fn meshes_that_cannot_be_used_exit_with_5() {
+    let folder = folder_with_sound(&hum(0.5), 16_000);
+    let animate = [
+        "animate", "--mesh", "m.obj", "--audio", "a.wav", "--out", "o.npz",
+    ];
+    let landmarks = ["landmarks", "--mesh", "m.obj", "--out", "l.json"];
+    for body in ["", "v 0 nan 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "f 1 2 3\n"] {
+        fs::write(folder.path().join("m.obj"), body).unwrap();
+        refused(&folder, &animate, MESH, "mesh: ");
+        refused(&folder, &landmarks, MESH, "mesh: ");
+    }
+}
+
+#[test]
+fn errors_are_json_where_results_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = anyface(folder.path(), &[&MOTION[..], &["--json"]].concat());
+    assert!(output.stdout.is_empty());
+    let error: serde_json::Value = serde_json::from_slice(&output.stderr).unwrap();
+    assert_eq!(error["error"]["kind"], "io");
+    assert_eq!(error["error"]["code"], IO);
+    assert!(
+        error["error"]["message"]
+            .as_str()
+            .unwrap()
+            .contains("a.wav")
+    );
+}
+
+#[test]
+fn info_says_the_version() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = anyface(folder.path(), &["info", "--json"]);
+    assert!(output.status.success());
+    let info: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(info["version"], env!("CARGO_PKG_VERSION"));
+    let output = anyface(folder.path(), &["info"]);
+    assert!(text(&output.stdout).starts_with("anyface "));
+}
+
+fn done(folder: &TempDir, arguments: &[&str]) {
+    let output = anyface(folder.path(), arguments);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+}
+
+fn landmarks(folder: &TempDir, name: &str) -> ndarray::Array3<f32> {
+    let read = anyface::output::read_landmark_motion(&folder.path().join(name));
+    read.unwrap().displacements
+}
+
+/// The frames that differ.
+fn changed(a: &ndarray::Array3<f32>, b: &ndarray::Array3<f32>) -> Vec<usize> {
+    let frames = a.outer_iter().zip(b.outer_iter()).enumerate();
+    let differ = frames.filter(|(_, (a, b))| a != b);
+    differ.map(|(t, _)| t).collect()
+}
+
+#[test]
+fn sounds_that_are_mended_close_the_lips_there_and_nowhere_else() {
+    let folder = folder_with_sound(&hum(2.0), 16_000);
+    done(
+        &folder,
+        &["sounds", "--audio", "a.wav", "--out", "a.TextGrid"],
+    );
+    let motion = ["motion", "--audio", "a.wav", "--fps", "25", "--out"];
+    let with = |out: &'static str, sounds: &'static str| {
+        done(&folder, &[&motion[..], &[out, "--sounds", sounds]].concat());
+    };
+    done(&folder, &[&motion[..], &["heard.npz"]].concat());
+    with("same.npz", "a.TextGrid");
+    assert_eq!(
+        landmarks(&folder, "heard.npz"),
+        landmarks(&folder, "same.npz")
+    );
+    fs::write(folder.path().join("none.txt"), "# nothing closes\n").unwrap();
+    fs::write(folder.path().join("one.txt"), "1.00 1.12 b\n").unwrap();
+    with("none.npz", "none.txt");
+    with("one.npz", "one.txt");
+    let (none, one) = (
+        landmarks(&folder, "none.npz"),
+        landmarks(&folder, "one.npz"),
+    );
+    let frames = changed(&none, &one);
+    assert!(frames.contains(&26), "{frames:?}");
+    assert!(frames.iter().all(|t| (24..=30).contains(t)), "{frames:?}");
+}
+
+#[test]
+fn words_and_phones_stand_beside_closures_that_stay_the_same() {
+    let folder = folder_with_sound(&hum(2.0), 16_000);
+    let listen = ["sounds", "--audio", "a.wav", "--json", "--out"];
+    let json = |more: &[&str]| -> serde_json::Value {
+        let output = anyface(folder.path(), &[&listen[..], more].concat());
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    let plain = json(&["plain.TextGrid"]);
+    assert!(plain.get("phones").is_none() && plain.get("words").is_none());
+    fs::write(folder.path().join("said.txt"), "\u{FEFF}Mum, hums: 3\n").unwrap();
+    let said = json(&["said.TextGrid", "--text-file", "said.txt"]);
+    assert_eq!(said["closures"], plain["closures"]);
+    let words = said["words"].as_array().unwrap().iter();
+    let labels: Vec<&str> = words.map(|word| word[2].as_str().unwrap()).collect();
+    assert_eq!(labels, ["Mum", "hums", "3"]);
+    let grid = fs::read_to_string(folder.path().join("said.TextGrid")).unwrap();
+    for tier in ["closures", "phones", "words"] {
+        assert!(grid.contains(&format!("name = \"{tier}\"")), "{tier}");
+    }
+    assert_eq!(
+        json(&["phones.txt", "--phones"])["closures"],
+        plain["closures"]
+    );
+    let empty = [&listen[..], &["x.txt", "--text", "..."]].concat();
+    refused(&folder, &empty, INVALID_INPUT, "letter");
+    let missing = [&listen[..], &["x.txt", "--text-file", "none.txt"]].concat();
+    refused(&folder, &missing, IO, "none.txt");
+}
+
+#[test]
+fn one_file_of_sounds_becomes_another() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(
+        folder.path().join("a.tsv"),
+        "0.00\tX\n0.50\tA\n0.75\tC\n1.00\tX\n",
+    )
+    .unwrap();
+    done(&folder, &["sounds", "--sounds", "a.tsv", "--out", "a.dat"]);
+    let switch = fs::read_to_string(folder.path().join("a.dat")).unwrap();
+    assert_eq!(switch, "MohoSwitch1\n1 rest\n13 MBP\n19 E\n25 rest\n");
+    let back = ["sounds", "--sounds", "a.tsv", "--out", "a.srt"];
+    refused(&folder, &back, INVALID_INPUT, ".TextGrid");
+    fs::write(folder.path().join("b.tsv"), "0.00\tX\nsoon\tA\n").unwrap();
+    let damaged = ["sounds", "--sounds", "b.tsv", "--out", "a.dat.txt"];
+    refused(&folder, &damaged, INVALID_INPUT, "b.tsv:2: expected a time");
+}
+
+#[test]
+fn a_stretch_of_landmark_motion_is_made_again_and_the_rest_stays_to_the_bit() {
+    let folder = folder_with_sound(&hum(2.0), 16_000);
+    let motion = ["motion", "--audio", "a.wav", "--fps", "25", "--out"];
+    done(&folder, &[&motion[..], &["was.npz"]].concat());
+    let redo = ["--redo", "0.8-1.6", "--from", "was.npz"];
+    let sad = ["--emotion", "sad:1"];
+    done(&folder, &[&motion[..], &["sad.npz"], &sad].concat());
+    done(&folder, &[&motion[..], &["new.npz"], &redo, &sad].concat());
+    let [was, new, sad] = ["was.npz", "new.npz", "sad.npz"].map(|name| landmarks(&folder, name));
+    assert_eq!(changed(&was, &new), (21..40).collect::<Vec<_>>());
+    assert!(changed(&sad, &new).iter().all(|t| !(23..=37).contains(t)));
+    let alone = [&motion[..], &["o.npz", "--redo", "0.8-1.6"]].concat();
+    refused(&folder, &alone, USAGE, "--from");
+    let slower = [
+        "motion", "--audio", "a.wav", "--fps", "24", "--out", "o.npz",
+    ];
+    let words = "expected 48 frames at 24 fps";
+    refused(
+        &folder,
+        &[&slower[..], &redo].concat(),
+        INVALID_INPUT,
+        words,
+    );
+    let beyond = [
+        &motion[..],
+        &["o.npz", "--redo", "7-8", "--from", "was.npz"],
+    ]
+    .concat();
+    refused(&folder, &beyond, INVALID_INPUT, "holds a frame");
+}
+
+#[test]
+fn motion_of_weights_has_a_file_a_table_and_stretches_that_are_made_again() {
+    let folder = folder_with_sound(&hum(2.0), 16_000);
+    let motion = [
+        "motion",
+        "--audio",
+        "a.wav",
+        "--fps",
+        "25",
+        "--system",
+        "cafe-talk",
+        "--out",
+    ];
+    let weights = |name: &str| {
+        let read = anyface::output::read_weights(&folder.path().join(name));
+        read.unwrap().unwrap().weights
+    };
+    done(&folder, &[&motion[..], &["was.npz"]].concat());
+    let event = ["--event", "0.9-1.5:26"];
+    done(&folder, &[&motion[..], &["table.csv"], &event].concat());
+    done(&folder, &[&motion[..], &["drop.npz"], &event].concat());
+    let table = fs::read_to_string(folder.path().join("table.csv")).unwrap();
+    assert_eq!(table.lines().count(), 51);
+    let redo = ["--redo", "0.8-1.6", "--from", "was.npz"];
+    done(
+        &folder,
+        &[&motion[..], &["new.npz"], &redo, &event].concat(),
+    );
+    let [was, new, drop] = ["was.npz", "new.npz", "drop.npz"].map(weights);
+    let differ = |a: &ndarray::Array2<f32>, b: &ndarray::Array2<f32>| -> Vec<usize> {
+        (0..a.nrows()).filter(|&t| a.row(t) != b.row(t)).collect()
+    };
+    assert!(differ(&was, &new).iter().all(|t| (21..40).contains(t)));
+    assert!(differ(&drop, &new).iter().all(|t| !(23..=37).contains(t)));
+    assert!(differ(&was, &new).len() > 10);
+    // On a mesh they move its own shapes, as the whole way does.
+    let head = crate::model("default_head");
+    let (mesh, marks) = (head.join("head.obj"), head.join("landmarks.json"));
+    let [mesh, marks] = [&mesh, &marks].map(|path| path.to_str().unwrap());
+    let on_head = ["--mesh", mesh, "--landmarks", marks, "--no-cache"];
+    let deform = ["deform", "--motion", "drop.npz", "--out", "a.npz"];
+    done(&folder, &[&deform[..], &on_head].concat());
+    let animate = [
+        "animate",
+        "--audio",
+        "a.wav",
+        "--fps",
+        "25",
+        "--system",
+        "cafe-talk",
+        "--out",
+        "b.npz",
+    ];
+    done(&folder, &[&animate[..], &event, &on_head].concat());
+    let moved = |name: &str| -> ndarray::Array3<f32> {
+        let file = fs::File::open(folder.path().join(name)).unwrap();
+        ndarray_npy::NpzReader::new(file)
+            .unwrap()
+            .by_name("displacements")
+            .unwrap()
+    };
+    assert_eq!(moved("a.npz"), moved("b.npz"));
+    // Landmarks of another system are no weights, and no table.
+    let other = ["motion", "--audio", "a.wav", "--fps", "25", "--out"];
+    done(&folder, &[&other[..], &["marks.npz"]].concat());
+    let mixed = ["o.npz", "--redo", "0.8-1.6", "--from", "marks.npz"];
+    let words = "expected arrays weights and names";
+    refused(
+        &folder,
+        &[&motion[..], &mixed].concat(),
+        INVALID_INPUT,
+        words,
+    );
+    let words = ".npz for motion of landmarks";
+    refused(
+        &folder,
+        &[&other[..], &["o.csv"]].concat(),
+        INVALID_INPUT,
+        words,
+    );
+}
+
+#[test]
+fn a_stretch_of_an_animated_mesh_is_made_again_and_the_rest_stays_to_the_bit() {
+    let folder = folder_with_sound(&hum(0.8), 16_000);
+    let head = crate::model("default_head");
+    let (mesh, marks) = (head.join("head.obj"), head.join("landmarks.json"));
+    let [mesh, marks] = [&mesh, &marks].map(|path| path.to_str().unwrap());
+    let animate = [
+        "animate",
+        "--audio",
+        "a.wav",
+        "--mesh",
+        mesh,
+        "--landmarks",
+        marks,
+        "--fps",
+        "25",
+        "--cache",
+        "kept",
+        "--out",
+    ];
+    done(&folder, &[&animate[..], &["was.npz"]].concat());
+    let redo = ["--redo", "0.2-0.6", "--from", "was.npz"];
+    done(&folder, &[&animate[..], &["same.npz"], &redo].concat());
+    done(
+        &folder,
+        &[&animate[..], &["new.npz"], &redo, &["--emotion", "angry:1"]].concat(),
+    );
+    let mesh = anyface::mesh::Mesh::read(std::path::Path::new(mesh)).unwrap();
+    let [was, same, new] = ["was.npz", "same.npz", "new.npz"].map(|name| {
+        let read = anyface::output::read_vertex_motion(&folder.path().join(name), &mesh);
+        read.unwrap().displacements
+    });
+    assert_eq!(changed(&was, &same), [] as [usize; 0]);
+    assert_eq!(changed(&was, &new), (6..15).collect::<Vec<_>>());
+}
+
+#[test]
+fn a_feeling_in_a_word_that_is_no_category_is_for_a_system_that_takes_words() {
+    let folder = folder_with_sound(&hum(1.0), 16_000);
+    let motion = ["motion", "--audio", "a.wav", "--fps", "25", "--out"];
+    let cafe = ["--system", "cafe-talk"];
+    let weights = |name: &str, emotion: &[&str]| {
+        done(&folder, &[&motion[..], &[name], &cafe, emotion].concat());
+        let read = anyface::output::read_weights(&folder.path().join(name));
+        read.unwrap().unwrap().weights
+    };
+    let angry = weights("angry.npz", &["--emotion", "angry"]);
+    let furious = weights("furious.npz", &["--emotion", "furious"]);
+    let happy = weights("happy.npz", &["--emotion-keys", "0:joyful"]);
+    let apart = |other: &ndarray::Array2<f32>| (other - &angry).mapv(f32::abs).sum();
+    assert!(apart(&furious) > 0.0 && apart(&furious) < 0.3 * apart(&happy));
+    let asked = [&motion[..], &["o.npz", "--emotion", "furious"]].concat();
+    let known = "expected one of neutral, happy";
+    refused(&folder, &asked, INVALID_INPUT, known);
+    let nothing = [&motion[..], &["o.npz", "--emotion", "bicycle"], &cafe].concat();
+    refused(
+        &folder,
+        &nothing,
+        INVALID_INPUT,
+        "or an English word for a feeling",
+    );
+}
+
+#[test]
+fn texts_become_units_or_are_refused_with_a_hint() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = anyface(
+        folder.path(),
+        &["units", "winks with the right eye", "--json"],
+    );
+    let said: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let unit = &said["units"][0];
+    assert_eq!(
+        (unit["unit"].as_str(), unit["side"].as_str()),
+        (Some("45"), Some("right"))
+    );
+    let near = "got \"livid\"; the nearest that is understood: \"angry\"";
+    refused(&folder, &["units", "livid"], INVALID_INPUT, near);
+    let blue = "got \"the blue car\"";
+    refused(&folder, &["units", "the blue car"], INVALID_INPUT, blue);
+    refused(
+        &folder,
+        &["units", ""],
+        INVALID_INPUT,
+        "expected English words",
+    );
+}

@@ -1,0 +1,468 @@
+//! Files that broke readers once, and hosts that do: the command ends by itself, in time and memory, with
+//! an exit code of the kind, and leaves nothing half done.
+
+use std::{
+    fs,
+    io::Read,
+    path::{Path, PathBuf},
+    process::{Child, Command, ExitStatus, Stdio},
+    time::{Duration, Instant},
+};
+
+use anyface::{mesh::Mesh, output::write_rig, rig::Rig};
+use ndarray::Array3;
+use tempfile::TempDir;
+
+/// What no file of a few kilobytes may take.
+const LONGEST: Duration = Duration::from_secs(20);
+#[cfg(target_os = "linux")]
+const MOST_MEMORY: u64 = 1 << 30;
+/// Vertices of the animations among the files.
+const GRID: [usize; 2] = [18, 26];
+/// Exit codes of a file that is refused; sound files may also hold no face.
+const REFUSED: [&str; 5] = [
+    "invalid_input",
+    "shape_mismatch",
+    "audio",
+    "mesh",
+    "face_not_found",
+];
+
+struct Ended {
+    status: Option<ExitStatus>,
+    errors: String,
+    #[cfg(target_os = "linux")]
+    memory: u64,
+}
+
+fn start(folder: &Path, arguments: &[&str]) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_anyface"))
+        .current_dir(folder)
+        .args(arguments)
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap()
+}
+
+/// Runs the command, and ends it where it takes too long.
+fn run(folder: &Path, arguments: &[&str]) -> Ended {
+    let mut child = start(folder, arguments);
+    let began = Instant::now();
+    let mut pipe = child.stderr.take().unwrap();
+    let reading = std::thread::spawn(move || {
+        let mut text = Vec::new();
+        pipe.read_to_end(&mut text).unwrap();
+        String::from_utf8_lossy(&text).into_owned()
+    });
+    #[cfg(target_os = "linux")]
+    let mut memory = 0;
+    let status = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break Some(status);
+        }
+        if began.elapsed() > LONGEST {
+            child.kill().unwrap();
+            child.wait().unwrap();
+            break None;
+        }
+        #[cfg(target_os = "linux")]
+        {
+            memory = memory.max(peak(child.id()));
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    Ended {
+        status,
+        errors: reading.join().unwrap(),
+        #[cfg(target_os = "linux")]
+        memory,
+    }
+}
+
+/// Most memory that a process has had so far, bytes.
+#[cfg(target_os = "linux")]
+fn peak(process: u32) -> u64 {
+    let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let kilobytes = line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok());
+    kilobytes.unwrap_or(0) * 1024
+}
+
+/// Why a run is not as it should be.
+fn complaint(ended: &Ended) -> Option<String> {
+    #[cfg(target_os = "linux")]
+    if ended.memory > MOST_MEMORY {
+        return Some(format!("took {} MB", ended.memory >> 20));
+    }
+    let Some(status) = ended.status else {
+        return Some("took longer than 20 s".into());
+    };
+    if status.success() {
+        return None;
+    }
+    // With --json nothing but the error stands on standard error.
+    let error: serde_json::Value = match serde_json::from_str(ended.errors.trim()) {
+        Ok(error) => error,
+        Err(_) => return Some(format!("{status}: {}", ended.errors)),
+    };
+    let kind = error["error"]["kind"].as_str().unwrap_or_default();
+    (!REFUSED.contains(&kind)).then(|| format!("{status}: {}", ended.errors))
+}
+
+fn shared(name: &str) -> Vec<PathBuf> {
+    let beside = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared");
+    let shared = std::env::var_os("ANYFACE_SHARED").map_or(beside, Into::into);
+    let files = fs::read_dir(shared.join("hostile").join(name)).unwrap();
+    let mut files: Vec<PathBuf> = files.map(|file| file.unwrap().path()).collect();
+    files.sort();
+    files
+}
+
+/// A mesh of as many vertices as the animations have, shapes of it, and landmarks that need no search.
+fn stage() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let [rows, columns] = GRID;
+    let at = |r: usize, c: usize| (r * columns + c) as u32;
+    let mut mesh = Mesh::default();
+    for r in 0..rows {
+        for c in 0..columns {
+            mesh.positions
+                .push([c as f32, r as f32, 0.1 * (r * c) as f32]);
+            if r + 1 < rows && c + 1 < columns {
+                mesh.triangles.push([at(r, c), at(r, c + 1), at(r + 1, c)]);
+                mesh.triangles
+                    .push([at(r + 1, c), at(r, c + 1), at(r + 1, c + 1)]);
+            }
+        }
+    }
+    let mut text = String::new();
+    for [x, y, z] in &mesh.positions {
+        text += &format!("v {x} {y} {z}\n");
+    }
+    for t in &mesh.triangles {
+        text += &format!("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1);
+    }
+    fs::write(folder.path().join("grid.obj"), text).unwrap();
+    let moved = |(s, v, i): (usize, usize, usize)| ((s + 1) * (v % 7) + i) as f32 * 0.01;
+    let rig = Rig {
+        names: vec!["jawOpen".into(), "mouthPucker".into()],
+        deltas: Array3::from_shape_fn((2, rows * columns, 3), moved),
+        reports: Vec::new(),
+    };
+    write_rig(&folder.path().join("rig.npz"), &rig, &mesh).unwrap();
+    let numbers: Vec<String> = (0..68).map(|n| (n % 4).to_string()).collect();
+    let marks = format!("[{}]", numbers.join(","));
+    fs::write(folder.path().join("marks.json"), marks).unwrap();
+    folder
+}
+
+#[test]
+#[ignore = "needs ../shared"]
+fn every_hostile_file_is_read_or_refused() {
+    let folder = stage();
+    let mut bad = Vec::new();
+    let mut runs = 0;
+    let mut check = |file: &Path, arguments: &[&str]| {
+        runs += 1;
+        let name = file.file_name().unwrap().to_string_lossy();
+        if let Some(complaint) = complaint(&run(folder.path(), arguments)) {
+            bad.push(format!("{name}: {} {complaint}", arguments[0]));
+        }
+    };
+    for file in shared("mesh") {
+        let path = file.to_str().unwrap();
+        let marks = ["--landmarks", "marks.json", "--no-cache", "--json"];
+        check(&file, &[&["parts", "--mesh", path][..], &marks].concat());
+    }
+    for file in shared("audio") {
+        let path = file.to_str().unwrap();
+        let out = ["--out", "o.npz", "--causal", "--json"];
+        check(&file, &[&["motion", "--audio", path][..], &out].concat());
+    }
+    for file in shared("npz") {
+        let path = file.to_str().unwrap();
+        let out = ["--rig", "rig.npz", "--out", "w.csv", "--json"];
+        let solve = ["solve", "--mesh", "grid.obj", "--animation", path];
+        check(&file, &[&solve[..], &out].concat());
+        if path.ends_with(".npz") {
+            let marks = [
+                "--landmarks",
+                "marks.json",
+                "--out",
+                "d.npz",
+                "--no-cache",
+                "--json",
+            ];
+            let deform = ["deform", "--mesh", "grid.obj", "--motion", path];
+            check(&file, &[&deform[..], &marks].concat());
+        }
+    }
+    let names: Vec<_> = fs::read_dir(&folder)
+        .unwrap()
+        .flatten()
+        .map(|f| f.file_name())
+        .collect();
+    let halves = names
+        .iter()
+        .filter(|name| name.to_string_lossy().ends_with(".part"));
+    assert_eq!(halves.count(), 0, "{names:?}");
+    assert!(runs > 100, "{runs} runs");
+    assert!(
+        bad.is_empty(),
+        "{} of {runs}:\n{}",
+        bad.len(),
+        bad.join("\n")
+    );
+}
+
+#[test]
+fn a_result_never_replaces_what_it_is_made_from() {
+    let folder = stage();
+    let before = fs::read(folder.path().join("grid.obj")).unwrap();
+    for arguments in [
+        &["landmarks", "--mesh", "grid.obj", "--out", "./grid.obj"][..],
+        &["open-mouth", "--mesh", "grid.obj", "--out", "grid.obj"],
+        &[
+            "solve",
+            "--mesh",
+            "grid.obj",
+            "--animation",
+            "a.mdd",
+            "--rig",
+            "rig.npz",
+            "--out",
+            "rig.npz",
+        ],
+    ] {
+        let ended = run(folder.path(), arguments);
+        assert_eq!(
+            ended.status.unwrap().code(),
+            Some(3),
+            "{arguments:?}: {}",
+            ended.errors
+        );
+        assert!(ended.errors.contains("would replace"), "{}", ended.errors);
+    }
+    assert_eq!(fs::read(folder.path().join("grid.obj")).unwrap(), before);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_reader_that_has_left_is_no_error_and_a_full_disk_is_one() {
+    let info = |out: Stdio| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_anyface"));
+        command.arg("info").stdout(out).output().unwrap()
+    };
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let left = info(writer.into());
+    assert!(
+        left.status.success(),
+        "{}",
+        String::from_utf8_lossy(&left.stderr)
+    );
+    let full = fs::File::options().write(true).open("/dev/full").unwrap();
+    let full = info(full.into());
+    assert_eq!(full.status.code(), Some(8));
+    let message = String::from_utf8_lossy(&full.stderr);
+    assert!(message.contains("standard output"), "{message}");
+}
+
+/// A voice-like tone as `a.wav`.
+#[cfg(unix)]
+fn sound(folder: &Path, seconds: usize) {
+    let spec = hound::WavSpec {
+        channels: 1,
+        sample_rate: 16_000,
+        bits_per_sample: 16,
+        sample_format: hound::SampleFormat::Int,
+    };
+    let mut wav = hound::WavWriter::create(folder.join("a.wav"), spec).unwrap();
+    for i in 0..seconds * 16_000 {
+        let x = (i as f32 * 0.08).sin() * (i as f32 * 0.0015).sin();
+        wav.write_sample((x * 9000.0) as i16).unwrap();
+    }
+    wav.finalize().unwrap();
+}
+
+/// Sends a signal to a job of `arguments` once `is_time` says so, and expects an orderly end with nothing left but the
+/// sound.
+#[cfg(unix)]
+fn interrupted(folder: &Path, arguments: &[&str], signal: &str, is_time: impl Fn() -> bool) {
+    let head = crate::model("default_head");
+    let (mesh, marks) = (head.join("head.obj"), head.join("landmarks.json"));
+    let face = ["--mesh", mesh.to_str().unwrap(), "--landmarks"];
+    let sound = ["--audio", "a.wav", "--no-cache"];
+    let all = [arguments, &face, &[marks.to_str().unwrap()], &sound].concat();
+    let mut child = start(folder, &all);
+    let began = Instant::now();
+    while !is_time() {
+        std::thread::sleep(Duration::from_millis(2));
+        let ended = child.try_wait().unwrap();
+        assert!(ended.is_none(), "{arguments:?} ended by itself: {ended:?}");
+    }
+    let sent = Command::new("kill")
+        .args([signal, &child.id().to_string()])
+        .status();
+    assert!(sent.unwrap().success());
+    let asked = Instant::now();
+    let output = child.wait_with_output().unwrap();
+    let message = String::from_utf8_lossy(&output.stderr);
+    let spent = asked.elapsed();
+    assert_eq!(
+        output.status.code(),
+        Some(9),
+        "{arguments:?} {signal} after {:?}, in {spent:?}: {message}",
+        began.elapsed()
+    );
+    assert!(message.contains("cancelled"), "{message}");
+    let left: Vec<_> = files(folder).into_iter().filter(|n| n != "a.wav").collect();
+    assert!(left.is_empty(), "{arguments:?} {signal}: {left:?}");
+}
+
+#[cfg(unix)]
+fn files(folder: &Path) -> Vec<String> {
+    let names = fs::read_dir(folder).unwrap().map(|file| file.unwrap());
+    names
+        .map(|file| file.file_name().to_string_lossy().into_owned())
+        .collect()
+}
+
+#[cfg(unix)]
+#[test]
+fn a_signal_cancels_and_nothing_is_left() {
+    let folder = tempfile::tempdir().unwrap();
+    sound(folder.path(), 60);
+    let arguments = ["animate", "--out", "o.pc2"];
+    let writes = || files(folder.path()).len() > 1;
+    interrupted(folder.path(), &arguments, "-TERM", writes);
+    let began = Instant::now();
+    let half_a_second = || began.elapsed() > Duration::from_millis(500);
+    interrupted(folder.path(), &arguments, "-INT", half_a_second);
+}
+
+/// Of a job with several results none is there where the last is not.
+#[cfg(unix)]
+#[test]
+fn a_signal_leaves_no_layer_and_no_mask_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    sound(folder.path(), 60);
+    let layers = ["--layers", "content,feeling", "--mask-out", "m.npz"];
+    let arguments = ["animate", "--system", "emoface", "--out", "o.pc2"];
+    // The mask and one layer are whole, the other one is in the making.
+    let third = || files(folder.path()).len() > 3;
+    let all = [&arguments[..], &layers].concat();
+    interrupted(folder.path(), &all, "-TERM", third);
+}
+
+/// `ANYFACE_SIGNALS` says how many jobs of each system are interrupted at random moments.
+#[cfg(unix)]
+#[test]
+fn no_system_leaves_anything_after_a_signal_at_any_moment() {
+    let folder = tempfile::tempdir().unwrap();
+    // More than any machine gets through before the last moment.
+    sound(folder.path(), 300);
+    let count = std::env::var("ANYFACE_SIGNALS").map_or(1, |text| text.parse().unwrap());
+    let mut moment = 0u64;
+    for number in 0..count {
+        for system in anyface::systems::SYSTEMS.iter().map(|system| system.name) {
+            moment = (moment * 6_364_136 + 1_442_695) % 3_000;
+            let out = ["o.npz", "o.pc2", "o.mdd"][number % 3];
+            let mut arguments = vec!["animate", "--system", system, "--out", out];
+            if system == "emoface" {
+                arguments.extend(["--layers", "content,feeling", "--mask-out", "m.npz"]);
+            }
+            let signal = ["-INT", "-TERM", "-HUP"][(moment % 3) as usize];
+            let began = Instant::now();
+            let is_time = || began.elapsed() > Duration::from_millis(moment);
+            interrupted(folder.path(), &arguments, signal, is_time);
+        }
+    }
+}
+
+/// The default head with every triangle cut in four so many times, as `head.obj`.
+#[cfg(target_os = "linux")]
+fn head_cut(folder: &Path, times: usize) {
+    let mut mesh = Mesh::read(crate::model("default_head").join("head.obj")).unwrap();
+    for _ in 0..times {
+        mesh = mesh.cut_in_four();
+    }
+    let mut text = String::new();
+    for [x, y, z] in &mesh.positions {
+        text += &format!("v {x} {y} {z}\n");
+    }
+    for t in &mesh.triangles {
+        text += &format!("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1);
+    }
+    fs::write(folder.join("head.obj"), text).unwrap();
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn the_memory_that_is_told_is_that_which_is_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    sound(folder.path(), 5);
+    let marks = crate::model("default_head").join("landmarks.json");
+    for (system, cuts) in [("freetalk", 0), ("freetalk", 1), ("cafe-talk", 0)] {
+        head_cut(folder.path(), cuts);
+        let face = ["--mesh", "head.obj", "--landmarks", marks.to_str().unwrap()];
+        let job = [
+            "animate",
+            "--audio",
+            "a.wav",
+            "--out",
+            "o.pc2",
+            "--no-cache",
+        ];
+        let how = ["--system", system, "--report", "r.json"];
+        let mut child = start(folder.path(), &[&job[..], &face, &how].concat());
+        let mut taken = 0;
+        while child.try_wait().unwrap().is_none() {
+            taken = taken.max(peak(child.id()) >> 20);
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        let report = fs::read_to_string(folder.path().join("r.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        let told = report["memory_mb"].as_u64().unwrap();
+        let is_near = told.abs_diff(taken) as f64 <= 0.4 * taken as f64;
+        assert!(is_near, "{system}, {cuts}: told {told} MB, took {taken} MB");
+    }
+}
+
+/// Four million vertices under a limit of addresses that they fit into and their work does not.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_mesh_whose_work_does_not_fit_is_refused_before_it_is_done() {
+    const VERTICES: usize = 4_000_000;
+    let folder = tempfile::tempdir().unwrap();
+    sound(folder.path(), 1);
+    let mut ply = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {VERTICES}\nproperty float x\nproperty float y\n\
+         property float z\nelement face 8\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    .into_bytes();
+    for v in 0..VERTICES {
+        for x in [v % 7, v % 5, v % 3] {
+            ply.extend((x as f32).to_le_bytes());
+        }
+    }
+    for first in 0..8i32 {
+        ply.push(3);
+        (first..first + 3).for_each(|v| ply.extend(v.to_le_bytes()));
+    }
+    fs::write(folder.path().join("m.ply"), ply).unwrap();
+    let line =
+        "ulimit -v 1500000; exec \"$0\" animate --mesh m.ply --audio a.wav --out o.pc2 --no-cache";
+    let output = Command::new("bash")
+        .args(["-c", line, env!("CARGO_BIN_EXE_anyface")])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(13), "{message}");
+    assert!(
+        message.contains("4000000 vertices take about 3"),
+        "{message}"
+    );
+}

@@ -1,0 +1,278 @@
+//! Whole performances through the command: speech in, files out.
+
+use std::{
+    fs,
+    path::Path,
+    process::{Command, Output},
+};
+
+use anyface::output::{LandmarkMotion, read_landmark_motion};
+use ndarray::Array3;
+use tempfile::TempDir;
+
+use crate::{model, voice::babble};
+
+fn anyface(folder: &TempDir, line: &str) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_anyface"))
+        .current_dir(folder.path())
+        .args(line.split_whitespace())
+        .output()
+        .unwrap()
+}
+
+/// Runs a line that must succeed; returns what it says.
+fn done(folder: &TempDir, line: &str) -> (String, String) {
+    let output = anyface(folder, line);
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let said = (text(&output.stdout), text(&output.stderr));
+    assert!(output.status.success(), "{line}: {}", said.1);
+    said
+}
+
+/// Runs a line that must fail with `code`, say `words` and leave no new file.
+fn refused(folder: &TempDir, line: &str, code: i32, words: &str) {
+    let before = count(folder.path());
+    let output = anyface(folder, line);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(code), "{line}: {said}");
+    assert!(said.contains(words), "{line}: {said}");
+    assert_eq!(count(folder.path()), before, "{line} left a file");
+}
+
+fn count(folder: &Path) -> usize {
+    fs::read_dir(folder).unwrap().count()
+}
+
+fn sound(samples: &[f32], rate_hz: u32) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let spec = hound::WavSpec {
+        channels: 1,
+        sample_rate: rate_hz,
+        bits_per_sample: 32,
+        sample_format: hound::SampleFormat::Float,
+    };
+    let mut wav = hound::WavWriter::create(folder.path().join("a.wav"), spec).unwrap();
+    for sample in samples {
+        wav.write_sample(*sample).unwrap();
+    }
+    wav.finalize().unwrap();
+    folder
+}
+
+fn head() -> String {
+    let folder = model("default_head");
+    format!(
+        "--mesh {} --landmarks {}",
+        folder.join("head.obj").display(),
+        folder.join("landmarks.json").display()
+    )
+}
+
+fn motion(folder: &TempDir, name: &str) -> LandmarkMotion {
+    read_landmark_motion(&folder.path().join(name)).unwrap()
+}
+
+fn largest(displacements: &Array3<f32>) -> f32 {
+    let squared = displacements.rows().into_iter().map(|d| d.dot(&d));
+    squared.fold(0.0, f32::max).sqrt()
+}
+
+#[test]
+fn speech_opens_the_mouth_and_the_same_seed_gives_the_same_file() {
+    let folder = sound(&babble(1.0, 16_000), 16_000);
+    done(
+        &folder,
+        "motion --audio a.wav --out a.npz --seed 3 --threads 1",
+    );
+    done(
+        &folder,
+        "motion --audio a.wav --out b.npz --seed 3 --threads 2",
+    );
+    let bytes = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    assert!(
+        bytes("a.npz") == bytes("b.npz"),
+        "threads changed the result"
+    );
+    let made = motion(&folder, "a.npz");
+    assert_eq!(made.displacements.dim(), (30, 68, 3));
+    assert_eq!((made.fps, made.neutral), (Some(30.0), None));
+    let most = largest(&made.displacements);
+    assert!((0.002..0.05).contains(&most), "{most} m");
+}
+
+#[test]
+fn silence_keeps_still_and_says_so() {
+    let folder = sound(&[0.0; 16_000], 16_000);
+    let (_, warning) = done(&folder, "motion --audio a.wav --out o.npz --blinks 0");
+    assert!(warning.contains("the sound is silent"), "{warning}");
+    let made = motion(&folder, "o.npz");
+    assert_eq!(made.displacements.dim(), (30, 68, 3));
+    let most = largest(&made.displacements);
+    assert!(most < 0.004, "silence moves a landmark by {most} m");
+}
+
+#[test]
+fn silence_blinks_by_default_and_not_when_emotion_is_off() {
+    let folder = sound(&[0.0; 10 * 16_000], 16_000);
+    let lids = |line: &str| {
+        done(&folder, &format!("motion --audio a.wav --out o.npz {line}"));
+        let made = motion(&folder, "o.npz").displacements;
+        let upper = made.slice(ndarray::s![.., 36..48, ..]).to_owned();
+        largest(&upper)
+    };
+    assert!(lids("") > 0.007);
+    assert_eq!(lids("--emotion off"), 0.0);
+    assert!(lids("--emotion-keys 0:neutral --blinks 0 --articulation 2") < 0.004);
+}
+
+#[test]
+fn odd_but_usable_sounds_give_sane_motion() {
+    let clipped: Vec<f32> = babble(0.5, 44_100)
+        .iter()
+        .map(|x| (x * 20.0).clamp(-1.0, 1.0))
+        .collect();
+    for (samples, rate_hz, frames) in [
+        (vec![0.1; 320], 16_000, 1),
+        (babble(0.5, 8_000), 8_000, 15),
+        (clipped, 44_100, 15),
+    ] {
+        let folder = sound(&samples, rate_hz);
+        done(
+            &folder,
+            "motion --audio a.wav --out o.npz --emotion happy:0.7",
+        );
+        let made = motion(&folder, "o.npz");
+        assert_eq!(made.displacements.dim(), (frames, 68, 3));
+        assert!(largest(&made.displacements) < 0.05);
+    }
+}
+
+#[test]
+fn damaged_weights_are_refused() {
+    let folder = sound(&babble(0.2, 16_000), 16_000);
+    let own = folder.path().join("own/ats_compact");
+    fs::create_dir_all(&own).unwrap();
+    let weights = fs::read(model("ats_compact").join("model.safetensors")).unwrap();
+    fs::copy(
+        model("ats_compact").join("config.json"),
+        own.join("config.json"),
+    )
+    .unwrap();
+    let line = "motion --audio a.wav --out o.npz --weights own";
+    for length in [0, 5, weights.len() / 2, weights.len() - 1] {
+        fs::write(own.join("model.safetensors"), &weights[..length]).unwrap();
+        refused(&folder, line, 7, "weights: ");
+    }
+    fs::write(own.join("model.safetensors"), &weights).unwrap();
+    done(&folder, line);
+}
+
+#[test]
+fn a_head_talks_in_every_format() {
+    let folder = sound(&babble(0.4, 16_000), 16_000);
+    let animate = format!("animate {} --audio a.wav --cache cache --fps 25", head());
+    let (json, _) = done(
+        &folder,
+        &format!("{animate} --out o.npz --report r.json --json"),
+    );
+    let report: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let written = fs::read_to_string(folder.path().join("r.json")).unwrap();
+    assert_eq!(
+        report,
+        serde_json::from_str::<serde_json::Value>(&written).unwrap()
+    );
+    assert_eq!(
+        (&report["frames"], &report["vertices"]),
+        (&10.into(), &8510.into())
+    );
+    let mm = report["largest_displacement_mm"].as_f64().unwrap();
+    assert!((1.0..60.0).contains(&mm), "{mm} mm");
+
+    let file = fs::File::open(folder.path().join("o.npz")).unwrap();
+    let mut npz = ndarray_npy::NpzReader::new(file).unwrap();
+    let displacements: Array3<f32> = npz.by_name("displacements").unwrap();
+    assert_eq!(displacements.dim(), (10, 8510, 3));
+    assert!(displacements.iter().all(|x| x.is_finite()));
+    let track = motion(&folder, "o.npz");
+    assert!(track.neutral.is_some());
+    assert_eq!(track.displacements.dim(), (10, 68, 3));
+
+    let length = |name: &str| fs::metadata(folder.path().join(name)).unwrap().len();
+    done(&folder, &format!("{animate} --out o.pc2"));
+    assert_eq!(length("o.pc2"), 32 + 10 * 8510 * 12);
+    done(&folder, &format!("{animate} --out o.mdd"));
+    assert_eq!(length("o.mdd"), 8 + 10 * 4 + 10 * 8510 * 12);
+
+    // The landmark motion of one run, put on the mesh again, is the same animation.
+    let mesh = model("default_head").join("head.obj");
+    let deform = format!(
+        "deform --mesh {} --motion o.npz --cache cache --out d.npz",
+        mesh.display()
+    );
+    done(&folder, &deform);
+    let file = fs::File::open(folder.path().join("d.npz")).unwrap();
+    let mut npz = ndarray_npy::NpzReader::new(file).unwrap();
+    let again: Array3<f32> = npz.by_name("displacements").unwrap();
+    let difference = largest(&(&again - &displacements));
+    assert!(difference < 2e-4, "{difference} m");
+}
+
+#[test]
+fn a_cache_that_cannot_be_written_changes_nothing() {
+    let folder = sound(&babble(0.2, 16_000), 16_000);
+    // A file where the folder should be: nobody can write into it, not even root.
+    fs::write(folder.path().join("cache"), b"").unwrap();
+    let animate = format!("animate {} --audio a.wav", head());
+    done(&folder, &format!("{animate} --cache cache --out a.npz"));
+    done(&folder, &format!("{animate} --no-cache --out b.npz"));
+    let bytes = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    assert!(bytes("a.npz") == bytes("b.npz"));
+}
+
+/// A limit on the size of files acts on the writer as a full disk does.
+#[cfg(unix)]
+#[test]
+fn a_full_disk_leaves_no_file() {
+    let folder = sound(&babble(0.2, 16_000), 16_000);
+    let command = format!(
+        "{} motion --audio a.wav --out o.npz",
+        env!("CARGO_BIN_EXE_anyface")
+    );
+    let output = Command::new("sh")
+        .current_dir(folder.path())
+        .args(["-c", &format!("trap '' XFSZ; ulimit -f 2; exec {command}")])
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(8), "{said}");
+    assert!(said.contains("o.npz"), "{said}");
+    assert_eq!(count(folder.path()), 1, "a partial file is left");
+}
+
+#[test]
+fn landmarks_of_the_default_head_are_found_and_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = model("default_head").join("head.obj");
+    let line = format!("landmarks --mesh {} --out l.json", mesh.display());
+    let (said, _) = done(&folder, &line);
+    assert!(said.contains("68 landmarks"), "{said}");
+    let text = fs::read_to_string(folder.path().join("l.json")).unwrap();
+    let found: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(found["landmarks"].as_array().unwrap().len(), 68);
+    fs::create_dir_all(folder.path().join("own/landmarks")).unwrap();
+    let again = format!(
+        "landmarks --mesh {} --out m.json --weights own",
+        mesh.display()
+    );
+    refused(&folder, &again, 8, "own/landmarks");
+}
+
+#[test]
+fn a_classifier_that_is_not_there_is_refused() {
+    refused(
+        &sound(&babble(1.0, 16_000), 16_000),
+        "motion --audio a.wav --emotion auto --emotion-model nowhere --out m.npz",
+        8,
+        "nowhere",
+    );
+}

@@ -1,5 +1,0 @@
-//! The `anyface` command.
-
-fn main() -> std::process::ExitCode {
-    anyface::cli::run()
-}

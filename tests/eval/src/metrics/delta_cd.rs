@@ -1,0 +1,19 @@
+//! δCd, difference of the direction of motion between consecutive frames.
+
+use super::{Clip, mean_over_steps};
+use anyface::Result;
+
+/// Product of lengths below which a direction is undefined.
+const SMALLEST: f64 = 1e-24;
+
+/// `mean_{t, v} (1 − cos(ΔP, ΔG))`, 0 to 2; what does not move counts as at right angles, 1.
+///
+/// # Errors
+/// `ShapeMismatch` unless both are the same `[T, V, 3]` with at least two frames.
+pub fn delta_cd(prediction: Clip<'_>, truth: Clip<'_>) -> Result<f64> {
+    mean_over_steps(prediction, truth, |p, g| {
+        let dot: f64 = (0..3).map(|i| p[i] * g[i]).sum();
+        let length = |x: [f64; 3]| x.iter().map(|c| c * c).sum::<f64>().sqrt();
+        1.0 - dot / (length(p) * length(g)).max(SMALLEST)
+    })
+}

@@ -1,0 +1,17 @@
+//! The width of the mouth.
+
+use super::{Clip, lip_gap::distances};
+use anyface::Result;
+
+/// The outer corners, iBUG-68.
+const CORNERS: [usize; 2] = [48, 54];
+
+/// Distance of landmarks 48 and 54 at every frame, in the clip's unit.
+///
+/// `landmarks`: `[T, 68, 3]` positions; add the neutral face to displacements first.
+///
+/// # Errors
+/// `ShapeMismatch` for other shapes.
+pub fn mouth_width(landmarks: Clip<'_>) -> Result<Vec<f64>> {
+    distances(landmarks, CORNERS)
+}
