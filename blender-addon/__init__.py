@@ -5,6 +5,7 @@ library (no bpy, any thread) → `scene.bake.write` (shape keys and their curves
 """
 
 import bpy
+from bpy.types import AddonPreferences, Menu, Operator, Panel, UIList
 
 from . import command
 from .scene import copies
@@ -50,36 +51,34 @@ _MODULES = (
     key_list, controls, find_controls, caches, takes, sounds, sounds_file, scene_list,
     models, heat, live,
 )  # fmt: skip
-_CLASSES = [cls for module in _MODULES for cls in module.CLASSES]
+_KINDS = (AddonPreferences, Menu, Operator, Panel, UIList)
+# What has more to add than classes: before them, and after them.
+_SETTINGS = (properties, scene_list)
+_OTHERS = (landmarks, panel, sample_head, command, running, copies, following)
+# In the order in which Blender gets them.
+_CLASSES = [
+    cls
+    for module in _MODULES
+    for cls in vars(module).values()
+    if isinstance(cls, type) and issubclass(cls, _KINDS) and cls.__module__ == module.__name__
+]
 
 
 def register():
     """Blender enables the add-on."""
-    properties.register()
-    scene_list.register()
+    for module in _SETTINGS:
+        module.register()
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
-    landmarks.register()
-    panel.register()
-    made_head.register()
-    sample_head.register()
-    command.register()
-    running.register()
-    copies.register()
-    following.register()
+    for module in _OTHERS:
+        module.register()
 
 
 def unregister():
     """Blender disables the add-on; a running job is cancelled first."""
-    following.unregister()
-    copies.unregister()
-    running.unregister()
-    command.unregister()
-    sample_head.unregister()
-    made_head.unregister()
-    panel.unregister()
-    landmarks.unregister()
+    for module in reversed(_OTHERS):
+        module.unregister()
     for cls in reversed(_CLASSES):
         bpy.utils.unregister_class(cls)
-    scene_list.unregister()
-    properties.unregister()
+    for module in reversed(_SETTINGS):
+        module.unregister()

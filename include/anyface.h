@@ -1157,6 +1157,18 @@ AnyfaceStatus anyface_motion_new_again(const AnyfaceEngine *engine,
                                        AnyfaceMotion **out,
                                        AnyfaceError **error);
 
+/// What is said in a motion alone, without what is felt: of the same sound, which is not heard again. The clip of `motion`
+/// less that of the result, by `anyface_clip_new_difference()`, is what is felt. Long: accepts a progress handle.
+///
+/// `progress` may be NULL. Free with `anyface_motion_free()`; `motion` may go before.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a motion that was not spoken, or a system that does not tell both apart:
+/// see `anyface_system_hears_feeling()`; `ANYFACE_STATUS_CANCELLED`.
+AnyfaceStatus anyface_motion_new_content(const AnyfaceEngine *engine,
+                                         const AnyfaceMotion *motion,
+                                         const AnyfaceProgress *progress,
+                                         AnyfaceMotion **out,
+                                         AnyfaceError **error);
+
 /// Motion with a stretch of it as in `again`, which was spoken of the same sound in another way: with another
 /// seed, emotion, controls or closures.
 ///

@@ -7,7 +7,7 @@ import bpy
 
 from ..core import emotion, systems
 from ..core.errors import AnyfaceError
-from ..core.take import EMOTION_WORDS
+from ..core.take import EMOTION_WORDS, Basis
 from ..scene import bake
 from ..ui import preferences, running
 from ..ui.settings import from_object
@@ -32,8 +32,9 @@ def run(options: argparse.Namespace) -> dict:
 
 def _numbers(take) -> dict:
     numbers = {"frames": take.frame_count, "largest_mm": round(take.largest_mm, 4)}
-    if take.basis is not None:
-        numbers |= {"keys": len(take.basis.vectors), "error_mm": round(take.basis.error_mm, 4)}
+    if isinstance(take.motion, Basis):
+        motion = take.motion
+        numbers |= {"keys": len(motion.vectors), "error_mm": round(motion.error_mm, 4)}
     return numbers
 
 

@@ -33,12 +33,12 @@ class FollowPoints(Plan):
         own = face.pieces[0].count if face.pieces else len(face.positions)
         vertices, regions = nearby(face.positions[:own], found)
         vertices, regions, pairs = _with_lips(vertices, regions, found.vertices, own)
-        frames = np.ascontiguousarray(take.frames[:, vertices])
+        frames = np.ascontiguousarray(take.motion.displacements[:, vertices])
         largest = max(float(np.sqrt((f.astype(np.float64) ** 2).sum(axis=1).max()))
-                      for f in take.frames)  # fmt: skip
+                      for f in take.motion.displacements)  # fmt: skip
         mm = take.largest_mm / max(largest, 1e-12)
         motion = ControlMotion(vertices, frames, regions, pairs, mm)
-        return replace(take, frames=None, control_motion=motion)
+        return replace(take, motion=motion)
 
 
 def nearby(positions: np.ndarray, found: Found) -> tuple[np.ndarray, np.ndarray]:

@@ -6,7 +6,6 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from . import space
 from .errors import AnyfaceError
 from .job import Progress
 from .take import FaceMesh, Found
@@ -23,12 +22,11 @@ def find(
     `find_in` is `native.Engine.find`, or what stands in for it in a test. Raises
     `AnyfaceError("face")` where there is no face.
     """
-    own = space.face_space(face.matrix_world, face.axes)
+    own = face.space
     held = {number: own.points(place[None])[0] for number, place in fixed.items()}
     with naming(face) if held else searching(face):
         found = find_in(*own.seen(face), held, face.roles, progress)
-    back = np.linalg.inv(own.matrix)
-    found.positions = (np.asarray(found.positions, dtype=np.float64) - own.offset) @ back.T
+    found.positions = own.points_to_object(found.positions)
     return found
 
 

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from .errors import AnyfaceError, Cancelled
 
@@ -70,6 +71,14 @@ def at_once(steps):
             next(steps)
         except StopIteration as ended:
             return ended.value
+
+
+@dataclass
+class Work:
+    """What runs in a worker thread, and what it is `about` for whoever writes its result."""
+
+    work: Callable[[Progress], object]
+    about: object = None
 
 
 class Job:

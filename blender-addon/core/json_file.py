@@ -4,6 +4,7 @@ import json
 import math
 import os
 import socket
+from dataclasses import fields
 from pathlib import Path
 
 from .errors import AnyfaceError
@@ -43,6 +44,15 @@ def parse(text: str):
     except UnicodeEncodeError as error:
         raise ValueError(f"expected text, got half a character: {error.reason}") from None
     return value
+
+
+def known_fields(kind, values: dict):
+    """A dataclass of `kind` with those of `values` that it knows: later versions write more.
+
+    Raises `TypeError` or `AttributeError` for what is no such object.
+    """
+    known = {item.name for item in fields(kind)}
+    return kind(**{name: value for name, value in values.items() if name in known})
 
 
 def _whole(digits: str) -> int:

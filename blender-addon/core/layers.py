@@ -5,8 +5,6 @@ import numpy as np
 from .sliders import SliderChange
 from .take import Basis
 
-# The control of systems that hear feeling, and its value where only what is said is asked for.
-CONTROL, SAID = "layer", "content"
 # Where the slider of the emotion begins and ends.
 _KNOTS = (0.0, 1.5)
 

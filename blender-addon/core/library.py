@@ -227,6 +227,7 @@ SIGNATURES = {
         c_int32,
         [_HANDLE, _HANDLE, POINTER(MotionOptions), _HANDLE, _OUT, _OUT],
     ),
+    "anyface_motion_new_content": (c_int32, [_HANDLE, _HANDLE, _HANDLE, _OUT, _OUT]),
     "anyface_motion_new_displacements": (c_int32, [_FLOATS, c_size_t, c_double, _OUT, _OUT]),
     "anyface_motion_new_frames": (c_int32, [_HANDLE, c_size_t, c_size_t, _OUT, _OUT]),
     "anyface_motion_new_pose": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT, _OUT]),

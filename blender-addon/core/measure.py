@@ -3,7 +3,7 @@
 import numpy as np
 
 from .job import Progress
-from .take import Piece, Take
+from .take import Frames, Motion, Piece, Take
 
 # Vertices that are looked at together.
 _BLOCK = 256
@@ -12,16 +12,16 @@ _BLOCK = 256
 def largest(take: Take, pieces: list[Piece], progress: Progress) -> list[float]:
     """The largest displacement in any frame of each piece, mm: the largest of all is that of the
     take. Raises `Cancelled`."""
-    found = [_largest(take, slice(p.first, p.first + p.count), progress) for p in pieces]
+    found = [_largest(take.motion, p.rows, progress) for p in pieces]
     return [take.largest_mm * each / max(*found, 1e-20) for each in found]
 
 
-def _largest(take: Take, rows: slice, progress: Progress) -> float:
+def _largest(motion: Motion, rows: slice, progress: Progress) -> float:
     """The largest displacement of the vertices `rows` in any frame, object units."""
-    if take.frames is not None:
-        squares = ((frame[rows] ** 2).sum(axis=1).max(initial=0.0) for frame in take.frames)
+    if isinstance(motion, Frames):
+        frames = motion.displacements
+        squares = ((frame[rows] ** 2).sum(axis=1).max(initial=0.0) for frame in frames)
         return max(squares, default=0.0) ** 0.5
-    motion = take.basis if take.basis is not None else take.key_motion
     vectors = motion.vectors[:, rows]
     # No vertex goes farther than all its keys together, each at its largest weight.
     most = np.abs(motion.weights).max(axis=0, initial=0.0)

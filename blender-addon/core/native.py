@@ -171,7 +171,7 @@ class Engine(
             face = self._face(handles, positions, triangles, marks, request, watch)
             motion, clip = self._spoken(handles, face, sound, request, watch)
             made = face, motion, clip
-            animation = self._animation(handles, made, sound, request, len(positions), watch)
+            animation = self._animation(handles, made, request, len(positions), watch)
             animation.notes = notes + animation.notes
             return animation
 
@@ -198,8 +198,8 @@ class Engine(
         given = (self._handle, mesh, byref(options), watch.handle)
         return self._own(handles, "face", "anyface_face_new", *given)
 
-    def _animation(self, handles, made, sound, request, vertices: int, watch) -> Animation:
-        """A face, its motion and its clip, as `sound` made them, as numpy arrays."""
+    def _animation(self, handles, made, request, vertices: int, watch) -> Animation:
+        """A face, its motion and its clip as numpy arrays."""
         face, _, clip = made
         mm_per_unit = 1000.0 * self._library.anyface_face_metres_per_unit(face)
         largest = self._library.anyface_clip_largest_displacement(clip)
@@ -216,7 +216,7 @@ class Engine(
             return animation
         limit = request.error_mm / mm_per_unit
         if request.layered:
-            animation.basis = self._layers(handles, made, sound, request, limit, watch)
+            animation.basis = self._layers(handles, made, limit, watch)
         else:
             animation.basis = self._basis(handles, made, limit, watch)
         animation.basis.error_mm *= mm_per_unit

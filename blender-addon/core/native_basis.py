@@ -1,7 +1,6 @@
 """The library's calls that make few vectors of a clip, and what of them may still change."""
 
 from ctypes import POINTER, c_float
-from dataclasses import replace
 
 import numpy as np
 
@@ -17,14 +16,15 @@ _FLOATS = POINTER(c_float)
 class BasisCalls:
     """What `native.Engine` knows of bases and their sliders."""
 
-    def _layers(self, handles, made, sound, request, limit: float, watch) -> Basis:
+    def _layers(self, handles, made, limit: float, watch) -> Basis:
         """What is said and what is felt beyond it, each within half of `limit`, as one basis."""
-        face, _, clip = made
-        layer = next(control for control in self._controls if control.name == layers.CONTROL)
-        controls = request.controls | {layer.name: layer.number(layers.SAID)}
-        spoken = self._spoken(handles, face, sound, replace(request, controls=controls), watch)
-        said = self._basis(handles, (face, *spoken), 0.5 * limit, watch)
-        more = self._own(handles, "clip", "anyface_clip_new_difference", clip, spoken[-1])
+        face, motion, clip = made
+        given = (self._handle, motion, watch.handle)
+        content = self._own(handles, "motion", "anyface_motion_new_content", *given)
+        given = (self._handle, face, content, watch.handle)
+        spoken = self._own(handles, "clip", "anyface_clip_new", *given)
+        said = self._basis(handles, (face, content, spoken), 0.5 * limit, watch)
+        more = self._own(handles, "clip", "anyface_clip_new_difference", clip, spoken)
         felt, _ = self._vectors(handles, more, 0.5 * limit, watch)
         return layers.joined(said, felt)
 

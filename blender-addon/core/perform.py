@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from . import finding, sliders, space, verdict
+from . import finding, sliders, verdict
 from .job import Progress
-from .take import Animation, FaceMesh, Request, Sound, Take
+from .take import Animation, FaceMesh, Frames, Request, Sound, Take
 
 # animate(positions, triangles, landmarks, landmark_vertices, sound, request, progress)
 Animate = Callable[..., Animation]
@@ -19,7 +19,7 @@ def perform(
     `animate` is `native.Engine.animate`, or what stands in for it in a test.
     """
     verdict.check_sound(sound)
-    found = space.face_space(face.matrix_world, face.axes)
+    found = face.space
     if request.starts_from is not None:
         request = replace(request, starts_from=found.moved(request.starts_from))
     with finding.searching(face):
@@ -28,15 +28,15 @@ def perform(
     intensity = max((sum(row[1:]) for _, row in request.emotion), default=0.0)
     verdict.check_seen(animation, sound, intensity)
     progress.check("write")
-    take = Take(request.fps, animation.largest_mm, space=found)
+    motion = animation.basis
+    if motion is None:
+        motion = Frames(found.to_object(animation.displacements))
+    else:
+        motion.why_missing = sliders.why_missing(request, motion.sliders, motion.offered)
+        motion.vectors = found.to_object(motion.vectors)
+    take = Take(request.fps, animation.largest_mm, request.output, motion)
     take.shape_weights, take.notes = animation.shape_weights, animation.notes
     if animation.life is not None:
         way = found.from_world(face.matrix_world)
         take.life = replace(animation.life, way=animation.life.way @ way)
-    if animation.basis is None:
-        take.frames = found.to_object(animation.displacements)
-        return take
-    take.basis = animation.basis
-    take.basis.why_missing = sliders.why_missing(request, take.basis.sliders, take.basis.offered)
-    take.basis.vectors = found.to_object(take.basis.vectors)
     return take

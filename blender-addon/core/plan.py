@@ -11,14 +11,14 @@ import numpy as np
 from . import pc2, shapes, sliders
 from .errors import AnyfaceError
 from .job import Progress
-from .take import NETWORK, FaceMesh, KeyMotion, Rig, ShapesBy, Solved, Take, WrittenFile
+from .take import NETWORK, FaceMesh, Files, KeyMotion, Rig, ShapesBy, Solved, Take, WrittenFile
 
 # Below this share of the motion nobody sees that the artist's keys speak.
 _LARGEST_LEFT_OUT = 0.97
 
 
 class Plan:
-    """The take is written as it is. Other plans leave out its frames, the largest array of all."""
+    """The take is written as it is. Other plans put another motion in place of its frames."""
 
     def finish(self, face: FaceMesh, take: Take, engine, progress: Progress) -> Take:
         """The take as it is to be written; raises `AnyfaceError`, or `Cancelled`."""
@@ -29,8 +29,8 @@ class PackSliders(Plan):
     """What the sliders of a basis change is packed, to be kept with the take."""
 
     def finish(self, face, take, engine, progress):
-        if take.basis.sliders:
-            take.basis.packed = sliders.pack(take.basis.sliders)
+        if take.motion.sliders:
+            take.motion.packed = sliders.pack(take.motion.sliders)
         return take
 
 
@@ -44,12 +44,12 @@ class WriteCaches(Plan):
     def finish(self, face, take, engine, progress):
         files = []
         for name, path in self.paths.items():
-            rest, moved = of_piece(face, take.frames, name)
+            rest, moved = of_piece(face, take.motion.displacements, name)
             if files and not moved.any():
                 continue
             pc2.write(Path(path), rest, moved, self.ease, progress)
             files.append(WrittenFile(name, path, len(moved), len(rest), self.ease))
-        return replace(take, frames=None, files=files)
+        return replace(take, motion=Files(files))
 
 
 @dataclass
@@ -66,7 +66,7 @@ class SolveKeys(Plan):
 
     def finish(self, face, take, engine, progress):
         # Existing keys are those of the face; objects beside it have others.
-        moved = take.frames[:, : self.vectors.shape[1]]
+        moved = take.motion.displacements[:, : self.vectors.shape[1]]
         vectors = np.tensordot(self.factors, self.vectors, axes=1).astype(np.float32)
         solved = as_made(take, self.shapes) or engine.solve(self.shapes, vectors, moved, progress)
         if solved.left_out > _LARGEST_LEFT_OUT:
@@ -82,7 +82,7 @@ class SolveKeys(Plan):
         motion.shown, motion.factors = self.shown, by_key(self.shapes, self.keys, self.factors)
         if take.shape_weights is not None:
             motion.missing = take.shape_weights.missing(self.shapes)
-        return replace(take, frames=None, key_motion=motion)
+        return replace(take, motion=motion)
 
 
 def as_made(take: Take, shapes: list[str]) -> Solved | None:
@@ -107,15 +107,15 @@ class MakeKeys(Plan):
     visemes: bool
 
     def finish(self, face, take, engine, progress):
-        arkit, visemes = _arkit(face, take, engine, progress)
+        arkit, visemes = _arkit(face, engine, progress)
         made = take.shape_weights
         if made is not None:
             solved = Solved(made.of(arkit.names), made.left_out(arkit.names))
         else:
-            solved = engine.solve(arkit.names, arkit.vectors, take.frames, progress)
+            solved = engine.solve(arkit.names, arkit.vectors, take.motion.displacements, progress)
         motion = KeyMotion(arkit.names, solved.weights, solved.left_out, arkit.vectors)
         motion.visemes = visemes if self.visemes else None
-        return replace(take, frames=None, key_motion=motion)
+        return replace(take, motion=motion)
 
 
 @dataclass
@@ -131,25 +131,25 @@ class WriteTable(Plan):
         if made is not None:
             engine.write_weights(made.names, made.weights, self.path, take.fps)
             file = WrittenFile(self.name, self.path, len(made.weights))
-            return replace(take, frames=None, files=[file])
-        arkit, _ = _arkit(face, take, engine, progress)
-        given = (arkit.names, arkit.vectors, take.frames, progress, self.path, take.fps)
-        solved = engine.solve(*given)
-        file = WrittenFile(self.name, self.path, len(take.frames), left_out=solved.left_out)
-        return replace(take, frames=None, files=[file])
+            return replace(take, motion=Files([file]))
+        arkit, _ = _arkit(face, engine, progress)
+        shapes_and_frames = arkit.names, arkit.vectors, take.motion.displacements
+        solved = engine.solve(*shapes_and_frames, progress, self.path, take.fps)
+        file = WrittenFile(self.name, self.path, take.frame_count, left_out=solved.left_out)
+        return replace(take, motion=Files([file]))
 
 
-def _arkit(face, take, engine, progress) -> tuple[Rig, Rig]:
+def _arkit(face, engine, progress) -> tuple[Rig, Rig]:
     """The ARKit shapes of a face, and its visemes."""
-    rig, count = make_rig(face, take.space, engine, progress), len(shapes.ARKIT)
+    rig, count = make_rig(face, engine, progress), len(shapes.ARKIT)
     arkit, visemes = slice(count), slice(count, None)
     return tuple(Rig(rig.names[part], rig.vectors[part]) for part in (arkit, visemes))
 
 
-def make_rig(face: FaceMesh, space, engine, progress: Progress, by: ShapesBy = NETWORK) -> Rig:
+def make_rig(face: FaceMesh, engine, progress: Progress, by: ShapesBy = NETWORK) -> Rig:
     """The shapes of a face in object space."""
-    rig = engine.rig(*space.seen(face), face.roles, progress, by)
-    rig.vectors = space.to_object(rig.vectors)
+    rig = engine.rig(*face.space.seen(face), face.roles, progress, by)
+    rig.vectors = face.space.to_object(rig.vectors)
     return rig
 
 
@@ -158,8 +158,7 @@ def of_piece(face: FaceMesh, moved: np.ndarray, name: str) -> tuple[np.ndarray, 
     piece = next((piece for piece in face.pieces if piece.name == name), None)
     if piece is None or len(face.pieces) == 1:
         return face.positions, moved
-    rows = slice(piece.first, piece.first + piece.count)
     back = np.linalg.inv(piece.matrix)
     turn = back[:3, :3].T.astype(np.float32)
-    rest = face.positions[rows] @ turn + back[:3, 3].astype(np.float32)
-    return rest, moved[:, rows] @ turn
+    rest = face.positions[piece.rows] @ turn + back[:3, 3].astype(np.float32)
+    return rest, moved[:, piece.rows] @ turn

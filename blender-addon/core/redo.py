@@ -1,11 +1,10 @@
 """A stretch of a finished take made again with the keys that it has; the rest stays."""
 
 from dataclasses import dataclass, field
-from functools import partial
 
 import numpy as np
 
-from . import perform, plan
+from . import plan
 from .errors import AnyfaceError
 from .job import Progress
 from .take import FaceMesh, Life
@@ -120,15 +119,14 @@ class Redo:
     def work(self, progress: Progress) -> Redone:
         """The new weights; raises `AnyfaceError`, or `Cancelled`."""
         snapshot = self.snapshot
-        voice, request = snapshot.heard(progress)
-        animate = partial(snapshot.engine.animate_stretch, rows=self.rows)
-        take = perform.perform(snapshot.face, voice, request, animate, progress)
-        largest = np.sqrt((take.frames**2).sum(axis=2).max(initial=0.0))
+        take = snapshot.perform(progress, self.rows)
+        frames = take.motion.displacements
+        largest = np.sqrt((frames**2).sum(axis=2).max(initial=0.0))
         per_mm = largest / max(take.largest_mm, 1e-9)
         limit = _ROOM * snapshot.settings.error_mm * per_mm
         made = {}
         for keys in self.keys:
-            _, moved = plan.of_piece(snapshot.face, take.frames, keys.name)
+            _, moved = plan.of_piece(snapshot.face, frames, keys.name)
             moved = moved[:, : keys.vectors.shape[1]]
             if keys.free:
                 made[keys.name] = fit(keys.vectors, moved, limit)
@@ -141,7 +139,7 @@ class Redo:
             weights = np.clip(solved.weights @ factors, 0.0, 1.0)
             none = np.empty((0, *moved.shape[1:])), np.empty((len(moved), 0))
             made[keys.name] = Fit(weights, *none, solved.left_out)
-        return Redone(made, take.life, len(take.frames), 1.0 / max(per_mm, 1e-12))
+        return Redone(made, take.life, len(frames), 1.0 / max(per_mm, 1e-12))
 
 
 def fit(vectors: np.ndarray, moved: np.ndarray, limit: float) -> Fit:

@@ -6,16 +6,15 @@ anew. Runs in the worker thread, without Blender.
 
 import shutil
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from . import pc2, perform
+from . import pc2
 from .errors import AnyfaceError
 from .job import Progress
 from .plan import Plan, WriteTable, of_piece
-from .take import Take, WrittenFile
+from .take import Files, Take, WrittenFile
 
 
 @dataclass
@@ -33,9 +32,7 @@ class FilmRedo:
     def work(self, progress: Progress) -> Take:
         """The take of these frames alone; raises `AnyfaceError`, or `Cancelled`."""
         snapshot = self.snapshot
-        voice, request = snapshot.heard(progress)
-        animate = partial(snapshot.engine.animate_stretch, rows=self.rows)
-        take = perform.perform(snapshot.face, voice, request, animate, progress)
+        take = snapshot.perform(progress, self.rows)
         return self.plan.finish(snapshot.face, take, snapshot.engine, progress)
 
 
@@ -54,7 +51,7 @@ class PatchCaches(Plan):
     def finish(self, face, take, engine, progress):
         files = []
         for name, (old, new) in self.paths.items():
-            rest, moved = of_piece(face, take.frames, name)
+            rest, moved = of_piece(face, take.motion.displacements, name)
             with _FreshCopy(Path(old), Path(new)) as partial_path:
                 frames = pc2.patched(partial_path, len(rest), self.ease)
                 progress.check("write")
@@ -62,7 +59,7 @@ class PatchCaches(Plan):
                 count = len(frames) - 2 * self.ease
                 del frames
             files.append(WrittenFile(name, new, count, len(rest), self.ease))
-        return replace(take, frames=None, files=files)
+        return replace(take, motion=Files(files))
 
     def _patch(self, frames: np.ndarray, rest: np.ndarray, moved: np.ndarray) -> None:
         """Mixes frames `[N, V, 3]` of a cache; those that ease follow the first and the last."""
@@ -130,7 +127,7 @@ class PatchTable(Plan):
         partial_path = new.with_name(new.name + ".part")
         partial_path.write_text("".join(before), encoding="utf-8", newline="")
         partial_path.replace(new)
-        (file,) = made.files
+        (file,) = made.motion.files
         file.path, file.frames = str(new), len(before) - 1
         return made
 

@@ -37,6 +37,10 @@ class FaceSpace:
         triangles = face.triangles[:, ::-1] if self.mirrored else face.triangles
         return self.points(face.positions), triangles, landmarks, face.landmark_vertices
 
+    def points_to_object(self, points: np.ndarray) -> np.ndarray:
+        """Points `[N, 3]` back in object space, float64."""
+        return (np.asarray(points, dtype=np.float64) - self.offset) @ np.linalg.inv(self.matrix).T
+
     def moved(self, displacements: np.ndarray) -> np.ndarray:
         """Displacements `[..., 3]` from object space, float32."""
         return (displacements @ self.matrix.T).astype(np.float32)

@@ -138,22 +138,10 @@ def _words(loaded, text: str, models: Path | None) -> Words:
     return Words(tuple(units), strength if units else 1.0, hint.decode())
 
 
-def takes_events(name: str) -> bool:
-    """True where the system of this name shows events; False where none can be loaded."""
+def by_name(name: str) -> System:
+    """The system of this name; one that is able to nothing where none can be loaded."""
     among = known()
-    return bool(among) and find(name, among).takes_events
-
-
-def hears_feeling(name: str) -> bool:
-    """True where the system of this name hears feeling; False where none can be loaded."""
-    among = known()
-    return bool(among) and find(name, among).hears_feeling
-
-
-def starts_from_pose(name: str) -> bool:
-    """True where the system of this name goes on from a pose; False where none can be loaded."""
-    among = known()
-    return bool(among) and find(name, among).starts_from_pose
+    return find(name, among) if among else System("", "", "", ())
 
 
 def read(loaded) -> tuple[System, ...]:

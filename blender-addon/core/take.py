@@ -1,12 +1,12 @@
 """Plain data between the stages: what is asked, what is read, what comes back."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from .events import Event
 from .sliders import NAMES, SliderChange
-from .space import FaceSpace
+from .space import FaceSpace, face_space
 
 # How the lips of a mesh meet, in the order of `AnyfaceMouth`.
 MOUTHS = ("open", "slit", "welded")
@@ -92,8 +92,9 @@ class Request:
     displacements of every frame are wanted. The lips close in `closures` `[N, 2]`, seconds; with
     None where that is heard. `events` are for systems that take them, `felt_as` is another
     recording whose feeling is shown, for those that hear it; where the take is `layered`, what is
-    felt has vectors of its own. `starts_from` are displacements `[V, 3]` from rest of the pose in
-    which the face begins, for systems that go on from one.
+    felt has vectors of its own. `output` names the output that writes it. `starts_from` are
+    displacements `[V, 3]` from rest of the pose in which the face begins, for systems that go on
+    from one.
     """
 
     fps: float
@@ -109,6 +110,7 @@ class Request:
     events: list[Event] = field(default_factory=list)
     felt_as: "Sound | None" = None
     layered: bool = False
+    output: str = ""
     starts_from: np.ndarray | None = None
 
 
@@ -140,6 +142,17 @@ class Piece:
     matrix: np.ndarray
     role: int = BY_SHAPE
 
+    @property
+    def rows(self) -> slice:
+        """Its vertices among those of the whole face."""
+        return slice(self.first, self.first + self.count)
+
+    def vectors(self, moved: np.ndarray) -> np.ndarray:
+        """Those of displacements `[N, V, 3]` that are its own, in its own space."""
+        own = np.ascontiguousarray(moved[:, self.rows])
+        back = np.linalg.inv(self.matrix[:3, :3]).astype(np.float32)
+        return own if np.array_equal(back, np.eye(3)) else own @ back.T
+
 
 @dataclass
 class FaceMesh:
@@ -163,9 +176,64 @@ class FaceMesh:
     pieces: list[Piece] = field(default_factory=list)
     roles: PartRoles | None = None
 
+    @property
+    def space(self) -> FaceSpace:
+        """The frame in which the library sees it; raises `AnyfaceError("mesh")` for flat ones."""
+        return face_space(self.matrix_world, self.axes)
+
+
+class Motion:
+    """What a take holds: a case for each way to write one.
+
+    Of one that becomes keys `vectors` `[K, V, 3]` are what they move, None where they are the
+    artist's own, and `weights` `[T, K]` are animated, None where each key is a frame.
+    """
+
+    # Where it lies beside the .blend.
+    files = ()
+
+    @property
+    def frame_count(self) -> int:
+        """The number of frames `T`."""
+        raise NotImplementedError
+
+    def of_piece(self, piece: Piece) -> "Motion":
+        """That of one object of a face, in its own space."""
+        raise NotImplementedError
+
 
 @dataclass
-class Basis:
+class Frames(Motion):
+    """The `displacements` of every frame, `[T, V, 3]`."""
+
+    displacements: np.ndarray
+    weights = None
+
+    @property
+    def frame_count(self):
+        return len(self.displacements)
+
+    @property
+    def vectors(self):
+        return self.displacements
+
+    def of_piece(self, piece):
+        return Frames(piece.vectors(self.displacements))
+
+
+class VectorSum(Motion):
+    """`vectors` `[K, V, 3]` whose `weights` `[T, K]` add up to the motion."""
+
+    @property
+    def frame_count(self):
+        return len(self.weights)
+
+    def of_piece(self, piece):
+        return replace(self, vectors=piece.vectors(self.vectors))
+
+
+@dataclass
+class Basis(VectorSum):
     """Displacements as few vectors and their weights.
 
     `vectors` `[K, V, 3]`, `weights` `[T, K]` within -1..1; `error_mm` is the largest distance
@@ -183,6 +251,11 @@ class Basis:
     packed: bytes = b""
     offered: tuple[str, ...] = NAMES
     felt_from: int | None = None
+
+    def of_piece(self, piece):
+        # The mask of the feeling is painted on the face alone.
+        felt_from = self.felt_from if piece.first == 0 else None
+        return replace(super().of_piece(piece), felt_from=felt_from)
 
 
 @dataclass
@@ -261,10 +334,9 @@ class Animation:
 class Take:
     """A finished performance in object space, ready to be written.
 
-    One of `basis`, `frames` (`[T, V, 3]`, object units), `key_motion`, `control_motion` and `files`
-    is set.
-    `largest_mm` is the largest displacement of any vertex. `space` is the frame in which the face
-    was found. Head and eyes lie in `life`; its `way` leads from the world to the canonical frame.
+    `output` names the output that it is made for, `motion` is what that writes, in object units.
+    `largest_mm` is the largest displacement of any vertex. Head and eyes lie in `life`; its `way`
+    leads from the world to the canonical frame.
     `largest_of` is the largest displacement of each piece of the face, mm, where there are several.
     `shape_weights` are those that a system made itself: named keys get them as they are.
     `notes` are remarks for the report.
@@ -272,12 +344,8 @@ class Take:
 
     fps: float
     largest_mm: float
-    basis: Basis | None = None
-    frames: np.ndarray | None = None
-    key_motion: "KeyMotion | None" = None
-    control_motion: "ControlMotion | None" = None
-    files: "list[WrittenFile]" = field(default_factory=list)
-    space: FaceSpace | None = None
+    output: str
+    motion: Motion
     life: Life | None = None
     largest_of: list[float] = field(default_factory=list)
     shape_weights: ShapeWeights | None = None
@@ -290,14 +358,7 @@ class Take:
     @property
     def frame_count(self) -> int:
         """The number of frames `T`."""
-        if self.frames is not None:
-            return len(self.frames)
-        if self.files:
-            return self.files[0].frames
-        if self.control_motion is not None:
-            return len(self.control_motion.frames)
-        motion = self.basis if self.basis is not None else self.key_motion
-        return len(motion.weights)
+        return self.motion.frame_count
 
 
 @dataclass(frozen=True)
@@ -335,7 +396,7 @@ class Solved:
 
 
 @dataclass
-class KeyMotion:
+class KeyMotion(VectorSum):
     """A take as weights of named shape keys.
 
     `keys` `[S]` are names of keys, `weights` `[T, S]`. `vectors` `[S, V, 3]` in object space where
@@ -357,9 +418,15 @@ class KeyMotion:
     factors: dict[str, dict[str, float]] = field(default_factory=dict)
     missing: list[str] = field(default_factory=list)
 
+    def of_piece(self, piece):
+        more = self.visemes
+        if more is not None:
+            more = replace(more, vectors=piece.vectors(more.vectors))
+        return replace(super().of_piece(piece), visemes=more)
+
 
 @dataclass
-class ControlMotion:
+class ControlMotion(Motion):
     """A take as the motion of some points of the skin, and then as values of controls.
 
     `vertices` `[P]` are numbers of vertices near the 68 landmarks, `frames` `[T, P, 3]` their
@@ -375,6 +442,10 @@ class ControlMotion:
     mm: float
     fitted: object = None
 
+    @property
+    def frame_count(self):
+        return len(self.frames)
+
 
 @dataclass
 class WrittenFile:
@@ -389,3 +460,14 @@ class WrittenFile:
     vertices: int = 0
     ease: int = 0
     left_out: float = 0.0
+
+
+@dataclass
+class Files(Motion):
+    """A take that lies beside the .blend."""
+
+    files: list[WrittenFile]
+
+    @property
+    def frame_count(self):
+        return self.files[0].frames

@@ -6,6 +6,7 @@ does not and may run anywhere.
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import bpy
 import numpy as np
@@ -80,7 +81,7 @@ class Settings:
     life: LifeSettings = field(default_factory=LifeSettings)
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Snapshot:
     """Everything that was read for one character; `work` needs nothing else."""
 
@@ -114,13 +115,24 @@ class Snapshot:
             request = replace(request, felt_as=self.felt.load(decode.decoder(self.engine)))
         return voice, request
 
+    def ask(self, function, progress: Progress, *more):
+        """What a `function` of the engine makes of the face and its sound."""
+        voice, request = self.heard(progress)
+        return function(*self.face.space.seen(self.face), voice, request, *more, progress)
+
+    def perform(self, progress: Progress, rows: range | None = None) -> Take:
+        """The motion before its plan, of all frames or those of `rows`; raises `AnyfaceError`."""
+        animate = self.engine.animate
+        if rows is not None:
+            animate = partial(self.engine.animate_stretch, rows=rows)
+        return perform.perform(self.face, *self.heard(progress), animate, progress)
+
     def work(self, progress: Progress) -> Take:
         """The take; raises `AnyfaceError`."""
-        voice, request = self.heard(progress)
-        take = perform.perform(self.face, voice, request, self.engine.animate, progress)
+        take = self.perform(progress)
         take = self.plan.finish(self.face, take, self.engine, progress)
-        moved = take.frames is not None or take.basis is not None or take.key_motion is not None
-        if len(self.face.pieces) > 1 and moved and outputs.of_take(take).moves_parts:
+        output = outputs.of_take(take)
+        if len(self.face.pieces) > 1 and output.moves_parts and not output.in_files:
             take.largest_of = measure.largest(take, self.face.pieces, progress)
         return take
 
@@ -151,15 +163,28 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         control_keys=emotion.control_keys(ob, scene, settings, *when),
         roles=face.roles,
         events=asked_for.events,
-        layered=output.as_basis and settings.layered and systems.hears_feeling(settings.system),
+        layered=output.as_basis
+        and settings.layered
+        and systems.by_name(settings.system).hears_feeling,
+        output=output.name,
         starts_from=_pose(ob, face, settings),
     )
     names = [piece.name for piece in face.pieces] or [ob.name]
-    plan = output.plan(ob, settings.output, request.fps, names)
-    found = face, source, request, settings, plan, scene_fps, engine
-    asked, numbers = panel_settings.read(ob), _numbers(names, settings)
-    shown = sounds.read(scene, source), _felt(scene, settings, engine)
-    return Snapshot(ob.name, *found, notes, asked, numbers, *shown)
+    return Snapshot(
+        object_name=ob.name,
+        face=face,
+        source=source,
+        request=request,
+        settings=settings,
+        plan=output.plan(ob, settings.output, request.fps, names),
+        scene_fps=scene_fps,
+        engine=engine,
+        notes=notes,
+        asked=panel_settings.read(ob),
+        numbers=_numbers(names, settings),
+        sounds=sounds.read(scene, source),
+        felt=_felt(scene, settings, engine),
+    )
 
 
 def _numbers(names: list[str], settings: Settings) -> dict[str, int]:
@@ -221,7 +246,7 @@ def landing(ob, snapshot: Snapshot, take: Take):
 
     Closed before it yields `BEGUN` it has changed nothing.
     """
-    follow_names(snapshot, take.files)
+    follow_names(snapshot, take.motion.files)
     asked = snapshot.settings.output
     start, scene_fps = snapshot.source.start_frame, snapshot.scene_fps
     output = outputs.of_take(take)
@@ -230,11 +255,11 @@ def landing(ob, snapshot: Snapshot, take: Take):
     keep = output.keep if output.in_files else take_list.keep
     before = (lambda: keep(ob)) if asked.new_take else None
     yield from together.landing(ob, snapshot.face.pieces, take, start, scene_fps, before)
-    if not take.files:
+    if not take.motion.files:
         yield BEGUN
     turned = yield from head_and_eyes.writing(ob, take, snapshot.settings, start, scene_fps)
     notes = snapshot.notes + take.notes + snapshot.source.notes
-    notes += [] if take.files else guard.notes(ob)
+    notes += [] if take.motion.files else guard.notes(ob)
     notes += output.notes(ob, asked)
     text = " ".join([describe(take), *(f"({note})" for note in [*turned, *notes])])
     panel_settings.note(ob, snapshot.asked, text)
@@ -263,7 +288,7 @@ def _felt(scene, settings: Settings, engine) -> SoundSource | None:
     """The recording that gives the feeling; a strip is let be where the system does not hear it."""
     if settings.felt_file:
         return sound_source.from_file(settings.felt_file, settings.start_frame)
-    if not settings.felt_strip or not systems.hears_feeling(settings.system):
+    if not settings.felt_strip or not systems.by_name(settings.system).hears_feeling:
         return None
     try:
         return sound_source.from_strip(scene, settings.felt_strip, decode.decoder(engine))
@@ -273,7 +298,7 @@ def _felt(scene, settings: Settings, engine) -> SoundSource | None:
 
 def _pose(ob, face: FaceMesh, settings: Settings) -> np.ndarray | None:
     """How the face stands now, `[V, 3]` from rest, where it is to begin so; other pieces rest."""
-    if not settings.starts_from_pose or not systems.starts_from_pose(settings.system):
+    if not settings.starts_from_pose or not systems.by_name(settings.system).starts_from_pose:
         return None
     moved = np.zeros_like(face.positions)
     own = mesh.read_pose(ob)

@@ -7,11 +7,12 @@ alone: the number that Blender gives it for as long as a file is open, and its n
 
 import json
 import uuid
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 
 import bpy
 from bpy.props import StringProperty
 
+from ..core import json_file
 from ..core.errors import AnyfaceError
 
 PROPERTY = "anyface_identity"
@@ -36,8 +37,7 @@ def read(ob) -> Identity | None:
     if not text:
         return None
     try:
-        known = {item.name for item in fields(Identity)}
-        return Identity(**{k: v for k, v in json.loads(text).items() if k in known})
+        return json_file.known_fields(Identity, json.loads(text))
     except (ValueError, TypeError, AttributeError):
         return None
 

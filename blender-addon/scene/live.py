@@ -13,6 +13,7 @@ from bpy.app.handlers import persistent
 from ..core import space
 from ..core.emotion import strengths
 from ..core.errors import AnyfaceError
+from ..core.take import Piece
 from . import identity
 from .face import mesh, pieces
 from .shape_keys import guard
@@ -26,8 +27,8 @@ class Follower:
 
     number: int
     name: str
-    # Number and name of each, its rows of the displacements, its rest, the way into its own space.
-    parts: list[tuple[int, str, slice, np.ndarray, np.ndarray]]
+    # Number and name of each, its place in the whole face, its rest.
+    parts: list[tuple[int, str, Piece, np.ndarray]]
     face: object
     found: space.FaceSpace
     start_frame: float
@@ -50,29 +51,20 @@ def begin(ob, snapshot, face) -> None:
 
     Raises `AnyfaceError` where an object cannot have a key; nothing has changed then.
     """
-    given = snapshot.face.pieces or [None]
-    found = []
-    for piece in given:
-        one = (
-            ob
-            if piece is None or piece is given[0]
-            else pieces.object_of(pieces.Part(piece.name), ob)
-        )
-        count = len(snapshot.face.positions) if piece is None else piece.count
+    own, *others = snapshot.face.pieces
+    found = [(ob, own)]
+    found += [(pieces.object_of(pieces.Part(piece.name), ob), piece) for piece in others]
+    for one, piece in found:
         guard.check_editable(one)
-        guard.check_size(one, count)
-        first = 0 if piece is None else piece.first
-        way = np.eye(4) if piece is None else piece.matrix
-        back = np.linalg.inv(np.asarray(way, dtype=np.float64)[:3, :3]).astype(np.float32)
-        found.append((one, slice(first, first + count), back))
+        guard.check_size(one, piece.count)
     end(ob)
     parts = []
-    for one, rows, back in found:
+    for one, piece in found:
         rested = mesh.read_basis(one.data)
         with guard.object_mode(one), guard.selection_kept(one):
             _add_key(one, rested)
-        parts.append((identity.number(one), one.name, rows, rested, back))
-    way = space.face_space(snapshot.face.matrix_world, snapshot.face.axes)
+        parts.append((identity.number(one), one.name, piece, rested))
+    way = snapshot.face.space
     _followers.append(
         Follower(identity.number(ob), ob.name, parts, face, way, snapshot.source.start_frame)
     )
@@ -153,7 +145,7 @@ def _show(ob, scene, follower: Follower) -> None:
     if settings.emotion_source == "GIVEN":
         follower.face.feel(strengths(settings.emotion, settings.intensity))
     moved = follower.found.to_object(follower.face.at(seconds))
-    for number, name, rows, rested, back in follower.parts:
+    for number, name, piece, rested in follower.parts:
         one = identity.with_number(number, name)
         if one is None or one.mode == "EDIT":
             continue
@@ -161,7 +153,7 @@ def _show(ob, scene, follower: Follower) -> None:
         block = one.data.shape_keys.key_blocks.get(KEY) if one.data.shape_keys else None
         if block is None:
             raise AnyfaceError("mesh", f"{name}: its key {KEY!r} is gone")
-        at = rested + moved[rows] @ back.T
+        at = rested + piece.vectors(moved[None])[0]
         block.points.foreach_set("co", np.ascontiguousarray(at, dtype=np.float32).ravel())
         one.data.shape_keys.update_tag()
         one.data.update_tag()

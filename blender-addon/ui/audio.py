@@ -8,7 +8,6 @@ from bpy.props import (
     CollectionProperty,
     FloatProperty,
     IntProperty,
-    PointerProperty,
     StringProperty,
 )
 from bpy.types import Operator, PropertyGroup
@@ -18,19 +17,16 @@ from ..scene import bake
 from ..scene.face import feeling_mask
 from ..scene.sound import sequencer, strips
 from . import words
-from .operators import Acting
-from .overridable import kinds, overridable
-from .target import OfFace, sequencer_scene, target
+from .operators import Acting, Alone, WithFile
+from .target import sequencer_scene, target
 
 _SOUNDS = "*.wav;*.mp3;*.flac;*.ogg;*.m4a;*.aac;*.aif;*.aiff;*.opus;*.mp4;*.mov;*.mkv"
 
 
-@overridable
 class AnyfaceStrip(PropertyGroup):
     """A chosen strip; its name says which."""
 
 
-@overridable
 class AnyfaceAudio(PropertyGroup):
     """`Object.anyface_audio`: which strips speak together."""
 
@@ -94,41 +90,45 @@ def strip_of(ob, scene) -> str:
     return found[0].name if len(found) == 1 else ob.anyface.strip
 
 
-class ANYFACE_OT_use_selected_strips(OfFace, Operator):
+class WithSound(Alone):
+    """Works on the sound that the character speaks."""
+
+    # A linked face can be given no sound: it is told so when the button is pressed.
+    accepts_linked = False
+
+    @classmethod
+    def why_not(cls, context):
+        reason, ob = super().why_not(context), target(context)
+        if reason or (cls.accepts_linked and ob.library is not None):
+            return reason
+        return why_not(ob, sequencer_scene(context))
+
+
+class ANYFACE_OT_use_selected_strips(Acting, Operator):
     """Let the sound strips that are selected in the sequencer speak as one take"""
 
     bl_idname = "anyface.use_selected_strips"
     bl_label = "Use Selected Strips"
 
-    def execute(self, context):
+    def act(self, ob):
         """Writes the names of the selected strips down."""
-        found = sequencer.sound_strips(sequencer_scene(context))
+        found = sequencer.sound_strips(sequencer_scene(bpy.context))
         names = [strip.name for strip in found if strip.select]
         if not names:
-            self.report({"ERROR"}, "Anyface: select sound strips in the video sequencer first")
-            return {"CANCELLED"}
-        ob = target(context)
+            raise AnyfaceError("input", "select sound strips in the video sequencer first")
         ob.anyface_audio.chosen.clear()
         for name in names:
             ob.anyface_audio.chosen.add().name = name
         ob.anyface.source = "CHOSEN"
-        return {"FINISHED"}
 
 
-class ANYFACE_OT_choose_sound(Acting, Operator):
+class ANYFACE_OT_choose_sound(WithFile, Operator):
     """Choose the sound file that the face speaks"""
 
     bl_idname = "anyface.choose_sound"
     bl_label = "Choose a Sound File"
-    bl_options = {"REGISTER", "UNDO"}
 
-    filepath: StringProperty(subtype="FILE_PATH")
     filter_glob: StringProperty(default=_SOUNDS, options={"HIDDEN"})
-
-    def invoke(self, context, event):
-        """Opens the file browser."""
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
 
     def act(self, ob):
         """Sets the source; what an earlier report said is past."""
@@ -163,7 +163,7 @@ def draw(layout, ob, scene, width: int) -> None:
 def draw_felt(layout, ob, scene) -> None:
     """Draws which strip gives the feeling, where the sequencer has any."""
     if scene is not None and scene.sequence_editor is not None:
-        _search(layout, ob.anyface_audio, "felt_strip", scene.sequence_editor)
+        search_strip(layout, ob.anyface_audio, "felt_strip", scene.sequence_editor)
 
 
 def draw_heat(layout, ob) -> None:
@@ -174,14 +174,18 @@ def draw_heat(layout, ob) -> None:
         row.operator("anyface.heat_map_hide", text="", icon="X")
 
 
-def _search(layout, group, name: str, editor) -> None:
+def search_strip(layout, group, name: str, editor, **shown) -> None:
+    """Draws a choice among the strips of a sequencer, a plain text without one."""
+    if editor is None:
+        layout.prop(group, name, **shown)
+        return
     collection = "strips_all" if hasattr(editor, "strips_all") else "sequences_all"
-    layout.prop_search(group, name, editor, collection, icon="SOUND")
+    layout.prop_search(group, name, editor, collection, icon="SOUND", **shown)
 
 
 def _draw_strips(column, ob, scene) -> None:
     if ob.anyface.source == "STRIP":
-        _search(column, ob.anyface, "strip", scene.sequence_editor)
+        search_strip(column, ob.anyface, "strip", scene.sequence_editor)
     elif ob.anyface.source == "CHANNEL":
         column.prop(ob.anyface_audio, "channel")
     else:
@@ -254,18 +258,4 @@ def _count(found: list) -> str:
     return "" if len(found) == 1 else f"{len(found)} strips, "
 
 
-def register() -> None:
-    """Adds the settings to objects."""
-    bpy.utils.register_class(AnyfaceStrip)
-    bpy.utils.register_class(AnyfaceAudio)
-    bpy.types.Object.anyface_audio = PointerProperty(type=AnyfaceAudio, override=kinds())
-
-
-def unregister() -> None:
-    """Takes them away; values stay in the file."""
-    del bpy.types.Object.anyface_audio
-    bpy.utils.unregister_class(AnyfaceAudio)
-    bpy.utils.unregister_class(AnyfaceStrip)
-
-
-CLASSES = (ANYFACE_OT_use_selected_strips, ANYFACE_OT_choose_sound)
+GROUPS = (AnyfaceStrip, AnyfaceAudio)

@@ -39,6 +39,3 @@ class ANYFACE_OT_remove_unused_caches(Operator):
             self.report({"WARNING"}, f"Anyface: {text}")
         self.report({"INFO"}, f"Anyface: {len(found.files)} unused caches deleted")
         return {"FINISHED"}
-
-
-CLASSES = (ANYFACE_OT_remove_unused_caches,)

@@ -17,9 +17,8 @@ from ..scene import identity
 from ..scene.face import landmarks, mouth, pieces
 from . import words
 from .operators import Acting
-from .overridable import kinds, overridable
 from .panel import OfFacePanel
-from .target import OfFace, is_there, target
+from .target import is_there, target
 
 _ROLE_TEXTS = {
     "skin": "The face itself",
@@ -34,7 +33,6 @@ _ROLE_ITEMS = [("AUTO", "By Shape", "Told by shape and place", 0)]
 _ROLE_ITEMS += [(n, n.capitalize(), _ROLE_TEXTS[n], k + 1) for k, n in enumerate(ROLES)]
 
 
-@overridable
 class AnyfacePart(PropertyGroup):
     """An object beside the face."""
 
@@ -42,7 +40,6 @@ class AnyfacePart(PropertyGroup):
     role: EnumProperty(name="Role", items=_ROLE_ITEMS, default="AUTO", options=set())
 
 
-@overridable
 class AnyfaceLoose(PropertyGroup):
     """A connected part of the face mesh itself; `found` is what it was told to be."""
 
@@ -52,7 +49,6 @@ class AnyfaceLoose(PropertyGroup):
     role: EnumProperty(name="Role", items=_ROLE_ITEMS, default="AUTO", options=set())
 
 
-@overridable
 class AnyfaceFace(PropertyGroup):
     """`Object.anyface_face`: what the face consists of."""
 
@@ -122,42 +118,37 @@ class ANYFACE_OT_find_parts(Acting, Operator):
         return f"parts found: {', '.join(fresh) or 'none'}"
 
 
-class ANYFACE_OT_add_parts(OfFace, Operator):
+class ANYFACE_OT_add_parts(Acting, Operator):
     """Add the selected meshes to the face as parts"""
 
     bl_idname = "anyface.add_parts"
     bl_label = "Add Selected"
 
-    def execute(self, context):
+    def act(self, ob):
         """Adds every selected mesh that is not there yet."""
-        ob = target(context)
         known = {part.object for part in ob.anyface_face.parts} | {ob}
-        picked = [other for other in context.selected_objects if other.type == "MESH"]
+        picked = [other for other in bpy.context.selected_objects if other.type == "MESH"]
         fresh = [other for other in picked if other not in known and other.data != ob.data]
         if not fresh:
-            self.report({"ERROR"}, "Anyface: select the meshes of teeth, eyes or lashes first")
-            return {"CANCELLED"}
+            raise AnyfaceError("input", "select the meshes of teeth, eyes or lashes first")
         for other in fresh:
             _add(ob, other, pieces.role_of_name(other.name))
-        return {"FINISHED"}
 
 
-class ANYFACE_OT_drop_part(OfFace, Operator):
+class ANYFACE_OT_drop_part(Acting, Operator):
     """Take the part out of the face; the object itself stays"""
 
     bl_idname = "anyface.drop_part"
     bl_label = "Remove Part"
 
-    def execute(self, context):
+    def act(self, ob):
         """Takes the active row of the list away."""
-        face = target(context).anyface_face
+        face = ob.anyface_face
         if not 0 <= face.part_index < len(face.parts):
-            self.report({"ERROR"}, "Anyface: choose a part in the list first")
-            return {"CANCELLED"}
+            raise AnyfaceError("input", "choose a part in the list first")
         face.parts.remove(face.part_index)
         face.looked = True
         face.part_index = max(0, min(face.part_index, len(face.parts) - 1))
-        return {"FINISHED"}
 
 
 def take_along(ob) -> list[str]:
@@ -266,25 +257,4 @@ def _draw_parts(layout, ob) -> None:
         body.template_list("ANYFACE_UL_loose", "", face, "loose", face, "loose_index", rows=3)
 
 
-def register() -> None:
-    """Adds the settings to objects."""
-    for cls in (AnyfacePart, AnyfaceLoose, AnyfaceFace):
-        bpy.utils.register_class(cls)
-    bpy.types.Object.anyface_face = PointerProperty(type=AnyfaceFace, override=kinds())
-
-
-def unregister() -> None:
-    """Takes them away; values stay in the file."""
-    del bpy.types.Object.anyface_face
-    for cls in (AnyfaceFace, AnyfaceLoose, AnyfacePart):
-        bpy.utils.unregister_class(cls)
-
-
-CLASSES = (
-    ANYFACE_UL_parts,
-    ANYFACE_UL_loose,
-    ANYFACE_OT_find_parts,
-    ANYFACE_OT_add_parts,
-    ANYFACE_OT_drop_part,
-    ANYFACE_PT_character,
-)
+GROUPS = (AnyfacePart, AnyfaceLoose, AnyfaceFace)

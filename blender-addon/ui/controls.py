@@ -1,6 +1,5 @@
 """The rig and the list of its face controls, for the output *Rig Controls*."""
 
-import bpy
 from bpy.props import (
     BoolProperty,
     CollectionProperty,
@@ -13,13 +12,11 @@ from bpy.types import Object, PropertyGroup, UIList
 
 from ..scene.outputs.controls import ControlRow
 from ..scene.rig_controls import control_sources
-from .overridable import kinds, overridable
 from .target import is_there
 
 _KINDS = [(kind, kind.capitalize(), "") for kind in (control_sources.BONE, control_sources.NUMBER)]
 
 
-@overridable
 class AnyfaceControl(PropertyGroup):
     """A bone or a number that moves the face."""
 
@@ -32,7 +29,6 @@ class AnyfaceControl(PropertyGroup):
     sided: BoolProperty(options=set())
 
 
-@overridable
 class AnyfaceControls(PropertyGroup):
     """`Object.anyface_controls`: what moves the face."""
 
@@ -72,18 +68,4 @@ class ANYFACE_UL_controls(UIList):
         layout.label(text=item.name, icon=icon)
 
 
-CLASSES = (ANYFACE_UL_controls,)
-
-
-def register() -> None:
-    """Adds the settings to objects."""
-    bpy.utils.register_class(AnyfaceControl)
-    bpy.utils.register_class(AnyfaceControls)
-    bpy.types.Object.anyface_controls = PointerProperty(type=AnyfaceControls, override=kinds())
-
-
-def unregister() -> None:
-    """Takes them away; values stay in the file."""
-    del bpy.types.Object.anyface_controls
-    bpy.utils.unregister_class(AnyfaceControls)
-    bpy.utils.unregister_class(AnyfaceControl)
+GROUPS = (AnyfaceControl, AnyfaceControls)

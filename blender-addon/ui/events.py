@@ -42,7 +42,7 @@ class ANYFACE_PT_events(OfFacePanel, Panel):
         """False where the chosen system shows none."""
         if not super().poll(context):
             return False
-        return systems.takes_events(getattr(target(context).anyface, "system", ""))
+        return systems.by_name(getattr(target(context).anyface, "system", "")).takes_events
 
     def draw(self, context):
         """Draws the channel, the strips with the units understood, and how one is added."""
@@ -95,15 +95,12 @@ copied and renamed"""
     strength: FloatProperty(name="Strength", default=1.0, min=0.0, max=1.0, subtype="FACTOR")
 
     @classmethod
-    def poll(cls, context):
-        """False, with the reason, where the system shows no events."""
-        if not super().poll(context):
-            return False
-        if systems.takes_events(getattr(target(context).anyface, "system", "")):
-            return True
+    def why_not(cls, context):
+        reason = super().why_not(context)
+        if reason or systems.by_name(getattr(target(context).anyface, "system", "")).takes_events:
+            return reason
         able = [system.label for system in systems.known() if system.takes_events]
-        cls.poll_message_set(f"Choose a system that shows events: {', '.join(able) or 'none'}")
-        return False
+        return f"Choose a system that shows events: {', '.join(able) or 'none'}"
 
     def invoke(self, context, event):
         """Asks for units where no word of the menu was chosen."""
@@ -147,6 +144,3 @@ copied and renamed"""
         if not side:
             return self.units.strip()
         return ",".join(on_side(found.units, side)) + ("!" if found.over_speech else "")
-
-
-CLASSES = (ANYFACE_OT_event_add, ANYFACE_PT_events)

@@ -50,8 +50,4 @@ of this object move its parts too"""
             rig = expression_keys.bent(rig)
         names, _ = expression_keys.add(ob, making.face, rig, shapes.VISEMES)
         expression_keys.drive(ob, making.face)
-        self.report({"INFO"}, f"Anyface: {ob.name} has {len(names)} expression keys")
-        return {"FINISHED"}
-
-
-CLASSES = (ANYFACE_OT_expression_keys,)
+        return f"{ob.name} has {len(names)} expression keys"

@@ -1,7 +1,5 @@
 """Finds the face controls of a rig, or takes them from a list of names."""
 
-from pathlib import Path
-
 import bpy
 import numpy as np
 from bpy.props import EnumProperty
@@ -15,8 +13,8 @@ from ..core.take import ControlMotion, Found
 from ..scene.rig_controls import control_actions, control_bench, control_fit, control_sources
 from ..scene.rig_controls.control_kinds import COLLECTIONS
 from . import landmarks, output_properties
-from .operators import InThread, WithFile
-from .target import OfFace, is_there, target
+from .operators import Acting, InThread, Notice, ToFile, WithFile
+from .target import is_there
 
 # The distance of the temples on a head of human size, mm.
 _TEMPLES_MM = 140.0
@@ -46,15 +44,14 @@ class ANYFACE_OT_controls_find(InThread, Operator):
         if not listed:
             raise AnyfaceError("mesh", f"no control moves the face of {ob.name}: pick its rig")
         _list(ob, listed)
-        self.report({"INFO"}, f"Anyface: {len(listed)} controls move the face")
-        return {"FINISHED"}
+        return f"{len(listed)} controls move the face"
 
     def finish(self, ob, search, found):
         """All at once."""
         return at_once(self.land(ob, search, found))
 
 
-class ANYFACE_OT_controls_preset(OfFace, Operator):
+class ANYFACE_OT_controls_preset(Acting, Operator):
     """Fill the list with the bones that a tool names in this way"""
 
     bl_idname = "anyface.controls_preset"
@@ -62,51 +59,42 @@ class ANYFACE_OT_controls_preset(OfFace, Operator):
 
     preset: EnumProperty(name="Names", items=_PRESETS)
 
-    def execute(self, context):
+    def act(self, ob):
         """Replaces the list."""
-        ob = target(context)
         rig = _rig(ob)
         found = control_sources.of_preset(rig, self.preset) if rig is not None else []
         if not found:
-            self.report({"WARNING"}, f"Anyface: the rig has no bone with a name of {self.preset}")
-            return {"CANCELLED"}
+            raise Notice(f"the rig has no bone with a name of {self.preset}")
         _list(ob, found)
-        return {"FINISHED"}
 
 
-class ANYFACE_OT_controls_clear(OfFace, Operator):
+class ANYFACE_OT_controls_clear(Acting, Operator):
     """Empty the list; controls are found when you generate"""
 
     bl_idname = "anyface.controls_clear"
     bl_label = "Clear"
 
-    def execute(self, context):
+    def act(self, ob):
         """Empties the list."""
-        target(context).anyface_controls.rows.clear()
-        return {"FINISHED"}
+        ob.anyface_controls.rows.clear()
 
 
-class ANYFACE_OT_controls_save(WithFile, Operator):
+class ANYFACE_OT_controls_save(ToFile, Operator):
     """Save the list as a JSON file, for other scenes with this rig"""
 
     bl_idname = "anyface.controls_save"
     bl_label = "Save Control List"
-    bl_options = {"REGISTER"}
 
-    def invoke(self, context, event):
-        """Asks for the file."""
-        self.filepath = self.filepath or f"{target(context).name}_controls.json"
-        return super().invoke(context, event)
+    what = "controls"
 
     def act(self, ob):
         """Writes the list."""
         rows = ob.anyface_controls.rows
         if not len(rows):
             raise AnyfaceError("input", "the list is empty: press Find Controls first")
-        path = bpy.path.ensure_ext(bpy.path.abspath(self.filepath), ".json")
         fields = ("kind", "id_type", "block", "path", "sided", "use")
         found = [Row(*(getattr(row, name) for name in fields)) for row in rows]
-        control_names.write(found, Path(path))
+        control_names.write(found, self.path)
 
 
 class ANYFACE_OT_controls_load(WithFile, Operator):
@@ -114,11 +102,10 @@ class ANYFACE_OT_controls_load(WithFile, Operator):
 
     bl_idname = "anyface.controls_load"
     bl_label = "Load Control List"
-    bl_options = {"REGISTER", "UNDO"}
 
     def act(self, ob):
         """Replaces the list by those of the file that are here."""
-        rows = control_names.read(Path(bpy.path.abspath(self.filepath)))
+        rows = control_names.read(self.path)
         found = [(_here(row, _rig(ob)), row.use) for row in rows]
         there = [pair for pair in found if pair[0] is not None]
         if not there:
@@ -170,12 +157,3 @@ def _list(ob, sources: list[control_sources.Source]) -> None:
         row = rows.add()
         row.name, row.kind, row.sided = source.label, source.kind, source.sided
         row.id_type, row.block, row.path = source.block.id_type, source.block.name, source.name
-
-
-CLASSES = (
-    ANYFACE_OT_controls_find,
-    ANYFACE_OT_controls_preset,
-    ANYFACE_OT_controls_clear,
-    ANYFACE_OT_controls_save,
-    ANYFACE_OT_controls_load,
-)

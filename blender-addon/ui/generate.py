@@ -7,13 +7,14 @@ from ..core import wording
 from ..core.job import BEGUN
 from ..scene import bake, outputs
 from ..scene.takes import panel_settings
-from . import audio, character, mending, running
+from . import character, mending, running
+from .audio import WithSound
 from .operators import InThread, redraw
 from .settings import from_object
-from .target import sequencer_scene, target
+from .target import sequencer_scene
 
 
-class ANYFACE_OT_generate(InThread, Operator):
+class ANYFACE_OT_generate(WithSound, InThread, Operator):
     """Animate the face with the sound; an earlier take on it is replaced"""
 
     bl_idname = "anyface.generate"
@@ -21,17 +22,7 @@ class ANYFACE_OT_generate(InThread, Operator):
 
     busy = "Another face is being animated"
 
-    @classmethod
-    def poll(cls, context):
-        """False, with the reason, without a face or a sound."""
-        if not super().poll(context):
-            return False
-        ob = target(context)
-        # A linked face can be given none: it is told so when the button is pressed.
-        reason = audio.why_not(ob, sequencer_scene(context)) if ob.library is None else ""
-        if reason:
-            cls.poll_message_set(reason)
-        return not reason
+    accepts_linked = True
 
     def read(self, context, ob):
         """The settings, the mesh and the sound; teeth and tongue come along."""
@@ -59,8 +50,7 @@ class ANYFACE_OT_generate(InThread, Operator):
         ob.anyface.report, ob.anyface.report_is_error = text, False
         mending.keep(ob, ("find_parts",) if left else ())
         panel_settings.note(ob, snapshot.asked, text)
-        self.report({"INFO"}, f"Anyface: {text}")
-        return {"FINISHED"}
+        return text
 
     def fail(self, error, ob=None):
         """Keeps the error in the panel as well."""
@@ -98,6 +88,3 @@ class ANYFACE_OT_cancel(Operator):
         """Asks the thread to stop; the running operator ends with it."""
         running.current.cancel()
         return {"FINISHED"}
-
-
-CLASSES = (ANYFACE_OT_generate, ANYFACE_OT_cancel)

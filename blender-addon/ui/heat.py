@@ -2,29 +2,15 @@
 
 from bpy.types import Operator
 
-from ..core import space, systems
+from ..core import systems
+from ..core.job import Work
 from ..scene import bake
 from ..scene.face import feeling_mask
 from . import running
-from .operators import InThread
+from .audio import WithSound
+from .operators import Acting, InThread
 from .settings import from_object
-from .sounds import WithSound
 from .target import sequencer_scene, target
-
-
-class _Believing:
-    """Asks the model what it believes of one frame of a take."""
-
-    def __init__(self, snapshot, frame: int):
-        self._snapshot, self._frame = snapshot, frame
-
-    def work(self, progress):
-        """Shares `[V]` of the face's own vertices."""
-        snapshot = self._snapshot
-        voice, request = snapshot.heard(progress)
-        face = snapshot.face
-        seen = space.face_space(face.matrix_world, face.axes).seen(face)
-        return snapshot.engine.mask(*seen, voice, request, self._frame, progress)
 
 
 class ANYFACE_OT_heat_map(WithSound, InThread, Operator):
@@ -34,17 +20,13 @@ colour"""
 
     bl_idname = "anyface.heat_map"
     bl_label = "Heat Map"
-    bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
-        """False, with the reason, where the system does not tell both apart."""
-        if not super().poll(context):
-            return False
-        can = systems.hears_feeling(target(context).anyface.system)
-        if not can:
-            cls.poll_message_set("This system does not tell feeling from speech")
-        return can
+    def why_not(cls, context):
+        reason = super().why_not(context)
+        if reason or systems.by_name(target(context).anyface.system).hears_feeling:
+            return reason
+        return "This system does not tell feeling from speech"
 
     def read(self, context, ob):
         """The face, its sound, and which frame of the take is shown."""
@@ -52,32 +34,27 @@ colour"""
         settings = from_object(ob, scene)
         snapshot = bake.read(ob, scene, settings, running.engine(settings.system))
         seconds = (scene.frame_current_final - snapshot.source.start_frame) / snapshot.scene_fps
-        return _Believing(snapshot, round(seconds * snapshot.request.fps))
+        frame = round(seconds * snapshot.request.fps)
+        return Work(lambda progress: snapshot.ask(snapshot.engine.mask, progress, frame))
 
-    def finish(self, ob, believing, believed):
-        """Writes the colours."""
+    def finish(self, ob, _work, believed):
+        """Writes the colours of shares `[V]` of the face's own vertices."""
         feeling_mask.show_heat(ob, believed[: len(ob.data.vertices)])
-        self.report({"INFO"}, f"Anyface: feeling is believed by {believed.mean():.0%} in the mean")
-        return {"FINISHED"}
+        return f"feeling is believed by {believed.mean():.0%} in the mean"
 
 
-class ANYFACE_OT_heat_map_hide(Operator):
+class ANYFACE_OT_heat_map_hide(Acting, Operator):
     """Take the colours of the heat map away"""
 
     bl_idname = "anyface.heat_map_hide"
     bl_label = "Hide Heat Map"
-    bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
-        """False where there are none."""
-        ob = target(context)
-        return feeling_mask.shows_heat(ob) if ob is not None and ob.type == "MESH" else False
+    def why_not(cls, context):
+        reason = super().why_not(context)
+        shown = not reason and feeling_mask.shows_heat(target(context))
+        return reason or ("" if shown else "No heat map is shown")
 
-    def execute(self, context):
+    def act(self, ob):
         """Removes them."""
-        feeling_mask.hide_heat(target(context))
-        return {"FINISHED"}
-
-
-CLASSES = (ANYFACE_OT_heat_map, ANYFACE_OT_heat_map_hide)
+        feeling_mask.hide_heat(ob)

@@ -1,17 +1,15 @@
 """The list of shapes and keys for *Existing Keys*: found, by the names of a tool, or by hand."""
 
-from pathlib import Path
-
-import bpy
 from bpy.props import EnumProperty, StringProperty
 from bpy.types import Operator, UIList
 
 from ..core import key_names
+from ..core.errors import AnyfaceError
 from ..core.key_names import Pair
 from ..scene.shape_keys import artist_keys
 from . import output_properties
-from .operators import WithFile
-from .target import OfFace, target
+from .operators import Acting, Notice, ToFile, WithFile
+from .target import target
 
 
 class ANYFACE_UL_mapping(UIList):
@@ -28,19 +26,12 @@ class ANYFACE_UL_mapping(UIList):
         row.prop(item, "factor", text="")
 
 
-class _OnMapping(OfFace):
+class _OnMapping(Acting):
     @classmethod
-    def poll(cls, context):
+    def why_not(cls, context):
         ob = target(context)
-        return ob is not None and ob.library is None
-
-    def _replace(self, ob, found, nothing: str):
-        """Puts `found` in place of the list, or warns of `nothing`."""
-        if not found:
-            self.report({"WARNING"}, f"Anyface: {nothing}")
-            return {"CANCELLED"}
-        fill(ob, found)
-        return {"FINISHED"}
+        linked = ob is not None and ob.library is not None
+        return "The face is linked and keeps no list" if linked else super().why_not(context)
 
 
 class ANYFACE_OT_mapping_find(_OnMapping, Operator):
@@ -49,11 +40,12 @@ class ANYFACE_OT_mapping_find(_OnMapping, Operator):
     bl_idname = "anyface.mapping_find"
     bl_label = "Find Keys"
 
-    def execute(self, context):
+    def act(self, ob):
         """Replaces the list."""
-        ob = target(context)
-        text = "no key has a known name: press + and pick shapes and keys by hand"
-        return self._replace(ob, artist_keys.find(ob, []), text)
+        found = artist_keys.find(ob, [])
+        if not found:
+            raise Notice("no key has a known name: press + and pick shapes and keys by hand")
+        fill(ob, found)
 
 
 class ANYFACE_OT_mapping_preset(_OnMapping, Operator):
@@ -64,12 +56,13 @@ class ANYFACE_OT_mapping_preset(_OnMapping, Operator):
 
     preset: EnumProperty(name="Names", items=[(name, name, "") for name in key_names.presets()])
 
-    def execute(self, context):
+    def act(self, ob):
         """Replaces the list."""
-        ob = target(context)
         blocks = ob.data.shape_keys.key_blocks if ob.data.shape_keys is not None else []
         found = key_names.pairs(self.preset, [block.name for block in blocks])
-        return self._replace(ob, found, f"no key has a name of {self.preset}")
+        if not found:
+            raise Notice(f"no key has a name of {self.preset}")
+        fill(ob, found)
 
 
 class ANYFACE_OT_mapping_add(_OnMapping, Operator):
@@ -81,14 +74,13 @@ class ANYFACE_OT_mapping_add(_OnMapping, Operator):
     shape: StringProperty(options={"HIDDEN"})
     key: StringProperty(options={"HIDDEN"})
 
-    def execute(self, context):
+    def act(self, ob):
         """Adds it."""
-        stored = target(context).anyface_output
+        stored = ob.anyface_output
         row = stored.mapping.add()
         if self.shape in row.bl_rna.properties["shape"].enum_items:
             row.shape = self.shape
         row.key, stored.mapping_index = self.key, len(stored.mapping) - 1
-        return {"FINISHED"}
 
 
 class ANYFACE_OT_mapping_remove(_OnMapping, Operator):
@@ -97,15 +89,13 @@ class ANYFACE_OT_mapping_remove(_OnMapping, Operator):
     bl_idname = "anyface.mapping_remove"
     bl_label = "Remove Row"
 
-    def execute(self, context):
+    def act(self, ob):
         """Takes it off."""
-        stored = target(context).anyface_output
+        stored = ob.anyface_output
         if not 0 <= stored.mapping_index < len(stored.mapping):
-            self.report({"ERROR"}, "Anyface: choose a row of the list first")
-            return {"CANCELLED"}
+            raise AnyfaceError("input", "choose a row of the list first")
         stored.mapping.remove(stored.mapping_index)
         stored.mapping_index = max(0, min(stored.mapping_index, len(stored.mapping) - 1))
-        return {"FINISHED"}
 
 
 class ANYFACE_OT_mapping_clear(_OnMapping, Operator):
@@ -114,29 +104,23 @@ class ANYFACE_OT_mapping_clear(_OnMapping, Operator):
     bl_idname = "anyface.mapping_clear"
     bl_label = "Clear"
 
-    def execute(self, context):
+    def act(self, ob):
         """Empties the list."""
-        target(context).anyface_output.mapping.clear()
-        return {"FINISHED"}
+        ob.anyface_output.mapping.clear()
 
 
-class ANYFACE_OT_mapping_save(_OnMapping, WithFile, Operator):
+class ANYFACE_OT_mapping_save(_OnMapping, ToFile, Operator):
     """Save the list as a JSON file"""
 
     bl_idname = "anyface.mapping_save"
     bl_label = "Save Key List"
-    bl_options = {"REGISTER"}
 
-    def invoke(self, context, event):
-        """Asks for the file."""
-        self.filepath = self.filepath or f"{target(context).name}_keys.json"
-        return super().invoke(context, event)
+    what = "keys"
 
     def act(self, ob):
         """Writes the list, or what is found by name where it is empty."""
         found = output_properties.read(ob).mapping or artist_keys.find(ob, [])
-        path = bpy.path.ensure_ext(bpy.path.abspath(self.filepath), ".json")
-        key_names.write(found, Path(path))
+        key_names.write(found, self.path)
 
 
 class ANYFACE_OT_mapping_load(_OnMapping, WithFile, Operator):
@@ -147,7 +131,7 @@ class ANYFACE_OT_mapping_load(_OnMapping, WithFile, Operator):
 
     def act(self, ob):
         """Replaces the list by that of the file."""
-        fill(ob, key_names.read(Path(bpy.path.abspath(self.filepath))))
+        fill(ob, key_names.read(self.path))
 
 
 def fill(ob, pairs: list[Pair]) -> None:
@@ -157,15 +141,3 @@ def fill(ob, pairs: list[Pair]) -> None:
     for pair in pairs:
         row = rows.add()
         row.shape, row.key, row.factor = pair.shape, pair.key, pair.factor
-
-
-CLASSES = (
-    ANYFACE_UL_mapping,
-    ANYFACE_OT_mapping_find,
-    ANYFACE_OT_mapping_preset,
-    ANYFACE_OT_mapping_add,
-    ANYFACE_OT_mapping_remove,
-    ANYFACE_OT_mapping_clear,
-    ANYFACE_OT_mapping_save,
-    ANYFACE_OT_mapping_load,
-)

@@ -15,7 +15,7 @@ from ..scene import bake
 from ..scene.face import landmarks
 from ..scene.shape_keys import guard
 from . import character, running
-from .operators import Alone, InThread, redraw
+from .operators import Acting, Alone, InThread, redraw
 from .settings import from_object
 from .target import target
 
@@ -60,34 +60,27 @@ class ANYFACE_OT_find_face(InThread, Operator):
 
     def finish(self, ob, search, found):
         """Keeps the landmarks."""
-        self.report({"INFO"}, f"Anyface: {keep(ob, found)}")
-        return {"FINISHED"}
+        return keep(ob, found)
 
 
-class ANYFACE_OT_reset_landmarks(Operator):
+class ANYFACE_OT_reset_landmarks(Acting, Operator):
     """Forget the points of the face; the next take finds them"""
 
     bl_idname = "anyface.reset_landmarks"
     bl_label = "Reset Face Points"
-    bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
+    def why_not(cls, context):
         ob = target(context)
-        if ob is None or landmarks.mesh.LANDMARKS_PROPERTY not in ob:
-            cls.poll_message_set("No points are stored on the face")
-            return False
-        return True
+        stored = ob is not None and landmarks.mesh.LANDMARKS_PROPERTY in ob
+        return "" if stored else "No points are stored on the face"
 
-    def execute(self, context):
+    def act(self, ob):
         """Takes the property away."""
-        ob = target(context)
         try:
             landmarks.clear(ob)
         except (TypeError, RuntimeError) as error:
-            self.report({"ERROR"}, f"Anyface: {error}")
-            return {"CANCELLED"}
-        return {"FINISHED"}
+            raise AnyfaceError("mesh", str(error)) from error
 
 
 class ANYFACE_OT_move_landmark(Alone, Operator):
@@ -311,11 +304,3 @@ def unregister() -> None:
         _handle = None
     shown.clear()
     del bpy.types.WindowManager.anyface_show_landmarks
-
-
-CLASSES = (
-    ANYFACE_OT_find_face,
-    ANYFACE_OT_reset_landmarks,
-    ANYFACE_OT_move_landmark,
-    ANYFACE_OT_edit_landmarks,
-)

@@ -1,15 +1,13 @@
 """Life: head, gaze, blinks and breath; how strong they are, and what they turn."""
 
-import bpy
 from bpy.props import BoolProperty, EnumProperty, PointerProperty, StringProperty
 from bpy.types import Object, Operator, Panel, PropertyGroup
 
+from ..core import systems
 from ..scene.life import turns
 from ..scene.life.settings import CONTROLS, LifeSettings
 from .operators import Acting
-from .overridable import kinds, overridable
 from .panel import OfFacePanel
-from .performance import controls_of
 from .target import is_there, target
 
 _HEADS = [
@@ -29,7 +27,6 @@ def _of(kind: str):
     return lambda _self, ob: ob.type == kind
 
 
-@overridable
 class AnyfaceLife(PropertyGroup):
     """`Object.anyface_life_settings`: what head and eyes turn."""
 
@@ -103,7 +100,7 @@ class ANYFACE_PT_life(OfFacePanel, Panel):
         layout.use_property_split = True
         layout.active = stored.use
         column = layout.column(align=True)
-        for control in controls_of(ob.anyface):
+        for control in systems.by_name(getattr(ob.anyface, "system", "")).controls:
             if control.name in CONTROLS:
                 row = column.row(align=True)
                 row.use_property_decorate = control.is_animatable
@@ -152,16 +149,4 @@ class ANYFACE_OT_life_release(Acting, Operator):
         turns.release(ob)
 
 
-def register() -> None:
-    """Adds the settings to objects."""
-    bpy.utils.register_class(AnyfaceLife)
-    bpy.types.Object.anyface_life_settings = PointerProperty(type=AnyfaceLife, override=kinds())
-
-
-def unregister() -> None:
-    """Takes them away; values stay in the file."""
-    del bpy.types.Object.anyface_life_settings
-    bpy.utils.unregister_class(AnyfaceLife)
-
-
-CLASSES = (ANYFACE_OT_life_release, ANYFACE_PT_life)
+GROUPS = (AnyfaceLife,)

@@ -2,30 +2,16 @@
 
 from bpy.types import Operator
 
-from ..core import space
+from ..core.job import Work
 from ..scene import bake, live, outputs
-from . import audio, running
+from . import running
+from .audio import WithSound
 from .operators import InThread
 from .settings import from_object
 from .target import sequencer_scene, target
 
 
-class _Preparing:
-    """Makes the face and the stream ready in a thread."""
-
-    def __init__(self, snapshot):
-        self.snapshot = snapshot
-
-    def work(self, progress):
-        """The `LiveFace`."""
-        snapshot = self.snapshot
-        voice, request = snapshot.heard(progress)
-        face = snapshot.face
-        seen = space.face_space(face.matrix_world, face.axes).seen(face)
-        return snapshot.engine.live(*seen, voice, request, progress)
-
-
-class ANYFACE_OT_live(InThread, Operator):
+class ANYFACE_OT_live(WithSound, InThread, Operator):
     """Follow the sound while it plays, without generating: play or scrub, and change the emotion \
 meanwhile. Again ends it; so does saving, rendering and undo. Nothing of it stays"""
 
@@ -34,20 +20,15 @@ meanwhile. Again ends it; so does saving, rendering and undo. Nothing of it stay
 
     busy = "Another face is being animated"
 
+    accepts_linked = True
+
     @classmethod
-    def poll(cls, context):
-        """False, with the reason, without a face or a sound, and where a take plays already."""
+    def why_not(cls, context):
         ob = target(context)
         if ob is not None and live.is_on(ob):
-            return True
-        if not super().poll(context):
-            return False
-        reason = audio.why_not(ob, sequencer_scene(context)) if ob.library is None else ""
-        if outputs.has_take(ob):
-            reason = "The face plays a take: remove it first"
-        if reason:
-            cls.poll_message_set(reason)
-        return not reason
+            return ""
+        plays = "The face plays a take: remove it first" if outputs.has_take(ob) else ""
+        return super().why_not(context) or plays
 
     def execute(self, context):
         """On or off."""
@@ -70,17 +51,14 @@ meanwhile. Again ends it; so does saving, rendering and undo. Nothing of it stay
         settings = from_object(ob, scene)
         # Whatever is asked of the output, live needs one key of its own.
         settings.mode = "basis"
-        return _Preparing(bake.read(ob, scene, settings, running.engine(settings.system)))
+        snapshot = bake.read(ob, scene, settings, running.engine(settings.system))
+        return Work(lambda progress: snapshot.ask(snapshot.engine.live, progress), snapshot)
 
-    def finish(self, ob, preparing, face):
+    def finish(self, ob, work, face):
         """Begins to follow."""
         try:
-            live.begin(ob, preparing.snapshot, face)
+            live.begin(ob, work.about, face)
         except BaseException:
             face.close()
             raise
-        self.report({"INFO"}, "Anyface: the face follows the sound: play, or go to another frame")
-        return {"FINISHED"}
-
-
-CLASSES = (ANYFACE_OT_live,)
+        return "the face follows the sound: play, or go to another frame"

@@ -3,13 +3,13 @@
 import bpy
 from bpy.props import FloatProperty, FloatVectorProperty, IntProperty
 from bpy.types import Operator
-from bpy_extras import object_utils
 
 from ..core.errors import AnyfaceError
 from ..core.native_head import FARTHEST, Heads, Recipe
 from ..scene.face import made_head, mesh
 from . import running
 from .operators import InThread
+from .sample_head import AddHead
 from .settings import from_object
 
 SLIDERS = 10
@@ -31,12 +31,11 @@ def heads() -> Heads:
     return _HEADS[0]
 
 
-class ANYFACE_OT_add_head(object_utils.AddObjectHelper, Operator):
+class ANYFACE_OT_add_head(AddHead, Operator):
     """Add a head made from numbers, ready to speak: its landmarks are known"""
 
     bl_idname = "anyface.add_head"
     bl_label = "Add a Head"
-    bl_options = {"REGISTER", "UNDO"}
 
     seed: IntProperty(name="Seed", description="Which random head", default=0, min=0)
     other: IntProperty(name="Mix With", description="Seed of a second head", default=1, min=0)
@@ -66,26 +65,15 @@ class ANYFACE_OT_add_head(object_utils.AddObjectHelper, Operator):
         subtype="DISTANCE",
     )
 
-    @classmethod
-    def poll(cls, context):
-        """In edit mode it would become part of another mesh."""
-        if context.mode != "OBJECT":
-            cls.poll_message_set("Leave this mode first (Object Mode)")
-        return context.mode == "OBJECT"
-
     def execute(self, context):
-        """Adds it at the 3D cursor, as the active object."""
-        if self.align == "VIEW" and context.region_data is None:
-            # Scripts have no view to turn it to.
-            self.align = "WORLD"
+        """Makes it and adds it."""
         recipe = Recipe(self.seed, self.other, self.share, tuple(self.changes))
         try:
             made = heads().make(recipe, self.resolution)
         except AnyfaceError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        data = made_head.mesh(made, self.height)
-        ob = object_utils.object_data_add(context, data, operator=self)
+        ob = self.add(context, made_head.mesh(made, self.height))
         made_head.keep_landmarks(ob, made)
         return {"FINISHED"}
 
@@ -126,25 +114,6 @@ class ANYFACE_OT_head_like(InThread, Operator):
             other.select_set(False)
         new.select_set(True)
         bpy.context.view_layer.objects.active = new
-        text = (
+        return (
             f"{new.name}: {ob.name} lies {far:.1f} mm from it on average, on a head of human size"
         )
-        self.report({"INFO"}, f"Anyface: {text}")
-        return {"FINISHED"}
-
-
-def _draw(menu, _context) -> None:
-    menu.layout.operator("anyface.add_head", text="Anyface Head", icon="USER")
-
-
-def register() -> None:
-    """Adds it to Blender's menu."""
-    bpy.types.VIEW3D_MT_mesh_add.append(_draw)
-
-
-def unregister() -> None:
-    """Takes it off."""
-    bpy.types.VIEW3D_MT_mesh_add.remove(_draw)
-
-
-CLASSES = (ANYFACE_OT_add_head, ANYFACE_OT_head_like)

@@ -171,4 +171,3 @@ _MENDS = {
     ),
     "unmute": Mend("Unmute", "PLAY_SOUND", "Unmute the strips that speak", _unmute),
 }
-CLASSES = (ANYFACE_OT_mend,)

@@ -40,6 +40,3 @@ def _tight(layout):
     column = layout.column(align=True)
     column.scale_y = 0.7
     return column
-
-
-CLASSES = (ANYFACE_PT_models,)

@@ -19,14 +19,11 @@ class ANYFACE_OT_open_mouth(InThread, Operator):
     cancelled = ""
 
     @classmethod
-    def poll(cls, context):
-        """False, with the reason, where there is nothing to part."""
-        if not super().poll(context):
-            return False
-        if not mouth.is_welded(target(context)):
-            cls.poll_message_set("Find the face first; this parts lips that are one surface")
-            return False
-        return True
+    def why_not(cls, context):
+        reason = super().why_not(context)
+        if reason or mouth.is_welded(target(context)):
+            return reason
+        return "Find the face first; this parts lips that are one surface"
 
     def read(self, context, ob):
         """The mesh and its landmarks."""
@@ -38,8 +35,4 @@ class ANYFACE_OT_open_mouth(InThread, Operator):
 
     def finish(self, ob, opening, opened):
         """Changes the mesh."""
-        self.report({"INFO"}, f"Anyface: {mouth.write(ob, opening.face, opened)}")
-        return {"FINISHED"}
-
-
-CLASSES = (ANYFACE_OT_open_mouth,)
+        return mouth.write(ob, opening.face, opened)

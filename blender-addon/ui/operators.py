@@ -1,6 +1,7 @@
 """What operators have in common: how they say what went wrong, and how they work in a thread."""
 
 import time
+from pathlib import Path
 
 import bpy
 from bpy.props import StringProperty
@@ -15,6 +16,13 @@ from .target import OfFace, target
 SLICE_S = 0.02
 
 
+class Notice(AnyfaceError):
+    """Nothing was done, for a reason that is no error: scripts go on."""
+
+    def __init__(self, message: str):
+        super().__init__("input", message)
+
+
 class Acting(OfFace):
     """Does `act(ob)` with the character, which may return what to tell the artist."""
 
@@ -22,21 +30,24 @@ class Acting(OfFace):
         """Does it, or says why not."""
         copies.settle()
         try:
-            text = self.act(target(context))
+            return self.tell(self.act(target(context)))
         except AnyfaceError as error:
             return self.fail(error)
+
+    def tell(self, text):
+        """Says what was done, where there is something to say."""
         if text:
             self.report({"INFO"}, f"Anyface: {text}")
         return {"FINISHED"}
 
     def fail(self, error, _ob=None):
         """Shows the error where the artist looks."""
-        self.report({"ERROR"}, f"Anyface: {error}")
+        self.report({"WARNING" if isinstance(error, Notice) else "ERROR"}, f"Anyface: {error}")
         return {"CANCELLED"}
 
 
 class WithFile(Acting):
-    """Asks for a JSON file first."""
+    """Asks for a file first; one of JSON where nothing else is said."""
 
     filepath: StringProperty(subtype="FILE_PATH")
     filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
@@ -46,6 +57,28 @@ class WithFile(Acting):
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
+    @property
+    def path(self) -> Path:
+        """The file, from wherever the .blend lies."""
+        return Path(bpy.path.abspath(self.filepath))
+
+
+class ToFile(WithFile):
+    """Saves something of the character as a JSON file."""
+
+    bl_options = {"REGISTER"}
+    # What is saved, as it stands in the name of the file.
+    what = ""
+
+    def invoke(self, context, event):
+        """Asks for the file."""
+        self.filepath = self.filepath or f"{target(context).name}_{self.what}.json"
+        return super().invoke(context, event)
+
+    @property
+    def path(self):
+        return Path(bpy.path.ensure_ext(str(super().path), ".json"))
+
 
 class Alone(Acting):
     """Works only while no job runs."""
@@ -53,21 +86,17 @@ class Alone(Acting):
     busy = "Another job is running"
 
     @classmethod
-    def poll(cls, context):
-        """False, with the reason, where it cannot work."""
-        if running.is_running():
-            cls.poll_message_set(cls.busy)
-            return False
-        return super().poll(context)
+    def why_not(cls, context):
+        return cls.busy if running.is_running() else super().why_not(context)
 
 
 class InThread(Alone):
     """Works in a thread while Blender goes on, or at once without a window.
 
     `read(context, ob)` returns something with `work(progress)`, which is what runs in the thread;
-    `finish(ob, read, worked)` writes what that has returned. Where this takes long, `land` of the
-    same arguments does it in steps: a generator that has changed nothing until it yields
-    `BEGUN`.
+    `finish(ob, read, worked)` writes what that has returned, and may return what to tell the
+    artist. Where this takes long, `land` of the same arguments does it in steps: a generator that
+    has changed nothing until it yields `BEGUN`.
     """
 
     cancelled = "cancelled"
@@ -84,7 +113,7 @@ class InThread(Alone):
         ob = self.face(context)
         try:
             snapshot = self.read(context, ob)
-            return self.finish(ob, snapshot, snapshot.work(Progress()))
+            return self.tell(self.finish(ob, snapshot, snapshot.work(Progress())))
         except AnyfaceError as error:
             return self.fail(error, ob)
 
@@ -144,7 +173,7 @@ class InThread(Alone):
                     break
         except StopIteration as ended:
             self._end(context)
-            return ended.value
+            return self.tell(ended.value)
         return {"PASS_THROUGH"}
 
     def _hurry(self, context):

@@ -1,13 +1,11 @@
 """The settings of a character's output; `Object.anyface_output`."""
 
-import bpy
 from bpy.props import (
     BoolProperty,
     CollectionProperty,
     EnumProperty,
     FloatProperty,
     IntProperty,
-    PointerProperty,
     StringProperty,
 )
 from bpy.types import PropertyGroup
@@ -18,12 +16,10 @@ from ..scene.outputs import OutputSettings
 from ..scene.shape_keys import record
 from ..scene.takes import adjust
 from . import controls
-from .overridable import kinds, overridable
 
 _SHAPES = [(name, name, "", at) for at, name in enumerate((*shapes.ARKIT, *shapes.VISEMES))]
 
 
-@overridable
 class AnyfaceMapping(PropertyGroup):
     """One row of the mapping list: a shape and a key that shows it."""
 
@@ -61,7 +57,6 @@ def _slider(name: str, label: str, words: str, unmoved: float = 1.0, **limits):
     )
 
 
-@overridable
 class AnyfaceOutput(PropertyGroup):
     """Settings of the output."""
 
@@ -124,15 +119,4 @@ def read(ob) -> OutputSettings:
     return found
 
 
-def register() -> None:
-    """Adds the settings to objects."""
-    bpy.utils.register_class(AnyfaceMapping)
-    bpy.utils.register_class(AnyfaceOutput)
-    bpy.types.Object.anyface_output = PointerProperty(type=AnyfaceOutput, override=kinds())
-
-
-def unregister() -> None:
-    """Takes them away; values stay in the file."""
-    del bpy.types.Object.anyface_output
-    bpy.utils.unregister_class(AnyfaceOutput)
-    bpy.utils.unregister_class(AnyfaceMapping)
+GROUPS = (AnyfaceMapping, AnyfaceOutput)

@@ -97,6 +97,3 @@ class ANYFACE_OT_why_not(Operator):
         """Shows the reason."""
         self.report({"INFO"}, f"Anyface: {self.reason}")
         return {"FINISHED"}
-
-
-CLASSES = (ANYFACE_OT_why_not, ANYFACE_PT_output)

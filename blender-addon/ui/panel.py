@@ -150,6 +150,3 @@ def register() -> None:
 def unregister() -> None:
     """Takes it away."""
     del bpy.types.WindowManager.anyface_more
-
-
-CLASSES = (ANYFACE_PT_main,)

@@ -26,13 +26,13 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
         if len(systems.known()) > 1:
             layout.prop(settings, "system")
         layout.prop(settings, "emotion_source")
-        if systems.hears_feeling(settings.system):
+        if systems.by_name(settings.system).hears_feeling:
             audio.draw_felt(layout, target(context), sequencer_scene(context))
             audio.draw_heat(layout, target(context))
-        if systems.starts_from_pose(settings.system):
+        if systems.by_name(settings.system).starts_from_pose:
             layout.prop(settings, "starts_from_pose")
         column = layout.column(align=True)
-        controls = [c for c in controls_of(settings) if c.name not in CONTROLS]
+        controls = [c for c in systems.by_name(settings.system).controls if c.name not in CONTROLS]
         for control in controls:
             if control.is_slider:
                 row = column.row(align=True)
@@ -45,12 +45,3 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
             others = [control.name for control in controls if not control.is_slider]
             for name in (*_MORE, *others, *_OF_FACE):
                 body.prop(settings, name, slider=True)
-
-
-def controls_of(settings) -> tuple[systems.Control, ...]:
-    """Those of the chosen system; none where the library cannot be loaded."""
-    known = systems.known()
-    return systems.find(settings.system, known).controls if known else ()
-
-
-CLASSES = (ANYFACE_PT_performance,)

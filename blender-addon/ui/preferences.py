@@ -84,6 +84,3 @@ def cache_folder() -> Path | None:
         return Path(bpy.utils.extension_path_user(PACKAGE, path="cache", create=True))
     except (ValueError, OSError):
         return None
-
-
-CLASSES = (AnyfacePreferences,)

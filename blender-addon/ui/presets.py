@@ -187,14 +187,3 @@ class ANYFACE_MT_preset_delete(Menu):
             entry.name = preset.name
         if not own:
             self.layout.label(text="No presets of your own")
-
-
-CLASSES = (
-    ANYFACE_OT_preset_apply,
-    ANYFACE_OT_preset_save,
-    ANYFACE_OT_preset_delete,
-    ANYFACE_OT_preset_import,
-    ANYFACE_OT_preset_export,
-    ANYFACE_MT_preset_delete,
-    ANYFACE_MT_presets,
-)

@@ -15,8 +15,7 @@ from bpy.types import PropertyGroup
 from ..core import systems
 from ..core.emotion import EMOTIONS, MAX_INTENSITY
 from ..scene import identity, outputs
-from . import audio, character, controls, life, output_properties, texts, words
-from .overridable import kinds, overridable
+from . import audio, character, controls, life, output_properties, overridable, texts, words
 
 _EMOTION_ITEMS = [(name, name.capitalize(), "", number) for number, name in enumerate(EMOTIONS)]
 _SOURCES = [
@@ -208,17 +207,23 @@ def _of_control(control: systems.Control):
     return FloatProperty(precision=0 if span > 10.0 else 2 if span > 0.5 else 3, **shared)
 
 
+# The settings of a character by their names on objects.
+_GROUPS = {
+    "anyface_output": output_properties.GROUPS,
+    "anyface": (AnyfaceCharacter,),
+    "anyface_audio": audio.GROUPS,
+    "anyface_controls": controls.GROUPS,
+    "anyface_face": character.GROUPS,
+    "anyface_life_settings": life.GROUPS,
+}
+
+
 def register() -> None:
     """Adds the settings to objects and scenes."""
     identity.register()
-    output_properties.register()
     AnyfaceCharacter.__annotations__ = _OWN | _of_library()
-    bpy.utils.register_class(overridable(AnyfaceCharacter))
-    bpy.types.Object.anyface = PointerProperty(type=AnyfaceCharacter, override=kinds())
-    audio.register()
-    controls.register()
-    character.register()
-    life.register()
+    for name, groups in _GROUPS.items():
+        overridable.add(name, *groups)
     bpy.utils.register_class(texts.AnyfaceText)
     bpy.utils.register_class(AnyfaceScene)
     bpy.types.Scene.anyface = PointerProperty(type=AnyfaceScene)
@@ -226,14 +231,9 @@ def register() -> None:
 
 def unregister() -> None:
     """Takes them away; values stay in the file."""
-    life.unregister()
-    character.unregister()
-    audio.unregister()
-    controls.unregister()
     del bpy.types.Scene.anyface
-    del bpy.types.Object.anyface
     bpy.utils.unregister_class(AnyfaceScene)
     bpy.utils.unregister_class(texts.AnyfaceText)
-    bpy.utils.unregister_class(AnyfaceCharacter)
-    output_properties.unregister()
+    for name, groups in reversed(_GROUPS.items()):
+        overridable.remove(name, *groups)
     identity.unregister()

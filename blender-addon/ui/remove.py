@@ -15,8 +15,8 @@ class ANYFACE_OT_remove(Acting, Operator):
     bl_label = "Remove"
 
     @classmethod
-    def poll(cls, context):
-        return outputs.has_take(target(context))
+    def why_not(cls, context):
+        return "" if outputs.has_take(target(context)) else "There is no take"
 
     def act(self, ob):
         """Removes the take of the character that the panel shows."""
@@ -25,6 +25,3 @@ class ANYFACE_OT_remove(Acting, Operator):
             output.remove(ob)
         ob.anyface.report, ob.anyface.report_is_error = "", False
         ob.anyface.report_mends = ""
-
-
-CLASSES = (ANYFACE_OT_remove,)

@@ -4,9 +4,10 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
 from bpy.types import Operator, Panel, PropertyGroup
 
+from ..core.errors import AnyfaceError
 from ..scene import scene_list
 from ..scene.sound import sequencer, strips
-from . import running
+from . import audio, running
 from .operators import InThread
 from .panel import OfMorePanel
 from .settings import from_object
@@ -45,21 +46,13 @@ class ANYFACE_PT_scene(OfMorePanel, Panel):
         for number, row in enumerate(context.scene.anyface_list):
             line = column.row(align=True)
             line.prop(row, "use", text="")
-            _draw_strip(line, row, scene.sequence_editor)
+            audio.search_strip(line, row, "strip", scene.sequence_editor, text="")
             line.prop(row, "character", text="")
             line.operator("anyface.scene_row_remove", text="", icon="X").number = number
         line = layout.row(align=True)
         line.operator("anyface.scene_row_add", icon="ADD")
         line.operator("anyface.scene_fill", icon="FILE_REFRESH")
         layout.operator("anyface.generate_scene", icon="PLAY")
-
-
-def _draw_strip(layout, row, editor) -> None:
-    if editor is None:
-        layout.prop(row, "strip", text="")
-        return
-    collection = "strips_all" if hasattr(editor, "strips_all") else "sequences_all"
-    layout.prop_search(row, "strip", editor, collection, text="", icon="SOUND")
 
 
 class ANYFACE_OT_scene_row_add(Operator):
@@ -128,14 +121,11 @@ class ANYFACE_OT_generate_scene(InThread, Operator):
     bl_label = "Generate All"
 
     @classmethod
-    def poll(cls, context):
+    def why_not(cls, context):
         if running.is_running():
-            cls.poll_message_set("Another face is being animated")
-            return False
-        if not any(row.use and row.character for row in context.scene.anyface_list):
-            cls.poll_message_set("The list has no character")
-            return False
-        return True
+            return "Another face is being animated"
+        there = any(row.use and row.character for row in context.scene.anyface_list)
+        return "" if there else "The list has no character"
 
     def face(self, context):
         """All those of the list."""
@@ -160,13 +150,12 @@ class ANYFACE_OT_generate_scene(InThread, Operator):
     def finish(self, _ob, snapshot, takes):
         """Writes the takes."""
         outcomes = scene_list.write(snapshot, takes)
-        text = f"Anyface: {scene_list.in_one_line(outcomes)}"
+        text = scene_list.in_one_line(outcomes)
         if not any(ok for _, ok, _ in outcomes):
-            self.report({"ERROR"}, text)
-            return {"CANCELLED"}
-        whole = all(ok for _, ok, _ in outcomes)
-        self.report({"INFO"} if whole else {"WARNING"}, text)
-        return {"FINISHED"}
+            raise AnyfaceError("mesh", text)
+        if all(ok for _, ok, _ in outcomes):
+            return text
+        self.report({"WARNING"}, f"Anyface: {text}")
 
 
 def register() -> None:
@@ -179,12 +168,3 @@ def unregister() -> None:
     """Takes it away; rows stay in the file."""
     del bpy.types.Scene.anyface_list
     bpy.utils.unregister_class(AnyfaceSceneRow)
-
-
-CLASSES = (
-    ANYFACE_OT_scene_row_add,
-    ANYFACE_OT_scene_fill,
-    ANYFACE_OT_scene_row_remove,
-    ANYFACE_OT_generate_scene,
-    ANYFACE_PT_scene,
-)

@@ -1,16 +1,19 @@
 """What was heard as strips to be mended, and *Redo* for a stretch of the take."""
 
+from functools import partial
+
 import bpy
 from bpy.props import StringProperty
 from bpy.types import Operator, Panel
 
 from ..core.errors import AnyfaceError
-from ..core.job import at_once
+from ..core.job import Work, at_once
 from ..scene import bake
 from ..scene.sound import decode, sounds
 from ..scene.takes import redo
-from . import audio, running, texts, words
-from .operators import Alone, InThread
+from . import running, texts, words
+from .audio import WithSound
+from .operators import InThread, WithFile
 from .panel import OfFacePanel
 from .settings import from_object
 from .target import sequencer_scene, target
@@ -41,33 +44,11 @@ class ANYFACE_PT_sounds(OfFacePanel, Panel):
             words.draw(layout.column(align=True), text, context.region.width)
 
 
-class WithSound(Alone):
-    """Works on the sound that the character speaks."""
-
-    @classmethod
-    def poll(cls, context):
-        """False, with the reason, without a face or a sound."""
-        if not super().poll(context):
-            return False
-        reason = audio.why_not(target(context), sequencer_scene(context))
-        if reason:
-            cls.poll_message_set(reason)
-        return not reason
-
-
-class _Listening:
-    """Decodes a sound and says where lips close in it, and where the words of its text are."""
-
-    def __init__(self, source, engine, text):
-        self.source, self._engine, self._text = source, engine, text
-
-    def work(self, progress):
-        """Intervals `[N, 2]`, seconds, and start, end and label of the words."""
-        progress.check("sound")
-        sound = self.source.load(decode.decoder(self._engine))
-        if not self._text:
-            return self._engine.listen(sound), []
-        return self._engine.listen_to_words(sound, self._text)
+def _listen(source, engine, text: str, progress) -> tuple:
+    """Where lips close, intervals `[N, 2]` in seconds, and start, end and label of each word."""
+    progress.check("sound")
+    heard = source.load(decode.decoder(engine))
+    return engine.listen_to_words(heard, text) if text else (engine.listen(heard), [])
 
 
 class ANYFACE_OT_sounds_show(WithSound, InThread, Operator):
@@ -83,33 +64,26 @@ Above them stand the words of the text"""
         settings = from_object(ob, scene)
         engine = running.engine(settings.system)
         self._scene = scene.name
-        text = texts.of(ob, scene)
-        return _Listening(bake.find_sound(scene, settings, engine), engine, text)
+        source = bake.find_sound(scene, settings, engine)
+        return Work(partial(_listen, source, engine, texts.of(ob, scene)), source)
 
-    def finish(self, ob, listening, heard):
+    def finish(self, ob, work, heard):
         """Puts the strips."""
         closures, words = heard
-        count = sounds.show(bpy.data.scenes[self._scene], listening.source, closures, words)
+        count = sounds.show(bpy.data.scenes[self._scene], work.about, closures, words)
         said = f", {len(words)} words" if words else ""
-        self.report({"INFO"}, f"Anyface: {count} times the lips close{said}")
-        return {"FINISHED"}
+        return f"{count} times the lips close{said}"
 
 
-class ANYFACE_OT_sounds_read(WithSound, Operator):
+class ANYFACE_OT_sounds_read(WithSound, WithFile, Operator):
     """Show the sounds of a file: Praat, Rhubarb, Papagayo, Moho, or lines of start, end, phone"""
 
     bl_idname = "anyface.sounds_read"
     bl_label = "Read Sounds"
 
-    filepath: StringProperty(subtype="FILE_PATH")
     filter_glob: StringProperty(
         default="*.TextGrid;*.tsv;*.json;*.pgo;*.dat;*.txt", options={"HIDDEN"}
     )
-
-    def invoke(self, context, event):
-        """Opens the file browser."""
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
 
     def act(self, ob):
         """Puts the strips."""
@@ -129,14 +103,9 @@ class ANYFACE_OT_redo(WithSound, InThread, Operator):
     bl_label = "Redo"
 
     @classmethod
-    def poll(cls, context):
-        """False, with the reason, without a take that can be redone."""
-        if not super().poll(context):
-            return False
-        reason = redo.why_not(target(context))
-        if reason:
-            cls.poll_message_set(reason[0].upper() + reason[1:])
-        return not reason
+    def why_not(cls, context):
+        reason = super().why_not(context) or redo.why_not(target(context))
+        return reason[:1].upper() + reason[1:]
 
     def read(self, context, ob):
         """The stretch, the keys of the take, the mesh and the sound."""
@@ -153,13 +122,4 @@ class ANYFACE_OT_redo(WithSound, InThread, Operator):
         """Writes the new frames."""
         text = yield from redo.landing(ob, bpy.data.scenes[self._scene], wanted, made)
         ob.anyface.report, ob.anyface.report_is_error = text, False
-        self.report({"INFO"}, f"Anyface: {text}")
-        return {"FINISHED"}
-
-
-CLASSES = (
-    ANYFACE_OT_sounds_show,
-    ANYFACE_OT_sounds_read,
-    ANYFACE_OT_redo,
-    ANYFACE_PT_sounds,
-)
+        return text

@@ -10,8 +10,9 @@ from ..core.errors import AnyfaceError
 from ..scene import bake
 from ..scene.sound import sounds, strips
 from . import running
+from .audio import WithSound
+from .operators import WithFile
 from .settings import from_object
-from .sounds import WithSound
 from .target import sequencer_scene
 
 # The endings that the library writes, and whose they are.
@@ -26,13 +27,12 @@ _KINDS = (
 _NO_STRIPS = "no strips of this sound: press Show Sounds first, or read them from a file"
 
 
-class ANYFACE_OT_sounds_write(WithSound, Operator):
+class ANYFACE_OT_sounds_write(WithSound, WithFile, Operator):
     """Write the strips as a file of times: Praat, Rhubarb, Papagayo, Moho, or lines of text"""
 
     bl_idname = "anyface.sounds_write"
     bl_label = "Write Sounds"
 
-    filepath: StringProperty(subtype="FILE_PATH")
     filter_glob: StringProperty(
         default=";".join(f"*{kind[0]}" for kind in _KINDS), options={"HIDDEN"}
     )
@@ -44,8 +44,7 @@ class ANYFACE_OT_sounds_write(WithSound, Operator):
         stem = Path(bpy.data.filepath).stem or "sounds"
         self.filepath = self.filepath or stem
         self.filepath = self._path()
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
+        return super().invoke(context, event)
 
     def check(self, _context):
         """The ending follows the kind."""
@@ -74,6 +73,3 @@ class ANYFACE_OT_sounds_write(WithSound, Operator):
             return f"{path}{self.kind}"
         chosen = self.properties.is_property_set("kind")
         return str(path.with_suffix(self.kind)) if chosen else str(path)
-
-
-CLASSES = (ANYFACE_OT_sounds_write,)

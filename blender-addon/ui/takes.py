@@ -5,8 +5,7 @@ from bpy.types import Operator, Panel
 
 from ..scene.shape_keys import record
 from ..scene.takes import take_list
-from . import running
-from .operators import Acting
+from .operators import Alone
 from .panel import OfFacePanel
 from .target import target
 
@@ -37,32 +36,32 @@ class ANYFACE_PT_takes(OfFacePanel, Panel):
         layout.operator("anyface.take_keep")
 
 
-class _TakeOperator(Acting, Operator):
-    @classmethod
-    def poll(cls, context):
-        return not running.is_running() and bool(take_list.rows(target(context)))
-
-
-class ANYFACE_OT_take_keep(_TakeOperator):
+class ANYFACE_OT_take_keep(Alone, Operator):
     """Let the take that plays wait in the list; the next one is made beside it"""
 
     bl_idname = "anyface.take_keep"
     bl_label = "Keep Take"
 
     @classmethod
-    def poll(cls, context):
-        return not running.is_running() and record.is_generated(target(context))
+    def why_not(cls, context):
+        plays = record.is_generated(target(context))
+        return super().why_not(context) or ("" if plays else "No take plays")
 
     def act(self, ob):
         """Keeps it."""
         take_list.keep(ob)
 
 
-class _OneTake(_TakeOperator):
+class _OneTake(Alone):
     take: StringProperty(options={"HIDDEN"})
 
+    @classmethod
+    def why_not(cls, context):
+        takes = take_list.rows(target(context))
+        return super().why_not(context) or ("" if takes else "There are no takes")
 
-class ANYFACE_OT_take_switch(_OneTake):
+
+class ANYFACE_OT_take_switch(_OneTake, Operator):
     """Play this take instead of the other"""
 
     bl_idname = "anyface.take_switch"
@@ -73,7 +72,7 @@ class ANYFACE_OT_take_switch(_OneTake):
         take_list.switch(ob, self.take)
 
 
-class ANYFACE_OT_take_rename(_OneTake):
+class ANYFACE_OT_take_rename(_OneTake, Operator):
     """Give the take another name"""
 
     bl_idname = "anyface.take_rename"
@@ -90,7 +89,7 @@ class ANYFACE_OT_take_rename(_OneTake):
         take_list.rename(ob, self.take, self.name)
 
 
-class ANYFACE_OT_take_push_down(_OneTake):
+class ANYFACE_OT_take_push_down(_OneTake, Operator):
     """Put the take as a strip into the NLA editor, where takes can be moved and blended"""
 
     bl_idname = "anyface.take_push_down"
@@ -101,7 +100,7 @@ class ANYFACE_OT_take_push_down(_OneTake):
         take_list.push_down(ob, self.take)
 
 
-class ANYFACE_OT_take_delete(_OneTake):
+class ANYFACE_OT_take_delete(_OneTake, Operator):
     """Delete the take with its keys, its action and its strip"""
 
     bl_idname = "anyface.take_delete"
@@ -110,13 +109,3 @@ class ANYFACE_OT_take_delete(_OneTake):
     def act(self, ob):
         """Deletes it."""
         take_list.delete(ob, self.take)
-
-
-CLASSES = (
-    ANYFACE_OT_take_keep,
-    ANYFACE_OT_take_switch,
-    ANYFACE_OT_take_rename,
-    ANYFACE_OT_take_push_down,
-    ANYFACE_OT_take_delete,
-    ANYFACE_PT_takes,
-)

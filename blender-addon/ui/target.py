@@ -49,11 +49,16 @@ class OfFace:
 
     @classmethod
     def poll(cls, context):
-        """False, with what is missing, where the panel shows no character."""
-        if target(context) is None:
-            cls.poll_message_set("Pick a face mesh")
-            return False
-        return True
+        """False, with the reason, where it cannot work."""
+        reason = cls.why_not(context)
+        if reason:
+            cls.poll_message_set(reason)
+        return not reason
+
+    @classmethod
+    def why_not(cls, context) -> str:
+        """Why it cannot work now, in words; empty where it can."""
+        return "" if target(context) is not None else "Pick a face mesh"
 
 
 def is_there(ob) -> bool:

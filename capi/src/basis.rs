@@ -2,7 +2,7 @@
 
 use std::ptr::null;
 
-use anyface::deform::compression::VertexBasis;
+use anyface::deform::compression::{VertexBasis, compress};
 
 use crate::{
     clip::AnyfaceClip,
@@ -64,7 +64,8 @@ pub unsafe extern "C" fn anyface_basis_new(
         let engine = unsafe { pointer::handle("engine", engine) }?;
         let clip = &unsafe { pointer::handle("clip", clip) }?.animation.vertices;
         let reduce = |watch: anyface::progress::ProgressFn<'_>| {
-            engine.0.compress(clip, max_error, max_shapes, watch)
+            let engine = &engine.0;
+            engine.threads(|| compress(clip, max_error, max_shapes, watch))
         };
         let basis = unsafe { watched(progress, reduce) }?;
         unsafe { pointer::give(out, AnyfaceBasis::new(basis)) };
@@ -157,7 +158,6 @@ mod tests {
         };
         let animation = Animation {
             vertices,
-            brought: None,
             landmarks_neutral: [[0.0; 3]; 68],
             landmark_displacements: Array3::zeros((20, 68, 3)),
         };

@@ -1,6 +1,6 @@
 //! A finished performance on one mesh.
 
-use std::{ffi::c_char, ptr::null};
+use std::{borrow::Cow, ffi::c_char, ptr::null};
 
 use anyface::{
     Face, Performance,
@@ -76,7 +76,8 @@ impl AnyfaceClip {
         watch: ProgressFn<'_>,
     ) -> anyface::Result<Self> {
         let mut collector = Collector::default();
-        let made = engine.0.spread(face, motion, &mut collector, watch)?;
+        let motion = followed(engine, face, motion, watch)?;
+        let made = engine.0.spread(face, &*motion, &mut collector, watch)?;
         let mm = 1000.0 * face.metres_per_unit() as f32;
         let lips_mm = mm * lip_travel(made.landmarks.view());
         // Motion that the caller brought may let the lips rest.
@@ -103,7 +104,6 @@ impl AnyfaceClip {
                 displacements: &whole.vertices.displacements - &part.vertices.displacements,
                 fps: self.fps(),
             },
-            brought: whole.brought.clone(),
             landmarks_neutral: whole.landmarks_neutral,
             landmark_displacements: &whole.landmark_displacements - &part.landmark_displacements,
         };
@@ -151,6 +151,23 @@ impl AnyfaceClip {
                 "frame: expected below {frames}, got {frame}"
             ))),
         }
+    }
+}
+
+/// The motion that a face shows: landmarks that something else made lead the system's own motion where it has a model
+/// for that.
+pub(crate) fn followed<'a>(
+    engine: &AnyfaceEngine,
+    face: &Face,
+    motion: &'a Motion,
+    watch: ProgressFn<'_>,
+) -> anyface::Result<Cow<'a, Motion>> {
+    match motion {
+        Motion::Landmarks(clip) => {
+            let controls = &face.options.controls;
+            engine.0.follow(clip, controls, watch).map(Cow::Owned)
+        }
+        Motion::Weights(_) | Motion::Codes(_) => Ok(Cow::Borrowed(motion)),
     }
 }
 
@@ -416,7 +433,6 @@ mod tests {
                 displacements: transposed(3),
                 fps: 25.0,
             },
-            brought: None,
             landmarks_neutral: [[0.5; 3]; 68],
             landmark_displacements: transposed(68),
         };

@@ -10,6 +10,7 @@ use anyface::{
 use ndarray::{Array3, Axis};
 
 use crate::{
+    clip::followed,
     engine::AnyfaceEngine,
     error::{AnyfaceError, Failure},
     face::AnyfaceFace,
@@ -107,8 +108,10 @@ pub unsafe extern "C" fn anyface_clip_stream(
             frames_at_once,
             taken: 0,
         };
-        let spread =
-            |watch: ProgressFn<'_>| engine.0.spread(&face.0, motion.motion(), &mut sink, watch);
+        let spread = |watch: ProgressFn<'_>| {
+            let motion = followed(engine, &face.0, motion.motion(), watch)?;
+            engine.0.spread(&face.0, &*motion, &mut sink, watch)
+        };
         unsafe { watched(progress, spread) }?;
         Ok(())
     };

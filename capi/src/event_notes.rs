@@ -45,10 +45,10 @@ pub unsafe extern "C" fn anyface_event_notes_new(
             Failure::invalid("motion: expected motion that was spoken, got the caller's own")
         })?;
         let find = |watch: anyface::progress::ProgressFn<'_>| {
-            engine.0.unseen_events(&face.0, performance, watch)
+            performance.unseen_events(&engine.0, &face.0, watch)
         };
         let found = unsafe { watched(progress, find) }?;
-        let texts = found.into_iter().chain(engine.0.field_note(&face.0));
+        let texts = found.into_iter().chain(face.0.field_note());
         let texts = texts.map(|text| CString::new(text.replace('\0', "")).unwrap_or_default());
         unsafe { pointer::give(out, AnyfaceEventNotes(texts.collect())) };
         Ok(())
@@ -82,7 +82,7 @@ pub unsafe extern "C" fn anyface_event_notes_free(notes: *mut AnyfaceEventNotes)
 
 #[cfg(test)]
 mod tests {
-    use std::{ffi::CStr, ptr::null_mut, sync::Arc};
+    use std::{ffi::CStr, ptr::null_mut};
 
     use anyface::{
         CachePolicy, Engine, EngineOptions, MotionRequest,
@@ -106,7 +106,7 @@ mod tests {
             ..EngineOptions::default()
         };
         let engine = Engine::new(options).unwrap();
-        let head = Arc::clone(engine.head().unwrap());
+        let head = Head::open(None).unwrap();
         let code = head.identity_code(&Head::random(6)).unwrap();
         let options = HeadOptions {
             resolution: 72,

@@ -1,12 +1,13 @@
 //! A mesh with its landmarks and everything that does not depend on time.
 
-use std::ffi::c_char;
+use std::{ffi::c_char, io::Write};
 
 use anyface::{
     Engine, Face,
     deform::PartList,
     ibug::LANDMARKS,
     mesh::{Landmarks, Mouth},
+    output::write_atomically,
 };
 
 use crate::{
@@ -203,9 +204,9 @@ pub unsafe extern "C" fn anyface_face_write_landmarks(
 ) -> AnyfaceStatus {
     let work = || {
         let face = unsafe { pointer::handle("face", face) }?;
-        face.0
-            .landmarks
-            .write(unsafe { pointer::path("path", path) }?)?;
+        let path = unsafe { pointer::path("path", path) }?;
+        let json = face.0.landmarks.to_json();
+        write_atomically(path, |file| file.write_all(json.as_bytes()))?;
         Ok(())
     };
     unsafe { guard::guard(error, work) }

@@ -12,6 +12,7 @@ use anyface::{
     conditions::{Emotion, EmotionCurve, Event, check_fps},
     ibug::LANDMARKS,
     motion::{FaceModes, LandmarkClip, Life, Motion, Stretch},
+    progress::ProgressFn,
     speech::FeltVoice,
 };
 use ndarray::{ArrayView2, ArrayView3};
@@ -353,8 +354,7 @@ pub unsafe extern "C" fn anyface_motion_new(
         let engine = unsafe { pointer::handle("engine", engine) }?;
         let audio = unsafe { pointer::handle("audio", audio) }?;
         let request = unsafe { versioned_options::read(options)?.to_library() }?;
-        let perform =
-            |watch: anyface::progress::ProgressFn<'_>| engine.0.perform(&audio.0, &request, watch);
+        let perform = |watch: ProgressFn<'_>| engine.0.perform(&audio.0, &request, watch);
         let made = Made::Spoken(Box::new(unsafe { watched(progress, perform) }?));
         unsafe { pointer::give(out, AnyfaceMotion::new(made)) };
         Ok(())
@@ -386,8 +386,37 @@ pub unsafe extern "C" fn anyface_motion_new_again(
         let performance = motion.performance().ok_or_else(|| {
             Failure::invalid("motion: expected motion that was spoken, got the caller's own")
         })?;
-        let again = engine.0.perform_again(performance, &request)?;
+        let again = performance.again(&engine.0, &request)?;
         unsafe { pointer::give(out, AnyfaceMotion::new(Made::Spoken(Box::new(again)))) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// What is said in a motion alone, without what is felt: of the same sound, which is not heard again. The clip of `motion`
+/// less that of the result, by `anyface_clip_new_difference()`, is what is felt. Long: accepts a progress handle.
+///
+/// `progress` may be NULL. Free with `anyface_motion_free()`; `motion` may go before.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a motion that was not spoken, or a system that does not tell both apart:
+/// see `anyface_system_hears_feeling()`; `ANYFACE_STATUS_CANCELLED`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_motion_new_content(
+    engine: *const AnyfaceEngine,
+    motion: *const AnyfaceMotion,
+    progress: *const AnyfaceProgress,
+    out: *mut *mut AnyfaceMotion,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let engine = unsafe { pointer::handle("engine", engine) }?;
+        let motion = unsafe { pointer::handle("motion", motion) }?;
+        let performance = motion.performance().ok_or_else(|| {
+            Failure::invalid("motion: expected motion that was spoken, got the caller's own")
+        })?;
+        let perform = |watch: ProgressFn<'_>| performance.content(&engine.0, watch);
+        let made = Made::Spoken(Box::new(unsafe { watched(progress, perform) }?));
+        unsafe { pointer::give(out, AnyfaceMotion::new(made)) };
         Ok(())
     };
     unsafe { guard::guard(error, work) }
@@ -597,7 +626,7 @@ pub unsafe extern "C" fn anyface_motion_copy_mask(
             )
         })?;
         let end = frame.saturating_add(1);
-        let mask = engine.0.believed(&face.0, performance, frame..end)?;
+        let mask = performance.feeling_mask(&engine.0, &face.0, frame..end)?;
         let values: Vec<f32> = mask.iter().copied().collect();
         unsafe { pointer::copy_out("buffer", &values, buffer, float_count) }
     };
@@ -666,8 +695,9 @@ pub unsafe extern "C" fn anyface_motion_write(
             Made::Given(_) => None,
             _ => Some(motion.life()),
         };
-        let modes = FaceModes::open(None)?;
-        anyface::output::write_motion(path, motion.motion(), life.as_deref(), &modes)?;
+        let moved = motion.motion();
+        let landmarks = moved.on_mean_face(&FaceModes::open(None)?)?;
+        anyface::output::write_motion(path, moved, &landmarks, life.as_deref())?;
         Ok(())
     };
     unsafe { guard::guard(error, work) }

@@ -6,7 +6,7 @@ use anyface::{
     Engine,
     mesh::{FaceOptions, Mesh},
     progress::ProgressFn,
-    rig::Rig,
+    rig::{Rig, ShapeSource},
 };
 
 use crate::{
@@ -63,7 +63,8 @@ pub unsafe extern "C" fn anyface_rig_new(
     let work = || {
         pointer::check_out("out", out)?;
         let make = |engine: &Engine, mesh: &Mesh, options: &FaceOptions, watch: ProgressFn<'_>| {
-            engine.rig(&engine.find(mesh, options, watch)?, watch)
+            let face = engine.find(mesh, options, watch)?;
+            engine.rig(&face, ShapeSource::Network, watch)
         };
         let rig = unsafe { of_mesh(engine, mesh, options, progress, make) }?;
         unsafe { pointer::give(out, AnyfaceRig::new(rig)) };
@@ -92,10 +93,11 @@ pub unsafe extern "C" fn anyface_rig_new_by_field(
         pointer::check_out("out", out)?;
         let make = |engine: &Engine, mesh: &Mesh, options: &FaceOptions, watch: ProgressFn<'_>| {
             let face = engine.find(mesh, options, watch)?;
-            engine.rig_by_field(&face, in_betweens != 0, watch)
+            let in_betweens = in_betweens != 0;
+            engine.rig(&face, ShapeSource::Field { in_betweens }, watch)
         };
         let rig = unsafe { of_mesh(engine, mesh, options, progress, make) }?;
-        unsafe { pointer::give(out, AnyfaceRig::new(Arc::new(rig))) };
+        unsafe { pointer::give(out, AnyfaceRig::new(rig)) };
         Ok(())
     };
     unsafe { guard::guard(error, work) }

@@ -88,10 +88,7 @@ pub unsafe extern "C" fn anyface_sliders_new(
         let basis = &unsafe { pointer::handle("basis", basis) }?.0;
         let find = |watch: anyface::progress::ProgressFn<'_>| match &motion.made {
             Made::Spoken(performance) => {
-                let face = &face.0;
-                engine
-                    .0
-                    .slider_changes(face, performance, clip, basis, watch)
+                performance.slider_changes(&engine.0, &face.0, clip, basis, watch)
             }
             Made::Redone(..) | Made::Given(_) => Ok(Vec::new()),
         };

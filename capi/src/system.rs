@@ -8,7 +8,7 @@ use std::{
 
 use anyface::{
     conditions::{Control, ControlStage, ControlValues},
-    systems::{Registration, SYSTEMS},
+    systems::{Ability, Registration, SYSTEMS},
 };
 
 use crate::{
@@ -197,34 +197,30 @@ pub extern "C" fn anyface_system_control_count(system: usize) -> usize {
     })
 }
 
+fn can(system: usize, ability: Ability) -> i32 {
+    let system = SYSTEMS.get(system);
+    system.is_some_and(|system| system.can(ability)).into()
+}
+
 /// 1 if a system shows the events of `AnyfaceMotionOptions`, else 0; 0 for a number that is not below the
 /// count.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_system_takes_events(system: usize) -> i32 {
-    SYSTEMS
-        .get(system)
-        .is_some_and(|system| system.takes_events)
-        .into()
+    can(system, Ability::Events)
 }
 
 /// 1 if a system hears feeling, in the voice or in `felt_as` of `AnyfaceMotionOptions`, else 0; 0 for a number
 /// that is not below the count.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_system_hears_feeling(system: usize) -> i32 {
-    SYSTEMS
-        .get(system)
-        .is_some_and(|system| system.hears_feeling)
-        .into()
+    can(system, Ability::Feeling)
 }
 
 /// 1 if a system goes on from the pose of `starts_from` of `AnyfaceMotionOptions`, else 0; 0 for a number that
 /// is not below the count.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_system_starts_from_pose(system: usize) -> i32 {
-    SYSTEMS
-        .get(system)
-        .is_some_and(|system| system.starts_from_pose)
-        .into()
+    can(system, Ability::FirstPose)
 }
 
 /// 1 if takes of a system have an `AnyfaceSlider`, else 0; 0 for a system or slider that is not there.
@@ -275,15 +271,15 @@ mod tests {
             );
             assert_eq!(
                 anyface_system_takes_events(number) == 1,
-                system.takes_events
+                system.can(Ability::Events)
             );
             assert_eq!(
                 anyface_system_hears_feeling(number) == 1,
-                system.hears_feeling
+                system.can(Ability::Feeling)
             );
             assert_eq!(
                 anyface_system_starts_from_pose(number) == 1,
-                system.starts_from_pose
+                system.can(Ability::FirstPose)
             );
             let sliders = (0..4).map(|slider| anyface_system_has_slider(number, slider));
             assert_eq!(sliders.sum::<i32>() as usize, system.sliders.len());

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyface::{
     Engine, Face, Result,
     mesh::{self, Mesh, Mouth},
-    output::{Format, Report, write_json},
+    output::Report,
     progress::ProgressFn,
     speech::frames_of,
 };
@@ -17,7 +17,7 @@ use crate::{
     layers::{LayerArgs, Layered},
     open_mouth,
     redo::{Redo, RedoArgs},
-    stages::{new_report, note_face, note_memory, note_result, read_sound, summary, timed},
+    stages::{new_report, note_face, note_memory, note_result, read_sound, timed},
     surface::SurfaceArgs,
 };
 
@@ -37,9 +37,6 @@ pub struct Animate {
     /// --surface a new folder
     #[arg(long, value_name = "O")]
     out: PathBuf,
-    /// Also write a report of the run
-    #[arg(long, value_name = "R.json")]
-    report: Option<PathBuf>,
     /// Part lips that are one surface first; the new mesh is written beside the result, its name with
     /// _open_mouth.obj behind it
     #[arg(long)]
@@ -61,10 +58,7 @@ pub struct Animate {
 impl Animate {
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         // What is cheap to check comes before what takes time.
-        match self.surface.is_asked() {
-            true => self.surface.check(&self.out)?,
-            false => Format::from_path(&self.out).map(drop)?,
-        }
+        self.surface.check(&self.out)?;
         not_onto(
             &self.out,
             &[("--mesh", &self.mesh), ("--audio", &self.audio)],
@@ -78,9 +72,8 @@ impl Animate {
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
         let progress = &|p| console.progress(p);
         let engine = timed(&mut report, "load", || shared.engine())?;
-        if self.surface.is_asked() {
-            engine.head()?;
-        } else {
+        self.surface.check_system(&engine)?;
+        if !self.surface.is_asked() {
             let frames = frames_of(waveform.duration_s(), request.fps);
             note_memory(&mut report, &engine, &mesh, self.layers.kept(frames, &mesh))?;
         }
@@ -99,27 +92,18 @@ impl Animate {
         })?;
         report
             .warnings
-            .extend(engine.unseen_events(&face, &performance, progress)?);
+            .extend(performance.unseen_events(&engine, &face, progress)?);
         if self.surface.is_asked() {
             let moved = (&performance.motion, performance.articulation());
             self.surface
                 .write((&engine, &face), moved, &self.out, &mut report, progress)?;
-            return self.told(&report, console);
+            return self.surface.tell(&report, console);
         }
-        let spoken = (&waveform, &request);
         let layered = timed(&mut report, "motion", || {
-            self.layers
-                .of(&engine, &face, &performance, spoken, progress)
+            self.layers.of(&engine, &face, &performance, progress)
         })?;
         self.spread(&layered, redo, &mut report, progress)?;
-        self.told(&report, console)
-    }
-
-    fn told(&self, report: &Report, console: &Console) -> Result<()> {
-        if let Some(path) = &self.report {
-            write_json(path, report)?;
-        }
-        console.report(report, &summary(report))
+        self.surface.tell(&report, console)
     }
 
     /// Writes the result, or an earlier one with a stretch of this.

@@ -19,7 +19,7 @@ use anyface::{
     },
     output::read_landmark_motion,
     speech::FeltVoice,
-    systems::Registration,
+    systems::{Ability, Registration},
     text::TextUnits,
 };
 use clap::Args;
@@ -322,7 +322,9 @@ impl MotionArgs {
             None => None,
         };
         Ok(MotionRequest {
-            emotion: self.emotion.curve(system.takes_words, shared.weights())?,
+            emotion: self
+                .emotion
+                .curve(system.can(Ability::Words), shared.weights())?,
             controls: self.controls.controls()?,
             fps: self.fps,
             seed: self.seed,

@@ -4,13 +4,12 @@ use std::path::{Path, PathBuf};
 
 use anyface::{
     Engine, Error, Face, Result,
+    conditions::Controls,
     ibug::LANDMARKS,
     mesh::{LandmarkSource, Mesh},
     motion::{LandmarkClip, Motion},
-    output::{
-        Format, LandmarkMotion, Report, read_landmark_motion, read_weights, write_attention,
-        write_json,
-    },
+    output::{LandmarkMotion, Report, read_landmark_motion, read_weights, write_attention},
+    spread::Movement,
 };
 use clap::Args;
 use ndarray::{Array2, Axis};
@@ -18,7 +17,7 @@ use ndarray::{Array2, Axis};
 use crate::{
     arguments::{FaceArgs, SharedArgs, not_onto},
     console::Console,
-    stages::{new_report, note_face, spread_into, summary, timed},
+    stages::{new_report, note_face, spread_into, timed},
     surface::SurfaceArgs,
 };
 
@@ -44,9 +43,6 @@ pub struct Deform {
     /// attention [V, 68]. Needs --decoder paper and motion in mesh units
     #[arg(long, value_name = "A.npz")]
     attention: Option<PathBuf>,
-    /// Also write a report of the run
-    #[arg(long, value_name = "R.json")]
-    report: Option<PathBuf>,
     #[command(flatten)]
     face: FaceArgs,
     #[command(flatten)]
@@ -55,10 +51,7 @@ pub struct Deform {
 
 impl Deform {
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
-        match self.surface.is_asked() {
-            true => self.surface.check(&self.out)?,
-            false => Format::from_path(&self.out).map(drop)?,
-        }
+        self.surface.check(&self.out)?;
         not_onto(
             &self.out,
             &[("--mesh", &self.mesh), ("--motion", &self.motion)],
@@ -71,9 +64,7 @@ impl Deform {
             .map(|neutral| LandmarkSource::Positions(neutral.to_vec()));
         let options = self.face.options(&self.mesh, known)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
-        if self.surface.is_asked() {
-            engine.head()?;
-        }
+        self.surface.check_system(&engine)?;
         let face = timed(&mut report, "prepare", || {
             let progress = &|p| console.progress(p);
             match self.surface.is_asked() {
@@ -84,7 +75,7 @@ impl Deform {
         note_face(&mut report, &face);
         if self.surface.is_asked() {
             self.write_surface((&engine, &face), motion, &mut report, console)?;
-            return self.told(&report, console);
+            return self.surface.tell(&report, console);
         }
         if let Some(path) = &self.attention {
             self.write_attention(path, &engine, &face, &motion, console)?;
@@ -101,22 +92,19 @@ impl Deform {
             None,
             &mut report,
             |sink| match (motion.neutral, weights) {
-                (Some(_), _) => engine.spread_own(&face, displacements, fps, sink, progress),
+                (Some(_), _) => {
+                    let landmarks = displacements;
+                    engine.spread(&face, Movement::Own { landmarks, fps }, sink, progress)
+                }
                 (None, Some(clip)) => engine.spread(&face, &Motion::Weights(clip), sink, progress),
                 (None, None) => {
                     let clip = LandmarkClip { displacements, fps };
-                    engine.spread(&face, &Motion::Landmarks(clip), sink, progress)
+                    let motion = engine.follow(&clip, &face.options.controls, progress)?;
+                    engine.spread(&face, &motion, sink, progress)
                 }
             },
         )?;
-        self.told(&report, console)
-    }
-
-    fn told(&self, report: &Report, console: &Console) -> Result<()> {
-        if let Some(path) = &self.report {
-            write_json(path, report)?;
-        }
-        console.report(report, &summary(report))
+        self.surface.tell(&report, console)
     }
 
     /// The surface of the head that goes as the landmarks do.
@@ -139,7 +127,8 @@ impl Deform {
             displacements: motion.displacements,
             fps: motion.fps.unwrap_or(DEFAULT_FPS),
         };
-        let codes = Motion::Codes(engine.codes_of(&clip, progress)?);
+        // Whatever the field is to do, the codes move the head itself.
+        let codes = engine.follow(&clip, &Controls::default(), progress)?;
         // Nothing is known of the speech, so lips may rest.
         self.surface
             .write((engine, face), (&codes, 0.0), &self.out, report, progress)

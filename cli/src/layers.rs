@@ -3,20 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use anyface::{
-    Engine, Error, Face, MotionRequest, Performance, Result,
-    audio::Waveform,
+    Engine, Error, Face, Performance, Result,
     mesh::Mesh,
     output::{Format, Report, write_mask},
     progress::ProgressFn,
-    spread::{self, FrameSink},
+    spread::{self, FrameSink, Movement},
 };
 use clap::{Args, ValueEnum};
 
 use crate::stages::spread_into;
-
-/// The control that chooses a layer, and its value for what is said alone.
-const CONTROL: &str = "layer";
-const SAID: f32 = 1.0;
 
 /// Options of layers.
 #[derive(Args)]
@@ -83,13 +78,12 @@ impl LayerArgs {
         self.mask.is_some() || !self.layers.is_empty()
     }
 
-    /// The performance of `request`, and beside it what is said alone where that is needed.
+    /// The performance, and beside it what is said alone where that is needed.
     pub fn of<'a>(
         &self,
         engine: &'a Engine,
         face: &'a Face,
         performance: &'a Performance,
-        (waveform, request): (&Waveform, &MotionRequest),
         progress: ProgressFn<'_>,
     ) -> Result<Layered<'a>> {
         let vertices = face.mesh.positions.len();
@@ -98,14 +92,7 @@ impl LayerArgs {
             None => vec![1.0; vertices],
         };
         let said = match self.parts() {
-            true => {
-                let controls = request.controls.with(CONTROL, SAID);
-                let request = MotionRequest {
-                    controls,
-                    ..request.clone()
-                };
-                Some(engine.perform(waveform, &request, progress)?)
-            }
+            true => Some(performance.content(engine, progress)?),
             false => None,
         };
         Ok(Layered {
@@ -133,7 +120,7 @@ impl LayerArgs {
         } = *layered;
         if let Some(path) = &self.mask_out {
             let frames = 0..performance.motion.frames();
-            write_mask(path, engine.believed(face, performance, frames)?.view())?;
+            write_mask(path, performance.feeling_mask(engine, face, frames)?.view())?;
         }
         for layer in &self.layers {
             layered.part(*layer, &beside(out, *layer), progress)?;
@@ -157,7 +144,8 @@ impl Layered<'_> {
             Some(said) if self.mask.iter().any(|share| *share != 1.0) => {
                 let rest = self.mask.iter().map(|share| 1.0 - share).collect();
                 let parts = [(&said.motion, rest), (whole, self.mask.clone())];
-                self.engine.spread_mixed(self.face, parts, sink, progress)
+                self.engine
+                    .spread(self.face, Movement::Mixed(parts), sink, progress)
             }
             _ => self.engine.spread(self.face, whole, sink, progress),
         }
@@ -172,7 +160,8 @@ impl Layered<'_> {
             Layer::Feeling => {
                 let whole = (&self.performance.motion, self.mask.clone());
                 let parts = [(&said.motion, negative), whole];
-                self.engine.spread_mixed(self.face, parts, sink, progress)
+                self.engine
+                    .spread(self.face, Movement::Mixed(parts), sink, progress)
             }
         };
         let fps = said.motion.fps();

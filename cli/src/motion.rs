@@ -3,8 +3,7 @@
 use std::path::PathBuf;
 
 use anyface::{
-    Result,
-    motion::{self, FaceModes},
+    Result, motion,
     output::{check_motion_path, write_json, write_motion},
 };
 use clap::Args;
@@ -72,8 +71,7 @@ impl Motion {
         report.fps = motion.fps;
         report.out = Some(shown(&self.out));
         timed(&mut report, "write", || {
-            let modes = FaceModes::open(shared.weights())?;
-            write_motion(&self.out, &made, life.as_ref(), &modes)
+            write_motion(&self.out, &made, &motion, life.as_ref())
         })?;
         if let Some(path) = &self.report {
             write_json(path, &report)?;

@@ -143,7 +143,6 @@ impl Redo<'_> {
                 displacements: vertices.displacements,
                 fps,
             },
-            brought: None,
             landmarks_neutral,
             landmark_displacements: landmarks.displacements,
         })

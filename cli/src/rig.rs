@@ -1,12 +1,12 @@
 //! `anyface rig`: ARKit shapes and visemes for any head.
 
-use std::{ffi::OsStr, path::PathBuf, sync::Arc};
+use std::{ffi::OsStr, path::PathBuf};
 
 use anyface::{
     Error, Result,
     mesh::Mesh,
     output::{Report, write_json, write_rig, write_rig_folder},
-    rig::ShapeReport,
+    rig::{ShapeReport, ShapeSource},
 };
 use clap::{Args, ValueEnum};
 use serde::Serialize;
@@ -73,10 +73,12 @@ impl MakeRig {
         let (face, rig) = timed(&mut report, "shapes", || {
             let progress = |p| console.progress(p);
             let face = engine.find(&mesh, &options, &progress)?;
-            let rig = match self.by {
-                By::Network => engine.rig(&face, &progress)?,
-                By::Field => Arc::new(engine.rig_by_field(&face, self.in_betweens, &progress)?),
+            let in_betweens = self.in_betweens;
+            let source = match self.by {
+                By::Network => ShapeSource::Network,
+                By::Field => ShapeSource::Field { in_betweens },
             };
+            let rig = engine.rig(&face, source, &progress)?;
             Ok((face, rig))
         })?;
         note_face(&mut report, &face);

@@ -7,7 +7,7 @@ use anyface::{
     conditions::check_fps,
     mesh::Mesh,
     output::{Report, read_rig, read_vertex_motion, write_blend_weights, write_json},
-    rig::{ARKIT, SolveOptions, SolvedWeights},
+    rig::{ARKIT, SolveOptions, SolvedWeights, solve},
 };
 use clap::Args;
 use serde::Serialize;
@@ -88,7 +88,7 @@ impl Solve {
         let solved = timed(&mut report, "solve", || {
             let moved = motion.displacements.view();
             let engine = shared.engine()?;
-            engine.solve(&rig, shapes, moved, &options, &|p| console.progress(p))
+            engine.threads(|| solve(&rig, shapes, moved, &options, &|p| console.progress(p)))
         })?;
         timed(&mut report, "write", || {
             write_blend_weights(&self.out, &solved, fps)

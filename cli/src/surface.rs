@@ -1,24 +1,30 @@
-//! The surface of the head that a mesh is like, a file for each frame.
+//! Where an animation of a mesh goes: its vertices into a file, or the surface of the head that it is like into a file
+//! for each frame; and the report of the run.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyface::{
     Engine, Error, Face, Result,
     head::check_surface_cells,
     motion::{CodeClip, Motion},
-    output::{Report, check_new_folder, write_surface_frames},
+    output::{Format, Report, check_new_folder, write_json, write_surface_frames},
     progress::ProgressFn,
+    systems::Ability,
 };
 use clap::Args;
 
 use crate::{
     arguments::{is_folder, shown},
-    stages::timed,
+    console::Console,
+    stages::{summary, timed},
 };
 
-/// Options of a surface over time.
+/// Options of what is written.
 #[derive(Args)]
 pub struct SurfaceArgs {
+    /// Also write a report of the run
+    #[arg(long, value_name = "R.json")]
+    report: Option<PathBuf>,
     /// Write the surface of the head that is like the mesh instead (facetalk), a PLY for each frame: cells along
     /// its longest side, 32 to 512
     #[arg(long, value_name = "N")]
@@ -32,7 +38,10 @@ impl SurfaceArgs {
 
     /// Checks what is cheap to check.
     pub fn check(&self, out: &Path) -> Result<()> {
-        self.surface.map_or(Ok(()), check_surface_cells)?;
+        let Some(cells) = self.surface else {
+            return Format::from_path(out).map(drop);
+        };
+        check_surface_cells(cells)?;
         if !is_folder(out) {
             return Err(Error::InvalidInput(format!(
                 "{}: expected a folder for the frames of a surface, as in frames/",
@@ -40,6 +49,22 @@ impl SurfaceArgs {
             )));
         }
         check_new_folder(out)
+    }
+
+    /// Checks that the system has what is to be written.
+    pub fn check_system(&self, engine: &Engine) -> Result<()> {
+        match self.is_asked() {
+            true => engine.system().require(Ability::Head, "surface"),
+            false => Ok(()),
+        }
+    }
+
+    /// Writes the report, and tells it.
+    pub fn tell(&self, report: &Report, console: &Console) -> Result<()> {
+        if let Some(path) = &self.report {
+            write_json(path, report)?;
+        }
+        console.report(report, &summary(report))
     }
 
     /// Writes the frames into the folder `out`, and notes what they are; lips were asked for so much `articulation`.
@@ -52,9 +77,9 @@ impl SurfaceArgs {
         progress: ProgressFn<'_>,
     ) -> Result<()> {
         let (Some(cells), Motion::Codes(CodeClip { codes, .. })) = (self.surface, motion) else {
-            let kind = motion.kind();
-            let expected = "surface: expected a system that moves a head (facetalk), got one of";
-            return Err(Error::InvalidInput(format!("{expected} {kind}")));
+            return Err(Error::InvalidInput(
+                "surface: expected a model with landmark_motion, which goes by landmarks, got one without".into(),
+            ));
         };
         let (surface, note) = timed(report, "surface", || {
             engine.head_surface(face, cells, progress)

@@ -31,7 +31,7 @@ def _take(addon, vertices: int):
     module, random = addon("core.take"), np.random.default_rng(1)
     weights = random.uniform(-1, 1, (MINUTES * 60 * FPS, KEYS)).astype(np.float32)
     vectors = random.normal(size=(KEYS, vertices, 3)).astype(np.float32) * 1e-3
-    take = module.Take(float(FPS), 9.0, basis=module.Basis(vectors, weights, 0.1))
+    take = module.Take(float(FPS), 9.0, "basis", module.Basis(vectors, weights, 0.1))
     return replace(take, largest_of=[9.0, 9.0])
 
 

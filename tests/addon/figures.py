@@ -3,6 +3,7 @@
 import importlib
 import wave
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -335,6 +336,34 @@ def duplicate(*objects, linked=False):
     assert bpy.ops.object.duplicate(linked=linked) == {"FINISHED"}
     fresh = [ob for ob in bpy.data.objects if ob not in there]
     return [next(ob for ob in fresh if ob.name.startswith(name.split(".")[0])) for name in names]
+
+
+def link_from_library(name, folder):
+    """The object of that name, linked into an empty file from the one that was open."""
+    path = str(folder / "library.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    with bpy.data.libraries.load(path, link=True) as (_, wanted):
+        wanted.objects = [name]
+    ob = bpy.data.objects[name]
+    bpy.context.scene.collection.objects.link(ob)
+    return ob
+
+
+def window():
+    """What an operator sees of a window, with a head in it; its manager counts its timers."""
+    manager = SimpleNamespace(windows=[], timers=0, modal_handler_add=lambda _operator: None)
+
+    def add(_seconds, window):
+        manager.timers += 1
+
+    def remove(_timer):
+        manager.timers -= 1
+
+    manager.event_timer_add, manager.event_timer_remove = add, remove
+    return SimpleNamespace(
+        window_manager=manager, window=None, scene=bpy.context.scene, object=grid()
+    )
 
 
 def belongings(ob):

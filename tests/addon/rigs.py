@@ -53,9 +53,8 @@ def shapes(addon, ob):
     scene, job = addon("scene.bake"), addon("core.job")
     settings = addon("ui.settings").from_object(ob)
     face = scene.read_face(ob, settings, editable=False)
-    space = addon("core.space").face_space(face.matrix_world, face.axes)
     engine = addon("ui.running").engine(settings.system)
-    rig = addon("core.plan").make_rig(face, space, engine, job.Progress())
+    rig = addon("core.plan").make_rig(face, engine, job.Progress())
     return dict(zip(rig.names, rig.vectors, strict=True))
 
 

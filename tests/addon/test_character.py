@@ -221,7 +221,7 @@ def test_parts_that_rest_get_no_keys(stage, addon):
     take, pieces = addon("core.take"), addon("scene.face.pieces")
     vectors = np.zeros((1, 6, 3), dtype=np.float32)
     vectors[0, :4, 2] = 0.01
-    made = take.Take(24.0, 5.0, basis=take.Basis(vectors, np.ones((3, 1)), 0.0))
+    made = take.Take(24.0, 5.0, "basis", take.Basis(vectors, np.ones((3, 1)), 0.0))
     parts = [take.Piece("Head", 0, 4, np.eye(4)), take.Piece("Eye", 4, 2, np.eye(4))]
     face, eye = pieces.split(made, parts)
     assert face[1].largest_mm == pytest.approx(5.0) and eye[1] is None

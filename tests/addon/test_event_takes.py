@@ -7,7 +7,18 @@ import bpy
 import numpy as np
 import pytest
 
-from figures import FPS, duplicate, everything, film, grid, select, stand_in, strip, tone
+from figures import (
+    FPS,
+    duplicate,
+    everything,
+    film,
+    grid,
+    link_from_library,
+    select,
+    stand_in,
+    strip,
+    tone,
+)
 from floor import Floor
 from test_events import (
     CHANNEL,
@@ -288,13 +299,7 @@ def library(addon, tmp_path):
     """A head with a channel of events in a file of its own, linked into an empty one."""
     ob = grid("Head")
     ob.anyface.system, ob.anyface_audio.event_channel = SYSTEM, CHANNEL
-    path = str(tmp_path / "library.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=path)
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    with bpy.data.libraries.load(path, link=True) as (_, wanted):
-        wanted.objects = ["Head"]
-    ob = bpy.data.objects["Head"]
-    bpy.context.scene.collection.objects.link(ob)
+    ob = link_from_library("Head", tmp_path)
     strip(tone(tmp_path / "tone.wav", SECONDS), frame=START)
     put(addon, "smile", START + 4, START + 12)
     return ob

@@ -17,8 +17,8 @@ def make_take(addon):
         moved = motion(frames, len(ob.data.vertices), seed=seed)
         take = addon("core.take")
         if mode == "frames":
-            return take.Take(fps, 5.0, frames=moved), moved
-        return take.Take(fps, 5.0, basis=basis(take, moved)), moved
+            return take.Take(fps, 5.0, mode, take.Frames(moved)), moved
+        return take.Take(fps, 5.0, mode, basis(take, moved)), moved
 
     return make
 

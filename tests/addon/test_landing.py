@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
+import figures
 from figures import curves, everything, grid, own_keys, shape, stand_in, tone
 
 START = 5
@@ -39,7 +40,7 @@ def long_take(addon, vertices, keys=56):
     frames = int(MINUTES * 60 * 24)
     weights = random.uniform(-1, 1, (frames, keys)).astype(np.float32)
     vectors = random.normal(size=(keys, vertices, 3)).astype(np.float32) * 1e-3
-    return take.Take(24.0, 9.0, basis=take.Basis(vectors, weights, 0.1))
+    return take.Take(24.0, 9.0, "basis", take.Basis(vectors, weights, 0.1))
 
 
 def test_the_largest_motion_of_each_piece_is_exact(addon):
@@ -48,15 +49,16 @@ def test_the_largest_motion_of_each_piece_is_exact(addon):
     vectors = random.normal(size=(7, 900, 3)).astype(np.float32)
     vectors *= random.uniform(0.01, 1.0, (1, 900, 1)).astype(np.float32) ** 4
     weights = random.uniform(-1, 1, (50, 7)).astype(np.float32)
-    moved = np.linalg.norm(np.tensordot(weights, vectors, axes=1), axis=2)
-    take = take_module.Take(24.0, 9.0, basis=take_module.Basis(vectors, weights, 0.1))
+    displacements = np.tensordot(weights, vectors, axes=1)
+    moved = np.linalg.norm(displacements, axis=2)
+    take = take_module.Take(24.0, 9.0, "basis", take_module.Basis(vectors, weights, 0.1))
     places = (("a", 0, 600), ("b", 600, 300))
     pieces = [take_module.Piece(*place, np.eye(4)) for place in places]
     silent = addon("core.job").Progress()
     found = measure.largest(take, pieces, silent)
     expected = [moved[:, :600].max(), moved[:, 600:].max()]
     assert np.abs(np.array(found) - 9.0 * np.array(expected) / max(expected)).max() < 1e-4
-    frames = take_module.Take(24.0, 9.0, frames=np.tensordot(weights, vectors, axes=1))
+    frames = take_module.Take(24.0, 9.0, "frames", take_module.Frames(displacements))
     assert measure.largest(frames, pieces, silent) == pytest.approx(found, rel=1e-4)
 
 
@@ -73,7 +75,7 @@ def test_landing_a_long_take_blocks_for_moments_only(addon, stage, tmp_path):
     steps.append(time.perf_counter() - began)
     print(f"{len(steps)} steps, longest {1e3 * max(steps):.0f} ms, all {sum(steps):.2f} s")
     assert len(steps) > 100 and max(steps) < 0.5
-    weights = take.basis.weights
+    weights = take.motion.weights
     action = ob.data.shape_keys.animation_data.action
     assert len(weights) == 4320 and action.frame_range[1] > START + 4319
 
@@ -107,7 +109,7 @@ def test_an_action_of_the_artists_gets_its_curves_in_steps(addon, stage, tmp_pat
     own = bpy.data.actions.new("Own")
     own_keys(ob, "Smile").animation_data_create().action = own
     count = [len(curves(own)) for step in addon("scene.bake").landing(ob, snapshot, take) if step]
-    assert any(0 < n < count[-1] for n in count) and count[-1] == take.basis.weights.shape[1]
+    assert any(0 < n < count[-1] for n in count) and count[-1] == take.motion.weights.shape[1]
 
 
 def test_esc_comes_too_late_once_writing_has_begun_but_an_undo_does_not(addon, operator_on):
@@ -130,7 +132,8 @@ def test_eyes_that_follow_something_are_read_in_steps(addon):
     bpy.context.scene.frame_set(7)
     still = addon("core.take").Life(np.zeros((200, 3)), np.zeros((200, 2, 2)), np.eye(3, 4))
     settings = SimpleNamespace(life=life.LifeSettings(gaze="PARTS", look_at="Ball"))
-    take = addon("core.take").Take(24.0, 9.0, frames=np.zeros((200, 1, 3)), life=still)
+    frames = addon("core.take").Frames(np.zeros((200, 1, 3)))
+    take = addon("core.take").Take(24.0, 9.0, "frames", frames, life=still)
     steps = 0
     for _ in look(take, settings, 1.0, 24.0):
         steps += 1
@@ -214,18 +217,7 @@ def operator_on(addon, monkeypatch):
             finally:
                 self.closed = True
 
-    manager = SimpleNamespace(windows=[], timers=0, modal_handler_add=lambda _: None)
-
-    def add(_seconds, window):
-        manager.timers += 1
-
-    def remove(_timer):
-        manager.timers -= 1
-
-    manager.event_timer_add, manager.event_timer_remove = add, remove
-    context = SimpleNamespace(
-        window_manager=manager, window=None, scene=bpy.context.scene, object=grid()
-    )
+    context = figures.window()
     timer = SimpleNamespace(type="TIMER", value="NOTHING")
     return Operator(), context, timer, SimpleNamespace(type="ESC", value="PRESS")
 

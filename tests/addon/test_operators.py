@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from figures import grid
+import figures
 
 TIMER = SimpleNamespace(type="TIMER", value="NOTHING")
 ESCAPE = SimpleNamespace(type="ESC", value="PRESS")
@@ -44,7 +44,6 @@ def operator(addon, monkeypatch):
 
         def finish(self, ob, read, worked):
             self.wrote.append((ob.name, worked))
-            return {"FINISHED"}
 
     return Operator()
 
@@ -52,19 +51,7 @@ def operator(addon, monkeypatch):
 @pytest.fixture
 def context():
     """A window manager that counts its timers."""
-    manager = SimpleNamespace(windows=[], timers=0)
-
-    def add(_seconds, window):
-        manager.timers += 1
-
-    def remove(_timer):
-        manager.timers -= 1
-
-    manager.event_timer_add, manager.event_timer_remove = add, remove
-    manager.modal_handler_add = lambda _operator: None
-    return SimpleNamespace(
-        window_manager=manager, window=None, scene=bpy.context.scene, object=grid()
-    )
+    return figures.window()
 
 
 def test_the_result_is_written_once_the_thread_has_ended(addon, operator, context):

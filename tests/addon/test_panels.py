@@ -70,8 +70,8 @@ def draw_all(addon):
     )
     drawn = {}
     for name in ("panel", "character", "performance", "life", "outputs", "takes", "scene_list"):
-        for cls in addon(f"ui.{name}").CLASSES:
-            if not issubclass(cls, bpy.types.Panel):
+        for cls in vars(addon(f"ui.{name}")).values():
+            if not getattr(cls, "__name__", "").startswith("ANYFACE_PT"):
                 continue
             words = drawn[cls.__name__] = []
             if not hasattr(cls, "poll") or cls.poll(context):

@@ -12,20 +12,10 @@ import bpy
 import numpy as np
 import pytest
 
+import test_keys
 from conftest import PACKAGE
-from figures import everything, grid, own_keys, shape, stand_in, tone
-from test_keys import (
-    artist_action,
-    artist_driver,
-    artist_edit_mode,
-    artist_hidden,
-    artist_keys,
-    artist_modifiers,
-    artist_nla,
-    artist_nothing,
-    artist_shared_action,
-    artist_shared_mesh,
-)
+from figures import everything, grid, link_from_library, own_keys, shape, stand_in, tone
+from test_keys import artist_action, artist_driver, artist_keys, artist_nla
 
 
 @pytest.fixture
@@ -83,16 +73,7 @@ def artist_object_animation(ob):
 
 
 ARTISTS = [
-    artist_nothing,
-    artist_keys,
-    artist_action,
-    artist_driver,
-    artist_nla,
-    artist_shared_mesh,
-    artist_shared_action,
-    artist_modifiers,
-    artist_hidden,
-    artist_edit_mode,
+    *test_keys.ARTISTS,
     artist_armature,
     artist_constraint,
     artist_pinned,
@@ -160,14 +141,7 @@ def test_a_key_that_is_shown_alone_is_pointed_out(stage, tmp_path):
 def library(tmp_path):
     """A file with a head in it, and an empty file to link it into."""
     grid("Head")
-    path = str(tmp_path / "library.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=path)
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    with bpy.data.libraries.load(path, link=True) as (_, wanted):
-        wanted.objects = ["Head"]
-    ob = bpy.data.objects["Head"]
-    bpy.context.scene.collection.objects.link(ob)
-    return ob
+    return link_from_library("Head", tmp_path)
 
 
 def test_linked_faces_are_refused_with_the_remedy(stage, tmp_path):

@@ -77,6 +77,9 @@ int main(int argc, char **argv) {
     angles(again, &head, &gaze);
     CHECK(head == 0.0f && gaze == 0.0f);
     anyface_motion_free(again);
+    // FreeTalk does not tell what is said from what is felt.
+    CHECK(anyface_motion_new_content(engine, motion, NULL, &again, NULL) ==
+          ANYFACE_STATUS_INVALID_INPUT);
     anyface_motion_free(motion);
 
     static float moved[2 * 3 * ANYFACE_LANDMARK_COUNT];

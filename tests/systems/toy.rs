@@ -10,10 +10,10 @@ use crate::{
     conditions::{Control, ControlStage, ControlValues, MotionRequest},
     deform::LEARNED,
     ibug::LANDMARKS,
-    motion::{LandmarkClip, Motion},
+    motion::{LandmarkClip, Motion, MotionKind},
     progress::{ProgressFn, report},
     speech::Heard,
-    systems::{Registration, System},
+    systems::{Registration, Sampled, System},
 };
 
 /// How far the chin drops at the loudest moment.
@@ -39,10 +39,8 @@ pub static REGISTRATION: Registration = Registration {
     help: "The jaw drops with the loudness of the voice.",
     models: &[],
     controls: &[CONTROLS],
-    takes_events: false,
-    takes_words: false,
-    hears_feeling: false,
-    starts_from_pose: false,
+    motion: MotionKind::Landmarks,
+    abilities: &[],
     sliders: &[],
     open: |_folder: Option<&Path>| Ok(Box::new(Toy)),
 };
@@ -55,7 +53,7 @@ impl System for Toy {
         heard: &Heard,
         request: &MotionRequest,
         progress: ProgressFn<'_>,
-    ) -> Result<Motion> {
+    ) -> Result<Sampled> {
         let drop_m = 1e-3 * DROP.value(&request.controls);
         let levels = &heard.prosody.level_db;
         let quiet = heard.prosody.loud_db - 30.0;
@@ -71,6 +69,6 @@ impl System for Toy {
         }
         report(progress, "motion", 1.0)?;
         let fps = request.fps;
-        Ok(Motion::Landmarks(LandmarkClip { displacements, fps }))
+        Ok(Motion::Landmarks(LandmarkClip { displacements, fps }).into())
     }
 }

@@ -117,9 +117,8 @@ class Prepared:
         made = [self._bag.fcurves.find(_PREPARED.format(n)) for n in range(len(names))]
         for curve, name in zip(made, names, strict=True):
             curve.data_path = value_path(name)
-        animation.action, self.action = self_action, None
-        if LAYERED and animation.action_slot is None:
-            animation.action_slot = self_action.slots[0]
+        assign(animation, self_action)
+        self.action = None
         return True
 
     def drop(self) -> None:
@@ -154,6 +153,14 @@ def remove(animation_data, data_paths: set[str]) -> None:
     group = bag.groups.get(_GROUP)
     if group is not None and len(group.channels) == 0:
         bag.groups.remove(group)
+
+
+def assign(holder, action) -> None:
+    """Lets animation data, or a strip of the NLA, play an action of ours."""
+    if holder.action != action:
+        holder.action = action
+    if LAYERED and holder.action_slot is None:
+        holder.action_slot = action.slots[0]
 
 
 def is_empty(action) -> bool:

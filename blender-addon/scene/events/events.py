@@ -149,7 +149,7 @@ def read(
     Strips and markers that say nothing, or lie outside the sound, are named and left out.
     """
     found = Found()
-    if not systems.takes_events(settings.system):
+    if not systems.by_name(settings.system).takes_events:
         if settings.event_file:
             raise AnyfaceError("input", "events: expected a system that shows them")
         return found

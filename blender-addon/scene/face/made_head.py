@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from ...core import finding, space
+from ...core import finding
 from ...core.job import Progress
 from ...core.native_head import MadeHead
 from ...core.take import FaceMesh, Found
@@ -20,16 +20,9 @@ def mesh(made: MadeHead, height: float):
 
     `height` is that of the box, in Blender's units.
     """
-    points = sample_head.standing(made.positions.astype(np.float64), height)
-    data = bpy.data.meshes.new(NAME)
-    data.from_pydata(points.tolist(), [], made.triangles.tolist())
     materials, numbers = sample_head.materials(NAME, len(made.triangles))
-    for material in materials:
-        data.materials.append(material)
-    data.polygons.foreach_set("material_index", numbers)
-    data.polygons.foreach_set("use_smooth", np.ones(len(data.polygons), dtype=bool))
-    data.update()
-    return data
+    points = sample_head.standing(made.positions.astype(np.float64), height)
+    return sample_head.smooth_mesh(NAME, points, made.triangles, materials, numbers)
 
 
 @dataclass
@@ -44,11 +37,9 @@ class Likeness:
     def work(self, progress: Progress) -> tuple[MadeHead, float, float]:
         """The head, the mesh's distance from it in millimetres, and the height of the head's box in
         the scene's units; raises `AnyfaceError`."""
-        own = space.face_space(self.face.matrix_world, self.face.axes)
+        seen = self.face.space.seen(self.face)
         with finding.naming(self.face):
-            made, far, metres = self.engine.head_like(
-                *own.seen(self.face), self.resolution, progress
-            )
+            made, far, metres = self.engine.head_like(*seen, self.resolution, progress)
         return made, far, float(np.ptp(made.positions[:, 1])) / metres
 
 

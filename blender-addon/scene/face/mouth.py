@@ -6,7 +6,7 @@ import bmesh
 import bpy
 import numpy as np
 
-from ...core import finding, space
+from ...core import finding
 from ...core.errors import AnyfaceError
 from ...core.job import Progress
 from ...core.take import FaceMesh, Found, OpenedMouth
@@ -38,13 +38,11 @@ class Opening:
 
     def work(self, progress: Progress) -> OpenedMouth:
         """The opened mesh in object space; raises `AnyfaceError`."""
-        own = space.face_space(self.face.matrix_world, self.face.axes)
+        own = self.face.space
         with finding.naming(self.face):
             opened = self.engine.open_mouth(*own.seen(self.face), progress)
-        back = np.linalg.inv(own.matrix)
-        for name in ("positions", "landmarks"):
-            places = np.asarray(getattr(opened, name), dtype=np.float64)
-            setattr(opened, name, (places - own.offset) @ back.T)
+        opened.positions = own.points_to_object(opened.positions)
+        opened.landmarks = own.points_to_object(opened.landmarks)
         if own.mirrored:
             opened.triangles = opened.triangles[:, ::-1]
             opened.corner_shares = opened.corner_shares[:, ::-1, ::-1]

@@ -12,7 +12,7 @@ import numpy as np
 from ...core import measure
 from ...core.errors import AnyfaceError
 from ...core.job import Progress
-from ...core.take import BY_SHAPE, ROLES, FaceMesh, KeyMotion, PartRoles, Piece, Take
+from ...core.take import BY_SHAPE, ROLES, FaceMesh, PartRoles, Piece, Take
 from . import mesh, rest
 
 # An object that moves less than this in every frame gets no keys.
@@ -93,41 +93,12 @@ def split(take: Take, pieces: list[Piece]) -> list[tuple[Piece, Take | None]]:
     The face itself always has one.
     """
     largest = take.largest_of or measure.largest(take, pieces, Progress())
-    out = []
-    for number, piece in enumerate(pieces):
-        moves = number == 0 or largest[number] >= STILL_MM
-        out.append((piece, _cut(take, piece, largest[number]) if moves else None))
-    return out
-
-
-def _cut(take: Take, piece: Piece, largest: float) -> Take:
-    """The vertices of a piece, turned into its object's own space; they move by `largest` mm."""
-    rows = slice(piece.first, piece.first + piece.count)
-    back = np.linalg.inv(piece.matrix[:3, :3]).astype(np.float32)
-    moved = take.frames if take.frames is not None else _motion(take).vectors
-    own = np.ascontiguousarray(moved[:, rows])
-    if not np.array_equal(back, np.eye(3)):
-        own = own @ back.T
-    if take.frames is not None:
-        return replace(take, frames=own, largest_mm=largest)
-    if take.key_motion is not None:
-        return replace(take, key_motion=_keys_cut(take.key_motion, own, rows, back))
-    # The mask of the feeling is painted on the face alone.
-    felt_from = take.basis.felt_from if piece.first == 0 else None
-    basis = replace(take.basis, vectors=own, felt_from=felt_from)
-    return replace(take, basis=basis, largest_mm=largest)
-
-
-def _motion(take: Take):
-    """What holds the vectors and weights of a take in keys."""
-    return take.basis if take.basis is not None else take.key_motion
-
-
-def _keys_cut(motion: KeyMotion, own: np.ndarray, rows: slice, back: np.ndarray) -> KeyMotion:
-    more = motion.visemes
-    if more is not None:
-        more = replace(more, vectors=np.ascontiguousarray(more.vectors[:, rows] @ back.T))
-    return replace(motion, vectors=own, visemes=more)
+    return [
+        (piece, None)
+        if number > 0 and mm < STILL_MM
+        else (piece, replace(take, motion=take.motion.of_piece(piece), largest_mm=mm))
+        for number, (piece, mm) in enumerate(zip(pieces, largest, strict=True))
+    ]
 
 
 def suggest(ob, objects, centre, radius: float) -> list[Part]:

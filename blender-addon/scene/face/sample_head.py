@@ -21,12 +21,19 @@ def mesh(height: float):
     """
     with np.load(PACKED) as packed:
         data = {name: packed[name] for name in packed.files}
+    named = zip(data["names"], data["colours"], strict=True)
+    own = [_material(str(name), colour) for name, colour in named]
     points = standing(data["positions"] / _MICROMETRES, height)
-    made = bpy.data.meshes.new(NAME)
-    made.from_pydata(points.tolist(), [], data["triangles"].tolist())
-    for name, colour in zip(data["names"], data["colours"], strict=True):
-        made.materials.append(_material(str(name), colour))
-    made.polygons.foreach_set("material_index", data["materials"].astype(np.int32))
+    return smooth_mesh(NAME, points, data["triangles"], own, data["materials"].astype(np.int32))
+
+
+def smooth_mesh(name: str, points: np.ndarray, triangles: np.ndarray, materials, numbers):
+    """A new mesh of points `[V, 3]` and triangles `[F, 3]`, whose materials are `numbers`."""
+    made = bpy.data.meshes.new(name)
+    made.from_pydata(points.tolist(), [], triangles.tolist())
+    for material in materials:
+        made.materials.append(material)
+    made.polygons.foreach_set("material_index", numbers)
     made.polygons.foreach_set("use_smooth", np.ones(len(made.polygons), dtype=bool))
     made.update()
     return made

@@ -183,8 +183,8 @@ def _alone(ob, life: Life, at):
     action, bag = curves.new_action(f"{ob.name} Head", "OBJECT")
     action.use_fake_user = True
     vectors = _eased(life.head) @ _axes(life).T
-    turns = turning.eulers(turn.of_vectors(vectors))
-    for index, column in enumerate(turns.T):
+    angles = turning.eulers(turn.of_vectors(vectors))
+    for index, column in enumerate(angles.T):
         curves.write(bag, "delta_rotation_euler", at, column, index=index)
     turns.put_alone(ob, action)
     return action

@@ -5,11 +5,12 @@ takes exactly that away.
 """
 
 import json
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 
 import bpy
 import numpy as np
 
+from ...core import json_file
 from ...core.errors import AnyfaceError
 from .. import identity
 from ..animation import curves
@@ -178,10 +179,9 @@ def _owned(ob) -> list[tuple]:
 
 
 def _entries(other) -> list[Entry]:
-    known = {item.name for item in fields(Entry)}
     try:
         rows = json.loads(other.get(ENTRIES, "[]"))
-        return [Entry(**{k: v for k, v in row.items() if k in known}) for row in rows]
+        return [json_file.known_fields(Entry, row) for row in rows]
     except (ValueError, TypeError, AttributeError):
         return []
 

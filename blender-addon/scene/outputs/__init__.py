@@ -38,8 +38,8 @@ def of(mode: str) -> Output:
 
 
 def of_take(take: Take) -> Output:
-    """The output that a finished take was made for."""
-    return next(output for output in ALL if output.holds(take))
+    """The output that a take is made for."""
+    return of(take.output)
 
 
 def of_record(taken: record.Record) -> Output:

@@ -39,14 +39,11 @@ class Arkit(Output):
     def plan(self, ob, asked, fps, objects):
         return MakeKeys(asked.visemes)
 
-    def holds(self, take):
-        return take.key_motion is not None and take.key_motion.vectors is not None
-
     def describe(self, take):
         return keys.describe(take, "made")
 
     def write(self, ob, take, rest, at, taken):
-        motion = take.key_motion
+        motion = take.motion
         made = [*zip(motion.keys, motion.vectors, strict=True)]
         if motion.visemes is not None:
             made += zip(motion.visemes.names, motion.visemes.vectors, strict=True)

@@ -24,7 +24,7 @@ class Basis(Output):
 
     def draw(self, layout, ob):
         layout.prop(ob.anyface, "error_mm", text="Precision (mm)")
-        if systems.hears_feeling(ob.anyface.system):
+        if systems.by_name(ob.anyface.system).hears_feeling:
             layout.prop(ob.anyface, "layered")
 
     def cost(self, asked):
@@ -35,17 +35,11 @@ class Basis(Output):
     def plan(self, ob, asked, fps, objects):
         return PackSliders()
 
-    def holds(self, take):
-        return take.basis is not None
-
     def describe(self, take):
-        return f"{len(take.basis.vectors)} new keys, exact to {take.basis.error_mm:.2f} mm"
-
-    def vectors(self, take):
-        return take.basis.vectors
+        return f"{len(take.motion.vectors)} new keys, exact to {take.motion.error_mm:.2f} mm"
 
     def write(self, ob, take, rest, at, taken):
-        basis = take.basis
+        basis = take.motion
         taken.first_frame = float(at[1])
         taken.frame_step = float(at[-2] - at[1]) / max(take.frame_count - 1, 1)
         taken.still = basis.why_missing

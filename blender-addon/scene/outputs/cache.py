@@ -76,20 +76,17 @@ class Cache(Output):
         paths = {name: str(place / file) for name, file in cache_files.names(objects).items()}
         return WriteCaches(paths, math.ceil(curves.EASE_S * fps))
 
-    def holds(self, take):
-        return bool(take.files and take.files[0].vertices)
-
     def describe(self, take):
-        return f"cache {', '.join(bpy.path.basename(file.path) for file in take.files)}"
+        return f"cache {', '.join(bpy.path.basename(file.path) for file in take.motion.files)}"
 
     def check_files(self, take):
-        for file in take.files:
+        for file in take.motion.files:
             other = bpy.data.objects.get(file.object_name)
             guard.check_mesh(other)
             guard.check_size(other, file.vertices)
 
     def write_files(self, ob, take, start_frame, scene_fps):
-        for file in take.files:
+        for file in take.motion.files:
             other = bpy.data.objects[file.object_name]
             _play(other, file, start_frame, scene_fps / take.fps)
             if other != ob:
@@ -127,7 +124,7 @@ class Cache(Output):
         return PatchCaches(paths, first, shares, snapshot.plan.ease)
 
     def redo_write(self, parts, snapshot, take, first, at, stretch):
-        for file in take.files:
+        for file in take.motion.files:
             self.find(bpy.data.objects[file.object_name]).filepath = _relative(file.path)
         yield BEGUN
 

@@ -11,7 +11,7 @@ from ...core.job import BEGUN
 from ..animation import curves
 from ..rig_controls import control_actions, control_bench, control_fit, control_sources
 from ..shape_keys import guard
-from .output import Output
+from .output import Output, draw_list_buttons
 
 # Curves of a usual rig.
 _CURVES = 100
@@ -60,12 +60,7 @@ class Controls(Output):
     def draw(self, layout, ob):
         stored = ob.anyface_controls
         layout.prop(stored, "rig", placeholder=_name_of(control_sources.rig_of(ob)))
-        row = layout.row(align=True)
-        row.operator("anyface.controls_find", text="Find Controls")
-        row.operator_menu_enum("anyface.controls_preset", "preset", text="Names")
-        row.operator("anyface.controls_load", text="", icon="FILE_FOLDER")
-        row.operator("anyface.controls_save", text="", icon="FILE_TICK")
-        row.operator("anyface.controls_clear", text="", icon="X")
+        draw_list_buttons(layout, "controls", "Find Controls")
         if not len(stored.rows):
             layout.label(text="Controls are found when you generate")
             return
@@ -77,11 +72,8 @@ class Controls(Output):
     def plan(self, ob, asked, fps, objects):
         return FollowPoints()
 
-    def holds(self, take):
-        return take.control_motion is not None
-
     def describe(self, take):
-        fitted = take.control_motion.fitted
+        fitted = take.motion.fitted
         worst = sorted(fitted.missed.items(), key=lambda pair: -pair[1])
         missed = ", ".join(f"{name} {mm:.1f} mm" for name, mm in worst)
         return (
@@ -106,14 +98,14 @@ class Controls(Output):
     def prepare_files(self, take, start_frame, scene_fps):
         frames = take.scene_frames(start_frame, scene_fps)
         ends = curves.with_rest(frames, scene_fps)[[0, -1]]
-        fitted = take.control_motion.fitted
+        fitted = take.motion.fitted
         fitted.actions = yield from control_actions.prepare(fitted, ends, frames)
 
     def drop_files(self, take):
-        control_actions.drop(take.control_motion.fitted.actions)
+        control_actions.drop(take.motion.fitted.actions)
 
     def write_files(self, ob, take, start_frame, scene_fps):
-        fitted = take.control_motion.fitted
+        fitted = take.motion.fitted
         control_actions.write(ob, fitted, fitted.actions)
         fitted.actions = {}
 
@@ -125,7 +117,7 @@ class Controls(Output):
         sources, rests = self.sources(ob, asked), control_actions.rests(ob)
         # A stretch may hold a pause, in which little moves.
         take = yield from control_fit.fit(ob, take, sources, rests, judged=False)
-        control_actions.redo(ob, take.control_motion.fitted, at, stretch)
+        control_actions.redo(ob, take.motion.fitted, at, stretch)
         yield BEGUN
 
     def find(self, ob):

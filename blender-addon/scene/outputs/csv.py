@@ -50,18 +50,15 @@ class Csv(Output):
     def plan(self, ob, asked, fps, objects):
         return WriteTable(ob.name, str(_path_of(ob, asked.csv_file)))
 
-    def holds(self, take):
-        return bool(take.files and not take.files[0].vertices)
-
     def describe(self, take):
-        (file,) = take.files
+        (file,) = take.motion.files
         shown = f"it shows {wording.share(1.0 - file.left_out)}"
         return f"ARKit table {bpy.path.basename(file.path)}, {shown}"
 
     def write_files(self, ob, take, start_frame, scene_fps):
         # A linked object cannot remember it.
         if ob.library is None:
-            path = _path_of(ob, take.files[0].path)
+            path = _path_of(ob, take.motion.files[0].path)
             noted = {"path": str(path), "digest": _digest(path), "owner": identity.of(ob)}
             ob[PROPERTY] = json.dumps(noted | {"blend": _blend()})
 

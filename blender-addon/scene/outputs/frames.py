@@ -42,21 +42,15 @@ class Frames(Output):
     def cost(self, asked):
         return Cost((asked.frames + 2) * (asked.vertices * VERTEX + KEYFRAME))
 
-    def holds(self, take):
-        return take.frames is not None
-
     def describe(self, take):
         return "one key per frame"
-
-    def vectors(self, take):
-        return take.frames
 
     def write(self, ob, take, rest, at, taken):
         shape_keys = ob.data.shape_keys
         shape_keys.use_relative = False
         blocks = [
             mesh.add_key(ob, f"{PREFIX}.{number + 1:05d}", rest + moved)
-            for number, moved in enumerate(take.frames)
+            for number, moved in enumerate(take.motion.displacements)
         ]
         blocks.append(mesh.add_key(ob, f"{PREFIX}.rest", rest))
         taken.keys += [block.name for block in blocks]
@@ -81,7 +75,7 @@ class Frames(Output):
                 guard.own(part)
                 shape_keys = part.data.shape_keys
                 names = record.read(shape_keys).keys[first : first + len(at)]
-                rest, moved = plan.of_piece(snapshot.face, take.frames, part.name)
+                rest, moved = plan.of_piece(snapshot.face, take.motion.displacements, part.name)
                 for name, share, target in zip(names, shares, rest + moved, strict=False):
                     if share > 0.0 and name in shape_keys.key_blocks:
                         _mix(shape_keys.key_blocks[name], np.float32(share), target)

@@ -11,7 +11,7 @@ from ...core.estimate import KEYFRAME, SOLVE_S, Cost
 from ...core.plan import SolveKeys, by_key
 from ...core.take import Piece, Take
 from ..shape_keys import artist_keys
-from .output import Output, write_weights
+from .output import Output, draw_list_buttons, write_weights
 
 
 class Keys(Output):
@@ -44,12 +44,8 @@ class Keys(Output):
         )
 
     def draw(self, layout, ob):
-        row, stored = layout.row(align=True), ob.anyface_output
-        row.operator("anyface.mapping_find", text="Find Keys")
-        row.operator_menu_enum("anyface.mapping_preset", "preset", text="Names")
-        row.operator("anyface.mapping_load", text="", icon="FILE_FOLDER")
-        row.operator("anyface.mapping_save", text="", icon="FILE_TICK")
-        row.operator("anyface.mapping_clear", text="", icon="X")
+        stored = ob.anyface_output
+        draw_list_buttons(layout, "mapping", "Find Keys")
         if not len(stored.mapping):
             found = artist_keys.names_of(artist_keys.find(ob, []))
             layout.label(text=f"{len(found)} keys found by name")
@@ -70,12 +66,9 @@ class Keys(Output):
         vectors = artist_keys.vectors(ob, keys)
         return SolveKeys(shown, keys, factors, vectors, artist_keys.shown_by(pairs))
 
-    def holds(self, take):
-        return take.key_motion is not None and take.key_motion.vectors is None
-
     def describe(self, take):
         said = describe(take, "driven")
-        missing = take.key_motion.missing
+        missing = take.motion.missing
         return f"{said}, no key shows {_some(missing)}" if missing else said
 
     def notes(self, ob, asked):
@@ -87,7 +80,7 @@ class Keys(Output):
         return [(parts[0], take), *(pair for pair in others if pair[1] is not None)]
 
     def write(self, ob, take, rest, at, taken):
-        motion, blocks = take.key_motion, ob.data.shape_keys.key_blocks
+        motion, blocks = take.motion, ob.data.shape_keys.key_blocks
         missing = [name for name in motion.keys if name not in blocks]
         if missing:
             raise AnyfaceError("mesh", f"{ob.name} has lost the key {missing[0]} meanwhile")
@@ -99,13 +92,13 @@ class Keys(Output):
 
 def describe(take: Take, what: str) -> str:
     """What was done with named keys: "52 keys driven, they show most of the motion (80 %)"."""
-    motion = take.key_motion
+    motion = take.motion
     return f"{len(motion.keys)} keys {what}, they show {wording.share(1.0 - motion.left_out)}"
 
 
 def _of_object(take: Take, piece: Piece) -> Take | None:
     """The take on the keys that an object beside the face has of the same shapes, or None."""
-    other, motion = bpy.data.objects.get(piece.name), take.key_motion
+    other, motion = bpy.data.objects.get(piece.name), take.motion
     theirs = artist_keys.find(other, []) if other is not None else []
     shared = [pair for pair in theirs if pair.shape in motion.shapes]
     if not shared:
@@ -116,7 +109,7 @@ def _of_object(take: Take, piece: Piece) -> Take | None:
     keys = artist_keys.names_of(shared)
     own = replace(motion, keys=keys, weights=weights, shown=artist_keys.shown_by(shared))
     own.factors = by_key(shown, keys, factors)
-    return replace(take, key_motion=own)
+    return replace(take, motion=own)
 
 
 def _some(names: list[str]) -> str:

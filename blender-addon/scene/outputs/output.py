@@ -94,10 +94,6 @@ class Output:
         """
         return Plan()
 
-    def holds(self, take: Take) -> bool:
-        """True where `take` was finished by its plan."""
-        raise NotImplementedError
-
     def describe(self, take: Take) -> str:
         """What was made: "31 new keys, exact to 0.10 mm"."""
         raise NotImplementedError
@@ -114,15 +110,6 @@ class Output:
         """The take as it is written, once what needs Blender is done: in steps, yields between."""
         return take
         yield
-
-    def vectors(self, take: Take) -> np.ndarray | None:
-        """What becomes keys, `[K, V, 3]`; None where the artist's keys are used."""
-        return take.key_motion.vectors
-
-    def weights(self, take: Take) -> np.ndarray | None:
-        """What is animated, `[T, K]`; its curves may be prepared. None where there is but one."""
-        motion = take.basis if take.basis is not None else take.key_motion
-        return motion.weights if motion is not None else None
 
     def write(self, ob, take: Take, rest, at, taken: record.Record) -> None:
         """Writes keys and curves on `ob` and notes them in `taken`.
@@ -177,6 +164,16 @@ class Output:
 
     def remove(self, ob) -> None:
         """Takes away what `find` finds, and the files behind it."""
+
+
+def draw_list_buttons(layout, stem: str, find: str) -> None:
+    """Draws the buttons of an artist's list, whose operators begin with `stem`."""
+    row = layout.row(align=True)
+    row.operator(f"anyface.{stem}_find", text=find)
+    row.operator_menu_enum(f"anyface.{stem}_preset", "preset", text="Names")
+    row.operator(f"anyface.{stem}_load", text="", icon="FILE_FOLDER")
+    row.operator(f"anyface.{stem}_save", text="", icon="FILE_TICK")
+    row.operator(f"anyface.{stem}_clear", text="", icon="X")
 
 
 def write_weights(ob, taken: record.Record, names: list[str], at, weights: np.ndarray) -> None:

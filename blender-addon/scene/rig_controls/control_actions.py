@@ -14,7 +14,7 @@ import numpy as np
 
 from ...core.errors import AnyfaceError
 from .. import identity
-from ..animation import curves, digest
+from ..animation import curves, stand_in
 from ..life import turns
 from ..takes import nla
 from . import control_kinds
@@ -167,7 +167,7 @@ def _write_on(ob, block, controls: list[Control], action) -> None:
     for control in controls:
         mark.before.append((control.path, control.read()))
         mark.paths.append(control.curve_path)
-    _set_aside(block, animation, action, mark)
+    mark.aside_print = stand_in.play(action, _ASIDE, animation, set(mark.paths))
     _play(animation, action)
     action[MARK] = json.dumps(asdict(mark))
 
@@ -184,39 +184,12 @@ def _write_curves(bag, control: Control, rows: np.ndarray, at, times) -> None:
 
 def _play(animation, action) -> None:
     if animation.action is None:
-        animation.action = action
-        if curves.LAYERED and animation.action_slot is None:
-            animation.action_slot = action.slots[0]
+        curves.assign(animation, action)
         return
     first, last = action.frame_range
     strip = nla.add_strip(animation, _TRACK, action, first)
     strip.action_frame_start, strip.action_frame_end = first, last
     strip.extrapolation = "HOLD"
-
-
-def _set_aside(block, animation, action, mark: Mark) -> None:
-    """A copy of the artist's action, without what is ours now, plays in its place."""
-    original = animation.action
-    if original is None or not any(curves.find_any(animation, path) for path in mark.paths):
-        return
-    action[_ASIDE] = original
-    animation.action = original.copy()
-    curves.remove(animation, set(mark.paths))
-    mark.aside_print = digest.action_digest(animation.action)
-
-
-def _put_back(animation, action, mark: Mark) -> None:
-    original = action.get(_ASIDE)
-    if original is None:
-        return
-    del action[_ASIDE]
-    stand_in = animation.action
-    if stand_in is not None and digest.action_digest(stand_in) != mark.aside_print:
-        # The artist has worked in the copy since: it stays, with what we had taken out.
-        curves.copy_paths(original, curves.channels(animation, create=True), set(mark.paths))
-        return
-    animation.action = original
-    curves.delete_action(stand_in)
 
 
 def _take_off(block, action, mark: Mark) -> None:
@@ -231,7 +204,9 @@ def _take_off(block, action, mark: Mark) -> None:
         else:
             # The artist's own curves, in our action: they stay where they play.
             curves.remove(animation, set(mark.paths))
-    _put_back(animation, action, mark)
+    original = action.pop(_ASIDE, None)
+    if original is not None:
+        stand_in.give_back(original, animation, set(mark.paths), mark.aside_print)
     curves.drop_idle_animation(block, mark.made_animation_data)
     for path, values in mark.before:
         control_kinds.put(block, path, values)

@@ -80,7 +80,7 @@ def fit(
     control moves the face, and of what is `judged` where all show next to nothing of the motion.
     """
     control_bench.check(ob)
-    motion = take.control_motion
+    motion = take.motion
     bench = Bench(ob, rigs_of(sources), motion.vertices)
     handles = yield from try_all(ob, bench, motion, sources, rests)
     if not handles:
@@ -98,7 +98,7 @@ def fit(
     values = yield from controls_solve.solve(response, task, values)
     if not judged:
         fitted = Fitted(_together(handles, values))
-        return replace(take, control_motion=replace(motion, fitted=fitted))
+        return replace(take, motion=replace(motion, fitted=fitted))
     fitted = yield from _judge(bench, motion, handles, values)
     if fitted.shown < _LEAST_SHOWN:
         raise AnyfaceError(
@@ -106,7 +106,7 @@ def fit(
             f"nothing would move: the controls of {ob.name} show {max(fitted.shown, 0.0):.0%} of "
             "the motion: check the list of controls, or choose New Keys",
         )
-    return replace(take, control_motion=replace(motion, fitted=fitted))
+    return replace(take, motion=replace(motion, fitted=fitted))
 
 
 def try_all(ob, bench: Bench, motion: ControlMotion, sources: list[Source], rests: dict):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import bpy
 import numpy as np
-from mathutils import Euler, Quaternion, Vector
+from mathutils import Quaternion, Vector
 
 from ...core import turn
 
@@ -66,16 +66,16 @@ class Location(Control):
     """Where a pose bone is."""
 
     def read(self):
-        return list(self._bone.location)
+        return list(getattr(self._bone, self._name))
 
     def write(self, values):
-        self._bone.location = values
+        setattr(self._bone, self._name, values)
 
     def set(self, moved):
-        place = [0.0, 0.0, 0.0]
+        values = [0.0, 0.0, 0.0]
         for index, value in zip(self.indices, moved, strict=True):
-            place[index] = value
-        self._bone.location = place
+            values[index] = value
+        self.write(values)
 
     def columns(self, moved):
         return dict(zip(self.indices, moved.T, strict=True))
@@ -84,21 +84,13 @@ class Location(Control):
     def _bone(self):
         return self.block.pose.bones[self.bone]
 
+    @property
+    def _name(self) -> str:
+        return self.path.rpartition(".")[2]
+
 
 class EulerTurn(Location):
     """How a pose bone with Euler angles is turned; angles that are locked stay at 0."""
-
-    def read(self):
-        return list(self._bone.rotation_euler)
-
-    def write(self, values):
-        self._bone.rotation_euler = Euler(values, self._bone.rotation_mode)
-
-    def set(self, moved):
-        angles = [0.0, 0.0, 0.0]
-        for index, value in zip(self.indices, moved, strict=True):
-            angles[index] = value
-        self.write(angles)
 
 
 class VectorTurn(Location):
@@ -106,12 +98,6 @@ class VectorTurn(Location):
 
     Values are the components of the rotation vector, radians.
     """
-
-    def read(self):
-        return list(getattr(self._bone, self._name))
-
-    def write(self, values):
-        setattr(self._bone, self._name, values)
 
     def set(self, moved):
         row = self.columns(np.array([moved]))
@@ -127,10 +113,6 @@ class VectorTurn(Location):
         axes = np.where(angles[:, None] > 0.0, vectors, [0.0, 1.0, 0.0])
         axes = axes / np.linalg.norm(axes, axis=1, keepdims=True)
         return dict(enumerate([angles, *axes.T]))
-
-    @property
-    def _name(self) -> str:
-        return self.path.rpartition(".")[2]
 
 
 class Number(Control):

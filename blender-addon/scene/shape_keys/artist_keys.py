@@ -4,7 +4,7 @@ import numpy as np
 
 from ...core import key_names
 from ...core.key_names import Pair
-from ..animation import curves, digest
+from ..animation import curves, stand_in
 from ..face.mesh import read_key
 from . import record
 
@@ -70,45 +70,23 @@ def note_values(shape_keys, taken: record.Record) -> None:
     """Notes how the artist's keys are set now, and sets his curves on them aside."""
     blocks = shape_keys.key_blocks
     taken.values = {name: blocks[name].value for name in taken.values if name in blocks}
-    _set_action_aside(shape_keys, {curves.value_path(name) for name in taken.values}, taken)
+    paths = {curves.value_path(name) for name in taken.values}
+    taken.replaced_print = (
+        stand_in.play(shape_keys, REPLACED, shape_keys.animation_data, paths)
+        or taken.replaced_print
+    )
 
 
 def restore(shape_keys, taken: record.Record) -> None:
     """Gives the keys back as they were, once our curves are gone."""
-    _put_action_back(shape_keys, taken)
+    original, animation = shape_keys.pop(REPLACED, None), shape_keys.animation_data
+    if original is not None and animation is not None and animation.action is not None:
+        paths = {curves.value_path(name) for name in taken.values}
+        stand_in.give_back(original, animation, paths, taken.replaced_print)
     for name, value in taken.values.items():
         block = shape_keys.key_blocks.get(name)
         if block is not None:
             block.value = value
-
-
-def _set_action_aside(shape_keys, paths: set[str], taken) -> None:
-    animation = shape_keys.animation_data
-    if animation is None or not any(curves.find(animation, path) for path in paths):
-        return
-    original = animation.action
-    shape_keys[REPLACED] = original
-    animation.action = original.copy()
-    curves.remove(animation, paths)
-    taken.replaced_print = digest.action_digest(animation.action)
-
-
-def _put_action_back(shape_keys, taken) -> None:
-    original = shape_keys.get(REPLACED)
-    if original is None:
-        return
-    del shape_keys[REPLACED]
-    animation = shape_keys.animation_data
-    copy = animation.action if animation is not None else None
-    if copy is None:
-        return
-    if digest.action_digest(copy) == taken.replaced_print:
-        animation.action = original
-        curves.delete_action(copy)
-        return
-    # The artist has worked in the copy since: it stays, with what we had taken out.
-    paths = {curves.value_path(name) for name in taken.values}
-    curves.copy_paths(original, curves.channels(animation, create=True), paths)
 
 
 def _free(shape_keys) -> list:

@@ -4,11 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core import finding, plan, shapes, space
+from ...core import finding, plan, shapes
 from ...core.job import Progress
 from ...core.take import NETWORK, FaceMesh, Rig, ShapesBy
-from ..face import pieces
-from ..takes import keys
+from ..face import mesh, pieces
 from . import guard
 
 HALF = "_half"
@@ -26,9 +25,8 @@ class Making:
 
     def work(self, progress: Progress) -> Rig:
         """The shapes in object space; raises `AnyfaceError`."""
-        seen = space.face_space(self.face.matrix_world, self.face.axes)
         with finding.naming(self.face):
-            return plan.make_rig(self.face, seen, self.engine, progress, self.by)
+            return plan.make_rig(self.face, self.engine, progress, self.by)
 
 
 def objects(ob, face: FaceMesh) -> list:
@@ -49,8 +47,25 @@ def add(ob, face: FaceMesh, rig: Rig, left_out=()) -> tuple[list[str], np.ndarra
         guard.check_editable(one)
         guard.check_size(one, own.shape[1])
     for one, own in moved:
-        keys.add(one, names, own, everything=one == ob)
+        _add(one, names, own, everything=one == ob)
     return names, vectors
+
+
+def _add(ob, names: list[str], vectors: np.ndarray, everything: bool) -> None:
+    """Keys that nobody animates yet, from `vectors` `[S, V, 3]` in object space.
+
+    Those that move nothing are left out unless `everything` is wanted.
+    """
+    wanted = [number for number in range(len(names)) if everything or vectors[number].any()]
+    if not wanted:
+        return
+    with guard.object_mode(ob), guard.selection_kept(ob):
+        if ob.data.shape_keys is None:
+            ob.shape_key_add(name="Basis", from_mix=False)
+        rest = mesh.read_basis(ob.data)
+        for number in wanted:
+            mesh.add_key(ob, names[number], rest + vectors[number])
+        ob.data.update()
 
 
 def bent(rig: Rig) -> Rig:

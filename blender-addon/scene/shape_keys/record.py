@@ -5,7 +5,9 @@ The record lies in a custom property of the shape keys' data-block and goes when
 
 import json
 import uuid
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
+
+from ...core import json_file
 
 PROPERTY = "anyface"
 # Takes that wait beside the current one, as a list of records.
@@ -62,7 +64,7 @@ def read(shape_keys) -> Record | None:
     """The record of the current take of a mesh's shape keys (None for none), or None."""
     text = shape_keys.get(PROPERTY) if shape_keys is not None else None
     try:
-        return _from_dict(json.loads(text)) if isinstance(text, str) else None
+        return json_file.known_fields(Record, json.loads(text)) if isinstance(text, str) else None
     except (ValueError, TypeError, AttributeError):
         return None
 
@@ -82,7 +84,7 @@ def read_kept(shape_keys) -> list[Record]:
     """The takes that wait beside the current one."""
     text = shape_keys.get(KEPT) if shape_keys is not None else None
     try:
-        return [_from_dict(row) for row in json.loads(text)] if isinstance(text, str) else []
+        return [json_file.known_fields(Record, row) for row in json.loads(text or "[]")]
     except (ValueError, TypeError, AttributeError):
         return []
 
@@ -111,8 +113,3 @@ def is_generated(ob) -> bool:
     if ob is None or ob.type != "MESH" or ob.data is None:
         return False
     return read(ob.data.shape_keys) is not None
-
-
-def _from_dict(values: dict) -> Record:
-    known = {item.name for item in fields(Record)}
-    return Record(**{name: value for name, value in values.items() if name in known})

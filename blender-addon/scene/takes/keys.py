@@ -14,11 +14,9 @@ from . import remove
 
 def check(ob, take: Take) -> None:
     """Raises `AnyfaceError` where its output objects, or the mesh has changed since it was read."""
-    output = outputs.of_take(take)
-    output.check_object(ob)
-    made = output.vectors(take)
-    if made is not None:
-        guard.check_size(ob, made.shape[1])
+    outputs.of_take(take).check_object(ob)
+    if take.motion.vectors is not None:
+        guard.check_size(ob, take.motion.vectors.shape[1])
 
 
 def prepare(ob, take: Take, start_frame: float, scene_fps: float):
@@ -26,12 +24,11 @@ def prepare(ob, take: Take, start_frame: float, scene_fps: float):
 
     Closed before its end it leaves nothing.
     """
-    weights = outputs.of_take(take).weights(take)
-    if weights is None:
+    if take.motion.weights is None:
         return None
     prepared = curves.Prepared(f"{ob.name} Anyface")
     try:
-        yield from prepared.make(_times(take, start_frame, scene_fps), weights)
+        yield from prepared.make(_times(take, start_frame, scene_fps), take.motion.weights)
     except BaseException:
         prepared.drop()
         raise
@@ -83,20 +80,3 @@ def remove_earlier(ob) -> None:
         if output.on_mesh:
             output.remove(ob)
     remove.remove(ob)
-
-
-def add(ob, names: list[str], vectors: np.ndarray, everything: bool) -> None:
-    """Keys that nobody animates yet, from `vectors` `[S, V, 3]` in object space.
-
-    Those that move nothing are left out unless `everything` is wanted.
-    """
-    wanted = [number for number in range(len(names)) if everything or vectors[number].any()]
-    if not wanted:
-        return
-    with guard.object_mode(ob), guard.selection_kept(ob):
-        if ob.data.shape_keys is None:
-            ob.shape_key_add(name="Basis", from_mix=False)
-        rest = mesh.read_basis(ob.data)
-        for number in wanted:
-            mesh.add_key(ob, names[number], rest + vectors[number])
-        ob.data.update()

@@ -79,8 +79,7 @@ def add_strip(animation, name: str, action, first: float):
     track = animation.nla_tracks.new()
     track.name = name
     strip = track.strips.new(name, round(first), action)
-    if curves.LAYERED and strip.action_slot is None:
-        strip.action_slot = action.slots[0]
+    curves.assign(strip, action)
     return strip
 
 

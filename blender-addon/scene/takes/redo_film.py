@@ -22,7 +22,7 @@ def read(ob, output, snapshot, bounds: tuple[float, float]) -> FilmRedo:
 def landing(ob, wanted: FilmRedo, take: Take):
     """Writes the frames in steps; returns in one line what was done."""
     snapshot = wanted.snapshot
-    bake.follow_names(snapshot, take.files)
+    bake.follow_names(snapshot, take.motion.files)
     output = outputs.of(snapshot.settings.mode)
     stretch, rows, at = _where(ob, output, snapshot, wanted.bounds)
     parts = [ob, *together.others_of(ob)]

@@ -199,9 +199,7 @@ def _put_in(ob, taken: record.Record) -> None:
     if taken.values:
         artist_keys.note_values(shape_keys, taken)
     if animation.action is None:
-        animation.action = action
-        if curves.LAYERED and animation.action_slot is None:
-            animation.action_slot = action.slots[0]
+        curves.assign(animation, action)
         taken.made_action = True
         return
     paths = outputs.of_record(taken).paths(taken)

@@ -43,8 +43,11 @@ pub use skin::Skin;
 pub use static_weights::{StaticWeights, VertexGeometry};
 pub use tension_screened_biharmonic::{Plate, PlateWeights, REACHES_CM};
 
-use crate::{Result, face::Face, progress::ProgressFn};
+use std::{fmt, sync::Arc};
+
 use ndarray::{Array3, ArrayView2, ArrayView3};
+
+use crate::{Result, cache::Cache, face::Face, progress::ProgressFn};
 
 /// Displacements of every vertex over time.
 #[derive(Debug, Clone, PartialEq)]
@@ -147,6 +150,42 @@ pub trait CodeField: Send + Sync {
         let beside = self.beyond(codes, &base)?;
         deformer.deform_beside(landmarks, &beside, progress)
     }
+}
+
+/// The field on one face, or why no field fits it.
+pub type Field = std::result::Result<Arc<dyn CodeField>, String>;
+
+/// What codes of one model mean, on any face.
+pub trait CodeSpace: Send + Sync {
+    /// The name of the model.
+    fn name(&self) -> &'static str;
+
+    /// The field by which the codes move the vertices of a face, kept with the face and in `cache`; `None` where the
+    /// face's controls ask for landmarks alone.
+    ///
+    /// # Errors
+    /// `Mesh` if the landmarks lie on no usable face, `Cancelled`.
+    fn field(&self, face: &Face, cache: &Cache, progress: ProgressFn<'_>) -> Result<Option<Field>>;
+}
+
+impl fmt::Debug for dyn CodeSpace {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// A way to spread landmark motion over faces that is a system's own. It works on every vertex: its faces have no proxy.
+pub trait Decoder {
+    /// Prepares it for one face; what takes long is kept in `cache`.
+    ///
+    /// # Errors
+    /// Those of the weights and of the mesh; `Cancelled`.
+    fn prepare(
+        &self,
+        face: &Face,
+        cache: &Cache,
+        progress: ProgressFn<'_>,
+    ) -> Result<Arc<dyn Deformer>>;
 }
 
 /// Some vertices of a mesh.

@@ -6,10 +6,10 @@ use crate::{
     conditions::{ACTION_UNITS, ActionUnit, Event, Side},
     face::Face,
     progress::ProgressFn,
-    rig::Rig,
+    rig::{Rig, ShapeSource},
 };
 
-impl Engine {
+impl Performance {
     /// A sentence for every event that lies behind the end of the sound, and for every unit that this face cannot
     /// show: no brows, lips that are one surface, an eye that is not there.
     ///
@@ -17,16 +17,16 @@ impl Engine {
     /// Those of [`Engine::rig`].
     pub fn unseen_events(
         &self,
+        engine: &Engine,
         face: &Face,
-        performance: &Performance,
         progress: ProgressFn<'_>,
     ) -> Result<Vec<String>> {
-        let events = &performance.request.events;
+        let events = &self.request.events;
         if events.is_empty() {
             return Ok(Vec::new());
         }
-        let rig = self.rig(face, progress)?;
-        let end_s = performance.heard.duration_s;
+        let rig = engine.rig(face, ShapeSource::Network, progress)?;
+        let end_s = self.heard.duration_s;
         let told = events.iter().enumerate().map(|(n, event)| {
             let [start, end] = event.slot_s;
             let name = format!("event {} ({start} to {end} s)", n + 1);

@@ -49,7 +49,11 @@ impl Engine {
 
     /// As the system hears them.
     fn closures_of(&self, heard: &Heard) -> Annotation {
-        let mut closures = self.system.closures(heard, None).intervals();
+        let closures = match self.system.description().phones {
+            Some(phones) => heard.contacts_with(phones, None).0,
+            None => heard.closures(None),
+        };
+        let mut closures = closures.intervals();
         for interval in &mut closures {
             interval[1] = interval[1].min(heard.duration_s).max(interval[0]);
         }

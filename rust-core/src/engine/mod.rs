@@ -7,35 +7,31 @@ mod perform;
 mod sliders;
 
 use std::{
-    ops::Range,
     path::{Path, PathBuf},
     sync::{Arc, OnceLock},
 };
 
-use ndarray::{Array2, Array3, ArrayView3};
+use ndarray::{Array3, ArrayView3};
 
 use crate::{
     Error, Result,
     audio::Waveform,
     cache::{Cache, CacheKey, CachePolicy},
-    conditions::{ControlStage, MotionRequest},
-    deform::{
-        self, Creases, Deformer, LEARNED, StaticWeights, VertexClip,
-        compression::{self, VertexBasis},
-    },
-    face::Face,
+    conditions::{ControlStage, Controls, MotionRequest},
+    deform::{self, Creases, Deformer, LEARNED, StaticWeights},
+    face::{Face, unlike},
     finite::check_result,
     head::{self, COEFFICIENTS, Head, HeadOnMesh, HeadSurface, Reach, check_surface_cells},
     memory::MemoryNeed,
     mesh::{self, FaceOptions, LandmarkFinder, Mesh, Similarity},
     models,
-    motion::{CodeClip, FaceModes, LandmarkClip, Motion, WeightClip},
+    motion::{FaceModes, LandmarkClip, Motion, MotionKind, WeightClip},
     outside::guarded,
     progress::ProgressFn,
-    rig::{self, FieldOfFace, Rig, RigModel, SolveOptions, SolvedWeights},
+    rig::{self, FieldOfFace, Rig, RigModel, ShapeSource},
     speech::{self, EmotionModel, FeelingEncoder, PhoneModel, SpeechEncoder},
-    spread::{self, FrameSink, Spread, SpreadReport, WeightedShapes},
-    systems::{Registration, System, Windows, built_in_models},
+    spread::{self, FrameSink, Movement, Spread, SpreadReport, WeightedShapes},
+    systems::{Description, Registration, System, built_in_models},
 };
 pub use perform::Performance;
 pub use sliders::SliderChange;
@@ -164,7 +160,8 @@ impl Engine {
         let registration = Registration::find(options.system.as_deref())?;
         let system = (registration.open)(folder)?;
         let checkpoint = options.speech.as_deref();
-        let encoder = Arc::from(speech::open(system.speech(), checkpoint, folder)?);
+        let input = system.description().speech;
+        let encoder = Arc::from(speech::open(input, checkpoint, folder)?);
         Ok(Engine {
             registration,
             system,
@@ -193,25 +190,23 @@ impl Engine {
         self.registration
     }
 
-    /// Names of the speaking styles that the loaded models know.
-    pub fn styles(&self) -> &[String] {
-        self.system.styles()
-    }
-
-    /// In which pieces a long sound is performed; `None` where any length is performed at once.
-    pub fn windows(&self) -> Option<Windows> {
-        self.system.windows()
+    /// What is known of the loaded models of the system.
+    pub fn description(&self) -> Description<'_> {
+        self.system.description()
     }
 
     /// What motion on a mesh of so many `vertices` takes of memory, of which so many `frames` are kept at once.
     pub fn memory_need(&self, vertices: usize, frames: usize) -> MemoryNeed {
+        let (shapes, copies) = match self.registration.motion {
+            MotionKind::Landmarks => (0, 1),
+            MotionKind::Weights => (rig::SHAPES, 1),
+            // What the landmarks of the codes and their field make of the frames stands beside them.
+            MotionKind::Codes => (0, 3),
+        };
         MemoryNeed {
             vertices,
-            shapes: match self.system.moves_by_shapes() {
-                true => rig::SHAPES,
-                false => 0,
-            },
-            frames: frames.saturating_mul(self.system.copies_of_frames()),
+            shapes,
+            frames: frames.saturating_mul(copies),
         }
     }
 
@@ -230,7 +225,7 @@ impl Engine {
         options.controls.check(known, ControlStage::Face)?;
         self.memory_need(mesh.positions.len(), 0).check()?;
         let mut options = options.clone();
-        if self.system.works_on_every_vertex(&options.controls) {
+        if self.system.decoder(&options.controls).is_some() {
             options.proxy = None;
         }
         self.threads(|| {
@@ -261,12 +256,12 @@ impl Engine {
         face: &'a Face,
         progress: ProgressFn<'_>,
     ) -> Result<&'a Arc<dyn Deformer>> {
-        face.deformer(|| {
-            if let Some(own) = self.system.deformer(face, &self.cache, progress)? {
-                return Ok(own);
+        face.deformer(|| match self.system.decoder(&face.options.controls) {
+            Some(own) => own.prepare(face, &self.cache, progress),
+            None => {
+                let learned = LEARNED.value(&face.options.controls);
+                self.static_deformer(face, learned, progress)
             }
-            let learned = LEARNED.value(&face.options.controls);
-            self.static_deformer(face, learned, progress)
         })
     }
 
@@ -281,12 +276,17 @@ impl Engine {
         Ok(Arc::new(made))
     }
 
-    /// The ARKit shapes and visemes of a face; made once for each face.
+    /// The ARKit shapes and visemes of a face; those of the network are made once for each face.
     ///
     /// # Errors
     /// `Weights` or `Io` if the engine's folder of models holds a rig that cannot be used, `Mesh`,
-    /// `Cancelled`.
-    pub fn rig(&self, face: &Face, progress: ProgressFn<'_>) -> Result<Arc<Rig>> {
+    /// `Cancelled`; `InvalidInput` where shapes are to come from a head and none is like the face.
+    pub fn rig(
+        &self,
+        face: &Face,
+        source: ShapeSource,
+        progress: ProgressFn<'_>,
+    ) -> Result<Arc<Rig>> {
         let make = || {
             let model = self.rig_model()?;
             let plain = self.static_deformer(face, 0.0, progress)?;
@@ -300,7 +300,49 @@ impl Engine {
             check_result("rig", rig.deltas.view().into_dyn())?;
             Ok(Arc::new(rig))
         };
-        self.threads(|| face.rig(make).map(Arc::clone))
+        self.threads(|| {
+            let linear = face.rig(make)?;
+            match source {
+                ShapeSource::Network => Ok(Arc::clone(linear)),
+                ShapeSource::Field { in_betweens } => {
+                    let rig = self.rig_by_field(face, linear, in_betweens, progress)?;
+                    Ok(Arc::new(rig))
+                }
+            }
+        })
+    }
+
+    fn rig_by_field(
+        &self,
+        face: &Face,
+        linear: &Rig,
+        in_betweens: bool,
+        progress: ProgressFn<'_>,
+    ) -> Result<Rig> {
+        let head = Arc::new(self.head()?);
+        let reach = Reach::default();
+        let field = HeadOnMesh::new(Arc::clone(&head), face, reach, &self.cache, progress)?;
+        let field = field.map_err(|complaint| {
+            let expected =
+                "rig: expected a face that a head of the model is like, by whose field it moves";
+            Error::InvalidInput(format!("{expected}: {complaint}"))
+        })?;
+        let deformer = self.static_deformer(face, 1.0, progress)?;
+        let by = FieldOfFace {
+            head: &head,
+            field: &field,
+            deformer: deformer.as_ref(),
+        };
+        let rig = self
+            .rig_model()?
+            .by_field(face, linear, &by, in_betweens, progress)?;
+        check_result("rig", rig.deltas.view().into_dyn())?;
+        Ok(rig)
+    }
+
+    /// The parametric head of the loaded models.
+    fn head(&self) -> Result<Head> {
+        Head::open(self.model_folder.as_deref())
     }
 
     fn rig_model(&self) -> Result<&RigModel> {
@@ -313,125 +355,88 @@ impl Engine {
         }
     }
 
-    /// The shapes of [`Engine::rig`] with the skin moved by the field of the parametric head that is like the face; see
-    /// [`RigModel::by_field`].
-    ///
-    /// # Errors
-    /// `InvalidInput` where no head of the model is like the face; those of [`Engine::rig`].
-    pub fn rig_by_field(
-        &self,
-        face: &Face,
-        in_betweens: bool,
-        progress: ProgressFn<'_>,
-    ) -> Result<Rig> {
-        let linear = self.rig(face, progress)?;
-        let head = match self.system.head() {
-            Some(head) => Arc::clone(head),
-            None => Arc::new(Head::open(self.model_folder.as_deref())?),
-        };
-        self.threads(|| {
-            let reach = Reach::default();
-            let field = HeadOnMesh::new(Arc::clone(&head), face, reach, &self.cache, progress)?;
-            let field = field.map_err(|complaint| {
-                let expected = "rig: expected a face that a head of the model is like, by whose field it moves";
-                Error::InvalidInput(format!("{expected}: {complaint}"))
-            })?;
-            let deformer = self.static_deformer(face, 1.0, progress)?;
-            let by = FieldOfFace {
-                head: &head,
-                field: &field,
-                deformer: deformer.as_ref(),
-            };
-            let rig = self
-                .rig_model()?
-                .by_field(face, &linear, &by, in_betweens, progress)?;
-            check_result("rig", rig.deltas.view().into_dyn())?;
-            Ok(rig)
-        })
-    }
-
-    /// Puts motion of any kind on a face and hands the frames to `sink`, block by block.
+    /// Puts motion on a face and hands the frames to `sink`, block by block.
     ///
     /// What the face lacks for this kind of motion is made first and stays with it.
     ///
     /// # Errors
-    /// `InvalidInput` for a kind of motion that nothing puts on a mesh yet; those of the sink;
+    /// `ShapeMismatch` for a mixture of motions of other lengths or shares of another mesh; those of the sink;
     /// `Cancelled`.
-    pub fn spread(
+    pub fn spread<'a>(
         &self,
         face: &Face,
-        motion: &Motion,
+        movement: impl Into<Movement<'a>>,
         sink: &mut dyn FrameSink,
         progress: ProgressFn<'_>,
     ) -> Result<SpreadReport> {
+        let movement = movement.into();
+        self.threads(|| {
+            let spread = match movement {
+                Movement::Motion(motion) => self.on_face(face, motion, progress)?,
+                Movement::Own { landmarks, fps } => {
+                    let deformer = self.deformer(face, progress)?.as_ref();
+                    Spread::of_landmarks(face, deformer, landmarks, fps)
+                }
+                Movement::Mixed([(one, first), (other, second)]) => {
+                    let one = self.on_face(face, one, progress)?;
+                    let other = self.on_face(face, other, progress)?;
+                    Spread::mixed([(one, first), (other, second)])?
+                }
+            };
+            spread.into_sink(sink, progress)
+        })
+    }
+
+    /// A motion on its way to a face.
+    fn on_face<'a>(
+        &self,
+        face: &'a Face,
+        motion: &'a Motion,
+        progress: ProgressFn<'_>,
+    ) -> Result<Spread<'a>> {
+        let deformer = || Ok(self.deformer(face, progress)?.as_ref());
         match motion {
             Motion::Landmarks(clip) => {
-                if let Some(codes) = self.threads(|| self.system.codes_of(clip, progress))? {
-                    return self.spread(face, &Motion::Codes(codes), sink, progress);
-                }
                 let own = face.own_motion(clip.displacements.view());
-                self.spread_own(face, own, clip.fps, sink, progress)
+                Ok(Spread::of_landmarks(face, deformer()?, own, clip.fps))
             }
             Motion::Weights(clip) => {
-                let rig = self.rig(face, progress)?;
-                self.threads(|| {
-                    let shapes = WeightedShapes {
-                        rig: &rig,
-                        clip: &spread::closed_on(face, &rig, clip),
-                        deformer: self.deformer(face, progress)?.as_ref(),
-                        landmarks: self.asked_of(face, clip)?,
-                    };
-                    spread::into_sink(&Spread::of_weights(face, shapes), sink, progress)
-                })
+                let rig = self.rig(face, ShapeSource::Network, progress)?;
+                let shapes = WeightedShapes {
+                    clip: spread::closed_on(face, &rig, clip),
+                    rig,
+                    deformer: deformer()?,
+                    landmarks: self.landmarks_of_weights(face, clip)?,
+                };
+                Ok(Spread::of_weights(face, shapes))
             }
-            Motion::Codes(_) => self.threads(|| {
-                let spread = self.spread_of(face, motion, progress)?;
-                let mut made = spread::into_sink(&spread, sink, progress)?;
-                made.notes.extend(self.field_note(face));
-                Ok(made)
-            }),
-            Motion::Template(_) => Err(spread::not_yet(motion)),
+            Motion::Codes(clip) => {
+                let deformer = deformer()?;
+                let field = clip.space.field(face, &self.cache, progress)?;
+                Spread::of_codes(face, deformer, clip, field)
+            }
         }
     }
 
-    /// Why vertices of a face did not follow the field of the system's own head when motion was put on it.
-    pub fn field_note(&self, face: &Face) -> Option<String> {
-        let complaint = face.known_field()?.as_ref().err()?;
-        Some(unlike("landmarks alone move the mesh", complaint))
-    }
-
-    /// The parametric head whose codes the system's motion has.
+    /// The system's own motion that follows landmarks of the mean face, metres, whatever made these, on a face with such
+    /// `controls`; the landmarks themselves where the system has no model for that.
     ///
     /// # Errors
-    /// `InvalidInput` for a system whose motion has none.
-    pub fn head(&self) -> Result<&Arc<Head>> {
-        self.system.head().ok_or_else(|| {
-            let expected = "surface: expected a system whose motion moves a head of its own";
-            let name = self.registration.name;
-            Error::InvalidInput(format!("{expected} (facetalk), got {name}"))
-        })
+    /// `Cancelled`.
+    pub fn follow(
+        &self,
+        landmarks: &LandmarkClip,
+        controls: &Controls,
+        progress: ProgressFn<'_>,
+    ) -> Result<Motion> {
+        self.threads(|| self.system.follow(landmarks, controls, progress))
     }
 
-    /// Codes under which the head of the system moves as landmarks of the mean face do, metres, whatever made these.
+    /// The surface of the parametric head that is like a face, where the face is, for poses by codes; where none is
+    /// like it that of the mean head, and why. `cells`: along the longest side of the grid.
     ///
     /// # Errors
-    /// `InvalidInput` for a system without a head, or a model of it that landmarks cannot lead; `Cancelled`.
-    pub fn codes_of(&self, clip: &LandmarkClip, progress: ProgressFn<'_>) -> Result<CodeClip> {
-        self.head()?;
-        let made = self.threads(|| self.system.codes_of(clip, progress))?;
-        made.ok_or_else(|| {
-            Error::InvalidInput(
-                "surface: expected a model with landmark_motion, which goes by landmarks, got one without".into(),
-            )
-        })
-    }
-
-    /// The surface of the head that is like a face, where the face is, for poses by the codes of the system's motion;
-    /// where none is like it that of the mean head, and why. `cells`: along the longest side of the grid.
-    ///
-    /// # Errors
-    /// `InvalidInput` for a system without a head, those of [`HeadSurface::new`]; `Mesh` if the landmarks lie on no
-    /// usable face.
+    /// Those of [`HeadSurface::new`]; `Mesh` if the landmarks lie on no usable face.
     pub fn head_surface(
         &self,
         face: &Face,
@@ -439,13 +444,13 @@ impl Engine {
         progress: ProgressFn<'_>,
     ) -> Result<(HeadSurface, Option<String>)> {
         check_surface_cells(cells)?;
-        let head = self.head()?;
+        let head = Arc::new(self.head()?);
         self.threads(|| {
             let made = |coefficients: &[f32], to_head: &Similarity| {
                 let to_mesh = to_head.inverse();
-                HeadSurface::new(Arc::clone(head), coefficients, to_mesh, cells, progress)
+                HeadSurface::new(Arc::clone(&head), coefficients, to_mesh, cells, progress)
             };
-            Ok(match head::fit_face(head, face, &self.cache, progress)? {
+            Ok(match head::fit_face(&head, face, &self.cache, progress)? {
                 Ok(fit) => (made(&fit.coefficients, &fit.to_head)?, None),
                 Err(complaint) => {
                     let mean = made(&[0.0; COEFFICIENTS], &face.to_canonical)?;
@@ -458,117 +463,18 @@ impl Engine {
         })
     }
 
-    /// Two motions of one length on a face, each vertex by its shares `[V]` of both, such as what is said and how
-    /// it is felt under a painted mask.
-    ///
-    /// # Errors
-    /// `InvalidInput` for motion that is not of landmarks, `ShapeMismatch` for motions of other lengths or shares of
-    /// another mesh; else those of [`Engine::spread`].
-    pub fn spread_mixed(
-        &self,
-        face: &Face,
-        parts: [(&Motion, Vec<f32>); 2],
-        sink: &mut dyn FrameSink,
-        progress: ProgressFn<'_>,
-    ) -> Result<SpreadReport> {
-        self.threads(|| {
-            let [(one, first), (other, second)] = parts;
-            let one = self.spread_of(face, one, progress)?;
-            let other = self.spread_of(face, other, progress)?;
-            let mixed = Spread::mixed([(one, first), (other, second)])?;
-            spread::into_sink(&mixed, sink, progress)
-        })
-    }
-
-    /// The way of landmarks to a face.
-    fn spread_of<'a>(
-        &self,
-        face: &'a Face,
-        motion: &Motion,
-        progress: ProgressFn<'_>,
-    ) -> Result<Spread<'a>> {
-        let clip = motion.landmarks().ok_or_else(|| {
-            let got = motion.kind();
-            Error::InvalidInput(format!("layers: expected motion of landmarks, got {got}"))
-        })?;
-        let own = face.own_motion(clip.displacements.view());
-        let deformer = self.deformer(face, progress)?.as_ref();
-        if let Motion::Codes(CodeClip { codes, .. }) = motion
-            && let Some(field) = self.system.field(face, &self.cache, progress)?
-        {
-            return Spread::of_field(face, deformer, own, clip.fps, (field, codes.view()));
-        }
-        Ok(Spread::of_landmarks(face, deformer, own, clip.fps))
-    }
-
-    /// How far feeling is believed beside what is said in some frames of a performance, for each vertex of a face,
-    /// `[V, t]` from 0 to 1: `w` of EmoFace's Mesh Attention.
-    ///
-    /// # Errors
-    /// `InvalidInput` for a system that does not tell them apart, or frames that the performance lacks; `Mesh` if
-    /// the landmarks of the face lie on no usable face.
-    pub fn believed(
-        &self,
-        face: &Face,
-        performance: &Performance,
-        frames: Range<usize>,
-    ) -> Result<Array2<f32>> {
-        let count = performance.motion.frames();
-        if frames.start > frames.end || frames.end > count {
-            return Err(Error::InvalidInput(format!(
-                "frames: expected some of {count}, got {frames:?}"
-            )));
-        }
-        self.threads(|| {
-            let made = self
-                .system
-                .believed(&performance.heard, &performance.request)?;
-            let mask = made.ok_or_else(|| {
-                let name = self.registration.name;
-                let expected = "mask: expected a system that tells what is felt from what is said";
-                Error::InvalidInput(format!("{expected} (emoface), got {name}"))
-            })?;
-            let shares = mask.at(frames, performance.motion.fps());
-            spread::on_face(face, &mask.template, shares.view())
-        })
-    }
-
     /// What weights of ARKit's shapes ask of a face's landmarks, `[T, 68, 3]`, mesh units and axes.
-    pub(crate) fn asked_of(&self, face: &Face, clip: &WeightClip) -> Result<Array3<f32>> {
+    fn landmarks_of_weights(&self, face: &Face, clip: &WeightClip) -> Result<Array3<f32>> {
         let landmarks = clip.of_arkit().landmarks(&self.face_modes)?;
         Ok(face.own_motion(landmarks.displacements.view()))
     }
 
-    /// The landmarks of the mean face under motion of any kind: what it looks like before any mesh is known.
+    /// The landmarks of the mean face under motion of any kind; see [`Motion::on_mean_face`].
     ///
     /// # Errors
-    /// `InvalidInput` for a kind of motion that nothing puts on a face yet.
+    /// Those of [`Motion::on_mean_face`].
     pub fn landmarks_of(&self, motion: &Motion) -> Result<LandmarkClip> {
-        match motion {
-            Motion::Landmarks(clip) => Ok(clip.clone()),
-            Motion::Weights(clip) => clip.landmarks(&self.face_modes),
-            Motion::Codes(clip) => Ok(clip.landmarks.clone()),
-            Motion::Template(_) => Err(spread::not_yet(motion)),
-        }
-    }
-
-    /// As [`Engine::spread`] for landmark motion `[T, 68, 3]` that is in the mesh's own units and axes.
-    ///
-    /// # Errors
-    /// Those of [`Engine::spread`].
-    pub fn spread_own(
-        &self,
-        face: &Face,
-        landmarks: Array3<f32>,
-        fps: f64,
-        sink: &mut dyn FrameSink,
-        progress: ProgressFn<'_>,
-    ) -> Result<SpreadReport> {
-        self.threads(|| {
-            let deformer = self.deformer(face, progress)?;
-            let spread = Spread::of_landmarks(face, deformer.as_ref(), landmarks, fps);
-            spread::into_sink(&spread, sink, progress)
-        })
+        motion.on_mean_face(&self.face_modes)
     }
 
     /// By which share each vertex attends to each landmark, `[T, V, 68]`, for landmark motion `[T, 68, 3]` in
@@ -584,7 +490,7 @@ impl Engine {
     ) -> Result<Array3<f32>> {
         let shares = self.threads(|| Ok(self.deformer(face, progress)?.attention(landmarks)))?;
         let shares = shares.ok_or_else(|| {
-            let message = "attention: expected a decoder that has one (paper), got one without";
+            let message = "attention: expected a decoder that has one, got one without";
             Error::InvalidInput(message.into())
         })?;
         check_result("attention", shares.view().into_dyn())?;
@@ -607,41 +513,13 @@ impl Engine {
         self.spread(face, &performance.motion, sink, progress)
     }
 
-    /// The fewest shapes that show a clip; see [`compression::compress`].
-    ///
-    /// # Errors
-    /// Those of [`compression::compress`].
-    pub fn compress(
-        &self,
-        clip: &VertexClip,
-        max_error: f32,
-        max_shapes: usize,
-        progress: ProgressFn<'_>,
-    ) -> Result<VertexBasis> {
-        self.threads(|| compression::compress(clip, max_error, max_shapes, progress))
-    }
-
-    /// Weights of the first `shapes` shapes of a rig from motion of its vertices; see [`rig::solve`].
-    ///
-    /// # Errors
-    /// Those of [`rig::solve`].
-    pub fn solve(
-        &self,
-        rig: &Rig,
-        shapes: usize,
-        displacements: ArrayView3<'_, f32>,
-        options: &SolveOptions,
-        progress: ProgressFn<'_>,
-    ) -> Result<SolvedWeights> {
-        self.threads(|| rig::solve(rig, shapes, displacements, options, progress))
-    }
-
-    /// Runs `work` on the engine's own threads, if it has any.
+    /// Runs `work` on the engine's own threads, if it has any: what the library offers beside the engine, such as
+    /// [`crate::deform::compression::compress`] and [`rig::solve`], takes no more threads than it then.
     ///
     /// # Errors
     /// `InvalidInput` in a copy of the process that made the engine, where nobody would do the work;
     /// otherwise those of `work`.
-    fn threads<T: Send>(&self, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+    pub fn threads<T: Send>(&self, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
         let here = std::process::id();
         if here != self.process {
             return Err(Error::InvalidInput(format!(
@@ -655,11 +533,6 @@ impl Engine {
             None => work(),
         }
     }
-}
-
-/// That no head is like a face, and what happens instead.
-fn unlike(instead: &str, complaint: &str) -> String {
-    format!("no head of the model is like this face, {instead}: {complaint}")
 }
 
 /// Names the code and the models that per-mesh work depends on.

@@ -1,8 +1,8 @@
 //! Sound to motion, and the same performance again with other controls.
 
-use std::{borrow::Cow, sync::Arc};
+use std::{borrow::Cow, ops::Range, sync::Arc};
 
-use ndarray::Axis;
+use ndarray::{Array2, Axis};
 
 use super::Engine;
 use crate::{
@@ -12,11 +12,13 @@ use crate::{
         Control, ControlCurve, ControlStage, EmotionCurve, Event, MotionRequest, check_closures,
         check_fps, emotion_from_voice,
     },
+    face::Face,
     finite::check_result,
     motion::{Life, LifeStrengths, Motion, Stretch, begin_in},
     progress::{ProgressFn, report},
     speech::Heard,
-    systems::{Registration, SYSTEMS},
+    spread::on_face,
+    systems::{Ability, Sampled},
 };
 
 /// Pieces into which the way of a control is cut that changes over time: what controls do to motion is
@@ -25,11 +27,13 @@ const PIECES: usize = 2;
 /// A control whose largest and least value lie nearer together does not change.
 const STILL: f64 = 1e-6;
 
-const FIRST_POSE: &str = "first pose: expected a system that goes on from one";
 /// Controls of what lives beside the face.
 const HEAD: &str = "head_motion";
 const GAZE: &str = "gaze";
 const BREATH: &str = "breath";
+/// The control by which a system that hears feeling shows one of its layers, and its value for what is said alone.
+const LAYER: &str = "layer";
+const CONTENT: f32 = 1.0;
 
 /// Motion with head and gaze, and all that is needed to perform it in another way.
 ///
@@ -41,7 +45,7 @@ const BREATH: &str = "breath";
 /// let mut request = MotionRequest::default();
 /// let plain = engine.perform(&sound, &request, SILENT)?;
 /// request.controls.set("articulation", 0.0);
-/// let quiet = engine.perform_again(&plain, &request)?;
+/// let quiet = plain.again(&engine, &request)?;
 /// assert_eq!(quiet.motion.frames(), plain.motion.frames());
 /// assert_ne!(quiet.motion, plain.motion);
 /// # Ok::<(), anyface::Error>(())
@@ -53,7 +57,7 @@ pub struct Performance {
     /// Head and eyes beside it, as many frames.
     pub life: Life,
     /// As the system made it, before any control.
-    pub(super) sampled: Motion,
+    pub(super) sampled: Sampled,
     pub(super) heard: Arc<Heard>,
     /// What was asked, with the emotion that was heard.
     pub(super) request: MotionRequest,
@@ -69,6 +73,67 @@ impl Performance {
         };
         let sum: f64 = curve.keys.iter().map(|(_, value)| value).sum();
         (sum / curve.keys.len() as f64) as f32
+    }
+
+    /// The same speech with other controls, another emotion, or seed of blinks and accents; nothing is
+    /// heard or sampled again. Style, frame rate and whatever else the system samples with stay, among
+    /// that the emotion where the models have learned it ([`crate::systems::Description::emotion`]).
+    ///
+    /// # Errors
+    /// `InvalidInput` for a request out of range.
+    pub fn again(&self, engine: &Engine, request: &MotionRequest) -> Result<Performance> {
+        engine.check(request)?;
+        let request = engine.resolved(request, &self.heard);
+        let (sampled, heard) = (self.sampled.clone(), Arc::clone(&self.heard));
+        engine.threads(|| engine.finished(sampled, heard, request))
+    }
+
+    /// What is said alone, without what is felt: the layer beside which the rest of the performance is the feeling.
+    /// Nothing is heard again.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a system that does not tell them apart; `Cancelled`.
+    pub fn content(&self, engine: &Engine, progress: ProgressFn<'_>) -> Result<Performance> {
+        engine.registration.require(Ability::Feeling, "layers")?;
+        let request = MotionRequest {
+            controls: self.request.controls.with(LAYER, CONTENT),
+            ..self.request.clone()
+        };
+        engine.threads(|| {
+            let sampled = engine.system.sample(&self.heard, &request, progress)?;
+            engine.finished(sampled, Arc::clone(&self.heard), request)
+        })
+    }
+
+    /// How far feeling is believed beside what is said in some frames, for each vertex of a face, `[V, t]` from 0 to 1:
+    /// `w` of EmoFace's Mesh Attention.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a system that does not tell them apart, or frames that the performance lacks; `Mesh` if
+    /// the landmarks of the face lie on no usable face.
+    pub fn feeling_mask(
+        &self,
+        engine: &Engine,
+        face: &Face,
+        frames: Range<usize>,
+    ) -> Result<Array2<f32>> {
+        let count = self.motion.frames();
+        if frames.start > frames.end || frames.end > count {
+            return Err(Error::InvalidInput(format!(
+                "frames: expected some of {count}, got {frames:?}"
+            )));
+        }
+        let Some(mask) = &self.sampled.mask else {
+            engine.registration.require(Ability::Feeling, "mask")?;
+            return Err(Error::InvalidInput(
+                "mask: expected a performance of this engine, got one of another system".into(),
+            ));
+        };
+        engine.threads(|| {
+            let mask = mask.shares()?;
+            let shares = mask.at(frames, self.motion.fps());
+            on_face(face, &mask.template, shares.view())
+        })
     }
 
     /// Motion, head and eyes with `stretch` of them as in `again`; see [`Motion::redone`].
@@ -102,7 +167,7 @@ impl Engine {
         self.threads(|| {
             report(progress, "speech", 0.0)?;
             let mut heard = Heard::of(waveform, &self.encoder)?;
-            if self.system.hears_feeling_in_sound() {
+            if self.system.description().keeps_sound {
                 heard.voice = heard.voice.with_sound(waveform);
             }
             if let Some(model) = &self.emotion_model {
@@ -115,63 +180,28 @@ impl Engine {
         })
     }
 
-    /// The same speech with other controls, another emotion, or seed of blinks and accents; nothing is
-    /// heard or sampled again. Style, frame rate and whatever else the system samples with stay, among
-    /// that the emotion where [`crate::systems::System::samples_emotion`].
-    ///
-    /// # Errors
-    /// `InvalidInput` for a request out of range.
-    pub fn perform_again(
-        &self,
-        performance: &Performance,
-        request: &MotionRequest,
-    ) -> Result<Performance> {
-        self.check(request)?;
-        let request = self.resolved(request, &performance.heard);
-        let (sampled, heard) = (performance.sampled.clone(), Arc::clone(&performance.heard));
-        self.threads(|| self.finished(sampled, heard, request))
-    }
-
     fn check(&self, request: &MotionRequest) -> Result<()> {
         check_fps(request.fps)?;
         check_closures(request.closures.as_deref().unwrap_or_default())?;
-        self.check_events(&request.events)?;
-        let expected = "feeling of another recording: expected a system that hears it";
-        self.able(request.felt_as.is_none(), expected, |system| {
-            system.hears_feeling
-        })?;
-        self.able(request.starts_from.is_none(), FIRST_POSE, |system| {
-            system.starts_from_pose
-        })?;
+        request.events.iter().try_for_each(Event::check)?;
+        let tasks = [
+            (!request.events.is_empty(), Ability::Events, "events"),
+            (
+                request.felt_as.is_some(),
+                Ability::Feeling,
+                "feeling of another recording",
+            ),
+            (
+                request.starts_from.is_some(),
+                Ability::FirstPose,
+                "first pose",
+            ),
+        ];
+        for (_, ability, task) in tasks.into_iter().filter(|(is_asked, ..)| *is_asked) {
+            self.registration.require(ability, task)?;
+        }
         let known = self.registration.controls();
         request.controls.check(known, ControlStage::Motion)
-    }
-
-    fn check_events(&self, events: &[Event]) -> Result<()> {
-        events.iter().try_for_each(Event::check)?;
-        self.able(
-            events.is_empty(),
-            "events: expected a system that shows them",
-            |system| system.takes_events,
-        )
-    }
-
-    /// Whether nothing is asked that this system cannot do.
-    fn able(
-        &self,
-        is_asked_nothing: bool,
-        expected: &str,
-        can: fn(&Registration) -> bool,
-    ) -> Result<()> {
-        if is_asked_nothing || can(self.registration) {
-            return Ok(());
-        }
-        let able = SYSTEMS.iter().filter(|system| can(system));
-        let able: Vec<&str> = able.map(|system| system.name).collect();
-        let (able, name) = (able.join(", "), self.registration.name);
-        Err(Error::InvalidInput(format!(
-            "{expected} ({able}), got {name}"
-        )))
     }
 
     /// The request with the emotion that is heard in the voice.
@@ -192,11 +222,12 @@ impl Engine {
 
     fn finished(
         &self,
-        sampled: Motion,
+        sampled: Sampled,
         heard: Arc<Heard>,
         request: MotionRequest,
     ) -> Result<Performance> {
-        let (motion, life) = self.controlled(&sampled, &heard, &request, &request.emotion)?;
+        let (motion, life) =
+            self.controlled(&sampled.motion, &heard, &request, &request.emotion)?;
         check_result("motion", motion.values())?;
         check_result("head", life.head.view().into_dyn())?;
         check_result("gaze", life.gaze.view().into_dyn())?;
@@ -275,7 +306,6 @@ impl Engine {
             Motion::Codes(clip) => self
                 .face_modes
                 .follow_gaze(&mut clip.landmarks.displacements, life.gaze.view())?,
-            Motion::Template(_) => {}
         }
         let fps = moved.fps();
         if let (Some(pose), Some(clip)) = (&request.starts_from, moved.landmarks_mut()) {

@@ -4,8 +4,6 @@
 //! from the same speech features and noise; what they change on the mesh, by landmarks or by weights of
 //! its shapes, is expressed in the take's own. Between its knots a slider is linear.
 
-use std::sync::Arc;
-
 use ndarray::{Array1, Array2, Array3, ArrayView1, Axis};
 
 use super::{Engine, Performance};
@@ -18,10 +16,10 @@ use crate::{
         projection::{Projection, telling_vertices},
     },
     face::Face,
-    motion::Motion,
+    motion::{EmotionOrigin, LandmarkClip, Motion, WeightClip},
     progress::{Progress, ProgressFn, report},
-    rig::Rig,
-    spread::{closed_on, not_yet, of_shapes},
+    rig::ShapeSource,
+    spread::{closed_on, of_shapes},
     systems::Slider,
 };
 
@@ -81,16 +79,16 @@ impl SliderChange {
     }
 }
 
-impl Engine {
+impl Performance {
     /// Where variations of a slider are made, rising, without 1; none where it has nothing to scale.
-    pub fn knots(&self, performance: &Performance, slider: Slider) -> Vec<f32> {
-        let controls = &performance.request.controls;
-        if controls.change_over_time() || !self.registration.sliders.contains(&slider) {
+    pub fn knots(&self, engine: &Engine, slider: Slider) -> Vec<f32> {
+        let controls = &self.request.controls;
+        if controls.change_over_time() || !engine.registration.sliders.contains(&slider) {
             return Vec::new();
         }
-        let emotion = &performance.request.emotion;
+        let emotion = &self.request.emotion;
         let speech_only = *emotion == EmotionCurve::Off;
-        let value = |name| self.control(&performance.request, name);
+        let value = |name| engine.control(&self.request, name);
         let up_to = |value: f32, most: f32, limit: f32| (limit / value).min(most);
         let knots = match slider {
             Slider::Articulation if value(ARTICULATION) > 0.0 => {
@@ -102,8 +100,7 @@ impl Engine {
             }
             Slider::Blinks if !speech_only && value(BLINKS) > 0.0 => vec![0.0],
             Slider::EmotionAndBlinks => {
-                let parts =
-                    [Slider::Emotion, Slider::Blinks].map(|part| self.knots(performance, part));
+                let parts = [Slider::Emotion, Slider::Blinks].map(|part| self.knots(engine, part));
                 let both = parts.iter().all(|knots| !knots.is_empty());
                 if both { vec![0.0] } else { vec![] }
             }
@@ -121,12 +118,12 @@ impl Engine {
     /// Those of [`Engine::perform`].
     pub fn varied(
         &self,
-        performance: &Performance,
+        engine: &Engine,
         slider: Slider,
         position: f32,
         progress: ProgressFn<'_>,
     ) -> Result<Motion> {
-        let mut request = performance.request.clone();
+        let mut request = self.request.clone();
         let (emotion, blinks) = match slider {
             Slider::Articulation => (false, false),
             Slider::Emotion => (true, false),
@@ -134,22 +131,22 @@ impl Engine {
             Slider::EmotionAndBlinks => (true, true),
         };
         if slider == Slider::Articulation {
-            let scaled = self.control(&performance.request, ARTICULATION) * position;
+            let scaled = engine.control(&self.request, ARTICULATION) * position;
             request.controls.set(ARTICULATION, scaled.min(MAX_CONTROL));
         }
         if blinks && position == 0.0 {
             request.controls.set(BLINKS, 0.0);
         }
-        let (heard, blink_emotion) = (&performance.heard, &performance.request.emotion);
+        let (heard, blink_emotion) = (&self.heard, &self.request.emotion);
         if emotion {
             request.emotion = request.emotion.scaled(position);
         }
-        let resampled = emotion && self.system.samples_emotion();
-        let (varied, _) = self.threads(|| match resampled {
-            false => self.controlled(&performance.sampled, heard, &request, blink_emotion),
+        let learned = engine.description().emotion == EmotionOrigin::Learned;
+        let (varied, _) = engine.threads(|| match emotion && learned {
+            false => engine.controlled(&self.sampled.motion, heard, &request, blink_emotion),
             true => {
-                let sampled = self.system.sample(heard, &request, progress)?;
-                self.controlled(&sampled, heard, &request, blink_emotion)
+                let sampled = engine.system.sample(heard, &request, progress)?.motion;
+                engine.controlled(&sampled, heard, &request, blink_emotion)
             }
         })?;
         Ok(varied)
@@ -158,27 +155,27 @@ impl Engine {
     /// What each slider of a take changes, in the weights of its shapes; sliders that move nothing are
     /// left out.
     ///
-    /// `clip` is the performance on `face`, `basis` the same clip as few shapes.
+    /// `clip` is this performance on `face`, `basis` the same clip as few shapes.
     ///
     /// # Errors
     /// `InvalidInput` if clip and basis do not belong to the performance; `Cancelled`.
     pub fn slider_changes(
         &self,
+        engine: &Engine,
         face: &Face,
-        performance: &Performance,
         clip: &VertexClip,
         basis: &VertexBasis,
         progress: ProgressFn<'_>,
     ) -> Result<Vec<SliderChange>> {
-        check_take(performance, clip, basis)?;
-        let take = &performance.motion;
-        let ways = Slider::ALL.map(|slider| (slider, self.knots(performance, slider)));
+        check_take(self, clip, basis)?;
+        let take = &self.motion;
+        let ways = Slider::ALL.map(|slider| (slider, self.knots(engine, slider)));
         let count = ways.iter().map(|(_, knots)| knots.len()).sum::<usize>();
         if count == 0 {
             return Ok(Vec::new());
         }
         let vertices = telling_vertices(basis, TELLING_VERTICES);
-        let way = self.way(face, take, vertices, progress)?;
+        let way = engine.way(face, vertices, progress)?;
         let measure = Measure::new(way, clip, basis)?;
         let mut done = 0;
         let mut out = Vec::new();
@@ -192,8 +189,8 @@ impl Engine {
                         fraction,
                     })
                 };
-                let varied = self.varied(performance, slider, *knot, &within)?;
-                let change = self.threads(|| measure.change(take, &varied, &within))?;
+                let varied = self.varied(engine, slider, *knot, &within)?;
+                let change = engine.threads(|| measure.change(take, &varied, &within))?;
                 changes.push(match slider {
                     Slider::EmotionAndBlinks => beyond_each(change, &out),
                     _ => change,
@@ -224,8 +221,6 @@ struct Way<'a> {
     deformer: &'a dyn Deformer,
     /// Of these vertices alone, where the face's offers that.
     few: Option<Box<dyn Deformer>>,
-    /// The shapes of the face, for motion that is weights.
-    rig: Option<Arc<Rig>>,
     vertices: Vec<usize>,
 }
 
@@ -237,31 +232,40 @@ impl Way<'_> {
         frames: &[usize],
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
-        if let Some(clip) = motion.landmarks() {
-            let landmarks = clip.displacements.select(Axis(0), frames);
-            let landmarks = self.face.own_motion(landmarks.view());
-            return match &self.few {
-                Some(few) => few.deform(landmarks.view(), progress),
-                None => {
-                    let all = self.deformer.deform(landmarks.view(), progress)?;
-                    Ok(all.select(Axis(1), &self.vertices))
-                }
-            };
+        match motion {
+            Motion::Landmarks(clip) => self.of_landmarks(clip, frames, progress),
+            Motion::Codes(clip) => self.of_landmarks(&clip.landmarks, frames, progress),
+            Motion::Weights(clip) => self.of_weights(&clip.rows(frames), progress),
         }
-        match (motion, &self.rig) {
-            (Motion::Weights(clip), Some(rig)) => {
-                report(progress, "deform", 0.0)?;
-                let clip = clip.rows(frames);
-                let landmarks = self.engine.asked_of(self.face, &clip)?;
-                let clip = closed_on(self.face, rig, &clip);
-                let mut moved = of_shapes(rig, &self.vertices, &clip);
-                if let Some(few) = &self.few {
-                    few.shut_lids(landmarks.view(), &mut moved);
-                }
-                Ok(moved)
+    }
+
+    fn of_landmarks(
+        &self,
+        clip: &LandmarkClip,
+        frames: &[usize],
+        progress: ProgressFn<'_>,
+    ) -> Result<Array3<f32>> {
+        let landmarks = clip.displacements.select(Axis(0), frames);
+        let landmarks = self.face.own_motion(landmarks.view());
+        match &self.few {
+            Some(few) => few.deform(landmarks.view(), progress),
+            None => {
+                let all = self.deformer.deform(landmarks.view(), progress)?;
+                Ok(all.select(Axis(1), &self.vertices))
             }
-            (other, _) => Err(not_yet(other)),
         }
+    }
+
+    fn of_weights(&self, clip: &WeightClip, progress: ProgressFn<'_>) -> Result<Array3<f32>> {
+        report(progress, "deform", 0.0)?;
+        let rig = self.engine.rig(self.face, ShapeSource::Network, progress)?;
+        let landmarks = self.engine.landmarks_of_weights(self.face, clip)?;
+        let clip = closed_on(self.face, &rig, clip);
+        let mut moved = of_shapes(&rig, &self.vertices, &clip);
+        if let Some(few) = &self.few {
+            few.shut_lids(landmarks.view(), &mut moved);
+        }
+        Ok(moved)
     }
 }
 
@@ -276,11 +280,10 @@ struct Measure<'a> {
 }
 
 impl Engine {
-    /// The way of a motion to the vertices of a face that it is known by: `telling`, or others like them.
+    /// The way of motion to the vertices of a face that it is known by: `telling`, or others like them.
     fn way<'a>(
         &'a self,
         face: &'a Face,
-        motion: &Motion,
         telling: Vec<u32>,
         progress: ProgressFn<'_>,
     ) -> Result<Way<'a>> {
@@ -289,16 +292,11 @@ impl Engine {
             Some(few) => (Some(few.deformer), few.vertices),
             None => (None, telling),
         };
-        let rig = match motion {
-            Motion::Weights(_) => Some(self.rig(face, progress)?),
-            _ => None,
-        };
         Ok(Way {
             face,
             engine: self,
             deformer,
             few,
-            rig,
             vertices: vertices.iter().map(|&v| v as usize).collect(),
         })
     }

@@ -3,7 +3,10 @@
 mod face_cache;
 mod surface;
 
-use std::sync::{Arc, OnceLock};
+use std::{
+    collections::BTreeMap,
+    sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError},
+};
 
 use ndarray::{Array3, ArrayView2, ArrayView3, Axis};
 
@@ -11,7 +14,7 @@ use crate::{
     Error, Result,
     cache::{Cache, CacheKey},
     conditions::Controls,
-    deform::{CodeField, Deformer, Openings, PartList},
+    deform::{Deformer, Field, Openings, PartList},
     ibug::LANDMARKS,
     mesh::{
         self, FaceOptions, LandmarkFinder, Landmarks, Mesh, Mouth, Similarity, features::Features,
@@ -57,11 +60,9 @@ pub struct Face {
     surface: OnceLock<FaceSurface>,
     deformer: OnceLock<Arc<dyn Deformer>>,
     rig: OnceLock<Arc<Rig>>,
-    field: OnceLock<Field>,
+    /// By the names of their models.
+    fields: Mutex<BTreeMap<&'static str, Field>>,
 }
-
-/// What codes say of the vertices of a mesh, or why they say nothing.
-pub(crate) type Field = std::result::Result<Arc<dyn CodeField>, String>;
 
 impl Face {
     /// Finds or takes the landmarks of a mesh, and what its parts are. `models` names what else the
@@ -111,7 +112,7 @@ impl Face {
             surface: OnceLock::new(),
             deformer: OnceLock::new(),
             rig: OnceLock::new(),
-            field: OnceLock::new(),
+            fields: Mutex::default(),
         }
     }
 
@@ -209,14 +210,26 @@ impl Face {
         once(&self.rig, make)
     }
 
-    /// The field on this mesh, or why there is none; `make` is called where that is not known.
-    pub(crate) fn field(&self, make: impl FnOnce() -> Result<Field>) -> Result<&Field> {
-        once(&self.field, make)
+    /// The field of a model on this mesh, or why there is none; `make` is called where that is not known.
+    pub(crate) fn field(
+        &self,
+        model: &'static str,
+        make: impl FnOnce() -> Result<Field>,
+    ) -> Result<Field> {
+        let known = self.fields().get(model).cloned();
+        let field = known.map_or_else(make, Ok)?;
+        Ok(self.fields().entry(model).or_insert(field).clone())
     }
 
-    /// What [`Face::field`] has found, if it was asked.
-    pub(crate) fn known_field(&self) -> Option<&Field> {
-        self.field.get()
+    /// Why vertices did not follow the field of a head when motion of codes was put on this face, where they did not.
+    pub fn field_note(&self) -> Option<String> {
+        let fields = self.fields();
+        let complaint = fields.values().find_map(|field| field.as_ref().err())?;
+        Some(unlike("landmarks alone move the mesh", complaint))
+    }
+
+    fn fields(&self) -> MutexGuard<'_, BTreeMap<&'static str, Field>> {
+        self.fields.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Names this face in what is kept of it and no control changes.
@@ -232,6 +245,11 @@ impl Face {
     pub(crate) fn cache_key(&self) -> CacheKey {
         face_cache::key_of_face(&self.key, &self.options, &self.landmarks)
     }
+}
+
+/// That no head is like a face, and what happens instead.
+pub(crate) fn unlike(instead: &str, complaint: &str) -> String {
+    format!("no head of the model is like this face, {instead}: {complaint}")
 }
 
 /// What is in `cell`, or what `make` makes. Two threads at once may both make it; one result stays.

@@ -6,7 +6,7 @@
 //! `confidence` optional (1 where it is left out: the writer is certain), `mouth` ignored, `position` optional where `vertex` is given), or a plain
 //! list of 68 points `[[x, y, z], …]`, or a plain list of 68 vertex numbers.
 
-use std::{io::Write, path::Path};
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
@@ -70,23 +70,6 @@ impl Landmarks {
             "{{\n \"version\": {VERSION},\n \"confidence\": {confidence},\n{mouth} \"landmarks\": \
              [\n  {body}\n ]\n}}\n"
         )
-    }
-
-    /// Writes the JSON document; a failure leaves no partial file behind.
-    ///
-    /// # Errors
-    /// `Io` if the folder cannot be written.
-    pub fn write(&self, path: &Path) -> Result<()> {
-        let folder = match path.parent() {
-            Some(folder) if !folder.as_os_str().is_empty() => folder,
-            _ => Path::new("."),
-        };
-        let mut file = tempfile::NamedTempFile::new_in(folder).map_err(Error::io(path))?;
-        file.write_all(self.to_json().as_bytes())
-            .map_err(Error::io(path))?;
-        file.persist(path)
-            .map_err(|error| Error::io(path)(error.error))?;
-        Ok(())
     }
 }
 
@@ -229,7 +212,7 @@ mod tests {
     fn a_written_file_reads_back_bit_for_bit() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("l.json");
-        landmarks().write(&path).unwrap();
+        std::fs::write(&path, landmarks().to_json()).unwrap();
         let expected = LandmarkSource::from(&landmarks());
         assert_eq!(LandmarkSource::read(&path).unwrap(), expected);
     }
@@ -243,14 +226,6 @@ mod tests {
         assert!((confidence - landmarks().overall_confidence()).abs() < 1e-6);
         let expected = LandmarkSource::from(&landmarks());
         assert_eq!(LandmarkSource::from_json(&text).unwrap(), expected);
-    }
-
-    #[test]
-    fn a_failed_write_leaves_nothing_behind() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("missing/l.json");
-        assert!(matches!(landmarks().write(&path), Err(Error::Io { .. })));
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 
     #[test]

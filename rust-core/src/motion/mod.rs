@@ -30,7 +30,11 @@ mod variety;
 mod visibility;
 mod weights;
 
+use std::{fmt, sync::Arc};
+
 use ndarray::{Array2, Array3, ArrayD, ArrayViewD};
+
+use crate::{Result, deform::CodeSpace};
 
 pub use blinks::{Blink, blinks};
 pub use brow_accents::{BrowAccent, brow_accents};
@@ -53,11 +57,11 @@ pub use weights::{LipGaps, LowerLip, WeightCues};
 /// What a system gives: motion of one of the kinds that [`crate::spread`] can put on a mesh.
 ///
 /// ```
-/// use anyface::motion::{LandmarkClip, Motion};
+/// use anyface::motion::{LandmarkClip, Motion, MotionKind};
 ///
 /// let still = LandmarkClip { displacements: ndarray::Array3::zeros((25, 68, 3)), fps: 25.0 };
 /// let motion = Motion::Landmarks(still);
-/// assert_eq!((motion.frames(), motion.fps(), motion.kind()), (25, 25.0, "landmarks"));
+/// assert_eq!((motion.frames(), motion.fps(), motion.kind()), (25, 25.0, MotionKind::Landmarks));
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub enum Motion {
@@ -65,10 +69,29 @@ pub enum Motion {
     Landmarks(LandmarkClip),
     /// Weights of named shapes, such as ARKit's.
     Weights(WeightClip),
-    /// Displacements of every vertex of a template mesh.
-    Template(TemplateClip),
-    /// Expression codes of a parametric head.
+    /// Codes of a parametric head or of what moves a template.
     Codes(CodeClip),
+}
+
+/// What a motion moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MotionKind {
+    /// The 68 landmarks, which a deformer spreads.
+    Landmarks,
+    /// Shapes of the mesh.
+    Weights,
+    /// Vertices by a field, and the landmarks beside it.
+    Codes,
+}
+
+impl fmt::Display for MotionKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            MotionKind::Landmarks => "landmarks",
+            MotionKind::Weights => "weights",
+            MotionKind::Codes => "codes",
+        })
+    }
 }
 
 /// Landmark displacements from the neutral face.
@@ -94,38 +117,33 @@ pub struct WeightClip {
     pub together: Vec<f32>,
 }
 
-/// Displacements of a template's vertices.
-#[derive(Debug, Clone, PartialEq)]
-pub struct TemplateClip {
-    /// Name of the template.
-    pub template: String,
-    /// `[T, V, 3]`, canonical metres.
-    pub displacements: Array3<f32>,
-    /// Frames per second.
-    pub fps: f64,
-}
-
 /// Codes of a parametric head, or of what moves a template, and landmarks that have what codes cannot say: emotions,
 /// blinks, closed lips. A mesh moves by the codes, and by as much as the landmarks do otherwise; one that the head is
 /// unlike by the landmarks alone.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct CodeClip {
-    /// Name of the head, or of the system whose codes these are.
-    pub head: String,
+    /// How they move the vertices of a face.
+    pub space: Arc<dyn CodeSpace>,
     /// `[T, C]`, unitless.
     pub codes: Array2<f32>,
     /// The landmarks of the mean head or template, as many frames.
     pub landmarks: LandmarkClip,
 }
 
+impl PartialEq for CodeClip {
+    fn eq(&self, other: &CodeClip) -> bool {
+        (self.space.name(), &self.codes, &self.landmarks)
+            == (other.space.name(), &other.codes, &other.landmarks)
+    }
+}
+
 impl Motion {
-    /// `landmarks`, `weights`, `template` or `codes`.
-    pub fn kind(&self) -> &'static str {
+    /// What it moves.
+    pub fn kind(&self) -> MotionKind {
         match self {
-            Motion::Landmarks(_) => "landmarks",
-            Motion::Weights(_) => "weights",
-            Motion::Template(_) => "template",
-            Motion::Codes(_) => "codes",
+            Motion::Landmarks(_) => MotionKind::Landmarks,
+            Motion::Weights(_) => MotionKind::Weights,
+            Motion::Codes(_) => MotionKind::Codes,
         }
     }
 
@@ -134,7 +152,6 @@ impl Motion {
         match self {
             Motion::Landmarks(clip) => clip.fps,
             Motion::Weights(clip) => clip.fps,
-            Motion::Template(clip) => clip.fps,
             Motion::Codes(clip) => clip.landmarks.fps,
         }
     }
@@ -149,16 +166,28 @@ impl Motion {
         match self {
             Motion::Landmarks(clip) => Some(clip),
             Motion::Codes(clip) => Some(&clip.landmarks),
-            _ => None,
+            Motion::Weights(_) => None,
         }
     }
 
-    /// The same, to be moved.
+    /// The landmarks of the mean face, whatever moves: what it looks like before any mesh is known.
+    ///
+    /// # Errors
+    /// Those of [`WeightClip::landmarks`].
+    pub fn on_mean_face(&self, modes: &FaceModes) -> Result<LandmarkClip> {
+        match self {
+            Motion::Landmarks(clip) => Ok(clip.clone()),
+            Motion::Weights(clip) => clip.landmarks(modes),
+            Motion::Codes(clip) => Ok(clip.landmarks.clone()),
+        }
+    }
+
+    /// The landmarks, to be moved.
     pub(crate) fn landmarks_mut(&mut self) -> Option<&mut LandmarkClip> {
         match self {
             Motion::Landmarks(clip) => Some(clip),
             Motion::Codes(clip) => Some(&mut clip.landmarks),
-            _ => None,
+            Motion::Weights(_) => None,
         }
     }
 
@@ -167,7 +196,6 @@ impl Motion {
         match self {
             Motion::Landmarks(clip) => clip.displacements.view().into_dyn(),
             Motion::Weights(clip) => clip.weights.view().into_dyn(),
-            Motion::Template(clip) => clip.displacements.view().into_dyn(),
             Motion::Codes(clip) => clip.landmarks.displacements.view().into_dyn(),
         }
     }
@@ -186,9 +214,6 @@ impl Motion {
                 clip.displacements = values.into_dimensionality().expect(FITS)
             }
             Motion::Weights(clip) => clip.weights = values.into_dimensionality().expect(FITS),
-            Motion::Template(clip) => {
-                clip.displacements = values.into_dimensionality().expect(FITS)
-            }
             Motion::Codes(clip) => {
                 clip.landmarks.displacements = values.into_dimensionality().expect(FITS)
             }

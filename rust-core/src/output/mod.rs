@@ -36,9 +36,9 @@ use ndarray::ArrayView2;
 use crate::{
     Error, Result,
     mesh::Mesh,
-    motion::{FaceModes, LandmarkClip, Life, Motion, WeightClip},
+    motion::{LandmarkClip, Life, Motion},
     rig::SolvedWeights,
-    spread::{self, Animation, ClipStart, FrameSink, LandmarkTrack},
+    spread::{Animation, ClipStart, FrameSink, LandmarkTrack},
 };
 
 /// A kind of file that holds an animation.
@@ -85,7 +85,6 @@ pub fn write_animation(
     let mut file = ClipFile::new(path)?.with_life(life);
     file.begin(&ClipStart {
         mesh,
-        is_brought: false,
         frames: moved.dim().0,
         fps: animation.vertices.fps,
     })?;
@@ -96,30 +95,26 @@ pub fn write_animation(
     })
 }
 
-/// Writes motion as npz: `landmark_displacements` `[T, 68, 3]` in canonical metres, `fps`, and `head` and
-/// `gaze` as [`Life`] has them. Motion of weights has its `weights` `[T, S]`, their `names` `[S]` and `together`
-/// `[T]` too, how far lips have to meet on whatever head shows it; its landmarks are the mean face's under `modes`; it may go to a .csv or .json as well, as
-/// [`write_blend_weights`] writes them, alone.
+/// Writes motion as npz: `landmark_displacements` `[T, 68, 3]` in canonical metres, which `landmarks` has
+/// ([`Motion::on_mean_face`]), `fps`, and `head` and `gaze` as [`Life`] has them. Motion of weights has its `weights`
+/// `[T, S]`, their `names` `[S]` and `together` `[T]` too, how far lips have to meet on whatever head shows it; it may go
+/// to a .csv or .json as well, as [`write_blend_weights`] writes them, alone.
 ///
 /// # Errors
-/// `InvalidInput` for another extension, or motion that no face has landmarks of; `Io` if the file cannot be
-/// written.
+/// `InvalidInput` for another extension; `Io` if the file cannot be written.
 pub fn write_motion(
     path: &Path,
     motion: &Motion,
+    landmarks: &LandmarkClip,
     life: Option<&Life>,
-    modes: &FaceModes,
 ) -> Result<()> {
-    check_motion_path(path, matches!(motion, Motion::Weights(_)))?;
-    let write = |landmarks: &LandmarkClip, weights: Option<&WeightClip>| {
-        write_atomically(path, |file| {
-            npz::write_motion(file, landmarks, weights, life)
-        })
+    let weights = match motion {
+        Motion::Weights(clip) => Some(clip),
+        Motion::Landmarks(_) | Motion::Codes(_) => None,
     };
-    match motion {
-        Motion::Landmarks(clip) => write(clip, None),
-        Motion::Weights(clip) if is_npz(path) => write(&clip.landmarks(modes)?, Some(clip)),
-        Motion::Weights(clip) => {
+    check_motion_path(path, weights.is_some())?;
+    match weights {
+        Some(clip) if !is_npz(path) => {
             let weights = SolvedWeights {
                 names: clip.names.clone(),
                 weights: clip.weights.clone(),
@@ -128,8 +123,9 @@ pub fn write_motion(
             };
             write_blend_weights(path, &weights, clip.fps)
         }
-        Motion::Codes(clip) => write(&clip.landmarks, None),
-        Motion::Template(_) => Err(spread::not_yet(motion)),
+        _ => write_atomically(path, |file| {
+            npz::write_motion(file, landmarks, weights, life)
+        }),
     }
 }
 

@@ -5,7 +5,12 @@ use ndarray_npy::NpzReader;
 
 use super::clip_file::Writer;
 use super::*;
-use crate::{deform::VertexClip, ibug::LANDMARKS};
+
+use crate::{
+    deform::VertexClip,
+    ibug::LANDMARKS,
+    motion::{FaceModes, WeightClip},
+};
 
 /// Writes the sample clip into any file.
 fn write_sample(file: impl Write + Seek, format: Format) -> Result<()> {
@@ -21,7 +26,6 @@ fn write_sample(file: impl Write + Seek, format: Format) -> Result<()> {
 fn start(mesh: &Mesh) -> ClipStart<'_> {
     ClipStart {
         mesh,
-        is_brought: false,
         frames: 4,
         fps: 24.0,
     }
@@ -47,7 +51,6 @@ fn sample() -> (Animation, Mesh) {
             displacements,
             fps: 24.0,
         },
-        brought: None,
         landmarks_neutral: std::array::from_fn(|n| [n as f32, 0.5, -1.0]),
         landmark_displacements: Array3::from_shape_fn((4, LANDMARKS, 3), |(t, n, i)| {
             (t + n + i) as f32 * 0.25
@@ -87,9 +90,8 @@ fn motion_files_hold_no_neutral_landmarks() {
         head: ndarray::array![[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]],
         gaze: Array3::from_shape_fn((2, 2, 2), |(t, e, i)| (4 * t + 2 * e + i) as f32),
     };
-    let modes = FaceModes::open(None).unwrap();
     let spoken = Motion::Landmarks(motion.clone());
-    write_motion(&path, &spoken, Some(&life), &modes).unwrap();
+    write_motion(&path, &spoken, &motion, Some(&life)).unwrap();
     let mut npz = NpzReader::new(std::fs::File::open(&path).unwrap()).unwrap();
     let head: ndarray::Array2<f32> = npz.by_name("head").unwrap();
     let gaze: Array3<f32> = npz.by_name("gaze").unwrap();
@@ -99,7 +101,7 @@ fn motion_files_hold_no_neutral_landmarks() {
     assert_eq!(read.displacements, motion.displacements);
     assert_eq!(read_weights(&path).unwrap(), None);
     for name in ["motion.pc2", "motion.csv"] {
-        assert!(write_motion(&folder.path().join(name), &spoken, None, &modes).is_err());
+        assert!(write_motion(&folder.path().join(name), &spoken, &motion, None).is_err());
     }
 }
 
@@ -114,7 +116,8 @@ fn motion_of_weights_is_written_with_its_names_and_as_a_table() {
         together: vec![0.0, 1.0, 0.5],
     };
     let (motion, npz) = (Motion::Weights(clip.clone()), folder.path().join("m.npz"));
-    write_motion(&npz, &motion, None, &modes).unwrap();
+    let marks = motion.on_mean_face(&modes).unwrap();
+    write_motion(&npz, &motion, &marks, None).unwrap();
     assert_eq!(read_weights(&npz).unwrap(), Some(clip.clone()));
     let landmarks = read_landmark_motion(&npz).unwrap();
     assert_eq!(
@@ -122,10 +125,10 @@ fn motion_of_weights_is_written_with_its_names_and_as_a_table() {
         clip.landmarks(&modes).unwrap().displacements
     );
     let table = folder.path().join("m.csv");
-    write_motion(&table, &motion, None, &modes).unwrap();
+    write_motion(&table, &motion, &marks, None).unwrap();
     let text = std::fs::read_to_string(&table).unwrap();
     assert_eq!(text.lines().count(), 4);
-    let error = write_motion(&folder.path().join("m.mdd"), &motion, None, &modes).unwrap_err();
+    let error = write_motion(&folder.path().join("m.mdd"), &motion, &marks, None).unwrap_err();
     assert!(
         error
             .to_string()

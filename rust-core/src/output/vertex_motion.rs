@@ -162,7 +162,6 @@ mod tests {
                 }),
                 fps: 25.0,
             },
-            brought: None,
             landmarks_neutral: [[0.0; 3]; 68],
             landmark_displacements: Array3::zeros((4, 68, 3)),
         }

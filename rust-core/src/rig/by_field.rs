@@ -20,6 +20,18 @@ const HALF: &str = "_half";
 /// Shapes that are made at a time.
 const AT_ONCE: usize = 16;
 
+/// What makes the shapes of a face.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ShapeSource {
+    /// The network, from the face alone.
+    Network,
+    /// The skin as the field of the parametric head moves it that is like the face; see [`RigModel::by_field`].
+    Field {
+        /// Whether ARKit's shapes at half their weight come with them.
+        in_betweens: bool,
+    },
+}
+
 /// A head that is like a face, and what spreads the motion of its landmarks.
 pub struct FieldOfFace<'a> {
     /// The model of heads.

@@ -352,8 +352,8 @@ mod tests {
         ibug::MIRROR,
         mesh::{FaceOptions, LandmarkSource, Mesh},
         progress::SILENT,
-        rig::mirrored_name,
-        spread::Collector,
+        rig::{ShapeSource, mirrored_name},
+        spread::{Collector, Movement},
     };
     use std::path::Path;
 
@@ -376,7 +376,7 @@ mod tests {
 
     fn make(mesh: &Mesh, landmarks: Vec<[f32; 3]>) -> Rig {
         let (engine, face) = prepared(mesh, landmarks);
-        Rig::clone(&engine.rig(&face, SILENT).unwrap())
+        Rig::clone(&engine.rig(&face, ShapeSource::Network, SILENT).unwrap())
     }
 
     fn prepared(mesh: &Mesh, landmarks: Vec<[f32; 3]>) -> (Engine, Face) {
@@ -397,7 +397,7 @@ mod tests {
     fn raised_and_lowered_brows_fold_the_forehead_as_the_decoder_does() {
         let (mesh, landmarks) = head();
         let (engine, face) = prepared(&mesh, landmarks.clone());
-        let rig = engine.rig(&face, SILENT).unwrap();
+        let rig = engine.rig(&face, ShapeSource::Network, SILENT).unwrap();
         for name in ["browInnerUp", "browDownLeft", "browDownRight"] {
             let shape = rig.deltas.index_axis(Axis(0), arkit(name));
             folds_as_decoded(name, shape, &engine, &face, landmarks[21][1]);
@@ -415,7 +415,17 @@ mod tests {
         let motion = Array3::from_shape_fn((1, LANDMARKS, 3), |(_, n, i)| {
             shape[[face.landmarks.vertices[n] as usize, i]]
         });
-        let made = Collector::collect(|sink| engine.spread_own(face, motion, 1.0, sink, SILENT));
+        let made = Collector::collect(|sink| {
+            engine.spread(
+                face,
+                Movement::Own {
+                    landmarks: motion,
+                    fps: 1.0,
+                },
+                sink,
+                SILENT,
+            )
+        });
         let decoded = made.unwrap().vertices.displacements;
         let mm = 1000.0 * face.to_canonical.scale as f32;
         let positions = &face.mesh.positions;

@@ -16,7 +16,7 @@ pub mod parts;
 pub mod solve;
 mod visemes;
 
-pub use by_field::FieldOfFace;
+pub use by_field::{FieldOfFace, ShapeSource};
 pub use decoded::Learned;
 pub use make::{MODEL, Rig, RigModel, ShapeReport};
 pub use names::{ARKIT, VISEMES, mirrored_name};

@@ -1,26 +1,26 @@
 //! How motion of each kind reaches a mesh.
 //!
 //! Landmarks move it through a [`Deformer`], weights through the shapes of its own [`Rig`], codes through landmarks
-//! and a [`CodeField`] beside them. Motion of a template's vertices alone is refused: the template of a system that
-//! gives codes moves vertices by [`TemplateOnFace`]. A [`Spread`] makes any stretch of frames; [`into_sink`]
-//! hands them over block by block, so that a long take on a large mesh never lies in memory whole.
+//! and a [`CodeField`] beside them, which their [`crate::deform::CodeSpace`] brings along. A [`Spread`] makes any
+//! stretch of frames; [`Spread::into_sink`] hands them over block by block, so that a long take on a large mesh never
+//! lies in memory whole.
 
 mod on_face;
 mod sink;
 mod template_on_face;
 
-use std::{borrow::Cow, ops::Range};
+use std::{borrow::Cow, ops::Range, sync::Arc};
 
-use ndarray::{Array2, Array3, ArrayView1, ArrayView2, Axis, Slice};
+use ndarray::{Array3, ArrayView1, ArrayView2, Axis, Slice};
 use rayon::prelude::*;
 
 use crate::{
     Error, Result,
-    deform::{CodeField, Deformer},
+    deform::{CodeField, Deformer, Field},
     face::Face,
     ibug::LANDMARKS,
-    mesh::{Mesh, Mouth},
-    motion::{LipGaps, Motion, WeightClip},
+    mesh::Mouth,
+    motion::{CodeClip, LipGaps, Motion, WeightClip},
     progress::{Progress, ProgressFn, report},
     rig::Rig,
 };
@@ -28,38 +28,81 @@ pub use on_face::on_face;
 pub use sink::{Animation, ClipStart, Collector, FrameSink, LandmarkTrack, frames_at_once};
 pub use template_on_face::TemplateOnFace;
 
+/// What is to be put on a face.
+pub enum Movement<'a> {
+    /// Motion of the mean face.
+    Motion(&'a Motion),
+    /// Motion of landmarks in the units and axes of the mesh.
+    Own {
+        /// `[T, 68, 3]`.
+        landmarks: Array3<f32>,
+        /// Frames per second.
+        fps: f64,
+    },
+    /// Two motions of one length, each vertex by its shares `[V]` of both, such as what is said and how it is felt
+    /// under a painted mask.
+    Mixed([(&'a Motion, Vec<f32>); 2]),
+}
+
+impl<'a> From<&'a Motion> for Movement<'a> {
+    fn from(motion: &'a Motion) -> Movement<'a> {
+        Movement::Motion(motion)
+    }
+}
+
 /// Motion on its way to one mesh.
 pub struct Spread<'a> {
     face: &'a Face,
     fps: f64,
     frames: usize,
     way: Way<'a>,
+    notes: Vec<String>,
 }
 
 /// What moves the vertices.
 enum Way<'a> {
-    /// Landmark displacements `[T, 68, 3]`, mesh units and axes.
-    Landmarks(&'a dyn Deformer, Array3<f32>),
-    /// The same, and beside it what codes `[T, X]` say of the vertices.
-    Field(
-        &'a dyn Deformer,
-        Array3<f32>,
-        &'a dyn CodeField,
-        Array2<f32>,
-    ),
+    Landmarks(SpreadLandmarks<'a>),
     /// Shapes of this mesh and their weights over time.
     Shapes(WeightedShapes<'a>),
     /// Two motions of one length, and how much each vertex has of either, `[V]`.
     Mixed(Box<[(Spread<'a>, Vec<f32>); 2]>),
 }
 
+/// Landmarks on their way to one mesh.
+struct SpreadLandmarks<'a> {
+    deformer: &'a dyn Deformer,
+    /// `[T, 68, 3]`, mesh units and axes.
+    landmarks: Array3<f32>,
+    /// What moves vertices beside them, and its codes `[T, X]`.
+    field: Option<(Arc<dyn CodeField>, ArrayView2<'a, f32>)>,
+}
+
+impl SpreadLandmarks<'_> {
+    fn frames(
+        &self,
+        face: &Face,
+        range: Range<usize>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array3<f32>> {
+        let rows = Slice::from(range);
+        let landmarks = self.landmarks.slice_axis(Axis(0), rows);
+        match &self.field {
+            Some((field, codes)) => {
+                let codes = codes.slice_axis(Axis(0), rows);
+                field.frames((face, self.deformer), landmarks, codes, progress)
+            }
+            None => self.deformer.deform(landmarks, progress),
+        }
+    }
+}
+
 /// Weights on their way to one mesh. Shapes add up in straight lines, which neither meet at the lids under every
 /// expression nor slide over an eyeball: what shuts the lids of landmark motion shuts them here.
 pub struct WeightedShapes<'a> {
     /// Shapes of the mesh; those that it has no shape for move nothing.
-    pub rig: &'a Rig,
+    pub rig: Arc<Rig>,
     /// Their weights.
-    pub clip: &'a WeightClip,
+    pub clip: Cow<'a, WeightClip>,
     /// What knows the lids of the mesh.
     pub deformer: &'a dyn Deformer,
     /// What the weights ask of the landmarks, `[T, 68, 3]`, mesh units and axes.
@@ -71,7 +114,7 @@ impl WeightedShapes<'_> {
         let landmarks = self
             .landmarks
             .slice_axis(Axis(0), Slice::from(range.clone()));
-        let mut moved = mixed(self.rig, self.clip, range);
+        let mut moved = mixed(&self.rig, &self.clip, range);
         self.deformer.shut_lids(landmarks, &mut moved);
         moved
     }
@@ -103,35 +146,43 @@ impl<'a> Spread<'a> {
             face,
             fps,
             frames: landmarks.len_of(Axis(0)),
-            way: Way::Landmarks(deformer, landmarks),
+            way: Way::Landmarks(SpreadLandmarks {
+                deformer,
+                landmarks,
+                field: None,
+            }),
+            notes: Vec::new(),
         }
     }
 
-    /// The same, and vertices moved by a field under the codes `[T, X]` that the motion came from.
+    /// The same for the landmarks of codes, which move vertices by their own field as well where the face has one.
     ///
     /// # Errors
     /// `ShapeMismatch` for another number of frames.
-    pub fn of_field(
+    pub fn of_codes(
         face: &'a Face,
         deformer: &'a dyn Deformer,
-        landmarks: Array3<f32>,
-        fps: f64,
-        (field, codes): (&'a dyn CodeField, ArrayView2<'_, f32>),
+        clip: &'a CodeClip,
+        field: Option<Field>,
     ) -> Result<Spread<'a>> {
-        let frames = landmarks.len_of(Axis(0));
-        if codes.nrows() != frames {
+        let CodeClip {
+            codes, landmarks, ..
+        } = clip;
+        let own = face.own_motion(landmarks.displacements.view());
+        let mut spread = Spread::of_landmarks(face, deformer, own, landmarks.fps);
+        if codes.nrows() != spread.frames {
             return Err(Error::ShapeMismatch {
                 what: "codes of a motion",
-                expected: format!("[{frames}, X]"),
+                expected: format!("[{}, X]", spread.frames),
                 got: format!("{:?}", codes.dim()),
             });
         }
-        Ok(Spread {
-            face,
-            fps,
-            frames,
-            way: Way::Field(deformer, landmarks, field, codes.to_owned()),
-        })
+        match (&mut spread.way, field) {
+            (Way::Landmarks(way), Some(Ok(field))) => way.field = Some((field, codes.view())),
+            (_, Some(Err(_))) => spread.notes.extend(face.field_note()),
+            _ => {}
+        }
+        Ok(spread)
     }
 
     /// Weights through shapes of the mesh.
@@ -141,6 +192,7 @@ impl<'a> Spread<'a> {
             fps: shapes.clip.fps,
             frames: shapes.clip.weights.nrows(),
             way: Way::Shapes(shapes),
+            notes: Vec::new(),
         }
     }
 
@@ -148,7 +200,8 @@ impl<'a> Spread<'a> {
     ///
     /// # Errors
     /// `ShapeMismatch` where frames differ, or shares are not one a vertex.
-    pub fn mixed(parts: [(Spread<'a>, Vec<f32>); 2]) -> Result<Spread<'a>> {
+    pub fn mixed(mut parts: [(Spread<'a>, Vec<f32>); 2]) -> Result<Spread<'a>> {
+        let notes = std::mem::take(&mut parts[0].0.notes);
         let [(first, _), (second, _)] = &parts;
         let (face, fps, frames) = (first.face, first.fps, first.frames);
         let vertices = face.mesh.positions.len();
@@ -169,30 +222,17 @@ impl<'a> Spread<'a> {
             fps,
             frames,
             way: Way::Mixed(Box::new(parts)),
+            notes,
         })
     }
 
-    /// The mesh whose vertices move: the face's own, unless a kind of motion brings another.
-    pub fn mesh(&self) -> &'a Mesh {
-        &self.face.mesh
-    }
-
-    /// Displacements of a stretch of frames, `[t, V, 3]`, in the units of [`Spread::mesh`].
+    /// Displacements of a stretch of frames, `[t, V, 3]`, mesh units.
     ///
     /// # Errors
     /// `Cancelled`.
     pub fn frames(&self, range: Range<usize>, progress: ProgressFn<'_>) -> Result<Array3<f32>> {
         match &self.way {
-            Way::Landmarks(deformer, landmarks) => {
-                let stretch = landmarks.slice_axis(Axis(0), Slice::from(range));
-                deformer.deform(stretch, progress)
-            }
-            Way::Field(deformer, landmarks, field, codes) => {
-                let rows = Slice::from(range);
-                let codes = codes.slice_axis(Axis(0), rows);
-                let stretch = landmarks.slice_axis(Axis(0), rows);
-                field.frames((self.face, *deformer), stretch, codes, progress)
-            }
+            Way::Landmarks(way) => way.frames(self.face, range, progress),
             Way::Shapes(shapes) => {
                 report(progress, "deform", 0.0)?;
                 let moved = shapes.frames(range);
@@ -209,6 +249,62 @@ impl<'a> Spread<'a> {
                 Ok(moved)
             }
         }
+    }
+
+    /// What moves the mesh where that is landmarks, `[T, 68, 3]`.
+    fn landmarks(&self) -> Option<&Array3<f32>> {
+        match &self.way {
+            Way::Landmarks(way) => Some(&way.landmarks),
+            Way::Shapes(_) | Way::Mixed(_) => None,
+        }
+    }
+
+    /// Makes all frames and hands them to `sink`, the next block while the last one is taken.
+    ///
+    /// # Errors
+    /// Those of [`Spread::frames`] and of the sink.
+    pub fn into_sink(
+        self,
+        sink: &mut dyn FrameSink,
+        progress: ProgressFn<'_>,
+    ) -> Result<SpreadReport> {
+        let start = ClipStart {
+            mesh: &self.face.mesh,
+            frames: self.frames,
+            fps: self.fps,
+        };
+        sink.begin(&start)?;
+        let size = sink.frames_at_once(&start).max(1);
+        let mut stretches = (0..self.frames)
+            .step_by(size)
+            .map(|first| first..(first + size).min(self.frames));
+        let make = |stretch: Range<usize>| Block::make(&self, stretch, progress);
+        let is_read_off = self.landmarks().is_none();
+        let nothing = || Array3::zeros((self.frames, LANDMARKS, 3));
+        let mut landmarks = self.landmarks().cloned().unwrap_or_else(nothing);
+        let mut largest = 0.0f32;
+        let mut made = stretches.next().map(make);
+        while let Some(block) = made {
+            let block = block?;
+            largest = largest.max(block.largest);
+            if is_read_off {
+                let mut target = landmarks.slice_axis_mut(Axis(0), Slice::from(block.stretch));
+                target.assign(&at_landmarks(self.face, &block.moved));
+            }
+            let following = stretches.next();
+            let (taken, next) = rayon::join(|| sink.take(block.moved), || following.map(make));
+            taken?;
+            made = next;
+        }
+        sink.finish(&LandmarkTrack {
+            neutral: &self.face.landmarks.positions,
+            displacements: landmarks.view(),
+        })?;
+        Ok(SpreadReport {
+            largest,
+            landmarks,
+            notes: self.notes,
+        })
     }
 }
 
@@ -273,65 +369,6 @@ pub(crate) fn closed_on<'a>(face: &Face, rig: &Rig, clip: &'a WeightClip) -> Cow
     let mut closed = clip.clone();
     LipGaps::new(shapes.view(), &clip.names).bring_together(&mut closed);
     Cow::Owned(closed)
-}
-
-/// The error for kinds of motion that no system gives yet.
-pub(crate) fn not_yet(motion: &Motion) -> Error {
-    Error::InvalidInput(format!(
-        "motion: expected landmarks or weights, got {}, which nothing here can put on a mesh",
-        motion.kind()
-    ))
-}
-
-/// Makes all frames and hands them to `sink`, the next block while the last one is taken.
-///
-/// # Errors
-/// Those of [`Spread::frames`] and of the sink.
-pub fn into_sink(
-    spread: &Spread<'_>,
-    sink: &mut dyn FrameSink,
-    progress: ProgressFn<'_>,
-) -> Result<SpreadReport> {
-    let start = ClipStart {
-        mesh: spread.mesh(),
-        is_brought: !std::ptr::eq(spread.mesh(), &*spread.face.mesh),
-        frames: spread.frames,
-        fps: spread.fps,
-    };
-    sink.begin(&start)?;
-    let size = sink.frames_at_once(&start).max(1);
-    let mut stretches = (0..spread.frames)
-        .step_by(size)
-        .map(|first| first..(first + size).min(spread.frames));
-    let make = |stretch: Range<usize>| Block::make(spread, stretch, progress);
-    let mut landmarks = match &spread.way {
-        Way::Landmarks(_, landmarks) | Way::Field(_, landmarks, ..) => landmarks.clone(),
-        Way::Shapes(..) | Way::Mixed(_) => Array3::zeros((spread.frames, LANDMARKS, 3)),
-    };
-    let mut largest = 0.0f32;
-    let mut made = stretches.next().map(make);
-    while let Some(block) = made {
-        let block = block?;
-        largest = largest.max(block.largest);
-        if let Way::Shapes(..) | Way::Mixed(_) = spread.way {
-            let rows = Slice::from(block.stretch);
-            let mut target = landmarks.slice_axis_mut(Axis(0), rows);
-            target.assign(&at_landmarks(spread.face, &block.moved));
-        }
-        let following = stretches.next();
-        let (taken, next) = rayon::join(|| sink.take(block.moved), || following.map(make));
-        taken?;
-        made = next;
-    }
-    sink.finish(&LandmarkTrack {
-        neutral: &spread.face.landmarks.positions,
-        displacements: landmarks.view(),
-    })?;
-    Ok(SpreadReport {
-        largest,
-        landmarks,
-        notes: Vec::new(),
-    })
 }
 
 /// Some frames of a clip.

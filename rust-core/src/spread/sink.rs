@@ -18,8 +18,6 @@ pub fn frames_at_once(mesh: &Mesh) -> usize {
 pub struct ClipStart<'a> {
     /// The mesh whose vertices move.
     pub mesh: &'a Mesh,
-    /// Whether that is a mesh which the motion brings, and not the caller's.
-    pub is_brought: bool,
     /// Number of frames `T`.
     pub frames: usize,
     /// Frames per second.
@@ -67,8 +65,6 @@ pub trait FrameSink: Send {
 pub struct Animation {
     /// Displacement of every vertex, mesh units.
     pub vertices: VertexClip,
-    /// The mesh whose vertices these are, where it is not the caller's own.
-    pub brought: Option<Mesh>,
     /// `[68][3]`, mesh units.
     pub landmarks_neutral: [[f32; 3]; LANDMARKS],
     /// `[T, 68, 3]`, mesh units.
@@ -99,7 +95,6 @@ pub struct Collector {
     fps: f64,
     blocks: Vec<Array3<f32>>,
     vertices: usize,
-    brought: Option<Mesh>,
     landmarks: Option<([[f32; 3]; LANDMARKS], Array3<f32>)>,
 }
 
@@ -133,7 +128,6 @@ impl Collector {
                 displacements,
                 fps: self.fps,
             },
-            brought: self.brought,
             landmarks_neutral,
             landmark_displacements,
         }
@@ -147,7 +141,6 @@ impl FrameSink for Collector {
         *self = Collector {
             fps: start.fps,
             vertices: start.mesh.positions.len(),
-            brought: start.is_brought.then(|| start.mesh.clone()),
             ..Collector::default()
         };
         Ok(())

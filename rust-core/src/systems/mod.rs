@@ -19,17 +19,14 @@ use std::{path::Path, sync::Arc};
 
 use crate::{
     Error, Result,
-    cache::Cache,
     conditions::{Control, ControlStage, Controls, EmotionCurve, MotionRequest},
-    deform::{self, CodeField, Deformer},
-    face::Face,
-    head::{self, Head},
-    mesh,
+    deform::{self, Decoder},
+    head, mesh,
     models::BuiltIn,
-    motion::{self, CodeClip, LandmarkClip, LipClosures, Motion, MotionStream, TemplateMask},
+    motion::{self, EmotionOrigin, LandmarkClip, Motion, MotionKind, MotionStream, TemplateMask},
     progress::ProgressFn,
     rig,
-    speech::{self, Heard, SpeechInput},
+    speech::{self, Heard, PhoneModel, SpeechInput},
     text,
 };
 pub use slider::Slider;
@@ -71,21 +68,60 @@ pub struct Registration {
     pub models: &'static [&'static BuiltIn],
     /// The controls that it understands, in groups: those shared with others and its own.
     pub controls: &'static [&'static [Control]],
-    /// Whether it shows the events of a request.
-    pub takes_events: bool,
-    /// Whether emotion is a place among words to it, so that words beside the categories are understood.
-    pub takes_words: bool,
-    /// Whether it hears feeling in a voice, and may take it from another recording.
-    pub hears_feeling: bool,
-    /// Whether it goes on from a given pose.
-    pub starts_from_pose: bool,
+    /// What its motion moves.
+    pub motion: MotionKind,
+    /// What it can do that others cannot.
+    pub abilities: &'static [Ability],
     /// What of a finished take may still be scaled without a new run.
     pub sliders: &'static [Slider],
     /// Loads the built-in models, or those of a folder.
     pub open: fn(Option<&Path>) -> Result<Box<dyn System>>,
 }
 
+/// What some systems can do and others cannot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ability {
+    /// Shows the events of a request.
+    Events,
+    /// Understands words beside the categories of emotion: an emotion is a place among words to it.
+    Words,
+    /// Hears feeling in a voice, may take it from another recording, and tells it from what is said.
+    Feeling,
+    /// Goes on from a given pose.
+    FirstPose,
+    /// Moves the parametric head of [`crate::head`].
+    Head,
+}
+
 impl Registration {
+    /// Whether it can do something.
+    pub fn can(&self, ability: Ability) -> bool {
+        self.abilities.contains(&ability)
+    }
+
+    /// Refuses what it cannot do; `task` is what was asked for, such as `events`.
+    ///
+    /// # Errors
+    /// `InvalidInput` with the names of the systems that can.
+    pub fn require(&self, ability: Ability, task: &str) -> Result<()> {
+        if self.can(ability) {
+            return Ok(());
+        }
+        let expected = match ability {
+            Ability::Events => "that shows them",
+            Ability::Words => "that understands words",
+            Ability::Feeling => "that hears feeling",
+            Ability::FirstPose => "that goes on from one",
+            Ability::Head => "whose motion moves a head of its own",
+        };
+        let able = SYSTEMS.iter().filter(|system| system.can(ability));
+        let able: Vec<&str> = able.map(|system| system.name).collect();
+        let (able, name) = (able.join(", "), self.name);
+        Err(Error::InvalidInput(format!(
+            "{task}: expected a system {expected} ({able}), got {name}"
+        )))
+    }
+
     /// The system of this name; the default one for `None`.
     ///
     /// # Errors
@@ -136,14 +172,55 @@ pub fn built_in_models() -> impl Iterator<Item = &'static BuiltIn> {
     shared.into_iter().chain(own)
 }
 
+/// What is known of a system's models once they are loaded.
+#[derive(Default)]
+pub struct Description<'a> {
+    /// The speech features that its models were trained with; `None` where any will do.
+    pub speech: Option<&'a SpeechInput>,
+    /// Whether [`Heard::voice`] has to keep the sound, for an encoder of the system's own.
+    pub keeps_sound: bool,
+    /// What hears closed lips beside the speech encoder.
+    pub phones: Option<&'a PhoneModel>,
+    /// Whether another emotion needs another [`System::sample`], or [`System::perform`] adds it.
+    pub emotion: EmotionOrigin,
+    /// Names of the speaking styles that its models know.
+    pub styles: &'a [String],
+    /// In which pieces it performs a long sound; `None` where it takes any length at once.
+    pub windows: Option<Windows>,
+}
+
+/// Motion as the models of a system make it.
+#[derive(Clone)]
+pub struct Sampled {
+    /// The motion.
+    pub motion: Motion,
+    /// How far feeling is believed beside what is said, of a system that tells them apart.
+    pub mask: Option<Arc<dyn FeelingMask>>,
+}
+
+impl From<Motion> for Sampled {
+    fn from(motion: Motion) -> Sampled {
+        Sampled { motion, mask: None }
+    }
+}
+
+/// How far feeling is believed beside what is said in one motion.
+pub trait FeelingMask: Send + Sync {
+    /// The share of feeling for each vertex of the system's template and each frame.
+    ///
+    /// # Errors
+    /// `Weights` for a model without a template.
+    fn shares(&self) -> Result<TemplateMask>;
+}
+
 /// Turns what was heard and asked into motion.
 ///
 /// A performance has two halves: [`System::sample`] runs the networks, [`System::perform`] puts
 /// controls on the result and may be called again with others.
 pub trait System: Send + Sync {
-    /// The speech features that its models were trained with; `None` where any will do.
-    fn speech(&self) -> Option<&SpeechInput> {
-        None
+    /// What is known of its models.
+    fn description(&self) -> Description<'_> {
+        Description::default()
     }
 
     /// The motion as the models make it: `heard.frames(request.fps)` frames at `request.fps`.
@@ -158,12 +235,7 @@ pub trait System: Send + Sync {
         heard: &Heard,
         request: &MotionRequest,
         progress: ProgressFn<'_>,
-    ) -> Result<Motion>;
-
-    /// Whether another emotion needs another [`System::sample`]; else [`System::perform`] shows it.
-    fn samples_emotion(&self) -> bool {
-        true
-    }
+    ) -> Result<Sampled>;
 
     /// Puts the controls of `request` on what was sampled. Blinks come as often as under `blink_emotion`, which
     /// is the request's own emotion unless only the strength of that is varied.
@@ -181,97 +253,30 @@ pub trait System: Send + Sync {
         Ok(sampled.clone())
     }
 
-    /// When its lips are together: as it hears it, or in the `given` intervals `[start_s, end_s]`.
-    fn closures(&self, heard: &Heard, given: Option<&[[f64; 2]]>) -> LipClosures {
-        heard.closures(given)
-    }
-
-    /// Whether a face that is asked for with `controls` is worked on without a proxy.
-    fn works_on_every_vertex(&self, controls: &Controls) -> bool {
-        let _ = controls;
-        false
-    }
-
-    /// Whether it hears feeling by an encoder of its own, for which [`Heard::voice`] has to keep the sound.
-    fn hears_feeling_in_sound(&self) -> bool {
-        false
-    }
-
-    /// Whether its motion moves shapes, which are made for each mesh.
-    fn moves_by_shapes(&self) -> bool {
-        false
-    }
-
-    /// Arrays of displacements `[t, V, 3]` that lie in memory while `t` frames are made.
-    fn copies_of_frames(&self) -> usize {
-        1
-    }
-
-    /// The system's own way to spread landmark motion over a face; `None` where that of
-    /// [`crate::deform`] serves.
-    ///
-    /// # Errors
-    /// Those of preparing it.
-    fn deformer(
-        &self,
-        face: &Face,
-        cache: &Cache,
-        progress: ProgressFn<'_>,
-    ) -> Result<Option<Arc<dyn Deformer>>> {
-        let _ = (face, cache, progress);
-        Ok(None)
-    }
-
-    /// The field by which codes move a face's own vertices, kept in `cache`; `None` where landmarks alone move it.
-    ///
-    /// # Errors
-    /// `Mesh` if the landmarks lie on no usable face, `Cancelled`.
-    fn field<'a>(
-        &self,
-        face: &'a Face,
-        cache: &Cache,
-        progress: ProgressFn<'_>,
-    ) -> Result<Option<&'a dyn CodeField>> {
-        let _ = (face, cache, progress);
-        Ok(None)
-    }
-
-    /// Codes under which its head moves as landmarks of the mean face do, metres; `None` where it has no model for that.
+    /// The system's own motion that follows landmarks of the mean face, whatever made these, on a face with such
+    /// `controls`; the landmarks themselves where it has no model for that.
     ///
     /// # Errors
     /// `Cancelled`.
-    fn codes_of(&self, clip: &LandmarkClip, progress: ProgressFn<'_>) -> Result<Option<CodeClip>> {
-        let _ = (clip, progress);
-        Ok(None)
+    fn follow(
+        &self,
+        landmarks: &LandmarkClip,
+        controls: &Controls,
+        progress: ProgressFn<'_>,
+    ) -> Result<Motion> {
+        let _ = (controls, progress);
+        Ok(Motion::Landmarks(landmarks.clone()))
     }
 
-    /// The parametric head whose codes its motion has; `None` where it has another kind of motion.
-    fn head(&self) -> Option<&Arc<Head>> {
+    /// The system's own way to spread landmark motion over a face with such `controls`; `None` where that of
+    /// [`crate::deform`] serves.
+    fn decoder(&self, controls: &Controls) -> Option<&dyn Decoder> {
+        let _ = controls;
         None
     }
 
     /// Motion while somebody is speaking, where the system can do that.
     fn stream(&self) -> Option<Box<dyn MotionStream>> {
-        None
-    }
-
-    /// How far feeling is believed beside what is said, for each vertex of its template and frame; `None` where
-    /// it does not tell them apart.
-    ///
-    /// # Errors
-    /// Those of [`System::sample`].
-    fn believed(&self, heard: &Heard, request: &MotionRequest) -> Result<Option<TemplateMask>> {
-        let _ = (heard, request);
-        Ok(None)
-    }
-
-    /// Names of the speaking styles that its models know.
-    fn styles(&self) -> &[String] {
-        &[]
-    }
-
-    /// In which pieces it performs a long sound; `None` where it takes any length at once.
-    fn windows(&self) -> Option<Windows> {
         None
     }
 }

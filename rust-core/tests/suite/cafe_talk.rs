@@ -127,7 +127,7 @@ fn a_stronger_event_shows_more() {
 
 #[test]
 fn windows_that_no_event_touches_keep_their_bits() {
-    let windows = ENGINE.windows().unwrap();
+    let windows = ENGINE.description().windows.unwrap();
     let seconds = 3.0 * windows.frames as f32 / windows.fps as f32;
     let plain = weights(&performed(seconds, &asked(&[])));
     let smiling = weights(&performed(seconds, &asked(&["1-2:12"])));
@@ -190,7 +190,7 @@ fn articulation_scales_speech_and_lips_that_met_still_meet() {
     request.closures = Some(vec![[1.0, 1.08]]);
     let plain = ENGINE.perform(&voice(3.0), &request, SILENT).unwrap();
     request.controls.set("articulation", 1.5);
-    let more = weights(&ENGINE.perform_again(&plain, &request).unwrap());
+    let more = weights(&plain.again(&ENGINE, &request).unwrap());
     assert!(mean(&more, "jawOpen", 0.0, 3.0) > 1.2 * mean(&weights(&plain), "jawOpen", 0.0, 3.0));
     let gaps = LipGaps::of_mean_face(&FaceModes::open(None).unwrap(), &more.names).unwrap();
     assert!(gaps.largest(more.weights.row(26)) < 0.0);

@@ -14,7 +14,7 @@ use anyface::{
     nn::Weights,
     progress::SILENT,
     speech::{FeelingEncoder, FeltVoice},
-    spread::{Collector, FrameSink, SpreadReport, TemplateOnFace},
+    spread::{Collector, FrameSink, Movement, SpreadReport, TemplateOnFace},
     systems::emoface::{EmoFaceConfig, MODEL, read_template},
 };
 use ndarray::{Array2, Array3, Axis};
@@ -320,7 +320,9 @@ fn a_mask_mixes_what_is_said_and_what_is_felt_vertex_by_vertex() {
         let request = felt(&[("layer", number)], "happy");
         ENGINE.perform(&voice(SECONDS), &request, SILENT).unwrap()
     };
-    let [whole, said] = [0.0, 1.0].map(|number| layer(number).motion);
+    let [whole, said] = [0.0, 1.0].map(layer);
+    assert_eq!(whole.content(&ENGINE, SILENT).unwrap().motion, said.motion);
+    let [whole, said] = [whole, said].map(|made| made.motion);
     let alone = |motion: &Motion| on_head(|out| ENGINE.spread(&face, motion, out, SILENT));
     let (moved, spoken) = (alone(&whole), alone(&said));
     let vertices = face.mesh.positions.len();
@@ -328,7 +330,7 @@ fn a_mask_mixes_what_is_said_and_what_is_felt_vertex_by_vertex() {
     let rest: Vec<f32> = mask.iter().map(|share| 1.0 - share).collect();
     let mixed = on_head(|out| {
         let parts = [(&said, rest.clone()), (&whole, mask.clone())];
-        ENGINE.spread_mixed(&face, parts, out, SILENT)
+        ENGINE.spread(&face, Movement::Mixed(parts), out, SILENT)
     });
     assert!((&moved - &spoken).iter().any(|x| x.abs() > 1e-3));
     for (v, share) in mask.iter().enumerate() {
@@ -337,8 +339,8 @@ fn a_mask_mixes_what_is_said_and_what_is_felt_vertex_by_vertex() {
         let largest = (of(&mixed) - expected).fold(0.0f32, |most, x| most.max(x.abs()));
         assert!(largest < 1e-6, "vertex {v}: {largest}");
     }
-    let short = [(&said, vec![0.0; 3]), (&whole, mask.clone())];
-    let refused = Collector::collect(|out| ENGINE.spread_mixed(&face, short, out, SILENT));
+    let short = Movement::Mixed([(&said, vec![0.0; 3]), (&whole, mask.clone())]);
+    let refused = Collector::collect(|out| ENGINE.spread(&face, short, out, SILENT));
     let refused = refused.err().unwrap();
     assert!(matches!(refused, Error::ShapeMismatch { .. }), "{refused}");
 }
@@ -428,7 +430,7 @@ fn feeling_is_believed_at_the_brows_rather_than_at_the_lips() {
         .perform(&voice(SECONDS), &felt(&[], "happy"), SILENT)
         .unwrap();
     let frames = performance.motion.frames();
-    let believed = |frames| ENGINE.believed(&face, &performance, frames);
+    let believed = |frames| performance.feeling_mask(&ENGINE, &face, frames);
     let mask = believed(0..frames).unwrap();
     assert_eq!(mask.dim(), (face.mesh.positions.len(), frames));
     assert!(mask.iter().all(|w| (0.0..=1.0).contains(w)));
@@ -448,6 +450,6 @@ fn feeling_is_believed_at_the_brows_rather_than_at_the_lips() {
     assert!(refused.contains("frames: expected some of"), "{refused}");
     let other = engine("freetalk");
     let spoken = other.perform(&voice(1.0), &asked(&[]), SILENT).unwrap();
-    let refused = other.believed(&face, &spoken, 0..1).unwrap_err();
+    let refused = spoken.feeling_mask(&other, &face, 0..1).unwrap_err();
     assert!(refused.to_string().contains("got freetalk"), "{refused}");
 }

@@ -66,7 +66,7 @@ fn another_emotion_needs_no_new_sampling() {
     let first = engine
         .perform(&voice(), &asked("happy:0.4"), SILENT)
         .unwrap();
-    let again = engine.perform_again(&first, &asked("angry:1.3")).unwrap();
+    let again = first.again(&engine, &asked("angry:1.3")).unwrap();
     let anew = landmarks(&engine, &asked("angry:1.3"));
     assert_eq!(again.motion.landmarks().unwrap().displacements, anew);
 }

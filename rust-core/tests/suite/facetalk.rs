@@ -17,9 +17,10 @@ use anyface::{
     deform::CodeField,
     head::{Head, HeadOnMesh, HeadOptions, HeadSurface, MadeHead, Reach, ScanFit},
     mesh::{FaceOptions, LandmarkSource, Mesh, Similarity},
-    motion::{LandmarkClip, Motion, WeightClip},
+    motion::{CodeClip, LandmarkClip, Motion, WeightClip},
     output::write_surface_frames,
     progress::{Progress, SILENT},
+    rig::ShapeSource,
     spread::Collector,
 };
 use ndarray::{Array2, Array3, s};
@@ -286,10 +287,18 @@ fn moving_landmarks() -> LandmarkClip {
     ENGINE.landmarks_of(&Motion::Weights(clip)).unwrap()
 }
 
+/// Codes that follow landmarks.
+fn codes_of(clip: &LandmarkClip) -> CodeClip {
+    match ENGINE.follow(clip, &Controls::default(), SILENT).unwrap() {
+        Motion::Codes(codes) => codes,
+        other => panic!("expected codes, got {}", other.kind()),
+    }
+}
+
 #[test]
 fn landmarks_lead_the_head_as_speech_does() {
     let clip = moving_landmarks();
-    let made = ENGINE.codes_of(&clip, SILENT).unwrap();
+    let made = codes_of(&clip);
     assert_eq!(made.landmarks, clip);
     let mean = HEAD.one(HEAD.identity_code(&[0.0; 100]).unwrap()).unwrap();
     let marks = mean.mover(mean.landmarks());
@@ -307,7 +316,7 @@ fn landmarks_lead_the_head_as_speech_does() {
     assert!(way > 1.0 && off < 0.25 * way, "{off} of {way} m");
 
     // At twice the rate the same codes come, and every other frame is one of these.
-    let fast = ENGINE.codes_of(&clip.at_rate(50.0, 100), SILENT).unwrap();
+    let fast = codes_of(&clip.at_rate(50.0, 100));
     assert_eq!(fast.codes.nrows(), 100);
     let apart = (&fast.codes.slice(s![..;2, ..]) - &made.codes).mapv(f32::abs);
     assert!(apart.iter().all(|x| *x < 1e-3));
@@ -317,15 +326,19 @@ fn landmarks_lead_the_head_as_speech_does() {
 fn vertices_follow_the_field_under_landmarks_of_another_system() {
     let (made, _) = own_head(6);
     let clip = moving_landmarks();
-    let shown = |field: f32, motion: &Motion| {
-        let face = prepared(&made.mesh, &made, field);
-        let clip = Collector::collect(|sink| ENGINE.spread(&face, motion, sink, SILENT)).unwrap();
+    let shown = |face: &Face, motion: &Motion| {
+        let clip = Collector::collect(|sink| ENGINE.spread(face, motion, sink, SILENT)).unwrap();
         clip.vertices.displacements
     };
-    let codes = ENGINE.codes_of(&clip, SILENT).unwrap();
-    let by_landmarks = Motion::Landmarks(clip);
-    let both = [1.0, 0.0].map(|field| shown(field, &by_landmarks));
-    assert_eq!(both[0], shown(1.0, &Motion::Codes(codes)));
+    let both = [1.0, 0.0].map(|field| {
+        let face = prepared(&made.mesh, &made, field);
+        let followed = ENGINE.follow(&clip, &face.options.controls, SILENT);
+        shown(&face, &followed.unwrap())
+    });
+    let with_field = prepared(&made.mesh, &made, 1.0);
+    assert_eq!(both[0], shown(&with_field, &Motion::Codes(codes_of(&clip))));
+    // Landmarks that nothing follows move vertices as landmarks, whatever the system.
+    assert_eq!(both[1], shown(&with_field, &Motion::Landmarks(clip)));
     let apart = (&both[0] - &both[1])
         .iter()
         .fold(0.0f32, |most, x| most.max(x.abs()));
@@ -436,7 +449,8 @@ fn frames_of_a_surface_appear_whole_or_not_at_all_and_harm_no_other_file() {
 fn shapes_by_the_field_are_those_of_its_codes_and_bend_in_between() {
     let (made, coefficients) = own_head(5);
     let face = prepared(&made.mesh, &made, 1.0);
-    let rig = ENGINE.rig_by_field(&face, true, SILENT).unwrap();
+    let by_field = ShapeSource::Field { in_betweens: true };
+    let rig = ENGINE.rig(&face, by_field, SILENT).unwrap();
     assert_eq!(rig.names.len(), 2 * 52 + 15);
     let shape = |name: &str| {
         let row = rig.names.iter().position(|known| known == name).unwrap();
@@ -472,7 +486,7 @@ fn shapes_by_the_field_are_those_of_its_codes_and_bend_in_between() {
     // What mouthClose adds to an open jaw lifts the lower lip.
     let lip = made.landmarks.vertices[57] as usize;
     assert!(shape("mouthClose")[[lip, 1]] > 0.005);
-    let linear = ENGINE.rig(&face, SILENT).unwrap();
+    let linear = ENGINE.rig(&face, ShapeSource::Network, SILENT).unwrap();
     let row = linear.names.iter().position(|known| known == "tongueOut");
     let expected = linear.deltas.index_axis(ndarray::Axis(0), row.unwrap());
     assert_eq!(shape("tongueOut"), expected);
@@ -491,7 +505,8 @@ fn shapes_by_the_field_are_those_of_its_codes_and_bend_in_between() {
     let mut broad = made.mesh.clone();
     broad.positions.iter_mut().for_each(|p| p[0] *= 3.0);
     let face = prepared(&broad, &made, 1.0);
-    let refused = ENGINE.rig_by_field(&face, false, SILENT).unwrap_err();
+    let by_field = ShapeSource::Field { in_betweens: false };
+    let refused = ENGINE.rig(&face, by_field, SILENT).unwrap_err();
     assert!(
         refused.to_string().contains("a head of the model is like"),
         "{refused}"

@@ -4,6 +4,7 @@ use anyface::{
     Face,
     mesh::{FaceOptions, KnownLandmark, LandmarkSource},
     progress::SILENT,
+    rig::ShapeSource,
 };
 
 use crate::head::{self, LIDS, closing, mm};
@@ -49,7 +50,9 @@ fn an_eye_that_was_not_found_does_not_blink() {
         right > 3.0 && left < 0.3,
         "right {right:.2} mm, left {left:.2} mm"
     );
-    let rig = head::engine().rig(&face, SILENT).unwrap();
+    let rig = head::engine()
+        .rig(&face, ShapeSource::Network, SILENT)
+        .unwrap();
     let present = |name: &str| rig.reports.iter().any(|r| r.name == name && r.present);
     assert!(present("eyeBlinkRight") && !present("eyeBlinkLeft"));
 }

@@ -6,7 +6,7 @@ use anyface::{
     CachePolicy, Engine, EngineOptions, Face,
     mesh::{FaceOptions, LandmarkSource, Mesh, PartChoices},
     progress::SILENT,
-    spread::{Collector, FrameSink},
+    spread::{Collector, FrameSink, Movement},
 };
 use ndarray::Array3;
 
@@ -50,7 +50,11 @@ pub fn prepared(mesh: &Mesh, landmarks: &[[f32; 3]], parts: PartChoices) -> Face
 /// Displacements of one frame, `[V]`.
 pub fn moved(face: &Face, motion: &[[f32; 3]]) -> Points {
     let motion = Array3::from_shape_fn((1, 68, 3), |(_, n, i)| motion[n][i]);
-    let moved = |sink: &mut dyn FrameSink| ENGINE.spread_own(face, motion, 30.0, sink, SILENT);
+    let motion = Movement::Own {
+        landmarks: motion,
+        fps: 30.0,
+    };
+    let moved = |sink: &mut dyn FrameSink| ENGINE.spread(face, motion, sink, SILENT);
     let frame = Collector::collect(moved).unwrap().vertices.displacements;
     let rows = frame.index_axis(ndarray::Axis(0), 0);
     rows.outer_iter().map(|p| [p[0], p[1], p[2]]).collect()

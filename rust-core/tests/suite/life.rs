@@ -57,7 +57,7 @@ fn no_strength_is_stillness_and_leaves_every_landmark() {
         emotion: EmotionCurve::Off,
         ..MotionRequest::default()
     };
-    let speech_alone = engine.perform_again(&looking, &off).unwrap();
+    let speech_alone = looking.again(&engine, &off).unwrap();
     assert_eq!(speech_alone.life, Life::still(60));
 }
 
@@ -72,7 +72,7 @@ fn strengths_that_change_scale_the_tracks_where_they_stand() {
     let keys = vec![(0.5, 0.0), (1.5, 2.0)];
     let curve = ControlCurve { value: 1.0, keys };
     request.controls.set_curve("head_motion", curve);
-    let keyed = engine.perform_again(&whole, &request).unwrap();
+    let keyed = whole.again(&engine, &request).unwrap();
     for (t, factor) in [(0, 0.0), (15, 0.0), (30, 1.0), (45, 2.0), (59, 2.0)] {
         let wanted = whole.life.head.row(t).mapv(|x| factor * x);
         assert_eq!(keyed.life.head.row(t), wanted, "frame {t}");

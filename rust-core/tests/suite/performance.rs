@@ -12,6 +12,7 @@ use anyface::{
     mesh::PartChoices,
     motion::{Motion, PerformanceControls},
     progress::SILENT,
+    rig::ShapeSource,
 };
 use ndarray::Axis;
 use safetensors::{SafeTensors, tensor::TensorView};
@@ -43,7 +44,7 @@ fn controls_need_no_new_sampling() {
         blinks_per_minute: 60.0,
         ..PerformanceControls::default()
     });
-    let again = engine.perform_again(&plain, &strong).unwrap();
+    let again = plain.again(&engine, &strong).unwrap();
     assert_eq!(run(&strong).motion, again.motion);
     assert_ne!(again.motion, plain.motion);
 }
@@ -123,7 +124,11 @@ fn shapes_come_from_the_models_of_the_engine() {
     .unwrap();
     let (mesh, landmarks) = (crate::head::head(), crate::head::landmarks());
     let face = crate::head::prepared(&mesh, &landmarks, PartChoices::default());
-    let refused = engine.rig(&face, SILENT).err().unwrap().to_string();
+    let refused = engine
+        .rig(&face, ShapeSource::Network, SILENT)
+        .err()
+        .unwrap()
+        .to_string();
     assert!(refused.contains("rig/model.safetensors"), "{refused}");
 }
 

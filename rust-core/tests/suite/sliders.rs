@@ -69,10 +69,10 @@ impl Take {
     }
 
     fn changes(&self) -> Vec<SliderChange> {
-        let take = (&self.performance, &self.clip, &self.basis);
+        let take = (&self.face, &self.clip, &self.basis);
         let found = self
-            .engine
-            .slider_changes(&self.face, take.0, take.1, take.2, SILENT);
+            .performance
+            .slider_changes(&self.engine, take.0, take.1, take.2, SILENT);
         found.unwrap()
     }
 
@@ -113,7 +113,7 @@ fn a_variation_is_the_run_that_it_stands_for() {
     let performance = engine.perform(&voice(), &asked, SILENT).unwrap();
     let run = |request: &MotionRequest| engine.perform(&voice(), request, SILENT).unwrap().motion;
     assert_eq!(performance.motion, run(&asked));
-    let vary = |of: &Performance, slider, position| engine.varied(of, slider, position, SILENT);
+    let vary = |of: &Performance, slider, position| of.varied(&engine, slider, position, SILENT);
     for (slider, position) in [(Slider::Articulation, 1.3), (Slider::Blinks, 0.0)] {
         let mut wanted = asked.clone();
         match slider {
@@ -153,8 +153,8 @@ fn sliders_come_near_to_new_runs() {
         (Slider::Blinks, 0.0, 0.03, 0.5),
     ] {
         let truth = take
-            .engine
-            .varied(&take.performance, slider, position, SILENT)
+            .performance
+            .varied(&take.engine, slider, position, SILENT)
             .unwrap();
         let still = take.distance(&Array2::zeros(take.basis.weights.dim()), &truth);
         let found = take.distance(&of(&changes, slider).at(position), &truth);
@@ -192,8 +192,8 @@ fn sliders_of_weights_come_near_to_new_runs() {
         (Slider::Blinks, 0.0, 0.02, 0.3),
     ] {
         let truth = take
-            .engine
-            .varied(&take.performance, slider, position, SILENT)
+            .performance
+            .varied(&take.engine, slider, position, SILENT)
             .unwrap();
         let still = take.distance(&Array2::zeros(take.basis.weights.dim()), &truth);
         let found = take.distance(&of(&changes, slider).at(position), &truth);
@@ -211,8 +211,8 @@ fn emotion_and_blinks_go_together() {
     let changes = take.changes();
     let both = Slider::EmotionAndBlinks;
     let truth = take
-        .engine
-        .varied(&take.performance, both, 0.0, SILENT)
+        .performance
+        .varied(&take.engine, both, 0.0, SILENT)
         .unwrap();
     let each = of(&changes, Slider::Emotion).at(0.0) + of(&changes, Slider::Blinks).at(0.0);
     let together = of(&changes, both);
@@ -266,8 +266,8 @@ fn blinks_change_the_frames_in_which_eyes_blink() {
     let take = Take::new(&request("neutral:0"));
     let changes = take.changes();
     let open = take
-        .engine
-        .varied(&take.performance, Slider::Blinks, 0.0, SILENT)
+        .performance
+        .varied(&take.engine, Slider::Blinks, 0.0, SILENT)
         .unwrap();
     let change = of(&changes, Slider::Blinks).at(0.0);
     let mut blinking = 0;
@@ -304,7 +304,7 @@ fn sliders_stop_where_their_controls_do() {
     asked.controls.set("articulation", 1.6);
     let engine = head::engine();
     let performance = engine.perform(&voice(), &asked, SILENT).unwrap();
-    let knots = |slider| engine.knots(&performance, slider);
+    let knots = |slider| performance.knots(&engine, slider);
     assert_eq!(knots(Slider::Articulation), [0.0, 1.25]);
     assert_eq!(knots(Slider::Emotion), [0.0, 0.5, 1.25]);
 }
@@ -382,13 +382,13 @@ fn a_clip_of_another_length_and_a_cancelled_job_are_errors() {
         fps: take.clip.fps,
     };
     let (engine, face, performance) = (&take.engine, &take.face, &take.performance);
-    let wrong = engine.slider_changes(face, performance, &shorter, &take.basis, SILENT);
+    let wrong = performance.slider_changes(engine, face, &shorter, &take.basis, SILENT);
     let message = wrong.unwrap_err().to_string();
     assert!(
         message.contains("120") && message.contains("60"),
         "{message}"
     );
     let stop = |p: anyface::progress::Progress| p.stage != "sliders";
-    let stopped = engine.slider_changes(face, performance, &take.clip, &take.basis, &stop);
+    let stopped = performance.slider_changes(engine, face, &take.clip, &take.basis, &stop);
     assert!(matches!(stopped, Err(anyface::Error::Cancelled)));
 }

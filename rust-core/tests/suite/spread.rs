@@ -3,8 +3,9 @@
 use anyface::{
     Error, Face, Result,
     mesh::PartChoices,
-    motion::{LandmarkClip, Motion, TemplateClip, WeightClip},
+    motion::{LandmarkClip, Motion, WeightClip},
     progress::SILENT,
+    rig::ShapeSource,
     spread::{ClipStart, Collector, FrameSink, LandmarkTrack},
 };
 use ndarray::{Array2, Array3, Axis, Slice, array};
@@ -39,7 +40,7 @@ fn weights_move_a_mesh_by_its_own_shapes() {
         together: vec![],
     });
     let made = Collector::collect(|sink| engine.spread(&face, &motion, sink, SILENT)).unwrap();
-    let rig = engine.rig(&face, SILENT).unwrap();
+    let rig = engine.rig(&face, ShapeSource::Network, SILENT).unwrap();
     let shape = |name: &str| {
         let number = rig.names.iter().position(|known| known == name).unwrap();
         rig.deltas.index_axis(Axis(0), number)
@@ -63,22 +64,6 @@ fn weights_move_a_mesh_by_its_own_shapes() {
     assert!(read_off[[8, 1]] < -0.01);
 }
 
-#[test]
-fn kinds_that_nothing_puts_on_a_mesh_are_refused_by_name() {
-    let (engine, face) = (head::engine(), face());
-    let template = Motion::Template(TemplateClip {
-        template: "mask".into(),
-        displacements: Array3::zeros((2, 9, 3)),
-        fps: 25.0,
-    });
-    let refused = engine.spread(&face, &template, &mut Collector::default(), SILENT);
-    let message = refused.unwrap_err().to_string();
-    assert!(
-        message.contains(&format!("got {}", template.kind())),
-        "{message}"
-    );
-}
-
 /// Takes five frames at a time, up to a number of blocks.
 struct Small {
     blocks: Vec<Array3<f32>>,
@@ -88,7 +73,7 @@ struct Small {
 
 impl FrameSink for Small {
     fn begin(&mut self, start: &ClipStart<'_>) -> Result<()> {
-        assert_eq!((start.frames, start.is_brought), (23, false));
+        assert_eq!(start.frames, 23);
         Ok(())
     }
 

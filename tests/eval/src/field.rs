@@ -20,8 +20,8 @@ use anyface::{
     head::{Head, HeadOnMesh, Reach},
     mesh::{FaceOptions, LandmarkSource, Mesh},
     progress::SILENT,
-    rig::Rig,
-    spread::{Collector, FrameSink},
+    rig::{Rig, ShapeSource},
+    spread::{Collector, FrameSink, Movement},
 };
 
 const MM_PER_CM: f32 = 10.0;
@@ -152,8 +152,8 @@ impl Field {
         let mut sums = vec![[[0.0f64; 3]; 2]; channels.len()];
         for number in 0..self.heads {
             let face = ict.face(engine, &Head::random(UNSEEN_SEED + number))?;
-            let network = engine.rig(&face, SILENT)?;
-            let field = engine.rig_by_field(&face, true, SILENT)?;
+            let network = engine.rig(&face, ShapeSource::Network, SILENT)?;
+            let field = engine.rig(&face, ShapeSource::Field { in_betweens: true }, SILENT)?;
             for (channel, sums) in channels.iter().zip(&mut sums) {
                 let row = |name: &String| f32::from(u8::from(name == channel));
                 let weights =
@@ -252,7 +252,17 @@ pub(super) fn spoken(data: &Path, channels: &[String]) -> Result<Array2<f32>> {
 
 /// Landmark motion `[T, 68, 3]` of the mesh's own through the decoder.
 pub(super) fn spread(engine: &Engine, face: &Face, landmarks: Array3<f32>) -> Result<Array3<f32>> {
-    let into = |sink: &mut dyn FrameSink| engine.spread_own(face, landmarks, 1.0, sink, SILENT);
+    let into = |sink: &mut dyn FrameSink| {
+        engine.spread(
+            face,
+            Movement::Own {
+                landmarks,
+                fps: 1.0,
+            },
+            sink,
+            SILENT,
+        )
+    };
     Ok(Collector::collect(into)?.vertices.displacements)
 }
 

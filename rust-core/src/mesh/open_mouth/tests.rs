@@ -7,7 +7,7 @@ use crate::{
     CachePolicy, Engine, EngineOptions, Error,
     mesh::{FaceOptions, LandmarkSource, locate_landmarks, parts::weld_seams},
     progress::SILENT,
-    spread::Collector,
+    spread::{Collector, Movement},
 };
 
 /// Half the width, and lowest and highest place of what is drawn of the default head, metres.
@@ -403,7 +403,17 @@ fn moved(mesh: &Mesh, landmarks: &[[f32; 3]]) -> Vec<[f32; 3]> {
     };
     let engine = engine.unwrap();
     let face = engine.prepare(mesh, &options, SILENT).unwrap();
-    let clip = Collector::collect(|sink| engine.spread_own(&face, wide_open(), 30.0, sink, SILENT));
+    let clip = Collector::collect(|sink| {
+        engine.spread(
+            &face,
+            Movement::Own {
+                landmarks: wide_open(),
+                fps: 30.0,
+            },
+            sink,
+            SILENT,
+        )
+    });
     let made = clip.unwrap().vertices.displacements;
     made.as_slice().unwrap().as_chunks::<3>().0.to_vec()
 }

@@ -13,13 +13,13 @@ use crate::{
     deform::LEARNED,
     models::BuiltIn,
     motion::{
-        FaceModes, LipClosures, LipGaps, LowerLip, Motion, PerformanceControls, WeightClip,
+        FaceModes, LipGaps, LowerLip, Motion, MotionKind, PerformanceControls, WeightClip,
         WeightCues, control_named,
     },
     nn::Weights,
     progress::ProgressFn,
-    speech::{Heard, PhoneModel, SpeechInput},
-    systems::{Registration, Slider, System, Windows},
+    speech::{Heard, PhoneModel},
+    systems::{Ability, Description, Registration, Sampled, Slider, System},
 };
 
 /// Built-in weights of the denoiser.
@@ -88,10 +88,8 @@ pub static REGISTRATION: Registration = Registration {
            mesh.",
     models: &[&MODEL],
     controls: &[PERFORMANCE, OWN_CONTROLS],
-    takes_events: true,
-    takes_words: true,
-    hears_feeling: false,
-    starts_from_pose: false,
+    motion: MotionKind::Weights,
+    abilities: &[Ability::Events, Ability::Words],
     sliders: &Slider::ALL,
     open: |folder| Ok(Box::new(CafeTalk::open(folder)?)),
 };
@@ -160,12 +158,15 @@ impl CafeTalk {
 }
 
 impl System for CafeTalk {
-    fn speech(&self) -> Option<&SpeechInput> {
-        Some(&self.config().speech)
-    }
-
-    fn moves_by_shapes(&self) -> bool {
-        true
+    fn description(&self) -> Description<'_> {
+        let config = self.config();
+        Description {
+            speech: Some(&config.speech),
+            phones: Some(&self.phones),
+            styles: &config.styles,
+            windows: Some(config.windows()),
+            ..Description::default()
+        }
     }
 
     fn sample(
@@ -173,7 +174,7 @@ impl System for CafeTalk {
         heard: &Heard,
         request: &MotionRequest,
         progress: ProgressFn<'_>,
-    ) -> Result<Motion> {
+    ) -> Result<Sampled> {
         let fps = self.config().fps;
         let speech = heard.features(fps);
         let affect = request.emotion.sample(speech.nrows(), fps);
@@ -210,7 +211,7 @@ impl System for CafeTalk {
             together: Vec::new(),
         };
         let frames = heard.frames(request.fps);
-        Ok(Motion::Weights(clip.at_rate(request.fps, frames)))
+        Ok(Motion::Weights(clip.at_rate(request.fps, frames)).into())
     }
 
     fn perform(
@@ -234,17 +235,5 @@ impl System for CafeTalk {
         let mut performed = clip.perform(&self.modes, &cues, &controls)?;
         self.make_contacts(&mut performed, heard, request);
         Ok(Motion::Weights(performed))
-    }
-
-    fn closures(&self, heard: &Heard, given: Option<&[[f64; 2]]>) -> LipClosures {
-        heard.contacts_with(&self.phones, given).0
-    }
-
-    fn styles(&self) -> &[String] {
-        &self.config().styles
-    }
-
-    fn windows(&self) -> Option<Windows> {
-        Some(self.config().windows())
     }
 }

@@ -17,19 +17,19 @@ use crate::{
         Control, ControlStage, ControlValues, Controls, EMOTIONS, EmotionCurve, MotionRequest,
         style_number,
     },
-    deform::{CodeField, LEARNED},
+    deform::{CodeField, CodeSpace, Field, LEARNED},
     face::Face,
     ibug::LANDMARKS,
     models::BuiltIn,
     motion::{
-        self, CodeClip, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, MotionStream,
-        PERFORMANCE_CONTROLS, Performer, Template, TemplateMask,
+        self, CodeClip, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, MotionKind,
+        MotionStream, PERFORMANCE_CONTROLS, Performer, Template, TemplateMask,
     },
     nn::Weights,
     progress::{ProgressFn, report},
-    speech::{self, COMPACT_MODEL, CausalModel, Heard, SpeechInput},
+    speech::{self, COMPACT_MODEL, CausalModel, Heard},
     spread::TemplateOnFace,
-    systems::{Registration, Slider, System},
+    systems::{Ability, Description, FeelingMask, Registration, Sampled, Slider, System},
 };
 
 /// Built-in weights.
@@ -92,6 +92,32 @@ static TEMPLATE: Control = Control {
 
 static OWN_CONTROLS: &[Control] = &[FEELING_FROM, LEVEL, LAYER, LEARNED, TEMPLATE];
 
+/// What the codes of the branches move.
+struct TemplateSpace {
+    model: Arc<Model>,
+    template: Option<Arc<Template>>,
+}
+
+impl CodeSpace for TemplateSpace {
+    fn name(&self) -> &'static str {
+        REGISTRATION.name
+    }
+
+    fn field(&self, face: &Face, _: &Cache, _: ProgressFn<'_>) -> Result<Option<Field>> {
+        let share = TEMPLATE.value(&face.options.controls);
+        let Some(template) = self.template.as_ref().filter(|_| share > 0.0) else {
+            return Ok(None);
+        };
+        let make = || {
+            let on_face = TemplateOnFace::new(face, template, share)?;
+            let model = Arc::clone(&self.model);
+            let field: Arc<dyn CodeField> = Arc::new(TemplateField { model, on_face });
+            Ok(Ok(field))
+        };
+        face.field(self.name(), make).map(Some)
+    }
+}
+
 /// What codes of the branches say of the vertices of a face.
 struct TemplateField {
     model: Arc<Model>,
@@ -107,6 +133,31 @@ impl CodeField for TemplateField {
     fn beyond(&self, codes: ArrayView2<'_, f32>, base: &Array3<f32>) -> Result<Array3<f32>> {
         let motion = self.model.motion_of(codes)?;
         Ok(self.on_face.beyond(motion.view(), base))
+    }
+}
+
+/// What the branches heard in one performance, of which they say how far feeling is believed.
+struct Branches {
+    space: Arc<TemplateSpace>,
+    content: Array2<f32>,
+    feeling: Array2<f32>,
+    fps: f64,
+}
+
+impl FeelingMask for Branches {
+    fn shares(&self) -> Result<TemplateMask> {
+        let template = self.space.template.as_ref().ok_or_else(|| {
+            Error::Weights(
+                "emoface: mask: expected a model with the triangles of its template, got none"
+                    .into(),
+            )
+        })?;
+        let (content, feeling) = (self.content.view(), self.feeling.view());
+        Ok(TemplateMask {
+            template: Arc::clone(template),
+            shares: self.space.model.masks(content, feeling),
+            fps: self.fps,
+        })
     }
 }
 
@@ -129,18 +180,15 @@ pub static REGISTRATION: Registration = Registration {
            together.",
     models: &[&MODEL, &CAUSAL_MODEL],
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
-    takes_events: false,
-    takes_words: false,
-    hears_feeling: true,
-    starts_from_pose: true,
+    motion: MotionKind::Codes,
+    abilities: &[Ability::Feeling, Ability::FirstPose],
     sliders: &Slider::ALL,
     open: |folder| Ok(Box::new(EmoFace::open(folder)?)),
 };
 
 /// Both branches with everything that makes a performance of their motion.
 pub struct EmoFace {
-    model: Arc<Model>,
-    template: Option<Arc<Template>>,
+    space: Arc<TemplateSpace>,
     feels: Feels,
     /// None for a model that hears content or feeling through another encoder than the built-in one: that has no causal
     /// twin.
@@ -163,8 +211,7 @@ impl EmoFace {
         let model = Arc::new(Model::new(config, &weights)?);
         let live = live_parts(folder, &model, &feels)?.map(Arc::new);
         Ok(EmoFace {
-            template,
-            model,
+            space: Arc::new(TemplateSpace { model, template }),
             feels,
             live,
             modes: Arc::new(FaceModes::open(folder)?),
@@ -172,8 +219,12 @@ impl EmoFace {
         })
     }
 
+    fn model(&self) -> &Model {
+        &self.space.model
+    }
+
     fn config(&self) -> &EmoFaceConfig {
-        self.model.config()
+        self.model().config()
     }
 
     /// What the emotion branch hears in each frame, `[T, E]`, and the level there, `[T]`.
@@ -202,7 +253,7 @@ impl EmoFace {
         let mut levels = vec![0.0; frames];
         for (t, told) in affect.outer_iter().enumerate() {
             let (shares, strength) = (told.to_vec(), told[EMOTIONS.len()]);
-            let felt = prototype(&self.model, &shares[..EMOTIONS.len()])?;
+            let felt = prototype(self.model(), &shares[..EMOTIONS.len()])?;
             rows.row_mut(t).assign(&ArrayView1::from(&felt));
             levels[t] = level * strength;
         }
@@ -211,12 +262,14 @@ impl EmoFace {
 }
 
 impl System for EmoFace {
-    fn speech(&self) -> Option<&SpeechInput> {
-        Some(&self.config().speech)
-    }
-
-    fn hears_feeling_in_sound(&self) -> bool {
-        matches!(self.feels, Feels::Checkpoint(_))
+    fn description(&self) -> Description<'_> {
+        let config = self.config();
+        Description {
+            speech: Some(&config.speech),
+            keeps_sound: matches!(self.feels, Feels::Checkpoint(_)),
+            styles: &config.styles,
+            ..Description::default()
+        }
     }
 
     fn sample(
@@ -224,7 +277,7 @@ impl System for EmoFace {
         heard: &Heard,
         request: &MotionRequest,
         progress: ProgressFn<'_>,
-    ) -> Result<Motion> {
+    ) -> Result<Sampled> {
         let fps = self.config().fps;
         let content = heard.features(fps);
         let frames = content.nrows();
@@ -233,10 +286,10 @@ impl System for EmoFace {
         let asked = request.style.as_deref();
         let style = style_number(asked, &config.styles, &config.default_style)?;
         let layer = Layer::of(&request.controls);
-        let first = request.starts_from.map(|pose| self.model.pose_of(&pose));
-        let mut state = self.model.start(first.as_ref().map(|pose| pose.view()))?;
+        let first = request.starts_from.map(|pose| self.model().pose_of(&pose));
+        let mut state = self.model().start(first.as_ref().map(|pose| pose.view()))?;
         let mut displacements = Array3::zeros((frames, LANDMARKS, 3));
-        let mut codes = Array2::zeros((frames, self.model.code_size()));
+        let mut codes = Array2::zeros((frames, self.model().code_size()));
         for (t, mut frame) in displacements.outer_iter_mut().enumerate() {
             report(progress, "sample", t as f32 / frames as f32)?;
             let now = HeardFrame {
@@ -245,7 +298,7 @@ impl System for EmoFace {
                 style,
                 level: levels[t],
             };
-            let made = self.model.step(now, layer, &mut state);
+            let made = self.model().step(now, layer, &mut state);
             let moved = landmarks(self.config(), made.layer(layer));
             frame.assign(&ArrayView2::from(&moved));
             codes.row_mut(t).assign(&ArrayView1::from(&made.code));
@@ -254,35 +307,20 @@ impl System for EmoFace {
         let wanted = heard.frames(request.fps);
         let mut clip = LandmarkClip { displacements, fps }.at_rate(request.fps, wanted);
         motion::close_lips(&mut clip, &heard.closures(request.closures.as_deref()));
-        Ok(Motion::Codes(CodeClip {
-            head: REGISTRATION.name.into(),
-            codes: motion::at_rate(codes.view(), fps / request.fps, wanted),
-            landmarks: clip,
-        }))
-    }
-
-    fn copies_of_frames(&self) -> usize {
-        // What landmarks alone and the template make of them stand beside them.
-        3
-    }
-
-    fn field<'a>(
-        &self,
-        face: &'a Face,
-        _: &Cache,
-        _: ProgressFn<'_>,
-    ) -> Result<Option<&'a dyn CodeField>> {
-        let share = TEMPLATE.value(&face.options.controls);
-        let Some(template) = self.template.as_ref().filter(|_| share > 0.0) else {
-            return Ok(None);
-        };
-        let made = || {
-            let on_face = TemplateOnFace::new(face, template, share)?;
-            let model = Arc::clone(&self.model);
-            let field: Arc<dyn CodeField> = Arc::new(TemplateField { model, on_face });
-            Ok(Ok(field))
-        };
-        Ok(face.field(made)?.as_ref().ok().map(Arc::as_ref))
+        let space = Arc::clone(&self.space);
+        Ok(Sampled {
+            motion: Motion::Codes(CodeClip {
+                space: space.clone(),
+                codes: motion::at_rate(codes.view(), fps / request.fps, wanted),
+                landmarks: clip,
+            }),
+            mask: Some(Arc::new(Branches {
+                space,
+                content,
+                feeling,
+                fps,
+            })),
+        })
     }
 
     fn perform(
@@ -306,30 +344,9 @@ impl System for EmoFace {
         performer.perform(sampled, request, emotion, blink_emotion)
     }
 
-    fn believed(&self, heard: &Heard, request: &MotionRequest) -> Result<Option<TemplateMask>> {
-        let Some(template) = &self.template else {
-            return Err(Error::Weights(
-                "emoface: mask: expected a model with the triangles of its template, got none"
-                    .into(),
-            ));
-        };
-        let fps = self.config().fps;
-        let content = heard.features(fps);
-        let (feeling, _) = self.feeling(heard, request, content.nrows())?;
-        Ok(Some(TemplateMask {
-            template: Arc::clone(template),
-            shares: self.model.masks(content.view(), feeling.view()),
-            fps,
-        }))
-    }
-
     fn stream(&self) -> Option<Box<dyn MotionStream>> {
         let parts = Arc::clone(self.live.as_ref()?);
         Some(Box::new(EmoFaceStream::new(parts).ok()?))
-    }
-
-    fn styles(&self) -> &[String] {
-        &self.config().styles
     }
 }
 

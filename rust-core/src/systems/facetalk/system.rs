@@ -9,19 +9,19 @@ use crate::{
     Error, Result,
     cache::Cache,
     conditions::{Control, ControlStage, ControlValues, Controls, EmotionCurve, MotionRequest},
-    deform::{CodeField, LEARNED},
+    deform::{CodeField, CodeSpace, Field, LEARNED},
     diffusion::frame_noise,
     face::Face,
     head::{self, COEFFICIENTS, Head, HeadConfig, HeadOnMesh, Reach},
     ibug::LANDMARKS,
     motion::{
-        self, CodeClip, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion,
+        self, CodeClip, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, MotionKind,
         PERFORMANCE_CONTROLS, Performer,
     },
     nn::Weights,
     progress::ProgressFn,
-    speech::{Heard, SpeechInput, frames_of},
-    systems::{Registration, Slider, System},
+    speech::{Heard, frames_of},
+    systems::{Ability, Description, Registration, Sampled, Slider, System},
 };
 
 /// Denoising steps; 0 leaves them to the model.
@@ -101,10 +101,8 @@ pub static REGISTRATION: Registration = Registration {
     help: "Speech moves a head that is a field; its landmarks move the mesh.",
     models: &[],
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
-    takes_events: false,
-    takes_words: false,
-    hears_feeling: false,
-    starts_from_pose: false,
+    motion: MotionKind::Codes,
+    abilities: &[Ability::Head],
     sliders: &Slider::ALL,
     open: |folder| Ok(Box::new(FaceTalk::open(folder)?)),
 };
@@ -117,9 +115,38 @@ pub struct FaceTalk {
     denoiser: Denoiser,
     /// What landmarks lead instead of speech, the paper's conclusion; a user's model may lack it.
     by_landmarks: Option<Denoiser>,
-    head: Arc<Head>,
+    space: Arc<HeadSpace>,
     modes: Arc<FaceModes>,
     expressions: Arc<Expressions>,
+}
+
+/// The head that the codes move.
+struct HeadSpace {
+    head: Arc<Head>,
+}
+
+impl CodeSpace for HeadSpace {
+    fn name(&self) -> &'static str {
+        REGISTRATION.name
+    }
+
+    fn field(&self, face: &Face, cache: &Cache, progress: ProgressFn<'_>) -> Result<Option<Field>> {
+        let controls = &face.options.controls;
+        let reach = Reach {
+            share: FIELD.value(controls),
+            sigma_m: 0.01 * SIGMA.value(controls),
+        };
+        if reach.share == 0.0 {
+            return Ok(None);
+        }
+        let head = Arc::clone(&self.head);
+        // A face unlike any that was learned moves by its landmarks.
+        let make = || {
+            let field = HeadOnMesh::new(head, face, reach, cache, progress)?;
+            Ok(field.map(|field| Arc::new(field) as Arc<dyn CodeField>))
+        };
+        face.field(self.name(), make).map(Some)
+    }
 }
 
 impl FaceTalk {
@@ -149,7 +176,9 @@ impl FaceTalk {
         Ok(FaceTalk {
             denoiser: denoiser(config, "motion")?,
             by_landmarks: by_landmarks.transpose()?,
-            head: Arc::new(head),
+            space: Arc::new(HeadSpace {
+                head: Arc::new(head),
+            }),
             modes: Arc::new(FaceModes::open(folder)?),
             expressions: Arc::new(Expressions::open(folder)?),
         })
@@ -172,10 +201,10 @@ impl FaceTalk {
 
     /// How landmarks of the mean head move from rest under codes `[T, X]`, `[T, 68, 3]` metres.
     fn landmarks(&self, codes: ArrayView2<'_, f32>) -> Result<Array3<f32>> {
-        let z = self.head.identity_code(&[0.0; COEFFICIENTS])?;
-        let one = self.head.one(z)?;
+        let head = &self.space.head;
+        let one = head.one(head.identity_code(&[0.0; COEFFICIENTS])?)?;
         let places = one.mover(one.landmarks());
-        let rest = places.at(&self.head.rest_code())?;
+        let rest = places.at(&head.rest_code())?;
         let mut out = Array3::zeros((codes.nrows(), LANDMARKS, 3));
         for (code, mut frame) in codes.rows().into_iter().zip(out.outer_iter_mut()) {
             let moved = places.at(&code.to_vec())?;
@@ -198,11 +227,24 @@ impl FaceTalk {
         let sampling = self.sampling(&request.controls);
         self.denoiser.sample(noise, speech, &sampling, progress)
     }
+
+    fn motion(&self, codes: Array2<f32>, landmarks: LandmarkClip) -> Motion {
+        let space = Arc::clone(&self.space) as Arc<dyn CodeSpace>;
+        Motion::Codes(CodeClip {
+            space,
+            codes,
+            landmarks,
+        })
+    }
 }
 
 impl System for FaceTalk {
-    fn speech(&self) -> Option<&SpeechInput> {
-        Some(&self.config().speech)
+    fn description(&self) -> Description<'_> {
+        Description {
+            speech: Some(&self.config().speech),
+            emotion: EmotionOrigin::Added,
+            ..Description::default()
+        }
     }
 
     fn sample(
@@ -210,7 +252,7 @@ impl System for FaceTalk {
         heard: &Heard,
         request: &MotionRequest,
         progress: ProgressFn<'_>,
-    ) -> Result<Motion> {
+    ) -> Result<Sampled> {
         if let Some(style) = &request.style {
             return Err(Error::InvalidInput(format!(
                 "style: expected none, which is all that facetalk knows, got {style:?}"
@@ -223,16 +265,21 @@ impl System for FaceTalk {
         let codes = motion::at_rate(codes.view(), fps / request.fps, frames);
         let mut landmarks = LandmarkClip { displacements, fps }.at_rate(request.fps, frames);
         motion::close_lips(&mut landmarks, &heard.closures(request.closures.as_deref()));
-        Ok(Motion::Codes(CodeClip {
-            head: REGISTRATION.name.into(),
-            codes,
-            landmarks,
-        }))
+        Ok(self.motion(codes, landmarks).into())
     }
 
-    fn codes_of(&self, clip: &LandmarkClip, progress: ProgressFn<'_>) -> Result<Option<CodeClip>> {
-        let Some(denoiser) = &self.by_landmarks else {
-            return Ok(None);
+    fn follow(
+        &self,
+        clip: &LandmarkClip,
+        controls: &Controls,
+        progress: ProgressFn<'_>,
+    ) -> Result<Motion> {
+        let Some(denoiser) = self
+            .by_landmarks
+            .as_ref()
+            .filter(|_| FIELD.value(controls) > 0.0)
+        else {
+            return Ok(Motion::Landmarks(clip.clone()));
         };
         let (config, frames) = (denoiser.config(), clip.displacements.dim().0);
         let duration_s = frames as f64 / clip.fps;
@@ -243,47 +290,8 @@ impl System for FaceTalk {
         let noise = frame_noise(0, 0, rows, config.codes);
         let told = told.expect("three numbers to a landmark");
         let codes = denoiser.sample(noise, told.view(), &config.sampling, progress)?;
-        Ok(Some(CodeClip {
-            head: REGISTRATION.name.into(),
-            codes: motion::at_rate(codes.view(), config.fps / clip.fps, frames),
-            landmarks: clip.clone(),
-        }))
-    }
-
-    fn samples_emotion(&self) -> bool {
-        false
-    }
-
-    fn copies_of_frames(&self) -> usize {
-        // What the mean head and the field make of them stand beside them.
-        3
-    }
-
-    fn head(&self) -> Option<&Arc<Head>> {
-        Some(&self.head)
-    }
-
-    fn field<'a>(
-        &self,
-        face: &'a Face,
-        cache: &Cache,
-        progress: ProgressFn<'_>,
-    ) -> Result<Option<&'a dyn CodeField>> {
-        let controls = &face.options.controls;
-        let reach = Reach {
-            share: FIELD.value(controls),
-            sigma_m: 0.01 * SIGMA.value(controls),
-        };
-        if reach.share == 0.0 {
-            return Ok(None);
-        }
-        let head = Arc::clone(&self.head);
-        // A face unlike any that was learned moves by its landmarks.
-        let made = || {
-            let field = HeadOnMesh::new(head, face, reach, cache, progress)?;
-            Ok(field.map(|field| Arc::new(field) as Arc<dyn CodeField>))
-        };
-        Ok(face.field(made)?.as_ref().ok().map(Arc::as_ref))
+        let codes = motion::at_rate(codes.view(), config.fps / clip.fps, frames);
+        Ok(self.motion(codes, clip.clone()))
     }
 
     fn perform(

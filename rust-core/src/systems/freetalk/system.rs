@@ -15,16 +15,16 @@ use crate::{
     Result,
     cache::Cache,
     conditions::{Control, ControlStage, ControlValues, Controls, EmotionCurve, MotionRequest},
-    deform::{Deformer, LEARNED},
+    deform::{Decoder, Deformer, LEARNED},
     face::Face,
     models::BuiltIn,
     motion::{
         self, CausalExpression, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion,
-        MotionStream, PERFORMANCE_CONTROLS, Performer,
+        MotionKind, MotionStream, PERFORMANCE_CONTROLS, Performer,
     },
     progress::ProgressFn,
-    speech::{CausalModel, Heard, SpeechInput},
-    systems::{Registration, Slider, System, Windows},
+    speech::{CausalModel, Heard},
+    systems::{Description, Registration, Sampled, Slider, System},
 };
 
 /// Built-in weights of the denoiser.
@@ -69,10 +69,8 @@ pub static REGISTRATION: Registration = Registration {
     help: "Speech, emotion and intensity move 68 landmarks, which move the mesh.",
     models: &[&ATS_MODEL, &STREAM_MODEL, &PAPER_MODEL],
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
-    takes_events: false,
-    takes_words: false,
-    hears_feeling: false,
-    starts_from_pose: false,
+    motion: MotionKind::Landmarks,
+    abilities: &[],
     sliders: &Slider::ALL,
     open: |folder| Ok(Box::new(FreeTalk::open(folder)?)),
 };
@@ -118,8 +116,15 @@ impl FreeTalk {
 }
 
 impl System for FreeTalk {
-    fn speech(&self) -> Option<&SpeechInput> {
-        Some(&self.ats.config().speech)
+    fn description(&self) -> Description<'_> {
+        let config = self.ats.config();
+        Description {
+            speech: Some(&config.speech),
+            emotion: config.emotion,
+            styles: &config.styles,
+            windows: Some(config.windows()),
+            ..Description::default()
+        }
     }
 
     fn sample(
@@ -127,7 +132,7 @@ impl System for FreeTalk {
         heard: &Heard,
         request: &MotionRequest,
         progress: ProgressFn<'_>,
-    ) -> Result<Motion> {
+    ) -> Result<Sampled> {
         let fps = self.ats.config().fps;
         let features = heard.features(fps);
         let asked = match self.ats.config().emotion {
@@ -153,7 +158,7 @@ impl System for FreeTalk {
         if closes || request.closures.is_some() {
             motion::close_lips(&mut clip, &heard.closures(request.closures.as_deref()));
         }
-        Ok(Motion::Landmarks(clip))
+        Ok(Motion::Landmarks(clip).into())
     }
 
     fn perform(
@@ -172,25 +177,8 @@ impl System for FreeTalk {
         performer.perform(sampled, request, &request.emotion, blink_emotion)
     }
 
-    fn samples_emotion(&self) -> bool {
-        self.ats.config().emotion == EmotionOrigin::Learned
-    }
-
-    fn works_on_every_vertex(&self, controls: &Controls) -> bool {
-        DECODER.value(controls) != DECODER.default
-    }
-
-    fn deformer(
-        &self,
-        face: &Face,
-        cache: &Cache,
-        progress: ProgressFn<'_>,
-    ) -> Result<Option<Arc<dyn Deformer>>> {
-        if !self.works_on_every_vertex(&face.options.controls) {
-            return Ok(None);
-        }
-        let made = stm::prepare_paper(self.paper()?, face, cache, progress)?;
-        Ok(Some(Arc::new(made)))
+    fn decoder(&self, controls: &Controls) -> Option<&dyn Decoder> {
+        (DECODER.value(controls) != DECODER.default).then_some(self)
     }
 
     fn stream(&self) -> Option<Box<dyn MotionStream>> {
@@ -201,12 +189,16 @@ impl System for FreeTalk {
             expression,
         )))
     }
+}
 
-    fn styles(&self) -> &[String] {
-        &self.ats.config().styles
-    }
-
-    fn windows(&self) -> Option<Windows> {
-        Some(self.ats.config().windows())
+impl Decoder for FreeTalk {
+    fn prepare(
+        &self,
+        face: &Face,
+        cache: &Cache,
+        progress: ProgressFn<'_>,
+    ) -> Result<Arc<dyn Deformer>> {
+        let made = stm::prepare_paper(self.paper()?, face, cache, progress)?;
+        Ok(Arc::new(made))
     }
 }

@@ -7,7 +7,12 @@ use super::{
     subjects::Subject,
 };
 use crate::pictures::raster::Picture;
-use anyface::{Engine, Face, Result, mesh::Mesh, progress::SILENT, spread::Collector};
+use anyface::{
+    Engine, Face, Result,
+    mesh::Mesh,
+    progress::SILENT,
+    spread::{Collector, Movement},
+};
 
 const SIZE: (usize, usize) = (200, 150);
 const HALF_HEIGHT_M: f32 = 0.055;
@@ -33,7 +38,11 @@ pub(super) fn feelings(engine: &Engine, subject: &Subject) -> Result<Option<Feel
     let face = engine.prepare(&subject.mesh, &subject.options, SILENT)?;
     let rows = truth.landmarks.map(|v| v as usize);
     let own = truth.displacements.select(Axis(1), &rows);
-    let made = Collector::collect(|sink| engine.spread_own(&face, own, 1.0, sink, SILENT))?;
+    let own = Movement::Own {
+        landmarks: own,
+        fps: 1.0,
+    };
+    let made = Collector::collect(|sink| engine.spread(&face, own, sink, SILENT))?;
     let made = made.vertices.displacements;
     let cells = Cells {
         mesh: &subject.mesh,

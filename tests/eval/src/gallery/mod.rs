@@ -33,7 +33,7 @@ use anyface::{
     motion::{LandmarkClip, Motion},
     output::write_atomically,
     progress::SILENT,
-    spread::Collector,
+    spread::{Collector, Movement},
 };
 
 /// Make a page that shows meshes with their landmarks, four frames and an error map
@@ -199,7 +199,11 @@ fn frames(
     };
     let rows = truth.landmarks.map(|v| v as usize);
     let own = truth.displacements.select(Axis(1), &rows);
-    let made = Collector::collect(|sink| engine.spread_own(face, own, 1.0, sink, SILENT))?;
+    let own = Movement::Own {
+        landmarks: own,
+        fps: 1.0,
+    };
+    let made = Collector::collect(|sink| engine.spread(face, own, sink, SILENT))?;
     Ok(made.vertices.displacements)
 }
 

@@ -19,6 +19,7 @@ use anyface::{
     Performance, Result,
     conditions::{ACTION_UNITS, Event, EventTrack, Side},
     motion::{Motion, WeightClip},
+    systems::Ability,
 };
 
 /// Clips on which every unit is tried.
@@ -108,7 +109,7 @@ pub(super) fn measure(
     mouth: &Mouth,
     clips: &[Clip],
 ) -> Result<Option<EventScores>> {
-    if !speaker.engine.system().takes_events {
+    if !speaker.engine.system().can(Ability::Events) {
         return Ok(None);
     }
     let long = |clip: &&Clip| clip.frames() as f64 / clip.fps > SLOT_S[1] + 0.5;

@@ -9,7 +9,7 @@ use anyface::{
     Engine, Face, Result,
     ibug::LANDMARKS,
     mesh::{FaceOptions, LandmarkSource, Mesh},
-    motion::{LandmarkClip, Motion},
+    motion::LandmarkClip,
     progress::SILENT,
     spread::{Collector, FrameSink},
 };
@@ -74,10 +74,11 @@ impl Head {
 
     /// Vertices under landmark motion `[T, 68, 3]` metres: displacements `[T, V, 3]`, mesh units.
     pub(super) fn moved(&self, engine: &Engine, motion: &Array3<f64>) -> Result<Array3<f32>> {
-        let motion = Motion::Landmarks(LandmarkClip {
+        let motion = LandmarkClip {
             displacements: motion.mapv(|x| x as f32),
             fps: 1.0,
-        });
+        };
+        let motion = engine.follow(&motion, &self.face.options.controls, SILENT)?;
         let spread = |sink: &mut dyn FrameSink| engine.spread(&self.face, &motion, sink, SILENT);
         Ok(Collector::collect(spread)?.vertices.displacements)
     }

@@ -256,7 +256,7 @@ impl Quality {
             speaker,
             others,
             wish,
-            styles: speaker.engine.styles(),
+            styles: speaker.engine.description().styles,
             also: self.also.as_deref(),
         }
     }

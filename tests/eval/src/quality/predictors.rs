@@ -245,12 +245,7 @@ fn from_file(path: &Path, clip: &Clip) -> Result<Array3<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use anyface::{
-        audio::Waveform,
-        ibug::LANDMARKS,
-        motion::{FaceModes, Motion},
-        output::write_motion,
-    };
+    use anyface::{audio::Waveform, ibug::LANDMARKS, motion::Motion, output::write_motion};
     use ndarray::Array2;
 
     fn clip(name: &str) -> Clip {
@@ -277,9 +272,8 @@ mod tests {
             displacements: ndarray::Array3::from_elem((60, LANDMARKS, 3), 0.25),
             fps: 50.0,
         };
-        let modes = FaceModes::open(None).unwrap();
-        let motion = Motion::Landmarks(motion);
-        write_motion(&folder.path().join("a.npz"), &motion, None, &modes).unwrap();
+        let whole = Motion::Landmarks(motion.clone());
+        write_motion(&folder.path().join("a.npz"), &whole, &motion, None).unwrap();
         let found = from_files(folder.path(), &[clip("a"), clip("b")]).unwrap();
         let made = found[0].as_ref().unwrap();
         assert_eq!(made.dim(), (25, LANDMARKS, 3));

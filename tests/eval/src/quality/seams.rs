@@ -55,7 +55,7 @@ pub(super) fn measure(
     wish: &Wish,
     clips: &[Clip],
 ) -> Result<Option<SeamScores>> {
-    let Some(windows) = speaker.engine.windows() else {
+    let Some(windows) = speaker.engine.description().windows else {
         return Ok(None);
     };
     let fps = windows.fps;

@@ -11,6 +11,7 @@ use anyface::{
     conditions::{Controls, Emotion, EmotionCurve, Event},
     motion::{Motion, PerformanceControls},
     progress::SILENT,
+    systems::Ability,
 };
 
 /// What a performance is asked to be; the default is neutral, as the model comes.
@@ -54,7 +55,7 @@ impl Speaker {
 
     /// Whether the emotion of a wish is shown: systems that hear feeling show what they hear.
     pub(super) fn shows_emotion(&self) -> bool {
-        !self.engine.system().hears_feeling
+        !self.engine.system().can(Ability::Feeling)
     }
 
     /// All that the engine performs.
