@@ -265,8 +265,8 @@ typedef struct AnyfaceEventNotes AnyfaceEventNotes;
 /// time.
 typedef struct AnyfaceEvents AnyfaceEvents;
 
-/// The action units of an expression in English words. Never changes after it was made: any number of threads
-/// may read it at the same time.
+/// The action units of an expression. Never changes after it was made: any number of threads may read it at the same
+/// time.
 typedef struct AnyfaceExpression AnyfaceExpression;
 
 /// Everything known of one mesh: its landmarks, how its lips meet, what its parts are, and what moving it
@@ -585,9 +585,6 @@ AnyfaceStatus anyface_progress_read(const AnyfaceProgress *progress,
 /// Asks the job to stop, from any thread; the running call returns `ANYFACE_STATUS_CANCELLED` as
 /// soon as it can. Nothing happens for NULL.
 void anyface_progress_cancel(const AnyfaceProgress *progress);
-
-/// 1 if the job was asked to stop, by callback or by `anyface_progress_cancel()`, otherwise 0.
-int anyface_progress_is_cancelled(const AnyfaceProgress *progress);
 
 /// Frees a progress handle that no running call uses; nothing happens for NULL.
 void anyface_progress_free(AnyfaceProgress *progress);
@@ -989,9 +986,6 @@ AnyfaceStatus anyface_opened_mouth_mesh(const AnyfaceOpenedMouth *opened,
                                         AnyfaceMesh **out,
                                         AnyfaceError **error);
 
-/// Number of the first vertex of the mouth's inside; 0 for NULL.
-size_t anyface_opened_mouth_first_inside_vertex(const AnyfaceOpenedMouth *opened);
-
 /// Number of the first triangle of the mouth's inside; 0 for NULL.
 size_t anyface_opened_mouth_first_inside_triangle(const AnyfaceOpenedMouth *opened);
 
@@ -1027,19 +1021,6 @@ AnyfaceStatus anyface_opened_mouth_copy_landmarks(const AnyfaceOpenedMouth *open
                                                   uint32_t *vertices,
                                                   AnyfaceError **error);
 
-/// Number of vertices on the rim of each lip, both corners included; 0 for NULL.
-size_t anyface_opened_mouth_rim_count(const AnyfaceOpenedMouth *opened);
-
-/// Copies the vertices of both rims from the subject's right corner of the mouth to the left one.
-///
-/// `upper`, `lower`: vertex numbers, each of `count`, which must be that of the rims. Fails with
-/// `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
-AnyfaceStatus anyface_opened_mouth_copy_rims(const AnyfaceOpenedMouth *opened,
-                                             uint32_t *upper,
-                                             uint32_t *lower,
-                                             size_t count,
-                                             AnyfaceError **error);
-
 /// Frees an opened mouth that no running call uses; nothing happens for NULL.
 void anyface_opened_mouth_free(AnyfaceOpenedMouth *opened);
 
@@ -1054,12 +1035,19 @@ const char *anyface_emotion_name(size_t index);
 /// whose sum is above 1.5.
 AnyfaceStatus anyface_emotion_parse(const char *text, float *strengths, AnyfaceError **error);
 
-/// Reads what a text asks of a face, such as "a sarcastic laugh" or "winks with the right eye".
+/// A word whose units are laid down, such as "smile" or "jaw drop", for a menu; NULL from the last one on. Lives as long
+/// as the library is loaded.
+const char *anyface_expression_word(size_t index);
+
+/// Reads what an expression asks of a face: units such as "12,6L", a word of `anyface_expression_word()` with a side
+/// anywhere, such as "left wink", or English words, such as "winks with the right eye". Behind it ":0.5" may give the
+/// strength, and a "!" puts it over the speech.
 ///
 /// `weights_dir`: UTF-8, a folder of models that holds `text_units`, which may read by CLIP, or NULL for the built-in
-/// reader; the last one is kept. `text`: UTF-8. A text that says nothing to a face has no units, and `anyface_expression_hint()` the nearest
-/// that has some. Free with `anyface_expression_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a text of more
-/// than 1,000 letters, `ANYFACE_STATUS_WEIGHTS` or `ANYFACE_STATUS_IO` for a folder that cannot be used.
+/// reader; the last one is kept, and loaded at the first text that is neither a unit nor a word of the list.
+/// `text`: UTF-8. One that says nothing to a face has no units, and `anyface_expression_hint()` says why. Free with
+/// `anyface_expression_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a text of more than 1,000 letters,
+/// `ANYFACE_STATUS_WEIGHTS` or `ANYFACE_STATUS_IO` for a folder that cannot be used.
 AnyfaceStatus anyface_expression_new(const char *weights_dir,
                                      const char *text,
                                      AnyfaceExpression **out,
@@ -1073,11 +1061,17 @@ size_t anyface_expression_unit_count(const AnyfaceExpression *expression);
 const char *anyface_expression_unit(const AnyfaceExpression *expression,
                                     size_t index);
 
-/// How strongly the text asks for it, 1 for a plain word; 0 without units, for NULL.
+/// How strongly the text asks for it, 0 to 2, 1 for a plain word; 0 without units, for NULL.
 float anyface_expression_strength(const AnyfaceExpression *expression);
 
-/// The nearest expression that would be understood, where there are no units and one is near; NULL otherwise, for
-/// NULL. Lives as long as the expression.
+/// 1 where a "!" puts it over the speech, otherwise 0.
+int32_t anyface_expression_over_speech(const AnyfaceExpression *expression);
+
+/// The text without strength and "!"; NULL for NULL. Lives as long as the expression.
+const char *anyface_expression_said(const AnyfaceExpression *expression);
+
+/// Why there are no units, with the nearest expression that would be understood where one is near, a sentence in English;
+/// NULL where there are some, for NULL. Lives as long as the expression.
 const char *anyface_expression_hint(const AnyfaceExpression *expression);
 
 /// Frees an expression that no running call uses; nothing happens for NULL.
@@ -1101,15 +1095,19 @@ AnyfaceStatus anyface_events_new(const AnyfaceEvent *events,
                                  AnyfaceError **error);
 
 /// Events from JSON: a list, or an object with a list `events`, of `{"start_s": 1.2, "end_s": 2.0, "units":
-/// ["12", "45L"], "strength": 0.8, "over_speech": false}`; the last two may be left out.
+/// ["12", "45L"], "strength": 0.8, "over_speech": false}`; the last two may be left out, and `units` may be one
+/// expression, such as "left wink".
 ///
-/// `json`: UTF-8. Free with `anyface_events_free()`. Fails as `anyface_events_new()` does.
-AnyfaceStatus anyface_events_parse(const char *json,
+/// `weights_dir`: as in `anyface_expression_new()`. `json`: UTF-8. Free with `anyface_events_free()`. Fails as
+/// `anyface_events_from_text()` does.
+AnyfaceStatus anyface_events_parse(const char *weights_dir,
+                                   const char *json,
                                    AnyfaceEvents **out,
                                    AnyfaceError **error);
 
 /// Events from lines of text, as the command reads them: seconds, units or words, and strength, as in
-/// "1.2-2.0:smile:0.8" or "2.4-2.8:45L"; empty lines are left out.
+/// "1.2-2.0:smile:0.8" or "2.4-2.8:45L"; empty lines are left out. What stands behind the seconds is read as
+/// `anyface_expression_new()` reads it.
 ///
 /// `weights_dir`: as in `anyface_expression_new()`. `text`: UTF-8. Free with `anyface_events_free()`. Fails as
 /// `anyface_events_new()` does, and for words that say
@@ -1118,6 +1116,10 @@ AnyfaceStatus anyface_events_from_text(const char *weights_dir,
                                        const char *text,
                                        AnyfaceEvents **out,
                                        AnyfaceError **error);
+
+/// The events as JSON that `anyface_events_parse()` reads: a list, each row with a list of units and all its fields. NULL
+/// for NULL. Lives as long as the events.
+const char *anyface_events_json(const AnyfaceEvents *events);
 
 /// Number of events; 0 for NULL.
 size_t anyface_events_count(const AnyfaceEvents *events);
@@ -1473,11 +1475,6 @@ size_t anyface_basis_shape_count(const AnyfaceBasis *basis);
 /// Largest distance of any vertex in any frame from where the clip has it, mesh units; 0 for NULL.
 float anyface_basis_max_error(const AnyfaceBasis *basis);
 
-/// Lends the shapes: `[K, V, 3]`, displacements at weight 1, mesh units.
-///
-/// The pointer is valid until the basis is freed; the values never change. NULL for NULL.
-const float *anyface_basis_shapes(const AnyfaceBasis *basis);
-
 /// Copies the shapes into the caller's buffer.
 ///
 /// `buffer`: `[K, V, 3]`, mesh units; `float_count` must be `K * V * 3`.
@@ -1613,6 +1610,22 @@ AnyfaceStatus anyface_weights_new(const char *const *names,
                                   AnyfaceWeights **out,
                                   AnyfaceError **error);
 
+/// The same of a clip, whose displacements stay in the library.
+///
+/// `shapes`: `[shape_count, vertex_count, 3]`, of the clip's first `vertex_count` vertices; those behind are left out.
+/// `to_shapes`: `[3, 3]`, may be NULL; what leads displacements of the clip to the frame of the shapes. The rest as for
+/// `anyface_weights_new()`. The clip may go before the weights.
+/// Fails as `anyface_weights_new()` does, and with `ANYFACE_STATUS_INVALID_INPUT` for more vertices than the clip has.
+AnyfaceStatus anyface_weights_new_of_clip(const AnyfaceClip *clip,
+                                          const char *const *names,
+                                          const float *shapes,
+                                          size_t shape_count,
+                                          size_t vertex_count,
+                                          const float *to_shapes,
+                                          const AnyfaceProgress *progress,
+                                          AnyfaceWeights **out,
+                                          AnyfaceError **error);
+
 /// Weights that the caller brings, such as those of `anyface_motion_copy_weights()`, to be written as a file.
 ///
 /// `names`: `[shape_count]`, UTF-8. `weights`: `[frame_count, shape_count]`. Both are copied. Free with
@@ -1720,14 +1733,6 @@ AnyfaceStatus anyface_head_copy_directions(const AnyfaceHead *head,
                                            size_t count,
                                            AnyfaceError **error);
 
-/// Number `M` of ARKit's shapes that the field knows; 0 for NULL.
-size_t anyface_head_channel_count(const AnyfaceHead *head);
-
-/// Name of a shape, such as "jawOpen"; lives until the head is freed. NULL for NULL or a number that is not below
-/// the count.
-const char *anyface_head_channel_name(const AnyfaceHead *head,
-                                      size_t channel);
-
 /// The head as a mesh at rest, metres. Long: accepts a progress handle, which may be NULL. Free with
 /// `anyface_mesh_free()`.
 ///
@@ -1743,19 +1748,6 @@ AnyfaceStatus anyface_head_mesh(const AnyfaceHead *head,
                                 size_t *skin_vertices,
                                 uint32_t *landmark_vertices,
                                 AnyfaceError **error);
-
-/// The field: how far points move from the canonical pose, which has the jaw open a little, to an expression.
-///
-/// `points`: `[point_count, 3]`, metres, anywhere in and about the head. `weights`: `[weight_count]`, one for each
-/// channel, all 0 is the face at rest; or NULL with 0 for that. `displacements`: `[point_count, 3]`, metres.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `weight_count` and for numbers that are not finite.
-AnyfaceStatus anyface_head_field(const AnyfaceHead *head,
-                                 const float *weights,
-                                 size_t weight_count,
-                                 const float *points,
-                                 size_t point_count,
-                                 float *displacements,
-                                 AnyfaceError **error);
 
 /// Frees a head that no running call uses, with everything it lent; nothing happens for NULL.
 void anyface_head_free(AnyfaceHead *head);

@@ -10,7 +10,11 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import json
 from pathlib import Path
+
+from safetensors.torch import save_file
+from torch import Tensor, nn
 
 GOLDENS = {
     "log_mel": "training.speech.golden_log_mel",
@@ -37,6 +41,18 @@ GOLDENS = {
     "clip_text": "training.text.golden_clip",
 }
 """Model name -> module with `write(out: Path, shared: Path) -> Path`."""
+
+
+def write_golden(path: Path, tensors: dict[str, Tensor], name: str, model: nn.Module | None = None,
+                 config: dict | None = None, **about: str) -> Path:  # fmt: skip
+    """Writes `tensors`, the weights of `model` as `weights.*`, and in the metadata its configuration, how
+    near Rust must come, the command, and what else there is to say `about` it."""
+    weights = {} if model is None else {f"weights.{key}": value for key, value in model.state_dict().items()}
+    told = {} if config is None else {"config": json.dumps(config)}
+    told |= {"tolerance": "1e-4", "command": f"python -m training.goldens {name}"} | about
+    save_file({key: value.contiguous() for key, value in (weights | tensors).items()}, path, told)
+    path.chmod(0o644)
+    return path
 
 
 def main() -> None:

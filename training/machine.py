@@ -97,11 +97,6 @@ class Machine:
 
         return gather_object([value])
 
-    def wait(self) -> None:
-        """Until every process is here."""
-        if self.accelerator is not None:
-            self.accelerator.wait_for_everyone()
-
 
 def _accelerator(device: str):
     try:

@@ -17,7 +17,9 @@ from typing import Annotated, Literal, Protocol, get_args, get_origin
 
 import numpy as np
 import torch
+from torch import Tensor, nn
 
+from training import DATA
 from training.machine import Machine
 
 SHOW_EVERY_S = 5.0
@@ -111,6 +113,93 @@ class Run:
             writer.writeheader()
             writer.writerows(rows)
         print(", ".join(f"{key} {value}" for key, value in row.items()), flush=True)
+
+
+def begin(arguments, model: nn.Module, generators: dict[str, torch.Generator | np.random.Generator], *,
+          groups: list[dict] | None = None, steps: int | None = None, decay: float = 0.01, warm: float = 0.1,
+          constant: bool = False, average: float | None = 0.995, machine: Machine | None = None,
+          name: str = "model", **cycle: float) -> Run:  # fmt: skip
+    """A run with AdamW, a rate that rises in the share `warm` of its steps and falls to the end (or stays, if
+    `constant`) and averaged weights, as they were where it stopped.
+
+    `groups` of parameters have rates of their own, otherwise all learn at `arguments.rate`.
+    """
+    steps = steps or arguments.steps
+    groups = groups or [{"params": list(model.parameters()), "lr": arguments.rate}]
+    rates = [group["lr"] for group in groups]
+    optimiser = torch.optim.AdamW(groups, weight_decay=decay)
+    if constant:
+        schedule = torch.optim.lr_scheduler.ConstantLR(optimiser, 1.0)
+    else:
+        schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, rates, steps + 1, pct_start=warm, **cycle)
+    parts = {name: model, "optimiser": optimiser, "schedule": schedule}
+    if average is not None:
+        mean = torch.optim.swa_utils.get_ema_multi_avg_fn(average)
+        parts["average"] = torch.optim.swa_utils.AveragedModel(model, multi_avg_fn=mean)
+    board = getattr(arguments, "tensorboard", False)
+    return Run(arguments.out, parts, steps, arguments.save_every, generators, machine, board)
+
+
+def descend(arguments, run: Run, loss: Callable[[int], tuple[Tensor, dict]],
+            judge: Callable[[nn.Module], dict], clip: float = 1.0,
+            clipped: nn.Module | None = None) -> nn.Module:  # fmt: skip
+    """Goes all steps and returns the averaged model, or the model where nothing is averaged.
+
+    `loss` of a step's number gives the loss and what the log says of it; `judge` gets that model every
+    `arguments.log_every` steps in the first process, keeps it and returns scores for the log. Gradients of
+    `clipped`, by default of the whole model, are at most `clip` long.
+    """
+    model, optimiser, schedule, *average = list(run.parts.values())[: 3 + ("average" in run.parts)]
+    best = average[0].module if average else model
+    until = min(run.steps, getattr(arguments, "stop_at", None) or run.steps)
+    for step in range(run.first, until):
+        value, report = loss(step)
+        run.machine.step(value, clipped or model, optimiser, clip)
+        schedule.step()
+        for mean in average:
+            mean.update_parameters(model)
+        run.after(step, value.item())
+        due = step % arguments.log_every == arguments.log_every - 1 or step == until - 1
+        if due and run.machine.rank == 0:
+            scores = judge(best)
+            run.log({"step": step + 1, "s": run.seconds(), **report, **scores})
+    if until < run.steps:
+        run.save(until)
+    return best
+
+
+def downhill(loss: Tensor, optimiser: torch.optim.Optimizer, schedule=None) -> None:
+    """One step of a training that is over in minutes and keeps nothing on the way."""
+    optimiser.zero_grad()
+    loss.backward()
+    optimiser.step()
+    if schedule is not None:
+        schedule.step()
+
+
+def trainer_parser(doc: str, out: str, steps: int | None, rate: float | None, *, log_every: int = 150,
+                   save_every: int = 50, corpus: bool = True) -> argparse.ArgumentParser:  # fmt: skip
+    """The flags that every trainer has; `rate` of `None` leaves that flag to the trainer."""
+    parser = argparse.ArgumentParser(description=doc.splitlines()[0])
+    if corpus:
+        parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
+    parser.add_argument("--data", type=Path, default=DATA)
+    parser.add_argument("--out", type=Path, default=Path(out))
+    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    parser.add_argument("--steps", type=int, default=steps)
+    if rate is not None:
+        parser.add_argument("--rate", type=float, default=rate, help="of learning")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--log-every", type=int, default=log_every)
+    parser.add_argument("--save-every", type=int, default=save_every, help="steps between checkpoints")
+    return parser
+
+
+def seeded(arguments) -> None:
+    """Begins a training: the same seed on as many threads gives the same bits."""
+    torch.manual_seed(arguments.seed)
+    torch.set_num_threads(arguments.threads)
 
 
 def _board(out: Path):

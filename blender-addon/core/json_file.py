@@ -20,13 +20,20 @@ def read(path):
 
     Raises `AnyfaceError`: "file" where it cannot be read, "input" where it is no such JSON.
     """
-    path = Path(path)
+    try:
+        return parse(read_text(path))
+    except ValueError as error:
+        raise AnyfaceError("input", f"{path}: not JSON: {error}") from error
+
+
+def read_text(path) -> str:
+    """The text of a JSON file, whatever it holds. Raises `AnyfaceError` as `read` does."""
     try:
         with open(path, "rb") as file:
             data = file.read(_LARGEST_BYTES + 1)
         if len(data) > _LARGEST_BYTES:
             raise ValueError(f"expected at most {_LARGEST_BYTES} bytes, got more")
-        return parse(data.decode("utf-8-sig"))
+        return data.decode("utf-8-sig")
     except OSError as error:
         raise AnyfaceError("file", f"{path}: {error.strerror or error}") from error
     except ValueError as error:

@@ -7,6 +7,7 @@ during a call, so the interface of Blender goes on while a thread waits here.
 import ctypes
 import os
 import sys
+from collections.abc import Callable
 from ctypes import (
     POINTER,
     Structure,
@@ -19,6 +20,7 @@ from ctypes import (
     c_uint64,
     c_void_p,
 )
+from itertools import count, takewhile
 from pathlib import Path
 
 from .errors import AnyfaceError
@@ -210,13 +212,19 @@ SIGNATURES = {
     "anyface_opened_mouth_free": (None, [_HANDLE]),
     "anyface_action_unit_name": (c_char_p, [c_size_t]),
     "anyface_action_unit_label": (c_char_p, [c_size_t]),
+    "anyface_expression_word": (c_char_p, [c_size_t]),
     "anyface_expression_new": (c_int32, [c_char_p, c_char_p, _OUT, _OUT]),
     "anyface_expression_unit_count": (c_size_t, [_HANDLE]),
     "anyface_expression_unit": (c_char_p, [_HANDLE, c_size_t]),
     "anyface_expression_strength": (c_float, [_HANDLE]),
+    "anyface_expression_over_speech": (c_int32, [_HANDLE]),
+    "anyface_expression_said": (c_char_p, [_HANDLE]),
     "anyface_expression_hint": (c_char_p, [_HANDLE]),
     "anyface_expression_free": (None, [_HANDLE]),
     "anyface_events_new": (c_int32, [POINTER(Event), c_size_t, _OUT, _OUT]),
+    "anyface_events_parse": (c_int32, [c_char_p, c_char_p, _OUT, _OUT]),
+    "anyface_events_from_text": (c_int32, [c_char_p, c_char_p, _OUT, _OUT]),
+    "anyface_events_json": (c_char_p, [_HANDLE]),
     "anyface_events_free": (None, [_HANDLE]),
     "anyface_event_notes_new": (c_int32, [_HANDLE, _HANDLE, _HANDLE, _HANDLE, _OUT, _OUT]),
     "anyface_event_notes_count": (c_size_t, [_HANDLE]),
@@ -232,7 +240,6 @@ SIGNATURES = {
     "anyface_motion_new_frames": (c_int32, [_HANDLE, c_size_t, c_size_t, _OUT, _OUT]),
     "anyface_motion_new_pose": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT, _OUT]),
     "anyface_motion_frame_count": (c_size_t, [_HANDLE]),
-    "anyface_motion_copy_displacements": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_motion_weight_count": (c_size_t, [_HANDLE]),
     "anyface_motion_weight_name": (c_char_p, [_HANDLE, c_size_t]),
     "anyface_motion_copy_weights": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
@@ -276,6 +283,10 @@ SIGNATURES = {
     "anyface_weights_new": (
         c_int32,
         [POINTER(c_char_p), _FLOATS, c_size_t, _FLOATS, c_size_t, c_size_t, _HANDLE, _OUT, _OUT],
+    ),
+    "anyface_weights_new_of_clip": (
+        c_int32,
+        [_HANDLE, POINTER(c_char_p), _FLOATS, c_size_t, c_size_t, _FLOATS, _HANDLE, _OUT, _OUT],
     ),
     "anyface_weights_new_given": (
         c_int32,
@@ -353,3 +364,9 @@ def load(path: Path) -> ctypes.CDLL:
             "weights", f"{path}: expected interface {ABI_VERSION}, got {found}: install it again"
         )
     return library
+
+
+def texts(function: Callable[[int], bytes | None]) -> list[str]:
+    """The texts that a function of the library has for 0, 1, 2 and so on, up to the end."""
+    found = takewhile(lambda text: text is not None, map(function, count()))
+    return [text.decode() for text in found]

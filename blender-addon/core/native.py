@@ -14,14 +14,22 @@ from . import systems
 from .calls import Calls
 from .errors import AnyfaceError
 from .job import Progress
-from .library import ControlSetting, EngineOptions, FaceOptions, MotionOptions, library_path, load
+from .library import (
+    ControlSetting,
+    EngineOptions,
+    FaceOptions,
+    MotionOptions,
+    library_path,
+    load,
+    texts,
+)
 from .native_basis import BasisCalls
 from .native_events import EventCalls
 from .native_head import HeadCalls
 from .native_live import LiveCalls
 from .native_mesh import MeshCalls
 from .native_mouth import MouthCalls
-from .native_shapes import ShapeCalls
+from .native_shapes import Clip, ShapeCalls
 from .native_sounds import SoundCalls
 from .take import (
     EMOTION_SOURCES,
@@ -120,10 +128,7 @@ class Engine(
 
     def emotions(self) -> list[str]:
         """The names of the emotions, in the order of their strengths."""
-        names = []
-        while (name := self._library.anyface_emotion_name(len(names))) is not None:
-            names.append(name.decode())
-        return names
+        return texts(self._library.anyface_emotion_name)
 
     def decode(self, path: str) -> tuple[np.ndarray, float, str]:
         """Mono samples `[S]` float32 of a sound file, their rate in Hz, and what of the sound is
@@ -171,7 +176,7 @@ class Engine(
             face = self._face(handles, positions, triangles, marks, request, watch)
             motion, clip = self._spoken(handles, face, sound, request, watch)
             made = face, motion, clip
-            animation = self._animation(handles, made, request, len(positions), watch)
+            animation = self._animation(handles, made, request, watch)
             animation.notes = notes + animation.notes
             return animation
 
@@ -188,7 +193,10 @@ class Engine(
     def _spoken(self, handles, face, sound, request, watch):
         motion = self._motion(handles, sound, request, watch, face)
         given = (self._handle, face, motion, watch.handle)
-        return motion, self._own(handles, "clip", "anyface_clip_new", *given)
+        clip = Clip(self, self._make("anyface_clip_new", *given))
+        if not request.keeps_clip:
+            handles.callback(clip.close)
+        return motion, clip
 
     def _face(self, handles, positions, triangles, landmarks, request, watch):
         """A mesh made ready to be moved; `landmarks` are positions and vertices."""
@@ -198,21 +206,22 @@ class Engine(
         given = (self._handle, mesh, byref(options), watch.handle)
         return self._own(handles, "face", "anyface_face_new", *given)
 
-    def _animation(self, handles, made, request, vertices: int, watch) -> Animation:
+    def _animation(self, handles, made, request, watch) -> Animation:
         """A face, its motion and its clip as numpy arrays."""
         face, _, clip = made
         mm_per_unit = 1000.0 * self._library.anyface_face_metres_per_unit(face)
         largest = self._library.anyface_clip_largest_displacement(clip)
         visibility = VISIBILITIES[self._library.anyface_clip_visibility(clip)]
         animation = Animation(largest * mm_per_unit, visibility)
-        shape = (self._library.anyface_clip_frame_count(clip), vertices, 3)
-        animation.life = self._life(made, shape[0])
-        animation.landmarks = self._landmarks(clip, shape[0])
+        animation.life = self._life(made, clip.shape[0])
+        animation.landmarks = self._landmarks(clip, clip.shape[0])
         animation.shape_weights = self._shape_weights(made[1])
         animation.notes = self._unseen(handles, face, made[1], request.events, watch)
+        if request.keeps_clip:
+            animation.clip = clip
+            return animation
         if request.error_mm is None:
-            animation.displacements = np.empty(shape, dtype=np.float32)
-            self._copy("anyface_clip_copy_displacements", clip, animation.displacements)
+            animation.displacements = clip.displacements()
             return animation
         limit = request.error_mm / mm_per_unit
         if request.layered:

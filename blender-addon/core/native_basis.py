@@ -43,10 +43,8 @@ class BasisCalls:
         given = (self._handle, clip, limit, MAX_VECTORS, watch.handle)
         basis = self._own(handles, "basis", "anyface_basis_new", *given)
         count = self._library.anyface_basis_shape_count(basis)
-        frames, vertices = (
-            getattr(self._library, f"anyface_clip_{name}_count")(clip)
-            for name in ("frame", "vertex")
-        )
+        frames = self._library.anyface_clip_frame_count(clip)
+        vertices = self._library.anyface_clip_vertex_count(clip)
         vectors = np.empty((count, vertices, 3), dtype=np.float32)
         weights = np.empty((frames, count), dtype=np.float32)
         self._copy("anyface_basis_copy_shapes", basis, vectors)
@@ -64,8 +62,11 @@ class BasisCalls:
                 continue
             knots = np.empty(count, dtype=np.float32)
             changes = np.empty((count, *shape), dtype=np.float32)
-            for kind, array in (("knots", knots), ("changes", changes)):
+            for function, array in (
+                ("anyface_sliders_copy_knots", knots),
+                ("anyface_sliders_copy_changes", changes),
+            ):
                 floats = array.ctypes.data_as(_FLOATS)
-                self._call(f"anyface_sliders_copy_{kind}", sliders, number, floats, array.size)
+                self._call(function, sliders, number, floats, array.size)
             found[name] = SliderChange(knots, changes)
         return found

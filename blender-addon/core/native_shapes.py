@@ -1,6 +1,7 @@
 """The library's calls about shapes: a rig of any face, weights of shapes from motion."""
 
 import os
+import weakref
 from contextlib import ExitStack
 from ctypes import POINTER, byref, c_char_p, c_float
 
@@ -63,17 +64,67 @@ class ShapeCalls:
 
         With `path` they are also written there, as .csv or .json.
         """
-        vectors = np.ascontiguousarray(vectors, dtype=np.float32)
         moved = np.ascontiguousarray(moved, dtype=np.float32)
-        texts = (c_char_p * len(names))(*(name.encode() for name in names))
+        motion = (moved.ctypes.data_as(_FLOATS), len(moved), moved.shape[1])
+        shapes = _shapes(names, vectors)
+        given = "anyface_weights_new", (*shapes, *motion), (len(moved), len(names))
+        return self._solved(*given, progress, path, fps)
+
+    def _solved(self, function, given, shape, progress: Progress, path: str, fps: float) -> Solved:
         with ExitStack() as handles:
             watch = handles.enter_context(self._watch(progress))
-            shapes = (texts, vectors.ctypes.data_as(_FLOATS), len(names))
-            motion = (moved.ctypes.data_as(_FLOATS), len(moved), moved.shape[1])
-            given = (*shapes, *motion, watch.handle)
-            solved = self._own(handles, "weights", "anyface_weights_new", *given)
-            weights = np.empty((len(moved), len(names)), dtype=np.float32)
+            solved = self._own(handles, "weights", function, *given, watch.handle)
+            weights = np.empty(shape, dtype=np.float32)
             self._copy("anyface_weights_copy", solved, weights)
             if path:
                 self._call("anyface_weights_write", solved, os.fsencode(path), fps)
             return Solved(weights, self._library.anyface_weights_left_out(solved))
+
+
+class Clip:
+    """A clip of `T` frames that lies in the library until nobody needs it, so that weights of
+    shapes are solved on it without a copy."""
+
+    def __init__(self, engine, handle):
+        """Takes over the handle; `close` frees it before nobody needs it any more."""
+        self._engine, self._handle, library = engine, handle, engine._library
+        frames, vertices = library.anyface_clip_frame_count, library.anyface_clip_vertex_count
+        self.shape = frames(handle), vertices(handle), 3
+        self.close = weakref.finalize(self, library.anyface_clip_free, handle)
+
+    @property
+    def _as_parameter_(self):
+        return self._handle
+
+    def displacements(self) -> np.ndarray:
+        """A copy of all displacements `[T, V, 3]`, in the frame in which the mesh was given."""
+        moved = np.empty(self.shape, dtype=np.float32)
+        self._engine._copy("anyface_clip_copy_displacements", self, moved)
+        return moved
+
+    def weights(
+        self,
+        names: list[str],
+        vectors: np.ndarray,
+        way: np.ndarray,
+        progress: Progress,
+        path: str = "",
+        fps: float = 0.0,
+    ) -> Solved:
+        """As `ShapeCalls.solve`, with the motion of the first vertices of this clip.
+
+        `way` `[3, 3]` leads displacements of the clip to the frame of the shapes.
+        """
+        same = np.array_equal(way, np.eye(3))
+        turned = None if same else np.ascontiguousarray(way, np.float32).ctypes.data_as(_FLOATS)
+        given = (self, *_shapes(names, vectors), vectors.shape[1], turned)
+        shape = self.shape[0], len(names)
+        function = "anyface_weights_new_of_clip"
+        return self._engine._solved(function, given, shape, progress, path, fps)
+
+
+def _shapes(names: list[str], vectors: np.ndarray):
+    """Shapes as the library takes them: names, vectors `[S, V, 3]`, and how many there are."""
+    vectors = np.ascontiguousarray(vectors, dtype=np.float32)
+    texts = (c_char_p * len(names))(*(name.encode() for name in names))
+    return texts, vectors.ctypes.data_as(_FLOATS), len(names)

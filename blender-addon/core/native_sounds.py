@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from .job import Progress
+from .native_shapes import Clip
 from .take import Animation, Life, Request, Sound
 
 _WORDS = 1
@@ -97,29 +98,27 @@ class SoundCalls:
             spoken = self._motion(handles, sound, request, watch)
             made = self._shape_weights(spoken)
             if made is not None:
-                return self._stretch_of_weights(handles, (face, spoken), made, len(positions), rows)
+                return self._stretch_of_weights(handles, (face, spoken), made, rows)
             frames = self._library.anyface_motion_frame_count(spoken)
             part = range(max(rows.start, 0), min(rows.stop, frames))
             given = (spoken, part.start, len(part))
             motion = self._own(handles, "motion", "anyface_motion_new_frames", *given)
             given = (self._handle, face, motion, watch.handle)
-            clip = self._own(handles, "clip", "anyface_clip_new", *given)
-            shape = (len(part), len(positions), 3)
+            clip = Clip(self, self._make("anyface_clip_new", *given))
+            handles.callback(clip.close)
             animation = Animation(self._millimetres(face, clip))
-            animation.displacements = np.empty(shape, dtype=np.float32)
-            self._copy("anyface_clip_copy_displacements", clip, animation.displacements)
+            animation.displacements = clip.displacements()
             animation.life = self._life((face, motion, clip), len(part))
         return animation
 
-    def _stretch_of_weights(self, handles, given, made, vertices: int, rows: range) -> Animation:
+    def _stretch_of_weights(self, handles, given, made, rows: range) -> Animation:
         """The same of weights, which move the mesh as a whole before frames are taken."""
         face, spoken = given
-        clip = self._own(handles, "clip", "anyface_clip_new", self._handle, face, spoken, None)
+        clip = Clip(self, self._make("anyface_clip_new", self._handle, face, spoken, None))
+        handles.callback(clip.close)
         part = slice(max(rows.start, 0), min(rows.stop, len(made.weights)))
         animation = Animation(self._millimetres(face, clip))
-        moved = np.empty((len(made.weights), vertices, 3), dtype=np.float32)
-        self._copy("anyface_clip_copy_displacements", clip, moved)
-        animation.displacements = moved[part]
+        animation.displacements = clip.displacements()[part]
         life = self._life((face, spoken, clip), len(made.weights))
         animation.life = Life(life.head[part], life.gaze[part], life.way)
         animation.shape_weights = replace(made, weights=made.weights[part])

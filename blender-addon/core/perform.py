@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from . import finding, sliders, verdict
 from .job import Progress
-from .take import Animation, FaceMesh, Frames, Request, Sound, Take
+from .take import Animation, ClipMotion, FaceMesh, Frames, Request, Sound, Take
 
 # animate(positions, triangles, landmarks, landmark_vertices, sound, request, progress)
 Animate = Callable[..., Animation]
@@ -29,7 +29,9 @@ def perform(
     verdict.check_seen(animation, sound, intensity)
     progress.check("write")
     motion = animation.basis
-    if motion is None:
+    if animation.clip is not None:
+        motion = ClipMotion(animation.clip, found.back)
+    elif motion is None:
         motion = Frames(found.to_object(animation.displacements))
     else:
         motion.why_missing = sliders.why_missing(request, motion.sliders, motion.offered)

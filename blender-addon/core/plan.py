@@ -11,14 +11,28 @@ import numpy as np
 from . import pc2, shapes, sliders
 from .errors import AnyfaceError
 from .job import Progress
-from .take import NETWORK, FaceMesh, Files, KeyMotion, Rig, ShapesBy, Solved, Take, WrittenFile
+from .take import (
+    NETWORK,
+    ClipMotion,
+    FaceMesh,
+    Files,
+    KeyMotion,
+    Rig,
+    ShapesBy,
+    Solved,
+    Take,
+    WrittenFile,
+)
 
 # Below this share of the motion nobody sees that the artist's keys speak.
 _LARGEST_LEFT_OUT = 0.97
 
 
 class Plan:
-    """The take is written as it is. Other plans put another motion in place of its frames."""
+    """The take is written as it is. Other plans put another motion in place of its frames, which
+    stay in the library where a plan `keeps_clip`."""
+
+    keeps_clip = False
 
     def finish(self, face: FaceMesh, take: Take, engine, progress: Progress) -> Take:
         """The take as it is to be written; raises `AnyfaceError`, or `Cancelled`."""
@@ -63,12 +77,12 @@ class SolveKeys(Plan):
     factors: np.ndarray
     vectors: np.ndarray
     shown: dict[str, str]
+    keeps_clip = True
 
     def finish(self, face, take, engine, progress):
         # Existing keys are those of the face; objects beside it have others.
-        moved = take.motion.displacements[:, : self.vectors.shape[1]]
         vectors = np.tensordot(self.factors, self.vectors, axes=1).astype(np.float32)
-        solved = as_made(take, self.shapes) or engine.solve(self.shapes, vectors, moved, progress)
+        solved = as_made(take, self.shapes) or _solved(take, engine, self.shapes, vectors, progress)
         if solved.left_out > _LARGEST_LEFT_OUT:
             shown = 1.0 - solved.left_out
             raise AnyfaceError(
@@ -83,6 +97,16 @@ class SolveKeys(Plan):
         if take.shape_weights is not None:
             motion.missing = take.shape_weights.missing(self.shapes)
         return replace(take, motion=motion)
+
+
+def _solved(take: Take, engine, names, vectors, progress: Progress, path: str = "") -> Solved:
+    """Weights of the shapes `vectors` `[S, V, 3]` of a face in object space, on the clip where the
+    take has one; with `path` they are written there."""
+    motion = take.motion
+    if isinstance(motion, ClipMotion):
+        return motion.clip.weights(names, vectors, motion.way, progress, path, take.fps)
+    moved = motion.displacements[:, : vectors.shape[1]]
+    return engine.solve(names, vectors, moved, progress, path, take.fps)
 
 
 def as_made(take: Take, shapes: list[str]) -> Solved | None:
@@ -105,6 +129,7 @@ class MakeKeys(Plan):
     """The ARKit shapes and their weights; with `visemes` these shapes too, without weights."""
 
     visemes: bool
+    keeps_clip = True
 
     def finish(self, face, take, engine, progress):
         arkit, visemes = _arkit(face, engine, progress)
@@ -112,7 +137,7 @@ class MakeKeys(Plan):
         if made is not None:
             solved = Solved(made.of(arkit.names), made.left_out(arkit.names))
         else:
-            solved = engine.solve(arkit.names, arkit.vectors, take.motion.displacements, progress)
+            solved = _solved(take, engine, arkit.names, arkit.vectors, progress)
         motion = KeyMotion(arkit.names, solved.weights, solved.left_out, arkit.vectors)
         motion.visemes = visemes if self.visemes else None
         return replace(take, motion=motion)
@@ -124,6 +149,7 @@ class WriteTable(Plan):
 
     name: str
     path: str
+    keeps_clip = True
 
     def finish(self, face, take, engine, progress):
         Path(self.path).parent.mkdir(parents=True, exist_ok=True)
@@ -133,8 +159,7 @@ class WriteTable(Plan):
             file = WrittenFile(self.name, self.path, len(made.weights))
             return replace(take, motion=Files([file]))
         arkit, _ = _arkit(face, engine, progress)
-        shapes_and_frames = arkit.names, arkit.vectors, take.motion.displacements
-        solved = engine.solve(*shapes_and_frames, progress, self.path, take.fps)
+        solved = _solved(take, engine, arkit.names, arkit.vectors, progress, self.path)
         file = WrittenFile(self.name, self.path, take.frame_count, left_out=solved.left_out)
         return replace(take, motion=Files([file]))
 

@@ -47,8 +47,12 @@ class FaceSpace:
 
     def to_object(self, displacements: np.ndarray) -> np.ndarray:
         """Displacements `[..., 3]` back to object space, float32."""
-        inverse = np.linalg.inv(self.matrix).astype(np.float32)
-        return displacements @ inverse.T
+        return displacements @ self.back.T
+
+    @property
+    def back(self) -> np.ndarray:
+        """The way `[3, 3]` of displacements back to object space, float32."""
+        return np.linalg.inv(self.matrix).astype(np.float32)
 
     def from_world(self, matrix_world: np.ndarray) -> np.ndarray:
         """The way `[4, 4]` from the world to the frame in which the library sees the face."""

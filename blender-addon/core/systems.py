@@ -4,15 +4,12 @@ The library keeps the list; it is read once, without loading models. Panel, pres
 drawn from it.
 """
 
-import os
-from ctypes import byref, c_void_p, sizeof
+from ctypes import byref, sizeof
 from dataclasses import dataclass
-from functools import cache, lru_cache
-from pathlib import Path
+from functools import cache
 
 from . import library, sliders
 from .errors import AnyfaceError
-from .events import Words
 
 # What a control acts on, as `AnyfaceControlStage`.
 FACE, MOTION = 0, 1
@@ -101,41 +98,8 @@ def units() -> dict[str, str]:
         loaded = library.load(library.library_path())
     except AnyfaceError:
         return {}
-    found = {}
-    while (name := loaded.anyface_action_unit_name(len(found))) is not None:
-        found[name.decode()] = loaded.anyface_action_unit_label(len(found)).decode()
-    return found
-
-
-def words(text: str, models: Path | None = None) -> Words:
-    """What the extension's library understands of a text, or why it cannot.
-
-    `models` is a folder of models that may hold another reader than the built-in one.
-    """
-    try:
-        loaded = library.load(library.library_path())
-    except AnyfaceError:
-        return Words()
-    try:
-        return _words(loaded, text, models)
-    except AnyfaceError as error:
-        return Words(wrong=str(error))
-
-
-@lru_cache(maxsize=4096)
-def _words(loaded, text: str, models: Path | None) -> Words:
-    made, error = c_void_p(), c_void_p()
-    folder = os.fsencode(models) if models else None
-    if loaded.anyface_expression_new(folder, text.encode(), byref(made), byref(error)) != 0:
-        why = loaded.anyface_error_message(error).decode()
-        loaded.anyface_error_free(error)
-        raise AnyfaceError("weights", why)
-    count = loaded.anyface_expression_unit_count(made)
-    units = [loaded.anyface_expression_unit(made, at).decode() for at in range(count)]
-    hint = loaded.anyface_expression_hint(made) or b""
-    strength = loaded.anyface_expression_strength(made)
-    loaded.anyface_expression_free(made)
-    return Words(tuple(units), strength if units else 1.0, hint.decode())
+    names = library.texts(loaded.anyface_action_unit_name)
+    return dict(zip(names, library.texts(loaded.anyface_action_unit_label), strict=True))
 
 
 def by_name(name: str) -> System:

@@ -89,8 +89,9 @@ class Request:
     `systems.Control`, of others the default; those in `control_keys` follow
     `(times_s [N], values [N])` instead, linear in between. `roles` is what the artist says of the
     mesh's parts. `error_mm` is the largest error of a basis, on a head of human size; with None the
-    displacements of every frame are wanted. The lips close in `closures` `[N, 2]`, seconds; with
-    None where that is heard. `events` are for systems that take them, `felt_as` is another
+    displacements of every frame are wanted. With `keeps_clip` neither comes back, but the clip
+    itself, on which weights of shapes are solved. The lips close in `closures` `[N, 2]`, seconds;
+    with None where that is heard. `events` are for systems that take them, `felt_as` is another
     recording whose feeling is shown, for those that hear it; where the take is `layered`, what is
     felt has vectors of its own. `output` names the output that writes it. `starts_from` are
     displacements `[V, 3]` from rest of the pose in which the face begins, for systems that go on
@@ -112,6 +113,7 @@ class Request:
     layered: bool = False
     output: str = ""
     starts_from: np.ndarray | None = None
+    keeps_clip: bool = False
 
 
 @dataclass
@@ -221,6 +223,21 @@ class Frames(Motion):
         return Frames(piece.vectors(self.displacements))
 
 
+@dataclass
+class ClipMotion(Motion):
+    """A `native_shapes.Clip`: frames that lie in the library until weights were solved on them.
+
+    `way` `[3, 3]` leads its displacements to object space.
+    """
+
+    clip: object
+    way: np.ndarray
+
+    @property
+    def frame_count(self):
+        return self.clip.shape[0]
+
+
 class VectorSum(Motion):
     """`vectors` `[K, V, 3]` whose `weights` `[T, K]` add up to the motion."""
 
@@ -314,16 +331,17 @@ class ShapeWeights:
 class Animation:
     """What the library returns for one mesh, in the frame in which it was given.
 
-    `basis` or `displacements` `[T, V, 3]` float32, as was asked. `largest_mm` is the largest
-    displacement of any vertex in any frame, on a head of human size, blinks included; `visibility`
-    is one of `VISIBILITIES`. `shape_weights` is what moves where the system makes weights;
-    `notes` are remarks for the report.
+    `basis`, `displacements` `[T, V, 3]` float32 or a `native_shapes.Clip`, as was asked.
+    `largest_mm` is the largest displacement of any vertex in any frame, on a head of human size,
+    blinks included; `visibility` is one of `VISIBILITIES`. `shape_weights` is what moves where the
+    system makes weights; `notes` are remarks for the report.
     """
 
     largest_mm: float
     visibility: str = "SPEAKS"
     basis: Basis | None = None
     displacements: np.ndarray | None = None
+    clip: object = None
     life: Life | None = None
     landmarks: Landmarks | None = None
     shape_weights: ShapeWeights | None = None

@@ -122,10 +122,12 @@ class Snapshot:
 
     def perform(self, progress: Progress, rows: range | None = None) -> Take:
         """The motion before its plan, of all frames or those of `rows`; raises `AnyfaceError`."""
-        animate = self.engine.animate
-        if rows is not None:
+        animate, (voice, request) = self.engine.animate, self.heard(progress)
+        if rows is None:
+            request = replace(request, keeps_clip=self.plan.keeps_clip)
+        else:
             animate = partial(self.engine.animate_stretch, rows=rows)
-        return perform.perform(self.face, *self.heard(progress), animate, progress)
+        return perform.perform(self.face, voice, request, animate, progress)
 
     def work(self, progress: Progress) -> Take:
         """The take; raises `AnyfaceError`."""

@@ -6,7 +6,7 @@ from bpy.types import Operator, Panel
 
 from ..core import systems
 from ..core.errors import AnyfaceError
-from ..core.events import LEFT, MENU, RIGHT, described, on_side, understand
+from ..core.events import described, expression, menu
 from ..scene.events import events
 from ..scene.sound import sequencer
 from . import audio, preferences, words
@@ -18,10 +18,10 @@ from .target import sequencer_scene, target
 _MOST_ROWS = 12
 _UNITS = "UNITS"
 _EXPRESSIONS = [
-    (entry.name, entry.label, f"Units {', '.join(entry.units)}", number)
-    for number, entry in enumerate(MENU)
+    (word, word.title(), f"Units {', '.join(expression(word).units)}", number)
+    for number, word in enumerate(menu())
 ]
-_EXPRESSIONS.append((_UNITS, "Units…", "Action units of your own, such as 12,6L", len(MENU)))
+_EXPRESSIONS.append((_UNITS, "Units…", "Action units of your own, such as 12,6L", len(menu())))
 _SIDES = [
     ("AS_IS", "As It Is", "Both sides, or the one that the expression says", 0),
     ("LEFT", "Left", "The face's own left", 1),
@@ -69,8 +69,8 @@ class ANYFACE_PT_events(OfFacePanel, Panel):
 
 def _draw_row(column, row, width: int) -> None:
     icon = "ERROR" if row.wrong else "CHECKMARK" if row.strip is not None else "MARKER_HLT"
-    said = row.wrong or described(row.understood.units, systems.units())
-    text = f"{row.first}-{row.last - 1} {row.text or row.name}: {said}"
+    said = row.wrong or described(row.expression.units, systems.units())
+    text = f"{row.first}-{row.last - 1} {row.expression.said or row.name}: {said}"
     words.draw(column, text, width, icon)
 
 
@@ -134,13 +134,12 @@ copied and renamed"""
 
     def _text(self) -> str:
         """What the strip says; raises `AnyfaceError("input")` for units that are none."""
+        side = {"AS_IS": "", "LEFT": "left ", "RIGHT": "right "}[self.side]
         if self.expression != _UNITS:
-            side = {"AS_IS": "", "LEFT": "left ", "RIGHT": "right "}[self.side]
             return f"{side}{self.expression}"
-        found = understand(self.units, systems.units(), systems.words)
+        found = expression(f"{side}{self.units}")
         if found.hint:
             raise AnyfaceError("input", found.hint)
-        side = {"AS_IS": "", "LEFT": LEFT, "RIGHT": RIGHT}[self.side]
         if not side:
             return self.units.strip()
-        return ",".join(on_side(found.units, side)) + ("!" if found.over_speech else "")
+        return ",".join(found.units) + ("!" if found.over_speech else "")

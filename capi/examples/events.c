@@ -3,6 +3,7 @@
  *
  *     events VOICE.wav OUT.csv [EVENTS]
  *     events voice.wav out.csv
+ *     events voice.wav out.csv '0.2-0.5:left wink:0.8'
  *     events voice.wav out.csv '[{"start_s": 0.2, "end_s": 0.5, "units": ["45L"]}]'
  *
  * Without events of your own it smiles with half its strength from 0.1 to 0.5 s and winks with the left eye
@@ -11,7 +12,6 @@
 #include <anyface.h>
 
 #include <stdio.h>
-#include <stdlib.h>
 
 /* Every object of one run, so that one place frees them all: freeing NULL does nothing. */
 typedef struct {
@@ -19,21 +19,22 @@ typedef struct {
     AnyfaceAudio *audio;
     AnyfaceEvents *events;
     AnyfaceMotion *motion;
-    AnyfaceWeights *weights;
 } Run;
 
 static void run_free(Run *run) {
-    anyface_weights_free(run->weights);
     anyface_motion_free(run->motion);
     anyface_events_free(run->events);
     anyface_audio_free(run->audio);
     anyface_engine_free(run->engine);
 }
 
-/* From text, or a smile and a wink. */
-static AnyfaceStatus make_events(Run *run, const char *json, AnyfaceError **error) {
-    if (json != NULL) {
-        return anyface_events_parse(json, &run->events, error);
+/* From JSON, from lines of words, or a smile and a wink. */
+static AnyfaceStatus make_events(Run *run, const char *text, AnyfaceError **error) {
+    if (text != NULL && (text[0] == '[' || text[0] == '{')) {
+        return anyface_events_parse(NULL, text, &run->events, error);
+    }
+    if (text != NULL) {
+        return anyface_events_from_text(NULL, text, &run->events, error);
     }
     const char *smile[] = {"6", "12"}, *wink[] = {"45L"};
     AnyfaceEvent events[] = {
@@ -61,30 +62,11 @@ static AnyfaceStatus perform(Run *run, const char *voice, AnyfaceError **error) 
 }
 
 /* The weights as the system made them: nothing is solved on a mesh. */
-static AnyfaceStatus save(Run *run, const char *out, AnyfaceError **error) {
-    size_t shapes = anyface_motion_weight_count(run->motion);
-    size_t frames = anyface_motion_frame_count(run->motion);
-    const char **names = malloc(shapes * sizeof *names);
-    float *weights = malloc(shapes * frames * sizeof *weights);
-    AnyfaceStatus status = ANYFACE_STATUS_IO;
-    if (names != NULL && weights != NULL) {
-        for (size_t shape = 0; shape < shapes; shape++) {
-            names[shape] = anyface_motion_weight_name(run->motion, shape);
-        }
-        status = anyface_motion_copy_weights(run->motion, weights, shapes * frames, error);
-    }
-    if (status == ANYFACE_STATUS_OK) {
-        status = anyface_weights_new_given(names, weights, shapes, frames, &run->weights, error);
-    }
-    if (status == ANYFACE_STATUS_OK) {
-        double fps = anyface_motion_fps(run->motion);
-        status = anyface_weights_write(run->weights, out, fps, error);
-        printf("frames %zu shapes %zu events %zu\n", frames, shapes,
-               anyface_events_count(run->events));
-    }
-    free(names);
-    free(weights);
-    return status;
+static AnyfaceStatus save(const Run *run, const char *out, AnyfaceError **error) {
+    printf("frames %zu fps %g shapes %zu events %zu\n", anyface_motion_frame_count(run->motion),
+           anyface_motion_fps(run->motion), anyface_motion_weight_count(run->motion),
+           anyface_events_count(run->events));
+    return anyface_motion_write(run->motion, out, error);
 }
 
 int main(int argc, char **argv) {

@@ -1,5 +1,6 @@
 /*
- * Makes a head and writes it as an OBJ: at random, halfway to another one, its first direction changed.
+ * Makes a head and writes it as an OBJ: at random, halfway to another one, its first direction changed. The file
+ * begins with the coefficients, of which anyface_head_new() makes the same head again.
  *
  *     head SEED OUT.obj [OTHER_SEED] [VALUE]
  *     head 7 head.obj 12 1.5
@@ -47,7 +48,7 @@ static AnyfaceStatus make(Run *run, char **words, int count, AnyfaceError **erro
 static AnyfaceStatus save(Run *run, const char *path, AnyfaceError **error) {
     size_t vertices = anyface_mesh_vertex_count(run->mesh);
     size_t triangles = anyface_mesh_triangle_count(run->mesh);
-    float *places = malloc(vertices * 3 * sizeof *places);
+    float coefficients[100], *places = malloc(vertices * 3 * sizeof *places);
     uint32_t *corners = malloc(triangles * 3 * sizeof *corners);
     AnyfaceStatus status = ANYFACE_STATUS_IO;
     if (places != NULL && corners != NULL) {
@@ -56,8 +57,14 @@ static AnyfaceStatus save(Run *run, const char *path, AnyfaceError **error) {
     if (status == ANYFACE_STATUS_OK) {
         status = anyface_mesh_copy_triangles(run->mesh, corners, triangles * 3, error);
     }
+    if (status == ANYFACE_STATUS_OK) {
+        status = anyface_head_copy_coefficients(run->head, coefficients, 100, error);
+    }
     FILE *file = status == ANYFACE_STATUS_OK ? fopen(path, "w") : NULL;
     if (file != NULL) {
+        for (size_t c = 0; c < 100; c++) {
+            fprintf(file, c == 0 ? "# %.9g" : c == 99 ? " %.9g\n" : " %.9g", (double)coefficients[c]);
+        }
         for (size_t v = 0; v < vertices; v++) {
             fprintf(file, "v %f %f %f\n", places[3 * v], places[3 * v + 1], places[3 * v + 2]);
         }

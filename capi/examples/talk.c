@@ -39,12 +39,13 @@ static int show_progress(void *user, const char *stage, float fraction) {
     return 0;
 }
 
-/* Prints what went wrong and passes the status on. */
-static AnyfaceStatus check(AnyfaceStatus status, AnyfaceError *error) {
+/* Prints what went wrong, frees it and returns its status; NULL is no error. */
+static AnyfaceStatus report(AnyfaceError *error) {
+    AnyfaceStatus status = anyface_error_status(error);
     if (status != ANYFACE_STATUS_OK) {
         fprintf(stderr, "\n%s: %s\n", anyface_status_name(status), anyface_error_message(error));
-        anyface_error_free(error);
     }
+    anyface_error_free(error);
     return status;
 }
 
@@ -80,9 +81,9 @@ static AnyfaceStatus load(Run *run, const char *mesh, const char *audio) {
         status = anyface_mesh_read(mesh, &run->mesh, &error);
     }
     if (status == ANYFACE_STATUS_OK) {
-        status = anyface_audio_read(audio, &run->audio, &error);
+        anyface_audio_read(audio, &run->audio, &error);
     }
-    return check(status, error);
+    return report(error);
 }
 
 static AnyfaceStatus animate(Run *run, const char *emotion) {
@@ -106,15 +107,16 @@ static AnyfaceStatus animate(Run *run, const char *emotion) {
                                   &error);
     }
     if (status == ANYFACE_STATUS_OK) {
-        status = anyface_engine_animate(run->engine, run->face, run->audio, &options, run->progress,
-                                        &run->clip, &error);
+        anyface_engine_animate(run->engine, run->face, run->audio, &options, run->progress, &run->clip,
+                               &error);
     }
-    return check(status, error);
+    return report(error);
 }
 
 static AnyfaceStatus save(const Run *run, const char *out) {
     AnyfaceError *error = NULL;
-    AnyfaceStatus status = check(anyface_clip_write(run->clip, run->mesh, out, &error), error);
+    anyface_clip_write(run->clip, run->mesh, out, &error);
+    AnyfaceStatus status = report(error);
     if (status == ANYFACE_STATUS_OK) {
         printf("frames %zu vertices %zu fps %g largest %g\n", anyface_clip_frame_count(run->clip),
                anyface_clip_vertex_count(run->clip), anyface_clip_fps(run->clip),

@@ -1,11 +1,9 @@
 //! Sound from a file or from the caller's samples.
 
-use std::{
-    ffi::{CString, c_char},
-    ptr::null,
-};
+use std::{ffi::CString, ptr::null};
 
 use anyface::audio::{SAMPLE_RATE_HZ, SoundFile, Waveform};
+use libc::c_char;
 
 use crate::{
     error::{AnyfaceError, Failure},

@@ -1,7 +1,5 @@
 //! A clip as a few shapes with weights over time: small enough for shape keys.
 
-use std::ptr::null;
-
 use anyface::deform::compression::{VertexBasis, compress};
 
 use crate::{
@@ -84,14 +82,6 @@ pub unsafe extern "C" fn anyface_basis_shape_count(basis: *const AnyfaceBasis) -
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_basis_max_error(basis: *const AnyfaceBasis) -> f32 {
     unsafe { basis.as_ref() }.map_or(0.0, |basis| basis.0.max_error)
-}
-
-/// Lends the shapes: `[K, V, 3]`, displacements at weight 1, mesh units.
-///
-/// The pointer is valid until the basis is freed; the values never change. NULL for NULL.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_basis_shapes(basis: *const AnyfaceBasis) -> *const f32 {
-    unsafe { basis.as_ref() }.map_or(null(), |basis| basis.shapes().as_ptr())
 }
 
 /// Copies the shapes into the caller's buffer.
@@ -193,7 +183,6 @@ mod tests {
             let status = anyface_basis_copy_weights(basis, w, weights.len(), &mut error);
             assert_eq!(status, AnyfaceStatus::Ok);
             assert!(anyface_basis_max_error(basis) <= 1e-4);
-            assert_eq!(*anyface_basis_shapes(basis), shapes[0]);
             anyface_basis_free(basis);
         }
         for (t, frame) in clip

@@ -1,6 +1,6 @@
 //! A finished performance on one mesh.
 
-use std::{borrow::Cow, ffi::c_char, ptr::null};
+use std::{borrow::Cow, ptr::null};
 
 use anyface::{
     Face, Performance,
@@ -9,6 +9,7 @@ use anyface::{
     progress::ProgressFn,
     spread::{Animation, Collector},
 };
+use libc::c_char;
 use ndarray::Axis;
 
 use crate::{

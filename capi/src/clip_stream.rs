@@ -1,12 +1,11 @@
 //! Frames of a clip as they are made, for clips that no memory holds.
 
-use std::ffi::{c_int, c_void};
-
 use anyface::{
     Error,
     progress::ProgressFn,
     spread::{ClipStart, FrameSink, LandmarkTrack},
 };
+use libc::{c_int, c_void};
 use ndarray::{Array3, Axis};
 
 use crate::{

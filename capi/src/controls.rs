@@ -1,8 +1,7 @@
 //! What a caller sets the controls of a system to.
 
-use std::ffi::c_char;
-
 use anyface::conditions::{ControlCurve, Controls};
+use libc::c_char;
 
 use crate::{error::Failure, pointer};
 

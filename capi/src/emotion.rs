@@ -1,12 +1,9 @@
 //! Emotions by name and by number.
 
-use std::{
-    ffi::{CString, c_char},
-    ptr::null,
-    sync::LazyLock,
-};
+use std::{ffi::CString, ptr::null, sync::LazyLock};
 
 use anyface::conditions::{EMOTIONS, Emotion};
+use libc::c_char;
 
 use crate::{error::AnyfaceError, guard, pointer, status::AnyfaceStatus};
 

@@ -1,8 +1,9 @@
 //! Loaded weights and settings, shared by any number of jobs.
 
-use std::{ffi::c_char, path::PathBuf, ptr::null};
+use std::{path::PathBuf, ptr::null};
 
 use anyface::{CachePolicy, Engine, EngineOptions};
+use libc::c_char;
 
 use crate::{
     error::{AnyfaceError, Failure},

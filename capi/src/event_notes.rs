@@ -1,9 +1,8 @@
 //! What of a performance and its events a face cannot show, in words.
 
-use std::{
-    ffi::{CString, c_char},
-    ptr::null,
-};
+use std::{ffi::CString, ptr::null};
+
+use libc::c_char;
 
 use crate::{
     engine::AnyfaceEngine,

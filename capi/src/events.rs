@@ -1,16 +1,16 @@
 //! What a face is to do and when, for systems that show it.
 
-use std::{
-    ffi::{CString, c_char},
-    ptr::null,
-    sync::LazyLock,
-};
+use std::{ffi::CString, ptr::null, sync::LazyLock};
 
-use anyface::conditions::{ACTION_UNITS, ActionUnit, Event};
+use anyface::{
+    conditions::{ACTION_UNITS, ActionUnit, Event, read_unit},
+    text::events_to_json,
+};
+use libc::c_char;
 
 use crate::{
     error::{AnyfaceError, Failure},
-    expression::words,
+    expression::reader,
     guard, pointer,
     status::AnyfaceStatus,
 };
@@ -36,7 +36,10 @@ pub struct AnyfaceEvent {
 
 /// Events of a performance. Never changes after it was made: any number of threads may use it at the same
 /// time.
-pub struct AnyfaceEvents(pub(crate) Vec<Event>);
+pub struct AnyfaceEvents {
+    pub(crate) rows: Vec<Event>,
+    json: CString,
+}
 
 struct Unit {
     name: CString,
@@ -92,33 +95,38 @@ pub unsafe extern "C" fn anyface_events_new(
             .enumerate()
             .map(read)
             .collect::<Result<_, _>>()?;
-        unsafe { pointer::give(out, AnyfaceEvents(events)) };
+        unsafe { pointer::give(out, AnyfaceEvents::new(events)) };
         Ok(())
     };
     unsafe { guard::guard(error, work) }
 }
 
 /// Events from JSON: a list, or an object with a list `events`, of `{"start_s": 1.2, "end_s": 2.0, "units":
-/// ["12", "45L"], "strength": 0.8, "over_speech": false}`; the last two may be left out.
+/// ["12", "45L"], "strength": 0.8, "over_speech": false}`; the last two may be left out, and `units` may be one
+/// expression, such as "left wink".
 ///
-/// `json`: UTF-8. Free with `anyface_events_free()`. Fails as `anyface_events_new()` does.
+/// `weights_dir`: as in `anyface_expression_new()`. `json`: UTF-8. Free with `anyface_events_free()`. Fails as
+/// `anyface_events_from_text()` does.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_events_parse(
+    weights_dir: *const c_char,
     json: *const c_char,
     out: *mut *mut AnyfaceEvents,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
     let work = || {
         pointer::check_out("out", out)?;
-        let events = Event::from_json(unsafe { pointer::text("json", json) }?)?;
-        unsafe { pointer::give(out, AnyfaceEvents(events)) };
+        let json = unsafe { pointer::text("json", json) }?;
+        let events = unsafe { reader(weights_dir) }?.events_of_json(json)?;
+        unsafe { pointer::give(out, AnyfaceEvents::new(events)) };
         Ok(())
     };
     unsafe { guard::guard(error, work) }
 }
 
 /// Events from lines of text, as the command reads them: seconds, units or words, and strength, as in
-/// "1.2-2.0:smile:0.8" or "2.4-2.8:45L"; empty lines are left out.
+/// "1.2-2.0:smile:0.8" or "2.4-2.8:45L"; empty lines are left out. What stands behind the seconds is read as
+/// `anyface_expression_new()` reads it.
 ///
 /// `weights_dir`: as in `anyface_expression_new()`. `text`: UTF-8. Free with `anyface_events_free()`. Fails as
 /// `anyface_events_new()` does, and for words that say
@@ -133,28 +141,42 @@ pub unsafe extern "C" fn anyface_events_from_text(
     let work = || {
         pointer::check_out("out", out)?;
         let text = unsafe { pointer::text("text", text) }?;
-        let words = unsafe { words(weights_dir) }?;
+        let reader = unsafe { reader(weights_dir) }?;
         let lines = text.lines().filter(|line| !line.trim().is_empty());
         let read = |(row, line): (usize, &str)| {
-            Event::from_text(line, &words).map_err(|error| named(row, error.into()))
+            reader.event(line).map_err(|error| named(row, error.into()))
         };
         let events = lines.enumerate().map(read).collect::<Result<_, _>>()?;
-        unsafe { pointer::give(out, AnyfaceEvents(events)) };
+        unsafe { pointer::give(out, AnyfaceEvents::new(events)) };
         Ok(())
     };
     unsafe { guard::guard(error, work) }
 }
 
+/// The events as JSON that `anyface_events_parse()` reads: a list, each row with a list of units and all its fields. NULL
+/// for NULL. Lives as long as the events.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_events_json(events: *const AnyfaceEvents) -> *const c_char {
+    unsafe { events.as_ref() }.map_or(null(), |events| events.json.as_ptr())
+}
+
 /// Number of events; 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_events_count(events: *const AnyfaceEvents) -> usize {
-    unsafe { events.as_ref() }.map_or(0, |events| events.0.len())
+    unsafe { events.as_ref() }.map_or(0, |events| events.rows.len())
 }
 
 /// Frees events that no running call uses; nothing happens for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_events_free(events: *mut AnyfaceEvents) {
     unsafe { guard::free(events) }
+}
+
+impl AnyfaceEvents {
+    pub(crate) fn new(rows: Vec<Event>) -> AnyfaceEvents {
+        let json = CString::new(events_to_json(&rows)).unwrap_or_default();
+        AnyfaceEvents { rows, json }
+    }
 }
 
 impl AnyfaceEvent {
@@ -173,7 +195,7 @@ impl AnyfaceEvent {
         let mut units = Vec::with_capacity(texts.len());
         for text in texts {
             let text = unsafe { pointer::text("units", *text) }?;
-            units.push(ActionUnit::find_with_side(text)?);
+            units.push(read_unit(text)?);
         }
         let event = Event {
             slot_s: [self.start_s, self.end_s],
@@ -232,11 +254,16 @@ mod tests {
         let json = cr#"[{"start_s": 1.2, "end_s": 2, "units": ["12", "6L"], "strength": 0.8}]"#;
         unsafe {
             let (from_arrays, mut from_json) = (made(&[event(&units)]).unwrap(), null_mut());
-            let status = anyface_events_parse(json.as_ptr(), &mut from_json, null_mut());
+            let status = anyface_events_parse(null(), json.as_ptr(), &mut from_json, null_mut());
             assert_eq!(status, AnyfaceStatus::Ok);
             let expected = [Event::parse("1.2-2:12,6L:0.8").unwrap()];
-            assert_eq!((*from_arrays).0, expected);
-            assert_eq!((*from_json).0, expected);
+            assert_eq!((*from_arrays).rows, expected);
+            assert_eq!((*from_json).rows, expected);
+            let written = CStr::from_ptr(anyface_events_json(from_json))
+                .to_str()
+                .unwrap();
+            let row = r#"[{"start_s":1.2,"end_s":2.0,"units":["12","6L"],"strength":0.8,"over_speech":false}]"#;
+            assert_eq!(written, row);
             assert_eq!(anyface_events_count(from_json), 1);
             anyface_events_free(from_arrays);
             anyface_events_free(from_json);
@@ -251,7 +278,7 @@ mod tests {
         let status =
             unsafe { anyface_events_from_text(null(), text.as_ptr(), &mut made, null_mut()) };
         assert_eq!(status, AnyfaceStatus::Ok);
-        let events = unsafe { &(*made).0 };
+        let events = unsafe { &(*made).rows };
         assert_eq!(events.len(), 2);
         assert_eq!(events[1], Event::parse("2.4-2.8:45L").unwrap());
         assert!(

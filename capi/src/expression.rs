@@ -1,16 +1,18 @@
-//! What a text asks of a face.
+//! What an expression asks of a face.
 
 use std::{
-    ffi::{CString, c_char},
-    path::PathBuf,
+    ffi::CString,
+    path::Path,
     ptr::null,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, LazyLock, Mutex, PoisonError},
 };
 
 use anyface::{
-    conditions::{ACTION_UNITS, Side},
-    text::{TextUnits, Understood},
+    Error,
+    conditions::{ACTION_UNITS, Expression, MENU},
+    text::{Reader, check_length},
 };
+use libc::c_char;
 
 use crate::{
     error::{AnyfaceError, Failure},
@@ -18,60 +20,84 @@ use crate::{
     status::AnyfaceStatus,
 };
 
-/// The reader that was asked for last, and the folder of its models: one may hold half a gigabyte.
-static LAST: Mutex<Option<(Option<PathBuf>, Arc<TextUnits>)>> = Mutex::new(None);
+/// The reader that was asked for last, with the folder of its models: it may hold half a gigabyte.
+static LAST: Mutex<Option<Arc<Reader>>> = Mutex::new(None);
 
-/// The reader of texts of a folder of models, or the built-in one.
+static WORDS: LazyLock<Vec<CString>> = LazyLock::new(|| {
+    let text = |(name, _): &(&str, &str)| CString::new(*name).unwrap_or_default();
+    MENU.iter().map(text).collect()
+});
+
+/// The reader of expressions of a folder of models, or the built-in one.
 ///
 /// # Safety
 /// `weights_dir` is NULL or a text that ends in 0.
-pub(crate) unsafe fn words(weights_dir: *const c_char) -> Result<Arc<TextUnits>, Failure> {
-    let folder = unsafe { pointer::optional_text("weights_dir", weights_dir) }?.map(PathBuf::from);
+pub(crate) unsafe fn reader(weights_dir: *const c_char) -> Result<Arc<Reader>, Failure> {
+    let folder = unsafe { pointer::optional_text("weights_dir", weights_dir) }?.map(Path::new);
     let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
     match &*last {
-        Some((of, words)) if *of == folder => Ok(Arc::clone(words)),
-        _ => {
-            let words = Arc::new(TextUnits::open(folder.as_deref())?);
-            *last = Some((folder, Arc::clone(&words)));
-            Ok(words)
-        }
+        Some(reader) if reader.models() == folder => Ok(Arc::clone(reader)),
+        _ => Ok(Arc::clone(last.insert(Arc::new(Reader::new(folder))))),
     }
 }
 
-/// The action units of an expression in English words. Never changes after it was made: any number of threads
-/// may read it at the same time.
+/// The action units of an expression. Never changes after it was made: any number of threads may read it at the same
+/// time.
 pub struct AnyfaceExpression {
+    said: CString,
     units: Vec<CString>,
     strength: f32,
+    over_speech: bool,
     hint: Option<CString>,
 }
 
 impl AnyfaceExpression {
-    fn of(understood: &Understood) -> AnyfaceExpression {
-        let text = |text: &str| CString::new(text).unwrap_or_default();
-        let units = understood.units.iter().map(|(unit, side, ..)| {
-            let side = match side {
-                Side::Both => "",
-                Side::Left => "L",
-                Side::Right => "R",
-            };
-            text(&format!("{}{side}", ACTION_UNITS[*unit].name))
-        });
-        let strengths = understood.units.iter().map(|unit| unit.2);
+    fn of(expression: &Expression) -> AnyfaceExpression {
+        let units = expression.units.iter();
+        let units = units.map(|(unit, side)| text(side.written(ACTION_UNITS[*unit].name)));
         AnyfaceExpression {
+            said: text(expression.said.clone()),
             units: units.collect(),
-            strength: strengths.fold(0.0, f32::max),
-            hint: understood.hint.as_deref().map(text),
+            strength: expression.strength,
+            over_speech: expression.over_speech,
+            hint: None,
+        }
+    }
+
+    /// An expression that is none, and why.
+    fn none(said: &str, why: String) -> AnyfaceExpression {
+        AnyfaceExpression {
+            said: text(said.trim().to_owned()),
+            units: Vec::new(),
+            strength: 0.0,
+            over_speech: false,
+            hint: Some(text(why)),
         }
     }
 }
 
-/// Reads what a text asks of a face, such as "a sarcastic laugh" or "winks with the right eye".
+fn text(text: String) -> CString {
+    CString::new(text).unwrap_or_default()
+}
+
+/// A word whose units are laid down, such as "smile" or "jaw drop", for a menu; NULL from the last one on. Lives as long
+/// as the library is loaded.
+#[unsafe(no_mangle)]
+pub extern "C" fn anyface_expression_word(index: usize) -> *const c_char {
+    guard::guard_or(null(), || {
+        WORDS.get(index).map_or(null(), |word| word.as_ptr())
+    })
+}
+
+/// Reads what an expression asks of a face: units such as "12,6L", a word of `anyface_expression_word()` with a side
+/// anywhere, such as "left wink", or English words, such as "winks with the right eye". Behind it ":0.5" may give the
+/// strength, and a "!" puts it over the speech.
 ///
 /// `weights_dir`: UTF-8, a folder of models that holds `text_units`, which may read by CLIP, or NULL for the built-in
-/// reader; the last one is kept. `text`: UTF-8. A text that says nothing to a face has no units, and `anyface_expression_hint()` the nearest
-/// that has some. Free with `anyface_expression_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a text of more
-/// than 1,000 letters, `ANYFACE_STATUS_WEIGHTS` or `ANYFACE_STATUS_IO` for a folder that cannot be used.
+/// reader; the last one is kept, and loaded at the first text that is neither a unit nor a word of the list.
+/// `text`: UTF-8. One that says nothing to a face has no units, and `anyface_expression_hint()` says why. Free with
+/// `anyface_expression_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a text of more than 1,000 letters,
+/// `ANYFACE_STATUS_WEIGHTS` or `ANYFACE_STATUS_IO` for a folder that cannot be used.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_expression_new(
     weights_dir: *const c_char,
@@ -82,8 +108,12 @@ pub unsafe extern "C" fn anyface_expression_new(
     let work = || {
         pointer::check_out("out", out)?;
         let text = unsafe { pointer::text("text", text) }?;
-        let words = unsafe { words(weights_dir) }?;
-        let expression = AnyfaceExpression::of(&words.understand(text)?);
+        check_length(text)?;
+        let expression = match unsafe { reader(weights_dir) }?.expression(text) {
+            Ok(expression) => AnyfaceExpression::of(&expression),
+            Err(Error::InvalidInput(why)) => AnyfaceExpression::none(text, why),
+            Err(error) => return Err(error.into()),
+        };
         unsafe { pointer::give(out, expression) };
         Ok(())
     };
@@ -109,14 +139,30 @@ pub unsafe extern "C" fn anyface_expression_unit(
     unit.map_or(null(), |unit| unit.as_ptr())
 }
 
-/// How strongly the text asks for it, 1 for a plain word; 0 without units, for NULL.
+/// How strongly the text asks for it, 0 to 2, 1 for a plain word; 0 without units, for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_expression_strength(expression: *const AnyfaceExpression) -> f32 {
     unsafe { expression.as_ref() }.map_or(0.0, |expression| expression.strength)
 }
 
-/// The nearest expression that would be understood, where there are no units and one is near; NULL otherwise, for
-/// NULL. Lives as long as the expression.
+/// 1 where a "!" puts it over the speech, otherwise 0.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_expression_over_speech(
+    expression: *const AnyfaceExpression,
+) -> i32 {
+    unsafe { expression.as_ref() }.map_or(0, |expression| i32::from(expression.over_speech))
+}
+
+/// The text without strength and "!"; NULL for NULL. Lives as long as the expression.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_expression_said(
+    expression: *const AnyfaceExpression,
+) -> *const c_char {
+    unsafe { expression.as_ref() }.map_or(null(), |expression| expression.said.as_ptr())
+}
+
+/// Why there are no units, with the nearest expression that would be understood where one is near, a sentence in English;
+/// NULL where there are some, for NULL. Lives as long as the expression.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_expression_hint(
     expression: *const AnyfaceExpression,
@@ -164,9 +210,38 @@ mod tests {
     }
 
     #[test]
-    fn what_says_nothing_has_no_units() {
-        assert_eq!(read("").0, Vec::<String>::new());
-        let (units, strength, _) = read("12345");
+    fn words_of_the_menu_have_their_units_side_strength_and_sign() {
+        let (units, strength, hint) = read("right wink!:0.5");
+        assert_eq!(
+            (units, strength, hint),
+            (vec!["6R".into(), "45R".into()], 0.5, None)
+        );
+        let mut made = null_mut();
+        let menu = (0..)
+            .map(|at| anyface_expression_word(at))
+            .take_while(|word| !word.is_null());
+        for word in menu {
+            unsafe {
+                let status = anyface_expression_new(null(), word, &mut made, null_mut());
+                assert_eq!(status, AnyfaceStatus::Ok);
+                assert!(anyface_expression_unit_count(made) > 0);
+                assert_eq!(
+                    CStr::from_ptr(anyface_expression_said(made)),
+                    CStr::from_ptr(word)
+                );
+                assert_eq!(anyface_expression_over_speech(made), 0);
+                anyface_expression_free(made);
+            }
+        }
+        assert_eq!(WORDS.len(), MENU.len());
+    }
+
+    #[test]
+    fn what_says_nothing_has_no_units_and_says_why() {
+        let (units, _, hint) = read("");
+        assert!(units.is_empty() && hint.unwrap().contains("says nothing"));
+        let (units, strength, hint) = read("12345");
         assert_eq!((units.len(), strength), (0, 0.0));
+        assert!(hint.unwrap().contains("got 12345"));
     }
 }

@@ -1,6 +1,6 @@
 //! A mesh with its landmarks and everything that does not depend on time.
 
-use std::{ffi::c_char, io::Write};
+use std::io::Write;
 
 use anyface::{
     Engine, Face,
@@ -9,6 +9,7 @@ use anyface::{
     mesh::{Landmarks, Mouth},
     output::write_atomically,
 };
+use libc::c_char;
 
 use crate::{
     engine::AnyfaceEngine,

@@ -1,6 +1,6 @@
 //! What a caller knows of a mesh, and how it wants its face to be worked on.
 
-use std::{ffi::c_char, ptr::null};
+use std::ptr::null;
 
 use anyface::{
     Engine,
@@ -11,6 +11,7 @@ use anyface::{
     },
     progress::ProgressFn,
 };
+use libc::c_char;
 
 use crate::{
     controls::{self, AnyfaceControlSetting},

@@ -1,13 +1,9 @@
-//! Heads made from numbers, and the field that moves them.
+//! Heads made from numbers.
 
-use std::{
-    ffi::{CString, c_char},
-    path::Path,
-    ptr::null,
-    sync::Arc,
-};
+use std::{ffi::CString, path::Path, ptr::null, sync::Arc};
 
 use anyface::head::{COEFFICIENTS, Head, HeadOptions, ScanOptions};
+use libc::c_char;
 
 use crate::{
     error::{AnyfaceError, Failure},
@@ -28,7 +24,6 @@ pub struct AnyfaceHead {
     model: Arc<Head>,
     coefficients: Vec<f32>,
     directions: Arc<Vec<CString>>,
-    channels: Arc<Vec<CString>>,
     fit_mm: f32,
 }
 
@@ -42,7 +37,6 @@ impl AnyfaceHead {
         let directions = model.config().directions.iter();
         Ok(AnyfaceHead {
             directions: Arc::new(directions.map(|direction| text(&direction.name)).collect()),
-            channels: Arc::new(model.config().channels.iter().map(text).collect()),
             coefficients: vec![0.0; COEFFICIENTS],
             model: Arc::new(model),
             fit_mm: 0.0,
@@ -54,7 +48,6 @@ impl AnyfaceHead {
         AnyfaceHead {
             model: Arc::clone(&self.model),
             directions: Arc::clone(&self.directions),
-            channels: Arc::clone(&self.channels),
             coefficients,
             fit_mm: 0.0,
         }
@@ -229,23 +222,6 @@ pub unsafe extern "C" fn anyface_head_copy_directions(
     unsafe { guard::guard(error, work) }
 }
 
-/// Number `M` of ARKit's shapes that the field knows; 0 for NULL.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_head_channel_count(head: *const AnyfaceHead) -> usize {
-    unsafe { head.as_ref() }.map_or(0, |head| head.channels.len())
-}
-
-/// Name of a shape, such as "jawOpen"; lives until the head is freed. NULL for NULL or a number that is not below
-/// the count.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_head_channel_name(
-    head: *const AnyfaceHead,
-    channel: usize,
-) -> *const c_char {
-    let name = unsafe { head.as_ref() }.and_then(|head| head.channels.get(channel));
-    name.map_or(null(), |name| name.as_ptr())
-}
-
 /// The head as a mesh at rest, metres. Long: accepts a progress handle, which may be NULL. Free with
 /// `anyface_mesh_free()`.
 ///
@@ -286,52 +262,6 @@ pub unsafe extern "C" fn anyface_head_mesh(
         }
         unsafe { pointer::give(out, AnyfaceMesh(made.mesh)) };
         Ok(())
-    };
-    unsafe { guard::guard(error, work) }
-}
-
-/// The field: how far points move from the canonical pose, which has the jaw open a little, to an expression.
-///
-/// `points`: `[point_count, 3]`, metres, anywhere in and about the head. `weights`: `[weight_count]`, one for each
-/// channel, all 0 is the face at rest; or NULL with 0 for that. `displacements`: `[point_count, 3]`, metres.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `weight_count` and for numbers that are not finite.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_head_field(
-    head: *const AnyfaceHead,
-    weights: *const f32,
-    weight_count: usize,
-    points: *const f32,
-    point_count: usize,
-    displacements: *mut f32,
-    error: *mut *mut AnyfaceError,
-) -> AnyfaceStatus {
-    let work = || {
-        let head = unsafe { pointer::handle("head", head) }?;
-        let points = unsafe { pointer::slice("points", points, point_count, 3) }?
-            .as_chunks()
-            .0;
-        pointer::check_room("displacements", displacements, point_count, 3)?;
-        if !points.as_flattened().iter().all(|x| x.is_finite()) {
-            return Err(Failure::invalid(
-                "points: expected finite numbers".to_owned(),
-            ));
-        }
-        let code = match weights.is_null() && weight_count == 0 {
-            true => head.model.rest_code(),
-            false => {
-                let given = unsafe { pointer::slice("weights", weights, weight_count, 1) }?;
-                head.model.expression_code(given)?
-            }
-        };
-        let one = head
-            .model
-            .one(head.model.identity_code(&head.coefficients)?)?;
-        let moved = one.posed(&code)?.forward(points);
-        let ways = points.iter().zip(&moved);
-        let ways: Vec<f32> = ways
-            .flat_map(|(p, q)| [0, 1, 2].map(|axis| q[axis] - p[axis]))
-            .collect();
-        unsafe { pointer::copy_out("displacements", &ways, displacements, ways.len()) }
     };
     unsafe { guard::guard(error, work) }
 }
@@ -391,27 +321,19 @@ mod tests {
     }
 
     #[test]
-    fn the_field_closes_the_mouth_and_wrong_numbers_are_told() {
+    fn coefficients_make_the_same_head_and_wrong_ones_are_told() {
         unsafe {
-            let head = made(1);
-            let channels = anyface_head_channel_count(head);
-            let (chin, mut to) = ([0.0f32, -0.10, 0.07], [0.0f32; 3]);
-            let ask = |weights: &[f32], to: &mut [f32; 3]| {
-                let points = chin.as_ptr();
-                anyface_head_field(
-                    head,
-                    weights.as_ptr(),
-                    weights.len(),
-                    points,
-                    1,
-                    to.as_mut_ptr(),
-                    null_mut(),
-                )
-            };
-            assert_eq!(ask(&vec![0.0; channels], &mut to), AnyfaceStatus::Ok);
-            assert!(to.iter().all(|x| x.is_finite()));
-            assert_eq!(ask(&[0.0; 3], &mut to), AnyfaceStatus::InvalidInput);
+            let (head, mut again) = (made(1), null_mut());
+            let (mut first, mut second) = ([0.0f32; 100], [1.0f32; 100]);
+            let status = anyface_head_copy_coefficients(head, first.as_mut_ptr(), 100, null_mut());
+            assert_eq!(status, AnyfaceStatus::Ok);
+            let status = anyface_head_new(null(), first.as_ptr(), 100, 0, &mut again, null_mut());
+            assert_eq!(status, AnyfaceStatus::Ok);
+            let status =
+                anyface_head_copy_coefficients(again, second.as_mut_ptr(), 100, null_mut());
+            assert_eq!((status, first), (AnyfaceStatus::Ok, second));
             anyface_head_free(head);
+            anyface_head_free(again);
             let (mut none, mut error) = (null_mut(), null_mut());
             let far = [9.0f32; 100];
             let status = anyface_head_new(null(), far.as_ptr(), 100, 0, &mut none, &mut error);

@@ -1,8 +1,7 @@
 //! Meshes from a file or from the caller's arrays.
 
-use std::ffi::c_char;
-
 use anyface::mesh::Mesh;
+use libc::c_char;
 
 use crate::{
     error::{AnyfaceError, Failure},

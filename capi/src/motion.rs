@@ -1,11 +1,6 @@
 //! Speech becomes motion, before any mesh is known.
 
-use std::{
-    borrow::Cow,
-    ffi::{CString, c_char},
-    ptr::null,
-    sync::Arc,
-};
+use std::{borrow::Cow, ffi::CString, ptr::null, sync::Arc};
 
 use anyface::{
     MotionRequest, Performance,
@@ -15,6 +10,7 @@ use anyface::{
     progress::ProgressFn,
     speech::FeltVoice,
 };
+use libc::c_char;
 use ndarray::{ArrayView2, ArrayView3};
 
 use crate::{
@@ -248,7 +244,9 @@ impl AnyfaceMotionOptions {
     unsafe fn events(&self) -> Result<Vec<Event>, Failure> {
         match self.events.is_null() {
             true => Ok(Vec::new()),
-            false => Ok(unsafe { pointer::handle("events", self.events) }?.0.clone()),
+            false => Ok(unsafe { pointer::handle("events", self.events) }?
+                .rows
+                .clone()),
         }
     }
 
@@ -796,13 +794,13 @@ mod tests {
 
     #[test]
     fn events_reach_the_library_and_an_older_program_has_none() {
-        let events = AnyfaceEvents(vec![Event::parse("1-2:45L").unwrap()]);
+        let events = AnyfaceEvents::new(vec![Event::parse("1-2:45L").unwrap()]);
         let mut options = AnyfaceMotionOptions {
             events: &events,
             ..Versioned::defaults()
         };
         let request = unsafe { options.to_library() }.unwrap();
-        assert_eq!(request.events, events.0);
+        assert_eq!(request.events, events.rows);
         // A header before there were events ends where they begin.
         options.struct_size = std::mem::offset_of!(AnyfaceMotionOptions, events);
         let read: AnyfaceMotionOptions = unsafe { versioned_options::read(&options) }.unwrap();

@@ -1,11 +1,9 @@
 //! Motion that is weights of shapes, as the system gave it.
 
-use std::{
-    ffi::{CString, c_char},
-    ptr::null,
-};
+use std::{ffi::CString, ptr::null};
 
 use anyface::motion::{Motion, WeightClip};
+use libc::c_char;
 
 use crate::{
     error::{AnyfaceError, Failure},

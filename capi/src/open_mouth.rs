@@ -56,14 +56,6 @@ pub unsafe extern "C" fn anyface_opened_mouth_mesh(
     unsafe { guard::guard(error, work) }
 }
 
-/// Number of the first vertex of the mouth's inside; 0 for NULL.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_opened_mouth_first_inside_vertex(
-    opened: *const AnyfaceOpenedMouth,
-) -> usize {
-    unsafe { opened.as_ref() }.map_or(0, |opened| opened.0.first_bag_vertex)
-}
-
 /// Number of the first triangle of the mouth's inside; 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_opened_mouth_first_inside_triangle(
@@ -149,35 +141,6 @@ pub unsafe extern "C" fn anyface_opened_mouth_copy_landmarks(
     unsafe { guard::guard(error, work) }
 }
 
-/// Number of vertices on the rim of each lip, both corners included; 0 for NULL.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_opened_mouth_rim_count(
-    opened: *const AnyfaceOpenedMouth,
-) -> usize {
-    unsafe { opened.as_ref() }.map_or(0, |opened| opened.0.upper_rim.len())
-}
-
-/// Copies the vertices of both rims from the subject's right corner of the mouth to the left one.
-///
-/// `upper`, `lower`: vertex numbers, each of `count`, which must be that of the rims. Fails with
-/// `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_opened_mouth_copy_rims(
-    opened: *const AnyfaceOpenedMouth,
-    upper: *mut u32,
-    lower: *mut u32,
-    count: usize,
-    error: *mut *mut AnyfaceError,
-) -> AnyfaceStatus {
-    let work = || {
-        let opened = &unsafe { pointer::handle("opened", opened) }?.0;
-        pointer::check_room("lower", lower, count, 1)?;
-        unsafe { pointer::copy_out("upper", &opened.upper_rim, upper, count) }?;
-        unsafe { pointer::copy_out("lower", &opened.lower_rim, lower, count) }
-    };
-    unsafe { guard::guard(error, work) }
-}
-
 /// Frees an opened mouth that no running call uses; nothing happens for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_opened_mouth_free(opened: *mut AnyfaceOpenedMouth) {
@@ -223,11 +186,11 @@ mod tests {
     }
 
     #[test]
-    fn sources_landmarks_and_rims_are_copied() {
+    fn sources_and_landmarks_are_copied() {
         let (opened, mut error) = (example(), null_mut());
         let (mut numbers, mut shares) = (vec![0u32; 12], vec![0.0f32; 18]);
         unsafe {
-            let (n, s): (*mut u32, *mut u32) = (numbers.as_mut_ptr(), null_mut());
+            let n = numbers.as_mut_ptr();
             let status = anyface_opened_mouth_copy_vertex_sources(
                 &opened,
                 n,
@@ -247,12 +210,8 @@ mod tests {
             );
             assert_eq!(status, AnyfaceStatus::Ok);
             assert_eq!((numbers[1], shares[8], shares[17]), (0, 0.5, 1.0));
-            let status = anyface_opened_mouth_copy_rims(&opened, n, s, 2, &mut error);
-            assert_eq!(status, AnyfaceStatus::NullPointer);
-            anyface_error_free(error);
             let (mut places, mut nearest) = (vec![0.0f32; 204], vec![9u32; 68]);
             let (p, v): (*mut f32, *mut u32) = (places.as_mut_ptr(), null_mut());
-            error = null_mut();
             let status = anyface_opened_mouth_copy_landmarks(&opened, p, v, &mut error);
             assert_eq!(status, AnyfaceStatus::NullPointer);
             anyface_error_free(error);
@@ -262,8 +221,6 @@ mod tests {
                 (status, places[203], nearest[67]),
                 (AnyfaceStatus::Ok, 0.25, 0)
             );
-            assert_eq!(anyface_opened_mouth_rim_count(&opened), 2);
-            assert_eq!(anyface_opened_mouth_first_inside_vertex(&opened), 4);
             assert_eq!(anyface_opened_mouth_first_inside_triangle(null()), 0);
         }
     }
@@ -271,10 +228,10 @@ mod tests {
     #[test]
     fn wrong_sizes_are_refused() {
         let (opened, mut error) = (example(), null_mut());
-        let mut buffer = vec![0u32; 6];
+        let (mut numbers, mut shares) = ([0u32; 12], [0.0f32; 12]);
         unsafe {
-            let to = buffer.as_mut_ptr();
-            let status = anyface_opened_mouth_copy_rims(&opened, to, to.add(3), 3, &mut error);
+            let (to, of) = (numbers.as_mut_ptr(), shares.as_mut_ptr());
+            let status = anyface_opened_mouth_copy_vertex_sources(&opened, to, of, 3, &mut error);
             assert_eq!(status, AnyfaceStatus::InvalidInput);
             assert_eq!(anyface_error_status(error), AnyfaceStatus::InvalidInput);
             anyface_error_free(error);

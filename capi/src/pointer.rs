@@ -1,9 +1,8 @@
 //! Raw pointers become checked borrows, results go out through checked pointers.
 
-use std::{
-    ffi::{CStr, c_char},
-    path::Path,
-};
+use std::{ffi::CStr, path::Path};
+
+use libc::c_char;
 
 use crate::error::Failure;
 

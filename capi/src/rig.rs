@@ -1,6 +1,6 @@
 //! The ARKit shapes and visemes of a mesh.
 
-use std::{ffi::CString, ffi::c_char, ptr::null, sync::Arc};
+use std::{ffi::CString, ptr::null, sync::Arc};
 
 use anyface::{
     Engine,
@@ -8,6 +8,7 @@ use anyface::{
     progress::ProgressFn,
     rig::{Rig, ShapeSource},
 };
+use libc::c_char;
 
 use crate::{
     engine::AnyfaceEngine,

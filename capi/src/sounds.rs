@@ -1,14 +1,12 @@
 //! What is said when: heard, read from files of other tools, written for them.
 
-use std::{
-    ffi::{CString, c_char},
-    ptr::null,
-};
+use std::{ffi::CString, ptr::null};
 
 use anyface::{
     annotation::{Annotation, AnnotationFormat, Interval, Symbols},
     conditions::check_fps,
 };
+use libc::c_char;
 
 use crate::{
     audio::AnyfaceAudio,

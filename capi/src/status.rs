@@ -1,6 +1,8 @@
 //! One code for each kind of failure.
 
-use std::ffi::{CStr, c_char};
+use std::ffi::CStr;
+
+use libc::c_char;
 
 /// How a call ended. Those from 3 on are also the exit codes of the `anyface` command.
 #[repr(C)]

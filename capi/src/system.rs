@@ -1,15 +1,12 @@
 //! The systems of this library and the controls that each of them understands.
 
-use std::{
-    ffi::{CString, c_char},
-    ptr::null,
-    sync::LazyLock,
-};
+use std::{ffi::CString, ptr::null, sync::LazyLock};
 
 use anyface::{
     conditions::{Control, ControlStage, ControlValues},
     systems::{Ability, Registration, SYSTEMS},
 };
+use libc::c_char;
 
 use crate::{
     guard, sliders,

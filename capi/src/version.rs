@@ -1,6 +1,8 @@
 //! Which library a program was linked to.
 
-use std::ffi::{CStr, c_char};
+use std::ffi::CStr;
+
+use libc::c_char;
 
 /// Version of this interface, for comparison with `anyface_abi_version()`.
 pub const ANYFACE_ABI_VERSION: u32 = 1;

@@ -1,14 +1,14 @@
 //! Weights of shapes over time, solved from the motion of vertices.
 
-use std::ffi::c_char;
-
 use anyface::{
     output::write_blend_weights,
     rig::{Rig, SolveOptions, SolvedWeights, solve},
 };
-use ndarray::{ArrayView2, ArrayView3};
+use libc::c_char;
+use ndarray::{ArrayView2, ArrayView3, Axis, s};
 
 use crate::{
+    clip::AnyfaceClip,
     error::{AnyfaceError, Failure},
     guard, pointer,
     progress::{AnyfaceProgress, watched},
@@ -42,20 +42,80 @@ pub unsafe extern "C" fn anyface_weights_new(
 ) -> AnyfaceStatus {
     let work = || {
         pointer::check_out("out", out)?;
-        let rig = Rig {
-            names: unsafe { texts("names", names, shape_count) }?,
-            deltas: unsafe { moves("shapes", shapes, shape_count, vertex_count) }?.to_owned(),
-            reports: Vec::new(),
-        };
+        let rig = unsafe { rig(names, shapes, shape_count, vertex_count) }?;
         let motion = unsafe { moves("displacements", displacements, frame_count, vertex_count) }?;
-        let work = |watch: anyface::progress::ProgressFn<'_>| {
-            solve(&rig, shape_count, motion, &SolveOptions::default(), watch)
-        };
-        let weights = unsafe { watched(progress, work) }?;
-        unsafe { pointer::give(out, AnyfaceWeights(weights)) };
+        unsafe { pointer::give(out, solved(&rig, motion, progress)?) };
         Ok(())
     };
     unsafe { guard::guard(error, work) }
+}
+
+/// The same of a clip, whose displacements stay in the library.
+///
+/// `shapes`: `[shape_count, vertex_count, 3]`, of the clip's first `vertex_count` vertices; those behind are left out.
+/// `to_shapes`: `[3, 3]`, may be NULL; what leads displacements of the clip to the frame of the shapes. The rest as for
+/// `anyface_weights_new()`. The clip may go before the weights.
+/// Fails as `anyface_weights_new()` does, and with `ANYFACE_STATUS_INVALID_INPUT` for more vertices than the clip has.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_weights_new_of_clip(
+    clip: *const AnyfaceClip,
+    names: *const *const c_char,
+    shapes: *const f32,
+    shape_count: usize,
+    vertex_count: usize,
+    to_shapes: *const f32,
+    progress: *const AnyfaceProgress,
+    out: *mut *mut AnyfaceWeights,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let clip = unsafe { pointer::handle("clip", clip) }?;
+        let rig = unsafe { rig(names, shapes, shape_count, vertex_count) }?;
+        let motion = &clip.animation.vertices.displacements;
+        let of_clip = motion.len_of(Axis(1));
+        if vertex_count > of_clip {
+            return Err(Failure::invalid(format!(
+                "vertex_count: expected at most {of_clip}, those of the clip, got {vertex_count}"
+            )));
+        }
+        let motion = motion.slice(s![.., ..vertex_count, ..]);
+        let weights = match to_shapes.is_null() {
+            true => solved(&rig, motion, progress)?,
+            false => {
+                let rows = unsafe { pointer::slice("to_shapes", to_shapes, 3, 3) }?;
+                let mut turned = motion.to_owned();
+                for mut moved in turned.rows_mut() {
+                    let [x, y, z] = [moved[0], moved[1], moved[2]];
+                    for (axis, row) in rows.as_chunks::<3>().0.iter().enumerate() {
+                        moved[axis] = x * row[0] + y * row[1] + z * row[2];
+                    }
+                }
+                solved(&rig, turned.view(), progress)?
+            }
+        };
+        unsafe { pointer::give(out, weights) };
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Weights of all shapes of a rig.
+fn solved(
+    rig: &Rig,
+    motion: ArrayView3<'_, f32>,
+    progress: *const AnyfaceProgress,
+) -> Result<AnyfaceWeights, Failure> {
+    let work = |watch: anyface::progress::ProgressFn<'_>| {
+        solve(
+            rig,
+            rig.names.len(),
+            motion,
+            &SolveOptions::default(),
+            watch,
+        )
+    };
+    unsafe { watched(progress, work) }.map(AnyfaceWeights)
 }
 
 /// Weights that the caller brings, such as those of `anyface_motion_copy_weights()`, to be written as a file.
@@ -160,6 +220,23 @@ pub unsafe extern "C" fn anyface_weights_free(weights: *mut AnyfaceWeights) {
     unsafe { guard::free(weights) }
 }
 
+/// The caller's shapes, copied.
+///
+/// # Safety
+/// As [`texts`] and [`moves`].
+unsafe fn rig(
+    names: *const *const c_char,
+    shapes: *const f32,
+    count: usize,
+    vertices: usize,
+) -> Result<Rig, Failure> {
+    Ok(Rig {
+        names: unsafe { texts("names", names, count) }?,
+        deltas: unsafe { moves("shapes", shapes, count, vertices) }?.to_owned(),
+        reports: Vec::new(),
+    })
+}
+
 /// `[count, vertices, 3]`, borrowed.
 ///
 /// # Safety
@@ -192,6 +269,7 @@ unsafe fn texts(
 mod tests {
     use super::*;
     use crate::error::{anyface_error_free, anyface_error_status};
+    use anyface::{deform::VertexClip, motion::Visibility, spread::Animation};
     use ndarray::Array3;
     use std::ptr::{null, null_mut};
 
@@ -203,7 +281,7 @@ mod tests {
         (shapes, motion)
     }
 
-    unsafe fn solved(motion: &Array3<f32>) -> Result<*mut AnyfaceWeights, AnyfaceStatus> {
+    unsafe fn solved_of(motion: &Array3<f32>) -> Result<*mut AnyfaceWeights, AnyfaceStatus> {
         let (shapes, _) = example();
         let names = [c"jawOpen".as_ptr(), c"tongueOut".as_ptr()];
         let (mut out, mut error) = (null_mut(), null_mut());
@@ -231,7 +309,7 @@ mod tests {
     #[test]
     fn known_weights_come_back() {
         unsafe {
-            let weights = solved(&example().1).unwrap();
+            let weights = solved_of(&example().1).unwrap();
             let (mut buffer, mut error) = ([0.0f32; 4], null_mut());
             let status = anyface_weights_copy(weights, buffer.as_mut_ptr(), 4, &mut error);
             assert_eq!(status, AnyfaceStatus::Ok);
@@ -244,11 +322,55 @@ mod tests {
     }
 
     #[test]
+    fn a_clip_gives_the_same_bits_in_the_frame_of_the_shapes() {
+        let (shapes, motion) = example();
+        // The clip has a vertex more, and its axes are those of the shapes in another order, one turned round.
+        let displacements = Array3::from_shape_fn((2, 5, 3), |(t, v, axis)| match (v, axis) {
+            (4, _) => 7.0,
+            (_, 2) => -motion[[t, v, 0]],
+            _ => motion[[t, v, axis + 1]],
+        });
+        let animation = Animation {
+            vertices: VertexClip {
+                displacements,
+                fps: 25.0,
+            },
+            landmarks_neutral: [[0.0; 3]; 68],
+            landmark_displacements: Array3::zeros((2, 68, 3)),
+        };
+        let clip = AnyfaceClip::new(animation, 1.0, Visibility::Speaks);
+        let to_shapes = [0.0f32, 0.0, -1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+        let names = [c"jawOpen".as_ptr(), c"tongueOut".as_ptr()];
+        let of_clip = |vertices: usize, out: &mut *mut AnyfaceWeights| unsafe {
+            anyface_weights_new_of_clip(
+                &clip,
+                names.as_ptr(),
+                shapes.as_ptr(),
+                2,
+                vertices,
+                to_shapes.as_ptr(),
+                null(),
+                out,
+                null_mut(),
+            )
+        };
+        let mut of = null_mut();
+        assert_eq!(of_clip(4, &mut of), AnyfaceStatus::Ok);
+        unsafe {
+            let expected = solved_of(&motion).unwrap();
+            assert_eq!((*of).0, (*expected).0);
+            anyface_weights_free(of);
+            anyface_weights_free(expected);
+        }
+        assert_eq!(of_clip(6, &mut of), AnyfaceStatus::InvalidInput);
+    }
+
+    #[test]
     fn what_no_shape_can_do_is_left_out() {
         let mut motion = example().1;
         motion.mapv_inplace(|x| -x);
         unsafe {
-            let weights = solved(&motion).unwrap();
+            let weights = solved_of(&motion).unwrap();
             assert!((anyface_weights_left_out(weights) - 1.0).abs() < 1e-3);
             anyface_weights_free(weights);
         }
@@ -267,6 +389,9 @@ mod tests {
     fn motion_that_is_not_finite_is_refused() {
         let mut motion = example().1;
         motion[[1, 0, 0]] = f32::NAN;
-        assert_eq!(unsafe { solved(&motion) }, Err(AnyfaceStatus::InvalidInput));
+        assert_eq!(
+            unsafe { solved_of(&motion) },
+            Err(AnyfaceStatus::InvalidInput)
+        );
     }
 }

@@ -20,7 +20,7 @@ use anyface::{
     output::read_landmark_motion,
     speech::FeltVoice,
     systems::{Ability, Registration},
-    text::TextUnits,
+    text::Reader,
 };
 use clap::Args;
 
@@ -257,10 +257,11 @@ pub struct MotionArgs {
     sounds: Option<PathBuf>,
     /// What the face does and when (cafe-talk): seconds, action units with L or R for one side or words, and
     /// strength, as in 1.2-2.0:12,6:0.8 or 2.4-2.8:left wink; a ! at the end puts it over the speech; may be
-    /// repeated
+    /// repeated. `anyface units` lists the words whose units are laid down
     #[arg(long = "event", value_name = "E")]
     event: Vec<String>,
-    /// Events of a JSON file, a list of {"start_s", "end_s", "units": ["12", "45L"], "strength", "over_speech"}
+    /// Events of a JSON file, a list of {"start_s", "end_s", "units": ["12", "45L"] or "left wink", "strength",
+    /// "over_speech"}
     #[arg(long, value_name = "E.json")]
     events: Option<PathBuf>,
     /// Another recording of which the feeling is taken (emoface), stretched to the length of the sound
@@ -273,14 +274,14 @@ pub struct MotionArgs {
 
 impl MotionArgs {
     fn events(&self, models: Option<&Path>) -> Result<Vec<Event>> {
-        let mut events = match &self.events {
-            Some(path) => Event::read(path)?,
-            None => Vec::new(),
-        };
-        if !self.event.is_empty() {
-            let words = TextUnits::open(models)?;
-            let read = self.event.iter().map(|text| Event::from_text(text, &words));
-            events.extend(read.collect::<Result<Vec<_>>>()?);
+        let reader = Reader::new(models);
+        let file = self
+            .events
+            .as_deref()
+            .map(|path| reader.events_of_file(path));
+        let mut events = file.transpose()?.unwrap_or_default();
+        for text in &self.event {
+            events.push(reader.event(text)?);
         }
         Ok(events)
     }

@@ -1,26 +1,44 @@
-//! `anyface units`: what a text asks of a face.
+//! `anyface units`: what an expression asks of a face.
 
 use anyface::{
     Result,
-    conditions::{ACTION_UNITS, Side},
+    conditions::{ACTION_UNITS, Expression, MENU, Side},
     text::{TextUnits, Understood},
 };
 use clap::Args;
 
 use crate::{arguments::SharedArgs, console::Console};
 
-/// Show the action units that a text asks for, such as "a sarcastic laugh"
+/// Show the action units that an expression asks for, such as "a sarcastic laugh" or "left wink"
 #[derive(Args)]
 pub struct Units {
-    /// English words for an expression
-    text: String,
+    /// Units or English words, as `--event` takes them [default: the words whose units are laid down, each with them]
+    text: Option<String>,
 }
 
 impl Units {
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
-        let understood = TextUnits::open(shared.weights())?.understood_or_error(&self.text)?;
-        console.value(&json(&self.text, &understood), &table(&understood))
+        let Some(text) = &self.text else {
+            let rows = MENU.map(|(name, units)| format!("{name:<16} {units}\n"));
+            let menu = MENU.map(|(name, units)| serde_json::json!({"name": name, "units": units}));
+            return console.value(&serde_json::json!({"menu": menu}), &rows.concat());
+        };
+        let understood = understood(text, shared)?;
+        console.value(&json(text, &understood), &table(&understood))
     }
+}
+
+/// What is laid down, or what the model of texts understands.
+fn understood(text: &str, shared: &SharedArgs) -> Result<Understood> {
+    let expression = Expression::parse(text)?;
+    if expression.units.is_empty() {
+        return TextUnits::open(shared.weights())?.understood_or_error(&expression.said);
+    }
+    let certain = |(unit, side): (usize, Side)| (unit, side, expression.strength, 1.0);
+    Ok(Understood {
+        units: expression.units.into_iter().map(certain).collect(),
+        hint: None,
+    })
 }
 
 fn json(text: &str, understood: &Understood) -> serde_json::Value {

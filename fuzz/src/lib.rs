@@ -6,7 +6,7 @@ use anyface::{
     CachePolicy, Engine, EngineOptions, MotionRequest,
     annotation::Annotation,
     audio::{LOUDEST, SoundFile, Waveform},
-    conditions::{EmotionCurve, Event},
+    conditions::EmotionCurve,
     head::{self, Head, HeadOptions},
     mesh::{FixedLandmark, LandmarkSource, Mesh, ObjectNames},
     output::{read_landmark_motion, read_life, read_rig, read_vertex_motion, read_weights},
@@ -87,7 +87,7 @@ pub fn text(bytes: &[u8]) {
         let _ = (
             LandmarkSource::read(&path),
             FixedLandmark::read(&path),
-            Event::read(&path),
+            text::Reader::default().events_of_file(&path),
         );
     }
     let _ = EmotionCurve::parse_keys(&String::from_utf8_lossy(bytes));

@@ -29,16 +29,16 @@ def told(events):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("smile", ("smile", 1.0)),
-        ("smile:0.5", ("smile", 0.5)),
-        ("12,6L : .25", ("12,6L", 0.25)),
-        ("jaw drop!:1.5", ("jaw drop!", 1.5)),
-        ("jaw drop:1.5!", ("jaw drop!", 1.5)),
-        ("smile:broad", ("smile:broad", 1.0)),
+        ("smile", ("smile", 1.0, False)),
+        ("smile:0.5", ("smile", 0.5, False)),
+        ("12,6L : .25", ("12,6L", 0.25, False)),
+        ("jaw drop!:1.5", ("jaw drop", 1.5, True)),
+        ("jaw drop:1.5!", ("jaw drop", 1.5, True)),
     ],
 )
 def test_a_number_behind_an_expression_is_its_strength(addon, text, said):
-    assert addon("core.events").strength_of(text) == said
+    read = addon("core.events").expression(text)
+    assert (read.said, read.strength, read.over_speech) == said
 
 
 def test_an_end_names_what_it_ends(addon):
@@ -124,7 +124,7 @@ def test_strips_and_markers_are_listed_together(addon):
     mark("the blue car", START + 8)
     mark("smile", START)
     rows = addon("scene.events.events").rows(scene, ob, ob.anyface_audio, (START, SECONDS))
-    assert [(row.text, row.first - START, row.last - START) for row in rows] == [
+    assert [(row.expression.said, row.first - START, row.last - START) for row in rows] == [
         ("smile", 0, FPS),
         ("wink", 6, 12),
         ("the blue car", 8, 8 + FPS),

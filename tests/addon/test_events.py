@@ -2,7 +2,6 @@
 shapes that reach named keys as the system made them.
 """
 
-import functools
 import time
 from itertools import pairwise
 
@@ -61,11 +60,11 @@ def known(addon):
         ("right jaw drop", ("26",)),
     ],
 )
-def test_units_and_words_are_understood(addon, known, text, units):
-    understood = addon("core.events").understand(text, known)
+def test_units_and_words_are_understood(addon, text, units):
+    understood = addon("core.events").expression(text)
     assert (understood.units, understood.hint) == (units, "")
     assert not understood.over_speech
-    assert addon("core.events").understand(f"{text} !", known).over_speech
+    assert addon("core.events").expression(f"{text} !").over_speech
 
 
 @pytest.mark.parametrize(
@@ -74,22 +73,24 @@ def test_units_and_words_are_understood(addon, known, text, units):
         ("", "says nothing"),
         ("  !", "says nothing"),
         ("the blue car", "expected units such as 12,6L"),
-        ("smil", "nearest: smile"),
+        ("livid", 'nearest that is understood: "angry"'),
         ("99", "expected some of 1, 2, 4"),
         ("12,99L", "got 99L"),
         ("улыбка", "is not understood"),
     ],
 )
-def test_what_is_not_understood_gets_a_hint(addon, known, text, said):
-    understood = addon("core.events").understand(text, known)
+def test_what_is_not_understood_gets_a_hint(addon, text, said):
+    understood = addon("core.events").expression(text)
     assert understood.units == () and said in understood.hint
 
 
 def test_the_menu_names_units_that_the_library_has(addon, known):
-    for entry in addon("core.events").MENU:
-        understood = addon("core.events").understand(entry.name, known)
-        assert understood.units == entry.units
-        assert {unit.rstrip("LR") for unit in entry.units} <= set(known)
+    menu = addon("core.events").menu()
+    assert len(menu) == 19 and {"smile", "wink", "jaw drop"} <= set(menu)
+    for word in menu:
+        understood = addon("core.events").expression(word)
+        assert understood.units and understood.strength == 1.0
+        assert {unit.rstrip("LR") for unit in understood.units} <= set(known)
 
 
 @pytest.mark.parametrize(
@@ -100,27 +101,29 @@ def test_the_menu_names_units_that_the_library_has(addon, known):
         ("she raises her eyebrows", {"1", "2"}),
     ],
 )
-def test_texts_beside_the_menu_are_read_by_the_library(addon, known, text, wanted):
-    understood = addon("core.events").understand(text, known, addon("core.systems").words)
+def test_texts_beside_the_menu_are_read_by_the_library(addon, text, wanted):
+    understood = addon("core.events").expression(text)
     assert wanted <= set(understood.units), understood
     assert understood.hint == "" and 0.0 < understood.strength <= 2.0
 
 
-def test_texts_that_say_nothing_to_a_face_get_a_hint(addon, known):
+def test_texts_that_say_nothing_to_a_face_get_a_hint(addon):
     for text in ("the blue car", "12345 apples"):
-        understood = addon("core.events").understand(text, known, addon("core.systems").words)
+        understood = addon("core.events").expression(text)
         assert understood.units == () and "is not understood" in understood.hint
 
 
-def test_a_folder_of_models_that_cannot_read_says_why(addon, known, tmp_path):
+def test_a_folder_of_models_that_cannot_read_says_why(addon, tmp_path):
     model = tmp_path / "text_units"
     model.mkdir()
     (model / "config.json").write_text("{}")
     (model / "model.safetensors").write_bytes(b"")
-    words = functools.partial(addon("core.systems").words, models=tmp_path)
-    understood = addon("core.events").understand("a big grin", known, words)
+    read = addon("core.events").expression
+    understood = read("a big grin", tmp_path)
     assert understood.units == () and "safetensors" in understood.hint
-    assert addon("core.systems").words("a big grin").units
+    assert read("a big grin").units
+    # Words of the menu need no model.
+    assert read("smile", tmp_path).units == read("smile").units == ("6", "12")
 
 
 # Strips.

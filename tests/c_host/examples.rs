@@ -10,6 +10,7 @@ const TALK_C: &str = "capi/examples/talk.c";
 const TALK_CPP: &str = "capi/examples/talk.cpp";
 const EVENTS_C: &str = "capi/examples/events.c";
 const HEAD_C: &str = "capi/examples/head.c";
+const TAKES_C: &str = "capi/examples/takes.c";
 
 fn in_folder(program: &Path, folder: &Path) -> Command {
     let mut command = command(program);
@@ -139,6 +140,11 @@ fn the_example_of_events_writes_the_weights_of_the_system() {
         let table = std::fs::read_to_string(folder.join("out.csv")).expect("the table is there");
         let rows: Vec<&str> = table.lines().collect();
         assert!(rows[0].contains("BrowInnerUp") && (18..=21).contains(&rows.len()));
+        // The command's own words.
+        let mut words = in_folder(&program, &folder);
+        let output = succeed(words.args(["voice.wav", "out.csv", "0.2-0.5:left wink:0.8"]));
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(said.trim().ends_with("shapes 51 events 1"), "{said}");
         let mut wrong = in_folder(&program, &folder);
         let event = r#"[{"start_s": 0.2, "end_s": 0.1, "units": ["45L"]}]"#;
         let output = run(wrong.args(["voice.wav", "none.csv", event]), 3);
@@ -159,11 +165,45 @@ fn the_example_of_heads_writes_one() {
         let text = std::fs::read_to_string(folder.join("head.obj")).expect("the mesh is there");
         let lines = |start: &str| text.lines().filter(|line| line.starts_with(start)).count();
         assert!(lines("v ") > 5000 && lines("f ") > 10_000, "{said}");
+        let coefficients = text.lines().next().expect("the first line").split(' ');
+        assert_eq!(coefficients.count(), 101);
         let mut wrong = in_folder(&program, &folder);
         let output = run(wrong.args(["7", "none.obj", "12", "9"]), 3);
         assert!(String::from_utf8_lossy(&output.stderr).contains("-4 to 4"));
         assert!(!folder.join("none.obj").exists());
     }
+}
+
+#[test]
+fn the_example_of_takes_hears_once_and_streams_the_frames() {
+    let folder = workspace("takes_c");
+    anyface_tests::scene::Scene::write(&folder, 1.6).expect("the scene can be written");
+    let program = compile(TAKES_C, Linkage::Shared, &folder);
+    let mut command = in_folder(&program, &folder);
+    let output = succeed(command.args(["head.obj", "voice.wav", "0.4", "1.0"]));
+    let said = String::from_utf8(output.stdout).expect("the program prints text");
+    let lines: Vec<&str> = said.lines().collect();
+    let lip = |line: &str| line.split(' ').nth_back(1).unwrap().parse::<f32>().unwrap();
+    assert!(
+        lip(lines[1]) > lip(lines[0]),
+        "wider lips go further: {said}"
+    );
+    let last: Vec<&str> = lines[3].split(' ').collect();
+    let [frames, vertices] = [2, 4].map(|at| last[at].parse::<u64>().unwrap());
+    // A second of the recording at 30 frames a second.
+    assert!((28..=32).contains(&frames), "{said}");
+    let bytes = std::fs::metadata(folder.join("mixed.raw"))
+        .expect("the frames are there")
+        .len();
+    assert_eq!(bytes, 12 * frames * vertices);
+    let size = |name: &str| std::fs::metadata(folder.join(name)).map_or(0, |file| file.len());
+    assert!(
+        ["first.npz", "again.npz", "mixed.npz", "found.json"]
+            .iter()
+            .all(|name| size(name) > 0)
+    );
+    let mut wrong = in_folder(&program, &folder);
+    run(wrong.args(["head.obj", "voice.wav", "9", "1.0"]), 4);
 }
 
 /// The program in `docs/c-host.md` compiles as it stands there.

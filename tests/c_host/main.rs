@@ -1,5 +1,6 @@
 //! C and C++ programs against the C interface, linked both ways.
 
+mod callers;
 mod examples;
 mod install;
 mod interface;

@@ -47,6 +47,17 @@ def test_arkit_weights_show_most_of_the_motion(clip):
     assert jaw.max() > 0.05 and weights.left_out < 0.5
 
 
+def test_events_are_read_as_the_command_reads_them(anyface, mesh):
+    engine = anyface.Engine(system="cafe-talk")
+    sound = spoken(), RATE_HZ
+    lines = ["0.4-1.0:left wink", "0.4-1.0:jaw drop:0.5"]
+    winks = anyface.animate(mesh, sound, events=lines, engine=engine)
+    rests = anyface.animate(mesh, sound, engine=engine)
+    assert np.abs(winks.displacements - rests.displacements).max() > 1e-3
+    with pytest.raises(anyface.AnyfaceError, match=r"event 2.*not understood"):
+        anyface.animate(mesh, sound, events=[lines[0], "0.4-1.0:the blue car"], engine=engine)
+
+
 def test_arrays_give_what_files_give(anyface, clip, mesh):
     stereo = np.stack([(spoken() * 32767).astype(np.int16)] * 2, axis=1)
     again = anyface.animate(mesh, (stereo, RATE_HZ), fps=25)

@@ -28,6 +28,7 @@ from training.corpus.mirror import symmetrise
 from training.corpus.phones import FEATURES, SEGMENTS, Phone, bilabials, feature_table, split
 from training.corpus.teacher import LOWER_FACE, PARAMETERS, row_of
 from training.corpus.teacher_report import report
+from training.run import downhill
 
 MEASURES = ("gap", *COMPONENTS)
 SHARES = (3.0, 1.0, 1.5, 0.7, 0.5, 0.7, 0.3)
@@ -158,9 +159,7 @@ def fit(model: Dominance, clips: list[tuple[Clip, list[Phone]]], epochs: int, se
         for rows in torch.randperm(len(clips), generator=generator).split(128):
             out = model(core[rows], half[rows], index[rows], frames)
             loss = data_loss(out, truth[rows], weight[rows]) + PRIOR * model.prior()
-            optimiser.zero_grad()
-            loss.backward()
-            optimiser.step()
+            downhill(loss, optimiser)
         schedule.step()
         if epoch % 20 == 19:
             print(

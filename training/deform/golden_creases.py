@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
-from safetensors.numpy import save_file
+import torch
 
 from training.deform.creases import Creases
 from training.deform.golden_static_weights import procedural_face
+from training.goldens import write_golden
 
 POINTS, RANK = 300, 3
 
@@ -31,16 +31,11 @@ def write(out: Path, shared: Path) -> Path:
     carried = creases.transferred(other, triangles, other[numbers])
     tensors = {f"weights.debug.{k}": v for k, v in vars(creases).items()}
     tensors |= {"positions": other, "landmarks": other[numbers], "carried": carried}
-    path = out / "creases_debug.safetensors"
-    save_file(
-        {k: np.ascontiguousarray(v, dtype=np.float32) for k, v in tensors.items()}
-        | {"triangles": triangles.astype(np.int32)},
-        path,
-        metadata={
-            "config": json.dumps({"faces": [{"name": "debug", "points": POINTS, "rank": RANK}]}),
-            "source": "python -m training.goldens creases; random weights, seed 6, procedural mesh",
-            "tolerance": "1e-3 absolute: weights of points that are hit exactly are steep",
-        },
-    )
-    path.chmod(0o644)
-    return path
+    tensors = {k: torch.from_numpy(np.asarray(v, np.float32)) for k, v in tensors.items()}
+    tensors["triangles"] = torch.from_numpy(triangles.astype(np.int32))
+    about = {
+        "source": "random weights, seed 6, procedural mesh",
+        "tolerance": "1e-3 absolute: weights of points that are hit exactly are steep",
+    }
+    config = {"faces": [{"name": "debug", "points": POINTS, "rank": RANK}]}
+    return write_golden(out / "creases_debug.safetensors", tensors, "creases", None, config, **about)

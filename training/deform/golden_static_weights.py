@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import save_file
 
 from training.align import canonical_landmarks
 from training.deform import tension_screened_biharmonic as plate
@@ -18,6 +15,7 @@ from training.deform.static_weights import (
     VertexGeometry,
     deform,
 )
+from training.goldens import write_golden
 
 
 def procedural_face(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -68,8 +66,7 @@ def write(out: Path, shared: Path) -> Path:
         model.learn_shapes(0, near)
         model.learn_shapes(1, near + 0.1)
         output = 0.1 * deform(model, geometry, 10.0 * motion, learned=1.0)
-    tensors = {f"weights.{k}": v for k, v in model.state_dict().items()}
-    tensors |= {
+    tensors = {
         "vertices": torch.from_numpy(vertices),
         "triangles": torch.from_numpy(triangles).int(),
         "landmarks": torch.from_numpy(landmarks).int(),
@@ -78,15 +75,9 @@ def write(out: Path, shared: Path) -> Path:
         "landmark_motion": motion,
         "output": output,
     }
+    about = {
+        "source": "random weights, seed 4, procedural mesh",
+        "tolerance": "1e-4 absolute for base and output, relative for remoteness",
+    }
     path = out / "static_weights_debug.safetensors"
-    save_file(
-        {k: v.contiguous() for k, v in tensors.items()},
-        path,
-        metadata={
-            "config": json.dumps(asdict(CONFIGS["debug"])),
-            "source": "python -m training.goldens static_weights; random weights, seed 4, procedural mesh",
-            "tolerance": "1e-4 absolute for base and output, relative for remoteness",
-        },
-    )
-    path.chmod(0o644)
-    return path
+    return write_golden(path, tensors, "static_weights", model, CONFIGS["debug"].to_json(), **about)

@@ -22,6 +22,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
+from training.corpus.mirror import permutation
+from training.nn.config import Config
+
 LANDMARKS = 68
 CORRECTION_SCALE = 0.1
 """Outputs of the network are multiplied by this, so that training starts near zero."""
@@ -39,7 +42,7 @@ SHAPE_NOISE_DM = 0.007
 
 
 @dataclass(frozen=True)
-class StaticConfig:
+class StaticConfig(Config):
     """Sizes; saved beside the weights as config.json.
 
     kinds: number of kinds of faces learned. shape_modes: K, of the landmarks of each kind.
@@ -58,24 +61,8 @@ CONFIGS = {"static": StaticConfig(), "debug": StaticConfig(8, 2, 2, 3, 0.3)}
 FEATURES = 3 + 3 * LANDMARKS + LANDMARKS + LANDMARKS + 1
 
 
-def mirror_order() -> Tensor:
-    """For each iBUG landmark the one on the other side. [N]."""
-    order = list(range(LANDMARKS))
-
-    def swap(left: list[int], right: list[int]) -> None:
-        for a, b in zip(left, right, strict=True):
-            order[a], order[b] = b, a
-
-    swap(list(range(8)), list(range(16, 8, -1)))
-    swap(list(range(17, 22)), list(range(26, 21, -1)))
-    swap([31, 32], [35, 34])
-    swap([36, 37, 38, 39, 40, 41], [45, 44, 43, 42, 47, 46])
-    swap([48, 49, 50, 59, 58], [54, 53, 52, 55, 56])
-    swap([60, 61, 67], [64, 63, 65])
-    return torch.tensor(order)
-
-
-MIRROR = mirror_order()
+MIRROR = torch.from_numpy(permutation())
+"""For each iBUG landmark the one on the other side. [N]."""
 FLIP = torch.tensor([-1.0, 1.0, 1.0])
 
 

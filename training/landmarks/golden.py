@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import save_file
 
+from training.goldens import write_golden
 from training.landmarks import render
 from training.landmarks.network import DEBUG, LandmarkNetwork, decode
 from training.landmarks.samples import ellipsoid
@@ -39,21 +39,6 @@ def unsettle(model: torch.nn.Module) -> None:
             torch.nn.init.uniform_(module.running_var, 0.5, 1.5)
 
 
-def save(path: Path, tensors: dict[str, torch.Tensor], model: torch.nn.Module, widths, source: str) -> Path:
-    """Writes `tensors` and the weights of `model`; `source` says how they were made."""
-    tensors = {f"weights.{k}": v for k, v in model.state_dict().items()} | tensors
-    save_file(
-        {k: v.contiguous() for k, v in tensors.items()},
-        path,
-        metadata={
-            "widths": json.dumps(widths),
-            "source": f"python -m training.goldens {source}, procedural scene",
-            "tolerance": "1e-4 absolute",
-        },
-    )
-    return path
-
-
 def write(out: Path, _shared: Path) -> Path:
     """Writes `landmarks_debug.safetensors`: the scene, its picture `input` `[4, 128, 128]`, `weights.*`
     and what the network makes of it (heat maps of landmarks 0, 17, 34, 51)."""
@@ -79,5 +64,5 @@ def write(out: Path, _shared: Path) -> Path:
         "places": places[0],
         "confidence": confidence[0],
     }
-    source = "landmarks; random weights, seed 3"
-    return save(out / "landmarks_debug.safetensors", tensors, model, DEBUG.widths, source)
+    about = {"widths": json.dumps(DEBUG.widths), "source": "random weights, seed 3, procedural scene"}
+    return write_golden(out / "landmarks_debug.safetensors", tensors, "landmarks", model, **about)

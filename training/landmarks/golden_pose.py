@@ -1,9 +1,11 @@
 """Golden of the pose network: debug size, random weights, the landmark golden's picture."""
 
+import json
 from pathlib import Path
 
 import torch
 
+from training.goldens import write_golden
 from training.landmarks import golden
 from training.landmarks.pose_network import POSE_DEBUG, PoseNetwork
 from training.landmarks.pose_train import decode
@@ -29,5 +31,5 @@ def write(out: Path, _shared: Path) -> Path:
         "place": place[0],
         "rotation": turn[0],
     }
-    source = "pose; random weights, seed 4"
-    return golden.save(out / "pose_debug.safetensors", tensors, model, POSE_DEBUG.widths, source)
+    about = {"widths": json.dumps(POSE_DEBUG.widths), "source": "random weights, seed 4, procedural scene"}
+    return write_golden(out / "pose_debug.safetensors", tensors, "pose", model, **about)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from training.align import canonical_landmarks, similarity, stability
+from training.corpus.mirror import permutation
 from training.landmarks import pool, samples
 from training.landmarks.characters import character
 from training.landmarks.covers import covered
@@ -58,10 +59,8 @@ def shapes(data: Path, count: int, seed: int) -> np.ndarray:
 
 def modes(data: Path, count: int = 4000, seed: int = 0) -> np.ndarray:
     """`[MODES, 204]`, metres, each as long as its deviation. Both mirror images count."""
-    from training.landmarks.train import MIRROR
-
     x = shapes(data, count, seed)
-    flipped = x.reshape(-1, 68, 3)[:, MIRROR] * [-1.0, 1.0, 1.0]
+    flipped = x.reshape(-1, 68, 3)[:, permutation()] * [-1.0, 1.0, 1.0]
     both = np.concatenate([x, flipped.reshape(-1, 204)])
     _, s, vt = np.linalg.svd(both / np.sqrt(len(both)), full_matrices=False)
     print(f"the first {MODES} modes hold {(s[:MODES] ** 2).sum() / (s**2).sum():.4f} of the variance")

@@ -20,25 +20,10 @@ INSIDES = [(11248, 13293), (13294, 14061), (14062, 21450)]
 EYES = (21451, 24590)
 EYE_DETAILS = (24591, 26718)
 SUBTLE = [
-    "jawOpen",
-    "mouthSmile_L",
-    "mouthSmile_R",
-    "mouthFunnel",
-    "mouthPucker",
-    "mouthFrown_L",
-    "mouthFrown_R",
-    "browInnerUp_L",
-    "browInnerUp_R",
-    "browDown_L",
-    "browDown_R",
-    "eyeWide_L",
-    "eyeWide_R",
-    "eyeBlink_L",
-    "eyeBlink_R",
-    "mouthClose",
-    "mouthLeft",
-    "mouthRollLower",
-]
+    "jawOpen", "mouthSmile_L", "mouthSmile_R", "mouthFunnel", "mouthPucker", "mouthFrown_L", "mouthFrown_R",
+    "browInnerUp_L", "browInnerUp_R", "browDown_L", "browDown_R", "eyeWide_L", "eyeWide_R", "eyeBlink_L",
+    "eyeBlink_R", "mouthClose", "mouthLeft", "mouthRollLower",
+]  # fmt: skip
 
 
 @dataclass

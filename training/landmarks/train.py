@@ -15,49 +15,8 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
+from training.corpus.mirror import permutation
 from training.landmarks.network import Config, LandmarkNetwork, decode, start_from
-
-# Landmark i of the mirrored face is landmark MIRROR[i].
-MIRROR = np.array(
-    [
-        *range(16, -1, -1),
-        *range(26, 16, -1),
-        *range(27, 31),
-        *range(35, 30, -1),
-        45,
-        44,
-        43,
-        42,
-        47,
-        46,
-        39,
-        38,
-        37,
-        36,
-        41,
-        40,
-        54,
-        53,
-        52,
-        51,
-        50,
-        49,
-        48,
-        59,
-        58,
-        57,
-        56,
-        55,
-        64,
-        63,
-        62,
-        61,
-        60,
-        67,
-        66,
-        65,
-    ]
-)
 
 
 def heat_targets(places: torch.Tensor, size: int = 64, sigma: float = 1.0) -> torch.Tensor:
@@ -89,7 +48,7 @@ def batch(pool, chosen: np.ndarray, rng: np.random.Generator):
     flip = torch.from_numpy(rng.random(len(chosen)) < 0.5)
     x[flip] = x[flip].flip(-1)
     x[flip, 1] *= -1
-    mirrored = places[:, MIRROR].clone()
+    mirrored = places[:, permutation()].clone()
     mirrored[..., 0] = 1 - mirrored[..., 0]
     places[flip] = mirrored[flip]
     return x, places, face

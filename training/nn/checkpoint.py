@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
+import torch
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
@@ -56,3 +57,9 @@ def load_model(folder: Path, make: Callable[[dict], Network]) -> Network:
     """The network of a model folder; `make` builds it from its configuration."""
     config, state = read_model(folder)
     return restored(make(config), state)
+
+
+def save(path: Path, network: nn.Module, **more: object) -> None:
+    """One file of a run: weights, the network's configuration, and `more` beside them."""
+    state = {name: value.cpu() for name, value in network.state_dict().items()}
+    torch.save({"state": state, "config": network.config.to_json(), **more}, path)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 
 import torch
-from safetensors.torch import save_file
 
 from training.align import canonical_landmarks
 from training.corpus.faces import CHANNELS
+from training.goldens import write_golden
 from training.rig.network import CONFIGS, RigNetwork, SkinGeometry
 
 
@@ -30,17 +29,7 @@ def write(out: Path, shared: Path) -> Path:
         model.feature_mean.normal_(0.0, 0.2)
         model.feature_scale.uniform_(0.5, 1.5)
         output = model(geometry)
-    tensors = {f"weights.{k}": v for k, v in model.state_dict().items()}
-    tensors |= {"positions": positions, "landmarks": landmarks, "base": geometry.base, "output": output}
+    tensors = {"positions": positions, "landmarks": landmarks, "base": geometry.base, "output": output}
+    config, source = asdict(CONFIGS["debug"]) | {"shapes": CHANNELS}, "random weights, seed 6"
     path = out / "rig_debug.safetensors"
-    save_file(
-        {k: v.contiguous() for k, v in tensors.items()},
-        path,
-        metadata={
-            "config": json.dumps(asdict(CONFIGS["debug"]) | {"shapes": CHANNELS}),
-            "source": "python -m training.goldens rig; random weights, seed 6",
-            "tolerance": "1e-5 absolute",
-        },
-    )
-    path.chmod(0o644)
-    return path
+    return write_golden(path, tensors, "rig", model, config, source=source, tolerance="1e-5 absolute")

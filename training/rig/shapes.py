@@ -10,9 +10,6 @@ import numpy as np
 from training.corpus.faces import CHANNELS, Face
 from training.deform.static_weights import MIRROR
 
-ON_THE_MIDLINE = ("jaw", "mouth")
-"""`jawLeft` and `mouthLeft` move to a side; all other names with Left and Right lie on one."""
-
 
 def mirrored_name(name: str) -> str:
     """`mouthSmileLeft` for `mouthSmileRight`; the same name for a shape of both sides."""

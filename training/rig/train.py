@@ -21,6 +21,7 @@ from training.corpus.prepared import Corpus, PreparedMesh, load_or_build
 from training.deform.static_weights import FLIP
 from training.rig.network import CONFIGS, RigNetwork, SkinGeometry
 from training.rig.shapes import SHAPE_MIRROR, templates
+from training.run import downhill
 
 FACES = {"both": ("ict", "makehuman"), "ict": ("ict",), "makehuman": ("makehuman",)}
 STILL_WEIGHT = 0.3
@@ -89,10 +90,7 @@ def train(
             geometry, truth = sample(rng, mesh)
             error = model.spread(geometry) + model.one_sided(geometry) - truth
             loss = loss + loss_of(error, truth) / len(faces)
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        schedule.step()
+        downhill(loss, optimiser, schedule)
         if step % 250 == 0:
             print(f"rig {faces} {step}: {loss.item():.4f} {time.monotonic() - started:.0f} s", flush=True)
     return model

@@ -1,16 +1,13 @@
 """Golden of the compact encoder with tiny random weights."""
 
-import json
 from pathlib import Path
 
 import torch
-from safetensors.torch import save_file
 
+from training.goldens import write_golden
 from training.speech.compact import CompactEncoder, debug_config, normalise
 from training.speech.golden_log_mel import chirp_signal
 from training.speech.log_mel import log_mel
-
-COMMAND = "python -m training.goldens compact_speech"
 
 
 @torch.no_grad()
@@ -26,14 +23,12 @@ def write(out: Path, shared: Path) -> Path:
     torch.nn.init.normal_(model.closure.weight)
     torch.nn.init.zeros_(model.closure.bias)
     mel = log_mel(chirp_signal())
-    tensors = {f"weights.{key}": value for key, value in model.state_dict().items()}
-    tensors["input"] = mel
+    tensors = {"input": mel}
     tensors["output"] = model(normalise(mel)[None])[0].contiguous()
     tensors["closed"] = model.closed(tensors["output"]).contiguous()
-    path = out / "compact_speech_debug.safetensors"
-    metadata = {"config": json.dumps(config.to_json()), "tolerance": "1e-4", "command": COMMAND}
-    save_file(tensors, path, metadata)
-    return path
+    return write_golden(
+        out / "compact_speech_debug.safetensors", tensors, "compact_speech", model, config.to_json()
+    )
 
 
 def randomise_norms(model: torch.nn.Module) -> None:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import torch
 import torch.nn as nn
-from safetensors.torch import save_file
 from torch import Tensor
 from transformers import (
     HubertConfig,
@@ -18,7 +17,8 @@ from transformers import (
     Wav2Vec2Model,
 )
 
-COMMAND = "python -m training.goldens emotion_model"
+from training.goldens import write_golden
+
 SIZES = {"hidden_size": 16, "num_hidden_layers": 2, "num_attention_heads": 2, "intermediate_size": 24,
          "conv_dim": [8] * 7, "num_conv_pos_embeddings": 8, "num_conv_pos_embedding_groups": 2,
          "classifier_proj_size": 12, "attn_implementation": "eager"}  # fmt: skip
@@ -68,7 +68,7 @@ def write(out: Path, shared: Path) -> Path:
     }
     samples = torch.randn(SECONDS * 16000)
     normal = (samples - samples.mean()) / (samples.var(correction=0) + 1e-7).sqrt()
-    tensors, metadata = {"input": samples}, {"command": COMMAND, "tolerance": "1e-4"}
+    tensors, configs = {"input": samples}, {}
     for name, (config, model) in models.items():
         for parameter in model.parameters():
             nn.init.normal_(parameter, std=0.3)
@@ -77,7 +77,5 @@ def write(out: Path, shared: Path) -> Path:
         tensors[f"{name}.logits"] = (logits if isinstance(logits, Tensor) else logits.logits)[0]
         state = {k: v for k, v in model.state_dict().items() if "masked_spec" not in k}
         tensors |= {f"{name}.weights.{key}": value.contiguous() for key, value in state.items()}
-        metadata[f"{name}.config"] = json.dumps(config.to_dict())
-    path = out / "emotion_model_debug.safetensors"
-    save_file(tensors, path, metadata)
-    return path
+        configs[f"{name}.config"] = json.dumps(config.to_dict())
+    return write_golden(out / "emotion_model_debug.safetensors", tensors, "emotion_model", **configs)

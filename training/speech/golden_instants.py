@@ -1,14 +1,12 @@
 """Golden of the instants of speech features: HuBERT's features at the frames of a motion."""
 
-import json
 from pathlib import Path
 
 import torch
-from safetensors.torch import save_file
 
+from training.goldens import write_golden
 from training.speech.hubert import at_motion_frames, instants
 
-COMMAND = "python -m training.goldens instants"
 FPS = 30.0
 
 
@@ -19,7 +17,5 @@ def write(out: Path, shared: Path) -> Path:
     rate_hz, first_s = instants(config)
     features = torch.randn(40, 3)
     tensors = {"features": features, "sampled": at_motion_frames(features, rate_hz, first_s, 26, FPS)}
-    about = {"rate_hz": str(rate_hz), "first_s": str(first_s), "fps": str(FPS), "config": json.dumps(config)}
-    path = out / "instants.safetensors"
-    save_file(tensors, path, about | {"tolerance": "1e-5", "command": COMMAND})
-    return path
+    about = {"rate_hz": str(rate_hz), "first_s": str(first_s), "fps": str(FPS), "tolerance": "1e-5"}
+    return write_golden(out / "instants.safetensors", tensors, "instants", None, config, **about)

@@ -4,13 +4,11 @@ import math
 from pathlib import Path
 
 import torch
-from safetensors.torch import save_file
 from torch import Tensor
 
+from training.goldens import write_golden
 from training.speech.compact import normalise
 from training.speech.log_mel import SAMPLE_RATE_HZ, log_mel
-
-COMMAND = "python -m training.goldens log_mel"
 
 
 def write(out: Path, shared: Path) -> Path:
@@ -18,9 +16,7 @@ def write(out: Path, shared: Path) -> Path:
     samples = chirp_signal()
     mel = log_mel(samples)
     tensors = {"input": samples, "output": mel, "normalised": normalise(mel)}
-    path = out / "log_mel_debug.safetensors"
-    save_file(tensors, path, {"command": COMMAND, "tolerance": "1e-3"})
-    return path
+    return write_golden(out / "log_mel_debug.safetensors", tensors, "log_mel", tolerance="1e-3")
 
 
 def chirp_signal(samples: int = 12345) -> Tensor:

@@ -1,16 +1,14 @@
 """Golden of the phone read-out with tiny random weights, and of a path through a text."""
 
-import json
 from pathlib import Path
 
 import torch
-from safetensors.torch import save_file
 
+from training.goldens import write_golden
 from training.speech.letters import UNITS, best_path, emissions, states_of, table_of_rules
 from training.speech.phones import PhoneConfig, PhoneReadout
 from training.speech.train_phones import log_likelihood
 
-COMMAND = "python -m training.goldens phones"
 TEXT = "Der Größe b, thought 7 – aal"
 
 
@@ -28,17 +26,12 @@ def write(out: Path, shared: Path) -> Path:
         torch.nn.init.normal_(weight, std=0.5)
     torch.nn.init.uniform_(model.log_prior, -4.0, -2.0)
     table = torch.from_numpy(table_of_rules()).float()
-    tensors = {f"weights.{key}": value for key, value in model.state_dict().items()}
-    tensors["weights.table"] = table
-    tensors["input"] = torch.randn(25, config.channels)
+    tensors = {"weights.table": table, "input": torch.randn(25, config.channels)}
     tensors["output"] = model(tensors["input"][None])[0].contiguous()
     states = states_of(TEXT.split())
     emission = emissions(log_likelihood(model, tensors["input"]), table.double().numpy(), states)
     path = best_path(emission, states.skip)
     # States of one unit are alike: which of them a path leaves out is chance.
     tensors["said"] = torch.from_numpy(states.unit[path]).float()
-    path = out / "phones_debug.safetensors"
     written = config.to_json() | {"units": list(UNITS)}
-    metadata = {"config": json.dumps(written), "text": TEXT, "tolerance": "1e-4", "command": COMMAND}
-    save_file(tensors, path, metadata)
-    return path
+    return write_golden(out / "phones_debug.safetensors", tensors, "phones", model, written, text=TEXT)

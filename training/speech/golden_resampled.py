@@ -6,13 +6,13 @@ from pathlib import Path
 
 import torch
 from safetensors import safe_open
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file
 from torch import Tensor
 from transformers import AutoConfig, AutoModel
 
+from training.goldens import write_golden
 from training.speech.hubert import at_motion_frames, instants
 
-COMMAND = "python -m training.goldens resampled_speech"
 FPS = 30.0
 NAMES = ("hubert_tiny", "wav2vec2_tiny", "wav2vec2_stable_tiny")
 
@@ -41,6 +41,4 @@ def encoded(path: Path, fps: float) -> Tensor:
 def write(out: Path, shared: Path) -> Path:
     """`NAME` [T, C] at 30 fps for each of `NAMES`; `shared/parity/NAME.safetensors` has weights and input."""
     tensors = {name: encoded(shared / "parity" / f"{name}.safetensors", FPS) for name in NAMES}
-    path = out / "resampled_speech.safetensors"
-    save_file(tensors, path, {"command": COMMAND, "tolerance": "1e-4", "fps": str(FPS)})
-    return path
+    return write_golden(out / "resampled_speech.safetensors", tensors, "resampled_speech", fps=str(FPS))

@@ -8,7 +8,6 @@ from training.corpus.clip import MEL_PER_FRAME
 from training.corpus.phones import FEATURES, SEGMENTS, feature_table
 
 TARGETS = ("none", "phones", "ctc", "features")
-CLOSED = FEATURES.index("closed")
 IMPORTANCE = {"closed": 4.0, "labiodental": 3.0, "round": 2.0, "silence": 2.0, "open": 2.0}
 
 

@@ -31,7 +31,7 @@ from training.losses import (
     source_scale,
 )
 from training.machine import Machine
-from training.run import Run
+from training.run import Run, begin, descend, seeded, trainer_parser
 from training.speech.compact import CompactConfig, CompactEncoder, debug_config, normalise
 from training.speech.targets import TARGETS, PhoneHead
 
@@ -147,8 +147,7 @@ def speech_of(arguments) -> Speech:
 
 def train(arguments) -> Path:
     """Runs the training and returns the checkpoint's path."""
-    torch.manual_seed(arguments.seed)
-    torch.set_num_threads(arguments.threads)
+    seeded(arguments)
     machine = Machine("cpu", "bfloat16")
     config = debug_config() if arguments.config == "debug" else CompactConfig()
     speech = speech_of(arguments)
@@ -159,45 +158,28 @@ def train(arguments) -> Path:
     model = SpeechToMotion(config, sources, arguments.targets)
     if arguments.init is not None:
         model.load_state_dict(torch.load(arguments.init)["state"])
-    run = start(arguments, model, {"windows": sampler.random}, 0.995)
-    schedule, average, weight = run.parts["schedule"], run.parts["average"], landmark_weights()
-    for step in range(run.first, run.steps):
+    run, weight = start(arguments, model, {"windows": sampler.random}, 0.995), landmark_weights()
+
+    def loss(_step: int) -> tuple[torch.Tensor, dict[str, float]]:
         batch = sampler.batch(arguments.batch, arguments.frames)
-        loss, parts = loss_of(model, batch, source_scale(sources, batch.source, scales), weight, machine)
-        machine.step(loss, model, run.parts["optimiser"], 1.0)
-        schedule.step()
-        average.update_parameters(model)
-        run.after(step, loss.item())
-        if step % arguments.log_every == arguments.log_every - 1 or step == run.steps - 1:
-            scores = validate(average.module, speech.judged, speech.heard, sources)
-            run.log({"step": step + 1, "s": run.seconds(), **parts, **scores})
-    final = {"state": average.module.state_dict(), "config": config.to_json(), "sources": sources}
+        return loss_of(model, batch, source_scale(sources, batch.source, scales), weight, machine)
+
+    averaged = descend(arguments, run, loss, lambda x: validate(x, speech.judged, speech.heard, sources))
+    final = {"state": averaged.state_dict(), "config": config.to_json(), "sources": sources}
     torch.save(final | {"targets": arguments.targets}, arguments.out / "speech.pt")
     return arguments.out / "speech.pt"
 
 
 def start(arguments, model: nn.Module, generators: dict, average: float) -> Run:
-    """Optimiser, schedule and averaged weights as they were where the run stopped; `debug` takes 20 steps."""
+    """A run of the encoder or of a student as it was where it stopped; `debug` takes 20 steps."""
     steps = min(arguments.steps, 20) if arguments.config == "debug" else arguments.steps
-    optimiser = torch.optim.AdamW(model.parameters(), lr=arguments.rate, weight_decay=0.02)
-    warmup = max(steps // 20, 1)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, arguments.rate, steps + 1, pct_start=warmup / steps
-    )
-    averaged = torch.optim.swa_utils.AveragedModel(
-        model, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(average)
-    )
-    parts = {"model": model, "optimiser": optimiser, "schedule": schedule, "average": averaged}
-    return Run(arguments.out, parts, steps, arguments.save_every, generators)
+    warm = max(steps // 20, 1) / steps
+    return begin(arguments, model, generators, steps=steps, decay=0.02, warm=warm, average=average)
 
 
 def parser() -> argparse.ArgumentParser:
     """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--out", type=Path, default=Path("runs/speech"))
-    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    parser = trainer_parser(__doc__, "runs/speech", 1500, 2e-3)
     parser.add_argument("--config", choices=["compact", "debug"], default="compact")
     parser.add_argument("--leave-out", nargs="*", default=[], choices=[*SHARES], help="sources of motion")
     parser.add_argument("--leave-speech", nargs="*", default=[], help="speech to leave out (nathalie_nl, …)")
@@ -208,14 +190,8 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--augment", action=argparse.BooleanOptionalAction, default=True)
     parser.add_argument("--voices", type=int, default=7)
     parser.add_argument("--init", type=Path, help="start from this speech.pt")
-    parser.add_argument("--steps", type=int, default=1500)
     parser.add_argument("--batch", type=int, default=24)
     parser.add_argument("--frames", type=int, default=96)
-    parser.add_argument("--rate", type=float, default=2e-3)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--log-every", type=int, default=150)
-    parser.add_argument("--save-every", type=int, default=50, help="steps between checkpoints")
     return parser
 
 

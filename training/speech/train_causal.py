@@ -25,7 +25,8 @@ from training.corpus.feelings import read_felt
 from training.corpus.lesson_windows import DIMS, LessonBatch, LessonSampler
 from training.corpus.lessons import Lesson, speech_entries, unknown
 from training.corpus.shares import entries_of
-from training.machine import Machine
+from training.nn.checkpoint import save
+from training.run import descend, seeded, trainer_parser
 from training.speech.causal import StreamConfig, StreamNet, debug_config, normalise_running, pad_mel, perform
 from training.speech.compact import SHIPPED_ENCODER, CompactEncoder, load_encoder, normalise
 from training.speech.log_mel import SAMPLE_RATE_HZ, log_mel
@@ -124,8 +125,7 @@ def new_model(arguments, encoder: CompactEncoder, found: list[Lesson]) -> Stream
 
 def train(arguments) -> Path:
     """Runs the training; writes `stream.pt` with the averaged weights and returns its path."""
-    torch.manual_seed(arguments.seed)
-    torch.set_num_threads(arguments.threads)
+    seeded(arguments)
     debug = arguments.config == "debug"
     encoder = load_encoder(arguments.encoder).eval().requires_grad_(False)
     found = prepare(arguments)
@@ -136,44 +136,28 @@ def train(arguments) -> Path:
         seconds[lesson.source] = seconds.get(lesson.source, 0.0) + len(lesson.motion) / FPS
     shares = {source: s**0.5 for source, s in seconds.items()}
     sampler = LessonSampler(found, shares, arguments.seed, model.config)
-    run, machine = start(arguments, model, {"windows": sampler.random}, arguments.average), Machine("cpu")
-    schedule, average = run.parts["schedule"], run.parts["average"]
+    run = start(arguments, model, {"windows": sampler.random}, arguments.average)
     count, frames = (4, 32) if debug else (arguments.batch, arguments.frames)
-    for step in range(run.first, run.steps):
-        loss, parts = loss_of(model, encoder, sampler.batch(count, frames), frames)
-        machine.step(loss, model, run.parts["optimiser"], 1.0)
-        schedule.step()
-        average.update_parameters(model)
-        run.after(step, loss.item())
-        if step % arguments.log_every == arguments.log_every - 1 or step == run.steps - 1:
-            scores = validate(average.module, encoder, found, 4 if debug else 30)
-            run.log({"step": step + 1, "s": run.seconds(), **parts, **scores})
-            state = average.module.state_dict()
-            torch.save({"state": state, "config": model.config.to_json()}, run.out / "stream.pt")
+
+    def judge(averaged: StreamNet) -> dict[str, float]:
+        save(run.out / "stream.pt", averaged)
+        return validate(averaged, encoder, found, 4 if debug else 30)
+
+    descend(arguments, run, lambda _: loss_of(model, encoder, sampler.batch(count, frames), frames), judge)
     return run.out / "stream.pt"
 
 
 def parser() -> argparse.ArgumentParser:
     """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser = trainer_parser(__doc__, "runs/causal_speech", 2500, 2e-3)
     parser.add_argument("--encoder", type=Path, default=SHIPPED_ENCODER, help="model folder or run")
     parser.add_argument("--speech-limit", type=int, default=150, help="sounds of each folder")
-    parser.add_argument("--out", type=Path, default=Path("runs/causal_speech"))
-    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument("--config", choices=["stream", "debug"], default="stream")
     parser.add_argument("--channels", type=int, default=144)
     parser.add_argument("--voices", type=int, default=4)
-    parser.add_argument("--steps", type=int, default=2500)
     parser.add_argument("--batch", type=int, default=16)
     parser.add_argument("--frames", type=int, default=112)
-    parser.add_argument("--rate", type=float, default=2e-3)
     parser.add_argument("--average", type=float, default=0.99, help="decay of averaged weights")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--log-every", type=int, default=150)
-    parser.add_argument("--save-every", type=int, default=50, help="steps between checkpoints")
     return parser
 
 

@@ -20,6 +20,7 @@ from training.corpus.phones import BILABIALS
 from training.corpus.shares import lasting, with_phones
 from training.corpus.teacher import Teacher
 from training.corpus.windows import AugmentOptions, WindowSampler
+from training.run import downhill, seeded
 from training.speech.compact import CompactConfig, CompactEncoder
 from training.speech.targets import windows_of
 
@@ -55,10 +56,7 @@ def fit(encoder: CompactEncoder, sampler: WindowSampler, steps: int, batch: int)
             closed_share(window.phones[known].long()),
             pos_weight=torch.tensor(POSITIVE_WEIGHT),
         )
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        schedule.step()
+        downhill(loss, optimiser, schedule)
         if step % 50 == 49:
             print(f"step {step + 1}: {loss.item():.4f}", flush=True)
 
@@ -92,8 +90,7 @@ def main(given: list[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1)
     arguments = parser.parse_args(given)
-    torch.manual_seed(arguments.seed)
-    torch.set_num_threads(arguments.threads)
+    seeded(arguments)
     saved = torch.load(arguments.run)
     encoder = CompactEncoder(CompactConfig(**saved["encoder_config"])).eval()
     encoder.load_state_dict(saved["encoder"])

@@ -21,6 +21,7 @@ from training.corpus.espeak import Espeak
 from training.corpus.heard import Heard, load
 from training.corpus.phones import SEGMENTS, segments
 from training.nn.checkpoint import write_model
+from training.run import downhill, seeded
 from training.speech.compact import load_encoder
 from training.speech.letters import NEVER as LETTERS_NEVER
 from training.speech.letters import UNITS, best_path, table_of_rules
@@ -82,10 +83,7 @@ def fit(model: PhoneReadout, heard: list[Heard], steps: int, batch: int, seed: i
         features = features + FEATURE_NOISE * torch.randn_like(features)
         log_p = model(features)
         loss = F.nll_loss(log_p.flatten(0, 1), classes.flatten(), ignore_index=-1)
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        schedule.step()
+        downhill(loss, optimiser, schedule)
         counts += torch.bincount(classes[classes >= 0], minlength=len(CLASSES))
         if step % 200 == 199:
             print(f"step {step + 1}: {loss.item():.3f}", flush=True)
@@ -123,8 +121,7 @@ def read_texts(model: PhoneReadout, heard: list[Heard]) -> list[Heard]:
 
 def train(arguments) -> Path:
     """Runs the training and returns the model's folder."""
-    torch.manual_seed(arguments.seed)
-    torch.set_num_threads(arguments.threads)
+    seeded(arguments)
     encoder = load_encoder(arguments.encoder)
     every = load(arguments.data, arguments.cache, encoder, arguments.minutes)
     heard = [h for h in every if not h.held_out and h.source not in (*NEVER, *arguments.leave)]

@@ -115,7 +115,7 @@ def test_encoding_has_a_length_and_a_period():
 
 def test_a_head_that_sees_finer_places_begins_as_the_same_head(tmp_path):
     head = made_head()
-    save(tmp_path / "head.pt", head, head.config)
+    save(tmp_path / "head.pt", head)
     finer = load_head(tmp_path / "head.pt", 5)
     assert finer.config.expression_octaves == 5
     assert finer.forward_field.point[0].in_features == encoded(5)

@@ -5,14 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import save_file
 
+from training.goldens import write_golden
 from training.text.sentences import clauses
 from training.text.stored import arrays, config_of
 from training.text.tower import Heard, TextTower
 from training.text.words import Words
 
-COMMAND = "python -m training.goldens text_units"
 KNOWN = "anger brow close cry eye fly happy hop laugh lip mouth raise sad smile surprise wink"
 TEXTS = (
     "A happy person", "she isn't happy", "raises the left eyebrow, winks and smiles slightly",
@@ -43,11 +42,5 @@ def write(out: Path, shared: Path) -> Path:
             said = [words.of(word) for part in parts for word in part.words + part.denied]
             tensors[f"logits.{number}"] = tower(Heard.of(parts, words))
             tensors[f"places.{number}"] = torch.from_numpy(np.array(said, np.float32).reshape(-1, 12))
-    path = out / "text_units_debug.safetensors"
-    metadata = {
-        "config": json.dumps(config_of(tower, words)),
-        "texts": json.dumps(TEXTS),
-        "tolerance": "1e-4",
-    }
-    save_file({k: v.contiguous() for k, v in tensors.items()}, path, metadata | {"command": COMMAND})
-    return path
+    path, config = out / "text_units_debug.safetensors", config_of(tower, words)
+    return write_golden(path, tensors, "text_units", None, config, texts=json.dumps(TEXTS))

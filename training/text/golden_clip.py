@@ -7,12 +7,12 @@ import torch
 from safetensors.torch import save_file
 from transformers import CLIPConfig, CLIPTextModelWithProjection, CLIPTokenizer
 
+from training.goldens import write_golden
 from training.text.clip import OnClip
 from training.text.golden import random_space
 from training.text.sentences import clauses
 from training.text.stored import arrays, config_of
 
-COMMAND = "python -m training.goldens clip_text"
 TEXTS = (
     "a happy person", "a person looks Surprised", "she isn't happy, is she?", "smile", "", "  two   spaces ",
     "Wörter für Lächeln", "你好", "route 66", "closes the eyes " * 5, "I'll wink; they're crying!?", "xyzzy",
@@ -73,18 +73,12 @@ def write(out: Path, shared: Path) -> Path:
             numbers.append(given["input_ids"][0].tolist())
             tensors[f"places.{n}"] = torch.nn.functional.normalize(model(**given).text_embeds[0], dim=-1)
             tensors[f"logits.{n}"] = tower(hearing.hear(clauses(text)))
-    metadata = {
-        "texts": json.dumps(TEXTS),
-        "tokens": json.dumps(numbers),
-        "tolerance": "1e-4",
-        "command": COMMAND,
-    }
+    metadata = {"texts": json.dumps(TEXTS), "tokens": json.dumps(numbers)}
     for key, file in (("config", "config.json"), ("vocab", "vocab.json"), ("merges", "merges.txt")):
         metadata[key] = (folder / file).read_text()
     metadata["model_config"] = json.dumps(config_of(tower, words, Path("clip")))
     for file in folder.iterdir():
         file.unlink()
     folder.rmdir()
-    path = out / "clip_text_debug.safetensors"
-    save_file(tensors, path, metadata | {"command": COMMAND})
-    return path
+    config = json.loads(metadata.pop("config"))
+    return write_golden(out / "clip_text_debug.safetensors", tensors, "clip_text", None, config, **metadata)

@@ -21,6 +21,7 @@ import torch
 import torch.nn.functional as F
 
 from training.corpus.conditions import UNITS
+from training.run import downhill
 from training.text.clip import ClipTower, OnClip
 from training.text.held_out import HELD_OUT
 from training.text.measure import measured
@@ -207,10 +208,7 @@ def train(pairs: Pairs, words: Words, hearing: Hearing, arguments: argparse.Name
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, arguments.steps)
     for _ in range(arguments.steps):
         loss = loss_of(tower, hearing, *batches.draw(), arguments)
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        schedule.step()
+        downhill(loss, optimiser, schedule)
     return tower.eval()
 
 

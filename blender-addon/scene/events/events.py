@@ -13,7 +13,6 @@ that it names.
 
 import re
 from dataclasses import dataclass, field
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -21,7 +20,7 @@ import numpy as np
 
 from ...core import events, systems
 from ...core.errors import AnyfaceError
-from ...core.events import Event, Understood
+from ...core.events import Event, Expression
 from ..animation import curves
 from ..sound import sequencer, sounds, strips
 
@@ -33,19 +32,17 @@ LENGTH_S = 0.8
 
 @dataclass
 class Row:
-    """A strip, or a marker without one, as the panel lists it: `text` from `first` up to `last`.
+    """A strip, or a marker without one, as the panel lists it, from `first` up to `last`.
 
     `wrong` says in words why it does nothing, or not all.
     """
 
     name: str
-    text: str
+    expression: Expression
     first: int
     last: int
-    understood: Understood
     wrong: str = ""
     strip: object = None
-    strength: float = 1.0
 
 
 @dataclass
@@ -68,11 +65,11 @@ def strips_of(scene, channel: int, ob=None) -> list:
     return sorted(found, key=lambda strip: sequencer.ends(strip)[0])
 
 
-def marked(scene, ob, settings) -> list[Row]:
+def marked(scene, ob, settings, models: Path | None = None) -> list[Row]:
     """Each marker that may be an event of `ob`; none where it does not listen to markers.
 
-    `settings` has `event_markers` and `marker_s`. Markers that bind a camera and those that still
-    have the name that Blender gave them say nothing.
+    `settings` has `event_markers` and `marker_s`, `models` is the folder of the models. Markers
+    that bind a camera and those that still have the name that Blender gave them say nothing.
     """
     if not settings.event_markers:
         return []
@@ -82,14 +79,14 @@ def marked(scene, ob, settings) -> list[Row]:
     fps = scene.render.fps / scene.render.fps_base
     length, found, begun = max(1, round(settings.marker_s * fps)), [], []
     for marker in sorted(named, key=lambda marker: marker.frame):
-        text, strength = events.strength_of(strips.without_name(marker.name, faces))
-        ended = events.ended_by(text, [row.text for row in begun])
+        text = strips.without_name(marker.name, faces)
+        ended = events.ended_by(text, [row.expression.said for row in begun])
         if ended is not None:
             row = begun.pop(ended)
             row.last = max(marker.frame, row.first + 1)
             continue
-        last = marker.frame + length
-        row = Row(marker.name, text, marker.frame, last, Understood(), strength=strength)
+        expression = events.expression(text, models)
+        row = Row(marker.name, expression, marker.frame, marker.frame + length)
         found.append(row)
         begun.append(row)
     return found
@@ -122,15 +119,13 @@ def rows(
     `settings` has `event_channel`, `event_markers` and `marker_s`; `when` is the frame at which the
     sound begins, and its seconds where they are known; `models` the folder of the models.
     """
-    words = partial(systems.words, models=models)
     found = [
-        Row(strip.name, strip.text.strip(), *sequencer.ends(strip), Understood(), strip=strip)
+        Row(strip.name, events.expression(strip.text, models), *sequencer.ends(strip), strip=strip)
         for strip in strips_of(scene, settings.event_channel, ob)
     ]
-    found += marked(scene, ob, settings)
+    found += marked(scene, ob, settings, models)
     for row in found:
-        row.understood = events.understand(row.text, systems.units(), words)
-        row.wrong = row.understood.hint
+        row.wrong = row.expression.hint
         if not row.wrong and when is not None and _slot(scene, row, *when) is None:
             row.wrong = f"frames {row.first} to {row.last} lie outside the sound"
     return sorted(found, key=lambda row: row.first)
@@ -154,8 +149,7 @@ def read(
             raise AnyfaceError("input", "events: expected a system that shows them")
         return found
     if settings.event_file:
-        words = partial(systems.words, models=models)
-        found.events = events.of_file(settings.event_file, systems.units(), words)
+        found.events = events.of_file(settings.event_file, models)
         return found
     when = start_frame, duration_s
     for row in rows(scene, ob, settings, when, models):
@@ -163,10 +157,11 @@ def read(
             found.notes.append(f"the event {row.name} was left out: {row.wrong}")
             continue
         slot = _slot(scene, row, *when)
-        for start_s, end_s, strength in _pieces(scene, row, slot, start_frame):
-            units, over = row.understood.units, row.understood.over_speech
-            strength = min(strength * row.understood.strength, events.MAX_STRENGTH)
-            found.events.append(Event(start_s, end_s, units, strength, over, row.name))
+        said = row.expression
+        for start_s, end_s, opacity in _pieces(scene, row, slot, start_frame):
+            strength = opacity * said.strength
+            event = Event(start_s, end_s, said.units, strength, said.over_speech, row.name)
+            found.events.append(event)
     found.notes = events.shortened(found.notes)
     return found
 
@@ -209,14 +204,14 @@ def _slot(scene, row: Row, start_frame: float, duration_s: float | None):
 
 
 def _pieces(scene, row: Row, slot, start_frame: float) -> list[tuple[float, float, float]]:
-    """Start and end in seconds, and strength: one piece, or as many as the opacity has steps."""
+    """Start and end in seconds, and opacity: one piece, or as many as the opacity has steps."""
     fps = scene.render.fps / scene.render.fps_base
     first, last = slot
     seconds = [(at - start_frame) / fps for at in (first, last)]
     curve = None if row.strip is None else _opacity_curve(scene, row.strip)
     if curve is None:
         opacity = 1.0 if row.strip is None else float(row.strip.blend_alpha)
-        return [(*seconds, row.strength * opacity)]
+        return [(*seconds, opacity)]
     frames = np.arange(np.floor(first), np.ceil(last))
     strengths = [_STEP * round(np.clip(curve.evaluate(at), 0.0, 1.0) / _STEP) for at in frames]
     changes = [0, *(np.flatnonzero(np.diff(strengths)) + 1), len(frames)]

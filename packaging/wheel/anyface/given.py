@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .core import emotion, systems
 from .core.errors import AnyfaceError
+from .core.events import Reader
 from .core.native import LANDMARKS, Engine
 from .core.take import EMOTION_WORDS, Request, Sound
 
@@ -78,9 +79,12 @@ def request_of(
     seed: int,
     style: str,
     controls: Mapping[str, ControlLike],
+    events: Sequence[str],
 ) -> Request:
-    """How the face is asked to speak, with the displacements of every frame."""
-    request = Request(float(fps), seed=seed, style=style, error_mm=None)
+    """How the face is asked to speak; the clip stays in the library until all of it is read."""
+    request = Request(float(fps), seed=seed, style=style, keeps_clip=True)
+    if events:
+        request.events = Reader(engine.models).events_of_lines("\n".join(events))
     if isinstance(feeling, str) and feeling in EMOTION_WORDS:
         request.emotion_source = EMOTION_WORDS[feeling]
     else:

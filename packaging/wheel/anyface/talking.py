@@ -1,6 +1,6 @@
 """The calls: a mesh and a sound in, what moves out."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import TypeVar
 
@@ -43,6 +43,7 @@ def animate(
     seed: int = 0,
     style: str = "",
     controls: Mapping[str, ControlLike] | None = None,
+    events: Sequence[str] = (),
     landmarks: ArrayLike | None = None,
     weights: bool = False,
     forward: str = "+z",
@@ -56,14 +57,15 @@ def animate(
     `mesh` is a file or `(vertices, faces)` in any units, `sound` a file or `(samples, rate_hz)`. The
     68 landmarks are found, or given as `[68, 3]` positions or `[68]` vertex numbers. `forward` and
     `up` say how the head stands; it is found however it is turned, but they decide where several places
-    look like a face. `controls` are those of `systems()`. With `weights` the motion is
+    look like a face. `controls` are those of `systems()`, `events` such as `1.2-2.0:left wink:0.8` for
+    systems that show them. With `weights` the motion is
     solved into ARKit weights too. `engine` brings other models than the built-in ones.
 
     `progress` and `cancel` are called in the caller's own thread. Raises `AnyfaceError`, whose `kind`
     says what was wrong, or `Cancelled`.
     """
     own = _facing(engine, forward, up)
-    request = request_of(own, fps, emotion, seed, style, controls or {})
+    request = request_of(own, fps, emotion, seed, style, controls or {}, events)
     given = landmarks_of(landmarks)
 
     def work(watch: Watch) -> Clip:
@@ -151,7 +153,7 @@ def _run(work: Callable[[Watch], Made], progress: Progress | None, cancel: Cance
 def _solved(own: Engine, mesh: Mesh, landmarks, animation: Animation, watch: Watch) -> Weights:
     rig, count = own.rig(*mesh, *landmarks, None, watch), len(shapes.ARKIT)
     names, vectors = rig.names[:count], rig.vectors[:count]
-    solved = own.solve(names, vectors, animation.displacements, watch)
+    solved = animation.clip.weights(names, vectors, np.eye(3), watch)
     return Weights(tuple(names), solved.weights, solved.left_out)
 
 
@@ -160,7 +162,7 @@ def _clip(fps: float, mesh: Mesh, made: Animation, weights: Weights | None) -> C
         fps=fps,
         rest=mesh[0],
         triangles=mesh[1],
-        displacements=made.displacements,
+        displacements=made.clip.displacements(),
         landmarks=made.landmarks.neutral,
         landmark_displacements=made.landmarks.displacements,
         head=made.life.head,

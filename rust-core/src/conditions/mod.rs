@@ -2,6 +2,8 @@
 
 mod action_units;
 mod controls;
+mod event;
+mod expression;
 mod from_voice;
 mod keys;
 mod request;
@@ -9,10 +11,10 @@ mod request;
 use crate::{Error, Result};
 use ndarray::Array2;
 
-pub use action_units::{
-    ACTION_UNITS, ActionUnit, Event, EventTrack, MAX_EVENT_STRENGTH, SIDES, Side,
-};
+pub use action_units::{ACTION_UNITS, ActionUnit, SIDES, Side};
 pub use controls::{Control, ControlCurve, ControlStage, ControlValues, Controls};
+pub use event::{Event, EventTrack};
+pub use expression::{Expression, MAX_EVENT_STRENGTH, MENU, read_unit};
 pub use from_voice::{arousal, emotion_from_voice};
 pub use request::{FPS, MotionRequest, check_closures, check_fps, style_number};
 

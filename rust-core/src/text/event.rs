@@ -1,60 +1,166 @@
-//! Events whose units are said in words.
+//! Expressions and events whose units are said in words.
+
+use std::{
+    path::{Path, PathBuf},
+    sync::OnceLock,
+};
+
+use serde::{Deserialize, Serialize};
 
 use super::{TextUnits, check_length};
 use crate::{
     Error, Result,
-    conditions::{Event, MAX_EVENT_STRENGTH},
+    conditions::{Event, Expression, MAX_EVENT_STRENGTH},
 };
 
-/// Units are written with fewer letters in a row than words.
-const LETTERS_OF_A_WORD: usize = 3;
+/// Reads expressions and events; the model of texts is loaded at the first text that needs it.
+#[derive(Debug, Default)]
+pub struct Reader {
+    models: Option<PathBuf>,
+    texts: OnceLock<TextUnits>,
+}
 
-impl Event {
-    /// Reads `1.2-2.0:smile:0.8`: seconds, units as in [`Event::parse`] or a text, strength; a `!` at the end
-    /// puts it over the speech.
+impl Reader {
+    /// With the built-in model of texts, or that of the folder `text_units` in `models`.
+    pub fn new(models: Option<&Path>) -> Reader {
+        Reader {
+            models: models.map(Path::to_owned),
+            texts: OnceLock::new(),
+        }
+    }
+
+    /// The folder of its models.
+    pub fn models(&self) -> Option<&Path> {
+        self.models.as_deref()
+    }
+
+    fn texts(&self) -> Result<&TextUnits> {
+        if self.texts.get().is_none() {
+            let texts = TextUnits::open(self.models())?;
+            return Ok(self.texts.get_or_init(|| texts));
+        }
+        Ok(self.texts.get().expect("it was loaded before"))
+    }
+
+    /// Reads units, words of the menu, or a text; see [`Expression::parse`].
     ///
-    /// A text's own amounts multiply the strength; the strongest unit counts, since an event has one strength.
+    /// A text's own amounts multiply the strength; the strongest unit counts, since an expression has one strength.
     ///
     /// # Errors
-    /// Those of [`Event::parse`]; `InvalidInput` for a text in which no unit was understood, with the nearest
-    /// thing that would be, and for one of more than 1,000 letters.
-    pub fn from_text(text: &str, words: &TextUnits) -> Result<Event> {
+    /// Those of [`Expression::parse`]; `InvalidInput` for a text in which no unit was understood, with the nearest
+    /// thing that would be, and for one of more than 1,000 letters; those of [`TextUnits::open`].
+    pub fn expression(&self, text: &str) -> Result<Expression> {
         check_length(text)?;
-        let (asked, over_speech) = match text.trim_end().strip_suffix('!') {
-            Some(rest) => (rest, true),
-            None => (text, false),
-        };
-        let (slot, rest) = asked.split_once(':').unwrap_or((asked, ""));
-        let number = rest
-            .rsplit_once(':')
-            .filter(|(_, end)| end.trim().parse::<f32>().is_ok());
-        let (said, strength) = number.unwrap_or((rest, "1"));
-        if !has_word(said) {
-            return Event::parse(text);
+        let mut expression = Expression::parse(text)?;
+        if expression.units.is_empty() {
+            let understood = self.texts()?.understood_or_error(&expression.said)?.units;
+            expression.units = understood.iter().map(|(u, side, ..)| (*u, *side)).collect();
+            let strongest = understood.iter().map(|unit| unit.2).fold(0.0, f32::max);
+            expression.strength = (expression.strength * strongest).min(MAX_EVENT_STRENGTH);
         }
-        // Seconds and strength are checked as those of any event, beside a unit that stands for the text.
-        let mut event = Event::parse(&format!("{slot}:1:{strength}"))
-            .map_err(|error| Error::InvalidInput(format!("{error} (of {text:?})")))?;
-        let understood = words.understood_or_error(said)?;
-        event.units = understood
-            .units
-            .iter()
-            .map(|(u, side, ..)| (*u, *side))
-            .collect();
-        let strongest = understood
-            .units
-            .iter()
-            .map(|unit| unit.2)
-            .fold(0.0, f32::max);
-        event.strength = (event.strength * strongest).min(MAX_EVENT_STRENGTH);
-        event.over_speech = over_speech;
+        Ok(expression)
+    }
+
+    /// Reads `1.2-2.0:smile:0.8`: seconds, and behind them an expression as [`Reader::expression`] reads it.
+    ///
+    /// # Errors
+    /// Those of [`Event::slot_and_expression`], [`Reader::expression`] and [`Event::check`].
+    pub fn event(&self, text: &str) -> Result<Event> {
+        check_length(text)?;
+        let (slot_s, said) = Event::slot_and_expression(text)?;
+        Event::of(slot_s, self.expression(said)?)
+    }
+
+    /// Reads events from JSON: a list, or an object with a list `events`, of `{"start_s": 1.2, "end_s": 2.0,
+    /// "units": ["12", "45L"], "strength": 0.8, "over_speech": false}`. The last two may be left out; `units` may be
+    /// one expression, such as "left wink".
+    ///
+    /// # Errors
+    /// `InvalidInput` that names the row, what was expected and what it holds.
+    pub fn events_of_json(&self, text: &str) -> Result<Vec<Event>> {
+        #[derive(Deserialize)]
+        #[serde(untagged)]
+        enum Document {
+            List(Vec<serde_json::Value>),
+            Object { events: Vec<serde_json::Value> },
+        }
+        let wrong = |row: usize, why: &dyn std::fmt::Display| {
+            Error::InvalidInput(format!("event {}: {why}", row + 1))
+        };
+        let document: Document = serde_json::from_str(text).map_err(|error| {
+            let message = format!(
+                "events: expected a JSON list of objects with start_s, end_s and units ({error})"
+            );
+            Error::InvalidInput(message)
+        })?;
+        let (Document::List(rows) | Document::Object { events: rows }) = document;
+        let read = |(row, value): (usize, serde_json::Value)| {
+            let found: Row = serde_json::from_value(value).map_err(|error| wrong(row, &error))?;
+            self.event_of_row(found).map_err(|error| match error {
+                Error::InvalidInput(_) => wrong(row, &error),
+                other => other,
+            })
+        };
+        rows.into_iter().enumerate().map(read).collect()
+    }
+
+    fn event_of_row(&self, row: Row) -> Result<Event> {
+        let said = match row.units {
+            Units::Expression(said) => said,
+            Units::List(units) => units.join(","),
+        };
+        let expression = self.expression(&said)?;
+        let mut event = Event::of([row.start_s, row.end_s], expression)?;
+        event.over_speech |= row.over_speech;
+        let own = std::mem::replace(&mut event.strength, row.strength);
         event.check()?;
+        event.strength = (own * row.strength).min(MAX_EVENT_STRENGTH);
         Ok(event)
+    }
+
+    /// Events of a JSON file; see [`Reader::events_of_json`].
+    ///
+    /// # Errors
+    /// `Io`, and those of [`Reader::events_of_json`].
+    pub fn events_of_file(&self, path: &Path) -> Result<Vec<Event>> {
+        let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+        self.events_of_json(&text)
     }
 }
 
-/// Whether a text holds a word rather than numbers of units alone.
-fn has_word(text: &str) -> bool {
-    text.split(|c: char| !c.is_alphabetic())
-        .any(|word| word.chars().count() >= LETTERS_OF_A_WORD || !word.is_ascii())
+/// Events as JSON that [`Reader::events_of_json`] reads: every row with a list of units and all its fields.
+pub fn events_to_json(events: &[Event]) -> String {
+    let row = |event: &Event| Row {
+        start_s: event.slot_s[0],
+        end_s: event.slot_s[1],
+        units: Units::List(event.written_units()),
+        strength: event.strength,
+        over_speech: event.over_speech,
+    };
+    let rows: Vec<Row> = events.iter().map(row).collect();
+    serde_json::to_string(&rows).expect("numbers and texts can be written")
+}
+
+/// An event as a file has it.
+#[derive(Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+struct Row {
+    start_s: f64,
+    end_s: f64,
+    units: Units,
+    #[serde(default = "whole")]
+    strength: f32,
+    #[serde(default)]
+    over_speech: bool,
+}
+
+#[derive(Deserialize, Serialize)]
+#[serde(untagged)]
+enum Units {
+    Expression(String),
+    List(Vec<String>),
+}
+
+fn whole() -> f32 {
+    1.0
 }

@@ -39,6 +39,8 @@ use sentence::{Clause, Lists, Rules, SaidSide};
 use space::Space;
 use tower::Tower;
 
+pub use event::{Reader, events_to_json};
+
 /// The built-in text space and tower.
 #[cfg(feature = "cafe-talk")]
 pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_cafe_talk::TEXT_UNITS);
@@ -200,7 +202,8 @@ impl TextUnits {
             None => String::new(),
         };
         Err(Error::InvalidInput(format!(
-            "text: expected English words for an expression, such as \"smile\", \"wink\" or \"raised eyebrows\", got {text:?}{nearest}"
+            "the expression is not understood: expected units such as 12,6L, or English words such as \"smile\" or \
+             \"raised eyebrows\", got {text:?}{nearest}"
         )))
     }
 
@@ -251,7 +254,10 @@ impl TextUnits {
 }
 
 /// Refuses what is no description of a face by its length alone.
-fn check_length(text: &str) -> Result<()> {
+///
+/// # Errors
+/// `InvalidInput` for more than 1,000 letters.
+pub fn check_length(text: &str) -> Result<()> {
     match text.chars().count() {
         0..=LONGEST_TEXT => Ok(()),
         got => Err(Error::InvalidInput(format!(

@@ -135,8 +135,8 @@ fn places_are_near_for_words_that_mean_alike() {
 
 #[test]
 fn events_are_read_from_words() {
-    let words = TextUnits::open(None).unwrap();
-    let event = Event::from_text("1.2-2.0:winks:0.8", &words).unwrap();
+    let reader = Reader::default();
+    let event = reader.event("1.2-2.0:winks:0.8").unwrap();
     assert_eq!(event.slot_s, [1.2, 2.0]);
     assert_eq!(event.units, [(15, Side::Left)]);
     assert!(
@@ -144,19 +144,20 @@ fn events_are_read_from_words() {
         "{}",
         event.strength
     );
+    // A word of the menu means what the menu says, in every front end.
+    let wink = reader.event("1.2-2.0:left wink:0.8").unwrap();
+    assert_eq!(wink.written_units(), ["6L", "45L"]);
+    assert_eq!(wink.strength, 0.8);
     let plain = "0.5-0.9:12,AU06L:0.7";
-    assert_eq!(
-        Event::from_text(plain, &words).unwrap(),
-        Event::parse(plain).unwrap()
-    );
-    let strong = Event::from_text("0-1:a huge smile:2", &words).unwrap();
+    assert_eq!(reader.event(plain).unwrap(), Event::parse(plain).unwrap());
+    let strong = reader.event("0-1:a huge smile:2").unwrap();
     assert!(strong.strength <= crate::conditions::MAX_EVENT_STRENGTH);
 }
 
 #[test]
 fn events_that_say_nothing_are_refused_with_a_hint() {
-    let words = TextUnits::open(None).unwrap();
-    let said = |text| Event::from_text(text, &words).unwrap_err().to_string();
+    let reader = Reader::default();
+    let said = |text| reader.event(text).unwrap_err().to_string();
     let blue = said("1-2:the blue car");
     assert!(
         blue.contains("the blue car") && blue.contains("expected") && !blue.contains("nearest")
@@ -174,9 +175,45 @@ fn events_that_say_nothing_are_refused_with_a_hint() {
         ":::",
     ] {
         assert!(
-            matches!(Event::from_text(wrong, &words), Err(Error::InvalidInput(_))),
+            matches!(reader.event(wrong), Err(Error::InvalidInput(_))),
             "{wrong}"
         );
+    }
+}
+
+#[test]
+fn files_hold_the_same_events_as_text() {
+    let reader = Reader::default();
+    let json =
+        r#"{"events": [{"start_s": 1.2, "end_s": 2, "units": ["12", "AU06L"], "strength": 0.8}]}"#;
+    assert_eq!(
+        reader.events_of_json(json).unwrap(),
+        [Event::parse("1.2-2:12,6L:0.8").unwrap()]
+    );
+    let words = r#"[{"start_s": 1.5, "end_s": 2, "units": "left wink!:0.5", "strength": 0.5}]"#;
+    let events = reader.events_of_json(words).unwrap();
+    assert_eq!(events, [Event::parse("1.5-2:6L,45L:0.25!").unwrap()]);
+    let written = events_to_json(&events);
+    assert_eq!(
+        reader.events_of_json(&written).unwrap(),
+        events,
+        "{written}"
+    );
+    for (wrong, told) in [
+        (
+            r#"[{"start_s": 2, "end_s": 1, "units": ["12"]}]"#,
+            "event 1",
+        ),
+        (r#"[{"start_s": 2, "end_s": 3, "units": ["99"]}]"#, "99"),
+        (r#"[{"start_s": 2, "units": ["1"]}]"#, "end_s"),
+        (r#"{"start": 2}"#, "expected a JSON list"),
+        (
+            r#"[{"start_s": 0, "end_s": 1, "units": ["1"], "strength": "much"}]"#,
+            "much",
+        ),
+    ] {
+        let error = reader.events_of_json(wrong).unwrap_err().to_string();
+        assert!(error.contains(told), "{error}");
     }
 }
 
@@ -203,13 +240,13 @@ fn damaged_files_are_refused() {
 #[test]
 fn texts_that_describe_no_face_by_their_length_are_refused() {
     let words = TextUnits::open(None).unwrap();
-    let long = "a".repeat(1 << 20);
+    let (reader, long) = (Reader::default(), "a".repeat(1 << 20));
     let messages = [
         words.understand(&long).unwrap_err(),
         words.understood_or_error(&long).unwrap_err(),
         words.emotion(&long).unwrap_err(),
-        Event::from_text(&format!("0-1:{long}"), &words).unwrap_err(),
-        Event::from_text(&long, &words).unwrap_err(),
+        reader.event(&format!("0-1:{long}")).unwrap_err(),
+        reader.event(&long).unwrap_err(),
     ];
     for message in messages.map(|error| error.to_string()) {
         assert!(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import pickle
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +12,6 @@ from training.corpus.checked import CorpusError, need_shape, number_of
 from training.corpus.folder import SOUNDS
 from training.corpus.topology import read_obj
 
-Reader = Callable[[Path, Path, Path | None], Path]
-"""Takes the corpus as downloaded, the folder to write, and the landmarks of its topology."""
 CORES = ("numpy.core", "numpy._core")
 SAFE = {"numpy", *(f"{core}.{part}" for core in CORES for part in ("multiarray", "numeric"))}
 PLY_TYPES = {"float": "f4", "float32": "f4", "double": "f8", "uchar": "u1", "uint8": "u1", "int": "i4",

@@ -1,18 +1,15 @@
 """Golden of Cafe-Talk's denoiser: single passes under every condition, and guided runs over two windows."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import torch
-from safetensors.torch import save_file
 from torch import Tensor
 
+from training.goldens import write_golden
 from training.speech.golden_compact import randomise_norms
 from training.systems.cafe_talk.denoiser import Coarse, Denoiser, Sampling, debug_config
 from training.systems.cafe_talk.sampling import Request, sample_from
-
-COMMAND = "python -m training.goldens cafe_talk"
 
 
 def write(out: Path, shared: Path) -> Path:
@@ -36,13 +33,9 @@ def write(out: Path, shared: Path) -> Path:
     channels = len(config.channels)
     model.mean.copy_(torch.rand(channels) * 0.2)
     model.std.copy_(torch.rand(channels) * 0.2 + 0.05)
-    tensors = {f"weights.{key}": value for key, value in model.state_dict().items()}
-    tensors["weights.emotions"] = torch.zeros(len(config.emotions), config.text_width)
+    tensors = {"weights.emotions": torch.zeros(len(config.emotions), config.text_width)}
     tensors |= _one_pass(model) | _runs(model)
-    path = out / "cafe_talk_debug.safetensors"
-    metadata = {"config": json.dumps(config.to_json()), "tolerance": "1e-4", "command": COMMAND}
-    save_file({key: value.contiguous() for key, value in tensors.items()}, path, metadata)
-    return path
+    return write_golden(out / "cafe_talk_debug.safetensors", tensors, "cafe_talk", model, config.to_json())
 
 
 @torch.no_grad()

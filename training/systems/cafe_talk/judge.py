@@ -19,6 +19,7 @@ from training.corpus.conditions import EMOTIONS
 from training.corpus.faces import CHANNELS
 from training.corpus.felt import with_emotion
 from training.nn.embedding import timestep_embedding
+from training.run import downhill
 from training.systems.cafe_talk.train import lips_met
 
 WIDTH, HEADS = 64, 8
@@ -77,10 +78,7 @@ def taught(lessons: list[Entry], steps: int, seed: int = 0) -> Judge:
         schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, steps + 1)
         for _ in range(steps):
             shown, label = _batch(usable, random)
-            optimiser.zero_grad()
-            nn.functional.cross_entropy(judge(shown), label).backward()
-            optimiser.step()
-            schedule.step()
+            downhill(nn.functional.cross_entropy(judge(shown), label), optimiser, schedule)
     return judge.eval()
 
 

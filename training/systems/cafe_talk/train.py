@@ -25,8 +25,9 @@ from training.corpus.teacher import Teacher
 from training.diffusion.schedule import add_noise
 from training.losses import feature_concordance, feature_scores, lip_gap, motion_loss
 from training.machine import Machine, add_arguments
+from training.nn.checkpoint import save
 from training.nn.config import SpeechInput
-from training.run import Run
+from training.run import begin, descend, seeded, trainer_parser
 from training.speech.compact import SHIPPED_ENCODER, CompactEncoder, load_encoder
 from training.speech.compact import debug_config as debug_encoder
 from training.speech.hubert import HubertFeatures
@@ -271,8 +272,7 @@ def validate(trainer: CafeTalkTrainer, model: Denoiser, clips: int) -> dict[str,
 
 def train(arguments) -> Path:
     """Runs a stage; writes `cafe_talk.pt` with the averaged weights and returns its path."""
-    torch.manual_seed(arguments.seed)
-    torch.set_num_threads(arguments.threads)
+    seeded(arguments)
     config = CONFIGS[arguments.config]()
     speech = speech_source(arguments, config)
     config.text_width = Words.load(arguments.text).vectors.shape[1]
@@ -280,49 +280,24 @@ def train(arguments) -> Path:
         config.styles = [*sorted({e.source for e in speech.entries}), ANY_STYLE]
     config.coarse = arguments.coarse
     trainer = CafeTalkTrainer(arguments, config, speech)
-    run = start(arguments, trainer)
-    optimiser, schedule, average = (run.parts[name] for name in ("optimiser", "schedule", "average"))
-    lengths = [n for n in (64, 96, 128, 192, 250) if n <= config.window_frames] or [24]
-    until = min(arguments.steps, arguments.stop_at or arguments.steps)
-    for step in range(run.first, until):
-        frames = lengths[int(torch.randint(0, len(lengths), (1,), generator=trainer.random))]
-        loss, parts = trainer.loss(trainer.draw(max(1, arguments.tokens // frames), frames))
-        trainer.machine.step(loss, trainer.model, optimiser, 1.0)
-        schedule.step()
-        average.update_parameters(trainer.model)
-        run.after(step, loss.item())
-        if step % arguments.log_every == arguments.log_every - 1 or step == until - 1:
-            if trainer.machine.rank > 0:
-                continue
-            scores = validate(trainer, average.module, arguments.validation_clips)
-            run.log({"step": step + 1, "s": run.seconds(), **parts, **scores})
-            save(run.out / "cafe_talk.pt", average.module, trainer)
-    if until < arguments.steps:
-        run.save(until)
-    return arguments.out / "cafe_talk.pt"
-
-
-def start(arguments, trainer: CafeTalkTrainer) -> Run:
-    """Optimiser, schedule and averaged weights, as they were where the run stopped."""
-    optimiser = torch.optim.AdamW(trainer.parameters(), arguments.rate, weight_decay=0.02)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, arguments.rate, arguments.steps + 1, pct_start=0.1
-    )
-    average = torch.optim.swa_utils.AveragedModel(
-        trainer.model, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.995)
-    )
-    parts = {"model": trainer.model, "optimiser": optimiser, "schedule": schedule, "average": average}
     generators = {"trainer": trainer.random, "events": trainer.generator, "windows": trainer.sampler.random}
-    machine, board = trainer.machine, arguments.tensorboard
-    return Run(arguments.out, parts, arguments.steps, arguments.save_every, generators, machine, board)
+    groups = [{"params": trainer.parameters(), "lr": arguments.rate}]
+    run = begin(arguments, trainer.model, generators, groups=groups, decay=0.02, machine=trainer.machine)
+    lengths = [n for n in (64, 96, 128, 192, 250) if n <= config.window_frames] or [24]
 
+    def loss(_step: int) -> tuple[torch.Tensor, dict[str, float]]:
+        frames = lengths[int(torch.randint(0, len(lengths), (1,), generator=trainer.random))]
+        return trainer.loss(trainer.draw(max(1, arguments.tokens // frames), frames))
 
-def save(path: Path, model: Denoiser, trainer: CafeTalkTrainer) -> None:
-    """One file with the denoiser, its configuration, the emotions' places and the encoder."""
-    state = {key: value.cpu() for key, value in model.state_dict().items()}
     emotions = torch.from_numpy(trainer.words.emotions())
-    kept = {"state": state, "config": model.config.to_json(), "emotions": emotions, **trainer.speech.saved()}
-    torch.save(kept, path)
+
+    def judge(averaged: Denoiser) -> dict[str, float]:
+        scores = validate(trainer, averaged, arguments.validation_clips)
+        save(run.out / "cafe_talk.pt", averaged, emotions=emotions, **trainer.speech.saved())
+        return scores
+
+    descend(arguments, run, loss, judge)
+    return arguments.out / "cafe_talk.pt"
 
 
 def speech_source(arguments, config: CafeTalkConfig) -> CompactSpeech | HubertSpeech:
@@ -377,11 +352,7 @@ def _constant_once(weight: torch.Tensor) -> torch.Tensor:
 
 def parser() -> argparse.ArgumentParser:
     """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--out", type=Path, default=Path("runs/cafe_base"))
-    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    parser = trainer_parser(__doc__, "runs/cafe_base", 6000, 8e-4, log_every=300)
     parser.add_argument("--text", type=Path, default=Path("runs/text"), help="the text space")
     parser.add_argument(
         "--base", type=Path, help="cafe_talk.pt of stage 1, or a model folder: trains the adapter beside it"
@@ -397,15 +368,9 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--voices", type=int, default=7)
     parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
     parser.add_argument("--swapped-share", type=float, default=SWAPPED_SHARE, help="rows with eq. 5")
-    parser.add_argument("--steps", type=int, default=6000)
     parser.add_argument("--tokens", type=int, default=2000, help="frames in a batch")
-    parser.add_argument("--rate", type=float, default=8e-4)
     add_arguments(parser, "bfloat16")
     parser.add_argument("--tensorboard", action="store_true", help="logs for TensorBoard too, into --out")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--log-every", type=int, default=300)
-    parser.add_argument("--save-every", type=int, default=50, help="steps between checkpoints")
     parser.add_argument("--stop-at", type=int, help="stop after this step; the same command goes on")
     parser.add_argument("--validation-clips", type=int, default=12, help="of each source, at every log")
     return parser

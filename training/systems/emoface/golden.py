@@ -1,16 +1,14 @@
 """Golden of EmoFace: a performance of 30 frames from a first pose, longer than the look-back."""
 
-import json
 from pathlib import Path
 
 import torch
-from safetensors.torch import save_file
 
+from training.goldens import write_golden
 from training.nn.spiral_conv import spirals
 from training.speech.golden_compact import randomise_norms
 from training.systems.emoface.model import EmoFace, Given, debug_config
 
-COMMAND = "python -m training.goldens emoface"
 FRAMES, STYLE = 30, 1
 
 
@@ -44,8 +42,7 @@ def write(out: Path, shared: Path) -> Path:
     first = torch.randn(1, 3 * config.vertices)
     made = model.perform(given, first)
     shares = torch.softmax(torch.randn(len(config.feelings)), dim=0)
-    tensors = {f"weights.{key}": value for key, value in model.state_dict().items()}
-    tensors |= {
+    tensors = {
         "weights.spirals": torch.from_numpy(around).float(),
         "content": given.content[0],
         "feeling": given.feeling[0],
@@ -58,7 +55,4 @@ def write(out: Path, shared: Path) -> Path:
         "shares": shares,
         "prototype": shares @ model.prototypes,
     }
-    path = out / "emoface_debug.safetensors"
-    metadata = {"config": json.dumps(config.to_json()), "tolerance": "1e-4", "command": COMMAND}
-    save_file({key: value.contiguous() for key, value in tensors.items()}, path, metadata)
-    return path
+    return write_golden(out / "emoface_debug.safetensors", tensors, "emoface", model, config.to_json())

@@ -1,15 +1,13 @@
 """Golden of the emotion encoder: three seconds of a made voice, and one too short to be heard."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import save_file
 
+from training.goldens import write_golden
 from training.systems.emoface.feeling import NUMBERS, FeelingConfig, FeelingEncoder, numbers, voice_of
 
-COMMAND = "python -m training.goldens feeling"
 RATE_HZ = 16000
 
 
@@ -37,8 +35,4 @@ def write(out: Path, shared: Path) -> Path:
     arrays |= {"samples": samples, "numbers": measured, "track": model.track(samples, 75),
                "short": model.track(samples[:3000], 5)}  # fmt: skip
     tensors = {name: torch.from_numpy(np.ascontiguousarray(x)).float() for name, x in arrays.items()}
-    path = out / "feeling_debug.safetensors"
-    metadata = {"config": json.dumps(config.to_json()), "tolerance": "1e-4", "command": COMMAND}
-    save_file(tensors, path, metadata)
-    path.chmod(0o644)
-    return path
+    return write_golden(out / "feeling_debug.safetensors", tensors, "feeling", None, config.to_json())

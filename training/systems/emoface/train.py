@@ -21,8 +21,9 @@ from torch import Tensor
 from training import shipped
 from training.corpus.folder import CorpusFolder
 from training.losses import feature_concordance, feature_scores
+from training.nn.checkpoint import save
 from training.nn.spiral_conv import spirals
-from training.run import Run
+from training.run import begin, descend, seeded, trainer_parser
 from training.systems.cafe_talk.train import lips_met
 from training.systems.emoface import own
 from training.systems.emoface.clips import load_clips, template_of
@@ -141,8 +142,7 @@ def together(clips: list[Spoken], config: EmoFaceConfig, frames: int) -> Given:
 
 def train(arguments) -> Path:
     """Runs the training; writes `emoface.pt` with the averaged weights and returns its path."""
-    torch.manual_seed(arguments.seed)
-    torch.set_num_threads(arguments.threads)
+    seeded(arguments)
     config = CONFIGS[arguments.config]()
     config.vertices = arguments.vertices or config.vertices
     config.kernel, config.dilation, config.delta = (
@@ -153,45 +153,27 @@ def train(arguments) -> Path:
     config.fusion = arguments.fusion
     clips = load_clips(arguments, config)
     trainer = EmoFaceTrainer(arguments, config, clips)
-    optimiser = torch.optim.AdamW(trainer.model.parameters(), arguments.rate, weight_decay=0.01)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, arguments.rate, arguments.steps + 1, pct_start=0.1
-    )
-    average = torch.optim.swa_utils.AveragedModel(
-        trainer.model, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.99)
-    )
-    parts = {"model": trainer.model, "optimiser": optimiser, "schedule": schedule, "average": average}
     generators = {"trainer": trainer.random, "rows": trainer.rows.random}
-    run = Run(arguments.out, parts, arguments.steps, arguments.save_every, generators)
+    run = begin(arguments, trainer.model, generators, average=0.99)
     held_out = [c for c in clips if c.held_out]
     chosen = [c for s in sorted({c.source for c in held_out})
               for c in [c for c in held_out if c.source == s][: arguments.validation_clips]]  # fmt: skip
-    for step in range(run.first, arguments.steps):
+
+    def loss(step: int) -> tuple[Tensor, dict[str, float]]:
         frames = LENGTHS[int(torch.randint(0, len(LENGTHS), (1,), generator=trainer.random))]
-        batch = trainer.rows.batch(max(1, arguments.tokens // frames), frames)
-        loss, report = trainer.loss(batch, step)
-        optimiser.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(trainer.model.parameters(), 1.0)
-        optimiser.step()
-        schedule.step()
-        average.update_parameters(trainer.model)
-        run.after(step, loss.item())
-        if step % arguments.log_every == arguments.log_every - 1 or step == arguments.steps - 1:
-            scores = validate(trainer, average.module, chosen)
-            run.log({"step": step + 1, "s": run.seconds(), **report, **scores})
-            save(run.out / "emoface.pt", average.module, trainer)
-    return arguments.out / "emoface.pt"
+        return trainer.loss(trainer.rows.batch(max(1, arguments.tokens // frames), frames), step)
 
-
-def save(path: Path, model: EmoFace, trainer: EmoFaceTrainer) -> None:
-    """One file with the weights, the configuration, the template and the spirals."""
     template = trainer.template
-    kept = {"state": model.state_dict(), "config": model.config.to_json(),
-            "vertices": torch.from_numpy(template.vertices).float(),
-            "triangles": torch.from_numpy(template.triangles),
-            "spirals": model.mesh_attention.conv.spirals}  # fmt: skip
-    torch.save(kept, path)
+    kept = {"vertices": torch.from_numpy(template.vertices).float(),
+            "triangles": torch.from_numpy(template.triangles)}  # fmt: skip
+
+    def judge(averaged: EmoFace) -> dict[str, float]:
+        scores = validate(trainer, averaged, chosen)
+        save(run.out / "emoface.pt", averaged, **kept, spirals=averaged.mesh_attention.conv.spirals)
+        return scores
+
+    descend(arguments, run, loss, judge)
+    return arguments.out / "emoface.pt"
 
 
 def performed(model: EmoFace, clip: Spoken, layer: str = "motion") -> Made:
@@ -201,15 +183,12 @@ def performed(model: EmoFace, clip: Spoken, layer: str = "motion") -> Made:
 
 def parser() -> argparse.ArgumentParser:
     """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = trainer_parser(__doc__, "runs/emoface", 6000, 1e-3, log_every=300, save_every=100, corpus=False)
     parser.add_argument("--corpus", type=Path, help="corpus folder with vertex sequences")
     parser.add_argument("--hubert", type=Path, help="folder of a HuBERT or wav2vec2 checkpoint")
     parser.add_argument(
         "--feeling-hubert", type=Path, help="the same for the feeling, of a model on a corpus folder"
     )
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--out", type=Path, default=Path("runs/emoface"))
-    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument("--feeling", type=Path, default=shipped("feeling"), help="emotion encoder")
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
     parser.add_argument("--vertices", type=int, help="of the template")
@@ -224,13 +203,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--base", type=Path, help="emoface.pt to go on from")
     parser.add_argument("--voices", type=int, default=4)
     parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
-    parser.add_argument("--steps", type=int, default=6000)
     parser.add_argument("--tokens", type=int, default=600, help="frames in a batch")
-    parser.add_argument("--rate", type=float, default=1e-3)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--log-every", type=int, default=300)
-    parser.add_argument("--save-every", type=int, default=100, help="steps between checkpoints")
     parser.add_argument("--validation-clips", type=int, default=24, help="of each source, at every log")
     return parser
 

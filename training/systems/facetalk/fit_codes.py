@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from training.run import downhill
 from training.systems.facetalk.head import COEFFICIENTS, Head
 
 SDF, TEMPORAL, EXPRESSION = 10.0, 0.1, 0.0025
@@ -22,7 +23,6 @@ DISTANCE_M, LANDMARK_M = 4e-4, 3e-3
 POINT_SHARE = 0.05
 ROBUST_M = 3e-3
 """Points farther off than this count less and less (Cauchy)."""
-LEAST_SLOPE = 0.3
 DIFFERENCE = 0.05
 ITERATIONS, POINTS = 8, 1200
 DAMPING = 0.1
@@ -78,10 +78,7 @@ def fit_free(head: Head, points: Tensor, z: Tensor, steps: int, stay: float, see
         s = distances(head, some[None], z[None])[0]
         lost = (ROBUST_M * (1.0 + (s / ROBUST_M).square()).log()).mean() / DISTANCE_M
         loss = lost + stay * (z - start).square().mean()
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        schedule.step()
+        downhill(loss, optimiser, schedule)
     return z.detach()
 
 

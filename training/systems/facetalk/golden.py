@@ -1,15 +1,13 @@
 """Golden of FaceTalk's head: both fields and both deformations at points of two heads."""
 
-import json
 from pathlib import Path
 
 import torch
-from safetensors.torch import save_file
 
+from training.goldens import write_golden
 from training.systems.facetalk.config import debug_config
 from training.systems.facetalk.head import COEFFICIENTS, Head
 
-COMMAND = "python -m training.goldens facetalk_head"
 POINTS = 60
 
 
@@ -30,8 +28,7 @@ def write(out: Path, shared: Path) -> Path:
         z, expression = head.identity_code(coefficients), head.expression(channels)
         anchors = head.identity.anchors(z)
         points[0, : config.anchors] = anchors[0] + 0.02
-        tensors = {f"weights.{key}": value for key, value in head.state_dict().items()}
-        tensors |= {
+        tensors = {
             "points": points[0],
             "coefficients": coefficients,
             "channels": channels,
@@ -44,11 +41,9 @@ def write(out: Path, shared: Path) -> Path:
             "canonical": head.canonical(points, z, expression)[0],
             "field": head(points, z, expression)[0],
         }
-    path = out / "facetalk_head_debug.safetensors"
     config.directions = [
-        {"name": f"direction {number}", "reach_mm": 1.0}
-        for number in range(len(tensors["weights.principal.directions"]))
+        {"name": f"direction {number}", "reach_mm": 1.0} for number in range(len(head.principal.directions))
     ]
-    metadata = {"config": json.dumps(config.to_json()), "tolerance": "1e-4", "command": COMMAND}
-    save_file({key: value.contiguous() for key, value in tensors.items()}, path, metadata)
-    return path
+    return write_golden(
+        out / "facetalk_head_debug.safetensors", tensors, "facetalk_head", head, config.to_json()
+    )

@@ -1,16 +1,14 @@
 """Golden of FaceTalk's speech model: single passes with and without speech, and guided runs."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import torch
-from safetensors.torch import save_file
 
+from training.goldens import write_golden
 from training.speech.golden_compact import randomise_norms
 from training.systems.facetalk.motion import Denoiser, debug_config, sample_from
 
-COMMAND = "python -m training.goldens facetalk_motion"
 FRAMES = 20
 
 
@@ -34,8 +32,7 @@ def write(out: Path, shared: Path) -> Path:
     yes, no, r = torch.tensor([True]), torch.tensor([False]), torch.tensor([1.15])
     plain = replace(config.sampling, guidance=1.0)
     strong = replace(config.sampling, guidance=1.7, vividness=1.2, temperature=0.8)
-    tensors = {f"weights.{key}": value for key, value in model.state_dict().items()}
-    tensors |= {
+    tensors = {
         "noisy": noisy,
         "noise": noise,
         "timestep": timestep,
@@ -46,7 +43,6 @@ def write(out: Path, shared: Path) -> Path:
         "codes": sample_from(model, noise, speech, plain),
         "guided": sample_from(model, noise, speech, strong),
     }
-    path = out / "facetalk_motion_debug.safetensors"
-    metadata = {"config": json.dumps(config.to_json()), "tolerance": "1e-4", "command": COMMAND}
-    save_file({key: value.contiguous() for key, value in tensors.items()}, path, metadata)
-    return path
+    return write_golden(
+        out / "facetalk_motion_debug.safetensors", tensors, "facetalk_motion", model, config.to_json()
+    )

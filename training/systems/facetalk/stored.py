@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from training.nn.checkpoint import read_model, restored
 from training.systems.facetalk.config import HeadConfig
@@ -17,11 +17,6 @@ MOTIONS = ("motion", "landmark_motion")
 """By speech, and by the motion of landmarks."""
 EXACT = ("identity_code.", "expression_code.", "identity.landmarks.", "identity.mirror", "principal.",
          "motion.mean", "motion.std", "landmark_motion.mean", "landmark_motion.std")  # fmt: skip
-
-
-def save(path: Path, network: nn.Module, config) -> None:
-    """Weights and configuration in one file."""
-    torch.save({"state": network.state_dict(), "config": config.to_json()}, path)
 
 
 def load_head(path: Path, octaves: int | None = None) -> Head:

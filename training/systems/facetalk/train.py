@@ -19,12 +19,13 @@ from torch import Tensor
 from training.corpus.faces import CHANNELS
 from training.corpus.heads import COEFFICIENTS, IctHeads, vertex_normals
 from training.corpus.poses import Poses
-from training.run import Run
+from training.nn.checkpoint import save
+from training.run import begin, descend, seeded, trainer_parser
 from training.systems.facetalk.codes import set_bounds, set_codes, set_directions
 from training.systems.facetalk.config import CONFIGS
 from training.systems.facetalk.expression_loss import ExpressionLoss
 from training.systems.facetalk.head import Head
-from training.systems.facetalk.stored import load_head, save
+from training.systems.facetalk.stored import load_head
 
 FAR_SHARE = 0.3
 FAR_WEIGHT = 0.15
@@ -133,8 +134,7 @@ def by_rate(head: Head, learned: list[Tensor], rate: float) -> list[dict]:
 
 def train(arguments) -> Path:
     """Runs the training; writes `head.pt` and returns its path."""
-    torch.manual_seed(arguments.seed)
-    torch.set_num_threads(arguments.threads)
+    seeded(arguments)
     if arguments.start is None:
         config = CONFIGS[arguments.config]()
         config.channels = list(CHANNELS)
@@ -160,39 +160,31 @@ def train(arguments) -> Path:
     pool = Pool(heads, arguments.pool, random) if arguments.part != "template" else None
     rate = arguments.rate or RATES[arguments.part]
     groups = by_rate(head, learned, rate)
-    optimiser = torch.optim.Adam(groups)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, [g["lr"] for g in groups], arguments.steps + 1, pct_start=0.05, final_div_factor=100.0
-    )
-    parts = {"head": head, "optimiser": optimiser, "schedule": schedule}
-    run = Run(arguments.out, parts, arguments.steps, arguments.save_every, {"random": random})
-    for step in range(run.first, arguments.steps):
+    run = begin(
+        arguments, head, {"random": random}, groups=groups, decay=0.0, warm=0.05, average=None, name="head",
+        final_div_factor=100.0,
+    )  # fmt: skip
+
+    def loss(step: int) -> tuple[Tensor, dict[str, float]]:
         if arguments.part == "template":
-            loss, report = template_loss(head, heads, arguments.points, step, random)
-        elif arguments.part == "identity":
-            loss, report = identity_loss(head, heads, pool, arguments.heads, arguments.points, random)
-        else:
-            exact, cycle = step < arguments.exact * arguments.steps, step % 2 == 1
-            loss, report = expression(head, pool, arguments.heads, arguments.points, exact, cycle, random)
-        optimiser.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(learned, 0.1)
-        optimiser.step()
-        schedule.step()
-        run.after(step, loss.item())
-        if step % arguments.log_every == arguments.log_every - 1 or step == arguments.steps - 1:
-            run.log({"step": step + 1, "s": run.seconds(), **report})
-            save(run.out / "head.pt", head, config)
+            return template_loss(head, heads, arguments.points, step, random)
+        if arguments.part == "identity":
+            return identity_loss(head, heads, pool, arguments.heads, arguments.points, random)
+        exact, cycle = step < arguments.exact * arguments.steps, step % 2 == 1
+        return expression(head, pool, arguments.heads, arguments.points, exact, cycle, random)
+
+    def judge(head: Head) -> dict[str, float]:
+        save(run.out / "head.pt", head)
+        return {}
+
+    descend(arguments, run, loss, judge, 0.1, torch.nn.ParameterList(learned))
     return arguments.out / "head.pt"
 
 
 def parser() -> argparse.ArgumentParser:
     """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = trainer_parser(__doc__, "runs/facetalk", 3000, None, log_every=100, save_every=500, corpus=False)
     parser.add_argument("part", choices=list(RATES))
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument("--start", type=Path, help="head.pt of the part before, or of this one to go on")
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
     parser.add_argument("--heads", type=int, default=24, help="in a batch")
@@ -203,12 +195,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--keep-codes", action="store_true", help="leave the map of expressions as it is")
     parser.add_argument("--octaves", type=int,
                         help="of the places that deformations see; fewer at first, then more")  # fmt: skip
-    parser.add_argument("--steps", type=int, default=3000)
     parser.add_argument("--rate", type=float)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--log-every", type=int, default=100)
-    parser.add_argument("--save-every", type=int, default=500)
     return parser
 
 

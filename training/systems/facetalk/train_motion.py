@@ -23,15 +23,15 @@ from training.corpus.arkit import landmarks_of
 from training.corpus.poses import LIDS, UPPER, felt
 from training.diffusion.schedule import add_noise
 from training.losses import feature_concordance, motion_loss
-from training.machine import Machine
+from training.nn.checkpoint import save
 from training.nn.config import SpeechInput
-from training.run import Run
+from training.run import begin, descend, seeded, trainer_parser
 from training.speech.compact import SHIPPED_ENCODER, load_encoder
 from training.speech.hubert import FPS, HubertFeatures
 from training.speech.source import CompactSpeech, HubertSpeech
 from training.systems.cafe_talk.train import solved
 from training.systems.facetalk.motion import CM, LANDMARKS, Denoiser, MotionConfig, landmark_config
-from training.systems.facetalk.stored import load_folder, load_head, save
+from training.systems.facetalk.stored import load_folder, load_head
 
 SHARES = {"grid_s1": 0.6, "facegood_zh": 0.4}
 DROPPED_SHARE = 0.25
@@ -177,44 +177,28 @@ def speech_of(arguments) -> tuple[CompactSpeech | HubertSpeech, SpeechInput]:
 
 def train(arguments) -> Path:
     """Runs the training; writes `motion.pt` with the averaged weights and returns its path."""
-    torch.manual_seed(arguments.seed)
-    torch.set_num_threads(arguments.threads)
+    seeded(arguments)
     if arguments.head.is_dir():
         head = load_folder(arguments.head)[0]
     else:
         head = load_head(arguments.head)
     trainer = Trainer(arguments, *speech_of(arguments), head)
-    optimiser = torch.optim.AdamW(trainer.model.parameters(), arguments.rate, weight_decay=0.01)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, arguments.rate, arguments.steps + 1, pct_start=0.05
-    )
-    average = torch.optim.swa_utils.AveragedModel(
-        trainer.model, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.995)
-    )
-    parts = {"model": trainer.model, "optimiser": optimiser, "schedule": schedule, "average": average}
     generators = {"trainer": trainer.random, "windows": trainer.sampler.random}
-    run = Run(arguments.out, parts, arguments.steps, arguments.save_every, generators, Machine("cpu"))
-    for step in range(run.first, arguments.steps):
-        loss, report = trainer.loss(arguments.windows, arguments.frames)
-        optimiser.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(trainer.model.parameters(), 1.0)
-        optimiser.step()
-        schedule.step()
-        average.update_parameters(trainer.model)
-        run.after(step, loss.item())
-        if step % arguments.log_every == arguments.log_every - 1 or step == arguments.steps - 1:
-            run.log({"step": step + 1, "s": run.seconds(), **report})
-            save(run.out / "motion.pt", average.module, trainer.model.config)
+    run = begin(arguments, trainer.model, generators, warm=0.05)
+
+    def judge(averaged: Denoiser) -> dict[str, float]:
+        save(run.out / "motion.pt", averaged)
+        return {}
+
+    descend(arguments, run, lambda _: trainer.loss(arguments.windows, arguments.frames), judge)
     return arguments.out / "motion.pt"
 
 
 def parser() -> argparse.ArgumentParser:
     """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--out", type=Path, default=Path("runs/facetalk_motion"))
-    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    parser = trainer_parser(
+        __doc__, "runs/facetalk_motion", 4000, 1e-3, log_every=200, save_every=500, corpus=False
+    )
     parser.add_argument("--head", type=Path, default=shipped("facetalk_compact"))
     parser.add_argument("--speech", type=Path, help="speech.pt of training.speech.train, or a model folder")
     parser.add_argument("--hubert", type=Path, help="folder of a wav2vec2 or HuBERT checkpoint instead")
@@ -225,12 +209,6 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--augment", type=float, nargs=2, default=[0.7, 1.3], metavar=("LOW", "HIGH"))
     parser.add_argument("--windows", type=int, default=24, help="in a batch")
     parser.add_argument("--frames", type=int, default=48, help="of a window")
-    parser.add_argument("--steps", type=int, default=4000)
-    parser.add_argument("--rate", type=float, default=1e-3)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--log-every", type=int, default=200)
-    parser.add_argument("--save-every", type=int, default=500)
     return parser
 
 

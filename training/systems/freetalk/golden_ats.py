@@ -1,17 +1,14 @@
 """Golden of the ATS denoiser: one pass and one whole sampling run over two windows."""
 
-import json
 from pathlib import Path
 
 import torch
-from safetensors.torch import save_file
 from torch import Tensor
 
+from training.goldens import write_golden
 from training.speech.golden_compact import randomise_norms
 from training.systems.freetalk.ats import AtsDenoiser, debug_config
 from training.systems.freetalk.sampling import Sampling, sample_from
-
-COMMAND = "python -m training.goldens ats_compact"
 
 
 def write(out: Path, shared: Path) -> Path:
@@ -28,13 +25,10 @@ def write(out: Path, shared: Path) -> Path:
     dims = 3 * config.landmarks
     model.mean.copy_(torch.randn(dims) * 1e-3)
     model.std.copy_(torch.rand(dims) * 3e-3 + 1e-3)
-    tensors = {f"weights.{key}": value for key, value in model.state_dict().items()}
-    tensors |= _one_pass(model)
-    tensors |= _sampling_run(model)
-    path = out / "ats_compact_debug.safetensors"
-    metadata = {"config": json.dumps(config.to_json()), "tolerance": "1e-4", "command": COMMAND}
-    save_file({key: value.contiguous() for key, value in tensors.items()}, path, metadata)
-    return path
+    tensors = _one_pass(model) | _sampling_run(model)
+    return write_golden(
+        out / "ats_compact_debug.safetensors", tensors, "ats_compact", model, config.to_json()
+    )
 
 
 @torch.no_grad()

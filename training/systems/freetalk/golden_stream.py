@@ -1,18 +1,15 @@
 """Golden of the streaming student: samples to normalised mel and motion."""
 
-import json
 from pathlib import Path
 
 import torch
 import torch.nn.functional as F
-from safetensors.torch import save_file
 
+from training.goldens import write_golden
 from training.speech.causal import StreamNet, debug_config, normalise_running, speak
 from training.speech.golden_compact import randomise_norms
 from training.speech.golden_log_mel import chirp_signal
 from training.speech.log_mel import HOP, log_mel
-
-COMMAND = "python -m training.goldens stream"
 
 
 @torch.no_grad()
@@ -31,11 +28,7 @@ def write(out: Path, shared: Path) -> Path:
     frames = -(-len(samples) // 640)
     rows = config.mel_rows(frames)
     mel = log_mel(F.pad(samples, (0, HOP * rows - len(samples))))[None, :rows]
-    tensors = {f"weights.{key}": value for key, value in model.state_dict().items()}
-    tensors["input"] = samples
+    tensors = {"input": samples}
     tensors["normalised"] = normalise_running(mel, config.normaliser)[0]
     tensors["output"] = speak(model, samples, frames)
-    path = out / "stream_debug.safetensors"
-    metadata = {"config": json.dumps(config.to_json()), "tolerance": "1e-4", "command": COMMAND}
-    save_file({key: value.contiguous() for key, value in tensors.items()}, path, metadata)
-    return path
+    return write_golden(out / "stream_debug.safetensors", tensors, "stream", model, config.to_json())

@@ -35,7 +35,8 @@ from training.losses import (
     source_scale,
 )
 from training.machine import Machine, add_arguments
-from training.run import Run
+from training.nn.checkpoint import save
+from training.run import Run, begin, descend, seeded, trainer_parser
 from training.speech.compact import SHIPPED_ENCODER, CompactEncoder, load_encoder
 from training.speech.compact import debug_config as debug_encoder
 from training.speech.hubert import HubertFeatures
@@ -232,8 +233,7 @@ def train(arguments, denoiser: type[AtsDenoiser] = AtsDenoiser) -> Path:
 
     Another `denoiser` is one that lacks a part, for comparison; the engine knows the whole one alone.
     """
-    torch.manual_seed(arguments.seed)
-    torch.set_num_threads(arguments.threads)
+    seeded(arguments)
     config = CONFIGS[arguments.config]()
     source = speech_source(arguments, config)
     leave_clips(source.entries, arguments.leave_clips)
@@ -244,20 +244,19 @@ def train(arguments, denoiser: type[AtsDenoiser] = AtsDenoiser) -> Path:
         start_from(trainer, arguments.init)
     steps = steps_of(arguments, trainer)
     run = start(arguments, trainer, steps)
-    optimiser, schedule, average = (run.parts[name] for name in ("optimiser", "schedule", "average"))
     lengths = [n for n in (64, 96, 128, 192, 256) if n <= config.window_frames] or [24]
-    until = min(steps, arguments.stop_at or steps)
-    for step in range(run.first, until):
+
+    def loss(_step: int) -> tuple[torch.Tensor, dict[str, float]]:
         frames = lengths[int(torch.randint(0, len(lengths), (1,), generator=trainer.random))]
-        loss, parts = trainer.loss(trainer.draw(batch_of(arguments, trainer.recipe, frames), frames))
-        trainer.machine.step(loss, trainer.parts, optimiser, 1.0)
-        schedule.step()
-        average.update_parameters(trainer.parts)
-        run.after(step, loss.item())
-        if step % arguments.log_every == arguments.log_every - 1 or step == until - 1:
-            report(run, step, trainer, average.module, parts)
-    if until < steps:
-        run.save(until)
+        return trainer.loss(trainer.draw(batch_of(arguments, trainer.recipe, frames), frames))
+
+    def judge(averaged: nn.ModuleDict) -> dict[str, float]:
+        model, heard = averaged["denoiser"], trainer.speech.using(averaged["encoder"])
+        scores = validate(trainer, model, heard, config.sampling)
+        save(run.out / "ats.pt", model, recipe=trainer.recipe.record(), **heard.saved())
+        return scores
+
+    descend(arguments, run, loss, judge)
     return arguments.out / "ats.pt"
 
 
@@ -278,32 +277,14 @@ def batch_of(arguments, recipe: recipes.Recipe, frames: int) -> int:
 
 
 def start(arguments, trainer: AtsTrainer, steps: int) -> Run:
-    """Optimiser, schedule and averaged weights of a run of `steps`, as they were where it stopped."""
+    """A run of `steps` by the trainer's recipe, as it was where it stopped."""
     recipe = trainer.recipe
-    groups = trainer.parameters(recipe.rate, arguments.encoder_rate)
-    optimiser = torch.optim.AdamW(groups, weight_decay=recipe.weight_decay)
-    rates = [group["lr"] for group in groups]
-    if recipe.annealed:
-        schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, rates, steps + 1, pct_start=0.1)
-    else:
-        schedule = torch.optim.lr_scheduler.ConstantLR(optimiser, 1.0)
-    average = torch.optim.swa_utils.AveragedModel(
-        trainer.parts, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(recipe.average)
-    )
-    parts = {"model": trainer.parts, "optimiser": optimiser, "schedule": schedule, "average": average}
     generators = {"trainer": trainer.random, "windows": trainer.sampler.random}
-    machine, board = trainer.machine, arguments.tensorboard
-    return Run(arguments.out, parts, steps, arguments.save_every, generators, machine, board)
-
-
-def report(run: Run, step: int, trainer: AtsTrainer, averaged: nn.ModuleDict, parts: dict) -> None:
-    """Scores on held-out clips, into the log, and `ats.pt`; the first process does it for all."""
-    if trainer.machine.rank > 0:
-        return
-    denoiser, heard = averaged["denoiser"], trainer.speech.using(averaged["encoder"])
-    scores = validate(trainer, denoiser, heard, trainer.config.sampling)
-    run.log({"step": step + 1, "s": run.seconds(), **parts, **scores})
-    save(run.out / "ats.pt", denoiser, heard, trainer.recipe)
+    return begin(
+        arguments, trainer.parts, generators, groups=trainer.parameters(recipe.rate, arguments.encoder_rate),
+        steps=steps, decay=recipe.weight_decay, constant=not recipe.annealed, average=recipe.average,
+        machine=trainer.machine,
+    )  # fmt: skip
 
 
 def start_from(trainer: AtsTrainer, path: Path) -> None:
@@ -320,13 +301,6 @@ def fit_to_corpora(config: AtsConfig, entries: list[Entry]) -> None:
     config.closing_styles = [ANY_STYLE]
     felt = any(e.emotion != "neutral" and e.intensity > 0 and not e.held_out for e in entries)
     config.emotion = "learned" if felt else "added"
-
-
-def save(path: Path, model: AtsDenoiser, speech: CompactSpeech | HubertSpeech, recipe) -> None:
-    """One file with the denoiser, its encoder, both configurations and how it was trained."""
-    state = {key: value.cpu() for key, value in model.state_dict().items()}
-    about = {"config": model.config.to_json(), "recipe": recipe.record()}
-    torch.save({"state": state, **about, **speech.saved()}, path)
 
 
 def speech_source(arguments, config: AtsConfig) -> CompactSpeech | HubertSpeech:
@@ -363,11 +337,7 @@ def own_clips(arguments) -> list[Clip]:
 
 def parser() -> argparse.ArgumentParser:
     """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--out", type=Path, default=Path("runs/ats"))
-    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    parser = trainer_parser(__doc__, "runs/ats", None, None)
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
     parser.add_argument("--speech", type=Path, help="speech.pt of training.speech.train, or a model folder")
     parser.add_argument("--hubert", type=Path, help="folder of a HuBERT or wav2vec2 checkpoint (paper)")
@@ -381,17 +351,12 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--voices", type=int, default=7)
     parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
     parser.add_argument("--init", type=Path, help="start from this ats.pt, its encoder included")
-    parser.add_argument("--steps", type=int, help=f"{STEPS}, or the epochs of the recipe")
     parser.add_argument("--tokens", type=int, help=f"frames in a batch: {TOKENS}, or the batch of the recipe")
     recipes.add_arguments(parser)
     parser.add_argument("--encoder-rate", type=float, default=0.0, help="tunes the encoder as well")
     parser.add_argument("--dropout", type=float, help="in place of the recipe's")
     add_arguments(parser, "bfloat16")
     parser.add_argument("--tensorboard", action="store_true", help="logs for TensorBoard too, into --out")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--log-every", type=int, default=150)
-    parser.add_argument("--save-every", type=int, default=50, help="steps between checkpoints")
     parser.add_argument("--stop-at", type=int, help="stop after this step; the same command goes on")
     parser.add_argument("--validation-clips", type=int, default=40, help="of each source, at every log")
     return parser

@@ -20,7 +20,8 @@ from training.corpus.lesson_windows import DIMS, LessonBatch, LessonSampler
 from training.corpus.lessons import FullModel, Lesson
 from training.corpus.shares import entries_of, lasting, measured_scales
 from training.losses import feature_concordance, feature_scores, landmark_weights, motion_loss
-from training.machine import Machine
+from training.nn.checkpoint import save
+from training.run import descend, seeded, trainer_parser
 from training.speech.causal import (
     StreamConfig,
     StreamNet,
@@ -126,8 +127,7 @@ def new_model(arguments, found: list[Lesson]) -> StreamNet:
 
 def train(arguments) -> Path:
     """Runs the training; writes `stream.pt` with the averaged weights and returns its path."""
-    torch.manual_seed(arguments.seed)
-    torch.set_num_threads(arguments.threads)
+    seeded(arguments)
     debug = arguments.config == "debug"
     found = prepare(arguments)
     model = new_model(arguments, found)
@@ -135,48 +135,31 @@ def train(arguments) -> Path:
     shares = shares_of(found, arguments.speech_share, captured)
     scales = measured_scales([*captured], found)
     sampler = LessonSampler(found, shares, arguments.seed, model.config, scales)
-    generators = {"windows": sampler.random}
-    run, machine = start(arguments, model, generators, arguments.average), Machine("cpu")
-    schedule, average, weight = run.parts["schedule"], run.parts["average"], landmark_weights()
+    run, weight = start(arguments, model, {"windows": sampler.random}, arguments.average), landmark_weights()
     count, frames = (4, 32) if debug else (arguments.batch, arguments.frames)
-    for step in range(run.first, run.steps):
-        loss, parts = loss_of(model, sampler.batch(count, frames), weight)
-        machine.step(loss, model, run.parts["optimiser"], 1.0)
-        schedule.step()
-        average.update_parameters(model)
-        run.after(step, loss.item())
-        if step % arguments.log_every == arguments.log_every - 1 or step == run.steps - 1:
-            scores = validate(average.module, found, captured)
-            run.log({"step": step + 1, "s": run.seconds(), **parts, **scores})
-            state = average.module.state_dict()
-            torch.save({"state": state, "config": model.config.to_json()}, run.out / "stream.pt")
+
+    def judge(averaged: StreamNet) -> dict[str, float]:
+        save(run.out / "stream.pt", averaged)
+        return validate(averaged, found, captured)
+
+    descend(arguments, run, lambda _: loss_of(model, sampler.batch(count, frames), weight), judge)
     return run.out / "stream.pt"
 
 
 def parser() -> argparse.ArgumentParser:
     """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser = trainer_parser(__doc__, "runs/stream", 1500, 2e-3)
     parser.add_argument("--models", type=Path, help="folder of models; none: the embedded ones")
     parser.add_argument("--ats", type=Path, help="ats.pt of training.systems.freetalk.train, not --models")
     parser.add_argument("--speech", type=Path, nargs="*", default=[], help="folders of sound")
     parser.add_argument("--speech-limit", type=int, help="sounds of each folder")
     parser.add_argument("--minutes", type=float, default=0.0, help="of each language by espeak-ng")
     parser.add_argument("--speech-share", type=float, default=0.4)
-    parser.add_argument("--out", type=Path, default=Path("runs/stream"))
-    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument("--config", choices=["stream", "debug"], default="stream")
     parser.add_argument("--voices", type=int, default=7)
-    parser.add_argument("--steps", type=int, default=1500)
     parser.add_argument("--batch", type=int, default=16)
     parser.add_argument("--frames", type=int, default=112)
-    parser.add_argument("--rate", type=float, default=2e-3)
     parser.add_argument("--average", type=float, default=0.99, help="decay of averaged weights")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--log-every", type=int, default=150)
-    parser.add_argument("--save-every", type=int, default=50, help="steps between checkpoints")
     return parser
 
 

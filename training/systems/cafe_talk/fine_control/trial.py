@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from training.corpus import arkit, bank
-from training.corpus.action_units import LOWER, unit_matrix
+from training.corpus.action_units import unit_matrix
 from training.corpus.bank import Entry
 from training.corpus.clip import FPS, MEL_PER_FRAME
 from training.corpus.conditions import EMOTIONS, SIDES, UNITS
@@ -145,8 +145,3 @@ def shortened(entry: Entry, frames: int) -> Entry:
     rows = MEL_PER_FRAME * frames
     sound = {"mels": entry.mels[:, :rows], "phones": entry.phones[:rows]}
     return replace(entry, **sound, motion=entry.motion[:frames], weight=entry.weight[:frames])
-
-
-def upper_units() -> list[str]:
-    """Units that speech does not need."""
-    return [unit for unit in UNITS if unit not in LOWER]

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict
 from pathlib import Path
 
 import torch
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file
 
+from training.goldens import write_golden
 from training.nn.diffusion_net import SurfaceOperators
 from training.systems.freetalk.stm.paper import CONFIGS, PaperDecoder
 
@@ -44,19 +43,10 @@ def write(out: Path, shared: Path) -> Path:
         landmarks = 0.3 * torch.randn(3, 68, 3)
         features = model.encode(vertex_inputs, ops)
         output = model.decode(features, landmarks, ops)
-    tensors = {f"weights.{k}": v for k, v in model.state_dict().items()}
     kept = [k for k in parity if k.startswith("grad") or k in ("mass", "evals", "evecs")]
-    tensors |= {k: parity[k] for k in kept}
+    tensors = {k: parity[k] for k in kept}
     tensors |= {"vertex_inputs": vertex_inputs, "landmarks": landmarks}
     tensors |= {"features": features, "output": output}
+    about = {"source": f"random weights, seed 7, mesh of {SOURCE}", "tolerance": "1e-4 absolute"}
     path = out / "stm_paper_debug.safetensors"
-    save_file(
-        {k: v.contiguous() for k, v in tensors.items()},
-        path,
-        metadata={
-            "config": json.dumps(asdict(CONFIGS["debug"])),
-            "source": f"python -m training.goldens stm_paper; random weights, seed 7, mesh of {SOURCE}",
-            "tolerance": "1e-4 absolute",
-        },
-    )
-    return path
+    return write_golden(path, tensors, "stm_paper", model, CONFIGS["debug"].to_json(), **about)

@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
+from training.nn.config import Config
 from training.nn.diffusion_net import DiffusionNet, SurfaceOperators
 
 LANDMARKS = 68
@@ -50,7 +51,7 @@ BRIDGES = [
 
 
 @dataclass(frozen=True)
-class PaperConfig:
+class PaperConfig(Config):
     """Sizes of the decoder; saved beside the weights as config.json."""
 
     width: int = 128

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import argparse
 import math
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +36,7 @@ from training.deform.static_weights import (
     deform,
 )
 from training.machine import Machine, add_arguments
+from training.nn.checkpoint import save
 from training.run import Run
 from training.systems.freetalk import recipes
 from training.systems.freetalk.stm.paper import CONFIGS as PAPER
@@ -168,7 +168,7 @@ def train_on_data(args) -> None:
             meshes = {f: coarsest(corpus.train[f], args.meshes) for f in faces}
             seen = {f: [paper_mesh(m, config) for m in meshes[f]] for f in meshes}
             model = train_paper(config, speech, *plan(args, seen), out, *how(args))
-        save(model, args.runs / f"{args.model}_{name}.pt")
+        save(args.runs / f"{args.model}_{name}.pt", model)
 
 
 def machine_of(args) -> Machine:
@@ -208,18 +208,13 @@ def train_on_corpora(args) -> Path:
         seen = {"corpus": [paper_mesh(mesh, config) for mesh in meshes]}
         model = train_paper(config, None, *plan(args, seen), out, *how(args))
         method = lambda mesh, landmarks: predict(model, paper_mesh(mesh, config), landmarks)  # noqa: E731
-    save(model, path)
+    save(path, model)
     held_out = sequence_meshes(args.corpus, held_out=True)
     free = lambda mesh, landmarks: torch.einsum("vn,tnx->tvx", mesh.geometry.base, landmarks)  # noqa: E731
     for name, of in ((args.model, method), ("training-free", free)) if held_out else ():
         mean, lips = held_out_errors(of, held_out)
         print(f"held out, {name}: {mean:.3f} mm in the mean, {lips:.3f} mm at the lips", flush=True)
     return path
-
-
-def save(model: torch.nn.Module, path: Path) -> None:
-    """Weights and configuration in one file."""
-    torch.save({"state": model.state_dict(), "config": asdict(model.config)}, path)
 
 
 def parser() -> argparse.ArgumentParser:

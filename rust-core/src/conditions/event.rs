@@ -1,0 +1,229 @@
+//! Events: units that are active for a while, and what a model hears of them frame by frame.
+//!
+//! Cafe-Talk (Chen et al. 2025), eq. 1: `F = {(F_d, F_s, F_e)}`. Side, strength and seconds are ours.
+
+use ndarray::Array2;
+
+use super::{
+    action_units::{ACTION_UNITS, SIDES, Side},
+    expression::{Expression, MAX_EVENT_STRENGTH},
+};
+use crate::{Error, Result};
+
+/// Time in which the strength of an event rises before its slot and falls behind it, seconds.
+const EDGE_S: f64 = 0.12;
+
+/// Units that are active for a while.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Event {
+    /// First and last second.
+    pub slot_s: [f64; 2],
+    /// Numbers in [`ACTION_UNITS`], each with its side.
+    pub units: Vec<(usize, Side)>,
+    /// 0 to [`MAX_EVENT_STRENGTH`].
+    pub strength: f32,
+    /// Whether lips that the speech brings together may stay apart under it.
+    pub over_speech: bool,
+}
+
+impl Event {
+    /// Reads `1.2-2.0:12,6:0.8` or `0.5-0.9:left wink!`: seconds and an [`Expression`] of units or of the menu's words.
+    ///
+    /// # Errors
+    /// `InvalidInput` for seconds that do not rise, an expression that needs a model of texts, an unknown unit or a
+    /// strength out of range.
+    pub fn parse(text: &str) -> Result<Event> {
+        let (slot_s, said) = Event::slot_and_expression(text)?;
+        Event::of(slot_s, Expression::parse(said)?)
+    }
+
+    /// First and last second of an event in words, and its expression.
+    ///
+    /// # Errors
+    /// `InvalidInput` where there are not two numbers with a `-` between and a `:` behind.
+    pub fn slot_and_expression(text: &str) -> Result<([f64; 2], &str)> {
+        let read = || {
+            let (slot, said) = text.split_once(':')?;
+            let (start, end) = slot.split_once('-')?;
+            Some(([start.trim().parse().ok()?, end.trim().parse().ok()?], said))
+        };
+        read().ok_or_else(|| {
+            Error::InvalidInput(format!(
+                "event: expected seconds, units or words, and strength as in 1.2-2.0:12,6L:0.8, got {text:?}"
+            ))
+        })
+    }
+
+    /// An expression between two seconds.
+    ///
+    /// # Errors
+    /// Those of [`Event::check`].
+    pub fn of(slot_s: [f64; 2], expression: Expression) -> Result<Event> {
+        let event = Event {
+            slot_s,
+            units: expression.units,
+            strength: expression.strength,
+            over_speech: expression.over_speech,
+        };
+        event.check()?;
+        Ok(event)
+    }
+
+    /// Whether one of its units moves a shape of ARKit's.
+    pub fn shows(&self, shape: &str) -> bool {
+        self.units.iter().any(|&(unit, side)| {
+            let unit = &ACTION_UNITS[unit];
+            let on_side = match (unit.has_sides(), side) {
+                (true, Side::Left) => shape.ends_with("Left"),
+                (true, Side::Right) => shape.ends_with("Right"),
+                _ => true,
+            };
+            on_side && unit.shapes.iter().any(|stem| shape.starts_with(stem))
+        })
+    }
+
+    /// Its units as [`Event::parse`] reads them: `12`, `6L`.
+    pub fn written_units(&self) -> Vec<String> {
+        let written = |(unit, side): &(usize, Side)| side.written(ACTION_UNITS[*unit].name);
+        self.units.iter().map(written).collect()
+    }
+
+    /// Whether its numbers are in range.
+    ///
+    /// # Errors
+    /// `InvalidInput` that names the one that is not.
+    pub fn check(&self) -> Result<()> {
+        let [start, end] = self.slot_s;
+        let complaint = if !(start >= 0.0 && start < end && end.is_finite()) {
+            format!("slot: expected two rising times from 0 s, got {start} to {end} s")
+        } else if self.units.is_empty() {
+            "units: expected one at least, got none".to_owned()
+        } else if let Some((unit, _)) = self
+            .units
+            .iter()
+            .find(|(unit, _)| *unit >= ACTION_UNITS.len())
+        {
+            format!(
+                "unit: expected a number below {}, got {unit}",
+                ACTION_UNITS.len()
+            )
+        } else if !(0.0..=MAX_EVENT_STRENGTH).contains(&self.strength) {
+            format!(
+                "strength: expected 0 to {MAX_EVENT_STRENGTH}, got {}",
+                self.strength
+            )
+        } else {
+            return Ok(());
+        };
+        Err(Error::InvalidInput(format!("event {complaint}")))
+    }
+}
+
+/// Events frame by frame, as the model hears them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EventTrack {
+    /// `[T, 32]` of 0 and 1: units on the left, then on the right. A unit on one side is active on both: faces
+    /// from which the built-in model learned are symmetric, and the mask keeps it to its side.
+    pub active: Array2<f32>,
+    /// `[T, S]`, Z of eq. 6: the strongest event of each frame and shape; 0 away from all.
+    pub mask: Array2<f32>,
+    /// `[T]`, where an event is put over the speech.
+    pub over_speech: Vec<bool>,
+}
+
+impl EventTrack {
+    /// `frames` frames at `fps`; frame `t` stands at `t / fps` seconds. An event has one frame at least. Its
+    /// strength comes and goes within [`EDGE_S`] before and behind its slot, in which the model lets it rise
+    /// and fall.
+    ///
+    /// `shapes` are the model's, names of ARKit.
+    pub fn of(events: &[Event], shapes: &[String], frames: usize, fps: f64) -> EventTrack {
+        let mut track = EventTrack {
+            active: Array2::zeros((frames, SIDES * ACTION_UNITS.len())),
+            mask: Array2::zeros((frames, shapes.len())),
+            over_speech: vec![false; frames],
+        };
+        for event in events {
+            track.add(event, shapes, fps);
+        }
+        track
+    }
+
+    fn add(&mut self, event: &Event, shapes: &[String], fps: f64) {
+        let frames = self.mask.nrows();
+        let shown: Vec<usize> = (0..shapes.len())
+            .filter(|&s| event.shows(&shapes[s]))
+            .collect();
+        let [first, last] = event.slot_s.map(|second| (second * fps).round() as usize);
+        let end = last.max(first.saturating_add(1));
+        let edge = (EDGE_S * fps).round() as usize;
+        for t in first.saturating_sub(edge)..end.saturating_add(edge).min(frames) {
+            let beyond = first.saturating_sub(t).max((t + 1).saturating_sub(end));
+            let share = 1.0 - beyond as f32 / (edge + 1) as f32;
+            for &s in &shown {
+                self.mask[[t, s]] = self.mask[[t, s]].max(share * event.strength);
+            }
+        }
+        for t in first..end.min(frames) {
+            self.over_speech[t] |= event.over_speech;
+            for &(unit, _) in &event.units {
+                for side in 0..SIDES {
+                    self.active[[t, side * ACTION_UNITS.len() + unit]] = 1.0;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::ARKIT;
+
+    #[test]
+    fn events_are_read_with_sides_and_strength() {
+        let event = Event::parse("1.2-2.0:12,AU06L:0.8").unwrap();
+        assert_eq!(event.slot_s, [1.2, 2.0]);
+        assert_eq!(event.units, [(8, Side::Both), (4, Side::Left)]);
+        assert_eq!((event.strength, event.over_speech), (0.8, false));
+        assert!(Event::parse("1.2-2.0:26!").unwrap().over_speech);
+        for wrong in [
+            "2-1:12",
+            "1-2",
+            "1-2:99",
+            "1-2:12:3",
+            "x-2:12",
+            "1-2::1",
+            "-1-2:12",
+            "1-2:12:nan",
+        ] {
+            assert!(Event::parse(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_track_has_units_in_their_slots_and_nowhere_else() {
+        let events = [
+            Event::parse("0.4-0.8:45L:0.5").unwrap(),
+            Event::parse("0.6-9:1").unwrap(),
+        ];
+        let shapes = ARKIT.map(str::to_owned);
+        let track = EventTrack::of(&events, &shapes, 25, 25.0);
+        let at = |name: &str| ARKIT.iter().position(|known| *known == name).unwrap();
+        let wink = track.mask.column(at("eyeBlinkLeft")).to_vec();
+        assert_eq!(wink[6..11], [0.0, 0.125, 0.25, 0.375, 0.5]);
+        assert_eq!(track.mask.column(at("eyeBlinkRight")).sum(), 0.0);
+        assert_eq!(track.mask[[24, at("browInnerUp")]], 1.0);
+        assert_eq!((track.active[[20, 0]], track.active[[20, 16]]), (1.0, 1.0));
+        assert_eq!(track.active.sum(), 2.0 * 10.0 + 2.0 * 10.0);
+        for never in ["1e300-2e300:1", "1.2-2:1"] {
+            let never = [Event::parse(never).unwrap()];
+            let track = EventTrack::of(&never, &shapes, 25, 25.0);
+            assert_eq!((track.active.sum(), track.mask.sum()), (0.0, 0.0));
+        }
+        let soon = [Event::parse("1.04-2:1").unwrap()];
+        let mask = EventTrack::of(&soon, &shapes, 25, 25.0).mask;
+        let brow = mask.column(at("browInnerUp"));
+        assert_eq!([brow[22], brow[23], brow[24]], [0.0, 0.25, 0.5]);
+    }
+}
