@@ -24,7 +24,7 @@ use self::{
 use crate::{
     arguments::{DataArgs, SharedArgs},
     console::{Console, command_line},
-    ict::IctLandmarks,
+    face_model::IctLandmarks,
     pictures::{Album, raster::Picture},
 };
 use anyface::{

@@ -9,7 +9,7 @@ use ndarray::Array3;
 use serde::Deserialize;
 
 use super::clip::{Clip, Corpus};
-use crate::ict::IctLandmarks;
+use crate::face_model::IctLandmarks;
 use anyface::{Error, Result, audio::Waveform, ibug::LANDMARKS};
 
 /// Frame rate at which speech without recorded motion is performed.

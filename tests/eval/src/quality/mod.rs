@@ -46,7 +46,7 @@ use serde::Serialize;
 use crate::{
     arguments::{DataArgs, SharedArgs},
     console::{Console, command_line},
-    ict::IctLandmarks,
+    face_model::IctLandmarks,
     pictures::Album,
 };
 use anyface::{Error, Result, output::write_atomically, systems::built_in_models};
