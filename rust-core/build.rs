@@ -1,5 +1,4 @@
-//! Names the code and weights that what is kept of a mesh was made by, so that it never outlives
-//! them.
+//! Names the code that what is kept of a mesh was made by, so that it never outlives it.
 
 #[path = "build/sources.rs"]
 mod sources;

@@ -34,7 +34,7 @@ def main() -> None:
     make_demo.sound(scene, options.audio.resolve())
     scene.render.resolution_x, scene.render.resolution_y = SIZE
     scene.cycles.samples = 24
-    head = make_demo.default_head(ROOT / "rust-core/models/default_head/head.obj")
+    head = make_demo.default_head(ROOT / "weights/shared/default_head/head.obj")
     scene.camera.location, scene.camera.data.lens = (1.38, -11.2, 0.0), 118
     with tempfile.TemporaryDirectory() as folder:
         for number, emotion in enumerate(EMOTIONS):

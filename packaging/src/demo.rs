@@ -104,7 +104,7 @@ impl Demo {
             .arg("--audio")
             .arg(audio)
             .arg("--head")
-            .arg(machine::root().join("rust-core/models/default_head/head.obj"))
+            .arg(machine::root().join("weights/shared/default_head/head.obj"))
             .arg("--suzanne-landmarks")
             .arg(machine::root().join("packaging/demo/suzanne_landmarks.json"))
             .args(["--emotion", emotion, "--intensity", intensity])

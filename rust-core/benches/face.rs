@@ -22,7 +22,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 
 /// The default head, its triangles cut in four as often as `times`.
 fn head(times: usize) -> Mesh {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("models/default_head");
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../weights/shared/default_head");
     let mut mesh = Mesh::read(folder.join("head.obj")).expect("the default head");
     for _ in 0..times {
         mesh = mesh.cut_in_four();

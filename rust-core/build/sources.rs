@@ -1,11 +1,11 @@
-//! The code and weights that per-mesh work depends on, and their name. The build script writes the
+//! The code that per-mesh work depends on, and its name. The build script writes the
 //! name into the library, a test of the library holds what changes it.
 
 use std::{fs, io, path::Path};
 
-/// Files, and folders with all that is in them. Model cards and speech are none of them: a change there
+/// Files, and folders with all that is in them. Speech is none of them: a change there
 /// leaves what is kept of a user's meshes as it was.
-pub const SOURCES: [&str; 14] = [
+pub const SOURCES: [&str; 8] = [
     "src/cache",
     "src/face",
     "src/ibug.rs",
@@ -14,12 +14,6 @@ pub const SOURCES: [&str; 14] = [
     "src/nn",
     "src/deform",
     "src/head",
-    "models/facetalk_compact/config.json",
-    "models/facetalk_compact/model.safetensors",
-    "models/landmarks/config.json",
-    "models/landmarks/model.safetensors",
-    "models/static_weights/config.json",
-    "models/static_weights/model.safetensors",
 ];
 
 /// The blake3 hash, in hexadecimal, of the names and contents of [`SOURCES`] under `root`.

@@ -14,7 +14,7 @@
 //!
 //! # let folder = tempfile::tempdir().unwrap();
 //! # let (voice, out) = (folder.path().join("voice.wav"), folder.path().join("talk.npz"));
-//! # let head = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/default_head/head.obj");
+//! # let head = Path::new(env!("CARGO_MANIFEST_DIR")).join("../weights/shared/default_head/head.obj");
 //! # let spec = hound::WavSpec { channels: 1, sample_rate: 16_000, bits_per_sample: 32,
 //! #     sample_format: hound::SampleFormat::Float };
 //! # let mut wav = hound::WavWriter::create(&voice, spec).unwrap();

@@ -6,9 +6,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use anyface_weights_shared::Model;
 use serde_json::Value;
 
-use crate::{Error, Result, nn::Weights};
+use crate::{Error, Result, cache::CacheKey, nn::Weights};
 
 /// Largest magnitude of a number in a config.
 const LARGEST_NUMBER: f64 = 1e5;
@@ -55,13 +56,13 @@ pub struct ModelFiles {
     pub config: Cow<'static, str>,
 }
 
-/// A model that is built in.
+/// A model that is built in, or would be under another feature.
 pub struct BuiltIn {
     /// Its folder's name.
     pub name: &'static str,
     /// What the folders of all its sizes begin with, as in `ats_paper`; `None` where it has one.
     pub sizes_of: Option<&'static str>,
-    /// `model.safetensors`.
+    /// `model.safetensors`; empty where the build lacks it.
     pub weights: &'static [u8],
     /// `config.json`.
     pub config: &'static str,
@@ -69,46 +70,51 @@ pub struct BuiltIn {
     pub card: &'static str,
 }
 
-/// The built-in model of a folder in `rust-core/models`.
-macro_rules! built_in {
-    ($name:literal) => {
-        $crate::models::built_in!($name, None)
-    };
-    ($name:literal, $sizes_of:expr) => {
-        $crate::models::BuiltIn {
-            name: $name,
-            sizes_of: $sizes_of,
-            weights: include_bytes!(concat!(
-                env!("CARGO_MANIFEST_DIR"),
-                "/models/",
-                $name,
-                "/model.safetensors"
-            )),
-            config: include_str!(concat!(
-                env!("CARGO_MANIFEST_DIR"),
-                "/models/",
-                $name,
-                "/config.json"
-            )),
-            card: include_str!(concat!(
-                env!("CARGO_MANIFEST_DIR"),
-                "/models/",
-                $name,
-                "/README.md"
-            )),
-        }
-    };
-}
-pub(crate) use built_in;
-
 impl BuiltIn {
+    /// A model that has one size.
+    pub(crate) const fn new(model: &Model) -> Self {
+        BuiltIn {
+            name: model.name,
+            sizes_of: None,
+            weights: model.weights,
+            config: model.config,
+            card: model.card,
+        }
+    }
+
+    /// A model whose folders of all sizes begin with `family`.
+    pub(crate) const fn sized(model: &Model, family: &'static str) -> Self {
+        BuiltIn {
+            sizes_of: Some(family),
+            ..BuiltIn::new(model)
+        }
+    }
+
+    /// A model that a folder may bring, but no feature of this build.
+    #[allow(dead_code)] // Where every feature is on, no model is absent.
+    pub(crate) const fn absent(name: &'static str, sizes_of: Option<&'static str>) -> Self {
+        BuiltIn {
+            name,
+            sizes_of,
+            weights: &[],
+            config: "",
+            card: "Not in this build",
+        }
+    }
+
     /// The model in `folder` if it is there, of whatever size, else the built-in one.
     ///
     /// # Errors
-    /// Those of [`BuiltIn::place`]; `Io` if the model's folder lacks one of its two files.
+    /// Those of [`BuiltIn::place`]; `Io` if the model's folder lacks one of its two files; `Weights` if it is in neither
+    /// the folder nor this build.
     pub fn open(&self, folder: Option<&Path>) -> Result<ModelFiles> {
         match self.place(folder)? {
             Some(place) => ModelFiles::read(&place),
+            None if self.weights.is_empty() => Err(Error::Weights(format!(
+                "{}: expected a folder of models that holds it, as this build was made without the feature of its \
+                 system",
+                self.name
+            ))),
             None => Ok(ModelFiles {
                 weights: self.weights.into(),
                 config: self.config.into(),
@@ -136,6 +142,20 @@ impl BuiltIn {
                 several.join(", ")
             ))),
         }
+    }
+
+    /// Adds the model to the name of what is made with it; its card is no part of that.
+    ///
+    /// # Errors
+    /// Those of [`BuiltIn::open`].
+    pub(crate) fn add_to(&self, key: CacheKey, folder: Option<&Path>) -> Result<CacheKey> {
+        Ok(match self.place(folder)? {
+            Some(place) => {
+                let files = ModelFiles::read(&place)?;
+                key.bytes(&files.weights).text(&files.config)
+            }
+            None => key.bytes(self.weights).text(self.config),
+        })
     }
 
     fn is_called(&self, name: &str) -> bool {
@@ -267,6 +287,20 @@ mod tests {
             let message = check_numbers(config).unwrap_err();
             assert!(message.contains(words), "{message}");
         }
+    }
+
+    #[test]
+    fn what_is_made_with_a_model_is_named_by_its_weights_and_config_and_not_its_card() {
+        let model = &crate::mesh::LANDMARK_MODEL;
+        let name = |model: &BuiltIn| {
+            let key = model.add_to(CacheKey::new("made", 1), None).unwrap();
+            key.digest()
+        };
+        let card = BuiltIn { card: "", ..*model };
+        assert_eq!(name(&card), name(model));
+        let (weights, config) = (&model.weights[1..], &model.config[1..]);
+        assert_ne!(name(&BuiltIn { weights, ..*model }), name(model));
+        assert_ne!(name(&BuiltIn { config, ..*model }), name(model));
     }
 
     #[test]

@@ -7,7 +7,7 @@ import numpy as np
 
 from conftest import ROOT
 
-HEAD = ROOT / "rust-core" / "models" / "default_head" / "head.obj"
+HEAD = ROOT / "weights" / "shared" / "default_head" / "head.obj"
 LANDMARKS = json.loads((HEAD.parent / "landmarks.json").read_text())["landmarks"]
 # Bones of a crude face by the landmark at which they lie.
 LIPS = {"lip.T": 51, "lip.T.L": 53, "lip.T.R": 49, "lip.L": 54, "lip.R": 48, "lip.B": 57,

@@ -16,7 +16,7 @@ import pytest
 from conftest import ROOT
 from figures import everything, film, shape, write_wav
 
-HEAD = ROOT / "rust-core" / "models" / "default_head" / "head.obj"
+HEAD = ROOT / "weights" / "shared" / "default_head" / "head.obj"
 LANDMARKS = json.loads((HEAD.parent / "landmarks.json").read_text())["landmarks"]
 SUZANNE = ROOT / "packaging" / "demo" / "suzanne_landmarks.json"
 SENTENCE = "Papa saw a large ball far away."

@@ -12,13 +12,13 @@ from conftest import PACKAGE, ROOT
 from figures import tone
 from test_heads import import_head
 
-MODELS = ROOT / "rust-core/models"
+MODELS = ROOT / "weights"
 
 
 @pytest.fixture
 def folder(tmp_path):
     """A folder with one model, the built-in denoiser, that answers to a title of its own."""
-    shutil.copytree(MODELS / "ats_compact", tmp_path / "models" / "ats_compact")
+    shutil.copytree(MODELS / "freetalk/ats_compact", tmp_path / "models" / "ats_compact")
     card = tmp_path / "models" / "ats_compact" / "README.md"
     card.write_text("# My own voice\n\nTrained on a day of captures.\n")
     return tmp_path / "models"

@@ -8,7 +8,7 @@ import pytest
 from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
-HEAD = Path(__file__).resolve().parents[2] / "rust-core" / "models" / "default_head" / "head.obj"
+HEAD = Path(__file__).resolve().parents[2] / "weights" / "shared" / "default_head" / "head.obj"
 COLUMNS, ROWS = 70, 80
 
 

@@ -17,7 +17,7 @@ from conftest import ROOT, zip_path
 
 _TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
 _LIBRARY = _TARGET / "debug" / "libanyface_toy.so"
-_HEAD = ROOT / "rust-core/models/default_head"
+_HEAD = ROOT / "weights/shared/default_head"
 # What an artist does, in a Blender of its own: the library is loaded once for each process.
 _SCRIPT = """
 import importlib, sys

@@ -6,6 +6,7 @@ Every press is one that the page names, in its order. `ANYFACE_PHOTOGRAPHS` keep
 import json
 import shutil
 import struct
+from pathlib import Path
 
 from conftest import ROOT
 from test_heads import voice  # noqa: F401 - a fixture
@@ -145,8 +146,8 @@ def test_sounds_are_shown_mended_redone_and_written(screen, photographs):  # noq
 
 def test_models_of_ones_own_are_named_in_the_panel_and_the_preferences(screen, photographs):  # noqa: F811
     folder = screen.folder / "models"
-    for name in ("compact_speech", "face_modes", "stm_paper"):
-        shutil.copytree(ROOT / "rust-core" / "models" / name, folder / name)
+    for model in ("shared/compact_speech", "shared/face_modes", "freetalk/stm_paper"):
+        shutil.copytree(ROOT / "weights" / model, folder / Path(model).name)
     screen.ask(f"bpy.context.scene.anyface.model_folder = {str(folder)!r}")
     show(screen, "Models", suffix="_b")
     screen.scroll(5)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-HEAD = ROOT / "rust-core/models/default_head/head.obj"
+HEAD = ROOT / "weights/shared/default_head/head.obj"
 RATE_HZ = 16000
 
 

@@ -1,7 +1,7 @@
 """Makes the default head: an ICT identity on our own triangulation, with eyes, teeth and tongue.
 
     python -m training.default_head.make --data ../shared/data --seed 11 \
-        --out rust-core/models/default_head
+        --out weights/shared/default_head
 
 writes `head.obj` and `head.mtl` (metres, +x subject's left, +y up, +z out of the face, origin
 between the jaw hinges; one object per part) and `landmarks.json` (the 68 iBUG landmarks).

@@ -2,7 +2,7 @@
 
     python -m training.default_head.make_sample
 
-reads `rust-core/models/default_head/head.obj` and `head.mtl` and writes
+reads `weights/shared/default_head/head.obj` and `head.mtl` and writes
 `blender-addon/sample_head.npz`: `positions` `[V, 3]` (integers, micrometres, axes of the file),
 `triangles` `[F, 3]`, `materials` `[F]` (numbers of `names`), `names` `[M]` and `colours` `[M, 3]`
 (linear, 0 to 1). The same head gives the same file.
@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
-HEAD = ROOT / "rust-core/models/default_head/head.obj"
+HEAD = ROOT / "weights/shared/default_head/head.obj"
 PACKED = ROOT / "blender-addon/sample_head.npz"
 MICROMETRES = 1e6
 

@@ -11,7 +11,9 @@ use std::path::{Path, PathBuf};
 
 /// The folder of a built-in model.
 fn model(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../rust-core/models")
-        .join(name)
+    let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("../weights");
+    let mut folders = std::fs::read_dir(crates)
+        .unwrap()
+        .map(|entry| entry.unwrap().path().join(name));
+    folders.find(|folder| folder.is_dir()).unwrap()
 }

@@ -19,15 +19,10 @@ use ndarray::Array2;
 use serde::Deserialize;
 
 use super::correspondence::{FollowingFace, ReferencePoints};
-use crate::{
-    Error, Result,
-    ibug::LANDMARKS,
-    models::{BuiltIn, built_in},
-    nn::Weights,
-};
+use crate::{Error, Result, ibug::LANDMARKS, models::BuiltIn, nn::Weights};
 
 /// Its built-in weights.
-pub static MODEL: BuiltIn = built_in!("creases");
+pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::CREASES);
 
 const COORDINATES: usize = 3 * LANDMARKS;
 

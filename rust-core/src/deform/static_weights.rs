@@ -22,12 +22,12 @@ use super::PlateWeights;
 use crate::{
     Error, Result,
     ibug::{LANDMARKS, MIRROR},
-    models::{BuiltIn, built_in},
+    models::BuiltIn,
     nn::{Weights, elementwise::silu_all, linear::Linear},
 };
 
 /// Its built-in weights.
-pub static MODEL: BuiltIn = built_in!("static_weights");
+pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::STATIC_WEIGHTS);
 
 /// Outputs of the network are multiplied by this, so that training starts near zero.
 const CORRECTION_SCALE: f32 = 0.1;

@@ -80,7 +80,7 @@ impl Default for EngineOptions {
 /// use anyface::{CachePolicy, Engine, EngineOptions, MotionRequest, audio::Waveform};
 /// use anyface::{mesh::{FaceOptions, LandmarkSource, Mesh}, progress::SILENT, spread::Collector};
 ///
-/// let head = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("models/default_head");
+/// let head = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../weights/shared/default_head");
 /// let mesh = Mesh::read(head.join("head.obj"))?;
 /// let landmarks = Some(LandmarkSource::read(&head.join("landmarks.json"))?);
 /// let engine = Engine::new(EngineOptions { cache: CachePolicy::Off, ..Default::default() })?;
@@ -538,17 +538,14 @@ impl Engine {
 /// Names the code and the models that per-mesh work depends on.
 fn key_of_models(folder: Option<&Path>) -> Result<CacheKey> {
     let mut key = CacheKey::new("prepared", 1).text(env!("ANYFACE_SOURCES"));
-    if folder.is_some() {
-        let of_meshes = [
-            &deform::static_weights::MODEL,
-            &deform::creases::MODEL,
-            &mesh::LANDMARK_MODEL,
-            &head::MODEL,
-        ];
-        for model in of_meshes {
-            let files = model.open(folder)?;
-            key = key.bytes(&files.weights).text(&files.config);
-        }
+    let of_meshes = [
+        &deform::static_weights::MODEL,
+        &deform::creases::MODEL,
+        &mesh::LANDMARK_MODEL,
+        &head::MODEL,
+    ];
+    for model in of_meshes {
+        key = model.add_to(key, folder)?;
     }
     Ok(key)
 }

@@ -33,7 +33,7 @@ pub use surface::FaceSurface;
 /// use anyface::{CachePolicy, Engine, EngineOptions, mesh::{FaceOptions, LandmarkSource, Mesh}};
 /// use anyface::progress::SILENT;
 ///
-/// let head = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("models/default_head");
+/// let head = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../weights/shared/default_head");
 /// let mesh = Mesh::read(head.join("head.obj"))?;
 /// let engine = Engine::new(EngineOptions { cache: CachePolicy::Off, ..Default::default() })?;
 /// let landmarks = Some(LandmarkSource::read(&head.join("landmarks.json"))?);

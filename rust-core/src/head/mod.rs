@@ -32,12 +32,16 @@ pub use volume::{HeadSurface, SURFACE_CELLS, check_surface_cells};
 
 use crate::{
     Error, Result,
-    models::{BuiltIn, built_in},
+    models::BuiltIn,
     nn::{Weights, linear::Linear},
 };
 
 /// Built-in weights.
-pub static MODEL: BuiltIn = built_in!("facetalk_compact", Some("facetalk"));
+#[cfg(feature = "facetalk")]
+pub static MODEL: BuiltIn = BuiltIn::sized(&anyface_weights_facetalk::FACETALK_COMPACT, "facetalk");
+/// Weights that a folder may bring.
+#[cfg(not(feature = "facetalk"))]
+pub static MODEL: BuiltIn = BuiltIn::absent("facetalk_compact", Some("facetalk"));
 
 /// Points that are moved at a time.
 const BLOCK: usize = 1024;

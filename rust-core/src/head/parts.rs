@@ -2,17 +2,9 @@
 
 use std::{ops::Range, sync::LazyLock};
 
-use crate::{ibug::LANDMARKS, mesh::LandmarkSource};
+use anyface_weights_shared::{HEAD_LANDMARKS, HEAD_OBJ};
 
-/// The default head: `models/default_head`.
-const OBJ: &str = include_str!(concat!(
-    env!("CARGO_MANIFEST_DIR"),
-    "/models/default_head/head.obj"
-));
-const MARKS: &str = include_str!(concat!(
-    env!("CARGO_MANIFEST_DIR"),
-    "/models/default_head/landmarks.json"
-));
+use crate::{ibug::LANDMARKS, mesh::LandmarkSource};
 
 /// An object of the default head.
 pub(super) struct Part {
@@ -28,11 +20,11 @@ pub(super) struct Part {
 
 /// All but the skin, and the landmarks of the head that they belong to.
 static PARTS: LazyLock<(Vec<Part>, Vec<[f32; 3]>)> = LazyLock::new(|| {
-    let landmarks = match LandmarkSource::from_json(MARKS) {
+    let landmarks = match LandmarkSource::from_json(HEAD_LANDMARKS) {
         Ok(LandmarkSource::Known(known)) => known.iter().map(|mark| mark.position).collect(),
         _ => panic!("the embedded file is checked by a test"),
     };
-    (read(OBJ), landmarks)
+    (read(HEAD_OBJ), landmarks)
 });
 
 fn read(text: &str) -> Vec<Part> {

@@ -51,7 +51,7 @@ use crate::ibug::LANDMARKS;
 /// ```
 /// use anyface::mesh::Mesh;
 ///
-/// let head = concat!(env!("CARGO_MANIFEST_DIR"), "/models/default_head/head.obj");
+/// let head = concat!(env!("CARGO_MANIFEST_DIR"), "/../weights/shared/default_head/head.obj");
 /// let mesh = Mesh::read(head)?;
 /// assert!(mesh.triangles.iter().flatten().all(|&v| (v as usize) < mesh.positions.len()));
 /// # Ok::<(), anyface::Error>(())

@@ -10,12 +10,12 @@ use serde::Deserialize;
 use crate::{
     Error, Result,
     ibug::{EYES, LANDMARKS},
-    models::{BuiltIn, built_in},
+    models::BuiltIn,
     nn::Weights,
 };
 
 /// Its built-in weights.
-pub static MODEL: BuiltIn = built_in!("face_modes");
+pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::FACE_MODES);
 
 /// Expression modes of the mean ICT face.
 #[derive(Debug, Clone)]

@@ -22,13 +22,13 @@ use crate::{
     face::{Face, FaceSurface},
     ibug::LANDMARKS,
     mesh::{Similarity, features::Features},
-    models::{BuiltIn, built_in},
+    models::BuiltIn,
     nn::Weights,
     progress::{ProgressFn, SILENT, report},
 };
 
 /// Its built-in weights.
-pub static MODEL: BuiltIn = built_in!("rig");
+pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::RIG);
 /// Vertices whose shapes are computed at a time.
 const VERTICES_PER_TASK: usize = 1024;
 /// Landmarks whose weights are asked of the deformer at a time.
@@ -303,7 +303,7 @@ mod tests {
 
     /// The default head and its landmarks.
     fn head() -> (Mesh, Vec<[f32; 3]>) {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/default_head");
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../weights/shared/default_head");
         let mesh = Mesh::read(folder.join("head.obj")).unwrap();
         let landmarks = match LandmarkSource::read(&folder.join("landmarks.json")).unwrap() {
             LandmarkSource::Positions(positions) => positions,
@@ -452,7 +452,8 @@ mod tests {
 
     /// Vertices of each object of the file.
     fn parts_of_default_head() -> BTreeMap<String, std::ops::Range<usize>> {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/default_head/head.obj");
+        let path =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("../weights/shared/default_head/head.obj");
         let text = std::fs::read_to_string(path).unwrap();
         let (mut parts, mut count) = (BTreeMap::new(), 0);
         let mut name = String::new();

@@ -3,11 +3,7 @@
 use ndarray::{Array2, ArrayView2};
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    Result,
-    audio::Waveform,
-    models::{BuiltIn, built_in},
-};
+use crate::{Result, audio::Waveform, models::BuiltIn};
 
 /// Features of a stretch of speech at a constant rate.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,7 +52,7 @@ pub trait SpeechEncoder: Send + Sync {
 }
 
 /// Built-in weights of [`super::CompactEncoder`].
-pub static COMPACT_MODEL: BuiltIn = built_in!("compact_speech");
+pub static COMPACT_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::COMPACT_SPEECH);
 
 /// One frame for every started `1 / fps` seconds of a sound, at least one.
 pub fn frames_of(duration_s: f64, fps: f64) -> usize {

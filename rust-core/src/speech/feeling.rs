@@ -17,12 +17,12 @@ use crate::{
     Error, Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
     conditions::EMOTIONS,
-    models::{BuiltIn, built_in},
+    models::BuiltIn,
     nn::Weights,
 };
 
 /// Built-in weights of [`FeelingEncoder`].
-pub static FEELING_MODEL: BuiltIn = built_in!("feeling");
+pub static FEELING_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::FEELING);
 
 /// Numbers that are measured at an instant.
 pub const NUMBERS: usize = 118;

@@ -16,7 +16,7 @@ use super::{
 use crate::{
     Error, Result,
     annotation::Interval,
-    models::{BuiltIn, built_in},
+    models::BuiltIn,
     nn::{Weights, conv::Conv1d, elementwise::gelu_all, linear::Linear},
 };
 
@@ -32,7 +32,7 @@ const CHANGE_COST: f64 = 4.0;
 const TEXT_POWER: f32 = 1.0;
 
 /// Built-in weights of [`PhoneModel`].
-pub static PHONE_MODEL: BuiltIn = built_in!("phones");
+pub static PHONE_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::PHONES);
 
 /// Sizes of the read-out, its classes and the units of its table, as `config.json` states them.
 #[derive(Debug, Clone, PartialEq, serde::Deserialize)]

@@ -1,11 +1,15 @@
 //! One folder per paper, and the registry of them; systems never import each other.
 //!
-//! A system is its folder, its `mod` line and its entry in [`SYSTEMS`]: take these away, and the rest
-//! compiles. `CONTRIBUTING.md` says how to add one.
+//! A system is its folder, its `mod` line and its entry in [`SYSTEMS`], under the feature of its name: take these
+//! away, and the rest compiles. `CONTRIBUTING.md` says how to add one.
 
+#[cfg(feature = "cafe-talk")]
 pub mod cafe_talk;
+#[cfg(feature = "emoface")]
 pub mod emoface;
+#[cfg(feature = "facetalk")]
 pub mod facetalk;
+#[cfg(feature = "freetalk")]
 pub mod freetalk;
 
 mod slider;
@@ -20,9 +24,13 @@ pub use windows::Windows;
 
 /// Every system, the default one first.
 pub static SYSTEMS: &[&Registration] = &[
+    #[cfg(feature = "freetalk")]
     &freetalk::REGISTRATION,
+    #[cfg(feature = "cafe-talk")]
     &cafe_talk::REGISTRATION,
+    #[cfg(feature = "emoface")]
     &emoface::REGISTRATION,
+    #[cfg(feature = "facetalk")]
     &facetalk::REGISTRATION,
 ];
 

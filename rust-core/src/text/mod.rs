@@ -31,7 +31,7 @@ use serde::Deserialize;
 use crate::{
     Error, Result,
     conditions::{ACTION_UNITS, EMOTIONS, Side},
-    models::{BuiltIn, built_in},
+    models::BuiltIn,
     nn::{Weights, elementwise::sigmoid},
 };
 use clip::ClipText;
@@ -42,7 +42,11 @@ use tower::Tower;
 pub use event::{Reader, events_to_json};
 
 /// The built-in text space and tower.
-pub static MODEL: BuiltIn = built_in!("text_units");
+#[cfg(feature = "cafe-talk")]
+pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_cafe_talk::TEXT_UNITS);
+/// Words that a folder may bring.
+#[cfg(not(feature = "cafe-talk"))]
+pub static MODEL: BuiltIn = BuiltIn::absent("text_units", None);
 /// Letters of the longest text: a face is described in a line, and each clause costs a run of the tower.
 const LONGEST_TEXT: usize = 1_000;
 /// Confidence from which a unit counts as asked for.

@@ -13,7 +13,7 @@ use ndarray::Array3;
 pub type Points = Vec<[f32; 3]>;
 
 pub fn folder() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("models/default_head")
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../weights/shared/default_head")
 }
 
 /// Skin with a mouth bag and lids, eyes, teeth and tongue; metres.

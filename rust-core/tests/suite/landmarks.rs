@@ -18,7 +18,7 @@ use anyface::{
 };
 
 fn default_head() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("models/default_head")
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../weights/shared/default_head")
 }
 
 fn head() -> Mesh {

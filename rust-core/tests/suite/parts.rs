@@ -22,7 +22,7 @@ use super::rim_crossing::{RimCrossing, rim_crossing};
 fn names() -> ObjectNames {
     ObjectNames::read(concat!(
         env!("CARGO_MANIFEST_DIR"),
-        "/models/default_head/head.obj"
+        "/../weights/shared/default_head/head.obj"
     ))
     .unwrap()
 }

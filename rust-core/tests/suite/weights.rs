@@ -12,7 +12,10 @@ use anyface::{
 fn copy(folder: &Path, built_in: &str, name: &str) {
     fs::create_dir_all(folder.join(name)).unwrap();
     for file in ["config.json", "model.safetensors"] {
-        let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("models");
+        let models = Path::new(env!("CARGO_MANIFEST_DIR")).join(match built_in {
+            "compact_speech" => "../weights/shared",
+            _ => "../weights/freetalk",
+        });
         fs::copy(
             models.join(built_in).join(file),
             folder.join(name).join(file),

@@ -11,6 +11,7 @@ use ndarray::{Array2, Array3, Axis};
 use crate::{
     arguments::{DataArgs, SharedArgs},
     console::Console,
+    face_model::FaceModel,
     tensors::TensorFile,
 };
 use anyface::{
@@ -18,7 +19,7 @@ use anyface::{
     cache::{Cache, CachePolicy},
     deform::CodeField,
     head::{Head, HeadOnMesh, Reach},
-    mesh::{FaceOptions, LandmarkSource, Mesh},
+    mesh::Mesh,
     progress::SILENT,
     rig::{Rig, ShapeSource},
     spread::{Collector, FrameSink, Movement},
@@ -48,17 +49,6 @@ pub(super) struct Field {
     rig: bool,
 }
 
-/// ICT's face with its modes, centimetres.
-pub(super) struct Ict {
-    neutral: Vec<f32>,
-    triangles: Vec<[u32; 3]>,
-    /// Vertex of each landmark.
-    pub(super) landmarks: Vec<u32>,
-    identity: Vec<f32>,
-    expression: Vec<f32>,
-    names: Vec<String>,
-}
-
 /// Sums of distances, of the face and of the lips.
 #[derive(Default, Clone, Copy)]
 struct Sum([f64; 2], [f64; 2]);
@@ -66,7 +56,7 @@ struct Sum([f64; 2], [f64; 2]);
 impl Field {
     pub(super) fn run(&self, shared: &SharedArgs, _: &Console) -> Result<()> {
         let data = self.data.folder()?;
-        let ict = Ict::read(&data)?;
+        let ict = FaceModel::ict(&data)?;
         let engine = shared.engine_of(Some("facetalk"))?;
         let head = Arc::new(Head::open(shared.weights.as_deref())?);
         if self.rig {
@@ -83,7 +73,7 @@ impl Field {
         let mut sums = vec![vec![Sum::default(); names.len()]; sets.len()];
         for number in 0..self.heads {
             let coefficients = Head::random(UNSEEN_SEED + number);
-            let face = ict.face(&engine, &coefficients)?;
+            let face = face_of(&engine, &ict, &coefficients)?;
             let begun = Instant::now();
             let field = HeadOnMesh::new(
                 Arc::clone(&head),
@@ -104,7 +94,7 @@ impl Field {
             known.coefficients = coefficients.clone();
             let known =
                 HeadOnMesh::of_fit(Arc::clone(&head), &face, known, Reach::default(), SILENT)?;
-            let lips = ict.lips(&face.mesh);
+            let lips = lips(&ict, &face.mesh);
             for (set, (_, weights)) in sets.iter().enumerate() {
                 let truth = ict.moved(&head.config().channels, weights);
                 let rows: Vec<Vec<f32>> = weights
@@ -113,13 +103,7 @@ impl Field {
                     .collect::<Result<_>>()?;
                 let codes = Array2::from_shape_fn((rows.len(), rows[0].len()), |(t, n)| rows[t][n]);
                 let still = Array3::zeros(truth.dim());
-                let marks = truth.select(
-                    Axis(1),
-                    &ict.landmarks
-                        .iter()
-                        .map(|v| *v as usize)
-                        .collect::<Vec<_>>(),
-                );
+                let marks = truth.select(Axis(1), &ict.landmarks.map(|v| v as usize));
                 let decoded = spread(&engine, &face, marks)?;
                 let mean = field.landmarks(codes.view())?;
                 let landmarked = spread(&engine, &face, face.own_motion(mean.view()))?;
@@ -147,11 +131,11 @@ impl Field {
     }
 
     /// Both rigs of unseen heads against ICT's own modes, over the vertices of the face that a mode moves.
-    fn rigs(&self, ict: &Ict, engine: &Engine, head: &Head) -> Result<()> {
+    fn rigs(&self, ict: &FaceModel, engine: &Engine, head: &Head) -> Result<()> {
         let channels = &head.config().channels;
         let mut sums = vec![[[0.0f64; 3]; 2]; channels.len()];
         for number in 0..self.heads {
-            let face = ict.face(engine, &Head::random(UNSEEN_SEED + number))?;
+            let face = face_of(engine, ict, &Head::random(UNSEEN_SEED + number))?;
             let network = engine.rig(&face, ShapeSource::Network, SILENT)?;
             let field = engine.rig(&face, ShapeSource::Field { in_betweens: true }, SILENT)?;
             for (channel, sums) in channels.iter().zip(&mut sums) {
@@ -283,95 +267,18 @@ impl Sum {
     }
 }
 
-impl Ict {
-    pub(super) fn read(data: &Path) -> Result<Ict> {
-        let file = TensorFile::read(&data.join("faces/ict_facekit.safetensors"))?;
-        let (triangles, _) = file.floats("triangles")?;
-        let (landmarks, _) = file.floats("landmarks68")?;
-        let triangles: Vec<u32> = triangles.iter().map(|x| *x as u32).collect();
-        Ok(Ict {
-            neutral: file.floats("neutral")?.0,
-            triangles: triangles.as_chunks::<3>().0.to_vec(),
-            landmarks: landmarks.iter().map(|x| *x as u32).collect(),
-            identity: file.floats("identity")?.0,
-            expression: file.floats("expression")?.0,
-            names: file.words("expression_names")?,
-        })
-    }
+/// An unseen head of ICT's, ready to be moved.
+pub(super) fn face_of(engine: &Engine, ict: &FaceModel, coefficients: &[f32]) -> Result<Face> {
+    engine.prepare(&ict.mesh(coefficients)?, &ict.options(), SILENT)
+}
 
-    pub(super) fn mesh(&self, coefficients: &[f32]) -> Result<Mesh> {
-        let mut positions = self.neutral.clone();
-        let size = positions.len();
-        for (mode, c) in self.identity.chunks_exact(size).zip(coefficients) {
-            positions
-                .iter_mut()
-                .zip(mode)
-                .for_each(|(p, x)| *p += c * x);
-        }
-        Mesh::from_arrays(
-            positions.as_chunks::<3>().0.to_vec(),
-            self.triangles.clone(),
-        )
-    }
-
-    /// The head of `coefficients`, ready to be moved.
-    fn face(&self, engine: &Engine, coefficients: &[f32]) -> Result<Face> {
-        let options = FaceOptions {
-            landmarks: Some(LandmarkSource::Vertices(self.landmarks.clone())),
-            ..FaceOptions::default()
-        };
-        engine.prepare(&self.mesh(coefficients)?, &options, SILENT)
-    }
-
-    /// `[FACE_VERTICES]`, whether a vertex lies near the mouth.
-    pub(super) fn lips(&self, mesh: &Mesh) -> Vec<bool> {
-        let at = |v: u32| mesh.positions[v as usize];
-        let near = |p: [f32; 3], q: [f32; 3]| {
-            (0..3).map(|i| (p[i] - q[i]).powi(2)).sum::<f32>() < LIPS_CM * LIPS_CM
-        };
-        (0..FACE_VERTICES as u32)
-            .map(|v| self.landmarks[48..].iter().any(|l| near(at(v), at(*l))))
-            .collect()
-    }
-
-    /// ARKit's shapes without their sides, each once.
-    pub(super) fn shapes(&self) -> Vec<String> {
-        let plain = |name: &String| {
-            name.trim_end_matches("_L")
-                .trim_end_matches("_R")
-                .to_owned()
-        };
-        let mut shapes: Vec<String> = self.names.iter().map(plain).collect();
-        shapes.sort_unstable();
-        shapes.dedup();
-        shapes
-    }
-
-    /// ICT's own motion under weights `[T, M]`, `[T, V, 3]` centimetres.
-    pub(super) fn moved(&self, channels: &[String], weights: &Array2<f32>) -> Array3<f32> {
-        let size = self.neutral.len();
-        let mut out = Array3::zeros((weights.nrows(), size / 3, 3));
-        for (row, mut frame) in weights.outer_iter().zip(out.outer_iter_mut()) {
-            let frame = frame.as_slice_mut().expect("standard layout");
-            for (name, weight) in channels.iter().zip(row) {
-                let sided = name.replace("Left", "_L").replace("Right", "_R");
-                let plain = self.names.iter().any(|known| known == name);
-                let both = [format!("{name}_L"), format!("{name}_R")];
-                for (known, mode) in self.names.iter().zip(self.expression.chunks_exact(size)) {
-                    let is_it = if plain {
-                        known == name
-                    } else {
-                        *known == sided || both.contains(known)
-                    };
-                    if is_it && *weight != 0.0 {
-                        frame
-                            .iter_mut()
-                            .zip(mode)
-                            .for_each(|(x, m)| *x += weight * m);
-                    }
-                }
-            }
-        }
-        out
-    }
+/// `[FACE_VERTICES]`, whether a vertex lies near the mouth.
+pub(super) fn lips(ict: &FaceModel, mesh: &Mesh) -> Vec<bool> {
+    let at = |v: u32| mesh.positions[v as usize];
+    let near = |p: [f32; 3], q: [f32; 3]| {
+        (0..3).map(|i| (p[i] - q[i]).powi(2)).sum::<f32>() < LIPS_CM * LIPS_CM
+    };
+    (0..FACE_VERTICES as u32)
+        .map(|v| ict.landmarks[48..].iter().any(|l| near(at(v), at(*l))))
+        .collect()
 }

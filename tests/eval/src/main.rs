@@ -6,9 +6,9 @@
 mod arguments;
 mod bench;
 mod console;
+mod face_model;
 mod field;
 mod gallery;
-mod ict;
 mod metrics;
 mod pictures;
 mod quality;

@@ -12,15 +12,14 @@ use ndarray::{Array2, Array3, Axis};
 use crate::{
     arguments::{DataArgs, SharedArgs},
     console::Console,
-    field::{FACE_VERTICES, Ict, UNSEEN_SEED, spoken, spread},
+    face_model::FaceModel,
+    field::{FACE_VERTICES, UNSEEN_SEED, face_of, lips, spoken, spread},
 };
 use anyface::{
-    Engine, Error, Face, Result,
+    Error, Face, Result,
     head::Head,
-    mesh::{FaceOptions, LandmarkSource},
     motion::Template as TemplateMesh,
     nn::Weights,
-    progress::SILENT,
     rig::ARKIT,
     spread::TemplateOnFace,
     systems::emoface::{EmoFaceConfig, MODEL, read_template},
@@ -53,7 +52,7 @@ struct Errors([f64; 3], [f64; 3]);
 impl Template {
     pub(super) fn run(&self, shared: &SharedArgs, _: &Console) -> Result<()> {
         let data = self.data.folder()?;
-        let ict = Ict::read(&data)?;
+        let ict = FaceModel::ict(&data)?;
         let engine = shared.engine_of(Some("emoface"))?;
         let files = MODEL.open(shared.weights.as_deref())?;
         let config = EmoFaceConfig::from_json(&files.config)?;
@@ -62,12 +61,12 @@ impl Template {
         let sets = sets(&ict, &data)?;
         let ways = ["no motion", "landmarks", "template"];
         let mut sums = vec![[Errors::default(); 3]; sets.len()];
-        let mean = face_of(&engine, &ict, &[0.0; 100])?;
+        let mean = face_of(&engine, &ict, &[])?;
         let vertices = vertices_of(&template, &mean)?;
         for number in 0..self.heads {
             let face = face_of(&engine, &ict, &Head::random(UNSEEN_SEED + number))?;
             let on_face = TemplateOnFace::new(&face, &template, 1.0)?;
-            let lips = ict.lips(&face.mesh);
+            let lips = lips(&ict, &face.mesh);
             for ((_, channels, weights), sums) in sets.iter().zip(&mut sums) {
                 let truth = ict.moved(channels, weights);
                 let motion = face
@@ -113,9 +112,9 @@ impl Template {
 type Poses = (String, Vec<String>, Array2<f32>);
 
 /// Every shape at full strength, and frames of speech.
-fn sets(ict: &Ict, data: &Path) -> Result<Vec<Poses>> {
+fn sets(ict: &FaceModel, data: &Path) -> Result<Vec<Poses>> {
     let mut sets = Vec::new();
-    for shape in ict.shapes() {
+    for shape in shapes(ict) {
         let channels = vec![
             shape.clone(),
             format!("{shape}Left"),
@@ -129,12 +128,16 @@ fn sets(ict: &Ict, data: &Path) -> Result<Vec<Poses>> {
     Ok(sets)
 }
 
-fn face_of(engine: &Engine, ict: &Ict, coefficients: &[f32]) -> Result<Face> {
-    let options = FaceOptions {
-        landmarks: Some(LandmarkSource::Vertices(ict.landmarks.clone())),
-        ..FaceOptions::default()
+/// ARKit's shapes without their sides, each once.
+fn shapes(ict: &FaceModel) -> Vec<String> {
+    let plain = |name: &String| {
+        let name = name.trim_end_matches("_L").trim_end_matches("_R");
+        name.to_owned()
     };
-    engine.prepare(&ict.mesh(coefficients)?, &options, SILENT)
+    let mut shapes: Vec<String> = ict.names.iter().map(plain).collect();
+    shapes.sort_unstable();
+    shapes.dedup();
+    shapes
 }
 
 /// Which of ICT's vertices those of the template are.

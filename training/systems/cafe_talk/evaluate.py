@@ -2,7 +2,7 @@
 
     python -m training.systems.cafe_talk.evaluate --run runs/cafe_fine/cafe_talk.pt --out runs/cafe_report
 
-`--run rust-core/models/cafe_talk_compact` measures an exported model with the encoder beside it. Writes
+`--run weights/cafe-talk/cafe_talk_compact` measures an exported model with the encoder beside it. Writes
 report.json and report.md. `--ablation "without swapped labels=runs/x/cafe_talk.pt"` adds a row for a run or
 folder trained without a part; unmasked guidance needs no run and is always a row. Weights alone are
 measured, on ICT's landmarks: what the engine adds when it shows them (lips brought together on the head) is

@@ -1,6 +1,6 @@
 """Measures FaceTalk's speech model on held-out clips, FreeTalk and loudness beside it.
 
-    python -m training.systems.facetalk.evaluate_motion --model rust-core/models/facetalk_compact
+    python -m training.systems.facetalk.evaluate_motion --model weights/facetalk/facetalk_compact
 
 Codes are read back as ARKit weights and shown on ICT's landmarks: nothing of the head's field is in here.
 `--runs NAME=motion.pt` adds rows for runs without a part (table 2).

@@ -44,13 +44,13 @@ use super::{
 use crate::{
     Error, Result,
     ibug::{LANDMARKS, REGIONS},
-    models::{BuiltIn, built_in},
+    models::BuiltIn,
     nn::Weights,
     progress::ProgressFn,
 };
 
 /// Its built-in weights.
-pub static MODEL: BuiltIn = built_in!("landmarks");
+pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::LANDMARKS);
 
 /// Mean confidence of the mouth's landmarks below which there is no mouth.
 const LEAST_MOUTH: f32 = 0.4;

@@ -198,7 +198,8 @@ mod tests {
     use crate::mesh::{Axis, Mesh};
 
     fn head() -> Mesh {
-        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("models/default_head");
+        let folder =
+            std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../weights/shared/default_head");
         Mesh::read(folder.join("head.obj")).unwrap()
     }
 

@@ -57,7 +57,7 @@ pub struct OpenedMouth {
 /// ```
 /// use anyface::mesh::{LandmarkSource, Mesh, FaceOptions, locate_landmarks, open_mouth};
 ///
-/// let head = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("models/default_head");
+/// let head = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../weights/shared/default_head");
 /// let mesh = Mesh::read(head.join("head.obj"))?;
 /// let landmarks = Some(LandmarkSource::read(&head.join("landmarks.json"))?);
 /// let found = locate_landmarks(&mesh, &FaceOptions { landmarks, ..Default::default() })?;

@@ -15,7 +15,7 @@ const SIDE: f32 = 0.085;
 const HEIGHTS: [f32; 2] = [-0.125, 0.085];
 
 fn default_head() -> (Mesh, Vec<[f32; 3]>) {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("models/default_head");
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../weights/shared/default_head");
     let mesh = Mesh::read(folder.join("head.obj")).unwrap();
     let source = LandmarkSource::read(&folder.join("landmarks.json")).unwrap();
     let options = FaceOptions {

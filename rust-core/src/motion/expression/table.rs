@@ -6,16 +6,10 @@ use ndarray::{Array2, Array3, ArrayView2};
 use serde::Deserialize;
 
 use super::manner::Manner;
-use crate::{
-    Error, Result,
-    conditions::EMOTIONS,
-    ibug::LANDMARKS,
-    models::{BuiltIn, built_in},
-    nn::Weights,
-};
+use crate::{Error, Result, conditions::EMOTIONS, ibug::LANDMARKS, models::BuiltIn, nn::Weights};
 
 /// Its built-in weights.
-pub static MODEL: BuiltIn = built_in!("expressions");
+pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::EXPRESSIONS);
 
 /// Strength of each category of [`EMOTIONS`]; that of neutral is not looked at.
 pub(super) type Strengths = [f32; EMOTIONS.len()];

@@ -7,12 +7,12 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::{
-    models::{BuiltIn, built_in},
+    models::BuiltIn,
     nn::golden::{Golden, distance},
     speech::log_mel,
 };
 
-static MODEL: BuiltIn = built_in!("causal_speech");
+static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_emoface::CAUSAL_SPEECH);
 const ROWS: usize = 192;
 
 const TOLERANCE: f32 = 1e-4;

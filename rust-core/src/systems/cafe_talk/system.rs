@@ -11,7 +11,7 @@ use crate::{
         Control, ControlStage, ControlValues, EmotionCurve, EventTrack, MotionRequest, style_number,
     },
     deform::LEARNED,
-    models::{BuiltIn, built_in},
+    models::BuiltIn,
     motion::{
         FaceModes, LipGaps, LowerLip, Motion, MotionKind, PerformanceControls, WeightClip,
         WeightCues, control_named,
@@ -23,7 +23,8 @@ use crate::{
 };
 
 /// Built-in weights of the denoiser.
-pub static MODEL: BuiltIn = built_in!("cafe_talk_compact", Some("cafe_talk"));
+pub static MODEL: BuiltIn =
+    BuiltIn::sized(&anyface_weights_cafe_talk::CAFE_TALK_COMPACT, "cafe_talk");
 
 /// Denoising steps; 0 leaves them to the model.
 static STEPS: Control = Control {

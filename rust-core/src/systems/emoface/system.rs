@@ -20,7 +20,7 @@ use crate::{
     deform::{CodeField, CodeSpace, Field, LEARNED},
     face::Face,
     ibug::LANDMARKS,
-    models::{BuiltIn, built_in},
+    models::BuiltIn,
     motion::{
         self, CodeClip, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, MotionKind,
         MotionStream, PERFORMANCE_CONTROLS, Performer, Template, TemplateMask,
@@ -33,9 +33,9 @@ use crate::{
 };
 
 /// Built-in weights.
-pub static MODEL: BuiltIn = built_in!("emoface_compact", Some("emoface"));
+pub static MODEL: BuiltIn = BuiltIn::sized(&anyface_weights_emoface::EMOFACE_COMPACT, "emoface");
 /// The causal twin of the content encoder, which a stream hears.
-static CAUSAL_MODEL: BuiltIn = built_in!("causal_speech");
+static CAUSAL_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_emoface::CAUSAL_SPEECH);
 
 const VOICE: usize = 0;
 const EMOTION: usize = 1;

@@ -17,7 +17,7 @@ use crate::{
     conditions::{Control, ControlStage, ControlValues, Controls, EmotionCurve, MotionRequest},
     deform::{Decoder, Deformer, LEARNED},
     face::Face,
-    models::{BuiltIn, built_in},
+    models::BuiltIn,
     motion::{
         self, CausalExpression, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion,
         MotionKind, MotionStream, PERFORMANCE_CONTROLS, Performer,
@@ -28,10 +28,10 @@ use crate::{
 };
 
 /// Built-in weights of the denoiser.
-pub static ATS_MODEL: BuiltIn = built_in!("ats_compact", Some("ats"));
+pub static ATS_MODEL: BuiltIn = BuiltIn::sized(&anyface_weights_freetalk::ATS_COMPACT, "ats");
 /// Built-in weights of the stream.
-pub static STREAM_MODEL: BuiltIn = built_in!("stream");
-static PAPER_MODEL: BuiltIn = built_in!("stm_paper", Some("stm"));
+pub static STREAM_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_freetalk::STREAM);
+static PAPER_MODEL: BuiltIn = BuiltIn::sized(&anyface_weights_freetalk::STM_PAPER, "stm");
 
 /// Denoising steps; 0 leaves them to the model.
 static STEPS: Control = Control {

@@ -24,7 +24,7 @@ use self::{
 use crate::{
     arguments::{DataArgs, SharedArgs},
     console::{Console, command_line},
-    ict::IctLandmarks,
+    face_model::IctLandmarks,
     pictures::{Album, raster::Picture},
 };
 use anyface::{
@@ -48,7 +48,7 @@ pub(crate) struct Gallery {
     #[arg(
         long,
         value_name = "DIR",
-        default_value = "rust-core/models/default_head"
+        default_value = "weights/shared/default_head"
     )]
     head: PathBuf,
     /// A folder of further meshes, such as heads of characters

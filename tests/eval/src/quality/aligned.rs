@@ -12,7 +12,7 @@ use super::{
     clip::{Clip, Corpus},
     phone::Phone,
 };
-use crate::ict::IctLandmarks;
+use crate::face_model::IctLandmarks;
 use anyface::{Error, Result, audio::Waveform, ibug::LANDMARKS};
 
 /// Frame rate at which speech without recorded motion is performed.

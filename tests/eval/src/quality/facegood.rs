@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use ndarray::{Array2, Array3, Axis, Slice};
 
 use super::clip::{Clip, Corpus, cut};
-use crate::ict::IctLandmarks;
+use crate::face_model::IctLandmarks;
 use anyface::{Error, Result, audio::Waveform, ibug::LANDMARKS};
 
 /// Name of the source that holds whole takes.

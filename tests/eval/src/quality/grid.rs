@@ -12,7 +12,7 @@ use ndarray::{Array2, Array3, ArrayView2, Axis, Slice};
 
 use super::clip::{Clip, Corpus};
 use crate::metrics::quantile;
-use crate::{ict::IctLandmarks, tensors::TensorFile};
+use crate::{face_model::IctLandmarks, tensors::TensorFile};
 use anyface::{Result, audio::Waveform, ibug::LANDMARKS, mesh::Similarity};
 
 /// Where the track lies in the data folder.

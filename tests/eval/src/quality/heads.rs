@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ndarray::{Array3, Axis};
 
-use crate::tensors::TensorFile;
+use crate::face_model::FaceModel;
 use anyface::{
     Engine, Face, Result,
     ibug::LANDMARKS,
@@ -30,10 +30,9 @@ impl Head {
             ..FaceOptions::default()
         };
         let mesh = Mesh::read(folder.join("head.obj"))?;
-        let makehuman = data.join("faces/makehuman_head.safetensors");
         Ok(vec![
             Self::ict(engine, data)?,
-            Self::of_tensors(engine, "MakeHuman", &makehuman)?,
+            Self::of_model(engine, "MakeHuman", &FaceModel::makehuman(data)?)?,
             Head {
                 title: "default head",
                 face: engine.prepare(&mesh, &options, SILENT)?,
@@ -43,32 +42,14 @@ impl Head {
 
     /// ICT's mean head.
     pub(super) fn ict(engine: &Engine, data: &Path) -> Result<Self> {
-        let path = data.join("faces/ict_facekit.safetensors");
-        Self::of_tensors(engine, "ICT", &path)
+        Self::of_model(engine, "ICT", &FaceModel::ict(data)?)
     }
 
     /// A head with its own landmarks.
-    fn of_tensors(engine: &Engine, title: &'static str, path: &Path) -> Result<Self> {
-        let file = TensorFile::read(path)?;
-        let (neutral, _) = file.floats("neutral")?;
-        let (triangles, _) = file.floats("triangles")?;
-        let (landmarks, _) = file.floats("landmarks68")?;
-        let rows: Vec<u32> = triangles.iter().map(|x| *x as u32).collect();
-        let mesh = Mesh::from_arrays(
-            neutral
-                .chunks_exact(3)
-                .map(|p| [p[0], p[1], p[2]])
-                .collect(),
-            rows.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
-        )?;
-        let vertices = landmarks.iter().map(|x| *x as u32).collect();
-        let options = FaceOptions {
-            landmarks: Some(LandmarkSource::Vertices(vertices)),
-            ..FaceOptions::default()
-        };
+    fn of_model(engine: &Engine, title: &'static str, model: &FaceModel) -> Result<Self> {
         Ok(Head {
             title,
-            face: engine.prepare(&mesh, &options, SILENT)?,
+            face: engine.prepare(&model.mesh(&[])?, &model.options(), SILENT)?,
         })
     }
 

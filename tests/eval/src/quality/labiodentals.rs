@@ -16,7 +16,7 @@ use super::{
     predictors::{MODEL, Performed},
 };
 use crate::metrics::quantile;
-use crate::{ict::IctLandmarks, tensors::TensorFile};
+use crate::{face_model::IctLandmarks, tensors::TensorFile};
 use anyface::{Engine, Result};
 
 /// Vertices of ICT's upper teeth.

@@ -49,7 +49,7 @@ use serde::Serialize;
 use crate::{
     arguments::{DataArgs, SharedArgs},
     console::{Console, command_line},
-    ict::IctLandmarks,
+    face_model::IctLandmarks,
     pictures::Album,
 };
 use anyface::{Error, Result, output::write_atomically, systems::built_in_models};
@@ -96,7 +96,7 @@ pub(super) struct Quality {
     #[arg(
         long,
         value_name = "DIR",
-        default_value = "rust-core/models/default_head"
+        default_value = "weights/shared/default_head"
     )]
     head: PathBuf,
     /// Use the first N held-out clips of each source only

@@ -20,7 +20,7 @@ use super::{
     heads::{Head, stacked},
     speaker::{Speaker, Wish},
 };
-use crate::ict::IctLandmarks;
+use crate::face_model::IctLandmarks;
 use anyface::{Result, conditions::EMOTIONS};
 
 /// What the reader may answer, and the modes of each emotion: action units as ARKit names them.

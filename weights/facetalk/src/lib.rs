@@ -1,0 +1,6 @@
+//! FaceTalk's weights for Anyface: the parametric head, and speech or landmarks to its codes.
+
+use anyface_weights_shared::{Model, model};
+
+/// The head, and the denoisers of its codes.
+pub static FACETALK_COMPACT: Model = model!("facetalk_compact");

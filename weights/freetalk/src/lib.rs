@@ -1,0 +1,10 @@
+//! FreeTalk's weights for Anyface: denoiser, decoder and the causal student.
+
+use anyface_weights_shared::{Model, model};
+
+/// Speech to landmarks.
+pub static ATS_COMPACT: Model = model!("ats_compact");
+/// Speech to landmarks while it is spoken.
+pub static STREAM: Model = model!("stream");
+/// The paper's decoder.
+pub static STM_PAPER: Model = model!("stm_paper");

@@ -1,0 +1,65 @@
+//! What all systems of Anyface share: speech, phones, feeling, landmarks, deformation, shapes, and the default head.
+
+/// A model.
+pub struct Model {
+    /// Its folder's name.
+    pub name: &'static str,
+    /// `model.safetensors`.
+    pub weights: &'static [u8],
+    /// `config.json`.
+    pub config: &'static str,
+    /// Its model card, Markdown.
+    pub card: &'static str,
+}
+
+/// The model in a folder of the crate that calls this.
+#[macro_export]
+macro_rules! model {
+    ($name:literal) => {
+        $crate::Model {
+            name: $name,
+            weights: include_bytes!(concat!(
+                env!("CARGO_MANIFEST_DIR"),
+                "/",
+                $name,
+                "/model.safetensors"
+            )),
+            config: include_str!(concat!(
+                env!("CARGO_MANIFEST_DIR"),
+                "/",
+                $name,
+                "/config.json"
+            )),
+            card: include_str!(concat!(
+                env!("CARGO_MANIFEST_DIR"),
+                "/",
+                $name,
+                "/README.md"
+            )),
+        }
+    };
+}
+
+/// Speech to features.
+pub static COMPACT_SPEECH: Model = model!("compact_speech");
+/// Features of speech to phones.
+pub static PHONES: Model = model!("phones");
+/// How a voice feels.
+pub static FEELING: Model = model!("feeling");
+/// Finds landmarks on meshes.
+pub static LANDMARKS: Model = model!("landmarks");
+/// How far vertices follow landmarks.
+pub static STATIC_WEIGHTS: Model = model!("static_weights");
+/// Creases of two reference faces.
+pub static CREASES: Model = model!("creases");
+/// Landmarks of ARKit's shapes.
+pub static FACE_MODES: Model = model!("face_modes");
+/// What emotions add to neutral speech.
+pub static EXPRESSIONS: Model = model!("expressions");
+/// Shapes made for a mesh.
+pub static RIG: Model = model!("rig");
+
+/// The default head, OBJ.
+pub const HEAD_OBJ: &str = include_str!("../default_head/head.obj");
+/// Its landmarks, JSON.
+pub const HEAD_LANDMARKS: &str = include_str!("../default_head/landmarks.json");
