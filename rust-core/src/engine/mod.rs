@@ -17,7 +17,7 @@ use crate::{
     Error, Result,
     audio::Waveform,
     cache::{Cache, CacheKey, CachePolicy},
-    conditions::{ControlStage, Controls, MotionRequest},
+    conditions::{ControlStage, ControlValues, Controls, MotionRequest},
     deform::{self, Creases, Deformer, LEARNED, StaticWeights},
     face::{Face, unlike},
     finite::check_result,
@@ -31,12 +31,14 @@ use crate::{
     rig::{self, FieldOfFace, Rig, RigModel, ShapeSource},
     speech::{self, EmotionModel, FeelingEncoder, PhoneModel, SpeechEncoder},
     spread::{self, FrameSink, Movement, Spread, SpreadReport, WeightedShapes},
-    systems::{Description, Registration, System, built_in_models},
+    systems::{Description, Registration, SYSTEMS, System, built_in_models},
 };
 pub use perform::Performance;
 pub use sliders::SliderChange;
 
 const MAX_THREADS: usize = 256;
+/// The control by which a system chooses a decoder of its own instead of the first.
+const DECODER: &str = "decoder";
 
 /// How an [`Engine`] is set up.
 #[derive(Debug, Clone, PartialEq)]
@@ -490,8 +492,17 @@ impl Engine {
     ) -> Result<Array3<f32>> {
         let shares = self.threads(|| Ok(self.deformer(face, progress)?.attention(landmarks)))?;
         let shares = shares.ok_or_else(|| {
-            let message = "attention: expected a decoder that has one, got one without";
-            Error::InvalidInput(message.into())
+            let known = SYSTEMS.iter().flat_map(|system| system.controls());
+            let own = known.filter(|control| control.name == DECODER);
+            let names = own.flat_map(|control| match control.values {
+                ControlValues::Choice(names) => &names[1..],
+                _ => &[],
+            });
+            let names: Vec<&str> = names.copied().collect();
+            let names = names.join(", ");
+            let message =
+                format!("attention: expected a decoder that has one ({names}), got one without");
+            Error::InvalidInput(message)
         })?;
         check_result("attention", shares.view().into_dyn())?;
         Ok(shares)
