@@ -73,9 +73,16 @@ pub fn build_library(steps: &mut Steps, release: bool) -> Result<PathBuf> {
 pub const BUILD: &str = "build the native library";
 
 /// The command that builds the shared library under a profile of Cargo.toml.
+///
+/// Under `dev` it builds the whole workspace, as the Rust tests do. Cargo joins the features of all packages that it
+/// builds together, so the library alone would compile every dependency once more.
 pub fn library_build(profile: &str) -> Command {
     let mut build = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()));
-    build.args(["build", "-p", "anyface-capi", "--profile", profile]);
+    build.args(["build", "--profile", profile]);
+    match profile {
+        "dev" => build.args(["--workspace", "--lib", "--bins", "--tests"]),
+        _ => build.args(["-p", "anyface-capi"]),
+    };
     build.current_dir(machine::root());
     build
 }
