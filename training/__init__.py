@@ -8,5 +8,5 @@ DATA = Path("../shared/data")
 
 
 def shipped(name: str) -> Path:
-    """The folder of a model that the library embeds, in the data crate that has it; a new one belongs to none yet."""
+    """Returns the folder of an embedded model: in its data crate, or directly in weights/ for a new model."""
     return next(WEIGHTS.glob(f"*/{name}"), WEIGHTS / name)
