@@ -245,10 +245,3 @@ def add_flags(parser: argparse.ArgumentParser, function: Callable) -> None:
         else:
             options["type"] = next(part for part in (*get_args(kind), kind) if part is not type(None))
         parser.add_argument(f"--{name.replace('_', '-')}", **options)
-
-
-def command(function: Callable, given: list[str] | None = None) -> None:
-    """Calls a function with what the command line says of its parameters."""
-    parser = argparse.ArgumentParser(description=(function.__doc__ or "").splitlines()[0])
-    add_flags(parser, function)
-    function(**vars(parser.parse_args(given)))
