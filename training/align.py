@@ -1,7 +1,5 @@
 """How a face is laid on another: the canonical landmarks, how steady each is, and the best similarity."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path

@@ -8,8 +8,6 @@ f16, which changes the lip opening by less than 0.01 mm; statistics stay f32. Th
 written by hand.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace

@@ -6,8 +6,6 @@ A golden is a tiny model with seeded random weights, one input and its output; t
 the same file and must agree within 1e-4. Metadata says where it came from.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import json

@@ -5,8 +5,6 @@ training.systems.freetalk.train …`: each draws its own batches, and gradients 
 step, so that N processes train on N times the batch. Only the first one writes, logs and judges.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 

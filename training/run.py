@@ -4,8 +4,6 @@
 run gives the same bits as one that was never stopped.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import inspect

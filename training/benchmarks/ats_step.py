@@ -8,8 +8,6 @@ masks, between linear layers. Steps of the two alternate; the median of seconds 
 the GPU's clock with `--device cuda`).
 """
 
-from __future__ import annotations
-
 import argparse
 import statistics
 import time

@@ -8,8 +8,6 @@ that swells like speech. With `--spans S` it also encodes S seconds whole and in
 with 2 s of context on either side), in PyTorch, and prints how far the two lie apart.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

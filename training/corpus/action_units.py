@@ -5,8 +5,6 @@ Cafe-Talk (Chen et al. 2025, appendix C.2) finds the units that are active in a 
 of them, others are added to it at random, as an animator would ask for them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

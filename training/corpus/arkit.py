@@ -5,8 +5,6 @@ modes, so that the weights move ICT's landmarks as the recorded ones moved. An `
 instead of landmarks, everything else alike.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path

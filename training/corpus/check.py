@@ -5,8 +5,6 @@ of the inner lips follows the loudness of the sound: the lag of their best corre
 and its change from the first third of a clip to the last a drift.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path

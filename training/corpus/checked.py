@@ -1,7 +1,5 @@
 """Files of a corpus as they are read: what is not as expected becomes a `CorpusError`."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -3,8 +3,6 @@
 Shapes: `T` frames, `M` = 51 channels in the order of `faces.CHANNELS`.
 """
 
-from __future__ import annotations
-
 import csv
 from dataclasses import dataclass
 from pathlib import Path

@@ -6,8 +6,6 @@ same 51 ARKit channels, so that one weight vector drives either.
 Shapes: `V` vertices, `F` triangles, `M` channels, `N` = 68 landmarks.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -3,8 +3,6 @@
 Whole actors are held out, a woman and a man. Boredom is the project's `calm`.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 from dataclasses import dataclass

@@ -17,8 +17,6 @@ val or test. `emotion` is one of the fifteen names of `EMOTIONS`, or unknown. la
 [68 triples]}. Every error is a `CorpusError`: file, row, what was expected and what was found.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Clips of a corpus folder as trainers take them: landmark motion in canonical metres at 25 fps."""
 
-from __future__ import annotations
-
 import json
 from functools import lru_cache
 

@@ -8,8 +8,6 @@ split `test` appear in no folder as `train`, and act the take that no training h
 15 fps; each stretch has the sound of its take.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from dataclasses import dataclass, replace

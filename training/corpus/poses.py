@@ -1,7 +1,5 @@
 """Single frames of ARKit weights, [N, 51]: what faces do in recordings, and what anybody may ask for."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Meshes ready to train on: motion, landmarks and training-free weights, computed once and kept."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Callable
 from dataclasses import dataclass, replace

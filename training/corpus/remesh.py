@@ -6,8 +6,6 @@ neighbourhood on the surface*, so motion carries over exactly and never jumps fr
 Shapes: `V` old and `W` new vertices, `F` triangles, `M` channels.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import fast_simplification

@@ -1,7 +1,5 @@
 """Meshes of corpus folders with the vertex sequences recorded on them, for training Sparse-To-Mesh."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What a training draws from: corpus folders or the project's own sources, and how often each."""
 
-from __future__ import annotations
-
 from training.corpus import bank
 from training.corpus.bank import Entry
 from training.losses import SCALE_M, lip_scale

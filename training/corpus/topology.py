@@ -1,7 +1,5 @@
 """Neutral meshes of a corpus folder and the landmarks on them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path

@@ -7,8 +7,6 @@ Each frame by itself: the video mode smooths, which lags by 18 ms. A folder with
 `pip install mediapipe` brings the rest, which is imported only here.
 """
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from collections.abc import Callable, Iterable

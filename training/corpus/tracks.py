@@ -1,7 +1,5 @@
 """What a corpus folder holds over time: sound, blend weights, vertices, phones."""
 
-from __future__ import annotations
-
 import csv
 import math
 import re

@@ -3,8 +3,6 @@
 Motion follows by the warp's Jacobian, so a warped face still moves linearly in its channels.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Writes a corpus folder (see `folder`): what every reader of a foreign source ends in."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import dataclass, field

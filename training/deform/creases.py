@@ -15,8 +15,6 @@ weights know, and a face follows that of the kind it is nearest to: every artist
 Lengths are decimetres in the canonical frame. Shapes: `V` vertices, `P` points, `N` = 68, `K` rank.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -8,8 +8,6 @@ it does to each part is compared with the truth. Motion: the held-out take of fa
 face at random, as in `training.systems.freetalk.stm.evaluate`. Mean distance in millimetres.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import subprocess

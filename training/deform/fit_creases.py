@@ -10,8 +10,6 @@ its own way. Points are drawn on the surface with their mirror images, and the r
 sides. With `--score` errors on identities and warps it was not measured on.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass
 from pathlib import Path

@@ -8,8 +8,6 @@ training takes of facegood_zh with random expressions; each frame counts with it
 to rust-core/src/deform/jaw_from_contour.json; lengths in canonical centimetres.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from pathlib import Path

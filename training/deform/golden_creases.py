@@ -1,7 +1,5 @@
 """Golden of creases: random points over a procedural face, and what another face takes of them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Golden of the `static` decoder: a procedural face, the plate's weights and a debug network."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -3,8 +3,6 @@
 Mirrors `Operators::surface` of `rust-core/src/operators`. Shapes: `V` vertices, `K` eigenpairs.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 import torch

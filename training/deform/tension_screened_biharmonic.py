@@ -14,8 +14,6 @@ back of the head rest. Without it errors double. A plate also drags along all th
 and brow, where real skin folds: `lid_profile` lets the lids' weights end within a centimetre.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

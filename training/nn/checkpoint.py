@@ -1,7 +1,5 @@
 """Model folders, config.json beside model.safetensors: what training writes and the library reads."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Sizes of a model as they stand in its config.json."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, is_dataclass
 from typing import Any, TypeVar, get_args, get_type_hints
 

@@ -8,8 +8,6 @@ Differs from the authors' code: no dropout; the spectral method only; the leadin
 feature fields over *one* mesh, because the operators do not change from frame to frame.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 

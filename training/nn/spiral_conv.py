@@ -1,7 +1,5 @@
 """SpiralConv3D (EmoFace, Lin et al. 2025, eq. 1 to 3): a convolution over a surface and the frames before."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 from torch import Tensor, nn

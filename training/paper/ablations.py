@@ -7,8 +7,6 @@ the band mask, and with every intensity at 1; STM (the paper's table 5): without
 cross-attention, without the geometry of the mesh. These models stay in PyTorch: the engine plays whole ones.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The command as it is used: sound to landmarks, sound to a mesh, landmark motion to a mesh."""
 
-from __future__ import annotations
-
 import subprocess
 import tempfile
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Figures 6 and 7 of the FreeTalk paper: errors of decoders on the surface, where a landmark is attended."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import matplotlib

@@ -4,8 +4,6 @@ Shapes: `P` prediction and `G` truth [T, N, 3], displacements from the neutral f
 numbers of points. Lengths come out in the unit of the motion, LVE, EVE and δM in its square.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial.distance import cdist
 

@@ -5,8 +5,6 @@ MVE a maximum where the code of its predecessors takes the mean, so of the first
 unit, may be read across; table 5 is read as shares of the whole model's LVE.
 """
 
-from __future__ import annotations
-
 import math
 
 from training.paper.tables import Table

@@ -5,8 +5,6 @@ Truth and prediction are compared at 25 fps. On landmarks lips are 48 to 67, the
 or eye landmark (the paper prints no list). Motion is in millimetres on a head of human size.
 """
 
-from __future__ import annotations
-
 import json
 import tempfile
 from collections.abc import Iterator

@@ -7,8 +7,6 @@ strength 1, at test identities, warps and triangulations of ICT and at the MakeH
 and remeshed; shapes weigh alike. Also the mean over all vertices, and the true motion beside them.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

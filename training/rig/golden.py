@@ -1,7 +1,5 @@
 """Golden of the rig's network: a debug network on random vertices."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from pathlib import Path
 

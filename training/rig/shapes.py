@@ -3,8 +3,6 @@
 Shapes: `S` = 51 shapes with motion of skin (`faces.CHANNELS`), `N` = 68 landmarks.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from training.corpus.faces import CHANNELS, Face

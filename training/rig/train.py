@@ -7,8 +7,6 @@ face left out), seeded, one thread. Results are `RUNS/rig_{both,ict,makehuman}.p
 `training.rig.evaluate` prints their errors and `training.export rig` writes the shipped one.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from pathlib import Path

@@ -5,8 +5,6 @@ of the mouth and jaw, left and right together, with a little of each weight's sq
 that nearly cancel stay away.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

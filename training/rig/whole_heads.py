@@ -1,7 +1,5 @@
 """The command's own shapes on whole ICT heads of unseen identities, all parts, against the truth."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import tempfile

@@ -9,8 +9,6 @@ the encoder, which is not trained, hears the same stretch whole. Windows are tho
 runs/causal_speech/stream.pt` writes the model.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

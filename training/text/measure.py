@@ -1,7 +1,5 @@
 """How well text becomes units: table 13, held-out descriptions, and floors without a tower beside them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -10,8 +10,6 @@ keep `WIDTH` numbers. Words that it lacks are placed by their letters, n-grams o
 are fitted to the known words by ridge regression.
 """
 
-from __future__ import annotations
-
 import argparse
 import re
 import zlib

@@ -1,7 +1,5 @@
 """The text space and the tower as they stand in a model folder."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import torch

@@ -1,7 +1,5 @@
 """Corpora over FLAME with emotions in their names: MEAD-3D (parameters) and EmoVOCA (vertices)."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from pathlib import Path

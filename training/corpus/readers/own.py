@@ -1,7 +1,5 @@
 """The project's own sources as corpus folders; SOURCE is the data folder that holds `motion/`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Corpora of vertex sequences: VOCASET, BIWI, Multiface."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What readers share: files of numpy and pickle, meshes, csv with numbers, sounds beside motion."""
 
-from __future__ import annotations
-
 import csv
 import pickle
 from pathlib import Path

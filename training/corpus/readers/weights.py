@@ -1,7 +1,5 @@
 """Corpora of blend weights: BEAT-style json, takes of Live Link Face."""
 
-from __future__ import annotations
-
 import csv
 import re
 from pathlib import Path

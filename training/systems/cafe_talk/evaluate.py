@@ -9,8 +9,6 @@ measured, on ICT's landmarks: what the engine adds when it shows them (lips brou
 not in here.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

@@ -5,8 +5,6 @@ from recorded speech under added emotions; what it is asked about are other clip
 clips whose emotion it finds, `Div` the deviation of its features over clips.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

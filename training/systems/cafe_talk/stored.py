@@ -1,7 +1,5 @@
 """A finished Cafe-Talk model, from a run or from the folder that it was exported to."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The clips that EmoFace trains on, heard by both encoders; kept in the cache."""
 
-from __future__ import annotations
-
 import hashlib
 from functools import partial
 from pathlib import Path

@@ -9,8 +9,6 @@ sentence is felt through another recording. Errors are on the template: √LVE o
 in it. `--run` may be given several times, so that runs stand beside one another.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass
 from pathlib import Path

@@ -9,8 +9,6 @@ told 50 % of an unheard actor's feelings apart, these numbers 69 %.
 Frames of 10 ms are those of `log_mel`; instants stand 160 ms apart.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

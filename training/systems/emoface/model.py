@@ -9,8 +9,6 @@ Differs from the paper: attention to the own frame alone is a linear layer of it
 level of feeling enters the emotion branch alone; the formula of the fusion is not printed (see `EmoFace`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

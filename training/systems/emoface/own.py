@@ -4,8 +4,6 @@ The template is the neutral mesh of the folder's topology in canonical axes; mot
 each speaker's vertices from his own neutral mesh. A style is a speaker, a level the intensity of `clips.tsv`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

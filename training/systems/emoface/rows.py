@@ -1,7 +1,5 @@
 """What EmoFace trains on: stretches of speech under a feeling, their own or that of another recording."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ moves; triangles join vertices whose cells of nearest points meet (the dual of a
 Paths never cross the slit between the lips, so neither do triangles.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -9,8 +9,6 @@ The emotion encoder is that of `training.systems.emoface.train_feeling` and stay
 Seeded; resumes from `--out/last.pt` with the same bits.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 from pathlib import Path

@@ -7,8 +7,6 @@ The second fits once without each of the ten actors and prints how often the oth
 the first two seconds of a clip. There is nothing random in it.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass
 from pathlib import Path

@@ -6,8 +6,6 @@ symmetric or antisymmetric, so directions are too, and the left region's code is
 mirrored head.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import torch

@@ -6,8 +6,6 @@ Reads a run's head.pt or an exported folder. Distances are those of points of th
 zero, by one Newton step. `--parts` chooses what is measured.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import replace
 from pathlib import Path

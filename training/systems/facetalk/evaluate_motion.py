@@ -6,8 +6,6 @@ Codes are read back as ARKit weights and shown on ICT's landmarks: nothing of th
 `--runs NAME=motion.pt` adds rows for runs without a part (table 2).
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 from dataclasses import replace

@@ -4,8 +4,6 @@ Both see where the point lies on the mean head, the expression's code and a few 
 identity's code and anchors (NPHM §3.3).
 """
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor, nn
 

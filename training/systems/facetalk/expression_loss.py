@@ -1,7 +1,5 @@
 """What trains the deformations: exact pairs of canonical and posed places, and lips and lids that meet."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import torch

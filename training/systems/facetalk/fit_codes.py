@@ -5,8 +5,6 @@ landmarks under that prior; slopes come from differences, so that the same can b
 differentiation. `free` then lets z leave what coefficients reach.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import torch

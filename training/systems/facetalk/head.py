@@ -5,8 +5,6 @@ random heads are coefficients from N(0, 1). Codes of expressions are a linear ma
 canonical pose, jaw open by `open_jaw`, has the code 0.
 """
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor, nn
 

@@ -5,8 +5,6 @@ Giebenhain et al. 2023, §3.2).
 Shapes: `B` heads, `P` points of each, `A` anchors, `G` and `L` numbers of the global and of a local code.
 """
 
-from __future__ import annotations
-
 import math
 
 import torch

@@ -5,8 +5,6 @@ rotary; a row sees itself and `look_back_frames` − 1 rows behind it, so that a
 at once as windows were trained; the model is told the augmentation r of eq. 8, which then is a control.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import torch

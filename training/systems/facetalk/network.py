@@ -3,8 +3,6 @@
 What a code contributes is the same for all points of a head (or a frame), so it is computed once for each.
 """
 
-from __future__ import annotations
-
 import math
 
 import torch

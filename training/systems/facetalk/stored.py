@@ -1,7 +1,5 @@
 """FaceTalk's head and the models that move it: checkpoints, and the one folder that holds all of them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import torch

@@ -8,8 +8,6 @@ Heads are ICT identities from N(0, 1), a pool of them held in memory and changed
 evaluation come from seeds of their own. Seeded; resumes from `--out/last.pt` with the same bits.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

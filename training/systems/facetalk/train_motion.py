@@ -8,8 +8,6 @@ at rest by r ~ U(low, high) (eq. 8), which the model is told. `--without` leaves
 Seeded; resumes from `--out/last.pt` with the same bits.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import replace
 from pathlib import Path

@@ -5,8 +5,6 @@ silent (schedule of the learning rate, averaged weights, dropout) the plainest c
 no speaking styles, so that every window is of the style `any`. An epoch shows every clip once.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import asdict, dataclass, replace
 

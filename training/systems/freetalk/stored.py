@@ -1,7 +1,5 @@
 """Finished models of FreeTalk, from a run or from the folders that they were exported to."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import torch

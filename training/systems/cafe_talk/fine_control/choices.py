@@ -1,7 +1,5 @@
 """Numbers that the paper does not print, tried: denoising steps, α, β, and the third term of eq. 6."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from training.systems.cafe_talk.denoiser import Sampling

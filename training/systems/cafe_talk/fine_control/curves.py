@@ -6,8 +6,6 @@ The paper's figure 10, through the `anyface` command:
         --anyface target/release/anyface --audio SOUND --out CURVES.png
 """
 
-from __future__ import annotations
-
 import argparse
 import subprocess
 import tempfile

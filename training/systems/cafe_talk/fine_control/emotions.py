@@ -1,7 +1,5 @@
 """Whether the coarse condition is obeyed: Acc and Div of generated takes (tables 2, 8 and 9 of Cafe-Talk)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from torch import Tensor

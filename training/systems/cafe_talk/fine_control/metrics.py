@@ -4,8 +4,6 @@ Twins of the Rust crate's `metrics::control_rate` and `tests/eval`'s section on 
 frame and the one behind its last; what cannot be measured is NaN.
 """
 
-from __future__ import annotations
-
 import math
 
 import torch

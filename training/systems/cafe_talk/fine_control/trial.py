@@ -1,7 +1,5 @@
 """A finished run under trial: held-out clips through it, with events and emotions as asked."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

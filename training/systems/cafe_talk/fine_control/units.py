@@ -1,7 +1,5 @@
 """Every action unit on held-out takes: how it is obeyed, and what it costs (tables 3 and 4 of Cafe-Talk)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict, dataclass
 

@@ -10,8 +10,6 @@ and at the MakeHuman head as it is and remeshed. Mean distance in millimetres ov
 over the lips (within 1 cm of a lip landmark), frames and meshes weighted alike.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Golden of the `paper` decoder: debug size, random weights, the procedural mesh of the parity set."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import torch

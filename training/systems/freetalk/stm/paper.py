@@ -15,8 +15,6 @@ What the paper leaves open and this file settles:
 Shapes: `T` frames, `V` vertices, `N` = 68 landmarks.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import dataclass

@@ -14,8 +14,6 @@ alone (for the leave-one-face-out errors), seeded, one thread by default. Result
 errors and `training.export stm` writes the shipped one.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 from pathlib import Path

@@ -5,8 +5,6 @@ distances instead of squared distances, which is what is measured afterwards; `-
 printed ones.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
