@@ -23,13 +23,13 @@ from training.corpus.emotions import expressions
 from training.corpus.faces import CHANNELS
 from training.corpus.ict import IctLandmarks
 from training.corpus.manner import manners_config
+from training.flags import add_flags
 from training.landmarks import prior
 from training.landmarks.network import Config, LandmarkNetwork, start_from
 from training.landmarks.pose_network import PoseConfig, PoseNetwork
 from training.nn.checkpoint import EXACT, write_model
 from training.rig.network import CONFIGS as RIG
 from training.rig.visemes import solve
-from training.run import add_flags
 from training.systems.cafe_talk.denoiser import CafeTalkConfig
 from training.systems.facetalk import stored as facetalk_files
 from training.systems.freetalk.ats import AtsConfig, Sampling

@@ -6,12 +6,11 @@ run gives the same bits as one that was never stopped.
 
 import argparse
 import csv
-import inspect
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Literal, Protocol, get_args, get_origin
+from typing import Protocol
 
 import numpy as np
 import torch
@@ -223,23 +222,3 @@ def _restore(generator: torch.Generator | np.random.Generator, state) -> None:
         generator.set_state(state)
     else:
         generator.bit_generator.state = state
-
-
-def add_flags(parser: argparse.ArgumentParser, function: Callable) -> None:
-    """A flag for each parameter of a function; with `Annotated` the second part is what `--help` says."""
-    for name, parameter in inspect.signature(function, eval_str=True).parameters.items():
-        kind, told = parameter.annotation, None
-        if get_origin(kind) is Annotated:
-            kind, told = get_args(kind)
-        options = {"help": told, "default": parameter.default}
-        if parameter.default is parameter.empty:
-            options |= {"default": None, "required": True}
-        if get_origin(kind) is Literal:
-            options["choices"] = get_args(kind)
-        elif kind is bool:
-            options["action"] = "store_true"
-        elif get_origin(kind) is list:
-            options |= {"type": get_args(kind)[0], "nargs": "*"}
-        else:
-            options["type"] = next(part for part in (*get_args(kind), kind) if part is not type(None))
-        parser.add_argument(f"--{name.replace('_', '-')}", **options)

@@ -7,20 +7,22 @@ writes the held-out part of each source as a folder of sound and `phones.jsonl`,
 drive the co-articulation teacher.
 """
 
-import argparse
 import csv
 import json
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import soundfile
 
+from training import DATA
 from training.corpus.clip import read_sound
 from training.corpus.espeak import Espeak
 from training.corpus.phones import PAUSE, Phone
 from training.corpus.split import grid_held_out
+from training.flags import run_command
 
 NATHALIE_LAST_PHONE_S = 0.02
 HELD_OUT_EVERY = 20
@@ -227,27 +229,26 @@ def write(folder: Path, utterances: list[Utterance]) -> None:
             file.write(json.dumps({"id": utterance.name, "words": words}, ensure_ascii=False) + "\n")
 
 
-def main() -> None:
+def main(
+    data: Path = DATA,
+    out: Path = Path("runs/aligned"),
+    minutes: Annotated[float, "of each language that espeak-ng speaks"] = 1.5,
+) -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--out", type=Path, default=Path("runs/aligned"))
-    parser.add_argument("--minutes", type=float, default=1.5, help="of each language that espeak-ng speaks")
-    arguments = parser.parse_args()
     espeak = Espeak()
-    clips = (arguments.data / "motion/grid_s1/clips.tsv").read_text().splitlines()
+    clips = (data / "motion/grid_s1/clips.tsv").read_text().splitlines()
     held_out = grid_held_out([line.split("\t")[0] for line in clips])
     recorded = [
-        read_librivox(arguments.data),
-        read_nathalie(arguments.data),
-        read_kathleen(arguments.data, only_held_out=True),
-        read_grid_speech(arguments.data, held_out),
+        read_librivox(data),
+        read_nathalie(data),
+        read_kathleen(data, only_held_out=True),
+        read_grid_speech(data, held_out),
     ]
-    spoken = [speak(espeak, x, arguments.minutes, seed=MEASURED_SEED) for x in MEASURED_LANGUAGES]
+    spoken = [speak(espeak, x, minutes, seed=MEASURED_SEED) for x in MEASURED_LANGUAGES]
     for kept in [[u for u in utterances if u.held_out] for utterances in recorded] + spoken:
-        write(arguments.out / kept[0].source, kept)
-        print(arguments.out / kept[0].source, len(kept))
+        write(out / kept[0].source, kept)
+        print(out / kept[0].source, len(kept))
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

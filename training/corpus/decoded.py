@@ -1,6 +1,6 @@
 """Phones of speech that nobody transcribed in time, read by a trained speech encoder.
 
-A first run of `training.speech.train --targets phones` gives log-posteriors at 100 Hz. Where the
+A first run of `training.speech.train` gives log-posteriors at 100 Hz. Where the
 text is known (kerstin_de), espeak-ng's phones for it are aligned to them; where it is not
 (picovoice_en, more than 50 speakers), the likeliest sequence is taken. Both are Viterbi (1967).
 """
@@ -30,10 +30,8 @@ class PhoneReader:
 
     def __init__(self, run: Path):
         saved = torch.load(run)
-        if saved.get("targets") != "phones":
-            raise ValueError(f"{run}: expected a run with --targets phones, got {saved.get('targets')}")
         config = CompactConfig(**saved["config"])
-        self.encoder, self.head = CompactEncoder(config).eval(), PhoneHead("phones", config.channels)
+        self.encoder, self.head = CompactEncoder(config).eval(), PhoneHead(config.channels)
         for module, prefix in ((self.encoder, "encoder."), (self.head, "phones.")):
             state = {k.removeprefix(prefix): v for k, v in saved["state"].items() if k.startswith(prefix)}
             module.load_state_dict(state)

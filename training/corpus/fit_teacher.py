@@ -1,6 +1,6 @@
-"""Fits the co-articulation teacher to recorded motion and reports on held-out clips.
+"""Fits the co-articulation teacher to recorded motion.
 
-    python -m training.corpus.fit_teacher --data ../shared/data --out runs/teacher
+    python -m training.corpus.fit_teacher --data ../shared/data
 
 Fits on the training clips of grid_s1 (phones by pocketsphinx) and writes
 `training/corpus/teacher.json`. Components of motion and measures of it are lip gap, mouth width, chin,
@@ -11,7 +11,6 @@ closes the lips by rule. What the articulatory features of all segments share is
 each has of its own, so segments that GRID lacks move with their kin.
 """
 
-import argparse
 import json
 from pathlib import Path
 
@@ -19,6 +18,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from training import DATA
 from training.corpus import articulation
 from training.corpus.aligned import read_grid_speech
 from training.corpus.articulation import COMPONENTS
@@ -27,7 +27,7 @@ from training.corpus.grid import read_grid
 from training.corpus.mirror import symmetrise
 from training.corpus.phones import FEATURES, SEGMENTS, Phone, bilabials, feature_table, split
 from training.corpus.teacher import LOWER_FACE, PARAMETERS, row_of
-from training.corpus.teacher_report import report
+from training.flags import run_command
 from training.run import downhill
 
 MEASURES = ("gap", *COMPONENTS)
@@ -224,26 +224,17 @@ def save(model: Dominance, path: Path) -> None:
     path.write_text("{\n" + ",\n".join(lines) + "\n}\n")
 
 
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--out", type=Path, default=Path("runs/teacher"))
-    parser.add_argument("--parameters", type=Path, default=PARAMETERS)
-    parser.add_argument("--epochs", type=int, default=60)
-    parser.add_argument("--report-only", action="store_true")
-    arguments = parser.parse_args()
+def main(data: Path = DATA) -> None:
+    """Fits on the training clips whose words could be aligned."""
     torch.set_num_threads(1)
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    phones = {u.name: u.phones for u in read_grid_speech(arguments.data)}
-    clips = [(clip, phones[clip.name]) for clip in read_grid(arguments.data) if clip.name in phones]
-    if not arguments.report_only:
-        known = [pair for pair in clips if not pair[0].held_out]
-        model = Dominance(measure_basis([clip for clip, _ in known]), heard_often(known))
-        fit(model, known, arguments.epochs)
-        save(model, arguments.parameters)
-    report(arguments.data, arguments.out, [p for p in clips if p[0].held_out], arguments.parameters)
+    phones = {u.name: u.phones for u in read_grid_speech(data)}
+    known = [
+        (clip, phones[clip.name]) for clip in read_grid(data) if clip.name in phones and not clip.held_out
+    ]
+    model = Dominance(measure_basis([clip for clip, _ in known]), heard_often(known))
+    fit(model, known, epochs=60)
+    save(model, PARAMETERS)
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

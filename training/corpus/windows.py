@@ -55,11 +55,6 @@ class Batch:
     source: Tensor
 
 
-def plain_options() -> AugmentOptions:
-    """The recordings as they are."""
-    return AugmentOptions(as_recorded_share=1.0, silent_share=0.0)
-
-
 class WindowSampler:
     """Draws batches of T-frame windows from the training entries of one or more sources."""
 

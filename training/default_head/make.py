@@ -8,16 +8,16 @@ between the jaw hinges; one object per part) and `landmarks.json` (the 68 iBUG l
 The same seed gives the same files.
 """
 
-import argparse
 import json
 from pathlib import Path
 
 import numpy as np
 from safetensors.numpy import load_file
 
-from training import shipped
+from training import DATA, shipped
 from training.default_head import parts, skin
 from training.default_head.parts import Part
+from training.flags import run_command
 from training.landmarks.canonical import from_ict
 
 EYEBALLS = {"eye_left": (21451, 23020), "eye_right": (23021, 24590)}
@@ -82,18 +82,16 @@ def write_landmarks(folder: Path, made: skin.Skin, points: np.ndarray) -> None:
     (folder / "landmarks.json").write_text(f'{{\n "version": 1,\n "landmarks": [\n  {lines}\n ]\n}}\n')
 
 
-def main() -> None:
+HEAD = shipped("default_head")
+
+
+def main(data: Path = DATA, seed: int = 11, out: Path = HEAD) -> None:
     """Entry of the command."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--seed", type=int, default=11)
-    parser.add_argument("--out", type=Path, default=shipped("default_head"))
-    args = parser.parse_args()
-    args.out.mkdir(parents=True, exist_ok=True)
-    ict = load_file(args.data / "faces/ict_facekit.safetensors")
+    out.mkdir(parents=True, exist_ok=True)
+    ict = load_file(data / "faces/ict_facekit.safetensors")
     neutral = ict["neutral"].astype(np.float64)
     made = skin.build(neutral, ict["triangles"], ict["landmarks68"], seed=0)
-    whole = identity(ict, args.seed)
+    whole = identity(ict, seed)
     points = made.weights @ whole
     head = [skin_part(made, points)]
     head += [parts.eye(n, whole[a : b + 1]) for n, (a, b) in EYEBALLS.items()]
@@ -101,15 +99,15 @@ def main() -> None:
     first, last = TEETH["teeth_lower"]
     head.append(parts.tongue(whole[first : last + 1]))
     header = (
-        f"Anyface default head, seed {args.seed}; made by training/default_head/make.py\n"
+        f"Anyface default head, seed {seed}; made by training/default_head/make.py\n"
         "Shape sampled from USC ICT FaceKit, Copyright (c) 2020 USC Institute for Creative "
         "Technologies, MIT licence; triangulation, eyes, teeth and tongue are Anyface's own."
     )
-    write_obj(args.out, head, header)
-    write_landmarks(args.out, made, points)
+    write_obj(out, head, header)
+    write_landmarks(out, made, points)
     count = sum(len(p.points) for p in head)
-    print(f"{args.out}: {count} vertices, {sum(len(f) for p in head for f in p.faces.values())} triangles")
+    print(f"{out}: {count} vertices, {sum(len(f) for p in head for f in p.faces.values())} triangles")
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

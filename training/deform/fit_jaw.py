@@ -8,18 +8,18 @@ training takes of facegood_zh with random expressions; each frame counts with it
 to rust-core/src/deform/jaw_from_contour.json; lengths in canonical centimetres.
 """
 
-import argparse
 import json
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from training import REPOSITORY
+from training import DATA, REPOSITORY
 from training.align import canonical_landmarks, similarity
 from training.corpus.expressions import load_speech, training_frames
 from training.corpus.faces import CHANNELS
 from training.deform.evaluate_parts import GAZE, load_head
+from training.flags import run_command
 
 CONTOUR = list(range(2, 15))
 RIDGE = 0.01
@@ -55,18 +55,15 @@ def regressed(landmarks: np.ndarray, pose: np.ndarray) -> np.ndarray:
     return np.linalg.solve(damped, x.T @ y).T
 
 
-def main() -> None:
+def main(data: Path = DATA) -> None:
     """Entry of the command."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    args = parser.parse_args()
-    head = load_head(args.data)
+    head = load_head(data)
     # ICT stands in the canonical frame but for its origin.
     offset = 100.0 * canonical_landmarks().mean(0) - head.neutral[head.landmarks].mean(0)
     teeth = head.parts["teeth, lower"]
     opening = head.modes[CHANNELS.index("jawOpen"), teeth]
     hinge = hinge_of(head.neutral[teeth] + offset, opening)
-    weights = training_frames(np.random.default_rng(3), load_speech(args.data).train, 4000)
+    weights = training_frames(np.random.default_rng(3), load_speech(data).train, 4000)
     weights[:, GAZE] = 0.0
     contour = head.landmarks[CONTOUR]
     moved = np.einsum("tm,mvx->tvx", weights, head.modes[:, contour])
@@ -87,4 +84,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

@@ -9,14 +9,15 @@ mean of landmarks 0, 1, 15 and 16, which lie in front of the ears at the height 
 writes `rust-core/src/mesh/canonical_landmarks.json`, read by both sides.
 """
 
-import argparse
 import json
 from pathlib import Path
 
 import numpy as np
 from safetensors.numpy import load_file
 
+from training import DATA
 from training.align import CANONICAL
+from training.flags import run_command
 
 HINGES = [0, 1, 15, 16]
 
@@ -27,12 +28,9 @@ def from_ict(points_cm: np.ndarray) -> np.ndarray:
     return (points_cm - origin) * 0.01
 
 
-def main() -> None:
+def main(data: Path = DATA) -> None:
     """Writes the json file."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    args = parser.parse_args()
-    ict = load_file(args.data / "faces/ict_facekit.safetensors")
+    ict = load_file(data / "faces/ict_facekit.safetensors")
     landmarks_cm = ict["neutral"][ict["landmarks68"]].astype(np.float64)
     origin_cm = landmarks_cm[HINGES].mean(axis=0)
     origin_cm[0] = 0.0
@@ -48,4 +46,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

@@ -6,12 +6,13 @@ writes `pictures.npy` `[n, 4, 128, 128]` f16, `targets.npy` `[n, 68, 2]` f32 (co
 over the window), and `kind.npy` `[n]`: 0 no face, 1 ICT, 2 MakeHuman.
 """
 
-import argparse
 from pathlib import Path
 
 import numpy as np
 
+from training import DATA
 from training.align import canonical_landmarks
+from training.flags import run_command
 from training.landmarks import heads, render, samples
 from training.landmarks.faceless import faceless
 from training.landmarks.stepped import stepped
@@ -100,22 +101,16 @@ def draw_nothing(rng, faces, chosen) -> tuple[np.ndarray, np.ndarray, int]:
     return render.picture(points, triangles, centre, half, softness(rng)), np.full((68, 2), 0.5), 0
 
 
-def main() -> None:
+def main(data: Path = DATA, runs: Path = Path("runs/landmarks"), count: int = 8000, seed: int = 0) -> None:
     """Draws the pool; MakeHuman's pictures are marked, so training can leave them out."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--runs", type=Path, default=Path("runs/landmarks"))
-    parser.add_argument("--count", type=int, default=8000)
-    parser.add_argument("--seed", type=int, default=0)
-    args = parser.parse_args()
-    args.runs.mkdir(parents=True, exist_ok=True)
-    faces, chosen = samples.Faces(args.data), identities(held_out=False)
+    runs.mkdir(parents=True, exist_ok=True)
+    faces, chosen = samples.Faces(data), identities(held_out=False)
     pictures = np.lib.format.open_memmap(
-        args.runs / "pictures.npy", "w+", np.float16, (args.count, 4, render.RESOLUTION, render.RESOLUTION)
+        runs / "pictures.npy", "w+", np.float16, (count, 4, render.RESOLUTION, render.RESOLUTION)
     )
-    targets, kinds = np.zeros((args.count, 68, 2), np.float32), np.zeros(args.count, np.int8)
-    for i in range(args.count):
-        rng = np.random.default_rng([args.seed, i])
+    targets, kinds = np.zeros((count, 68, 2), np.float32), np.zeros(count, np.int8)
+    for i in range(count):
+        rng = np.random.default_rng([seed, i])
         if i % PICTURES_A_HEAD == 0:
             kind = 2 if rng.random() < MAKEHUMAN_SHARE else 1
             head = heads.random_head(rng, faces, chosen, float(kind == 2))
@@ -127,9 +122,9 @@ def main() -> None:
         if i % 500 == 499:
             print(i + 1, flush=True)
     pictures.flush()
-    np.save(args.runs / "targets.npy", targets)
-    np.save(args.runs / "kind.npy", kinds)
+    np.save(runs / "targets.npy", targets)
+    np.save(runs / "kind.npy", kinds)
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

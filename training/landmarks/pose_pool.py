@@ -7,12 +7,13 @@ is there (0 not, -1 too far from the line of sight to say), column and row from 
 half-size of a tight window over this window's, the face's x and z axes in the view, makehuman.
 """
 
-import argparse
 from pathlib import Path
 
 import numpy as np
 
+from training import DATA
 from training.align import canonical_landmarks, similarity
+from training.flags import run_command
 from training.landmarks import heads, pool, render, samples
 from training.landmarks.faceless import faceless
 
@@ -82,21 +83,15 @@ def picture(rng, head, pose) -> tuple[np.ndarray, np.ndarray]:
     return drawn, np.r_[there, place, log_size, face[0], face[2]].astype(np.float32)
 
 
-def main() -> None:
+def main(data: Path = DATA, runs: Path = Path("runs/pose"), count: int = 36000, seed: int = 0) -> None:
     """Entry of the command."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--runs", type=Path, default=Path("runs/pose"))
-    parser.add_argument("--count", type=int, default=36000)
-    parser.add_argument("--seed", type=int, default=0)
-    args = parser.parse_args()
-    args.runs.mkdir(parents=True, exist_ok=True)
-    faces, chosen = samples.Faces(args.data), pool.identities(held_out=False)
-    shape = (args.count, 4, render.RESOLUTION, render.RESOLUTION)
-    pictures = np.lib.format.open_memmap(args.runs / "pictures.npy", "w+", np.int8, shape)
-    poses = np.zeros((args.count, 11), np.float32)
-    for i in range(args.count):
-        rng = np.random.default_rng([args.seed, 7, i])
+    runs.mkdir(parents=True, exist_ok=True)
+    faces, chosen = samples.Faces(data), pool.identities(held_out=False)
+    shape = (count, 4, render.RESOLUTION, render.RESOLUTION)
+    pictures = np.lib.format.open_memmap(runs / "pictures.npy", "w+", np.int8, shape)
+    poses = np.zeros((count, 11), np.float32)
+    for i in range(count):
+        rng = np.random.default_rng([seed, 7, i])
         if i % HEADS_SHARE == 0:
             empty, made = rng.random() < FACELESS, rng.random() < pool.MAKEHUMAN_SHARE
             head = faceless(rng) if empty else heads.random_head(rng, faces, chosen, float(made))
@@ -106,11 +101,11 @@ def main() -> None:
         poses[i] = np.r_[pose_here, float(made)]
         poses[i, 0] = 0.0 if empty else poses[i, 0]
         if i % 2000 == 1999:
-            np.save(args.runs / "poses.npy", poses[: i + 1])
+            np.save(runs / "poses.npy", poses[: i + 1])
             print(i + 1, flush=True)
     pictures.flush()
-    np.save(args.runs / "poses.npy", poses)
+    np.save(runs / "poses.npy", poses)
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

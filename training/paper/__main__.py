@@ -6,13 +6,14 @@
 models that were trained without a part (`training.paper.ablations`).
 """
 
-import argparse
 import json
 import math
 import tempfile
 from pathlib import Path
+from typing import Annotated
 
 from training.corpus.folder import CorpusFolder
+from training.flags import run_command
 from training.paper.engine import Engine
 from training.paper.metrics import NAMES
 from training.paper.printed import combinations, printed
@@ -60,40 +61,39 @@ def rows_of(table: Table) -> str:
     return "\n".join(lines) + "\n"
 
 
-def main() -> None:
+def main(
+    corpus: Annotated[list[Path], "corpus folders"],
+    anyface: Path = Path("target/release/anyface"),
+    options: Annotated[list[str], "of every call"] = (),
+    ablations: Annotated[Path | None, "folder that training.paper.ablations wrote"] = None,
+    clips: Annotated[int, "held-out clips of each folder"] = 20,
+    out: Path = Path("docs/paper.md"),
+) -> None:
     """Entry of the command."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--corpus", type=Path, nargs="+", required=True, help="corpus folders")
-    parser.add_argument("--anyface", type=Path, default=Path("target/release/anyface"))
-    parser.add_argument("--options", nargs="*", default=[], help="of every call")
-    parser.add_argument("--ablations", type=Path, help="folder that training.paper.ablations wrote")
-    parser.add_argument("--clips", type=int, default=20, help="held-out clips of each folder")
-    parser.add_argument("--out", type=Path, default=Path("docs/paper.md"))
-    arguments = parser.parse_args()
-    engine = Engine(arguments.anyface.resolve(), arguments.options)
+    engine = Engine(anyface.resolve(), options)
     tables, figures = [], []
-    for path in arguments.corpus:
+    for path in corpus:
         folder = CorpusFolder(path)
         print(f"{folder.name}: sound to landmarks", flush=True)
-        table = landmark_table(folder, engine, arguments.clips)
+        table = landmark_table(folder, engine, clips)
         tables += [table] if table else []
         if any(folder.file("vertices", row, (".npy", ".npz", "")) for row in folder.rows if row.held_out):
             print(f"{folder.name}: sound and landmarks to mesh", flush=True)
-            tables += mesh_tables(folder, engine, arguments.clips)
+            tables += mesh_tables(folder, engine, clips)
             if not figures:
                 from training.paper.figures import draw
 
                 with tempfile.TemporaryDirectory() as place:
-                    figures = draw(folder, engine, Path(place), arguments.out.parent / "images/paper")
+                    figures = draw(folder, engine, Path(place), out.parent / "images/paper")
     ablated = []
-    if arguments.ablations:
-        found = json.loads((arguments.ablations / "scores.json").read_text())
+    if ablations:
+        found = json.loads((ablations / "scores.json").read_text())
         ablated = [Table(**table) for table in found]
-    names = " ".join(path.name for path in arguments.corpus)
-    command = f"python -m training.paper --corpus {names} --clips {arguments.clips}"
-    arguments.out.write_text(page(tables, ablated, figures, arguments.out, command), encoding="utf-8")
-    print(arguments.out)
+    names = " ".join(path.name for path in corpus)
+    command = f"python -m training.paper --corpus {names} --clips {clips}"
+    out.write_text(page(tables, ablated, figures, out, command), encoding="utf-8")
+    print(out)
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

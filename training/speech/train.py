@@ -3,10 +3,9 @@
     python -m training.speech.train --data ../shared/data --out runs/speech
 
 Each source of motion has its own linear read-out, so that two people do not average into one.
-Speech without a face (many voices, eighteen languages) joins through `--targets`: articulatory
-features of its phones, the phones themselves, or CTC. With `--corpus DIR [DIR ...]` it hears corpus folders
-alone, and their phones where they say them. Only the encoder is kept. Seeded; resumes from `--out/last.pt`
-with the same bits.
+Speech without a face (many voices, eighteen languages) joins through its phones. With `--corpus DIR
+[DIR ...]` it hears corpus folders alone, and their phones where they say them. Only the encoder is kept.
+Seeded; resumes from `--out/last.pt` with the same bits.
 """
 
 import argparse
@@ -21,7 +20,7 @@ from training.corpus import bank, spoken
 from training.corpus.closures import closures_met
 from training.corpus.shares import entries_of, lasting, measured_scales, with_phones
 from training.corpus.teacher import Teacher
-from training.corpus.windows import AugmentOptions, Batch, WindowSampler, plain_options
+from training.corpus.windows import AugmentOptions, Batch, WindowSampler
 from training.losses import (
     feature_concordance,
     feature_scores,
@@ -33,7 +32,7 @@ from training.losses import (
 from training.machine import Machine
 from training.run import Run, begin, descend, seeded, trainer_parser
 from training.speech.compact import CompactConfig, CompactEncoder, debug_config, normalise
-from training.speech.targets import TARGETS, PhoneHead
+from training.speech.targets import PhoneHead
 
 SHARES = {"grid_s1": 0.35, "facegood_zh": 0.2, "taught": 0.45}
 CONCORDANCE = 0.3
@@ -44,12 +43,12 @@ HEARD_EVERY = 2
 class SpeechToMotion(nn.Module):
     """The encoder and one linear read-out to 204 displacements (in units of the source)."""
 
-    def __init__(self, config: CompactConfig, sources: list[str], targets: str, dropout: float = 0.1):
+    def __init__(self, config: CompactConfig, sources: list[str], dropout: float = 0.1):
         super().__init__()
         self.encoder = CompactEncoder(config)
         self.dropout = nn.Dropout(dropout)
         self.readouts = nn.ModuleList(nn.Linear(config.channels, 204) for _ in sources)
-        self.phones = PhoneHead(targets, config.channels)
+        self.phones = PhoneHead(config.channels)
 
     def forward(self, mel: torch.Tensor, source: torch.Tensor) -> torch.Tensor:
         """`mel` [B, 4 T, 64], `source` [B] → [B, T, 204] in units of the source's scale."""
@@ -134,7 +133,7 @@ def speech_of(arguments) -> Speech:
     entries = entries_of(arguments, voices, limit)
     if arguments.corpus:
         return Speech(entries, entries, with_phones([e for e in entries if e.held_out]), lasting(entries))
-    if arguments.targets != "none" and not debug:
+    if not debug:
         left = tuple(arguments.leave_speech)
         teacher = Teacher.load() if arguments.teacher else None
         speech = (arguments.minutes, left, teacher, arguments.reader)
@@ -152,10 +151,9 @@ def train(arguments) -> Path:
     config = debug_config() if arguments.config == "debug" else CompactConfig()
     speech = speech_of(arguments)
     sources, scales = list(speech.shares), measured_scales([*speech.shares], speech.entries)
-    options = AugmentOptions() if arguments.augment else plain_options()
     shares = list(speech.shares.values())
-    sampler = WindowSampler(speech.entries, sources, shares, arguments.seed, options)
-    model = SpeechToMotion(config, sources, arguments.targets)
+    sampler = WindowSampler(speech.entries, sources, shares, arguments.seed, AugmentOptions())
+    model = SpeechToMotion(config, sources)
     if arguments.init is not None:
         model.load_state_dict(torch.load(arguments.init)["state"])
     run, weight = start(arguments, model, {"windows": sampler.random}, 0.995), landmark_weights()
@@ -166,7 +164,7 @@ def train(arguments) -> Path:
 
     averaged = descend(arguments, run, loss, lambda x: validate(x, speech.judged, speech.heard, sources))
     final = {"state": averaged.state_dict(), "config": config.to_json(), "sources": sources}
-    torch.save(final | {"targets": arguments.targets}, arguments.out / "speech.pt")
+    torch.save(final, arguments.out / "speech.pt")
     return arguments.out / "speech.pt"
 
 
@@ -183,11 +181,9 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--config", choices=["compact", "debug"], default="compact")
     parser.add_argument("--leave-out", nargs="*", default=[], choices=[*SHARES], help="sources of motion")
     parser.add_argument("--leave-speech", nargs="*", default=[], help="speech to leave out (nathalie_nl, …)")
-    parser.add_argument("--targets", choices=TARGETS, default="phones")
     parser.add_argument("--teacher", action=argparse.BooleanOptionalAction, default=True)
     parser.add_argument("--reader", type=Path, help="an earlier speech.pt that reads untimed speech")
     parser.add_argument("--minutes", type=float, default=5.0, help="of each language by espeak-ng")
-    parser.add_argument("--augment", action=argparse.BooleanOptionalAction, default=True)
     parser.add_argument("--voices", type=int, default=7)
     parser.add_argument("--init", type=Path, help="start from this speech.pt")
     parser.add_argument("--batch", type=int, default=24)

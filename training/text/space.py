@@ -10,7 +10,6 @@ keep `WIDTH` numbers. Words that it lacks are placed by their letters, n-grams o
 are fitted to the known words by ridge regression.
 """
 
-import argparse
 import re
 import zlib
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix, diags
 from scipy.sparse.linalg import lsqr
 
+from training.flags import run_command
 from training.text import wordnet
 
 WIDTH = 64
@@ -220,17 +220,13 @@ def ngram_vectors(words: list[str], vectors: np.ndarray) -> np.ndarray:
     return np.stack(fitted, axis=1).astype(np.float32)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--wordnet", type=Path, default=wordnet.PLACE)
-    parser.add_argument("--out", type=Path, default=Path("runs/text"))
-    arguments = parser.parse_args()
-    space = build(arguments.wordnet)
-    arguments.out.mkdir(parents=True, exist_ok=True)
+def main(wordnet: Path = wordnet.PLACE, out: Path = Path("runs/text")) -> None:
+    space = build(wordnet)
+    out.mkdir(parents=True, exist_ok=True)
     arrays = {"vectors": space.vectors.astype(np.float16), "ngrams": space.ngrams.astype(np.float16)}
-    np.savez(arguments.out / "space.npz", words=np.array(space.words), **arrays)
+    np.savez(out / "space.npz", words=np.array(space.words), **arrays)
     print(f"{len(space.words)} words, {sum(a.nbytes for a in arrays.values()) / 1e6:.2f} MB")
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

@@ -53,7 +53,7 @@ def write_teacher(data: Path, out: Path) -> int:
 def write_read_out(data: Path, cache: Path, run: Path, out: Path) -> int:
     """Every held-out clip of recorded motion; returns their number."""
     saved = torch.load(run)
-    model = SpeechToMotion(CompactConfig(**saved["config"]), saved["sources"], saved["targets"]).eval()
+    model = SpeechToMotion(CompactConfig(**saved["config"]), saved["sources"]).eval()
     model.load_state_dict(saved["state"])
     held_out = [e for e in bank.load(data, cache, 7) if e.held_out]
     for entry in held_out:

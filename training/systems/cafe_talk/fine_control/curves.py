@@ -6,12 +6,13 @@ The paper's figure 10, through the `anyface` command:
         --anyface target/release/anyface --audio SOUND --out CURVES.png
 """
 
-import argparse
 import subprocess
 import tempfile
 from pathlib import Path
 
 import matplotlib
+
+from training.flags import run_command
 
 matplotlib.use("Agg")
 import numpy as np
@@ -24,6 +25,8 @@ LOWER = {"smile": "12,6", "jaw drop": "26"}
 # Landmarks of the inner lips, in the middle.
 UPPER_LIP, LOWER_LIP = 62, 66
 MM = 1000.0
+SLOT_S = (1.0, 2.2)
+"""Begin and end of the event."""
 # Nothing that chance adds.
 STILL = ("--blinks", "0", "--brow-accents", "0", "--fps", "50")
 
@@ -32,8 +35,8 @@ def motion(anyface: Path, audio: Path, *more: str) -> dict[str, np.ndarray]:
     """The arrays of `anyface motion --system cafe-talk`."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "motion.npz"
-        given = ("motion", "--system", "cafe-talk", "--audio", audio, "--out", out, *STILL, *more)
-        subprocess.run([anyface, *given], check=True, capture_output=True)
+        arguments = ("motion", "--system", "cafe-talk", "--audio", audio, "--out", out, *STILL, *more)
+        subprocess.run([anyface, *arguments], check=True, capture_output=True)
         return dict(np.load(out))
 
 
@@ -48,11 +51,10 @@ def opening(arrays: dict[str, np.ndarray]) -> np.ndarray:
     return MM * (moved[:, UPPER_LIP, 1] - moved[:, LOWER_LIP, 1])
 
 
-def draw(anyface: Path, audio: Path, slot: tuple[float, float], out: Path) -> None:
+def draw(audio: Path, out: Path, anyface: Path = Path("target/release/anyface")) -> None:
     """Both pictures below each other, the slot of the event marked."""
     figure, (above, below) = pyplot.subplots(2, 1, figsize=(8.8, 5.6), sharex=True, layout="constrained")
-    at = f"{slot[0]:g}-{slot[1]:g}"
-    plain = motion(anyface, audio)
+    plain, at = motion(anyface, audio), "{:g}-{:g}".format(*SLOT_S)
     time = np.arange(len(plain["weights"])) / plain["fps"]
     above.plot(time, weight(plain, SHAPE), color="0.3", label="no event")
     for factor, colour in zip(FACTORS, pyplot.get_cmap("viridis")(np.linspace(0.8, 0.1, 4)), strict=True):
@@ -61,27 +63,20 @@ def draw(anyface: Path, audio: Path, slot: tuple[float, float], out: Path) -> No
     above.set(ylabel=f"{SHAPE} under unit {UNIT}")
     below.plot(time, opening(plain), color="0.3", label="no event")
     for name, units in LOWER.items():
-        below.plot(time, opening(motion(anyface, audio, "--event", f"{at}:{units}")), label=name)
+        below.plot(
+            time,
+            opening(motion(anyface, audio, "--event", f"{at}:{units}")),
+            label=name,
+        )
     below.axhline(0.0, color="0.7", linewidth=0.8)
     below.set(xlabel="seconds", ylabel="lips apart, mm over rest")
     for axes in (above, below):
-        axes.axvspan(*slot, color="0.93", zorder=0)
+        axes.axvspan(*SLOT_S, color="0.93", zorder=0)
         axes.margins(x=0)
         axes.legend(loc="upper right", fontsize=8)
     figure.savefig(out, dpi=100)
     pyplot.close(figure)
 
 
-def main() -> None:
-    """Draws the picture of a sound."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--anyface", type=Path, default=Path("target/release/anyface"))
-    parser.add_argument("--audio", type=Path, required=True)
-    parser.add_argument("--slot", type=float, nargs=2, default=(1.0, 2.2), metavar="S")
-    parser.add_argument("--out", type=Path, required=True)
-    asked = parser.parse_args()
-    draw(asked.anyface, asked.audio, tuple(asked.slot), asked.out)
-
-
 if __name__ == "__main__":
-    main()
+    run_command(draw)

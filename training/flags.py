@@ -1,0 +1,34 @@
+"""Commands whose flags are the parameters of a function."""
+
+import argparse
+import inspect
+from collections.abc import Callable
+from typing import Annotated, Literal, get_args, get_origin
+
+
+def run_command(function: Callable, line: list[str] | None = None) -> object:
+    """Calls a function with what the command line says of its parameters; `--help` begins with the first line
+    of its module."""
+    parser = argparse.ArgumentParser(description=function.__globals__["__doc__"].splitlines()[0])
+    add_flags(parser, function)
+    return function(**vars(parser.parse_args(line)))
+
+
+def add_flags(parser: argparse.ArgumentParser, function: Callable) -> None:
+    """A flag for each parameter of a function; with `Annotated` the second part is what `--help` says."""
+    for name, parameter in inspect.signature(function, eval_str=True).parameters.items():
+        kind, explanation = parameter.annotation, None
+        if get_origin(kind) is Annotated:
+            kind, explanation = get_args(kind)
+        options = {"help": explanation, "default": parameter.default}
+        if parameter.default is parameter.empty:
+            options |= {"default": None, "required": True}
+        if get_origin(kind) is Literal:
+            options["choices"] = get_args(kind)
+        elif kind is bool:
+            options["action"] = "store_true"
+        elif get_origin(kind) is list:
+            options |= {"type": get_args(kind)[0], "nargs": "+" if parameter.default else "*"}
+        else:
+            options["type"] = next(part for part in (*get_args(kind), kind) if part is not type(None))
+        parser.add_argument(f"--{name.replace('_', '-')}", **options)
