@@ -15,7 +15,7 @@ from torch import Tensor
 
 from training.corpus.bank import Entry
 from training.corpus.clip import FPS
-from training.corpus.facegood import CAPTURE_FPS, read_arkit, resample
+from training.corpus.facegood import CAPTURE_FPS, arkit_takes, channel_rows, resample
 from training.corpus.facegood import SOURCE as FACEGOOD
 from training.corpus.faces import CHANNELS
 from training.corpus.folder_clips import arkit_modes
@@ -141,14 +141,9 @@ def _captured(entry: Entry, captured: dict[str, tuple[Tensor, Tensor]]) -> Entry
 def facegood_weights(data: Path) -> dict[str, tuple[Tensor, Tensor]]:
     """Of each take the weights [T, 51] at 25 fps and which channels were captured, [51]."""
     found = {}
-    for path in sorted((data / "motion" / FACEGOOD).glob("*.arkit.csv")):
-        table = read_arkit(path)
-        columns = np.zeros((len(next(iter(table.values()))), len(CHANNELS)), np.float32)
-        seen = torch.zeros(len(CHANNELS))
-        for i, name in enumerate(CHANNELS):
-            if name in table:
-                columns[:, i] = table[name]
-                seen[i] = float(name.startswith(("jaw", "mouth", "cheekPuff")))
-        weights = torch.from_numpy(resample(columns, CAPTURE_FPS, FPS)).clamp(0.0, HIGHEST)
-        found[path.name.removesuffix(".arkit.csv")] = 0.5 * (weights + weights[:, mirrored()]), seen
+    for name, columns in arkit_takes(data):
+        rows = resample(channel_rows(columns), CAPTURE_FPS, FPS)
+        weights = torch.from_numpy(rows).clamp(0.0, HIGHEST)
+        seen = [float(c in columns and c.startswith(("jaw", "mouth", "cheekPuff"))) for c in CHANNELS]
+        found[name] = 0.5 * (weights + weights[:, mirrored()]), torch.tensor(seen)
     return found

@@ -1,7 +1,5 @@
 """The training bank: log-mels, phones and motion of every source, computed once and kept on disk."""
 
-import hashlib
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +7,7 @@ import numpy as np
 import torch
 
 from training.corpus.aligned import Utterance, read_grid_speech
+from training.corpus.cache import cached, digest
 from training.corpus.clip import FPS, MEL_PER_FRAME, Clip, fit_frames
 from training.corpus.conditions import EMOTIONS
 from training.corpus.facegood import read_facegood
@@ -102,16 +101,8 @@ def load(
     limit: int | None = None,
 ) -> list[Entry]:
     """As `build`, from the cache folder where it was built before with the same arguments."""
-    key = json.dumps([VERSION, voices, seed, sorted(sources), limit])
-    path = cache / f"bank-{hashlib.sha256(key.encode()).hexdigest()[:12]}.pt"
-    if path.exists():
-        return [Entry(**fields) for fields in torch.load(path)]
-    entries = build(data, voices, seed, list(sources), limit)
-    cache.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".partial")
-    torch.save([vars(entry) for entry in entries], partial)
-    partial.rename(path)
-    return entries
+    path = cache / f"bank-{digest(VERSION, voices, seed, sorted(sources), limit)}.pt"
+    return cached(path, Entry, lambda: build(data, voices, seed, list(sources), limit))
 
 
 def _entry(clip: Clip, said: Utterance | None, voices: int, random: np.random.Generator) -> Entry:

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from training.corpus.conditions import EMOTIONS
+from training.corpus.faces import CHANNELS
 from training.corpus.ict import IctLandmarks
 
 AU_TO_ARKIT = {
@@ -84,3 +85,18 @@ def expressions(data: Path) -> tuple[np.ndarray, np.ndarray]:
                 parts[0, row] += (1.0 - yields) * moved
                 parts[1, row] += yields * moved
     return parts[0], parts[1]
+
+
+def channel_of(shape: str) -> int:
+    """The number in `CHANNELS` of a shape of `AU_TO_ARKIT`."""
+    return CHANNELS.index(shape.replace("_L", "Left").replace("_R", "Right"))
+
+
+def shape_weights() -> np.ndarray:
+    """Each emotion at intensity 1 as weights of `CHANNELS`, [15, 51]."""
+    rows = np.zeros((len(PROTOTYPES), len(CHANNELS)))
+    for row, units in zip(rows, PROTOTYPES.values(), strict=True):
+        for unit, strength in units.items():
+            for shape in AU_TO_ARKIT[unit]:
+                row[channel_of(shape)] += strength
+    return rows

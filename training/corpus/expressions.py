@@ -3,12 +3,12 @@
 Shapes: `T` frames, `M` = 51 channels in the order of `faces.CHANNELS`.
 """
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from training.corpus.facegood import arkit_takes, channel_rows
 from training.corpus.faces import CHANNELS
 
 HELD_OUT_TAKE = "1114_3_15"
@@ -28,14 +28,9 @@ class SpeechWeights:
 def load_speech(data: Path) -> SpeechWeights:
     """The ARKit conversion of facegood_zh; frames at rest are dropped."""
     takes = {}
-    for path in sorted((data / "motion/facegood_zh").glob("*.arkit.csv")):
-        with path.open() as f:
-            rows = list(csv.DictReader(f))
-        names = [n for n in rows[0] if n in CHANNELS]
-        weights = np.zeros((len(rows), len(CHANNELS)))
-        for name in names:
-            weights[:, CHANNELS.index(name)] = [float(r[name]) for r in rows]
-        takes[path.name.split(".")[0]] = weights[weights.max(1) > 0.05]
+    for name, columns in arkit_takes(data, np.float64):
+        weights = channel_rows(columns)
+        takes[name] = weights[weights.max(1) > 0.05]
     test = takes.pop(HELD_OUT_TAKE)
     return SpeechWeights(np.concatenate(list(takes.values())), test)
 

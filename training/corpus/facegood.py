@@ -5,12 +5,14 @@ eyes and the upper face contour carry no weight.
 """
 
 import csv
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from training.corpus.clip import FPS, Clip, read_sound
+from training.corpus.faces import CHANNELS
 from training.corpus.ict import IctLandmarks
 from training.corpus.split import facegood_first_held_out
 
@@ -26,9 +28,8 @@ def read_facegood(data: Path) -> list[Clip]:
     observed = np.ones(68, np.float32)
     observed[UNSEEN] = 0.0
     clips = []
-    for path in sorted(folder.glob("*.arkit.csv")):
-        name = path.name.removesuffix(".arkit.csv")
-        motion = resample(ict.displace(read_arkit(path)), CAPTURE_FPS, FPS)
+    for name, columns in arkit_takes(data):
+        motion = resample(ict.displace(columns), CAPTURE_FPS, FPS)
         samples = read_sound(folder / f"{name}.ogg")
         cut = facegood_first_held_out(len(motion))
         for held_out, span in ((False, slice(0, cut)), (True, slice(cut, len(motion)))):
@@ -46,12 +47,20 @@ def read_facegood(data: Path) -> list[Clip]:
     return clips
 
 
-def read_arkit(path: Path) -> dict[str, np.ndarray]:
-    """Columns of an ARKit csv by name, each [T]; the first column counts frames."""
-    with open(path, newline="") as file:
-        rows = list(csv.reader(file))
-    values = np.array(rows[1:], dtype=np.float32)
-    return {name: values[:, j] for j, name in enumerate(rows[0]) if not name.startswith("frame")}
+def arkit_takes(data: Path, kind: type = np.float32) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
+    """Names of the takes, and columns of their csv by name, each [T]; the first column counts frames."""
+    for path in sorted((data / "motion" / SOURCE).glob("*.arkit.csv")):
+        with open(path, newline="") as file:
+            rows = list(csv.reader(file))
+        values = np.array(rows[1:], dtype=kind)
+        columns = {name: values[:, j] for j, name in enumerate(rows[0]) if not name.startswith("frame")}
+        yield path.name.removesuffix(".arkit.csv"), columns
+
+
+def channel_rows(columns: dict[str, np.ndarray]) -> np.ndarray:
+    """Columns as weights of `CHANNELS`, [T, 51]; 0 where a channel was not captured."""
+    still = np.zeros_like(next(iter(columns.values())))
+    return np.stack([columns.get(name, still) for name in CHANNELS], axis=1)
 
 
 def resample(motion: np.ndarray, from_fps: float, to_fps: float) -> np.ndarray:

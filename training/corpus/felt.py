@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from training.corpus.conditions import EMOTIONS
-from training.corpus.emotions import AU_TO_ARKIT, OPENING, PROTOTYPES
+from training.corpus.emotions import AU_TO_ARKIT, OPENING, PROTOTYPES, channel_of
 from training.corpus.faces import CHANNELS
 from training.corpus.manner import MANNERS
 
@@ -22,9 +22,8 @@ def table() -> tuple[Tensor, Tensor]:
     for row, emotion in enumerate(EMOTIONS):
         for unit, strength in PROTOTYPES[emotion].items():
             for shape in AU_TO_ARKIT[unit]:
-                name = shape.replace("_L", "Left").replace("_R", "Right")
-                yields = unit in OPENING and name.startswith(("jaw", "mouth"))
-                parts[int(yields), row, CHANNELS.index(name)] += strength
+                yields = unit in OPENING and shape.startswith(("jaw", "mouth"))
+                parts[int(yields), row, channel_of(shape)] += strength
     return parts[0], parts[1]
 
 

@@ -18,6 +18,7 @@ from training.corpus.aligned import (
     read_texts,
     speak,
 )
+from training.corpus.cache import cached
 from training.corpus.clip import MEL_PER_FRAME, read_sound
 from training.corpus.espeak import Espeak
 from training.corpus.phones import PAUSE, Phone, segment_track
@@ -65,11 +66,7 @@ def hear(encoder: CompactEncoder, samples: np.ndarray, warps: tuple[float, ...])
 def load(data: Path, cache: Path, encoder: CompactEncoder, minutes: float) -> list[Heard]:
     """All of it; from the cache where it was made before."""
     path = cache / f"heard-{VERSION}-{minutes:g}.pt"
-    if not path.exists():
-        cache.mkdir(parents=True, exist_ok=True)
-        found = [vars(h) for h in _every(data, encoder, minutes)]
-        torch.save(found, path)
-    return [Heard(**fields) for fields in torch.load(path)]
+    return cached(path, Heard, lambda: _every(data, encoder, minutes))
 
 
 def _every(data: Path, encoder: CompactEncoder, minutes: float):

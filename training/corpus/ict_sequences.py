@@ -17,8 +17,8 @@ import numpy as np
 
 from training.corpus.clip import read_sound
 from training.corpus.expressions import HELD_OUT_TAKE, random_combinations, upper_face
-from training.corpus.facegood import CAPTURE_FPS, SOURCE, read_arkit
-from training.corpus.faces import CHANNELS, Face, align, load_ict
+from training.corpus.facegood import CAPTURE_FPS, SOURCE, arkit_takes, channel_rows
+from training.corpus.faces import Face, align, load_ict
 from training.corpus.remesh import remesh
 from training.corpus.tracks import SOUND_HZ
 from training.corpus.writer import CorpusWriter
@@ -56,14 +56,11 @@ class Triangulation:
 
 def read_takes(data: Path) -> list[Take]:
     """All takes of facegood_zh."""
-    folder, takes = data / "motion" / SOURCE, []
-    for path in sorted(folder.glob("*.arkit.csv")):
-        columns = read_arkit(path)
-        step = int(CAPTURE_FPS / FPS)
-        weights = np.stack([columns.get(c, np.zeros(len(columns["jawOpen"]))) for c in CHANNELS], axis=1)
-        name = path.name.removesuffix(".arkit.csv")
-        takes.append(Take(name, weights[::step], read_sound(folder / f"{name}.ogg")))
-    return takes
+    step = int(CAPTURE_FPS / FPS)
+    return [
+        Take(name, channel_rows(columns)[::step], read_sound(data / "motion" / SOURCE / f"{name}.ogg"))
+        for name, columns in arkit_takes(data)
+    ]
 
 
 def triangulate(rng: np.random.Generator, data: Path, triangles: int) -> Triangulation:

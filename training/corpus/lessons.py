@@ -7,21 +7,21 @@ full model (encoder and denoiser) performs on it.
 import hashlib
 import json
 import random
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import soundfile
 import torch
-from scipy.signal import resample_poly
 from torch import Tensor
 
 from training.corpus import bank
 from training.corpus.bank import UNKNOWN, Entry
+from training.corpus.cache import cached, digest
 from training.corpus.clip import MEL_PER_FRAME, fit_frames
 from training.corpus.closures import lips_closed
 from training.corpus.revoice import revoice
+from training.corpus.tracks import mono_16_khz
 from training.speech.compact import CompactEncoder, normalise
 from training.speech.log_mel import SAMPLE_RATE_HZ, log_mel
 from training.systems.freetalk.ats import AtsDenoiser, neutral_affect
@@ -76,7 +76,6 @@ def load(
     folder: Path,
     speech: list[Path],
     limit: int | None,
-    say: Callable[[str], None],
 ) -> list[Lesson]:
     """The lessons of a run, from `folder` where they were taught before with the same arguments.
 
@@ -88,15 +87,9 @@ def load(
     for name, found in groups.items():
         known = [[e.source, e.name, len(e.mels), len(e.motion)] for e in entries]
         voices = known if name == "captured" else limit
-        key = json.dumps([VERSION, bank.VERSION, name, voices, teacher.digest()])
-        path = folder / f"lessons-{hashlib.sha256(key.encode()).hexdigest()[:12]}.pt"
-        if not path.exists():
-            taught = [teacher.teach(entry) for entry in found()]
-            say(f"{name}: {len(taught)} lessons")
-            partial = path.with_suffix(".partial")
-            torch.save([vars(lesson) for lesson in taught], partial)
-            partial.rename(path)
-        lessons += [Lesson(**fields) for fields in torch.load(path)]
+        path = folder / f"lessons-{digest(VERSION, bank.VERSION, name, voices, teacher.digest())}.pt"
+        lessons += cached(path, Lesson, lambda found=found: map(teacher.teach, found()))
+        print(f"{name}: lessons are in {path}", flush=True)
     return lessons
 
 
@@ -114,7 +107,7 @@ def speech_entries(folder: Path, limit: int | None, voices: int = 2) -> list[Ent
     chance = np.random.default_rng(0)
     entries = []
     for index, path in enumerate(paths[:limit]):
-        samples = read_any(path)
+        samples = mono_16_khz(*soundfile.read(path, dtype="float32", always_2d=True))
         frames = len(samples) * 25 // SAMPLE_RATE_HZ
         if len(samples) < SHORTEST_S * SAMPLE_RATE_HZ:
             continue
@@ -127,12 +120,3 @@ def speech_entries(folder: Path, limit: int | None, voices: int = 2) -> list[Ent
         known = (nothing, nothing, unknown(fitted))
         entries.append(Entry(path.name, folder.name, held_out, fitted, *known))
     return entries
-
-
-def read_any(path: Path) -> np.ndarray:
-    """Mono 16 kHz samples [S] f32 of a sound at any rate."""
-    samples, rate_hz = soundfile.read(path, dtype="float32", always_2d=True)
-    mono = samples.mean(axis=1)
-    if rate_hz == SAMPLE_RATE_HZ:
-        return mono
-    return resample_poly(mono, SAMPLE_RATE_HZ, rate_hz).astype(np.float32)

@@ -9,7 +9,7 @@ from safetensors import safe_open
 from torch import Tensor
 
 from training.corpus.arkit import facegood_weights
-from training.corpus.emotions import AU_TO_ARKIT, PROTOTYPES
+from training.corpus.emotions import shape_weights
 from training.corpus.faces import CHANNELS
 from training.corpus.split import facegood_first_held_out, grid_held_out
 
@@ -47,14 +47,7 @@ def recorded(data: Path, held_out: bool) -> tuple[Tensor, Tensor]:
 
 def felt() -> Tensor:
     """Each emotion's prototype as weights, clamped to 0 … 1, [E, 51]."""
-    rows = torch.zeros(len(PROTOTYPES), len(CHANNELS))
-    for row, units in zip(rows, PROTOTYPES.values(), strict=True):
-        for unit, strength in units.items():
-            for name in AU_TO_ARKIT[unit]:
-                stem = name.replace("_L", "Left").replace("_R", "Right")
-                if stem in CHANNELS:
-                    row[CHANNELS.index(stem)] += strength
-    return rows.clamp(0.0, 1.0)
+    return torch.from_numpy(shape_weights()).float().clamp(0.0, 1.0)
 
 
 class Poses:

@@ -5,7 +5,7 @@ stands in for the missing face (source `taught`); else the motion carries no wei
 """
 
 import hashlib
-import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,7 @@ from training.corpus.aligned import (
     speak,
 )
 from training.corpus.bank import MEL_HZ, Entry
+from training.corpus.cache import cached, digest
 from training.corpus.clip import FPS, MEL_PER_FRAME, fit_frames
 from training.corpus.decoded import PhoneReader, read_kerstin, read_picovoice
 from training.corpus.espeak import Espeak
@@ -51,18 +52,14 @@ def load(
     """
     read = None if reader is None else hashlib.sha256(reader.read_bytes()).hexdigest()
     taught = None if teacher is None else hashlib.sha256(PARAMETERS.read_bytes()).hexdigest()
-    key = json.dumps([VERSION, minutes, sorted(leave_out), taught, read])
-    path = cache / f"spoken-{hashlib.sha256(key.encode()).hexdigest()[:12]}.pt"
-    if path.exists():
-        return [Entry(**fields) for fields in torch.load(path)]
-    random = np.random.default_rng(0)
-    found = utterances(data, minutes, leave_out, reader)
-    entries = [entry(u, teacher, random) for u in found]
-    cache.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".partial")
-    torch.save([vars(e) for e in entries], partial)
-    partial.rename(path)
-    return entries
+    path = cache / f"spoken-{digest(VERSION, minutes, sorted(leave_out), taught, read)}.pt"
+
+    def entries() -> Iterator[Entry]:
+        random = np.random.default_rng(0)
+        for utterance in utterances(data, minutes, leave_out, reader):
+            yield entry(utterance, teacher, random)
+
+    return cached(path, Entry, entries)
 
 
 def utterances(data: Path, minutes: float, leave_out: tuple[str, ...], reader: Path | None):

@@ -57,6 +57,13 @@ def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return np.array(vertices, float), np.array(triangles)
 
 
+def write_obj(path: Path, vertices: np.ndarray, triangles: np.ndarray) -> None:
+    """A mesh without anything but vertices [V, 3] and triangles [F, 3]."""
+    lines = ["v {:.7g} {:.7g} {:.7g}".format(*v) for v in vertices]
+    lines += ["f {} {} {}".format(*(t + 1)) for t in triangles]
+    path.write_text("\n".join(lines) + "\n")
+
+
 def read_landmark_table(path: Path, vertices: int, triangles: np.ndarray):
     """Vertex numbers [68, 3] and shares [68, 3] of the landmarks."""
     table = read_json(path)

@@ -1,7 +1,6 @@
 """What a corpus folder holds over time: sound, blend weights, vertices, phones."""
 
 import csv
-import math
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -129,8 +128,10 @@ def read_sound_any(path: Path) -> np.ndarray:
     if not np.isfinite(samples).all():
         at = int(np.flatnonzero(~np.isfinite(samples).all(1))[0])
         raise CorpusError(path, at, "finite samples", samples[at])
+    return mono_16_khz(samples, rate_hz)
+
+
+def mono_16_khz(samples: np.ndarray, rate_hz: int) -> np.ndarray:
+    """Samples [S, channels] at any rate → [S] f32 at 16 kHz."""
     mono = samples.mean(axis=1)
-    if rate_hz == SOUND_HZ:
-        return mono
-    common = math.gcd(rate_hz, SOUND_HZ)
-    return resample_poly(mono, SOUND_HZ // common, rate_hz // common).astype(np.float32)
+    return mono if rate_hz == SOUND_HZ else resample_poly(mono, SOUND_HZ, rate_hz).astype(np.float32)

@@ -10,6 +10,7 @@ import soundfile
 
 from training.corpus.folder import COLUMNS
 from training.corpus.phones import Phone, segments
+from training.corpus.topology import write_obj
 
 PLAIN = str.maketrans("\t\r\n", "   ")
 
@@ -63,9 +64,7 @@ class CorpusWriter:
 
     def mesh(self, name: str, vertices: np.ndarray, triangles: np.ndarray) -> None:
         """A neutral face of the topology: `neutral`, or of the speaker `name`."""
-        lines = ["v {:.7g} {:.7g} {:.7g}".format(*v) for v in vertices]
-        lines += ["f {} {} {}".format(*(t + 1)) for t in triangles]
-        self.place(f"topologies/{self.topology}", f"{name}.obj").write_text("\n".join(lines) + "\n")
+        write_obj(self.place(f"topologies/{self.topology}", f"{name}.obj"), vertices, triangles)
 
     def landmark_table(self, source: Path) -> None:
         """Copies the table of the landmarks of the topology."""

@@ -21,6 +21,7 @@ from safetensors import safe_open
 from training import DATA
 from training.corpus.expressions import evaluation_frames, load_speech
 from training.corpus.faces import CHANNELS, channel_of_ict
+from training.corpus.topology import write_obj
 from training.flags import run_command
 
 GAZE = [i for i, c in enumerate(CHANNELS) if c.startswith("eyeLook")]
@@ -37,7 +38,7 @@ class Head:
     """The whole ICT head, centimetres.
 
     neutral: [V, 3]. triangles: [F, 3]. landmarks: [68]. modes: [51, V, 3]. identity: [100, V, 3].
-    parts: vertex numbers of each named part.
+    regions: vertex numbers by ICT's own names; parts: by those of the table.
     """
 
     neutral: np.ndarray
@@ -45,6 +46,7 @@ class Head:
     landmarks: np.ndarray
     modes: np.ndarray
     identity: np.ndarray
+    regions: dict[str, np.ndarray]
     parts: dict[str, np.ndarray]
 
 
@@ -61,7 +63,7 @@ def load_head(data: Path) -> Head:
         landmarks = f.get_tensor("landmarks68").astype(np.int64)
         identity = f.get_tensor("identity").astype(np.float64)
     parts = named_parts(neutral, modes, regions)
-    return Head(neutral, triangles, landmarks, modes, identity, parts)
+    return Head(neutral, triangles, landmarks, modes, identity, regions, parts)
 
 
 def named_parts(
@@ -98,13 +100,6 @@ def tongue_of(neutral: np.ndarray, lower: np.ndarray, teeth: np.ndarray) -> np.n
     distance = np.linalg.norm(neutral[lower, None] - neutral[None, teeth], axis=-1).min(1)
     inside = np.abs(neutral[lower, 0]) < 2.0
     return lower[(distance > TONGUE_WITHIN_CM) & inside]
-
-
-def write_obj(path: Path, positions: np.ndarray, triangles: np.ndarray) -> None:
-    """A mesh without anything but vertices [V, 3] and triangles [F, 3]."""
-    lines = [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in positions]
-    lines += [f"f {a} {b} {c}" for a, b, c in triangles + 1]
-    path.write_text("\n".join(lines) + "\n")
 
 
 def deformed(anyface: Path, head: Head, positions: np.ndarray, motion: np.ndarray) -> np.ndarray:

@@ -19,9 +19,9 @@ import torch
 from scipy.spatial import cKDTree
 
 from training import shipped
-from training.corpus.emotions import AU_TO_ARKIT, PROTOTYPES
+from training.corpus.emotions import PROTOTYPES, shape_weights
 from training.corpus.expressions import evaluation_frames, load_speech, training_frames
-from training.corpus.faces import CHANNELS, Face, align, load_ict, load_makehuman
+from training.corpus.faces import Face, align, load_ict, load_makehuman
 from training.corpus.prepared import PreparedMesh, prepare
 from training.corpus.remesh import remesh
 from training.corpus.warp import stylise
@@ -57,22 +57,10 @@ def residual(model: StaticWeights, mesh: PreparedMesh) -> np.ndarray:
     return (mesh.modes - moved).numpy()
 
 
-def emotion_weights() -> np.ndarray:
-    """Channel weights of the fifteen emotions, [15, M]."""
-    rows = np.zeros((len(PROTOTYPES), len(CHANNELS)))
-    for row, units in zip(rows, PROTOTYPES.values(), strict=True):
-        for unit, strength in units.items():
-            for shape in AU_TO_ARKIT[unit]:
-                name = shape.replace("_L", "Left").replace("_R", "Right")
-                both = [name] if name in CHANNELS else [name + "Left", name + "Right"]
-                row[[CHANNELS.index(channel) for channel in both]] += strength
-    return rows
-
-
 def frames(rng: np.random.Generator, data: Path) -> np.ndarray:
     """Channel weights to measure on, [T, M]: speech and upper face, two fifths with an emotion."""
     spoken = training_frames(rng, load_speech(data).train, FRAMES)
-    emotions = emotion_weights()[rng.integers(len(PROTOTYPES), size=FRAMES)]
+    emotions = shape_weights()[rng.integers(len(PROTOTYPES), size=FRAMES)]
     return spoken + (rng.random((FRAMES, 1)) < 0.4) * rng.uniform(0.3, 1.3, (FRAMES, 1)) * emotions
 
 
@@ -233,7 +221,7 @@ def score(rng: np.random.Generator, faces: dict[str, Creases], data: Path, model
     """Prints errors with and without creases on two identities of ICT and two warps of MakeHuman."""
     model = read_static(models)
     spoken = evaluation_frames(rng, load_speech(data).test, 60)
-    emotions = emotion_weights()
+    emotions = shape_weights()
     shown = [list(PROTOTYPES).index(e) for e in ("happy", "sad", "afraid", "angry", "surprised", "disgusted")]
     for kind, face in unseen(rng, data):
         mesh, creases = prepare(face), faces[kind]

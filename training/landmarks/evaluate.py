@@ -17,15 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
+from training.corpus.topology import write_obj
 from training.landmarks import faceless, pool, pose_pool, samples
 from training.landmarks.stylise import limb
-
-
-def write_obj(path: Path, points: np.ndarray, triangles: np.ndarray) -> None:
-    """Plain OBJ."""
-    lines = [f"v {x:.7g} {y:.7g} {z:.7g}" for x, y, z in points]
-    lines += [f"f {a} {b} {c}" for a, b, c in (triangles + 1).tolist()]
-    path.write_text("\n".join(lines) + "\n")
 
 
 def find(anyface: list, folder: Path, points: np.ndarray, triangles: np.ndarray) -> np.ndarray | None:

@@ -14,8 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
+from training.corpus.topology import write_obj
 from training.landmarks import pool, pose_pool, samples
-from training.landmarks.evaluate import find, placed, write_obj
+from training.landmarks.evaluate import find, placed
 from training.landmarks.faceless_unseen import KINDS
 from training.landmarks.stylise_unseen import unseen_head
 

@@ -37,9 +37,8 @@ def facegood_zh(source: Path, folder: Path, _: Path | None) -> Path:
     writer = CorpusWriter(folder, facegood.SOURCE, "m")
     inside = source / "motion" / facegood.SOURCE
     needed(inside)
-    for path in sorted(inside.glob("*.arkit.csv")):
-        name = path.name.removesuffix(".arkit.csv")
-        columns, samples = facegood.read_arkit(path), read_sound(inside / f"{name}.ogg")
+    for name, columns in facegood.arkit_takes(source):
+        samples = read_sound(inside / f"{name}.ogg")
         values = np.stack(list(columns.values()), axis=1)
         frames_at_25 = int((len(values) - 1) / facegood.CAPTURE_FPS * FPS) + 1
         cut_s = facegood_first_held_out(frames_at_25) / FPS

@@ -21,6 +21,7 @@ from training.corpus.action_units import active_units, random_events, sparse, un
 from training.corpus.bank import Entry
 from training.corpus.faces import CHANNELS
 from training.corpus.felt import with_emotion
+from training.corpus.shares import lasting
 from training.corpus.teacher import Teacher
 from training.diffusion.schedule import add_noise
 from training.losses import feature_concordance, feature_scores, lip_gap, motion_loss
@@ -243,12 +244,8 @@ def lips_touch(weights: torch.Tensor) -> torch.Tensor:
 
 def source_shares(entries: list[Entry]) -> tuple[list[str], list[float]]:
     """Sources to train on and how often each is drawn: ours as they were set, others by their length."""
-    frames: dict[str, int] = {}
-    for entry in entries:
-        if not entry.held_out:
-            frames[entry.source] = frames.get(entry.source, 0) + len(entry.motion)
-    known = {s: share for s, share in SHARES.items() if s in frames}
-    shares = known or {s: n / sum(frames.values()) for s, n in sorted(frames.items())}
+    lengths = lasting(entries)
+    shares = {s: share for s, share in SHARES.items() if s in lengths} or lengths
     return list(shares), list(shares.values())
 
 

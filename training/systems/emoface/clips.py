@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from training.corpus import arkit, bank
+from training.corpus.cache import cached
 from training.corpus.clip import FPS, MEL_PER_FRAME, fit_frames
 from training.corpus.facegood import read_facegood
 from training.corpus.faces import load_ict
@@ -52,14 +53,7 @@ def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:
     weights = (arguments.feeling / "model.safetensors").read_bytes()
     key = hashlib.sha256(weights + repr((arguments.voices, arguments.limit)).encode()).hexdigest()[:12]
     path = arguments.cache / f"emoface-{key}.pt"
-    if path.exists():
-        return [Spoken(**fields) for fields in torch.load(path)]
-    clips = [*recorded(arguments), *felt(arguments)]
-    arguments.cache.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".partial")
-    torch.save([vars(clip) for clip in clips], partial)
-    partial.rename(path)
-    return clips
+    return cached(path, Spoken, lambda: [*recorded(arguments), *felt(arguments)])
 
 
 @torch.no_grad()

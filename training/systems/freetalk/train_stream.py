@@ -110,8 +110,7 @@ def prepare(arguments) -> list[Lesson]:
     arguments.out.mkdir(parents=True, exist_ok=True)
     teacher = load_teacher(arguments)
     count = 4 if debug else arguments.speech_limit
-    say = lambda text: print(text, flush=True)  # noqa: E731
-    return lessons.load(entries, teacher, arguments.out, arguments.speech, count, say)
+    return lessons.load(entries, teacher, arguments.out, arguments.speech, count)
 
 
 def new_model(arguments, found: list[Lesson]) -> StreamNet:

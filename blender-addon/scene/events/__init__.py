@@ -1,1 +1,0 @@
-"""Text strips and timeline markers that are events."""
