@@ -17,9 +17,8 @@ from ..core.job import BEGUN, Progress, at_once
 from ..core.plan import Plan
 from ..core.source import SoundSource
 from ..core.take import FaceMesh, Request, Sound, Take, WrittenFile
-from . import identity, live, outputs
+from . import event_strips, identity, live, outputs
 from .animation import emotion
-from .events import events
 from .face import mesh, pieces
 from .life import head_and_eyes
 from .life.settings import LifeSettings
@@ -152,7 +151,7 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     source = find_sound(scene, settings, engine)
     scene_fps = scene.render.fps / scene.render.fps_base
     when = source.start_frame, strips.duration_s(source)
-    asked_for = events.read(scene, ob, settings, *when, engine.models)
+    asked_for = event_strips.read(scene, ob, settings, *when, engine.models)
     notes += asked_for.notes
     request = Request(
         fps=settings.fps or scene_fps,

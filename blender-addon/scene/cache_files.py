@@ -13,7 +13,7 @@ from pathlib import Path
 
 import bpy
 
-from ...core.errors import AnyfaceError
+from ..core.errors import AnyfaceError
 
 # Folders of this name are ours and go when they are empty.
 FOLDER = "anyface_cache"

@@ -18,11 +18,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ...core import events, systems
-from ...core.errors import AnyfaceError
-from ...core.events import Event, Expression
-from ..animation import curves
-from ..sound import sequencer, sounds, strips
+from ..core import events, systems
+from ..core.errors import AnyfaceError
+from ..core.events import Event, Expression
+from .animation import curves
+from .sound import sequencer, sounds, strips
 
 # Steps in which an opacity that changes over time is followed.
 _STEP = 0.05

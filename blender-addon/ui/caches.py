@@ -3,7 +3,7 @@
 from bpy.types import Operator
 
 from ..core.errors import AnyfaceError
-from ..scene.caches import cache_files
+from ..scene import cache_files
 
 
 class ANYFACE_OT_remove_unused_caches(Operator):

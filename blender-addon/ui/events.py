@@ -7,7 +7,7 @@ from bpy.types import Operator, Panel
 from ..core import systems
 from ..core.errors import AnyfaceError
 from ..core.events import described, expression, menu
-from ..scene.events import events
+from ..scene import event_strips
 from ..scene.sound import sequencer
 from . import audio, preferences, words
 from .operators import Acting
@@ -57,7 +57,7 @@ class ANYFACE_PT_events(OfFacePanel, Panel):
             layout.prop(ob.anyface_audio, "marker_s")
         column = layout.column(align=True)
         models = preferences.model_folder(scene)
-        found = events.rows(scene, ob, ob.anyface_audio, _when(ob, scene), models)
+        found = event_strips.rows(scene, ob, ob.anyface_audio, _when(ob, scene), models)
         for row in found[:_MOST_ROWS]:
             _draw_row(column, row, context.region.width)
         if len(found) > _MOST_ROWS:
@@ -121,13 +121,13 @@ copied and renamed"""
         if ob.library is not None:
             raise AnyfaceError("mesh", f"{ob.name} is linked and keeps no settings: make it local")
         text = self._text()
-        channel = ob.anyface_audio.event_channel or events.free_channel(scene)
+        channel = ob.anyface_audio.event_channel or event_strips.free_channel(scene)
         frame = scene.frame_current
-        if not events.is_free(scene, channel, frame):
+        if not event_strips.is_free(scene, channel, frame):
             raise AnyfaceError(
                 "input", f"frame {frame} of channel {channel} has a strip: move the playhead"
             )
-        strip = events.add(scene, ob, channel, text, frame, self.strength)
+        strip = event_strips.add(scene, ob, channel, text, frame, self.strength)
         ob.anyface_audio.event_channel = strip.channel
         first, last = sequencer.ends(strip)
         return f"{text} in channel {strip.channel}, frames {first} to {last - 1}"

@@ -86,7 +86,7 @@ def put_events(ob) -> None:
     scene = bpy.context.scene
     ob.anyface.system, ob.anyface_audio.event_channel = "cafe-talk", EVENT_CHANNEL
     for frame, text in ((10, "smile"), (35, "wink"), (FIRST, "jaw drop"), (80, "brow raise")):
-        addon("scene.events.events").add(scene, ob, EVENT_CHANNEL, text, frame)
+        addon("scene.event_strips").add(scene, ob, EVENT_CHANNEL, text, frame)
 
 
 def addon(name: str):

@@ -17,7 +17,7 @@ def read(addon, ob=None, marker_s=0.5, duration_s=SECONDS, **more):
     bpy.context.scene.render.fps = FPS
     given = {"system": SYSTEM, "event_markers": True, "marker_s": marker_s} | more
     settings = addon("scene.bake").Settings(**given)
-    return addon("scene.events.events").read(bpy.context.scene, ob, settings, START, duration_s)
+    return addon("scene.event_strips").read(bpy.context.scene, ob, settings, START, duration_s)
 
 
 def told(events):
@@ -123,7 +123,7 @@ def test_strips_and_markers_are_listed_together(addon):
     put(addon, "wink", START + 6, START + 12)
     mark("the blue car", START + 8)
     mark("smile", START)
-    rows = addon("scene.events.events").rows(scene, ob, ob.anyface_audio, (START, SECONDS))
+    rows = addon("scene.event_strips").rows(scene, ob, ob.anyface_audio, (START, SECONDS))
     assert [(row.expression.said, row.first - START, row.last - START) for row in rows] == [
         ("smile", 0, FPS),
         ("wink", 6, 12),

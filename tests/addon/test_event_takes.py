@@ -288,7 +288,7 @@ def test_a_linked_copy_and_a_full_copy_hear_the_same_strips(addon, tmp_path):
         assert bpy.ops.anyface.generate() == {"FINISHED"}
         # What names Anna stays hers: her copies are called otherwise.
         names = [event.name for event in stage.calls[-1][-1].events]
-        expected = addon("scene.events.events").strips_of(bpy.context.scene, CHANNEL, copy)
+        expected = addon("scene.event_strips").strips_of(bpy.context.scene, CHANNEL, copy)
         assert names == [s.name for s in expected] == ["smile"]
     select(ob)
     assert bpy.ops.anyface.generate() == {"FINISHED"}

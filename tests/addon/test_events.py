@@ -34,7 +34,7 @@ def found(addon, channel=CHANNEL, duration_s=SECONDS):
     """What is read of the channel, the sound beginning at frame `START`."""
     bpy.context.scene.render.fps = FPS
     settings = addon("scene.bake").Settings(system=SYSTEM, event_channel=channel)
-    return addon("scene.events.events").read(bpy.context.scene, None, settings, START, duration_s)
+    return addon("scene.event_strips").read(bpy.context.scene, None, settings, START, duration_s)
 
 
 @pytest.fixture
@@ -178,7 +178,7 @@ def test_bad_strips_are_named_and_the_rest_is_made(addon):
 
 def test_other_systems_and_no_channel_have_no_events(addon):
     put(addon, "smile", START, START + 9)
-    read, of = addon("scene.events.events").read, addon("scene.bake").Settings
+    read, of = addon("scene.event_strips").read, addon("scene.bake").Settings
     for settings in (of(system="freetalk", event_channel=CHANNEL), of(system=SYSTEM)):
         assert read(bpy.context.scene, None, settings, START, SECONDS).events == []
 
@@ -189,9 +189,9 @@ def test_a_strip_that_names_a_character_is_its_own_where_several_share_a_channel
         ob.anyface_audio.event_channel = CHANNEL
     put(addon, "smile", 1, 9).name = "Anna_smile"
     put(addon, "wink", 9, 20)
-    made = addon("scene.events.events").add(bpy.context.scene, ben, CHANNEL, "frown", 30)
+    made = addon("scene.event_strips").add(bpy.context.scene, ben, CHANNEL, "frown", 30)
     assert made.name.startswith("Ben ")
-    strips_of = addon("scene.events.events").strips_of
+    strips_of = addon("scene.event_strips").strips_of
     theirs = {ob.name: strips_of(bpy.context.scene, CHANNEL, ob) for ob in (anna, ben)}
     assert [s.text for s in theirs["Anna"]] == ["smile", "wink"]
     assert [s.text for s in theirs["Ben"]] == ["wink", "frown"]
@@ -207,7 +207,7 @@ def test_add_at_playhead_writes_strips_beside_each_other(addon):
     scene.frame_set(20)
     assert bpy.ops.anyface.event_add(expression="smile", side="LEFT") == {"FINISHED"}
     channel = ob.anyface_audio.event_channel
-    (made,) = addon("scene.events.events").strips_of(scene, channel)
+    (made,) = addon("scene.event_strips").strips_of(scene, channel)
     assert (made.text, made.mute, made.blend_alpha) == ("left smile", True, 1.0)
     first, last = addon("scene.sound.sequencer").ends(made)
     assert first == 20 and last > 30
@@ -216,7 +216,7 @@ def test_add_at_playhead_writes_strips_beside_each_other(addon):
     # The one before ends where the next begins.
     scene.frame_set(14)
     bpy.ops.anyface.event_add(expression="UNITS", units="9,10", side="RIGHT", strength=0.4)
-    both = addon("scene.events.events").strips_of(scene, channel)
+    both = addon("scene.event_strips").strips_of(scene, channel)
     assert [s.text for s in both] == ["9R,10R", "left smile"]
     assert addon("scene.sound.sequencer").ends(both[0]) == (14, 20)
     assert both[0].blend_alpha == pytest.approx(0.4)

@@ -15,9 +15,8 @@ from ...core.job import BEGUN
 from ...core.plan import WriteCaches
 from ...core.redo_film import PatchCaches
 from ...core.take import WrittenFile
-from .. import identity
+from .. import cache_files, identity
 from ..animation import curves
-from ..caches import cache_files
 from ..shape_keys import guard
 from .output import Output, check_place
 
