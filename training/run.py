@@ -114,10 +114,10 @@ class Run:
 
 def begin(arguments, model: nn.Module, generators: dict[str, torch.Generator | np.random.Generator], *,
           groups: list[dict] | None = None, steps: int | None = None, decay: float = 0.01, warm: float = 0.1,
-          constant: bool = False, average: float | None = 0.995, machine: Machine | None = None,
-          name: str = "model", **cycle: float) -> Run:  # fmt: skip
-    """A run with AdamW, a rate that rises in the share `warm` of its steps and falls to the end (or stays, if
-    `constant`) and averaged weights, as they were where it stopped.
+          factor: Callable[[int], float] | None = None, average: float | None = 0.995,
+          machine: Machine | None = None, name: str = "model", **cycle: float) -> Run:  # fmt: skip
+    """A run with AdamW, a rate that rises in the share `warm` of its steps and falls to the end (or that is
+    multiplied by the `factor` of each step) and averaged weights, as they were where it stopped.
 
     `groups` of parameters have rates of their own, otherwise all learn at `arguments.rate`.
     """
@@ -125,8 +125,8 @@ def begin(arguments, model: nn.Module, generators: dict[str, torch.Generator | n
     groups = groups or [{"params": list(model.parameters()), "lr": arguments.rate}]
     rates = [group["lr"] for group in groups]
     optimiser = torch.optim.AdamW(groups, weight_decay=decay)
-    if constant:
-        schedule = torch.optim.lr_scheduler.ConstantLR(optimiser, 1.0)
+    if factor is not None:
+        schedule = torch.optim.lr_scheduler.LambdaLR(optimiser, factor)
     else:
         schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, rates, steps + 1, pct_start=warm, **cycle)
     parts = {name: model, "optimiser": optimiser, "schedule": schedule}

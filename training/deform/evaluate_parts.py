@@ -9,7 +9,6 @@ face at random, as in `training.systems.freetalk.stm.evaluate`. Mean distance in
 """
 
 import json
-import subprocess
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +21,7 @@ from training import DATA
 from training.corpus.expressions import evaluation_frames, load_speech
 from training.corpus.faces import CHANNELS, channel_of_ict
 from training.corpus.topology import write_obj
+from training.engine import Engine
 from training.flags import run_command
 
 GAZE = [i for i, c in enumerate(CHANNELS) if c.startswith("eyeLook")]
@@ -105,17 +105,9 @@ def tongue_of(neutral: np.ndarray, lower: np.ndarray, teeth: np.ndarray) -> np.n
 def deformed(anyface: Path, head: Head, positions: np.ndarray, motion: np.ndarray) -> np.ndarray:
     """What `anyface deform` makes of landmark motion [T, 68, 3]: [T, V, 3], centimetres."""
     with tempfile.TemporaryDirectory() as folder:
-        mesh, landmarks, out = (Path(folder) / n for n in ("head.obj", "motion.npz", "out.npz"))
+        mesh = Path(folder) / "head.obj"
         write_obj(mesh, positions, head.triangles)
-        np.savez(
-            landmarks,
-            landmarks_neutral=positions[head.landmarks].astype(np.float32),
-            landmark_displacements=motion.astype(np.float32),
-        )
-        command = [anyface, "deform", "--mesh", mesh, "--motion", landmarks, "--out", out]
-        subprocess.run([str(word) for word in command], check=True, stdout=subprocess.DEVNULL)
-        with np.load(out) as arrays:
-            return arrays["displacements"].astype(np.float64)
+        return Engine(anyface).spread(motion, positions[head.landmarks], mesh, None).astype(np.float64)
 
 
 def errors(anyface: Path, head: Head, weights: np.ndarray, people: int) -> dict[str, list[float]]:

@@ -89,9 +89,8 @@ def nothing(rng: np.random.Generator, faces: samples.Faces, held_out: np.ndarray
         ]
         parts = [palm] + [limb(rng, [0.3 * t for t in tip], tip, 0.009) for tip in tips]
         parts.append(limb(rng, [0, -0.03, 0], [0, -0.2, 0], 0.028))
-        starts = np.cumsum([0] + [len(p) for p, _ in parts])
-        triangles = [t + start for (_, t), start in zip(parts, starts, strict=False)]
-        return np.concatenate([p for p, _ in parts]), np.concatenate(triangles)
+        star = faceless.joined(parts)
+        return star.points, star.triangles
     head = faces.ict_head(rng, held_out[number])
     middle = head.points[head.triangles].mean(1)
     return head.points, head.triangles[middle[:, 2] < head.landmarks[36:48, 2].mean() - 0.03]

@@ -102,7 +102,7 @@ def draw_nothing(rng, faces, chosen) -> tuple[np.ndarray, np.ndarray, int]:
 
 
 def main(data: Path = DATA, runs: Path = Path("runs/landmarks"), count: int = 8000, seed: int = 0) -> None:
-    """Draws the pool; MakeHuman's pictures are marked, so training can leave them out."""
+    """Draws the pool; `kind.npy` marks MakeHuman's pictures."""
     runs.mkdir(parents=True, exist_ok=True)
     faces, chosen = samples.Faces(data), identities(held_out=False)
     pictures = np.lib.format.open_memmap(

@@ -2,11 +2,10 @@
 
     python -m training.landmarks.pose_train --runs runs/pose --steps 4500
 
-Writes `network.pt` every 250 steps with a log line, and resumes from it.
+Writes `network.pt` every 250 steps with a line of the log, and goes on from `last.pt`.
 """
 
 import argparse
-import time
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ from torch.nn import functional as F
 from training.landmarks.network import start_from
 from training.landmarks.pose_network import CELLS, PoseConfig, PoseNetwork
 from training.landmarks.pose_pool import QUANTUM
+from training.run import begin, descend, seeded
 
 
 def orthonormal(axes: torch.Tensor) -> torch.Tensor:
@@ -57,7 +57,7 @@ def decode(out: torch.Tensor) -> tuple[torch.Tensor, ...]:
     return values[:, 0].sigmoid(), (cell + values[:, 1:3]) / CELLS, values[:, 3], orthonormal(values[:, 4:])
 
 
-def measured(out: torch.Tensor, poses: torch.Tensor) -> str:
+def measured(out: torch.Tensor, poses: torch.Tensor) -> dict[str, float]:
     """Errors where a face is, presence where one is and is not."""
     chance, place, size, turn = decode(out)
     yes, no = poses[:, 0] > 0, poses[:, 0] == 0
@@ -65,12 +65,15 @@ def measured(out: torch.Tensor, poses: torch.Tensor) -> str:
     cosine = ((turn * true).sum((1, 2)) - 1) / 2
     angle = torch.rad2deg(cosine.clamp(-1, 1).acos())[yes]
     shift = ((place - poses[:, 1:3]).norm(dim=1) / poses[:, 3].exp())[yes]
-    ratio = (size - poses[:, 3]).abs()[yes]
-    return (
-        f"angle {angle.median():.1f}/{angle.quantile(0.9):.1f} deg, place {shift.median():.3f}, "
-        f"size {ratio.median():.3f}, seen {(chance[yes] > 0.5).float().mean():.3f}, "
-        f"false {(chance[no] > 0.5).float().mean():.3f}"
-    )
+    found = {
+        "degrees": angle.median(),
+        "degrees 90 %": angle.quantile(0.9),
+        "place": shift.median(),
+        "size": (size - poses[:, 3]).abs()[yes].median(),
+        "seen": (chance[yes] > 0.5).float().mean(),
+        "false": (chance[no] > 0.5).float().mean(),
+    }
+    return {name: value.item() for name, value in found.items()}
 
 
 def batch(pool, chosen: np.ndarray, flip: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
@@ -92,63 +95,51 @@ def open_pool(folder: Path):
     return np.load(folder / "pictures.npy", mmap_mode="r"), poses
 
 
-def main() -> None:
-    """Entry of the command."""
+def train(arguments) -> None:
+    """Runs the training; writes `network.pt`."""
+    seeded(arguments)
+    draws = np.random.default_rng(arguments.seed)
+    model = PoseNetwork(PoseConfig()).to(memory_format=torch.channels_last)
+    if arguments.origin:
+        start_from(arguments.origin, model, "pose.")
+    pool = open_pool(arguments.out)
+
+    def factor(step: int) -> float:
+        fall = 0.02 + 0.98 * (1 - step / arguments.steps) ** 1.2 if step < arguments.steps else 0.02
+        return min(1.0, (step + 1) / 100) * fall
+
+    def loss(_step: int) -> tuple[torch.Tensor, dict]:
+        # The last 800 pictures (50 heads) are for the log line.
+        chosen = draws.choice(len(pool[1]) - 800, arguments.batch, replace=False)
+        x, poses = batch(pool, chosen, draws.random(arguments.batch) < 0.5)
+        with torch.autocast("cpu", torch.bfloat16):
+            return loss_of(model, x, poses)[0], {}
+
+    def judge(model: PoseNetwork) -> dict[str, float]:
+        torch.save({"model": model.state_dict()}, arguments.out / "network.pt")
+        model.eval()
+        with torch.no_grad():
+            x, poses = batch(pool, np.arange(len(pool[1]) - 800, len(pool[1])), np.zeros(800, bool))
+            scores = measured(torch.cat([model(part) for part in x.split(100)]), poses)
+        model.train()
+        return scores
+
+    run = begin(arguments, model, {"draws": draws}, decay=1e-3, average=None, factor=factor)
+    descend(arguments, run, loss, judge, clip=3.0)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--runs", type=Path, default=Path("runs/pose"))
+    parser.add_argument("--runs", type=Path, dest="out", default=Path("runs/pose"))
     parser.add_argument("--from", type=Path, dest="origin", help="network.pt, or shipped weights")
     parser.add_argument("--steps", type=int, default=4500)
     parser.add_argument("--batch", type=int, default=48)
     parser.add_argument("--rate", type=float, default=3e-3)
     parser.add_argument("--seed", type=int, default=0)
-    args = parser.parse_args()
-    torch.set_num_threads(1)
-    torch.manual_seed(args.seed)
-    rng = np.random.default_rng(args.seed)
-    model = PoseNetwork(PoseConfig()).to(memory_format=torch.channels_last)
-    optimiser = torch.optim.AdamW(model.parameters(), args.rate, weight_decay=1e-3)
-    step, running, start = 0, [], time.monotonic()
-    if args.origin:
-        start_from(args.origin, model, "pose.")
-    if (args.runs / "network.pt").exists():
-        state = torch.load(args.runs / "network.pt")
-        model.load_state_dict(state["model"])
-        optimiser.load_state_dict(state["optimiser"])
-        step = state["step"]
-    pool = open_pool(args.runs)
-    while step < args.steps:
-        for group in optimiser.param_groups:
-            fall = 0.02 + 0.98 * (1 - step / args.steps) ** 1.2
-            group["lr"] = args.rate * min(1.0, (step + 1) / 100) * fall
-        # The last 800 pictures (50 heads) are for the log line.
-        chosen = rng.choice(len(pool[1]) - 800, args.batch, replace=False)
-        x, poses = batch(pool, chosen, rng.random(args.batch) < 0.5)
-        with torch.autocast("cpu", torch.bfloat16):
-            loss, _ = loss_of(model, x, poses)
-        optimiser.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(model.parameters(), 3.0)
-        optimiser.step()
-        running.append(loss.item())
-        step += 1
-        if step % 250 == 0 or step == args.steps:
-            spent = time.monotonic() - start
-            text = f"step {step} {spent:.0f} s loss {np.mean(running):.3f} {checked(model, pool)}"
-            print(text, flush=True)
-            running = []
-            state = {"model": model.state_dict(), "optimiser": optimiser.state_dict(), "step": step}
-            torch.save(state, args.runs / "network.pt")
-
-
-def checked(model: PoseNetwork, pool) -> str:
-    """Errors on the pictures that are kept for the log."""
-    model.eval()
-    with torch.no_grad():
-        x, poses = batch(pool, np.arange(len(pool[1]) - 800, len(pool[1])), np.zeros(800, bool))
-        text = measured(torch.cat([model(part) for part in x.split(100)]), poses)
-    model.train()
-    return text
+    parser.set_defaults(threads=1, log_every=250, save_every=250)
+    return parser
 
 
 if __name__ == "__main__":
-    main()
+    train(parser().parse_args())

@@ -1,14 +1,14 @@
 """Trains the landmark network on a rendered pool.
 
-    python -m training.landmarks.train --runs runs/landmarks --steps 1800 [--without-makehuman]
+    python -m training.landmarks.train --runs runs/landmarks --steps 1800
 
-Writes `network.pt` every 100 steps with a log line, and resumes from it. `--from` starts with the
-weights of another run, or with shipped ones, whose normalisation is folded and stays so.
+Writes `network.pt` every 100 steps with a line of the log, and goes on from `last.pt`. `--from` starts with
+the weights of another run, or with shipped ones, whose normalisation is folded and stays so.
 """
 
 import argparse
 import math
-import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from torch.nn import functional as F
 
 from training.corpus.mirror import permutation
 from training.landmarks.network import Config, LandmarkNetwork, decode, start_from
+from training.run import begin, descend, seeded
 
 
 def heat_targets(places: torch.Tensor, size: int = 64, sigma: float = 1.0) -> torch.Tensor:
@@ -54,75 +55,57 @@ def batch(pool, chosen: np.ndarray, rng: np.random.Generator):
     return x, places, face
 
 
-def main() -> None:
-    """Entry of the command."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--runs", type=Path, default=Path("runs/landmarks"))
-    parser.add_argument("--pool", type=Path, help="default: the runs folder")
-    parser.add_argument("--from", type=Path, dest="origin", help="weights to start with")
-    parser.add_argument("--steps", type=int, default=1800)
-    parser.add_argument("--batch", type=int, default=24)
-    parser.add_argument("--rate", type=float, default=2e-3)
-    parser.add_argument("--without-makehuman", action="store_true")
-    parser.add_argument("--seed", type=int, default=0)
-    args = parser.parse_args()
-    torch.set_num_threads(1)
-    torch.manual_seed(args.seed)
-    rng = np.random.default_rng(args.seed)
-    args.runs.mkdir(parents=True, exist_ok=True)
-    folder = args.pool or args.runs
+def train(arguments) -> None:
+    """Runs the training; writes `network.pt`."""
+    seeded(arguments)
+    draws = np.random.default_rng(arguments.seed)
+    folder = arguments.pool or arguments.out
     pool = (
         np.load(folder / "pictures.npy", mmap_mode="r"),
         np.load(folder / "targets.npy"),
         np.load(folder / "kind.npy"),
     )
-    usable = np.flatnonzero(pool[2] != 2) if args.without_makehuman else np.arange(len(pool[2]))
     model = LandmarkNetwork(Config()).to(memory_format=torch.channels_last)
-    if args.origin:
-        start_from(args.origin, model, "views.")
-    optimiser = torch.optim.AdamW(model.parameters(), args.rate, weight_decay=1e-4)
-    first = resume(args, model, optimiser)
-    start, running = time.monotonic(), 0.0
-    for step in range(first + 1, args.steps + 1):
-        for group in optimiser.param_groups:
-            group["lr"] = args.rate * schedule(step, args.steps)
-        x, places, face = batch(pool, rng.choice(usable, args.batch, replace=False), rng)
+    if arguments.origin:
+        start_from(arguments.origin, model, "views.")
+
+    def loss(_step: int) -> tuple[torch.Tensor, dict]:
+        x, places, face = batch(pool, draws.choice(len(pool[2]), arguments.batch, replace=False), draws)
         x = x.contiguous(memory_format=torch.channels_last)
         with torch.autocast("cpu", torch.bfloat16):
-            loss, heat = loss_of(model, x, places, face)
-        optimiser.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(model.parameters(), 5.0)
-        optimiser.step()
-        running += loss.item()
-        if step % 100 == 0 or step == args.steps:
-            found, _ = decode(heat.detach().float())
-            off = (found - places).norm(dim=-1)[face > 0] * 64
-            print(
-                f"step {step} loss {running / 100:.3f} median {off.median():.2f} heat-map pixels "
-                f"after {time.monotonic() - start:.0f} s",
-                flush=True,
-            )
-            running = 0.0
-            state = {"model": model.state_dict(), "optimiser": optimiser.state_dict(), "step": step}
-            torch.save(state, args.runs / "network.pt")
+            value, heat = loss_of(model, x, places, face)
+        found, _ = decode(heat.detach().float())
+        off = (found - places).norm(dim=-1)[face > 0] * 64
+        return value, {"median heat-map pixels": off.median().item()}
+
+    def judge(model: LandmarkNetwork) -> dict:
+        torch.save({"model": model.state_dict()}, arguments.out / "network.pt")
+        return {}
+
+    factor = partial(share_of_rate, steps=arguments.steps)
+    run = begin(arguments, model, {"draws": draws}, decay=1e-4, average=None, factor=factor)
+    descend(arguments, run, loss, judge, clip=5.0)
 
 
-def schedule(step: int, steps: int) -> float:
-    """Warm-up over 50 steps, then a half cosine down to 2 %."""
-    fall = 0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * step / steps))
-    return min(1.0, step / 50) * fall
+def share_of_rate(step: int, steps: int) -> float:
+    """Warm-up over 50 steps, then a half cosine down to 2 %; steps count from 0."""
+    fall = 0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * (step + 1) / steps))
+    return min(1.0, (step + 1) / 50) * fall
 
 
-def resume(args, model, optimiser) -> int:
-    """Continues this run if it has begun; returns the steps done."""
-    if not (args.runs / "network.pt").exists():
-        return 0
-    state = torch.load(args.runs / "network.pt")
-    model.load_state_dict(state["model"])
-    optimiser.load_state_dict(state["optimiser"])
-    return state["step"]
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=Path, dest="out", default=Path("runs/landmarks"))
+    parser.add_argument("--pool", type=Path, help="default: the runs folder")
+    parser.add_argument("--from", type=Path, dest="origin", help="weights to start with")
+    parser.add_argument("--steps", type=int, default=1800)
+    parser.add_argument("--batch", type=int, default=24)
+    parser.add_argument("--rate", type=float, default=2e-3)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.set_defaults(threads=1, log_every=100, save_every=100)
+    return parser
 
 
 if __name__ == "__main__":
-    main()
+    train(parser().parse_args())

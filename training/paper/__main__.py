@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Annotated
 
 from training.corpus.folder import CorpusFolder
+from training.engine import Engine
 from training.flags import run_command
-from training.paper.engine import Engine
 from training.paper.metrics import NAMES
 from training.paper.printed import combinations, printed
 from training.paper.tables import Table, landmark_table, mesh_tables

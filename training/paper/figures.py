@@ -11,7 +11,7 @@ from matplotlib.collections import PolyCollection
 
 from training.corpus.folder import CorpusFolder
 from training.corpus.topology import read_obj
-from training.paper.engine import Engine
+from training.engine import Engine
 from training.paper.tables import DECODERS, MM, spoken_meshes
 
 SHOWN_LANDMARKS = {8: "chin", 54: "corner of the mouth", 62: "upper lip", 66: "lower lip", 19: "brow"}

@@ -18,7 +18,7 @@ from scipy.spatial.distance import cdist
 from training.corpus.clip import FPS, Clip
 from training.corpus.folder import CorpusFolder, Row
 from training.corpus.folder_clips import clips as folder_clips
-from training.paper.engine import Engine
+from training.engine import Engine
 from training.paper.metrics import NAMES, measure
 
 LIPS = np.arange(48, 68)

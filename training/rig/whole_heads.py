@@ -1,7 +1,6 @@
 """The command's own shapes on whole ICT heads of unseen identities, all parts, against the truth."""
 
 import json
-import subprocess
 import tempfile
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import numpy as np
 from training.corpus.faces import CHANNELS
 from training.corpus.topology import write_obj
 from training.deform.evaluate_parts import Head, load_head
+from training.engine import Engine
 
 PARTS = {
     "face": ["face"],
@@ -24,14 +24,12 @@ MOVING_CM = 0.05
 def made_by(anyface: Path, head: Head, vertices: np.ndarray) -> np.ndarray:
     """Shapes of the command for one head [V, 3], the true landmarks given. [S, V, 3] cm."""
     with tempfile.TemporaryDirectory() as folder:
-        mesh, marks, rig = (Path(folder) / name for name in ("head.obj", "marks.json", "rig.npz"))
+        mesh, marks = Path(folder) / "head.obj", Path(folder) / "marks.json"
         write_obj(mesh, vertices, head.triangles)
         marks.write_text(json.dumps(head.landmarks.tolist()))
-        command = [anyface, "rig", "--mesh", mesh, "--out", rig, "--landmarks", marks, "--no-cache"]
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-        with np.load(rig) as made:
-            names = made["names"].tolist()
-            return made["deltas"][[names.index(c) for c in CHANNELS]].astype(np.float64)
+        rig = Engine(anyface).run("rig", "--mesh", mesh, "--landmarks", marks, "--no-cache")
+    names = rig["names"].tolist()
+    return rig["deltas"][[names.index(c) for c in CHANNELS]].astype(np.float64)
 
 
 def print_errors(anyface: Path, data: Path, count: int = 3, seed: int = 77) -> None:

@@ -16,7 +16,7 @@ from training.corpus.checked import CorpusError
 from training.corpus.folder import CorpusFolder
 from training.corpus.folder_clips import clips
 from training.corpus.readers import READERS
-from training.corpus.readers.flame import EXPRESSION, Flame, label_of, rotations
+from training.corpus.readers.flame import EXPRESSION, Flame, label_of
 from training.corpus.readers.tables import NumbersAlone, read_pickle, read_ply
 from training.tests.made_up import face_mesh, follow, opening, spoken, talking
 
@@ -255,7 +255,6 @@ def test_flame_turns_the_jaw_about_its_joint():
     flame = Flame(vertices, TRIANGLES, np.zeros((3, 3, 400)), np.zeros((3, 3, 36)), regressor, skinning)
     moved = flame.vertices(np.zeros(10), np.zeros((1, 50)), np.array([[np.pi / 2, 0.0, 0.0]]))[0]
     np.testing.assert_allclose(moved, [[0, 1, 0], [0, 0, 0], [0, 0.5, 0.5]], atol=1e-12)
-    np.testing.assert_allclose(rotations(np.zeros((1, 3)))[0], np.eye(3))
 
 
 def test_a_pickle_that_runs_programs_is_refused(tmp_path):

@@ -10,9 +10,9 @@ from safetensors.numpy import load_file
 
 from training import REPOSITORY
 from training.corpus.folder import CorpusFolder
+from training.engine import Engine
 from training.paper import ablations
 from training.paper.__main__ import page
-from training.paper.engine import Engine
 from training.paper.metrics import NAMES, measure
 from training.paper.printed import WHOLE, combinations
 from training.paper.tables import Table, landmark_table, mesh_tables

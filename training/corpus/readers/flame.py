@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from training.corpus.checked import CorpusError, read_npz
 from training.corpus.readers.sequences import vocaset_split
@@ -125,7 +126,7 @@ class Flame:
         own = self.neutral + self.directions[..., : len(shape)] @ shape
         last = EXPRESSION + expression.shape[1]
         rest = own + np.einsum("vxe,te->tvx", self.directions[..., EXPRESSION:last], expression)
-        turn = rotations(jaw)
+        turn = Rotation.from_rotvec(jaw).as_matrix()
         first = 9 * (JAW - 1)
         bent = (turn - np.eye(3)).reshape(len(turn), 9)
         rest = rest + np.einsum("vxk,tk->tvx", self.pose[..., first : first + 9], bent)
@@ -133,13 +134,6 @@ class Flame:
         turned = np.einsum("tij,tvj->tvi", turn, rest - joint) + joint
         share = self.skinning[:, JAW][:, None]
         return (1.0 - share) * rest + share * turned
-
-
-def rotations(vectors: np.ndarray) -> np.ndarray:
-    """Rotation vectors [T, 3] → matrices [T, 3, 3]."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_rotvec(vectors).as_matrix()
 
 
 def read_flame(path: Path) -> Flame:

@@ -280,9 +280,10 @@ def start(arguments, trainer: AtsTrainer, steps: int) -> Run:
     """A run of `steps` by the trainer's recipe, as it was where it stopped."""
     recipe = trainer.recipe
     generators = {"trainer": trainer.random, "windows": trainer.sampler.random}
+    factor = None if recipe.annealed else lambda _: 1.0
     return begin(
         arguments, trainer.parts, generators, groups=trainer.parameters(recipe.rate, arguments.encoder_rate),
-        steps=steps, decay=recipe.weight_decay, constant=not recipe.annealed, average=recipe.average,
+        steps=steps, decay=recipe.weight_decay, factor=factor, average=recipe.average,
         machine=trainer.machine,
     )  # fmt: skip
 

@@ -6,12 +6,11 @@ The paper's figure 10, through the `anyface` command:
         --anyface target/release/anyface --audio SOUND --out CURVES.png
 """
 
-import subprocess
-import tempfile
 from pathlib import Path
 
 import matplotlib
 
+from training.engine import Engine
 from training.flags import run_command
 
 matplotlib.use("Agg")
@@ -33,11 +32,7 @@ STILL = ("--blinks", "0", "--brow-accents", "0", "--fps", "50")
 
 def motion(anyface: Path, audio: Path, *more: str) -> dict[str, np.ndarray]:
     """The arrays of `anyface motion --system cafe-talk`."""
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "motion.npz"
-        arguments = ("motion", "--system", "cafe-talk", "--audio", audio, "--out", out, *STILL, *more)
-        subprocess.run([anyface, *arguments], check=True, capture_output=True)
-        return dict(np.load(out))
+    return Engine(anyface).run("motion", "--system", "cafe-talk", "--audio", audio, *STILL, *more)
 
 
 def weight(arrays: dict[str, np.ndarray], shape: str) -> np.ndarray:

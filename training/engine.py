@@ -1,0 +1,66 @@
+"""The command as it is used: sound to landmarks, sound to a mesh, landmark motion to a mesh."""
+
+import subprocess
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import soundfile
+
+from training.corpus.clip import FPS
+from training.corpus.tracks import SOUND_HZ
+
+
+@dataclass
+class Engine:
+    """`anyface` at `binary`; `options` go with every call."""
+
+    binary: Path
+    options: list[str] = field(default_factory=list)
+
+    def motion(self, samples: np.ndarray, emotion: str) -> np.ndarray:
+        """Sound at 16 kHz to displacements of the landmarks, [T, 68, 3] canonical metres at 25 fps."""
+        return self._speech("motion", samples, emotion)["landmark_displacements"]
+
+    def mesh(self, samples: np.ndarray, emotion: str, mesh: Path, marks: Path, *more: str) -> np.ndarray:
+        """Sound to displacements of a mesh, [T, V, 3] in its own units."""
+        place = ("--mesh", mesh, "--landmarks", marks)
+        return self._speech("animate", samples, emotion, *place, *more)["displacements"]
+
+    def spread(
+        self, motion: np.ndarray, neutral: np.ndarray, mesh: Path, marks: Path | None, *more: str
+    ) -> np.ndarray:
+        """Motion [T, 68, 3] about `neutral` [68, 3], mesh units, to displacements [T, V, 3]."""
+        return self._spread(motion, neutral, mesh, marks, *more)["displacements"]
+
+    def attention(self, motion: np.ndarray, neutral: np.ndarray, mesh: Path, marks: Path) -> np.ndarray:
+        """By which share each vertex attends to each landmark, [V, 68]: the paper's decoder, figure 7."""
+        with tempfile.TemporaryDirectory() as folder:
+            maps = Path(folder) / "attention.npz"
+            self._spread(motion, neutral, mesh, marks, "--decoder", "paper", "--attention", maps)
+            return np.load(maps)["attention"]
+
+    def run(self, command: str, *arguments) -> dict[str, np.ndarray]:
+        """The arrays that a subcommand writes."""
+        with tempfile.TemporaryDirectory() as folder:
+            out = Path(folder) / "out.npz"
+            line = [str(self.binary), command, *map(str, arguments), "--out", str(out), *self.options]
+            done = subprocess.run(line, capture_output=True, text=True)
+            if done.returncode:
+                raise RuntimeError(f"{' '.join(line)}: {done.stderr.strip()}")
+            return dict(np.load(out))
+
+    def _speech(self, command: str, samples: np.ndarray, emotion: str, *more) -> dict[str, np.ndarray]:
+        with tempfile.TemporaryDirectory() as folder:
+            sound = Path(folder) / "sound.wav"
+            soundfile.write(sound, samples, SOUND_HZ, subtype="FLOAT")
+            return self.run(command, "--audio", sound, "--fps", int(FPS), "--emotion", emotion, *more)
+
+    def _spread(self, motion: np.ndarray, neutral: np.ndarray, mesh: Path, marks: Path | None, *more):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "motion.npz"
+            np.savez(path, landmarks_neutral=neutral.astype(np.float32),
+                     landmark_displacements=motion.astype(np.float32), fps=FPS)  # fmt: skip
+            place = () if marks is None else ("--landmarks", marks)
+            return self.run("deform", "--mesh", mesh, *place, "--motion", path, *more)
