@@ -186,7 +186,7 @@ def export(name: str, models: Path | None = None, **options) -> list[Path]:
     return written
 
 
-def main(given: list[str] | None = None) -> None:
+def main(line: list[str] | None = None) -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     names = parser.add_subparsers(dest="name", required=True)
@@ -194,7 +194,7 @@ def main(given: list[str] | None = None) -> None:
         of_model = names.add_parser(name, help=function.__doc__.splitlines()[0], description=function.__doc__)
         of_model.add_argument("--models", type=Path, help="folder of model folders")
         add_flags(of_model, function)
-    for folder in export(**vars(parser.parse_args(given))):
+    for folder in export(**vars(parser.parse_args(line))):
         print(folder)
 
 

@@ -24,7 +24,7 @@ def add_flags(parser: argparse.ArgumentParser, function: Callable) -> None:
         if parameter.default is parameter.empty:
             options |= {"default": None, "required": True}
         if get_origin(kind) is Literal:
-            options["choices"] = get_args(kind)
+            options["choices"] = [value for value in get_args(kind) if value is not None]
         elif kind is bool:
             options["action"] = "store_true"
         elif get_origin(kind) is list:

@@ -46,9 +46,9 @@ def write_golden(path: Path, tensors: dict[str, Tensor], name: str, model: nn.Mo
     """Writes `tensors`, the weights of `model` as `weights.*`, and in the metadata its configuration, how
     near Rust must come, the command, and what else there is to say `about` it."""
     weights = {} if model is None else {f"weights.{key}": value for key, value in model.state_dict().items()}
-    told = {} if config is None else {"config": json.dumps(config)}
-    told |= {"tolerance": "1e-4", "command": f"python -m training.goldens {name}"} | about
-    save_file({key: value.contiguous() for key, value in (weights | tensors).items()}, path, told)
+    metadata = {} if config is None else {"config": json.dumps(config)}
+    metadata |= {"tolerance": "1e-4", "command": f"python -m training.goldens {name}"} | about
+    save_file({key: value.contiguous() for key, value in (weights | tensors).items()}, path, metadata)
     path.chmod(0o644)
     return path
 

@@ -10,7 +10,7 @@ drive the co-articulation teacher.
 import csv
 import json
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
@@ -63,13 +63,15 @@ VARIANTS = ("", "+m1", "+m3", "+m5", "+m7", "+f1", "+f2", "+f3", "+f4")
 
 @dataclass
 class Utterance:
-    """Speech and its phones. `phones` is none where nobody knows them; `samples` [S] at 16 kHz."""
+    """Speech, its phones (none where nobody knows them) and its words with start and end in seconds, where
+    these are timed; `samples` [S] at 16 kHz."""
 
     name: str
     source: str
     held_out: bool
     samples: np.ndarray
     phones: list[Phone] | None
+    words: list[tuple[float, float, str]] = field(default_factory=list)
 
 
 def read_nathalie(data: Path, limit: int | None = None) -> list[Utterance]:
@@ -82,7 +84,12 @@ def read_nathalie(data: Path, limit: int | None = None) -> list[Utterance]:
         end_s = len(samples) / 16000
         if phones and phones[-1].end_s > end_s + NATHALIE_LAST_PHONE_S:
             continue
-        found.append(Utterance(record["id"], "nathalie_nl", index % HELD_OUT_EVERY == 0, samples, phones))
+        timed = [
+            (word["phones"], word["word"]) for word in record["words"] if word["phones"] and word["word"]
+        ]
+        words = [(p[0]["start"], p[-1]["start"] + p[-1]["duration"], word) for p, word in timed]
+        held_out = index % HELD_OUT_EVERY == 0
+        found.append(Utterance(record["id"], "nathalie_nl", held_out, samples, phones, words))
     return found
 
 
@@ -90,11 +97,12 @@ def read_librivox(data: Path) -> list[Utterance]:
     """Five English sentences with phone times; never trained on."""
     found = []
     for path in sorted((data / "clips/librivox").glob("*.phone.json")):
-        words = json.loads(path.read_text())["w"]
-        phones = [Phone(p["b"], p["d"], p["t"]) for w in words for p in w.get("w", [])]
+        rows = json.loads(path.read_text())["w"]
+        phones = [Phone(p["b"], p["d"], p["t"]) for w in rows for p in w.get("w", [])]
+        words = [(w["b"], w["b"] + w["d"], w["t"].split("(")[0]) for w in rows if not w["t"].startswith("<")]
         name = path.name.removesuffix(".phone.json")
         samples = read_sound(path.with_name(f"{name}.wav"))
-        found.append(Utterance(name, "librivox_en", True, samples, phones))
+        found.append(Utterance(name, "librivox_en", True, samples, phones, words))
     return found
 
 
@@ -121,18 +129,25 @@ def read_kathleen(data: Path, limit: int | None = None, only_held_out: bool = Fa
 
 def read_grid_speech(data: Path, chosen: set[str] | None = None) -> list[Utterance]:
     """The words of grid_s1, aligned."""
-    folder, aligner, found, words = data / "motion/grid_s1", Aligner(), [], {}
-    for line in (folder / "words.tsv").read_text().splitlines():
-        name, _, _, word = line.split("\t")
-        words.setdefault(name, []).append(word)
+    folder, aligner, found, words = data / "motion/grid_s1", Aligner(), [], grid_words(data)
     held_out = grid_held_out(list(words))
     for name in sorted(words if chosen is None else chosen & set(words)):
         samples = read_sound(folder / "audio" / f"{name}.ogg")
-        text = " ".join(w for w in words[name] if w not in ("sil", "sp"))
-        phones = aligner.align(samples, text)
+        phones = aligner.align(samples, " ".join(word for _, _, word in words[name]))
         if phones:
             found.append(Utterance(name, "grid_s1", name in held_out, samples, phones))
     return found
+
+
+def grid_words(data: Path) -> dict[str, list[tuple[float, float, str]]]:
+    """Words of the clips of grid_s1, start and end in seconds."""
+    words = {}
+    for line in (data / "motion/grid_s1/words.tsv").read_text().splitlines():
+        name, start, end, word = line.split("\t")
+        rows = words.setdefault(name, [])
+        if word not in ("sil", "sp"):
+            rows.append((float(start), float(end), word))
+    return words
 
 
 def read_unlabelled(data: Path, source: str, limit: int | None = None) -> list[Utterance]:

@@ -112,13 +112,24 @@ def _entry(clip: Clip, said: Utterance | None, voices: int, random: np.random.Ge
         extra = [torch.from_numpy(revoice(clip.samples, random)) for _ in range(voices - 1)]
         mels += extra
     fitted = torch.stack([fit_frames(mel, MEL_PER_FRAME * frames) for mel in mels])
-    motion = symmetrise(clip.motion) if clip.emotion == "neutral" else clip.motion
-    weight = torch.from_numpy(clip.weight).repeat_interleave(3, dim=1)
-    phones = np.full(MEL_PER_FRAME * frames, UNKNOWN, np.int16)
     known = clip.phones if said is None else said.phones
+    phones = np.full(MEL_PER_FRAME * frames, UNKNOWN, np.int16)
     if known is not None:
         phones = segment_track(known, len(phones), MEL_HZ)
-    flat = torch.from_numpy(motion.astype(np.float32)).flatten(1)
-    heard = torch.from_numpy(phones)
-    felt = (clip.emotion, clip.intensity)
-    return Entry(clip.name, clip.source, clip.held_out, fitted.half(), flat, weight, heard, *felt)
+    return entry_of(clip, fitted, torch.from_numpy(phones))
+
+
+def entry_of(clip: Clip, mels: torch.Tensor, phones: torch.Tensor) -> Entry:
+    """A clip with what is heard of it, [voices, T, C]; neutral motion loses its lopsidedness."""
+    motion = symmetrise(clip.motion) if clip.emotion == "neutral" else clip.motion
+    moved = torch.from_numpy(motion.astype(np.float32)).flatten(1)
+    weight = torch.from_numpy(clip.weight).repeat_interleave(3, dim=1)
+    affect = (clip.emotion, clip.intensity)
+    return Entry(clip.name, clip.source, clip.held_out, mels.half(), moved, weight, phones, *affect)
+
+
+def entry_without_motion(name: str, source: str, held_out: bool, mels: torch.Tensor) -> Entry:
+    """A sound, log-mels [voices, 4 T, 64], whose words and motion nobody knows."""
+    still = torch.zeros(mels.shape[1] // MEL_PER_FRAME, 204)
+    phones = torch.full((mels.shape[1],), UNKNOWN, dtype=torch.int16)
+    return Entry(name, source, held_out, mels.half(), still, still, phones)

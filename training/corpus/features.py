@@ -5,9 +5,8 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from training.corpus.bank import UNKNOWN, Entry
+from training.corpus.bank import UNKNOWN, Entry, entry_of
 from training.corpus.clip import Clip
-from training.corpus.mirror import symmetrise
 from training.corpus.windows import AugmentOptions, WindowSampler
 
 Encode = Callable[[Tensor, int], Tensor]
@@ -34,10 +33,6 @@ def feature_entries(clips: list[Clip], encode: Encode) -> list[Entry]:
     entries = []
     for clip in clips:
         features = encode(torch.from_numpy(clip.samples), len(clip.motion))
-        moved = symmetrise(clip.motion) if clip.emotion == "neutral" else clip.motion
-        motion = torch.from_numpy(moved).flatten(1)
-        weight = torch.from_numpy(clip.weight).repeat_interleave(3, dim=1)
-        phones = torch.full((len(motion),), UNKNOWN, dtype=torch.int16)
-        fields = (clip.name, clip.source, clip.held_out, features[None].half(), motion, weight, phones)
-        entries.append(Entry(*fields, clip.emotion, clip.intensity))
+        phones = torch.full((len(clip.motion),), UNKNOWN, dtype=torch.int16)
+        entries.append(entry_of(clip, features[None], phones))
     return entries

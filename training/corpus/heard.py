@@ -13,6 +13,7 @@ from training.corpus.aligned import (
     HELD_OUT_EVERY,
     UNSEEN_LANGUAGES,
     Utterance,
+    grid_words,
     read_librivox,
     read_nathalie,
     read_texts,
@@ -70,19 +71,15 @@ def load(data: Path, cache: Path, encoder: CompactEncoder, minutes: float) -> li
 
 
 def _every(data: Path, encoder: CompactEncoder, minutes: float):
-    nathalie = _nathalie_words(data)
     for u in read_nathalie(data):
         heard = _of(encoder, u, WARPS)
-        heard.words = nathalie[u.name]
-        heard.text = " ".join(word for _, _, word in heard.words)
+        heard.text = " ".join(word for _, _, word in u.words)
         yield heard
     for u in read_emodb(data):
         yield _of(encoder, u, WARPS)
     for u in read_librivox(data):
         heard = _of(encoder, u, (1.0,))
-        folder = data / "clips/librivox"
-        heard.text = (folder / f"{u.name}.txt").read_text()
-        heard.words = _librivox_words(folder / f"{u.name}.phone.json")
+        heard.text = (data / "clips/librivox" / f"{u.name}.txt").read_text()
         yield heard
     yield from _grid(data, encoder)
     for source in ("kathleen_en", "kerstin_de"):
@@ -103,35 +100,12 @@ def _of(encoder: CompactEncoder, u: Utterance, warps) -> Heard:
     features = hear(encoder, u.samples, warps)
     frames = MEL_PER_FRAME * len(features[0])
     track = torch.from_numpy(segment_track(u.phones, frames, 100.0))
-    return Heard(u.name, u.source, u.held_out, features, track)
-
-
-def _nathalie_words(data: Path) -> dict[str, list[tuple[float, float, str]]]:
-    found = {}
-    for line in (data / "speech/nathalie_nl/phones.jsonl").read_text().splitlines():
-        record, rows = json.loads(line), []
-        for word in record["words"]:
-            phones = word["phones"]
-            if phones and word["word"]:
-                last = phones[-1]
-                rows.append((phones[0]["start"], last["start"] + last["duration"], word["word"]))
-        found[record["id"]] = rows
-    return found
-
-
-def _librivox_words(path: Path) -> list[tuple[float, float, str]]:
-    rows = json.loads(path.read_text())["w"]
-    found = [(w["b"], w["b"] + w["d"], w["t"].split("(")[0]) for w in rows]
-    return [row for row in found if not row[2].startswith("<")]
+    return Heard(u.name, u.source, u.held_out, features, track, words=u.words)
 
 
 def _grid(data: Path, encoder: CompactEncoder):
     """Every fourth clip of grid_s1: only ever measured on."""
-    folder, words = data / "motion/grid_s1", {}
-    for line in (folder / "words.tsv").read_text().splitlines():
-        name, start, end, word = line.split("\t")
-        if word not in ("sil", "sp"):
-            words.setdefault(name, []).append((float(start), float(end), word))
+    folder, words = data / "motion/grid_s1", grid_words(data)
     for name in sorted(words)[::4]:
         features = hear(encoder, read_sound(folder / "audio" / f"{name}.ogg"), (1.0,))
         text = " ".join(word for _, _, word in words[name])

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from training.corpus import bank
-from training.corpus.bank import UNKNOWN, Entry
+from training.corpus.bank import Entry
 from training.corpus.cache import cached, digest
 from training.corpus.clip import MEL_PER_FRAME, fit_frames
 from training.corpus.closures import lips_closed
@@ -93,11 +93,6 @@ def load(
     return lessons
 
 
-def unknown(mels: Tensor) -> Tensor:
-    """Phones of a sound whose words nobody wrote down, [4 T]."""
-    return torch.full((mels.shape[1],), UNKNOWN, dtype=torch.int16)
-
-
 def speech_entries(folder: Path, limit: int | None, voices: int = 2) -> list[Entry]:
     """Sounds under a folder, in their own voice and re-voiced; every tenth is held out."""
     paths = sorted(p for p in folder.rglob("*") if p.suffix.lower() in SOUNDS)
@@ -115,8 +110,6 @@ def speech_entries(folder: Path, limit: int | None, voices: int = 2) -> list[Ent
         mels = [log_mel(torch.from_numpy(samples))]
         if not held_out:
             mels += [torch.from_numpy(revoice(samples, chance)) for _ in range(voices - 1)]
-        fitted = torch.stack([fit_frames(mel, MEL_PER_FRAME * frames) for mel in mels]).half()
-        nothing = torch.zeros(frames, 204)
-        known = (nothing, nothing, unknown(fitted))
-        entries.append(Entry(path.name, folder.name, held_out, fitted, *known))
+        fitted = torch.stack([fit_frames(mel, MEL_PER_FRAME * frames) for mel in mels])
+        entries.append(bank.entry_without_motion(path.name, folder.name, held_out, fitted))
     return entries

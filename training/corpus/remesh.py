@@ -46,20 +46,21 @@ def keep_faces(face: Face, keep: np.ndarray) -> Face | None:
 
 def subdivide(face: Face) -> Face:
     """Every triangle into four at its edge midpoints."""
-    corners = face.triangles
-    edges = np.sort(np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]), 1)
+    return carry(face, *quartered(face.triangles, len(face.vertices)), face.landmarks)
+
+
+def quartered(triangles: np.ndarray, count: int) -> tuple[sp.csr_matrix, np.ndarray]:
+    """The mixture of `count` vertices that adds the midpoints of edges, and four triangles for each."""
+    edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), 1)
     unique, inverse = np.unique(edges, axis=0, return_inverse=True)
-    count = len(face.vertices)
     ab, bc, ca = (count + inverse.reshape(-1)).reshape(3, -1)
-    a, b, c = corners.T
-    triangles = np.concatenate(
-        [np.stack(t, 1) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
-    )
+    a, b, c = triangles.T
+    smaller = np.concatenate([np.stack(t, 1) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
     half = sp.csr_matrix(
         (np.full(2 * len(unique), 0.5), (np.repeat(np.arange(len(unique)), 2), unique.reshape(-1))),
         (len(unique), count),
     )
-    return carry(face, sp.vstack([sp.identity(count), half]).tocsr(), triangles, face.landmarks)
+    return sp.vstack([sp.identity(count), half]).tocsr(), smaller
 
 
 def decimate(face: Face, target: int, aggression: int) -> Face | None:

@@ -13,6 +13,8 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
+from training.corpus.remesh import quartered
+
 
 @dataclass
 class Surface:
@@ -31,22 +33,7 @@ def edges_of(triangles: np.ndarray) -> np.ndarray:
 
 def subdivide(surface: Surface) -> Surface:
     """Each triangle into four; points keep their weights over the original vertices."""
-    pairs = edges_of(surface.triangles)
-    count = len(surface.points)
-    number = {(a, b): count + i for i, (a, b) in enumerate(pairs.tolist())}
-    a, b, c = surface.triangles.T
-    middle = [
-        np.array([number[min(p, q), max(p, q)] for p, q in zip(x.tolist(), y.tolist(), strict=True)])
-        for x, y in ((a, b), (b, c), (c, a))
-    ]
-    ab, bc, ca = middle
-    corners = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
-    triangles = np.concatenate([np.stack(t, 1) for t in corners])
-    half = sparse.csr_matrix(
-        (np.full(2 * len(pairs), 0.5), (np.repeat(np.arange(len(pairs)), 2), pairs.ravel())),
-        (len(pairs), count),
-    )
-    grow = sparse.vstack([sparse.identity(count, format="csr"), half]).tocsr()
+    grow, triangles = quartered(surface.triangles, len(surface.points))
     return Surface(grow @ surface.points, triangles, grow @ surface.weights)
 
 

@@ -11,6 +11,7 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from training.default_head.remesh import Cells, Surface, boundary_paths, defects, dual, subdivide
+from training.deform.tension_screened_biharmonic import catmull_rom
 
 # ICT vertices: face, head and neck, mouth bag and eye sockets, in this order.
 LAST_SKIN_VERTEX = 14061
@@ -79,16 +80,7 @@ def lip_line(points: np.ndarray) -> np.ndarray:
     line = []
     for before, start, end, after in zip(knots, knots[1:], knots[2:], knots[3:], strict=False):
         steps = max(2, round(np.linalg.norm(end - start) / LIP_LINE_STEP_CM))
-        for t in np.arange(steps) / steps:
-            line.append(
-                0.5
-                * (
-                    2 * start
-                    + t * (end - before)
-                    + t**2 * (2 * before - 5 * start + 4 * end - after)
-                    + t**3 * (3 * start - before - 3 * end + after)
-                )
-            )
+        line += [catmull_rom(before, start, end, after, t) for t in np.arange(steps) / steps]
     return np.array([*line, knots[-2]])
 
 

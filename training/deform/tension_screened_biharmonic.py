@@ -112,16 +112,15 @@ def lid_edge(corners: np.ndarray) -> np.ndarray:
         before = start if i % 3 == 0 else before
         after = end if i % 3 == 2 else after
         t = np.arange(CURVE_POINTS)[:, None] / CURVE_POINTS
-        pieces.append(
-            0.5
-            * (
-                2.0 * start
-                + (end - before) * t
-                + (2.0 * before - 5.0 * start + 4.0 * end - after) * t**2
-                + (3.0 * start - before - 3.0 * end + after) * t**3
-            )
-        )
+        pieces.append(catmull_rom(before, start, end, after, t))
     return np.concatenate(pieces)
+
+
+def catmull_rom(before, start, end, after, t):
+    """The curve from `start` to `end` at shares `t` of the way."""
+    bent = (2.0 * before - 5.0 * start + 4.0 * end - after) * t**2
+    twisted = (3.0 * start - before - 3.0 * end + after) * t**3
+    return 0.5 * (2.0 * start + (end - before) * t + bent + twisted)
 
 
 def _ease_out(x: np.ndarray, span: tuple[float, float]) -> np.ndarray:

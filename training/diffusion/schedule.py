@@ -65,3 +65,15 @@ def inference_timesteps(train_steps: int, steps: int, spacing: str) -> list[int]
 def add_noise(clean: Tensor, noise: Tensor, alpha_bar: Tensor) -> Tensor:
     """`√ᾱ x₀ + √(1 − ᾱ) ε`, FreeTalk eq. 5. `alpha_bar` broadcasts against `clean`."""
     return alpha_bar.sqrt() * clean + (1.0 - alpha_bar).sqrt() * noise
+
+
+def noise_levels(
+    shape: torch.Size, levels: int, pure_share: float, random: torch.Generator
+) -> tuple[Tensor, Tensor]:
+    """Levels [B] and noise of `shape` [B, T, D] to train on: `pure_share` of the rows are all noise, which is
+    weaker than normal then."""
+    t = torch.randint(0, levels, shape[:1], generator=random)
+    pure = torch.rand(shape[0], generator=random) < pure_share
+    noise = torch.randn(shape, generator=random)
+    cool = torch.rand(shape[0], 1, 1, generator=random)
+    return torch.where(pure, levels - 1, t), torch.where(pure[:, None, None], noise * cool, noise)

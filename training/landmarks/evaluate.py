@@ -9,15 +9,17 @@ moved. Also prints how many things without a face are refused. Errors are millim
 human size.
 """
 
-import argparse
 import json
 import subprocess
 import tempfile
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
 
+from training import DATA
 from training.corpus.topology import write_obj
+from training.flags import run_command
 from training.landmarks import faceless, pool, pose_pool, samples
 from training.landmarks.stylise import limb
 
@@ -96,23 +98,27 @@ def nothing(rng: np.random.Generator, faces: samples.Faces, held_out: np.ndarray
     return head.points, head.triangles[middle[:, 2] < head.landmarks[36:48, 2].mean() - 0.03]
 
 
-def main() -> None:
+def main(
+    data: Path = DATA,
+    anyface: Path = Path("target/release/anyface"),
+    weights: Annotated[Path | None, "a folder of models instead of the built-in ones"] = None,
+    count: int = 40,
+    only: Literal["ict", "makehuman", "nothing", None] = None,
+) -> None:
     """Entry of the command."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--anyface", type=Path, default=Path("target/release/anyface"))
-    parser.add_argument("--weights", type=Path, help="a folder of models instead of the built-in ones")
-    parser.add_argument("--count", type=int, default=40)
-    parser.add_argument("--only", help="ict, makehuman or nothing")
-    args = parser.parse_args()
-    faces, held_out = samples.Faces(args.data), pool.identities(held_out=True)
-    anyface = [args.anyface] + (["--weights", args.weights] if args.weights else [])
+    faces, held_out = samples.Faces(data), pool.identities(held_out=True)
+    command = command_of(anyface, weights)
     with tempfile.TemporaryDirectory() as name:
         for kind in ("ict", "makehuman"):
-            if args.only in (None, kind):
-                measure(kind, anyface, Path(name), faces, held_out, args.count)
-        if args.only in (None, "nothing"):
-            refuse(anyface, Path(name), faces, held_out, args.count // 2)
+            if only in (None, kind):
+                measure(kind, command, Path(name), faces, held_out, count)
+        if only in (None, "nothing"):
+            refuse(command, Path(name), faces, held_out, count // 2)
+
+
+def command_of(anyface: Path, weights: Path | None) -> list:
+    """The command with the models that it is to take."""
+    return [anyface, "--weights", weights] if weights else [anyface]
 
 
 def measure(kind: str, anyface: list, folder: Path, faces, held_out: np.ndarray, count: int) -> None:
@@ -144,4 +150,4 @@ def refuse(anyface: list, folder: Path, faces, held_out: np.ndarray, count: int)
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

@@ -8,15 +8,17 @@ Everything is turned at random, scaled and moved. A region is found where its la
 the face's height of the truth, on average; the height goes from the chin to the middle of the brows.
 """
 
-import argparse
 import tempfile
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
 
+from training import DATA
 from training.corpus.topology import write_obj
+from training.flags import run_command
 from training.landmarks import pool, pose_pool, samples
-from training.landmarks.evaluate import find, placed
+from training.landmarks.evaluate import command_of, find, placed
 from training.landmarks.faceless_unseen import KINDS
 from training.landmarks.stylise_unseen import unseen_head
 
@@ -83,30 +85,29 @@ def things(anyface: list, folder: Path, faces, held_out: np.ndarray, count: int)
     print(f"without a face: {count - len(taken)} of {count} refused")
 
 
-def main() -> None:
+def main(
+    data: Path = DATA,
+    anyface: Path = Path("target/release/anyface"),
+    weights: Annotated[Path | None, "a folder of models instead of the built-in ones"] = None,
+    count: Annotated[int, "heads; half as many things"] = 200,
+    only: Literal["heads", "things", None] = None,
+    write: Annotated[Path | None, "only writes the heads, upright, as OBJ here"] = None,
+) -> None:
     """Entry of the command."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--anyface", type=Path, default=Path("target/release/anyface"))
-    parser.add_argument("--weights", type=Path, help="a folder of models instead of the built-in ones")
-    parser.add_argument("--count", type=int, default=200, help="heads; half as many things")
-    parser.add_argument("--only", choices=("heads", "things"))
-    parser.add_argument("--write", type=Path, help="only writes the heads, upright, as OBJ here")
-    args = parser.parse_args()
-    faces, held_out = samples.Faces(args.data), pool.identities(held_out=True)
-    if args.write:
-        args.write.mkdir(parents=True, exist_ok=True)
-        for number in range(args.count):
+    faces, held_out = samples.Faces(data), pool.identities(held_out=True)
+    if write:
+        write.mkdir(parents=True, exist_ok=True)
+        for number in range(count):
             head = head_number(number, faces, held_out)
-            write_obj(args.write / f"character_{number:03}.obj", head.points, head.triangles)
+            write_obj(write / f"character_{number:03}.obj", head.points, head.triangles)
         return
-    anyface = [args.anyface] + (["--weights", args.weights] if args.weights else [])
+    command = command_of(anyface, weights)
     with tempfile.TemporaryDirectory() as name:
-        if args.only != "things":
-            heads(anyface, Path(name), faces, held_out, args.count)
-        if args.only != "heads":
-            things(anyface, Path(name), faces, held_out, args.count // 2)
+        if only != "things":
+            heads(command, Path(name), faces, held_out, count)
+        if only != "heads":
+            things(command, Path(name), faces, held_out, count // 2)
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

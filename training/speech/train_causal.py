@@ -16,12 +16,12 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from training.corpus.bank import Entry
+from training.corpus.bank import Entry, entry_without_motion
 from training.corpus.clip import FPS, MEL_PER_FRAME, fit_frames
 from training.corpus.feelings import SOURCE as EMODB
 from training.corpus.feelings import read_felt
 from training.corpus.lesson_windows import DIMS, LessonBatch, LessonSampler
-from training.corpus.lessons import Lesson, speech_entries, unknown
+from training.corpus.lessons import Lesson, speech_entries
 from training.corpus.shares import entries_of
 from training.nn.checkpoint import save
 from training.run import descend, seeded, trainer_parser
@@ -48,9 +48,8 @@ def felt_entries(data: Path, limit: int | None) -> list[Entry]:
     found = []
     for clip in read_felt(data, limit):
         frames = max(int(len(clip.samples) * FPS / SAMPLE_RATE_HZ), 2)
-        mels = fit_frames(log_mel(torch.from_numpy(clip.samples)), MEL_PER_FRAME * frames)[None].half()
-        nothing = torch.zeros(frames, DIMS)
-        found.append(Entry(clip.name, EMODB, clip.held_out, mels, nothing, nothing, unknown(mels)))
+        mel = fit_frames(log_mel(torch.from_numpy(clip.samples)), MEL_PER_FRAME * frames)
+        found.append(entry_without_motion(clip.name, EMODB, clip.held_out, mel[None]))
     return found
 
 

@@ -8,7 +8,6 @@ import torch
 
 from training.corpus.bank import Entry
 from training.corpus.lesson_windows import LessonSampler
-from training.corpus.lessons import unknown
 from training.export import export
 from training.speech.causal import StreamNet, debug_config, perform
 from training.speech.compact import CompactEncoder
@@ -29,7 +28,17 @@ def lessons():
     for index in range(6):
         mels = torch.randn((2, 4 * 90, 64), generator=generator).half()
         nothing = torch.zeros(90, 204)
-        found.append(Entry(f"c{index}", "speech", index == 5, mels, nothing, nothing, unknown(mels)))
+        found.append(
+            Entry(
+                f"c{index}",
+                "speech",
+                index == 5,
+                mels,
+                nothing,
+                nothing,
+                torch.full((mels.shape[1],), -1, dtype=torch.int16),
+            )
+        )
     return [as_lesson(entry) for entry in found]
 
 

@@ -7,7 +7,7 @@ import torch
 
 from training.corpus.bank import Entry
 from training.corpus.lesson_windows import LessonSampler
-from training.corpus.lessons import FullModel, Lesson, unknown
+from training.corpus.lessons import FullModel, Lesson
 from training.losses import landmark_weights
 from training.speech.causal import (
     StreamConfig,
@@ -115,7 +115,15 @@ def entry(source: str, weight: float) -> Entry:
     """A clip of 40 frames whose lips move as random numbers do."""
     mels = torch.stack([log_mel(voice(1.6, seed))[:160] for seed in (0, 1)]).half()
     motion = 1e-3 * torch.randn(40, 204)
-    return Entry("clip", source, False, mels, motion, torch.full((40, 204), weight), unknown(mels))
+    return Entry(
+        "clip",
+        source,
+        False,
+        mels,
+        motion,
+        torch.full((40, 204), weight),
+        torch.full((mels.shape[1],), -1, dtype=torch.int16),
+    )
 
 
 def test_windows_hold_sound_up_to_the_look_ahead(lessons):

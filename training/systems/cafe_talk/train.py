@@ -16,29 +16,24 @@ import numpy as np
 import torch
 from torch import nn
 
-from training.corpus import arkit, bank, spoken
+from training.corpus import arkit, spoken
 from training.corpus.action_units import active_units, random_events, sparse, unit_matrix
 from training.corpus.bank import Entry
 from training.corpus.faces import CHANNELS
 from training.corpus.felt import with_emotion
 from training.corpus.shares import lasting
-from training.corpus.teacher import Teacher
-from training.diffusion.schedule import add_noise
+from training.diffusion.schedule import add_noise, noise_levels
 from training.losses import feature_concordance, feature_scores, lip_gap, motion_loss
-from training.machine import Machine, add_arguments
+from training.machine import Machine
 from training.nn.checkpoint import save
-from training.nn.config import SpeechInput
 from training.run import begin, descend, seeded, trainer_parser
-from training.speech.compact import SHIPPED_ENCODER, CompactEncoder, load_encoder
-from training.speech.compact import debug_config as debug_encoder
-from training.speech.hubert import HubertFeatures
 from training.speech.source import CompactSpeech, HubertSpeech
 from training.speech.train import SHARES
 from training.systems.cafe_talk.denoiser import ANY_STYLE, CONFIGS, CafeTalkConfig, Coarse, Denoiser
 from training.systems.cafe_talk.sampling import Request, sample_weights
 from training.systems.cafe_talk.stored import ADAPTER
 from training.systems.cafe_talk.stored import load as load_stored
-from training.systems.freetalk.train import own_clips
+from training.systems.freetalk.train import add_speech_flags, speech_source
 from training.text.emotions import SYNONYMS
 from training.text.words import Words
 
@@ -195,12 +190,7 @@ class CafeTalkTrainer:
     def loss(self, step: Step) -> tuple[torch.Tensor, dict[str, float]]:
         """Eq. 4, with the concordance of what a viewer sees; eq. 5 in rows whose label was swapped."""
         count, device = len(step.weights), self.machine.device
-        t = torch.randint(0, len(self.alphas), (count,), generator=self.random)
-        pure = torch.rand(count, generator=self.random) < PURE_NOISE_SHARE
-        t = torch.where(pure, len(self.alphas) - 1, t)
-        noise = torch.randn(step.weights.shape, generator=self.random)
-        cool = torch.rand(count, 1, 1, generator=self.random)
-        noise = torch.where(pure[:, None, None], noise * cool, noise)
+        t, noise = noise_levels(step.weights.shape, len(self.alphas), PURE_NOISE_SHARE, self.random)
         clean = self.model.standardise(step.weights)
         noisy = add_noise(clean, noise.to(device), self.alphas[t][:, None, None].to(device))
         speech_given = (torch.rand(count, generator=self.random) >= MASKED_SHARE).to(device)
@@ -271,7 +261,7 @@ def train(arguments) -> Path:
     """Runs a stage; writes `cafe_talk.pt` with the averaged weights and returns its path."""
     seeded(arguments)
     config = CONFIGS[arguments.config]()
-    speech = speech_source(arguments, config)
+    speech = weights_source(arguments, config)
     config.text_width = Words.load(arguments.text).vectors.shape[1]
     if arguments.corpus:
         config.styles = [*sorted({e.source for e in speech.entries}), ANY_STYLE]
@@ -297,35 +287,16 @@ def train(arguments) -> Path:
     return arguments.out / "cafe_talk.pt"
 
 
-def speech_source(arguments, config: CafeTalkConfig) -> CompactSpeech | HubertSpeech:
+def weights_source(arguments, config: CafeTalkConfig) -> CompactSpeech | HubertSpeech:
     """The encoder and all clips as weights; the solved ones are kept in the cache."""
-    if arguments.hubert is not None:
-        features = HubertFeatures(arguments.hubert)
-        config.speech = SpeechInput(features.kind, features.channels)
-        source = HubertSpeech(features, own_clips(arguments))
-        source.entries = arkit.as_weights(source.entries, None if arguments.corpus else arguments.data)
-        return source
-    if arguments.config == "debug":
-        encoder = CompactEncoder(debug_encoder())
-        voices, limit = 2, arguments.limit or 4
-    else:
-        encoder, voices, limit = (
-            load_encoder(arguments.speech or SHIPPED_ENCODER),
-            arguments.voices,
-            arguments.limit,
-        )
-        config.speech = SpeechInput("compact_speech", encoder.config.channels)
+    source = speech_source(arguments, config)
     if arguments.corpus:
-        return CompactSpeech(
-            encoder, arkit.as_weights(bank.of_folders(arguments.corpus, voices, arguments.seed, limit))
-        )
-    entries = bank.load(arguments.data, arguments.cache, voices, limit=limit)
-    if arguments.config != "debug":
-        left = tuple(arguments.leave_speech)
-        entries += spoken.load(
-            arguments.data, arguments.cache, arguments.minutes, left, Teacher.load(), arguments.reader
-        )
-    return CompactSpeech(encoder, solved(entries, arguments))
+        source.entries = arkit.as_weights(source.entries)
+    elif arguments.hubert is not None:
+        source.entries = arkit.as_weights(source.entries, arguments.data)
+    else:
+        source.entries = solved(source.entries, arguments)
+    return source
 
 
 def solved(entries: list[Entry], arguments) -> list[Entry]:
@@ -356,20 +327,10 @@ def parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--one-stage", action="store_true", help="base and adapter learn together (table 3)")
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
+    add_speech_flags(parser, validation_clips=12)
     parser.add_argument("--coarse", choices=["ada_ln", "film"], default="ada_ln", help="table 2 of the paper")
-    parser.add_argument("--hubert", type=Path, help="folder of a HuBERT or wav2vec2 checkpoint, such as XLSR")
-    parser.add_argument("--speech", type=Path, help="speech.pt of training.speech.train, or a model folder")
-    parser.add_argument("--leave-speech", nargs="*", default=[], help="speech to leave out (nathalie_nl, …)")
-    parser.add_argument("--reader", type=Path, help="an earlier speech.pt that reads untimed speech")
-    parser.add_argument("--minutes", type=float, default=5.0, help="of each language by espeak-ng")
-    parser.add_argument("--voices", type=int, default=7)
-    parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
     parser.add_argument("--swapped-share", type=float, default=SWAPPED_SHARE, help="rows with eq. 5")
     parser.add_argument("--tokens", type=int, default=2000, help="frames in a batch")
-    add_arguments(parser, "bfloat16")
-    parser.add_argument("--tensorboard", action="store_true", help="logs for TensorBoard too, into --out")
-    parser.add_argument("--stop-at", type=int, help="stop after this step; the same command goes on")
-    parser.add_argument("--validation-clips", type=int, default=12, help="of each source, at every log")
     return parser
 
 

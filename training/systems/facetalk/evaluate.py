@@ -16,7 +16,7 @@ from torch import Tensor
 
 from training import shipped
 from training.corpus.faces import CHANNELS, load_makehuman
-from training.corpus.heads import COEFFICIENTS, FACE_VERTICES, IctHeads, vertex_normals
+from training.corpus.heads import COEFFICIENTS, FACE_VERTICES, IctHeads, drawn_places, vertex_normals
 from training.corpus.poses import LIDS, Poses
 from training.systems.facetalk.expression_loss import lid_pairs, lip_pairs
 from training.systems.facetalk.fit_codes import SequenceFit, fit_free, fit_identity, fit_sequence
@@ -57,12 +57,10 @@ def drawn_by_area(vertices: Tensor, triangles: Tensor, count: int, seed: int) ->
     random = torch.Generator().manual_seed(seed)
     corners = vertices[triangles]
     cross = torch.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    chosen = torch.multinomial(cross.norm(dim=1), count, replacement=True, generator=random)
-    share = torch.rand(count, 2, generator=random)
-    over = share.sum(1) > 1.0
-    share[over] = 1.0 - share[over]
-    a, b, c = corners[chosen].unbind(1)
-    return a + share[:, :1] * (b - a) + share[:, 1:] * (c - a), F.normalize(cross[chosen], dim=1)
+    places = drawn_places(cross.norm(dim=1), count, random)
+    a, b, c = corners[places.triangle].unbind(1)
+    points = a + places.share[:, 1:2] * (b - a) + places.share[:, 2:] * (c - a)
+    return points, F.normalize(cross[places.triangle], dim=1)
 
 
 def identity(head: Head, heads: IctHeads, count: int) -> None:

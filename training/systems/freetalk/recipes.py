@@ -57,5 +57,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def chosen(recipes: dict[str, Recipe], arguments: argparse.Namespace) -> Recipe:
     """The recipe of the command line."""
-    given = {key: getattr(arguments, key, None) for key in ("rate", "dropout")}
-    return replace(recipes[arguments.recipe], **{k: v for k, v in given.items() if v is not None})
+    overrides = {key: getattr(arguments, key, None) for key in ("rate", "dropout")}
+    return replace(recipes[arguments.recipe], **{k: v for k, v in overrides.items() if v is not None})

@@ -25,7 +25,7 @@ from training.corpus.closures import closures_met
 from training.corpus.shares import entries_of, lasting, measured_scales, with_phones
 from training.corpus.split import leave_clips
 from training.corpus.teacher import Teacher
-from training.diffusion.schedule import add_noise
+from training.diffusion.schedule import add_noise, noise_levels
 from training.losses import (
     feature_concordance,
     feature_scores,
@@ -149,14 +149,10 @@ class AtsTrainer:
 
     def _noise(self, shape: torch.Size) -> tuple[torch.Tensor, torch.Tensor]:
         """Levels [B] and noise of `shape` [B, T, D]; ours is often all noise, weaker than normal at times."""
+        if not self.recipe.plain:
+            return noise_levels(shape, len(self.alphas), PURE_NOISE_SHARE, self.random)
         t = torch.randint(0, len(self.alphas), shape[:1], generator=self.random)
-        if self.recipe.plain:
-            return t, torch.randn(shape, generator=self.random)
-        pure = torch.rand(shape[0], generator=self.random) < PURE_NOISE_SHARE
-        t = torch.where(pure, len(self.alphas) - 1, t)
-        noise = torch.randn(shape, generator=self.random)
-        cool = torch.rand(shape[0], 1, 1, generator=self.random)
-        return t, torch.where(pure[:, None, None], noise * cool, noise)
+        return t, torch.randn(shape, generator=self.random)
 
     def _measure_scale(self) -> None:
         """Mean and deviation of the training motion into the model."""
@@ -171,8 +167,8 @@ def source_shares(arguments, entries: list[Entry]) -> dict[str, float]:
     if arguments.corpus:
         return lasting(entries)
     found = {e.source for e in entries if not e.held_out}
-    given = dict(zip(SHARES, arguments.shares, strict=True))
-    return {s: given[s] for s in SHARES if s in found and s not in arguments.leave_out}
+    shares = dict(zip(SHARES, arguments.shares, strict=True))
+    return {s: shares[s] for s in SHARES if s in found and s not in arguments.leave_out}
 
 
 def judged_by_phones(arguments, entries: list[Entry]) -> list[Entry]:
@@ -311,11 +307,11 @@ def speech_source(arguments, config: AtsConfig) -> CompactSpeech | HubertSpeech:
         config.speech = SpeechInput(features.kind, features.channels)
         return HubertSpeech(features, own_clips(arguments))
     if arguments.config == "debug":
-        return CompactSpeech(CompactEncoder(debug_encoder()), entries_of(arguments, 2, 4))
+        return CompactSpeech(CompactEncoder(debug_encoder()), entries_of(arguments, 2, arguments.limit or 4))
     encoder = load_encoder(arguments.speech or SHIPPED_ENCODER)
     config.speech = SpeechInput("compact_speech", encoder.config.channels)
     source = CompactSpeech(encoder, entries_of(arguments, arguments.voices, arguments.limit))
-    if spoken.SOURCE not in arguments.leave_out and not arguments.corpus:
+    if spoken.SOURCE not in getattr(arguments, "leave_out", ()) and not arguments.corpus:
         left, cache = tuple(arguments.leave_speech), arguments.cache
         teacher = Teacher.load()
         speech = (arguments.minutes, left, teacher, arguments.reader)
@@ -336,30 +332,36 @@ def own_clips(arguments) -> list[Clip]:
     return [clip for clips in sources for clip in clips]
 
 
+def add_speech_flags(parser: argparse.ArgumentParser, validation_clips: int) -> None:
+    """What a model hears, where it computes and what the log says, for `speech_source` and `descend`."""
+    parser.add_argument("--speech", type=Path, help="speech.pt of training.speech.train, or a model folder")
+    parser.add_argument("--hubert", type=Path, help="folder of a HuBERT or wav2vec2 checkpoint, such as XLSR")
+    parser.add_argument("--leave-speech", nargs="*", default=[], help="speech to leave out (nathalie_nl, …)")
+    parser.add_argument("--reader", type=Path, help="an earlier speech.pt that reads untimed speech")
+    parser.add_argument("--minutes", type=float, default=5.0, help="of each language by espeak-ng")
+    parser.add_argument("--voices", type=int, default=7)
+    parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
+    add_arguments(parser, "bfloat16")
+    parser.add_argument("--tensorboard", action="store_true", help="logs for TensorBoard too, into --out")
+    parser.add_argument("--stop-at", type=int, help="stop after this step; the same command goes on")
+    clips = "held-out clips of each source, at every log"
+    parser.add_argument("--validation-clips", type=int, default=validation_clips, help=clips)
+
+
 def parser() -> argparse.ArgumentParser:
     """Command line."""
     parser = trainer_parser(__doc__, "runs/ats", None, None)
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
-    parser.add_argument("--speech", type=Path, help="speech.pt of training.speech.train, or a model folder")
-    parser.add_argument("--hubert", type=Path, help="folder of a HuBERT or wav2vec2 checkpoint (paper)")
+    add_speech_flags(parser, validation_clips=40)
     parser.add_argument("--leave-out", nargs="*", default=[], choices=[*SHARES], help="sources of motion")
     parser.add_argument("--leave-clips", nargs="*", default=[], help="begins of names of clips to hold out")
-    parser.add_argument("--leave-speech", nargs="*", default=[], help="speech to leave out (nathalie_nl, …)")
-    parser.add_argument("--reader", type=Path, help="an earlier speech.pt that reads untimed speech")
-    parser.add_argument("--minutes", type=float, default=5.0, help="of each language by espeak-ng")
     default = list(SHARES.values())
     parser.add_argument("--shares", type=float, nargs=3, default=default, help=f"of {[*SHARES]}")
-    parser.add_argument("--voices", type=int, default=7)
-    parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
     parser.add_argument("--init", type=Path, help="start from this ats.pt, its encoder included")
     parser.add_argument("--tokens", type=int, help=f"frames in a batch: {TOKENS}, or the batch of the recipe")
     recipes.add_arguments(parser)
     parser.add_argument("--encoder-rate", type=float, default=0.0, help="tunes the encoder as well")
     parser.add_argument("--dropout", type=float, help="in place of the recipe's")
-    add_arguments(parser, "bfloat16")
-    parser.add_argument("--tensorboard", action="store_true", help="logs for TensorBoard too, into --out")
-    parser.add_argument("--stop-at", type=int, help="stop after this step; the same command goes on")
-    parser.add_argument("--validation-clips", type=int, default=40, help="of each source, at every log")
     return parser
 
 
