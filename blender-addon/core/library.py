@@ -321,8 +321,9 @@ SIGNATURES = {
 }
 
 _FREED = (
-    "audio", "basis", "clip", "engine", "error", "event_notes", "events", "expression", "face", "head",
-    "mesh", "motion", "opened_mouth", "progress", "rig", "sliders", "sounds", "stream", "weights",
+    "audio", "basis", "clip", "engine", "error", "event_notes", "events", "expression", "face",
+    "head", "mesh", "motion", "opened_mouth", "progress", "rig", "sliders", "sounds", "stream",
+    "weights",
 )  # fmt: skip
 SIGNATURES |= {f"anyface_{noun}_free": (None, [_HANDLE]) for noun in _FREED}
 
