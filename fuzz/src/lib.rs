@@ -103,7 +103,8 @@ pub fn models(bytes: &[u8]) {
     };
     let models: Vec<_> = built_in_models().collect();
     let model = models[usize::from(*choice) % models.len()];
-    let (mut weights, mut config) = (model.weights.to_vec(), model.config.as_bytes().to_vec());
+    let files = model.open(None).unwrap();
+    let (mut weights, mut config) = (files.weights, files.config.into_owned().into_bytes());
     let target = if part % 2 == 0 {
         &mut config
     } else {

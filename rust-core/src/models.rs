@@ -3,14 +3,21 @@
 use std::{
     borrow::Cow,
     fs,
+    io::{self, Read},
     path::{Path, PathBuf},
 };
 
 use anyface_weights_shared::Model;
+use flate2::read::GzDecoder;
 use serde_json::Value;
 
 use crate::{Error, Result, cache::CacheKey, nn::Weights};
 
+/// Weights as training writes them, and as they are shipped: the same bytes, see [`unpack`].
+const PLAIN: &str = "model.safetensors";
+const PACKED: &str = "model.planes.gz";
+/// Most bytes of weights that a packed file may hold.
+const MOST_BYTES: u64 = 2 << 30;
 /// Largest magnitude of a number in a config.
 const LARGEST_NUMBER: f64 = 1e5;
 /// Numbers in configs by their names, with the least and the largest that any model may have.
@@ -50,8 +57,8 @@ const RANGES: [(&str, f64, f64); 31] = [
 
 /// The two files of a model.
 pub struct ModelFiles {
-    /// `model.safetensors`.
-    pub weights: Cow<'static, [u8]>,
+    /// The bytes of `model.safetensors`.
+    pub weights: Vec<u8>,
     /// `config.json`.
     pub config: Cow<'static, str>,
 }
@@ -62,8 +69,8 @@ pub struct BuiltIn {
     pub name: &'static str,
     /// What the folders of all its sizes begin with, as in `ats_paper`; `None` where it has one.
     pub sizes_of: Option<&'static str>,
-    /// `model.safetensors`; empty where the build lacks it.
-    pub weights: &'static [u8],
+    /// `model.planes.gz`; empty where the build lacks it.
+    pub packed: &'static [u8],
     /// `config.json`.
     pub config: &'static str,
     /// Its model card, Markdown.
@@ -76,7 +83,7 @@ impl BuiltIn {
         BuiltIn {
             name: model.name,
             sizes_of: None,
-            weights: model.weights,
+            packed: model.weights,
             config: model.config,
             card: model.card,
         }
@@ -96,7 +103,7 @@ impl BuiltIn {
         BuiltIn {
             name,
             sizes_of,
-            weights: &[],
+            packed: &[],
             config: "",
             card: "Not in this build",
         }
@@ -110,13 +117,14 @@ impl BuiltIn {
     pub fn open(&self, folder: Option<&Path>) -> Result<ModelFiles> {
         match self.place(folder)? {
             Some(place) => ModelFiles::read(&place),
-            None if self.weights.is_empty() => Err(Error::Weights(format!(
+            None if self.packed.is_empty() => Err(Error::Weights(format!(
                 "{}: expected a folder of models that holds it, as this build was made without the feature of its \
                  system",
                 self.name
             ))),
             None => Ok(ModelFiles {
-                weights: self.weights.into(),
+                weights: unpack(self.packed)
+                    .map_err(|e| Error::Weights(format!("{}: {e}", self.name)))?,
                 config: self.config.into(),
             }),
         }
@@ -154,7 +162,7 @@ impl BuiltIn {
                 let files = ModelFiles::read(&place)?;
                 key.bytes(&files.weights).text(&files.config)
             }
-            None => key.bytes(self.weights).text(self.config),
+            None => key.bytes(self.packed).text(self.config),
         })
     }
 
@@ -183,7 +191,7 @@ pub fn check_folder(
     let (models, strange): (Vec<_>, Vec<_>) = folders_in(folder)?.into_iter().partition(is_known);
     let strange = strange.iter().find(|name| {
         let file = |file| folder.join(name).join(file).is_file();
-        file("config.json") || file("model.safetensors")
+        file("config.json") || file(PLAIN) || file(PACKED)
     });
     if strange.is_none() && !models.is_empty() {
         return Ok(());
@@ -218,10 +226,9 @@ fn folders_in(folder: &Path) -> Result<Vec<String>> {
 
 impl ModelFiles {
     fn read(folder: &Path) -> Result<Self> {
-        let weights = folder.join("model.safetensors");
         let config = folder.join("config.json");
         let files = ModelFiles {
-            weights: fs::read(&weights).map_err(Error::io(weights))?.into(),
+            weights: read_weights(folder)?,
             config: fs::read_to_string(&config)
                 .map_err(Error::io(config))?
                 .into(),
@@ -234,6 +241,43 @@ impl ModelFiles {
             other => other.map(|()| files),
         }
     }
+}
+
+/// The bytes of a folder's `model.safetensors`, from that file or the packed one.
+fn read_weights(folder: &Path) -> Result<Vec<u8>> {
+    let (plain, packed) = (folder.join(PLAIN), folder.join(PACKED));
+    if plain.is_file() || !packed.is_file() {
+        return fs::read(&plain).map_err(Error::io(plain));
+    }
+    let bytes = fs::read(&packed).map_err(Error::io(&packed))?;
+    let damaged = |e| {
+        Error::Weights(format!(
+            "{}: expected a whole gzip file: {e}",
+            packed.display()
+        ))
+    };
+    unpack(&bytes).map_err(damaged)
+}
+
+/// The bytes of a `model.safetensors` from those of a `model.planes.gz`, which holds the bytes at even places, then
+/// those at odd ones, in gzip.
+///
+/// The high bytes of weights in f16 are much alike: beside each other they take a third less. `pack` in
+/// training/nn/checkpoint.py is the way back.
+fn unpack(packed: &[u8]) -> io::Result<Vec<u8>> {
+    let mut planes = Vec::with_capacity(packed.len() * 5 / 4);
+    GzDecoder::new(packed)
+        .take(MOST_BYTES)
+        .read_to_end(&mut planes)?;
+    let (even, odd) = planes.split_at(planes.len().div_ceil(2));
+    let mut bytes = vec![0; planes.len()];
+    for (pair, low) in bytes.chunks_mut(2).zip(even) {
+        pair[0] = *low;
+    }
+    for (pair, high) in bytes.chunks_exact_mut(2).zip(odd) {
+        pair[1] = *high;
+    }
+    Ok(bytes)
 }
 
 /// Holds every number of a config within its range of [`RANGES`], and the others within
@@ -272,7 +316,7 @@ mod tests {
     fn built_in_models_are_within_the_ranges_and_absurd_ones_are_named() {
         for model in crate::systems::built_in_models() {
             check_numbers(model.config).unwrap();
-            let weights = Weights::from_bytes(model.weights).unwrap();
+            let weights = Weights::from_bytes(&unpack(model.packed).unwrap()).unwrap();
             weights
                 .check_range()
                 .unwrap_or_else(|e| panic!("{}: {e}", model.name));
@@ -290,6 +334,34 @@ mod tests {
     }
 
     #[test]
+    fn packed_weights_are_the_plain_ones_and_damage_is_named() {
+        // As Python's gzip packs the planes "ac" and "b" of "abc".
+        const ABC: [u8; 23] = [
+            31, 139, 8, 0, 0, 0, 0, 0, 2, 3, 75, 76, 78, 2, 0, 21, 64, 56, 91, 3, 0, 0, 0,
+        ];
+        assert_eq!(unpack(&ABC).unwrap(), b"abc");
+        let shipped = &crate::mesh::LANDMARK_MODEL;
+        let folder = tempfile::tempdir().unwrap();
+        let own = folder.path().join(shipped.name);
+        fs::create_dir(&own).unwrap();
+        fs::write(own.join("config.json"), shipped.config).unwrap();
+        fs::write(own.join(PACKED), shipped.packed).unwrap();
+        let built_in = shipped.open(None).unwrap();
+        let read = shipped.open(Some(folder.path())).unwrap();
+        assert_eq!(read.weights, built_in.weights);
+        fs::write(
+            own.join(PACKED),
+            &shipped.packed[..shipped.packed.len() / 2],
+        )
+        .unwrap();
+        let message = shipped.open(Some(folder.path())).err().unwrap().to_string();
+        assert!(message.contains(PACKED), "{message}");
+        fs::write(own.join(PLAIN), &built_in.weights).unwrap();
+        let read = shipped.open(Some(folder.path())).unwrap();
+        assert_eq!(read.weights, built_in.weights);
+    }
+
+    #[test]
     fn what_is_made_with_a_model_is_named_by_its_weights_and_config_and_not_its_card() {
         let model = &crate::mesh::LANDMARK_MODEL;
         let name = |model: &BuiltIn| {
@@ -298,8 +370,8 @@ mod tests {
         };
         let card = BuiltIn { card: "", ..*model };
         assert_eq!(name(&card), name(model));
-        let (weights, config) = (&model.weights[1..], &model.config[1..]);
-        assert_ne!(name(&BuiltIn { weights, ..*model }), name(model));
+        let (packed, config) = (&model.packed[1..], &model.config[1..]);
+        assert_ne!(name(&BuiltIn { packed, ..*model }), name(model));
         assert_ne!(name(&BuiltIn { config, ..*model }), name(model));
     }
 
@@ -309,7 +381,7 @@ mod tests {
         for model in crate::systems::built_in_models() {
             let own = folder.path().join(model.name);
             fs::create_dir(&own).unwrap();
-            let mut bytes = model.weights.to_vec();
+            let mut bytes = unpack(model.packed).unwrap();
             let kind = {
                 let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();
                 let (_, view) = file.iter().next().unwrap();
