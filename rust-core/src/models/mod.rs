@@ -1,4 +1,7 @@
-//! Default weights inside the library, and a folder that may override them.
+//! Where weights come from: those inside the library, a folder that may override them, a user's own checkpoint.
+
+pub(crate) mod checkpoint;
+mod weights;
 
 use std::{
     borrow::Cow,
@@ -9,7 +12,8 @@ use std::{
 use anyface_weights_shared::Model;
 use serde_json::Value;
 
-use crate::{Error, Result, cache::CacheKey, nn::Weights};
+use crate::{Error, Result, cache::CacheKey};
+pub use weights::Weights;
 
 /// Largest magnitude of a number in a config.
 const LARGEST_NUMBER: f64 = 1e5;
