@@ -8,9 +8,9 @@ use anyface::{
     audio::{LOUDEST, SoundFile, Waveform},
     conditions::EmotionCurve,
     head::{self, Head, HeadOptions},
+    job::SILENT,
     mesh::{FixedLandmark, LandmarkSource, Mesh, ObjectNames},
     output::{read_landmark_motion, read_life, read_rig, read_vertex_motion, read_weights},
-    progress::SILENT,
     systems::{Registration, SYSTEMS, built_in_models},
     text::{self, TextUnits},
 };

@@ -4,8 +4,7 @@
 use std::{fs, path::Path};
 
 use anyface::{
-    CachePolicy, Engine, EngineOptions, MotionRequest, audio::Waveform, motion::Motion,
-    progress::SILENT,
+    CachePolicy, Engine, EngineOptions, MotionRequest, audio::Waveform, job::SILENT, motion::Motion,
 };
 
 /// A copy of a built-in model in `folder`, under `name`.

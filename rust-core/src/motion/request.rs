@@ -2,8 +2,12 @@
 
 use std::{ops::RangeInclusive, sync::Arc};
 
-use super::{Controls, EmotionCurve, Event};
-use crate::{Error, Result, ibug::LANDMARKS, speech::FeltVoice};
+use crate::{
+    Error, Result,
+    conditions::{Controls, EmotionCurve, Event},
+    mesh::ibug::LANDMARKS,
+    speech::FeltVoice,
+};
 
 /// Frames per second that a result may have.
 pub const FPS: RangeInclusive<f64> = 1.0..=240.0;

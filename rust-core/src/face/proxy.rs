@@ -19,12 +19,10 @@ use prolongation::place_vertices;
 use rayon::prelude::*;
 use refine::Refined;
 
-use crate::{
+use crate::mesh::{
+    Mesh,
     ibug::LANDMARKS,
-    mesh::{
-        Mesh,
-        simplify::{SimplifyOptions, simplify},
-    },
+    simplify::{SimplifyOptions, simplify},
 };
 
 /// The proxy may lie so far from the skin, centimetres.

@@ -5,8 +5,9 @@ use ndarray::Array3;
 use super::*;
 use crate::{
     CachePolicy, Engine, EngineOptions, Error,
-    mesh::{FaceOptions, LandmarkSource, locate_landmarks, parts::weld_seams},
-    progress::SILENT,
+    face::{FaceOptions, locate_landmarks},
+    job::SILENT,
+    mesh::{LandmarkSource, parts::weld_seams},
     spread::{Collector, Movement},
 };
 
@@ -110,7 +111,7 @@ impl Mask {
         }
         let old = self.landmarks.clone();
         for (n, landmark) in self.landmarks.iter_mut().enumerate() {
-            let [p, q] = [old[n], old[crate::ibug::MIRROR[n]]];
+            let [p, q] = [old[n], old[crate::mesh::ibug::MIRROR[n]]];
             *landmark = [
                 0.5 * (p[0] - q[0]),
                 0.5 * (p[1] + q[1]),

@@ -13,10 +13,7 @@
 //! Lengths are canonical centimetres; those inside the mouth grow with the mouth's width.
 
 use super::{box3::Box3, eye_parts::EyeParts};
-use crate::{
-    ibug::LANDMARKS,
-    mesh::{PartRole, SurfaceTree},
-};
+use crate::mesh::{PartRole, SurfaceTree, ibug::LANDMARKS};
 
 /// Height of a mouth part beyond which it is taken to hold upper and lower jaw at once.
 const TALL_CM: f32 = 3.2;

@@ -6,12 +6,19 @@ use glam::Vec3;
 
 use super::{
     BETWEEN_LIDS, Between, Eyelids, Rim, RimVertex, Stem, Touched, between_samples, elevation,
-    opening::{EyeFrame, Head, Opening, SAMPLES},
 };
 use crate::{
-    deform::{binding::Follows, lids::follow_share, nearest::nearest_between, skin::Skin},
-    ibug::{EYES, Eye},
-    mesh::{Parts, Similarity, canonical_landmarks},
+    face::{
+        Skin,
+        binding::Follows,
+        eyes::{EyeFrame, Head, Opening, SAMPLES},
+        lids::follow_share,
+        nearest::nearest_between,
+    },
+    mesh::{
+        Parts, Similarity, canonical_landmarks,
+        ibug::{EYES, Eye},
+    },
 };
 
 /// Lids keep at least this distance from the ball, and at most so much of it is added to what they had.

@@ -17,8 +17,10 @@ mod tests;
 
 use glam::DVec3;
 
-use super::{Landmarks, Mesh, Mouth, align_to_canonical};
-use crate::{Error, Result};
+use crate::{
+    Error, Result,
+    mesh::{Landmarks, Mesh, Mouth, align_to_canonical},
+};
 use bag::sew_bag;
 use cut::CutMesh;
 pub use cut::TriangleSource;
@@ -55,7 +57,7 @@ pub struct OpenedMouth {
 /// Parts lips that are one surface and sews a bag behind them.
 ///
 /// ```
-/// use anyface::mesh::{LandmarkSource, Mesh, FaceOptions, locate_landmarks, open_mouth};
+/// use anyface::{mesh::{LandmarkSource, Mesh}, face::{FaceOptions, locate_landmarks, open_mouth}};
 ///
 /// let head = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../weights/shared/default_head");
 /// let mesh = Mesh::read(head.join("head.obj"))?;

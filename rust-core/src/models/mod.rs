@@ -1,4 +1,7 @@
-//! Default weights inside the library, and a folder that may override them.
+//! Where weights come from: those inside the library, a folder that may override them, a user's own checkpoint.
+
+pub(crate) mod checkpoint;
+mod weights;
 
 use std::{
     borrow::Cow,
@@ -11,7 +14,8 @@ use anyface_weights_shared::Model;
 use flate2::read::GzDecoder;
 use serde_json::Value;
 
-use crate::{Error, Result, cache::CacheKey, nn::Weights};
+use crate::{Error, Result, cache::CacheKey};
+pub use weights::Weights;
 
 /// Weights as training writes them, and as they are shipped: the same bytes, see [`unpack`].
 const PLAIN: &str = "model.safetensors";

@@ -8,13 +8,16 @@
 use glam::Vec3;
 
 use super::{
-    ball::{Eyeball, fit_eyeball, radius_of},
-    mix::Mix,
+    Eyeball, Mix,
+    ball::{fit_eyeball, radius_of},
 };
-use crate::{deform::lids::LidEdge, ibug::LANDMARKS, mesh::FrontView};
+use crate::{
+    face::lids::LidEdge,
+    mesh::{FrontView, ibug::LANDMARKS},
+};
 
 /// Places from corner to corner at which an opening is measured.
-pub(super) const SAMPLES: usize = 24;
+pub(crate) const SAMPLES: usize = 24;
 /// Cells of the picture of an eye over its width.
 const CELLS: f32 = 150.0;
 /// Kinds of the cells.
@@ -44,7 +47,7 @@ const SMOOTHINGS: usize = 3;
 const INSIDE: f32 = 0.03;
 
 /// The neutral head that eyes are looked for in, canonical centimetres.
-pub(in crate::deform) struct Head<'a> {
+pub(crate) struct Head<'a> {
     /// `[V]`.
     pub positions: &'a [[f32; 3]],
     pub landmarks: &'a [[f32; 3]; LANDMARKS],
@@ -56,13 +59,13 @@ pub(in crate::deform) struct Head<'a> {
 
 /// Axes of one eye: across from corner to corner, up, and out of the face.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct EyeFrame {
+pub(crate) struct EyeFrame {
     pub origin: [f32; 3],
     pub axes: [[f32; 3]; 3],
 }
 
 /// The opening of one eye.
-pub(super) struct Opening {
+pub(crate) struct Opening {
     /// About the centre of the ball.
     pub frame: EyeFrame,
     pub ball: Eyeball,
@@ -96,7 +99,7 @@ impl EyeFrame {
     }
 
     /// A point's coordinates in this frame.
-    pub(super) fn local(&self, p: [f32; 3]) -> [f32; 3] {
+    pub(crate) fn local(&self, p: [f32; 3]) -> [f32; 3] {
         let offset = Vec3::from(p) - Vec3::from(self.origin);
         self.axes.map(|axis| Vec3::from(axis).dot(offset))
     }
@@ -113,7 +116,7 @@ impl EyeFrame {
 
 impl Opening {
     /// The eye whose landmarks begin at `first`.
-    pub(super) fn find(head: &Head<'_>, first: usize) -> Option<Opening> {
+    pub(crate) fn find(head: &Head<'_>, first: usize) -> Option<Opening> {
         let marks = &head.landmarks[first..first + 6];
         let (middle, width) = EyeFrame::between(marks[0], marks[3])?;
         let near = |p: [f32; 3]| Vec3::from(p).length_squared() < (NEAR * width).powi(2);
@@ -149,7 +152,7 @@ impl Opening {
     }
 
     /// Height of the opening at two landmarks of upper and lower lid.
-    pub(super) fn height_at(&self, marks: &[[f32; 3]; LANDMARKS], pair: (usize, usize)) -> f32 {
+    pub(crate) fn height_at(&self, marks: &[[f32; 3]; LANDMARKS], pair: (usize, usize)) -> f32 {
         let across = |n: usize| self.frame.local(marks[n])[0];
         let k = self.sample_at(0.5 * (across(pair.0) + across(pair.1)));
         let k = k.round() as usize;
@@ -157,14 +160,14 @@ impl Opening {
     }
 
     /// Number of the sample at a place across, with its fraction, within the opening.
-    pub(super) fn sample_at(&self, across: f32) -> f32 {
+    pub(crate) fn sample_at(&self, across: f32) -> f32 {
         let (first, last) = (self.edges[0][0][0], self.edges[0][SAMPLES - 1][0]);
         let place = (across - first) / (last - first).max(1e-6);
         (place * (SAMPLES - 1) as f32).clamp(0.0, (SAMPLES - 1) as f32)
     }
 
     /// Whether a point lies between the lids: on the eye itself, not on a lid.
-    pub(super) fn is_between(&self, p: [f32; 3]) -> bool {
+    pub(crate) fn is_between(&self, p: [f32; 3]) -> bool {
         let (first, last) = (self.edges[0][0][0], self.edges[0][SAMPLES - 1][0]);
         let k = self.sample_at(p[0]).round() as usize;
         let inside = INSIDE * self.width;

@@ -9,7 +9,7 @@ const NEAR_ZERO_MM: f32 = 0.2;
 /// The shapes of one mesh.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rig {
-    /// `[S]`: the 52 of [`ARKIT`], then the 15 of [`VISEMES`]; by the field of a head shapes in between may follow.
+    /// `[S]`: the 52 of [`ARKIT`](crate::rig::ARKIT), then the 15 of [`VISEMES`](crate::rig::VISEMES); by the field of a head shapes in between may follow.
     pub names: Vec<String>,
     /// `[S, V, 3]`, displacement of every vertex at strength 1, mesh units and axes.
     pub deltas: Array3<f32>,
@@ -36,7 +36,7 @@ pub struct ShapeReport {
 impl ShapeReport {
     /// Of a shape `[V, 3]` in mesh units, of which `scale` are metres on a human head; `note` is told whether it moves
     /// visibly.
-    pub(super) fn of(
+    pub(crate) fn of(
         name: &str,
         shape: ArrayView2<'_, f32>,
         scale: f32,

@@ -1,32 +1,21 @@
 //! Lids that close by a share of their own eye's opening and slide over its ball.
 //!
 //! Landmarks say by which share of its opening an eye is closed: the opening of a head is its own, that of
-//! canonical motion is the canonical face's. The share counts. [`Openings::to_own`] lets the landmarks of
-//! the lids travel as far as a head's eyes are open; what a decoder makes of them is then turned about the
+//! canonical motion is the canonical face's. The share counts. [`Face::own_motion`](crate::face::Face::own_motion)
+//! lets the landmarks of the lids travel as far as a head's eyes are open; what a decoder makes of them is then turned about the
 //! eye's own centre, parallel to the line from corner to corner, until the edges of the lids are as far apart as
 //! the share says. A turn keeps the distance from the centre; where the decoder lost some of it, skin is
 //! pushed out to where it lay over the ball. Lashes turn with the edge. An eye that is sculpted shut rests.
 //!
 //! Lengths are canonical centimetres.
 
-mod ball;
 mod find;
-mod mix;
-mod opening;
-mod openings;
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-use self::{
-    ball::Eyeball,
-    mix::{Mix, ease},
-    opening::SAMPLES,
-    openings::UPPER_SHARE,
-};
+use crate::face::eyes::{Eyeball, Mix, SAMPLES, UPPER_SHARE, ease};
 pub(super) use find::eyelids;
-pub(super) use opening::Head;
-pub(crate) use openings::Openings;
 
 /// From this share of closing on the opening is exactly what the landmarks ask for.
 const EXACT_FROM: f32 = 0.5;

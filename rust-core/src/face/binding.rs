@@ -16,10 +16,7 @@ use super::{
     part_list::{PartList, skin_tree},
     role_rules::{REACH_CM, RoleRules},
 };
-use crate::{
-    ibug::LANDMARKS,
-    mesh::{Mesh, PartRole, SurfaceTree, dijkstra::QueueEntry},
-};
+use crate::mesh::{Mesh, PartRole, SurfaceTree, dijkstra::QueueEntry, ibug::LANDMARKS};
 
 /// A part this near to the skin follows it fully; the share falls to nothing at [`REACH_CM`].
 const FOLLOW_CM: f32 = 1.0;

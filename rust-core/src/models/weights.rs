@@ -36,7 +36,7 @@ impl Array {
 /// storage but costs time on a CPU.
 ///
 /// ```
-/// # use anyface::nn::Weights;
+/// # use anyface::models::Weights;
 /// # let bytes = safetensors::serialize(
 /// #     [("head.bias", safetensors::tensor::TensorView::new(
 /// #         safetensors::Dtype::F32, vec![1], &[0, 0, 128, 63])?)], None)?;

@@ -1,13 +1,13 @@
 //! Values between others.
 
 /// 0 up to 0, 1 from 1 on, smooth between.
-pub(super) fn ease(x: f32) -> f32 {
+pub(crate) fn ease(x: f32) -> f32 {
     let x = x.clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
 }
 
 /// What lies between two values.
-pub(super) trait Mix: Copy {
+pub(crate) trait Mix: Copy {
     fn mixed(self, other: Self, share: f32) -> Self;
 }
 

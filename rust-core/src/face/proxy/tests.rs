@@ -25,7 +25,7 @@ fn marks(positions: &[[f32; 3]]) -> ([[f32; 3]; LANDMARKS], [u32; LANDMARKS]) {
         let (x, y) = (100.0 * p[0], 100.0 * p[1]);
         [x, y, bend(x)]
     });
-    let grid = crate::deform::nearest::PointGrid::new(positions, 0.5);
+    let grid = crate::face::nearest::PointGrid::new(positions, 0.5);
     let anchors = landmarks.map(|p| grid.nearest(p, 5.0).expect("on the sheet").0);
     (landmarks, anchors)
 }

@@ -7,8 +7,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    ibug::LANDMARKS,
-    mesh::{Mesh, PartRole, parts::weld_seams},
+    mesh::{Mesh, PartRole, ibug::LANDMARKS, parts::weld_seams},
     operators::{NO_ROW, OperatorOptions, Operators},
 };
 
@@ -25,7 +24,7 @@ pub struct Skin {
     /// Triangles of the skin, seams sewn up, over all positions; canonical centimetres.
     pub(crate) surface: Mesh,
     /// Vertex of the surface at each landmark.
-    pub(super) landmark_vertices: [u32; LANDMARKS],
+    pub(crate) landmark_vertices: [u32; LANDMARKS],
     /// Of the surface or its proxy; `R` rows.
     pub operators: Operators,
     /// `[V, R]`: from values at the rows to values at the skin's vertices.

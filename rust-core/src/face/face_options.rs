@@ -1,7 +1,9 @@
 //! What a caller knows of a face.
 
-use super::{Axis, FixedLandmark, LandmarkSource, PartChoices};
-use crate::conditions::Controls;
+use crate::{
+    conditions::Controls,
+    mesh::{Axis, FixedLandmark, LandmarkSource, PartChoices},
+};
 
 /// What is known of a face before it is prepared.
 #[derive(Debug, Clone, PartialEq)]

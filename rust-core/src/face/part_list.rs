@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 use super::{box3::Box3, role_rules::RoleRules};
 use crate::{
     Error, Result,
-    ibug::LANDMARKS,
     mesh::{
         Landmarks, Mesh, Part, PartChoices, PartRole, Parts, RoleSource, Similarity, SurfaceTree,
+        ibug::LANDMARKS,
         lips::{Lip, lip_of_vertices},
         parts::weld_seams,
     },

@@ -9,10 +9,7 @@
 use glam::Vec3;
 
 use super::box3::Box3;
-use crate::{
-    ibug::LANDMARKS,
-    mesh::{SurfaceTree, sphere::fit_sphere},
-};
+use crate::mesh::{SurfaceTree, ibug::LANDMARKS, sphere::fit_sphere};
 
 /// Points this far within the first fit belong to the inside of an eye, as a share of the radius.
 const INSIDE: f32 = 0.93;

@@ -87,7 +87,7 @@ pub fn write_atomically(
 }
 
 /// A file in the making; dropped before [`Unfinished::finish`] it leaves nothing.
-pub(super) struct Unfinished {
+pub(crate) struct Unfinished {
     path: PathBuf,
     temporary: Option<NamedTempFile>,
 }
@@ -102,7 +102,7 @@ impl Drop for Unfinished {
 
 impl Unfinished {
     /// Opens a temporary file beside `path`.
-    pub(super) fn create(path: &Path) -> Result<(Unfinished, BufWriter<File>)> {
+    pub(crate) fn create(path: &Path) -> Result<(Unfinished, BufWriter<File>)> {
         refuse_special(path).map_err(Error::io(path))?;
         let folder = folder_of(path);
         remove_abandoned(folder);
@@ -116,7 +116,7 @@ impl Unfinished {
     }
 
     /// Renames it to its place, when everything was written, or with the other files of its job.
-    pub(super) fn finish(self) -> Result<()> {
+    pub(crate) fn finish(self) -> Result<()> {
         let mut waiting = WAITING.lock().unwrap_or_else(PoisonError::into_inner);
         match &mut *waiting {
             Some(files) => files.push(self),
@@ -141,7 +141,7 @@ impl Unfinished {
 
 /// A folder in the making, which is new or empty in the end's place; dropped before [`UnfinishedFolder::finish`] it
 /// leaves nothing.
-pub(super) struct UnfinishedFolder {
+pub(crate) struct UnfinishedFolder {
     path: PathBuf,
     temporary: Option<TempDir>,
 }
@@ -156,7 +156,7 @@ impl Drop for UnfinishedFolder {
 
 impl UnfinishedFolder {
     /// Makes a temporary folder beside `path`.
-    pub(super) fn create(path: &Path) -> Result<UnfinishedFolder> {
+    pub(crate) fn create(path: &Path) -> Result<UnfinishedFolder> {
         let folder = folder_of(path);
         remove_abandoned(folder);
         let mut builder = tempfile::Builder::new();
@@ -173,14 +173,14 @@ impl UnfinishedFolder {
     }
 
     /// Where its files are written.
-    pub(super) fn place(&self) -> &Path {
+    pub(crate) fn place(&self) -> &Path {
         self.temporary
             .as_ref()
             .map_or(&self.path, |temporary| temporary.path())
     }
 
     /// Renames it to its place, when every file was written; an empty folder that is there makes way.
-    pub(super) fn finish(mut self) -> Result<()> {
+    pub(crate) fn finish(mut self) -> Result<()> {
         let Some(temporary) = self.temporary.take() else {
             return Ok(());
         };

@@ -4,14 +4,15 @@ use std::collections::HashSet;
 
 use glam::Vec3;
 
-use super::{
-    FaceOptions, KnownLandmark, LandmarkFinder, LandmarkSource, Landmarks, Mesh,
-    snap::{eye_distance, snap_to_surface},
-};
+use super::FaceOptions;
 use crate::{
     Error, Result,
-    ibug::LANDMARKS,
-    progress::{ProgressFn, SILENT},
+    job::{ProgressFn, SILENT},
+    mesh::{
+        KnownLandmark, LandmarkFinder, LandmarkSource, Landmarks, Mesh,
+        ibug::LANDMARKS,
+        snap::{eye_distance, snap_to_surface},
+    },
 };
 
 /// A landmark may lie this far from the surface, as a part of the distance between the outer eye

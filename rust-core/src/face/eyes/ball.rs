@@ -6,7 +6,7 @@
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-use super::mix::ease;
+use super::ease;
 use crate::mesh::sphere;
 
 /// Of an eyeball to the width of its eye: 12 mm to 28 mm on human heads.
@@ -22,7 +22,7 @@ const TURN_DEG: (f32, f32) = (6.0, 22.0);
 
 /// A sphere about the origin of its eye's frame that bulges to the front.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(super) struct Eyeball {
+pub(crate) struct Eyeball {
     pub radius: f32,
     /// How far the cornea stands out of the sphere.
     bulge: f32,
@@ -32,7 +32,7 @@ pub(super) struct Eyeball {
 
 impl Eyeball {
     /// Of a sphere of `radius`; `points`: of the eye's surface.
-    pub(super) fn new(radius: f32, points: &[[f32; 3]]) -> Eyeball {
+    pub(crate) fn new(radius: f32, points: &[[f32; 3]]) -> Eyeball {
         let front = points.iter().filter_map(|&p| {
             let length = Vec3::from(p).length();
             let cosine = p[2] / length;
@@ -51,7 +51,7 @@ impl Eyeball {
     }
 
     /// Distance from the centre to the surface below a point at distance `length`.
-    pub(super) fn radius_below(&self, p: [f32; 3], length: f32) -> f32 {
+    pub(crate) fn radius_below(&self, p: [f32; 3], length: f32) -> f32 {
         let (full, gone) = self.edge;
         let share = (p[2] / length.max(1e-6) - gone) / (full - gone).max(1e-6);
         self.radius + self.bulge * ease(share)
@@ -60,7 +60,7 @@ impl Eyeball {
 
 /// Centre and radius of the sphere that fits the outermost of `points` best in the sense of least squares,
 /// where it can be an eyeball behind an eye of this `width`.
-pub(super) fn fit_eyeball(points: &[[f32; 3]], width: f32) -> Option<([f32; 3], f32)> {
+pub(crate) fn fit_eyeball(points: &[[f32; 3]], width: f32) -> Option<([f32; 3], f32)> {
     let points = points.iter().copied();
     let (centre, radius, _) = sphere::fit_sphere(points.clone())?;
     let outer = points.filter(|p| Vec3::from(*p).distance(centre.into()) > INSIDE * radius);
@@ -71,7 +71,7 @@ pub(super) fn fit_eyeball(points: &[[f32; 3]], width: f32) -> Option<([f32; 3], 
 }
 
 /// Radius of the ball behind an eye of this width.
-pub(super) fn radius_of(width: f32) -> f32 {
+pub(crate) fn radius_of(width: f32) -> f32 {
     RADIUS_OF_WIDTH * width
 }
 

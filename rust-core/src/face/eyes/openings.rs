@@ -2,15 +2,14 @@
 
 use ndarray::Array3;
 
-use super::opening::{Head, Opening};
+use super::{Head, Opening};
 use crate::{
-    deform::PartList,
-    ibug::EYES,
-    mesh::{Landmarks, Mesh, PartRole, Similarity},
+    face::PartList,
+    mesh::{Landmarks, Mesh, PartRole, Similarity, ibug::EYES},
 };
 
 /// What the upper lid does of a change of the opening; the lower lid does the rest.
-pub(super) const UPPER_SHARE: f32 = 0.9;
+pub(crate) const UPPER_SHARE: f32 = 0.9;
 /// How far the lids of the canonical face travel towards each other until they are shut: `eyeBlink` of the
 /// built-in face modes, mean of two pairs.
 const CANONICAL_WAY_CM: f32 = 0.789;
