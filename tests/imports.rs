@@ -1,4 +1,4 @@
-//! No file imports itself through others.
+//! No file imports itself through others, and the folders of the library stand in the order of their imports.
 //!
 //! A file imports another where it names something that the other defines, in a `use` or by a path. A `pub use` is
 //! a signpost: it imports nothing by itself, and whoever takes a name from it imports the file that defines the
@@ -7,7 +7,13 @@
 use std::{
     collections::{BTreeMap, BTreeSet},
     fs,
-    path::Path,
+    path::{self, PathBuf},
+};
+
+use proc_macro2::{Spacing, TokenStream, TokenTree};
+use syn::{
+    Attribute, Ident, ImplItemFn, ItemFn, ItemMod, ItemUse, Macro, Path, UseTree, Visibility,
+    visit::{self, Visit},
 };
 
 /// Folders of sources, each with a root of its own.
@@ -36,215 +42,134 @@ struct Source {
     imports: Vec<Import>,
     /// Paths that stand in the code itself.
     paths: Vec<Module>,
-    defined: BTreeSet<String>,
-    /// Words outside of every `use`.
+    /// Words of all paths outside of every `use`.
     words: BTreeSet<String>,
     /// Modules below it that only tests have.
     of_tests: BTreeSet<String>,
 }
 
-/// Words and signs of a source, without comments, texts, letters and lifetimes.
-fn tokens(text: &str) -> Vec<String> {
-    let letters: Vec<char> = text.chars().collect();
-    let (mut out, mut i) = (Vec::new(), 0);
-    let at = |i: usize| letters.get(i).copied().unwrap_or('\0');
-    while i < letters.len() {
-        let raw = letters[i..]
-            .iter()
-            .skip(1)
-            .take_while(|c| **c == '#')
-            .count();
-        match (at(i), at(i + 1)) {
-            ('/', '/') => i += letters[i..].iter().take_while(|c| **c != '\n').count(),
-            ('r', '"' | '#') if at(i + 1 + raw) == '"' => {
-                let end: String = std::iter::once('"')
-                    .chain("#".repeat(raw).chars())
-                    .collect();
-                let rest: String = letters[i + 2 + raw..].iter().collect();
-                let inside = rest.split(&end).next().unwrap_or_default();
-                i += 2 + raw + inside.chars().count() + end.len();
-            }
-            ('"', _) => {
-                i += 1;
-                while i < letters.len() && at(i) != '"' {
-                    i += 1 + usize::from(at(i) == '\\');
-                }
-                i += 1;
-            }
-            ('\'', '\\') => i += 3 + letters[i + 3..].iter().take_while(|c| **c != '\'').count(),
-            ('\'', _) if at(i + 2) == '\'' => i += 3,
-            // A lifetime.
-            ('\'', _) => {
-                let name = letters[i + 1..].iter();
-                i += 1 + name
-                    .take_while(|c| c.is_alphanumeric() || **c == '_')
-                    .count();
-            }
-            (':', ':') => {
-                out.push("::".to_owned());
-                i += 2;
-            }
-            (c, _) if c.is_alphanumeric() || c == '_' => {
-                let is_part = |c: &&char| c.is_alphanumeric() || **c == '_';
-                let word: String = letters[i..].iter().take_while(is_part).collect();
-                i += word.chars().count();
-                out.push(word);
-            }
-            (c, _) => {
-                if !c.is_whitespace() {
-                    out.push(c.to_string());
-                }
-                i += 1;
-            }
+impl Source {
+    fn read(text: &str) -> Source {
+        let mut source = Source::default();
+        source.visit_file(&syn::parse_file(text).expect("a source is Rust"));
+        source
+    }
+
+    fn add_path(&mut self, path: Module) {
+        self.words.extend(path.iter().cloned());
+        if path.len() > 1 {
+            self.paths.push(path);
         }
     }
-    out
-}
 
-/// Number of the token behind the item that begins at `start`.
-fn end_of_item(tokens: &[String], start: usize) -> usize {
-    let mut depth = 0;
-    for (i, token) in tokens.iter().enumerate().skip(start) {
-        match token.as_str() {
-            "{" | "(" | "[" => depth += 1,
-            "}" | ")" | "]" => depth -= 1,
-            ";" if depth == 0 => return i + 1,
-            _ => {}
+    /// The paths of a macro's arguments, whatever these are.
+    fn add_tokens(&mut self, tokens: TokenStream) {
+        let mut path = Module::new();
+        let mut goes_on = false;
+        for token in tokens {
+            match token {
+                TokenTree::Ident(word) => {
+                    if !goes_on {
+                        self.add_path(std::mem::take(&mut path));
+                    }
+                    path.push(word.to_string());
+                    goes_on = false;
+                }
+                TokenTree::Punct(sign) if sign.as_char() == ':' => {
+                    goes_on |= sign.spacing() == Spacing::Joint;
+                }
+                TokenTree::Group(group) => self.add_tokens(group.stream()),
+                _ => goes_on = false,
+            }
         }
-        if depth == 0 && token == "}" {
-            return i + 1;
-        }
+        self.add_path(path);
     }
-    tokens.len()
-}
 
-/// The names of a `use`, whose tokens stand between the word and the semicolon.
-fn leaves(tokens: &[String], before: &[String], out: &mut Vec<(Module, String)>) {
-    let mut path = before.to_vec();
-    let mut i = 0;
-    while i < tokens.len() {
-        match tokens[i].as_str() {
-            "::" => {}
-            "{" => {
-                let mut depth = 0;
-                let mut start = i + 1;
-                for j in i..tokens.len() {
-                    match tokens[j].as_str() {
-                        "{" => depth += 1,
-                        "}" => depth -= 1,
-                        _ => {}
-                    }
-                    let ends = (depth == 1 && tokens[j] == ",") || depth == 0;
-                    if ends {
-                        if start < j {
-                            leaves(&tokens[start..j], &path, out);
-                        }
-                        start = j + 1;
-                    }
-                    if depth == 0 {
-                        return;
-                    }
+    /// The names of a `use`.
+    fn add_names(&mut self, tree: &UseTree, before: &[String], is_signpost: bool) {
+        let below = |name: &Ident| [before, &[name.to_string()]].concat();
+        let (path, name) = match tree {
+            UseTree::Path(path) => {
+                return self.add_names(&path.tree, &below(&path.ident), is_signpost);
+            }
+            UseTree::Group(group) => {
+                for tree in &group.items {
+                    self.add_names(tree, before, is_signpost);
                 }
                 return;
             }
-            "as" => return out.push((path, tokens[i + 1].clone())),
-            "self" if !path.is_empty() => {}
-            word => path.push(word.to_owned()),
-        }
-        i += 1;
+            UseTree::Name(name) if name.ident == "self" => (before.to_vec(), None),
+            UseTree::Name(name) => (below(&name.ident), None),
+            UseTree::Rename(rename) => (below(&rename.ident), Some(rename.rename.to_string())),
+            // None of ours is taken so.
+            UseTree::Glob(_) => return,
+        };
+        let name = name.or_else(|| path.last().cloned()).unwrap_or_default();
+        self.imports.push(Import {
+            path,
+            name,
+            is_signpost,
+        });
     }
-    let name = path.last().cloned().unwrap_or_default();
-    out.push((path, name));
 }
 
-fn read(text: &str) -> Source {
-    let mut all = tokens(text);
-    let mut source = Source::default();
-    // Without what only tests have.
-    let mut i = 0;
-    while i + 6 < all.len() {
-        let is_of_tests = all[i..i + 6] == ["#", "[", "cfg", "(", "test", ")"];
-        if is_of_tests {
-            let item = i + 7;
-            let end = end_of_item(&all, item);
-            if let Some(at) = all[item..end].iter().take(5).position(|t| t == "mod") {
-                source.of_tests.insert(all[item + at + 1].clone());
-            }
-            all.drain(i..end);
+fn is_of_tests(attributes: &[Attribute]) -> bool {
+    let mut conditions = attributes.iter().filter(|a| a.path().is_ident("cfg"));
+    conditions.any(|a| a.parse_args::<Path>().is_ok_and(|of| of.is_ident("test")))
+}
+
+impl Visit<'_> for Source {
+    fn visit_item_mod(&mut self, module: &ItemMod) {
+        if is_of_tests(&module.attrs) {
+            self.of_tests.insert(module.ident.to_string());
         } else {
-            i += 1;
+            visit::visit_item_mod(self, module);
         }
     }
-    let mut i = 0;
-    while i < all.len() {
-        let before = i.checked_sub(1).map_or("", |b| all[b].as_str());
-        match all[i].as_str() {
-            "use" => {
-                let length = all[i..].iter().position(|token| token == ";");
-                let end = i + length.expect("a use ends") + 1;
-                let mut names = Vec::new();
-                leaves(&all[i + 1..end - 1], &[], &mut names);
-                let is_signpost = before == "pub" || before == ")";
-                source
-                    .imports
-                    .extend(names.into_iter().map(|(path, name)| Import {
-                        path,
-                        name,
-                        is_signpost,
-                    }));
-                i = end;
-                continue;
-            }
-            "struct" | "enum" | "fn" | "trait" | "type" | "const" | "static" | "mod" => {
-                if let Some(name) = all.get(i + 1) {
-                    source.defined.insert(name.clone());
-                    // A module in a file of its own is not defined here.
-                    if all[i] == "mod" && all.get(i + 2).is_some_and(|t| t == ";") {
-                        source.defined.remove(name);
-                        i += 3;
-                        continue;
-                    }
-                }
-            }
-            word if word.starts_with(|c: char| c.is_alphabetic() || c == '_') => {
-                source.words.insert(word.to_owned());
-                if all.get(i + 1).is_some_and(|t| t == "::") && before != "::" {
-                    let steps = all[i..].chunks(2);
-                    let steps = steps
-                        .take_while(|s| s[0].starts_with(|c: char| c.is_alphabetic() || c == '_'));
-                    let mut path = Vec::new();
-                    for step in steps {
-                        path.push(step[0].clone());
-                        if step.get(1).is_none_or(|t| t != "::") {
-                            break;
-                        }
-                    }
-                    source.paths.push(path);
-                }
-            }
-            _ => {}
+
+    fn visit_item_fn(&mut self, function: &ItemFn) {
+        if !is_of_tests(&function.attrs) {
+            visit::visit_item_fn(self, function);
         }
-        i += 1;
     }
-    source
+
+    fn visit_impl_item_fn(&mut self, function: &ImplItemFn) {
+        if !is_of_tests(&function.attrs) {
+            visit::visit_impl_item_fn(self, function);
+        }
+    }
+
+    fn visit_item_use(&mut self, import: &ItemUse) {
+        let is_signpost = !matches!(import.vis, Visibility::Inherited);
+        self.add_names(&import.tree, &[], is_signpost);
+    }
+
+    fn visit_path(&mut self, path: &Path) {
+        let words = path.segments.iter();
+        self.add_path(words.map(|word| word.ident.to_string()).collect());
+        visit::visit_path(self, path);
+    }
+
+    fn visit_macro(&mut self, call: &Macro) {
+        self.add_tokens(call.tokens.clone());
+    }
+}
+
+fn root() -> PathBuf {
+    path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
 /// The sources of one crate by their modules.
 struct Crate {
     sources: BTreeMap<Module, Source>,
-    files: BTreeMap<Module, String>,
 }
 
 impl Crate {
     fn read(folder: &str) -> Crate {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("..")
-            .join(folder);
         let mut of_crate = Crate {
             sources: BTreeMap::new(),
-            files: BTreeMap::new(),
         };
-        of_crate.add(&root, &Vec::new());
+        of_crate.add(&root().join(folder), &Vec::new());
         let tests: Vec<Module> = of_crate
             .sources
             .iter()
@@ -260,7 +185,7 @@ impl Crate {
         of_crate
     }
 
-    fn add(&mut self, folder: &Path, module: &Module) {
+    fn add(&mut self, folder: &path::Path, module: &Module) {
         for entry in fs::read_dir(folder).unwrap().flatten() {
             let (path, name) = (entry.path(), entry.file_name().into_string().unwrap());
             if path.is_dir() {
@@ -277,8 +202,7 @@ impl Crate {
                 _ => [module.as_slice(), &[stem.to_owned()]].concat(),
             };
             let text = fs::read_to_string(&path).unwrap();
-            self.sources.insert(own.clone(), read(&text));
-            self.files.insert(own, path.display().to_string());
+            self.sources.insert(own, Source::read(&text));
         }
     }
 
@@ -320,24 +244,14 @@ impl Crate {
                 at = below;
                 continue;
             }
-            let source = self.sources.get(&at)?;
-            if source.defined.contains(step) || depth > 8 {
-                return Some(at);
-            }
-            let named = source.imports.iter().find(|import| import.name == *step);
-            let globs = source.imports.iter().filter(|import| import.name == "*");
-            for import in named.into_iter().chain(globs) {
-                let Some(mut next) = self.absolute(&at, &import.path) else {
-                    continue;
-                };
-                if next.last().is_some_and(|last| last == "*") {
-                    next.pop();
-                    next.push(step.clone());
-                }
-                next.extend_from_slice(&path[i + 1..]);
-                return self.file_of(&next, depth + 1);
-            }
-            return Some(at);
+            // A signpost leads on, what is no signpost is defined here.
+            let named = self.sources.get(&at)?.imports.iter();
+            let mut named = named.filter(|import| import.name == *step && depth < 8);
+            let next = named.find_map(|import| self.absolute(&at, &import.path));
+            return match next {
+                Some(next) => self.file_of(&[&next, &path[i + 1..]].concat(), depth + 1),
+                None => Some(at),
+            };
         }
         self.sources.contains_key(&at).then_some(at)
     }
@@ -353,8 +267,7 @@ impl Crate {
                 let Some(absolute) = self.absolute(module, path) else {
                     continue;
                 };
-                let named = absolute.strip_suffix(&["*".to_owned()]);
-                let file = self.file_of(named.unwrap_or(&absolute), 0);
+                let file = self.file_of(&absolute, 0);
                 if let Some(file) = file.filter(|file| file != module) {
                     let names = others.entry(file).or_default();
                     names.extend(path.last().cloned());
@@ -406,6 +319,44 @@ impl Crate {
             .map(shown)
             .collect()
     }
+}
+
+/// The folders of the library in the order in which the tree of ARCHITECTURE.md lists them.
+fn floors() -> Vec<String> {
+    let text = fs::read_to_string(root().join("ARCHITECTURE.md")).unwrap();
+    let entries = text.lines().filter_map(|line| line.strip_prefix("  src/"));
+    let folders = entries.filter_map(|entry| entry.split_once("/ "));
+    folders.map(|(folder, _)| folder.to_owned()).collect()
+}
+
+#[test]
+fn the_tree_of_the_architecture_lists_every_folder_of_the_library() {
+    let entries = fs::read_dir(root().join(CRATES[0])).unwrap().flatten();
+    let names = entries.map(|entry| entry.file_name().into_string().unwrap());
+    let listed = floors().into_iter();
+    let listed = listed.chain(["error.rs", "lib.rs"].map(ToOwned::to_owned));
+    assert_eq!(
+        names.collect::<BTreeSet<_>>(),
+        listed.collect::<BTreeSet<_>>()
+    );
+}
+
+#[test]
+fn folders_of_the_library_import_only_those_above_them() {
+    let mut floors = floors();
+    floors.insert(0, "error".to_owned());
+    // Names in the library's root are of no floor.
+    let floor = |file: &Module| floors.iter().position(|name| Some(name) == file.first());
+    let mut upwards = Vec::new();
+    for (file, others) in Crate::read(CRATES[0]).imports() {
+        for (other, names) in others {
+            if floor(&other) > floor(&file) && !file.is_empty() {
+                let [file, other] = [file.join("::"), other.join("::")];
+                upwards.push(format!("{file} imports {other} {names:?}"));
+            }
+        }
+    }
+    assert!(upwards.is_empty(), "{}", upwards.join("\n"));
 }
 
 #[test]

@@ -3,7 +3,7 @@
     python -m training.export NAME [--models DIR] …
 
 NAME is one of `MODELS`; `python -m training.export NAME --help` tells its flags. Each folder gets
-model.safetensors and config.json; without `--models` it is that of the embedded model. Weights are stored as
+weights and config.json; without `--models` it is that of the embedded model, packed. Weights are stored as
 f16, which changes the lip opening by less than 0.01 mm; statistics stay f32. The model card, README.md, is
 written by hand.
 """

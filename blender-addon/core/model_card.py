@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-_WEIGHTS, _CARD = "model.safetensors", "README.md"
+_WEIGHTS, _CARD = ("model.safetensors", "model.planes.gz"), "README.md"
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class ModelCard:
 def cards(folder: Path) -> list[ModelCard]:
     """The models of `folder`, a folder each; none where it cannot be read."""
     try:
-        names = sorted(path.name for path in folder.iterdir() if (path / _WEIGHTS).is_file())
+        names = sorted({path.parent.name for name in _WEIGHTS for path in folder.glob(f"*/{name}")})
     except OSError:
         return []
     return [_card(folder / name) for name in names]
@@ -29,7 +29,7 @@ def cards(folder: Path) -> list[ModelCard]:
 
 def changed_ns(folder: Path) -> int:
     """When a model of `folder` last changed, in nanoseconds since 1970; 0 where there is none."""
-    files = (path for name in (_WEIGHTS, "config.json") for path in folder.glob(f"*/{name}"))
+    files = (path for name in (*_WEIGHTS, "config.json") for path in folder.glob(f"*/{name}"))
     return max((path.stat().st_mtime_ns for path in files), default=0)
 
 

@@ -61,7 +61,7 @@ pub unsafe extern "C" fn anyface_basis_new(
         pointer::check_out("out", out)?;
         let engine = unsafe { pointer::handle("engine", engine) }?;
         let clip = &unsafe { pointer::handle("clip", clip) }?.animation.vertices;
-        let reduce = |watch: anyface::progress::ProgressFn<'_>| {
+        let reduce = |watch: anyface::job::ProgressFn<'_>| {
             let engine = &engine.0;
             engine.threads(|| compress(clip, max_error, max_shapes, watch))
         };

@@ -5,8 +5,8 @@ use std::{borrow::Cow, ptr::null};
 use anyface::{
     Face, Performance,
     deform::VertexClip,
+    job::ProgressFn,
     motion::{Life, Motion, Visibility, lip_travel},
-    progress::ProgressFn,
     spread::{Animation, Collector},
 };
 use libc::c_char;

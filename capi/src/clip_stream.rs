@@ -2,7 +2,7 @@
 
 use anyface::{
     Error,
-    progress::ProgressFn,
+    job::ProgressFn,
     spread::{ClipStart, FrameSink, LandmarkTrack},
 };
 use libc::{c_int, c_void};

@@ -162,7 +162,7 @@ pub unsafe extern "C" fn anyface_engine_memory_needed(
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_memory_left() -> u64 {
     guard::guard_or(u64::MAX, || {
-        anyface::memory::available().unwrap_or(u64::MAX)
+        anyface::job::memory::available().unwrap_or(u64::MAX)
     })
 }
 

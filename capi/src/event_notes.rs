@@ -43,7 +43,7 @@ pub unsafe extern "C" fn anyface_event_notes_new(
         let performance = motion.performance().ok_or_else(|| {
             Failure::invalid("motion: expected motion that was spoken, got the caller's own")
         })?;
-        let find = |watch: anyface::progress::ProgressFn<'_>| {
+        let find = |watch: anyface::job::ProgressFn<'_>| {
             performance.unseen_events(&engine.0, &face.0, watch)
         };
         let found = unsafe { watched(progress, find) }?;
@@ -86,9 +86,10 @@ mod tests {
     use anyface::{
         CachePolicy, Engine, EngineOptions, MotionRequest,
         audio::Waveform,
+        face::FaceOptions,
         head::{Head, HeadOptions},
-        mesh::{FaceOptions, LandmarkSource},
-        progress::SILENT,
+        job::SILENT,
+        mesh::LandmarkSource,
     };
 
     use super::*;

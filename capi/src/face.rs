@@ -4,10 +4,9 @@ use std::io::Write;
 
 use anyface::{
     Engine, Face,
-    deform::PartList,
-    ibug::LANDMARKS,
-    mesh::{Landmarks, Mouth},
-    output::write_atomically,
+    face::PartList,
+    job::write_atomically,
+    mesh::{Landmarks, Mouth, ibug::LANDMARKS},
 };
 use libc::c_char;
 

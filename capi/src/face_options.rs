@@ -4,12 +4,12 @@ use std::ptr::null;
 
 use anyface::{
     Engine,
-    ibug::LANDMARKS,
+    face::FaceOptions,
+    job::ProgressFn,
     mesh::{
-        Axis, FaceOptions, FixedLandmark, KnownLandmark, LandmarkPlace, LandmarkSource, Mesh,
-        ObjectNames, PartChoices, PartRole, PartSelector,
+        Axis, FixedLandmark, KnownLandmark, LandmarkPlace, LandmarkSource, Mesh, ObjectNames,
+        PartChoices, PartRole, PartSelector, ibug::LANDMARKS,
     },
-    progress::ProgressFn,
 };
 use libc::c_char;
 

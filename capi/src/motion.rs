@@ -4,10 +4,10 @@ use std::{borrow::Cow, ffi::CString, ptr::null, sync::Arc};
 
 use anyface::{
     MotionRequest, Performance,
-    conditions::{Emotion, EmotionCurve, Event, check_fps},
-    ibug::LANDMARKS,
-    motion::{FaceModes, LandmarkClip, Life, Motion, Stretch},
-    progress::ProgressFn,
+    conditions::{Emotion, EmotionCurve, Event},
+    job::ProgressFn,
+    mesh::ibug::LANDMARKS,
+    motion::{FaceModes, LandmarkClip, Life, Motion, Stretch, check_fps},
     speech::FeltVoice,
 };
 use libc::c_char;

@@ -1,6 +1,6 @@
 //! Lips that are one surface, parted.
 
-use anyface::mesh::{OpenedMouth, open_mouth};
+use anyface::face::{OpenedMouth, open_mouth};
 
 use crate::{
     error::AnyfaceError, face::AnyfaceFace, guard, mesh::AnyfaceMesh, pointer,
@@ -151,7 +151,10 @@ pub unsafe extern "C" fn anyface_opened_mouth_free(opened: *mut AnyfaceOpenedMou
 mod tests {
     use super::*;
     use crate::error::{anyface_error_free, anyface_error_status};
-    use anyface::mesh::{Landmarks, Mesh, TriangleSource};
+    use anyface::{
+        face::TriangleSource,
+        mesh::{Landmarks, Mesh},
+    };
     use std::ptr::{null, null_mut};
 
     /// Two triangles, of which the second was cut from the first.

@@ -8,7 +8,7 @@ use std::{
     },
 };
 
-use anyface::progress::Progress;
+use anyface::job::Progress;
 use libc::{c_char, c_int, c_void};
 
 use crate::{error::Failure, guard, pointer, status::AnyfaceStatus};
@@ -107,10 +107,10 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// `progress` is NULL or a live handle.
 pub(crate) unsafe fn watched<T>(
     progress: *const AnyfaceProgress,
-    job: impl FnOnce(anyface::progress::ProgressFn<'_>) -> anyface::Result<T>,
+    job: impl FnOnce(anyface::job::ProgressFn<'_>) -> anyface::Result<T>,
 ) -> Result<T, Failure> {
     let result = match unsafe { progress.as_ref() } {
-        None => job(anyface::progress::SILENT),
+        None => job(anyface::job::SILENT),
         Some(progress) => job(&|step| progress.report(step)),
     };
     Ok(result?)
@@ -220,9 +220,7 @@ mod tests {
     fn a_cancelled_job_ends_with_its_status() {
         let progress = AnyfaceProgress::new(None, null_mut());
         unsafe { anyface_progress_cancel(&progress) };
-        let job = |watch: anyface::progress::ProgressFn<'_>| {
-            anyface::progress::report(watch, "speech", 0.0)
-        };
+        let job = |watch: anyface::job::ProgressFn<'_>| anyface::job::report(watch, "speech", 0.0);
         let failure = unsafe { watched(&progress, job) }.unwrap_err();
         assert_eq!(failure.status(), AnyfaceStatus::Cancelled);
     }

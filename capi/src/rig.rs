@@ -4,9 +4,10 @@ use std::{ffi::CString, ptr::null, sync::Arc};
 
 use anyface::{
     Engine,
-    mesh::{FaceOptions, Mesh},
-    progress::ProgressFn,
-    rig::{Rig, ShapeSource},
+    face::{FaceOptions, Rig},
+    job::ProgressFn,
+    mesh::Mesh,
+    rig::ShapeSource,
 };
 use libc::c_char;
 
@@ -169,7 +170,7 @@ pub unsafe extern "C" fn anyface_rig_free(rig: *mut AnyfaceRig) {
 mod tests {
     use super::*;
     use crate::error::{anyface_error_free, anyface_error_status};
-    use anyface::rig::ShapeReport;
+    use anyface::face::ShapeReport;
     use ndarray::Array3;
     use std::{ffi::CStr, ptr::null_mut};
 

@@ -86,7 +86,7 @@ pub unsafe extern "C" fn anyface_sliders_new(
         let motion = unsafe { pointer::handle("motion", motion) }?;
         let clip = &unsafe { pointer::handle("clip", clip) }?.animation.vertices;
         let basis = &unsafe { pointer::handle("basis", basis) }?.0;
-        let find = |watch: anyface::progress::ProgressFn<'_>| match &motion.made {
+        let find = |watch: anyface::job::ProgressFn<'_>| match &motion.made {
             Made::Spoken(performance) => {
                 performance.slider_changes(&engine.0, &face.0, clip, basis, watch)
             }

@@ -4,7 +4,7 @@ use std::{ffi::CString, ptr::null};
 
 use anyface::{
     annotation::{Annotation, AnnotationFormat, Interval, Symbols},
-    conditions::check_fps,
+    motion::check_fps,
 };
 use libc::c_char;
 

@@ -1,6 +1,6 @@
 //! Motion while somebody is speaking: samples in, frames out.
 
-use anyface::{conditions::Emotion, ibug::LANDMARKS, motion::MotionStream};
+use anyface::{conditions::Emotion, mesh::ibug::LANDMARKS, motion::MotionStream};
 
 use crate::{
     engine::AnyfaceEngine,

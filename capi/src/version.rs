@@ -19,7 +19,7 @@ const VERSION: &CStr =
         Err(_) => panic!("the version holds a NUL"),
     };
 
-const _: () = assert!(ANYFACE_LANDMARK_COUNT == anyface::ibug::LANDMARKS);
+const _: () = assert!(ANYFACE_LANDMARK_COUNT == anyface::mesh::ibug::LANDMARKS);
 const _: () = assert!(ANYFACE_EMOTION_COUNT == anyface::conditions::EMOTIONS.len());
 
 /// Version of the interface that the loaded library has.

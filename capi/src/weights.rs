@@ -1,8 +1,9 @@
 //! Weights of shapes over time, solved from the motion of vertices.
 
 use anyface::{
+    face::Rig,
     output::write_blend_weights,
-    rig::{Rig, SolveOptions, SolvedWeights, solve},
+    rig::{SolveOptions, SolvedWeights, solve},
 };
 use libc::c_char;
 use ndarray::{ArrayView2, ArrayView3, Axis, s};
@@ -106,7 +107,7 @@ fn solved(
     motion: ArrayView3<'_, f32>,
     progress: *const AnyfaceProgress,
 ) -> Result<AnyfaceWeights, Failure> {
-    let work = |watch: anyface::progress::ProgressFn<'_>| {
+    let work = |watch: anyface::job::ProgressFn<'_>| {
         solve(
             rig,
             rig.names.len(),

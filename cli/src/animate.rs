@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use anyface::{
-    Engine, Face, Result,
-    mesh::{self, Mesh, Mouth},
+    Engine, Face, Result, face,
+    job::ProgressFn,
+    mesh::{Mesh, Mouth},
     output::Report,
-    progress::ProgressFn,
     speech::frames_of,
 };
 use clap::Args;
@@ -145,7 +145,7 @@ impl Animate {
             return engine.prepare(&face.mesh, &face.options, progress);
         }
         let opened = timed(report, "open", || {
-            mesh::open_mouth(&face.mesh, &face.landmarks)
+            face::open_mouth(&face.mesh, &face.landmarks)
         })?;
         let out = open_mouth::beside(&self.out);
         timed(report, "write", || {

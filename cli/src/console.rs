@@ -6,7 +6,7 @@ use std::{
     time::Duration,
 };
 
-use anyface::{Error, Result, output::Report, progress::Progress};
+use anyface::{Error, Result, job::Progress, output::Report};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 

@@ -5,8 +5,7 @@ use std::path::{Path, PathBuf};
 use anyface::{
     Engine, Error, Face, Result,
     conditions::Controls,
-    ibug::LANDMARKS,
-    mesh::{LandmarkSource, Mesh},
+    mesh::{LandmarkSource, Mesh, ibug::LANDMARKS},
     motion::{LandmarkClip, Motion},
     output::{LandmarkMotion, Report, read_landmark_motion, read_weights, write_attention},
     spread::Movement,

@@ -8,8 +8,9 @@ use std::{
 use anyface::{
     Error, Result,
     head::{COEFFICIENTS, Head, HeadOptions, MadeHead, ScanFit, ScanOptions},
+    job::write_atomically,
     mesh::{LandmarkSource, Mesh},
-    output::{Report, write_atomically},
+    output::Report,
 };
 use clap::Args;
 use serde::Serialize;
@@ -150,7 +151,7 @@ impl MakeHead {
                 .map(LandmarkSource::read)
                 .transpose()?;
             let landmarks = timed(report, "landmarks", || {
-                let options = anyface::mesh::FaceOptions {
+                let options = anyface::face::FaceOptions {
                     landmarks: known,
                     ..Default::default()
                 };

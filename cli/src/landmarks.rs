@@ -2,7 +2,7 @@
 
 use std::{io::Write, path::PathBuf};
 
-use anyface::{Result, mesh::Mesh, output::write_atomically};
+use anyface::{Result, job::write_atomically, mesh::Mesh};
 use clap::Args;
 
 use crate::{

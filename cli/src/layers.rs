@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use anyface::{
     Engine, Error, Face, Performance, Result,
+    job::ProgressFn,
     mesh::Mesh,
     output::{Format, Report, write_mask},
-    progress::ProgressFn,
     spread::{self, FrameSink, Movement},
 };
 use clap::{Args, ValueEnum};

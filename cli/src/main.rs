@@ -26,7 +26,7 @@ mod units;
 
 use std::process::ExitCode;
 
-use anyface::{Result, output::all_or_none};
+use anyface::{Result, job::all_or_none};
 use clap::{Parser, Subcommand};
 
 use arguments::SharedArgs;

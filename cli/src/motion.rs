@@ -3,8 +3,10 @@
 use std::path::PathBuf;
 
 use anyface::{
-    Result, motion,
-    output::{check_motion_path, write_json, write_motion},
+    Result,
+    job::write_json,
+    motion,
+    output::{check_motion_path, write_motion},
 };
 use clap::Args;
 

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use anyface::{
     Error, Face, Result,
-    mesh::{FaceOptions, LandmarkSource, Mesh, OpenedMouth, open_mouth},
+    face::{FaceOptions, OpenedMouth, open_mouth},
+    mesh::{LandmarkSource, Mesh},
     output::write_opened_obj,
 };
 use clap::Args;

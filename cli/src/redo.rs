@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use anyface::{
     Engine, Error, Face, Performance, Result,
     deform::VertexClip,
+    job::ProgressFn,
     mesh::Mesh,
     motion::{LandmarkClip, Life, Motion, Stretch, WeightClip},
     output::{
         Format, read_landmark_motion, read_life, read_vertex_motion, read_weights, write_animation,
     },
-    progress::ProgressFn,
     spread::{Animation, Collector, SpreadReport},
 };
 use clap::Args;

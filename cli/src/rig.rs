@@ -4,9 +4,11 @@ use std::{ffi::OsStr, path::PathBuf};
 
 use anyface::{
     Error, Result,
+    face::ShapeReport,
+    job::write_json,
     mesh::Mesh,
-    output::{Report, write_json, write_rig, write_rig_folder},
-    rig::{ShapeReport, ShapeSource},
+    output::{Report, write_rig, write_rig_folder},
+    rig::ShapeSource,
 };
 use clap::{Args, ValueEnum};
 use serde::Serialize;

@@ -5,7 +5,7 @@ use std::process::exit;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 #[cfg(unix)]
-use anyface::output::remove_unfinished;
+use anyface::job::remove_unfinished;
 
 /// Exit code of the second signal: 128 and the number of SIGINT, as shells have it.
 #[cfg(unix)]

@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use anyface::{
     Result,
-    conditions::check_fps,
+    job::write_json,
     mesh::Mesh,
-    output::{Report, read_rig, read_vertex_motion, write_blend_weights, write_json},
+    motion::check_fps,
+    output::{Report, read_rig, read_vertex_motion, write_blend_weights},
     rig::{ARKIT, SolveOptions, SolvedWeights, solve},
 };
 use clap::Args;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyface::{
     Error, Result,
     annotation::{Annotation, AnnotationFormat, Symbols},
-    conditions::check_fps,
+    motion::check_fps,
 };
 use clap::Args;
 

@@ -8,8 +8,7 @@ use std::{
 use anyface::{
     Engine, Face, Result,
     audio::{SoundFile, Waveform},
-    ibug::REGIONS,
-    mesh::{Mesh, Mouth},
+    mesh::{Mesh, Mouth, ibug::REGIONS},
     motion::Life,
     output::{ClipFile, Report, warnings_of_sound},
     spread::{ClipStart, FrameSink, LandmarkTrack, SpreadReport},

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use anyface::{
     Engine, Error, Face, Result,
     head::check_surface_cells,
+    job::{ProgressFn, write_json},
     motion::{CodeClip, Motion},
-    output::{Format, Report, check_new_folder, write_json, write_surface_frames},
-    progress::ProgressFn,
+    output::{Format, Report, check_new_folder, write_surface_frames},
     systems::Ability,
 };
 use clap::Args;

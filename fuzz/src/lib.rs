@@ -8,9 +8,9 @@ use anyface::{
     audio::{LOUDEST, SoundFile, Waveform},
     conditions::EmotionCurve,
     head::{self, Head, HeadOptions},
+    job::SILENT,
     mesh::{FixedLandmark, LandmarkSource, Mesh, ObjectNames},
     output::{read_landmark_motion, read_life, read_rig, read_vertex_motion, read_weights},
-    progress::SILENT,
     systems::{Registration, SYSTEMS, built_in_models},
     text::{self, TextUnits},
 };
@@ -103,7 +103,8 @@ pub fn models(bytes: &[u8]) {
     };
     let models: Vec<_> = built_in_models().collect();
     let model = models[usize::from(*choice) % models.len()];
-    let (mut weights, mut config) = (model.weights.to_vec(), model.config.as_bytes().to_vec());
+    let files = model.open(None).unwrap();
+    let (mut weights, mut config) = (files.weights, files.config.into_owned().into_bytes());
     let target = if part % 2 == 0 {
         &mut config
     } else {

@@ -10,6 +10,7 @@ mod install;
 mod machine;
 mod package;
 mod portable;
+mod prepare;
 mod python;
 mod steps;
 mod test;
@@ -42,6 +43,8 @@ enum Task {
     Install(install::Install),
     /// What is handed out for this system: zip, wheel, C library, Debian package.
     Package(package::Package),
+    /// What the tests install: Python environments, and Blender as a program.
+    Prepare(prepare::Prepare),
     /// Lints and all tests; installs what they need.
     Test(test::Test),
     /// The Python package as a wheel.
@@ -56,6 +59,7 @@ fn main() -> Result<()> {
         Task::Header(header) => header.run(),
         Task::Install(install) => install.run(),
         Task::Package(package) => package.run(),
+        Task::Prepare(prepare) => prepare.run(),
         Task::Test(test) => test.run(),
         Task::Wheel(wheel) => wheel.run(),
     }

@@ -216,10 +216,14 @@ pub fn blender_executable(steps: &mut Steps) -> Result<Option<PathBuf>> {
     Ok(Some(executable))
 }
 
-/// pytest on one folder, with the data for it.
+/// pytest on one folder, with the data for it; a process for each of up to four cores, each with files of its own.
 pub fn pytest(python: &Path, folder: &str) -> Command {
     let mut command = Command::new(python);
     command.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", folder]);
+    let processes = std::thread::available_parallelism().map_or(1, |cores| cores.get().min(4));
+    command.args(["--dist", "loadfile", "-n", &processes.to_string()]);
+    // Otherwise each process of NumPy and PyTorch takes all cores.
+    command.env("OMP_NUM_THREADS", "1");
     command.current_dir(machine::root());
     if let Some(shared) = machine::shared() {
         command.env("ANYFACE_SHARED", shared);

@@ -6,7 +6,7 @@ use anyhow::Result;
 use clap::Args;
 
 use crate::{
-    addon, apt, extension, machine,
+    addon, apt, extension, machine, prepare,
     python::{self, Venv},
     steps::Steps,
     wheel,
@@ -46,14 +46,16 @@ impl Test {
         let mut steps = Steps::new("test")?;
         machine::note_room(ROOM);
         apt::ensure(&mut steps, TOOLS)?;
-        lints(&mut steps)?;
-        rust(&mut steps)?;
         if self.rust_only {
+            rust(&mut steps)?;
             steps.ignore("extension in headless Blender", "--rust-only");
             steps.ignore("Python wheel", "--rust-only");
             steps.ignore("training", "--rust-only");
         } else {
-            apt::ensure(&mut steps, apt::BLENDER_LIBRARIES)?;
+            apt::ensure(&mut steps, &["debootstrap"])?;
+            let prepared = prepare::start(&mut steps, self.blender.as_deref())?;
+            rust(&mut steps)?;
+            steps.join(prepared)?;
             python_parts(&mut steps, self.blender.as_deref())?;
             training(&mut steps)?;
         }
@@ -67,7 +69,7 @@ fn cargo() -> Command {
     command
 }
 
-fn lints(steps: &mut Steps) -> Result<()> {
+fn rust(steps: &mut Steps) -> Result<()> {
     steps.check("rustfmt", cargo().args(["fmt", "--all", "--check"]))?;
     steps.check(
         "clippy",
@@ -79,10 +81,7 @@ fn lints(steps: &mut Steps) -> Result<()> {
             "-D",
             "warnings",
         ]),
-    )
-}
-
-fn rust(steps: &mut Steps) -> Result<()> {
+    )?;
     let mut test = cargo();
     test.args(["test", "--workspace", "--no-fail-fast", "--"]);
     match machine::shared() {

@@ -7,10 +7,12 @@
 
 use std::hint::black_box;
 
-use anyface::nn::{
-    Weights,
-    diffusion_net::{DiffusionNet, DiffusionNetShape},
-    surface::{Entry, Surface},
+use anyface::{
+    models::Weights,
+    nn::{
+        diffusion_net::{DiffusionNet, DiffusionNetShape},
+        surface::{Entry, Surface},
+    },
 };
 use criterion::{Criterion, criterion_group, criterion_main};
 use ndarray::{Array1, Array2, Array3};

@@ -10,11 +10,12 @@ use std::{hint::black_box, path::PathBuf, time::Duration};
 use anyface::{
     CachePolicy, Engine, EngineOptions, Face, MotionRequest,
     audio::Waveform,
-    deform::{PartList, Plate, PlateWeights, Skin},
-    mesh::{self, FaceOptions, LandmarkSource, Mesh},
+    deform::{Plate, PlateWeights},
+    face::{FaceOptions, PartList, Skin, locate_landmarks},
+    job::SILENT,
+    mesh::{self, LandmarkSource, Mesh},
     motion::Motion,
     output::write_animation,
-    progress::SILENT,
     speech::{self, SpeechEncoder},
     spread::{Animation, Collector},
 };
@@ -77,9 +78,9 @@ fn face(c: &mut Criterion) {
         group
             .sample_size(10)
             .measurement_time(Duration::from_secs(5));
-        let landmarks = mesh::locate_landmarks(&mesh, &FaceOptions::default()).expect("a face");
+        let landmarks = locate_landmarks(&mesh, &FaceOptions::default()).expect("a face");
         group.bench_function("landmark search", |b| {
-            b.iter(|| mesh::locate_landmarks(black_box(&mesh), &FaceOptions::default()))
+            b.iter(|| locate_landmarks(black_box(&mesh), &FaceOptions::default()))
         });
         let options = FaceOptions {
             landmarks: Some(LandmarkSource::Vertices(landmarks.vertices.to_vec())),

@@ -8,7 +8,7 @@ use std::{fs, io, path::Path};
 pub const SOURCES: [&str; 8] = [
     "src/cache",
     "src/face",
-    "src/ibug.rs",
+    "src/models",
     "src/mesh",
     "src/operators",
     "src/nn",

@@ -3,12 +3,8 @@
 use std::path::Path;
 
 use anyface::{
-    Engine, EngineOptions, MotionRequest, Result,
-    audio::Waveform,
-    conditions::EmotionCurve,
-    mesh::{FaceOptions, Mesh},
-    output::ClipFile,
-    progress::SILENT,
+    Engine, EngineOptions, MotionRequest, Result, audio::Waveform, conditions::EmotionCurve,
+    face::FaceOptions, job::SILENT, mesh::Mesh, output::ClipFile,
 };
 
 fn main() -> Result<()> {

@@ -10,7 +10,7 @@
 //! ```
 //! use std::path::Path;
 //! use anyface::{Engine, EngineOptions, MotionRequest, audio::Waveform, conditions::EmotionCurve};
-//! use anyface::{mesh::{FaceOptions, Mesh}, output::ClipFile, progress::SILENT};
+//! use anyface::{face::FaceOptions, mesh::Mesh, output::ClipFile, job::SILENT};
 //!
 //! # let folder = tempfile::tempdir().unwrap();
 //! # let (voice, out) = (folder.path().join("voice.wav"), folder.path().join("talk.npz"));
@@ -46,18 +46,14 @@ pub mod diffusion;
 mod engine;
 mod error;
 pub mod face;
-mod finite;
 pub mod head;
-pub mod ibug;
-pub mod memory;
+pub mod job;
 pub mod mesh;
 pub mod models;
 pub mod motion;
 pub mod nn;
 pub mod operators;
 pub mod output;
-mod outside;
-pub mod progress;
 pub mod rig;
 pub mod sdf;
 pub mod speech;
@@ -66,7 +62,7 @@ pub mod systems;
 pub mod text;
 
 pub use cache::CachePolicy;
-pub use conditions::MotionRequest;
 pub use engine::{Engine, EngineOptions, Performance, SliderChange};
 pub use error::{Error, Result};
 pub use face::Face;
+pub use motion::MotionRequest;

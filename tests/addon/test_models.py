@@ -61,7 +61,7 @@ def test_each_folder_has_an_engine_that_is_new_when_its_models_are(addon, folder
     assert mine is not built_in and mine is running.engine("")
     assert running.engine("", str(folder)) is mine
     assert mine.emotions()[0] == "neutral"
-    file = folder / "ats_compact" / "model.safetensors"
+    file = folder / "ats_compact" / "model.planes.gz"
     os.utime(file, ns=(0, file.stat().st_mtime_ns + 1_000_000_000))
     assert running.engine("") is not mine
 
@@ -72,7 +72,7 @@ def test_models_that_do_not_fit_are_told_and_the_built_in_ones_do_not_step_in(ad
     with pytest.raises(error, match=r"nowhere: expected a folder") as caught:
         running.engine("").emotions()
     assert caught.value.kind == "weights"
-    (folder / "ats_compact" / "model.safetensors").write_bytes(b"cut")
+    (folder / "ats_compact" / "model.planes.gz").write_bytes(b"cut")
     with pytest.raises(error) as caught:
         running.engine("", str(folder)).emotions()
     assert caught.value.kind == "weights"
@@ -106,7 +106,7 @@ def test_a_shot_is_done_again_when_its_models_change(addon, folder, tmp_path):
     first = read(path, tmp_path)[0]
     assert f"--weights={folder}" in first.steps[0]
     assert read(path, tmp_path)[0].digest == first.digest
-    file = folder / "ats_compact" / "model.safetensors"
+    file = folder / "ats_compact" / "model.planes.gz"
     os.utime(file, ns=(0, file.stat().st_mtime_ns + 1_000_000_000))
     assert read(path, tmp_path)[0].digest != first.digest
 

@@ -152,7 +152,8 @@ mod tests {
     use super::*;
     use anyface::{
         audio::Waveform,
-        mesh::{FaceOptions, LandmarkSource, locate_landmarks},
+        face::{FaceOptions, locate_landmarks},
+        mesh::LandmarkSource,
     };
 
     #[test]

@@ -18,8 +18,14 @@ use anyface_tests::{
 
 const REGISTRY: &str = "rust-core/src/systems/mod.rs";
 
-/// A copy of the crates that users get, in a folder of the build.
-struct Tree(PathBuf);
+/// A copy of the crates that users get, in a folder of the build: a workspace with the crates in a folder below it.
+///
+/// Cargo names what it builds by the place of a crate in its workspace. Were it that of this build, the two would
+/// take turns in one place of the build folder, and each would be compiled again after the other.
+struct Tree {
+    workspace: PathBuf,
+    crates: PathBuf,
+}
 
 impl Tree {
     fn copied(name: &str) -> Tree {
@@ -27,8 +33,9 @@ impl Tree {
         if folder.exists() {
             fs::remove_dir_all(&folder).unwrap();
         }
+        let crates = folder.join(name);
         for part in ["rust-core", "cli", "capi", "include"] {
-            copy(&root().join(part), &folder.join(part));
+            copy(&root().join(part), &crates.join(part));
         }
         fs::copy(root().join("Cargo.lock"), folder.join("Cargo.lock")).unwrap();
         let text = fs::read_to_string(root().join("Cargo.toml")).unwrap();
@@ -36,16 +43,26 @@ impl Tree {
             .lines()
             .find(|line| line.starts_with("members"))
             .unwrap();
-        let text = text.replace(members, "members = [\"rust-core\", \"cli\", \"capi\"]");
+        let text = text.replace(
+            members,
+            &format!("members = [\"{name}/*\"]\nexclude = [\"{name}/include\"]"),
+        );
+        let text = text.replace(
+            "path = \"rust-core\"",
+            &format!("path = \"{name}/rust-core\""),
+        );
         let weights = format!("path = \"{}/weights/", root().display());
         let text = text.replace("path = \"weights/", &weights);
         fs::write(folder.join("Cargo.toml"), text).unwrap();
-        Tree(folder)
+        Tree {
+            workspace: folder,
+            crates,
+        }
     }
 
     /// Replaces a text that must be in a file.
     fn edit(&self, file: &str, from: &str, to: &str) {
-        let path = self.0.join(file);
+        let path = self.crates.join(file);
         let text = fs::read_to_string(&path).unwrap();
         assert!(text.contains(from), "{file} holds no {from:?}");
         fs::write(&path, text.replace(from, to)).unwrap();
@@ -54,7 +71,7 @@ impl Tree {
     fn cargo(&self, arguments: &[&str]) {
         let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
         command
-            .current_dir(&self.0)
+            .current_dir(&self.workspace)
             .args(arguments)
             .arg("--offline");
         let build = profile_dir();
@@ -84,7 +101,7 @@ fn without_its_folder_and_its_lines_of_the_registry_the_rest_compiles() {
     assert!(names.contains(&"freetalk".to_owned()), "{names:?}");
     for name in names {
         let tree = Tree::copied("without");
-        fs::remove_dir_all(tree.0.join("rust-core/src/systems").join(&name)).unwrap();
+        fs::remove_dir_all(tree.crates.join("rust-core/src/systems").join(&name)).unwrap();
         let feature = format!("#[cfg(feature = \"{}\")]\n", name.replace('_', "-"));
         tree.edit(REGISTRY, &format!("{feature}pub mod {name};\n"), "");
         let entry = format!("    {feature}    &{name}::REGISTRATION,\n");
@@ -98,7 +115,7 @@ fn a_toy_of_a_file_and_two_words_moves_a_mesh_through_the_command_and_c() {
     let tree = Tree::copied("toy");
     let toy = fs::read_to_string(root().join("tests/systems/toy.rs")).unwrap();
     assert!(toy.lines().count() <= 100);
-    fs::write(tree.0.join("rust-core/src/systems/toy.rs"), toy).unwrap();
+    fs::write(tree.crates.join("rust-core/src/systems/toy.rs"), toy).unwrap();
     tree.edit(
         REGISTRY,
         "pub mod freetalk;\n",
@@ -121,7 +138,7 @@ fn a_toy_of_a_file_and_two_words_moves_a_mesh_through_the_command_and_c() {
         "[[bin]]\nname = \"anyface-toy\"",
     );
     tree.cargo(&["build", "--workspace"]);
-    let folder = tree.0.join("run");
+    let folder = tree.workspace.join("run");
     let scene = Scene::write(&folder, 1.0).unwrap();
     let clip = folder.join("toy.npz");
     let mut command = Command::new(profile_dir().join("anyface-toy"));

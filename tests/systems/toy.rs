@@ -7,11 +7,11 @@ use ndarray::Array3;
 use crate::{
     Result,
     audio::PROSODY_FPS,
-    conditions::{Control, ControlStage, ControlValues, MotionRequest},
+    conditions::{Control, ControlStage, ControlValues},
     deform::LEARNED,
-    ibug::LANDMARKS,
-    motion::{LandmarkClip, Motion, MotionKind},
-    progress::{ProgressFn, report},
+    job::{ProgressFn, report},
+    mesh::ibug::LANDMARKS,
+    motion::{LandmarkClip, Motion, MotionKind, MotionRequest},
     speech::Heard,
     systems::{Registration, Sampled, System},
 };

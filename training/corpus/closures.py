@@ -47,9 +47,10 @@ def narrowed(motion: np.ndarray, height: np.ndarray, depth: np.ndarray) -> np.nd
 def lips_closed(motion: torch.Tensor, probability: torch.Tensor) -> torch.Tensor:
     """Motion [T, 204] whose lips touch where `probability` [T] says p, b or m.
 
-    Twin of `rust-core/src/motion/closures.rs`. Where the probability is three quarters of the highest
-    within two frames, a smooth step from 0.2 to 0.35 decides how far the gap of each inner lip pair
-    goes to where lips touch, and how far one lip comes forward to the other; it never widens.
+    Twin of `closures.rs` in `rust-core/src/speech` and `rust-core/src/motion`. Where the probability is
+    three quarters of the highest within two frames, a smooth step from 0.2 to 0.35 decides how far the gap of
+    each inner lip pair goes to where lips touch, and how far one lip comes forward to the other; it never
+    widens.
     """
     highest = max_pool1d(probability[None], 2 * PEAK_FRAMES + 1, 1, PEAK_FRAMES)[0]
     probability = torch.where(probability >= PEAK_SHARE * highest, probability, 0.0)

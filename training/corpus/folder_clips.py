@@ -4,7 +4,6 @@ import json
 from functools import lru_cache
 
 import numpy as np
-from safetensors.numpy import load_file
 from scipy.interpolate import CubicSpline
 
 from training import shipped
@@ -15,6 +14,7 @@ from training.corpus.folder import UNKNOWN_EMOTION, CorpusFolder, Row
 from training.corpus.grid import closed_shape
 from training.corpus.topology import Topology
 from training.corpus.tracks import SOUND_HZ, Track
+from training.nn.checkpoint import read_arrays
 
 MODES = shipped("face_modes")
 INNER = slice(27, 68)
@@ -64,7 +64,7 @@ def _of_vertices(track: Track, topology: Topology, unit_m: float) -> Track:
 def arkit_modes() -> dict[str, np.ndarray]:
     """Displacement of the landmarks at weight 1 of each ARKit channel, [68, 3] canonical metres."""
     names = json.loads((MODES / "config.json").read_text())["modes"]
-    modes = dict(zip(names, load_file(MODES / "model.safetensors")["modes"], strict=True))
+    modes = dict(zip(names, read_arrays(MODES)["modes"].numpy(), strict=True))
     for name in list(modes):
         if name.endswith("_L"):
             stem = name[:-2]

@@ -186,7 +186,7 @@ def measure(
 
 
 def write_creases(folder: Path, faces: dict[str, Creases]) -> None:
-    """`model.safetensors`, a prefix for each face, f16 but for the landmarks, and `config.json`."""
+    """A model folder: a prefix for each face, f16 but for the landmarks."""
     state = {
         f"{name}.{key}": torch.from_numpy(value).float()
         for name, creases in faces.items()

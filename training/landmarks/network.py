@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import torch
-from safetensors.torch import load_file
 from torch import Tensor, nn
 from torch.nn import functional as F
+
+from training.nn.checkpoint import read_arrays
 
 LANDMARKS = 68
 
@@ -127,11 +128,11 @@ def decode(heat: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def start_from(origin: Path, model: nn.Module, part: str) -> None:
-    """Loads another run's `network.pt`, or the arrays of a shipped `model.safetensors` whose names begin
-    with `part`; their normalisation is folded and stays so."""
-    if origin.suffix == ".safetensors":
-        arrays = load_file(origin).items()
-        state = {k.removeprefix(part): v.float() for k, v in arrays if k.startswith(part)}
+    """Loads another run's `network.pt`, or the arrays of a model folder whose names begin with `part`;
+    their normalisation is folded and stays so."""
+    if origin.is_dir():
+        arrays = read_arrays(origin).items()
+        state = {k.removeprefix(part): v for k, v in arrays if k.startswith(part)}
     else:
         state = torch.load(origin)["model"]
     if not any("running_mean" in name for name in state):

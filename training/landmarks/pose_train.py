@@ -132,7 +132,7 @@ def parser() -> argparse.ArgumentParser:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=Path, dest="out", default=Path("runs/pose"))
-    parser.add_argument("--from", type=Path, dest="origin", help="network.pt, or shipped weights")
+    parser.add_argument("--from", type=Path, dest="origin", help="network.pt, or the folder of a model")
     parser.add_argument("--steps", type=int, default=4500)
     parser.add_argument("--batch", type=int, default=48)
     parser.add_argument("--rate", type=float, default=3e-3)

@@ -9,7 +9,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use anyface::{mesh::Mesh, output::write_rig, rig::Rig};
+use anyface::{face::Rig, mesh::Mesh, output::write_rig};
 use ndarray::Array3;
 use tempfile::TempDir;
 

@@ -152,7 +152,7 @@ fn damaged_weights_are_refused() {
     let folder = sound(&babble(0.2, 16_000), 16_000);
     let own = folder.path().join("own/ats_compact");
     fs::create_dir_all(&own).unwrap();
-    let weights = fs::read(model("ats_compact").join("model.safetensors")).unwrap();
+    let weights = fs::read(model("ats_compact").join("model.planes.gz")).unwrap();
     fs::copy(
         model("ats_compact").join("config.json"),
         own.join("config.json"),
@@ -160,10 +160,10 @@ fn damaged_weights_are_refused() {
     .unwrap();
     let line = "motion --audio a.wav --out o.npz --weights own";
     for length in [0, 5, weights.len() / 2, weights.len() - 1] {
-        fs::write(own.join("model.safetensors"), &weights[..length]).unwrap();
+        fs::write(own.join("model.planes.gz"), &weights[..length]).unwrap();
         refused(&folder, line, 7, "weights: ");
     }
-    fs::write(own.join("model.safetensors"), &weights).unwrap();
+    fs::write(own.join("model.planes.gz"), &weights).unwrap();
     done(&folder, line);
 }
 

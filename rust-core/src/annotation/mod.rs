@@ -11,7 +11,7 @@ mod tiers;
 
 use std::path::Path;
 
-use crate::{Error, Result, output::write_atomically};
+use crate::{Error, Result, job::write_atomically};
 
 pub use symbols::Symbols;
 pub use tiers::{Annotation, CLOSED, Interval, Tier};

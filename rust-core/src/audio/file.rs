@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{Waveform, compressed, damage::SoundFile, long_wav, source::Source, wav};
-use crate::{Error, Result, outside::guarded};
+use crate::{Error, Result, job::outside::guarded};
 
 /// Share of a sound whose loss makes the rest useless, unless the caller knows.
 pub const LARGEST_LOSS: f64 = 0.2;

@@ -4,7 +4,7 @@ use super::{
     resample::ToSpeechRate,
     waveform::{ACCEPTED_RATES_HZ, LOUDEST, Waveform},
 };
-use crate::{Error, Result, outside::guarded};
+use crate::{Error, Result, job::outside::guarded};
 
 /// Takes interleaved samples in any number of pieces and gives one [`Waveform`].
 pub(super) struct Intake {

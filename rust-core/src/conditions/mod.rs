@@ -1,4 +1,4 @@
-//! What a performance is asked to be: emotion and intensity over time, speaking style, controls.
+//! What a performance is asked to be: emotion and intensity over time, events, controls.
 
 mod action_units;
 mod controls;
@@ -6,7 +6,6 @@ mod event;
 mod expression;
 mod from_voice;
 mod keys;
-mod request;
 
 use crate::{Error, Result};
 use ndarray::Array2;
@@ -16,7 +15,6 @@ pub use controls::{Control, ControlCurve, ControlStage, ControlValues, Controls}
 pub use event::{Event, EventTrack};
 pub use expression::{Expression, MAX_EVENT_STRENGTH, MENU, read_unit};
 pub use from_voice::{arousal, emotion_from_voice};
-pub use request::{FPS, MotionRequest, check_closures, check_fps, style_number};
 
 /// The fifteen emotion categories, in the order of the weights.
 pub const EMOTIONS: [&str; 15] = [

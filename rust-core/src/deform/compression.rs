@@ -19,8 +19,8 @@ use self::{
 use super::VertexClip;
 use crate::{
     Error, Result,
+    job::{ProgressFn, report},
     nn::matrix::{self, product, view, view_mut},
-    progress::{ProgressFn, report},
 };
 
 /// Vertices whose error is measured together.
@@ -263,7 +263,7 @@ fn normalised(chosen: &Components, error: f32, vertices: usize, fps: f64) -> Ver
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::progress::SILENT;
+    use crate::job::SILENT;
 
     /// Three smooth motions over `vertices`, and a small fourth.
     fn clip(frames: usize, vertices: usize) -> VertexClip {

@@ -13,11 +13,11 @@
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-use super::{binding::Follows, nearest::nearest_between, skin::Skin};
 use crate::{
-    ibug::LANDMARKS,
+    face::{Skin, binding::Follows, nearest::nearest_between},
     mesh::{
         Mesh, Similarity,
+        ibug::LANDMARKS,
         lips::{Lip, lip_of_vertices},
     },
 };

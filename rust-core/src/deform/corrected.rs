@@ -7,19 +7,16 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Deformer, FewVertices,
-    binding::Follows,
     contact::{Slit, mouth_slit},
-    eyes::{Eyelids, Head, eyelids},
+    eyelids::{Eyelids, eyelids},
     jaw::{Jaw, JawPose},
     joined_lips::JoinedLips,
 };
 use crate::{
     Result,
-    face::{Face, FaceSurface},
-    ibug::LANDMARKS,
-    mesh::{Mouth, PartRole, Similarity},
-    progress::ProgressFn,
+    face::{Deformer, Face, FaceSurface, FewVertices, binding::Follows, eyes::Head},
+    job::ProgressFn,
+    mesh::{Mouth, PartRole, Similarity, ibug::LANDMARKS},
 };
 
 /// Corrections of one mesh, applied to every frame that a decoder made.

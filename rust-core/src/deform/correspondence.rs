@@ -11,8 +11,7 @@ use glam::Vec3;
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
 
-use super::nearest::PointGrid;
-use crate::ibug::LANDMARKS;
+use crate::{face::nearest::PointGrid, mesh::ibug::LANDMARKS};
 
 /// Points that a vertex listens to.
 const NEIGHBOURS: usize = 4;

@@ -19,7 +19,11 @@ use ndarray::Array2;
 use serde::Deserialize;
 
 use super::correspondence::{FollowingFace, ReferencePoints};
-use crate::{Error, Result, ibug::LANDMARKS, models::BuiltIn, nn::Weights};
+use crate::{
+    Error, Result,
+    mesh::ibug::LANDMARKS,
+    models::{BuiltIn, Weights},
+};
 
 /// Its built-in weights.
 pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::CREASES);
@@ -126,7 +130,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::{ibug::MIRROR, nn::golden::Golden};
+    use crate::{mesh::ibug::MIRROR, nn::golden::Golden};
 
     fn places(golden: &Golden, name: &str) -> Vec<[f32; 3]> {
         golden.values(name).as_chunks::<3>().0.to_vec()

@@ -2,8 +2,12 @@
 
 use std::{fmt, sync::Arc};
 
-use super::{Deformer, Field};
-use crate::{Result, cache::Cache, face::Face, progress::ProgressFn};
+use crate::{
+    Result,
+    cache::Cache,
+    face::{Deformer, Face, Field},
+    job::ProgressFn,
+};
 
 /// What codes of one model mean, on any face.
 pub trait CodeSpace: Send + Sync {

@@ -10,7 +10,7 @@ use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 
-use crate::ibug::LANDMARKS;
+use crate::mesh::ibug::LANDMARKS;
 
 /// Pitch and yaw in radians, slide x, y, z in canonical centimetres.
 const NUMBERS: usize = 5;

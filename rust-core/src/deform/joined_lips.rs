@@ -13,9 +13,9 @@ use glam::Vec3;
 use ndarray::{Array3, ArrayView3};
 use serde::{Deserialize, Serialize};
 
-use crate::{
+use crate::mesh::{
+    Mouth,
     ibug::{INNER_LIPS, LANDMARKS, OUTER_LIPS},
-    mesh::Mouth,
 };
 
 /// Of each inner pair the pair of borders that it lies between.

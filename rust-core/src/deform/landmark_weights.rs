@@ -4,12 +4,12 @@ use faer::MatRef;
 use ndarray::{Array2, Array3, ArrayView3, Axis};
 use rayon::prelude::*;
 
-use super::{Deformer, FewVertices, proxy::Prolongation};
 use crate::{
     Error, Result,
-    ibug::LANDMARKS,
+    face::{Deformer, FewVertices, proxy::Prolongation},
+    job::{ProgressFn, report},
+    mesh::ibug::LANDMARKS,
     nn::matrix,
-    progress::{ProgressFn, report},
 };
 
 /// Frames between two looks at the progress callback.
@@ -203,7 +203,7 @@ impl Deformer for LandmarkWeights {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::progress::SILENT;
+    use crate::job::SILENT;
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 

@@ -1,35 +1,26 @@
 //! Landmark motion spread over a whole mesh.
 //!
-//! [`Deformer`] is what every decoder offers. [`LandmarkWeights`] is the default one: fixed weights
-//! over the landmarks, shared by systems. They come from [`PlateWeights`] on the skin and from
-//! [`binding`] on everything else, by the role of each part ([`PartList`]); beside them [`StaticWeights`]
+//! [`Deformer`](crate::face::Deformer) is what every decoder offers. [`LandmarkWeights`] is the default one: fixed
+//! weights over the landmarks, shared by systems. They come from [`PlateWeights`] on the skin and from what
+//! everything else follows ([`binding`](crate::face::binding)); beside them [`StaticWeights`]
 //! are what is learned, [`Creases`] what another face shows between the landmarks. [`Corrected`] adds what
 //! is not linear: the jaw's rotation, lips that touch, lids that slide over their eyeballs. [`compression`]
 //! turns the result into a few basis shapes, [`projection`] finds other motion on them.
 
-pub mod binding;
-mod box3;
 pub mod compression;
 mod contact;
 mod corrected;
 mod correspondence;
 pub mod creases;
 mod decoder;
-mod eye_parts;
-mod eyes;
+mod eyelids;
 pub(crate) mod fade;
 pub mod jaw;
 mod joined_lips;
 mod landmark_weights;
-mod lids;
-mod nearest;
-mod part_list;
 mod prepare;
 pub mod projection;
-pub mod proxy;
-mod role_rules;
 mod row_weights;
-mod skin;
 pub mod static_weights;
 mod tension_screened_biharmonic;
 
@@ -37,20 +28,12 @@ pub use corrected::{Corrected, Corrections};
 pub use correspondence::{Correspondence, FollowingFace, ReferencePoints};
 pub use creases::{Creases, ReferenceFace};
 pub use decoder::{CodeSpace, Decoder};
-pub(crate) use eyes::Openings;
 pub use landmark_weights::LandmarkWeights;
-pub(crate) use nearest::PointGrid;
-pub use part_list::PartList;
 pub use prepare::{LEARNED, SolvedSkin, static_deformer};
-pub use skin::Skin;
 pub use static_weights::{StaticWeights, VertexGeometry};
 pub use tension_screened_biharmonic::{Plate, PlateWeights, REACHES_CM};
 
-use std::sync::Arc;
-
-use ndarray::{Array3, ArrayView2, ArrayView3};
-
-use crate::{Result, progress::ProgressFn};
+use ndarray::Array3;
 
 /// Displacements of every vertex over time.
 #[derive(Debug, Clone, PartialEq)]
@@ -59,131 +42,4 @@ pub struct VertexClip {
     pub displacements: Array3<f32>,
     /// Frames per second.
     pub fps: f64,
-}
-
-/// Spreads landmark displacements over one prepared mesh.
-pub trait Deformer: Send + Sync {
-    /// `landmarks`: `[T, 68, 3]`, mesh units and axes. Returns `[T, V, 3]`, the same.
-    ///
-    /// # Errors
-    /// `ShapeMismatch` if `landmarks` is not `[T, 68, 3]`; `Cancelled`.
-    fn deform(
-        &self,
-        landmarks: ArrayView3<'_, f32>,
-        progress: ProgressFn<'_>,
-    ) -> Result<Array3<f32>>;
-
-    /// Shuts the lids of frames `moved` `[T, V, 3]` that something else has made, as far as `landmarks`
-    /// `[T, 68, 3]` ask for, and keeps eyeballs behind them; nothing where no lids are known.
-    fn shut_lids(&self, landmarks: ArrayView3<'_, f32>, moved: &mut Array3<f32>) {
-        let _ = (landmarks, moved);
-    }
-
-    /// By which share each vertex attends to each landmark, `[T, V, 68]`; `None` for a deformer without
-    /// attention. Vertices that follow no skin have zeros.
-    fn attention(&self, landmarks: ArrayView3<'_, f32>) -> Option<Array3<f32>> {
-        let _ = landmarks;
-        None
-    }
-
-    /// A deformer of `wanted` vertices, rising, and of those that it needs beside them; `None` where one
-    /// vertex costs as much as all.
-    fn of_vertices(&self, wanted: &[u32]) -> Option<FewVertices> {
-        let _ = wanted;
-        None
-    }
-
-    /// [`Deformer::deform`] with displacements `[T, V, 3]` beside what landmarks say, before what touches what is
-    /// corrected.
-    ///
-    /// # Errors
-    /// Those of [`Deformer::deform`].
-    fn deform_beside(
-        &self,
-        landmarks: ArrayView3<'_, f32>,
-        beside: &Array3<f32>,
-        progress: ProgressFn<'_>,
-    ) -> Result<Array3<f32>> {
-        Ok(self.deform(landmarks, progress)? + beside)
-    }
-
-    /// [`Deformer::deform`] without the corrections that depend on what touches what: skin alone, linear
-    /// where the decoder is.
-    ///
-    /// # Errors
-    /// Those of [`Deformer::deform`].
-    fn deform_freely(
-        &self,
-        landmarks: ArrayView3<'_, f32>,
-        progress: ProgressFn<'_>,
-    ) -> Result<Array3<f32>> {
-        self.deform(landmarks, progress)
-    }
-}
-
-/// How the vertices of one face move under codes, which say more than the landmarks that go with them.
-pub trait CodeField: Send + Sync {
-    /// How the codes' own landmarks move from rest under codes `[t, X]`: `[t, 68, 3]`, canonical metres.
-    ///
-    /// # Errors
-    /// `InvalidInput` or `ShapeMismatch` for codes of another length or that are not finite.
-    fn landmarks(&self, codes: ArrayView2<'_, f32>) -> Result<Array3<f32>>;
-
-    /// What is to be added to `base` `[t, V, 3]`, motion of the mesh, so that vertices that follow the codes go where
-    /// these take them, by codes `[t, X]`: `[t, V, 3]`, mesh units and axes.
-    ///
-    /// # Errors
-    /// `InvalidInput` or `ShapeMismatch` for codes of another length or that are not finite.
-    fn beyond(&self, codes: ArrayView2<'_, f32>, base: &Array3<f32>) -> Result<Array3<f32>>;
-}
-
-/// The field on one face, or why no field fits it.
-pub type Field = std::result::Result<Arc<dyn CodeField>, String>;
-
-/// Some vertices of a mesh.
-pub struct FewVertices {
-    /// Moves them as the whole mesh does.
-    pub deformer: Box<dyn Deformer>,
-    /// Their numbers in the mesh, rising, in the order in which they are moved.
-    pub vertices: Vec<u32>,
-}
-
-/// Every method is passed on: a default one would hide that of what is in the box.
-impl Deformer for Box<dyn Deformer> {
-    fn deform(
-        &self,
-        landmarks: ArrayView3<'_, f32>,
-        progress: ProgressFn<'_>,
-    ) -> Result<Array3<f32>> {
-        self.as_ref().deform(landmarks, progress)
-    }
-
-    fn shut_lids(&self, landmarks: ArrayView3<'_, f32>, moved: &mut Array3<f32>) {
-        self.as_ref().shut_lids(landmarks, moved);
-    }
-
-    fn attention(&self, landmarks: ArrayView3<'_, f32>) -> Option<Array3<f32>> {
-        self.as_ref().attention(landmarks)
-    }
-
-    fn of_vertices(&self, wanted: &[u32]) -> Option<FewVertices> {
-        self.as_ref().of_vertices(wanted)
-    }
-
-    fn deform_beside(
-        &self,
-        landmarks: ArrayView3<'_, f32>,
-        beside: &Array3<f32>,
-        progress: ProgressFn<'_>,
-    ) -> Result<Array3<f32>> {
-        self.as_ref().deform_beside(landmarks, beside, progress)
-    }
-
-    fn deform_freely(
-        &self,
-        landmarks: ArrayView3<'_, f32>,
-        progress: ProgressFn<'_>,
-    ) -> Result<Array3<f32>> {
-        self.as_ref().deform_freely(landmarks, progress)
-    }
 }

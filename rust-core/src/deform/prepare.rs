@@ -3,17 +3,17 @@
 use ndarray::Array2;
 
 use super::{
-    Corrected, Corrections, Creases, LandmarkWeights, Plate, PlateWeights, Skin, StaticWeights,
-    VertexGeometry, correspondence::FollowingFace, proxy::Prolongation, row_weights::RowWeights,
+    Corrected, Corrections, Creases, LandmarkWeights, Plate, PlateWeights, StaticWeights,
+    VertexGeometry, correspondence::FollowingFace, row_weights::RowWeights,
     static_weights::Correction,
 };
 use crate::{
     Result,
     cache::{Arrays, Cache, CacheKey},
     conditions::{Control, ControlStage, ControlValues},
-    face::{Face, FaceSurface},
-    ibug::LANDMARKS,
-    progress::{ProgressFn, report},
+    face::{Face, FaceSurface, Skin, proxy::Prolongation},
+    job::{ProgressFn, report},
+    mesh::ibug::LANDMARKS,
 };
 
 /// Raised when the training-free weights change.
@@ -237,11 +237,10 @@ mod tests {
     use super::*;
     use crate::{
         CachePolicy,
-        deform::Deformer,
-        deform::PartList,
-        mesh::{FaceOptions, Landmarks, Mesh, Similarity},
+        face::{Deformer, FaceOptions, PartList},
+        job::SILENT,
+        mesh::{Landmarks, Mesh, Similarity},
         nn::golden::Golden,
-        progress::SILENT,
     };
     use ndarray::Array3;
 

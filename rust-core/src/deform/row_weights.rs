@@ -4,9 +4,9 @@ use ndarray::Array2;
 
 use super::static_weights::Correction;
 use crate::{
-    deform::{LandmarkWeights, PlateWeights, proxy::Prolongation},
-    ibug::LANDMARKS,
-    mesh::Similarity,
+    deform::{LandmarkWeights, PlateWeights},
+    face::proxy::Prolongation,
+    mesh::{Similarity, ibug::LANDMARKS},
 };
 
 const COORDINATES: usize = 3 * LANDMARKS;

@@ -21,9 +21,9 @@ use serde::Deserialize;
 use super::PlateWeights;
 use crate::{
     Error, Result,
-    ibug::{LANDMARKS, MIRROR},
-    models::BuiltIn,
-    nn::{Weights, elementwise::silu_all, linear::Linear},
+    mesh::ibug::{LANDMARKS, MIRROR},
+    models::{BuiltIn, Weights},
+    nn::{elementwise::silu_all, linear::Linear},
 };
 
 /// Its built-in weights.

@@ -12,10 +12,10 @@
 
 use std::ops::Range;
 
-use super::lids::{EYES, LidEdge};
 use crate::{
     Result,
-    ibug::LANDMARKS,
+    face::lids::{EYES, LidEdge},
+    mesh::ibug::LANDMARKS,
     operators::{Csr, Operators, SparseCholesky, edge_distance},
 };
 

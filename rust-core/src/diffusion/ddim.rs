@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::Schedule;
 use crate::{
     Error, Result,
-    progress::{self, ProgressFn},
+    job::{ProgressFn, report},
 };
 
 /// Which of the training steps a shorter walk visits, Lin et al. 2024, table 2.
@@ -88,7 +88,7 @@ impl Ddim {
     ) -> Result<Array2<f32>> {
         for (index, step) in self.walk.iter().enumerate() {
             let share = index as f32 / self.walk.len() as f32;
-            progress::report(progress, "motion", done.0 + (done.1 - done.0) * share)?;
+            report(progress, "motion", done.0 + (done.1 - done.0) * share)?;
             let clean = predict(&x, step.timestep)?;
             if clean.dim() != x.dim() {
                 return Err(Error::ShapeMismatch {
@@ -99,7 +99,7 @@ impl Ddim {
             }
             step.take(&mut x, &clean);
         }
-        progress::report(progress, "motion", done.1)?;
+        report(progress, "motion", done.1)?;
         Ok(x)
     }
 }
@@ -135,8 +135,8 @@ fn timesteps(train_steps: usize, spacing: Spacing, steps: usize) -> Vec<usize> {
 mod tests {
     use super::*;
     use crate::{
+        job::{Progress, SILENT},
         nn::golden::{Golden, distance},
-        progress::SILENT,
     };
 
     #[test]
@@ -207,7 +207,7 @@ mod tests {
             calls.set(calls.get() + 1);
             Ok(x.to_owned())
         };
-        let stop = |p: progress::Progress| p.fraction < 0.1;
+        let stop = |p: Progress| p.fraction < 0.1;
         let result = ddim.sample(Array2::zeros((2, 3)), predict, &stop, (0.0, 1.0));
         assert!(matches!(result, Err(Error::Cancelled)));
         assert!((4..=6).contains(&calls.get()), "{}", calls.get());

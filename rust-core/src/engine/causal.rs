@@ -4,10 +4,10 @@ use super::Engine;
 use crate::{
     Error, Result,
     audio::Waveform,
-    conditions::{ControlStage, EmotionCurve, MotionRequest, check_fps},
-    finite::check_result,
-    motion::{LandmarkClip, MotionStream, stream_whole},
-    progress::{self, ProgressFn},
+    conditions::{ControlStage, EmotionCurve},
+    job::{self, ProgressFn},
+    motion::{LandmarkClip, MotionRequest, MotionStream, check_fps, stream_whole},
+    nn::finite::check_result,
     speech::frames_of,
 };
 
@@ -42,10 +42,10 @@ impl Engine {
         check_fps(request.fps)?;
         self.check_causal(request)?;
         let mut stream = self.stream()?;
-        progress::report(progress, "motion", 0.0)?;
+        job::report(progress, "motion", 0.0)?;
         let clip = stream_whole(stream.as_mut(), &waveform.samples, &request.emotion)?;
         check_result("motion", clip.displacements.view().into_dyn())?;
-        progress::report(progress, "motion", 1.0)?;
+        job::report(progress, "motion", 1.0)?;
         Ok(clip.at_rate(request.fps, frames_of(waveform.duration_s(), request.fps)))
     }
 

@@ -4,9 +4,9 @@ use super::{Engine, Performance};
 use crate::{
     Result,
     conditions::{ACTION_UNITS, ActionUnit, Event, Side},
-    face::Face,
-    progress::ProgressFn,
-    rig::{Rig, ShapeSource},
+    face::{Face, Rig},
+    job::ProgressFn,
+    rig::ShapeSource,
 };
 
 impl Performance {
@@ -66,7 +66,7 @@ fn hidden_units<'a>(rig: &'a Rig, event: &'a Event) -> impl Iterator<Item = Stri
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rig::{ARKIT, ShapeReport};
+    use crate::{face::ShapeReport, rig::ARKIT};
 
     #[test]
     fn units_are_hidden_where_none_of_their_shapes_moves() {

@@ -17,18 +17,16 @@ use crate::{
     Error, Result,
     audio::Waveform,
     cache::{Cache, CacheKey, CachePolicy},
-    conditions::{ControlStage, ControlValues, Controls, MotionRequest},
-    deform::{self, Creases, Deformer, LEARNED, StaticWeights},
-    face::{Face, unlike},
-    finite::check_result,
+    conditions::{ControlStage, ControlValues, Controls},
+    deform::{self, Creases, LEARNED, StaticWeights},
+    face::{Deformer, Face, FaceOptions, Rig, unlike},
     head::{self, COEFFICIENTS, Head, HeadOnMesh, HeadSurface, Reach, check_surface_cells},
-    memory::MemoryNeed,
-    mesh::{self, FaceOptions, LandmarkFinder, Mesh, Similarity},
+    job::{ProgressFn, memory::MemoryNeed, outside::guarded},
+    mesh::{self, LandmarkFinder, Mesh, Similarity},
     models,
-    motion::{FaceModes, LandmarkClip, Motion, MotionKind, WeightClip},
-    outside::guarded,
-    progress::ProgressFn,
-    rig::{self, FieldOfFace, Rig, RigModel, ShapeSource},
+    motion::{FaceModes, LandmarkClip, Motion, MotionKind, MotionRequest, WeightClip},
+    nn::finite::check_result,
+    rig::{self, FieldOfFace, RigModel, ShapeSource},
     speech::{self, EmotionModel, FeelingEncoder, PhoneModel, SpeechEncoder},
     spread::{self, FrameSink, Movement, Spread, SpreadReport, WeightedShapes},
     systems::{Description, Registration, SYSTEMS, System, built_in_models},
@@ -80,7 +78,7 @@ impl Default for EngineOptions {
 ///
 /// ```
 /// use anyface::{CachePolicy, Engine, EngineOptions, MotionRequest, audio::Waveform};
-/// use anyface::{mesh::{FaceOptions, LandmarkSource, Mesh}, progress::SILENT, spread::Collector};
+/// use anyface::{face::FaceOptions, mesh::{LandmarkSource, Mesh}, job::SILENT, spread::Collector};
 ///
 /// let head = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../weights/shared/default_head");
 /// let mesh = Mesh::read(head.join("head.obj"))?;

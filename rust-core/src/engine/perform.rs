@@ -8,14 +8,13 @@ use super::Engine;
 use crate::{
     Error, Result,
     audio::Waveform,
-    conditions::{
-        Control, ControlCurve, ControlStage, EmotionCurve, Event, MotionRequest, check_closures,
-        check_fps, emotion_from_voice,
-    },
+    conditions::{Control, ControlCurve, ControlStage, EmotionCurve, Event, emotion_from_voice},
     face::Face,
-    finite::check_result,
-    motion::{Life, LifeStrengths, Motion, Stretch, begin_in},
-    progress::{ProgressFn, report},
+    job::{ProgressFn, report},
+    motion::{
+        Life, LifeStrengths, Motion, MotionRequest, Stretch, begin_in, check_closures, check_fps,
+    },
+    nn::finite::check_result,
     speech::Heard,
     spread::on_face,
     systems::{Ability, Sampled},
@@ -38,7 +37,7 @@ const CONTENT: f32 = 1.0;
 /// Motion with head and gaze, and all that is needed to perform it in another way.
 ///
 /// ```
-/// use anyface::{CachePolicy, Engine, EngineOptions, MotionRequest, audio::Waveform, progress::SILENT};
+/// use anyface::{CachePolicy, Engine, EngineOptions, MotionRequest, audio::Waveform, job::SILENT};
 ///
 /// let engine = Engine::new(EngineOptions { cache: CachePolicy::Off, ..Default::default() })?;
 /// let sound = Waveform { samples: (0..16_000).map(|i| (i as f32 * 0.08).sin()).collect() };

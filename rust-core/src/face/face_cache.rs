@@ -3,12 +3,11 @@
 //! Entries are named by everything they depend on: the mesh, the options, the models, and the code
 //! itself. A mesh that was seen before costs reading its file and what is kept of it.
 
+use super::{FaceOptions, PartList};
 use crate::{
     Result,
     cache::{Arrays, Cache, CacheKey},
-    deform::PartList,
-    ibug::LANDMARKS,
-    mesh::{FaceOptions, Landmarks, Mesh},
+    mesh::{Landmarks, Mesh, ibug::LANDMARKS},
 };
 
 /// The part of every name that a mesh contributes beside `models`.

@@ -1,6 +1,21 @@
 //! Everything known of one mesh: where its face is, and what moving it needs.
 
+pub mod binding;
+mod box3;
+mod deformer;
+mod eye_parts;
+pub(crate) mod eyes;
 mod face_cache;
+mod face_options;
+mod landmarks;
+pub(crate) mod lids;
+pub(crate) mod nearest;
+mod open_mouth;
+mod part_list;
+pub mod proxy;
+mod role_rules;
+mod shapes;
+mod skin;
 mod surface;
 
 use std::{
@@ -14,14 +29,21 @@ use crate::{
     Error, Result,
     cache::{Cache, CacheKey},
     conditions::Controls,
-    deform::{CodeField, Deformer, Field, Openings, PartList},
-    ibug::LANDMARKS,
+    job::{ProgressFn, report},
     mesh::{
-        self, FaceOptions, LandmarkFinder, Landmarks, Mesh, Mouth, Similarity, features::Features,
+        self, LandmarkFinder, Landmarks, Mesh, Mouth, Similarity, features::Features,
+        ibug::LANDMARKS,
     },
-    progress::{ProgressFn, report},
-    rig::Rig,
 };
+pub use deformer::{CodeField, Deformer, FewVertices, Field};
+use eyes::Openings;
+pub use face_options::{DEFAULT_PROXY, FaceOptions};
+pub use landmarks::{locate_landmarks, locate_landmarks_with};
+pub(crate) use nearest::PointGrid;
+pub use open_mouth::{OpenedMouth, TriangleSource, open_mouth};
+pub use part_list::PartList;
+pub use shapes::{Rig, ShapeReport};
+pub use skin::Skin;
 pub use surface::FaceSurface;
 
 /// A mesh, its landmarks, its place in the canonical frame, its parts, and what was computed of it
@@ -30,8 +52,8 @@ pub use surface::FaceSurface;
 /// Never changes for those who look at it; any number of threads may use one face.
 ///
 /// ```
-/// use anyface::{CachePolicy, Engine, EngineOptions, mesh::{FaceOptions, LandmarkSource, Mesh}};
-/// use anyface::progress::SILENT;
+/// use anyface::{CachePolicy, Engine, EngineOptions, face::FaceOptions, mesh::{LandmarkSource, Mesh}};
+/// use anyface::job::SILENT;
 ///
 /// let head = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../weights/shared/default_head");
 /// let mesh = Mesh::read(head.join("head.obj"))?;
@@ -81,7 +103,7 @@ impl Face {
         report(progress, "landmarks", 0.0)?;
         let key = face_cache::key_of(mesh, models);
         let find = || {
-            let landmarks = mesh::locate_landmarks_with(finder, mesh, options, progress)?;
+            let landmarks = locate_landmarks_with(finder, mesh, options, progress)?;
             let to_canonical = mesh::align_to_canonical(&landmarks)?;
             let parts = PartList::find(mesh, &landmarks, &to_canonical, &options.parts)?;
             Ok((landmarks, parts))

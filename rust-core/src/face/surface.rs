@@ -1,13 +1,12 @@
 //! The skin of a face and what everything else follows.
 
+use super::{
+    PartList, Skin,
+    binding::{Follows, bind},
+};
 use crate::{
     Result,
-    deform::{
-        PartList, Skin,
-        binding::{Follows, bind},
-    },
-    ibug::LANDMARKS,
-    mesh::{Landmarks, Mesh, Similarity},
+    mesh::{Landmarks, Mesh, Similarity, ibug::LANDMARKS},
 };
 
 /// A mesh in canonical centimetres, its skin, and what moves each of its vertices.

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Error, Result, ibug::LANDMARKS};
+use crate::{Error, Result, mesh::ibug::LANDMARKS};
 
 /// Coefficients of a head; they come from N(0, 1).
 pub const COEFFICIENTS: usize = 100;

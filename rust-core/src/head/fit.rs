@@ -16,9 +16,8 @@ use serde::Serialize;
 use super::{COEFFICIENTS, Head, OneHead};
 use crate::{
     Error, Result,
-    ibug::LANDMARKS,
-    mesh::{Landmarks, Similarity, align_to_canonical},
-    progress::{ProgressFn, report},
+    job::{ProgressFn, report},
+    mesh::{Landmarks, Similarity, align_to_canonical, ibug::LANDMARKS},
 };
 
 /// How far points and landmarks may well lie from a head of the model.

@@ -12,8 +12,9 @@ use super::{
 };
 use crate::{
     Result,
-    ibug::LANDMARKS,
-    nn::{Weights, elementwise::softmax, linear::Linear},
+    mesh::ibug::LANDMARKS,
+    models::Weights,
+    nn::{elementwise::softmax, linear::Linear},
 };
 
 /// The weights of the field and of the landmarks.

@@ -5,9 +5,8 @@ use std::{ops::Range, sync::OnceLock};
 use super::{OneHead, parts};
 use crate::{
     Error, Result,
-    ibug::LANDMARKS,
-    mesh::{Landmarks, Mesh, Parts},
-    progress::{ProgressFn, report},
+    job::{ProgressFn, report},
+    mesh::{Landmarks, Mesh, Parts, ibug::LANDMARKS},
     sdf::{Grid, surface},
 };
 

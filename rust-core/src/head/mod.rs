@@ -32,8 +32,8 @@ pub use volume::{HeadSurface, SURFACE_CELLS, check_surface_cells};
 
 use crate::{
     Error, Result,
-    models::BuiltIn,
-    nn::{Weights, linear::Linear},
+    models::{BuiltIn, Weights},
+    nn::linear::Linear,
 };
 
 /// Built-in weights.

@@ -9,8 +9,8 @@ use ndarray::{Array2, ArrayView1};
 
 use crate::{
     Result,
+    models::Weights,
     nn::{
-        Weights,
         elementwise::{add_to_rows, silu_all},
         linear::Linear,
         matrix,

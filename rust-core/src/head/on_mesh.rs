@@ -15,11 +15,10 @@ use super::{COEFFICIENTS, Head, OneHead, ScanFit, ScanOptions, Trunks};
 use crate::{
     Error, Result,
     cache::{Arrays, Cache},
-    deform::{CodeField, PointGrid, binding::Follows, fade},
-    face::Face,
-    ibug::LANDMARKS,
-    mesh::{Mesh, Similarity},
-    progress::{ProgressFn, report},
+    deform::fade,
+    face::{CodeField, Face, PointGrid, binding::Follows},
+    job::{ProgressFn, report},
+    mesh::{Mesh, Similarity, ibug::LANDMARKS},
 };
 
 /// Cells of the surface at which searches start.

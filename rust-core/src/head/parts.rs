@@ -4,7 +4,7 @@ use std::{ops::Range, sync::LazyLock};
 
 use anyface_weights_shared::{HEAD_LANDMARKS, HEAD_OBJ};
 
-use crate::{ibug::LANDMARKS, mesh::LandmarkSource};
+use crate::mesh::{LandmarkSource, ibug::LANDMARKS};
 
 /// An object of the default head.
 pub(super) struct Part {

@@ -1,8 +1,8 @@
 use super::*;
 use crate::mesh::Mesh;
 use crate::{
+    job::SILENT,
     nn::golden::{Golden, distance},
-    progress::SILENT,
 };
 
 fn golden() -> (Golden, Head) {
@@ -161,7 +161,7 @@ fn a_made_head_is_one_piece() {
 
 #[test]
 fn a_cancelled_head_says_so() {
-    let stop = |_: crate::progress::Progress| false;
+    let stop = |_: crate::job::Progress| false;
     let made = of_seed(3).mesh(&HeadOptions::default(), &stop);
     assert!(matches!(made, Err(Error::Cancelled)));
 }

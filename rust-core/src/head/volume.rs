@@ -6,8 +6,8 @@ use std::{ops::RangeInclusive, sync::Arc};
 use super::{Head, Trunks};
 use crate::{
     Error, Result,
+    job::{ProgressFn, report},
     mesh::Similarity,
-    progress::{ProgressFn, report},
 };
 
 /// Cells along the longest side of the grid that a surface over time may have.

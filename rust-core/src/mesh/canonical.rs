@@ -4,8 +4,8 @@ use std::sync::LazyLock;
 
 use serde::Deserialize;
 
-use super::{Fit, Landmarks, Similarity};
-use crate::{Error, Result, ibug::LANDMARKS};
+use super::{Fit, Landmarks, Similarity, ibug::LANDMARKS};
+use crate::{Error, Result};
 
 /// `[68]`, metres: mean ICT identity in the canonical frame (+x subject's left, +y up, +z out of
 /// the face, origin between the jaw hinges). Written by `python -m training.landmarks.canonical`.

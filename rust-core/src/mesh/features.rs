@@ -7,8 +7,10 @@
 //! chins lie as low (0.08 on a round head with a collar) as cut-off ones (0.75). Brows and noses that were
 //! smoothed away from human heads are not noticed: the networks tell their places by the eyes (0.94).
 
-use super::Landmarks;
-use crate::ibug::{FEATURES, LANDMARKS, MOUTH};
+use super::{
+    Landmarks,
+    ibug::{FEATURES, LANDMARKS, MOUTH},
+};
 
 /// Share of the mouth's confidence up to which a feature is taken for missing.
 const MISSING: f32 = 0.45;

@@ -4,8 +4,8 @@
 //! `{"version": 1, "landmarks": [{"index": 48, "vertex": 1201}, {"index": 8, "position": [x, y, z]}]}`.
 //! Where an entry has both, the position counts.
 
-use super::Mesh;
-use crate::{Error, Result, ibug::LANDMARKS};
+use super::{Mesh, ibug::LANDMARKS};
+use crate::{Error, Result};
 
 /// One landmark that stays where the caller puts it.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -10,8 +10,10 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::{FixedLandmark, KnownLandmark, LandmarkPlace, LandmarkSource, Landmarks, Mouth};
-use crate::{Error, Result, ibug::LANDMARKS};
+use super::{
+    FixedLandmark, KnownLandmark, LandmarkPlace, LandmarkSource, Landmarks, Mouth, ibug::LANDMARKS,
+};
+use crate::{Error, Result};
 
 /// The format's version, raised when a reader of the old one would misread the new one.
 const VERSION: u32 = 1;

@@ -168,7 +168,7 @@ fn flat_shaded(triangles: &[[u32; 3]], apart: &[u32], sewn: &[u32]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ibug::LANDMARKS, mesh::canonical_landmarks};
+    use crate::mesh::{canonical_landmarks, ibug::LANDMARKS};
 
     /// A sheet under the mean mouth, cut along the inner lips over the mouth's width where `cut`;
     /// the lower bank is `drop` metres lower.

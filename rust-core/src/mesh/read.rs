@@ -3,7 +3,7 @@
 use std::{io::Read, path::Path};
 
 use super::{Mesh, gltf::parse_glb, obj::parse_obj, ply::parse_ply, polygons::triangulate};
-use crate::{Error, Result, outside::guarded};
+use crate::{Error, Result, job::outside::guarded};
 
 /// Largest mesh file that is read: some thirty million vertices as text.
 const LARGEST_FILE: u64 = 4 << 30;

@@ -6,11 +6,11 @@ use rayon::prelude::*;
 
 use super::{
     Landmarks, Mesh, Parts, SurfaceTree,
+    ibug::LANDMARKS,
     lips::{lip_of_landmark, lip_of_vertices},
     parts::weld_seams,
     tree::SurfacePoint,
 };
-use crate::ibug::LANDMARKS;
 
 /// How much further than the nearest surface the skin, or its own lip, may be from a landmark, as
 /// a part of the distance between the outer eye corners (7 mm on a human head), before the mesh is
@@ -19,7 +19,7 @@ const DETOUR_IN_EYE_DISTANCES: f32 = 0.08;
 
 /// Nearest skin of every point; inner-lip points stay on their own lip where the mesh has a mouth
 /// that opens. Confidence 1 throughout. The mesh must have triangles.
-pub(super) fn snap_to_surface(mesh: &Mesh, positions: &[[f32; 3]; LANDMARKS]) -> Landmarks {
+pub(crate) fn snap_to_surface(mesh: &Mesh, positions: &[[f32; 3]; LANDMARKS]) -> Landmarks {
     let detour = DETOUR_IN_EYE_DISTANCES * eye_distance(positions);
     let surface = SurfaceTree::new(mesh);
     let mut snapped: Vec<SurfacePoint> = nearest_where(&surface, positions, |_, _| true)

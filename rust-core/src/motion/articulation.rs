@@ -2,7 +2,7 @@
 
 use ndarray::{Array3, ArrayView2, ArrayView3, ArrayViewMut2};
 
-use crate::ibug::{CHIN, LIP_COLUMNS, speaking};
+use crate::mesh::ibug::{CHIN, LIP_COLUMNS, speaking};
 
 /// Lips nearer than this over neutral count as closing, metres.
 const CLOSED_M: f32 = 1.5e-3;

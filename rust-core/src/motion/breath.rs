@@ -10,7 +10,7 @@ use super::{
     face_modes::FaceModes,
     phrases::{Phrases, smooth_step},
 };
-use crate::{Result, audio::Prosody, ibug::speaking};
+use crate::{Result, audio::Prosody, mesh::ibug::speaking};
 
 /// How far the inner lips part at strength 1, metres.
 const PARTED_M: f32 = 2.0e-3;

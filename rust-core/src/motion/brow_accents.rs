@@ -8,7 +8,7 @@
 use ndarray::{Array2, Array3};
 
 use super::{chance::Chance, face_modes::FaceModes};
-use crate::ibug::BROWS;
+use crate::mesh::ibug::BROWS;
 use crate::{Result, audio::Prosody};
 
 /// Number of this process among the streams of a seed.

@@ -9,9 +9,8 @@ use serde::Deserialize;
 
 use crate::{
     Error, Result,
-    ibug::{EYES, LANDMARKS},
-    models::BuiltIn,
-    nn::Weights,
+    mesh::ibug::{EYES, LANDMARKS},
+    models::{BuiltIn, Weights},
 };
 
 /// Its built-in weights.

@@ -6,7 +6,7 @@ use super::LandmarkClip;
 use crate::{
     Result,
     conditions::{Emotion, EmotionCurve},
-    ibug::LANDMARKS,
+    mesh::ibug::LANDMARKS,
 };
 
 /// All that a stream makes of a whole sound: `samples` `[S]`, mono, 16 kHz.

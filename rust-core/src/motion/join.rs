@@ -2,7 +2,7 @@
 
 use ndarray::{ArrayView2, ArrayViewMut3, Axis};
 
-use crate::ibug::LANDMARKS;
+use crate::mesh::ibug::LANDMARKS;
 
 /// How long a motion takes from a pose that it was given to its own.
 const LEAVES_WITHIN_S: f64 = 0.4;

@@ -3,8 +3,8 @@
 use ndarray::{Array3, ArrayView2};
 
 use super::{
-    EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, PERFORMANCE_CONTROLS,
-    PerformanceControls,
+    EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, MotionRequest,
+    PERFORMANCE_CONTROLS, PerformanceControls,
     articulation::{articulate, keep_closures},
     blinks::{blinks, close_lids},
     breath::breathe,
@@ -16,8 +16,8 @@ use super::{
 use crate::{
     Result,
     audio::Prosody,
-    conditions::{ControlStage, Controls, EmotionCurve, MotionRequest},
-    ibug,
+    conditions::{ControlStage, Controls, EmotionCurve},
+    mesh::ibug,
 };
 
 /// What a performance was asked to be and how it was said.

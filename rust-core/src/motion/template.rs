@@ -4,7 +4,7 @@ use std::{ops::Range, sync::Arc};
 
 use ndarray::{Array2, Axis};
 
-use crate::{ibug::LANDMARKS, mesh::Mesh};
+use crate::mesh::{Mesh, ibug::LANDMARKS};
 
 /// A face whose vertices a system moves.
 #[derive(Debug, Clone, PartialEq)]

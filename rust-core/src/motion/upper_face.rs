@@ -2,8 +2,9 @@
 
 use ndarray::{Array3, ArrayView2, ArrayViewMut2};
 
-use crate::ibug::{EYES, Eye, SIDES, upper_face};
-use crate::{Result, motion::FaceModes};
+use super::FaceModes;
+use crate::Result;
+use crate::mesh::ibug::{EYES, Eye, SIDES, upper_face};
 
 /// What the extremes of `asymmetry` add to one side and take from the other.
 const MOST_LOPSIDED: f32 = 0.5;

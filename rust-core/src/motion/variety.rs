@@ -14,7 +14,7 @@ use super::{
 use crate::{
     Result,
     audio::Prosody,
-    ibug::{BROWS, MOUTH, speaking},
+    mesh::ibug::{BROWS, MOUTH, speaking},
 };
 
 /// Number of this process among the streams of a seed.
@@ -146,7 +146,7 @@ impl Variety {
 }
 
 fn sum<const N: usize>(modes: &FaceModes, names: [&str; N]) -> Result<Array2<f32>> {
-    let mut total = Array2::zeros((crate::ibug::LANDMARKS, 3));
+    let mut total = Array2::zeros((crate::mesh::ibug::LANDMARKS, 3));
     for name in names {
         total += &modes.mode(name)?;
     }
@@ -156,7 +156,7 @@ fn sum<const N: usize>(modes: &FaceModes, names: [&str; N]) -> Result<Array2<f32
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ibug::MIRROR, motion::phrases::tests::speaking as voice};
+    use crate::{mesh::ibug::MIRROR, motion::phrases::tests::speaking as voice};
 
     const FPS: f64 = 30.0;
     const FRAMES: usize = 270;

@@ -2,7 +2,7 @@
 
 use ndarray::{ArrayView3, Axis, s};
 
-use crate::ibug::MOUTH;
+use crate::mesh::ibug::MOUTH;
 
 /// Largest displacement of any vertex, in mm on a head of human size, below which nobody sees a
 /// face move.

@@ -3,12 +3,11 @@
 use ndarray::{Array2, ArrayRef2};
 
 use super::{
-    Weights,
     elementwise::{silu_all, sum_of, vectorised},
     linear::Linear,
     matrix,
 };
-use crate::Result;
+use crate::{Result, models::Weights};
 
 /// Shift, scale and gate of each sub-layer.
 pub const PER_LAYER: usize = 3;

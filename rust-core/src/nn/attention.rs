@@ -5,8 +5,8 @@ use std::ops::Range;
 use faer::MatRef;
 use ndarray::{Array1, Array2, ArrayRef2, Axis, concatenate};
 
-use super::{Weights, elementwise::softmax, linear::Linear, matrix};
-use crate::Result;
+use super::{elementwise::softmax, linear::Linear, matrix};
+use crate::{Result, models::Weights};
 
 /// Attention of a sequence to itself.
 #[derive(Debug, Clone)]

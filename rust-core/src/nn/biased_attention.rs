@@ -6,8 +6,8 @@
 
 use std::collections::VecDeque;
 
-use super::{Weights, elementwise::softmax, linear::Linear};
-use crate::{Error, Result};
+use super::{elementwise::softmax, linear::Linear};
+use crate::{Error, Result, models::Weights};
 
 /// The weights, named as in PyTorch's `nn.MultiheadAttention`.
 #[derive(Debug, Clone)]

@@ -3,8 +3,8 @@
 use faer::MatRef;
 use ndarray::{Array1, Array2, ArrayRef2, s};
 
-use super::{Weights, elementwise::add_to_rows, matrix};
-use crate::Result;
+use super::{elementwise::add_to_rows, matrix};
+use crate::{Result, models::Weights};
 
 /// A convolution over `[T, C]`; PyTorch's `nn.Conv1d`, channels last.
 #[derive(Debug, Clone)]

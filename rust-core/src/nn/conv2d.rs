@@ -3,8 +3,8 @@
 use ndarray::{Array1, Array2};
 use rayon::prelude::*;
 
-use super::{Weights, matrix};
-use crate::Result;
+use super::matrix;
+use crate::{Result, models::Weights};
 
 /// A picture with channels last: `values` is `[height, width, channels]`, row-major.
 #[derive(Debug, Clone, PartialEq)]

@@ -21,8 +21,8 @@ use std::ops::Range;
 use ndarray::{Array3, ArrayRef3, s};
 use serde::{Deserialize, Serialize};
 
-use super::{Weights, linear::Linear, matrix::rows_of, surface::Surface};
-use crate::Result;
+use super::{linear::Linear, matrix::rows_of, surface::Surface};
+use crate::{Result, models::Weights};
 use block::Block;
 use fields::Fields;
 

@@ -3,12 +3,11 @@
 use ndarray::{Array2, ArrayRef2};
 
 use super::{
-    Weights,
     elementwise::{silu_all, vectorised},
     linear::Linear,
     matrix,
 };
-use crate::Result;
+use crate::{Result, models::Weights};
 
 /// Scale and shift from a condition, Perez et al. 2018.
 #[derive(Debug, Clone)]

@@ -10,7 +10,8 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 
-use super::{Weights, surface::Surface};
+use super::surface::Surface;
+use crate::models::Weights;
 
 /// A file of `tests/goldens`.
 pub(crate) fn path_of(file: &str) -> PathBuf {

@@ -2,8 +2,8 @@
 
 use ndarray::{Array2, ArrayRef2, ArrayRef3, Axis};
 
-use super::{Weights, linear::Linear, matrix};
-use crate::Result;
+use super::{linear::Linear, matrix};
+use crate::{Result, models::Weights};
 
 /// `D^-½ (A + I) D^-½` of an undirected graph, Kipf & Welling 2017, eq. 2. Returns `[N, N]`.
 pub fn normalised_adjacency(nodes: usize, edges: &[(usize, usize)]) -> Array2<f32> {

@@ -4,11 +4,10 @@ use faer::MatRef;
 use ndarray::{Array1, Array2, ArrayRef2};
 
 use super::{
-    Weights,
     elementwise::{add_to_rows, vectorised},
     matrix,
 };
-use crate::Result;
+use crate::{Result, models::Weights};
 
 /// A linear layer; PyTorch's `nn.Linear`.
 #[derive(Debug, Clone)]

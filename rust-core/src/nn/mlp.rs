@@ -2,8 +2,8 @@
 
 use ndarray::{Array2, ArrayRef2};
 
-use super::{Weights, elementwise::silu_all, linear::Linear, timestep::timestep_embedding};
-use crate::Result;
+use super::{elementwise::silu_all, linear::Linear, timestep::timestep_embedding};
+use crate::{Result, models::Weights};
 
 /// linear1 → SiLU → linear2.
 #[derive(Debug, Clone)]

@@ -1,6 +1,6 @@
 //! Layers that systems share: plain `f32` arrays in, plain `f32` arrays out.
 //!
-//! A sequence is `[T, C]`, row-major. Layers take their weights from [`Weights`] under the names
+//! A sequence is `[T, C]`, row-major. Layers take their weights from [`Weights`](crate::models::Weights) under the names
 //! that PyTorch gives them, so a checkpoint loads without a renaming table. Work is cut into
 //! pieces whose size depends on the data alone, never on the number of threads, so that a result
 //! is the same bit for bit on one thread and on many.
@@ -12,12 +12,12 @@
 pub mod ada_ln;
 pub mod attention;
 pub mod biased_attention;
-pub(crate) mod checkpoint;
 pub mod conv;
 pub mod conv2d;
 pub mod diffusion_net;
 pub mod elementwise;
 pub mod film;
+pub(crate) mod finite;
 #[cfg(test)]
 pub(crate) mod golden;
 pub mod graph_conv;
@@ -31,6 +31,3 @@ pub mod spiral_conv;
 pub mod surface;
 pub mod timestep;
 pub mod transformer;
-mod weights;
-
-pub use weights::Weights;

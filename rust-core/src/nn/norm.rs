@@ -3,11 +3,10 @@
 use ndarray::{Array1, Array2, ArrayRef2};
 
 use super::{
-    Weights,
     elementwise::{add_all, sum_of, vectorised},
     matrix,
 };
-use crate::Result;
+use crate::{Result, models::Weights};
 
 /// Layer normalisation over channels, Ba et al. 2016; PyTorch's `nn.LayerNorm`.
 #[derive(Debug, Clone)]

@@ -4,12 +4,11 @@ use ndarray::{Array2, ArrayRef2};
 use rayon::prelude::*;
 
 use super::{
-    Weights,
     attention::{Reach, attend},
     linear::Linear,
     matrix,
 };
-use crate::{Error, Result};
+use crate::{Error, Result, models::Weights};
 
 const BASE: f64 = 10_000.0;
 

@@ -9,8 +9,7 @@ use std::collections::VecDeque;
 
 use ndarray::{Array2, Array3, ArrayView2, Axis, s};
 
-use super::Weights;
-use crate::{Error, Result};
+use crate::{Error, Result, models::Weights};
 
 /// The convolution of `in_time[t] + on_surface[v]`.
 #[derive(Debug, Clone)]

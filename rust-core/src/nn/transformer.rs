@@ -4,14 +4,13 @@ use ndarray::{Array2, ArrayRef2};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Weights,
     attention::{CrossAttention, KeysValues, SelfAttention},
     elementwise::{add_all, gelu_all},
     linear::Linear,
     matrix,
     norm::{LayerNorm, add_and_norm},
 };
-use crate::Result;
+use crate::{Result, models::Weights};
 
 /// Epsilon of PyTorch's `nn.LayerNorm`.
 const EPSILON: f32 = 1e-5;

@@ -7,10 +7,10 @@ use std::{
 
 use serde::Serialize;
 
-use super::{write_atomically, write_json};
 use crate::{
     Error, Result,
-    conditions::check_fps,
+    job::{write_atomically, write_json},
+    motion::check_fps,
     rig::{ARKIT, SolvedWeights},
 };
 

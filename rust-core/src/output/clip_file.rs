@@ -8,9 +8,10 @@ use std::{
 
 use ndarray::{Array3, ArrayView3};
 
-use super::{Format, atomic::Unfinished, cache::write_positions, mdd, npz::Archive, pc2};
+use super::{Format, cache::write_positions, mdd, npz::Archive, pc2};
 use crate::{
     Error, Result,
+    job::Unfinished,
     motion::Life,
     spread::{ClipStart, FrameSink, LandmarkTrack},
 };

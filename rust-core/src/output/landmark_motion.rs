@@ -7,9 +7,8 @@ use ndarray::{Array1, Array2, Array3, ArrayViewD};
 use super::numpy::NumpyArchive;
 use crate::{
     Error, Result,
-    conditions::check_fps,
-    ibug::LANDMARKS,
-    motion::{Life, WeightClip},
+    mesh::ibug::LANDMARKS,
+    motion::{Life, WeightClip, check_fps},
 };
 
 /// Landmark motion as a file holds it.

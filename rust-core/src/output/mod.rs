@@ -4,7 +4,6 @@
 //! full disk or a failure leaves what was there before. Frames are streamed: an hour of animation
 //! needs no more memory than the block that is being written.
 
-mod atomic;
 mod blend_weights;
 mod cache;
 mod clip_file;
@@ -22,7 +21,6 @@ mod vertex_motion;
 
 use std::path::Path;
 
-pub use atomic::{all_or_none, remove_unfinished, write_atomically, write_json};
 pub use blend_weights::write_blend_weights;
 pub use clip_file::ClipFile;
 pub use format::Format;
@@ -37,6 +35,7 @@ use ndarray::ArrayView2;
 
 use crate::{
     Error, Result,
+    job::write_atomically,
     mesh::Mesh,
     motion::{LandmarkClip, Life, Motion},
     rig::SolvedWeights,

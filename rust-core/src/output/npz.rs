@@ -6,7 +6,7 @@ use ndarray::{ArrayView2, ArrayView3, Axis, aview1};
 use zip::{CompressionMethod, ZipWriter, result::ZipError, write::SimpleFileOptions};
 
 use crate::{
-    ibug::LANDMARKS,
+    mesh::ibug::LANDMARKS,
     motion::{LandmarkClip, Life, WeightClip},
 };
 

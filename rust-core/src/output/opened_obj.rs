@@ -3,10 +3,11 @@
 
 use std::{fmt::Write as _, path::Path};
 
-use super::write_atomically;
 use crate::{
     Result,
-    mesh::{Mesh, OpenedMouth, obj_text, polygons::triangulate},
+    face::OpenedMouth,
+    job::write_atomically,
+    mesh::{Mesh, obj_text, polygons::triangulate},
 };
 
 /// Vertex, texture and normal numbers of a corner, from 0.
@@ -288,7 +289,7 @@ fn write_face(text: &mut String, corners: &[Corner]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::{Landmarks, TriangleSource};
+    use crate::{face::TriangleSource, mesh::Landmarks};
 
     const SOURCE: &str = "mtllib head.mtl
 o head

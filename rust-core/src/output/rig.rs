@@ -8,11 +8,12 @@ use std::{
 
 use ndarray::{Array3, ArrayView2, ArrayView3, Axis};
 
-use super::{npz::Archive, numpy::NumpyArchive, write_atomically};
+use super::{npz::Archive, numpy::NumpyArchive};
 use crate::{
     Error, Result,
+    face::Rig,
+    job::write_atomically,
     mesh::{Mesh, obj_text},
-    rig::Rig,
 };
 
 /// Writes `names` `[S]` (text), `deltas` `[S, V, 3]` f32 and `neutral` `[V, 3]` f32, all in mesh

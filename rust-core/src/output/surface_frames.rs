@@ -9,11 +9,11 @@ use std::{
 use glam::Vec3;
 use ndarray::ArrayView2;
 
-use super::atomic::UnfinishedFolder;
+use crate::job::UnfinishedFolder;
 use crate::{
     Error, Result,
     head::HeadSurface,
-    progress::{ProgressFn, report},
+    job::{ProgressFn, report},
 };
 
 /// Digits of a frame's number, at least.

@@ -8,7 +8,7 @@ use super::*;
 
 use crate::{
     deform::VertexClip,
-    ibug::LANDMARKS,
+    mesh::ibug::LANDMARKS,
     motion::{FaceModes, WeightClip},
 };
 

@@ -5,7 +5,7 @@ use std::{fs, path::Path};
 use ndarray::Array3;
 
 use super::{Format, numpy::NumpyArchive};
-use crate::{Error, Result, conditions::check_fps, finite::check_finite, mesh::Mesh};
+use crate::{Error, Result, mesh::Mesh, motion::check_fps, nn::finite::check_finite};
 
 /// Bytes of a point cache 2's header.
 const PC2_HEADER: usize = 32;

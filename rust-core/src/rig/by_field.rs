@@ -3,13 +3,12 @@
 
 use ndarray::{Array2, Array3, Axis, s};
 
-use super::{ARKIT, Rig, RigModel, ShapeReport, VISEMES, names::arkit};
+use super::{ARKIT, RigModel, VISEMES, names::arkit};
 use crate::{
     Result,
-    deform::{CodeField, Deformer, binding::Follows},
-    face::Face,
+    face::{CodeField, Deformer, Face, Rig, ShapeReport, binding::Follows},
     head::{Head, HeadOnMesh},
-    progress::{ProgressFn, SILENT, report},
+    job::{ProgressFn, SILENT, report},
 };
 
 /// What a shape at half its weight is called.

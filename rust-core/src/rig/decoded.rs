@@ -5,10 +5,9 @@ use ndarray::{Array2, Array3, ArrayView2, ArrayView3, Axis};
 use super::names::arkit;
 use crate::{
     Result,
-    deform::{Deformer, binding::Follows},
-    face::{Face, FaceSurface},
-    ibug::LANDMARKS,
-    progress::SILENT,
+    face::{Deformer, Face, FaceSurface, binding::Follows},
+    job::SILENT,
+    mesh::ibug::LANDMARKS,
 };
 
 /// Shapes whose folds lie between the landmarks: there the learned decoder, creases and all, is nearer

@@ -7,7 +7,7 @@
 use ndarray::{Array3, Axis};
 
 use super::ARKIT;
-use crate::ibug::LANDMARKS;
+use crate::mesh::ibug::LANDMARKS;
 
 /// Pairs of upper and lower lid of each eye: the subject's right one, then the left one.
 const LIDS: [(&str, [(usize, usize); 2]); 2] = [

@@ -13,18 +13,14 @@ use super::{
     names::arkit,
     network::{RigConfig, RigNetwork, SkinGeometry},
     parts::{Eyeball, Gaze, TongueFound, eyeballs, tongue},
-    shapes::{Rig, ShapeReport},
     visemes::mixtures,
 };
 use crate::{
     Error, Result,
-    deform::{Deformer, binding::Follows},
-    face::{Face, FaceSurface},
-    ibug::LANDMARKS,
-    mesh::{Similarity, features::Features},
-    models::BuiltIn,
-    nn::Weights,
-    progress::{ProgressFn, SILENT, report},
+    face::{Deformer, Face, FaceSurface, Rig, ShapeReport, binding::Follows},
+    job::{ProgressFn, SILENT, report},
+    mesh::{Similarity, features::Features, ibug::LANDMARKS},
+    models::{BuiltIn, Weights},
 };
 
 /// Its built-in weights.
@@ -293,9 +289,9 @@ mod tests {
     use super::*;
     use crate::{
         CachePolicy, Engine, EngineOptions,
-        ibug::MIRROR,
-        mesh::{FaceOptions, LandmarkSource, Mesh},
-        progress::SILENT,
+        face::FaceOptions,
+        job::SILENT,
+        mesh::{LandmarkSource, Mesh, ibug::MIRROR},
         rig::{ShapeSource, mirrored_name},
         spread::{Collector, Movement},
     };

@@ -1,8 +1,8 @@
 //! A rig from nothing: the 52 ARKit shapes and the 15 Oculus visemes of any head, and the way back
 //! from a vertex animation to weights of those shapes.
 //!
-//! [`RigModel`] makes a [`Rig`]: on the skin each shape is the landmark motion of a mean face,
-//! spread by the face's own [`crate::deform::Deformer`], plus a [`network`]'s correction; raised brows
+//! [`RigModel`] makes a [`Rig`](crate::face::Rig): on the skin each shape is the landmark motion of a mean face,
+//! spread by the face's own [`crate::face::Deformer`], plus a [`network`]'s correction; raised brows
 //! fold the forehead as the learned decoder does; jaw parts follow the jaw, eyeballs turn, a tongue of its own comes out ([`parts`]). [`solve`] turns motion
 //! of vertices into weights. Where a parametric head is like the face, its field may move the skin instead.
 
@@ -13,7 +13,6 @@ mod make;
 mod names;
 pub mod network;
 pub mod parts;
-mod shapes;
 pub mod solve;
 mod visemes;
 
@@ -21,7 +20,6 @@ pub use by_field::{FieldOfFace, ShapeSource};
 pub use decoded::Learned;
 pub use make::{MODEL, RigModel};
 pub use names::{ARKIT, VISEMES, mirrored_name};
-pub use shapes::{Rig, ShapeReport};
 pub use solve::{SolveOptions, SolvedWeights, solve};
 
 /// Shapes of a rig.

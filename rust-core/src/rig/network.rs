@@ -17,9 +17,9 @@ use serde::Deserialize;
 use super::mirrored_name;
 use crate::{
     Error, Result,
-    ibug::LANDMARKS,
-    ibug::MIRROR,
-    nn::{Weights, elementwise::silu_all, linear::Linear},
+    mesh::ibug::{LANDMARKS, MIRROR},
+    models::Weights,
+    nn::{elementwise::silu_all, linear::Linear},
 };
 
 /// Position, offset from and distance to each landmark, weights.

@@ -5,9 +5,8 @@
 use glam::Vec3;
 
 use crate::{
-    deform::binding::Follows,
-    ibug::LANDMARKS,
-    mesh::{Parts, sphere::fit_sphere},
+    face::binding::Follows,
+    mesh::{Parts, ibug::LANDMARKS, sphere::fit_sphere},
 };
 
 /// How far an eye turns in a look at strength 1, degrees: up, down, in, out. ARKit does not say;

@@ -13,12 +13,12 @@
 
 use ndarray::{Array2, ArrayView3, Axis, aview1};
 
-use super::{Rig, mirrored_name};
+use super::mirrored_name;
 use crate::{
     Error, Result,
-    finite::check_result,
-    nn::matrix,
-    progress::{ProgressFn, report},
+    face::Rig,
+    job::{ProgressFn, report},
+    nn::{finite::check_result, matrix},
 };
 
 /// A shape with less than this share of the mean energy has no say and keeps the weight 0.
@@ -300,7 +300,7 @@ fn pairs(name: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{progress::SILENT, rig::ARKIT};
+    use crate::{job::SILENT, rig::ARKIT};
     use ndarray::Array3;
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;

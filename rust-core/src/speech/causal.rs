@@ -21,7 +21,8 @@ use super::log_mel::{BANDS, FRAME, HOP, MelAnalyser};
 use crate::{
     Error, Result,
     audio::SAMPLE_RATE_HZ,
-    nn::{Weights, linear::Linear, norm::LayerNorm},
+    models::Weights,
+    nn::{linear::Linear, norm::LayerNorm},
 };
 pub use config::{Block, CausalConfig};
 use config::{DOWN_AHEAD, SAMPLES_PER_FRAME, STEM_AHEAD, STEM_TAPS, TAPS};

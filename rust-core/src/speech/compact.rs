@@ -14,8 +14,8 @@ use super::{
 use crate::{
     Error, Result,
     audio::Waveform,
+    models::Weights,
     nn::{
-        Weights,
         conv::Conv1d,
         elementwise::{gelu_all, sigmoid},
         linear::Linear,

@@ -1,7 +1,6 @@
 //! When lips touch, as the encoder and the phones hear it together.
 
-use super::{Heard, PhoneModel, heard::heard_or_given};
-use crate::motion::LipClosures;
+use super::{Heard, LipClosures, PhoneModel, heard::heard_or_given};
 
 /// Weight of the phones' log-odds beside the encoder's own, and what is added so that both together raise no more
 /// false closures than the encoder alone.

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use super::encoder_config::{EncoderConfig, FeatureNorm};
 use crate::{
     Result,
+    models::Weights,
     nn::{
-        Weights,
         conv::Conv1d,
         elementwise::{gelu, gelu_all},
         matrix,

@@ -11,10 +11,10 @@ use crate::{
     Error, Result,
     audio::Waveform,
     conditions::{EMOTIONS, Emotion, EmotionCurve},
-    finite::check_result,
+    models::{Weights, checkpoint},
     nn::{
-        Weights, checkpoint,
         elementwise::{softmax, tanh},
+        finite::check_result,
         linear::Linear,
     },
 };

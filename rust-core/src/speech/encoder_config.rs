@@ -5,7 +5,7 @@ use serde::Deserialize;
 use crate::{
     Error, Result,
     audio::SAMPLE_RATE_HZ,
-    nn::checkpoint::{check_epsilon, check_sizes},
+    models::checkpoint::{check_epsilon, check_sizes},
 };
 
 /// Where the convolutions normalise.

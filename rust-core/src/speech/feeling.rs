@@ -17,8 +17,7 @@ use crate::{
     Error, Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
     conditions::EMOTIONS,
-    models::BuiltIn,
-    nn::Weights,
+    models::{BuiltIn, Weights},
 };
 
 /// Built-in weights of [`FeelingEncoder`].

@@ -4,12 +4,13 @@ use std::sync::Arc;
 
 use ndarray::Array2;
 
-use super::{FeatureTrack, FeltVoice, SpeechEncoder, at_motion_frames, encoder::frames_of};
+use super::{
+    FeatureTrack, FeltVoice, LipClosures, SpeechEncoder, at_motion_frames, encoder::frames_of,
+};
 use crate::{
     Result,
     audio::{Prosody, Waveform},
     conditions::EmotionCurve,
-    motion::LipClosures,
 };
 
 /// A sound as systems hear it: speech features, how it was said, and how long it is.

@@ -2,6 +2,7 @@
 
 mod alignment;
 mod causal;
+mod closures;
 mod compact;
 mod contacts;
 mod conv_features;
@@ -20,6 +21,7 @@ mod transformer_encoder;
 pub mod wav2vec2;
 
 pub use causal::{CausalConfig, CausalModel, CausalSpeech};
+pub use closures::LipClosures;
 pub(crate) use compact::{ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE};
 pub use compact::{CompactConfig, CompactEncoder, normalise};
 pub use emotion_model::EmotionModel;

@@ -16,8 +16,8 @@ use super::{
 use crate::{
     Error, Result,
     annotation::Interval,
-    models::BuiltIn,
-    nn::{Weights, conv::Conv1d, elementwise::gelu_all, linear::Linear},
+    models::{BuiltIn, Weights},
+    nn::{conv::Conv1d, elementwise::gelu_all, linear::Linear},
 };
 
 /// Rows of posteriors to a frame of the encoder.

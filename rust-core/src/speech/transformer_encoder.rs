@@ -18,10 +18,9 @@ use super::{
 use crate::{
     Error, Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
+    models::{Weights, checkpoint},
     nn::{
-        Weights,
         attention::SelfAttention,
-        checkpoint,
         conv::Conv1d,
         elementwise::{add_all, gelu_all, softmax},
         linear::Linear,

@@ -16,13 +16,10 @@ use rayon::prelude::*;
 
 use crate::{
     Error, Result,
-    deform::{CodeField, Deformer, Field},
-    face::Face,
-    ibug::LANDMARKS,
-    mesh::Mouth,
+    face::{CodeField, Deformer, Face, Field, Rig},
+    job::{Progress, ProgressFn, report},
+    mesh::{Mouth, ibug::LANDMARKS},
     motion::{CodeClip, LipGaps, Motion, WeightClip},
-    progress::{Progress, ProgressFn, report},
-    rig::Rig,
 };
 pub use on_face::on_face;
 pub use sink::{

@@ -2,7 +2,12 @@
 
 use ndarray::{Array3, ArrayView3, Axis, concatenate};
 
-use crate::{Error, Result, deform::VertexClip, ibug::LANDMARKS, memory::available, mesh::Mesh};
+use crate::{
+    Error, Result,
+    deform::VertexClip,
+    job::memory::available,
+    mesh::{Mesh, ibug::LANDMARKS},
+};
 
 /// Bytes of displacements that are made at a time where a sink says nothing else.
 const BLOCK_BYTES: usize = 192 << 20;

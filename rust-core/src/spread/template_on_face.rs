@@ -12,8 +12,10 @@ use crate::{
     Result,
     deform::{ReferencePoints, fade},
     face::Face,
-    ibug::LANDMARKS,
-    mesh::{Mesh, Similarity, SurfaceTree, parts::boundary_edges, tree::closest_weights},
+    mesh::{
+        Mesh, Similarity, SurfaceTree, ibug::LANDMARKS, parts::boundary_edges,
+        tree::closest_weights,
+    },
     motion::Template,
 };
 

@@ -5,11 +5,13 @@ use std::{path::Path, sync::Arc};
 use super::{Slider, Windows};
 use crate::{
     Result,
-    conditions::{Control, ControlStage, Controls, EmotionCurve, MotionRequest},
+    conditions::{Control, ControlStage, Controls, EmotionCurve},
     deform::Decoder,
+    job::ProgressFn,
     models::BuiltIn,
-    motion::{EmotionOrigin, LandmarkClip, Motion, MotionKind, MotionStream, TemplateMask},
-    progress::ProgressFn,
+    motion::{
+        EmotionOrigin, LandmarkClip, Motion, MotionKind, MotionRequest, MotionStream, TemplateMask,
+    },
     speech::{Heard, PhoneModel, SpeechInput},
 };
 

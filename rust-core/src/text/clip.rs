@@ -10,10 +10,9 @@ use serde_json::Value;
 use super::byte_pairs::BytePairs;
 use crate::{
     Error, Result,
+    models::{Weights, checkpoint},
     nn::{
-        Weights,
         attention::{Reach, SelfAttention},
-        checkpoint,
         elementwise::{gelu, sigmoid},
         linear::Linear,
         norm::LayerNorm,

@@ -31,8 +31,8 @@ use serde::Deserialize;
 use crate::{
     Error, Result,
     conditions::{ACTION_UNITS, EMOTIONS, Side},
-    models::BuiltIn,
-    nn::{Weights, elementwise::sigmoid},
+    models::{BuiltIn, Weights},
+    nn::elementwise::sigmoid,
 };
 use clip::ClipText;
 use sentence::{Clause, Lists, Rules, SaidSide};

@@ -6,7 +6,7 @@ use std::collections::HashMap;
 
 use ndarray::{Array1, Array2};
 
-use crate::{Result, nn::Weights};
+use crate::{Result, models::Weights};
 
 /// Lengths of the n-grams.
 const NGRAMS: [usize; 3] = [3, 4, 5];

@@ -8,7 +8,8 @@ use super::{clip::ClipText, sentence::Clause, space::Space};
 use crate::{
     Result,
     conditions::ACTION_UNITS,
-    nn::{Weights, elementwise::sigmoid, linear::Linear},
+    models::Weights,
+    nn::{elementwise::sigmoid, linear::Linear},
 };
 
 /// Rows of the head's output: it shows, on one side alone, how strong.

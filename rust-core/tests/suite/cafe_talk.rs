@@ -6,9 +6,9 @@ use anyface::{
     Engine, EngineOptions, Error, MotionRequest, Performance,
     audio::Waveform,
     conditions::{Controls, EmotionCurve, Event},
+    job::SILENT,
     mesh::PartChoices,
     motion::{FaceModes, LipGaps, Motion, WeightClip},
-    progress::SILENT,
     spread::Collector,
 };
 use ndarray::{Axis, s};

@@ -4,8 +4,8 @@ use anyface::{
     CachePolicy, Engine, EngineOptions, MotionRequest,
     audio::Waveform,
     conditions::{EMOTIONS, EmotionCurve},
+    job::SILENT,
     motion::{Expressions, PerformanceControls},
-    progress::SILENT,
 };
 use ndarray::{Array3, Axis, s};
 

@@ -2,8 +2,9 @@
 
 use anyface::{
     Face,
-    mesh::{FaceOptions, KnownLandmark, LandmarkSource},
-    progress::SILENT,
+    face::FaceOptions,
+    job::SILENT,
+    mesh::{KnownLandmark, LandmarkSource},
     rig::ShapeSource,
 };
 

@@ -4,8 +4,9 @@ use std::{path::PathBuf, sync::LazyLock};
 
 use anyface::{
     CachePolicy, Engine, EngineOptions, Face,
-    mesh::{FaceOptions, LandmarkSource, Mesh, PartChoices},
-    progress::SILENT,
+    face::FaceOptions,
+    job::SILENT,
+    mesh::{LandmarkSource, Mesh, PartChoices},
     spread::{Collector, FrameSink, Movement},
 };
 use ndarray::Array3;

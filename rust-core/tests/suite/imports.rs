@@ -1,27 +1,6 @@
-//! The layers of ARCHITECTURE.md, held against the sources.
+//! What no source of the library does. `tests/imports.rs` holds the order of its folders.
 
 use std::{fs, path::Path};
-
-const BELOW_SYSTEMS: [&str; 18] = [
-    "annotation",
-    "cache",
-    "conditions",
-    "face",
-    "head",
-    "nn",
-    "output",
-    "rig",
-    "sdf",
-    "speech",
-    "spread",
-    "text",
-    "diffusion",
-    "operators",
-    "mesh",
-    "motion",
-    "audio",
-    "deform",
-];
 
 fn sources(folder: &Path) -> Vec<(String, String)> {
     let mut found = Vec::new();
@@ -41,17 +20,6 @@ fn sources(folder: &Path) -> Vec<(String, String)> {
 
 fn src() -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("src")
-}
-
-#[test]
-fn lower_layers_do_not_import_systems() {
-    for layer in BELOW_SYSTEMS {
-        let files = sources(&src().join(layer));
-        assert!(!files.is_empty(), "{layer} has no sources");
-        for (name, text) in files {
-            assert!(!text.contains("systems::"), "{name} imports systems");
-        }
-    }
 }
 
 #[test]

@@ -10,11 +10,12 @@ use std::{
 
 use anyface::{
     Error,
+    face::{FaceOptions, locate_landmarks, locate_landmarks_with},
+    job::Progress,
     mesh::{
-        Axis, FaceOptions, FixedLandmark, LandmarkFinder, LandmarkPlace, LandmarkSource, Landmarks,
-        Mesh, Mouth, align_to_canonical, locate_landmarks, locate_landmarks_with,
+        Axis, FixedLandmark, LandmarkFinder, LandmarkPlace, LandmarkSource, Landmarks, Mesh, Mouth,
+        align_to_canonical,
     },
-    progress::Progress,
 };
 
 fn default_head() -> PathBuf {

@@ -4,12 +4,13 @@ use anyface::{
     Face,
     audio::{Prosody, Waveform},
     conditions::EmotionCurve,
-    mesh::{FaceOptions, LandmarkSource, Mesh, PartChoices, PartRole},
+    face::FaceOptions,
+    job::SILENT,
+    mesh::{LandmarkSource, Mesh, PartChoices, PartRole},
     motion::{
         Cues, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, PerformanceControls,
         WeightClip,
     },
-    progress::SILENT,
     rig::ARKIT,
     spread::Collector,
 };

@@ -4,8 +4,8 @@ use anyface::{
     Engine, MotionRequest, Performance,
     audio::Waveform,
     conditions::{ControlCurve, EmotionCurve},
+    job::SILENT,
     motion::{Life, PerformanceControls},
-    progress::SILENT,
 };
 use ndarray::{Axis, s};
 

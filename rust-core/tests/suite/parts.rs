@@ -4,12 +4,12 @@ use std::sync::LazyLock;
 
 use anyface::{
     Error, Face,
-    ibug::MIRROR,
+    face::FaceOptions,
+    job::SILENT,
     mesh::{
-        FaceOptions, LandmarkSource, Mesh, ObjectNames, PartChoices, PartRole, PartSelector,
-        RoleSource, SurfaceTree,
+        LandmarkSource, Mesh, ObjectNames, PartChoices, PartRole, PartSelector, RoleSource,
+        SurfaceTree, ibug::MIRROR,
     },
-    progress::SILENT,
 };
 use ndarray::Array3;
 use proptest::prelude::*;

@@ -9,9 +9,9 @@ use anyface::{
     CachePolicy, Engine, EngineOptions, MotionRequest,
     audio::Waveform,
     conditions::{ControlCurve, Controls, Emotion, EmotionCurve},
+    job::SILENT,
     mesh::PartChoices,
     motion::{Motion, PerformanceControls},
-    progress::SILENT,
     rig::ShapeSource,
 };
 use ndarray::Axis;

@@ -6,13 +6,14 @@ use anyface::{
     cache::Cache,
     conditions::{Controls, EmotionCurve, Event},
     deform::{
-        Creases, Deformer, StaticWeights, VertexClip,
+        Creases, StaticWeights, VertexClip,
         compression::{VertexBasis, compress},
         static_deformer,
     },
+    face::Deformer,
+    job::SILENT,
     mesh::PartChoices,
     motion::{Motion, PerformanceControls},
-    progress::SILENT,
     spread::Collector,
     systems::Slider,
 };
@@ -388,7 +389,7 @@ fn a_clip_of_another_length_and_a_cancelled_job_are_errors() {
         message.contains("120") && message.contains("60"),
         "{message}"
     );
-    let stop = |p: anyface::progress::Progress| p.stage != "sliders";
+    let stop = |p: anyface::job::Progress| p.stage != "sliders";
     let stopped = performance.slider_changes(engine, face, &take.clip, &take.basis, &stop);
     assert!(matches!(stopped, Err(anyface::Error::Cancelled)));
 }

@@ -2,9 +2,9 @@
 
 use anyface::{
     Error, Face, Result,
+    job::SILENT,
     mesh::PartChoices,
     motion::{LandmarkClip, Motion, WeightClip},
-    progress::SILENT,
     rig::ShapeSource,
     spread::{ClipStart, Collector, FrameSink, LandmarkTrack},
 };

@@ -4,14 +4,13 @@
 use std::{fs, path::Path};
 
 use anyface::{
-    CachePolicy, Engine, EngineOptions, MotionRequest, audio::Waveform, motion::Motion,
-    progress::SILENT,
+    CachePolicy, Engine, EngineOptions, MotionRequest, audio::Waveform, job::SILENT, motion::Motion,
 };
 
 /// A copy of a built-in model in `folder`, under `name`.
 fn copy(folder: &Path, built_in: &str, name: &str) {
     fs::create_dir_all(folder.join(name)).unwrap();
-    for file in ["config.json", "model.safetensors"] {
+    for file in ["config.json", "model.planes.gz"] {
         let models = Path::new(env!("CARGO_MANIFEST_DIR")).join(match built_in {
             "compact_speech" => "../weights/shared",
             _ => "../weights/freetalk",

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use anyface::{
     Error, Result,
-    ibug::LANDMARKS,
-    mesh::{FaceOptions, LandmarkSource, Mesh},
+    face::FaceOptions,
+    mesh::{LandmarkSource, Mesh, ibug::LANDMARKS},
 };
 use ndarray::{Array2, Array3, ArrayView2, ArrayViewMut2, Axis};
 

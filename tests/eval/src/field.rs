@@ -17,11 +17,11 @@ use crate::{
 use anyface::{
     Engine, Error, Face, Result,
     cache::{Cache, CachePolicy},
-    deform::CodeField,
+    face::{CodeField, Rig},
     head::{Head, HeadOnMesh, Reach},
+    job::SILENT,
     mesh::Mesh,
-    progress::SILENT,
-    rig::{Rig, ShapeSource},
+    rig::ShapeSource,
     spread::{Collector, FrameSink, Movement},
 };
 

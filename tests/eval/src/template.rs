@@ -18,8 +18,8 @@ use crate::{
 use anyface::{
     Error, Face, Result,
     head::Head,
+    models::Weights,
     motion::Template as TemplateMesh,
-    nn::Weights,
     rig::ARKIT,
     spread::TemplateOnFace,
     systems::emoface::{EmoFaceConfig, MODEL, read_template},

@@ -54,7 +54,7 @@ def _exported(folder: Path) -> Stored:
     if written.get("system") != "cafe_talk":
         raise ValueError(f"{folder}: expected a model of cafe_talk, got one of {written.get('system')!r}")
     if EMOTIONS not in state:
-        raise ValueError(f"{folder}/model.safetensors: expected a tensor {EMOTIONS!r}, got none")
+        raise ValueError(f"{folder}: expected a tensor {EMOTIONS!r}, got none")
     config, emotions = CafeTalkConfig.from_json(written), state.pop(EMOTIONS)
     encoder = None
     if config.speech.encoder == "compact_speech":

@@ -18,7 +18,7 @@ from training.corpus.feelings import read_felt
 from training.corpus.folder import CorpusFolder
 from training.corpus.grid import read_grid
 from training.corpus.teacher import Teacher
-from training.nn.checkpoint import read_model
+from training.nn.checkpoint import read_bytes, read_model
 from training.speech.compact import SHIPPED_ENCODER, load_encoder, normalise
 from training.speech.hubert import HubertFeatures
 from training.speech.log_mel import log_mel
@@ -50,7 +50,7 @@ def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:
         raise ValueError(
             "--hubert, --feeling-hubert: expected --corpus with them, got the project's own clips"
         )
-    weights = (arguments.feeling / "model.safetensors").read_bytes()
+    weights = read_bytes(arguments.feeling)
     key = hashlib.sha256(weights + repr((arguments.voices, arguments.limit)).encode()).hexdigest()[:12]
     path = arguments.cache / f"emoface-{key}.pt"
     return cached(path, Spoken, lambda: [*recorded(arguments), *felt(arguments)])

@@ -10,8 +10,8 @@ use rayon::prelude::*;
 
 use crate::{
     Error, Result,
+    job::{ProgressFn, report},
     nn::matrix::{self, by_row_blocks, product, rows_of, view, view_mut},
-    progress::{ProgressFn, report},
 };
 
 /// Directions beyond the largest number of shapes that the range finder follows.

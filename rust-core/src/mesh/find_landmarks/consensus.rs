@@ -7,10 +7,7 @@ use super::{
     network::LandmarkNetwork,
     view::{Frame, HALF_SIZE_M, Look, front, look, middle, turned},
 };
-use crate::{
-    ibug::LANDMARKS,
-    mesh::{Similarity, canonical::stability, canonical_landmarks},
-};
+use crate::mesh::{Similarity, canonical::stability, canonical_landmarks, ibug::LANDMARKS};
 
 /// Angles of the views about the head's own vertical axis, as in training.
 const VIEWS_DEGREES: [f32; 3] = [-40.0, 0.0, 40.0];

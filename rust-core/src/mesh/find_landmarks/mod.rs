@@ -39,14 +39,13 @@ use self::{
 use super::{
     Axis, FixedLandmark, Landmarks, Mesh, Similarity,
     canonical::{self, canonical_landmarks},
+    ibug::{LANDMARKS, REGIONS},
     snap::snap_to_surface,
 };
 use crate::{
     Error, Result,
-    ibug::{LANDMARKS, REGIONS},
-    models::BuiltIn,
-    nn::Weights,
-    progress::ProgressFn,
+    job::ProgressFn,
+    models::{BuiltIn, Weights},
 };
 
 /// Its built-in weights.

@@ -6,9 +6,9 @@
 
 use crate::{
     Result,
-    ibug::LANDMARKS,
+    mesh::ibug::LANDMARKS,
+    models::Weights,
     nn::{
-        Weights,
         conv2d::{Conv2d, Picture},
         elementwise::sigmoid,
     },

@@ -10,8 +10,8 @@ use super::network::Block;
 use crate::{
     Result,
     mesh::direction::unit,
+    models::Weights,
     nn::{
-        Weights,
         conv2d::{Conv2d, Picture},
         elementwise::sigmoid,
     },

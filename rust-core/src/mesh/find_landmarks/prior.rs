@@ -10,7 +10,11 @@ use faer::{
     linalg::solvers::{DenseSolveCore, Solve},
 };
 
-use crate::{Error, Result, ibug::LANDMARKS, mesh::canonical_landmarks, nn::Weights};
+use crate::{
+    Error, Result,
+    mesh::{canonical_landmarks, ibug::LANDMARKS},
+    models::Weights,
+};
 
 /// Deviation and reach of what the modes leave over, metres.
 const LOCAL_M: f64 = 0.0022;

@@ -15,9 +15,9 @@ use super::{
 };
 use crate::{
     Result,
+    job::{Progress, ProgressFn, report},
     mesh::{Similarity, direction::unit},
     nn::conv2d::Picture,
-    progress::{Progress, ProgressFn, report},
 };
 
 /// A face that was found is looked at again through a window so many times its own size.

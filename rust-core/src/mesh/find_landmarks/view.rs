@@ -10,8 +10,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    ibug::LANDMARKS,
-    mesh::{Axis, Mesh, Similarity, canonical_landmarks},
+    mesh::{Axis, Mesh, Similarity, canonical_landmarks, ibug::LANDMARKS},
 };
 
 /// More triangles than these are not drawn: pictures have 256² pixels, and what is found is put on the whole mesh.

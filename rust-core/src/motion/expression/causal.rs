@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{
     conditions::Emotion,
-    ibug::LANDMARKS,
+    mesh::ibug::LANDMARKS,
     motion::{FaceModes, LandmarkFrame, upper_face::lids},
 };
 

@@ -6,7 +6,7 @@ use super::table::{Expressions, Strengths};
 use crate::{
     audio::Prosody,
     conditions::EMOTIONS,
-    ibug::{BROWS, LANDMARKS, LIDS, MOUTH},
+    mesh::ibug::{BROWS, LANDMARKS, LIDS, MOUTH},
     motion::{
         brow_accents::{BrowAccent, LEAD_S, ONSET_S, STRESSED, prominences},
         chance::Chance,

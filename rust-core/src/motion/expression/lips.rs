@@ -3,7 +3,7 @@
 use ndarray::{Array3, ArrayView2, ArrayViewMut2};
 
 use crate::{
-    ibug::LIP_COLUMNS,
+    mesh::ibug::LIP_COLUMNS,
     motion::articulation::{closedness, keep_gap},
 };
 

@@ -2,7 +2,7 @@
 
 use ndarray::{ArrayView2, ArrayViewMut2};
 
-use crate::ibug::{MOUTH, speaking};
+use crate::mesh::ibug::{MOUTH, speaking};
 
 /// Limits of the share of smoothed motion.
 const SLUR: (f32, f32) = (-0.6, 0.9);

@@ -6,7 +6,12 @@ use ndarray::{Array2, Array3, ArrayView2};
 use serde::Deserialize;
 
 use super::manner::Manner;
-use crate::{Error, Result, conditions::EMOTIONS, ibug::LANDMARKS, models::BuiltIn, nn::Weights};
+use crate::{
+    Error, Result,
+    conditions::EMOTIONS,
+    mesh::ibug::LANDMARKS,
+    models::{BuiltIn, Weights},
+};
 
 /// Its built-in weights.
 pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::EXPRESSIONS);

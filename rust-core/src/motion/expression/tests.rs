@@ -8,7 +8,7 @@ use super::*;
 use crate::{
     audio::{PROSODY_FPS, Prosody, Waveform},
     conditions::{EMOTIONS, Emotion, EmotionCurve},
-    ibug::{EYES, LIP_COLUMNS},
+    mesh::ibug::{EYES, LIP_COLUMNS},
     motion::{Cues, FaceModes, LandmarkClip, LandmarkFrame, PerformanceControls},
 };
 

@@ -3,10 +3,10 @@
 use ndarray::{Array2, Array3, ArrayView3, ArrayViewMut1, s};
 
 use super::{
-    super::{FaceModes, LipClosures, WeightClip},
+    super::{FaceModes, WeightClip},
     reach::{Aim, corners_of, reach},
 };
-use crate::{Result, ibug::INNER_LIPS};
+use crate::{Result, mesh::ibug::INNER_LIPS, speech::LipClosures};
 
 /// Opening over that of the neutral face at which lips touch in speech, metres, as in [`super::super::close_lips`].
 const TOUCHING_M: f32 = -0.5e-3;
@@ -23,7 +23,7 @@ const PAIRS: usize = INNER_LIPS.len();
 /// By how much each shape parts the lips of one head.
 ///
 /// ```
-/// use anyface::{motion::{FaceModes, LipClosures, LipGaps, WeightClip}, rig::ARKIT};
+/// use anyface::{motion::{FaceModes, LipGaps, WeightClip}, speech::LipClosures, rig::ARKIT};
 ///
 /// let names: Vec<String> = ARKIT[..51].iter().map(|name| name.to_string()).collect();
 /// let mut clip = WeightClip { weights: ndarray::Array2::zeros((3, 51)), names, fps: 25.0, together: vec![] };

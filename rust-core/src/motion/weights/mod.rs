@@ -77,7 +77,7 @@ impl FaceModes {
     /// # Errors
     /// `Weights` for a name that is none of ARKit's.
     pub fn of_shapes(&self, names: &[String]) -> Result<Array3<f32>> {
-        let mut out = Array3::zeros((names.len(), crate::ibug::LANDMARKS, 3));
+        let mut out = Array3::zeros((names.len(), crate::mesh::ibug::LANDMARKS, 3));
         for (name, mut shape) in names.iter().zip(out.outer_iter_mut()) {
             if name != TONGUE {
                 shape.assign(&self.of_shape(name)?);

@@ -3,10 +3,10 @@
 use ndarray::{Array2, ArrayView3, ArrayViewMut1};
 
 use super::{
-    super::{FaceModes, LipClosures, WeightClip},
+    super::{FaceModes, WeightClip},
     reach::{Aim, corners_of, reach},
 };
-use crate::Result;
+use crate::{Result, speech::LipClosures};
 
 /// Where the lower lip's middle is in f and v, from where it rests, metres downward and forward: the medians of
 /// grid_s1's tracked speaker in 387 of them, none of a held-out clip.

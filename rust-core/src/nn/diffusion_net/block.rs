@@ -5,8 +5,8 @@ use rayon::prelude::*;
 
 use crate::{
     Result,
+    models::Weights,
     nn::{
-        Weights,
         elementwise::{exp, vectorised},
         linear::Linear,
         matrix::{self, view},

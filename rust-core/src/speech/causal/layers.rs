@@ -8,8 +8,8 @@ use ndarray::Array2;
 use super::config::{Block, TAPS};
 use crate::{
     Result,
+    models::Weights,
     nn::{
-        Weights,
         elementwise::{add_all, gelu_all},
         linear::Linear,
         norm::LayerNorm,

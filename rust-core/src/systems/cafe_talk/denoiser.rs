@@ -11,8 +11,8 @@ use super::config::{CafeTalkConfig, CoarseWay};
 use crate::{
     Result,
     conditions::{EMOTIONS, SIDES},
+    models::Weights,
     nn::{
-        Weights,
         ada_ln::{AdaLn, Modulated, PER_LAYER},
         elementwise::{add_all, gelu_all, silu_all},
         film::{Film, Modulation},

@@ -16,7 +16,7 @@ use crate::{
     cache::CacheKey,
     conditions::EventTrack,
     diffusion::{Ddim, frame_noise, guided, mask_guided},
-    progress::{self, ProgressFn},
+    job::{self, ProgressFn},
 };
 
 /// What the denoiser is asked to perform.
@@ -122,7 +122,7 @@ impl Denoiser {
             .cross_faded(frames, config.channels.len(), make)?;
         self.to_weights(&mut total);
         total.mapv_inplace(|weight| weight.max(0.0));
-        progress::report(progress, "motion", 1.0)?;
+        job::report(progress, "motion", 1.0)?;
         Ok(total)
     }
 }

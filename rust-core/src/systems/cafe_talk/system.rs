@@ -7,17 +7,14 @@ use ndarray::s;
 use super::{CafeTalkConfig, Denoiser, Guidance, Request, windows_kept::WindowsKept};
 use crate::{
     Result,
-    conditions::{
-        Control, ControlStage, ControlValues, EmotionCurve, EventTrack, MotionRequest, style_number,
-    },
+    conditions::{Control, ControlStage, ControlValues, EmotionCurve, EventTrack},
     deform::LEARNED,
-    models::BuiltIn,
+    job::ProgressFn,
+    models::{BuiltIn, Weights},
     motion::{
-        FaceModes, LipGaps, LowerLip, Motion, MotionKind, PerformanceControls, WeightClip,
-        WeightCues, control_named,
+        FaceModes, LipGaps, LowerLip, Motion, MotionKind, MotionRequest, PerformanceControls,
+        WeightClip, WeightCues, control_named, style_number,
     },
-    nn::Weights,
-    progress::ProgressFn,
     speech::{Heard, PhoneModel},
     systems::{Ability, Description, Registration, Sampled, Slider, System},
 };

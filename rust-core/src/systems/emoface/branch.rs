@@ -5,8 +5,8 @@
 use super::EmoFaceConfig;
 use crate::{
     Result,
+    models::Weights,
     nn::{
-        Weights,
         biased_attention::{BiasedSelfAttention, KeptRows, add_periodic_position},
         elementwise::{add_all, gelu_all},
         linear::Linear,

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Error, Result, conditions::EMOTIONS, ibug::LANDMARKS, speech::SpeechInput};
+use crate::{Error, Result, conditions::EMOTIONS, mesh::ibug::LANDMARKS, speech::SpeechInput};
 
 /// How both branches become one motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

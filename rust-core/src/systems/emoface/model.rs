@@ -12,9 +12,9 @@ use super::{
 };
 use crate::{
     Error, Result,
-    ibug::LANDMARKS,
+    mesh::ibug::LANDMARKS,
+    models::Weights,
     nn::{
-        Weights,
         biased_attention::KeptRows,
         elementwise::{gelu, gelu_all, sigmoid},
         linear::Linear,

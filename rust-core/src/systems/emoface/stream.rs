@@ -8,10 +8,11 @@ use super::{EmoFaceConfig, HeardFrame, Layer, Model, Progressing};
 use crate::{
     Error, Result,
     conditions::{EMOTIONS, Emotion},
-    ibug::LANDMARKS,
-    motion::{self, LandmarkClip, LandmarkFrame, LipClosures, MotionStream},
+    mesh::ibug::LANDMARKS,
+    motion::{self, LandmarkClip, LandmarkFrame, MotionStream},
     speech::{
-        CausalModel, CausalSpeech, CompactEncoder, FeelingEncoder, LiveFeeling, SpeechEncoder,
+        CausalModel, CausalSpeech, CompactEncoder, FeelingEncoder, LipClosures, LiveFeeling,
+        SpeechEncoder,
     },
 };
 
@@ -49,7 +50,7 @@ impl EmoFaceStream {
     /// `Weights` for a model whose default style is none of its styles.
     pub fn new(parts: Arc<LiveParts>) -> Result<Self> {
         let config = parts.model.config();
-        let style = crate::conditions::style_number(None, &config.styles, &config.default_style)?;
+        let style = crate::motion::style_number(None, &config.styles, &config.default_style)?;
         Ok(EmoFaceStream {
             speech: CausalSpeech::new(Arc::clone(&parts.content)),
             felt: LiveFeeling::new(Arc::clone(&parts.feeling)),

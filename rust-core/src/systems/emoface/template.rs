@@ -1,7 +1,7 @@
 //! The template whose vertices the branches move.
 
 use super::EmoFaceConfig;
-use crate::{Error, Result, mesh::Mesh, motion::Template, nn::Weights};
+use crate::{Error, Result, mesh::Mesh, models::Weights, motion::Template};
 
 /// The template of a model; `None` where its file has no triangles.
 ///

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     Error, Result,
     diffusion::{Diffusion, Spacing},
-    ibug::LANDMARKS,
+    mesh::ibug::LANDMARKS,
     speech::SpeechInput,
 };
 

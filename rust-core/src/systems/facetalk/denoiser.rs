@@ -11,8 +11,9 @@ use super::config::{MotionConfig, Sampling};
 use crate::{
     Error, Result,
     diffusion::{Ddim, guided},
+    job::ProgressFn,
+    models::Weights,
     nn::{
-        Weights,
         elementwise::{add_all, gelu_all, silu_all},
         film::{Film, Modulation},
         linear::Linear,
@@ -20,7 +21,6 @@ use crate::{
         rotary::{RotaryAttention, RotaryMemory},
         timestep::timestep_embedding,
     },
-    progress::ProgressFn,
 };
 
 /// Epsilon of PyTorch's `nn.LayerNorm`.
@@ -257,8 +257,8 @@ impl Block {
 mod tests {
     use super::*;
     use crate::{
+        job::SILENT,
         nn::golden::{Golden, distance},
-        progress::SILENT,
         systems::facetalk::MotionConfigs,
     };
 

@@ -15,10 +15,10 @@ use crate::{
     Error, Result,
     conditions::EMOTIONS,
     diffusion::{Diffusion, Spacing},
-    ibug::LANDMARKS,
+    mesh::ibug::LANDMARKS,
+    models::Weights,
     motion::EmotionOrigin,
     nn::{
-        Weights,
         attention::KeysValues,
         elementwise::{add_all, add_to_rows},
         linear::Linear,

@@ -10,9 +10,10 @@ use ndarray::{Array2, Array3, ArrayRef2, ArrayView2, Axis, Slice};
 use super::ats::{Ats, Sampling};
 use crate::{
     Error, Result,
-    conditions::{EMOTIONS, style_number},
+    conditions::EMOTIONS,
     diffusion::{Ddim, frame_noise},
-    progress::{self, ProgressFn},
+    job::{self, ProgressFn},
+    motion::style_number,
 };
 
 /// What the denoiser is asked to perform.
@@ -91,7 +92,7 @@ impl Ats {
         let channels = config.motion_channels();
         let mut total = config.windows().cross_faded(frames, channels, make)?;
         self.to_metres(&mut total);
-        progress::report(progress, "motion", 1.0)?;
+        job::report(progress, "motion", 1.0)?;
         Ok(total)
     }
 

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use crate::{
     Result,
     conditions::Emotion,
-    ibug::LANDMARKS,
+    mesh::ibug::LANDMARKS,
     motion::{CausalExpression, LandmarkFrame, MotionStream},
     speech::{CausalModel, CausalSpeech},
 };

@@ -14,15 +14,15 @@ use super::{
 use crate::{
     Result,
     cache::Cache,
-    conditions::{Control, ControlStage, ControlValues, Controls, EmotionCurve, MotionRequest},
-    deform::{Decoder, Deformer, LEARNED},
-    face::Face,
+    conditions::{Control, ControlStage, ControlValues, Controls, EmotionCurve},
+    deform::{Decoder, LEARNED},
+    face::{Deformer, Face},
+    job::ProgressFn,
     models::BuiltIn,
     motion::{
         self, CausalExpression, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion,
-        MotionKind, MotionStream, PERFORMANCE_CONTROLS, Performer,
+        MotionKind, MotionRequest, MotionStream, PERFORMANCE_CONTROLS, Performer,
     },
-    progress::ProgressFn,
     speech::{CausalModel, Heard},
     systems::{Description, Registration, Sampled, Slider, System},
 };

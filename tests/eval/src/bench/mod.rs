@@ -20,7 +20,8 @@ use crate::{
 use anyface::{
     Error, Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
-    mesh::{DEFAULT_PROXY, FaceOptions, LandmarkSource, Mesh},
+    face::{DEFAULT_PROXY, FaceOptions},
+    mesh::{LandmarkSource, Mesh},
 };
 
 /// Measure every stage on this machine

@@ -5,12 +5,12 @@ use crate::arguments::SharedArgs;
 use anyface::{
     MotionRequest, Result,
     audio::Waveform,
-    deform::{PartList, Plate, PlateWeights, Skin},
-    ibug::LANDMARKS,
-    mesh::{self, FaceOptions, LandmarkSource, Mesh},
+    deform::{Plate, PlateWeights},
+    face::{FaceOptions, PartList, Skin, locate_landmarks},
+    job::SILENT,
+    mesh::{self, LandmarkSource, Mesh, ibug::LANDMARKS},
     operators::{HeatGeodesics, OperatorOptions, Operators, SparseCholesky},
     output::write_animation,
-    progress::SILENT,
     spread::{Animation, Collector},
 };
 
@@ -31,9 +31,7 @@ pub(super) fn run(
     let motion = clock.time("speech and denoiser", None, || {
         engine.perform(waveform, &request, SILENT)
     })?;
-    let landmarks = clock.time("landmark search", None, || {
-        mesh::locate_landmarks(mesh, options)
-    })?;
+    let landmarks = clock.time("landmark search", None, || locate_landmarks(mesh, options))?;
     solving(clock, mesh, &landmarks, options)?;
     let known = FaceOptions {
         landmarks: Some(LandmarkSource::Vertices(landmarks.vertices.to_vec())),

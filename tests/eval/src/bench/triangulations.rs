@@ -10,11 +10,12 @@ use crate::metrics::quantile;
 use anyface::{
     MotionRequest, Result,
     audio::Waveform,
+    face::{FaceOptions, locate_landmarks},
+    job::SILENT,
     mesh::{
-        self, FaceOptions, LandmarkSource, Mesh,
+        LandmarkSource, Mesh,
         simplify::{SimplifyOptions, simplify},
     },
-    progress::SILENT,
     spread::Collector,
 };
 
@@ -41,7 +42,7 @@ pub(super) fn measure(
 ) -> Result<Spread> {
     let engine = shared.engine()?;
     let performance = engine.perform(waveform, &MotionRequest::default(), SILENT)?;
-    let landmarks = mesh::locate_landmarks(mesh, options)?;
+    let landmarks = locate_landmarks(mesh, options)?;
     let (meshes, common) = triangulations(mesh);
     let known = FaceOptions {
         landmarks: Some(LandmarkSource::Positions(landmarks.positions.to_vec())),

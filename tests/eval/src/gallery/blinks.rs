@@ -12,11 +12,11 @@ use anyface::{
     Engine, Face, Result,
     audio::{Prosody, Waveform},
     conditions::EmotionCurve,
+    job::SILENT,
     mesh::PartRole,
     motion::{
         Cues, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, PerformanceControls,
     },
-    progress::SILENT,
     spread::Collector,
 };
 

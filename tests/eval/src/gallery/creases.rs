@@ -9,8 +9,8 @@ use super::{
 use crate::pictures::raster::Picture;
 use anyface::{
     Engine, Face, Result,
+    job::SILENT,
     mesh::Mesh,
-    progress::SILENT,
     spread::{Collector, Movement},
 };
 

@@ -29,10 +29,9 @@ use crate::{
 };
 use anyface::{
     Engine, Error, Face, Result,
-    ibug::LANDMARKS,
+    job::{SILENT, write_atomically},
+    mesh::ibug::LANDMARKS,
     motion::{LandmarkClip, Motion},
-    output::write_atomically,
-    progress::SILENT,
     spread::{Collector, Movement},
 };
 

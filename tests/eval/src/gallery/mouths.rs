@@ -9,9 +9,10 @@ use super::{
 use crate::pictures::raster::Picture;
 use anyface::{
     Engine, Error, Face, Result,
-    mesh::{FaceOptions, LandmarkSource, Mesh, Mouth, open_mouth},
+    face::{FaceOptions, open_mouth},
+    job::SILENT,
+    mesh::{LandmarkSource, Mesh, Mouth},
     motion::{LandmarkClip, Motion},
-    progress::SILENT,
     spread::Collector,
 };
 

@@ -9,8 +9,8 @@ use crate::face_model::FaceModel;
 use anyface::{
     Error, Result,
     diffusion::frame_noise,
-    ibug::LANDMARKS,
-    mesh::{FaceOptions, LandmarkSource, Mesh},
+    face::FaceOptions,
+    mesh::{LandmarkSource, Mesh, ibug::LANDMARKS},
 };
 
 /// Seed of the identity, which no training drew.

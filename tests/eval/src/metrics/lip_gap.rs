@@ -1,7 +1,7 @@
 //! The inner-lip gap: how far the mouth is open.
 
 use super::Clip;
-use anyface::{Error, Result, ibug::LANDMARKS};
+use anyface::{Error, Result, mesh::ibug::LANDMARKS};
 
 /// Middle of the inner upper lip and of the inner lower lip, iBUG-68.
 const MIDDLES: [usize; 2] = [62, 66];

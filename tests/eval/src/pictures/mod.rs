@@ -13,7 +13,7 @@ use std::{
 
 use plotters::{coord::Shift, prelude::*};
 
-use anyface::{Error, Result, output::write_atomically};
+use anyface::{Error, Result, job::write_atomically};
 pub(super) use palette::drawing;
 
 /// Recorded motion.

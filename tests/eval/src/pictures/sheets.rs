@@ -10,9 +10,10 @@ use super::{
 };
 use anyface::{
     Engine, Error, Face, Result,
-    mesh::{FaceOptions, LandmarkSource, Mesh},
+    face::FaceOptions,
+    job::SILENT,
+    mesh::{LandmarkSource, Mesh},
     motion::{LandmarkClip, Motion},
-    progress::SILENT,
     spread::{Collector, FrameSink},
 };
 

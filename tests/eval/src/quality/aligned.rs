@@ -13,7 +13,7 @@ use super::{
     phone::Phone,
 };
 use crate::face_model::IctLandmarks;
-use anyface::{Error, Result, audio::Waveform, ibug::LANDMARKS};
+use anyface::{Error, Result, audio::Waveform, mesh::ibug::LANDMARKS};
 
 /// Frame rate at which speech without recorded motion is performed.
 const FPS: f64 = 25.0;

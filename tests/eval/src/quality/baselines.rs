@@ -6,7 +6,7 @@ use super::clip::Clip;
 use anyface::{
     Error, Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
-    ibug::LANDMARKS,
+    mesh::ibug::LANDMARKS,
 };
 
 /// Half of the window in which loudness is measured.

@@ -158,7 +158,7 @@ fn record(gap: &[f64], rest_mm: f64, fps: f64, windows: &[(f64, f64)]) -> Record
 #[cfg(test)]
 mod tests {
     use super::*;
-    use anyface::ibug::LANDMARKS;
+    use anyface::mesh::ibug::LANDMARKS;
     use ndarray::{Array2, Array3};
 
     fn phone(from_s: f64, to_s: f64, name: &str) -> Phone {

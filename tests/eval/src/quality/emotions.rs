@@ -12,7 +12,7 @@ use super::{
 use anyface::{
     Result,
     conditions::{EMOTIONS, Emotion},
-    ibug::LANDMARKS,
+    mesh::ibug::LANDMARKS,
     motion::Expressions,
 };
 

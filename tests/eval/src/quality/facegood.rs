@@ -8,7 +8,7 @@ use ndarray::{Array2, Array3, Axis, Slice};
 
 use super::clip::{Clip, Corpus, cut};
 use crate::face_model::IctLandmarks;
-use anyface::{Error, Result, audio::Waveform, ibug::LANDMARKS};
+use anyface::{Error, Result, audio::Waveform, mesh::ibug::LANDMARKS};
 
 /// Name of the source that holds whole takes.
 pub(super) const WHOLE_TAKES: &str = "facegood_zh_whole";

@@ -36,7 +36,7 @@ pub(super) fn of(face: &Array2<f64>, motion: metrics::Clip<'_>) -> Result<[Vec<f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use anyface::ibug::LANDMARKS;
+    use anyface::mesh::ibug::LANDMARKS;
     use ndarray::Array3;
 
     #[test]

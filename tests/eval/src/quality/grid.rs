@@ -13,7 +13,11 @@ use ndarray::{Array2, Array3, ArrayView2, Axis, Slice};
 use super::clip::{Clip, Corpus};
 use crate::metrics::quantile;
 use crate::{face_model::IctLandmarks, tensors::TensorFile};
-use anyface::{Result, audio::Waveform, ibug::LANDMARKS, mesh::Similarity};
+use anyface::{
+    Result,
+    audio::Waveform,
+    mesh::{Similarity, ibug::LANDMARKS},
+};
 
 /// Where the track lies in the data folder.
 pub(super) const TRACK: &str = "motion/grid_s1/face_track.safetensors";

@@ -7,10 +7,10 @@ use ndarray::{Array3, Axis};
 use crate::face_model::FaceModel;
 use anyface::{
     Engine, Face, Result,
-    ibug::LANDMARKS,
-    mesh::{FaceOptions, LandmarkSource, Mesh},
+    face::FaceOptions,
+    job::SILENT,
+    mesh::{LandmarkSource, Mesh, ibug::LANDMARKS},
     motion::LandmarkClip,
-    progress::SILENT,
     spread::{Collector, FrameSink},
 };
 

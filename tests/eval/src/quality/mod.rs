@@ -52,7 +52,7 @@ use crate::{
     face_model::IctLandmarks,
     pictures::Album,
 };
-use anyface::{Error, Result, output::write_atomically, systems::built_in_models};
+use anyface::{Error, Result, job::write_atomically, systems::built_in_models};
 use baselines::Baselines;
 use bootstrap::number;
 use clip::Corpus;

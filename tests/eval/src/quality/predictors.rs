@@ -243,7 +243,7 @@ fn from_file(path: &Path, clip: &Clip) -> Result<Array3<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use anyface::{audio::Waveform, ibug::LANDMARKS, motion::Motion, output::write_motion};
+    use anyface::{audio::Waveform, mesh::ibug::LANDMARKS, motion::Motion, output::write_motion};
     use ndarray::Array2;
 
     fn clip(name: &str) -> Clip {

@@ -74,7 +74,7 @@ fn header(page: &mut Page, results: &Results) {
     );
     let weights = results.weights.iter();
     let rows = weights.map(|w| vec![w.name.clone(), format!("`{}`", w.blake3)]);
-    page.table(&["weights", "BLAKE3 of model.safetensors"], rows);
+    page.table(&["weights", "BLAKE3 of the weights"], rows);
     glance(page, results);
 }
 

@@ -18,7 +18,7 @@ use crate::metrics::{rms_accelerations, rms_speeds, root_mean_square};
 use anyface::{
     Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
-    ibug::LANDMARKS,
+    mesh::ibug::LANDMARKS,
     systems::Windows,
 };
 

@@ -11,7 +11,7 @@ use super::{
     speaker::{Speaker, Wish},
 };
 use crate::metrics::{closures, pearson, seed_deviation};
-use anyface::{Result, ibug::LANDMARKS};
+use anyface::{Result, mesh::ibug::LANDMARKS};
 
 /// Performances of each clip.
 pub(super) const SEEDS: usize = 5;

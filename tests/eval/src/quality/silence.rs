@@ -13,7 +13,7 @@ use crate::metrics::{self, quantile, rms_speeds, root_mean_square};
 use anyface::{
     Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
-    ibug::LANDMARKS,
+    mesh::ibug::LANDMARKS,
 };
 
 /// Shorter pauses do not count, seconds.

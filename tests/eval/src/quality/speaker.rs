@@ -9,8 +9,8 @@ use anyface::{
     Engine, Error, MotionRequest, Performance, Result,
     audio::Waveform,
     conditions::{Controls, Emotion, EmotionCurve, Event},
+    job::SILENT,
     motion::{Motion, PerformanceControls},
-    progress::SILENT,
     systems::Ability,
 };
 

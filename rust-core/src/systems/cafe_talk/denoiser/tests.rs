@@ -1,8 +1,8 @@
 use super::{super::*, *};
 use crate::{
     conditions::EventTrack,
+    job::SILENT,
     nn::golden::{Golden, distance},
-    progress::SILENT,
 };
 
 fn golden() -> (Golden, Denoiser) {

@@ -2,11 +2,9 @@
 
 use super::*;
 use crate::{
-    nn::{
-        Weights,
-        golden::{Golden, distance},
-    },
-    progress::SILENT,
+    job::SILENT,
+    models::Weights,
+    nn::golden::{Golden, distance},
     systems::freetalk::ats::AtsConfig,
 };
 
@@ -168,7 +166,7 @@ fn empty_clip_is_empty_motion() {
 fn cancelling_stops_sampling() {
     let golden = golden();
     let (model, clip) = (model(&golden), Clip::read(&golden));
-    let stop = |p: progress::Progress| p.fraction < 0.5;
+    let stop = |p: job::Progress| p.fraction < 0.5;
     let result = model.sample(&clip.request(), &stop);
     assert!(matches!(result, Err(Error::Cancelled)));
 }

@@ -2,7 +2,7 @@
 
 use ndarray::{Array1, Array2};
 
-use crate::ibug::LANDMARKS;
+use crate::mesh::ibug::LANDMARKS;
 
 /// The nine iBUG curves: first, last, and whether they close.
 const CHAINS: [(usize, usize, bool); 9] = [

@@ -26,9 +26,9 @@ use super::{
 };
 use crate::{
     Error, Result,
-    ibug::LANDMARKS,
+    mesh::ibug::LANDMARKS,
+    models::Weights,
     nn::{
-        Weights,
         diffusion_net::{DiffusionNet, DiffusionNetShape},
         elementwise::{add_to_rows, relu_all},
         graph_conv::{GraphConv, normalised_adjacency},

@@ -8,12 +8,11 @@ use super::paper::{MeshFeatures, PaperDecoder};
 use crate::{
     Error, Result,
     cache::Cache,
-    deform::{Corrected, Deformer, LandmarkWeights, SolvedSkin, binding::Follows},
-    face::{Face, FaceSurface},
-    ibug::LANDMARKS,
-    mesh::Similarity,
+    deform::{Corrected, LandmarkWeights, SolvedSkin},
+    face::{Deformer, Face, FaceSurface, binding::Follows},
+    job::{ProgressFn, report},
+    mesh::{Similarity, ibug::LANDMARKS},
     nn::surface::Surface,
-    progress::{ProgressFn, report},
 };
 
 /// FreeTalk's decoder on one mesh; runs the network for every frame.
@@ -76,7 +75,7 @@ impl Deformer for PaperFace {
                 got: format!("[{frames}, {count}, {axes}]"),
             });
         }
-        let mut out = self.base.deform(landmarks, crate::progress::SILENT)?;
+        let mut out = self.base.deform(landmarks, crate::job::SILENT)?;
         let batch = self.decoder.frames_at_once(self.surface.vertices());
         for first in (0..frames).step_by(batch) {
             report(progress, "deform", first as f32 / frames as f32)?;

@@ -1,0 +1,50 @@
+//! `cargo xtask prepare`: what the tests install, so that it can be fetched while cargo compiles.
+
+use std::process::Command;
+
+use anyhow::Result;
+use clap::Args;
+
+use crate::{
+    apt,
+    python::{self, Venv},
+    steps::{Started, Steps},
+};
+
+/// Installs the Python environments of the tests, and Blender as a program.
+#[derive(Args)]
+pub struct Prepare {
+    /// The extension is tested in this version of Blender, such as 4.2, instead of the usual one.
+    #[arg(long)]
+    blender: Option<String>,
+}
+
+impl Prepare {
+    /// Runs it.
+    pub fn run(&self) -> Result<()> {
+        let mut steps = Steps::new("prepare")?;
+        packages(&mut steps)?;
+        Venv::Blender.ensure(&mut steps)?;
+        python::blender(&mut steps, self.blender.as_deref())?;
+        python::blender_executable(&mut steps)?;
+        Venv::Training.ensure(&mut steps)?;
+        steps.finish()
+    }
+}
+
+/// Installs the Debian packages that Blender needs.
+fn packages(steps: &mut Steps) -> Result<()> {
+    apt::ensure(steps, apt::BLENDER_LIBRARIES)
+}
+
+/// Starts the same beside the steps that follow.
+pub fn start(steps: &mut Steps, blender: Option<&str>) -> Result<Started> {
+    // Before anything else that calls apt-get, of which only one may run.
+    packages(steps)?;
+    let mut prepare = Command::new(std::env::current_exe()?);
+    prepare.arg("prepare");
+    if let Some(version) = blender {
+        prepare.args(["--blender", version]);
+    }
+    steps.start("Python environments and Blender", &mut prepare)
+}

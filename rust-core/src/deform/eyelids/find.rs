@@ -1,0 +1,284 @@
+//! Which vertices the lids of an eye carry along, and by which share: looked for once in the neutral face.
+//!
+//! Lengths are canonical centimetres.
+
+use glam::Vec3;
+
+use super::{
+    BETWEEN_LIDS, Between, Eyelids, Rim, RimVertex, Stem, Touched, between_samples, elevation,
+};
+use crate::{
+    face::{
+        Skin,
+        binding::Follows,
+        eyes::{EyeFrame, Head, Opening, SAMPLES},
+        lids::follow_share,
+        nearest::nearest_between,
+    },
+    mesh::{
+        Parts, Similarity, canonical_landmarks,
+        ibug::{EYES, Eye},
+    },
+};
+
+/// Lids keep at least this distance from the ball, and at most so much of it is added to what they had.
+const CLEAR_CM: (f32, f32) = (0.01, 0.04);
+/// A part whose roots mostly lie so near to the edge of one lid, on an eye of usual size, is lashes.
+const LASH_CM: f32 = 0.35;
+const LASH_SHARE: f32 = 0.8;
+/// An edge of the lids has its vertex within this distance, in widths of the eye.
+const RIM_OF_WIDTH: f32 = 0.2;
+
+/// Finds the lids of a face; an eye without skin about it is left out.
+pub(in crate::deform) fn eyelids(
+    head: &Head<'_>,
+    skin: &Skin,
+    parts: &Parts,
+    follows: &[Follows],
+    to_canonical: &Similarity,
+) -> Vec<Eyelids> {
+    let found = EYES.iter().filter_map(|eye| {
+        let opening = Opening::find(head, eye.lids.start)?;
+        let face = Neutral {
+            head,
+            skin,
+            parts,
+            follows,
+            opening: &opening,
+        };
+        face.eyelids(eye, to_canonical)
+    });
+    found.collect()
+}
+
+/// One eye of a neutral head.
+struct Neutral<'a> {
+    head: &'a Head<'a>,
+    skin: &'a Skin,
+    parts: &'a Parts,
+    follows: &'a [Follows],
+    opening: &'a Opening,
+}
+
+impl Neutral<'_> {
+    fn eyelids(&self, eye: &Eye, to_canonical: &Similarity) -> Option<Eyelids> {
+        let EyeFrame { axes, .. } = self.opening.frame;
+        let back = to_canonical.inverse();
+        let rims = [self.rim(0)?, self.rim(1)?];
+        let touched = self.touched();
+        let height = |pair| self.opening.height_at(self.head.landmarks, pair);
+        Some(Eyelids {
+            first: eye.lids.start,
+            pairs: eye.pairs,
+            openings: eye.pairs.map(height),
+            is_shut: self.opening.is_shut,
+            axes: axes.map(|axis| back.rotate(axis)),
+            up: back.rotate([0.0, 1.0, 0.0]),
+            to_cm: 100.0 * to_canonical.scale as f32,
+            ball: self.opening.ball,
+            lift: self.lift(&rims),
+            rims,
+            touched,
+        })
+    }
+
+    /// The vertices nearest to a lid's edge, and the edge between them.
+    fn rim(&self, lid: usize) -> Option<Rim> {
+        let edge = &self.opening.edges[lid];
+        let mut vertices = self.nearest_to(edge, lid as u8);
+        vertices.sort_by(|a, b| a.place[0].total_cmp(&b.place[0]));
+        vertices.dedup_by_key(|v| v.vertex);
+        if vertices.len() < 2 {
+            return None;
+        }
+        let samples = edge.iter().map(|p| between(&vertices, p[0]));
+        Some(Rim {
+            samples: samples.collect(),
+            edge: edge.to_vec(),
+            rest: edge.iter().map(|p| elevation(*p)).collect(),
+            vertices,
+        })
+    }
+
+    /// The vertex of a lid's skin nearest to each sample of its edge, where one is near.
+    fn nearest_to(&self, edge: &[[f32; 3]; SAMPLES], lid: u8) -> Vec<RimVertex> {
+        let mut nearest = [(f32::INFINITY, 0u32, [0.0f32; 3]); SAMPLES];
+        for (v, &p) in self.head.positions.iter().enumerate() {
+            let p = self.opening.frame.local(p);
+            let far = Vec3::from(p).length_squared() > (2.0 * self.opening.width).powi(2);
+            if far || !self.skin.is_skin[v] || self.lid_of(p) != lid {
+                continue;
+            }
+            for (best, at) in nearest.iter_mut().zip(edge) {
+                let away = Vec3::from(p).distance((*at).into());
+                if away < best.0 {
+                    *best = (away, v as u32, p);
+                }
+            }
+        }
+        let reach = RIM_OF_WIDTH * self.opening.width;
+        let near = nearest.iter().filter(|(away, ..)| *away < reach);
+        near.map(|&(_, vertex, place)| RimVertex { vertex, place })
+            .collect()
+    }
+
+    /// On which lid a point lies: 0 the upper one, 1 the lower one.
+    fn lid_of(&self, p: [f32; 3]) -> u8 {
+        let k = self.opening.sample_at(p[0]).round() as usize;
+        let edges = &self.opening.edges;
+        let middle = 0.5 * (elevation(edges[0][k]) + elevation(edges[1][k]));
+        u8::from(elevation(p) < middle)
+    }
+
+    /// Everything that the lids carry along.
+    fn touched(&self) -> Vec<Touched> {
+        let lashes = self.lashes();
+        let mut touched = Vec::new();
+        for v in 0..self.follows.len() {
+            let Some((place, whole)) = self.root(v) else {
+                continue;
+            };
+            let own = self.opening.frame.local(self.head.positions[v]);
+            let part = self.parts.of_vertex[v] as usize;
+            let lash = match self.skin.is_skin[v] {
+                true => None,
+                false => lashes.get(part).copied().flatten(),
+            };
+            let (lid, place, share) = match lash {
+                Some(lid) => (lid, self.on_edge(lid, own[0]), 1.0),
+                None => {
+                    let lid = match self.opening.is_between(place) {
+                        true => BETWEEN_LIDS,
+                        false => self.lid_of(place),
+                    };
+                    (lid, place, whole.min(1.0) * self.share(lid, place))
+                }
+            };
+            let stem = (!self.skin.is_skin[v]).then(|| Stem {
+                offset: std::array::from_fn(|i| own[i] - place[i]),
+                is_lash: lash.is_some(),
+            });
+            if share > 0.0 {
+                touched.push(Touched {
+                    vertex: v as u32,
+                    lid,
+                    at: self.opening.sample_at(place[0]),
+                    share,
+                    place,
+                    stem,
+                });
+            }
+        }
+        touched
+    }
+
+    /// The place of the skin that moves a vertex near the eye, in the eye's frame, and by which share it does.
+    fn root(&self, v: usize) -> Option<([f32; 3], f32)> {
+        let local = |v: usize| self.opening.frame.local(self.head.positions[v]);
+        let Follows::Skin(corners) = self.follows[v] else {
+            return None;
+        };
+        let own = local(v);
+        let whole: f32 = corners.iter().map(|(_, share)| share).sum();
+        if whole <= 0.0 || Vec3::from(own).length_squared() > (3.0 * self.opening.width).powi(2) {
+            return None;
+        }
+        if self.skin.is_skin[v] {
+            return Some((own, whole));
+        }
+        let along = |i: usize| {
+            corners
+                .iter()
+                .map(move |&(v, share)| share * local(v as usize)[i])
+        };
+        let place = std::array::from_fn(|i| along(i).sum::<f32>() / whole);
+        Some((place, whole))
+    }
+
+    /// For each part the lid whose lashes it is.
+    fn lashes(&self) -> Vec<Option<u8>> {
+        let mut counts = vec![[0usize; 3]; self.parts.count];
+        for v in 0..self.follows.len() {
+            let part = self.parts.of_vertex[v] as usize;
+            let Some(counts) = counts.get_mut(part).filter(|_| !self.skin.is_skin[v]) else {
+                continue;
+            };
+            counts[2] += 1;
+            if let Some((place, _)) = self.root(v) {
+                let away = [0, 1].map(|lid| self.off_edge(lid, place).0);
+                let lid = usize::from(away[1] < away[0]);
+                counts[lid] += usize::from(away[lid] < LASH_CM * self.size());
+            }
+        }
+        let lid = |[upper, lower, all]: [usize; 3]| {
+            let enough = (LASH_SHARE * all as f32).max(1.0);
+            let most = [upper, lower]
+                .into_iter()
+                .position(|count| count as f32 >= enough)?;
+            Some(most as u8)
+        };
+        counts.into_iter().map(lid).collect()
+    }
+
+    /// The place of a lid's edge at a place across.
+    fn on_edge(&self, lid: u8, across: f32) -> [f32; 3] {
+        between_samples(
+            &self.opening.edges[usize::from(lid)],
+            self.opening.sample_at(across),
+        )
+    }
+
+    /// Distance of a place from a lid's edge, and how far it lies behind it.
+    fn off_edge(&self, lid: u8, place: [f32; 3]) -> (f32, f32) {
+        let edge = &self.opening.edges[usize::from(lid)];
+        let pieces = edge.windows(2).map(|ends| {
+            let nearest = nearest_between(place.into(), ends[0].into(), ends[1].into());
+            (nearest.distance(place.into()), nearest)
+        });
+        let nearest = pieces.min_by(|a, b| a.0.total_cmp(&b.0));
+        let (distance, nearest) = nearest.expect("an edge has more than one sample");
+        (distance, nearest[2] - place[2])
+    }
+
+    /// Width of this eye to that of the canonical face.
+    fn size(&self) -> f32 {
+        let marks = canonical_landmarks();
+        self.opening.width / (100.0 * Vec3::from(marks[45]).distance(marks[42].into()))
+    }
+
+    /// By which share a place follows its lid.
+    fn share(&self, lid: u8, place: [f32; 3]) -> f32 {
+        if lid == BETWEEN_LIDS {
+            return 1.0;
+        }
+        let (distance, behind) = self.off_edge(lid, place);
+        let size = self.size();
+        follow_share(f64::from(distance / size), f64::from(behind / size)) as f32
+    }
+
+    /// What the vertices of both edges lack to keep clear of the ball when they slide over it: flat
+    /// triangles between them cut into it by the square of their size.
+    fn lift(&self, rims: &[Rim; 2]) -> f32 {
+        let heights = rims.iter().flat_map(|rim| &rim.vertices).map(|v| {
+            let length = Vec3::from(v.place).length();
+            length - self.opening.ball.radius_below(v.place, length)
+        });
+        let mut heights: Vec<f32> = heights.collect();
+        heights.sort_by(f32::total_cmp);
+        let low = heights[heights.len() / 4];
+        let steps = rims.iter().flat_map(|rim| rim.vertices.windows(2));
+        let steps = steps.map(|ends| ends[1].place[0] - ends[0].place[0]);
+        let widest = steps.fold(0.0, f32::max).min(0.5 * self.opening.width);
+        let sagitta = widest * widest / (8.0 * self.opening.ball.radius);
+        (CLEAR_CM.0 + sagitta - low).clamp(0.0, CLEAR_CM.1)
+    }
+}
+
+/// The two of a rim between which `across` lies, with their shares.
+fn between(vertices: &[RimVertex], across: f32) -> Between {
+    let after = vertices.partition_point(|v| v.place[0] < across);
+    let after = after.clamp(1, vertices.len() - 1);
+    let (a, b) = (vertices[after - 1].place[0], vertices[after].place[0]);
+    let along = ((across - a) / (b - a).max(1e-6)).clamp(0.0, 1.0);
+    [(after as u32 - 1, 1.0 - along), (after as u32, along)]
+}

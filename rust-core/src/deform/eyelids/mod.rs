@@ -1,0 +1,356 @@
+//! Lids that close by a share of their own eye's opening and slide over its ball.
+//!
+//! Landmarks say by which share of its opening an eye is closed: the opening of a head is its own, that of
+//! canonical motion is the canonical face's. The share counts. [`Face::own_motion`](crate::face::Face::own_motion)
+//! lets the landmarks of the lids travel as far as a head's eyes are open; what a decoder makes of them is then turned about the
+//! eye's own centre, parallel to the line from corner to corner, until the edges of the lids are as far apart as
+//! the share says. A turn keeps the distance from the centre; where the decoder lost some of it, skin is
+//! pushed out to where it lay over the ball. Lashes turn with the edge. An eye that is sculpted shut rests.
+//!
+//! Lengths are canonical centimetres.
+
+mod find;
+
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+use crate::face::eyes::{Eyeball, Mix, SAMPLES, UPPER_SHARE, ease};
+pub(super) use find::eyelids;
+
+/// From this share of closing on the opening is exactly what the landmarks ask for.
+const EXACT_FROM: f32 = 0.5;
+/// Shut lids overlap by this much, so that no sliver between two vertices of their edges stays open.
+const OVERLAP_CM: f32 = 0.03;
+/// The upper lid then lies this far before the lower one: two edges at one depth would cross in a zigzag.
+const BEFORE_CM: f32 = 0.03;
+/// From this share of closing on they begin to.
+const OVERLAP_FROM: f32 = 0.6;
+
+/// Instead of a lid: the eye itself, where that is skin.
+const BETWEEN_LIDS: u8 = 2;
+
+/// Two vertices of a rim with their shares.
+type Between = [(u32, f32); 2];
+
+/// A vertex at the edge of a lid, in the eye's frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct RimVertex {
+    vertex: u32,
+    place: [f32; 3],
+}
+
+/// The edge of one lid.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Rim {
+    vertices: Vec<RimVertex>,
+    /// `[SAMPLES]`: numbers among the vertices.
+    samples: Vec<Between>,
+    /// `[SAMPLES]`: the edge, in the eye's frame.
+    edge: Vec<[f32; 3]>,
+    /// `[SAMPLES]`: its elevation seen from the eye's centre, radians.
+    rest: Vec<f32>,
+}
+
+/// A vertex that lids carry along.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Touched {
+    vertex: u32,
+    /// 0 the upper lid, 1 the lower one, or [`BETWEEN_LIDS`].
+    lid: u8,
+    /// Where its place lies among the samples.
+    at: f32,
+    /// By which share it follows the lid.
+    share: f32,
+    /// In the neutral face: where it, or what it is rooted in, lies in the eye's frame.
+    place: [f32; 3],
+    /// From its root to itself, where it has one.
+    stem: Option<Stem>,
+}
+
+/// How something that is no skin stands on a lid.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+struct Stem {
+    offset: [f32; 3],
+    /// Whether the root is a place of the lid's edge, and not of the skin that it follows.
+    is_lash: bool,
+}
+
+/// The lids of one eye.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Eyelids {
+    /// Numbers of the landmarks.
+    first: usize,
+    pairs: [(usize, usize); 2],
+    /// Opening of this eye at the pairs.
+    openings: [f32; 2],
+    is_shut: bool,
+    /// The eye's axes and the canonical way up, in the mesh's own axes.
+    axes: [[f32; 3]; 3],
+    up: [f32; 3],
+    /// Mesh units to centimetres.
+    to_cm: f32,
+    ball: Eyeball,
+    /// How far shut lids are lifted off the ball.
+    lift: f32,
+    rims: [Rim; 2],
+    touched: Vec<Touched>,
+}
+
+/// How far both edges turn in a frame.
+struct Turns {
+    /// Added to what the decoder made, radians.
+    added: [[f32; SAMPLES]; 2],
+    /// From the neutral face, radians.
+    whole: [[f32; SAMPLES]; 2],
+    /// The mean of that over the middle half of each edge: a row of lashes rolls as one.
+    roll: [f32; 2],
+    /// Displacements of the edges in the end.
+    edges: [[[f32; 3]; SAMPLES]; 2],
+    lift: [Lift; 2],
+    /// By which share the eye's opening is decided here.
+    hold: f32,
+}
+
+/// How a lid lies over the ball.
+#[derive(Clone, Copy)]
+struct Lift {
+    /// How much further out than in the neutral face.
+    out: f32,
+    /// By which share it is drawn in where the decoder has it further out than that.
+    hug: f32,
+}
+
+impl Eyelids {
+    /// Vertices by which the opening is known.
+    pub(super) fn rims(&self) -> impl Iterator<Item = u32> {
+        let both = self.rims.iter().flat_map(|rim| &rim.vertices);
+        both.map(|v| v.vertex)
+    }
+
+    /// The same where only some vertices are left; `new` gives their numbers, also those of the rims.
+    pub(super) fn renumbered(&self, new: impl Fn(u32) -> Option<u32>) -> Eyelids {
+        let mut lids = self.clone();
+        for v in lids.rims.iter_mut().flat_map(|rim| &mut rim.vertices) {
+            v.vertex = new(v.vertex).expect("rims are left");
+        }
+        let left = lids.touched.into_iter();
+        let left = left.filter_map(|t| {
+            let vertex = new(t.vertex)?;
+            Some(Touched { vertex, ..t })
+        });
+        lids.touched = left.collect();
+        lids
+    }
+
+    /// Lets the lids of one frame `[204]` rest where the eye is sculpted shut.
+    pub(super) fn own_landmarks(&self, landmarks: &mut [f32]) {
+        if self.is_shut {
+            landmarks[3 * self.first..3 * (self.first + 6)].fill(0.0);
+        }
+    }
+
+    /// By how much a landmark rises, centimetres.
+    fn height(&self, landmarks: &[f32], n: usize) -> f32 {
+        let moved = [0, 1, 2].map(|i| landmarks[3 * n + i]);
+        self.to_cm * Vec3::from(moved).dot(self.up.into())
+    }
+
+    /// Corrects the displacements of a frame, `[V * 3]`; `landmarks`: `[204]`. Mesh units.
+    pub(super) fn apply(&self, landmarks: &[f32], frame: &mut [f32]) {
+        if self.is_shut {
+            return;
+        }
+        let turns = self.turns(self.closed(landmarks), frame);
+        for touched in &self.touched {
+            let d = &mut frame[3 * touched.vertex as usize..][..3];
+            let moved = [0, 1, 2].map(|i| d[i]);
+            let change = self.change(touched, self.local(moved), &turns);
+            for (i, to) in d.iter_mut().enumerate() {
+                let along = self.axes.iter().zip(change);
+                *to += along.map(|(axis, x)| axis[i] * x).sum::<f32>() / self.to_cm;
+            }
+        }
+    }
+
+    /// By which share the lids are asked to close: 0 as in the neutral face, 1 shut, below 0 wide open.
+    fn closed(&self, landmarks: &[f32]) -> f32 {
+        let closing = |&(upper, lower): &(usize, usize)| {
+            self.height(landmarks, lower) - self.height(landmarks, upper)
+        };
+        let whole = self.openings[0] + self.openings[1];
+        (self.pairs.iter().map(closing).sum::<f32>() / whole.max(1e-6)).min(1.0)
+    }
+
+    /// A displacement in the eye's frame, centimetres.
+    fn local(&self, moved: [f32; 3]) -> [f32; 3] {
+        self.axes
+            .map(|axis| self.to_cm * Vec3::from(axis).dot(moved.into()))
+    }
+
+    fn turns(&self, closed: f32, frame: &[f32]) -> Turns {
+        let hold = ease(closed / EXACT_FROM);
+        let shut = ease((closed - OVERLAP_FROM) / (1.0 - OVERLAP_FROM));
+        let lift = [BEFORE_CM * shut, 0.0].map(|before| Lift {
+            out: before + hold * self.lift,
+            hug: shut,
+        });
+        let made = self.rims.each_ref().map(|rim| self.elevations(rim, frame));
+        let change = self.lacking(closed, shut, &made).map(|x| hold * x);
+        let added = [UPPER_SHARE, UPPER_SHARE - 1.0].map(|share| change.map(|x| share * x));
+        let whole: [[f32; SAMPLES]; 2] = std::array::from_fn(|lid| {
+            std::array::from_fn(|k| made[lid][k] + added[lid][k] - self.rims[lid].rest[k])
+        });
+        let edges = std::array::from_fn(|lid| {
+            std::array::from_fn(|k| {
+                let rim: &Rim = &self.rims[lid];
+                let moved = self.edge_moved(rim, k, frame);
+                let change = self.slide(rim.edge[k], moved, added[lid][k], 1.0, lift[lid]);
+                std::array::from_fn(|i| moved[i] + change[i])
+            })
+        });
+        let middle = SAMPLES / 4..SAMPLES - SAMPLES / 4;
+        let roll = whole.map(|of| of[middle.clone()].iter().sum::<f32>() / middle.len() as f32);
+        Turns {
+            added,
+            whole,
+            roll,
+            edges,
+            lift,
+            hold,
+        }
+    }
+
+    /// What the openings that a decoder made lack to those that are asked for, radians; `made`: elevations of
+    /// both edges.
+    fn lacking(&self, closed: f32, shut: f32, made: &[[f32; SAMPLES]; 2]) -> [f32; SAMPLES] {
+        let overlap = shut * OVERLAP_CM / self.ball.radius;
+        let change: [f32; SAMPLES] = std::array::from_fn(|k| {
+            let rest = self.rims[0].rest[k] - self.rims[1].rest[k];
+            let wanted = rest * (1.0 - closed) - overlap.min(0.5 * rest.max(0.0));
+            wanted - (made[0][k] - made[1][k])
+        });
+        // Where lids shut, nothing between the samples stays open.
+        let most = beside(&change, |before, here, after| {
+            here + shut * (before.min(here).min(after) - here)
+        });
+        beside(&most, |before, here, after| {
+            0.25 * before + 0.5 * here + 0.25 * after
+        })
+    }
+
+    /// What the decoder made of a place of an edge: its displacement in the eye's frame.
+    fn edge_moved(&self, rim: &Rim, k: usize, frame: &[f32]) -> [f32; 3] {
+        let mut moved = [0.0f32; 3];
+        for (number, share) in rim.samples[k] {
+            let at = 3 * rim.vertices[number as usize].vertex as usize;
+            let of_vertex = self.local([frame[at], frame[at + 1], frame[at + 2]]);
+            (0..3).for_each(|i| moved[i] += share * of_vertex[i]);
+        }
+        moved
+    }
+
+    /// Where the decoder has put the edge of a lid: elevations, radians.
+    fn elevations(&self, rim: &Rim, frame: &[f32]) -> [f32; SAMPLES] {
+        std::array::from_fn(|k| {
+            let moved = self.edge_moved(rim, k, frame);
+            elevation(std::array::from_fn(|i| rim.edge[k][i] + moved[i]))
+        })
+    }
+
+    /// What a displacement of a vertex lacks, both in the eye's frame.
+    fn change(&self, touched: &Touched, moved: [f32; 3], turns: &Turns) -> [f32; 3] {
+        let Touched {
+            place, share, at, ..
+        } = *touched;
+        if touched.lid == BETWEEN_LIDS {
+            return moved.map(|x| -turns.hold * x);
+        }
+        let lid = usize::from(touched.lid);
+        let rolled = |offset: [f32; 3], angle: f32| -> [f32; 3] {
+            let turned = turn(offset, share * angle);
+            std::array::from_fn(|i| turned[i] - offset[i])
+        };
+        let slide = || {
+            let angle = share * between_samples(&turns.added[lid], at);
+            self.slide(place, moved, angle, share, turns.lift[lid])
+        };
+        match touched.stem {
+            None => slide(),
+            Some(stem) if stem.is_lash => {
+                let edge = between_samples(&turns.edges[lid], at);
+                let roll = rolled(stem.offset, turns.roll[lid]);
+                std::array::from_fn(|i| edge[i] + roll[i] - moved[i])
+            }
+            Some(stem) => {
+                let angle = between_samples(&turns.whole[lid], at);
+                let (root, roll) = (slide(), rolled(stem.offset, angle));
+                std::array::from_fn(|i| root[i] + roll[i])
+            }
+        }
+    }
+
+    /// What a displacement of a neutral place lacks where it shall turn by an angle and keep off the ball;
+    /// by which share it follows its lid, and how far the lid is lifted.
+    fn slide(
+        &self,
+        place: [f32; 3],
+        moved: [f32; 3],
+        angle: f32,
+        share: f32,
+        lift: Lift,
+    ) -> [f32; 3] {
+        let came: [f32; 3] = std::array::from_fn(|i| place[i] + moved[i]);
+        let turned = turn(came, angle);
+        let over = |p: [f32; 3]| {
+            let length = Vec3::from(p).length();
+            (length, length - self.ball.radius_below(p, length))
+        };
+        let ((length, height), (_, before)) = (over(turned), over(place));
+        let lacking = before + lift.out - height;
+        let scale = 1.0 + share * lacking.max(lift.hug * lacking) / length.max(1e-6);
+        std::array::from_fn(|i| scale * turned[i] - came[i])
+    }
+}
+
+/// Angle of a point above the plane of across and front, radians.
+fn elevation(p: [f32; 3]) -> f32 {
+    p[1].atan2(p[2])
+}
+
+/// A point turned up by an angle about the axis across.
+fn turn(p: [f32; 3], angle: f32) -> [f32; 3] {
+    let (sine, cosine) = angle.sin_cos();
+    [
+        p[0],
+        cosine * p[1] + sine * p[2],
+        cosine * p[2] - sine * p[1],
+    ]
+}
+
+/// A value between samples.
+fn between_samples<T: Mix>(values: &[T; SAMPLES], place: f32) -> T {
+    let (first, rest) = (place as usize, place.fract());
+    let next = (first + 1).min(SAMPLES - 1);
+    values[first].mixed(values[next], rest)
+}
+
+/// Each value with its two neighbours; the ends have themselves for a neighbour.
+fn beside(values: &[f32; SAMPLES], of: impl Fn(f32, f32, f32) -> f32) -> [f32; SAMPLES] {
+    std::array::from_fn(|k| {
+        let (before, after) = (k.saturating_sub(1), (k + 1).min(SAMPLES - 1));
+        of(values[before], values[k], values[after])
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_turn_keeps_the_distance_from_the_axis() {
+        let p = turn([0.4, 0.3, 1.1], 0.7);
+        assert!((p[1].hypot(p[2]) - 0.3f32.hypot(1.1)).abs() < 1e-6);
+        assert!((elevation(p) - elevation([0.4, 0.3, 1.1]) - 0.7).abs() < 1e-6);
+        assert_eq!(turn([0.4, 0.3, 1.1], 0.0), [0.4, 0.3, 1.1]);
+    }
+}

@@ -1,0 +1,335 @@
+//! Which parts of a head are eyes: round, and in a socket, on a stalk or stuck to the face; or what lies on
+//! such a ball or in it.
+//!
+//! A ball at one of the eyes that the landmarks say may be an egg. Anywhere else (a third eye, the one of a
+//! cyclops, eyes on stalks) it must be a sphere of an eye's size that touches skin, above the tip of the nose
+//! and not where ears and their rings hang. Lashes are as wide as an eye and not round; cards of single
+//! lashes are as small as a pupil and stand out of the ball. Lengths are canonical centimetres.
+
+use glam::Vec3;
+
+use super::box3::Box3;
+use crate::mesh::{SurfaceTree, ibug::LANDMARKS, sphere::fit_sphere};
+
+/// Points this far within the first fit belong to the inside of an eye, as a share of the radius.
+const INSIDE: f32 = 0.93;
+/// A sphere's points lie within this root mean square of it, a share of the radius.
+const ROUND: f32 = 0.12;
+/// Least extent of a ball: more than half of it is there. A share of the radius.
+const LEAST_EXTENT: f32 = 1.0;
+/// An egg at the place of an eye: its least extent to its largest.
+const EGG: f32 = 0.55;
+/// Largest extent of an egg, in widths of the eye.
+const EGG_WIDTHS: (f32, f32) = (0.5, 2.0);
+/// What lies on a ball or in it keeps within this distance of the centre, a share of the radius.
+const ON_BALL: f32 = 1.2;
+/// And within this angle of its own middle, seen from the centre, unless it lies inside the ball.
+const CAP_DEG: f32 = 48.0;
+/// That middle lies so near to the front where the cap is narrow, as a slit pupil, and so near where it is
+/// as wide as high; skin of the eye's corner lies beside the front.
+const FRONT_DEG: (f32, f32) = (12.0, 60.0);
+const AS_WIDE: f32 = 0.75;
+/// An eye without a ball: its parts are smaller than this, lie so near to its middle, and stand out of it by
+/// no more than this, in widths of the eye.
+const SMALL: f32 = 0.6;
+const SMALL_BESIDE: f32 = 0.3;
+const SMALL_BEFORE: f32 = 0.2;
+/// Radius of a ball elsewhere: to the mean width of both eyes; to the radius of balls at the eyes.
+const ELSEWHERE_OF_WIDTH: (f32, f32) = (0.2, 1.5);
+const ELSEWHERE_OF_BALL: (f32, f32) = (0.5, 2.0);
+/// Distance of the nearest skin from the centre of a ball that is held by it, a share of the radius.
+const HELD: (f32, f32) = (0.2, 1.35);
+/// Ears begin at this share of the way from the middle of the face to the jaw hinges.
+const EARS: f32 = 0.8;
+
+/// A ball.
+#[derive(Clone, Copy)]
+struct Ball {
+    centre: [f32; 3],
+    radius: f32,
+}
+
+/// Where eyes may be.
+pub(super) struct EyeParts {
+    /// Centre and width of both eyes that the landmarks say, the subject's right one first.
+    eyes: [([f32; 3], f32); 2],
+    nose_tip: [f32; 3],
+    brows_y: f32,
+    /// Half the width between the ears.
+    ears_x: f32,
+    middle_x: f32,
+}
+
+impl EyeParts {
+    pub(super) fn new(
+        landmarks: &[[f32; 3]; LANDMARKS],
+        eyes: [([f32; 3], f32); 2],
+        brows_y: f32,
+    ) -> EyeParts {
+        let (right, left) = (landmarks[0][0], landmarks[16][0]);
+        EyeParts {
+            eyes,
+            nose_tip: landmarks[30],
+            brows_y,
+            ears_x: EARS * 0.5 * (left - right).abs(),
+            middle_x: 0.5 * (left + right),
+        }
+    }
+
+    /// Whether each of some parts, given by the points of its vertices, is one of an eye; `skin` gives the
+    /// face's surface, asked only where it matters.
+    pub(super) fn find<'a>(
+        &self,
+        parts: &[Vec<[f32; 3]>],
+        skin: impl Fn() -> &'a SurfaceTree,
+    ) -> Vec<bool> {
+        let at_eye: Vec<Option<Ball>> = parts.iter().map(|p| self.ball_at_an_eye(p)).collect();
+        let spheres: Vec<Option<Ball>> = parts.iter().map(|points| sphere(points)).collect();
+        let mut balls: Vec<Ball> = at_eye.iter().copied().flatten().collect();
+        let elsewhere = spheres.iter().copied().flatten();
+        let elsewhere = elsewhere.filter(|ball| self.may_be_elsewhere(ball, &balls));
+        let elsewhere: Vec<Ball> = elsewhere.filter(|ball| held(ball, skin())).collect();
+        balls.extend(elsewhere);
+        let is_eye = |(p, points): (usize, &Vec<[f32; 3]>)| {
+            at_eye[p].is_some()
+                || spheres[p].is_some_and(|own| balls.iter().any(|ball| same(ball, &own)))
+                || balls.iter().any(|ball| lies_on(ball, points))
+                || self.is_small(points, &balls)
+        };
+        parts.iter().enumerate().map(is_eye).collect()
+    }
+
+    /// The ball that a part is, if it is one at an eye that the landmarks say.
+    fn ball_at_an_eye(&self, points: &[[f32; 3]]) -> Option<Ball> {
+        let bounds = Box3::of(points.iter().copied());
+        let (middle, largest) = (bounds.middle(), bounds.largest());
+        let is_egg = bounds.smallest() > EGG * largest;
+        let at = self.eyes.iter().any(|&(centre, width)| {
+            let depth = middle[2] - centre[2];
+            let size = EGG_WIDTHS.0 * width..EGG_WIDTHS.1 * width;
+            let beside = (0..2).all(|i| (middle[i] - centre[i]).abs() < 0.6 * width);
+            beside && depth > -1.2 * width && depth < 0.3 * width && size.contains(&largest)
+        });
+        (is_egg && at).then_some(Ball {
+            centre: middle,
+            radius: 0.5 * largest,
+        })
+    }
+
+    /// Whether size and place of a ball are those of an eye that no landmarks lie about.
+    fn may_be_elsewhere(&self, ball: &Ball, at_eyes: &[Ball]) -> bool {
+        let within =
+            |(low, high): (f32, f32), of: f32| (low * of..high * of).contains(&ball.radius);
+        let width = 0.5 * (self.eyes[0].1 + self.eyes[1].1);
+        let size = match at_eyes {
+            [] => within(ELSEWHERE_OF_WIDTH, width),
+            known => known
+                .iter()
+                .any(|eye| within(ELSEWHERE_OF_BALL, eye.radius)),
+        };
+        let [x, y, _] = ball.centre;
+        let is_nose = Vec3::from(ball.centre).distance(self.nose_tip.into()) < 1.2 * ball.radius;
+        let at_ears = (x - self.middle_x).abs() > self.ears_x && y < self.brows_y;
+        size && !is_nose && !at_ears && y > self.nose_tip[1]
+    }
+
+    /// A pupil, an iris or a light in an eye that has no ball.
+    fn is_small(&self, points: &[[f32; 3]], balls: &[Ball]) -> bool {
+        let bounds = Box3::of(points.iter().copied());
+        let middle = bounds.middle();
+        self.eyes.iter().any(|&(centre, width)| {
+            let beside = (0..2).all(|i| (middle[i] - centre[i]).abs() < SMALL_BESIDE * width);
+            let deep =
+                middle[2] > centre[2] - width && bounds.high[2] < centre[2] + SMALL_BEFORE * width;
+            let has_ball = balls
+                .iter()
+                .any(|b| Vec3::from(b.centre).distance(centre.into()) < width);
+            beside && deep && bounds.largest() < SMALL * width && !has_ball
+        })
+    }
+}
+
+/// The sphere that the outside of a part is, if it is one.
+fn sphere(points: &[[f32; 3]]) -> Option<Ball> {
+    let (centre, radius, _) = fit_sphere(points.iter().copied())?;
+    let outer = points.iter().copied();
+    let outer = outer.filter(|p| Vec3::from(*p).distance(centre.into()) > INSIDE * radius);
+    if 2 * outer.clone().count() < points.len() {
+        return None;
+    }
+    let (centre, radius, off) = fit_sphere(outer)?;
+    let bounds = Box3::of(points.iter().copied());
+    let whole = bounds.smallest() > LEAST_EXTENT * radius && bounds.largest() < 2.5 * radius;
+    (whole && off < ROUND * radius).then_some(Ball { centre, radius })
+}
+
+/// Whether skin holds a ball.
+fn held(ball: &Ball, skin: &SurfaceTree) -> bool {
+    let place = skin.closest(ball.centre);
+    let held = HELD.0 * ball.radius..HELD.1 * ball.radius;
+    place.is_some_and(|place| held.contains(&(place.distance as f32)))
+}
+
+/// Whether two balls are one, as a cornea and the eye that it covers.
+fn same(a: &Ball, b: &Ball) -> bool {
+    Vec3::from(a.centre).distance(b.centre.into()) < 0.3 * a.radius
+        && (0.7 * a.radius..1.4 * a.radius).contains(&b.radius)
+}
+
+/// Whether a part lies in a ball, or on it as a cap.
+fn lies_on(ball: &Ball, points: &[[f32; 3]]) -> bool {
+    let centre = Vec3::from(ball.centre);
+    let ways: Vec<Vec3> = points.iter().map(|&p| Vec3::from(p) - centre).collect();
+    let furthest = ways.iter().map(|way| way.length()).fold(0.0, f32::max);
+    if furthest > ON_BALL * ball.radius {
+        return false;
+    }
+    if furthest < INSIDE * ball.radius {
+        return true;
+    }
+    let middle: Vec3 = ways.iter().sum();
+    let size = middle.length();
+    let least = CAP_DEG.to_radians().cos() * size;
+    let bounds = Box3::of(points.iter().copied());
+    let [wide, high] = [0, 1].map(|i| bounds.high[i] - bounds.low[i]);
+    let is_round = wide.min(high) > AS_WIDE * wide.max(high);
+    let front = [FRONT_DEG.0, FRONT_DEG.1][usize::from(is_round)];
+    middle[2] > front.to_radians().cos() * size
+        && ways
+            .iter()
+            .all(|way| way.dot(middle) >= least * way.length())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{Mesh, canonical_landmarks};
+
+    fn landmarks() -> [[f32; 3]; LANDMARKS] {
+        canonical_landmarks().map(|p| p.map(|x| 100.0 * x))
+    }
+
+    fn middle(marks: &[[f32; 3]]) -> [f32; 3] {
+        Box3::of(marks.iter().copied()).middle()
+    }
+
+    fn eye_parts() -> EyeParts {
+        let marks = landmarks();
+        let eye = |first: usize| {
+            let width = Vec3::from(marks[first + 3]).distance(marks[first].into());
+            (middle(&marks[first..first + 6]), width)
+        };
+        EyeParts::new(&marks, [eye(36), eye(42)], middle(&marks[17..27])[1])
+    }
+
+    /// Points of an ellipsoid, those of `keep` alone.
+    fn ellipsoid(
+        centre: [f32; 3],
+        radii: [f32; 3],
+        keep: impl Fn([f32; 3]) -> bool,
+    ) -> Vec<[f32; 3]> {
+        let turns =
+            (0..24).flat_map(|i| (0..=12).map(move |j| (i as f32 * 0.2618, j as f32 * 0.2618)));
+        let ways = turns.map(|(about, away)| {
+            [
+                away.sin() * about.cos(),
+                away.sin() * about.sin(),
+                away.cos(),
+            ]
+        });
+        let kept = ways.filter(|way| keep(*way));
+        kept.map(|way| std::array::from_fn(|i| centre[i] + radii[i] * way[i]))
+            .collect()
+    }
+
+    fn ball(centre: [f32; 3], radius: f32) -> Vec<[f32; 3]> {
+        ellipsoid(centre, [radius; 3], |_| true)
+    }
+
+    /// A strip as wide as the eye's opening along a lid, standing out of it as lashes do.
+    fn lashes(centre: [f32; 3]) -> Vec<[f32; 3]> {
+        let along = (0..20).map(|k| (k as f32 - 9.5) / 9.5);
+        along
+            .flat_map(|x| {
+                let root = [1.5 * x, 0.4 - 0.3 * x * x, 0.9 - 0.5 * x * x];
+                [0.3, 0.9].map(|out| [root[0] * (1.0 + 0.2 * out), root[1] + out, root[2] + out])
+            })
+            .map(|p| std::array::from_fn(|i| centre[i] + p[i]))
+            .collect()
+    }
+
+    /// Skin is a wall through the eyes, as wide as the face.
+    fn found(parts: &[Vec<[f32; 3]>]) -> Vec<bool> {
+        let z = middle(&landmarks()[36..48])[2];
+        let wall = Mesh {
+            positions: vec![
+                [-9.0, -9.0, z],
+                [9.0, -9.0, z],
+                [9.0, 12.0, z],
+                [-9.0, 12.0, z],
+            ],
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+        };
+        let tree = SurfaceTree::new(&wall);
+        eye_parts().find(parts, || &tree)
+    }
+
+    #[test]
+    fn balls_eggs_and_what_lies_on_them_are_eyes_and_lashes_are_not() {
+        let [right, left] = eye_parts().eyes.map(|(centre, _)| centre);
+        let behind = |c: [f32; 3]| [c[0], c[1], c[2] - 1.0];
+        let cap = |way: [f32; 3]| way[2] > 0.85;
+        // What is wet along a lid, and the skin of the corner.
+        let strip = |w: [f32; 3]| (0.3..0.5).contains(&w[1]) && w[2] > 0.2;
+        let strip = ellipsoid(behind(right), [1.3; 3], strip);
+        let corner = |w: [f32; 3]| (0.2..0.65).contains(&w[0]) && w[1].abs() < 0.6 && w[2] > 0.5;
+        let corner = ellipsoid(behind(right), [1.3; 3], corner);
+        let parts = [
+            ball(behind(right), 1.2),
+            ellipsoid(behind(left), [1.1, 1.8, 1.1], |_| true),
+            ellipsoid(behind(right), [1.26; 3], cap),
+            ball(behind(right), 0.4),
+            lashes(behind(right)),
+            strip,
+            corner,
+        ];
+        assert_eq!(found(&parts), [true, true, true, true, false, false, false]);
+    }
+
+    #[test]
+    fn a_third_eye_and_eyes_on_stalks_are_found_and_other_balls_are_not() {
+        let marks = landmarks();
+        let between = middle(&[marks[36], marks[45]]);
+        let at = |x: f32, y: f32, z: f32| [between[0] + x, between[1] + y, between[2] + z];
+        let nose = [marks[30][0], marks[30][1] + 0.2, between[2] + 0.5];
+        let parts = [
+            ball(at(0.0, 4.0, -0.5), 1.2),
+            ball(at(4.0, 5.5, 1.0), 1.2),
+            ball(at(0.0, 4.0, 6.0), 1.2),
+            ball(at(-3.0, 4.0, -0.1), 0.15),
+            ball(at(8.0, -1.0, 0.5), 1.0),
+            ball(nose, 1.0),
+            ball(at(2.0, -8.0, 0.0), 1.2),
+        ];
+        assert_eq!(
+            found(&parts),
+            [true, true, false, false, false, false, false]
+        );
+    }
+
+    #[test]
+    fn cards_of_single_lashes_are_no_pupils() {
+        let [(right, _), _] = eye_parts().eyes;
+        let eye = [right[0], right[1], right[2] - 1.0];
+        let card: Vec<[f32; 3]> = (0..8)
+            .map(|k| {
+                [
+                    eye[0] + 0.1 * f32::from(k as u8 % 2),
+                    eye[1] + 0.5 + 0.1 * k as f32,
+                    eye[2] + 1.1 + 0.1 * k as f32,
+                ]
+            })
+            .collect();
+        assert_eq!(found(&[ball(eye, 1.2), card]), [true, false]);
+    }
+}

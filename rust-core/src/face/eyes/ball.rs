@@ -1,0 +1,125 @@
+//! The ball that the lids of one eye slide over: a sphere with the bulge of the cornea.
+//!
+//! Points are those of an eye's own frame about the centre of the ball: across from corner to corner, up,
+//! and out of the face. Lengths are canonical centimetres.
+
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+use super::ease;
+use crate::mesh::sphere;
+
+/// Of an eyeball to the width of its eye: 12 mm to 28 mm on human heads.
+const RADIUS_OF_WIDTH: f32 = 0.43;
+/// A radius that differs more from that is not believed, as factors.
+const RADIUS_RANGE: (f32, f32) = (0.7, 2.0);
+/// Points this far within the first fit belong to the inside of the eye, as a share of the radius.
+const INSIDE: f32 = 0.93;
+/// The cornea stands out by no more than this, as a share of the radius.
+const MOST_BULGE: f32 = 0.25;
+/// The eye turns, its cornea with it: the bulge is full this far beside its edge and gone so far beside it.
+const TURN_DEG: (f32, f32) = (6.0, 22.0);
+
+/// A sphere about the origin of its eye's frame that bulges to the front.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Eyeball {
+    pub radius: f32,
+    /// How far the cornea stands out of the sphere.
+    bulge: f32,
+    /// Cosines from the front axis at which the bulge is full, and gone.
+    edge: (f32, f32),
+}
+
+impl Eyeball {
+    /// Of a sphere of `radius`; `points`: of the eye's surface.
+    pub(crate) fn new(radius: f32, points: &[[f32; 3]]) -> Eyeball {
+        let front = points.iter().filter_map(|&p| {
+            let length = Vec3::from(p).length();
+            let cosine = p[2] / length;
+            (cosine > 0.5).then_some((cosine, length - radius))
+        });
+        let front: Vec<(f32, f32)> = front.collect();
+        let bulge = front.iter().fold(0.0f32, |most, (_, out)| most.max(*out));
+        let standing = front.iter().filter(|(_, out)| *out > 0.2 * bulge);
+        let widest = standing.fold(1.0f32, |least, (cosine, _)| least.min(*cosine));
+        let beside = |turn: f32| (widest.clamp(-1.0, 1.0).acos() + turn.to_radians()).cos();
+        Eyeball {
+            radius,
+            bulge: bulge.min(MOST_BULGE * radius),
+            edge: (beside(TURN_DEG.0), beside(TURN_DEG.1)),
+        }
+    }
+
+    /// Distance from the centre to the surface below a point at distance `length`.
+    pub(crate) fn radius_below(&self, p: [f32; 3], length: f32) -> f32 {
+        let (full, gone) = self.edge;
+        let share = (p[2] / length.max(1e-6) - gone) / (full - gone).max(1e-6);
+        self.radius + self.bulge * ease(share)
+    }
+}
+
+/// Centre and radius of the sphere that fits the outermost of `points` best in the sense of least squares,
+/// where it can be an eyeball behind an eye of this `width`.
+pub(crate) fn fit_eyeball(points: &[[f32; 3]], width: f32) -> Option<([f32; 3], f32)> {
+    let points = points.iter().copied();
+    let (centre, radius, _) = sphere::fit_sphere(points.clone())?;
+    let outer = points.filter(|p| Vec3::from(*p).distance(centre.into()) > INSIDE * radius);
+    let (centre, radius, _) = sphere::fit_sphere(outer)?;
+    let usual = radius_of(width);
+    let range = RADIUS_RANGE.0 * usual..RADIUS_RANGE.1 * usual;
+    range.contains(&radius).then_some((centre, radius))
+}
+
+/// Radius of the ball behind an eye of this width.
+pub(crate) fn radius_of(width: f32) -> f32 {
+    RADIUS_OF_WIDTH * width
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points of a sphere's front half with a cornea of another sphere before it, and an iris inside.
+    fn eye(centre: [f32; 3]) -> Vec<[f32; 3]> {
+        let turns = (0..40).flat_map(|i| (0..20).map(move |j| (i as f32 * 0.157, j as f32 * 0.1)));
+        turns
+            .flat_map(|(about, away)| {
+                let way = [
+                    away.sin() * about.cos(),
+                    away.sin() * about.sin(),
+                    away.cos(),
+                ];
+                let out = 1.2 + 0.1 * (1.0 - away / 0.5).max(0.0);
+                let at = |r: f32| std::array::from_fn(|i| centre[i] + r * way[i]);
+                [Some(at(out)), (away < 0.4).then(|| at(0.8))]
+            })
+            .flatten()
+            .collect()
+    }
+
+    #[test]
+    fn the_sphere_is_found_beside_iris_and_cornea() {
+        let (centre, radius) = fit_eyeball(&eye([3.0, 4.0, 7.0]), 2.8).unwrap();
+        assert!((radius - 1.2).abs() < 0.05, "{radius}");
+        let off = (0..3).map(|i| (centre[i] - [3.0, 4.0, 7.0][i]).abs());
+        assert!(off.fold(0.0, f32::max) < 0.06, "{centre:?}");
+    }
+
+    #[test]
+    fn what_can_be_no_eyeball_is_refused() {
+        assert_eq!(fit_eyeball(&eye([0.0; 3]), 20.0), None);
+        let flat: Vec<[f32; 3]> = (0..50).map(|k| [k as f32, (k * k) as f32, 0.0]).collect();
+        assert_eq!(fit_eyeball(&flat, 2.8), None);
+    }
+
+    #[test]
+    fn every_point_of_the_eye_lies_within_the_bulged_ball() {
+        let points = eye([0.0; 3]);
+        let ball = Eyeball::new(1.2, &points);
+        for p in points {
+            let length = Vec3::from(p).length();
+            assert!(length < ball.radius_below(p, length) + 1e-4, "{p:?}");
+        }
+        assert_eq!(ball.radius_below([1.2, 0.0, 0.0], 1.2), 1.2);
+    }
+}

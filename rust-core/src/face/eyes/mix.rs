@@ -1,0 +1,24 @@
+//! Values between others.
+
+/// 0 up to 0, 1 from 1 on, smooth between.
+pub(crate) fn ease(x: f32) -> f32 {
+    let x = x.clamp(0.0, 1.0);
+    x * x * (3.0 - 2.0 * x)
+}
+
+/// What lies between two values.
+pub(crate) trait Mix: Copy {
+    fn mixed(self, other: Self, share: f32) -> Self;
+}
+
+impl Mix for f32 {
+    fn mixed(self, other: f32, share: f32) -> f32 {
+        self * (1.0 - share) + other * share
+    }
+}
+
+impl Mix for [f32; 3] {
+    fn mixed(self, other: [f32; 3], share: f32) -> [f32; 3] {
+        std::array::from_fn(|i| self[i].mixed(other[i], share))
+    }
+}

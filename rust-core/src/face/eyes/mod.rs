@@ -1,0 +1,13 @@
+//! How far the eyes of a face are open, and the balls that their lids slide over.
+//!
+//! Lengths are canonical centimetres.
+
+mod ball;
+mod mix;
+mod opening;
+mod openings;
+
+pub(crate) use ball::Eyeball;
+pub(crate) use mix::{Mix, ease};
+pub(crate) use opening::{EyeFrame, Head, Opening, SAMPLES};
+pub(crate) use openings::{Openings, UPPER_SHARE};

@@ -1,0 +1,364 @@
+//! How far one eye of a head is open, and what its lids slide over.
+//!
+//! Where a head has eyeballs, the opening is what of them is seen from the front, however far the landmarks
+//! lie beside it. Where it has none, the opening lies between curves through the landmarks, and the ball is
+//! the sphere of the skin between them or one of usual size. A shut upper lid stands out over the lower one
+//! at the lower landmarks, and there is no edge at the upper ones. Lengths are canonical centimetres.
+
+use glam::Vec3;
+
+use super::{
+    Eyeball, Mix,
+    ball::{fit_eyeball, radius_of},
+};
+use crate::{
+    face::lids::LidEdge,
+    mesh::{FrontView, ibug::LANDMARKS},
+};
+
+/// Places from corner to corner at which an opening is measured.
+pub(crate) const SAMPLES: usize = 24;
+/// Cells of the picture of an eye over its width.
+const CELLS: f32 = 150.0;
+/// Kinds of the cells.
+const SKIN: u8 = 1;
+const BALL: u8 = 2;
+/// The picture reaches this far beyond the corners, and above and below them, in widths of the eye.
+const PICTURE: (f32, f32) = (0.3, 0.9);
+/// Eyes whose corners lie more than this share of their width behind one another look sideways, where the
+/// landmarks of faces that look ahead are not on their lids. Human eyes have 0.15 to 0.25.
+const SIDEWAYS: f32 = 0.55;
+/// Eyeballs lie within this distance of the middle of their eye, in its widths.
+const NEAR: f32 = 1.5;
+/// Eyes of which less is seen, as mean height to width, are sculpted shut.
+const LEAST_OPEN: f32 = 0.03;
+/// A step between two lids, in widths of the eye: how far beside the landmarks it is looked for, and over
+/// which height.
+const STEP_BESIDE: f32 = 0.1;
+const STEP_HEIGHT: f32 = 0.06;
+/// Of eyes that are sculpted shut: most of a step at the upper landmarks, least of one at the lower ones.
+/// A scan with shut eyes has 0.02 and 0.11, open eyes of eight heads 0.07 and more above.
+const SHUT_STEPS: (f32, f32) = (0.045, 0.06);
+/// A corner of an eye lies at least so far beside what is seen of its eyeball, in widths of the eye.
+const CORNER: f32 = 0.02;
+/// How often the edges of an eyeball's picture are smoothed: its cells are seen in them.
+const SMOOTHINGS: usize = 3;
+/// Skin this far inside the curves through the landmarks is the eye's own surface, in widths of the eye.
+const INSIDE: f32 = 0.03;
+
+/// The neutral head that eyes are looked for in, canonical centimetres.
+pub(crate) struct Head<'a> {
+    /// `[V]`.
+    pub positions: &'a [[f32; 3]],
+    pub landmarks: &'a [[f32; 3]; LANDMARKS],
+    /// Triangles of the skin.
+    pub skin: &'a [[u32; 3]],
+    /// Triangles of the parts that are eyeballs.
+    pub eyeballs: &'a [[u32; 3]],
+}
+
+/// Axes of one eye: across from corner to corner, up, and out of the face.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct EyeFrame {
+    pub origin: [f32; 3],
+    pub axes: [[f32; 3]; 3],
+}
+
+/// The opening of one eye.
+pub(crate) struct Opening {
+    /// About the centre of the ball.
+    pub frame: EyeFrame,
+    pub ball: Eyeball,
+    /// From corner to corner.
+    pub width: f32,
+    /// Edges of the upper and of the lower lid from corner to corner, in the eye's frame.
+    pub edges: [[[f32; 3]; SAMPLES]; 2],
+    /// Whether the eye is sculpted shut.
+    pub is_shut: bool,
+}
+
+impl EyeFrame {
+    /// About the middle between the corners; `None` where these are no corners of an eye.
+    fn between(start: [f32; 3], end: [f32; 3]) -> Option<(EyeFrame, f32)> {
+        let (start, end) = (Vec3::from(start), Vec3::from(end));
+        let way = end - start;
+        let width = way.length();
+        if width < 0.1 || way.z.abs() > SIDEWAYS * width {
+            return None;
+        }
+        let across = way / width;
+        let up = Vec3::Y - across.y * across;
+        let size = up.length();
+        if size < 0.5 {
+            return None;
+        }
+        let up = up / size;
+        let origin = (start + 0.5 * way).into();
+        let axes = [across, up, across.cross(up)].map(Into::into);
+        Some((EyeFrame { origin, axes }, width))
+    }
+
+    /// A point's coordinates in this frame.
+    pub(crate) fn local(&self, p: [f32; 3]) -> [f32; 3] {
+        let offset = Vec3::from(p) - Vec3::from(self.origin);
+        self.axes.map(|axis| Vec3::from(axis).dot(offset))
+    }
+
+    /// The same axes about a point given in this frame.
+    fn about(&self, centre: [f32; 3]) -> EyeFrame {
+        let origin = std::array::from_fn(|i| {
+            let along = self.axes.iter().zip(centre);
+            self.origin[i] + along.map(|(axis, x)| x * axis[i]).sum::<f32>()
+        });
+        EyeFrame { origin, ..*self }
+    }
+}
+
+impl Opening {
+    /// The eye whose landmarks begin at `first`.
+    pub(crate) fn find(head: &Head<'_>, first: usize) -> Option<Opening> {
+        let marks = &head.landmarks[first..first + 6];
+        let (middle, width) = EyeFrame::between(marks[0], marks[3])?;
+        let near = |p: [f32; 3]| Vec3::from(p).length_squared() < (NEAR * width).powi(2);
+        let locals = |triangles: &[[u32; 3]], frame: &EyeFrame| -> Vec<[[f32; 3]; 3]> {
+            let all = triangles.iter();
+            let corners = all.map(|t| t.map(|v| middle.local(head.positions[v as usize])));
+            let close = corners.filter(|t| t.iter().all(|p| near(*p)));
+            let shift = middle.local(frame.origin);
+            let moved = close.map(|t| t.map(|p| std::array::from_fn(|i| p[i] - shift[i])));
+            moved.collect()
+        };
+        let eyeball = locals(head.eyeballs, &middle);
+        if let Some((centre, radius)) = fit_eyeball(eyeball.as_flattened(), width) {
+            let frame = middle.about(centre);
+            let (skin, eyeball) = (locals(head.skin, &frame), locals(head.eyeballs, &frame));
+            let view = picture(&skin, &eyeball, frame.local(middle.origin), width);
+            let corners = [marks[0], marks[3]].map(|p| frame.local(p));
+            // Of an eyeball behind shut lids nothing is seen.
+            let seen = seen(&view, corners, width);
+            let edges = seen.unwrap_or_else(|| curves(&frame, marks));
+            return Some(Opening {
+                frame,
+                ball: Eyeball::new(radius, eyeball.as_flattened()),
+                width,
+                edges,
+                is_shut: seen.is_none() || mean_height(&edges) < LEAST_OPEN * width,
+            });
+        }
+        let view = picture(&locals(head.skin, &middle), &[], [0.0; 3], width);
+        let mut opening = without_eyeball(head, &middle, marks, width);
+        opening.is_shut = is_one_surface(&view, &curves(&middle, marks), width);
+        Some(opening)
+    }
+
+    /// Height of the opening at two landmarks of upper and lower lid.
+    pub(crate) fn height_at(&self, marks: &[[f32; 3]; LANDMARKS], pair: (usize, usize)) -> f32 {
+        let across = |n: usize| self.frame.local(marks[n])[0];
+        let k = self.sample_at(0.5 * (across(pair.0) + across(pair.1)));
+        let k = k.round() as usize;
+        self.edges[0][k][1] - self.edges[1][k][1]
+    }
+
+    /// Number of the sample at a place across, with its fraction, within the opening.
+    pub(crate) fn sample_at(&self, across: f32) -> f32 {
+        let (first, last) = (self.edges[0][0][0], self.edges[0][SAMPLES - 1][0]);
+        let place = (across - first) / (last - first).max(1e-6);
+        (place * (SAMPLES - 1) as f32).clamp(0.0, (SAMPLES - 1) as f32)
+    }
+
+    /// Whether a point lies between the lids: on the eye itself, not on a lid.
+    pub(crate) fn is_between(&self, p: [f32; 3]) -> bool {
+        let (first, last) = (self.edges[0][0][0], self.edges[0][SAMPLES - 1][0]);
+        let k = self.sample_at(p[0]).round() as usize;
+        let inside = INSIDE * self.width;
+        let height = self.edges[1][k][1] + inside..self.edges[0][k][1] - inside;
+        (first..last).contains(&p[0]) && height.contains(&p[1])
+    }
+}
+
+/// An eye that is part of the skin, or an empty socket.
+fn without_eyeball(head: &Head<'_>, middle: &EyeFrame, marks: &[[f32; 3]], width: f32) -> Opening {
+    let lids = [1, 2, 4, 5].map(|n| middle.local(marks[n]));
+    let mean = |of: &dyn Fn([f32; 3]) -> f32| lids.iter().map(|p| of(*p)).sum::<f32>() / 4.0;
+    let usual = radius_of(width);
+    let beside = mean(&|p| p[0] * p[0] + p[1] * p[1]);
+    let depth = (usual * usual - beside).max(0.25 * usual * usual).sqrt();
+    let mut opening = Opening {
+        frame: middle.about([0.0, 0.0, mean(&|p| p[2]) - depth]),
+        ball: Eyeball::new(usual, &[]),
+        width,
+        edges: [[[0.0; 3]; SAMPLES]; 2],
+        is_shut: false,
+    };
+    opening.edges = curves(&opening.frame, marks);
+    let own = head.positions.iter().map(|p| opening.frame.local(*p));
+    let own = own.filter(|p| opening.is_between(*p) && p[2] > 0.0);
+    let own: Vec<[f32; 3]> = own.collect();
+    if let Some((centre, radius)) = fit_eyeball(&own, width)
+        && centre[2] < depth - 0.5 * radius
+    {
+        opening.frame = opening.frame.about(centre);
+        opening.ball = Eyeball::new(radius, &[]);
+        opening.edges = curves(&opening.frame, marks);
+    }
+    opening
+}
+
+/// The lids' edges along curves through the landmarks.
+fn curves(frame: &EyeFrame, marks: &[[f32; 3]]) -> [[[f32; 3]; SAMPLES]; 2] {
+    let corners = std::array::from_fn(|n| marks[n].map(f64::from));
+    LidEdge::through(&corners).both().map(|edge| {
+        let edge: Vec<[f32; 3]> = edge
+            .iter()
+            .map(|p| frame.local(p.map(|x| x as f32)))
+            .collect();
+        let (start, end) = (edge[0][0], edge[edge.len() - 1][0]);
+        std::array::from_fn(|k| {
+            let x = start + (end - start) * k as f32 / (SAMPLES - 1) as f32;
+            let after = edge
+                .iter()
+                .position(|p| p[0] >= x)
+                .unwrap_or(edge.len() - 1)
+                .max(1);
+            let (a, b) = (edge[after - 1], edge[after]);
+            let along = ((x - a[0]) / (b[0] - a[0]).max(1e-6)).clamp(0.0, 1.0);
+            std::array::from_fn(|i| a[i] + along * (b[i] - a[i]))
+        })
+    })
+}
+
+/// What is seen of an eye whose corners have their middle at `middle`.
+fn picture(
+    skin: &[[[f32; 3]; 3]],
+    eyeball: &[[[f32; 3]; 3]],
+    middle: [f32; 3],
+    width: f32,
+) -> FrontView {
+    let reach = [0.5 + PICTURE.0, PICTURE.1].map(|x| x * width);
+    let low = [middle[0] - reach[0], middle[1] - reach[1]];
+    let high = [middle[0] + reach[0], middle[1] + reach[1]];
+    let mut view = FrontView::new(low, high, width / CELLS);
+    for (triangles, kind) in [(skin, SKIN), (eyeball, BALL)] {
+        triangles.iter().for_each(|t| view.draw(*t, kind));
+    }
+    view
+}
+
+/// The edges of the eyeball's part that is seen, and on to the corners of the eye; `None` where nothing is.
+/// `marks`: the landmarks of the corners.
+fn seen(view: &FrontView, marks: [[f32; 3]; 2], width: f32) -> Option<[[[f32; 3]; SAMPLES]; 2]> {
+    let rows = |column| longest_run(view.rows(), |row| view.kind(column, row) == BALL);
+    let (first, last) = longest_run(view.columns(), |column| rows(column).is_some())?;
+    if last - first < SAMPLES {
+        return None;
+    }
+    let at = |column: usize| rows(column).map(|run| lids_beside(view, column, run));
+    let ends = [at(first)?, at(last)?];
+    let corners = [(0, -1.0), (1, 1.0)].map(|(end, side)| {
+        let least = CORNER * width * side;
+        corner(marks[end], ends[end], least)
+    });
+    let mut edges = [[[0.0; 3]; SAMPLES]; 2];
+    for k in 0..SAMPLES {
+        let along = k as f32 / (SAMPLES - 1) as f32;
+        let x = corners[0][0] + along * (corners[1][0] - corners[0][0]);
+        let outside = [ends[0][0][0] - x, x - ends[1][0][0]];
+        let found = match outside.iter().position(|away| *away > 0.0) {
+            None => at(view.cell_at([x, 0.0])[0])?,
+            Some(end) => {
+                let whole = (ends[end][0][0] - corners[end][0]).abs().max(1e-6);
+                ends[end].map(|edge| edge.mixed(corners[end], outside[end] / whole))
+            }
+        };
+        (0..2).for_each(|lid| edges[lid][k] = [x, found[lid][1], found[lid][2]]);
+    }
+    (0..SMOOTHINGS).for_each(|_| edges = edges.map(|edge| smoothed(&edge)));
+    Some(edges)
+}
+
+/// The skin above and below a column of cells that show the eyeball.
+fn lids_beside(view: &FrontView, column: usize, (low, high): (usize, usize)) -> [[f32; 3]; 2] {
+    [(high, high + 1), (low, low.saturating_sub(1))].map(|(row, beside)| {
+        let lid = beside.min(view.rows() - 1);
+        let [x, y] = view.centre(column, row);
+        match view.kind(column, lid) {
+            SKIN => [x, y, view.depth(column, lid)],
+            _ => [x, y, view.depth(column, row)],
+        }
+    })
+}
+
+/// The corner of an eye beyond an end of what is seen of its eyeball: its landmark, unless that lies not as
+/// far out as `least`.
+fn corner(mark: [f32; 3], [upper, lower]: [[f32; 3]; 2], least: f32) -> [f32; 3] {
+    if (mark[0] - upper[0]) * least.signum() > least.abs() {
+        return mark;
+    }
+    let middle = upper.mixed(lower, 0.5);
+    [middle[0] + least, middle[1], middle[2]]
+}
+
+/// An edge with each sample's height and depth drawn to those beside it; its ends stay.
+fn smoothed(edge: &[[f32; 3]; SAMPLES]) -> [[f32; 3]; SAMPLES] {
+    std::array::from_fn(|k| {
+        if k == 0 || k == SAMPLES - 1 {
+            return edge[k];
+        }
+        let between = edge[k - 1].mixed(edge[k + 1], 0.5);
+        let [_, y, z] = edge[k].mixed(between, 0.5);
+        [edge[k][0], y, z]
+    })
+}
+
+/// Whether the skin between two curves is a shut lid; `view`: of skin alone.
+fn is_one_surface(view: &FrontView, edges: &[[[f32; 3]; SAMPLES]; 2], width: f32) -> bool {
+    let inner = SAMPLES / 4..SAMPLES - SAMPLES / 4;
+    let [above, below] = edges.each_ref().map(|edge| {
+        let mut steps: Vec<f32> = edge[inner.clone()]
+            .iter()
+            .map(|at| step(view, *at, width) / width)
+            .collect();
+        steps.sort_by(f32::total_cmp);
+        steps[steps.len() / 2]
+    });
+    above < SHUT_STEPS.0 && below > SHUT_STEPS.1
+}
+
+/// By how much the surface stands out above a point more than below it, at most.
+fn step(view: &FrontView, at: [f32; 3], width: f32) -> f32 {
+    let [column, row] = view.cell_at([at[0], at[1]]);
+    let cells = |share: f32| (share * CELLS) as isize;
+    let depth = |row: isize| view.depth(column, row.clamp(0, view.rows() as isize - 1) as usize);
+    let beside = -cells(STEP_BESIDE)..=cells(STEP_BESIDE);
+    let half = cells(0.5 * STEP_HEIGHT);
+    let steps = beside.map(|beside| {
+        let row = row as isize + beside;
+        (depth(row + half) - depth(row - half)).min(width)
+    });
+    // Where nothing is, minus infinity less itself says nothing.
+    steps.filter(|step| !step.is_nan()).fold(0.0, f32::max)
+}
+
+/// First and last number of the longest stretch for which `holds`.
+fn longest_run(count: usize, holds: impl Fn(usize) -> bool) -> Option<(usize, usize)> {
+    let mut best: Option<(usize, usize)> = None;
+    let mut start = None;
+    for k in 0..=count {
+        match (k < count && holds(k), start) {
+            (true, None) => start = Some(k),
+            (false, Some(from)) => {
+                if best.is_none_or(|(a, b)| k - from > b + 1 - a) {
+                    best = Some((from, k - 1));
+                }
+                start = None;
+            }
+            _ => {}
+        }
+    }
+    best
+}
+
+fn mean_height(edges: &[[[f32; 3]; SAMPLES]; 2]) -> f32 {
+    let heights = edges[0].iter().zip(&edges[1]);
+    heights.map(|(u, l)| u[1] - l[1]).sum::<f32>() / SAMPLES as f32
+}

@@ -1,0 +1,248 @@
+//! What a part that is not skin is, told by its shape and its place beside the landmarks.
+//!
+//! Simple rules of thumb, in this order:
+//!
+//! - round and in a socket: an eye, with what lies on it or in it (see `eye_parts`);
+//! - behind the lips: below the line between the lips it follows the jaw, above it the skull; taller
+//!   than [`TALL_CM`], such as gums with a tongue, it holds both;
+//! - a plate before an eye, or a frame across both that hangs below them: glasses;
+//! - large and reaching well above the brows: hair, a hat;
+//! - out of reach of any skin: nothing of the face;
+//! - anything else follows the skin nearest to its roots.
+//!
+//! Lengths are canonical centimetres; those inside the mouth grow with the mouth's width.
+
+use super::{box3::Box3, eye_parts::EyeParts};
+use crate::mesh::{PartRole, SurfaceTree, ibug::LANDMARKS};
+
+/// Height of a mouth part beyond which it is taken to hold upper and lower jaw at once.
+const TALL_CM: f32 = 3.2;
+/// Mouth width in which lengths inside the mouth are given.
+const MOUTH_CM: f32 = 5.0;
+/// Glasses hang at least so far below the middle of the eyes, in widths of an eye.
+const BELOW_EYE: f32 = 0.3;
+/// A lens stands at least so far before the middle of the eye.
+const BEFORE_EYE_CM: f32 = 0.8;
+/// Glasses are not higher than this.
+const GLASSES_CM: f32 = 7.0;
+/// Hair is at least so large and reaches at least so far above the brows.
+const HAIR_CM: (f32, f32) = (8.0, 3.5);
+/// A part further from any skin than this follows none.
+pub(super) const REACH_CM: f32 = 4.0;
+
+/// Where eyes, brows and mouth are.
+pub(super) struct RoleRules {
+    landmarks: [[f32; 3]; LANDMARKS],
+    /// Centre and width, the subject's right eye first.
+    eyes: [([f32; 3], f32); 2],
+    brows_y: f32,
+    mouth: [f32; 3],
+    mouth_width: f32,
+}
+
+impl RoleRules {
+    pub(super) fn of(landmarks: &[[f32; 3]; LANDMARKS]) -> RoleRules {
+        let eye = |first: usize| {
+            let (a, b) = (landmarks[first], landmarks[first + 3]);
+            let width = (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>().sqrt();
+            (mean(&landmarks[first..first + 6]), width)
+        };
+        let (a, b) = (landmarks[48], landmarks[54]);
+        RoleRules {
+            landmarks: *landmarks,
+            eyes: [eye(36), eye(42)],
+            brows_y: mean(&landmarks[17..27])[1],
+            mouth: mean(&landmarks[60..68]),
+            mouth_width: (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>().sqrt(),
+        }
+    }
+
+    /// The roles of parts, given by the points of their vertices; `skin` gives the face's surface, asked only
+    /// where it matters.
+    pub(super) fn roles<'a>(
+        &self,
+        parts: &[Vec<[f32; 3]>],
+        skin: impl Fn() -> &'a SurfaceTree,
+    ) -> Vec<PartRole> {
+        let eyes = EyeParts::new(&self.landmarks, self.eyes, self.brows_y).find(parts, &skin);
+        let each = parts.iter().zip(eyes);
+        each.map(|(points, is_eye)| match is_eye {
+            true => PartRole::Gaze,
+            false => self.role(points, &skin),
+        })
+        .collect()
+    }
+
+    /// The role of a part that is no eye.
+    fn role<'a>(&self, points: &[[f32; 3]], skin: impl Fn() -> &'a SurfaceTree) -> PartRole {
+        let bounds = Box3::of(points.iter().copied());
+        if self.is_in_mouth(&bounds) {
+            return self.jaw_or_skull(&bounds);
+        }
+        if self.is_glasses(&bounds) || self.is_hair(&bounds) {
+            return PartRole::Skull;
+        }
+        let skin = skin();
+        match points.iter().any(|&p| is_near(skin, p)) {
+            true => PartRole::Nearest,
+            false => PartRole::Still,
+        }
+    }
+
+    /// Within the mouth's width, behind the lips.
+    fn is_in_mouth(&self, bounds: &Box3) -> bool {
+        let unit = self.mouth_unit();
+        let offset = |p: [f32; 3], i: usize| (p[i] - self.mouth[i]) / unit;
+        let (low, high) = (bounds.low, bounds.high);
+        let across = offset(low, 0) > -4.5 && offset(high, 0) < 4.5;
+        let height = offset(low, 1) > -4.5 && offset(high, 1) < 4.0;
+        let depth = offset(high, 2) < 0.3 && offset(low, 2) > -12.0;
+        across && height && depth
+    }
+
+    fn jaw_or_skull(&self, bounds: &Box3) -> PartRole {
+        if bounds.high[1] - bounds.low[1] > TALL_CM * self.mouth_unit() {
+            return PartRole::Mouth;
+        }
+        match bounds.middle()[1] < self.mouth[1] {
+            true => PartRole::Jaw,
+            false => PartRole::Skull,
+        }
+    }
+
+    /// One length unit of the mouth, 1 on a human one.
+    pub(super) fn mouth_unit(&self) -> f32 {
+        self.mouth_width / MOUTH_CM
+    }
+
+    fn is_glasses(&self, bounds: &Box3) -> bool {
+        let [right, left] = self.eyes;
+        let covers = |(centre, width): ([f32; 3], f32)| {
+            let across = bounds.low[0] < centre[0] && bounds.high[0] > centre[0];
+            let below = bounds.low[1] < centre[1] - BELOW_EYE * width;
+            across && below && bounds.high[1] > centre[1] && bounds.high[2] > centre[2]
+        };
+        let low = bounds.high[1] - bounds.low[1] < GLASSES_CM;
+        let lens = |eye: ([f32; 3], f32)| {
+            covers(eye) && bounds.low[2] > eye.0[2] + BEFORE_EYE_CM && bounds.largest() < GLASSES_CM
+        };
+        low && ((covers(right) && covers(left)) || lens(right) || lens(left))
+    }
+
+    fn is_hair(&self, bounds: &Box3) -> bool {
+        bounds.largest() > HAIR_CM.0 && bounds.high[1] > self.brows_y + HAIR_CM.1
+    }
+}
+
+fn is_near(skin: &SurfaceTree, point: [f32; 3]) -> bool {
+    let place = skin.closest(point);
+    place.is_some_and(|place| place.distance < f64::from(REACH_CM))
+}
+
+fn mean(points: &[[f32; 3]]) -> [f32; 3] {
+    let count = points.len() as f32;
+    std::array::from_fn(|i| points.iter().map(|p| p[i]).sum::<f32>() / count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{Mesh, canonical_landmarks};
+
+    /// The role of a box of corners; the skin is the landmarks' own plane of triangles.
+    fn role(low: [f32; 3], high: [f32; 3]) -> PartRole {
+        let landmarks = canonical_landmarks().map(|p| p.map(|x| 100.0 * x));
+        let skin = Mesh {
+            positions: landmarks.to_vec(),
+            triangles: (0..66).map(|n| [n, n + 1, n + 2]).collect(),
+        };
+        let corners: Vec<[f32; 3]> = (0..8)
+            .map(|c| std::array::from_fn(|i| if c >> i & 1 == 0 { low[i] } else { high[i] }))
+            .collect();
+        let tree = SurfaceTree::new(&skin);
+        RoleRules::of(&landmarks).roles(&[corners], || &tree)[0]
+    }
+
+    /// A box about a landmark's or landmarks' middle, with an offset to it, centimetres.
+    fn about(marks: &[usize], offset: [f32; 3], half: [f32; 3]) -> PartRole {
+        let landmarks = canonical_landmarks().map(|p| p.map(|x| 100.0 * x));
+        let chosen: Vec<[f32; 3]> = marks.iter().map(|&n| landmarks[n]).collect();
+        let centre = mean(&chosen);
+        role(
+            std::array::from_fn(|i| centre[i] + offset[i] - half[i]),
+            std::array::from_fn(|i| centre[i] + offset[i] + half[i]),
+        )
+    }
+
+    #[test]
+    fn parts_are_told_by_shape_and_place() {
+        let eye: Vec<usize> = (36..42).collect();
+        let eyes: Vec<usize> = (36..48).collect();
+        let lips: Vec<usize> = (60..68).collect();
+        let brow: Vec<usize> = (17..22).collect();
+        for (name, got, expected) in [
+            (
+                "eyeball",
+                about(&eye, [0.0, 0.0, -1.2], [1.2; 3]),
+                PartRole::Gaze,
+            ),
+            (
+                "upper lashes",
+                about(&eye, [0.0, 0.4, 0.4], [1.8, 0.5, 0.6]),
+                PartRole::Nearest,
+            ),
+            (
+                "brow",
+                about(&brow, [0.0, 0.1, 0.2], [2.5, 0.5, 0.8]),
+                PartRole::Nearest,
+            ),
+            (
+                "lower teeth",
+                about(&lips, [0.0, -1.0, -2.5], [3.0, 0.8, 2.0]),
+                PartRole::Jaw,
+            ),
+            (
+                "tongue",
+                about(&lips, [0.0, -0.8, -3.5], [2.0, 1.2, 3.0]),
+                PartRole::Jaw,
+            ),
+            (
+                "upper teeth",
+                about(&lips, [0.0, 1.0, -2.5], [3.0, 0.8, 2.0]),
+                PartRole::Skull,
+            ),
+            (
+                "gums with tongue",
+                about(&lips, [0.0, 0.0, -4.5], [3.5, 2.4, 4.0]),
+                PartRole::Mouth,
+            ),
+            (
+                "glasses",
+                about(&eyes, [0.0, -0.5, -4.0], [7.0, 2.5, 6.0]),
+                PartRole::Skull,
+            ),
+            (
+                "lens",
+                about(&eye, [0.0, -0.3, 1.6], [2.2, 1.8, 0.2]),
+                PartRole::Skull,
+            ),
+            (
+                "hair",
+                about(&brow, [3.0, 4.0, -8.0], [9.0, 7.0, 10.0]),
+                PartRole::Skull,
+            ),
+            (
+                "moustache",
+                about(&[33, 51], [0.0, 0.0, 0.2], [2.5, 0.5, 0.5]),
+                PartRole::Nearest,
+            ),
+            (
+                "lamp",
+                about(&[30], [40.0, 0.0, 0.0], [3.0; 3]),
+                PartRole::Still,
+            ),
+        ] {
+            assert_eq!(got, expected, "{name}");
+        }
+    }
+}

@@ -1,0 +1,337 @@
+//! A file or a folder of files appears whole or not at all.
+
+use std::{
+    fs::{self, File},
+    io::{self, BufWriter, Write},
+    path::{Path, PathBuf},
+    sync::{Mutex, PoisonError},
+    time::{Duration, SystemTime},
+};
+
+use tempfile::{NamedTempFile, TempDir};
+
+use crate::{Error, Result};
+
+/// Bytes that are gathered before the system is asked to write them.
+const BUFFER_BYTES: usize = 1 << 20;
+/// How names of files in the making begin and end.
+const PREFIX: &str = ".anyface-";
+const SUFFIX: &str = ".part";
+/// A file in the making that was not touched for so long belongs to a process that was killed.
+const ABANDONED: Duration = Duration::from_secs(3600);
+
+/// Files and folders in the making of this process.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// Files of the job that are whole and wait for its others; `None` where each gets its name at once.
+static WAITING: Mutex<Option<Vec<Unfinished>>> = Mutex::new(None);
+
+fn unfinished(change: impl FnOnce(&mut Vec<PathBuf>)) {
+    change(&mut UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner));
+}
+
+/// Removes all files and folders in the making, before the process ends in the middle of its work.
+pub fn remove_unfinished() {
+    unfinished(|paths| {
+        for path in paths.drain(..) {
+            remove(&path);
+        }
+    });
+}
+
+/// Runs a job whose files get their names when it has succeeded, all together, and leave nothing where it has not.
+///
+/// For a process that does one job at a time, such as the command: files of all its threads wait.
+///
+/// # Errors
+/// Those of `job`; `Io` if a file cannot get its name.
+pub fn all_or_none<T>(job: impl FnOnce() -> Result<T>) -> Result<T> {
+    let waiting = |next| {
+        let mut waiting = WAITING.lock().unwrap_or_else(PoisonError::into_inner);
+        std::mem::replace(&mut *waiting, next).unwrap_or_default()
+    };
+    waiting(Some(Vec::new()));
+    let result = job();
+    let files = waiting(None);
+    let result = result?;
+    for file in files {
+        file.place()?;
+    }
+    Ok(result)
+}
+
+/// Removes what was in the making; it may have got its name, or somebody else may remove it, at the same time.
+fn remove(path: &Path) {
+    let _ = match path.is_dir() {
+        true => fs::remove_dir_all(path),
+        false => fs::remove_file(path),
+    };
+}
+
+/// Writes a file under a temporary name in the same folder, then renames it to `path`.
+///
+/// On any failure the temporary file is removed and what was at `path` stays.
+///
+/// # Errors
+/// `Io` if the folder cannot be written to, the disk is full, or `path` is there already and is
+/// not a regular file.
+pub fn write_atomically(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+) -> Result<()> {
+    let (unfinished, mut file) = Unfinished::create(path)?;
+    write(&mut file).map_err(Error::io(path))?;
+    file.flush().map_err(Error::io(path))?;
+    drop(file);
+    unfinished.finish()
+}
+
+/// A file in the making; dropped before [`Unfinished::finish`] it leaves nothing.
+pub(crate) struct Unfinished {
+    path: PathBuf,
+    temporary: Option<NamedTempFile>,
+}
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        if let Some(temporary) = &self.temporary {
+            unfinished(|paths| paths.retain(|path| path != temporary.path()));
+        }
+    }
+}
+
+impl Unfinished {
+    /// Opens a temporary file beside `path`.
+    pub(crate) fn create(path: &Path) -> Result<(Unfinished, BufWriter<File>)> {
+        refuse_special(path).map_err(Error::io(path))?;
+        let folder = folder_of(path);
+        remove_abandoned(folder);
+        let temporary = temporary_in(folder).map_err(Error::io(path))?;
+        unfinished(|paths| paths.push(temporary.path().to_owned()));
+        let file = temporary.reopen().map_err(Error::io(path))?;
+        let path = path.to_owned();
+        let file = BufWriter::with_capacity(BUFFER_BYTES, file);
+        let temporary = Some(temporary);
+        Ok((Unfinished { path, temporary }, file))
+    }
+
+    /// Renames it to its place, when everything was written, or with the other files of its job.
+    pub(crate) fn finish(self) -> Result<()> {
+        let mut waiting = WAITING.lock().unwrap_or_else(PoisonError::into_inner);
+        match &mut *waiting {
+            Some(files) => files.push(self),
+            None => {
+                drop(waiting);
+                self.place()?;
+            }
+        }
+        Ok(())
+    }
+
+    fn place(mut self) -> Result<()> {
+        let Some(temporary) = self.temporary.take() else {
+            return Ok(());
+        };
+        let name = temporary.path().to_owned();
+        let persisted = temporary.persist(&self.path).map_err(|e| e.error);
+        unfinished(|paths| paths.retain(|path| *path != name));
+        persisted.map(drop).map_err(Error::io(&self.path))
+    }
+}
+
+/// A folder in the making, which is new or empty in the end's place; dropped before [`UnfinishedFolder::finish`] it
+/// leaves nothing.
+pub(crate) struct UnfinishedFolder {
+    path: PathBuf,
+    temporary: Option<TempDir>,
+}
+
+impl Drop for UnfinishedFolder {
+    fn drop(&mut self) {
+        if let Some(temporary) = &self.temporary {
+            unfinished(|paths| paths.retain(|path| path != temporary.path()));
+        }
+    }
+}
+
+impl UnfinishedFolder {
+    /// Makes a temporary folder beside `path`.
+    pub(crate) fn create(path: &Path) -> Result<UnfinishedFolder> {
+        let folder = folder_of(path);
+        remove_abandoned(folder);
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(PREFIX).suffix(SUFFIX);
+        // tempfile makes private folders; a result is an ordinary one, subject to the umask.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
+        let temporary = builder.tempdir_in(folder).map_err(Error::io(path))?;
+        unfinished(|paths| paths.push(temporary.path().to_owned()));
+        Ok(UnfinishedFolder {
+            path: path.to_owned(),
+            temporary: Some(temporary),
+        })
+    }
+
+    /// Where its files are written.
+    pub(crate) fn place(&self) -> &Path {
+        self.temporary
+            .as_ref()
+            .map_or(&self.path, |temporary| temporary.path())
+    }
+
+    /// Renames it to its place, when every file was written; an empty folder that is there makes way.
+    pub(crate) fn finish(mut self) -> Result<()> {
+        let Some(temporary) = self.temporary.take() else {
+            return Ok(());
+        };
+        let name = temporary.path().to_owned();
+        let named = match self.path.is_dir() {
+            true => fs::remove_dir(&self.path).and_then(|()| fs::rename(&name, &self.path)),
+            false => fs::rename(&name, &self.path),
+        };
+        unfinished(|paths| paths.retain(|path| *path != name));
+        named.map_err(Error::io(&self.path))?;
+        // It has another name now.
+        let _ = temporary.keep();
+        Ok(())
+    }
+}
+
+/// The folder in which `path` lies.
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// Renaming onto a device or a folder would replace the device or fail late.
+fn refuse_special(path: &Path) -> io::Result<()> {
+    match fs::metadata(path) {
+        Ok(found) if !found.is_file() => Err(io::Error::new(
+            io::ErrorKind::InvalidInput,
+            "expected the name of a regular file",
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// Removes from a folder what killed processes have left there half written.
+fn remove_abandoned(folder: &Path) {
+    let Ok(files) = fs::read_dir(folder) else {
+        return;
+    };
+    for file in files.flatten() {
+        let name = file.file_name();
+        let name = name.to_string_lossy();
+        if !name.starts_with(PREFIX) || !name.ends_with(SUFFIX) {
+            continue;
+        }
+        let touched = file.metadata().and_then(|meta| meta.modified());
+        let age = touched.map(|at| SystemTime::now().duration_since(at));
+        if age.is_ok_and(|age| age.is_ok_and(|age| age > ABANDONED)) {
+            remove(&file.path());
+        }
+    }
+}
+
+fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(PREFIX).suffix(SUFFIX);
+    // tempfile makes private files; a result is an ordinary one, subject to the umask.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.tempfile_in(folder)
+}
+
+/// Writes any value as indented JSON.
+///
+/// # Errors
+/// `Io` if the file cannot be written.
+pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
+    write_atomically(path, |file| {
+        serde_json::to_writer_pretty(&mut *file, value)?;
+        std::io::Write::write_all(file, b"\n")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failure_leaves_the_old_file_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("clip.npz");
+        fs::write(&path, b"old").unwrap();
+        let result = write_atomically(&path, |file| {
+            file.write_all(&vec![1; 3 * BUFFER_BYTES])?;
+            Err(io::Error::from(io::ErrorKind::StorageFull))
+        });
+        assert!(matches!(result, Err(Error::Io { .. })));
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_finished_file_replaces_the_old_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("clip.npz");
+        fs::write(&path, b"a longer old file").unwrap();
+        write_atomically(&path, |file| file.write_all(b"new")).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn what_killed_processes_left_goes_with_the_next_file() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, age_s) in [
+            (".anyface-a.part", 4000),
+            (".anyface-b.part", 30),
+            ("c.part", 4000),
+        ] {
+            let file = File::create(folder.path().join(name)).unwrap();
+            file.set_modified(SystemTime::now() - Duration::from_secs(age_s))
+                .unwrap();
+        }
+        write_atomically(&folder.path().join("clip.npz"), |_| Ok(())).unwrap();
+        let exists = |name: &str| folder.path().join(name).exists();
+        assert!(!exists(".anyface-a.part"));
+        assert!(exists(".anyface-b.part") && exists("c.part") && exists("clip.npz"));
+    }
+
+    #[test]
+    fn a_process_that_ends_in_the_middle_removes_its_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let (own, _file) = Unfinished::create(&folder.path().join("clip.npz")).unwrap();
+        let name = own.temporary.as_ref().unwrap().path().to_owned();
+        assert!(name.exists());
+        unfinished(|paths| assert!(paths.contains(&name)));
+        drop(own);
+        unfinished(|paths| assert!(!paths.contains(&name)));
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn folders_and_missing_folders_are_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let error = write_atomically(folder.path(), |_| Ok(())).unwrap_err();
+        assert!(error.to_string().contains("regular file"), "{error}");
+        let path = folder.path().join("no/such/clip.npz");
+        let error = write_atomically(&path, |_| Ok(())).unwrap_err();
+        assert!(error.to_string().contains("no/such/clip.npz"), "{error}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn results_are_as_readable_as_the_umask_says() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let (ours, plain) = (folder.path().join("a"), folder.path().join("b"));
+        write_atomically(&ours, |_| Ok(())).unwrap();
+        fs::write(&plain, b"").unwrap();
+        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode();
+        assert_eq!(mode(&ours), mode(&plain));
+    }
+}

@@ -1,0 +1,11 @@
+//! What a long job needs: progress and cancelling, an estimate of its memory, files that appear whole or not at all,
+//! and decoders of others whose panics are errors.
+
+mod atomic;
+pub mod memory;
+pub(crate) mod outside;
+mod progress;
+
+pub(crate) use atomic::{Unfinished, UnfinishedFolder};
+pub use atomic::{all_or_none, remove_unfinished, write_atomically, write_json};
+pub use progress::{Progress, ProgressFn, SILENT, report};

@@ -1,0 +1,415 @@
+//! Where weights come from: those inside the library, a folder that may override them, a user's own checkpoint.
+
+pub(crate) mod checkpoint;
+mod weights;
+
+use std::{
+    borrow::Cow,
+    fs,
+    io::{self, Read},
+    path::{Path, PathBuf},
+};
+
+use anyface_weights_shared::Model;
+use flate2::read::GzDecoder;
+use serde_json::Value;
+
+use crate::{Error, Result, cache::CacheKey};
+pub use weights::Weights;
+
+/// Weights as training writes them, and as they are shipped: the same bytes, see [`unpack`].
+const PLAIN: &str = "model.safetensors";
+const PACKED: &str = "model.planes.gz";
+/// Most bytes of weights that a packed file may hold.
+const MOST_BYTES: u64 = 2 << 30;
+/// Largest magnitude of a number in a config.
+const LARGEST_NUMBER: f64 = 1e5;
+/// Numbers in configs by their names, with the least and the largest that any model may have.
+const RANGES: [(&str, f64, f64); 31] = [
+    ("adapter_inner", 1.0, 16_384.0),
+    ("alpha", -100.0, 100.0),
+    ("band", 0.0, 1_000.0),
+    ("beta", -100.0, 100.0),
+    ("blocks", 0.0, 256.0),
+    ("channels", 1.0, 16_384.0),
+    ("coarse_dilations", 1.0, 1_000.0),
+    ("delta", 1.0, 1_000.0),
+    ("dilation", 1.0, 1_000.0),
+    ("feedforward", 1.0, 65_536.0),
+    ("fine_dilations", 1.0, 1_000.0),
+    ("fps", 1.0, 240.0),
+    ("heads", 1.0, 256.0),
+    ("inner", 1.0, 16_384.0),
+    ("kernel", 1.0, 1_000.0),
+    ("latent", 1.0, 16_384.0),
+    ("layers", 0.0, 256.0),
+    ("look_back", 0.0, 10_000.0),
+    ("memory_frames", 1.0, 100_000.0),
+    ("outputs", 1.0, 65_536.0),
+    ("overlap_frames", 0.0, 10_000.0),
+    ("period", 1.0, 10_000.0),
+    ("prior_colour", -100.0, 100.0),
+    ("prior_peak", -100.0, 100.0),
+    ("radius", 0.0, 10_000.0),
+    ("scale_m", 1e-6, 10.0),
+    ("steps", 1.0, 1_000.0),
+    ("temperature", 0.0, 10.0),
+    ("train_steps", 1.0, 10_000.0),
+    ("width", 1.0, 16_384.0),
+    ("window_frames", 1.0, 10_000.0),
+];
+
+/// The two files of a model.
+pub struct ModelFiles {
+    /// The bytes of `model.safetensors`.
+    pub weights: Vec<u8>,
+    /// `config.json`.
+    pub config: Cow<'static, str>,
+}
+
+/// A model that is built in, or would be under another feature.
+pub struct BuiltIn {
+    /// Its folder's name.
+    pub name: &'static str,
+    /// What the folders of all its sizes begin with, as in `ats_paper`; `None` where it has one.
+    pub sizes_of: Option<&'static str>,
+    /// `model.planes.gz`; empty where the build lacks it.
+    pub packed: &'static [u8],
+    /// `config.json`.
+    pub config: &'static str,
+    /// Its model card, Markdown.
+    pub card: &'static str,
+}
+
+impl BuiltIn {
+    /// A model that has one size.
+    pub(crate) const fn new(model: &Model) -> Self {
+        BuiltIn {
+            name: model.name,
+            sizes_of: None,
+            packed: model.weights,
+            config: model.config,
+            card: model.card,
+        }
+    }
+
+    /// A model whose folders of all sizes begin with `family`.
+    pub(crate) const fn sized(model: &Model, family: &'static str) -> Self {
+        BuiltIn {
+            sizes_of: Some(family),
+            ..BuiltIn::new(model)
+        }
+    }
+
+    /// A model that a folder may bring, but no feature of this build.
+    #[allow(dead_code)] // Where every feature is on, no model is absent.
+    pub(crate) const fn absent(name: &'static str, sizes_of: Option<&'static str>) -> Self {
+        BuiltIn {
+            name,
+            sizes_of,
+            packed: &[],
+            config: "",
+            card: "Not in this build",
+        }
+    }
+
+    /// The model in `folder` if it is there, of whatever size, else the built-in one.
+    ///
+    /// # Errors
+    /// Those of [`BuiltIn::place`]; `Io` if the model's folder lacks one of its two files; `Weights` if it is in neither
+    /// the folder nor this build.
+    pub fn open(&self, folder: Option<&Path>) -> Result<ModelFiles> {
+        match self.place(folder)? {
+            Some(place) => ModelFiles::read(&place),
+            None if self.packed.is_empty() => Err(Error::Weights(format!(
+                "{}: expected a folder of models that holds it, as this build was made without the feature of its \
+                 system",
+                self.name
+            ))),
+            None => Ok(ModelFiles {
+                weights: unpack(self.packed)
+                    .map_err(|e| Error::Weights(format!("{}: {e}", self.name)))?,
+                config: self.config.into(),
+            }),
+        }
+    }
+
+    /// Where in `folder` the model lies; `None` if it does not.
+    ///
+    /// # Errors
+    /// `Weights` if there is no such folder, or if it holds the model in several sizes.
+    pub fn place(&self, folder: Option<&Path>) -> Result<Option<PathBuf>> {
+        let Some(folder) = folder else {
+            return Ok(None);
+        };
+        let mut found = folders_in(folder)?;
+        found.retain(|name| self.is_called(name));
+        match &found[..] {
+            [] => Ok(None),
+            [name] => Ok(Some(folder.join(name))),
+            several => Err(Error::Weights(format!(
+                "{}: expected one size of {}, got {}",
+                folder.display(),
+                self.sizes_of.unwrap_or(self.name),
+                several.join(", ")
+            ))),
+        }
+    }
+
+    /// Adds the model to the name of what is made with it; its card is no part of that.
+    ///
+    /// # Errors
+    /// Those of [`BuiltIn::open`].
+    pub(crate) fn add_to(&self, key: CacheKey, folder: Option<&Path>) -> Result<CacheKey> {
+        Ok(match self.place(folder)? {
+            Some(place) => {
+                let files = ModelFiles::read(&place)?;
+                key.bytes(&files.weights).text(&files.config)
+            }
+            None => key.bytes(self.packed).text(self.config),
+        })
+    }
+
+    fn is_called(&self, name: &str) -> bool {
+        let size = self
+            .sizes_of
+            .and_then(|family| name.strip_prefix(family)?.strip_prefix('_'));
+        name == self.name || size.is_some()
+    }
+}
+
+/// Checks that a folder of models holds some, and none that would be passed over in silence.
+///
+/// `others` are names that are read by other ways, such as those of speech encoders.
+///
+/// # Errors
+/// `Weights` that names the folder's content and what was expected.
+pub fn check_folder(
+    folder: &Path,
+    known: impl Iterator<Item = &'static BuiltIn>,
+    others: &[&str],
+) -> Result<()> {
+    let known: Vec<&BuiltIn> = known.collect();
+    let is_known =
+        |name: &String| others.contains(&name.as_str()) || known.iter().any(|m| m.is_called(name));
+    let (models, strange): (Vec<_>, Vec<_>) = folders_in(folder)?.into_iter().partition(is_known);
+    let strange = strange.iter().find(|name| {
+        let file = |file| folder.join(name).join(file).is_file();
+        file("config.json") || file(PLAIN) || file(PACKED)
+    });
+    if strange.is_none() && !models.is_empty() {
+        return Ok(());
+    }
+    let names: Vec<&str> = known.iter().map(|model| model.name).collect();
+    Err(Error::Weights(format!(
+        "{}: expected folders of models ({}, {}), got {}",
+        folder.display(),
+        names.join(", "),
+        others.join(", "),
+        strange.map_or("none", String::as_str)
+    )))
+}
+
+/// Names of the folders in `folder`, in order.
+fn folders_in(folder: &Path) -> Result<Vec<String>> {
+    // A mistyped folder must not quietly give the built-in weights.
+    if !folder.is_dir() {
+        let message = format!("{}: expected a folder, found none", folder.display());
+        return Err(Error::Weights(message));
+    }
+    let mut names = Vec::new();
+    for entry in fs::read_dir(folder).map_err(Error::io(folder))? {
+        let entry = entry.map_err(Error::io(folder))?;
+        if entry.path().is_dir() {
+            names.push(entry.file_name().to_string_lossy().into_owned());
+        }
+    }
+    names.sort();
+    Ok(names)
+}
+
+impl ModelFiles {
+    fn read(folder: &Path) -> Result<Self> {
+        let config = folder.join("config.json");
+        let files = ModelFiles {
+            weights: read_weights(folder)?,
+            config: fs::read_to_string(&config)
+                .map_err(Error::io(config))?
+                .into(),
+        };
+        let name = folder.file_name().unwrap_or_default().to_string_lossy();
+        let named = |message: String| Error::Weights(format!("{name}: {message}"));
+        check_numbers(&files.config).map_err(|e| named(format!("config.json: {e}")))?;
+        match Weights::from_bytes(&files.weights)?.check_range() {
+            Err(Error::Weights(message)) => Err(named(message)),
+            other => other.map(|()| files),
+        }
+    }
+}
+
+/// The bytes of a folder's `model.safetensors`, from that file or the packed one.
+fn read_weights(folder: &Path) -> Result<Vec<u8>> {
+    let (plain, packed) = (folder.join(PLAIN), folder.join(PACKED));
+    if plain.is_file() || !packed.is_file() {
+        return fs::read(&plain).map_err(Error::io(plain));
+    }
+    let bytes = fs::read(&packed).map_err(Error::io(&packed))?;
+    let damaged = |e| {
+        Error::Weights(format!(
+            "{}: expected a whole gzip file: {e}",
+            packed.display()
+        ))
+    };
+    unpack(&bytes).map_err(damaged)
+}
+
+/// The bytes of a `model.safetensors` from those of a `model.planes.gz`, which holds the bytes at even places, then
+/// those at odd ones, in gzip.
+///
+/// The high bytes of weights in f16 are much alike: beside each other they take a third less. `pack` in
+/// training/nn/checkpoint.py is the way back.
+fn unpack(packed: &[u8]) -> io::Result<Vec<u8>> {
+    let mut planes = Vec::with_capacity(packed.len() * 5 / 4);
+    GzDecoder::new(packed)
+        .take(MOST_BYTES)
+        .read_to_end(&mut planes)?;
+    let (even, odd) = planes.split_at(planes.len().div_ceil(2));
+    let mut bytes = vec![0; planes.len()];
+    for (pair, low) in bytes.chunks_mut(2).zip(even) {
+        pair[0] = *low;
+    }
+    for (pair, high) in bytes.chunks_exact_mut(2).zip(odd) {
+        pair[1] = *high;
+    }
+    Ok(bytes)
+}
+
+/// Holds every number of a config within its range of [`RANGES`], and the others within
+/// [`LARGEST_NUMBER`], so that no size and no constant of a model is out of all measure.
+fn check_numbers(config: &str) -> Result<(), String> {
+    let value: Value = serde_json::from_str(config).map_err(|e| e.to_string())?;
+    let mut left = vec![(String::new(), &value)];
+    while let Some((name, value)) = left.pop() {
+        match value {
+            Value::Object(fields) => {
+                left.extend(fields.iter().map(|(key, value)| (key.clone(), value)));
+            }
+            Value::Array(items) => left.extend(items.iter().map(|item| (name.clone(), item))),
+            Value::Number(number) => {
+                let known = RANGES.iter().find(|(known, ..)| *known == name);
+                let (low, high) = match known {
+                    Some((_, low, high)) => (*low, *high),
+                    None => (-LARGEST_NUMBER, LARGEST_NUMBER),
+                };
+                let is_within = number.as_f64().is_some_and(|x| (low..=high).contains(&x));
+                if !is_within {
+                    return Err(format!("{name}: expected {low} to {high}, got {number}"));
+                }
+            }
+            Value::Null | Value::Bool(_) | Value::String(_) => {}
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn built_in_models_are_within_the_ranges_and_absurd_ones_are_named() {
+        for model in crate::systems::built_in_models() {
+            check_numbers(model.config).unwrap();
+            let weights = Weights::from_bytes(&unpack(model.packed).unwrap()).unwrap();
+            weights
+                .check_range()
+                .unwrap_or_else(|e| panic!("{}: {e}", model.name));
+        }
+        for (config, words) in [
+            (r#"{"a": [{"steps": 1e300}]}"#, "steps: expected 1 to 1000"),
+            (r#"{"width": 99999999999999999999}"#, "width: expected"),
+            (r#"{"heads": 0}"#, "heads: expected 1 to 256, got 0"),
+            (r#"{"step": 1e38}"#, "step: expected -100000 to 100000"),
+            ("[", "EOF"),
+        ] {
+            let message = check_numbers(config).unwrap_err();
+            assert!(message.contains(words), "{message}");
+        }
+    }
+
+    #[test]
+    fn packed_weights_are_the_plain_ones_and_damage_is_named() {
+        // As Python's gzip packs the planes "ac" and "b" of "abc".
+        const ABC: [u8; 23] = [
+            31, 139, 8, 0, 0, 0, 0, 0, 2, 3, 75, 76, 78, 2, 0, 21, 64, 56, 91, 3, 0, 0, 0,
+        ];
+        assert_eq!(unpack(&ABC).unwrap(), b"abc");
+        let shipped = &crate::mesh::LANDMARK_MODEL;
+        let folder = tempfile::tempdir().unwrap();
+        let own = folder.path().join(shipped.name);
+        fs::create_dir(&own).unwrap();
+        fs::write(own.join("config.json"), shipped.config).unwrap();
+        fs::write(own.join(PACKED), shipped.packed).unwrap();
+        let built_in = shipped.open(None).unwrap();
+        let read = shipped.open(Some(folder.path())).unwrap();
+        assert_eq!(read.weights, built_in.weights);
+        fs::write(
+            own.join(PACKED),
+            &shipped.packed[..shipped.packed.len() / 2],
+        )
+        .unwrap();
+        let message = shipped.open(Some(folder.path())).err().unwrap().to_string();
+        assert!(message.contains(PACKED), "{message}");
+        fs::write(own.join(PLAIN), &built_in.weights).unwrap();
+        let read = shipped.open(Some(folder.path())).unwrap();
+        assert_eq!(read.weights, built_in.weights);
+    }
+
+    #[test]
+    fn what_is_made_with_a_model_is_named_by_its_weights_and_config_and_not_its_card() {
+        let model = &crate::mesh::LANDMARK_MODEL;
+        let name = |model: &BuiltIn| {
+            let key = model.add_to(CacheKey::new("made", 1), None).unwrap();
+            key.digest()
+        };
+        let card = BuiltIn { card: "", ..*model };
+        assert_eq!(name(&card), name(model));
+        let (packed, config) = (&model.packed[1..], &model.config[1..]);
+        assert_ne!(name(&BuiltIn { packed, ..*model }), name(model));
+        assert_ne!(name(&BuiltIn { config, ..*model }), name(model));
+    }
+
+    #[test]
+    fn a_folder_of_infinite_weights_is_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        for model in crate::systems::built_in_models() {
+            let own = folder.path().join(model.name);
+            fs::create_dir(&own).unwrap();
+            let mut bytes = unpack(model.packed).unwrap();
+            let kind = {
+                let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+                let (_, view) = file.iter().next().unwrap();
+                (
+                    view.dtype(),
+                    view.data().as_ptr() as usize - bytes.as_ptr() as usize,
+                )
+            };
+            match kind {
+                (safetensors::Dtype::F32, at) => {
+                    bytes[at..at + 4].copy_from_slice(&f32::INFINITY.to_le_bytes());
+                }
+                (safetensors::Dtype::F16, at) => bytes[at..at + 2].copy_from_slice(&[0, 0xfc]),
+                _ => continue,
+            }
+            fs::write(own.join("model.safetensors"), &bytes).unwrap();
+            fs::write(own.join("config.json"), model.config).unwrap();
+            let error = model.open(Some(folder.path())).map(|_| ()).unwrap_err();
+            let message = error.to_string();
+            assert!(
+                matches!(error, Error::Weights(_)) && message.contains(model.name),
+                "{message}"
+            );
+            fs::remove_dir_all(&own).unwrap();
+        }
+    }
+}

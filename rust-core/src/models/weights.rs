@@ -1,0 +1,267 @@
+//! Named weight arrays from a safetensors file, with errors that say what is missing.
+
+use std::{path::Path, sync::Arc};
+
+use ndarray::{Array1, Array2};
+use safetensors::{Dtype, SafeTensors, tensor::TensorView};
+use std::collections::HashMap;
+
+use crate::{Error, Result};
+
+/// Largest magnitude of a weight in a file.
+const LARGEST: f32 = 1e6;
+
+/// One array: shape and values in row-major order.
+#[derive(Debug, Clone, PartialEq)]
+struct Array {
+    shape: Vec<usize>,
+    values: Vec<f32>,
+}
+
+impl Array {
+    fn check_range(&self, name: &str) -> Result<()> {
+        let is_weight = |x: &&f32| x.abs() <= LARGEST;
+        match self.values.iter().find(|x| !is_weight(x)) {
+            Some(value) => Err(Error::Weights(format!(
+                "{name}: expected numbers within ±{LARGEST}, got {value}"
+            ))),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The arrays of a weights file under a name prefix; cheap to clone.
+///
+/// Half-precision files are widened to `f32` when they are read: half precision saves space in
+/// storage but costs time on a CPU.
+///
+/// ```
+/// # use anyface::models::Weights;
+/// # let bytes = safetensors::serialize(
+/// #     [("head.bias", safetensors::tensor::TensorView::new(
+/// #         safetensors::Dtype::F32, vec![1], &[0, 0, 128, 63])?)], None)?;
+/// let weights = Weights::from_bytes(&bytes)?;
+/// assert_eq!(weights.pp("head").vector("bias", 1)?[0], 1.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Weights {
+    arrays: Arc<HashMap<String, Array>>,
+    prefix: String,
+}
+
+impl Weights {
+    /// Reads a safetensors file from memory.
+    ///
+    /// # Errors
+    /// `Weights` if the bytes are truncated or not safetensors, or a type is neither f16, bf16,
+    /// f32 nor f64. Integer arrays are skipped.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
+        let file = SafeTensors::deserialize(bytes).map_err(|error| {
+            Error::Weights(format!(
+                "expected a whole safetensors file, got {} bytes: {error}",
+                bytes.len()
+            ))
+        })?;
+        let arrays = file
+            .iter()
+            .filter_map(|(name, view)| Some((name.to_owned(), read(&view)?)))
+            .collect();
+        Ok(Self::of(arrays))
+    }
+
+    /// From names, shapes and row-major values.
+    #[cfg(any(feature = "checkpoints", test))]
+    pub(crate) fn from_arrays(
+        arrays: impl IntoIterator<Item = (String, (Vec<usize>, Vec<f32>))>,
+    ) -> Self {
+        let named = |(name, (shape, values))| (name, Array { shape, values });
+        Self::of(arrays.into_iter().map(named).collect())
+    }
+
+    fn of(arrays: HashMap<String, Array>) -> Self {
+        Weights {
+            arrays: Arc::new(arrays),
+            prefix: String::new(),
+        }
+    }
+
+    /// Reads a safetensors file from disk.
+    ///
+    /// # Errors
+    /// `Io` if it cannot be read, else those of [`Weights::from_bytes`].
+    pub fn from_file(path: &Path) -> Result<Self> {
+        let bytes = std::fs::read(path).map_err(Error::io(path))?;
+        Self::from_bytes(&bytes).map_err(|error| match error {
+            Error::Weights(message) => Error::Weights(format!("{}: {message}", path.display())),
+            other => other,
+        })
+    }
+
+    /// Whether every number of every array can be a weight: finite, and of a magnitude that no training gives
+    /// but that products of some still hold.
+    ///
+    /// # Errors
+    /// `Weights` that names the array.
+    pub fn check_range(&self) -> Result<()> {
+        let mut names: Vec<&String> = self.arrays.keys().collect();
+        names.sort();
+        for name in names {
+            self.arrays[name].check_range(name)?;
+        }
+        Ok(())
+    }
+
+    /// The same arrays one level down: `weights.pp("layers").pp(0)` reads `layers.0.*`.
+    pub fn pp(&self, name: impl std::fmt::Display) -> Self {
+        Weights {
+            arrays: Arc::clone(&self.arrays),
+            prefix: match self.prefix.is_empty() {
+                true => name.to_string(),
+                false => format!("{}.{name}", self.prefix),
+            },
+        }
+    }
+
+    /// Whether an array of that name is there.
+    pub fn contains(&self, name: &str) -> bool {
+        self.arrays.contains_key(&self.full_name(name))
+    }
+
+    /// An array of a known shape, values in row-major order.
+    ///
+    /// # Errors
+    /// `Weights` if it is missing, has another shape, or holds what is no weight: NaN, infinity, numbers beyond
+    /// ±1,000,000.
+    pub fn values(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>> {
+        let full = self.full_name(name);
+        let array = self.arrays.get(&full).ok_or_else(|| {
+            Error::Weights(format!("{full}: expected {shape:?}, got no such array"))
+        })?;
+        if array.shape != shape {
+            let got = &array.shape;
+            return Err(Error::Weights(format!(
+                "{full}: expected {shape:?}, got {got:?}"
+            )));
+        }
+        array.check_range(&full)?;
+        Ok(array.values.clone())
+    }
+
+    /// A vector of `length` values.
+    ///
+    /// # Errors
+    /// Those of [`Weights::values`].
+    pub fn vector(&self, name: &str, length: usize) -> Result<Array1<f32>> {
+        Ok(Array1::from_vec(self.values(name, &[length])?))
+    }
+
+    /// A matrix `[rows, columns]`.
+    ///
+    /// # Errors
+    /// Those of [`Weights::values`].
+    pub fn matrix(&self, name: &str, rows: usize, columns: usize) -> Result<Array2<f32>> {
+        let values = self.values(name, &[rows, columns])?;
+        Ok(Array2::from_shape_vec((rows, columns), values).expect("the shape was checked"))
+    }
+
+    fn full_name(&self, name: &str) -> String {
+        match self.prefix.is_empty() {
+            true => name.to_owned(),
+            false => format!("{}.{name}", self.prefix),
+        }
+    }
+}
+
+/// Widens one array to `f32`; `None` for a type that holds no weights.
+fn read(view: &TensorView<'_>) -> Option<Array> {
+    let data = view.data();
+    let values = match view.dtype() {
+        Dtype::F32 => chunks(data, f32::from_le_bytes),
+        Dtype::F64 => chunks(data, |bytes| f64::from_le_bytes(bytes) as f32),
+        Dtype::F16 => chunks(data, |bytes| widen_f16(u16::from_le_bytes(bytes))),
+        Dtype::BF16 => chunks(data, |bytes| {
+            f32::from_bits(u32::from(u16::from_le_bytes(bytes)) << 16)
+        }),
+        _ => return None,
+    };
+    let shape = view.shape().to_vec();
+    Some(Array { shape, values })
+}
+
+fn chunks<const N: usize>(data: &[u8], convert: impl Fn([u8; N]) -> f32) -> Vec<f32> {
+    data.chunks_exact(N)
+        .map(|chunk| convert(chunk.try_into().expect("chunks have N bytes")))
+        .collect()
+}
+
+/// IEEE half precision to single; exact.
+fn widen_f16(half: u16) -> f32 {
+    let sign = u32::from(half >> 15) << 31;
+    let exponent = u32::from(half >> 10) & 0x1f;
+    let fraction = u32::from(half & 0x3ff);
+    match exponent {
+        0 => f32::from_bits(sign | 0x3380_0000) * fraction as f32, // subnormal: ±2⁻²⁴ · fraction
+        0x1f => f32::from_bits(sign | 0x7f80_0000 | fraction << 13),
+        _ => f32::from_bits(sign | (exponent + 112) << 23 | fraction << 13),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file(values: &[f32]) -> Vec<u8> {
+        let data: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        let view = TensorView::new(Dtype::F32, vec![values.len()], &data).unwrap();
+        safetensors::serialize([("a.bias", view)], None).unwrap()
+    }
+
+    #[test]
+    fn half_precision_is_widened_exactly() {
+        for (half, single) in [
+            (0x3c00, 1.0),
+            (0xc000, -2.0),
+            (0x0001, 2f32.powi(-24)),
+            (0x83ff, -1023.0 * 2f32.powi(-24)),
+            (0x7bff, 65504.0),
+            (0x7c00, f32::INFINITY),
+        ] {
+            assert_eq!(widen_f16(half), single, "{half:#06x}");
+        }
+    }
+
+    #[test]
+    fn weights_without_measure_are_named() {
+        for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e38, -2e6] {
+            let weights = Weights::from_bytes(&file(&[1.0, value])).unwrap();
+            let message = weights.check_range().unwrap_err().to_string();
+            assert!(
+                message.contains("a.bias: expected numbers within"),
+                "{message}"
+            );
+        }
+        Weights::from_bytes(&file(&[1.0, -1e6]))
+            .unwrap()
+            .check_range()
+            .unwrap();
+    }
+
+    #[test]
+    fn wrong_shape_says_expected_and_got() {
+        let weights = Weights::from_bytes(&file(&[1.0, 2.0])).unwrap().pp("a");
+        let message = weights.vector("bias", 3).unwrap_err().to_string();
+        assert_eq!(message, "weights: a.bias: expected [3], got [2]");
+        let message = weights.vector("weight", 3).unwrap_err().to_string();
+        assert!(message.contains("no such array"), "{message}");
+    }
+
+    #[test]
+    fn truncated_file_and_nan_are_weights_errors() {
+        let bytes = file(&[1.0, f32::NAN]);
+        let cut = Weights::from_bytes(&bytes[..bytes.len() - 3]);
+        assert!(matches!(cut, Err(Error::Weights(_))));
+        let whole = Weights::from_bytes(&bytes).unwrap();
+        assert!(matches!(whole.vector("a.bias", 2), Err(Error::Weights(_))));
+    }
+}

@@ -1,0 +1,108 @@
+//! All that a performance is asked to be.
+
+use std::{ops::RangeInclusive, sync::Arc};
+
+use crate::{
+    Error, Result,
+    conditions::{Controls, EmotionCurve, Event},
+    mesh::ibug::LANDMARKS,
+    speech::FeltVoice,
+};
+
+/// Frames per second that a result may have.
+pub const FPS: RangeInclusive<f64> = 1.0..=240.0;
+
+/// What a performance is asked to be.
+///
+/// ```
+/// use anyface::{MotionRequest, conditions::EmotionCurve};
+///
+/// let mut request = MotionRequest { fps: 24.0, seed: 7, ..MotionRequest::default() };
+/// request.emotion = EmotionCurve::parse("happy:0.4,surprised:0.3")?;
+/// request.controls.set("articulation", 1.2);
+/// # Ok::<(), anyface::Error>(())
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct MotionRequest {
+    /// Emotion and intensity over time.
+    pub emotion: EmotionCurve,
+    /// Frames per second of the result, within [`FPS`].
+    pub fps: f64,
+    /// Same seed, same motion.
+    pub seed: u64,
+    /// Speaking style by name; `None` takes the model's default.
+    pub style: Option<String>,
+    /// What the system's own controls are set to.
+    pub controls: Controls,
+    /// Where lips are together, `[start_s, end_s]` in rising order, instead of where they are heard to
+    /// be; see [`crate::annotation::Annotation::closures`].
+    pub closures: Option<Vec<[f64; 2]>>,
+    /// What the face is to do and when, in any order; they may overlap. Systems that show none refuse them.
+    pub events: Vec<Event>,
+    /// Another recording of which the feeling is taken, however long, where a system hears feeling
+    /// (`feeling_from` of EmoFace).
+    pub felt_as: Option<Arc<FeltVoice>>,
+    /// Displacements of the landmarks in canonical metres in the frame before the first, such as the last frame
+    /// of another motion; `None` is rest. For systems that make one frame from those before.
+    pub starts_from: Option<[[f32; 3]; LANDMARKS]>,
+}
+
+impl Default for MotionRequest {
+    fn default() -> Self {
+        MotionRequest {
+            emotion: EmotionCurve::default(),
+            fps: 30.0,
+            seed: 0,
+            style: None,
+            controls: Controls::default(),
+            closures: None,
+            events: Vec::new(),
+            felt_as: None,
+            starts_from: None,
+        }
+    }
+}
+
+/// The number of the style that is asked for among those that a model knows; of its default where none is.
+///
+/// # Errors
+/// `InvalidInput` for a name that it does not know.
+pub fn style_number(asked: Option<&str>, styles: &[String], default: &str) -> Result<usize> {
+    let name = asked.unwrap_or(default);
+    let found = styles.iter().position(|known| known == name);
+    found.ok_or_else(|| {
+        let known = styles.join(", ");
+        Error::InvalidInput(format!("style: expected one of {known}, got {name:?}"))
+    })
+}
+
+/// Whether lips can be together then.
+///
+/// # Errors
+/// `InvalidInput` for a time that is not finite or below 0, or an end before its start.
+pub fn check_closures(closures: &[[f64; 2]]) -> Result<()> {
+    for &[start, end] in closures {
+        if !(start.is_finite() && end.is_finite() && 0.0 <= start && start <= end) {
+            return Err(Error::InvalidInput(format!(
+                "closures: expected seconds of at least 0, the end not before the start, got {start} \
+                 to {end}"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Whether a result can have this frame rate.
+///
+/// # Errors
+/// `InvalidInput` for a rate outside [`FPS`].
+pub fn check_fps(fps: f64) -> Result<()> {
+    match FPS.contains(&fps) {
+        true => Ok(()),
+        false => Err(Error::InvalidInput(format!(
+            "fps: expected {} to {}, got {fps}",
+            FPS.start(),
+            FPS.end()
+        ))),
+    }
+}
