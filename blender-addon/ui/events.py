@@ -32,7 +32,6 @@ _SIDES = [
 class ANYFACE_PT_events(OfFacePanel, Panel):
     """Events of the character, for systems that show them."""
 
-    bl_idname = "ANYFACE_PT_events"
     bl_label = "Events"
     bl_order = 2
     bl_options = {"DEFAULT_CLOSED"}

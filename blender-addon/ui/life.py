@@ -84,7 +84,6 @@ def _name(ob) -> str:
 class ANYFACE_PT_life(OfFacePanel, Panel):
     """What lives around the mouth."""
 
-    bl_idname = "ANYFACE_PT_life"
     bl_label = "Life"
     bl_order = 2
     bl_options = {"DEFAULT_CLOSED"}

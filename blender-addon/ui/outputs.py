@@ -15,7 +15,6 @@ from .target import sequencer_scene, target
 class ANYFACE_PT_output(OfFacePanel, Panel):
     """What is made, its options, its size."""
 
-    bl_idname = "ANYFACE_PT_output"
     bl_label = "Output"
     bl_order = 3
 

@@ -57,7 +57,6 @@ class OfFacePanel(OfMorePanel):
 class ANYFACE_PT_main(Sidebar, Panel):
     """Face, sound, style and emotion, the button and what came of it."""
 
-    bl_idname = "ANYFACE_PT_main"
     bl_label = "Anyface"
 
     def draw_header_preset(self, _context):

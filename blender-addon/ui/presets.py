@@ -158,7 +158,6 @@ class ANYFACE_OT_preset_export(WithFile, Operator):
 class ANYFACE_MT_presets(Menu):
     """How the face speaks: a style of Anyface's or of your own"""
 
-    bl_idname = "ANYFACE_MT_presets"
     bl_label = "Style"
 
     def draw(self, context):
@@ -176,7 +175,6 @@ class ANYFACE_MT_presets(Menu):
 class ANYFACE_MT_preset_delete(Menu):
     """Delete a preset of your own"""
 
-    bl_idname = "ANYFACE_MT_preset_delete"
     bl_label = "Delete"
 
     def draw(self, context):

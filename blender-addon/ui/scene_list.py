@@ -34,7 +34,6 @@ class AnyfaceSceneRow(PropertyGroup):
 class ANYFACE_PT_scene(OfMorePanel, Panel):
     """Strips and characters."""
 
-    bl_idname = "ANYFACE_PT_scene"
     bl_label = "Scene"
     bl_order = 5
     bl_options = {"DEFAULT_CLOSED"}

@@ -22,7 +22,6 @@ from .target import sequencer_scene, target
 class ANYFACE_PT_sounds(OfFacePanel, Panel):
     """Sounds that can be mended."""
 
-    bl_idname = "ANYFACE_PT_sounds"
     bl_label = "Mend"
     bl_order = 5
     bl_options = {"DEFAULT_CLOSED"}

@@ -15,7 +15,6 @@ _ICONS = {"PLAYS": "RADIOBUT_ON", "WAITS": "RADIOBUT_OFF", "NLA": "NLA"}
 class ANYFACE_PT_takes(OfFacePanel, Panel):
     """Several results on one character."""
 
-    bl_idname = "ANYFACE_PT_takes"
     bl_label = "Takes"
     bl_order = 4
     bl_options = {"DEFAULT_CLOSED"}

@@ -8,13 +8,14 @@ split `test` appear in no folder as `train`, and act the take that no training h
 15 fps; each stretch has the sound of its take.
 """
 
-import argparse
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
+from training import DATA
 from training.corpus.clip import read_sound
 from training.corpus.expressions import HELD_OUT_TAKE, random_combinations, upper_face
 from training.corpus.facegood import CAPTURE_FPS, SOURCE, arkit_takes, channel_rows
@@ -22,6 +23,7 @@ from training.corpus.faces import Face, align, load_ict
 from training.corpus.remesh import remesh
 from training.corpus.tracks import SOUND_HZ
 from training.corpus.writer import CorpusWriter
+from training.flags import run_command
 
 FPS = 15.0
 STRETCH_S = 10.0
@@ -122,23 +124,20 @@ def _write_clip(writer: CorpusWriter, clip: str, speaker: str, split: str, face:
     writer.vertices(clip, face.vertices + np.einsum("tm,mvx->tvx", weights, face.modes))
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main(
+    data: Path = DATA,
+    out: Path = Path("runs/ict_sequences"),
+    triangles: Annotated[list[int], "0: ICT's own"] = (1500, 1800, 2200),
+    people: Annotated[int, "who train, in each folder"] = 8,
+    held_out: Annotated[int, "who test, in each folder"] = 1,
+    stretches: Annotated[int, "of ten seconds, of each person"] = 6,
+    seed: int = 0,
+) -> None:
     """Entry of the command."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--out", type=Path, default=Path("runs/ict_sequences"))
-    parser.add_argument("--triangles", type=int, nargs="+", default=[1500, 1800, 2200], help="0: ICT's own")
-    parser.add_argument("--people", type=int, default=8, help="who train, in each folder")
-    parser.add_argument("--held-out", type=int, default=1, help="who test, in each folder")
-    parser.add_argument("--stretches", type=int, default=6, help="of ten seconds, of each person")
-    parser.add_argument("--seed", type=int, default=0)
-    args = parser.parse_args(arguments)
-    for number, triangles in enumerate(args.triangles):
-        people = {"train": args.people, "test": args.held_out}
-        seed = args.seed + number
-        out = args.out / f"ict_{seed}"
-        print(write_folder(args.data, out, seed, triangles, people, args.stretches), flush=True)
+    split = {"train": people, "test": held_out}
+    for number, count in enumerate(triangles, seed):
+        print(write_folder(data, out / f"ict_{number}", number, count, split, stretches), flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

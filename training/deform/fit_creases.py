@@ -10,15 +10,15 @@ its own way. Points are drawn on the surface with their mirror images, and the r
 sides. With `--score` errors on identities and warps it was not measured on.
 """
 
-import argparse
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import torch
 from scipy.spatial import cKDTree
 
-from training import shipped
+from training import DATA, shipped
 from training.corpus.emotions import PROTOTYPES, shape_weights
 from training.corpus.expressions import evaluation_frames, load_speech, training_frames
 from training.corpus.faces import Face, align, load_ict, load_makehuman
@@ -28,6 +28,7 @@ from training.corpus.warp import stylise
 from training.deform.creases import Creases
 from training.deform.static_weights import MIRROR, StaticConfig, StaticWeights, deform
 from training.deform.surface import vertex_normals
+from training.flags import run_command
 from training.nn.checkpoint import load_model, write_model
 
 NOISE_DM = 0.005
@@ -217,7 +218,7 @@ def turned(face: PreparedMesh, moved: np.ndarray, truth: np.ndarray, where: np.n
     return float((made * true)[where].sum() / (true[where] ** 2).sum())
 
 
-def score(rng: np.random.Generator, faces: dict[str, Creases], data: Path, models: Path) -> None:
+def print_scores(rng: np.random.Generator, faces: dict[str, Creases], data: Path, models: Path) -> None:
     """Prints errors with and without creases on two identities of ICT and two warps of MakeHuman."""
     model = read_static(models)
     spoken = evaluation_frames(rng, load_speech(data).test, 60)
@@ -252,23 +253,22 @@ def score(rng: np.random.Generator, faces: dict[str, Creases], data: Path, model
                 print(line, flush=True)
 
 
-def main() -> None:
+def main(
+    data: Path = DATA,
+    models: Annotated[Path | None, "folder of models; none: the embedded ones"] = None,
+    score: Annotated[bool, "measure on faces that it was not made from"] = False,
+) -> None:
     """Entry of the command."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--models", type=Path, help="folder of models; none: the embedded ones")
-    parser.add_argument("--score", action="store_true", help="measure on faces that it was not made from")
-    args = parser.parse_args()
     torch.set_num_threads(1)
-    model, weights = read_static(args.models), frames(np.random.default_rng(0), args.data)
+    model, weights = read_static(models), frames(np.random.default_rng(0), data)
     faces = {
         name: measure(np.random.default_rng(0), prepare(face), model, weights, POINTS[name])
-        for name, face in references(args.data).items()
+        for name, face in references(data).items()
     }
-    write_creases(args.models / "creases" if args.models else shipped("creases"), faces)
-    if args.score:
-        score(np.random.default_rng(2026), faces, args.data, args.models)
+    write_creases(models / "creases" if models else shipped("creases"), faces)
+    if score:
+        print_scores(np.random.default_rng(2026), faces, data, models)
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

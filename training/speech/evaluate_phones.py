@@ -6,21 +6,22 @@ Beside every number of words stands the floor: letters spread evenly over the ti
 whose first begin and last end are counted as right.
 """
 
-import argparse
 import json
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from training import shipped
+from training import DATA, shipped
 from training.corpus.heard import Heard, load
+from training.flags import run_command
 from training.nn.checkpoint import read_model, restored
-from training.speech.compact import load_encoder
+from training.speech.compact import SHIPPED_ENCODER, load_encoder
 from training.speech.letters import best_path, emissions, romanised, states_of, word_times
 from training.speech.phones import CLASSES, COARSE, PhoneConfig, PhoneReadout, class_of_segment
 from training.speech.train_phones import log_likelihood, rows_of
 
+PHONES = shipped("phones")
 RATE_HZ = 100.0
 FIRST_S = -0.02
 WITHIN_S = (0.05, 0.1)
@@ -99,21 +100,18 @@ def measure(model: PhoneReadout, table: np.ndarray, every: list[Heard]) -> dict:
     return report
 
 
-def main() -> None:
+def main(
+    data: Path = DATA,
+    model: Path = PHONES,
+    cache: Path = Path("runs/cache"),
+    minutes: float = 3.0,
+) -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--model", type=Path, default=shipped("phones"))
-    parser.add_argument("--encoder", type=Path, default=shipped("compact_speech"))
-    parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
-    parser.add_argument("--minutes", type=float, default=3.0)
-    arguments = parser.parse_args()
     torch.set_num_threads(1)
-    encoder = load_encoder(arguments.encoder)
-    every = load(arguments.data, arguments.cache, encoder, arguments.minutes)
-    for source, row in measure(*read_phones(arguments.model), every).items():
+    every = load(data, cache, load_encoder(SHIPPED_ENCODER), minutes)
+    for source, row in measure(*read_phones(model), every).items():
         print(source, json.dumps(row))
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

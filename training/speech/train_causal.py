@@ -124,7 +124,7 @@ def train(arguments) -> Path:
     """Runs the training; writes `stream.pt` with the averaged weights and returns its path."""
     seeded(arguments)
     debug = arguments.config == "debug"
-    encoder = load_encoder(arguments.encoder).eval().requires_grad_(False)
+    encoder = load_encoder(SHIPPED_ENCODER).eval().requires_grad_(False)
     found = prepare(arguments)
     arguments.out.mkdir(parents=True, exist_ok=True)
     model = new_model(arguments, encoder, found)
@@ -133,7 +133,7 @@ def train(arguments) -> Path:
         seconds[lesson.source] = seconds.get(lesson.source, 0.0) + len(lesson.motion) / FPS
     shares = {source: s**0.5 for source, s in seconds.items()}
     sampler = LessonSampler(found, shares, arguments.seed, model.config)
-    run = start(arguments, model, {"windows": sampler.random}, arguments.average)
+    run = start(arguments, model, {"windows": sampler.random}, 0.99)
     count, frames = (4, 32) if debug else (arguments.batch, arguments.frames)
 
     def judge(averaged: StreamNet) -> dict[str, float]:
@@ -147,14 +147,12 @@ def train(arguments) -> Path:
 def parser() -> argparse.ArgumentParser:
     """Command line."""
     parser = trainer_parser(__doc__, "runs/causal_speech", 2500, 2e-3)
-    parser.add_argument("--encoder", type=Path, default=SHIPPED_ENCODER, help="model folder or run")
     parser.add_argument("--speech-limit", type=int, default=150, help="sounds of each folder")
     parser.add_argument("--config", choices=["stream", "debug"], default="stream")
     parser.add_argument("--channels", type=int, default=144)
     parser.add_argument("--voices", type=int, default=4)
     parser.add_argument("--batch", type=int, default=16)
     parser.add_argument("--frames", type=int, default=112)
-    parser.add_argument("--average", type=float, default=0.99, help="decay of averaged weights")
     return parser
 
 

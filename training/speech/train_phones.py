@@ -5,7 +5,7 @@
 First the read-out learns speech whose phones have known times: Dutch, German actors, twenty languages
 by espeak-ng. Then recorded English and German with text join: espeak-ng says which phones their texts
 have, the read-out says when. The table of letters beside it holds the rules of `training.speech.letters`.
-`--leave` names sources that nothing learns from; `training.speech.evaluate_phones` measures.
+`training.speech.evaluate_phones` measures.
 """
 
 import argparse
@@ -16,13 +16,12 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from training import shipped
 from training.corpus.espeak import Espeak
 from training.corpus.heard import Heard, load
 from training.corpus.phones import SEGMENTS, segments
 from training.nn.checkpoint import write_model
 from training.run import downhill, seeded
-from training.speech.compact import load_encoder
+from training.speech.compact import SHIPPED_ENCODER, load_encoder
 from training.speech.letters import NEVER as LETTERS_NEVER
 from training.speech.letters import UNITS, best_path, table_of_rules
 from training.speech.phones import CLASSES, PARTS, PhoneConfig, PhoneReadout, class_of_segment
@@ -122,9 +121,9 @@ def read_texts(model: PhoneReadout, heard: list[Heard]) -> list[Heard]:
 def train(arguments) -> Path:
     """Runs the training and returns the model's folder."""
     seeded(arguments)
-    encoder = load_encoder(arguments.encoder)
+    encoder = load_encoder(SHIPPED_ENCODER)
     every = load(arguments.data, arguments.cache, encoder, arguments.minutes)
-    heard = [h for h in every if not h.held_out and h.source not in (*NEVER, *arguments.leave)]
+    heard = [h for h in every if not h.held_out and h.source not in NEVER]
     timed, texts = ([h for h in heard if (h.phones is None) == untimed] for untimed in (False, True))
     model = PhoneReadout(PhoneConfig(channels=encoder.config.channels, hidden=arguments.hidden))
     fit(model, timed, arguments.steps // 2, arguments.batch, arguments.seed)
@@ -141,8 +140,6 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--out", type=Path, default=Path("runs/phones"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
-    parser.add_argument("--encoder", type=Path, default=shipped("compact_speech"))
-    parser.add_argument("--leave", nargs="*", default=[], help="sources that nothing learns from")
     parser.add_argument("--minutes", type=float, default=3.0, help="of each language by espeak-ng")
     parser.add_argument("--hidden", type=int, default=160)
     parser.add_argument("--steps", type=int, default=3000)

@@ -9,6 +9,7 @@ from training.corpus.folder import CorpusFolder
 from training.corpus.folder_clips import clips
 from training.corpus.readers import own
 from training.corpus.sequence_meshes import sequence_meshes
+from training.flags import run_command
 from training.tests.test_parity import SHARED, needs_shared
 
 FRAMES_APART = 1
@@ -47,7 +48,7 @@ def test_grid_as_a_folder_is_what_its_reader_gives(tmp_path, monkeypatch):
 @needs_shared
 def test_faces_of_ict_speak_and_hold_out_people_and_take(tmp_path):
     flags = ["--triangles", "1500", "--people", "2", "--held-out", "1", "--stretches", "1"]
-    ict_sequences.main(["--data", str(SHARED / "data"), "--out", str(tmp_path), *flags])
+    run_command(ict_sequences.main, ["--data", str(SHARED / "data"), "--out", str(tmp_path), *flags])
     train, test = (sequence_meshes([tmp_path / "ict_0"], held_out) for held_out in (False, True))
     assert [mesh.name for mesh in train] == ["ict_0_train00", "ict_0_train01"] and len(test) == 1
     assert not np.allclose(train[0].neutral, train[1].neutral, atol=1e-4)

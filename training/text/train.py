@@ -204,7 +204,7 @@ def train(pairs: Pairs, words: Words, hearing: Hearing, arguments: argparse.Name
     chosen = batches.random.permutation(len(pairs.shown))[: arguments.hidden]
     near = [Clause(heard_words(pairs.shown[i][0])) for i in chosen]
     tower = hearing.tower(arguments.hidden, near)
-    optimiser = torch.optim.AdamW(tower.parameters(), lr=arguments.rate, weight_decay=arguments.decay)
+    optimiser = torch.optim.AdamW(tower.parameters(), lr=arguments.rate, weight_decay=1e-2)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, arguments.steps)
     for _ in range(arguments.steps):
         loss = loss_of(tower, hearing, *batches.draw(), arguments)
@@ -222,7 +222,6 @@ def main() -> None:
     parser.add_argument("--batch", type=int, default=128)
     parser.add_argument("--hidden", type=int, default=128)
     parser.add_argument("--rate", type=float, default=1e-2)
-    parser.add_argument("--decay", type=float, default=1e-2)
     parser.add_argument("--noise", type=float, default=0.06, help="mean deviation of the numbers of a place")
     parser.add_argument("--info-nce", type=float, default=0.1)
     parser.add_argument("--folds", type=int, default=0)

@@ -148,7 +148,6 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--clips", type=int, default=8, help="held-out clips of each source")
     parser.add_argument("--few", type=int, default=3, help="of them for emotions and settings")
     parser.add_argument("--seconds", type=float, default=6.0, help="of each clip at most")
-    parser.add_argument("--lessons", type=int, default=40, help="clips of each source that teach the judge")
     parser.add_argument("--judge-steps", type=int, default=800)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1)

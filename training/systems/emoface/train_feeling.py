@@ -46,7 +46,7 @@ def felt_clips(data: Path, limit: int | None = None) -> list[Measured]:
     return found
 
 
-def readers(data: Path, count: int) -> list[Measured]:
+def readers(data: Path, count: int = 60) -> list[Measured]:
     """Neutral by their nature: `count` recordings of each source, evenly drawn; every other one held out."""
     found = []
     for source in READERS:
@@ -58,12 +58,12 @@ def readers(data: Path, count: int) -> list[Measured]:
     return found
 
 
-def fit(clips: list[Measured], shrinkage: float) -> FeelingEncoder:
+def fit(clips: list[Measured]) -> FeelingEncoder:
     """From clips that are not left out."""
     rows = [(c.rows[-TRAINING_INSTANTS:], c.label) for c in clips]
     x = np.concatenate([r for r, _ in rows])
     labels = np.concatenate([np.full(len(r), label) for r, label in rows])
-    return fitted(x, labels, shrinkage)
+    return fitted(x, labels, SHRINKAGE)
 
 
 def logits_of(model: FeelingEncoder, clips: list[Measured]) -> np.ndarray:
@@ -95,12 +95,12 @@ def without_neutral(clips: list[Measured]) -> list[Measured]:
     return out
 
 
-def leave_one_out(clips: list[Measured], others: list[Measured], shrinkage: float) -> dict[str, float]:
+def leave_one_out(clips: list[Measured], others: list[Measured]) -> dict[str, float]:
     """Every actor judged by an encoder that never heard him."""
     logits, labels = [], []
     for actor in sorted({c.speaker for c in clips}):
         own = [c for c in clips if c.speaker == actor]
-        model = fit([c for c in clips if c.speaker != actor] + others, shrinkage)
+        model = fit([c for c in clips if c.speaker != actor] + others)
         logits.append(logits_of(model, own))
         labels.append(np.array([c.label for c in own]))
     return scores(np.concatenate(logits), np.concatenate(labels))
@@ -112,18 +112,16 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--models", type=Path, help="folder of models; none: the embedded ones")
     parser.add_argument("--leave-one-out", action="store_true", help="measure instead of writing the model")
-    parser.add_argument("--readers", type=int, default=60, help="neutral recordings of each source")
-    parser.add_argument("--shrinkage", type=float, default=SHRINKAGE, help="of the covariance")
     parser.add_argument("--limit", type=int, help="recordings of each half of the actors, for a quick look")
     arguments = parser.parse_args()
-    clips, neutral = felt_clips(arguments.data, arguments.limit), readers(arguments.data, arguments.readers)
+    clips, neutral = felt_clips(arguments.data, arguments.limit), readers(arguments.data)
     taught, unheard = ([c for c in neutral if c.held_out == held_out] for held_out in (False, True))
     if arguments.leave_one_out:
-        print("readers taught", leave_one_out(clips, taught, arguments.shrinkage))
-        print("emodb_de alone", leave_one_out(clips, [], arguments.shrinkage))
-        print("neutral voice known", leave_one_out(without_neutral(clips), [], arguments.shrinkage))
+        print("readers taught", leave_one_out(clips, taught))
+        print("emodb_de alone", leave_one_out(clips, []))
+        print("neutral voice known", leave_one_out(without_neutral(clips), []))
         return
-    model = fit([c for c in clips if not c.held_out] + taught, arguments.shrinkage)
+    model = fit([c for c in clips if not c.held_out] + taught)
     state = {name: torch.from_numpy(getattr(model, name)).float()
              for name in ("mean", "scale", "coordinates", "weight", "bias")}  # fmt: skip
     folder = arguments.models / "feeling" if arguments.models else shipped("feeling")

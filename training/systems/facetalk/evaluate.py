@@ -63,7 +63,7 @@ def drawn_by_area(vertices: Tensor, triangles: Tensor, count: int, seed: int) ->
     return points, F.normalize(cross[places.triangle], dim=1)
 
 
-def identity(head: Head, heads: IctHeads, count: int) -> None:
+def identity(head: Head, heads: IctHeads, _data: Path, count: int) -> None:
     """Codes from known coefficients, fitted ones, and the mean head."""
     coefficients = unseen(count)
     vertices = heads.canonical(coefficients)[0]
@@ -82,7 +82,7 @@ def identity(head: Head, heads: IctHeads, count: int) -> None:
     print("spread of the principal directions' coefficients", moved.std().item())
 
 
-def makehuman(head: Head, data: Path) -> None:
+def makehuman(head: Head, _heads: IctHeads, data: Path, _count: int) -> None:
     """A face whose kind training never saw, jaw opened by its own mode."""
     face = load_makehuman(data)
     opened = torch.from_numpy(
@@ -174,7 +174,7 @@ def expression(head: Head, heads: IctHeads, data: Path, count: int) -> None:
 
 
 @torch.no_grad()
-def shapes(head: Head, heads: IctHeads, count: int) -> None:
+def shapes(head: Head, heads: IctHeads, _data: Path, count: int) -> None:
     """Each of ARKit's shapes at weight 1, from rest: by which share the field goes its way, and how far
     vertices are off that it moves by more than half a millimetre."""
     canonical, scales = heads.canonical(unseen(count))
@@ -192,7 +192,7 @@ def shapes(head: Head, heads: IctHeads, count: int) -> None:
 
 
 @torch.no_grad()
-def closure(head: Head, heads: IctHeads, count: int) -> None:
+def closure(head: Head, heads: IctHeads, _data: Path, count: int) -> None:
     """How far lips that meet at rest, and lids that meet when shut, are apart, or have crossed, after the way
     through the canonical pose: pairs of vertices, the part along the true surface's normal beside that of the
     mesh itself."""
@@ -222,12 +222,13 @@ def closure(head: Head, heads: IctHeads, count: int) -> None:
         )
 
 
-def sequences(head: Head, heads: IctHeads, data: Path, count: int, fit: SequenceFit) -> None:
+def sequences(head: Head, heads: IctHeads, data: Path, count: int) -> None:
     """Clouds with noise of stretches of held-out takes, fitted by eq. 16 and frame by frame, from rest."""
     poses = Poses(data, held_out=True)
     random = torch.Generator().manual_seed(UNSEEN_SEED + 2)
     coefficients = unseen(count)
     canonical, scales = heads.canonical(coefficients)
+    fit = SequenceFit()
     alone = replace(fit, group=1, shared=0)
     found: dict[str, list[Tensor]] = {}
     for number in range(count):
@@ -262,6 +263,16 @@ def sequences(head: Head, heads: IctHeads, data: Path, count: int, fit: Sequence
         print(f"sequences, {name} {torch.stack(values).mean():.3f}")
 
 
+MEASURES = {
+    "identity": identity,
+    "makehuman": makehuman,
+    "expression": expression,
+    "closure": closure,
+    "shapes": shapes,
+    "sequences": sequences,
+}
+
+
 def main() -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -269,31 +280,13 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument("--heads", type=int, default=10)
-    parts = ["identity", "makehuman", "expression", "closure", "shapes", "sequences"]
+    parts = list(MEASURES)
     parser.add_argument("--parts", nargs="*", choices=parts, default=parts[:5])
-    parser.add_argument("--iterations", type=int, default=500, help="of eq. 16")
-    parser.add_argument("--points", type=int, default=5000, help="of a cloud, each time (eq. 16)")
-    parser.add_argument("--rate", type=float, default=SequenceFit.rate, help="of eq. 16")
     arguments = parser.parse_args()
     head = load_folder(arguments.head)[0] if arguments.head.is_dir() else load_head(arguments.head)
     heads = IctHeads(arguments.data, arguments.cache, head.config.open_jaw)
-    if "identity" in arguments.parts:
-        identity(head, heads, arguments.heads)
-    if "makehuman" in arguments.parts:
-        makehuman(head, arguments.data)
-    if "expression" in arguments.parts:
-        expression(head, heads, arguments.data, arguments.heads)
-    if "closure" in arguments.parts:
-        closure(head, heads, arguments.heads)
-    if "shapes" in arguments.parts:
-        shapes(head, heads, arguments.heads)
-    if "sequences" in arguments.parts:
-        late, slow = int(0.6 * arguments.iterations), 0.1 * arguments.rate
-        fit = SequenceFit(
-            iterations=arguments.iterations, points=arguments.points, rate=arguments.rate,
-            late_rate=slow, late_from=late,
-        )  # fmt: skip
-        sequences(head, heads, arguments.data, arguments.heads, fit)
+    for part in arguments.parts:
+        MEASURES[part](head, heads, arguments.data, arguments.heads)
 
 
 if __name__ == "__main__":

@@ -35,7 +35,7 @@ from training.systems.freetalk.stored import load_models, load_run
 
 SHARES = {"grid_s1": 0.65, "facegood_zh": 0.35}
 CONCORDANCE = 0.2
-CAPTURED_SHARE = 0.5
+CAPTURED_SHARE, SPEECH_SHARE = 0.5, 0.4
 HELD_OUT_CLIPS = 60
 
 
@@ -131,10 +131,10 @@ def train(arguments) -> Path:
     found = prepare(arguments)
     model = new_model(arguments, found)
     captured = captured_shares(arguments, found)
-    shares = shares_of(found, arguments.speech_share, captured)
+    shares = shares_of(found, SPEECH_SHARE, captured)
     scales = measured_scales([*captured], found)
     sampler = LessonSampler(found, shares, arguments.seed, model.config, scales)
-    run, weight = start(arguments, model, {"windows": sampler.random}, arguments.average), landmark_weights()
+    run, weight = start(arguments, model, {"windows": sampler.random}, 0.99), landmark_weights()
     count, frames = (4, 32) if debug else (arguments.batch, arguments.frames)
 
     def judge(averaged: StreamNet) -> dict[str, float]:
@@ -153,12 +153,10 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--speech", type=Path, nargs="*", default=[], help="folders of sound")
     parser.add_argument("--speech-limit", type=int, help="sounds of each folder")
     parser.add_argument("--minutes", type=float, default=0.0, help="of each language by espeak-ng")
-    parser.add_argument("--speech-share", type=float, default=0.4)
     parser.add_argument("--config", choices=["stream", "debug"], default="stream")
     parser.add_argument("--voices", type=int, default=7)
     parser.add_argument("--batch", type=int, default=16)
     parser.add_argument("--frames", type=int, default=112)
-    parser.add_argument("--average", type=float, default=0.99, help="decay of averaged weights")
     return parser
 
 

@@ -18,6 +18,8 @@ from training.systems.cafe_talk.stored import load
 
 SLOT_FRAMES = 20
 """0.8 s."""
+LESSONS = 40
+"""Clips of each source that teach the judge."""
 
 
 @dataclass
@@ -117,13 +119,13 @@ def clips(arguments) -> tuple[list[Entry], list[Entry]]:
     """Clips to teach the judge, and held-out ones to judge and measure; weights [T, 51] for motion.
 
     `arguments`: `corpus` folders, or the `data` folder with `cache` and `voices` as in training, whose bank
-    is then found; `lessons` and `clips` of each source, at most `seconds` of each.
+    is then found; `clips` of each source, at most `seconds` of each.
     """
     if arguments.corpus:
         entries = bank.of_folders(arguments.corpus, 1)
     else:
         entries = bank.load(arguments.data, arguments.cache, arguments.voices)
-    taken = first_of_each(entries, arguments.lessons, arguments.clips)
+    taken = first_of_each(entries, LESSONS, arguments.clips)
     solved = arkit.as_weights(taken, None if arguments.corpus else arguments.data)
     cut = [shortened(entry, int(arguments.seconds * FPS)) for entry in solved]
     return [e for e in cut if not e.held_out], [e for e in cut if e.held_out]

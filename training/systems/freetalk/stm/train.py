@@ -50,6 +50,8 @@ from training.systems.freetalk.stm.train_paper import (
 STEPS = 5000
 """Of the static decoder."""
 SAVE_EVERY = 500
+COARSEST = 14
+"""Meshes of each face for the paper's decoder."""
 SHAPES = 1500
 """Neutral faces of each kind by which a familiar one is told."""
 
@@ -163,7 +165,7 @@ def train_on_data(args) -> None:
             learn_shapes(model, faces, args.data, args.seed)
         else:
             config = PAPER[args.config or "compact"]
-            meshes = {f: coarsest(corpus.train[f], args.meshes) for f in faces}
+            meshes = {f: coarsest(corpus.train[f], COARSEST) for f in faces}
             seen = {f: [paper_mesh(m, config) for m in meshes[f]] for f in meshes}
             model = train_paper(config, speech, *plan(args, seen), out, *how(args))
         save(args.runs / f"{args.model}_{name}.pt", model)
@@ -226,7 +228,6 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--config", choices=sorted({*CONFIGS, *PAPER}), help="size: see the model's CONFIGS")
     parser.add_argument("--steps", type=int, help=f"{STEPS} for static; paper: in place of --seconds")
     parser.add_argument("--seconds", type=float, default=180.0, help="processor time, paper")
-    parser.add_argument("--meshes", type=int, default=14, help="of each face, the coarsest, for paper")
     parser.add_argument("--shapes", type=int, default=SHAPES, help="neutral faces by which one is told")
     recipes.add_arguments(parser)
     add_arguments(parser, "float32")
