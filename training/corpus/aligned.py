@@ -201,8 +201,8 @@ def speak(espeak: Espeak, language: str, minutes: float, seed: int, texts=()) ->
     random = np.random.default_rng([seed, zlib.crc32(language.encode())])
     found, seconds = [], 0.0
     while seconds < 60.0 * minutes:
-        own = texts[int(random.integers(len(texts)))] if len(texts) and random.random() < 0.5 else None
-        text = own or _sentence(language, random)
+        phrase = texts[int(random.integers(len(texts)))] if len(texts) and random.random() < 0.5 else None
+        text = phrase or _sentence(language, random)
         voice = language + str(random.choice(VARIANTS))
         rate, pitch, melody = (int(random.integers(*r)) for r in ((110, 230), (20, 85), (20, 80)))
         samples, phones = espeak.speak(text, voice, rate, pitch, melody)

@@ -4,6 +4,7 @@ import numpy as np
 import torch
 from torch.nn.functional import max_pool1d
 
+from training.corpus.action_units import runs
 from training.corpus.clip import MEL_PER_FRAME
 from training.corpus.phones import BILABIALS
 
@@ -75,10 +76,8 @@ def closures_met(opening: torch.Tensor, phones: torch.Tensor) -> list[bool]:
 def bilabial_frames(phones: torch.Tensor) -> list[tuple[int, int]]:
     """Motion frames [first, last) around each run of p, b or m in a track at mel rate [4 T]."""
     inside = torch.isin(phones.long(), torch.tensor(BILABIALS)).int()
-    edges = torch.diff(inside, prepend=torch.zeros(1), append=torch.zeros(1))
-    starts, ends = (torch.nonzero(edges == sign).flatten().tolist() for sign in (1, -1))
     spans = []
-    for a, b in zip(starts, ends, strict=True):
+    for a, b in runs(inside):
         last = min(b // MEL_PER_FRAME + 1, len(phones) // MEL_PER_FRAME)
         first = max(a // MEL_PER_FRAME - BEFORE_FRAMES, 0)
         if first < last:

@@ -79,7 +79,8 @@ def load_ict(data: Path, region: str = "face") -> IctModel:
         expression = f.get_tensor("expression")[:, keep].astype(np.float64)
         identity = f.get_tensor("identity")[:, keep].astype(np.float64)
     triangles = triangles[(triangles <= last).all(1)].astype(np.int64)
-    modes = np.stack([channel_of_ict(expression, names, c) for c in CHANNELS])
+    by_name = dict(zip(names, expression, strict=True))
+    modes = np.stack([channel_of_ict(by_name, c) for c in CHANNELS])
     mean = Face("ict", 0.01 * neutral[keep].astype(np.float64), triangles, landmarks, 0.01 * modes)
     aligned = align(mean)
     scale = np.linalg.norm(aligned.modes) / np.linalg.norm(mean.modes)
@@ -101,11 +102,7 @@ def load_makehuman(data: Path) -> Face:
     return align(face)
 
 
-def channel_of_ict(expression: np.ndarray, names: list[str], channel: str) -> np.ndarray:
+def channel_of_ict(modes: dict[str, np.ndarray], channel: str) -> np.ndarray:
     """The ICT mode, or pair of modes, of one ARKit channel. [V, 3]."""
-    stem = channel.replace("Left", "_L").replace("Right", "_R")
-    if channel in names:
-        return expression[names.index(channel)]
-    if stem in names:
-        return expression[names.index(stem)]
-    return expression[names.index(f"{channel}_L")] + expression[names.index(f"{channel}_R")]
+    name = channel if channel in modes else channel.replace("Left", "_L").replace("Right", "_R")
+    return modes[name] if name in modes else modes[f"{name}_L"] + modes[f"{name}_R"]

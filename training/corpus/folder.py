@@ -159,8 +159,8 @@ class CorpusFolder:
     def mesh_file(self, row: Row) -> Path:
         """The file of the neutral mesh of the clip's speaker."""
         inside = self.path / "topologies" / self.topology_name
-        own = inside / f"{row.speaker}.obj"
-        return own if own.exists() else inside / "neutral.obj"
+        speaker_file = inside / f"{row.speaker}.obj"
+        return speaker_file if speaker_file.exists() else inside / "neutral.obj"
 
     def phones(self, row: Row) -> list[Phone] | None:
         """Phones with times."""

@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 from safetensors import safe_open
 
+from training.corpus.faces import channel_of_ict
+
 
 class IctLandmarks:
     """`neutral` [68, 3] and `modes[name]` [68, 3], metres, canonical axes, ICT's own origin."""
@@ -30,11 +32,4 @@ class IctLandmarks:
 
     def mode(self, name: str) -> np.ndarray:
         """One mode [68, 3]. ARKit's `browInnerUp` and `cheekPuff` are both sides together."""
-        key = name.replace("Left", "_L").replace("Right", "_R") if len(name) > 9 else name
-        if name in self.modes:
-            return self.modes[name]
-        if key in self.modes:
-            return self.modes[key]
-        if f"{name}_L" in self.modes:
-            return self.modes[f"{name}_L"] + self.modes[f"{name}_R"]
-        raise KeyError(f"ICT has no expression mode for {name!r}")
+        return channel_of_ict(self.modes, name)

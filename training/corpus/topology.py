@@ -32,8 +32,8 @@ class Topology:
 @lru_cache(maxsize=32)
 def topology_of(folder: Path, speaker: str, unit_m: float) -> Topology:
     """The neutral mesh of a speaker, else of the folder; its file has `unit_m` metres a unit."""
-    own = folder / f"{speaker}.obj"
-    path = own if own.exists() else folder / "neutral.obj"
+    speaker_file = folder / f"{speaker}.obj"
+    path = speaker_file if speaker_file.exists() else folder / "neutral.obj"
     vertices, triangles = read_obj(path)
     corners, shares = read_landmark_table(folder / "landmarks.json", len(vertices), triangles)
     return Topology(unit_m * vertices, triangles, corners, shares)

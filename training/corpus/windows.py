@@ -107,8 +107,8 @@ class WindowSampler:
         lengths = np.array([len(e.motion) for e in group], dtype=float)
         entry = group[self.random.choice(len(group), p=lengths / lengths.sum())]
         bare = self.random.random() < self.augment.as_recorded_share
-        own = bare or self.random.random() < self.augment.own_voice_share or len(entry.mels) == 1
-        voice = 0 if own else int(self.random.integers(1, len(entry.mels)))
+        own_voice = bare or self.random.random() < self.augment.own_voice_share or len(entry.mels) == 1
+        voice = 0 if own_voice else int(self.random.integers(1, len(entry.mels)))
         octaves = 0.0 if bare else self.augment.tempo_octaves
         tempo = 2.0 ** self.random.uniform(-octaves, octaves)
         available = int(len(entry.motion) / tempo)

@@ -58,7 +58,8 @@ def load_head(data: Path) -> Head:
         regions = {n: np.arange(a, b + 1) for n, a, b in json.loads(metadata["regions"])}
         neutral = f.get_tensor("neutral").astype(np.float64)
         expression = f.get_tensor("expression").astype(np.float64)
-        modes = np.stack([channel_of_ict(expression, names, c) for c in CHANNELS])
+        by_name = dict(zip(names, expression, strict=True))
+        modes = np.stack([channel_of_ict(by_name, c) for c in CHANNELS])
         triangles = f.get_tensor("triangles")
         landmarks = f.get_tensor("landmarks68").astype(np.int64)
         identity = f.get_tensor("identity").astype(np.float64)

@@ -172,10 +172,10 @@ def measure(
     surface = draw(rng, mesh, field, count)
     points = surface.of(position)
     moved = np.tensordot(weights, mesh.modes[:, mesh.landmarks].numpy(), 1)
-    own = np.tensordot(weights, surface.of(field), 1)
+    here = np.tensordot(weights, surface.of(field), 1)
     other = np.tensordot(weights, beside(mesh, field, points * SIDE), 1) * SIDE
     both = np.concatenate([moved, reflected(moved)])
-    left = regress(both, np.concatenate([own, other]))
+    left = regress(both, np.concatenate([here, other]))
     cross, motion = compress(np.concatenate([left, mirrored_map(left)], axis=1), both)
     return Creases(
         np.concatenate([points, points * SIDE]),

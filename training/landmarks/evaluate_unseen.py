@@ -56,9 +56,9 @@ def heads(anyface: list, folder: Path, faces, held_out: np.ndarray, count: int) 
             refused.append(number)
             continue
         miss = np.linalg.norm(found - head.landmarks, axis=1) / face_height(head.landmarks)
-        for name, own in ALL_REGIONS.items():
-            off[name].append(miss[own].mean())
-        good.append(all(miss[own].mean() <= WITHIN for own in REGIONS.values()))
+        for name, region in ALL_REGIONS.items():
+            off[name].append(miss[region].mean())
+        good.append(all(miss[region].mean() <= WITHIN for region in REGIONS.values()))
         if number % 20 == 19:
             print(f"{number + 1} heads, {sum(good)} found, {len(refused)} refused", flush=True)
         if not good[-1]:

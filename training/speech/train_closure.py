@@ -74,7 +74,7 @@ def speech_with_phones(arguments) -> tuple[list[bank.Entry], dict[str, float]]:
     return entries, SHARES
 
 
-def main(given: list[str] | None = None) -> None:
+def main(line: list[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
@@ -89,7 +89,7 @@ def main(given: list[str] | None = None) -> None:
     parser.add_argument("--batch", type=int, default=24)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1)
-    arguments = parser.parse_args(given)
+    arguments = parser.parse_args(line)
     seeded(arguments)
     saved = torch.load(arguments.run)
     encoder = CompactEncoder(CompactConfig(**saved["encoder_config"])).eval()

@@ -134,7 +134,7 @@ def test_in_one_stage_base_and_adapter_learn_together(tmp_path):
 def test_a_folder_or_base_that_does_not_fit_is_told(tmp_path):
     with pytest.raises(FileNotFoundError, match="expected a cafe_talk.pt or a model folder"):
         stored.load(tmp_path / "nowhere.pt")
-    with pytest.raises(FileNotFoundError, match="config.json is missing"):
+    with pytest.raises(FileNotFoundError, match="expected config.json, it is missing"):
         stored.load(tmp_path)
     made = run(tmp_path, "--out", tmp_path / "a", "--steps", 1)
     folder = export("cafe_talk", tmp_path / "models", run=made)[-1]

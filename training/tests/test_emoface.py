@@ -8,7 +8,7 @@ import torch
 
 from training.nn.biased_attention import BiasedSelfAttention, periodic_positions, temporal_bias
 from training.nn.spiral_conv import SpiralConv3D, spirals
-from training.systems.emoface.model import EmoFace, Given, debug_config
+from training.systems.emoface.model import EmoFace, Inputs, debug_config
 
 
 def grid(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
@@ -106,10 +106,10 @@ def model() -> EmoFace:
     return made
 
 
-def given(made: EmoFace, frames: int) -> Given:
+def inputs(made: EmoFace, frames: int) -> Inputs:
     """Random features of one row."""
     config = made.config
-    return Given(
+    return Inputs(
         torch.randn(1, frames, config.speech.channels),
         torch.randn(1, frames, config.feeling_channels),
         torch.tensor([1]),
@@ -121,12 +121,12 @@ def test_a_new_model_leaves_the_template_at_rest():
     points, triangles = grid(10, 9)
     config = debug_config(len(points))
     made = EmoFace(config, spirals(points, triangles, config.kernel, config.dilation))
-    assert not made.perform(given(made, 5)).motion.any()
+    assert not made.perform(inputs(made, 5)).motion.any()
 
 
 def test_performing_equals_the_parallel_pass_on_what_was_performed():
     made = model()
-    asked = given(made, 20)
+    asked = inputs(made, 20)
     performed = made.perform(asked)
     before = torch.cat([torch.zeros_like(performed.motion[:, :1]), performed.motion[:, :-1]], dim=1)
     with torch.no_grad():
@@ -137,8 +137,8 @@ def test_performing_equals_the_parallel_pass_on_what_was_performed():
 
 def test_feeling_reaches_the_emotion_branch_and_the_mask_alone():
     made = model()
-    asked = given(made, 8)
-    other = Given(asked.content, torch.randn_like(asked.feeling), asked.style, asked.level)
+    asked = inputs(made, 8)
+    other = Inputs(asked.content, torch.randn_like(asked.feeling), asked.style, asked.level)
     before = torch.randn(1, 8, 3 * made.config.vertices)
     with torch.no_grad():
         one, two = made(before, asked), made(before, other)

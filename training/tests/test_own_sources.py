@@ -7,7 +7,7 @@ from training.corpus.aligned import read_grid_speech
 from training.corpus.facegood import read_facegood
 from training.corpus.folder import CorpusFolder
 from training.corpus.folder_clips import clips
-from training.corpus.readers import own
+from training.corpus.readers import project
 from training.corpus.sequence_meshes import sequence_meshes
 from training.flags import run_command
 from training.tests.test_parity import SHARED, needs_shared
@@ -28,7 +28,7 @@ def alike(found, expected, atol_m: float) -> None:
 
 @needs_shared
 def test_facegood_as_a_folder_is_what_its_reader_gives(tmp_path):
-    folder = own.facegood_zh(SHARED / "data", tmp_path / "facegood_zh", None)
+    folder = project.facegood_zh(SHARED / "data", tmp_path / "facegood_zh", None)
     expected = sorted(read_facegood(SHARED / "data"), key=lambda c: c.name.replace("/", "_"))
     alike(clips(CorpusFolder(folder)), expected, 1e-4)
 
@@ -37,9 +37,9 @@ def test_facegood_as_a_folder_is_what_its_reader_gives(tmp_path):
 def test_grid_as_a_folder_is_what_its_reader_gives(tmp_path, monkeypatch):
     few = grid.read_grid(SHARED / "data")[:11:5]
     names = {clip.name for clip in few}
-    monkeypatch.setattr(own.grid, "read_grid", lambda data: few)
-    monkeypatch.setattr(own, "read_grid_speech", lambda data: read_grid_speech(data, names))
-    found = clips(CorpusFolder(own.grid_s1(SHARED / "data", tmp_path / "grid_s1", None)))
+    monkeypatch.setattr(project.grid, "read_grid", lambda data: few)
+    monkeypatch.setattr(project, "read_grid_speech", lambda data: read_grid_speech(data, names))
+    found = clips(CorpusFolder(project.grid_s1(SHARED / "data", tmp_path / "grid_s1", None)))
     alike(found, few, 1e-6)
     for a, b in zip(found, few, strict=True):
         assert np.array_equal(a.weight, b.weight) and len(a.phones) > 8

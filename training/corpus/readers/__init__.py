@@ -2,7 +2,7 @@
 
 from training.corpus.readers.flame import emovoca, mead
 from training.corpus.readers.openface import openface
-from training.corpus.readers.own import facegood_zh, grid_s1
+from training.corpus.readers.project import facegood_zh, grid_s1
 from training.corpus.readers.sequences import biwi, multiface, vocaset
 from training.corpus.readers.weights import beat, live_link_face
 

@@ -128,14 +128,14 @@ class CafeTalkTrainer:
         swapped = torch.rand(count, generator=self.random) < self.swapped_share
         swapped &= events.any(dim=-1).any(dim=-1)
         given = (torch.rand(count, generator=self.random) >= MASKED_SHARE) | swapped
-        felt = self._told(emotion, swapped)
+        felt = self._label_places(emotion, swapped)
         seen = torch.maximum(
             batch.weight.float().clamp_min(UNSEEN_WEIGHT), (intensity[..., None] > 0).float()
         )
         if self.fine:
             seen = torch.maximum(seen, EVENT_WEIGHT * self._controlled(events))
-            told = torch.from_numpy(self.generator.uniform(*TOLD_INTENSITY, (count, 1))).float()
-            intensity = torch.where(swapped[:, None], told, intensity)
+            label_intensity = torch.from_numpy(self.generator.uniform(*TOLD_INTENSITY, (count, 1))).float()
+            intensity = torch.where(swapped[:, None], label_intensity, intensity)
         device = self.machine.device
         coarse = Coarse(*(t.to(device) for t in (label, felt, intensity, given)))
         return Step(
@@ -176,7 +176,7 @@ class CafeTalkTrainer:
         emotion = (1 - share)[:, None] * rows[0] + share[:, None] * rows[1]
         return emotion, (1 - share) * levels[0] + share * levels[1]
 
-    def _told(self, emotion: torch.Tensor, swapped: torch.Tensor) -> torch.Tensor:
+    def _label_places(self, emotion: torch.Tensor, swapped: torch.Tensor) -> torch.Tensor:
         """Places in the text space [B, T, E] of words for what is felt, or something else where swapped."""
         out = []
         for row, other in zip(emotion, swapped, strict=True):

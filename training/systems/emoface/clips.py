@@ -22,7 +22,7 @@ from training.nn.checkpoint import read_bytes, read_model
 from training.speech.compact import SHIPPED_ENCODER, load_encoder, normalise
 from training.speech.hubert import HubertFeatures
 from training.speech.log_mel import log_mel
-from training.systems.emoface import own
+from training.systems.emoface import folder_clips
 from training.systems.emoface.feeling import FeelingConfig, FeelingEncoder
 from training.systems.emoface.model import ANY_STYLE, EmoFaceConfig, SpeechInput, Template
 from training.systems.emoface.rows import Spoken
@@ -73,13 +73,13 @@ def of_corpus(arguments, config: EmoFaceConfig) -> list[Spoken]:
         encoder = load_encoder(SHIPPED_ENCODER).eval()
         config.speech = SpeechInput("compact_speech", encoder.config.channels)
         hears = partial(_said, encoder)
-    clips = own.spoken(CorpusFolder(arguments.corpus), hears, feels)
+    clips = folder_clips.spoken(CorpusFolder(arguments.corpus), hears, feels)
     config.fps = FPS
     config.styles = [*sorted({c.source for c in clips}), ANY_STYLE]
     return clips
 
 
-def _checkpoint(folder: Path, transformer_fps: float | None) -> tuple[SpeechInput, own.Hears]:
+def _checkpoint(folder: Path, transformer_fps: float | None) -> tuple[SpeechInput, folder_clips.Hears]:
     """A user's encoder, in FaceFormer's order of steps where the size asks for it, at our frame rate."""
     features = HubertFeatures(folder, FPS if transformer_fps else None)
     about = SpeechInput(features.kind, features.channels, features.transformer_fps)

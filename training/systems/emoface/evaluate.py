@@ -103,10 +103,10 @@ def branches(judged: Judged, clips: list[Spoken]) -> dict[str, tuple[float, floa
 @torch.no_grad()
 def felt_as(judged: Judged, clip: Spoken, other: Spoken) -> Made:
     """A sentence with the feeling of another recording, stretched to its length."""
-    given = together([clip], judged.model.config, len(clip))
+    inputs = together([clip], judged.model.config, len(clip))
     at = np.linspace(0.2 * (len(other) - 1), len(other) - 1, len(clip)).round().astype(int)
-    given.feeling = other.feeling[at].float()[None]
-    return judged.model.perform(given)
+    inputs.feeling = other.feeling[at].float()[None]
+    return judged.model.perform(inputs)
 
 
 def crossed(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
@@ -153,11 +153,11 @@ def taught(judged: Judged, clips: list[Spoken]) -> dict[str, tuple[float, float]
     frames of a clip, and the cosine.
     """
     out = {}
-    neutral = [_told(judged, clip, FEELINGS[0]) for clip in clips]
+    neutral = [_under_label(judged, clip, FEELINGS[0]) for clip in clips]
     for feeling in FEELINGS[1:]:
         pairs = []
         for clip, (found, truth) in zip(clips, neutral, strict=True):
-            made, meant = _told(judged, clip, feeling)
+            made, meant = _under_label(judged, clip, feeling)
             pairs.append((made - found, meant - truth))
         made, meant = (torch.cat([pair[k].flatten() for pair in pairs]) for k in (0, 1))
         along = made @ meant
@@ -166,12 +166,12 @@ def taught(judged: Judged, clips: list[Spoken]) -> dict[str, tuple[float, float]
 
 
 @torch.no_grad()
-def _told(judged: Judged, clip: Spoken, feeling: str) -> tuple[Tensor, Tensor]:
+def _under_label(judged: Judged, clip: Spoken, feeling: str) -> tuple[Tensor, Tensor]:
     """Mean faces [V, 3] metres, made and true, of a sentence under a feeling that is told."""
-    given = together([clip], judged.model.config, len(clip))
-    given.feeling = judged.model.prototypes[FEELINGS.index(feeling)].expand(1, len(clip), -1)
+    inputs = together([clip], judged.model.config, len(clip))
+    inputs.feeling = judged.model.prototypes[FEELINGS.index(feeling)].expand(1, len(clip), -1)
     label = Spoken("", "", True, [], clip.feeling, clip.weights, feeling)
-    return judged.metres(judged.model.perform(given).motion).mean(dim=0), judged.truth(clip, label).mean(
+    return judged.metres(judged.model.perform(inputs).motion).mean(dim=0), judged.truth(clip, label).mean(
         dim=0
     )
 

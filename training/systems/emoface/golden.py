@@ -7,7 +7,7 @@ import torch
 from training.goldens import write_golden
 from training.nn.spiral_conv import spirals
 from training.speech.golden_compact import randomise_norms
-from training.systems.emoface.model import EmoFace, Given, debug_config
+from training.systems.emoface.model import EmoFace, Inputs, debug_config
 
 FRAMES, STYLE = 30, 1
 
@@ -33,20 +33,20 @@ def write(out: Path, shared: Path) -> Path:
             branch.motion_out.bias.normal_(std=0.2)
         model.prototypes.normal_()
         model.mesh_attention.out.weight.normal_()
-    given = Given(
+    inputs = Inputs(
         torch.randn(1, FRAMES, config.speech.channels),
         torch.randn(1, FRAMES, config.feeling_channels),
         torch.tensor([STYLE]),
         torch.linspace(0.0, 1.5, FRAMES)[None],
     )
     first = torch.randn(1, 3 * config.vertices)
-    made = model.perform(given, first)
+    made = model.perform(inputs, first)
     shares = torch.softmax(torch.randn(len(config.feelings)), dim=0)
     tensors = {
         "weights.spirals": torch.from_numpy(around).float(),
-        "content": given.content[0],
-        "feeling": given.feeling[0],
-        "level": given.level[0],
+        "content": inputs.content[0],
+        "feeling": inputs.feeling[0],
+        "level": inputs.level[0],
         "first": (first * config.scale_m).unflatten(1, (-1, 3))[0],
         "motion": made.motion[0] * config.scale_m,
         "content_motion": made.content[0] * config.scale_m,

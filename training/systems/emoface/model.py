@@ -123,7 +123,7 @@ class MeshAttention(nn.Module):
 
 
 @dataclass
-class Given:
+class Inputs:
     """What a stretch is made from: `content` [B, T, speech channels], `feeling` [B, T, feeling channels],
     `style` [B], `level` [B, T] of feeling from 0 to 1.5.
     """
@@ -158,16 +158,16 @@ class EmoFace(nn.Module):
         self.mesh_attention = MeshAttention(config, spirals)
         self.register_buffer("prototypes", torch.zeros(len(config.feelings), config.feeling_channels))
 
-    def forward(self, before: Tensor, given: Given) -> Made:
+    def forward(self, before: Tensor, inputs: Inputs) -> Made:
         """`before` [B, T, D] is the frame before each frame, in units of `scale_m`."""
-        content, feeling = self.content_in(given.content), self.feeling_in(given.feeling)
-        plain, felt = self._conditions(given)
+        content, feeling = self.content_in(inputs.content), self.feeling_in(inputs.feeling)
+        plain, felt = self._conditions(inputs)
         parts = self.content(before, content, plain), self.feeling(before, feeling, felt)
         return self.fused(*parts, self.mesh_attention(content, feeling))
 
-    def _conditions(self, given: Given) -> tuple[Tensor, Tensor]:
-        style = self.style(given.style)[:, None]
-        level = given.level[..., None]
+    def _conditions(self, inputs: Inputs) -> tuple[Tensor, Tensor]:
+        style = self.style(inputs.style)[:, None]
+        level = inputs.level[..., None]
         return style.expand(-1, level.shape[1], -1), style + (1.0 - level) * self.level[
             0
         ] + level * self.level[1]
@@ -180,13 +180,13 @@ class EmoFace(nn.Module):
         return Made(w * feeling + (1.0 - w) * content, content, feeling, mask)
 
     @torch.no_grad()
-    def perform(self, given: Given, first: Tensor | None = None, layer: str = "motion") -> Made:
+    def perform(self, inputs: Inputs, first: Tensor | None = None, layer: str = "motion") -> Made:
         """Frame after frame from a first pose [B, D] (the template if none); as `layer` `content` and
         `feeling` go on from themselves alone."""
-        content, feeling = self.content_in(given.content), self.feeling_in(given.feeling)
-        plain, felt = self._conditions(given)
+        content, feeling = self.content_in(inputs.content), self.feeling_in(inputs.feeling)
+        plain, felt = self._conditions(inputs)
         mask = self.mesh_attention(content, feeling)
-        rows, size = given.style.shape[0], 3 * self.config.vertices
+        rows, size = inputs.style.shape[0], 3 * self.config.vertices
         before = (torch.zeros(rows, size) if first is None else first)[:, None]
         kept, frames = ([], []), []
         for t in range(content.shape[1]):

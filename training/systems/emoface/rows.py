@@ -9,7 +9,7 @@ from torch import Tensor
 from training.corpus.conditions import EMOTIONS
 from training.corpus.felt import with_emotion
 from training.corpus.windows import interpolate
-from training.systems.emoface.model import ANY_STYLE, EmoFaceConfig, Given
+from training.systems.emoface.model import ANY_STYLE, EmoFaceConfig, Inputs
 
 NEUTRAL = "neutral"
 NEUTRAL_SHARE = 0.45
@@ -48,7 +48,7 @@ class Spoken:
 class Batch:
     """`given` as the model takes it; `weights` [B, T, 51] felt, `before` [B, T, 51] the frame before each."""
 
-    given: Given
+    inputs: Inputs
     weights: Tensor
     before: Tensor
 
@@ -82,7 +82,7 @@ class Rows:
         """`count` rows of `frames` frames."""
         rows = [self._row(frames) for _ in range(count)]
         content, feeling, style, level, weights, before = (torch.stack(x) for x in zip(*rows, strict=True))
-        return Batch(Given(content, feeling, style, level), weights, before)
+        return Batch(Inputs(content, feeling, style, level), weights, before)
 
     def _row(self, frames: int):
         source = self.sources[int(self.random.choice(len(self.sources), p=self.shares))]

@@ -23,9 +23,9 @@ from training.nn.checkpoint import save
 from training.nn.spiral_conv import spirals
 from training.run import begin, descend, seeded, trainer_parser
 from training.systems.cafe_talk.train import lips_met
-from training.systems.emoface import own
+from training.systems.emoface import folder_clips
 from training.systems.emoface.clips import load_clips, template_of
-from training.systems.emoface.model import CONFIGS, EmoFace, EmoFaceConfig, Given, Made
+from training.systems.emoface.model import CONFIGS, EmoFace, EmoFaceConfig, Inputs, Made
 from training.systems.emoface.rows import Batch, Rows, Spoken, prototypes
 
 SHARES = {"grid_s1": 0.35, "facegood_zh": 0.25, "emodb_de": 0.4}
@@ -71,11 +71,11 @@ class EmoFaceTrainer:
         own = self.own_share(step)
         if own > 0.0:
             with torch.no_grad():
-                found = self.model(before, batch.given).motion
+                found = self.model(before, batch.inputs).motion
             taken = torch.rand(before.shape[:2], generator=self.random) < own
             taken[:, 0] = False
             before = torch.where(taken[..., None], found.roll(1, dims=1), before)
-        made = self.model(before, batch.given)
+        made = self.model(before, batch.inputs)
         metres = self.config.scale_m
         parts = {
             name: (getattr(made, name) - truth).abs().mean() * metres
@@ -106,7 +106,7 @@ def _template(arguments, config: EmoFaceConfig):
     """The template, and what moves it at weight 1 of each channel; none where clips hold its vertices."""
     if not arguments.corpus:
         return template_of(arguments.data, config.vertices)
-    return own.template_of(CorpusFolder(arguments.corpus)), None
+    return folder_clips.template_of(CorpusFolder(arguments.corpus)), None
 
 
 @torch.no_grad()
@@ -116,8 +116,8 @@ def validate(trainer: EmoFaceTrainer, model: EmoFace, clips: list[Spoken]) -> di
     for source in sorted({c.source for c in clips} - {"emodb_de"}):
         chosen = [c for c in clips if c.source == source]
         frames = max(len(c) for c in chosen)
-        given = together(chosen, trainer.config, frames)
-        made = model.perform(given)
+        inputs = together(chosen, trainer.config, frames)
+        made = model.perform(inputs)
         shown = trainer.landmarks(made.motion) * trainer.config.scale_m
         true = [trainer.landmarks(trainer.motion(c.weights)) * trainer.config.scale_m for c in chosen]
         pairs = [(x[: len(c)], y) for x, y, c in zip(shown, true, chosen, strict=True)]
@@ -126,7 +126,7 @@ def validate(trainer: EmoFaceTrainer, model: EmoFace, clips: list[Spoken]) -> di
     return report
 
 
-def together(clips: list[Spoken], config: EmoFaceConfig, frames: int) -> Given:
+def together(clips: list[Spoken], config: EmoFaceConfig, frames: int) -> Inputs:
     """Clips in one batch, the last frame held to the end."""
 
     def padded(x: Tensor) -> Tensor:
@@ -135,7 +135,7 @@ def together(clips: list[Spoken], config: EmoFaceConfig, frames: int) -> Given:
     style = torch.full((len(clips),), config.styles.index(config.default_style))
     content = torch.stack([padded(c.content[0]) for c in clips])
     feeling = torch.stack([padded(c.feeling) for c in clips])
-    return Given(content, feeling, style, torch.ones(len(clips), frames))
+    return Inputs(content, feeling, style, torch.ones(len(clips), frames))
 
 
 def train(arguments) -> Path:

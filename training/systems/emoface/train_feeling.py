@@ -90,8 +90,8 @@ def without_neutral(clips: list[Measured]) -> list[Measured]:
     """Clips with their speaker's mean neutral numbers taken away."""
     out = []
     for clip in clips:
-        own = [c.rows[-1] for c in clips if c.speaker == clip.speaker and c.label == 0]
-        out.append(Measured(clip.speaker, clip.label, clip.rows - np.mean(own, axis=0), clip.held_out))
+        group = [c.rows[-1] for c in clips if c.speaker == clip.speaker and c.label == 0]
+        out.append(Measured(clip.speaker, clip.label, clip.rows - np.mean(group, axis=0), clip.held_out))
     return out
 
 
@@ -99,10 +99,10 @@ def leave_one_out(clips: list[Measured], others: list[Measured]) -> dict[str, fl
     """Every actor judged by an encoder that never heard him."""
     logits, labels = [], []
     for actor in sorted({c.speaker for c in clips}):
-        own = [c for c in clips if c.speaker == actor]
+        group = [c for c in clips if c.speaker == actor]
         model = fit([c for c in clips if c.speaker != actor] + others)
-        logits.append(logits_of(model, own))
-        labels.append(np.array([c.label for c in own]))
+        logits.append(logits_of(model, group))
+        labels.append(np.array([c.label for c in group]))
     return scores(np.concatenate(logits), np.concatenate(labels))
 
 
@@ -130,10 +130,10 @@ def main() -> None:
     if kept:
         print("actors held out", scores(logits_of(model, kept), np.array([c.label for c in kept])))
     for source in READERS:
-        own = [c for c in unheard if c.speaker == source]
-        if own:
-            share = (logits_of(model, own).argmax(axis=1) == 0).mean()
-            print(source, f"told as neutral: {share:.2f} of {len(own)}")
+        group = [c for c in unheard if c.speaker == source]
+        if group:
+            share = (logits_of(model, group).argmax(axis=1) == 0).mean()
+            print(source, f"told as neutral: {share:.2f} of {len(group)}")
 
 
 if __name__ == "__main__":

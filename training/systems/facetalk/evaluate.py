@@ -214,11 +214,11 @@ def closure(head: Head, heads: IctHeads, _data: Path, count: int) -> None:
         a, b = made.split(len(upper), 1)
         along = F.normalize(normals[:, lower] - normals[:, upper], dim=-1)
         gap = 1e3 * ((a - b) * along).sum(-1)
-        own = 1e3 * ((truth[:, upper] - truth[:, lower]) * along).sum(-1)
-        error = (gap - own).abs()
+        mesh_gap = 1e3 * ((truth[:, upper] - truth[:, lower]) * along).sum(-1)
+        error = (gap - mesh_gap).abs()
         print(
-            f"{name}, {len(upper)} pairs: gap {gap.mean():.2f} mm, the mesh's {own.mean():.2f}; differs by "
-            f"{error.mean():.2f} mm in the mean, 95 % {error.quantile(0.95):.2f}, most {error.max():.2f}"
+            f"{name}, {len(upper)} pairs: gap {gap.mean():.2f} mm, the mesh's {mesh_gap.mean():.2f}; differs "
+            f"by {error.mean():.2f} mm in the mean, 95 % {error.quantile(0.95):.2f}, most {error.max():.2f}"
         )
 
 

@@ -65,19 +65,19 @@ def by_source(entries: list[Entry], count: int, skipped: int = 0) -> dict[str, l
     """Held-out clips, the first `skipped` left out; no source that has no more."""
     sources = sorted({e.source for e in entries})
     kept = {s: [e for e in entries if e.source == s and e.held_out][skipped:][:count] for s in sources}
-    return {source: own for source, own in kept.items() if own}
+    return {source: group for source, group in kept.items() if group}
 
 
 def agreement(speaker: Speaker, clips: dict[str, list[Entry]], sampling: Sampling | None = None) -> dict:
     """r and slope of the lip gap, amplitude, and r of jawOpen, by source."""
     report = {}
-    for source, own in clips.items():
-        made = [speaker.says(speaker.heard(e), 0, sampling) for e in own]
-        shown = [(landmarks_of(m), landmarks_of(e.motion.float())) for m, e in zip(made, own, strict=True)]
+    for source, group in clips.items():
+        made = [speaker.says(speaker.heard(e), 0, sampling) for e in group]
+        shown = [(landmarks_of(m), landmarks_of(e.motion.float())) for m, e in zip(made, group, strict=True)]
         scores = feature_scores(shown)
         report[f"{source} gap r"], report[f"{source} slope"] = scores["gap r"], scores["gap slope"]
         report[f"{source} gap mm"] = 1e3 * float(torch.cat([lip_gap(m) for m, _ in shown]).std())
-        pairs = [correlation(m[:, JAW], e.motion[:, JAW].float()) for m, e in zip(made, own, strict=True)]
+        pairs = [correlation(m[:, JAW], e.motion[:, JAW].float()) for m, e in zip(made, group, strict=True)]
         report[f"{source} jawOpen r"] = float(torch.tensor(pairs).nanmean())
     return report
 
@@ -87,16 +87,16 @@ def freetalk(models: Path, clips: dict[str, list[Entry]]) -> dict[str, float]:
     encoder, model = load_models(models)
     style = model.config.styles.index(model.config.default_style)
     report = {}
-    for source, own in clips.items():
+    for source, group in clips.items():
         made = []
-        for e in own:
+        for e in group:
             with torch.no_grad():
                 speech = encoder(normalise(e.mels[0].float())[None])[0]
             made.append(sample_motion(model, speech, neutral_affect(1, len(speech))[0], style))
-        truth = [landmarks_of(e.motion.float()) for e in own]
+        truth = [landmarks_of(e.motion.float()) for e in group]
         scores = feature_scores(list(zip(made, truth, strict=True)))
         report[f"{source} gap r"], report[f"{source} slope"] = scores["gap r"], scores["gap slope"]
-        chins = [correlation(-m[:, 25], e.motion[:, JAW].float()) for m, e in zip(made, own, strict=True)]
+        chins = [correlation(-m[:, 25], e.motion[:, JAW].float()) for m, e in zip(made, group, strict=True)]
         report[f"{source} chin against jawOpen r"] = float(torch.tensor(chins).nanmean())
     return report
 
@@ -104,9 +104,9 @@ def freetalk(models: Path, clips: dict[str, list[Entry]]) -> dict[str, float]:
 def loudness(clips: dict[str, list[Entry]]) -> dict[str, float]:
     """r of the level of each frame with the lip gap and with jawOpen."""
     report = {}
-    for source, own in clips.items():
+    for source, group in clips.items():
         gaps, jaws = [], []
-        for e in own:
+        for e in group:
             level = e.mels[0].float().mean(1).unflatten(0, (-1, MEL_PER_FRAME)).mean(1)
             gaps.append(correlation(level, lip_gap(landmarks_of(e.motion.float()))))
             jaws.append(correlation(level, e.motion[:, JAW].float()))
@@ -172,13 +172,13 @@ def from_landmarks(model: Denoiser, codes: Codes, clips, data: Path) -> dict[str
     by_least_squares = torch.linalg.pinv(landmarks_of(torch.eye(len(modes))))
     found = {name: {off: [] for off in OFF_MM} for name in ("by landmarks", "least squares", "no motion")}
     felt_too = felt()
-    for number, clip in enumerate([clip for own in clips.values() for clip in own]):
+    for number, clip in enumerate([clip for group in clips.values() for clip in group]):
         for emotion, off in itertools.product((0.0, 1.0), OFF_MM):
             truth = (clip.motion.float() + emotion * felt_too[number % len(felt_too)]).clamp(0.0, 1.0)
-            told = landmarks_of(truth)
-            told = told + 1e-3 * off * torch.randn(told.shape, generator=random)
-            made = codes.weights(sample(model, CM * told))
-            for name, weights in zip(found, (made, told @ by_least_squares, 0.0 * truth), strict=True):
+            moved = landmarks_of(truth)
+            moved = moved + 1e-3 * off * torch.randn(moved.shape, generator=random)
+            made = codes.weights(sample(model, CM * moved))
+            for name, weights in zip(found, (made, moved @ by_least_squares, 0.0 * truth), strict=True):
                 apart = ((weights - truth) @ modes).unflatten(-1, (-1, 3)).norm(dim=-1)
                 found[name][off].append(1e3 * apart.mean().item())
     return {

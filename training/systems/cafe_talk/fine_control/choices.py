@@ -21,10 +21,10 @@ def speech(actor: Actor, takes: list[Take], sampling: Sampling | None = None) ->
     """r and slope of the lip gap without emotion or event, by source."""
     report: dict[str, float] = {}
     for source in sorted({t.source for t in takes}):
-        own = [t for t in takes if t.source == source]
-        made = [actor.perform(t, sampling=sampling) for t in own]
-        report[f"{source} r"] = units.mean(metrics.gap_r(w, t.truth) for w, t in zip(made, own, strict=True))
-        slopes = (metrics.gap_slope(w, t.truth) for w, t in zip(made, own, strict=True))
+        some = [t for t in takes if t.source == source]
+        made = [actor.perform(t, sampling=sampling) for t in some]
+        report[f"{source} r"] = units.mean(metrics.gap_r(w, t.truth) for w, t in zip(made, some, strict=True))
+        slopes = (metrics.gap_slope(w, t.truth) for w, t in zip(made, some, strict=True))
         report[f"{source} slope"] = units.mean(slopes)
     return report
 

@@ -39,16 +39,16 @@ def by_label(judge: judging.Judge, actor: Actor, takes: list[Take]) -> dict[str,
     label masked a take is the same whatever was asked, and 1 in 15 is right.
     """
     count = len(takes)
-    told = judging.judged(judge, performed(actor, takes, intensity=1.0), count)
+    verdicts = judging.judged(judge, performed(actor, takes, intensity=1.0), count)
     masked = [actor.perform(take, Asked(labelled=False)) for take in takes]
     untold = judging.judged(judge, lambda clip, _: masked[clip], count)
-    odds = told.asked != NEUTRAL
+    odds = verdicts.asked != NEUTRAL
     return {
         "recordings under the emotion": judging.judged(judge, recorded(takes, 1.0), count).scores(),
-        "label told": told.scores(),
+        "label told": verdicts.scores(),
         "label masked": untold.scores(),
-        "label against the voice, label as truth": told.scores(odds),
-        "label against the voice, voice as truth": told.scores(odds, NEUTRAL),
+        "label against the voice, label as truth": verdicts.scores(odds),
+        "label against the voice, voice as truth": verdicts.scores(odds, NEUTRAL),
     }
 
 

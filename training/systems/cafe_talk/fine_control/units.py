@@ -65,10 +65,10 @@ def measure(
 def score(unit: str, takes: list[Take], plain: list[Tensor], made: dict[float, list[Tensor]]) -> UnitScores:
     """One unit from weights [T, 51] without an event, and with one by β."""
     usual = list(zip(takes, plain, made[USUAL], strict=True))
-    told = lambda weights: metrics.unit_values(weights, unit)  # noqa: E731
+    strengths = lambda weights: metrics.unit_values(weights, unit)  # noqa: E731
 
     def rate(rows: list[Tensor]) -> float:
-        return mean(metrics.control_rate(told(w), t.slot) for w, t in zip(rows, takes, strict=True))
+        return mean(metrics.control_rate(strengths(w), t.slot) for w, t in zip(rows, takes, strict=True))
 
     lost = (metrics.gap_r(p, t.truth) - metrics.gap_r(w, t.truth) for t, p, w in usual)
     count, closed = closed_share(takes, made[USUAL])
@@ -77,7 +77,7 @@ def score(unit: str, takes: list[Take], plain: list[Tensor], made: dict[float, l
         is_lower=unit in LOWER,
         control_rate={str(beta): rate(rows) for beta, rows in made.items()},
         none=rate(plain),
-        leak=mean(metrics.leak(told(w), told(p), t.slot) for t, p, w in usual),
+        leak=mean(metrics.leak(strengths(w), strengths(p), t.slot) for t, p, w in usual),
         far=max((metrics.far_change(w, p, t.slot) for t, p, w in usual), default=math.nan),
         gap_r_lost=mean(lost),
         closures=count,

@@ -77,8 +77,8 @@ def static(path: Path, familiarity: float | None) -> Method:
     model = restored(StaticWeights(StaticConfig(**saved["config"])), saved["state"])
 
     def method(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
-        own = model.familiarity(mesh.geometry.landmarks)
-        learned = 1.0 if familiarity is None else familiarity / own
+        usual = model.familiarity(mesh.geometry.landmarks)
+        learned = 1.0 if familiarity is None else familiarity / usual
         return deform(model, mesh.geometry, landmarks, learned)
 
     return method
